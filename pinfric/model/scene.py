@@ -36,6 +36,7 @@ from pinfric.model.robot import (
 )
 from pinfric.model.schema import (
     Actuator,
+    Assumed,
     Friction,
     Loop,
     LoopTolerance,
@@ -133,6 +134,7 @@ class Scene:
         loop_tolerance: largest errors of parallel or perpendicular axes along loops, and of the
             loops' frames, that are corrected (`alignment`).
         tool: link whose frame is the tool's, for its position error due to elastic gears.
+        assumed: which entries are guesses.
 
     Attributes:
         mobility: degrees of freedom, undriven velocities and redundant drives.
@@ -153,6 +155,7 @@ class Scene:
     redundancy_length: float = 0.1
     loop_tolerance: LoopTolerance = field(default_factory=LoopTolerance)
     tool: str | None = None
+    assumed: Assumed | None = None
     mobility: Mobility = field(init=False, repr=False)
 
     def __post_init__(self) -> None:

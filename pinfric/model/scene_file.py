@@ -15,7 +15,7 @@ from pinfric.model.friction_terms import constant_friction, linear_drag
 from pinfric.model.hysteresis import excessive_friction
 from pinfric.model.robot import Robot, locate_urdf, mention_reductions, read_robot
 from pinfric.model.scene import Scene
-from pinfric.model.schema import Friction, SceneFile
+from pinfric.model.schema import Assumed, Friction, SceneFile
 from pinfric.model.yamlfile import read_yaml
 
 
@@ -45,6 +45,8 @@ def load_scene(path: str | Path) -> Scene:
     friction = _with_urdf_dynamics(entries, robot, str(file))
     for excess in excessive_friction(friction, entries.actuators):
         warnings.warn(f"{file}: {excess.place}: {excess.text}", PinfricWarning, stacklevel=2)
+    if entries.assumed is not None:
+        warnings.warn(f"{file}: {guesses_line(entries.assumed)}", PinfricWarning, stacklevel=2)
     return Scene(
         model=robot.model,
         friction=friction,
@@ -58,6 +60,20 @@ def load_scene(path: str | Path) -> Scene:
         loop_tolerance=entries.loop_tolerance,
         redundancy_length=entries.redundancy.length,
         tool=entries.tool,
+        assumed=entries.assumed,
+    )
+
+
+def guesses_line(assumed: Assumed) -> str:
+    """Return how many entries of a scene are guesses, and of what."""
+    count: dict[str, int] = {}
+    for place in assumed.values:
+        name = place.rpartition(".")[2]
+        count[name] = count.get(name, 0) + 1
+    of = ", ".join(f"{name} of {number}" for name, number in count.items())
+    return (
+        f"{sum(count.values())} entries are guesses of `{assumed.by}` ({of}); `assumed` lists "
+        "them: replace them by data sheets or by what you identify"
     )
 
 

@@ -20,6 +20,7 @@ from pydantic import (
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticKnownError
 
+from pinfric.errors import choose_from
 from pinfric.model.bearings import Bearing
 from pinfric.model.entry import (
     Entry,
@@ -414,6 +415,21 @@ class Simulation(Entry):
         return self
 
 
+class Assumed(Entry):
+    """Which entries of a scene are guesses. Delete the line of an entry that you replace."""
+
+    by: Annotated[str, key("command that guessed", "pinfric new arm.urdf")]
+    date: Annotated[str, key("when", "2026-11-22")]
+    version: Annotated[str, key("of pinfric", "0.1.0")]
+    inputs: Annotated[
+        dict[str, str], key("file read: its SHA-256", {"arm.urdf": "9f86d081884c7d65"})
+    ] = Field(default_factory=dict)
+    values: Annotated[
+        dict[str, str],
+        key("entry: reason for the guess", {"friction.elbow.coulomb": "5 % of 150 N m"}),
+    ]
+
+
 class SceneFile(Entry):
     """A whole scene file."""
 
@@ -459,3 +475,30 @@ class SceneFile(Entry):
     simulation: Annotated[Simulation | None, key("input of `pinfric simulate`", {"t_end": 1.0})] = (
         None
     )
+    assumed: Annotated[
+        Assumed | None,
+        key(
+            "guesses among the entries; every report lists them",
+            {
+                "by": "pinfric new arm.urdf",
+                "date": "2026-11-22",
+                "version": "0.1.0",
+                "values": {"friction.elbow.coulomb": "5 % of 150 N m"},
+            },
+        ),
+    ] = None
+
+    @model_validator(mode="after")
+    def _guesses_are_there(self) -> SceneFile:
+        there = {
+            f"friction.{joint}.{name}"
+            for joint, entry in self.friction.items()
+            for name in entry.model_fields_set
+        }
+        for place in self.assumed.values if self.assumed else ():
+            if place.startswith("friction.") and place not in there:
+                raise ValueError(
+                    f"`assumed.values`: this scene has no `{place}`; delete its line, or "
+                    f"{choose_from(place, sorted(there))}"
+                )
+        return self

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 import warnings
 
@@ -10,13 +11,12 @@ import pytest
 import yaml
 
 import pinfric as pf
-from pinfric.errors import PinfricError, PinfricWarning, RobotError
+from pinfric.errors import PinfricError, PinfricWarning, RobotError, SceneError
 from pinfric.model.robot import example_robot_data, locate_urdf, read_robot
 from pinfric.study.new_scene import new_scene, new_waypoints, write_new
 
 pytestmark = pytest.mark.filterwarnings("ignore::pinfric.errors.PinfricWarning")
 URDFS = sorted(example_robot_data().rglob("*.urdf"))
-#: Without a joint that moves, or without anything.
 #: No joint that moves, or no valid URDF: `test_example_robots`.
 REFUSED = {"quadrotor_base", "iris_simple", "ur3", "bluevolta", "falcon"}
 ARM = """<robot name="arm">
@@ -90,11 +90,12 @@ def test_bearings_are_sized_by_the_effort_limit(tmp_path):
     assert pin["kind"] == "pin"
     assert pin["radius"] == pytest.approx(0.75 * shaft, rel=0.05)  # two digits
     assert pin["length"] == pytest.approx(2 * pin["radius"], rel=0.05)
-    assert friction["shoulder"]["coulomb"]["kinetic"] == pytest.approx(2.0)
+    assert friction["shoulder"]["coulomb"]["kinetic"] == pytest.approx(5.0)
+    assert friction["shoulder"]["viscous"] == pytest.approx(0.2 * 100 / 5)  # limit 5 rad/s
     guide = friction["slide"]["bearing"]
     assert guide == {"kind": "guide", "length": 0.2, "width": 0.2}  # half of 0.4 m
-    # no limit: twice the weight of 1 kg
-    assert friction["slide"]["coulomb"]["kinetic"] == pytest.approx(0.02 * 2 * 9.81, rel=0.05)
+    # no limit: three times the weight of 1 kg
+    assert friction["slide"]["coulomb"]["kinetic"] == pytest.approx(0.05 * 3 * 9.81, rel=0.05)
 
 
 def test_placeholder_limit_gives_way_to_the_weight(tmp_path):
@@ -102,19 +103,65 @@ def test_placeholder_limit_gives_way_to_the_weight(tmp_path):
     assert "1e+06 N m, looks like a placeholder" in text
     coulomb = yaml.safe_load(text)["friction"]["shoulder"]["coulomb"]["kinetic"]
     # 4 kg at 0.5 m and 1 kg at 1 m
-    assert coulomb == pytest.approx(0.02 * 2 * 9.81 * 3.0, rel=0.05)
+    assert coulomb == pytest.approx(0.05 * 3 * 9.81 * 3.0, rel=0.05)
 
 
 def test_every_number_that_is_a_guess_says_so(tmp_path):
     text = new_scene(locate_urdf("example-robot-data:panda_description/urdf/panda.urdf", tmp_path))
     for line in text.splitlines():
-        if line.lstrip().startswith(("bearing:", "mu:", "coulomb:")):
+        if line.lstrip().startswith(("bearing:", "mu:", "coulomb:", "viscous:")):
             assert re.search(r"  # guess: \S", line), line
-    assert sum("# guess:" in line for line in text.splitlines()) == 3 * 9
+    assert sum("# guess:" in line for line in text.splitlines()) == 4 * 9
     assert "follows panda_finger_joint1" in text
     assert "urdf_dynamics: ignore" in text
     friction = yaml.safe_load(text)["friction"]
     assert friction["panda_finger_joint2"]["bearing"]["kind"] == "guide"
+
+
+#: Identified on a UR10e (robots/ur10_machine_tending.yaml): N m and N m s/rad.
+UR10E = [12.5, 13.3, 5.0, 2.0, 2.7, 2.3], [21.3, 20.2, 10.4, 3.6, 2.5, 3.0]
+
+
+@pytest.mark.parametrize("limited", [True, False], ids=["effort limits", "SolidWorks' zeros"])
+def test_guesses_of_a_ur10_are_on_the_safe_side_of_what_was_identified(tmp_path, limited):
+    urdf = locate_urdf("example-robot-data:ur_description/urdf/ur10_robot.urdf", tmp_path)
+    text = urdf.read_text() if limited else re.sub('effort="[^"]*"', 'effort="0"', urdf.read_text())
+    (tmp_path / "ur10.urdf").write_text(text)
+    friction = list(entries(tmp_path / "ur10.urdf")["friction"].values())
+    coulomb = np.array([entry["coulomb"]["kinetic"] for entry in friction])
+    viscous = np.array([entry["viscous"] for entry in friction])
+    least = 0.9 if limited else 0.5
+    assert (coulomb > np.multiply(least, UR10E[0])).all()
+    assert (coulomb < np.multiply(2.0, UR10E[0])).all()
+    assert (viscous > np.multiply(least, UR10E[1])).all()
+    assert (viscous < np.multiply(2.0, UR10E[1])).all()
+    assert min(entry["bearing"]["radius"] for entry in friction) > 0.01
+
+
+def test_guesses_are_data_that_every_command_names(tmp_path):
+    urdf = arm(tmp_path)
+    scene_file, _ = write_new(urdf, tmp_path / "out")
+    found = yaml.safe_load(scene_file.read_text())
+    assumed = found["assumed"]
+    names = ("bearing", "mu", "coulomb", "viscous")
+    assert set(assumed["values"]) == {
+        f"friction.{j}.{k}" for j in ("shoulder", "slide") for k in names
+    }
+    assert assumed["inputs"] == {"arm.urdf": hashlib.sha256(urdf.read_bytes()).hexdigest()}
+    assert assumed["by"] == "pinfric new arm.urdf"
+    with pytest.warns(PinfricWarning, match=r"8 entries are guesses of `pinfric new arm.urdf`"):
+        scene = pf.load_scene(scene_file)
+    assert scene.assumed.values == assumed["values"]
+    assert scene.with_(gravity=[0.0, 0.0, -1.6]).assumed == scene.assumed
+
+
+def test_a_guess_whose_entry_is_gone_is_refused(tmp_path):
+    scene_file, _ = write_new(arm(tmp_path), tmp_path / "out")
+    found = yaml.safe_load(scene_file.read_text())
+    del found["friction"]["slide"]["mu"], found["friction"]["slide"]["bearing"]
+    scene_file.write_text(yaml.safe_dump(found))
+    with pytest.raises(SceneError, match=r"has no `friction.slide.\w+`; delete its line"):
+        pf.load_scene(scene_file)
 
 
 @pytest.mark.parametrize(

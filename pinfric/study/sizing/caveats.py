@@ -104,6 +104,9 @@ def caveats(
         "Magnets are taken as cold: the torque constant does not fall with temperature.",
     ]
     notes.append(_of_friction(scene))
+    if scene.assumed is not None:
+        listed = "; ".join(f"{place} ({why})" for place, why in scene.assumed.values.items())
+        notes.append(f"Guesses of `{scene.assumed.by}`, {scene.assumed.date}: {listed}.")
     if not conditions.mass_in_urdf:
         text = (
             "The URDF's links are taken to be without drives: if they have some, these count "
