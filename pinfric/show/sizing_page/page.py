@@ -101,7 +101,7 @@ def _joint_view(
     joint: JointSizing, report: SizingReport, figures: dict[str, Any], k: int
 ) -> dict[str, Any]:
     """What the template shows of one joint; its map of candidates is added to `figures`."""
-    taken, d = joint.taken, joint.demand
+    taken, d = joint.installed, joint.demand
     drawn = [("effort", "Effort at the joint over the cycle", effort_over_time(joint))]
     missing = []
     if joint.motor is not None:
@@ -124,7 +124,7 @@ def _joint_view(
     return {
         "sizing": joint,
         "demand": d,
-        "taken": taken,
+        "installed": taken,
         "figures": pictures,
         "missing": missing,
         "criteria": _criteria(report, k),
@@ -151,7 +151,7 @@ def _matrix(report: SizingReport) -> list[tuple[str, list[Criterion | None]]]:
 
 def _criteria(report: SizingReport, k: int) -> tuple[Criterion, ...]:
     """All criteria of the drive taken for one joint, and of what holds it without power."""
-    taken = report.joints[k].taken
+    taken = report.joints[k].installed
     return () if taken is None else (*taken.criteria, *report.standstills[k].criteria)
 
 
@@ -159,8 +159,8 @@ def _sources(report: SizingReport) -> list[str]:
     lines = (
         line
         for joint in report.joints
-        if joint.taken is not None
-        for line in joint.taken.candidate.sources
+        if joint.installed is not None
+        for line in joint.installed.candidate.sources
     )
     return list(dict.fromkeys(lines))
 

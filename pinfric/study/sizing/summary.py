@@ -52,7 +52,7 @@ class RatioFigures:
 
 
 @described
-class Taken(RatioFigures):
+class Installed(RatioFigures):
     """The drive whose mass is in the model: the choice; where nothing fits, the nearest miss."""
 
     judged: str = quantity("its name")
@@ -80,7 +80,7 @@ class SizedJoint(JointDemand):
     choice: str | None = quantity("the lightest drive that fits; none: none does")
     choice_without_masses: str | None = quantity("what it would be if drives had no mass")
     choice_frictionless: str | None = quantity("what it would be if joints had no friction")
-    taken: Taken | None = quantity("the drive in the model; none: nothing to choose from")
+    installed: Installed | None = quantity("the drive in the model; none: nothing to choose from")
     standstill: Standstill = quantity("what keeps it in place without power")
     alternatives: tuple[Candidacy, ...] = quantity("other drives that fit")
     rejected: tuple[Rejection, ...] = quantity("drives that do not")
@@ -112,8 +112,8 @@ class SizingSummary:
     drive_mass: float = quantity("of all drives in the model", "kg")
     joints: tuple[SizedJoint, ...] = quantity("in the order of the scene's drives")
     bus: BusPower = quantity("of all drives together")
-    misses: tuple[str, ...] = quantity("joints for which no drive fits")
-    short: tuple[str, ...] = quantity("conditions that brakes, bus or robot do not meet")
+    no_fit: tuple[str, ...] = quantity("joints for which no drive fits")
+    unmet: tuple[str, ...] = quantity("conditions that brakes, bus or robot do not meet")
     robot_criteria: tuple[Criterion, ...] = quantity("asked of the whole robot")
     elasticity: ElasticSummary | None = quantity("what elastic gears do; none: no stiffness known")
     fastest: tuple[TimedSet, ...] | None = quantity("mass against time; none: not asked for")
@@ -149,8 +149,8 @@ def sizing_summary(
             for joint, still in zip(report.joints, report.standstills, strict=True)
         ),
         bus=report.bus,
-        misses=report.misses,
-        short=report.short,
+        no_fit=report.no_fit,
+        unmet=report.unmet,
         robot_criteria=report.arm_criteria,
         elasticity=None if report.elastic is None else elastic_summary(report.elastic),
         fastest=fastest,
@@ -169,7 +169,7 @@ def sized_joint(joint: JointSizing, still: Standstill) -> SizedJoint:
         choice=_name(joint.choice),
         choice_without_masses=_name(joint.choice_without_masses),
         choice_frictionless=_name(joint.choice_frictionless),
-        taken=None if joint.taken is None else _taken(joint, joint.taken, still),
+        installed=None if joint.installed is None else _installed(joint, joint.installed, still),
         standstill=still,
         alternatives=tuple(
             Candidacy(a.candidate.name, a.candidate.mass, a.margin, len(a.not_checked))
@@ -177,14 +177,14 @@ def sized_joint(joint: JointSizing, still: Standstill) -> SizedJoint:
             if a.fits and a is not joint.choice
         ),
         rejected=tuple(Rejection(a.candidate.name, a.why) for a in joint.assessments if not a.fits),
-        nearest_miss=joint.miss or None,
+        nearest_miss=joint.no_fit or None,
         next_smaller=None if smaller is None else Rejection(smaller.candidate.name, smaller.why),
     )
 
 
-def _taken(joint: JointSizing, taken: Assessment, still: Standstill) -> Taken:
+def _installed(joint: JointSizing, taken: Assessment, still: Standstill) -> Installed:
     candidate, criteria = taken.candidate, (*taken.criteria, *still.criteria)
-    return Taken(
+    return Installed(
         **vars(ratio_figures(joint, taken)),
         judged=candidate.name,
         mass=candidate.mass,
