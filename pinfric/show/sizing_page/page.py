@@ -144,7 +144,7 @@ def _matrix(report: SizingReport) -> list[tuple[str, list[Criterion | None]]]:
     """(criterion, one entry per joint): the margins of all drives at a glance."""
     columns = [{c.name: c for c in _criteria(report, k)} for k in range(len(report.joints))]
     names = dict.fromkeys(name for column in columns for name in column)
-    last = ("inertia", "gear res", "back", "holding")
+    last = ("inertia", "gear res", "back", "holding", "brake")
     order = sorted(names, key=lambda name: name.startswith(last))
     return [(name, [column.get(name) for column in columns]) for name in order]
 
