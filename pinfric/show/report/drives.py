@@ -14,7 +14,7 @@ from pinfric.study.sizing.summary import SizedJoint, SizingSummary
 #: N m; torques of brakes below print as 0.
 _ROUNDING = 1e-9
 #: Fields of a joint that say which drive was chosen.
-_TAKEN = tuple(f"taken.{name}" for name in ("mass", "margin", "tightest", "not_checked"))
+_TAKEN = tuple(f"installed.{name}" for name in ("mass", "margin", "tightest", "not_checked"))
 _CHOICE = ("name", "choice", *_TAKEN, "fit")
 _SMALLER = ("name", "next_smaller.name", "next_smaller.mass", "next_smaller.short_by")
 _STILL = tuple(f"standstill.{name}" for name in ("effort", "shaft", "use", "brake", "margin"))
@@ -35,7 +35,7 @@ def choice_table(
 
 
 def _chosen(joint: SizedJoint) -> str:
-    nearest = "" if joint.taken is None else f"; nearest {joint.taken.judged}"
+    nearest = "" if joint.installed is None else f"; nearest {joint.installed.judged}"
     return joint.choice or f"none{nearest}"
 
 

@@ -18,8 +18,8 @@ _PLACEHOLDER, _PLACEHOLDER_SLIDING = 300.0, 3000.0
 #: The same for a joint whose weight has no lever (N m, N).
 _MOST_LOAD = 1e4
 _GRAVITY = 9.81
-#: Effort limits over the weight that a joint carries: payload and acceleration come to it. UR10: 2.5
-#: at the base, 4.4 at the elbow.
+#: Effort limits over the weight that a joint carries: payload and acceleration come to it. UR10:
+#: 2.5 at the base, 4.4 at the elbow.
 _OVER_WEIGHT = 3.0
 #: A velocity limit beyond is a placeholder (rad/s, m/s).
 _FASTEST = 50.0
@@ -117,7 +117,7 @@ def _chain(model: pin.Model, joint: int) -> list[int]:
 
 
 def _load(limit: float, weight: float, mass: float, sliding: bool) -> tuple[float, str, str]:
-    """(what a joint must stand, why, remark): its limit if believable, else a multiple of the weight."""
+    """(what a joint must stand, why, remark): its limit, else a multiple of the weight."""
     unit = "N" if sliding else "N m"
     given = math.isfinite(limit) and limit > 0
     most = (_PLACEHOLDER_SLIDING if sliding else _PLACEHOLDER) * weight or _MOST_LOAD

@@ -56,7 +56,9 @@ def fastest_sets(report: SizingReport, path: Path) -> tuple[TimedSet, ...]:
     Raises:
         RetimeError: a joint has no drive, or the drives chosen cannot follow the path.
     """
-    taken = {i: joint.taken for i, joint in enumerate(report.joints) if joint.taken is not None}
+    taken = {
+        i: joint.installed for i, joint in enumerate(report.joints) if joint.installed is not None
+    }
     if len(taken) < len(report.joints) or report.catalog is None:
         raise RetimeError(
             f"{report.given.source}: fastest: needs a drive for every joint; give "

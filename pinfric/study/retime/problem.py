@@ -102,7 +102,7 @@ class Problem:
             rate=rate,
             curvature=curvature,
             top=np.minimum(top, 1e15),
-            way=grid.way,
+            way=grid.direction,
             mode=self.mode,
             constant=self.constant,
             laws=self.scene.site_tables.laws,
@@ -161,7 +161,7 @@ class Problem:
         return inverse_dynamics(self.scene, full, v, a, attached=attached)
 
     def _why(self, interval: int) -> str:
-        """Say where there is no way on, and which drive is at its end."""
+        """Say where the path cannot be followed further, and which drive is at its end."""
         grid, n = self.grid, len(self.grid.step)
         row = grid.start[interval]
         piece, s = int(grid.piece[row]), float(grid.s[row])
@@ -170,7 +170,7 @@ class Problem:
         use = usage(still, self.limits)[0]
         d, kind = divmod(int(use.argmax()), use.shape[1])
         if use[d, kind] > 1.0:
-            what = "break away" if grid.stop[interval] and grid.way[interval, d] else "hold"
+            what = "break away" if grid.stop[interval] and grid.direction[interval, d] else "hold"
             return f"{where}: drive {self.limits_text(still, d, kind, what)}"
         for k, drive in enumerate(self.scene.drives):
             x, u = np.empty(n + 1), np.empty((n, 2))
@@ -215,10 +215,10 @@ def modes(grid: Grid, zones: Sequence[tuple[int, int, float, float]]) -> np.ndar
         grid: the points.
         zones: (drive, piece, from s, to s): within them it reverses, and both signs count.
     """
-    way, rests_ = grid.way, grid.way == 0.0
-    mode = np.full((*way.shape[:1], 2, way.shape[1]), MOVING)
-    for j in range(len(way)):
-        new = np.ones(way.shape[1], bool) if grid.stop[j] else rests_[j - 1]
+    direction, rests_ = grid.direction, grid.direction == 0.0
+    mode = np.full((*direction.shape[:1], 2, direction.shape[1]), MOVING)
+    for j in range(len(direction)):
+        new = np.ones(direction.shape[1], bool) if grid.stop[j] else rests_[j - 1]
         mode[j, 0, new] = WORST
     middle = 0.5 * (grid.s[grid.start] + grid.s[grid.end])
     for d, piece, first, last in zones:

@@ -230,13 +230,9 @@ def retime(
             f"retime: points {points}, sample_rate {sample_rate:g}, tolerance "
             f"{tolerance:g}, smooth {smooth:g}: should be positive"
         )
+    _check_payloads(scene, path)
     given = read_limits(scene, limits)
     scene = limited_scene(scene, given)
-    if path.attached is not None and path.attached.shape[1] != len(scene.payloads):
-        raise RetimeError(
-            f"{path.source}: attached: {path.attached.shape[1]} columns for "
-            f"{len(scene.payloads)} payloads"
-        )
     columns = joint_columns(scene.model, scene.source)
     check_limits(path, columns)
     policy = Policy(sample_rate, tolerance)
@@ -244,6 +240,14 @@ def retime(
     for text in found.notes:
         warnings.warn(text, PinfricWarning, stacklevel=2)
     return found
+
+
+def _check_payloads(scene: Scene, path: Path) -> None:
+    if path.attached is not None and path.attached.shape[1] != len(scene.payloads):
+        raise RetimeError(
+            f"{path.source}: attached: {path.attached.shape[1]} columns for "
+            f"{len(scene.payloads)} payloads"
+        )
 
 
 def _check_scene(scene: Scene) -> None:
@@ -408,7 +412,7 @@ class _Retiming:
         """
         grid, found, period = profile.grid, [], 1.0 / self.policy.sample_rate
         for j in range(1, len(grid.step)):
-            turning = np.flatnonzero(grid.way[j] * grid.way[j - 1] < 0.0).tolist()
+            turning = np.flatnonzero(grid.direction[j] * grid.direction[j - 1] < 0.0).tolist()
             piece, stop = int(grid.piece[grid.start[j]]), bool(grid.stop[j])
             if stop and self.path.holds[piece] >= period:
                 continue

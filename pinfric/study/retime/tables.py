@@ -49,7 +49,7 @@ class Grid:
         q: (m, nj) positions. rate, curvature: (m, nv) q' and q''.
         start, end: (n,) rows of the ends of each interval.
         stop: (n + 1,) bool, whether the robot stands still at each point.
-        way: (n, na) sign of each drive's rate in each interval.
+        direction: (n, na) sign of each drive's rate in each interval.
     """
 
     s: np.ndarray
@@ -60,7 +60,7 @@ class Grid:
     start: np.ndarray
     end: np.ndarray
     stop: np.ndarray
-    way: np.ndarray
+    direction: np.ndarray
 
     @property
     def step(self) -> np.ndarray:
@@ -121,7 +121,7 @@ def make_grid(
         points: for each piece increasing places s.
     """
     velocity, drives = [column.index_v for column in columns], rates_of(scene, columns)
-    rows, start, end, stop, way, count = [], [], [], [], [], 0
+    rows, start, end, stop, direction, count = [], [], [], [], [], 0
     for p, (piece, s) in enumerate(zip(path.pieces, points, strict=True)):
         first, second = piece.derivative(), piece.derivative(2)
         left = np.nextafter(s[1:-1], -np.inf)
@@ -133,7 +133,7 @@ def make_grid(
         start.append(count + own[:-1])
         end.append(count + own[1:] - np.isin(np.arange(1, len(s)), double))
         stop.append(np.arange(len(s) - 1) == 0)
-        way.append(np.sign(first(0.5 * (s[:-1] + s[1:])) @ drives.T))
+        direction.append(np.sign(first(0.5 * (s[:-1] + s[1:])) @ drives.T))
         rows.append((places, np.full(len(places), p), piece(places), first(places), second(places)))
         count += len(places)
     s, of, q, q1, q2 = (np.concatenate(column) for column in zip(*rows, strict=True))
@@ -148,7 +148,7 @@ def make_grid(
         np.concatenate(start),
         np.concatenate(end),
         np.concatenate([*stop, [True]]),
-        np.concatenate(way),
+        np.concatenate(direction),
     )
 
 

@@ -192,16 +192,16 @@ class _Barrier:
         band[0, fixed], band[1, fixed] = 1.0, 0.0
         band[1, :-1][fixed[1:]] = 0.0
         solved = solveh_banded(band, np.column_stack((-gradient, columns)), lower=True)
-        way, reach = solved[:, 0], solved[:, 1:]
-        way = way - reach @ np.linalg.solve(
-            np.eye(columns.shape[1]) + columns.T @ reach, columns.T @ way
+        direction, response = solved[:, 0], solved[:, 1:]
+        direction = direction - response @ np.linalg.solve(
+            np.eye(columns.shape[1]) + columns.T @ response, columns.T @ direction
         )
-        now, slope = self.value(x, weight), float(gradient @ way)
-        size = min(1.0, 0.99 / max(float((-way[self.free] / x[self.free]).max()), 0.99))
+        now, slope = self.value(x, weight), float(gradient @ direction)
+        size = min(1.0, 0.99 / max(float((-direction[self.free] / x[self.free]).max()), 0.99))
         while size > 1e-10:
-            there = self.value(x + size * way, weight)
+            there = self.value(x + size * direction, weight)
             if there <= now + 0.1 * size * slope:
-                return x + size * way, now - there
+                return x + size * direction, now - there
             size *= 0.5
         return x, 0.0
 

@@ -240,6 +240,26 @@ class GearMotor(Rated):
         return self
 
 
+class Screw(Entry):
+    """A screw between its supports."""
+
+    root_diameter: Annotated[Positive, key("of the thread's root", 0.0125, "m")]
+    length: Annotated[Positive, key("between the supports, the longest that is free", 0.79, "m")]
+    supports: Annotated[
+        Literal["fixed-free", "supported-supported", "fixed-supported", "fixed-fixed"],
+        key("of its two ends, as makers' catalogues name them", "fixed-supported"),
+    ]
+    ball_circle: Annotated[
+        Positive | None, key("diameter on which the balls' centres run", 0.0155, "m")
+    ] = None
+    max_dn: Annotated[
+        Positive | None,
+        key("permissible ball circle diameter (mm) times speed (rpm)", 70000.0, "mm rpm"),
+    ] = None
+    elasticity: Annotated[Positive, key("of its material", 2.06e11, "Pa")] = 2.06e11
+    density: Annotated[Positive, key("of its material", 7850.0, "kg/m^3")] = 7850.0
+
+
 class Gear(Sourced):
     """A gear: torques at its output unless named input; speeds and inertia at its input.
 
@@ -321,6 +341,13 @@ class Gear(Sourced):
         Positive | None, key("hysteresis loss, the whole width at zero torque", 0.00029, "rad")
     ] = None
     stroke: Annotated[Positive | None, key("of a linear output", 0.3, "m")] = None
+    screw: Annotated[
+        Screw | None,
+        key(
+            "for a screw's critical speed, buckling and the speed of its balls",
+            {"root_diameter": 0.0125, "length": 0.79, "supports": "fixed-supported"},
+        ),
+    ] = None
     bearing: Annotated[
         BearingRatings | None,
         key("of its output; of a screw, its nut", {"kind": "crossed roller", "max_moment": 91.0}),

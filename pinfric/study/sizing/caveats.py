@@ -37,7 +37,7 @@ def unclosed(result: InverseResult, duty: Schedule) -> tuple[str, ...]:
     return tuple(found)
 
 
-def apart(result: InverseResult, duty: Schedule) -> tuple[str, ...]:
+def discontinuities(result: InverseResult, duty: Schedule) -> tuple[str, ...]:
     """Return in words which cycles of a period do not begin where the one before them ends.
 
     Args:
@@ -86,7 +86,7 @@ def caveats(
     Args:
         scene: the robot as given.
         catalog, conditions: what was chosen from; None: nothing was.
-        gaps: of `unclosed`. jumps: of `apart`.
+        gaps: of `unclosed`. jumps: of `discontinuities`.
     """
     opening = _of_the_motion(gaps, jumps)
     if catalog is None:

@@ -2,8 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
+from pinfric.study.sizing.catalog import Screw
 from pinfric.study.sizing.limit import Judged, Limit, never, nothing
-from pinfric.study.sizing.rules import gear_life, momentary_peaks
+from pinfric.study.sizing.rules import (
+    buckling_load,
+    critical_speed,
+    dn_speed,
+    gear_life,
+    momentary_peaks,
+)
 
 #: Harmonic Drive's selection procedure, as read: "Torque based dimensioning" and life.
 _HARMONIC = "Harmonic Drive engineering data 1021387 12/2018, p. 30"
@@ -47,6 +56,15 @@ def _gear_life(d: Judged) -> float | None:
 
 
 _STATED = "motor file, or the URDF: retiming alone knows it"
+
+
+def _is_screw(d: Judged) -> bool:
+    return _has_gear(d) and "screw" in d.gear.kind
+
+
+def _of_screw(rule: Callable[[Screw], float | None]) -> Callable[[Judged], float | None]:
+    """What a rule gives for the gear's screw; None where its length is not known."""
+    return lambda d: None if d.gear.screw is None else rule(d.gear.screw)
 
 
 #: In the order of reports.
@@ -165,6 +183,37 @@ GEAR_LIMITS = [
         missing="nominal life, rated speed or rated torque",
         applies=_has_gear,
         endless="the joint never moves",
+    ),
+    Limit(
+        "screw critical speed",
+        need="input speed",
+        gives=_of_screw(critical_speed),
+        unit="rad/s",
+        formula="ratio max |v| <= 0.8 lambda^2/l^2 sqrt(E I/(rho A))",
+        source="THK, selection of ball screws: permissible rotational speed",
+        missing="screw: root diameter, length and supports",
+        applies=_is_screw,
+        settles=("gear's speed",),
+    ),
+    Limit(
+        "screw DN value",
+        need="input speed",
+        gives=_of_screw(dn_speed),
+        unit="rad/s",
+        formula="ratio max |v| <= DN/ball circle diameter",
+        source="THK, selection of ball screws: DN value",
+        missing="screw: ball_circle and max_dn",
+        applies=lambda d: d.candidate.gear is not None and d.gear.kind == "ball screw",
+    ),
+    Limit(
+        "screw buckling",
+        need="effort",
+        gives=_of_screw(buckling_load),
+        unit="effort",
+        formula="max |F| <= n pi^2 E I/l^2 x 0.5",
+        source="THK, selection of ball screws: buckling load",
+        missing="screw: root diameter, length and supports",
+        applies=_is_screw,
     ),
     Limit(
         "stroke",

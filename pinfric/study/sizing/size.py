@@ -40,7 +40,7 @@ from pinfric.study.sizing.assess import (
 )
 from pinfric.study.sizing.brake import Standstill, standstills
 from pinfric.study.sizing.catalog import Catalog, Conditions, load_catalog, parse_conditions
-from pinfric.study.sizing.caveats import apart, caveats, unclosed
+from pinfric.study.sizing.caveats import caveats, discontinuities, unclosed
 from pinfric.study.sizing.criterion import Criterion, Status
 from pinfric.study.sizing.demand import (
     DriveCycle,
@@ -106,7 +106,7 @@ class JointSizing:
         return self.demand.name
 
     @property
-    def taken(self) -> Assessment | None:
+    def installed(self) -> Assessment | None:
         """The drive whose mass is in the model: the choice, or the nearest miss."""
         return self.choice or self.nearest
 
@@ -119,7 +119,7 @@ class JointSizing:
         return nearest_miss([a for a in self.assessments if (a.candidate.mass or most) < most])
 
     @property
-    def miss(self) -> str:
+    def no_fit(self) -> str:
         """Say that nothing fits, and by how much the nearest candidate misses; else empty."""
         if self.choice is not None or (not self.assessments and not self.nothing_because):
             return ""
@@ -175,7 +175,7 @@ class SizingReport(Shown):
             facts |= {
                 "catalog": file_name(self.catalog.source),
                 "drives": listed([n for n, _ in chosen], [f"-> {d}" for _, d in chosen]) or "none",
-                "misses": listed([joint.name for joint in self.joints if joint.miss]),
+                "misses": listed([joint.name for joint in self.joints if joint.no_fit]),
                 "mass": (f"{self.chosen_mass:.3g} kg of drives" if chosen else "no drive fits")
                 + f"; {settled} after "
                 + counted(self.passes, "pass", "passes"),
@@ -195,7 +195,7 @@ class SizingReport(Shown):
     @property
     def drive_mass(self) -> float:
         """Mass of all drives in the model, kg."""
-        taken = (joint.taken for joint in self.joints)
+        taken = (joint.installed for joint in self.joints)
         return sum(a.candidate.mass or 0.0 for a in taken if a is not None)
 
     @property
@@ -229,12 +229,12 @@ class SizingReport(Shown):
         return bus_power(drives, t, self.duty, self.conditions)
 
     @property
-    def misses(self) -> tuple[str, ...]:
+    def no_fit(self) -> tuple[str, ...]:
         """One line for each joint for which no candidate fits."""
-        return tuple(joint.miss for joint in self.joints if joint.miss)
+        return tuple(joint.no_fit for joint in self.joints if joint.no_fit)
 
     @property
-    def short(self) -> tuple[str, ...]:
+    def unmet(self) -> tuple[str, ...]:
         """One line for what a condition asks in vain of a brake, of the bus or of the robot."""
         whole = [("robot", self.arm_criteria)]
         if self.catalog is None:
@@ -251,7 +251,7 @@ class SizingReport(Shown):
         Raises:
             SizingError: names the joints, the nearest misses and by how much; holds the report.
         """
-        if wrong := (*self.misses, *self.short):
+        if wrong := (*self.no_fit, *self.unmet):
             raise SizingError("; ".join(wrong), self)
 
     def joint(self, name: str) -> JointSizing:
@@ -320,7 +320,7 @@ def size(
     report = sizing.run()
     if on_miss == "raise":
         report.check()
-    for text in (*report.misses, *report.short) if on_miss == "warn" else ():
+    for text in (*report.no_fit, *report.unmet) if on_miss == "warn" else ():
         warnings.warn(text, PinfricWarning, stacklevel=2)
     return report
 
@@ -361,7 +361,7 @@ class _Sizing:
             before = _names(taken)
             for i in tip_to_base:
                 self.progress(f"pass {passes}: {self.scene.drives[i].name}")
-                assessment = self.joint(i, taken).taken
+                assessment = self.joint(i, taken).installed
                 if assessment is not None:
                     taken[i] = assessment
             settled = _names(taken) == before
@@ -372,7 +372,7 @@ class _Sizing:
                 stacklevel=3,
             )
         joints = tuple(self._compared(i, self.joint(i, taken)) for i in drives)
-        chosen = {i: j.taken for i, j in enumerate(joints) if j.taken is not None}
+        chosen = {i: j.installed for i, j in enumerate(joints) if j.installed is not None}
         equipped = with_masses(self.scene, chosen, self.conditions) if chosen else self.scene
         without, _ = self._solve((), {})
         duty = self.duty or once(len(without.states.q))
@@ -389,7 +389,9 @@ class _Sizing:
             duty=duty,
             passes=passes,
             settled=settled,
-            notes=caveats(self.scene, self.catalog, self.conditions, gaps, apart(without, duty)),
+            notes=caveats(
+                self.scene, self.catalog, self.conditions, gaps, discontinuities(without, duty)
+            ),
             unclosed=gaps,
         )
 
@@ -473,8 +475,8 @@ class _Sizing:
     def _compared(self, i: int, joint: JointSizing) -> JointSizing:
         """The joint, with what would have been chosen without masses, and without friction."""
         motor, offers = None, self._offers(i, joint.demand)
-        if joint.taken is not None and joint.taken.motor is not None:
-            motor = motor_cycle(joint.taken.candidate, joint.cycle, self.conditions)
+        if joint.installed is not None and joint.installed.motor is not None:
+            motor = motor_cycle(joint.installed.candidate, joint.cycle, self.conditions)
         cycle = joint.cycle.without_friction()
         bare = gear_demand_frictionless(joint.demand, cycle)
         frictionless = lightest(offers, self._case(i, bare, cycle, joint.load_inertia))

@@ -67,10 +67,12 @@ def test_json_has_the_promised_figures_of_every_joint(panda):
         least, worst = entry["holding"]
         assert 0 <= least <= worst <= entry["peak"]
         assert entry["choice"] == joint.choice.candidate.name
-        assert min(m for m in entry["taken"]["margins"].values() if m is not None) >= 0
-        assert entry["taken"]["margins"]["winding temperature"] is None  # not checked: no number
-        states = [criterion["status"] for criterion in entry["taken"]["criteria"]]
-        assert entry["taken"]["not_checked"] == states.count("not checked")
+        assert min(m for m in entry["installed"]["margins"].values() if m is not None) >= 0
+        assert (
+            entry["installed"]["margins"]["winding temperature"] is None
+        )  # not checked: no number
+        states = [criterion["status"] for criterion in entry["installed"]["criteria"]]
+        assert entry["installed"]["not_checked"] == states.count("not checked")
         assert {"name", "why"} == entry["rejected"][0].keys()
         assert all(r["why"] for r in entry["rejected"])
         names = {r["name"] for r in entry["rejected"]} | {a["name"] for a in entry["alternatives"]}
@@ -111,7 +113,7 @@ def test_infeasible_joint_has_its_nearest_miss_in_the_json(tmp_path):
     (joint,) = in_json(sizing_summary(report))["joints"]
     assert joint["choice"] is None
     assert "peak torque: needs " in joint["nearest_miss"]
-    assert joint["taken"]["margins"]["peak torque"] < 0
+    assert joint["installed"]["margins"]["peak torque"] < 0
     page = sizing_page(report)
     assert "No drive fits." in page
     assert "does not fit: nearest miss" in page

@@ -287,7 +287,7 @@ def test_ball_screw_lives_by_the_revolutions_of_its_shaft(tmp_path):
     short = load_catalog(write_catalog(tmp_path / "c.yaml", gears={"S": {**SCREW, "stroke": 0.1}}))
     joint, _ = judged(scene, motion, short)
     assert joint.choice is None
-    assert "stroke: needs 0.2 m, has 0.1 m" in joint.miss
+    assert "stroke: needs 0.2 m, has 0.1 m" in joint.no_fit
 
 
 def test_linear_motor_moves_a_joint_without_a_gear(tmp_path):

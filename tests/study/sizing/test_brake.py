@@ -138,7 +138,7 @@ def test_the_smallest_brake_that_bears_it_is_taken(tmp_path):
         assert still.shaft[1] == pytest.approx(load / joint.choice.candidate.ratio)
         torque = float(still.brake.removeprefix("B"))
         assert torque == min(x for x in (0.01, 0.05, 0.1, 0.4, 0.8, 5.0) if x >= brake.required)
-    assert report.short == ()
+    assert report.unmet == ()
 
 
 def test_of_brakes_with_equal_torque_the_lightest_is_taken():
@@ -160,7 +160,7 @@ def test_of_brakes_with_equal_torque_the_lightest_is_taken():
 @pytest.mark.parametrize(("wanted", "short"), [("any", 0), ("where_needed", 1), ("required", 2)])
 def test_a_brake_that_is_too_weak_is_missed_where_one_is_wanted(tmp_path, wanted, short):
     report = sized(tmp_path, (0.01,), wanted)
-    missed = [miss for miss in report.short if "holding brake: needs" in miss]
+    missed = [miss for miss in report.unmet if "holding brake: needs" in miss]
     assert len(missed) == short
     assert not any(still.brake for still in report.standstills)
     if wanted == "required":

@@ -70,7 +70,7 @@ def test_counts_are_the_cycles_written_out_one_by_one(tmp_path):
     given = {"thermal_time": 3.0, "inertia_ratio": 20.0}
     (joint,) = pf.size(scene, pf.Duty(((fast, 3), (slow, 2))), catalog, conditions=given).joints
     (same,) = pf.size(scene, long, catalog, conditions=given).joints
-    for found, wanted in zip(joint.taken.criteria, same.taken.criteria, strict=True):
+    for found, wanted in zip(joint.installed.criteria, same.installed.criteria, strict=True):
         assert found.name == wanted.name
         if wanted.required is not None:
             assert found.required == pytest.approx(wanted.required, rel=1e-6)
@@ -131,7 +131,7 @@ def test_five_minutes_of_stall_fail_with_their_reason(tmp_path):
     assert by_name["short-term torque"].why.startswith("short-term torque: needs 1.10")
     assert by_name["short-term torque"].available == 0.5
     assert by_name["overloaded standstill"].required == pytest.approx(300.0)
-    assert "overloaded standstill: needs 300 s, has 20 s" in report.misses[0]
+    assert "overloaded standstill: needs 300 s, has 20 s" in report.no_fit[0]
     assert "does not begin where" in report.notes[0]
 
 
@@ -153,7 +153,7 @@ def test_a_stall_rating_counts_at_a_standstill(tmp_path, rating, longest):
     scene, hour, drive = hour_with_a_stall()
     drive["motor"]["continuous_stall_torque"] = rating  # 1.25 N m are asked for
     (joint,) = pf.size(scene, hour, one_drive(tmp_path, **drive), on_miss="ignore").joints
-    found = next(c for c in joint.taken.criteria if c.name == "overloaded standstill")
+    found = next(c for c in joint.installed.criteria if c.name == "overloaded standstill")
     assert found.required == pytest.approx(longest, abs=0.3)
     assert "continuous stall torque" in found.formula
 

@@ -142,7 +142,7 @@ def test_demand_needs_no_catalogue_and_takes_any_motion_with_times():
     report = pf.size(scene, trapezoid(scene))
     assert report.catalog is None
     assert report.joints[0].assessments == ()
-    assert report.misses == ()
+    assert report.no_fit == ()
     assert report.scene is scene
     report.check()
     with pytest.raises(StateError, match="two samples"):
@@ -352,8 +352,8 @@ def test_planar_joint_gets_its_demand_but_no_drive(tmp_path):
     motion = pf.Trajectory.from_arrays(scene, [0.0, 1.0], q, zero, zero)
     report = pf.size(scene, motion, one_drive(tmp_path))
     assert [joint.choice for joint in report.joints] == [None] * 3
-    assert len(report.misses) == 3
-    assert "nothing to choose from: motors and gears are for joints of one axis" in report.misses[0]
+    assert len(report.no_fit) == 3
+    assert "nothing to choose from: motors and gears are for joints of one axis" in report.no_fit[0]
 
 
 def test_cylinders_are_sized_by_their_own_rate():
@@ -381,8 +381,8 @@ def test_a_catalogue_without_motors_or_gears_says_that_nothing_can_be_chosen(tmp
     scene = pf.load_scene("excavator")
     motion = pf.load_trajectory("excavator.waypoints.yaml", scene)
     report = pf.size(scene, motion, "default")
-    assert len(report.misses) == 3
-    assert report.misses[0].startswith(
+    assert len(report.no_fit) == 3
+    assert report.no_fit[0].startswith(
         "boom_cylinder: nothing to choose from: motors and gears are"
     )
 
@@ -390,7 +390,7 @@ def test_a_catalogue_without_motors_or_gears_says_that_nothing_can_be_chosen(tmp
 def test_panda_takes_heavier_drives_once_drives_have_mass(panda):
     report = panda
     assert report.settled
-    assert report.misses == ()
+    assert report.no_fit == ()
     names = [joint.choice.candidate.name for joint in report.joints]
     without = [joint.choice_without_masses.candidate.name for joint in report.joints]
     assert names != without
