@@ -17,11 +17,17 @@ from pinfric.study.identify.checks import check_efforts
 from pinfric.study.identify.columns import Rows, joint_rows, prepare
 from pinfric.study.identify.delay import Delay, disagreement, other_delays
 from pinfric.study.identify.identify import Identified
+from pinfric.study.identify.influence import influence
 from pinfric.study.identify.laws import FORWARD, SLOT, SLOTS, Law
-from pinfric.study.identify.misfit import Misfit, chance, gradients
-from pinfric.study.identify.normal import BlockProducts, Fit, Prior, influence, non_negative
+from pinfric.study.identify.misfit import Misfit, chance
+from pinfric.study.identify.normal import BlockProducts, Fit, Prior, non_negative
 from pinfric.study.identify.recordings import read_recordings
-from pinfric.study.identify.uncertainty import Uncertainty, for_a_further_log, uncertainty
+from pinfric.study.identify.uncertainty import (
+    Uncertainty,
+    for_a_further_log,
+    gradients,
+    uncertainty,
+)
 from pinfric.study.trajectory.log.reading import ReadingOptions
 
 NAMES = truth().joint_names
