@@ -186,9 +186,9 @@ def _static(found: Estimate, joint: int, slot: int, broke: BreakAway) -> Paramet
     """Return the friction at which a joint broke away."""
     law, ratio = found.choice.laws[joint], abs(found.scene.drives[joint].ratio)
     section, key, unit = scene_key(found.scene, joint, law, slot)
-    numbers = [float(scene_value(law, slot, x, ratio)) for x in astuple(broke)]
+    value, low, high, error = (float(scene_value(law, slot, x, ratio)) for x in astuple(broke))
     name = found.scene.joint_names[joint]
-    return Parameter(section, name, f"{key}.static", unit, *numbers, True)
+    return Parameter(section, name, f"{key}.static", unit, value, low, high, error, True)
 
 
 def _fall_speed(found: Estimate, known: Uncertainty, joint: int) -> Parameter:
