@@ -23,7 +23,13 @@ from pinfric.study.trajectory.log.motion import Settled, settle, unwrapped
 from pinfric.study.trajectory.log.reading import Reading, ReadingOptions
 from pinfric.study.trajectory.log.rows import check_times, gap_problems, ordered_rows
 from pinfric.study.trajectory.log.thinning import Thinning
-from pinfric.study.trajectory.log.units import angle_unit, fast_angles, is_clock, time_factor
+from pinfric.study.trajectory.log.units import (
+    angle_unit,
+    fast_angles,
+    is_clock,
+    time_factor,
+    unwrapped_steps,
+)
 from pinfric.study.trajectory.table import TrajectoryTable, mismatch_warning
 
 FloatArray = NDArray[np.float64]
@@ -243,8 +249,7 @@ def _speeds(named: Sequence[JointColumn], position: FloatArray) -> tuple[float, 
         return 0.0, 0.0
     largest = np.zeros(len(named))
     for i, q in enumerate(position.T):  # one after another: a long log fills much of the memory
-        steps = np.abs(np.diff(q))
-        steps = np.minimum(steps, np.abs(steps - 2.0 * np.pi))  # an angle may wrap
+        steps = unwrapped_steps(q)
         largest[i] = np.max(steps, where=np.isfinite(steps), initial=0.0)
     limits = np.array([column.velocity_limit for column in named])
     return float((largest / limits).max(initial=0.0)), float(largest.max(initial=0.0))
