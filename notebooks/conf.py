@@ -3,7 +3,7 @@
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))  # for `from_code`, beside this file
+sys.path.insert(0, str(Path(__file__).parent))  # for `from_code` and `mathml`, beside this file
 
 import pinfric  # also: its package, whose docstrings are read
 
@@ -15,10 +15,10 @@ language = "en"
 extensions = [
     "myst_nb",
     "sphinx.ext.autodoc",
-    "sphinx.ext.mathjax",
     "sphinx.ext.napoleon",
     "sphinx.ext.viewcode",
     "from_code",
+    "mathml",
 ]
 exclude_patterns = ["**/.ipynb_checkpoints"]
 
@@ -39,6 +39,7 @@ autodoc_default_options = {"members": True}
 napoleon_numpy_docstring = False
 napoleon_use_ivar = True
 
+html_math_renderer = "mathml"
 html_theme = "furo"
 html_title = "pinfric"
 html_static_path = ["static"]

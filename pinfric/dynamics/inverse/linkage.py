@@ -17,7 +17,7 @@ from pinfric.dynamics.inverse.interval_ends import MOST_PASSES, Answer, Solver
 from pinfric.dynamics.inverse.linkage_batch import friction_maps, friction_velocities, loop_wrenches
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.inverse.undriven import check_undriven
-from pinfric.dynamics.problem.plan import Plan, make_inverse_plan
+from pinfric.dynamics.problem.plan import Plan, inverse_plan
 from pinfric.dynamics.samples.closure import PairRates, pair_rates
 from pinfric.dynamics.samples.motor_torques import motor_torques
 from pinfric.dynamics.samples.outcome import Status
@@ -57,7 +57,8 @@ def solve_linkage(
 
     Args, raises: see `inverse.inverse_dynamics`; besides, `closure.pair_rates`.
     """
-    plan, around, inner = make_inverse_plan(scene), states.around(whole), states.inside(whole)
+    argument, around, inner = inverse_plan(scene), states.around(whole), states.inside(whole)
+    plan = argument.given
     rates = pair_rates(scene, states, around, whole)
     wider = friction_velocities(plan, states.v[around], rates)
     velocity = np.ascontiguousarray(wider[inner])
@@ -65,7 +66,7 @@ def solve_linkage(
     if states.t is not None:
         reversal = site_reversals(plan, wider)[inner]
     answer, frictionless, wrench, multipliers = _solve_batches(
-        scene, plan, states, applied, whole, velocity, reversal, threads
+        scene, argument, states, applied, whole, velocity, reversal, threads
     )
     _warn_of_bound(scene, answer, whole.start)
     check_roll_moments(scene, wrench, whole.start)
@@ -105,7 +106,7 @@ def solve_linkage(
 
 def _solve_batches(
     scene: Scene,
-    plan: Plan,
+    argument: KernelArgument[Plan],
     states: States,
     applied: list[AppliedWrench],
     whole: slice,
@@ -117,14 +118,15 @@ def _solve_batches(
 
     Args:
         scene, states, applied, threads: see `inverse.inverse_dynamics`.
-        plan: of the scene.
+        argument: the plan of inverse dynamics.
         whole: the T samples.
         velocity, reversal: (T, ne), (T, ns), see `choices.friction_laws`.
     """
     linkage, T = scene.linkage, len(velocity)
     assert linkage is not None
     threads = threads_for(T, threads)
-    answer, argument = Answer.of(plan, T), KernelArgument(plan)
+    plan = argument.given
+    answer = Answer.of(plan, T)
     frictionless = np.empty((T, len(plan.drives.part)))
     wrench, solved = np.empty((T, len(scene.sites), 6)), np.empty((T, plan.closure.solved))
     multipliers = np.empty((T, len(scene.loops), 6))

@@ -13,7 +13,7 @@ from pinfric.dynamics.inverse.linkage_batch import (
     friction_velocities,
     loop_wrenches,
 )
-from pinfric.dynamics.problem.plan import Plan, make_inverse_plan, make_plan
+from pinfric.dynamics.problem.plan import Plan, inverse_plan, make_plan
 from pinfric.dynamics.samples.closure import pair_rates
 from pinfric.dynamics.samples.outcome import Solution, SolvedMotion
 from pinfric.dynamics.samples.reactions import Batch
@@ -21,8 +21,8 @@ from pinfric.friction.dense import spectral_radius_bound
 from pinfric.friction.given_modes import Reduced, contraction_matrix
 from pinfric.friction.law import write_loads
 from pinfric.friction.several import distinct, from_many_starts
-from pinfric.kernels.compiled import KernelArgument
 from pinfric.model.loops import Linkage
+from pinfric.model.scene import Scene
 
 
 def find_solutions(result: SolvedMotion, sample: int) -> tuple[Solution, ...]:
@@ -39,8 +39,7 @@ def find_solutions(result: SolvedMotion, sample: int) -> tuple[Solution, ...]:
         found = found[~np.isnan(found).any(axis=1)]
     else:
         found = _search(solver)
-    na = len(result.scene.drives)
-    return tuple(_solution(plan, linkage, samples, phi, na) for phi in distinct(found))
+    return tuple(_solution(result.scene, linkage, samples, phi) for phi in distinct(found))
 
 
 def one_sample(result: SolvedMotion, sample: int) -> tuple[Plan, Linkage, Samples, np.ndarray]:
@@ -48,15 +47,16 @@ def one_sample(result: SolvedMotion, sample: int) -> tuple[Plan, Linkage, Sample
     scene, states = result.scene, result.states
     linkage = scene.linkage
     assert linkage is not None
-    plan = make_inverse_plan(scene)
+    argument = inverse_plan(scene)
     part = slice(sample, sample + 1)
     carried = next(names for start, stop, names in states.phases(scene) if start <= sample < stop)
     twin = scene.twin(carried)
     batch = Batch.of(twin, 1)
     applied = list(result.external)
-    samples = friction_maps(KernelArgument(plan), linkage, twin, states, applied, part, batch, 1)
+    samples = friction_maps(argument, linkage, twin, states, applied, part, batch, 1)
     rates = pair_rates(scene, states, part, part)
-    return plan, linkage, samples, friction_velocities(plan, states.v[part], rates)
+    velocity = friction_velocities(argument.given, states.v[part], rates)
+    return argument.given, linkage, samples, velocity
 
 
 def reduced_problem(solver: Solver) -> Reduced:
@@ -91,11 +91,13 @@ def _search(solver: Solver) -> np.ndarray:
     return np.asarray(x[:, plan.entries.site] * law.direction[0])
 
 
-def _solution(plan: Plan, linkage: Linkage, samples: Samples, phi: np.ndarray, na: int) -> Solution:
-    maps, ns = samples.maps, len(plan.sites.joint)
+def _solution(scene: Scene, linkage: Linkage, samples: Samples, phi: np.ndarray) -> Solution:
+    argument, na = inverse_plan(scene), len(scene.drives)
+    plan, maps = argument.given, samples.maps
+    ns = len(plan.sites.joint)
     wrench, solved = np.empty((1, ns, 6)), np.empty((1, plan.closure.solved))
     given = samples.wrench, samples.X, maps.y, phi[None], wrench, solved
-    write_wrenches(KernelArgument(plan).beside(*given), *given)
+    write_wrenches(argument.beside(*given), *given)
     one = np.concatenate([[1.0], phi])
     load = np.empty(ns)
     write_loads(maps.contact[0], plan.contacts.site, plan.sites.constant, phi, load)

@@ -9,12 +9,12 @@ drives: what keeps it from moving at rest.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
 from pinfric.dynamics.samples.motor_torques import scene_gears
-from pinfric.kernels.compiled import record
+from pinfric.kernels.compiled import KernelArgument, record
 from pinfric.model.closure import actions_of
 from pinfric.model.couples import delivery, rate_rows
 from pinfric.model.drives import Gears, gear_table, lossy_gears
@@ -253,6 +253,19 @@ def make_inverse_plan(scene: Scene) -> Plan:
         ),
         closure=closure._replace(balanced=np.setdiff1d(closure.balanced, undriven)),
     )
+
+
+def inverse_plan(scene: Scene) -> KernelArgument[Plan]:
+    """Return the plan of inverse dynamics, made at first; it lives in the scene's twin.
+
+    Scenes that differ in friction alone may share a twin: the last one asked for has its plan.
+    """
+    pools = scene.twin().pools
+    known, argument = pools.get("inverse plan", (None, None))
+    if known is not scene:
+        argument = KernelArgument(make_inverse_plan(scene))
+        pools["inverse plan"] = scene, argument
+    return cast("KernelArgument[Plan]", argument)
 
 
 #: What a coordinate's rate is: that of a velocity, of an action, or of a coupled drive; else -1.

@@ -7,13 +7,15 @@ values, so that a seed gives the same values on every machine.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from pinfric.model.entry import Entry, Number, Positive, key
+
+if TYPE_CHECKING:
+    from scipy.stats.distributions import rv_frozen
 
 #: A truncation that keeps less than this of its normal distribution was not meant.
 _LEAST_KEPT = 1e-6
@@ -22,14 +24,21 @@ _LEAST_KEPT = 1e-6
 class Distribution(Entry):
     """Base: values from numbers u of [0, 1), and the least and greatest value there can be."""
 
+    @property
+    def frozen(self) -> rv_frozen:
+        """SciPy's distribution with these parameters."""
+        raise NotImplementedError
+
     def quantile(self, u: np.ndarray) -> np.ndarray:
         """Return the values x with P(X <= x) = u, same shape as u."""
-        raise NotImplementedError
+        # a normal's quantile is infinite at 0 and 1
+        return np.asarray(self.frozen.ppf(np.clip(u, 2.0**-54, 1.0 - 2.0**-53)))
 
     @property
     def support(self) -> tuple[float, float]:
         """The least and the greatest value; infinite where there is none."""
-        raise NotImplementedError
+        low, high = self.frozen.support()
+        return float(low), float(high)
 
     @property
     def levels(self) -> tuple[float, ...] | None:
@@ -37,9 +46,8 @@ class Distribution(Entry):
         return None
 
     def probability_below(self, x: float) -> float:
-        """Return P(X < x) roughly, for messages: by counting 10^4 quantiles."""
-        u = (np.arange(10_000) + 0.5) / 10_000
-        return float((self.quantile(u) < x).mean())
+        """Return P(X < x)."""
+        return float(self.frozen.cdf(np.nextafter(x, -math.inf)))
 
 
 class Normal(Distribution):
@@ -48,16 +56,12 @@ class Normal(Distribution):
     mean: Annotated[Number, key("of the values", 0.0, "of the parameter")]
     std: Annotated[Positive, key("standard deviation", 0.0175, "of the parameter")]
 
-    def quantile(self, u: np.ndarray) -> np.ndarray:
-        """Return mean + std Phi^-1(u)."""
-        from scipy.special import ndtri
-
-        return self.mean + self.std * ndtri(_open(u))
-
     @property
-    def support(self) -> tuple[float, float]:
-        """Everything."""
-        return -math.inf, math.inf
+    def frozen(self) -> rv_frozen:
+        """SciPy's `norm`."""
+        from scipy.stats import norm
+
+        return norm(self.mean, self.std)
 
 
 class TruncatedNormal(Distribution):
@@ -76,8 +80,8 @@ class TruncatedNormal(Distribution):
             raise ValueError("a truncated normal needs `low` or `high`")
         low, high = self.support
         _ascending(low, high)
-        first, last = self._cumulative
-        if last - first < _LEAST_KEPT:
+        within = Normal(mean=self.mean, std=self.std).frozen
+        if within.cdf(high) - within.cdf(low) < _LEAST_KEPT:
             raise ValueError(
                 f"[{low:g}, {high:g}] keeps next to nothing of a normal around {self.mean:g} with "
                 f"standard deviation {self.std:g}"
@@ -85,19 +89,16 @@ class TruncatedNormal(Distribution):
         return self
 
     @property
-    def _cumulative(self) -> tuple[float, float]:
-        from scipy.special import ndtr
+    def frozen(self) -> rv_frozen:
+        """SciPy's `truncnorm`."""
+        from scipy.stats import truncnorm
 
         low, high = ((x - self.mean) / self.std for x in self.support)
-        return float(ndtr(low)), float(ndtr(high))
+        return truncnorm(low, high, self.mean, self.std)
 
     def quantile(self, u: np.ndarray) -> np.ndarray:
-        """Return mean + std Phi^-1(Phi(low) + u (Phi(high) - Phi(low)))."""
-        from scipy.special import ndtri
-
-        first, last = self._cumulative
-        x = self.mean + self.std * ndtri(_open(first + _open(u) * (last - first)))
-        return np.clip(x, *self.support)  # rounding must not leave the interval
+        """Return the values x with P(X <= x) = u: rounding must not leave [low, high]."""
+        return np.clip(super().quantile(u), *self.support)
 
     @property
     def support(self) -> tuple[float, float]:
@@ -108,32 +109,23 @@ class TruncatedNormal(Distribution):
         )
 
 
-class _Between(Distribution):
-    """From `low` to `high`."""
-
-    low: Number
-    high: Number
-
-    @model_validator(mode="after")
-    def _in_order(self) -> _Between:
-        _ascending(self.low, self.high)
-        return self
-
-    @property
-    def support(self) -> tuple[float, float]:
-        """[low, high]."""
-        return self.low, self.high
-
-
-class Uniform(_Between):
+class Uniform(Distribution):
     """Any value from low to high, all as likely."""
 
     low: Annotated[Number, key("least value", 0.9, "of the parameter")]
     high: Annotated[Number, key("greatest value", 1.1, "of the parameter")]
 
-    def quantile(self, u: np.ndarray) -> np.ndarray:
-        """Return low + u (high - low)."""
-        return self.low + u * (self.high - self.low)
+    @model_validator(mode="after")
+    def _in_order(self) -> Uniform:
+        _ascending(self.low, self.high)
+        return self
+
+    @property
+    def frozen(self) -> rv_frozen:
+        """SciPy's `uniform`."""
+        from scipy.stats import uniform
+
+        return uniform(self.low, self.high - self.low)
 
 
 class LogNormal(Distribution):
@@ -145,11 +137,12 @@ class LogNormal(Distribution):
     median: Annotated[Positive, key("half of the values are below it", 1.0, "of the parameter")]
     sigma: Annotated[Positive, key("standard deviation of the logarithm", 0.34, "1")]
 
-    def quantile(self, u: np.ndarray) -> np.ndarray:
-        """Return median exp(sigma Phi^-1(u))."""
-        from scipy.special import ndtri
+    @property
+    def frozen(self) -> rv_frozen:
+        """SciPy's `lognorm`."""
+        from scipy.stats import lognorm
 
-        return self.median * np.exp(self.sigma * ndtri(_open(u)))
+        return lognorm(self.sigma, scale=self.median)
 
     @property
     def support(self) -> tuple[float, float]:
@@ -157,22 +150,26 @@ class LogNormal(Distribution):
         return math.nextafter(0.0, 1.0), math.inf
 
 
-class _Listed(Distribution):
+class _Counted(Distribution):
     """One of some values, all as likely."""
 
-    values: Annotated[tuple[Number, ...], Field(min_length=1)]
-
     def quantile(self, u: np.ndarray) -> np.ndarray:
-        """Return the value whose share of [0, 1) holds u, the shares in the order given."""
-        return _pick(self.values, u)
+        """Return the value whose equal share of [0, 1) holds u, the shares in the order given."""
+        values = np.array(self.levels)
+        return values[np.minimum((u * len(values)).astype(np.int64), len(values) - 1)]
 
     @property
     def support(self) -> tuple[float, float]:
         """The least and the greatest value."""
-        return min(self.values), max(self.values)
+        values = self.levels or ()
+        return min(values), max(values)
+
+    def probability_below(self, x: float) -> float:
+        """Return P(X < x)."""
+        return float(np.mean(np.array(self.levels) < x))
 
 
-class Choice(_Listed):
+class Choice(_Counted):
     """One of a list of values, all as likely."""
 
     values: Annotated[
@@ -193,11 +190,18 @@ class Choice(_Listed):
         return self.values
 
 
-class Column(_Listed):
+class Column(_Counted):
     """A column of a table, all rows as likely: one u gives one row in all columns."""
 
+    values: Annotated[tuple[Number, ...], Field(min_length=1)]
 
-class Steps(_Between):
+    @property
+    def levels(self) -> tuple[float, ...] | None:
+        """The rows' values."""
+        return self.values
+
+
+class Steps(_Counted):
     """`count` values from low to high at equal distances, for grids."""
 
     low: Annotated[Number, key("first value", 0.5, "of the parameter")]
@@ -207,9 +211,10 @@ class Steps(_Between):
         int, Field(ge=2, le=100_000, strict=True), key("of the values, both ends counted", 11, "1")
     ]
 
-    def quantile(self, u: np.ndarray) -> np.ndarray:
-        """Return the step whose share of [0, 1) holds u."""
-        return _pick(self.levels or (), u)
+    @model_validator(mode="after")
+    def _in_order(self) -> Steps:
+        _ascending(self.low, self.high)
+        return self
 
     @property
     def levels(self) -> tuple[float, ...] | None:
@@ -217,17 +222,6 @@ class Steps(_Between):
         return tuple(np.linspace(self.low, self.high, self.count).tolist())
 
 
-def _pick(values: Sequence[float], u: np.ndarray) -> np.ndarray:
-    """Return the value whose equal share of [0, 1) holds u."""
-    count = len(values)
-    return np.array(values)[np.minimum((u * count).astype(np.int64), count - 1)]
-
-
 def _ascending(low: float, high: float) -> None:
     if not low < high:
         raise ValueError(f"low {low:g} is not below high {high:g}")
-
-
-def _open(u: np.ndarray | float) -> np.ndarray:
-    """Keep u off 0 and 1, where a normal's quantile is infinite."""
-    return np.clip(u, 2.0**-54, 1.0 - 2.0**-53)
