@@ -38,9 +38,12 @@ def truth() -> pf.Scene:
     for j, name in enumerate(scene.joint_names):
         (up, down), viscous = COULOMB[j], VISCOUS[j]
         friction[name] = {
-            "coulomb": {"positive": {"static": up, "kinetic": up},
-                        "negative": {"static": down, "kinetic": down}}, "viscous": viscous,
-        }  # fmt: skip
+            "coulomb": {
+                "positive": {"static": up, "kinetic": up},
+                "negative": {"static": down, "kinetic": down},
+            },
+            "viscous": viscous,
+        }
         transmission = {"ratio": RATIO, "rotor_inertia": ROTOR[j]}
         if j == 1:
             transmission |= {"efficiency": EFFICIENCY, "back_efficiency": BACK_EFFICIENCY}
@@ -155,8 +158,10 @@ def kr300(path: Path) -> tuple[pf.Scene, pf.Log]:
         body = place.act(pin.Inertia(mass, np.array(com), inertia))
         model.appendBodyToJoint(joint, body, pin.SE3.Identity())
     rec = loadmat(path, squeeze_me=True, struct_as_record=False)["rec"]
-    q, torque = (np.asarray(x).reshape(6, -1).T if len(x) == 6 else np.asarray(x)
-                 for x in (rec.act_pos_mot_deg, rec.act_torque_abs_nm))  # fmt: skip
+    q, torque = (
+        np.asarray(x).reshape(6, -1).T if len(x) == 6 else np.asarray(x)
+        for x in (rec.act_pos_mot_deg, rec.act_torque_abs_nm)
+    )
     effort = torque * [link[-1] for link in KR300]
     return pf.Scene(model=model), pf.Log(0.004 * np.arange(len(q)), np.deg2rad(q), effort)
 
@@ -170,9 +175,13 @@ def slow_departures(
     """
     scene = truth()
     for name, entry in scene.friction.items():
-        ways = {way: {"static": static * both.kinetic, "kinetic": both.kinetic}
-                for way, both in (("positive", entry.coulomb.positive),
-                                  ("negative", entry.coulomb.negative))}  # fmt: skip
+        ways = {
+            way: {"static": static * both.kinetic, "kinetic": both.kinetic}
+            for way, both in (
+                ("positive", entry.coulomb.positive),
+                ("negative", entry.coulomb.negative),
+            )
+        }
         other = {key: x for key, x in entry if x is not None and key != "coulomb"}
         scene = scene.with_(friction=scene.friction | {name: other | {"coulomb": ways}})
     here, q, push = np.array([0.3, -1.0, 1.1, -0.4, 0.5, 0.2]), [], []
@@ -180,8 +189,10 @@ def slow_departures(
     for joint, way in [(j, way) for _ in range(3) for j in joints for way in (1.0, -1.0)]:
         held = np.maximum(np.linspace(1.0 - 1.2 * 1.2 / rise, 1.0, int(1.2 * rate)), -0.2)
         there = here + 0.08 * way * (np.arange(6) == joint)
-        q += [np.tile(here, (held.size, 1)), here + np.outer(s**3 * (10 - 15 * s + 6 * s**2),
-                                                             there - here)]  # fmt: skip
+        q += [
+            np.tile(here, (held.size, 1)),
+            here + np.outer(s**3 * (10 - 15 * s + 6 * s**2), there - here),
+        ]
         push += [np.outer(held, way * (np.arange(6) == joint)), np.zeros((s.size, 6))]
         here = there
     q, push = np.concatenate(q), np.concatenate(push)

@@ -32,9 +32,13 @@ def stribeck_truth(velocity: float = FALL) -> pf.Scene:
     scene = truth()
     friction = {}
     for name, entry in scene.friction.items():
-        coulomb = {way: {"static": STATIC * one.kinetic, "kinetic": one.kinetic}
-                   for way, one in (("positive", entry.coulomb.positive),
-                                    ("negative", entry.coulomb.negative))}  # fmt: skip
+        coulomb = {
+            way: {"static": STATIC * one.kinetic, "kinetic": one.kinetic}
+            for way, one in (
+                ("positive", entry.coulomb.positive),
+                ("negative", entry.coulomb.negative),
+            )
+        }
         others = {key: x for key, x in entry if x is not None and key != "coulomb"}
         friction[name] = others | {"coulomb": coulomb, "stribeck": {"velocity": velocity}}
     return scene.with_(friction=friction)
@@ -92,8 +96,14 @@ def _payload(seed: int, motion: Motion) -> Simulated:
     """A payload at the last link that nobody names."""
     box = {"link": "tool0", "mass": PAYLOAD, "com": (0.0, 0.0, 0.1)}
     scene = truth().with_(payloads={"box": box})
-    found = pf.inverse_dynamics(scene, motion.q, motion.v, motion.a, t=motion.t,
-                                attached=np.ones((motion.t.size, 1), dtype=bool))  # fmt: skip
+    found = pf.inverse_dynamics(
+        scene,
+        motion.q,
+        motion.v,
+        motion.a,
+        t=motion.t,
+        attached=np.ones((motion.t.size, 1), dtype=bool),
+    )
     effort = 0.5 * RATIO * (found.motor_torque_lower + found.motor_torque_upper)
     return motion, effort
 
@@ -113,5 +123,6 @@ CASES: dict[str, Callable[[int, Motion], Simulated]] = {
 
 def wrong_log(case: str, seed: int, duration: float = 60.0, rate: float = 250.0) -> pf.Log:
     """Return a case's log: made at 1 kHz, so that what lies between samples is right."""
-    return logged(seed, *CASES[case](seed, excitation(seed, duration, 1000.0)),
-                  every=round(1000.0 / rate))  # fmt: skip
+    return logged(
+        seed, *CASES[case](seed, excitation(seed, duration, 1000.0)), every=round(1000.0 / rate)
+    )

@@ -31,20 +31,27 @@ def read(bag, names):
     typestore = get_typestore(Stores.ROS2_HUMBLE)
     with AnyReader([bag], default_typestore=typestore) as reader:
         chosen = [c for c in reader.connections if "JointState" in c.msgtype]
-        messages = [reader.deserialize(raw, connection.msgtype)
-                    for connection, _, raw in reader.messages(chosen)]  # fmt: skip
+        messages = [
+            reader.deserialize(raw, connection.msgtype)
+            for connection, _, raw in reader.messages(chosen)
+        ]
     order = [list(messages[0].name).index(name) for name in names]
     t = np.array([m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec for m in messages])
-    q, effort = (np.array([getattr(m, key) for m in messages])[:, order]
-                 for key in ("position", "effort"))  # fmt: skip
+    q, effort = (
+        np.array([getattr(m, key) for m in messages])[:, order] for key in ("position", "effort")
+    )
     return t, q, effort
 
 
 def regressors(model, motion, gains):
     """(T, nv, columns) of inertias, rotors and friction: linear in what tanh's model has free."""
     data, n, nv = model.createData(), len(motion.t), model.nv
-    bodies = np.array([pin.computeJointTorqueRegressor(model, data, *state)
-                       for state in zip(motion.q, motion.v, motion.a, strict=True)])  # fmt: skip
+    bodies = np.array(
+        [
+            pin.computeJointTorqueRegressor(model, data, *state)
+            for state in zip(motion.q, motion.v, motion.a, strict=True)
+        ]
+    )
     own = np.zeros((n, nv, 4 * nv))
     for j in range(nv):
         v = motion.v[:, j]
@@ -113,8 +120,9 @@ def main():
         found.save(folder / "found")
         scene = pf.load_scene(folder / "found" / "scene.yaml")
         motions = [pf.load_trajectory(log, scene) for log in logs]
-        first, last = ((m, np.column_stack([m.reading.effort[n] for n in scene.joint_names]))
-                       for m in motions)  # fmt: skip
+        first, last = (
+            (m, np.column_stack([m.reading.effort[n] for n in scene.joint_names])) for m in motions
+        )
         torque, compiled = header_torque(scene, last[0], folder), "the compiled header"
         if torque is None:
             result, compiled = pf.inverse_dynamics(scene, last[0]), "pinfric (no compiler)"

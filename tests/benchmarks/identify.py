@@ -101,17 +101,32 @@ def outcome(case: str, seed: int) -> Outcome | None:
         return None
     seconds = time.process_time() - start
     known = hidden(case)
-    hits = {p.key: p.low <= known[p.key][1] and p.high >= known[p.key][0]
-            for p in found.parameters if p.key in known}  # fmt: skip
+    hits = {
+        p.key: p.low <= known[p.key][1] and p.high >= known[p.key][0]
+        for p in found.parameters
+        if p.key in known
+    }
     motion = excitation(99, 20.0, 100.0)
     true = motor_effort(stribeck_truth() if case == "stribeck" else truth(), motion)
     off = true - motor_effort(found.scene, motion)
     error = np.sqrt(np.mean(off**2, axis=0) / np.mean(true**2, axis=0))
     outside = tuple(key for key, hit in hits.items() if not hit)
-    shares = np.array([(found.errors[name].error / found.errors[name].rms, one.error / one.rms)
-                       for name, one in found.unseen["other"].items()])  # fmt: skip
-    return Outcome(sum(hits.values()), len(hits), found.delay - DELAY, error, misfits(found),
-                   seconds, outside, float(np.mean(shares[:, 1] / shares[:, 0])))  # fmt: skip
+    shares = np.array(
+        [
+            (found.errors[name].error / found.errors[name].rms, one.error / one.rms)
+            for name, one in found.unseen["other"].items()
+        ]
+    )
+    return Outcome(
+        sum(hits.values()),
+        len(hits),
+        found.delay - DELAY,
+        error,
+        misfits(found),
+        seconds,
+        outside,
+        float(np.mean(shares[:, 1] / shares[:, 0])),
+    )
 
 
 def misfits(found: Identified) -> int:
@@ -130,20 +145,25 @@ def study(cases: list[str], seeds: range) -> Iterator[str]:
                 refused += 1
                 continue
             every.append(one)
-            print(f"  {case} {seed}: {one.inside}/{one.known}, {one.misfits} misfits, delay "
-                  f"{1e3 * one.delay:+.2f} ms, unseen {one.unseen.max():.2%} at joint "
-                  f"{1 + one.unseen.argmax()}; {' '.join(one.outside)}",
-                  file=sys.stderr, flush=True)  # fmt: skip
+            print(
+                f"  {case} {seed}: {one.inside}/{one.known}, {one.misfits} misfits, delay "
+                f"{1e3 * one.delay:+.2f} ms, unseen {one.unseen.max():.2%} at joint "
+                f"{1 + one.unseen.argmax()}; {' '.join(one.outside)}",
+                file=sys.stderr,
+                flush=True,
+            )
         if not every:
             yield f"{case:<11} all {refused} refused"
             continue
-        yield (f"{case:<11} {sum(o.inside for o in every) / sum(o.known for o in every):9.1%} "
-               f"{sum(o.misfits > 0 for o in every):6d} of {len(every)} "
-               f"{1e3 * max(abs(o.delay) for o in every):7.2f} ms "
-               f"{max(o.unseen.max() for o in every):18.2%} "
-               f"{np.mean([o.beyond for o in every]):12.3f} "
-               f"{np.median([o.seconds for o in every]):14.1f} s"
-               f"{f', {refused} refused' * bool(refused)}")  # fmt: skip
+        yield (
+            f"{case:<11} {sum(o.inside for o in every) / sum(o.known for o in every):9.1%} "
+            f"{sum(o.misfits > 0 for o in every):6d} of {len(every)} "
+            f"{1e3 * max(abs(o.delay) for o in every):7.2f} ms "
+            f"{max(o.unseen.max() for o in every):18.2%} "
+            f"{np.mean([o.beyond for o in every]):12.3f} "
+            f"{np.median([o.seconds for o in every]):14.1f} s"
+            f"{f', {refused} refused' * bool(refused)}"
+        )
 
 
 def main() -> None:

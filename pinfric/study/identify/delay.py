@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinfric.study.identify.columns import Prepared, Rows, joint_rows
+from pinfric.study.identify.influence import influence
 from pinfric.study.identify.normal import (
     BlockProducts,
     Fit,
@@ -25,7 +26,6 @@ from pinfric.study.identify.normal import (
     Normal,
     Prior,
     above_zero,
-    influence,
     weighted,
 )
 

@@ -23,8 +23,8 @@ from pinfric.dynamics.samples.reactions import state_wrenches
 from pinfric.dynamics.samples.states import States
 from pinfric.study.identify.columns import PASS, Prepared, Rows
 from pinfric.study.identify.estimate import Estimate
-from pinfric.study.identify.laws import BACKWARD, FALL_SPEED, FORWARD, INERTIA, SLOT, SLOTS
-from pinfric.study.identify.normal import Normal, orthonormal, residuals
+from pinfric.study.identify.laws import BACKWARD, FALL_SPEED, FORWARD, INERTIA, SLOT
+from pinfric.study.identify.normal import orthonormal, residuals
 
 FloatArray = NDArray[np.float64]
 
@@ -41,9 +41,7 @@ _HARMONICS = tuple(range(1, 13))
 #: Coulomb friction forward and backward that differ by more than this share of their sum may well
 #: be equal, and the effort's sensor off.
 _UNEVEN = 0.15
-_DIRECTIONS = [SLOT[FORWARD], SLOT[BACKWARD]]
-#: Regularization where shapes are nearly the same.
-_RIDGE = 1e-9
+DIRECTIONS = [SLOT[FORWARD], SLOT[BACKWARD]]
 #: Columns of a shape are dropped if the model's columns leave less than this share of them.
 _DESCRIBED = 0.05
 
@@ -97,59 +95,6 @@ def misfits(found: Estimate) -> tuple[Misfit, ...]:
     return tuple(one for j in found.known for one in _of_joint(found, j, _track(found, j, presses)))
 
 
-def bias(found: Estimate, shapes: Sequence[Misfit], place: NDArray[np.int64]) -> FloatArray:
-    """Return (n,) changes of the coefficients when the shapes join the model.
-
-    Args:
-        found: the estimate.
-        shapes: of its residuals.
-        place: (n,) of the coefficients above zero among (nj K,).
-    """
-    problem, fit, p = found.problem, found.fit, found.fit.theta.size
-    every = Normal.of(problem.grams, np.ones(problem.folds.size, dtype=bool), problem.weights)
-    cross = every.cross[:, place]
-    left = np.block([[every.rigid, cross], [cross.T, every.slots[np.ix_(place, place)]]])
-    right = np.zeros(len(left))
-    if not problem.prior.kept:
-        left[:p, :p] += np.diag(every.rows * problem.prior.weight)
-    for j in sorted({one.joint for one in shapes}):
-        rows, own = found.rows[j], np.flatnonzero(place // len(SLOTS) == j)
-        columns = np.hstack([one.columns for one in shapes if one.joint == j])
-        weighed = columns * (problem.weights[j] * found.row_weights[j])[:, None]
-        beside = np.zeros((len(left), columns.shape[1]))
-        beside[:p] = rows.rigid.T @ weighed
-        beside[p + own] = rows.slots[:, place[own] % len(SLOTS)].T @ weighed
-        left = np.block([[left, beside], [beside.T, columns.T @ weighed]])
-        right = np.append(right, weighed.T @ residuals(rows, fit, j))
-    if problem.prior.kept:
-        left, right, p = left[p:, p:], right[p:], 0
-    size = np.sqrt(np.maximum(np.diag(left), 1e-300))
-    scaled = left / np.outer(size, size) + _RIDGE * np.eye(size.size)
-    return np.asarray((np.linalg.solve(scaled, right / size) / size)[p : p + place.size])
-
-
-def gradients(found: Estimate, shapes: Sequence[Misfit], place: NDArray[np.int64]) -> FloatArray:
-    """Return (m, p + n) the gradients by the estimate of shapes of one standard deviation each.
-
-        A^T W Z,    Z: the columns of all shapes
-
-    Args:
-        found: the estimate.
-        shapes: of its residuals.
-        place: (n,) of the coefficients above zero among (nj K,).
-    """
-    p, result = found.fit.theta.size, []
-    for one in shapes:
-        j, rows = one.joint, found.rows[one.joint]
-        own = np.flatnonzero(place // len(SLOTS) == j)
-        weighed = one.columns * (found.problem.weights[j] * found.row_weights[j])[:, None]
-        every = np.zeros((one.columns.shape[1], p + place.size))
-        every[:, :p] = weighed.T @ rows.rigid
-        every[:, p + own] = weighed.T @ rows.slots[:, place[own] % len(SLOTS)]
-        result.append(every)
-    return np.concatenate(result) if result else np.zeros((0, p + place.size))
-
-
 def uneven(found: Estimate) -> dict[int, float]:
     """Return joint -> half the difference of its Coulomb friction by direction, where it is large.
 
@@ -160,22 +105,10 @@ def uneven(found: Estimate) -> dict[int, float]:
     """
     result = {}
     for j in found.known:
-        up, down = found.fit.slots[j, _DIRECTIONS].tolist()
+        up, down = found.fit.slots[j, DIRECTIONS].tolist()
         if found.choice.laws[j].coulomb and abs(up - down) > _UNEVEN * (up + down):
             result[j] = 0.5 * (up - down)
     return result
-
-
-def one_sided(found: Estimate, place: NDArray[np.int64]) -> Iterator[FloatArray]:
-    """Yield (n,) changes of the coefficients if an offset explains a joint's uneven friction.
-
-    Args:
-        found: the estimate.
-        place: (n,) of the coefficients above zero among (nj K,).
-    """
-    for j, half in uneven(found).items():
-        at = [j * len(SLOTS) + direction for direction in _DIRECTIONS]
-        yield half * ((place == at[0]) * 1.0 - (place == at[1]))
 
 
 def _of_joint(found: Estimate, joint: int, track: _Track) -> Iterator[Misfit]:

@@ -32,9 +32,6 @@ _EXACT = 1e-3
 #: Rounds in which coefficients of many fits go to zero or come back together, and the share of the
 #: right side by which rounding may miss a gradient of zero.
 _EXCHANGES, _SLACK = 12, 1e-12
-#: Share of a block that is left out. Less than 1: where one block alone shows a coefficient, the
-#: matrix must not be singular.
-_LEFT_OUT = 0.99
 #: Multiplications from which BLAS takes several threads. These wait for each other by spinning: on
 #: cores that others use, too, a product of this size then takes a hundred times as long.
 _ALONE = 2**18
@@ -198,66 +195,6 @@ class ManyNormalEquations:
         x[:, place] = non_negative(self.left[:, place[:, None], place], self.right[:, place])
         theta = self.start - (self.by_slots @ x[:, :, None])[:, :, 0]
         return theta, x.reshape(len(x), len(chosen), -1)
-
-
-def influence(
-    grams: Sequence[BlockProducts],
-    weights: FloatArray,
-    prior: Prior,
-    fit: Fit,
-    place: NDArray[np.int64],
-    feedback: FloatArray | float = 0.0,
-    unknown: FloatArray | None = None,
-) -> tuple[FloatArray, int]:
-    """Return the influence of each block on the estimate: C = M^T M is the covariance.
-
-        M = S (H + F)^-T,    S: gradients of blocks less their mean, P deviation, what is unknown
-
-    H is the matrix of the normal equations, P the prior's part of it, F what they change by because
-    columns follow from the estimate. For each block's own gradient H has that block's part left out
-    (MacKinnon, Nielsen and Webb, Fast and reliable jackknife and bootstrap methods for
-    cluster-robust inference, 2023), because with few short blocks each one pulls the fit to itself.
-
-    Args:
-        grams: of each joint.
-        weights: (nj,) of each joint.
-        prior: of theta; kept parameters take no part.
-        fit: the estimate.
-        place: (n,) of the coefficients above zero among (nj K,).
-        feedback: (p + n, p + n) F.
-        unknown: (m, p + n) gradients of what the model lacks, of one standard deviation each.
-
-    Returns:
-        (blocks + p + m, p + n), or (blocks + m, n) where theta is kept; how many blocks have rows.
-    """
-    p, n, blocks = fit.theta.size, place.size, grams[0].count.size
-    hessian, scores = np.zeros((p + n, p + n)) + feedback, np.zeros((blocks, p + n))
-    own_parts = np.zeros((blocks, p + n, p + n))
-    for j, (one, weight) in enumerate(zip(grams, weights, strict=True)):
-        own = np.flatnonzero(place // len(SLOTS) == j)
-        to = np.concatenate((np.arange(p), p + own))
-        columns = np.concatenate((np.arange(p), p + place[own] % len(SLOTS)))
-        part = weight * one.products[:, columns]
-        own_parts[np.ix_(np.arange(blocks), to, to)] += part[:, :, columns]
-        scores[:, to] += part @ np.append(-fit.of_joint(j), 1.0)
-    hessian += own_parts.sum(axis=0)
-    drawn = np.zeros((0, p + n)) if unknown is None else unknown
-    if prior.kept:
-        hessian, scores, own_parts = hessian[p:, p:], scores[:, p:], own_parts[:, p:, p:]
-        drawn = drawn[:, p:]
-    else:
-        strength = sum(float(one.count.sum()) for one in grams) * prior.weight
-        hessian[:p, :p] += np.diag(strength)
-        drawn = np.vstack((np.eye(p, p + n) * (strength * prior.deviation)[:, None], drawn))
-    used = (scores != 0.0).any(axis=1)
-    scores, own_parts, count = scores[used], own_parts[used], int(used.sum())
-    scores = (scores - scores.mean(axis=0)) * np.sqrt((count - 1.0) / count)
-    size = np.sqrt(np.diag(hessian))
-    scaled, parts = (x / np.outer(size, size) for x in (hessian, own_parts))
-    without = scaled - _LEFT_OUT * parts
-    moved = np.linalg.solve(without, (scores / size)[:, :, None])[:, :, 0]
-    known = np.linalg.solve(scaled, (drawn / size).T).T
-    return np.concatenate((moved, known)) / size, count
 
 
 def weighted(rows: Sequence[Rows], fit: Fit) -> tuple[tuple[FloatArray, ...], FloatArray]:

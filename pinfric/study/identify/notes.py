@@ -53,7 +53,9 @@ def notes(
     ]
     lines += _of_logs(found)
     lines += [
-        f"{what}: {', '.join(names)}" for what, names in _of_joints(found, rest, static) if names
+        f"{what}: {', '.join(names)}"
+        for what, names in _of_joints(found, rest, static).items()
+        if names
     ]
     lines += _misfits(found, shapes)
     lines += _zeros(found)
@@ -206,85 +208,82 @@ def _of_masses(found: Estimate) -> list[str]:
 
 def _of_joints(
     found: Estimate, rest: Mapping[str, RestBound], static: Mapping[tuple[int, str], BreakAway]
-) -> list[tuple[str, list[str]]]:
+) -> dict[str, list[str]]:
     """What does not show, and at which joints."""
-    names, choice, question = found.scene.joint_names, found.choice, found.question
     slid = [j for j, rows in enumerate(found.rows) if rows.effort.size]
+    return _of_motion(found, slid) | _of_rest(found, slid, rest, static) | _of_laws(found, slid)
+
+
+def _of_motion(found: Estimate, slid: Sequence[int]) -> dict[str, list[str]]:
+    """What the motion does not show."""
+    names, other = found.scene.joint_names, "Coulomb friction there is taken as the other way"
 
     def hardly(sign: float) -> list[str]:
         return [names[j] for j in slid if (sign * found.rows[j].velocity > 0.0).sum() < FEWEST_ROWS]
 
-    other = "Coulomb friction there is taken as the other way"
-    return [
-        (
-            "never slides, keeps what the scene says",
-            [name for j, name in enumerate(names) if j not in slid],
-        ),
-        (f"hardly slides forward, {other}", hardly(1.0)),
-        (f"hardly slides backward, {other}", hardly(-1.0)),
-        (
-            "never rests, nothing bounds its static friction",
-            [names[j] for j in slid if rest[names[j]].seconds == 0.0],
-        ),
-        (
-            "rests, but never broke away slowly enough (three times a direction): static friction "
-            "is only bounded from below",
-            [
-                names[j]
-                for j in slid
-                if rest[names[j]].seconds > 0.0
-                and not {(j, FORWARD), (j, BACKWARD)} & static.keys()
-            ],
-        ),
-        (
-            f"efforts at rest are within the interval for less than {100 * _HELD_INSIDE:g} % of "
-            "the time, so static friction or the rigid effort is off",
-            [
-                f"{names[j]} {100 * rest[names[j]].inside:.1f} %"
-                for j in slid
-                if rest[names[j]].inside < _HELD_INSIDE
-            ],
-        ),
-        ("never fast, friction at speed is extrapolated (rad/s or m/s)", _slow(found, slid)),
-        (
-            "no load contrast beside Coulomb friction, a gear's loss cannot be told from it",
-            [
-                names[j]
-                for j in slid
-                if question.motor
-                and names[j] not in question.laws
-                and not any(law.load == "gear" for law in choice.errors[j])
-            ],
-        ),
-        (
-            "the model does not explain it (share of what its mean effort alone leaves, where "
-            "nothing was fitted), so it keeps what the scene says: check sign, zero and unit of "
-            "its angle and effort, and those of the joints beside it",
-            [f"{names[j]} {100 * share:.0f} %" for j, share in found.unexplained.items()],
-        ),
-        (
-            "a law on the joint's side was asked for, but friction of a coupled drive follows its "
-            "motor's speed and is taken on the motor's side",
-            [
-                name
-                for name, law in zip(names, choice.laws, strict=True)
-                if question.laws.get(name, law).side != law.side
-            ],
-        ),
-        (
-            "off by more than a tenth even where it was fitted, so something is missing or turned "
-            "(signs, zeros, motors that move with another joint)",
-            _missed(found, slid),
-        ),
-        (
-            "while masses are free, only the product of a gear's efficiencies (driving, driven) is "
-            "known, and each is as wrong as the URDF's masses; record a log with a known payload "
-            "(--payload)",
-            []
-            if scale_is_known(found)
-            else [name for name, law in zip(names, choice.laws, strict=True) if law.load == "gear"],
-        ),
-    ]
+    return {
+        "never slides, keeps what the scene says": [
+            name for j, name in enumerate(names) if j not in slid
+        ],
+        f"hardly slides forward, {other}": hardly(1.0),
+        f"hardly slides backward, {other}": hardly(-1.0),
+    }
+
+
+def _of_rest(
+    found: Estimate,
+    slid: Sequence[int],
+    rest: Mapping[str, RestBound],
+    static: Mapping[tuple[int, str], BreakAway],
+) -> dict[str, list[str]]:
+    """What holds do not show."""
+    names = found.scene.joint_names
+    rests = [j for j in slid if rest[names[j]].seconds > 0.0]
+    return {
+        "never rests, nothing bounds its static friction": [
+            names[j] for j in slid if rest[names[j]].seconds == 0.0
+        ],
+        "rests, but never broke away slowly enough (three times a direction): static friction is "
+        "only bounded from below": [
+            names[j] for j in rests if not {(j, FORWARD), (j, BACKWARD)} & static.keys()
+        ],
+        f"efforts at rest are within the interval for less than {100 * _HELD_INSIDE:g} % of the "
+        "time, so static friction or the rigid effort is off": [
+            f"{names[j]} {100 * rest[names[j]].inside:.1f} %"
+            for j in slid
+            if rest[names[j]].inside < _HELD_INSIDE
+        ],
+    }
+
+
+def _of_laws(found: Estimate, slid: Sequence[int]) -> dict[str, list[str]]:
+    """What the laws do not tell, or leave."""
+    names, choice, question = found.scene.joint_names, found.choice, found.question
+    laws = list(zip(names, choice.laws, strict=True))
+    offers_gear = [any(law.load == "gear" for law in own) for own in choice.errors]
+    scale = scale_is_known(found)
+    return {
+        "never fast, friction at speed is extrapolated (rad/s or m/s)": _slow(found, slid),
+        "no load contrast beside Coulomb friction, a gear's loss cannot be told from it": [
+            names[j]
+            for j in slid
+            if question.motor and names[j] not in question.laws and not offers_gear[j]
+        ],
+        "the model does not explain it (share of what its mean effort alone leaves, where nothing "
+        "was fitted), so it keeps what the scene says: check sign, zero and unit of its angle and "
+        "effort, and those of the joints beside it": [
+            f"{names[j]} {100 * share:.0f} %" for j, share in found.unexplained.items()
+        ],
+        "a law on the joint's side was asked for, but friction of a coupled drive follows its "
+        "motor's speed and is taken on the motor's side": [
+            name for name, law in laws if question.laws.get(name, law).side != law.side
+        ],
+        "off by more than a tenth even where it was fitted, so something is missing or turned "
+        "(signs, zeros, motors that move with another joint)": _missed(found, slid),
+        "while masses are free, only the product of a gear's efficiencies (driving, driven) is "
+        "known, and each is as wrong as the URDF's masses; record a log with a known payload "
+        "(--payload)": [name for name, law in laws if law.load == "gear" and not scale],
+    }
 
 
 def _slow(found: Estimate, slid: Sequence[int]) -> list[str]:

@@ -147,63 +147,48 @@ def parameters(
     result = []
     slots = found.problem.slots(found.choice.laws)
     for j in found.known:
-        law, r = found.choice.laws[j], abs(found.scene.drives[j].ratio)
         for slot in slots[j]:
-            x = float(found.fit.slots[j, slot])
-            places = [j * len(SLOTS) + slot]
-            if SLOTS[slot] in RESTING:  # at rest it adds to the friction in motion
-                below = SLOT[RESTING[SLOTS[slot]]]
-                places.append(j * len(SLOTS) + below)
-                x += float(found.fit.slots[j, below])
-            error, reach = known.of(places)
-            low, high = sorted(
-                float(scene_value(law, slot, max(x + side * reach, 0.0), r)) for side in (-1, 1)
-            )
-            value = float(scene_value(law, slot, x, r))
-            section, name, unit = scene_key(found.scene, j, law, slot)
-            why = ""
-            if x == 0.0:
-                why, high = "at its bound, zero", np.nan
-            elif x <= reach:
-                why = "its interval holds zero"
-            elif error > _VAGUE * x:
-                why = "its standard error exceeds half of it"
-            slope = abs(float(scene_value(law, slot, x + 1e-6, r)) - value) / 1e-6
-            result.append(
-                Parameter(
-                    section,
-                    found.scene.joint_names[j],
-                    name,
-                    unit,
-                    value,
-                    low,
-                    high,
-                    float(slope * error),
-                    not why,
-                    why,
-                )
-            )
-            if (j, SLOTS[slot]) in static:
-                broke = static[j, SLOTS[slot]]
-                mean, low, high, error = (
-                    float(scene_value(law, slot, x, r)) for x in astuple(broke)
-                )
-                result.append(
-                    Parameter(
-                        section,
-                        found.scene.joint_names[j],
-                        f"{name}.static",
-                        unit,
-                        mean,
-                        low,
-                        high,
-                        error,
-                        True,
-                    )
-                )
+            result.append(_parameter(found, known, j, slot))
+            if broke := static.get((j, SLOTS[slot])):
+                result.append(_static(found, j, slot, broke))
         if found.fit.slots[j, [SLOT[name] for name in RESTING]].any():
             result.append(_fall_speed(found, known, j))
     return tuple(result)
+
+
+def _parameter(found: Estimate, known: Uncertainty, joint: int, slot: int) -> Parameter:
+    """Return one coefficient with its interval."""
+    law, ratio = found.choice.laws[joint], abs(found.scene.drives[joint].ratio)
+    slots = [slot]
+    if SLOTS[slot] in RESTING:  # at rest it adds to the friction in motion
+        slots.append(SLOT[RESTING[SLOTS[slot]]])
+    x = float(found.fit.slots[joint, slots].sum())
+    error, reach = known.of([joint * len(SLOTS) + own for own in slots])
+
+    def scene_number(x: float) -> float:
+        return float(scene_value(law, slot, x, ratio))
+
+    low, high = sorted(scene_number(max(x + side * reach, 0.0)) for side in (-1, 1))
+    value, why = scene_number(x), ""
+    if x == 0.0:
+        why, high = "at its bound, zero", np.nan
+    elif x <= reach:
+        why = "its interval holds zero"
+    elif error > _VAGUE * x:
+        why = "its standard error exceeds half of it"
+    error *= abs(scene_number(x + 1e-6) - value) / 1e-6
+    section, key, unit = scene_key(found.scene, joint, law, slot)
+    name = found.scene.joint_names[joint]
+    return Parameter(section, name, key, unit, value, low, high, error, not why, why)
+
+
+def _static(found: Estimate, joint: int, slot: int, broke: BreakAway) -> Parameter:
+    """Return the friction at which a joint broke away."""
+    law, ratio = found.choice.laws[joint], abs(found.scene.drives[joint].ratio)
+    section, key, unit = scene_key(found.scene, joint, law, slot)
+    value, low, high, error = (float(scene_value(law, slot, x, ratio)) for x in astuple(broke))
+    name = found.scene.joint_names[joint]
+    return Parameter(section, name, f"{key}.static", unit, value, low, high, error, True)
 
 
 def _fall_speed(found: Estimate, known: Uncertainty, joint: int) -> Parameter:

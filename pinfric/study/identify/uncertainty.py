@@ -9,7 +9,7 @@ logs is a factor of each joint's friction: temperature, for the most part.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +19,7 @@ from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.study.identify.columns import Prepared, bearings_only
 from pinfric.study.identify.estimate import Estimate
 from pinfric.study.identify.inertias import with_parameters
+from pinfric.study.identify.influence import influence, of_joint
 from pinfric.study.identify.laws import (
     BACKWARD,
     BEARING,
@@ -31,8 +32,8 @@ from pinfric.study.identify.laws import (
     SLOTS,
     SPEEDS,
 )
-from pinfric.study.identify.misfit import Misfit, bias, gradients, one_sided
-from pinfric.study.identify.normal import above_zero, influence, residuals
+from pinfric.study.identify.misfit import DIRECTIONS, Misfit, uneven
+from pinfric.study.identify.normal import Normal, above_zero, residuals
 
 FloatArray = NDArray[np.float64]
 
@@ -40,6 +41,8 @@ FloatArray = NDArray[np.float64]
 _STEP = 0.1
 #: Columns of the friction that passes a gear between it and the motor.
 _INNER = (FORWARD, BACKWARD, *SPEEDS, FALL_FORWARD, FALL_BACKWARD, FALL_SPEED)
+#: Regularization where shapes are nearly the same.
+_RIDGE = 1e-9
 #: Logs from which a spread between them can be told.
 _FEWEST_LOGS = 2
 
@@ -111,11 +114,9 @@ def uncertainty(found: Estimate, shapes: Sequence[Misfit] = ()) -> Uncertainty:
 
         (H + F)^-1 (sum over blocks of s s^T + P S P + G^T G) (H + F)^-T + b b^T
 
-    H is the matrix of the normal equations of inertial parameters and coefficients together; F its
-    change because columns of loads follow from the estimate; s a block's part of the gradient; P
-    the weight that draws links to the URDF; S the variance of that; b the change of the
-    coefficients when the shapes of the residuals join the model; G the gradients of what the model
-    may have absorbed of these shapes, of unknown sign.
+    The first part is derived in `influence`: s is a block's part of the gradient, S the variance of
+    the URDF's parameters, G the gradients of what the model may have absorbed of the residuals'
+    shapes, of unknown sign. b is the change of the coefficients when these shapes join the model.
 
     Args:
         found: the estimate.
@@ -134,10 +135,77 @@ def uncertainty(found: Estimate, shapes: Sequence[Misfit] = ()) -> Uncertainty:
     )
     moved = moved[:, moved.shape[1] - place.size :]
     within = moved.T @ moved
-    for off in (*([bias(found, shapes, place)] if shapes else ()), *one_sided(found, place)):
+    for off in (*([bias(found, shapes, place)] if shapes else ()), *_one_sided(found, place)):
         within += np.outer(off, off)
     between, logs = for_a_further_log(found, place)
     return Uncertainty(place, within, between, count - 1, logs, between_logs(found))
+
+
+def gradients(found: Estimate, shapes: Sequence[Misfit], place: NDArray[np.int64]) -> FloatArray:
+    """Return (m, p + n) the gradients by the estimate of shapes of one standard deviation each.
+
+        A^T W Z,    Z: the columns of all shapes
+
+    Args:
+        found: the estimate.
+        shapes: of its residuals.
+        place: (n,) of the coefficients above zero among (nj K,).
+    """
+    p = found.fit.theta.size
+    result = np.zeros((sum(one.columns.shape[1] for one in shapes), p + place.size))
+    first = 0
+    for one in shapes:
+        to, columns = of_joint(place, one.joint, p)
+        rows, last = found.rows[one.joint], first + one.columns.shape[1]
+        weighed = one.columns * _row_weights(found, one.joint)
+        result[first:last, to] = weighed.T @ np.hstack((rows.rigid, rows.slots))[:, columns]
+        first = last
+    return result
+
+
+def bias(found: Estimate, shapes: Sequence[Misfit], place: NDArray[np.int64]) -> FloatArray:
+    """Return (n,) changes of the coefficients when the shapes join the model.
+
+        [H  G^T    ] [dz]   [0      ]
+        [G  Z^T W Z] [b ] = [Z^T W r],    G: `gradients`, r: residuals
+
+    Args:
+        found: the estimate.
+        shapes: of its residuals.
+        place: (n,) of the coefficients above zero among (nj K,).
+    """
+    problem, p = found.problem, found.fit.theta.size
+    every = Normal.of(problem.grams, np.ones(problem.folds.size, dtype=bool), problem.weights)
+    cross, beside = every.cross[:, place], gradients(found, shapes, place)
+    left = np.block([[every.rigid, cross], [cross.T, every.slots[np.ix_(place, place)]]])
+    if not problem.prior.kept:
+        left[:p, :p] += np.diag(every.rows * problem.prior.weight)
+    joints = np.repeat([one.joint for one in shapes], [one.columns.shape[1] for one in shapes])
+    own, right = np.zeros((joints.size, joints.size)), np.zeros(joints.size)
+    for j in np.unique(joints).tolist():
+        columns = np.hstack([one.columns for one in shapes if one.joint == j])
+        weighed, at = columns * _row_weights(found, j), joints == j
+        own[np.ix_(at, at)] = columns.T @ weighed
+        right[at] = weighed.T @ residuals(found.rows[j], found.fit, j)
+    left = np.block([[left, beside.T], [beside, own]])
+    right = np.append(np.zeros(p + place.size), right)
+    if problem.prior.kept:
+        left, right, p = left[p:, p:], right[p:], 0
+    size = np.sqrt(np.maximum(np.diag(left), 1e-300))
+    scaled = left / np.outer(size, size) + _RIDGE * np.eye(size.size)
+    return np.asarray((np.linalg.solve(scaled, right / size) / size)[p : p + place.size])
+
+
+def _one_sided(found: Estimate, place: NDArray[np.int64]) -> Iterator[FloatArray]:
+    """Yield (n,) changes of the coefficients if an offset explains a joint's uneven friction."""
+    for j, half in uneven(found).items():
+        at = [j * len(SLOTS) + direction for direction in DIRECTIONS]
+        yield half * ((place == at[0]) * 1.0 - (place == at[1]))
+
+
+def _row_weights(found: Estimate, joint: int) -> FloatArray:
+    """(rows, 1) the weight of each row of a joint."""
+    return (found.problem.weights[joint] * found.row_weights[joint])[:, None]
 
 
 def for_a_further_log(found: Estimate, place: NDArray[np.int64]) -> tuple[FloatArray, int]:
@@ -187,11 +255,9 @@ def _feedback(found: Estimate, place: NDArray[np.int64]) -> FloatArray:
         slopes = _load_slopes(found, j, SLOTS[slot])
         if slopes is None:
             continue
-        own, rows = np.flatnonzero(place // len(SLOTS) == j), found.rows[j]
-        to = np.concatenate((np.arange(p), p + own))
-        columns = np.concatenate((np.arange(p), p + place[own] % len(SLOTS)))
-        weight = found.problem.weights[j] * found.row_weights[j] * found.fit.slots[j, slot]
-        every = np.hstack((rows.rigid, rows.slots))[:, columns] * weight[:, None]
+        to, columns = of_joint(place, j, p)
+        weight, rows = _row_weights(found, j) * found.fit.slots[j, slot], found.rows[j]
+        every = np.hstack((rows.rigid, rows.slots))[:, columns] * weight
         result[np.ix_(to, to)] += every.T @ slopes[:, columns]
     return result
 

@@ -159,17 +159,8 @@ class Trajectory:
         refuse(source, problems)
         if has_many and v is not None and a is not None:
             names, nqs = _moving_joints(model)
-            return cls(
-                times,
-                qs,
-                v,
-                a,
-                _attached_columns(payloads, given, times.size),
-                tuple(payloads),
-                names,
-                source,
-                nqs,
-            )
+            carried = _attached_columns(payloads, given, times.size)
+            return cls(times, qs, v, a, carried, tuple(payloads), names, source, nqs)
         columns = joint_columns(model, source)
         refuse(source, unit_circle_problems(columns, qs))
         table = TrajectoryTable(

@@ -9,8 +9,14 @@ from pinfric import cli
 SCENE = """pinfric: 1
 robot: {urdf: "example-robot-data:ur_description/urdf/ur10_robot.urdf"}
 """
-JOINTS = ("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_1_joint",
-          "wrist_2_joint", "wrist_3_joint")  # fmt: skip
+JOINTS = (
+    "shoulder_pan_joint",
+    "shoulder_lift_joint",
+    "elbow_joint",
+    "wrist_1_joint",
+    "wrist_2_joint",
+    "wrist_3_joint",
+)
 
 
 @pytest.fixture
@@ -23,8 +29,14 @@ def log(tmp_path, monkeypatch):
     swing += np.array([0, -1.2, 1, -1.5, -1.5, 0])
     swing += 2e-5 * np.random.default_rng(1).normal(size=swing.shape)
     header = ",".join(["t", *JOINTS, "shoulder_lift_joint/effort"])
-    np.savetxt(tmp_path / "log.csv", np.column_stack((t, swing, np.full(t.size, 100.0))),
-               delimiter=",", header=header, comments="", fmt="%.12g")  # fmt: skip
+    np.savetxt(
+        tmp_path / "log.csv",
+        np.column_stack((t, swing, np.full(t.size, 100.0))),
+        delimiter=",",
+        header=header,
+        comments="",
+        fmt="%.12g",
+    )
     return "log.csv"
 
 

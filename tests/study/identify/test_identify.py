@@ -90,8 +90,10 @@ def csv_log(path: Path, seed: int, rate: float = 125.0, torn: tuple[int, ...] = 
     """Write a log as a file with stamps in ns and some torn rows."""
     given = log(seed, rate=rate)
     header = ["timestamp", *NAMES, *(f"{name}/effort" for name in NAMES)]
-    rows = [",".join([str(t), *(f"{x:.9g}" for x in q), *(f"{x:.6g}" for x in y)])
-            for t, q, y in zip(given.t, given.q, given.effort, strict=True)]  # fmt: skip
+    rows = [
+        ",".join([str(t), *(f"{x:.9g}" for x in q), *(f"{x:.6g}" for x in y)])
+        for t, q, y in zip(given.t, given.q, given.effort, strict=True)
+    ]
     for row in torn:
         rows[row] = rows[row][:40]
     path.write_text("\n".join([",".join(header), *rows]))
@@ -110,8 +112,9 @@ def short(seed: int = 0, still: tuple[int, ...] = ()) -> pf.Log:
 
 
 def parameter(found: Identified, section: str, joint: int, name: str):
-    return next(p for p in found.parameters
-                if (p.section, p.joint, p.name) == (section, NAMES[joint], name))  # fmt: skip
+    return next(
+        p for p in found.parameters if (p.section, p.joint, p.name) == (section, NAMES[joint], name)
+    )
 
 
 def test_an_unseen_motion_takes_the_efforts_that_the_true_robot_needs(found):
@@ -129,11 +132,16 @@ def test_the_laws_that_made_the_log_are_found(found):
 
 
 def test_coefficients_lie_in_their_intervals(found):
-    known = [(parameter(found, "friction", 2, "mu"), MU),
-             (parameter(found, "transmission", 1, "efficiency"), EFFICIENCY)]  # fmt: skip
+    known = [
+        (parameter(found, "friction", 2, "mu"), MU),
+        (parameter(found, "transmission", 1, "efficiency"), EFFICIENCY),
+    ]
     for j in range(6):
-        for name, value in (("coulomb.positive", COULOMB[j][0]), ("viscous", VISCOUS[j]),
-                            ("coulomb.negative", COULOMB[j][1])):  # fmt: skip
+        for name, value in (
+            ("coulomb.positive", COULOMB[j][0]),
+            ("viscous", VISCOUS[j]),
+            ("coulomb.negative", COULOMB[j][1]),
+        ):
             known.append((parameter(found, "friction", j, name), value))
     inside = [p.low <= value <= p.high for p, value in known]
     assert np.mean(inside) > 0.8
@@ -277,23 +285,32 @@ def test_both_losses_of_a_gear_show_where_masses_are_known():
     gear = Law(load="gear", both_ways=False)
     laws = dict.fromkeys(NAMES, Law()) | {NAMES[1]: gear, NAMES[2]: Law(load="bearing")}
     found = pf.identify(truth(), short(), inertia="keep", laws=laws)
-    drives, driven = (parameter(found, "transmission", 1, name).value
-                      for name in ("efficiency", "back_efficiency"))  # fmt: skip
+    drives, driven = (
+        parameter(found, "transmission", 1, name).value
+        for name in ("efficiency", "back_efficiency")
+    )
     assert drives == pytest.approx(EFFICIENCY, abs=0.01)
     assert driven == pytest.approx(BACK_EFFICIENCY, abs=0.02)
     transmission = found.scene.drives[1].transmission
     assert (transmission.efficiency, transmission.back_efficiency) == pytest.approx(
-        (drives, driven), rel=1e-5)  # fmt: skip
+        (drives, driven), rel=1e-5
+    )
 
 
 def test_a_gear_is_offered_whose_own_loss_makes_the_coulomb_friction_large():
     scene = truth()
     dry = {"static": 8.0, "kinetic": 8.0}
-    friction = scene.friction | {NAMES[2]: {"coulomb": {"positive": dry, "negative": dry},
-                                            "viscous": VISCOUS[2]}}  # fmt: skip
-    gears = [{"joint": drive.name, "transmission": {"ratio": RATIO}
-              | ({"efficiency": 0.7, "back_efficiency": 0.65} if drive.name == NAMES[2] else {})}
-             for drive in scene.drives]  # fmt: skip
+    friction = scene.friction | {
+        NAMES[2]: {"coulomb": {"positive": dry, "negative": dry}, "viscous": VISCOUS[2]}
+    }
+    gears = [
+        {
+            "joint": drive.name,
+            "transmission": {"ratio": RATIO}
+            | ({"efficiency": 0.7, "back_efficiency": 0.65} if drive.name == NAMES[2] else {}),
+        }
+        for drive in scene.drives
+    ]
     robot, motion = scene.with_(friction=friction, actuators=gears), excitation(0, 20.0, 100.0)
     given = pf.Log(motion.t, motion.q, motor_effort(robot, motion))
     laws = {name: Law() for name in NAMES if name != NAMES[2]}
@@ -412,8 +429,10 @@ def test_a_joint_that_moves_one_way_has_the_same_friction_the_other_way():
     motion.v[:, 5], motion.a[:, 5] = 0.3 + 0.2 * np.sin(0.8 * t), 0.16 * np.cos(0.8 * t)
     log = pf.Log(t, motion.q, motor_effort(truth(), motion))
     found = pf.identify(guess(0), log, laws=dict.fromkeys(NAMES, Law()))
-    assert f"hardly slides backward, Coulomb friction there is taken as the other way: {NAMES[5]}" \
-        in found.notes  # fmt: skip
+    assert (
+        f"hardly slides backward, Coulomb friction there is taken as the other way: {NAMES[5]}"
+        in found.notes
+    )
     assert not any((p.joint, p.name) == (NAMES[5], "coulomb.negative") for p in found.parameters)
     coulomb = found.scene.friction[NAMES[5]].coulomb
     assert coulomb.negative == coulomb.positive
@@ -440,7 +459,8 @@ def test_joints_that_the_model_does_not_explain_are_named_and_get_no_laws(tmp_pa
     assert not any(NAMES[1] in key for key in (*found.posterior, *found.advice[0].factors))
     robot = pf.load_scene("ur5_pick_and_place").robot
     assert f"  {NAMES[2]}: # not explained by the logs: as the scene says\n" in scene_text(
-        found, robot, tmp_path)  # fmt: skip
+        found, robot, tmp_path
+    )
     text = in_json(identify_summary(found))["joints"][1]
     assert (text["law"], text["error"]["error"] > 0.5 * text["error"]["rms"]) == (None, True)
     noise = np.random.default_rng(0).normal(size=short().effort.shape)
@@ -534,8 +554,11 @@ def test_masses_or_loads_tell_a_zero_that_is_off_by_a_quarter_turn():
     def turned(joint: int, angle: float) -> pf.Log:
         return replace(short(), q=short().q + angle * (np.arange(6) == joint))
 
-    line = next(line for line in pf.identify(guess(0), turned(3, np.pi / 2), laws=laws).notes
-                if line.startswith("masses that moved by more than 50 %"))  # fmt: skip
+    line = next(
+        line
+        for line in pf.identify(guess(0), turned(3, np.pi / 2), laws=laws).notes
+        if line.startswith("masses that moved by more than 50 %")
+    )
     assert NAMES[4] in line
     with pytest.raises(IdentificationError, match=f"{NAMES[1]}: its effort is"):
         pf.identify(guess(0), turned(2, -np.pi / 2), laws=laws)
@@ -545,8 +568,9 @@ def test_masses_or_loads_tell_a_zero_that_is_off_by_a_quarter_turn():
 def test_a_wrong_zero_that_the_last_links_take_up_is_named(turn):
     """Masses move by less than a URDF is off by, and errors stay at 3 %; but another zero fits."""
     off = np.deg2rad(turn) * (np.arange(6) == 4)
-    found = pf.identify(guess(0), replace(short(), q=short().q + off),
-                        laws=dict.fromkeys(NAMES, Law()))  # fmt: skip
+    found = pf.identify(
+        guess(0), replace(short(), q=short().q + off), laws=dict.fromkeys(NAMES, Law())
+    )
     assert max(one.error / one.rms for one in found.errors.values()) < 0.05
     line = next(line for line in found.notes if "another zero" in line)
     assert f"square: {NAMES[4]} {-turn:+d} degrees;" in line
@@ -616,8 +640,10 @@ def test_logs_without_efforts_or_time_are_refused():
     with pytest.raises(IdentificationError, match="no measured effort of shoulder_pan_joint"):
         pf.identify(guess(0), replace(short(), effort=None))
     with pytest.raises(IdentificationError, match="samples can be used; at least 100 are needed"):
-        pf.identify(guess(0), replace(short(), t=short().t[:90], q=short().q[:90],
-                                      effort=short().effort[:90]))  # fmt: skip
+        pf.identify(
+            guess(0),
+            replace(short(), t=short().t[:90], q=short().q[:90], effort=short().effort[:90]),
+        )
     with pytest.raises(IdentificationError, match="holds way-points"):
         pf.identify(pf.load_scene("ur5_pick_and_place"), "ur5_pick_and_place.waypoints.yaml")
     with pytest.raises(IdentificationError, match="needs a log"):
@@ -631,12 +657,17 @@ def test_a_log_of_six_seconds_is_taken_with_wider_intervals():
     brief = replace(short(), t=short().t[:600], q=short().q[:600], effort=short().effort[:600])
     less, more = (pf.identify(guess(0), one, laws=laws) for one in (brief, short()))
     assert less.estimate.problem.folds.size == 6
-    width = [[(p.high - p.low) / p.value for p in one.parameters if p.name == "viscous"]
-             for one in (less, more)]  # fmt: skip
+    width = [
+        [(p.high - p.low) / p.value for p in one.parameters if p.name == "viscous"]
+        for one in (less, more)
+    ]
     # a third of the time is the square root of three; few blocks, and what they pull, come on top
     assert np.nanmedian(np.divide(*width)) > 1.8
-    inside = [p.low <= VISCOUS[NAMES.index(p.joint)] <= p.high for p in less.parameters
-              if p.name == "viscous" and p.determined]  # fmt: skip
+    inside = [
+        p.low <= VISCOUS[NAMES.index(p.joint)] <= p.high
+        for p in less.parameters
+        if p.name == "viscous" and p.determined
+    ]
     assert np.mean(inside) > 0.8
 
 
@@ -689,8 +720,9 @@ def test_robots_whose_efforts_no_log_tells_apart_are_refused():
 def test_a_ur10_is_told_better_than_by_coulomb_and_viscous_friction(tmp_path):
     urdf = "example-robot-data:ur_description/urdf/ur10_robot.urdf"
     (tmp_path / "ur10.yaml").write_text(f"pinfric: 1\nrobot: {{urdf: '{urdf}'}}\n")
-    found = pf.identify(pf.load_scene(tmp_path / "ur10.yaml"),
-                        LOGS / "ur10" / "ur10_exciting_trajectory.db3")  # fmt: skip
+    found = pf.identify(
+        pf.load_scene(tmp_path / "ur10.yaml"), LOGS / "ur10" / "ur10_exciting_trajectory.db3"
+    )
     share = [error.error / error.plain for error in found.errors.values()]
     assert (np.array(share) <= UR10).all(), share
     lift = tuple(found.laws.values())[1]
@@ -727,13 +759,16 @@ def test_the_command_writes_what_runs(tmp_path, capsys, monkeypatch):
     written = {path.name for path in Path("found").iterdir()}
     assert {"scene.yaml", "posterior.csv", "sweep.yaml", "report.html", "summary.json"} <= written
     assert "robot.urdf" not in written
-    code, out, _ = run(capsys, "inverse", "found/scene.yaml", "arm.csv", "--effort-at", "motor",
-                       "--out", "again")  # fmt: skip
+    code, out, _ = run(
+        capsys, "inverse", "found/scene.yaml", "arm.csv", "--effort-at", "motor", "--out", "again"
+    )
     assert code == 0
     assert "logged efforts (at the motor) beside the computed ones" in out
     assert Path("again/measured.png").stat().st_size > 10_000
-    for bad, said in ((("--gain", "elbow"), "should be NAME=VALUE"),
-                      (("--effort-at", "shaft"), "'--effort-at': 'shaft'")):  # fmt: skip
+    for bad, said in (
+        (("--gain", "elbow"), "should be NAME=VALUE"),
+        (("--effort-at", "shaft"), "'--effort-at': 'shaft'"),
+    ):
         code, _, err = run(capsys, "identify", "arm.yaml", "arm.csv", *bad)
         assert (code, said in err) == (2, True)
 

@@ -33,29 +33,39 @@ def _scene(folder: Path, gears: list[dict], friction: dict, factor: float | None
 
 def test_friction_on_a_coupled_motors_side_is_found(tmp_path: Path) -> None:
     """Without the coupling the second motor's effort is missed; a scene without it says so."""
-    dry = {"positive": {"static": 0.03, "kinetic": 0.03},
-           "negative": {"static": 0.04, "kinetic": 0.04}}  # fmt: skip
+    dry = {
+        "positive": {"static": 0.03, "kinetic": 0.03},
+        "negative": {"static": 0.04, "kinetic": 0.04},
+    }
     coulomb = {"coulomb": {"static": 3.0, "kinetic": 3.0}, "viscous": 2.0}
-    gears = [{"ratio": 80.0, "rotor_inertia": 1e-5},
-             {"ratio": -50.0, "no_load_torque": dry, "motor_viscous": 4e-4}]  # fmt: skip
+    gears = [
+        {"ratio": 80.0, "rotor_inertia": 1e-5},
+        {"ratio": -50.0, "no_load_torque": dry, "motor_viscous": 4e-4},
+    ]
     true = _scene(tmp_path, gears, {"j1": coulomb}, -0.8)
     t = np.arange(0.0, 12.0, 0.01)
     w = np.array([[1.3, 2.9], [1.7, 3.7]])
-    q, v, a = (np.stack([(s * f(np.outer(t, row)) @ row**k) for row in w], axis=1)
-               for k, s, f in ((0, 0.4, np.sin), (1, 0.4, np.cos), (2, -0.4, np.sin)))  # fmt: skip
+    q, v, a = (
+        np.stack([(s * f(np.outer(t, row)) @ row**k) for row in w], axis=1)
+        for k, s, f in ((0, 0.4, np.sin), (1, 0.4, np.cos), (2, -0.4, np.sin))
+    )
     found = pf.inverse_dynamics(true, q, v, a, t=t)
     effort = 0.5 * (found.motor_torque_lower + found.motor_torque_upper) * np.array([80.0, -50.0])
     effort += 0.01 * effort.std(axis=0) * np.random.default_rng(3).normal(size=effort.shape)
     log, bare = pf.Log(t, q, effort, name="log"), [{"ratio": 80.0}, {"ratio": -50.0}]
     laws = {"j1": Law(), "j2": Law()}
-    known = {name: pf.identify(_scene(tmp_path, bare, {}, factor), [log], inertia="keep", laws=laws)
-             for name, factor in (("coupled", -0.8), ("apart", None))}  # fmt: skip
+    known = {
+        name: pf.identify(_scene(tmp_path, bare, {}, factor), [log], inertia="keep", laws=laws)
+        for name, factor in (("coupled", -0.8), ("apart", None))
+    }
     values = {p.key: p for p in known["coupled"].parameters}
-    for key, value in (("transmission.j2.no_load_torque.positive", 0.03),
-                       ("transmission.j2.no_load_torque.negative", 0.04),
-                       ("transmission.j2.motor_viscous", 4e-4),
-                       ("friction.j1.coulomb.positive", 3.0),
-                       ("friction.j1.viscous", 2.0)):  # fmt: skip
+    for key, value in (
+        ("transmission.j2.no_load_torque.positive", 0.03),
+        ("transmission.j2.no_load_torque.negative", 0.04),
+        ("transmission.j2.motor_viscous", 4e-4),
+        ("friction.j1.coulomb.positive", 3.0),
+        ("friction.j1.viscous", 2.0),
+    ):
         assert values[key].value == pytest.approx(value, rel=0.06), key
     errors = {name: one.errors["j2"].error / one.errors["j2"].rms for name, one in known.items()}
     assert errors["coupled"] < 0.02

@@ -17,11 +17,17 @@ from pinfric.study.identify.checks import check_efforts
 from pinfric.study.identify.columns import Rows, joint_rows, prepare
 from pinfric.study.identify.delay import Delay, disagreement, other_delays
 from pinfric.study.identify.identify import Identified
+from pinfric.study.identify.influence import influence
 from pinfric.study.identify.laws import FORWARD, SLOT, SLOTS, Law
-from pinfric.study.identify.misfit import Misfit, chance, gradients
-from pinfric.study.identify.normal import BlockProducts, Fit, Prior, influence, non_negative
+from pinfric.study.identify.misfit import Misfit, chance
+from pinfric.study.identify.normal import BlockProducts, Fit, Prior, non_negative
 from pinfric.study.identify.recordings import read_recordings
-from pinfric.study.identify.uncertainty import Uncertainty, for_a_further_log, uncertainty
+from pinfric.study.identify.uncertainty import (
+    Uncertainty,
+    for_a_further_log,
+    gradients,
+    uncertainty,
+)
 from pinfric.study.trajectory.log.reading import ReadingOptions
 
 NAMES = truth().joint_names
@@ -44,8 +50,10 @@ def found(case: str, stribeck: bool = False, seed: int = 21) -> Identified:
 def hits(one: Identified, stribeck: bool = False) -> dict[str, bool]:
     """Key -> whether its interval holds the true value."""
     least = 1.0 / (2.0 - BACK_EFFICIENCY)
-    known = {f"friction.{NAMES[2]}.mu": (MU, MU),
-             f"transmission.{NAMES[1]}.efficiency": (least, EFFICIENCY)}  # fmt: skip
+    known = {
+        f"friction.{NAMES[2]}.mu": (MU, MU),
+        f"transmission.{NAMES[1]}.efficiency": (least, EFFICIENCY),
+    }
     for name, ways, viscous in zip(NAMES, COULOMB, VISCOUS, strict=True):
         known[f"friction.{name}.viscous"] = viscous, viscous
         for way, value in zip(("positive", "negative"), ways, strict=True):
@@ -54,8 +62,11 @@ def hits(one: Identified, stribeck: bool = False) -> dict[str, bool]:
                 known[f"friction.{name}.coulomb.{way}.static"] = STATIC * value, STATIC * value
         if stribeck:
             known[f"friction.{name}.stribeck.velocity"] = FALL, FALL
-    return {p.key: p.low <= known[p.key][1] and p.high >= known[p.key][0]
-            for p in one.parameters if p.key in known}  # fmt: skip
+    return {
+        p.key: p.low <= known[p.key][1] and p.high >= known[p.key][0]
+        for p in one.parameters
+        if p.key in known
+    }
 
 
 def lacks(one: Identified) -> list[str]:
@@ -94,14 +105,23 @@ def test_a_shape_leaves_open_what_the_model_takes_of_it_for_its_own():
     slots[:, SLOT[FORWARD]] = 1.0
     wave = np.sqrt(2.0) * np.sin(2.0 * np.pi * np.arange(count) / count)
     effort = 2.0 + s * wave + 1e-3 * rng.normal(size=count)
-    rows = Rows(np.zeros((count, 10)), slots, effort, np.arange(count) // 4,
-                np.zeros(count, dtype=int), still, still, still)  # fmt: skip
+    rows = Rows(
+        np.zeros((count, 10)),
+        slots,
+        effort,
+        np.arange(count) // 4,
+        np.zeros(count, dtype=int),
+        still,
+        still,
+        still,
+    )
     weight, place = np.ones(count), np.array([SLOT[FORWARD]])
     fit = Fit(np.zeros(10), (np.arange(len(SLOTS)) == place[0])[None, :] * effort.mean())
     grams = [BlockProducts.of(rows, weight, 20)]
     prior = Prior(np.zeros(10), np.full(10, np.inf), np.zeros(10))
-    given = SimpleNamespace(rows=[rows], row_weights=[weight], fit=fit,
-                            problem=SimpleNamespace(weights=np.ones(1)))  # fmt: skip
+    given = SimpleNamespace(
+        rows=[rows], row_weights=[weight], fit=fit, problem=SimpleNamespace(weights=np.ones(1))
+    )
     shape = Misfit(0, "", s, 1.0, s * np.column_stack((np.ones(count), wave)))
     alone, _ = influence(grams, np.ones(1), prior, fit, place)
     unknown = gradients(given, [shape], place)
@@ -154,8 +174,9 @@ def test_a_bearing_that_the_scene_lacks_is_named():
 def test_an_offset_withholds_nothing_of_what_it_cannot_change():
     one = found("offset")
     # forward and backward together are known as well as without it
-    up, down = (one.posterior[f"friction.{NAMES[3]}.coulomb.{way}"]
-                for way in ("positive", "negative"))  # fmt: skip
+    up, down = (
+        one.posterior[f"friction.{NAMES[3]}.coulomb.{way}"] for way in ("positive", "negative")
+    )
     assert np.std(up + down) < 0.2 * np.std(up - down)
 
 
@@ -197,8 +218,16 @@ def test_an_interval_covers_a_further_log(logs):
     for _ in range(600):
         factors = 1.0 + 0.05 * rng.normal(size=logs + 1)
         effort = 2.0 * np.repeat(factors[:-1] / factors[:-1].mean(), 4)
-        rows = Rows(np.zeros((4 * logs, 10)), slots, effort, np.repeat(np.arange(2 * logs), 2),
-                    np.repeat(np.arange(logs), 4), still, still, still)  # fmt: skip
+        rows = Rows(
+            np.zeros((4 * logs, 10)),
+            slots,
+            effort,
+            np.repeat(np.arange(2 * logs), 2),
+            np.repeat(np.arange(logs), 4),
+            still,
+            still,
+            still,
+        )
         given = SimpleNamespace(rows=[rows], fit=fit, prepared=[None] * logs)
         between, count = for_a_further_log(given, np.array([slot]))
         known = Uncertainty(np.array([slot]), 1e-12 * np.eye(1), between, 20, count, np.zeros(1))

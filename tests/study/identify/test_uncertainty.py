@@ -29,8 +29,16 @@ def test_what_blocks_of_one_log_scatter_is_no_difference_between_logs(factors, s
     slots = np.zeros((40, len(SLOTS)))
     slots[:, SLOT[FORWARD]] = 1.0
     still = np.zeros(40)
-    rows = Rows(np.zeros((40, 10)), slots, 2.0 * factor, np.repeat(np.arange(4), 10),
-                np.repeat([0, 1], 20), still, still, still)  # fmt: skip
+    rows = Rows(
+        np.zeros((40, 10)),
+        slots,
+        2.0 * factor,
+        np.repeat(np.arange(4), 10),
+        np.repeat([0, 1], 20),
+        still,
+        still,
+        still,
+    )
     fit = Fit(np.zeros(10), 2.0 * (np.arange(len(SLOTS)) == SLOT[FORWARD])[None, :])
     found = SimpleNamespace(prepared=[None, None], rows=[rows], fit=fit)
     assert between_logs(found) == pytest.approx([spread], abs=1e-9)
@@ -50,14 +58,18 @@ def test_a_gears_loss_is_taken_out_of_what_a_joint_broke_away_at(side, way):
     )
     slots = (loss * (np.arange(len(SLOTS)) == SLOT[f"gear both, {side} side"]))[None, :]
     recording = SimpleNamespace(
-        trajectory=SimpleNamespace(t=0.004 * np.arange(825)), step=0.004, rests=rests[:, None],
-        velocity=np.where(rests, 0.0, sign)[:, None], effort=effort[:, None],
-    )  # fmt: skip
+        trajectory=SimpleNamespace(t=0.004 * np.arange(825)),
+        step=0.004,
+        rests=rests[:, None],
+        velocity=np.where(rests, 0.0, sign)[:, None],
+        effort=effort[:, None],
+    )
     found = SimpleNamespace(
         choice=SimpleNamespace(laws=[SimpleNamespace(load="gear", side=side)]),
-        fit=Fit(np.zeros(10), slots), delay=SimpleNamespace(value=0.0),
+        fit=Fit(np.zeros(10), slots),
+        delay=SimpleNamespace(value=0.0),
         prepared=[SimpleNamespace(recording=recording, load=np.full((825, 1), load))],
-    )  # fmt: skip
+    )
     ((key, broke),) = break_aways(found).items()
     assert key == (0, way)
     assert broke.mean == pytest.approx(2.0, rel=0.02)

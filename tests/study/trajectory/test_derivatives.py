@@ -19,8 +19,13 @@ def test_spline_orders_on_a_sine():
         v, a = position_derivatives(t, np.sin(3 * t), [])
         from_v = velocity_derivative(t, 3 * np.cos(3 * t), [])
         exact_a = -9 * np.sin(3 * t)
-        errors.append([np.abs(v - 3 * np.cos(3 * t)).max(), np.abs(a - exact_a).max(),
-                       np.abs(from_v - exact_a).max()])  # fmt: skip
+        errors.append(
+            [
+                np.abs(v - 3 * np.cos(3 * t)).max(),
+                np.abs(a - exact_a).max(),
+                np.abs(from_v - exact_a).max(),
+            ]
+        )
     orders = np.log2(np.array(errors)[:-1] / np.array(errors)[1:])
     assert (orders > [4.8, 3.8, 4.8]).all()
     assert errors[-1][0] < 1e-8

@@ -122,8 +122,16 @@ def test_extra_columns_are_named_in_one_line(tmp_path):
 @pytest.mark.parametrize("quantities", [1, 2, 3])
 def test_what_ros2_topic_echo_writes_has_no_header(quantities, tmp_path):
     numbers = [Q, V, 7.0 * V][:quantities]
-    rows = [[str(1_700_000_000 + k // 200), str(k % 200 * 5_000_000), "base", *NAMES,
-             *(f"{x:.12g}" for part in numbers for x in part[k])] for k in range(400)]  # fmt: skip
+    rows = [
+        [
+            str(1_700_000_000 + k // 200),
+            str(k % 200 * 5_000_000),
+            "base",
+            *NAMES,
+            *(f"{x:.12g}" for part in numbers for x in part[k]),
+        ]
+        for k in range(400)
+    ]
     motion = load(tmp_path, "\n".join(map(",".join, rows)) + "\n")
     np.testing.assert_allclose(motion.t, T, atol=1e-9)
     np.testing.assert_allclose(motion.q, Q, atol=1e-10)
@@ -139,8 +147,17 @@ def test_what_ros2_topic_echo_writes_may_change_its_order(tmp_path):
         order = [0, 1] if k < 150 else [1, 0]
         names = [NAMES[i] for i in order] if k % 100 != 70 else ["left", "right"]
         numbers = (x for part in (Q[k], V[k], 7.0 * Q[k]) for x in part[order])
-        rows.append(",".join([str(1_700_000_000 + k // 200), str(k % 200 * 5_000_000), "base",
-                              *names, *(f"{x:.12g}" for x in numbers)]))  # fmt: skip
+        rows.append(
+            ",".join(
+                [
+                    str(1_700_000_000 + k // 200),
+                    str(k % 200 * 5_000_000),
+                    "base",
+                    *names,
+                    *(f"{x:.12g}" for x in numbers),
+                ]
+            )
+        )
     motion = load(tmp_path, "\n".join(rows) + "\n")
     np.testing.assert_allclose(motion.q, Q, atol=1e-6)  # four rows interpolated
     assert "or their order, change in 251 rows, first in line 71" in motion.warnings[0]
@@ -294,8 +311,9 @@ joints:
     np.testing.assert_allclose(motion.reading.effort["arm_lift"], 11.5 * 2 * V[:, 1], atol=1e-9)
     (tmp_path / "other.yaml").write_text("joints: {base_turn: J9, arm_lft: J2}")
     with pytest.raises(TrajectoryError) as caught:
-        pf.load_trajectory(tmp_path / "log.csv", arm(),
-                           ReadingOptions(columns=tmp_path / "other.yaml"))  # fmt: skip
+        pf.load_trajectory(
+            tmp_path / "log.csv", arm(), ReadingOptions(columns=tmp_path / "other.yaml")
+        )
     assert "there is no column 'J9'" in str(caught.value)
     assert "no joint 'arm_lft'; did you mean 'arm_lift'" in str(caught.value)
 
@@ -582,9 +600,10 @@ def write_bag(folder, storage, topic="/joint_states", kind="sensor_msgs/msg/Join
                 message = make[kind](
                     header=make["std_msgs/msg/Header"](stamp=stamp, frame_id=""),
                     name=["arm_lift", "gripper", "base_turn"],
-                    position=np.array([q[1], 0.0, q[0]]), velocity=np.array([]),
+                    position=np.array([q[1], 0.0, q[0]]),
+                    velocity=np.array([]),
                     effort=np.array([1.0, 0.0, 2.0]),
-                )  # fmt: skip
+                )
             else:
                 message = make[kind](data=float(t))
             writer.write(connection, at, types.serialize_cdr(message, kind))
@@ -616,13 +635,17 @@ def test_bags_as_folder_and_as_file(storage, tmp_path):
 
 def test_a_bag_without_joint_states_says_what_it_has(tmp_path):
     folder = write_bag(tmp_path / "bag", "SQLITE3", "/battery", "std_msgs/msg/Float64")
-    with pytest.raises(TrajectoryError, match=r"no sensor_msgs/msg/JointState; its topics: "
-                       r"/battery \(std_msgs/msg/Float64\)"):  # fmt: skip
+    with pytest.raises(
+        TrajectoryError,
+        match=r"no sensor_msgs/msg/JointState; its topics: "
+        r"/battery \(std_msgs/msg/Float64\)",
+    ):
         pf.load_trajectory(folder, arm())
 
 
-@pytest.mark.parametrize(("name", "package"), [("log.db3", "rosbags.highlevel"),
-                                              ("log.parquet", "pyarrow.parquet")])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "package"), [("log.db3", "rosbags.highlevel"), ("log.parquet", "pyarrow.parquet")]
+)
 def test_a_missing_reader_names_the_extra(name, package, tmp_path, monkeypatch):
     (tmp_path / name).write_bytes(b"")
     monkeypatch.setitem(sys.modules, package, None)
@@ -675,22 +698,46 @@ def test_a_real_panda_is_filtered_to_its_advantage(tmp_path):
 @pytest.mark.parametrize(
     ("header", "columns", "parts"),
     [
-        (NAMES, (Q,), ("there is no column t (time, s)", "there are: base_turn, arm_lift",
-                       "`time: NAME`")),
-        (("time", "timestamp", *NAMES), (T, T, Q), ("'time', 'timestamp' may all be the time",
-                                                   "`time: time`")),
-        (("t", "joint_a", "joint_b"), (T, Q), ("no column is a joint of the scene (base_turn, "
-                                               "arm_lift); there are: t, joint_a, joint_b",
-                                               "joints: {base_turn: COLUMN}")),
-        (("t", "base_turn", "elbow"), (T, Q), ("joints without a column: arm_lift (columns not "
-                                               "used: 'elbow')",)),
-        (("t", "base_turn/effort", "arm_lift/effort"), (T, Q), ("has effort of the joints, but no "
-                                                                "positions",)),
-        (("t", "a/base_turn/position", "b/base_turn/position", "arm_lift"), (T, Q, Q[:, 0]),
-         ("'a/base_turn/position', 'b/base_turn/position' may all be the position of joint "
-          "base_turn", "--columns")),
+        (
+            NAMES,
+            (Q,),
+            ("there is no column t (time, s)", "there are: base_turn, arm_lift", "`time: NAME`"),
+        ),
+        (
+            ("time", "timestamp", *NAMES),
+            (T, T, Q),
+            ("'time', 'timestamp' may all be the time", "`time: time`"),
+        ),
+        (
+            ("t", "joint_a", "joint_b"),
+            (T, Q),
+            (
+                "no column is a joint of the scene (base_turn, "
+                "arm_lift); there are: t, joint_a, joint_b",
+                "joints: {base_turn: COLUMN}",
+            ),
+        ),
+        (
+            ("t", "base_turn", "elbow"),
+            (T, Q),
+            ("joints without a column: arm_lift (columns not used: 'elbow')",),
+        ),
+        (
+            ("t", "base_turn/effort", "arm_lift/effort"),
+            (T, Q),
+            ("has effort of the joints, but no positions",),
+        ),
+        (
+            ("t", "a/base_turn/position", "b/base_turn/position", "arm_lift"),
+            (T, Q, Q[:, 0]),
+            (
+                "'a/base_turn/position', 'b/base_turn/position' may all be the position of joint "
+                "base_turn",
+                "--columns",
+            ),
+        ),
     ],
-)  # fmt: skip
+)
 def test_what_cannot_be_known_is_refused_in_one_line(header, columns, parts, tmp_path):
     message = refused(tmp_path, table(header, *columns))
     for part in parts:
@@ -698,8 +745,9 @@ def test_what_cannot_be_known_is_refused_in_one_line(header, columns, parts, tmp
     assert "\n" not in message
 
 
-@pytest.mark.parametrize("options", [{"unit": "grad"}, {"time_unit": "min"}, {"cutoff": "0"},
-                                     {"cutoff": "fast"}])  # fmt: skip
+@pytest.mark.parametrize(
+    "options", [{"unit": "grad"}, {"time_unit": "min"}, {"cutoff": "0"}, {"cutoff": "fast"}]
+)
 def test_options_that_say_nothing_are_refused(options):
     with pytest.raises(TrajectoryError, match=r"^--"):
         ReadingOptions(**options)

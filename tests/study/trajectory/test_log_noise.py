@@ -107,8 +107,14 @@ def peaks(result):
 
 
 def write_csv(path, t, names, columns, form="%.12g"):
-    np.savetxt(path, np.column_stack((t, columns)), delimiter=",", header=",".join(["t", *names]),
-               comments="", fmt=form)  # fmt: skip
+    np.savetxt(
+        path,
+        np.column_stack((t, columns)),
+        delimiter=",",
+        header=",".join(["t", *names]),
+        comments="",
+        fmt=form,
+    )
     return path
 
 
@@ -356,8 +362,9 @@ def test_a_motion_with_power_up_to_its_cutoff_keeps_its_peaks(smooth, seed, tmp_
         phase = w * t[:, None] + rng.uniform(0, 6, size=6)
         q, v, a = q + 0.3 / w * np.sin(phase), v + 0.3 * np.cos(phase), a - 0.3 * w * np.sin(phase)
     truth = peaks(pf.inverse_dynamics(smooth.scene, q, v, a, t=t))[LOADED]
-    path = write_csv(tmp_path / "log.csv", t, smooth.plans[500].joint_names,
-                     q + 2e-5 * rng.normal(size=q.shape))  # fmt: skip
+    path = write_csv(
+        tmp_path / "log.csv", t, smooth.plans[500].joint_names, q + 2e-5 * rng.normal(size=q.shape)
+    )
     motion = pf.load_trajectory(path, smooth.scene)
     found = peaks(pf.inverse_dynamics(smooth.scene, motion))[LOADED]
     np.testing.assert_allclose(found, truth, rtol=0.015)  # also where the log ends in motion

@@ -49,13 +49,17 @@ def message(path, scene) -> str:
 
 
 def test_waypoints_make_the_closed_form_motion(tmp_path):
-    path = write(tmp_path, "move.yaml", """
+    path = write(
+        tmp_path,
+        "move.yaml",
+        """
 pinfric_trajectory: 1
 sample_rate: 100
 points:
   - {q: [0.0, 0.1, 0.0], hold: 0.5}
   - {q: [1.0, 0.3, -4.0], duration: 2.0, hold: 0.25}
-""")  # fmt: skip
+""",
+    )
     motion = load_trajectory(path, arm_scene())
     assert motion.duration == pytest.approx(2.75)
     assert motion.t.size == 276
@@ -70,7 +74,10 @@ points:
 
 
 def test_waypoint_holds_are_exactly_still(tmp_path):
-    path = write(tmp_path, "move.yaml", """
+    path = write(
+        tmp_path,
+        "move.yaml",
+        """
 pinfric_trajectory: 1
 profile: trapezoidal
 sample_rate: 100
@@ -78,7 +85,8 @@ points:
   - {q: [0.1], hold: 0.3}
   - {q: [0.7], duration: 0.7, hold: 0.2}
   - {q: [-0.3], duration: 1.0}
-""")  # fmt: skip
+""",
+    )
     motion = load_trajectory(path, one_joint_scene())
     holds = motion.holds()
     assert [(h.start, h.end) for h in holds] == [(0.0, 0.3), (1.0, 1.2)]
@@ -94,13 +102,17 @@ points:
 
 
 def test_a_point_without_hold_takes_the_next_moves_acceleration(tmp_path):
-    path = write(tmp_path, "move.yaml", """
+    path = write(
+        tmp_path,
+        "move.yaml",
+        """
 pinfric_trajectory: 1
 profile: trapezoidal
 ramp: 0.5
 sample_rate: 100
 points: [{q: [0.0]}, {q: [1.0], duration: 1.0}, {q: [0.5], duration: 1.0}]
-""")  # fmt: skip
+""",
+    )
     motion = load_trajectory(path, one_joint_scene())
     assert motion.a[0, 0] == pytest.approx(4.0)
     assert motion.v[100, 0] == 0.0
@@ -113,8 +125,12 @@ points: [{q: [0.0]}, {q: [1.0], duration: 1.0}, {q: [0.5], duration: 1.0}]
 )
 def test_missing_duration_uses_the_slowest_joints_velocity_limit(tmp_path, profile, factor):
     kind = "{profile: trapezoidal, ramp: 0.2" if profile == "ramp" else f"{{profile: {profile}"
-    path = write(tmp_path, "move.yaml", f"""{kind}, pinfric_trajectory: 1, speed: 0.5,
-sample_rate: 1000, points: [{{q: [0, 0, 0]}}, {{q: [1.0, 0.1, 0.0]}}]}}""")  # fmt: skip
+    path = write(
+        tmp_path,
+        "move.yaml",
+        f"""{kind}, pinfric_trajectory: 1, speed: 0.5,
+sample_rate: 1000, points: [{{q: [0, 0, 0]}}, {{q: [1.0, 0.1, 0.0]}}]}}""",
+    )
     motion = load_trajectory(path, arm_scene())
     needed = factor * 1.0 / (0.5 * 1.0)
     assert needed <= motion.duration + 1e-12 < needed + 0.001 + 1e-9
@@ -123,16 +139,21 @@ sample_rate: 1000, points: [{{q: [0, 0, 0]}}, {{q: [1.0, 0.1, 0.0]}}]}}""")  # f
 
 
 def test_missing_duration_without_limits_is_an_error(tmp_path):
-    path = write(tmp_path, "move.yaml",
-                 "{pinfric_trajectory: 1, points: [{q: [0,0,0]}, {q: [0,0,1]}]}")  # fmt: skip
+    path = write(
+        tmp_path, "move.yaml", "{pinfric_trajectory: 1, points: [{q: [0,0,0]}, {q: [0,0,1]}]}"
+    )
     assert "points[1]: needs a `duration`" in message(path, arm_scene())
     assert message(path, arm_scene()).endswith("for c")
 
 
 def test_end_off_the_sample_grid_is_a_sample(tmp_path):
-    path = write(tmp_path, "move.yaml", """
+    path = write(
+        tmp_path,
+        "move.yaml",
+        """
 {pinfric_trajectory: 1, sample_rate: 10, points: [{q: [0.0]}, {q: [1.0], duration: 0.95}]}
-""")  # fmt: skip
+""",
+    )
     motion = load_trajectory(path, one_joint_scene())
     np.testing.assert_allclose(motion.t[-2:], [0.9, 0.95])
     assert motion.q[-1, 0] == 1.0
@@ -140,23 +161,31 @@ def test_end_off_the_sample_grid_is_a_sample(tmp_path):
 
 
 def test_waypoint_joint_order_is_free(tmp_path):
-    path = write(tmp_path, "move.yaml", """
+    path = write(
+        tmp_path,
+        "move.yaml",
+        """
 {pinfric_trajectory: 1, joints: [c, a, b], points: [{q: [0.3, 1.0, 0.2], hold: 0.01}]}
-""")  # fmt: skip
+""",
+    )
     motion = load_trajectory(path, arm_scene())
     np.testing.assert_allclose(motion.joint_positions()[0], [1.0, 0.2, 0.3])
     assert motion.joint_names == ("a", "b", "c")
 
 
 def test_payload_phases_begin_on_arrival(tmp_path):
-    path = write(tmp_path, "move.yaml", """
+    path = write(
+        tmp_path,
+        "move.yaml",
+        """
 pinfric_trajectory: 1
 sample_rate: 10
 points:
   - {q: [0.0], detach: tool}
   - {q: [1.0], duration: 1.0, hold: 0.5, attach: [box]}
   - {q: [0.0], duration: 1.0, hold: 0.2, detach: box}
-""")  # fmt: skip
+""",
+    )
     motion = load_trajectory(path, one_joint_scene(box=False, tool=True, cable=True))
     assert motion.payload_names == ("box", "tool", "cable")
     carried = motion.t[motion.attached[:, 0]]
@@ -168,27 +197,40 @@ points:
 
 def test_bad_waypoints_are_listed_together(tmp_path, monkeypatch):
     monkeypatch.setattr("pinfric.errors._MOST_PROBLEMS", 99)
-    path = write(tmp_path, "move.yaml", """
+    path = write(
+        tmp_path,
+        "move.yaml",
+        """
 pinfric_trajectory: 1
 ramp: 0.2
 joints: [a, bb, c]
 points:
   - {q: [0, 0, 0], duration: 1.0, attach: box}
   - {q: [0, 0], duration: 1.0, attach: bax}
-""")  # fmt: skip
+""",
+    )
     text = message(path, arm_scene(box=True))
     for part in (
-        "7 problems", "unknown joint 'bb'; did you mean 'b'?", "missing b", "points[0].duration",
-        "'box' is attached already", "unknown payload 'bax'; did you mean 'box'?",
-        "points[1].q: 2 numbers for 3 joints", "ramp: belongs to profile: trapezoidal",
-    ):  # fmt: skip
+        "7 problems",
+        "unknown joint 'bb'; did you mean 'b'?",
+        "missing b",
+        "points[0].duration",
+        "'box' is attached already",
+        "unknown payload 'bax'; did you mean 'box'?",
+        "points[1].q: 2 numbers for 3 joints",
+        "ramp: belongs to profile: trapezoidal",
+    ):
         assert part in text, part
 
 
 def test_unknown_waypoint_keys_name_the_nearest(tmp_path):
-    path = write(tmp_path, "move.yaml", """
+    path = write(
+        tmp_path,
+        "move.yaml",
+        """
 {pinfric_trajectory: 1, sample_rat: 100, points: [{q: [0.0], hlod: 1.0}, {q: [.nan]}]}
-""")  # fmt: skip
+""",
+    )
     text = message(path, one_joint_scene())
     assert "unknown key `sample_rat`; did you mean 'sample_rate'?" in text
     assert "unknown key `points[0].hlod`; did you mean 'hold'?" in text
@@ -205,10 +247,12 @@ def test_unknown_waypoint_keys_name_the_nearest(tmp_path):
         ("{points: [", "not valid YAML"),
         ("{pinfric_trajectory: 1, points: [{q: [true]}]}", "points[0].q[0]"),
         ("{pinfric_trajectory: 1, points: [{q: [0.0]}, {q: [1.0], duration: 1.0e+9}]}", "samples"),
-        ("{pinfric_trajectory: 1, points: [{q: [0.0]}, {q: [2.5]}]}",
-         "joint a: 2.5 rad is above its upper limit 2 (first at t = "),
+        (
+            "{pinfric_trajectory: 1, points: [{q: [0.0]}, {q: [2.5]}]}",
+            "joint a: 2.5 rad is above its upper limit 2 (first at t = ",
+        ),
     ],
-)  # fmt: skip
+)
 def test_bad_waypoint_files(tmp_path, text, part):
     assert part in message(write(tmp_path, "move.yaml", text), one_joint_scene())
 
@@ -254,8 +298,14 @@ def test_acceleration_from_given_velocity_and_velocity_beside_given_acceleration
     t = np.linspace(0, 1, 101)
     for column, values in (("a.v", np.cos(t)), ("a.a", np.full(101, 4.0))):
         path = tmp_path / "m.csv"
-        np.savetxt(path, np.column_stack((t, np.sin(t), values)), delimiter=",",
-                   header=f"t,a,{column}", comments="", fmt="%.15g")  # fmt: skip
+        np.savetxt(
+            path,
+            np.column_stack((t, np.sin(t), values)),
+            delimiter=",",
+            header=f"t,a,{column}",
+            comments="",
+            fmt="%.15g",
+        )
         motion = load_trajectory(path, one_joint_scene())
         np.testing.assert_allclose(motion.v[:, 0], np.cos(t), atol=1e-8)
         expected = -np.sin(t) if column == "a.v" else np.full(101, 4.0)
@@ -278,8 +328,14 @@ def test_coarse_positions_are_filtered_or_pointed_out(tmp_path):
     t, q, _, true = pick_and_place(17)
     scene, path = one_joint_scene(), tmp_path / "m.csv"
     for digits in (4, 9):
-        np.savetxt(path, np.column_stack((t, q)), delimiter=",", header="t,a", comments="",
-                   fmt=f"%.{digits}f")  # fmt: skip
+        np.savetxt(
+            path,
+            np.column_stack((t, q)),
+            delimiter=",",
+            header="t,a",
+            comments="",
+            fmt=f"%.{digits}f",
+        )
         motion = load_trajectory(path, scene)
         noisy = [w for w in motion.warnings if "noise" in w]
         assert [re.sub(r"at [\d.]+ Hz", "at x Hz", w) for w in noisy] == (
@@ -306,13 +362,17 @@ def test_csv_payload_columns_and_defaults(tmp_path):
 
 
 def test_round_trip_keeps_every_bit(tmp_path):
-    yaml = write(tmp_path, "move.yaml", """
+    yaml = write(
+        tmp_path,
+        "move.yaml",
+        """
 pinfric_trajectory: 1
 sample_rate: 250
 points:
   - {q: [0.0, 0.1, 0.0], hold: 0.1}
   - {q: [1.0, 0.3, -7.0], duration: 2.0, hold: 0.1, attach: box}
-""")  # fmt: skip
+""",
+    )
     scene = arm_scene(box=False)
     first = load_trajectory(yaml, scene)
     second = load_trajectory(first.to_csv(tmp_path / "exact.csv", digits=17), scene)
@@ -328,26 +388,33 @@ points:
 
 def test_all_problems_of_a_csv_in_one_error(tmp_path, monkeypatch):
     monkeypatch.setattr("pinfric.errors._MOST_PROBLEMS", 99)
-    path = write(tmp_path, "m.csv", "\n".join([
-        "t,a,bb,c,payload.bax,a.w,c",
-        "0,0,0,0,0,0,0",
-        "1,nan,0,0,0,0,0",
-        "1,3.5,0,0,0,0,0",
-        "2,-4,0,0,0,0",
-        "3,inf,0,oops,0,0,0",
-        "2.5,-2.5,0,,0,0,0",
-    ]))  # fmt: skip
+    path = write(
+        tmp_path,
+        "m.csv",
+        "\n".join(
+            [
+                "t,a,bb,c,payload.bax,a.w,c",
+                "0,0,0,0,0,0,0",
+                "1,nan,0,0,0,0,0",
+                "1,3.5,0,0,0,0,0",
+                "2,-4,0,0,0,0",
+                "3,inf,0,oops,0,0,0",
+                "2.5,-2.5,0,,0,0,0",
+            ]
+        ),
+    )
     text = message(path, arm_scene(box=True))
     for part in (
         "unknown payload in column 'payload.bax'; did you mean 'box'?",
-        "column 'c' stands 2 times", "joints without a column: b (columns not used: 'bb', 'a.w')",
+        "column 'c' stands 2 times",
+        "joints without a column: b (columns not used: 'bb', 'a.w')",
         "the header has 7 columns; rows with another number of cells: line 5 (6)",
         "not a number: line 6, column c: 'oops', line 7, column c: ''",
         "column a: nan at sample 1 (line 3), inf at sample 3 (line 6)",
         "time must increase; it does not at line 4 (t = 1 after 1), line 7 (t = 2.5 after 3)",
         "joint a: 3.5 rad is above its upper limit 2 (first at t = 1 s",
         "joint a: -2.5 rad is below its lower limit -2 (first at t = 2.5 s",
-    ):  # fmt: skip
+    ):
         assert part in text, part
     assert ": 9 problems:" in text
 
@@ -423,9 +490,13 @@ def test_mimic_followers_have_no_column(tmp_path):
 <limit lower="0" upper="0.04" effort="1" velocity="1"/></joint>
 <joint name="right" type="prismatic"><parent link="base"/><child link="r"/><axis xyz="-1 0 0"/>
 <mimic joint="left"/><limit lower="0" upper="0.04" effort="1" velocity="1"/></joint>
-</robot>""".format("".join(
-        f'<link name="{n}"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" '
-        'iyz="0" izz="1"/></inertial></link>' for n in "lr"))  # fmt: skip
+</robot>""".format(
+        "".join(
+            f'<link name="{n}"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" '
+            'iyz="0" izz="1"/></inertial></link>'
+            for n in "lr"
+        )
+    )
     model = pin.buildModelFromXML(urdf, mimic=True)
     scene = SimpleNamespace(model=model, payloads={})
     motion = load_trajectory(write(tmp_path, "m.csv", "t,left\n0,0.01\n1,0.01\n"), scene)

@@ -390,33 +390,26 @@ def _filtered(
     parts: dict[str, NDArray[Any]] = {
         name: np.empty((kept.size, len(columns)), kind) for name, kind in kinds.items()
     }
-    cutoffs, spreads, cut = [], [], []
+    passes, spreads = [], []
     for i, q in enumerate(measured.T):
         holds = found[i] if noisy[i] else find_holds(q, float(even.table.resolution[i]))
-        moves = sum(last - first + 1 for first, last in holds) < q.size
-        cutoff, gaussian, lost = None, False, 0.0
-        if moves and options.cutoff != "none" and (noisy[i] or options.cutoff is not None):
-            seen = Spectra.of(q, step, floor[i])
-            cutoff = signal_cutoff(seen)
-            if isinstance(options.cutoff, float):
-                cutoff = options.cutoff
-            elif cutoff is not None and acceleration_jumps(seen, cutoff):
-                cutoff, gaussian = signal_cutoff(seen, gaussian=True), True
-            lost = 0.0 if cutoff is None else motion_taken_away(seen, cutoff, gaussian)
-        cut.append(lost)
-        joint = _low_passed(sampled, i, holds, cutoff, gaussian, noise[i], thinning)
+        passes.append(_chosen_pass(q, step, floor[i], holds, noisy[i], options.cutoff))
+        joint = _low_passed(sampled, i, holds, passes[i], noise[i], thinning)
         for name, column in parts.items():
             column[:, i] = getattr(joint, name)
-        cutoffs.append(cutoff)
         spreads.append(joint.spread)
     names = [column.name for column in columns]
     spread = np.array(spreads)
     reading = replace(
         even.reading,
         noise=dict(zip(names, noise, strict=True)),
-        cutoff=dict(zip(names, cutoffs, strict=True)),
+        cutoff={name: own.cutoff for name, own in zip(names, passes, strict=True)},
         uncertain=DerivativeNoise(
-            parts["moving"], spread[:, 0], spread[:, 1], parts["shift"], np.array(cut)
+            parts["moving"],
+            spread[:, 0],
+            spread[:, 1],
+            parts["shift"],
+            np.array([own.lost for own in passes]),
         ),
     )
     line = _noise_line(reading, " or ".join(dict.fromkeys(column.unit for column in columns)))
@@ -427,9 +420,38 @@ def _filtered(
         velocity=parts["velocity"],
         acceleration=parts["acceleration"],
     )
-    ends = [0.0 if cutoff is None else _ONE_SIDED / cutoff for cutoff in cutoffs]
+    ends = [0.0 if own.cutoff is None else _ONE_SIDED / own.cutoff for own in passes]
     settled = Settled(table, even.rows, reading, every)
     return _without_ends(settled, parts["moving"], np.array(ends), every * step)
+
+
+@dataclass(frozen=True)
+class _Pass:
+    """A joint's low pass: cutoff, Hz, or None; which one; RMS acceleration that it takes away."""
+
+    cutoff: float | None = None
+    gaussian: bool = False
+    lost: float = 0.0
+
+
+def _chosen_pass(
+    q: FloatArray,
+    step: float,
+    noise: float,
+    holds: Sequence[tuple[int, int]],
+    is_noisy: bool,
+    given: float | str | None,
+) -> _Pass:
+    """Return the low pass that a joint needs, or of the cutoff that was given if it moves."""
+    moves = sum(last - first + 1 for first, last in holds) < q.size
+    if not moves or given == "none" or (given is None and not is_noisy):
+        return _Pass()
+    seen, gaussian = Spectra.of(q, step, noise), False
+    cutoff = given if isinstance(given, float) else signal_cutoff(seen)
+    if given is None and cutoff is not None and acceleration_jumps(seen, cutoff):
+        cutoff, gaussian = signal_cutoff(seen, gaussian=True), True
+    lost = 0.0 if cutoff is None else motion_taken_away(seen, cutoff, gaussian)
+    return _Pass(cutoff, gaussian, lost)
 
 
 def _without_ends(
@@ -490,13 +512,12 @@ def _low_passed(
     sampled: _Sampled,
     joint: int,
     holds: Sequence[tuple[int, int]],
-    cutoff: float | None,
-    gaussian: bool,
+    chosen: _Pass,
     noise: float,
     thinning: Thinning | None,
 ) -> _Smoothed:
     """Return one joint's motion, thinned; its whole columns fill much of the memory."""
-    t, step = sampled.even.table.t, sampled.step
+    t, step, cutoff, gaussian = sampled.even.table.t, sampled.step, chosen.cutoff, chosen.gaussian
     every = thinning.every(step) if thinning else 1
     q = sampled.even.table.position[:, joint].copy()
     moving, shift = np.ones(q.size, dtype=bool), np.zeros(1)

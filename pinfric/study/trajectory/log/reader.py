@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +23,13 @@ from pinfric.study.trajectory.log.motion import Settled, settle, unwrapped
 from pinfric.study.trajectory.log.reading import Reading, ReadingOptions
 from pinfric.study.trajectory.log.rows import check_times, gap_problems, ordered_rows
 from pinfric.study.trajectory.log.thinning import Thinning
-from pinfric.study.trajectory.log.units import angle_unit, fast_angles, is_clock, time_factor
+from pinfric.study.trajectory.log.units import (
+    angle_unit,
+    fast_angles,
+    is_clock,
+    time_factor,
+    unwrapped_steps,
+)
 from pinfric.study.trajectory.table import TrajectoryTable, mismatch_warning
 
 FloatArray = NDArray[np.float64]
@@ -78,8 +84,9 @@ def read_log(
     if not found.time or not named:
         refuse(name, problems)
     notes = [*log.notes, *found.notes, *([f"columns not used: {others}"] if others else [])]
-    unit = options.unit or (mapping.unit if mapping else None)
-    return _read(name, log, found, named, options, unit, problems, notes)
+    options = replace(options, unit=options.unit or (mapping.unit if mapping else None))
+    rows = _in_si(name, log, found, named, options, problems, notes)
+    return _settled(log, found, named, rows, options, problems, notes)
 
 
 def _open(path: Path, joints: Sequence[JointColumn]) -> OpenedLog:
@@ -106,17 +113,31 @@ def _say_dropped(cells: LogFrame, notes: list[str]) -> None:
         notes.append(f"{counted(cells.absent, 'row')} without positions passed over")
 
 
-def _read(
+@dataclass(frozen=True)
+class _Measured:
+    """The rows of a log in SI and in order of time.
+
+    Args:
+        plan: what they say of the motion.
+        effort: (T, nj) N m or N; NaN where there is none.
+        dropped: rows left out.
+    """
+
+    plan: TrajectoryTable
+    effort: FloatArray
+    dropped: int
+
+
+def _in_si(
     name: str,
     log: OpenedLog,
     found: Columns,
     named: tuple[JointColumn, ...],
     options: ReadingOptions,
-    unit: str | None,
     problems: list[str],
     notes: list[str],
-) -> Logged:
-    """Turn cells into SI, put the rows in order, and settle on the motion behind them."""
+) -> _Measured:
+    """Turn cells into SI, and put the rows in order."""
     cells = log.read(found.used(), problems)
     if len(cells.values) == 0:
         refuse(name, problems)
@@ -124,7 +145,7 @@ def _read(
     uses = [found.position[column.name] for column in named]
     raw = _quantity(cells, {name: Use(use.column) for name, use in found.position.items()}, named)
     known = [use.unit for use in uses]
-    factors = angle_unit(named, raw, known, unit, problems, notes)
+    factors = angle_unit(named, raw, known, options.unit, problems, notes)
     del raw
     position = _quantity(cells, found.position, named, factors)
     resolution = np.array([cells.resolution.get(use.column, 0.0) for use in uses])
@@ -135,7 +156,7 @@ def _read(
     taken = slice(None) if kept.size == t.size else kept
     own_plan = found.planned and bool(found.velocity)
     if not problems and not own_plan and set(factors) == {1.0}:
-        problems += fast_angles(named, t[kept], position[taken], known, unit)
+        problems += fast_angles(named, t[kept], position[taken], known, options.unit)
     position = unwrapped(named, position[taken], notes)
     velocity, acceleration = (
         _quantity(cells, part, named, factors)[taken]
@@ -145,31 +166,41 @@ def _read(
     plan = TrajectoryTable(
         t[kept], position, velocity, acceleration, attached, resolution * np.abs(factors)
     )
+    effort = _quantity(cells, found.effort, named)[taken]
+    return _Measured(plan, effort, cells.dropped + len(cells.values) - kept.size)
+
+
+def _settled(
+    log: OpenedLog,
+    found: Columns,
+    named: tuple[JointColumn, ...],
+    rows: _Measured,
+    options: ReadingOptions,
+    problems: list[str],
+    notes: list[str],
+) -> Logged:
+    """Settle on the motion behind the rows."""
+    plan = rows.plan
     if problems:
-        return named, plan, Reading(kept.size)
+        return named, plan, Reading(plan.t.size)
     if log.recorded or not found.planned:
         notes += _compared(named, plan)
-        nothing = np.broadcast_to(np.nan, position.shape)
+        nothing = np.broadcast_to(np.nan, plan.position.shape)
         plan = replace(plan, velocity=nothing, acceleration=nothing)
-    effort = _quantity(cells, found.effort, named)[taken]
-    dropped = cells.dropped + len(cells.values) - kept.size
-    recorded = log.recorded or bool(found.effort)
-    del cells, position, velocity, acceleration  # a long log takes much memory
-    settled = settle(named, plan, options, problems, recorded)
+    settled = settle(named, plan, options, problems, log.recorded or bool(found.effort))
     if settled.reading.filtered and np.isfinite(plan.velocity).any():
         notes.append("velocities in the file are not used: they come from the filtered positions")
     if log.recorded:
         notes += _smoothed_already(settled.reading)
         problems += [gap for gap in gap_problems(plan.t) if gap not in problems]
-    efforts = {
-        column.name: _beside(settled, effort[:, i], options.thinning)
-        for i, column in enumerate(named)
-        if column.name in found.effort
-    }
     reading = replace(
         settled.reading,
-        dropped=settled.reading.dropped + dropped,
-        effort=efforts,
+        dropped=settled.reading.dropped + rows.dropped,
+        effort={
+            column.name: _beside(settled, rows.effort[:, i], options.thinning)
+            for i, column in enumerate(named)
+            if column.name in found.effort
+        },
         notes=(*notes, *settled.reading.notes),
     )
     return named, settled.table, reading
@@ -218,8 +249,7 @@ def _speeds(named: Sequence[JointColumn], position: FloatArray) -> tuple[float, 
         return 0.0, 0.0
     largest = np.zeros(len(named))
     for i, q in enumerate(position.T):  # one after another: a long log fills much of the memory
-        steps = np.abs(np.diff(q))
-        steps = np.minimum(steps, np.abs(steps - 2.0 * np.pi))  # an angle may wrap
+        steps = unwrapped_steps(q)
         largest[i] = np.max(steps, where=np.isfinite(steps), initial=0.0)
     limits = np.array([column.velocity_limit for column in named])
     return float((largest / limits).max(initial=0.0)), float(largest.max(initial=0.0))

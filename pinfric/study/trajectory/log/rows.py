@@ -160,11 +160,17 @@ def regular_time(t: FloatArray) -> Timing | None:
         if (whole <= 0).any() or whole.sum() > GAP_FACTOR * t.size:
             return _wandering_time(t)
         number = np.concatenate(([0], np.cumsum(whole)))
-    step, start = np.polyfit(number, t, 1)
-    jitter = float(np.sqrt(np.mean((t - start - step * number) ** 2)))
+    step, start, jitter = _line(t, number)
     if step <= 0.0 or jitter > _JITTER * step:
         return _wandering_time(t)
-    return Timing(float(start), float(step), int(number[-1]) + 1, number, jitter)
+    return Timing(start, step, int(number[-1]) + 1, number, jitter)
+
+
+def _line(t: FloatArray, number: NDArray[np.int64]) -> tuple[float, float, float]:
+    """Return step, start of the line t = start + step number, and RMS distance from it, s."""
+    step, start = np.polyfit(number, t, 1)
+    off = t - start - step * number
+    return float(step), float(start), float(np.sqrt(np.mean(off**2)))
 
 
 def _wandering_time(t: FloatArray) -> Timing | None:
@@ -176,8 +182,7 @@ def _wandering_time(t: FloatArray) -> Timing | None:
     count = int((t[-1] - t[0]) / step + 1e-9) + 1
     if count > GAP_FACTOR * t.size:  # a gap that is longer than the log
         return None
-    off = t - np.polyval(np.polyfit(np.arange(t.size), t, 1), np.arange(t.size))
-    return Timing(float(t[0]), step, count, None, float(np.sqrt(np.mean(off**2))))
+    return Timing(float(t[0]), step, count, None, _line(t, np.arange(t.size))[2])
 
 
 def far_apart(t: FloatArray, least: float) -> NDArray[np.int64]:
@@ -255,10 +260,9 @@ def evenly(t: FloatArray) -> FloatArray | None:
     Args:
         t: (rows,) stamps, s.
     """
-    number = np.arange(t.size, dtype=np.float64)
-    step, start = np.polyfit(number, t, 1)
-    even = start + step * number
-    return even if step > 0.0 and np.std(t - even) <= _JITTER * step else None
+    step, start, jitter = _line(t, np.arange(t.size))
+    even = start + step * np.arange(t.size, dtype=np.float64)
+    return even if step > 0.0 and jitter <= _JITTER * step else None
 
 
 def gaps(t: FloatArray) -> NDArray[np.int64]:

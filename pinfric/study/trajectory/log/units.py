@@ -147,6 +147,12 @@ def _reach(column: JointColumn) -> float:
     return max(abs(column.lower), abs(column.upper))
 
 
+def unwrapped_steps(q: FloatArray) -> FloatArray:
+    """Return how far one joint goes from row to row, (T - 1,); an angle may wrap."""
+    steps = np.abs(np.diff(q))
+    return np.minimum(steps, np.abs(steps - 2.0 * np.pi))
+
+
 def fast_angles(
     columns: Sequence[JointColumn],
     t: FloatArray,
@@ -169,10 +175,8 @@ def fast_angles(
         return []
     apart, speeds = np.maximum(steps, np.mean(steps)), []
     for q in position.T:  # one after another: a long log fills much of the memory
-        ways = np.abs(np.diff(q))
-        ways = np.minimum(ways, np.abs(ways - 2.0 * np.pi))  # an angle may wrap
         # rows that were written at once say nothing about speeds
-        speeds.append(float(np.quantile(ways / apart, 0.99)))
+        speeds.append(float(np.quantile(unwrapped_steps(q) / apart, 0.99)))
     fast = [
         f"{column.name} {speed:.3g} rad/s, limit {column.velocity_limit:.3g}"
         for column, speed, unit in zip(columns, speeds, known, strict=True)
