@@ -651,13 +651,12 @@ def accuracy(
     --out writes accuracy.png, accuracy.csv and summary.json.
     """
     scene, trajectory = load(scene_name, trajectory_name, log, out)
-    from pinfric.paper.reproduction import absolute_judge
     from pinfric.show.accuracy.figure import accuracy_figure
     from pinfric.show.accuracy.report import accuracy_frame, accuracy_report
     from pinfric.study.accuracy.study import accuracy as study
 
     with working("measuring, for half a minute or more; minutes where loops close"):
-        found = study(scene, trajectory, second=absolute_judge(scene))
+        found = study(scene, trajectory)
     files: Files = {
         "accuracy.png": lambda path: accuracy_figure(found).savefig(path),
         "accuracy.csv": lambda path: accuracy_frame(found).to_csv(path, index=False),
