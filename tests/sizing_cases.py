@@ -19,19 +19,42 @@ CYCLE = 2 * RAMP + PLATEAU + PAUSE
 _JUMP = 1e-10
 
 MOTOR = {
-    "source": "invented", "grade": "R", "continuous_torque": 0.5, "peak_torque": 2.0,
-    "torque_constant": 0.1, "resistance": 0.8, "rotor_inertia": 5e-5, "mass": 0.6,
+    "source": "invented",
+    "grade": "R",
+    "continuous_torque": 0.5,
+    "peak_torque": 2.0,
+    "torque_constant": 0.1,
+    "resistance": 0.8,
+    "rotor_inertia": 5e-5,
+    "mass": 0.6,
     "max_speed": 600.0,
-    "thermal": {"winding_housing": 2.0, "housing_ambient": 3.0, "winding_time": 20.0,
-                "housing_time": 300.0, "max_winding": 125.0},
-}  # fmt: skip
+    "thermal": {
+        "winding_housing": 2.0,
+        "housing_ambient": 3.0,
+        "winding_time": 20.0,
+        "housing_time": 300.0,
+        "max_winding": 125.0,
+    },
+}
 GEAR = {
-    "source": "invented", "grade": "R", "ratio": 100.0, "rated_torque": 30.0,
-    "average_torque": 40.0, "repeated_peak_torque": 60.0, "momentary_peak_torque": 100.0,
-    "rated_speed": 200.0, "average_input_speed": 300.0, "max_input_speed": 700.0,
-    "input_inertia": 1e-5, "mass": 0.9, "nominal_life": 35000.0, "efficiency": 0.8,
-    "back_efficiency": 0.7, "stiffness": 1e4, "back_driving_torque": 3.0,
-}  # fmt: skip
+    "source": "invented",
+    "grade": "R",
+    "ratio": 100.0,
+    "rated_torque": 30.0,
+    "average_torque": 40.0,
+    "repeated_peak_torque": 60.0,
+    "momentary_peak_torque": 100.0,
+    "rated_speed": 200.0,
+    "average_input_speed": 300.0,
+    "max_input_speed": 700.0,
+    "input_inertia": 1e-5,
+    "mass": 0.9,
+    "nominal_life": 35000.0,
+    "efficiency": 0.8,
+    "back_efficiency": 0.7,
+    "stiffness": 1e4,
+    "back_driving_torque": 3.0,
+}
 
 
 def write_catalog(path, motors=None, gears=None, **more):
@@ -67,8 +90,11 @@ def trapezoid(scene, samples=400):
     a, v = ACCELERATION, RATE
     t1, t2, t3, t4 = np.cumsum([RAMP, PLATEAU, RAMP, PAUSE])
     parts = [  # start, end, velocity at the start, acceleration
-        (0.0, t1, 0.0, a), (t1, t2, v, 0.0), (t2, t3, v, -a), (t3, t4, 0.0, 0.0),
-    ]  # fmt: skip
+        (0.0, t1, 0.0, a),
+        (t1, t2, v, 0.0),
+        (t2, t3, v, -a),
+        (t3, t4, 0.0, 0.0),
+    ]
     rows = []
     for start, end, v0, acceleration in parts:
         last = end if end == t4 else end - _JUMP
@@ -106,6 +132,9 @@ def hour_with_a_stall(stall=300.0, move=2.0):
         x[[1, 101, 102, 202]] = 0.0
     hour = pf.Trajectory.from_arrays(scene, t, q[:, None], v[:, None], a[:, None])
     strong = dict.fromkeys(("average_torque", "repeated_peak_torque", "momentary_peak_torque"), 300)
-    drive = {"motor": {"peak_torque": 5.0}, "gear": strong | {"stiffness": 1e5},
-             "conditions": {"inertia_ratio": 20.0}}  # fmt: skip
+    drive = {
+        "motor": {"peak_torque": 5.0},
+        "gear": strong | {"stiffness": 1e5},
+        "conditions": {"inertia_ratio": 20.0},
+    }
     return scene, hour, drive

@@ -298,7 +298,7 @@ def test_size_prints_each_joints_demand_and_choice(capsys, tmp_path):
                   "default", "--json", "--out", str(tmp_path / "out")])  # fmt: skip
     assert stop.value.code == 0
     joints = result_of(capsys.readouterr().out)["joints"]
-    keys = {"peak", "rms", "breakaway", "holding", "speed", "choice", "taken", "rejected"}
+    keys = {"peak", "rms", "breakaway", "holding", "speed", "choice", "installed", "rejected"}
     assert len(joints) == 7
     assert all(keys <= joint.keys() for joint in joints)
     assert all(len(joint["holding"]) == 2 for joint in joints)

@@ -15,7 +15,7 @@ import pinfric as pf
 from pinfric.errors import PinfricError, SceneError
 from pinfric.model.couples import rate_rows
 from pinfric.study.explain import explain
-from pinfric.study.sizing.size import load_inertias
+from pinfric.study.sizing.inertia import load_inertias
 from pinfric.study.summary import rests, sites_on
 
 _LOSSY = {

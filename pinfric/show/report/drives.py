@@ -14,8 +14,8 @@ from pinfric.study.sizing.summary import SizedJoint, SizingSummary
 #: N m; torques of brakes below print as 0.
 _ROUNDING = 1e-9
 #: Fields of a joint that say which drive was chosen.
-_TAKEN = tuple(f"taken.{name}" for name in ("mass", "margin", "tightest", "not_checked"))
-_CHOICE = ("name", "choice", *_TAKEN, "fit")
+_INSTALLED = tuple(f"installed.{name}" for name in ("mass", "margin", "tightest", "not_checked"))
+_CHOICE = ("name", "choice", *_INSTALLED, "fit")
 _SMALLER = ("name", "next_smaller.name", "next_smaller.mass", "next_smaller.short_by")
 _STILL = tuple(f"standstill.{name}" for name in ("effort", "shaft", "use", "brake", "margin"))
 
@@ -35,7 +35,7 @@ def choice_table(
 
 
 def _chosen(joint: SizedJoint) -> str:
-    nearest = "" if joint.taken is None else f"; nearest {joint.taken.judged}"
+    nearest = "" if joint.installed is None else f"; nearest {joint.installed.judged}"
     return joint.choice or f"none{nearest}"
 
 
@@ -54,7 +54,7 @@ def smaller_table(found: SizingSummary) -> Table | None:
 
 def brake_table(found: SizingSummary) -> Table | None:
     """Return which joints hold without power, what their brakes must bear, and which ones do."""
-    title = "without power, anywhere along the cycle: friction helping most\N{EN DASH}least"
+    title = "without power, anywhere along the cycle: friction helping most\N{EN DASH}not at all"
     cells = {"standstill.use": holds_alone, "standstill.brake": _brake}
     only = ("name", "unit", *_STILL)  # the unit is of the effort beside it alone: no second key
     return table_of(title, found.joints, only=only, cells=cells, zero=_ROUNDING, keys=1)
@@ -62,7 +62,7 @@ def brake_table(found: SizingSummary) -> Table | None:
 
 def _brake(joint: SizedJoint) -> str:
     still = joint.standstill
-    return still.brake or ("none bears it" if still.criteria[-1].available else NONE)
+    return still.brake or ("none bears it" if still.criteria[1].available else NONE)
 
 
 def holds_alone(joint: SizedJoint) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -83,6 +84,11 @@ def _lines(result: RetimeResult) -> list[str]:
         f"no limit is exceeded by more than {100 * result.excess:.2g} % at {rate:g} Hz "
         "(inverse dynamics)"
     )
+    limits = zip(result.problem.scene.drives, result.problem.limits, strict=True)
+    cold = [d.name for d, x in limits if not (x.motor or math.isfinite(x.continuous_torque))]
+    if cold:
+        whose = "any drive" if len(cold) == len(result.problem.limits) else ", ".join(cold)
+        lines.append(f"heat is not judged for {whose}: no continuous torque is given")
     if result.uniform is not None and result.uniform > result.duration * 1.0005:
         gain = 100.0 * (result.uniform / result.duration - 1.0)
         lines.append(

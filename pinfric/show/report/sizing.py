@@ -44,10 +44,10 @@ def sizing_report(report: SizingReport, fastest: Sequence[TimedSet] | None = Non
     more = [fastest_table(fastest)] if fastest else []
     notes = [f"note: {line}" for line in report.notes]
     if report.catalog is None:
-        failing = [Text(f"! {line}", style="bold red") for line in report.short]
+        failing = [Text(f"! {line}", style="bold red") for line in report.unmet]
         return paragraphs(demand_table(report), elastic_lines(report), failing, notes)
     found = sizing_summary(report)
-    failing = [Text(f"! {line}", style="bold red") for line in (*report.misses, *report.short)]
+    failing = [Text(f"! {line}", style="bold red") for line in (*report.no_fit, *report.unmet)]
     return paragraphs(
         demand_table(report),
         choice_table(found),

@@ -31,7 +31,7 @@ _LEAST_MARGIN = -100.0
 
 def torque_speed(joint: JointSizing, report: SizingReport) -> Figure:
     """Draw the cycle in the motor's envelope: torque over speed, intervals at rest as bars."""
-    motor, taken = joint.motor, joint.taken
+    motor, taken = joint.motor, joint.installed
     assert motor is not None and taken is not None  # noqa: PT018 - a joint with a drive
     ratings = taken.candidate.ratings
     lower, upper, speed = motor.torque_lower, motor.torque_upper, motor.speed
@@ -74,7 +74,7 @@ def effort_over_time(joint: JointSizing) -> Figure:
 
 def temperature(joint: JointSizing, report: SizingReport) -> Figure | None:
     """Draw winding and housing over the settled cycle; None where they are not known."""
-    motor, taken = joint.motor, joint.taken
+    motor, taken = joint.motor, joint.installed
     if motor is None or taken is None or motor.winding is None or motor.winding.runaway:
         return None
     winding, housing = motor.winding.winding, motor.winding.housing
@@ -174,9 +174,9 @@ def mass_against_margin(joint: JointSizing) -> dict[str, Any]:
         _cloud([a for a in judged if not a.fits], "rejected", RED, "circle-open"),
         _cloud(fitting, "fits", GREEN),
     ]
-    if joint.taken is not None:
+    if joint.installed is not None:
         name = "choice" if joint.choice is not None else "nearest miss"
-        data.append(_cloud([joint.taken], name, BLUE, "star", size=14))
+        data.append(_cloud([joint.installed], name, BLUE, "star", size=14))
     axis = {"gridcolor": "#E6E6E6", "linecolor": QUIET, "automargin": True, "ticks": "outside"}
     title = {"text": "mass of motor and gear, kg", "standoff": 8}
     layout = {

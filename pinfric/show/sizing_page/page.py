@@ -121,7 +121,7 @@ def _joint_view(
     joint: JointSizing, report: SizingReport, found: SizedJoint, figures: dict[str, Any], k: int
 ) -> dict[str, Any]:
     """What the template shows of one joint; its map of candidates is added to `figures`."""
-    taken, name = found.taken, found.name
+    taken, name = found.installed, found.name
     drawn = [("effort", "Effort at the joint over the cycle", effort_over_time(joint))]
     missing = []
     if joint.motor is not None:
@@ -144,8 +144,8 @@ def _joint_view(
         "figures": pictures,
         "missing": missing,
         "criteria": None if taken is None else _criteria(taken.criteria),
-        "units": joint.taken.candidate.units if joint.taken is not None else (),
-        "at_output": joint.taken is not None and joint.taken.candidate.at_output,
+        "units": joint.installed.candidate.units if joint.installed is not None else (),
+        "at_output": joint.installed is not None and joint.installed.candidate.at_output,
         "fitting": table_of("", found.alternatives),
         "rejected": table_of("", found.rejected[:_MOST_REJECTED]),
         "more_rejected": max(len(found.rejected) - _MOST_REJECTED, 0),
@@ -160,7 +160,7 @@ def _choices(found: SizingSummary) -> Table | None:
         return f"{'the same' if same else choice or 'none'}; RMS {_digits(rms)} {joint.unit}"
 
     cells = {
-        "taken.margin": lambda joint: _margin(joint.taken and joint.taken.margin),
+        "installed.margin": lambda joint: _margin(joint.installed and joint.installed.margin),
         "choice_without_masses": lambda joint: other(
             joint.choice_without_masses, joint, joint.rms_without_masses
         ),
@@ -230,8 +230,8 @@ def _sources(report: SizingReport) -> list[str]:
     lines = (
         line
         for joint in report.joints
-        if joint.taken is not None
-        for line in joint.taken.candidate.sources
+        if joint.installed is not None
+        for line in joint.installed.candidate.sources
     )
     return list(dict.fromkeys(lines))
 

@@ -56,16 +56,23 @@ def fastest_sets(report: SizingReport, path: Path) -> tuple[TimedSet, ...]:
     Raises:
         RetimeError: a joint has no drive, or the drives chosen cannot follow the path.
     """
-    taken = {i: joint.taken for i, joint in enumerate(report.joints) if joint.taken is not None}
+    taken = {
+        i: joint.installed for i, joint in enumerate(report.joints) if joint.installed is not None
+    }
     if len(taken) < len(report.joints) or report.catalog is None:
-        raise RetimeError(f"{report.given.source}: fastest: needs a drive for every joint; give "
-                          "size a catalogue that has one")  # fmt: skip
+        raise RetimeError(
+            f"{report.given.source}: fastest: needs a drive for every joint; give "
+            "size a catalogue that has one"
+        )
     now = _tried(report, path, taken)
     found, result = [now[0]], now[1]
     for _ in range(_STEPS):
         names = report.given.actuator_names
-        held = dict.fromkeys(drive for drive, kind, _ in result.held_back()
-                             if kind not in ("joint speed", "acceleration"))  # fmt: skip
+        held = dict.fromkeys(
+            drive
+            for drive, kind, _ in result.held_back()
+            if kind not in ("joint speed", "acceleration")
+        )
         options = []
         for drive in list(held)[:_DRIVES]:
             i = names.index(drive)
@@ -92,8 +99,11 @@ def fastest_sets(report: SizingReport, path: Path) -> tuple[TimedSet, ...]:
 def _heavier(report: SizingReport, i: int, taken: Assessment) -> list[Assessment]:
     """The next drives that fit the cycle and weigh as much or more, and can give more."""
     mass = taken.candidate.mass or 0.0
-    ranked = [a for a in report.joints[i].assessments
-              if a.fits and a is not taken and (a.candidate.mass or 0.0) >= mass]  # fmt: skip
+    ranked = [
+        a
+        for a in report.joints[i].assessments
+        if a.fits and a is not taken and (a.candidate.mass or 0.0) >= mass
+    ]
     return ranked[:_HEAVIER]
 
 

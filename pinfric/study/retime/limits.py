@@ -22,15 +22,9 @@ from pinfric.model.scene import Scene
 from pinfric.model.schema import Transmission
 from pinfric.model.yamlfile import read_yaml
 from pinfric.study.sizing.catalog import Catalog, Conditions, load_catalog, parse_conditions
-from pinfric.study.sizing.criteria import (
-    LIMITS,
-    SETTLES,
-    Judged,
-    Limit,
-    idle,
-    instant_limits,
-)
+from pinfric.study.sizing.criteria import LIMITS, instant_limits
 from pinfric.study.sizing.drivetrain import Candidate, candidates
+from pinfric.study.sizing.limit import SETTLES, Judged, Limit, idle
 from pinfric.study.sizing.size import geared
 from pinfric.study.summary import effort_unit
 from pinfric.study.trajectory.joint_columns import stated_limit

@@ -68,23 +68,31 @@ class Path:
         if not self.holds:
             object.__setattr__(self, "holds", (0.0,) * (len(self.pieces) + 1))
         if len(self.holds) != len(self.pieces) + 1:
-            raise TrajectoryError(f"{self.source}: {len(self.holds)} holds for "
-                                  f"{len(self.pieces) + 1} stops; give one for each")  # fmt: skip
+            raise TrajectoryError(
+                f"{self.source}: {len(self.holds)} holds for "
+                f"{len(self.pieces) + 1} stops; give one for each"
+            )
         for i, hold in enumerate(self.holds):
             if not 0.0 <= hold < np.inf:
-                raise TrajectoryError(f"{self.source}: stop {i}: hold {hold:g} s, should be 0 or "
-                                      "more")  # fmt: skip
+                raise TrajectoryError(
+                    f"{self.source}: stop {i}: hold {hold:g} s, should be 0 or more"
+                )
         if self.attached is not None and self.attached.ndim != 2:
-            raise TrajectoryError(f"{self.source}: attached: shape {self.attached.shape}; should "
-                                  "be a row for each stop, a column for each payload")  # fmt: skip
-        pieces = tuple(_checked(piece, f"{self.source}: piece {i}")
-                       for i, piece in enumerate(self.pieces))  # fmt: skip
+            raise TrajectoryError(
+                f"{self.source}: attached: shape {self.attached.shape}; should "
+                "be a row for each stop, a column for each payload"
+            )
+        pieces = tuple(
+            _checked(piece, f"{self.source}: piece {i}") for i, piece in enumerate(self.pieces)
+        )
         object.__setattr__(self, "pieces", pieces)
         for i, (a, b) in enumerate(pairwise(pieces)):
             gap = np.abs(a(a.x[-1]) - b(b.x[0])).max()
             if gap > LIMIT_TOLERANCE:
-                raise TrajectoryError(f"{self.source}: piece {i + 1} begins {gap:.3g} rad or m "
-                                      f"from where piece {i} ends; they must meet")  # fmt: skip
+                raise TrajectoryError(
+                    f"{self.source}: piece {i + 1} begins {gap:.3g} rad or m "
+                    f"from where piece {i} ends; they must meet"
+                )
 
     @classmethod
     def from_waypoints(
@@ -112,14 +120,19 @@ class Path:
         stay = np.zeros(len(points)) if holds is None else np.asarray(holds, dtype=float)
         rows = len(points) if attached is None else len(attached)
         if passed.shape != (len(points),) or stay.shape != (len(points),) or rows != len(points):
-            raise TrajectoryError(f"{source}: via, holds and attached need one entry for each of "
-                                  f"{len(points)} points")  # fmt: skip
+            raise TrajectoryError(
+                f"{source}: via, holds and attached need one entry for each of {len(points)} points"
+            )
         if stay[passed].any():
-            raise TrajectoryError(f"{source}: a hold at a via point, which is passed without a "
-                                  "stop; leave one of both out")  # fmt: skip
+            raise TrajectoryError(
+                f"{source}: a hold at a via point, which is passed without a "
+                "stop; leave one of both out"
+            )
         if passed[0] or passed[-1]:
-            raise TrajectoryError(f"{source}: points[{0 if passed[0] else len(points) - 1}].via: "
-                                  "the motion starts and ends at rest; leave it out")  # fmt: skip
+            raise TrajectoryError(
+                f"{source}: points[{0 if passed[0] else len(points) - 1}].via: "
+                "the motion starts and ends at rest; leave it out"
+            )
         stops = np.flatnonzero(~passed)
         pieces = tuple(_through(points[a : b + 1]) for a, b in pairwise(stops))
         carried = None if attached is None else np.asarray(attached, dtype=bool)[stops]
@@ -139,8 +152,9 @@ class Path:
         """
         points, at = _points(source, q), real_numbers(f"{source}: s", s, TrajectoryError)
         if at.shape != (len(points),) or (np.diff(at) <= 0).any():
-            raise TrajectoryError(f"{source}: s: should be {len(points)} increasing numbers, one "
-                                  "for each point")  # fmt: skip
+            raise TrajectoryError(
+                f"{source}: s: should be {len(points)} increasing numbers, one for each point"
+            )
         return cls((_spline(at, points),), source=source)
 
     @classmethod
@@ -158,11 +172,14 @@ class Path:
         still = speed <= _STOPPED * speed.max()
         still[_turning_back(trajectory.v)] = True
         if not (still[0] and still[-1]):
-            raise TrajectoryError(f"{source}: does not start and end at rest (v = 0): hold the "
-                                  "first and last position for a few samples")  # fmt: skip
+            raise TrajectoryError(
+                f"{source}: does not start and end at rest (v = 0): hold the "
+                "first and last position for a few samples"
+            )
         rests, position = runs(still), trajectory.joint_positions()
-        stops = [rest for i, rest in enumerate(rests)
-                 if i == 0 or _moved(position, rests[i - 1], rest)]  # fmt: skip
+        stops = [
+            rest for i, rest in enumerate(rests) if i == 0 or _moved(position, rests[i - 1], rest)
+        ]
         pieces = [_sampled(position[a[1] : b[0] + 1]) for a, b in pairwise(stops)]
         if not pieces:
             raise TrajectoryError(f"{source}: nothing moves; there is no path to be sped up")
@@ -211,14 +228,18 @@ def check_limits(path: Path, columns: Sequence[JointColumn]) -> None:
         TrajectoryError: names the joint, the piece and the place.
     """
     if path.nj != len(columns):
-        raise TrajectoryError(f"{path.source}: {path.nj} positions for {len(columns)} joints: "
-                              f"{', '.join(column.name for column in columns)}")  # fmt: skip
+        raise TrajectoryError(
+            f"{path.source}: {path.nj} positions for {len(columns)} joints: "
+            f"{', '.join(column.name for column in columns)}"
+        )
     for i, piece in enumerate(path.pieces):
         s = np.union1d(np.linspace(piece.x[0], piece.x[-1], 500), piece.x)
         q = piece(s)
         for k, column in enumerate(columns):
-            for worst, side, limit in ((q[:, k].argmax(), "upper", column.upper),
-                                       (q[:, k].argmin(), "lower", column.lower)):  # fmt: skip
+            for worst, side, limit in (
+                (q[:, k].argmax(), "upper", column.upper),
+                (q[:, k].argmin(), "lower", column.lower),
+            ):
                 beyond = q[worst, k] - limit if side == "upper" else limit - q[worst, k]
                 if beyond > LIMIT_TOLERANCE:
                     share = (s[worst] - piece.x[0]) / (piece.x[-1] - piece.x[0])
@@ -248,12 +269,16 @@ def reversals(piece: PPoly) -> np.ndarray:
 def _points(source: str, q: ArrayLike) -> np.ndarray:
     points = np.asarray(real_numbers(f"{source}: q", q, TrajectoryError))
     if points.ndim != 2 or len(points) < 2 or not np.isfinite(points).all():
-        raise TrajectoryError(f"{source}: q: shape {points.shape}; should be two or more points of "
-                              "finite numbers, one for each joint")  # fmt: skip
+        raise TrajectoryError(
+            f"{source}: q: shape {points.shape}; should be two or more points of "
+            "finite numbers, one for each joint"
+        )
     chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
     for i in np.flatnonzero(chords <= _SAME * chords.sum()):
-        raise TrajectoryError(f"{source}: points[{i + 1}]: the same position as points[{i}]; leave "
-                              "one out (`hold` makes the robot stay)")  # fmt: skip
+        raise TrajectoryError(
+            f"{source}: points[{i + 1}]: the same position as points[{i}]; leave "
+            "one out (`hold` makes the robot stay)"
+        )
     return points
 
 
@@ -307,17 +332,22 @@ def _checked(piece: PPoly, where: str) -> PPoly:
     after = rate(piece.x[1:-1])
     fastest = np.abs(rate(np.concatenate((piece.x, middle)))).max()
     if not fastest > 0.0:
-        raise TrajectoryError(f"{where}: no joint moves; leave it out (`hold` makes the robot "
-                              "stay)")  # fmt: skip
+        raise TrajectoryError(
+            f"{where}: no joint moves; leave it out (`hold` makes the robot stay)"
+        )
     size = np.minimum(np.linalg.norm(before, axis=1), np.linalg.norm(after, axis=1))
     for i in np.flatnonzero(np.abs(after - before).max(axis=1, initial=0.0) > _KINK * size):
-        raise TrajectoryError(f"{where}: a kink at s = {piece.x[i + 1]:.6g}, where the robot does "
-                              "not stop; end a piece there or round it off")  # fmt: skip
+        raise TrajectoryError(
+            f"{where}: a kink at s = {piece.x[i + 1]:.6g}, where the robot does "
+            "not stop; end a piece there or round it off"
+        )
     turns = np.concatenate((piece.x[[0, -1]], *map(np.ravel, _roots(rate))))
     for s in turns[np.linalg.norm(rate(turns), axis=1) <= _TURNS * fastest]:
-        raise TrajectoryError(f"{where}: every joint stands still at s = {s:.6g}, whatever the "
-                              "speed along the path: where they turn back make a stop of it; at "
-                              "an end take a parameter that grows with the way")  # fmt: skip
+        raise TrajectoryError(
+            f"{where}: every joint stands still at s = {s:.6g}, whatever the "
+            "speed along the path: where they turn back make a stop of it; at "
+            "an end take a parameter that grows with the way"
+        )
     c = np.array(piece.c)
     width = np.diff(piece.x)[:, None]
     order = np.arange(len(c) - 1, 0, -1)[:, None, None]

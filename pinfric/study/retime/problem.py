@@ -93,16 +93,30 @@ class Problem:
             return np.array([x.least(signal) for x in limits])
 
         return Scan(
-            step=grid.step, start=grid.start, end=grid.end, stop=grid.stop,
-            effort=self.tables.effort, gram=self.tables.gram, rate=rate,
-            curvature=curvature, top=np.minimum(top, 1e15), way=grid.way, mode=self.mode,
-            constant=self.constant, laws=self.scene.site_tables.laws,
+            step=grid.step,
+            start=grid.start,
+            end=grid.end,
+            stop=grid.stop,
+            effort=self.tables.effort,
+            gram=self.tables.gram,
+            rate=rate,
+            curvature=curvature,
+            top=np.minimum(top, 1e15),
+            way=grid.direction,
+            mode=self.mode,
+            constant=self.constant,
+            laws=self.scene.site_tables.laws,
             gears=gear_table([drive.transmission for drive in drives], stick),
-            peak=least("motor torque"), stall=np.array([x.stall_torque for x in limits]),
-            no_load_speed=np.array([x.no_load_speed for x in limits]), effort_limit=least("effort"),
-            acceleration=least("acceleration"), work=np.empty((self.tables.gram.shape[1], 3)),
-            head=np.empty(8), holes=np.zeros(1, dtype=np.int64), **self._sites,
-        )  # fmt: skip
+            peak=least("motor torque"),
+            stall=np.array([x.stall_torque for x in limits]),
+            no_load_speed=np.array([x.no_load_speed for x in limits]),
+            effort_limit=least("effort"),
+            acceleration=least("acceleration"),
+            work=np.empty((self.tables.gram.shape[1], 3)),
+            head=np.empty(8),
+            holes=np.zeros(1, dtype=np.int64),
+            **self._sites,
+        )
 
     def solve(self) -> Profile:
         """Return the fastest profile.
@@ -122,9 +136,13 @@ class Problem:
         return replace(self, limits=(*self.limits[:d], limits, *self.limits[d + 1 :]))
 
     def states(
-        self, s: np.ndarray, piece: np.ndarray, x: np.ndarray, u: np.ndarray,
+        self,
+        s: np.ndarray,
+        piece: np.ndarray,
+        x: np.ndarray,
+        u: np.ndarray,
         attached: np.ndarray | None = None,
-    ) -> InverseResult:  # fmt: skip
+    ) -> InverseResult:
         """Return inverse dynamics at places of the path, as states without order.
 
         Args:
@@ -143,7 +161,7 @@ class Problem:
         return inverse_dynamics(self.scene, full, v, a, attached=attached)
 
     def _why(self, interval: int) -> str:
-        """Say where there is no way on, and which drive is at its end."""
+        """Say where the path cannot be followed further, and which drive is at its end."""
         grid, n = self.grid, len(self.grid.step)
         row = grid.start[interval]
         piece, s = int(grid.piece[row]), float(grid.s[row])
@@ -152,14 +170,16 @@ class Problem:
         use = usage(still, self.limits)[0]
         d, kind = divmod(int(use.argmax()), use.shape[1])
         if use[d, kind] > 1.0:
-            what = "break away" if grid.stop[interval] and grid.way[interval, d] else "hold"
+            what = "break away" if grid.stop[interval] and grid.direction[interval, d] else "hold"
             return f"{where}: drive {self.limits_text(still, d, kind, what)}"
         for k, drive in enumerate(self.scene.drives):
             x, u = np.empty(n + 1), np.empty((n, 2))
             scan = self.with_limits(k, DriveLimits()).scan()
             if fastest(box_scan(scan), x, u) != interval:
-                return (f"{where}: drive {drive.name!r} cannot follow the path on from there at "
-                        "any speed; a stronger drive, or less curvature")  # fmt: skip
+                return (
+                    f"{where}: drive {drive.name!r} cannot follow the path on from there at "
+                    "any speed; a stronger drive, or less curvature"
+                )
         return f"{where}: several drives together cannot follow the path at any speed"
 
     def place(self, piece: int, s: float) -> str:
@@ -195,10 +215,10 @@ def modes(grid: Grid, zones: Sequence[tuple[int, int, float, float]]) -> np.ndar
         grid: the points.
         zones: (drive, piece, from s, to s): within them it reverses, and both signs count.
     """
-    way, rests_ = grid.way, grid.way == 0.0
-    mode = np.full((*way.shape[:1], 2, way.shape[1]), MOVING)
-    for j in range(len(way)):
-        new = np.ones(way.shape[1], bool) if grid.stop[j] else rests_[j - 1]
+    direction, rests_ = grid.direction, grid.direction == 0.0
+    mode = np.full((*direction.shape[:1], 2, direction.shape[1]), MOVING)
+    for j in range(len(direction)):
+        new = np.ones(direction.shape[1], bool) if grid.stop[j] else rests_[j - 1]
         mode[j, 0, new] = WORST
     middle = 0.5 * (grid.s[grid.start] + grid.s[grid.end])
     for d, piece, first, last in zones:

@@ -62,9 +62,12 @@ class Profile:
     def scaled(self, factor: float) -> Profile:
         """Return the same profile run `factor` times as fast."""
         return replace(
-            self, x=self.x * factor**2, u=self.u * factor**2, time=self.time / factor,
+            self,
+            x=self.x * factor**2,
+            u=self.u * factor**2,
+            time=self.time / factor,
             duration=self.duration / factor,
-        )  # fmt: skip
+        )
 
     def inside(self, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return interval, x and u at the given parts of every interval: (n len(shares),) each."""
@@ -182,8 +185,9 @@ def _smoothed(
         return s, np.where(inside, z, 0.0)
 
     nodes, weights = np.polynomial.legendre.leggauss(_NODES)
-    place = sum(0.5 * w * at(t - width * 0.5 * (1.0 - x))[0]
-                for x, w in zip(nodes, weights, strict=True))  # fmt: skip
+    place = sum(
+        0.5 * w * at(t - width * 0.5 * (1.0 - x))[0] for x, w in zip(nodes, weights, strict=True)
+    )
     (s_1, z_1), (s_0, z_0) = at(t), at(t - width)
     return np.asarray(place), (s_1 - s_0) / width, (z_1 - z_0) / width
 

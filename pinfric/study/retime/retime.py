@@ -33,11 +33,13 @@ from pinfric.study.retime.tables import (
     rates_of,
 )
 from pinfric.study.retime.thermal import Cycle, within_continuous
-from pinfric.study.sizing.criteria import Case, Limit, check, instant_limits
+from pinfric.study.sizing.criteria import check, instant_limits
 from pinfric.study.sizing.criterion import Criterion, Status
 from pinfric.study.sizing.demand import drive_cycle, gear_demand, hold_samples
 from pinfric.study.sizing.drivetrain import motor_cycle
-from pinfric.study.sizing.size import BASE_AXES, depth, load_inertias
+from pinfric.study.sizing.inertia import load_inertias
+from pinfric.study.sizing.limit import Case, Limit
+from pinfric.study.sizing.size import BASE_AXES, depth
 from pinfric.study.summary import ends_by_magnitude
 from pinfric.study.summary import rms as root_mean_square
 from pinfric.study.trajectory.joint_columns import JointColumn, configurations, joint_columns
@@ -101,14 +103,19 @@ class RetimeResult(Shown):
 
     def __repr__(self) -> str:
         most = self.held_back()
-        return screen("RetimeResult", f"{file_name(self.problem.path.source)}: "
-                      f"{self.duration:.4g} s", {
-            "moves": listed([f"{t:.4g} s" for t in self.moves]),
-            "limits": listed([f"{d}: {k}" for d, k, _ in most],
-                             [f"{100 * share:.0f} % of the time" for _, _, share in most]),
-            "excess": f"{100 * self.excess:.3g} % over any limit",
-            "more": ".trajectory .limiting .sensitivity() .plot()",
-        })  # fmt: skip
+        return screen(
+            "RetimeResult",
+            f"{file_name(self.problem.path.source)}: {self.duration:.4g} s",
+            {
+                "moves": listed([f"{t:.4g} s" for t in self.moves]),
+                "limits": listed(
+                    [f"{d}: {k}" for d, k, _ in most],
+                    [f"{100 * share:.0f} % of the time" for _, _, share in most],
+                ),
+                "excess": f"{100 * self.excess:.3g} % over any limit",
+                "more": ".trajectory .limiting .sensitivity() .plot()",
+            },
+        )
 
     def held_back(self) -> list[tuple[str, str, float]]:
         """Return (drive, limit, part of the moving time), the greatest part first."""
@@ -219,13 +226,13 @@ def retime(
     elif not isinstance(path, Path):
         path = load_path(path, scene)
     if not (points >= 2 and sample_rate > 0.0 and tolerance > 0.0 and smooth >= 0.0):
-        raise RetimeError(f"retime: points {points}, sample_rate {sample_rate:g}, tolerance "
-                          f"{tolerance:g}, smooth {smooth:g}: should be positive")  # fmt: skip
+        raise RetimeError(
+            f"retime: points {points}, sample_rate {sample_rate:g}, tolerance "
+            f"{tolerance:g}, smooth {smooth:g}: should be positive"
+        )
+    _check_payloads(scene, path)
     given = read_limits(scene, limits)
     scene = limited_scene(scene, given)
-    if path.attached is not None and path.attached.shape[1] != len(scene.payloads):
-        raise RetimeError(f"{path.source}: attached: {path.attached.shape[1]} columns for "
-                          f"{len(scene.payloads)} payloads")  # fmt: skip
     columns = joint_columns(scene.model, scene.source)
     check_limits(path, columns)
     policy = Policy(sample_rate, tolerance)
@@ -235,31 +242,49 @@ def retime(
     return found
 
 
+def _check_payloads(scene: Scene, path: Path) -> None:
+    if path.attached is not None and path.attached.shape[1] != len(scene.payloads):
+        raise RetimeError(
+            f"{path.source}: attached: {path.attached.shape[1]} columns for "
+            f"{len(scene.payloads)} payloads"
+        )
+
+
 def _check_scene(scene: Scene) -> None:
     """Refuse robots whose efforts depend on friction through reactions."""
     if scene.linkage is not None:
         what = f"loop {scene.loops[0].name!r}" if scene.loops else "a drive off the joints"
-        raise RetimeError(f"{scene.source}: retime is for open chains with drives on their joints; "
-                          f"{what} couples efforts and friction")  # fmt: skip
+        raise RetimeError(
+            f"{scene.source}: retime is for open chains with drives on their joints; "
+            f"{what} couples efforts and friction"
+        )
     driven = [drive.velocity_index for drive in scene.drives]
     if driven != list(range(scene.model.nv)):
-        raise RetimeError(f"{scene.source}: retime needs one drive on each of {scene.model.nv} "
-                          f"degrees of freedom, found {len(driven)}")  # fmt: skip
+        raise RetimeError(
+            f"{scene.source}: retime needs one drive on each of {scene.model.nv} "
+            f"degrees of freedom, found {len(driven)}"
+        )
     there = mixed(scene.drives, scene.model.nv)
     for site in scene.sites:
         if there[site.velocity_index]:
-            raise RetimeError(f"{scene.source}: friction.{site.name}: retime knows friction of "
-                              "coupled drives on their motors' sides only: move it to the "
-                              "transmission (no_load_torque, motor_viscous)")  # fmt: skip
+            raise RetimeError(
+                f"{scene.source}: friction.{site.name}: retime knows friction of "
+                "coupled drives on their motors' sides only: move it to the "
+                "transmission (no_load_torque, motor_viscous)"
+            )
 
 
 class _Retiming:
     """One run of `retime`."""
 
     def __init__(
-        self, scene: Scene, path: Path, columns: tuple[JointColumn, ...],
-        limits: tuple[DriveLimits, ...], policy: Policy,
-    ) -> None:  # fmt: skip
+        self,
+        scene: Scene,
+        path: Path,
+        columns: tuple[JointColumn, ...],
+        limits: tuple[DriveLimits, ...],
+        policy: Policy,
+    ) -> None:
         self.scene, self.path, self.columns = scene, path, columns
         self.limits, self.policy = limits, policy
         self.natural = [natural_points(piece, rates_of(scene, columns)) for piece in path.pieces]
@@ -323,8 +348,17 @@ class _Retiming:
         for p, first, last in self.constant:
             constant |= (piece == p) & (first < middle) & (middle < last)
         tables = make_tables(self.scene, self.path, self.columns, grid)
-        return Problem(self.scene, self.path, self.columns, self.limits, self.policy, grid, tables,
-                       modes(grid, self.zones), constant)  # fmt: skip
+        return Problem(
+            self.scene,
+            self.path,
+            self.columns,
+            self.limits,
+            self.policy,
+            grid,
+            tables,
+            modes(grid, self.zones),
+            constant,
+        )
 
     def check_stops(self) -> None:
         """Refuse stops at which a drive cannot hold, with what it carries before and after."""
@@ -378,7 +412,7 @@ class _Retiming:
         """
         grid, found, period = profile.grid, [], 1.0 / self.policy.sample_rate
         for j in range(1, len(grid.step)):
-            turning = np.flatnonzero(grid.way[j] * grid.way[j - 1] < 0.0).tolist()
+            turning = np.flatnonzero(grid.direction[j] * grid.direction[j - 1] < 0.0).tolist()
             piece, stop = int(grid.piece[grid.start[j]]), bool(grid.stop[j])
             if stop and self.path.holds[piece] >= period:
                 continue
@@ -435,11 +469,14 @@ class _Retiming:
         if self.path.attached is not None:
             attached = {n: self.path.attached[samples.piece, k] for k, n in enumerate(names)}
         return Trajectory.from_arrays(
-            self.scene, samples.t, configurations(self.columns, samples.q, self.scene.model.nq),
+            self.scene,
+            samples.t,
+            configurations(self.columns, samples.q, self.scene.model.nq),
             columns_to_velocities(self.columns, samples.v),
-            columns_to_velocities(self.columns, samples.a), attached,
+            columns_to_velocities(self.columns, samples.a),
+            attached,
             f"{self.path.source} retimed",
-        )  # fmt: skip
+        )
 
     def cool(self, problem: Problem, fast: Profile) -> tuple[Profile, float, Cycle, np.ndarray]:
         """Keep continuous torques, as the samples show them; and the uniform motion's duration."""

@@ -91,7 +91,7 @@ box_scan = record(Scan)
 
 
 @kernel
-def _prepare(s: Scan, row: int, d: int, way: float, static: bool, x: float) -> int:
+def _prepare(s: Scan, row: int, d: int, direction: float, static: bool, x: float) -> int:
     """Write y(u) and F(u) of one drive in one direction into the scratch.
 
     y = head[0] + head[1] u + sum sqrt(work . (1, u, u^2)), F = upper(y) + head[2] + head[3] u; what
@@ -102,11 +102,11 @@ def _prepare(s: Scan, row: int, d: int, way: float, static: bool, x: float) -> i
     """
     rate, root = s.rate[row, d], np.sqrt(x)
     speed = abs(rate) * root
-    base = way * (s.effort[row, d, 0] + s.effort[row, d, 1] * x)
+    base = direction * (s.effort[row, d, 0] + s.effort[row, d, 1] * x)
     count = 0
     for k in range(s.site_start[d], s.site_start[d + 1]):
         site, weight = s.site[k], s.weight[k]
-        forward = way * s.turn[k] > 0.0
+        forward = direction * s.turn[k] > 0.0
         law = law_at(s.laws, site, np.copysign(speed * weight, 1.0 if forward else -1.0))
         mu, flat = law.mu, law.forward if forward else law.backward
         if static:
@@ -124,10 +124,10 @@ def _prepare(s: Scan, row: int, d: int, way: float, static: bool, x: float) -> i
             s.work[count, 2] = square * g[2]
             count += 1
     r, inertia = s.gears.ratio[d], s.gears.rotor_inertia[d]
-    s.head[0], s.head[1] = base, way * s.effort[row, d, 2]
-    s.head[2] = gear_drag(s.gears, d, speed) + r * r * way * inertia * s.curvature[row, d] * x
-    s.head[3] = r * r * way * inertia * rate
-    s.head[4], s.head[5], s.head[6], s.head[7] = d, way, speed, 1.0 if static else 0.0
+    s.head[0], s.head[1] = base, direction * s.effort[row, d, 2]
+    s.head[2] = gear_drag(s.gears, d, speed) + r * r * direction * inertia * s.curvature[row, d] * x
+    s.head[3] = r * r * direction * inertia * rate
+    s.head[4], s.head[5], s.head[6], s.head[7] = d, direction, speed, 1.0 if static else 0.0
     return count
 
 
@@ -143,9 +143,9 @@ def _value(s: Scan, count: int, motor: bool, u: float) -> tuple[float, float]:
             f += norm
             slope += (0.5 * b + c * u) / norm
     if motor:
-        d, way = int(s.head[4]), s.head[5]
-        line = gear_line(s.gears, d, way, s.head[6], s.head[7] > 0.0, way * f)
-        f = line[0] * f + way * line[1] + s.head[2] + s.head[3] * u
+        d, direction = int(s.head[4]), s.head[5]
+        line = gear_line(s.gears, d, direction, s.head[6], s.head[7] > 0.0, direction * f)
+        f = line[0] * f + direction * line[1] + s.head[2] + s.head[3] * u
         slope = line[0] * slope + s.head[3]
     return f, slope
 
@@ -217,18 +217,18 @@ def _within(
 
 @kernel
 def _limited(
-    s: Scan, row: int, d: int, way: float, static: bool, x: float, low: float, high: float
+    s: Scan, row: int, d: int, direction: float, static: bool, x: float, low: float, high: float
 ) -> tuple[float, float]:
     """Part of [low, high] that a drive's torque and effort leave, in one direction.
 
-    At rest (`static`) only what drives that way is bounded: the other direction bounds the rest.
+    At rest (`static`) only the torque in that direction is bounded; the other one bounds the rest.
     """
     r, speed = abs(s.gears.ratio[d]), abs(s.rate[row, d]) * np.sqrt(x)
     line = r * speed / s.no_load_speed[d]
     most, least = r * min(s.peak[d], s.stall[d] * (1.0 - line)), -np.inf
     if not static:
         least = -r * min(s.peak[d], s.stall[d] * (1.0 + line))
-    count = _prepare(s, row, d, way, static, x)
+    count = _prepare(s, row, d, direction, static, x)
     if most < np.inf or least > -np.inf:
         low, high = _within(s, count, True, least, most, low, high)
     limit = s.effort_limit[d]
@@ -259,9 +259,9 @@ def bounds(s: Scan, j: int, side: int, x: float) -> tuple[float, float]:
                 low, high = max(low, min(ends)), min(high, max(ends))
             elif abs(bend) > most:
                 return _FAR, -_FAR
-        mode, way = s.mode[j, side, d], s.way[j, d]
+        mode, direction = s.mode[j, side, d], s.way[j, d]
         if mode == MOVING and low <= high:
-            low, high = _limited(s, row, d, way, False, x, low, high)
+            low, high = _limited(s, row, d, direction, False, x, low, high)
         elif low <= high:
             low, high = _limited(s, row, d, 1.0, True, x, low, high)
             if low <= high:
@@ -345,7 +345,7 @@ def _greatest(
 
 
 @kernel
-def reach(s: Scan, j: int, x: float, limit: float) -> float:
+def largest_reachable(s: Scan, j: int, x: float, limit: float) -> float:
     """Return the greatest x' <= limit that is reached from x over interval j, or -1.
 
     Args: see `bounds`; limit: greatest x' that is asked for.
@@ -384,7 +384,7 @@ def _goes_on(s: Scan, j: int, x: float, limit: float) -> bool:
     Between far points a speed can be so high that only an emergency stop is left, and a lower one
     goes on: of two feasible profiles the greater is feasible where points are near.
     """
-    return reach(s, j, x, limit) >= min(limit, _HARDEST * x)
+    return largest_reachable(s, j, x, limit) >= min(limit, _HARDEST * x)
 
 
 @kernel
@@ -407,7 +407,7 @@ def _greatest_start(s: Scan, j: int, guess: float, most: float, limit: float) ->
 
 
 @kernel
-def brake(s: Scan, j: int, limit: float) -> float:
+def largest_controllable(s: Scan, j: int, limit: float) -> float:
     """Return the greatest x from which some x' <= limit is reached over interval j, or -1."""
     limit = _greatest(s, j, _PASSABLE, 0.0, (-_FAR, _FAR), limit, limit)
     if limit < 0.0:
@@ -446,7 +446,7 @@ def fastest(s: Scan, x: np.ndarray, u: np.ndarray) -> int:
         u: (n, 2) d^2s/dt^2 at both ends of each interval, overwritten.
 
     Returns:
-        -1; or the interval over which there is no way.
+        -1; or the interval that cannot be passed.
     """
     n = s.step.size
     most = np.zeros(n + 1)
@@ -455,7 +455,7 @@ def fastest(s: Scan, x: np.ndarray, u: np.ndarray) -> int:
     while failed < 0 and j < n:
         if s.stop[j]:
             x[j] = 0.0
-        x[j + 1] = reach(s, j, x[j], most[j + 1])
+        x[j + 1] = largest_reachable(s, j, x[j], most[j + 1])
         if x[j + 1] < 0.0 or (x[j + 1] == 0.0 and not s.stop[j + 1]):
             if s.stop[j] or again > n:
                 return j
@@ -493,7 +493,7 @@ def _back(s: Scan, end: int, most: np.ndarray) -> int:
             if end < s.step.size:
                 return -1
         else:
-            most[j] = brake(s, j, most[j + 1])
+            most[j] = largest_controllable(s, j, most[j + 1])
             if most[j] < 0.0:
                 return j
     return -1
@@ -528,10 +528,12 @@ def torques(s: Scan, x: np.ndarray, u: np.ndarray, torque: np.ndarray) -> None:
         for side in range(2):
             row = s.start[j] if side == 0 else s.end[j]
             for d in range(torque.shape[2]):
-                way = s.way[j, d]
-                count = _prepare(s, row, d, way if way != 0.0 else 1.0, way == 0.0, x[j, side])
+                direction = s.way[j, d]
+                count = _prepare(
+                    s, row, d, direction if direction != 0.0 else 1.0, direction == 0.0, x[j, side]
+                )
                 most = _value(s, count, True, u[j, side])[0]
-                if way == 0.0:
+                if direction == 0.0:
                     count = _prepare(s, row, d, -1.0, True, x[j, side])
                     most = max(most, _value(s, count, True, u[j, side])[0])
                 torque[j, side, d] = most / abs(s.gears.ratio[d])

@@ -49,7 +49,7 @@ class Grid:
         q: (m, nj) positions. rate, curvature: (m, nv) q' and q''.
         start, end: (n,) rows of the ends of each interval.
         stop: (n + 1,) bool, whether the robot stands still at each point.
-        way: (n, na) sign of each drive's rate in each interval.
+        direction: (n, na) sign of each drive's rate in each interval.
     """
 
     s: np.ndarray
@@ -60,7 +60,7 @@ class Grid:
     start: np.ndarray
     end: np.ndarray
     stop: np.ndarray
-    way: np.ndarray
+    direction: np.ndarray
 
     @property
     def step(self) -> np.ndarray:
@@ -121,7 +121,7 @@ def make_grid(
         points: for each piece increasing places s.
     """
     velocity, drives = [column.index_v for column in columns], rates_of(scene, columns)
-    rows, start, end, stop, way, count = [], [], [], [], [], 0
+    rows, start, end, stop, direction, count = [], [], [], [], [], 0
     for p, (piece, s) in enumerate(zip(path.pieces, points, strict=True)):
         first, second = piece.derivative(), piece.derivative(2)
         left = np.nextafter(s[1:-1], -np.inf)
@@ -133,15 +133,23 @@ def make_grid(
         start.append(count + own[:-1])
         end.append(count + own[1:] - np.isin(np.arange(1, len(s)), double))
         stop.append(np.arange(len(s) - 1) == 0)
-        way.append(np.sign(first(0.5 * (s[:-1] + s[1:])) @ drives.T))
-        rows.append((places, np.full(len(places), p), piece(places), first(places),
-                     second(places)))  # fmt: skip
+        direction.append(np.sign(first(0.5 * (s[:-1] + s[1:])) @ drives.T))
+        rows.append((places, np.full(len(places), p), piece(places), first(places), second(places)))
         count += len(places)
     s, of, q, q1, q2 = (np.concatenate(column) for column in zip(*rows, strict=True))
     rate, curvature = np.zeros((2, count, max(velocity) + 1))
     rate[:, velocity], curvature[:, velocity] = q1, q2
-    return Grid(s, of, q, rate, curvature, np.concatenate(start), np.concatenate(end),
-                np.concatenate([*stop, [True]]), np.concatenate(way))  # fmt: skip
+    return Grid(
+        s,
+        of,
+        q,
+        rate,
+        curvature,
+        np.concatenate(start),
+        np.concatenate(end),
+        np.concatenate([*stop, [True]]),
+        np.concatenate(direction),
+    )
 
 
 def carried_names(scene: Scene, path: Path, piece: int) -> tuple[str, ...] | None:
@@ -169,8 +177,11 @@ def make_tables(scene: Scene, path: Path, columns: tuple[JointColumn, ...], grid
         rows = np.concatenate([np.arange(part.start, part.stop) for part in parts])
         twin = scene.twin(names)
         at_rest = np.zeros_like(grid.rate[rows])
-        states = ((at_rest, at_rest), (grid.rate[rows], grid.curvature[rows]),
-                  (at_rest, grid.rate[rows]))  # fmt: skip
+        states = (
+            (at_rest, at_rest),
+            (grid.rate[rows], grid.curvature[rows]),
+            (at_rest, grid.rate[rows]),
+        )
         found = [_wrenches_and_efforts(twin, q[rows], v, a, nt > 0) for v, a in states]
         for k, (_, effort) in enumerate(found):
             tables.effort[rows, :, k] = effort if k == 0 else effort - found[0][1]

@@ -84,8 +84,10 @@ class _Barrier:
         self.scan, self.cycle = box_scan(scan), cycle
         self.names = problem.scene.actuator_names
         self.step, self.free = grid.step, ~grid.stop
-        top = np.minimum(scan.top[np.append(scan.start, scan.end[-1])],
-                         scan.top[np.append(scan.start[0], scan.end)])  # fmt: skip
+        top = np.minimum(
+            scan.top[np.append(scan.start, scan.end[-1])],
+            scan.top[np.append(scan.start[0], scan.end)],
+        )
         self.top = np.where(top < 1e14, top, np.inf)
         self.judged = np.isfinite(cycle.limit)
         #: Weight of a mean square beside a limit of one place, of which there are many.
@@ -190,15 +192,16 @@ class _Barrier:
         band[0, fixed], band[1, fixed] = 1.0, 0.0
         band[1, :-1][fixed[1:]] = 0.0
         solved = solveh_banded(band, np.column_stack((-gradient, columns)), lower=True)
-        way, reach = solved[:, 0], solved[:, 1:]
-        way = way - reach @ np.linalg.solve(np.eye(columns.shape[1]) + columns.T @ reach,
-                                            columns.T @ way)  # fmt: skip
-        now, slope = self.value(x, weight), float(gradient @ way)
-        size = min(1.0, 0.99 / max(float((-way[self.free] / x[self.free]).max()), 0.99))
+        direction, response = solved[:, 0], solved[:, 1:]
+        direction = direction - response @ np.linalg.solve(
+            np.eye(columns.shape[1]) + columns.T @ response, columns.T @ direction
+        )
+        now, slope = self.value(x, weight), float(gradient @ direction)
+        size = min(1.0, 0.99 / max(float((-direction[self.free] / x[self.free]).max()), 0.99))
         while size > 1e-10:
-            there = self.value(x + size * way, weight)
+            there = self.value(x + size * direction, weight)
             if there <= now + 0.1 * size * slope:
-                return x + size * way, now - there
+                return x + size * direction, now - there
             size *= 0.5
         return x, 0.0
 
@@ -254,9 +257,11 @@ class _Barrier:
             products = 2.0 * (_outer(a, a) + _outer(b, b)) + _outer(a, b) + _outer(b, a)
             gradient += part * own
             hessian += part * (
-                time[:, None, None] * products / 3.0 + _outer(first, grown) + _outer(grown, first)
+                time[:, None, None] * products / 3.0
+                + _outer(first, grown)
+                + _outer(grown, first)
                 + second * (square[:, d] - limit)[:, None, None]
-            )  # fmt: skip
+            )
             columns[:-1, c] += own[:, 0]
             columns[1:, c] += own[:, 1]
             columns[:, c] *= part / np.sqrt(self.heavy * weight)

@@ -9,9 +9,10 @@ from functools import cached_property
 from pinfric.errors import CatalogError, choose_from
 from pinfric.study.sizing.bearing import BearingRatings
 from pinfric.study.sizing.catalog import Catalog, Conditions
-from pinfric.study.sizing.criteria import Case, check, missing_figures
+from pinfric.study.sizing.criteria import check, missing_figures
 from pinfric.study.sizing.criterion import Criterion, Status
 from pinfric.study.sizing.drivetrain import Candidate, MotorFigures, motor_cycle
+from pinfric.study.sizing.limit import Case
 
 
 @dataclass(frozen=True)
@@ -105,8 +106,9 @@ def own_bearing(
         return entry.ratings.model_copy(update={"source": entry.ratings.source or entry.source})
     rated = [known for known, other in catalog.bearings.items() if other.ratings is not None]
     what = "has no `ratings`" if name in catalog.bearings else "is not in the catalogue"
-    raise CatalogError(f"conditions.bearings.{joint}: the bearing {name!r} {what}; "
-                       f"{choose_from(name, rated)}")  # fmt: skip
+    raise CatalogError(
+        f"conditions.bearings.{joint}: the bearing {name!r} {what}; {choose_from(name, rated)}"
+    )
 
 
 def nearest_miss(assessments: Sequence[Assessment]) -> Assessment | None:

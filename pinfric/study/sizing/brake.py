@@ -1,15 +1,23 @@
-"""Which joints stay where they are without power, and the brakes that hold the others.
+"""Which joints stay where they are without power, and the brakes that hold and stop the others.
 
 Power may fail anywhere along a cycle. At every pose of it, at rest and with the payloads carried
 there, statics leaves the effort that holds a joint an interval: friction in joints and gears may
-help or oppose, as its history left it. A brake at the motor's shaft that bears the interval's worst
-end, where friction helps least, never slips; one that bears its least end holds once it has slipped
-until friction helps. Without a brake a joint stays where friction alone bears the load.
+help or oppose, as its history left it. Friction does not push: without its help a brake at the
+motor's shaft bears the load alone, |load|/ratio. Without a brake a joint stays where friction alone
+bears the load.
+
+A brake that closes at speed takes the energy of a stop, friction left out and the load driving,
+
+    E = J omega_1^2/2 T_b/(T_b - |T_load|),      omega_1 = |omega| + |T_load| t_engage/J,
+
+with J of rotor, brake and load at the shaft: for t_engage the load accelerates, then T_b - |T_load|
+slows it down.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,6 +29,7 @@ from pinfric.model.described import EFFORT, derived, described, quantity
 from pinfric.study.sizing.catalog import Brake, Conditions
 from pinfric.study.sizing.criterion import Criterion, Status, compare
 from pinfric.study.sizing.demand import largest
+from pinfric.study.sizing.inertia import joint_inertias
 from pinfric.study.summary import effort_unit, ends_by_magnitude
 
 _SOURCE = "Machine Design, Mechantronics Q & A: Hold it steady (2007): factor 1.5 to 3"
@@ -30,7 +39,7 @@ _STATICS = (
 )
 #: Of the robot's largest load: what is smaller is rounding, and a joint without load stays.
 _NOTHING = 1e-9
-_HOLDING, _BRAKE = "holding without power", "holding brake"
+_HOLDING, _BRAKE, _STOP = "holding without power", "holding brake", "brake stop energy"
 
 
 @described
@@ -38,16 +47,16 @@ class Standstill:
     """What it takes to keep a joint where it is when power fails, worst case along the cycle.
 
     Attributes:
-        criteria: holding without power, and the brake.
+        criteria: holding without power, the brake's torque, and its energy in a stop.
     """
 
     effort: tuple[float, float] = quantity(
-        "(least, worst) at the joint: friction helps as much, or as little, as may be",
+        "(least, most) that holds it, at the joint: friction helps as much as may be, or not",
         EFFORT,
         "at the\njoint",
     )
     shaft: tuple[float, float] | None = quantity(
-        "the same at the motor's shaft; none without a transmission",
+        "the same at the motor's shaft, the gear's losses too; none without a transmission",
         "N m",
         "at the\nmotor",
     )
@@ -67,7 +76,7 @@ class Standstill:
     @derived(heading="margin", cell="{margin:%}")
     def margin(self) -> float | None:
         """What the brake has left of its torque; none: not known, or none is needed."""
-        return self.criteria[-1].margin
+        return self.criteria[1].margin
 
 
 def standstills(
@@ -81,35 +90,67 @@ def standstills(
     """
     zero, states = np.zeros_like(result.states.v), result.states
     still = inverse_dynamics(result.scene, states.q, zero, zero, attached=states.attached)
-    return tuple(_standstill(result, still, i, brakes, conditions)
-                 for i in range(len(result.scene.drives)))  # fmt: skip
+    inertias = None if result.scene.loops else joint_inertias(result.scene, states)
+    return tuple(
+        _standstill(
+            result, still, i, None if inertias is None else inertias[:, i], brakes, conditions
+        )
+        for i in range(len(result.scene.drives))
+    )
 
 
 def _standstill(
     result: InverseResult,
     still: InverseResult,
     i: int,
+    inertia: np.ndarray | None,
     brakes: Mapping[str, Brake],
     conditions: Conditions,
 ) -> Standstill:
-    worst, least = ends_by_magnitude(still.effort_lower[:, i], still.effort_upper[:, i])
-    effort, shaft = (largest(least), largest(worst)), None
+    least = ends_by_magnitude(still.effort_lower[:, i], still.effort_upper[:, i])[1]
+    load, shaft, stop = still.effort_frictionless[:, i], None, None
+    effort = largest(least), largest(load)
     gear = still.scene.drives[i].transmission
     slides = effort_unit(still.scene, i) == "N"
     if gear is not None and not (slides and gear.ratio == 1.0):  # a linear motor has no shaft
-        worst, least = ends_by_magnitude(
-            still.motor_torque_lower[:, i], still.motor_torque_upper[:, i]
-        )
-        shaft = largest(least), largest(worst)
+        least = ends_by_magnitude(still.motor_torque_lower[:, i], still.motor_torque_upper[:, i])[1]
+        shaft = largest(least), largest(load) / abs(gear.ratio)
+        if inertia is not None:
+            speed = gear.ratio * result.actuator_velocity[:, i]
+            at_shaft = inertia / gear.ratio**2 + gear.rotor_inertia
+            stop = Stop(at_shaft, np.abs(speed), np.abs(load / gear.ratio))
     pose = _hardest(still, i)
     use, held = _use(still, i, pose)
     needed = conditions.holding_brake == "required" or (
         conditions.holding_brake == "where_needed" and not held
     )
-    name, brake = _braked(shaft, brakes, conditions.brake_factor, needed)
+    torque = None if shaft is None else conditions.brake_factor * shaft[1]
+    name = _smallest(torque, stop, brakes)
+    held_by = _torque(torque, name, brakes, conditions.brake_factor, needed)
     assert result.t is not None  # size refuses a motion without times
-    return Standstill(effort, shaft, use, held, float(result.t[pose]), name,
-                      (_unpowered(use, held), brake))  # fmt: skip
+    criteria = (_unpowered(use, held), held_by, _energy(stop, name, brakes, needed))
+    return Standstill(effort, shaft, use, held, float(result.t[pose]), name, criteria)
+
+
+class Stop(NamedTuple):
+    """What a brake that closes at speed meets, sample by sample, at the motor's shaft.
+
+    Attributes:
+        inertia: (T,) kg m^2. speed: (T,) rad/s. load: (T,) |T_load|, N m.
+    """
+
+    inertia: np.ndarray
+    speed: np.ndarray
+    load: np.ndarray
+
+    def energy(self, brake: Brake) -> float:
+        """Return what a brake takes in the hardest stop, J; infinite if it cannot hold the load."""
+        if not brake.torque > self.load.max():
+            return np.inf
+        inertia = self.inertia + (brake.rotor_inertia or 0.0)
+        speed = self.speed + self.load * (brake.engage_time or 0.0) / inertia
+        share = brake.torque / (brake.torque - self.load)
+        return float((inertia * speed**2 / 2 * share).max())
 
 
 def _hardest(still: InverseResult, i: int) -> int:
@@ -132,9 +173,11 @@ def _use(still: InverseResult, i: int, pose: int) -> tuple[float | None, bool | 
     scene, effort = still.scene, still.effort_frictionless[pose].copy()
     effort[i] = 0.0
     carried = still.states.attached
-    attached = None if carried is None else [
-        name for name, on in zip(scene.payloads, carried[pose], strict=True) if on
-    ]  # fmt: skip
+    attached = (
+        None
+        if carried is None
+        else [name for name, on in zip(scene.payloads, carried[pose], strict=True) if on]
+    )
     given = {"effort": effort}
     ratios = [None if d.transmission is None else d.transmission.ratio for d in scene.drives]
     if None not in ratios:
@@ -150,39 +193,85 @@ def _unpowered(use: float | None, held: bool | None) -> Criterion:
     formula = "static friction needed / its limit <= 1, power off and all other joints held"
     if held is not False:
         return compare(_HOLDING, use, 1.0, "", formula, _STATICS, "a statics that is decided")
-    return Criterion(_HOLDING, Status.NOT_REQUIRED, None, 1.0, "", None, formula, _STATICS,
-                     "it moves: friction alone does not hold it")  # fmt: skip
+    return Criterion(
+        _HOLDING,
+        Status.NOT_REQUIRED,
+        None,
+        1.0,
+        "",
+        None,
+        formula,
+        _STATICS,
+        "it moves: friction alone does not hold it",
+    )
 
 
-def _braked(
-    shaft: tuple[float, float] | None, brakes: Mapping[str, Brake], factor: float, needed: bool
-) -> tuple[str | None, Criterion]:
-    """The brake of least torque that bears the worst end, of equal ones the lightest, then that of
-    least power; and its criterion. (Stops at speed are not looked at: few makers print limits.)"""
-    wanted = None if shaft is None else factor * shaft[1]
-    formula = f"{factor:g} max |T_m| at rest, friction helping least <= torque of the brake"
+def _ranked(brakes: Mapping[str, Brake]) -> list[str]:
+    """By torque, of equal ones the lightest first, then that of least power."""
     unknown = np.inf
-    ranked = sorted(brakes, key=lambda name: (brakes[name].torque, brakes[name].mass or unknown,
-                                              brakes[name].power or unknown))  # fmt: skip
-    name = next((n for n in ranked if wanted is not None and brakes[n].torque >= wanted), None)
+    return sorted(
+        brakes,
+        key=lambda name: (
+            brakes[name].torque,
+            brakes[name].mass or unknown,
+            brakes[name].power or unknown,
+        ),
+    )
+
+
+def _smallest(torque: float | None, stop: Stop | None, brakes: Mapping[str, Brake]) -> str | None:
+    """The first brake that bears the torque and, where printed, the energy of a stop."""
+    for name in _ranked(brakes):
+        most = brakes[name].stop_energy
+        stops = stop is None or most is None or stop.energy(brakes[name]) <= most
+        if torque is not None and brakes[name].torque >= torque and stops:
+            return name
+    return None
+
+
+def _torque(
+    wanted: float | None, name: str | None, brakes: Mapping[str, Brake], factor: float, needed: bool
+) -> Criterion:
+    formula = f"{factor:g} max |load|/ratio at rest, without friction's help <= torque of the brake"
     if name is not None:
-        return name, compare(_BRAKE, wanted, brakes[name].torque, "N m", formula, _SOURCE,
-                             note=f"{name}: {_described(brakes[name])}")  # fmt: skip
-    strongest = brakes[ranked[-1]].torque if ranked else None
-    found = compare(_BRAKE, wanted, strongest, "N m", formula, _SOURCE,
-                    "brakes in the catalogue" if wanted is not None else "gear and motor",
-                    "" if strongest is None else f"{ranked[-1]}, the strongest")  # fmt: skip
+        note = f"{name}: {_described(brakes[name])}"
+        return compare(_BRAKE, wanted, brakes[name].torque, "N m", formula, _SOURCE, note=note)
+    strongest = max((brake.torque for brake in brakes.values()), default=None)
+    missing = "brakes in the catalogue" if wanted is not None else "gear and motor"
     if needed:
-        return None, found
-    return None, Criterion(_BRAKE, Status.NOT_REQUIRED, wanted, strongest, "N m", None, formula,
-                           _SOURCE, "none of the catalogue bears it" * bool(ranked))  # fmt: skip
+        note = "" if strongest is None else f"{_ranked(brakes)[-1]}, the strongest"
+        return compare(_BRAKE, wanted, strongest, "N m", formula, _SOURCE, missing, note)
+    note = "none of the catalogue bears it" if brakes else ""
+    return Criterion(
+        _BRAKE, Status.NOT_REQUIRED, wanted, strongest, "N m", None, formula, _SOURCE, note
+    )
+
+
+def _energy(
+    stop: Stop | None, name: str | None, brakes: Mapping[str, Brake], needed: bool
+) -> Criterion:
+    formula = "max J omega_1^2/2 T_b/(T_b - |T_load|), omega_1 = |omega| + |T_load| t_engage/J"
+    source = "energy balance of a stop under constant load; friction would help"
+    brake = None if name is None else brakes[name]
+    energy = None if stop is None or brake is None else stop.energy(brake)
+    allowed = None if brake is None else brake.stop_energy
+    if needed or allowed is not None:
+        missing = (
+            "inertia at the shaft, or a brake" if energy is None else "stop energy of the brake"
+        )
+        note = "" if brake is None or brake.engage_time else "taken to close at once"
+        return compare(_STOP, energy, allowed, "J", formula, source, missing, note)
+    return Criterion(_STOP, Status.NOT_REQUIRED, energy, None, "J", None, formula, source, "")
 
 
 def _described(brake: Brake) -> str:
     parts = [f"{brake.torque:g} N m"]
-    for value, text in ((brake.voltage, "{:g} V"), (brake.power, "{:g} W"),
-                        (brake.release_time, "opens in {:g} s"),
-                        (brake.engage_time, "closes in {:g} s"),
-                        (brake.stop_energy, "{:g} J a stop")):  # fmt: skip
+    for value, text in (
+        (brake.voltage, "{:g} V"),
+        (brake.power, "{:g} W"),
+        (brake.release_time, "opens in {:g} s"),
+        (brake.engage_time, "closes in {:g} s"),
+        (brake.stop_energy, "{:g} J a stop"),
+    ):
         parts += [text.format(value)] if value is not None else []
     return ", ".join(parts) + f" ({brake.grade}: {brake.source})"

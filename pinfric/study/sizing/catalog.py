@@ -86,7 +86,38 @@ class Thermal(Entry):
     ] = None
 
 
-class Motor(Sourced):
+class Rated(Sourced):
+    """What continuous ratings refer to."""
+
+    rated_ambient: Annotated[
+        Number, key("temperature around it to which the continuous ratings refer", 40.0, "deg C")
+    ] = REFERENCE_TEMPERATURE
+    ambient_curve: Annotated[
+        tuple[tuple[Number, NonNegative], ...] | None,
+        key(
+            "the maker's derating, points of ambient temperature (deg C) and part of the "
+            "continuous ratings",
+            [[40.0, 1.0], [60.0, 0.8]],
+        ),
+    ] = None
+    thermal_time: Annotated[
+        Positive | None,
+        key(
+            "thermal time constant of the whole motor, where one is all that is printed",
+            1500.0,
+            "s",
+        ),
+    ] = None
+
+    @model_validator(mode="after")
+    def _curve_rises_in_temperature(self) -> Rated:
+        at = [point[0] for point in self.ambient_curve or ()]
+        if any(b <= a for a, b in pairwise(at)) or len(at) == 1:
+            raise ValueError("ambient_curve: points [deg C, part], ascending in deg C, two or more")
+        return self
+
+
+class Motor(Rated):
     """A motor: torques and speeds at its shaft."""
 
     continuous_torque: Annotated[Positive | None, key("that it bears for ever", 0.45, "N m")] = None
@@ -107,9 +138,19 @@ class Motor(Sourced):
         None
     )
     torque_constant: Annotated[Positive | None, key("torque per current", 0.075, "N m/A")] = None
-    resistance: Annotated[
-        Positive | None, key("from terminal to terminal at 25 C", 0.35, "Ohm")
-    ] = None
+    current: Annotated[
+        Literal["dc", "rms", "peak"],
+        key(
+            "which ampere the torque constant and the current are printed for: of DC or block "
+            "commutation, RMS or peak of a sinusoidal phase current",
+            "rms",
+        ),
+    ] = "dc"
+    resistance: Annotated[Positive | None, key("of the winding at 25 C", 0.35, "Ohm")] = None
+    resistance_of: Annotated[
+        Literal["terminals", "phase"],
+        key("whether that is from terminal to terminal or of one phase to the star point", "phase"),
+    ] = "terminals"
     rotor_inertia: Annotated[Positive | None, key("of the rotor", 3e-05, "kg m^2")] = None
     mass: Annotated[Positive | None, key("of the motor", 0.6, "kg")] = None
     max_speed: Annotated[Positive | None, key("permissible", 600.0, "rad/s")] = None
@@ -154,7 +195,7 @@ class OutputFriction(Entry):
     viscous: Annotated[NonNegative, key("per speed of the output", 0.2, "N m s/rad or N s/m")] = 0.0
 
 
-class GearMotor(Sourced):
+class GearMotor(Rated):
     """Motor and gear in one: torques, speeds and friction at the output, rotor at the motor.
 
     Where `output` is linear these are N, m/s and, of a linear motor (ratio 1), the mass that moves
@@ -197,6 +238,26 @@ class GearMotor(Sourced):
         if (self.no_load_speed or self.rated_speed) and self.nominal_voltage is None:
             raise ValueError("no_load_speed and rated_speed need `nominal_voltage`")
         return self
+
+
+class Screw(Entry):
+    """A screw between its supports."""
+
+    root_diameter: Annotated[Positive, key("of the thread's root", 0.0125, "m")]
+    length: Annotated[Positive, key("between the supports, the longest that is free", 0.79, "m")]
+    supports: Annotated[
+        Literal["fixed-free", "supported-supported", "fixed-supported", "fixed-fixed"],
+        key("of its two ends, as makers' catalogues name them", "fixed-supported"),
+    ]
+    ball_circle: Annotated[
+        Positive | None, key("diameter on which the balls' centres run", 0.0155, "m")
+    ] = None
+    max_dn: Annotated[
+        Positive | None,
+        key("permissible ball circle diameter (mm) times speed (rpm)", 70000.0, "mm rpm"),
+    ] = None
+    elasticity: Annotated[Positive, key("of its material", 2.06e11, "Pa")] = 2.06e11
+    density: Annotated[Positive, key("of its material", 7850.0, "kg/m^3")] = 7850.0
 
 
 class Gear(Sourced):
@@ -280,6 +341,13 @@ class Gear(Sourced):
         Positive | None, key("hysteresis loss, the whole width at zero torque", 0.00029, "rad")
     ] = None
     stroke: Annotated[Positive | None, key("of a linear output", 0.3, "m")] = None
+    screw: Annotated[
+        Screw | None,
+        key(
+            "for a screw's critical speed, buckling and the speed of its balls",
+            {"root_diameter": 0.0125, "length": 0.79, "supports": "fixed-supported"},
+        ),
+    ] = None
     bearing: Annotated[
         BearingRatings | None,
         key("of its output; of a screw, its nut", {"kind": "crossed roller", "max_moment": 91.0}),

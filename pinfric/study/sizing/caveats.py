@@ -37,7 +37,7 @@ def unclosed(result: InverseResult, duty: Schedule) -> tuple[str, ...]:
     return tuple(found)
 
 
-def apart(result: InverseResult, duty: Schedule) -> tuple[str, ...]:
+def discontinuities(result: InverseResult, duty: Schedule) -> tuple[str, ...]:
     """Return in words which cycles of a period do not begin where the one before them ends.
 
     Args:
@@ -86,7 +86,7 @@ def caveats(
     Args:
         scene: the robot as given.
         catalog, conditions: what was chosen from; None: nothing was.
-        gaps: of `unclosed`. jumps: of `apart`.
+        gaps: of `unclosed`. jumps: of `discontinuities`.
     """
     opening = _of_the_motion(gaps, jumps)
     if catalog is None:
@@ -96,16 +96,20 @@ def caveats(
         "Each motor and gear is a point mass on its joint's parent link, at the joint's origin; "
         "the first joint's stands on the ground.",
         "Any motor is taken to fit any gear, any brake any motor; couplings, housings and brakes "
-        "have no mass. Brakes are chosen by what they hold at rest, not by stops at speed.",
+        "have no mass. "
+        "Brakes are chosen by what they hold at rest and, where printed, by the energy of a stop; "
+        "how far the robot moves until it stands is not judged.",
         "Output bearings carry the joint's whole wrench, about its origin as if that lay on the "
         "output flange; conditions.bearings puts another bearing of the catalogue in their place.",
         "Magnets are taken as cold: the torque constant does not fall with temperature.",
     ]
     notes.append(_of_friction(scene))
     if not conditions.mass_in_urdf:
-        text = ("The URDF's links are taken to be without drives: if they have some, these count "
-                "twice. Name their masses in conditions.mass_in_urdf, in a catalogue file "
-                "(`extends: default` keeps the bundled entries).")  # fmt: skip
+        text = (
+            "The URDF's links are taken to be without drives: if they have some, these count "
+            "twice. Name their masses in conditions.mass_in_urdf, in a catalogue file "
+            "(`extends: default` keeps the bundled entries)."
+        )
         notes.insert(1 + len(opening), text)
     if any(drive.transmission is not None for drive in scene.drives):
         notes.append("The scene's transmissions are replaced by the candidates'.")
@@ -115,8 +119,9 @@ def caveats(
 def _of_the_motion(gaps: Sequence[str], jumps: Sequence[str]) -> list[str]:
     opening = []
     if jumps:
-        opening.append(f"{'; '.join(jumps)}: the way there takes no time and no torque; add it as "
-                       "a cycle.")  # fmt: skip
+        opening.append(
+            f"{'; '.join(jumps)}: the way there takes no time and no torque; add it as a cycle."
+        )
     if gaps:
         more = f" and {len(gaps) - _MOST_GAPS} more" if len(gaps) > _MOST_GAPS else ""
         opening.append(

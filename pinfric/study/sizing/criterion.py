@@ -54,7 +54,7 @@ class Criterion:
         return self.name != "bus voltage" or self.status == Status.FAILS
 
     @property
-    def _boundless(self) -> bool:
+    def _no_finite_margin(self) -> bool:
         """Whether it fails by more than any number: too much is asked for, or nothing is there."""
         beyond = self.margin is not None and self.margin <= LEAST_MARGIN
         return beyond and (self.required == np.inf or (self.available or 0.0) <= 0.0)
@@ -62,7 +62,7 @@ class Criterion:
     @property
     def shortfall(self) -> str:
         """By how much it fails or passes, of the limit; what it says where no number does."""
-        if self.margin is None or (self._boundless and self.note):
+        if self.margin is None or (self._no_finite_margin and self.note):
             return self.note
         if self.margin <= LEAST_MARGIN:
             return f"a factor above {-LEAST_MARGIN:.0e}"
@@ -72,7 +72,7 @@ class Criterion:
     @property
     def why(self) -> str:
         """Say in words by how much it fails or passes, or what is missing."""
-        if self._boundless and self.note:
+        if self._no_finite_margin and self.note:
             return f"{self.name}: {self.note}"  # no number says more
         if self.margin is None or self.required is None or self.available is None:
             return f"{self.name}: {self.status}" + (f": {self.note}" if self.note else "")

@@ -150,7 +150,7 @@ class DriveCycle:
     @cached_property
     def standing(self) -> np.ndarray:
         """(T,) this joint stands still, in two samples or more, whatever the others do."""
-        return _lasting(np.abs(self.velocity) <= self.stick_velocity)
+        return drop_single_samples(np.abs(self.velocity) <= self.stick_velocity)
 
     def without_friction(self) -> DriveCycle:
         """Return the same cycle as if the joints had no friction."""
@@ -204,10 +204,10 @@ def hold_samples(scene: Scene, v: np.ndarray) -> np.ndarray:
     for drive in scene.drives:
         if drive.velocity_index >= 0:  # a cylinder moves no column of its own
             limits[drive.velocity_index] = drive_stick_velocity(scene, drive)
-    return _lasting((np.abs(v) <= limits).all(axis=1))
+    return drop_single_samples((np.abs(v) <= limits).all(axis=1))
 
 
-def _lasting(still: np.ndarray) -> np.ndarray:
+def drop_single_samples(still: np.ndarray) -> np.ndarray:
     """The mask (T,) without lone samples: a zero of the velocity at a reversal is no rest."""
     beside = np.zeros_like(still)
     beside[1:] |= still[:-1]

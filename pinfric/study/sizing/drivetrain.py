@@ -37,7 +37,7 @@ from pinfric.study.sizing.catalog import (
     Thermal,
 )
 from pinfric.study.sizing.demand import DriveCycle, largest, mean, power_figures
-from pinfric.study.sizing.overload import longest_above, moving_rms, overload_window
+from pinfric.study.sizing.overload import heat_lag, longest_above, settled_heat
 from pinfric.study.sizing.thermal import (
     COPPER,
     WindingCycle,
@@ -45,6 +45,9 @@ from pinfric.study.sizing.thermal import (
     winding_cycle,
 )
 from pinfric.study.summary import ends_by_magnitude, rms
+
+#: Torque constant of the equivalent DC motor over one that is printed per A of phase current.
+_PER_DC_AMPERE = {"rms": (2 / 3) ** 0.5, "peak": 2 / 3**0.5}
 
 
 @dataclass(frozen=True)
@@ -55,9 +58,12 @@ class Ratings:
         continuous_torque, peak_torque, stall_torque: N m.
         continuous_curve: points (rad/s, N m) of the continuous torque over speed.
         continuous_stall_torque: N m, for ever at a standstill.
-        torque_constant: N m/A. resistance: ohm at 25 C. nominal_voltage: V.
+        torque_constant: N m/A. resistance: ohm at 25 C; both of the equivalent DC motor.
+        nominal_voltage: V.
         no_load_speed, rated_speed: rad/s at the nominal voltage. max_speed: rad/s.
-        thermal: of the winding.
+        thermal: of the winding. thermal_time: of the whole motor, s.
+        rated_ambient: to which the continuous ratings refer, deg C.
+        ambient_curve: points (deg C, part of the continuous ratings).
         derived: what was computed from other figures, and how.
     """
 
@@ -73,6 +79,9 @@ class Ratings:
     thermal: Thermal | None = None
     continuous_curve: tuple[tuple[float, float], ...] | None = None
     continuous_stall_torque: float | None = None
+    thermal_time: float | None = None
+    rated_ambient: float = REFERENCE_TEMPERATURE
+    ambient_curve: tuple[tuple[float, float], ...] | None = None
     derived: tuple[str, ...] = ()
 
     @property
@@ -88,28 +97,56 @@ class Ratings:
         at, torque = np.transpose(self.continuous_curve)
         return np.interp(np.abs(speed), at, torque)
 
+    def derating(self, conditions: Conditions) -> tuple[float | None, str]:
+        """Return the part of the continuous ratings left at the ambient temperature, and a remark.
+
+        By the maker's curve, else sqrt((T_max - T_a)/(T_max - T_rated)): copper loss, in proportion
+        to the torque's square, is led off in proportion to T_max - T_a. None where neither is
+        known. No rating grows in the cold.
+
+        Args:
+            conditions: ambient temperature, and T_max of motors whose maker prints none.
+        """
+        ambient, rated = conditions.ambient, self.rated_ambient
+        if self.ambient_curve is not None:
+            at, parts = np.transpose(self.ambient_curve)
+            if ambient > at[-1]:
+                return (
+                    None,
+                    f"the maker's curve ends at {at[-1]:g} C, it is {ambient:g} C around it",
+                )
+            share = float(np.interp(ambient, at, parts))
+            return share, f"{share:.3g} of the rating by the maker's curve at {ambient:g} C"
+        if ambient <= rated:
+            return 1.0, ""
+        hottest = self.max_winding(conditions)
+        if hottest is None:
+            return None, (
+                f"rated at {rated:g} C, not at {ambient:g} C: the permissible winding temperature "
+                "is not known (conditions.max_winding)"
+            )
+        if ambient >= hottest:
+            return 0.0, too_hot(ambient, hottest)
+        share = ((hottest - ambient) / (hottest - rated)) ** 0.5
+        return share, f"{share:.3g} of the rating at {rated:g} C: {ambient:g} C around it"
+
     def continuous_at(self, conditions: Conditions, speed: float = 0.0) -> tuple[float | None, str]:
         """Return the continuous torque (N m, or None) at the ambient temperature, and a remark.
 
-        T sqrt((T_max - T_a)/(T_max - 25 C)) above 25 C, to which ratings refer: copper loss, in
-        proportion to the torque's square, is led off in proportion to T_max - T_a.
-
         Args:
-            conditions: ambient temperature.
+            conditions: see `derating`.
             speed: the mean one, rad/s: where the maker's curve over speed counts.
         """
-        torque, ambient = self.continuous_torque, conditions.ambient
+        torque = self.continuous_torque
         if self.continuous_curve is not None:
             torque = float(self.continuous_over(np.array([speed]))[0])
-        if torque is None or ambient <= REFERENCE_TEMPERATURE:
-            return torque, ""
-        hottest = self.max_winding(conditions)
-        if hottest is None:
-            return torque, f"rated at {REFERENCE_TEMPERATURE:g} C, not checked at {ambient:g} C"
-        if ambient >= hottest:
-            return 0.0, too_hot(ambient, hottest)
-        share = ((hottest - ambient) / (hottest - REFERENCE_TEMPERATURE)) ** 0.5
-        return torque * share, f"{share:.3g} of the rating at 25 C: {ambient:g} C around it"
+        share, text = self.derating(conditions)
+        return None if torque is None or share is None else share * torque, text
+
+    def stall_at(self, conditions: Conditions) -> float | None:
+        """Return the continuous stall torque (N m, or None) at the ambient temperature."""
+        share, torque = self.derating(conditions)[0], self.continuous_stall_torque
+        return None if torque is None or share is None else share * torque
 
     def max_winding(self, conditions: Conditions) -> float | None:
         """Return the permissible winding temperature: the maker's, else the conditions', deg C."""
@@ -248,13 +285,8 @@ class MotorFigures:
         "N m",
         default=None,
     )
-    window: float | None = quantity(
-        "within which overload counts: the winding's time constant, else the conditions'",
-        "s",
-        default=None,
-    )
     short_term: float | None = quantity(
-        "largest RMS over any such time (over the cycle where that is shorter)",
+        "constant torque that heats the motor as much as the cycle does where it is hottest",
         "N m",
         default=None,
     )
@@ -338,7 +370,9 @@ def motor_with_gear(
         transmission, losses = gear_transmission(gear, ratio, inertia or 0.0)
     several = f", i = {ratio:g}" if len(gear.ratios) > 1 else ""
     return Candidate(
-        name=f"{motor_name} + {gear_name}{several}", motor=motor_name, gear_name=gear_name,
+        name=f"{motor_name} + {gear_name}{several}",
+        motor=motor_name,
+        gear_name=gear_name,
         ratio=ratio,
         ratings=ratings_of(motor),
         at_output=False,
@@ -351,12 +385,17 @@ def motor_with_gear(
         rotor_inertia=inertia,
         back_driving_torque=gear.back_driving_torque,
         bearing=gear.bearing,
-        stand_ins=tuple(f"{figure.replace('_', ' ')}: {whose}"
-                        for entry in (motor, gear) for figure, whose in entry.stand_ins.items()),
+        stand_ins=tuple(
+            f"{figure.replace('_', ' ')}: {whose}"
+            for entry in (motor, gear)
+            for figure, whose in entry.stand_ins.items()
+        ),
         losses=losses,
-        sources=(f"{motor_name}: {motor.source} ({motor.grade})",
-                 f"{gear_name}: {gear.source} ({gear.grade})"),
-    )  # fmt: skip
+        sources=(
+            f"{motor_name}: {motor.source} ({motor.grade})",
+            f"{gear_name}: {gear.source} ({gear.grade})",
+        ),
+    )
 
 
 def motor_alone(name: str, ratings: Ratings, **figures: Any) -> Candidate:
@@ -414,11 +453,15 @@ def gear_transmission(gear: Gear, ratio: float, rotor_inertia: float) -> tuple[T
         assert gear.rated_torque is not None  # the schema requires it
         t, running = gear.rated_torque / ratio, gear.no_load_running_torque
         whole, eta = eta, min(t / (t + load_part(eta, t, running)), 1.0)
-        text = (f"efficiency {whole:.3g} at rated torque = {eta:.3f} load-proportional and "
-                f"{running:.3g} N m no-load")  # fmt: skip
+        text = (
+            f"efficiency {whole:.3g} at rated torque = {eta:.3f} load-proportional and "
+            f"{running:.3g} N m no-load"
+        )
     else:  # without the running torque it cannot be taken out of the efficiency
-        text = (f"efficiency {eta:.3g} at any load (its no-load part is not known: part loads come "
-                "out too well)")  # fmt: skip
+        text = (
+            f"efficiency {eta:.3g} at any load (its no-load part is not known: part loads come "
+            "out too well)"
+        )
     text += "; backwards "
     if back is not None:
         text += f"{back:.3f}"
@@ -431,9 +474,14 @@ def gear_transmission(gear: Gear, ratio: float, rotor_inertia: float) -> tuple[T
     else:
         back = 2 - 1 / eta
         text += f"{back:.3f} = 2 - 1/eta, the same loss both ways (assumed)"
-    values |= {"ratio": ratio, "efficiency": eta, "back_efficiency": back,
-               "rotor_inertia": rotor_inertia, "stiffness": gear.stiffness,
-               "hysteresis": gear.hysteresis}  # fmt: skip
+    values |= {
+        "ratio": ratio,
+        "efficiency": eta,
+        "back_efficiency": back,
+        "rotor_inertia": rotor_inertia,
+        "stiffness": gear.stiffness,
+        "hysteresis": gear.hysteresis,
+    }
     return Transmission.model_construct(**values), text  # the figures were validated in the entry
 
 
@@ -451,9 +499,13 @@ def motor_cycle(candidate: Candidate, cycle: DriveCycle, conditions: Conditions)
     assert candidate.transmission is not None
     t = cycle.stretched
     lower, upper = gear_torque_bounds(
-        candidate.gears, cycle.effort_lower, cycle.effort_upper, cycle.velocity,
-        cycle.acceleration, cycle.at_rest,
-    )  # fmt: skip
+        candidate.gears,
+        cycle.effort_lower,
+        cycle.effort_upper,
+        cycle.velocity,
+        cycle.acceleration,
+        cycle.at_rest,
+    )
     speed = candidate.ratio * cycle.velocity
     if candidate.at_output:
         lower, upper, speed = lower * candidate.ratio, upper * candidate.ratio, cycle.velocity
@@ -464,24 +516,29 @@ def motor_cycle(candidate: Candidate, cycle: DriveCycle, conditions: Conditions)
     power, copper = _electrical(candidate.ratings, worst, speed, current, winding)
     drawn = astuple(power_figures(t, power)) if copper else (None, None, None, None)
     ratings, mean_speed = candidate.ratings, mean(t, np.abs(speed))
-    limit, _ = ratings.continuous_at(conditions, mean_speed)
-    limit = ratings.continuous_stall_torque or limit
-    window, _ = overload_window(candidate.ratings.thermal, conditions)
+    limit = ratings.stall_at(conditions)
+    if limit is None:
+        limit, _ = ratings.continuous_at(conditions, mean_speed)
+    lag = heat_lag(ratings.thermal, ratings.thermal_time, conditions)
     figures = MotorFigures(
         peak=largest(worst),
         rms=rms(t, worst),
         rms_least=rms(t, least),
-        max_speed=largest(speed), mean_speed=mean_speed,
+        max_speed=largest(speed),
+        mean_speed=mean_speed,
         holding=(largest(least[hold]), largest(worst[hold])) if hold.any() else None,
         peak_temperature=None if winding is None else winding.peak,
         mean_temperature=mean_temperature,
-        driving_power=drawn[0], braking_power=drawn[1], energy=drawn[2], regenerated=drawn[3],
+        driving_power=drawn[0],
+        braking_power=drawn[1],
+        energy=drawn[2],
+        regenerated=drawn[3],
         standing=largest(worst[cycle.standing]) if cycle.standing.any() else None,
-        window=window,
-        short_term=moving_rms(cycle.t, worst, window, cycle.duty),
-        overloaded_standstill=None if limit is None else longest_above(
-            cycle.t, worst, limit, cycle.standing, cycle.duty),
-    )  # fmt: skip
+        short_term=settled_heat(cycle.t, worst, lag, cycle.duty),
+        overloaded_standstill=None
+        if limit is None
+        else longest_above(cycle.t, worst, limit, cycle.standing, cycle.duty),
+    )
     return MotorCycle(lower, upper, speed, current, winding, power, copper, figures)
 
 
@@ -521,36 +578,56 @@ def _electrical(
 
 
 def ratings_of(entry: Motor | GearMotor) -> Ratings:
-    """Return a maker's figures, completed by what follows from others."""
-    given: dict[str, Any] = {f.name: getattr(entry, f.name, None) for f in fields(Ratings)}
-    continuous, k, stall = (given[x] for x in ("continuous_torque", "torque_constant",
-                                               "stall_torque"))  # fmt: skip
-    current, derived = getattr(entry, "continuous_current", None), []
+    """Return a maker's figures, completed by what follows from others.
+
+    A sinusoidal motor is taken as the DC motor of the same torque, copper loss and bus voltage:
+    with k per ampere of the phase current's peak and a phase's resistance R_ph, 2/sqrt(3) k and
+    2 R_ph (3/2 R_ph i^2 is lost; sqrt(3) times a phase's voltage is the bus's).
+    """
+    there = {f.name: getattr(entry, f.name) for f in fields(Ratings) if hasattr(entry, f.name)}
+    found, derived = Ratings(**there), []
+    k, current = found.torque_constant, getattr(entry, "continuous_current", None)
+    continuous, stall, resistance = found.continuous_torque, found.stall_torque, found.resistance
     if continuous is None and current is not None and k is not None:
         continuous = k * current
         derived.append("continuous torque = torque constant x continuous current")
-    voltage = given["nominal_voltage"]
-    if given["resistance"] is None and None not in (k, stall, voltage):
-        given["resistance"] = k * voltage / stall
+    if isinstance(entry, Motor) and k is not None and entry.current != "dc":
+        k *= _PER_DC_AMPERE[entry.current]
+        derived.append(
+            f"{_PER_DC_AMPERE[entry.current]:.4g} of the torque constant, which is per A "
+            f"{entry.current}, for an equivalent DC motor"
+        )
+    if isinstance(entry, Motor) and resistance is not None and entry.resistance_of == "phase":
+        resistance *= 2.0
+        derived.append("2 x the resistance of a phase between terminals")
+    if resistance is None and k is not None and stall is not None and found.nominal_voltage:
+        resistance = k * found.nominal_voltage / stall
         derived.append("resistance = torque constant x nominal voltage/stall torque")
-    if continuous is None and given["continuous_curve"] is not None:
-        continuous = max(torque for _, torque in given["continuous_curve"])
-    rated, no_load = given["rated_speed"], given["no_load_speed"]
-    known = continuous is not None and rated is not None and no_load is not None
-    if stall is None and known and rated < no_load:
+    if continuous is None and found.continuous_curve is not None:
+        continuous = max(torque for _, torque in found.continuous_curve)
+    rated, no_load = found.rated_speed, found.no_load_speed
+    if stall is None and continuous is not None and rated and no_load and rated < no_load:
         stall = continuous / (1 - rated / no_load)
         derived.append("speed-torque line through the rated point and the no-load speed")
-    return Ratings(**given | {"continuous_torque": continuous, "stall_torque": stall,
-                              "derived": tuple(derived)})  # fmt: skip
+    return replace(
+        found,
+        continuous_torque=continuous,
+        torque_constant=k,
+        resistance=resistance,
+        stall_torque=stall,
+        derived=tuple(derived),
+    )
 
 
 def _gearmotor(name: str, entry: GearMotor) -> Candidate:
     missing = ("rotor inertia",) if entry.rotor_inertia is None else ()
     friction = entry.friction
     values: dict[str, Any] = {
-        "ratio": entry.ratio, "efficiency": 1.0, "back_efficiency": 1.0,
+        "ratio": entry.ratio,
+        "efficiency": 1.0,
+        "back_efficiency": 1.0,
         "rotor_inertia": entry.rotor_inertia or 0.0,
-    }  # fmt: skip
+    }
     losses = "inside the maker's ratings at the output"
     if friction is not None:  # at the output: effort (1 + l) + base + viscous v
         values["efficiency"] = 1 / (1 + friction.load_dependent)
@@ -559,7 +636,10 @@ def _gearmotor(name: str, entry: GearMotor) -> Candidate:
         values["motor_viscous"] = linear_drag(friction.viscous / entry.ratio**2)
         losses = "identified friction at the output: base, load-dependent, viscous"
     return Candidate(
-        name=name, motor=name, gear_name=None, ratio=entry.ratio,
+        name=name,
+        motor=name,
+        gear_name=None,
+        ratio=entry.ratio,
         ratings=ratings_of(entry),
         at_output=True,
         linear=entry.output == "linear",
@@ -574,4 +654,4 @@ def _gearmotor(name: str, entry: GearMotor) -> Candidate:
         stand_ins=tuple(f"{f.replace('_', ' ')}: {whose}" for f, whose in entry.stand_ins.items()),
         losses=losses,
         sources=(f"{name}: {entry.source} ({entry.grade})",),
-    )  # fmt: skip
+    )

@@ -123,15 +123,19 @@ class Duty:
         if not self.cycles:
             raise SizingError("duty: no cycles; give trajectories with their shares or counts")
         if not 0 < self.on <= 1:
-            raise SizingError(f"duty: switched on for {self.on:g} of the period; give a part above "
-                              "0 to 1 (0.4: S3 40 %)")  # fmt: skip
+            raise SizingError(
+                f"duty: switched on for {self.on:g} of the period; give a part above "
+                "0 to 1 (0.4: S3 40 %)"
+            )
         if not 0 < self.period < np.inf:
             raise SizingError(f"duty: a period of {self.period:g} s; give seconds above 0")
         first = self.cycles[0][0]
         for cycle, weight in self.cycles:
             if not 0 < weight < np.inf:
-                raise SizingError(f"duty: {cycle.source}: share or count {weight:g}; give a share "
-                                  "of the time above 0, or how often it is run")  # fmt: skip
+                raise SizingError(
+                    f"duty: {cycle.source}: share or count {weight:g}; give a share "
+                    "of the time above 0, or how often it is run"
+                )
             if cycle.joint_names != first.joint_names:
                 raise SizingError(
                     f"duty: {cycle.source} moves {list(cycle.joint_names)}, {first.source} "
@@ -165,21 +169,25 @@ class Duty:
                     f"{weight:g}, {time:.4g} s of a period of {self.period:g} s; give a longer "
                     "period, or counts"
                 )
-        return tuple(time / cycle.duration
-                     for (cycle, _), time in zip(self.cycles, times, strict=True))  # fmt: skip
+        return tuple(
+            time / cycle.duration for (cycle, _), time in zip(self.cycles, times, strict=True)
+        )
 
     @property
     def off(self) -> float:
         """Time switched off in a period, s."""
-        run = sum(n * cycle.duration for n, (cycle, _) in zip(self.repeats, self.cycles,
-                                                              strict=True))  # fmt: skip
+        run = sum(
+            n * cycle.duration for n, (cycle, _) in zip(self.repeats, self.cycles, strict=True)
+        )
         return run * (1 - self.on) / self.on
 
     @property
     def source(self) -> str:
         """The cycles and their repetitions, in words."""
-        parts = [f"{Path(cycle.source).name} x {n:.4g}"
-                 for n, (cycle, _) in zip(self.repeats, self.cycles, strict=True)]  # fmt: skip
+        parts = [
+            f"{Path(cycle.source).name} x {n:.4g}"
+            for n, (cycle, _) in zip(self.repeats, self.cycles, strict=True)
+        ]
         return ", ".join(parts + [f"{self.off:.4g} s off"] * (self.on < 1))
 
     def schedule(self) -> Schedule:
@@ -200,17 +208,28 @@ class Duty:
         if self.on < 1:
             last, stay = runs[-1], np.full(len(_OFF), -1)
             zero = np.zeros((len(_OFF), last.v.shape[1]))
-            runs.append(replace(last, t=self.off * _OFF, q=last.q[stay], v=zero, a=zero,
-                                attached=last.attached[stay], reading=None))  # fmt: skip
+            runs.append(
+                replace(
+                    last,
+                    t=self.off * _OFF,
+                    q=last.q[stay],
+                    v=zero,
+                    a=zero,
+                    attached=last.attached[stay],
+                    reading=None,
+                )
+            )
         ends = np.cumsum([0.0, *(cycle.duration + _JOIN for cycle in runs)])
         return replace(
             runs[0],
-            t=np.concatenate([start + cycle.t - cycle.t[0]
-                              for start, cycle in zip(ends, runs, strict=False)]),
+            t=np.concatenate(
+                [start + cycle.t - cycle.t[0] for start, cycle in zip(ends, runs, strict=False)]
+            ),
             q=np.concatenate([cycle.q for cycle in runs]),
             v=np.concatenate([cycle.v for cycle in runs]),
             a=np.concatenate([cycle.a for cycle in runs]),
             attached=np.concatenate([cycle.attached for cycle in runs]),
-            source=self.source, reading=None,
+            source=self.source,
+            reading=None,
             warnings=tuple(text for cycle in runs for text in cycle.warnings),
-        )  # fmt: skip
+        )

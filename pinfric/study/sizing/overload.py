@@ -1,48 +1,93 @@
-"""Overloads shorter than a cycle: what its mean hides.
+"""Overloads within a cycle: what its mean hides, and what the time off makes room for.
 
-A winding follows its heat with its own time constant, so that the mean over a long cycle says
-little of minutes of overload in it. The root mean square over any time as long as that constant is
-held against the continuous torque instead; so is the time at a standstill above it, in which one
-phase takes all the heat. Cycles repeat: a window runs on from the last sample to the first.
+A winding follows its heat with its own time constant, the housing with a longer one. Heat is in
+proportion to T_m^2; each part of the temperature rise is a low-pass of it,
+
+    tau theta' + theta = T_m^2,
+
+settled over the period that repeats, the time switched off included. The root of its greatest value
+is held against the continuous torque, whose own theta is its square. Of a torque T for t_on of a
+period T_p this is makers' overload rule
+T/T_continuous <= sqrt((1 - e^(-T_p/tau))/(1 - e^(-t_on/tau))).
+
+At a standstill one phase takes all the heat: there the time above the continuous torque counts.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
 from pinfric.kernels.compiled import kernel
 from pinfric.study.sizing.catalog import Conditions, Thermal
-from pinfric.study.sizing.duty import Schedule
+from pinfric.study.sizing.duty import Schedule, once
 
 
-def overload_window(thermal: Thermal | None, conditions: Conditions) -> tuple[float, str]:
-    """Return the time (s) within which overload counts, and where it comes from, in words."""
+class Lag(NamedTuple):
+    """Time constants of a motor's temperature rise and each one's part of it; and their source."""
+
+    times: tuple[float, ...]
+    parts: tuple[float, ...]
+    source: str
+
+
+def heat_lag(thermal: Thermal | None, whole: float | None, conditions: Conditions) -> Lag:
+    """Return how a motor's temperature follows its heat.
+
+    Winding and housing, each by its thermal resistance, where both time constants are known; else
+    the winding's alone, else the time constant of the whole motor, else that of the conditions.
+
+    Args:
+        thermal: of the winding. whole: time constant of the motor, s, where one is printed.
+        conditions: `thermal_time` for motors of which none is known.
+
+    Source: maxon, Key information: thermal behaviour (two nodes); IEC 60034-1, S3.
+    """
+    if thermal is not None and thermal.winding_time is not None:
+        source = "maxon, Key information: thermal behaviour, time constants of winding and housing"
+        if thermal.housing_time is None:
+            return Lag((thermal.winding_time,), (1.0,), source)
+        whole_resistance = thermal.winding_housing + thermal.housing_ambient
+        part = thermal.winding_housing / whole_resistance
+        return Lag((thermal.winding_time, thermal.housing_time), (part, 1.0 - part), source)
+    if whole is not None:
+        return Lag((whole,), (1.0,), "IEC 60034-1, S3: the motor's thermal time constant")
+    text = "pinfric: conditions.thermal_time for a time constant not known"
+    return Lag((conditions.thermal_time,), (1.0,), text)
+
+
+def standstill_time(thermal: Thermal | None, conditions: Conditions) -> tuple[float, str]:
+    """Return for how long (s) a stalled motor may be overloaded, and the source, in words."""
     if thermal is not None and thermal.winding_time is not None:
         text = "maxon, Key information: short-term operation, within the winding's time constant"
         return thermal.winding_time, text
     return conditions.thermal_time, "pinfric: conditions.thermal_time for a time constant not known"
 
 
-def moving_rms(t: np.ndarray, x: np.ndarray, window: float, duty: Schedule | None = None) -> float:
-    """Return the largest root mean square over any `window` of time of a cycle that repeats.
+def settled_heat(t: np.ndarray, x: np.ndarray, lag: Lag, duty: Schedule | None = None) -> float:
+    """Return the root of the greatest settled sum of part x theta, tau theta' + theta = x^2.
 
-    max over s of sqrt(1/window int_s^(s + window) x^2 dt), x^2 linear between samples (as the
-    trapezoidal rule has it): exact, windows may begin and end between samples.
+    x^2 is linear between samples; each step is exact, and the settled cycle is a fixed point.
 
     Args:
         t: (T,) increasing, s; the last sample is the first of the next repetition.
-        x: (T,).
-        window: s; no longer than the cycle, a longer one is cut to it.
-        duty: which samples are which cycle of a period; None: they are one.
+        x: (T,), of the unit of the result.
+        lag: of the motor.
+        duty: which samples are which cycle of a period, and how often; None: they are one.
     """
-    if duty is not None:
-        order, t = duty.played(t, window)
-        x = x[order]
     largest = float(np.abs(x).max())
     if len(t) == 1 or not largest > 0:  # also NaN
         return largest
-    part = x / largest  # its square cannot overflow
-    mean = _greatest_mean(t, part * part, min(window, float(t[-1] - t[0])))
+    part, schedule = x / largest, duty or once(len(t))
+    mean = _settled_heat(
+        t,
+        part * part,  # cannot overflow
+        np.array(lag.times),
+        np.array(lag.parts),
+        np.array(schedule.starts),
+        schedule.counts,
+    )
     return largest * min(float(np.sqrt(mean)), 1.0)  # rounding must not lift it above the peak
 
 
@@ -67,44 +112,43 @@ def longest_above(
 
 
 @kernel
-def _greatest_mean(t: np.ndarray, y: np.ndarray, window: float) -> float:
-    """Return the greatest mean of y (T,), linear between samples, over any window of the cycle.
-
-    The window's integral G(s) has the slope y(s + window) - y(s), linear between the instants at
-    which one of its two edges meets a sample: there, or where the slope passes zero, G is greatest.
-    """
-    n = t.size - 1
-    total, j, left = 0.0, 0, window
-    while j < n and left >= t[j + 1] - t[j]:
-        total += (t[j + 1] - t[j]) * (y[j] + y[j + 1]) / 2
-        left -= t[j + 1] - t[j]
-        j += 1
-    if j == n:  # the whole cycle, wherever it begins
-        return total / window
-    head = y[j] + left * (y[j + 1] - y[j]) / (t[j + 1] - t[j])
-    total += left * (y[j] + head) / 2
-    best, i, tail = total, 0, y[0]
-    to_tail, to_head = t[1] - t[0], t[j + 1] - t[j] - left  # until an edge meets its next sample
-    while i < n:
-        step = min(to_tail, to_head)
-        before = head - tail
-        head += step * (y[j + 1] - y[j]) / (t[j + 1] - t[j])
-        tail += step * (y[i + 1] - y[i]) / (t[i + 1] - t[i])
-        after = head - tail
-        if before > 0.0 and after < 0.0:
-            best = max(best, total + step * before * before / (2 * (before - after)))
-        total += step * (before + after) / 2
-        best = max(best, total)
-        to_tail -= step
-        to_head -= step
-        if to_tail <= 0.0:
-            i += 1
-            if i < n:
-                to_tail, tail = t[i + 1] - t[i], y[i]
-        if to_head <= 0.0:
-            j = (j + 1) % n
-            to_head, head = t[j + 1] - t[j], y[j]
-    return best / window
+def _settled_heat(
+    t: np.ndarray,
+    y: np.ndarray,
+    times: np.ndarray,
+    parts: np.ndarray,
+    starts: np.ndarray,
+    counts: np.ndarray,
+) -> float:
+    """Return the greatest sum of parts of theta, tau theta' + theta = y, settled, at a sample."""
+    nodes = times.size
+    decay, gain = np.ones((t.size, nodes)), np.zeros((t.size, nodes))
+    for k in range(t.size - 1):
+        step = t[k + 1] - t[k]
+        for n in range(nodes):
+            ratio = step / times[n]
+            lost = -np.expm1(-ratio)
+            # of the ramp's second half; a short step leaves half of it
+            late = 1.0 - lost / ratio if ratio > 1e-6 else 0.5 * ratio
+            decay[k, n] = 1.0 - lost
+            gain[k, n] = y[k] * lost + (y[k + 1] - y[k]) * late
+    whole, sum_ = np.ones(nodes), np.zeros(nodes)
+    for part in range(counts.size):
+        for _ in range(counts[part]):
+            for k in range(starts[part], starts[part + 1] - 1):
+                for n in range(nodes):
+                    whole[n] *= decay[k, n]
+                    sum_[n] = decay[k, n] * sum_[n] + gain[k, n]
+    theta, most = sum_ / (1.0 - whole), 0.0
+    for part in range(counts.size):
+        for _ in range(counts[part]):
+            for k in range(starts[part], starts[part + 1] - 1):
+                now = 0.0
+                for n in range(nodes):
+                    theta[n] = decay[k, n] * theta[n] + gain[k, n]
+                    now += parts[n] * theta[n]
+                most = max(most, now)
+    return most
 
 
 @kernel

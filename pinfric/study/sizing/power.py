@@ -68,8 +68,10 @@ class BusPower:
             return "not known: no drive has a motor that could be assessed"
         if self.resistor is None or self.resistor_power is None:
             return "nothing flows back: neither resistor nor regeneration is needed"
-        resistor = (f"a resistor of at most {self.resistor:.3g} ohm, {self.resistor_power:.3g} W "
-                    f"on average and {self.braking:.3g} W at most")  # fmt: skip
+        resistor = (
+            f"a resistor of at most {self.resistor:.3g} ohm, {self.resistor_power:.3g} W "
+            f"on average and {self.braking:.3g} W at most"
+        )
         if self.capacitance is None:
             return f"{resistor}, or a supply that feeds back"
         if self.criteria[1].margin is not None and self.criteria[1].margin >= 0:
@@ -108,32 +110,51 @@ def bus_power(
     return BusPower(
         power=power,
         known=len(known),
-        left_out=left_out, mechanical=mechanical,
-        peak=flow.driving, braking=flow.braking, drawn=flow.delivered, returned=flow.returned,
-        mean=(flow.delivered - flow.returned) / period, burst=burst,
-        current=flow.driving / voltage, rms_current=rms(stretched, power) / voltage,
+        left_out=left_out,
+        mechanical=mechanical,
+        peak=flow.driving,
+        braking=flow.braking,
+        drawn=flow.delivered,
+        returned=flow.returned,
+        mean=(flow.delivered - flow.returned) / period,
+        burst=burst,
+        current=flow.driving / voltage,
+        rms_current=rms(stretched, power) / voltage,
         resistor=(limit or voltage) ** 2 / flow.braking if flows else None,
         resistor_power=flow.returned / period if flows else None,
         capacitance=burst / room if room and flows else None,
         criteria=(
             _supply(flow.driving, conditions.supply_power, bool(left_out or mechanical)),
-            compare("braking energy", burst, taken, "J",
-                    "energy fed back in one go <= C (U_max^2 - U^2)/2",
-                    "Servotronix CDHD2 manual, regeneration: E_bus = C/2 (V_max^2 - V_nom^2)",
-                    "conditions.bus_capacitance and bus_limit"),
+            compare(
+                "braking energy",
+                burst,
+                taken,
+                "J",
+                "energy fed back in one go <= C (U_max^2 - U^2)/2",
+                "Servotronix CDHD2 manual, regeneration: E_bus = C/2 (V_max^2 - V_nom^2)",
+                "conditions.bus_capacitance and bus_limit",
+            ),
         ),
-    )  # fmt: skip
+    )
 
 
 def _supply(peak: float, supply: float | None, at_least: bool) -> Criterion:
     """Power that is known in part can fail a supply, not pass it."""
     decided = not at_least or (supply is not None and peak > supply)
-    missing = "conditions.supply_power" if supply is None else (
-        f"of all drives; without some of them, or their copper loss, it is {peak:.4g} W"
-    )  # fmt: skip
-    return compare("supply power", peak if decided else None, supply, "W",
-                   "max sum(T_m omega + R i^2) <= power of the supply",
-                   "power balance of the bus", missing)  # fmt: skip
+    missing = (
+        "conditions.supply_power"
+        if supply is None
+        else (f"of all drives; without some of them, or their copper loss, it is {peak:.4g} W")
+    )
+    return compare(
+        "supply power",
+        peak if decided else None,
+        supply,
+        "W",
+        "max sum(T_m omega + R i^2) <= power of the supply",
+        "power balance of the bus",
+        missing,
+    )
 
 
 def _burst(t: np.ndarray, power: np.ndarray, duty: Schedule) -> float:

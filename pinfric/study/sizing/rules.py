@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pinfric.study.sizing.catalog import Screw
 from pinfric.study.sizing.demand import DriveCycle
 from pinfric.study.summary import rms
 
@@ -17,6 +18,47 @@ def momentary_peaks(speed: float, duration: float) -> float:
     Source: Harmonic Drive CSF/CSG catalogue, rating of the momentary peak torque.
     """
     return 1e4 / (2 * speed / (2 * np.pi) * duration) if speed > 0 else np.inf
+
+
+#: Supports of a screw -> lambda of its first bending mode, n of Euler's buckling load.
+_SUPPORTS = {
+    "fixed-free": (1.875, 0.25),
+    "supported-supported": (3.142, 1.0),
+    "fixed-supported": (3.927, 2.0),
+    "fixed-fixed": (4.730, 4.0),
+}
+
+
+def critical_speed(screw: Screw) -> float:
+    """Return 0.8 of the speed at which a screw whirls, rad/s.
+
+    0.8 lambda^2/l^2 sqrt(E I/(rho A)) of its root, I/A = d^2/16.
+
+    Source: THK, selection of ball screws: permissible rotational speed.
+    """
+    bending, _ = _SUPPORTS[screw.supports]
+    wave = np.sqrt(screw.elasticity / screw.density) * screw.root_diameter / 4
+    return float(0.8 * bending**2 / screw.length**2 * wave)
+
+
+def buckling_load(screw: Screw) -> float:
+    """Return half of the axial load at which a screw buckles, N: n pi^2 E I/l^2 x 0.5.
+
+    Source: THK, selection of ball screws: buckling load, with its factor of 0.5.
+    """
+    _, n = _SUPPORTS[screw.supports]
+    second_moment = np.pi * screw.root_diameter**4 / 64
+    return float(0.5 * n * np.pi**2 * screw.elasticity * second_moment / screw.length**2)
+
+
+def dn_speed(screw: Screw) -> float | None:
+    """Return the speed of the permissible DN value, rad/s; None where it is not printed.
+
+    Source: THK, selection of ball screws: DN value.
+    """
+    if screw.max_dn is None or screw.ball_circle is None:
+        return None
+    return screw.max_dn / (1e3 * screw.ball_circle) * np.pi / 30
 
 
 def gear_life(

@@ -22,11 +22,9 @@ import pinocchio as pin
 
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
-from pinfric.dynamics.samples.states import MotionLike, States
+from pinfric.dynamics.samples.states import MotionLike
 from pinfric.errors import CatalogError, PinfricWarning, SizingError, choose_from
 from pinfric.model.brief import counted, file_name, listed, screen
-from pinfric.model.couples import delivery, taking_part
-from pinfric.model.mass_matrix import mass_matrices
 from pinfric.model.scene import Scene, expect_scene
 from pinfric.model.schema import Actuator, Transmission
 from pinfric.model.springs import softest
@@ -42,8 +40,7 @@ from pinfric.study.sizing.assess import (
 )
 from pinfric.study.sizing.brake import Standstill, standstills
 from pinfric.study.sizing.catalog import Catalog, Conditions, load_catalog, parse_conditions
-from pinfric.study.sizing.caveats import apart, caveats, unclosed
-from pinfric.study.sizing.criteria import Case
+from pinfric.study.sizing.caveats import caveats, discontinuities, unclosed
 from pinfric.study.sizing.criterion import Criterion, Status
 from pinfric.study.sizing.demand import (
     DriveCycle,
@@ -59,6 +56,8 @@ from pinfric.study.sizing.demand import (
 from pinfric.study.sizing.drivetrain import Candidate, MotorCycle, candidates, motor_cycle
 from pinfric.study.sizing.duty import Duty, Schedule, once
 from pinfric.study.sizing.elastic_arm import arm_criteria, check_tool
+from pinfric.study.sizing.inertia import load_inertias
+from pinfric.study.sizing.limit import Case
 from pinfric.study.sizing.power import BusPower, bus_power
 from pinfric.study.summary import effort_unit
 from pinfric.study.trajectory.trajectory import Trajectory
@@ -107,7 +106,7 @@ class JointSizing:
         return self.demand.name
 
     @property
-    def taken(self) -> Assessment | None:
+    def installed(self) -> Assessment | None:
         """The drive whose mass is in the model: the choice, or the nearest miss."""
         return self.choice or self.nearest
 
@@ -120,7 +119,7 @@ class JointSizing:
         return nearest_miss([a for a in self.assessments if (a.candidate.mass or most) < most])
 
     @property
-    def miss(self) -> str:
+    def no_fit(self) -> str:
         """Say that nothing fits, and by how much the nearest candidate misses; else empty."""
         if self.choice is not None or (not self.assessments and not self.nothing_because):
             return ""
@@ -129,8 +128,10 @@ class JointSizing:
         if self.nearest is None:
             first = self.assessments[0]
             return f"{self.name}: no candidate can be judged; {first.candidate.name}: {first.why}"
-        return (f"{self.name}: none of {len(self.assessments)} candidates fits; the nearest miss "
-                f"is {self.nearest.candidate.name}: {self.nearest.why}")  # fmt: skip
+        return (
+            f"{self.name}: none of {len(self.assessments)} candidates fits; the nearest miss "
+            f"is {self.nearest.candidate.name}: {self.nearest.why}"
+        )
 
 
 @dataclass(frozen=True)
@@ -174,11 +175,11 @@ class SizingReport(Shown):
             facts |= {
                 "catalog": file_name(self.catalog.source),
                 "drives": listed([n for n, _ in chosen], [f"-> {d}" for _, d in chosen]) or "none",
-                "misses": listed([joint.name for joint in self.joints if joint.miss]),
+                "misses": listed([joint.name for joint in self.joints if joint.no_fit]),
                 "mass": (f"{self.chosen_mass:.3g} kg of drives" if chosen else "no drive fits")
-                        + f"; {settled} after "
-                        + counted(self.passes, "pass", "passes"),
-            }  # fmt: skip
+                + f"; {settled} after "
+                + counted(self.passes, "pass", "passes"),
+            }
         title = (
             f"{file_name(self.given.source)} · {file_name(self.trajectory)}: {self.period:.4g} s"
         )
@@ -194,7 +195,7 @@ class SizingReport(Shown):
     @property
     def drive_mass(self) -> float:
         """Mass of all drives in the model, kg."""
-        taken = (joint.taken for joint in self.joints)
+        taken = (joint.installed for joint in self.joints)
         return sum(a.candidate.mass or 0.0 for a in taken if a is not None)
 
     @property
@@ -228,19 +229,20 @@ class SizingReport(Shown):
         return bus_power(drives, t, self.duty, self.conditions)
 
     @property
-    def misses(self) -> tuple[str, ...]:
+    def no_fit(self) -> tuple[str, ...]:
         """One line for each joint for which no candidate fits."""
-        return tuple(joint.miss for joint in self.joints if joint.miss)
+        return tuple(joint.no_fit for joint in self.joints if joint.no_fit)
 
     @property
-    def short(self) -> tuple[str, ...]:
+    def unmet(self) -> tuple[str, ...]:
         """One line for what a condition asks in vain of a brake, of the bus or of the robot."""
         whole = [("robot", self.arm_criteria)]
         if self.catalog is None:
             return _failing(whole)
         wanted = self.standstills if self.conditions.holding_brake != "any" else ()
-        found = [(joint.name, still.criteria)
-                 for joint, still in zip(self.joints, wanted, strict=False)]  # fmt: skip
+        found = [
+            (joint.name, still.criteria) for joint, still in zip(self.joints, wanted, strict=False)
+        ]
         return _failing([*found, ("bus", self.bus.criteria), *whole])
 
     def check(self) -> None:
@@ -249,7 +251,7 @@ class SizingReport(Shown):
         Raises:
             SizingError: names the joints, the nearest misses and by how much; holds the report.
         """
-        if wrong := (*self.misses, *self.short):
+        if wrong := (*self.no_fit, *self.unmet):
             raise SizingError("; ".join(wrong), self)
 
     def joint(self, name: str) -> JointSizing:
@@ -318,7 +320,7 @@ def size(
     report = sizing.run()
     if on_miss == "raise":
         report.check()
-    for text in (*report.misses, *report.short) if on_miss == "warn" else ():
+    for text in (*report.no_fit, *report.unmet) if on_miss == "warn" else ():
         warnings.warn(text, PinfricWarning, stacklevel=2)
     return report
 
@@ -359,28 +361,39 @@ class _Sizing:
             before = _names(taken)
             for i in tip_to_base:
                 self.progress(f"pass {passes}: {self.scene.drives[i].name}")
-                assessment = self.joint(i, taken).taken
+                assessment = self.joint(i, taken).installed
                 if assessment is not None:
                     taken[i] = assessment
             settled = _names(taken) == before
         if not settled:
-            warnings.warn(f"the choice of drives still alternates after {passes} passes",
-                          PinfricWarning, stacklevel=3)  # fmt: skip
+            warnings.warn(
+                f"the choice of drives still alternates after {passes} passes",
+                PinfricWarning,
+                stacklevel=3,
+            )
         joints = tuple(self._compared(i, self.joint(i, taken)) for i in drives)
-        chosen = {i: j.taken for i, j in enumerate(joints) if j.taken is not None}
+        chosen = {i: j.installed for i, j in enumerate(joints) if j.installed is not None}
         equipped = with_masses(self.scene, chosen, self.conditions) if chosen else self.scene
         without, _ = self._solve((), {})
         duty = self.duty or once(len(without.states.q))
         gaps = unclosed(without, duty)
         return SizingReport(
-            scene=equipped, given=self.scene, catalog=self.catalog, conditions=self.conditions,
-            trajectory=str(getattr(self.trajectory, "source", "motion")), joints=joints,
+            scene=equipped,
+            given=self.scene,
+            catalog=self.catalog,
+            conditions=self.conditions,
+            trajectory=str(getattr(self.trajectory, "source", "motion")),
+            joints=joints,
             result=inverse_dynamics(equipped, self.trajectory) if chosen else without,
-            result_without_masses=without, duty=duty,
-            passes=passes, settled=settled,
-            notes=caveats(self.scene, self.catalog, self.conditions, gaps, apart(without, duty)),
+            result_without_masses=without,
+            duty=duty,
+            passes=passes,
+            settled=settled,
+            notes=caveats(
+                self.scene, self.catalog, self.conditions, gaps, discontinuities(without, duty)
+            ),
             unclosed=gaps,
-        )  # fmt: skip
+        )
 
     def joint(self, i: int, taken: Mapping[int, Assessment]) -> JointSizing:
         """Judge all candidates for one joint, with the drives beyond it in the model."""
@@ -462,8 +475,8 @@ class _Sizing:
     def _compared(self, i: int, joint: JointSizing) -> JointSizing:
         """The joint, with what would have been chosen without masses, and without friction."""
         motor, offers = None, self._offers(i, joint.demand)
-        if joint.taken is not None and joint.taken.motor is not None:
-            motor = motor_cycle(joint.taken.candidate, joint.cycle, self.conditions)
+        if joint.installed is not None and joint.installed.motor is not None:
+            motor = motor_cycle(joint.installed.candidate, joint.cycle, self.conditions)
         cycle = joint.cycle.without_friction()
         bare = gear_demand_frictionless(joint.demand, cycle)
         frictionless = lightest(offers, self._case(i, bare, cycle, joint.load_inertia))
@@ -476,9 +489,12 @@ class _Sizing:
             demand = joint_demand(result, i, alone)
             choice = lightest(offers, self._case(i, demand, alone, inertia))
         return replace(
-            joint, demand_without_masses=demand, motor=motor,
-            choice_frictionless=frictionless, choice_without_masses=choice,
-        )  # fmt: skip
+            joint,
+            demand_without_masses=demand,
+            motor=motor,
+            choice_frictionless=frictionless,
+            choice_without_masses=choice,
+        )
 
 
 def holds(scene: Scene, trajectory: MotionLike, v: np.ndarray) -> np.ndarray:
@@ -498,33 +514,16 @@ def gear_demand_frictionless(demand: JointDemand, cycle: DriveCycle) -> GearDema
     """
     cubic = average_output_effort(cycle.stretched, cycle.effort_frictionless, cycle.velocity)
     carried = screw_load(cycle) if demand.unit == "N" else demand.bearing
-    return GearDemand(demand.name, demand.unit, demand.peak_frictionless, demand.speed,
-                      demand.mean_speed, cubic, carried, demand.travel)  # fmt: skip
-
-
-def load_inertias(result: InverseResult) -> np.ndarray:
-    """Return (na,) the largest `joint_inertias` over a motion.
-
-    Args:
-        result: of inverse dynamics.
-    """
-    return np.asarray(joint_inertias(result.scene, result.states).max(axis=0))
-
-
-def joint_inertias(scene: Scene, states: States) -> np.ndarray:
-    """Return (T, na) M_jj(q): the inertia about each drive's joint, kg m^2 (kg).
-
-    Payloads count while they are carried; rotors (Pinocchio's armature) do not. Of coupled drives
-    it is what moves with one while the others stand, (P M P^T)_jj.
-    """
-    own = np.array([drive.velocity_index for drive in scene.drives], dtype=np.int64)
-    P, found = delivery(scene.drives, scene.model.nv), np.empty((len(states.q), len(own)))
-    for start, stop, carried in states.phases(scene):
-        mass = mass_matrices(scene.twin(carried), states.q[start:stop])
-        found[start:stop] = mass[:, own, own]
-        for d in taking_part(scene.drives):  # v^T M v of what moves while the others stand
-            found[start:stop, d] = np.einsum("a,nab,b->n", P[d], mass[:, own][:, :, own], P[d])
-    return found
+    return GearDemand(
+        demand.name,
+        demand.unit,
+        demand.peak_frictionless,
+        demand.speed,
+        demand.mean_speed,
+        cubic,
+        carried,
+        demand.travel,
+    )
 
 
 def yielding(
@@ -591,10 +590,16 @@ def without_drives(scene: Scene, names: Collection[str]) -> Scene:
         names: of the drives that others replace.
     """
     changed = {
-        name: entry.model_copy(update={key: term.scaled(0.0) for key, term in entry
-                                       if key in ("coulomb", "viscous") and term})
-        for name, entry in scene.friction.items() if name in names and entry.includes_drive
-    }  # fmt: skip
+        name: entry.model_copy(
+            update={
+                key: term.scaled(0.0)
+                for key, term in entry
+                if key in ("coulomb", "viscous") and term
+            }
+        )
+        for name, entry in scene.friction.items()
+        if name in names and entry.includes_drive
+    }
     return replace(scene, friction={**scene.friction, **changed}) if changed else scene
 
 
@@ -603,8 +608,10 @@ def geared(scene: Scene, gears: Mapping[str, Transmission | None]) -> list[Actua
     given = scene.actuators
     if given is None:
         given = [Actuator(joint=drive.name) for drive in scene.drives]
-    return [a.model_copy(update={"transmission": gears[a.drive_name]})
-            if a.drive_name in gears else a for a in given]  # fmt: skip
+    return [
+        a.model_copy(update={"transmission": gears[a.drive_name]}) if a.drive_name in gears else a
+        for a in given
+    ]
 
 
 def _loads(scene: Scene, drive: int, actuator: int) -> bool:
@@ -644,5 +651,7 @@ def check_names(scene: Scene, conditions: Conditions) -> None:
     for key in ("mass_in_urdf", "collision_effort", "bearings"):
         for name in getattr(conditions, key):
             if name not in scene.actuator_names:
-                raise CatalogError(f"conditions.{key}: there is no drive {name!r}; "
-                                   f"{choose_from(name, scene.actuator_names)}")  # fmt: skip
+                raise CatalogError(
+                    f"conditions.{key}: there is no drive {name!r}; "
+                    f"{choose_from(name, scene.actuator_names)}"
+                )

@@ -77,7 +77,7 @@ class RatioFigures:
 
 
 @described
-class Taken(RatioFigures):
+class Installed(RatioFigures):
     """The drive whose mass is in the model: the choice; where nothing fits, the nearest miss."""
 
     judged: str = quantity("its name")
@@ -112,7 +112,7 @@ class SizedJoint(JointDemand):
     choice: str | None = quantity(
         "the lightest drive that fits; none: none does", heading="lightest that fits"
     )
-    taken: Taken | None = quantity(
+    installed: Installed | None = quantity(
         "the drive in the model; none: nothing to choose from", heading="*"
     )
     fit: str = quantity("how many drives fit, of all", heading="fit")
@@ -155,8 +155,8 @@ class SizingSummary:
     drive_mass: float = quantity("of all drives in the model", "kg")
     joints: tuple[SizedJoint, ...] = quantity("in the order of the scene's drives")
     bus: BusPower = quantity("of all drives together")
-    misses: tuple[str, ...] = quantity("joints for which no drive fits")
-    short: tuple[str, ...] = quantity("conditions that brakes, bus or robot do not meet")
+    no_fit: tuple[str, ...] = quantity("joints for which no drive fits")
+    unmet: tuple[str, ...] = quantity("conditions that brakes, bus or robot do not meet")
     robot_criteria: tuple[Criterion, ...] = quantity("asked of the whole robot")
     elasticity: ElasticSummary | None = quantity("what elastic gears do; none: no stiffness known")
     fastest: tuple[TimedSet, ...] | None = quantity("mass against time; none: not asked for")
@@ -192,8 +192,8 @@ def sizing_summary(
             for joint, still in zip(report.joints, report.standstills, strict=True)
         ),
         bus=report.bus,
-        misses=report.misses,
-        short=report.short,
+        no_fit=report.no_fit,
+        unmet=report.unmet,
         robot_criteria=report.arm_criteria,
         elasticity=None if report.elastic is None else elastic_summary(report.elastic),
         fastest=fastest,
@@ -213,7 +213,7 @@ def sized_joint(joint: JointSizing, still: Standstill) -> SizedJoint:
         fit=f"{sum(a.fits for a in joint.assessments)} of {len(joint.assessments)}",
         choice_without_masses=_name(joint.choice_without_masses),
         choice_frictionless=_name(joint.choice_frictionless),
-        taken=None if joint.taken is None else _taken(joint, joint.taken, still),
+        installed=None if joint.installed is None else _installed(joint, joint.installed, still),
         standstill=still,
         alternatives=tuple(
             Candidacy(a.candidate.name, a.candidate.mass, a.margin, len(a.not_checked))
@@ -221,7 +221,7 @@ def sized_joint(joint: JointSizing, still: Standstill) -> SizedJoint:
             if a.fits and a is not joint.choice
         ),
         rejected=tuple(Rejection(a.candidate.name, a.why) for a in joint.assessments if not a.fits),
-        nearest_miss=joint.miss or None,
+        nearest_miss=joint.no_fit or None,
         next_smaller=None if smaller is None else _next_smaller(smaller),
     )
 
@@ -236,7 +236,7 @@ def _next_smaller(smaller: Assessment) -> NextSmaller:
 def margins(found: SizingSummary) -> list[Margins]:
     """Return the criteria of all joints' drives, a row each: what moves first, what holds last."""
     columns = {
-        joint.name: {} if joint.taken is None else {c.name: c for c in joint.taken.criteria}
+        joint.name: {c.name: c for c in joint.installed.criteria} if joint.installed else {}
         for joint in found.joints
     }
     names = dict.fromkeys(name for column in columns.values() for name in column)
@@ -247,10 +247,10 @@ def margins(found: SizingSummary) -> list[Margins]:
     ]
 
 
-def _taken(joint: JointSizing, taken: Assessment, still: Standstill) -> Taken:
+def _installed(joint: JointSizing, taken: Assessment, still: Standstill) -> Installed:
     candidate, criteria = taken.candidate, (*taken.criteria, *still.criteria)
     compared = sorted((c for c in taken.criteria if c.scaled), key=lambda c: c.margin or 0.0)
-    return Taken(
+    return Installed(
         **vars(ratio_figures(joint, taken)),
         judged=candidate.name,
         mass=candidate.mass,

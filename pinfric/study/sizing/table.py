@@ -24,7 +24,18 @@ from pinfric.study.sizing.units import FIGURES, in_si, unit_of
 _SECTIONS: dict[str, type[Sourced]] = {"motors": Motor, "gears": Gear, "gearmotors": GearMotor}
 #: What a cell says instead of nothing.
 _NOTHING = ("", "-", "\N{EN DASH}", "\N{EM DASH}", "n/a", "N/A")
-_TEXTS = ("name", "source", "grade", "note", "dimensions", "kind", "output", "bearing.kind")
+_TEXTS = (
+    "name",
+    "source",
+    "grade",
+    "note",
+    "dimensions",
+    "kind",
+    "output",
+    "bearing.kind",
+    "current",
+    "resistance_of",
+)
 _NUMBER = re.compile(r"([-+]?\d[\d.,']*(?:[eE][-+]?\d+)?)\s*(.*)")
 
 

@@ -74,8 +74,12 @@ def winding_cycle(
         raise ValueError("a temperature over time needs both time constants")
     if len(t) < 2:
         raise ValueError("a cycle needs two samples")
-    capacity = np.array([thermal.winding_time / thermal.winding_housing,
-                         thermal.housing_time / thermal.housing_ambient])  # fmt: skip
+    capacity = np.array(
+        [
+            thermal.winding_time / thermal.winding_housing,
+            thermal.housing_time / thermal.housing_ambient,
+        ]
+    )
     conductance = np.array([1 / thermal.winding_housing, 1 / thermal.housing_ambient])
     heat = resistance * mean_square(np.abs(current))
     warm = 1 + copper * (ambient - REFERENCE_TEMPERATURE)
@@ -155,8 +159,14 @@ def _maps(
         q00, q01 = (a00 - fast) / (slow - fast), a01 / (slow - fast)
         q10, q11 = a10 / (slow - fast), (a11 - fast) / (slow - fast)
         de, di = d_slow - d_fast, i_slow - i_fast
-        maps[k] = (e_fast + de * q00, de * q01, de * q10, e_fast + de * q11,
-                   (i_fast + di * q00) * b0, di * q10 * b0)  # fmt: skip
+        maps[k] = (
+            e_fast + de * q00,
+            de * q01,
+            de * q10,
+            e_fast + de * q11,
+            (i_fast + di * q00) * b0,
+            di * q10 * b0,
+        )
     return maps
 
 

@@ -8,52 +8,103 @@ from pinfric.errors import CatalogError, choose_from
 
 #: Unit -> (SI unit, factor to it). A lead is turned into a ratio: 2 pi/lead.
 UNITS = {
-    "N m": ("N m", 1.0), "mN m": ("N m", 1e-3), "N cm": ("N m", 1e-2), "kN m": ("N m", 1e3),
-    "kgf cm": ("N m", 0.0980665), "oz in": ("N m", 0.00706155), "lb in": ("N m", 0.1129848),
-    "N": ("N", 1.0), "kN": ("N", 1e3), "kgf": ("N", 9.80665), "lbf": ("N", 4.448222),
-    "rad/s": ("rad/s", 1.0), "rpm": ("rad/s", math.pi / 30), "1/min": ("rad/s", math.pi / 30),
+    "N m": ("N m", 1.0),
+    "mN m": ("N m", 1e-3),
+    "N cm": ("N m", 1e-2),
+    "kN m": ("N m", 1e3),
+    "kgf cm": ("N m", 0.0980665),
+    "oz in": ("N m", 0.00706155),
+    "lb in": ("N m", 0.1129848),
+    "N": ("N", 1.0),
+    "kN": ("N", 1e3),
+    "kgf": ("N", 9.80665),
+    "lbf": ("N", 4.448222),
+    "rad/s": ("rad/s", 1.0),
+    "rpm": ("rad/s", math.pi / 30),
+    "1/min": ("rad/s", math.pi / 30),
     "deg/s": ("rad/s", math.pi / 180),
-    "m/s": ("m/s", 1.0), "mm/s": ("m/s", 1e-3),
-    "kg m^2": ("kg m^2", 1.0), "kg cm^2": ("kg m^2", 1e-4), "g cm^2": ("kg m^2", 1e-7),
+    "m/s": ("m/s", 1.0),
+    "mm/s": ("m/s", 1e-3),
+    "kg m^2": ("kg m^2", 1.0),
+    "kg cm^2": ("kg m^2", 1e-4),
+    "g cm^2": ("kg m^2", 1e-7),
     "kg mm^2": ("kg m^2", 1e-6),
-    "kg": ("kg", 1.0), "g": ("kg", 1e-3), "lb": ("kg", 0.45359237),
-    "V": ("V", 1.0), "mV": ("V", 1e-3), "A": ("A", 1.0), "mA": ("A", 1e-3),
-    "ohm": ("ohm", 1.0), "mohm": ("ohm", 1e-3),
-    "N m/A": ("N m/A", 1.0), "mN m/A": ("N m/A", 1e-3),
-    "K/W": ("K/W", 1.0), "C": ("C", 1.0),
-    "s": ("s", 1.0), "ms": ("s", 1e-3), "min": ("s", 60.0), "h": ("h", 1.0),
-    "N m/rad": ("N m/rad", 1.0), "N m/arcmin": ("N m/rad", 10800 / math.pi),
-    "rad": ("rad", 1.0), "arcmin": ("rad", math.pi / 10800),
+    "kg": ("kg", 1.0),
+    "g": ("kg", 1e-3),
+    "lb": ("kg", 0.45359237),
+    "V": ("V", 1.0),
+    "mV": ("V", 1e-3),
+    "A": ("A", 1.0),
+    "mA": ("A", 1e-3),
+    "ohm": ("ohm", 1.0),
+    "mohm": ("ohm", 1e-3),
+    "N m/A": ("N m/A", 1.0),
+    "mN m/A": ("N m/A", 1e-3),
+    "K/W": ("K/W", 1.0),
+    "C": ("C", 1.0),
+    "s": ("s", 1.0),
+    "ms": ("s", 1e-3),
+    "min": ("s", 60.0),
+    "h": ("h", 1.0),
+    "N m/rad": ("N m/rad", 1.0),
+    "N m/arcmin": ("N m/rad", 10800 / math.pi),
+    "rad": ("rad", 1.0),
+    "arcmin": ("rad", math.pi / 10800),
     "arcsec": ("rad", math.pi / 648000),
-    "m": ("m", 1.0), "mm": ("m", 1e-3),
-    "1": ("1", 1.0), "%": ("1", 1e-2),
-    "rad/m": ("rad/m", 1.0), "mm/rev": ("rad/m", 1e-3), "m/rev": ("rad/m", 1.0),
+    "m": ("m", 1.0),
+    "mm": ("m", 1e-3),
+    "1": ("1", 1.0),
+    "%": ("1", 1e-2),
+    "rad/m": ("rad/m", 1.0),
+    "mm/rev": ("rad/m", 1e-3),
+    "m/rev": ("rad/m", 1.0),
     "price": ("price", 1.0),
-}  # fmt: skip
+}
 
 _OF_UNIT = {
     "N m": "continuous_torque continuous_stall_torque peak_torque stall_torque rated_torque "
-           "average_torque repeated_peak_torque momentary_peak_torque no_load_running_torque "
-           "starting_torque back_driving_torque bearing.max_moment",
+    "average_torque repeated_peak_torque momentary_peak_torque no_load_running_torque "
+    "starting_torque back_driving_torque bearing.max_moment",
     "N": "bearing.max_radial bearing.max_axial bearing.dynamic_rating bearing.static_rating",
     "rad/s": "max_speed no_load_speed rated_speed average_input_speed max_input_speed",
-    "kg m^2": "rotor_inertia input_inertia", "kg": "mass", "V": "nominal_voltage",
-    "ohm": "resistance", "A": "continuous_current",
-    "N m/A": "torque_constant", "C": "thermal.max_winding",
-    "K/W": "thermal.winding_housing thermal.housing_ambient", "h": "nominal_life",
-    "s": "thermal.winding_time thermal.housing_time", "N m/rad": "stiffness", "rad": "hysteresis",
+    "kg m^2": "rotor_inertia input_inertia",
+    "kg": "mass",
+    "V": "nominal_voltage",
+    "ohm": "resistance",
+    "A": "continuous_current",
+    "N m/A": "torque_constant",
+    "C": "thermal.max_winding rated_ambient",
+    "K/W": "thermal.winding_housing thermal.housing_ambient",
+    "h": "nominal_life",
+    "s": "thermal_time thermal.winding_time thermal.housing_time",
+    "N m/rad": "stiffness",
+    "rad": "hysteresis",
     "price": "price",
     "m": "stroke bearing.pitch_diameter bearing.spacing bearing.offset",
     "1": "ratio efficiency back_efficiency bearing.static_safety momentary_peaks",
-}  # fmt: skip
+}
 #: Figure -> its unit; `thermal.` and `bearing.` lead into these parts of an entry.
 FIGURES = {figure: unit for unit, figures in _OF_UNIT.items() for figure in figures.split()}
 #: The same of what slides: the output of linear gears, all of linear motors.
-_LINEAR = {"N m": "N", "rad/s": "m/s", "N m/rad": "N/m", "N m/A": "N/A", "kg m^2": "kg", "1": "1",
-           "rad": "m"}  # fmt: skip
+_LINEAR = {
+    "N m": "N",
+    "rad/s": "m/s",
+    "N m/rad": "N/m",
+    "N m/A": "N/A",
+    "kg m^2": "kg",
+    "1": "1",
+    "rad": "m",
+}
 #: Figures of a linear gear that stay at its turning input.
-_AT_INPUT = ("no_load_running_torque", "starting_torque", "rated_speed", "no_load_speed",
-             "average_input_speed", "max_input_speed", "input_inertia")  # fmt: skip
+_AT_INPUT = (
+    "no_load_running_torque",
+    "starting_torque",
+    "rated_speed",
+    "no_load_speed",
+    "average_input_speed",
+    "max_input_speed",
+    "input_inertia",
+)
 
 
 def unit_of(figure: str, linear: bool = False, gear: bool = False) -> str:

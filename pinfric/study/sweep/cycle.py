@@ -22,11 +22,13 @@ from pinfric.model.schema import Transmission
 from pinfric.study.elastic.motion import elasticity
 from pinfric.study.sizing.assess import Assessment
 from pinfric.study.sizing.catalog import Conditions
-from pinfric.study.sizing.criteria import Case, check
+from pinfric.study.sizing.criteria import check
 from pinfric.study.sizing.criterion import Status
 from pinfric.study.sizing.demand import drive_cycle, gear_demand
 from pinfric.study.sizing.drivetrain import Candidate, motor_cycle
-from pinfric.study.sizing.size import holds, load_inertias, yielding
+from pinfric.study.sizing.inertia import load_inertias
+from pinfric.study.sizing.limit import Case
+from pinfric.study.sizing.size import holds, yielding
 from pinfric.study.summary import ends_by_magnitude
 from pinfric.study.sweep.parameters import ELASTIC, Target, apply
 from pinfric.study.sweep.superposition import Solved, Superposition

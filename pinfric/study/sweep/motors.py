@@ -21,7 +21,7 @@ from pinfric.model.schema import Transmission
 from pinfric.study.sizing.assess import Assessment, own_bearing
 from pinfric.study.sizing.bearing import BearingRatings
 from pinfric.study.sizing.catalog import Catalog, Conditions, load_catalog
-from pinfric.study.sizing.criteria import LIMITS, Judged, check, idle
+from pinfric.study.sizing.criteria import LIMITS, check
 from pinfric.study.sizing.criterion import Status
 from pinfric.study.sizing.drivetrain import (
     Candidate,
@@ -30,6 +30,7 @@ from pinfric.study.sizing.drivetrain import (
     motor_alone,
     ratings_of,
 )
+from pinfric.study.sizing.limit import Judged, idle
 from pinfric.study.sizing.size import (
     BASE_AXES,
     check_names,

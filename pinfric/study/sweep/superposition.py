@@ -30,7 +30,7 @@ from pinfric.errors import PinfricError
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION
 from pinfric.model.scene import Scene
 from pinfric.model.transmission import MakersEfficiency
-from pinfric.study.sizing.size import joint_inertias
+from pinfric.study.sizing.inertia import joint_inertias
 from pinfric.study.sweep.parameters import ELASTIC, SET, Target, apply, mounted_gravity
 from pinfric.study.sweep.tables import gears_of_samples, laws_of_samples, proportional
 from pinfric.study.trajectory.trajectory import Trajectory

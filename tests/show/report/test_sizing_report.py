@@ -25,9 +25,13 @@ from pinfric.study.sizing.catalog import load_catalog
 from pinfric.study.sizing.summary import sizing_summary
 
 BROWSER = next(
-    (path for name in ("chromium", "chromium-browser", "google-chrome", "chrome")
-     if (path := shutil.which(name))), None,
-)  # fmt: skip
+    (
+        path
+        for name in ("chromium", "chromium-browser", "google-chrome", "chrome")
+        if (path := shutil.which(name))
+    ),
+    None,
+)
 
 
 @pytest.fixture(scope="module")
@@ -63,10 +67,12 @@ def test_json_has_the_promised_figures_of_every_joint(panda):
         least, worst = entry["holding"]
         assert 0 <= least <= worst <= entry["peak"]
         assert entry["choice"] == joint.choice.candidate.name
-        assert min(m for m in entry["taken"]["margins"].values() if m is not None) >= 0
-        assert entry["taken"]["margins"]["winding temperature"] is None  # not checked: no number
-        states = [criterion["status"] for criterion in entry["taken"]["criteria"]]
-        assert entry["taken"]["not_checked"] == states.count("not checked")
+        assert min(m for m in entry["installed"]["margins"].values() if m is not None) >= 0
+        assert (
+            entry["installed"]["margins"]["winding temperature"] is None
+        )  # not checked: no number
+        states = [criterion["status"] for criterion in entry["installed"]["criteria"]]
+        assert entry["installed"]["not_checked"] == states.count("not checked")
         assert {"name", "why"} == entry["rejected"][0].keys()
         assert all(r["why"] for r in entry["rejected"])
         names = {r["name"] for r in entry["rejected"]} | {a["name"] for a in entry["alternatives"]}
@@ -88,7 +94,7 @@ def test_rejections_say_why_and_what_is_missing(report):
     (joint,) = in_json(sizing_summary(report))["joints"]
     why = {entry["name"]: entry["why"] for entry in joint["rejected"]}
     assert re.match(
-        r"continuous torque: needs 0\.09\d+ N m, has 0\.05 N m \(short by ", why["weak + G"]
+        r"short-term torque: needs 0\.09\d+ N m, has 0\.05 N m \(short by ", why["weak + G"]
     )
     assert why["no mass + G"] == "mass: not known"
     assert joint["choice"] == "fits <b> + G"
@@ -98,12 +104,16 @@ def test_rejections_say_why_and_what_is_missing(report):
 def test_infeasible_joint_has_its_nearest_miss_in_the_json(tmp_path):
     scene = turntable()
     with pytest.warns(pf.PinfricWarning, match="nearest miss"):
-        report = pf.size(scene, trapezoid(scene), one_drive(tmp_path, {"peak_torque": 0.6}),
-                         conditions={"peak_factor": 5})  # fmt: skip
+        report = pf.size(
+            scene,
+            trapezoid(scene),
+            one_drive(tmp_path, {"peak_torque": 0.6}),
+            conditions={"peak_factor": 5},
+        )
     (joint,) = in_json(sizing_summary(report))["joints"]
     assert joint["choice"] is None
     assert "peak torque: needs " in joint["nearest_miss"]
-    assert joint["taken"]["margins"]["peak torque"] < 0
+    assert joint["installed"]["margins"]["peak torque"] < 0
     page = sizing_page(report)
     assert "No drive fits." in page
     assert "does not fit: nearest miss" in page
@@ -176,7 +186,7 @@ def test_page_defines_holding(report):
 
 
 def test_tightest_criterion_is_that_of_the_least_margin(report):
-    taken = sizing_summary(report).joints[0].taken
+    taken = sizing_summary(report).joints[0].installed
     assert taken.margins[taken.tightest] == pytest.approx(report.joints[0].choice.margin)
 
 
@@ -261,14 +271,29 @@ def test_browser_draws_every_figure_without_errors(report, tmp_path):
     path, page = tmp_path / "report.html", sizing_page(report).rpartition("</body>")
     path.write_text(page[0] + _PROBE + page[2], encoding="utf-8")
     done = subprocess.run(
-        [BROWSER, "--headless", "--no-sandbox", "--use-angle=swiftshader",
-         "--enable-unsafe-swiftshader", "--disable-background-networking",
-         "--disable-component-update", "--disable-sync", "--no-first-run",
-         "--host-resolver-rules=MAP * ~NOTFOUND", "--enable-logging=stderr", "--v=0",
-         f"--user-data-dir={tmp_path / 'profile'}", "--window-size=500,900",
-         "--virtual-time-budget=5000", "--dump-dom", path.as_uri()],
-        capture_output=True, text=True, timeout=90,
-    )  # fmt: skip
+        [
+            BROWSER,
+            "--headless",
+            "--no-sandbox",
+            "--use-angle=swiftshader",
+            "--enable-unsafe-swiftshader",
+            "--disable-background-networking",
+            "--disable-component-update",
+            "--disable-sync",
+            "--no-first-run",
+            "--host-resolver-rules=MAP * ~NOTFOUND",
+            "--enable-logging=stderr",
+            "--v=0",
+            f"--user-data-dir={tmp_path / 'profile'}",
+            "--window-size=500,900",
+            "--virtual-time-budget=5000",
+            "--dump-dom",
+            path.as_uri(),
+        ],
+        capture_output=True,
+        text=True,
+        timeout=90,
+    )
     dom = done.stdout
     assert 'data-drawn="1"' in dom
     assert re.search(r'<div id="trade-0"[^>]*class="js-plotly-plot"', dom)

@@ -29,11 +29,15 @@ URDF = """<robot name="table"><link name="base"/><link name="plate"><inertial><m
 @pytest.fixture
 def files(tmp_path, monkeypatch):
     (tmp_path / "table.urdf").write_text(URDF)
-    (tmp_path / "table.yaml").write_text("pinfric: 1\nrobot: {urdf: table.urdf}\n"
-        "friction: {table: {coulomb: {static: 3.0, kinetic: 3.0}}}\n")  # fmt: skip
+    (tmp_path / "table.yaml").write_text(
+        "pinfric: 1\nrobot: {urdf: table.urdf}\n"
+        "friction: {table: {coulomb: {static: 3.0, kinetic: 3.0}}}\n"
+    )
     (tmp_path / "way.yaml").write_text(WAY)
-    motors = {"small": MOTOR | {"peak_torque": 0.6}, "large": MOTOR | {"peak_torque": 1.2,
-                                                                       "mass": 0.9}}  # fmt: skip
+    motors = {
+        "small": MOTOR | {"peak_torque": 0.6},
+        "large": MOTOR | {"peak_torque": 1.2, "mass": 0.9},
+    }
     write_catalog(tmp_path / "catalog.yaml", motors, {"G": GEAR | {"repeated_peak_torque": 95.0}})
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "80")
@@ -48,18 +52,22 @@ def run(*arguments):
 
 def test_heavier_motors_buy_time(tmp_path):
     scene = turntable()
-    motors = {"small": MOTOR, "large": MOTOR | {"peak_torque": 3.0, "mass": 0.9,
-                                                "continuous_torque": 2.0},
-              "heavy": MOTOR | {"mass": 2.0}}  # fmt: skip
+    motors = {
+        "small": MOTOR,
+        "large": MOTOR | {"peak_torque": 3.0, "mass": 0.9, "continuous_torque": 2.0},
+        "heavy": MOTOR | {"mass": 2.0},
+    }
     catalog = write_catalog(tmp_path / "catalog.yaml", motors)
     path = pf.Path.from_waypoints([[0.0], [1.0]])
     t = np.linspace(0.0, 4.0, 801)
-    move = pf.Trajectory.from_arrays(scene, t, np.sin(t)[:, None], np.cos(t)[:, None],
-                                     -np.sin(t)[:, None])  # fmt: skip
+    move = pf.Trajectory.from_arrays(
+        scene, t, np.sin(t)[:, None], np.cos(t)[:, None], -np.sin(t)[:, None]
+    )
     report = pf.size(scene, move, catalog)
     sets = fastest_sets(report, path)
-    light, large = (next(x for x in sets if x.drives["table"].startswith(name))
-                    for name in ("small", "large"))  # fmt: skip
+    light, large = (
+        next(x for x in sets if x.drives["table"].startswith(name)) for name in ("small", "large")
+    )
     assert light.best
     assert large.best
     assert large.duration < 0.95 * light.duration
@@ -75,8 +83,11 @@ def test_retime_prints_writes_and_its_trajectory_is_one_for_all(files, capsys):
     out, _ = capsys.readouterr()
     assert max(map(len, out.splitlines())) <= 80
     assert "effort" in out
-    assert {f.name for f in Path("out").iterdir()} == {"trajectory.csv", "retime.png",
-                                                       "summary.json"}  # fmt: skip
+    assert {f.name for f in Path("out").iterdir()} == {
+        "trajectory.csv",
+        "retime.png",
+        "summary.json",
+    }
     summary = result_of(Path("out/summary.json").read_text())
     # 40 N m, 3 of them friction, at 2 kg m^2, up to 3 rad/s
     up, down = 37.0 / 2.0, 43.0 / 2.0

@@ -44,8 +44,13 @@ def along_a_line(up, down, distance):
 
     def phase(rate, speed, sign):
         """(distance, time) between rest and a speed."""
-        found = solve_ivp(lambda v, _: [sign * v / rate(v), sign / rate(v)], (0.0, speed), [0, 0],
-                          rtol=1e-10, atol=1e-12)  # fmt: skip
+        found = solve_ivp(
+            lambda v, _: [sign * v / rate(v), sign / rate(v)],
+            (0.0, speed),
+            [0, 0],
+            rtol=1e-10,
+            atol=1e-12,
+        )
         return found.y[:, -1]
 
     def whole(speed):
@@ -78,8 +83,13 @@ def test_coulomb_viscous_and_a_speed_torque_line():
 def test_gear_by_direction():
     """Accelerating the motor drives through the gear, braking the load drives it back."""
     eta, back, r, T, inertia, rotor = 0.7, 0.5, 50.0, 0.1, 2.0, 2e-4
-    gear = {"ratio": r, "efficiency": eta, "back_efficiency": back, "rotor_inertia": rotor,
-            "no_load_torque": 0.01}  # fmt: skip
+    gear = {
+        "ratio": r,
+        "efficiency": eta,
+        "back_efficiency": back,
+        "rotor_inertia": rotor,
+        "no_load_torque": 0.01,
+    }
     scene = one_joint(inertia=inertia, transmission=gear)
     up = r * (T - 0.01) / (inertia / eta + r * r * rotor)
     down = r * (T + 0.01) / (inertia * back + r * r * rotor)
@@ -96,8 +106,9 @@ def test_pendulum_whose_pin_feels_its_load():
     """Against the phase plane of m l^2 a = T - m g l sin(q) - mu r |F|, integrated by itself."""
     m, length, mu, radius, g, torque = 2.0, 0.5, 0.2, 0.1, 9.81, 14.0
     weight = pin.Inertia(m, np.array([0, 0, -length]), np.zeros((3, 3)))
-    friction = {"j": {"bearing": {"kind": "pin", "radius": radius},
-                      "mu": {"static": mu, "kinetic": mu}}}  # fmt: skip
+    friction = {
+        "j": {"bearing": {"kind": "pin", "radius": radius}, "mu": {"static": mu, "kinetic": mu}}
+    }
     scene = pf.Scene(chain(("j", pin.JointModelRY(), weight), gravity=g), friction=friction)
 
     def slope(q, x, drive):
@@ -110,10 +121,22 @@ def test_pendulum_whose_pin_feels_its_load():
         return 2.0 * brentq(balance, -1e3, 1e3)
 
     begin, end = 0.1, 2.3
-    forth = solve_ivp(lambda q, x: [slope(q, x[0], torque)], (begin, end), [0.0],
-                      dense_output=True, rtol=1e-9, atol=1e-9)  # fmt: skip
-    back = solve_ivp(lambda q, x: [slope(q, x[0], -torque)], (end, begin), [0.0],
-                     dense_output=True, rtol=1e-9, atol=1e-9)  # fmt: skip
+    forth = solve_ivp(
+        lambda q, x: [slope(q, x[0], torque)],
+        (begin, end),
+        [0.0],
+        dense_output=True,
+        rtol=1e-9,
+        atol=1e-9,
+    )
+    back = solve_ivp(
+        lambda q, x: [slope(q, x[0], -torque)],
+        (end, begin),
+        [0.0],
+        dense_output=True,
+        rtol=1e-9,
+        atol=1e-9,
+    )
     root = np.linspace(0.0, 1.0, 4001)[1:-1]  # q = begin + way sin^2: even in time at both ends
     q = begin + (end - begin) * np.sin(0.5 * np.pi * root) ** 2
     x = np.minimum(forth.sol(q)[0], back.sol(q)[0])
@@ -136,18 +159,30 @@ def planar(friction=True):
     """Two links that hang, with all kinds of friction and gears that lose."""
     upper = pin.Inertia(3.0, np.array([0, 0, -0.2]), 0.05 * np.eye(3))
     lower = pin.Inertia(1.5, np.array([0, 0, -0.15]), 0.02 * np.eye(3))
-    model = chain(("a", pin.JointModelRY(), upper),
-                  ("b", pin.JointModelRY(), lower, [0, 0, -0.4]))  # fmt: skip
-    entry = {"bearing": {"kind": "pin", "radius": 0.03}, "mu": {"static": 0.15, "kinetic": 0.1},
-             "coulomb": {"positive": {"static": 0.5, "kinetic": 0.4},
-                         "negative": {"static": 0.4, "kinetic": 0.3}},
-             "viscous": 0.2, "stribeck": {"velocity": 0.3}}  # fmt: skip
-    gear = {"ratio": 60.0, "efficiency": 0.85, "back_efficiency": 0.8, "rotor_inertia": 3e-5,
-            "no_load_torque": 0.01, "motor_viscous": 2e-5}  # fmt: skip
+    model = chain(("a", pin.JointModelRY(), upper), ("b", pin.JointModelRY(), lower, [0, 0, -0.4]))
+    entry = {
+        "bearing": {"kind": "pin", "radius": 0.03},
+        "mu": {"static": 0.15, "kinetic": 0.1},
+        "coulomb": {
+            "positive": {"static": 0.5, "kinetic": 0.4},
+            "negative": {"static": 0.4, "kinetic": 0.3},
+        },
+        "viscous": 0.2,
+        "stribeck": {"velocity": 0.3},
+    }
+    gear = {
+        "ratio": 60.0,
+        "efficiency": 0.85,
+        "back_efficiency": 0.8,
+        "rotor_inertia": 3e-5,
+        "no_load_torque": 0.01,
+        "motor_viscous": 2e-5,
+    }
     return pf.Scene(
-        model=model, friction=dict.fromkeys("ab", entry) if friction else {},
+        model=model,
+        friction=dict.fromkeys("ab", entry) if friction else {},
         actuators=[{"joint": name, "transmission": gear} for name in "ab"],
-    )  # fmt: skip
+    )
 
 
 WAVE = Path.spline(np.arange(4.0), [[0.0, 0.0], [1.2, -0.8], [0.4, 0.5], [-0.5, 1.0]])
@@ -185,8 +220,7 @@ def test_no_other_profile_is_faster():
     """SLSQP on the squares of the speeds, judged by `inverse_dynamics`, on the same coarse grid."""
     scene, natural = planar(), natural_points(WAVE.pieces[0], np.eye(2))
     s = np.union1d(np.linspace(0.0, 3.0, 10), natural)
-    run = _Retiming(scene, WAVE, joint_columns(scene.model),
-                    read_limits(scene, MOTORS), Policy())  # fmt: skip
+    run = _Retiming(scene, WAVE, joint_columns(scene.model), read_limits(scene, MOTORS), Policy())
     run.constant = [(0, 0.0, 3.0)]
     problem = run.problem([s])
     # this search knows friction against the motion only: nor at the start both signs
@@ -227,10 +261,13 @@ def test_no_other_profile_is_faster():
 
     assert spare(best.x[1:-1]).min() > -1e-4
     found = minimize(
-        duration, best.scaled(0.7).x[1:-1], method="SLSQP", bounds=[(1e-4, None)] * (len(s) - 2),
+        duration,
+        best.scaled(0.7).x[1:-1],
+        method="SLSQP",
+        bounds=[(1e-4, None)] * (len(s) - 2),
         constraints={"type": "ineq", "fun": spare, "jac": slope},
         options={"maxiter": 400, "ftol": 1e-8},
-    )  # fmt: skip
+    )
     assert found.fun == pytest.approx(best.duration[0], rel=2e-3)
 
 
@@ -313,8 +350,12 @@ def test_guides_on_the_parent():
     body = pin.Inertia(2.0, np.zeros(3), 0.01 * np.eye(3))
     model = chain(("lead", pin.JointModelPX(), body))
     guide = {"kind": "guide", "length": 0.2, "width": 0.1, "on": "parent", "preload": 5.0}
-    scene = pf.Scene(model=model, friction={"lead": {
-        "bearing": guide, "mu": {"static": 0.2, "kinetic": 0.1}, "viscous": 3.0}})  # fmt: skip
+    scene = pf.Scene(
+        model=model,
+        friction={
+            "lead": {"bearing": guide, "mu": {"static": 0.2, "kinetic": 0.1}, "viscous": 3.0}
+        },
+    )
     found = retime(scene, straight(0.5), {"lead": {"peak_torque": 40.0}})
     assert found.excess < 1e-3
     assert found.usage.max() > 0.999
@@ -323,8 +364,12 @@ def test_guides_on_the_parent():
 def test_gears_as_makers_give_them():
     """An efficiency that rises with the load: accelerating it is what it is at that torque."""
     curve = [[2.0, 0.5], [5.0, 0.7], [10.0, 0.8]]
-    gear = {"ratio": 50.0, "efficiency": {"over_load": curve}, "back_efficiency": "same_loss",
-            "no_load_torque": {"static": 0.02, "kinetic": 0.01}}  # fmt: skip
+    gear = {
+        "ratio": 50.0,
+        "efficiency": {"over_load": curve},
+        "back_efficiency": "same_loss",
+        "no_load_torque": {"static": 0.02, "kinetic": 0.01},
+    }
     scene = one_joint(inertia=2.0, transmission=gear)
     # at 10 N m the motor gives 10/0.8 N m/50 with all losses
     found = retime(scene, straight(3.0), {"j": {"peak_torque": 10.0 / 0.8 / 50.0}})
@@ -332,14 +377,16 @@ def test_gears_as_makers_give_them():
     assert most == pytest.approx(10.0 / 2.0, rel=1e-3)
     assert found.excess < 1e-3
     arm = planar()
-    gears = arm.with_(actuators=[{"joint": name, "transmission": gear | {"rotor_inertia": 3e-5}}
-                                 for name in "ab"])  # fmt: skip
+    gears = arm.with_(
+        actuators=[{"joint": name, "transmission": gear | {"rotor_inertia": 3e-5}} for name in "ab"]
+    )
     motors = {"a": {"peak_torque": 0.5}, "b": {"peak_torque": 0.25}}
     moved = retime(gears, WAVE, motors)
     assert moved.excess < 1e-3
     assert moved.usage.max() > 0.999
-    assert moved.duration == pytest.approx(retime(gears, WAVE, motors, points=900).duration,
-                                           rel=3e-3)  # fmt: skip
+    assert moved.duration == pytest.approx(
+        retime(gears, WAVE, motors, points=900).duration, rel=3e-3
+    )
 
 
 def test_sensitivity():
@@ -369,8 +416,11 @@ def lifting():
 @pytest.mark.parametrize(
     ("path", "limits", "message"),
     [
-        (straight(np.pi / 2), {"j": {"peak_torque": 9.0}},
-         r"path: stop 1: drive 'j' cannot hold: needs 9.81 N m of its motor, has 9"),
+        (
+            straight(np.pi / 2),
+            {"j": {"peak_torque": 9.0}},
+            r"path: stop 1: drive 'j' cannot hold: needs 9.81 N m of its motor, has 9",
+        ),
         (straight(1.8, -1.8), {"j": {"peak_torque": 9.0}}, r"stop 0: drive 'j' cannot hold"),
         (straight(1.0), {}, "limits: none for drive 'j'"),
         (straight(1.0), {"j": {"max_speed": 3.0}}, r"limits.j: nothing limits its torque"),
@@ -381,7 +431,7 @@ def lifting():
         (straight(1.0), {"j": "no such + thing"}, "has no drive 'no such"),
         (straight(1.0), None, "states no effort limit for 'j'"),
     ],
-)  # fmt: skip
+)
 def test_what_cannot_be_is_said_in_one_line(path, limits, message):
     with pytest.raises(pf.PinfricError, match=message) as caught:
         retime(lifting(), path, limits)
@@ -441,15 +491,20 @@ def test_continuous_torque_of_a_pure_inertia():
 
 
 def test_continuous_torques_over_a_cycle_with_holds():
-    found = retime(planar(), STOPS, {name: entry | {"continuous_torque": 0.6 * entry["peak_torque"]}
-                                     for name, entry in MOTORS.items()})  # fmt: skip
+    found = retime(
+        planar(),
+        STOPS,
+        {
+            name: entry | {"continuous_torque": 0.6 * entry["peak_torque"]}
+            for name, entry in MOTORS.items()
+        },
+    )
     fast = retime(planar(), STOPS, MOTORS)
     assert fast.duration < found.duration <= found.uniform
     assert found.rms.max() == pytest.approx(1.0, abs=2e-3)
     assert found.excess < 1e-3
     with pytest.raises(pf.RetimeError, match="'a' exceeds its continuous torque however slow"):
-        retime(planar(), STOPS, {"a": MOTORS["a"] | {"continuous_torque": 0.02},
-                                 "b": MOTORS["b"]})  # fmt: skip
+        retime(planar(), STOPS, {"a": MOTORS["a"] | {"continuous_torque": 0.02}, "b": MOTORS["b"]})
 
 
 def table_drive(tmp_path, gear=None, motor=None, **conditions):

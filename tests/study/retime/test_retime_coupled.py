@@ -11,8 +11,14 @@ from pinfric.errors import RetimeError
 from pinfric.study.retime.path import Path
 from pinfric.study.retime.retime import retime
 
-_GEAR = {"ratio": 40.0, "efficiency": 0.8, "back_efficiency": 0.7, "rotor_inertia": 2e-4,
-         "no_load_torque": 0.1, "motor_viscous": 0.002}  # fmt: skip
+_GEAR = {
+    "ratio": 40.0,
+    "efficiency": 0.8,
+    "back_efficiency": 0.7,
+    "rotor_inertia": 2e-4,
+    "no_load_torque": 0.1,
+    "motor_viscous": 0.002,
+}
 _LIMITS = {"peak_torque": 1.6, "stall_torque": 4.0, "no_load_speed": 150.0, "max_speed": 60.0}
 
 

@@ -22,9 +22,16 @@ from pinfric.study.sizing.bearing import (
 from pinfric.study.sizing.catalog import load_catalog
 from pinfric.study.sizing.criterion import Status
 
-CROSSED = {"kind": "crossed roller", "pitch_diameter": 0.077, "offset": 0.017,
-           "dynamic_rating": 10800.0, "static_rating": 18700.0, "max_radial": 2940.0,
-           "max_axial": 9800.0, "max_moment": 188.0}  # fmt: skip
+CROSSED = {
+    "kind": "crossed roller",
+    "pitch_diameter": 0.077,
+    "offset": 0.017,
+    "dynamic_rating": 10800.0,
+    "static_rating": 18700.0,
+    "max_radial": 2940.0,
+    "max_axial": 9800.0,
+    "max_moment": 188.0,
+}
 
 
 def judged(scene, motion, catalog, **conditions):
@@ -118,14 +125,26 @@ def test_friction_and_payload_phases(tmp_path):
     """Friction about the axis loads no bearing; a payload does while it is carried."""
     payload = {"box": {"link": "hand", "mass": 2.0, "com": [0.0, 0.0, 0.0]}}
     model = boom().model.copy()
-    model.addFrame(pin.Frame("hand", 1, pin.SE3(np.eye(3), np.array([0.4, 0, 0])),
-                             pin.FrameType.BODY))  # fmt: skip
+    model.addFrame(
+        pin.Frame("hand", 1, pin.SE3(np.eye(3), np.array([0.4, 0, 0])), pin.FrameType.BODY)
+    )
     scene = pf.Scene(model=model, payloads=payload)
     plain = trapezoid(scene)
     carried = {"box": plain.t > 1.0}
     motion = pf.Trajectory.from_arrays(scene, plain.t, plain.q, plain.v, plain.a, attached=carried)
-    for other in (scene, pf.Scene(model=model, payloads=payload, friction={"table": {"bearing": {
-            "kind": "pin", "radius": 0.02}, "mu": {"static": 0.1, "kinetic": 0.1}}})):  # fmt: skip
+    for other in (
+        scene,
+        pf.Scene(
+            model=model,
+            payloads=payload,
+            friction={
+                "table": {
+                    "bearing": {"kind": "pin", "radius": 0.02},
+                    "mu": {"static": 0.1, "kinetic": 0.1},
+                }
+            },
+        ),
+    ):
         joint, found = judged(other, motion, one_drive(tmp_path, gear={"bearing": CROSSED}))
         assert found["bearing axial force"].required == pytest.approx(5 * 9.81)
         assert joint.demand.bearing.moment == pytest.approx(5 * 9.81 * 0.4, rel=0.02)
@@ -140,8 +159,10 @@ def test_friction_further_out_is_not_taken_for_the_joints_own():
     )
     pinned = {"bearing": {"kind": "pin", "radius": 0.02}, "mu": {"static": 0.1, "kinetic": 0.1}}
     q, v, a = np.array([[0.3, 0.5], [0.1, 2.0], [1.0, -3.0]])
-    loads = [joint_loads(pf.inverse_dynamics(pf.Scene(model=model, friction=rubs), q, v, a), 0)
-             for rubs in ({}, {"outer": pinned})]  # fmt: skip
+    loads = [
+        joint_loads(pf.inverse_dynamics(pf.Scene(model=model, friction=rubs), q, v, a), 0)
+        for rubs in ({}, {"outer": pinned})
+    ]
     np.testing.assert_allclose(*loads, rtol=1e-12)
 
 
@@ -153,8 +174,10 @@ def test_a_joints_own_bearing_carries_instead_of_the_gears(tmp_path):
         "static_rating": 4000.0,
         "factors": {"limit": 0.3, "below": [1, 0], "above": [0.56, 1.4], "static": [0.6, 0.5]},
     }
-    bearings = {"pair": {"source": "invented", "grade": "R", "ratings": pair},
-                "bush": {"source": "invented", "grade": "R", "mu": 0.1}}  # fmt: skip
+    bearings = {
+        "pair": {"source": "invented", "grade": "R", "ratings": pair},
+        "bush": {"source": "invented", "grade": "R", "mu": 0.1},
+    }
     catalog = one_drive(tmp_path, gear={"bearing": CROSSED}, bearings=bearings)
     scene = boom()
     joint, found = judged(scene, trapezoid(scene), catalog, bearings={"table": "pair"})
@@ -227,10 +250,23 @@ def up_and_down(scene, way=0.2, period=4.0):
     return pf.Trajectory.from_arrays(scene, t, q[:, None], v[:, None], a[:, None])
 
 
-SCREW = {"source": "invented", "grade": "R", "ratio": 2 * np.pi / 0.01, "output": "linear",
-         "kind": "ball screw", "mass": 0.5, "input_inertia": 1e-6, "efficiency": 0.9, "stroke": 0.3,
-         "bearing": {"kind": "ball screw", "dynamic_rating": 4000.0, "static_rating": 7000.0,
-                     "max_axial": 2000.0}}  # fmt: skip
+SCREW = {
+    "source": "invented",
+    "grade": "R",
+    "ratio": 2 * np.pi / 0.01,
+    "output": "linear",
+    "kind": "ball screw",
+    "mass": 0.5,
+    "input_inertia": 1e-6,
+    "efficiency": 0.9,
+    "stroke": 0.3,
+    "bearing": {
+        "kind": "ball screw",
+        "dynamic_rating": 4000.0,
+        "static_rating": 7000.0,
+        "max_axial": 2000.0,
+    },
+}
 
 
 def test_ball_screw_lives_by_the_revolutions_of_its_shaft(tmp_path):
@@ -251,7 +287,7 @@ def test_ball_screw_lives_by_the_revolutions_of_its_shaft(tmp_path):
     short = load_catalog(write_catalog(tmp_path / "c.yaml", gears={"S": {**SCREW, "stroke": 0.1}}))
     joint, _ = judged(scene, motion, short)
     assert joint.choice is None
-    assert "stroke: needs 0.2 m, has 0.1 m" in joint.miss
+    assert "stroke: needs 0.2 m, has 0.1 m" in joint.no_fit
 
 
 def test_linear_motor_moves_a_joint_without_a_gear(tmp_path):
@@ -285,8 +321,9 @@ def test_linear_motor_moves_a_joint_without_a_gear(tmp_path):
 
 def test_bundled_linear_drives_lift_a_torso_and_close_a_gripper():
     catalog = pf.load_catalog()
-    linear = [e for s in (catalog.gears, catalog.gearmotors) for e in s.values()
-              if e.output == "linear"]  # fmt: skip
+    linear = [
+        e for s in (catalog.gears, catalog.gearmotors) for e in s.values() if e.output == "linear"
+    ]
     assert len(linear) >= 10
     for scene, way in ((lift(25.0), 0.15), (lift(0.05), 0.04)):
         joint, _ = judged(scene, up_and_down(scene, way, 8.0), catalog)

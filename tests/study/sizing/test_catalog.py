@@ -36,8 +36,13 @@ def test_every_bundled_entry_has_a_source_and_a_grade_and_missing_figures_stay_m
     assert len(catalog.brakes) == 18
     assert {brake.voltage for brake in catalog.brakes.values()} == {24.0}
     assert catalog.brakes["Mitsubishi HC-MF 23, 43"].stop_energy == 22.0
-    for section in (catalog.motors, catalog.gears, catalog.gearmotors, catalog.bearings,
-                    catalog.brakes):  # fmt: skip
+    for section in (
+        catalog.motors,
+        catalog.gears,
+        catalog.gearmotors,
+        catalog.bearings,
+        catalog.brakes,
+    ):
         for entry in section.values():
             assert len(entry.source) > 5
             assert entry.grade in ("R", "T")
@@ -51,20 +56,33 @@ def test_every_bundled_entry_has_a_source_and_a_grade_and_missing_figures_stay_m
 def test_bearing_gives_a_scene_its_levers():
     bearing = pf.load_catalog().bearings["Slewing ring (roller)"]
     assert bearing.scene_entry(0.2) == {
-        "kind": "linear", "radial": pytest.approx(0.205), "axial": pytest.approx(0.1),
+        "kind": "linear",
+        "radial": pytest.approx(0.205),
+        "axial": pytest.approx(0.1),
         "moment": 2.05,
-    }  # fmt: skip
+    }
 
 
 @pytest.mark.parametrize(
     ("content", "texts"),
     [
         ({"motors": {"M": {**MOTOR, "kt": 0.1}}}, ["motors.M.kt", "unknown key"]),
-        ({"motors": {"M": {**{k: v for k, v in MOTOR.items() if k != "rotor_inertia"},
-                           "rotor_inertai": 1e-5}}}, ["did you mean 'rotor_inertia'"]),
+        (
+            {
+                "motors": {
+                    "M": {
+                        **{k: v for k, v in MOTOR.items() if k != "rotor_inertia"},
+                        "rotor_inertai": 1e-5,
+                    }
+                }
+            },
+            ["did you mean 'rotor_inertia'"],
+        ),
         ({"motro": {}}, ["unknown key `motro`", "there are: pinfric_catalog"]),
-        ({"motors": {"M": {k: v for k, v in MOTOR.items() if k != "source"}}},
-         ["`motors.M.source` is missing"]),
+        (
+            {"motors": {"M": {k: v for k, v in MOTOR.items() if k != "source"}}},
+            ["`motors.M.source` is missing"],
+        ),
         ({"motors": {"M": {**MOTOR, "grade": "A"}}}, ["motors.M.grade"]),
         ({"motors": {"M": {**MOTOR, "mass": -1}}}, ["motors.M.mass", "greater than 0"]),
         ({"motors": {"M": {**MOTOR, "mass": "0.6 kg"}}}, ["should be a number", "0.6 kg"]),
@@ -78,7 +96,7 @@ def test_bearing_gives_a_scene_its_levers():
         ({"conditions": {"bus_volts": 24}}, ["bus_volts", "bus_voltage"]),
         ({"motors": {}, "gears": {}}, ["no motors, gears", "`extends: default`"]),
     ],
-)  # fmt: skip
+)
 def test_wrong_entries_are_named_with_file_and_key(tmp_path, content, texts):
     path = write_catalog(tmp_path / "mine.yaml", **content)
     with pytest.raises(CatalogError) as error:
@@ -134,14 +152,23 @@ LINE = {"nominal_voltage": 48.0, "no_load_speed": 480.0, "stall_torque": 6.0}
         ({"torque_constant": 0.01}, "torque_constant = 0.01 N m/A", "= 0.1 N m/A expected"),
         ({"stall_torque": 60.0}, "stall_torque = 60 N m", "= 6 N m expected"),
         ({"stall_torque": 0.6}, "stall_torque = 0.6 N m", "= 6 N m expected"),
-        ({"no_load_speed": 48.0, "torque_constant": None, "max_speed": 600.0},
-         "max_speed = 600 rad/s", "up to 9 times expected; rpm"),
-        ({"thermal": {**MOTOR["thermal"], "winding_time": 20.0 / 60}},
-         "winding_time = 0.333333 s", "more than 1 s expected"),
-        ({"thermal": {**MOTOR["thermal"], "winding_time": 20e3}},
-         "winding_time = 20000 s", "less than housing_time = 300 s expected"),
+        (
+            {"no_load_speed": 48.0, "torque_constant": None, "max_speed": 600.0},
+            "max_speed = 600 rad/s",
+            "up to 9 times expected; rpm",
+        ),
+        (
+            {"thermal": {**MOTOR["thermal"], "winding_time": 20.0 / 60}},
+            "winding_time = 0.333333 s",
+            "more than 1 s expected",
+        ),
+        (
+            {"thermal": {**MOTOR["thermal"], "winding_time": 20e3}},
+            "winding_time = 20000 s",
+            "less than housing_time = 300 s expected",
+        ),
     ],
-)  # fmt: skip
+)
 def test_figures_that_do_not_go_with_each_other_are_questioned(tmp_path, change, found, expected):
     with pytest.warns(pf.PinfricWarning) as caught:
         one_drive(tmp_path, motor=LINE | change)
@@ -152,8 +179,15 @@ def test_figures_that_do_not_go_with_each_other_are_questioned(tmp_path, change,
 
 
 def test_rpm_of_a_gearmotor_is_questioned(tmp_path):
-    entry = {"source": "invented", "grade": "R", "ratio": 9.0, "continuous_torque": 9.0,
-             "nominal_voltage": 48.0, "no_load_speed": 570.0, "mass": 0.49}  # fmt: skip
+    entry = {
+        "source": "invented",
+        "grade": "R",
+        "ratio": 9.0,
+        "continuous_torque": 9.0,
+        "nominal_voltage": 48.0,
+        "no_load_speed": 570.0,
+        "mass": 0.49,
+    }
     path = write_catalog(tmp_path / "c.yaml", gearmotors={"A": entry})
     with pytest.warns(pf.PinfricWarning, match=r"gearmotors\.A: no_load_speed = 570 .*rpm"):
         pf.load_catalog(path)
@@ -183,15 +217,23 @@ def test_conditions_of_the_caller_go_before_those_of_the_file(tmp_path):
 
 def test_a_catalogue_that_extends_the_bundled_one(tmp_path):
     path = tmp_path / "mine.yaml"
-    path.write_text(yaml.safe_dump({
-        "pinfric_catalog": 1, "extends": "default",
-        "conditions": {"bus_voltage": 24.0, "mass_in_urdf": {"joint_2": 1.5}},
-    }))  # fmt: skip
+    path.write_text(
+        yaml.safe_dump(
+            {
+                "pinfric_catalog": 1,
+                "extends": "default",
+                "conditions": {"bus_voltage": 24.0, "mass_in_urdf": {"joint_2": 1.5}},
+            }
+        )
+    )
     bundled, mine = pf.load_catalog(), pf.load_catalog(path)
     assert mine.source == str(path)
     assert (mine.motors, mine.gears, mine.gearmotors, mine.bearings) == (
-        bundled.motors, bundled.gears, bundled.gearmotors, bundled.bearings
-    )  # fmt: skip
+        bundled.motors,
+        bundled.gears,
+        bundled.gearmotors,
+        bundled.bearings,
+    )
     assert (mine.conditions.bus_voltage, mine.conditions.ambient) == (24.0, 25.0)
     assert mine.conditions.mass_in_urdf == {"joint_2": 1.5}
     assert bundled.conditions == Conditions()

@@ -48,8 +48,11 @@ def table(tmp_path, rows, head=HEAD, mapping=MAPPING):
 
 
 def test_a_table_becomes_a_catalogue_in_si(tmp_path):
-    path = table(tmp_path, '"M 1",224,0.9 N m,44,6000,390,1.35,7.17,312.5,"40 x 80 mm",x\n\n'
-                           "M 2,100,300,20,0.5 1/min,-,,,,\n")  # fmt: skip
+    path = table(
+        tmp_path,
+        '"M 1",224,0.9 N m,44,6000,390,1.35,7.17,312.5,"40 x 80 mm",x\n\n'
+        "M 2,100,300,20,0.5 1/min,-,,,,\n",
+    )
     write_content(import_table(path), tmp_path / "m.yaml", path.name)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # half a turn a minute is questioned
@@ -80,8 +83,12 @@ def test_what_every_row_has_is_not_shared_between_rows(tmp_path):
         "  thermal.winding_time: {column: tau, unit: s}\n"
         f"every: {{source: a maker, grade: R, {thermal}}}\n"
     )
-    path = table(tmp_path, "A,9,9,9,9,9,20\nB,9,9,9,9,9,40\nC,9,9,9,9,9,-\n",
-                 "Type,Mn,Mmax,J,n,Weight,tau\n", mapping)  # fmt: skip
+    path = table(
+        tmp_path,
+        "A,9,9,9,9,9,20\nB,9,9,9,9,9,40\nC,9,9,9,9,9,-\n",
+        "Type,Mn,Mmax,J,n,Weight,tau\n",
+        mapping,
+    )
     motors = import_table(path)["motors"]
     times = [motors[name]["thermal"].get("winding_time") for name in "ABC"]
     assert times == [20.0, 40.0, None]
@@ -175,13 +182,16 @@ def test_files_that_cannot_be_read(tmp_path):
 
 def test_every_number_of_an_entry_has_a_unit_by_which_it_can_be_imported():
     parts: tuple[tuple[type[Entry], str], ...] = (
-        (Motor, ""), (Gear, ""), (GearMotor, ""), (Thermal, "thermal."),
+        (Motor, ""),
+        (Gear, ""),
+        (GearMotor, ""),
+        (Thermal, "thermal."),
         (BearingRatings, "bearing."),
-    )  # fmt: skip
+    )
     for model, prefix in parts:
         for name, field in model.model_fields.items():
             if "float" in str(field.annotation) and field.annotation is not Factors:
-                if name == "continuous_curve":
+                if name in ("continuous_curve", "ambient_curve"):
                     continue  # many numbers, in no one cell
                 assert f"{prefix}{name}" in FIGURES
     assert set(FIGURES.values()) <= {si for si, _ in UNITS.values()}
@@ -192,10 +202,20 @@ def test_every_number_of_an_entry_has_a_unit_by_which_it_can_be_imported():
 
 def test_bill_of_materials_counts_parts_over_joints(tmp_path):
     motor = {**MOTOR, "price": 200.0, "dimensions": "60 x 90 mm"}
-    bearings = {"own": {"source": "invented", "grade": "T",
-                        "ratings": {"kind": "crossed roller", "max_moment": 1e3}}}  # fmt: skip
-    path = write_catalog(tmp_path / "c.yaml", {"M": motor}, {"G": {**GEAR, "ratio": [50, 100]}},
-                         bearings=bearings, conditions={"bearings": {"table": "own"}})  # fmt: skip
+    bearings = {
+        "own": {
+            "source": "invented",
+            "grade": "T",
+            "ratings": {"kind": "crossed roller", "max_moment": 1e3},
+        }
+    }
+    path = write_catalog(
+        tmp_path / "c.yaml",
+        {"M": motor},
+        {"G": {**GEAR, "ratio": [50, 100]}},
+        bearings=bearings,
+        conditions={"bearings": {"table": "own"}},
+    )
     scene = turntable()
     report = pf.size(scene, trapezoid(scene), path)
     rows = list(csv.DictReader(io.StringIO(bill_of_materials(report))))
@@ -205,10 +225,17 @@ def test_bill_of_materials_counts_parts_over_joints(tmp_path):
         "own",
     ]
     assert rows[0] == {
-        "part": "M", "quantity": "1", "joints": "table", "mass_kg": "0.6", "mass_total_kg": "0.6",
-        "price": "200", "price_total": "200", "dimensions": "60 x 90 mm", "source": "invented",
+        "part": "M",
+        "quantity": "1",
+        "joints": "table",
+        "mass_kg": "0.6",
+        "mass_total_kg": "0.6",
+        "price": "200",
+        "price_total": "200",
+        "dimensions": "60 x 90 mm",
+        "source": "invented",
         "grade": "R",
-    }  # fmt: skip
+    }
     assert (rows[1]["price"], rows[2]["mass_kg"]) == ("", "")
     assert bill_of_materials(pf.size(scene, trapezoid(scene))) == ""
 

@@ -27,10 +27,12 @@ from sweep_cases import sweep_of
 import pinfric as pf
 from pinfric.errors import CatalogError
 from pinfric.model.drives import motor_torque_bounds
-from pinfric.study.sizing.criteria import LIMITS, Case, Limit, add_limit, check
+from pinfric.study.sizing.catalog import Conditions
+from pinfric.study.sizing.criteria import LIMITS, add_limit, check
 from pinfric.study.sizing.criterion import Status, compare
 from pinfric.study.sizing.demand import DriveCycle
 from pinfric.study.sizing.drivetrain import gear_transmission, motor_cycle, motor_with_gear
+from pinfric.study.sizing.limit import Case, Limit
 from pinfric.study.sizing.rules import gear_life, load_factor, optimum_ratio, resonance
 
 # efforts at the joint: speeding up, running, slowing down; at rest anything in +-COULOMB
@@ -65,8 +67,11 @@ def test_rms_and_peak_of_the_motor_in_driving_and_braking_quadrants(tmp_path):
     assert criterion(joint, "peak torque").required == pytest.approx(1.2 * MOTOR_UP, rel=1e-9)
     v, lower, upper = joint.cycle.velocity, joint.motor.torque_lower, joint.motor.torque_upper
     a = joint.cycle.acceleration
-    for moving, torque in (((v > 0) & (a > 0), MOTOR_UP), ((v > 0) & (a == 0), MOTOR_RUN),
-                           ((v > 0) & (a < 0), MOTOR_DOWN)):  # fmt: skip
+    for moving, torque in (
+        ((v > 0) & (a > 0), MOTOR_UP),
+        ((v > 0) & (a == 0), MOTOR_RUN),
+        ((v > 0) & (a < 0), MOTOR_DOWN),
+    ):
         np.testing.assert_allclose(lower[moving], torque, rtol=1e-9)
         np.testing.assert_allclose(upper[moving], torque, rtol=1e-9)
     np.testing.assert_allclose(upper[v == 0], MOTOR_REST, rtol=1e-9)
@@ -104,8 +109,9 @@ def test_winding_temperature_of_the_cycle(tmp_path):
     cycle, at_ends = np.eye(3), []
     for torque, span in zip((MOTOR_UP, MOTOR_RUN, MOTOR_DOWN, MOTOR_REST), PARTS, strict=True):
         p = MOTOR["resistance"] * (torque / MOTOR["torque_constant"]) ** 2
-        A = np.array([[(alpha * p - g1) / c1, g1 / c1, p / c1], [g1 / c2, -(g1 + g2) / c2, 0],
-                      [0, 0, 0]])  # fmt: skip
+        A = np.array(
+            [[(alpha * p - g1) / c1, g1 / c1, p / c1], [g1 / c2, -(g1 + g2) / c2, 0], [0, 0, 0]]
+        )
         cycle = expm(A * span) @ cycle
         at_ends.append(cycle.copy())
     start = np.append(np.linalg.solve(np.eye(2) - cycle[:2, :2], cycle[:2, 2]), 1.0)
@@ -192,11 +198,19 @@ def test_optimum_ratio_of_a_pure_inertia_is_the_root_of_the_inertias():
 
 def test_catalogue_efficiency_and_no_load_torque_do_not_count_twice(tmp_path):
     # Schaeffler RT1-H-CS 25: 87 N m, 77 %, 195 mN m running at 2000 rpm, 69 mN m starting
-    gear = one_drive(tmp_path, gear={
-        "rated_torque": 87.0, "repeated_peak_torque": 204.0, "momentary_peak_torque": 369.0,
-        "efficiency": 0.77, "back_efficiency": None, "no_load_running_torque": 0.195,
-        "no_load_speed": 209.44, "starting_torque": 0.069,
-    }).gears["G"]  # fmt: skip
+    gear = one_drive(
+        tmp_path,
+        gear={
+            "rated_torque": 87.0,
+            "repeated_peak_torque": 204.0,
+            "momentary_peak_torque": 369.0,
+            "efficiency": 0.77,
+            "back_efficiency": None,
+            "no_load_running_torque": 0.195,
+            "no_load_speed": 209.44,
+            "starting_torque": 0.069,
+        },
+    ).gears["G"]
     transmission, text = gear_transmission(gear, 100.0, 0.0)
     assert transmission.efficiency == pytest.approx(0.87 / (0.87 / 0.77 - 0.195), rel=1e-12)
     assert transmission.efficiency == pytest.approx(0.93, abs=0.005)
@@ -211,32 +225,45 @@ def test_catalogue_efficiency_and_no_load_torque_do_not_count_twice(tmp_path):
 
 def test_a_makers_curve_over_speed_drives_the_candidates_motor(tmp_path):
     """0.71 at 104.7 rad/s and 87 N m, the no-load loss in it; slower it loses less."""
-    curve = {"over_speed": [[52.4, 0.76], [104.7, 0.71], [209.4, 0.64], [366.5, 0.57]],
-             "load": 87.0}  # fmt: skip
-    figures = {"efficiency": curve, "back_efficiency": None, "starting_torque": 0.069,
-               "no_load_running_torque": 0.195, "no_load_speed": 209.44}  # fmt: skip
+    curve = {
+        "over_speed": [[52.4, 0.76], [104.7, 0.71], [209.4, 0.64], [366.5, 0.57]],
+        "load": 87.0,
+    }
+    figures = {
+        "efficiency": curve,
+        "back_efficiency": None,
+        "starting_torque": 0.069,
+        "no_load_running_torque": 0.195,
+        "no_load_speed": 209.44,
+    }
     gear = one_drive(tmp_path, gear=figures).gears["G"]
     transmission, text = gear_transmission(gear, 100.0, 0.0)
     assert "maker's curve; backwards the same loss (assumed)" in text
     for speed, eta in ((104.7, 0.71), (366.5, 0.57)):
         one = (np.array([x]) for x in (87.0, 87.0, speed / 100.0, 0.0, False))
         assert 0.87 / motor_torque_bounds(transmission, *one, 1e-6)[0][0] == pytest.approx(
-            eta, abs=2e-3)  # fmt: skip
+            eta, abs=2e-3
+        )
     with pytest.raises(CatalogError, match=r"gears\.G`: `efficiency` 0.64 .*no such pair exists"):
         one_drive(tmp_path, gear={**figures, "no_load_running_torque": 0.5})
 
 
 def test_missing_figure_is_never_a_pass(tmp_path):
     for figure, name in (
-        ("average_torque", "gear average torque"), ("stiffness", "gear resonance"),
-        ("nominal_life", "gear life L10"), ("average_input_speed", "gear average input speed"),
-    ):  # fmt: skip
+        ("average_torque", "gear average torque"),
+        ("stiffness", "gear resonance"),
+        ("nominal_life", "gear life L10"),
+        ("average_input_speed", "gear average input speed"),
+    ):
         found = criterion(sized(tmp_path, gear={figure: None}), name)
         assert (found.status, found.margin) == (Status.NOT_CHECKED, None)
         assert found.note.startswith("no figure (")
-    for figure, name in (("peak_torque", "peak torque"), ("thermal", "winding temperature"),
-                         ("max_speed", "motor speed"),
-                         ("resistance", "speed-torque line")):  # fmt: skip
+    for figure, name in (
+        ("peak_torque", "peak torque"),
+        ("thermal", "winding temperature"),
+        ("max_speed", "motor speed"),
+        ("resistance", "speed-torque line"),
+    ):
         found = criterion(sized(tmp_path, motor={figure: None}), name)
         assert (found.status, found.margin) == (Status.NOT_CHECKED, None)
     momentary = criterion(sized(tmp_path), "gear momentary peak torque")
@@ -260,9 +287,13 @@ def test_a_lower_limit_that_is_printed_stands_in_for_one_that_is_not(tmp_path):
 
 
 def test_without_a_figure_for_the_motor_torque_nothing_is_chosen(tmp_path):
-    for part in ({"gear": {"efficiency": None, "back_efficiency": None}},
-                 {"gear": {"input_inertia": None}}, {"motor": {"rotor_inertia": None}},
-                 {"motor": {"continuous_torque": None}}, {"motor": {"mass": None}}):  # fmt: skip
+    for part in (
+        {"gear": {"efficiency": None, "back_efficiency": None}},
+        {"gear": {"input_inertia": None}},
+        {"motor": {"rotor_inertia": None}},
+        {"motor": {"continuous_torque": None}},
+        {"motor": {"mass": None}},
+    ):
         with pytest.warns(pf.PinfricWarning, match="no candidate can be judged"):
             joint = sized(tmp_path, **part)
         assert joint.choice is None
@@ -311,9 +342,54 @@ def test_ambient_derates_the_continuous_torque(tmp_path):
     limit = {"ambient": 75.0, "max_winding": 125.0}
     found = criterion(sized(tmp_path, bare, conditions=limit), "continuous torque")
     assert found.available == pytest.approx(MOTOR["continuous_torque"] * np.sqrt(0.5))
-    found = criterion(sized(tmp_path, bare, conditions={"ambient": 100}), "continuous torque")
-    assert found.available == MOTOR["continuous_torque"]
-    assert found.note == "rated at 25 C, not checked at 100 C"
+    with pytest.warns(pf.PinfricWarning, match="no candidate can be judged") as caught:
+        joint = sized(tmp_path, bare, conditions={"ambient": 60.0})
+    assert "rated at 25 C, not at 60 C" in str(caught[0].message)
+    assert joint.choice is None
+    assert criterion(joint, "continuous torque").status == Status.NOT_CHECKED
+    # ratings at another ambient temperature, and a maker's own curve, stall ratings too
+    warm = sized(tmp_path, {"rated_ambient": 40.0}, conditions={"ambient": 75.0})
+    assert criterion(warm, "continuous torque").available == pytest.approx(0.5 * np.sqrt(50 / 85))
+    curve = {
+        "thermal": None,
+        "ambient_curve": [[40.0, 1.0], [60.0, 0.8]],
+        "rated_ambient": 40.0,
+        "continuous_stall_torque": 0.4,
+    }
+    joint = sized(tmp_path, curve, conditions={"ambient": 50.0})
+    assert criterion(joint, "continuous torque").available == pytest.approx(0.45)
+    assert joint.choice.candidate.ratings.stall_at(Conditions(ambient=50.0)) == pytest.approx(0.36)
+    with pytest.warns(pf.PinfricWarning, match="the maker's curve ends at 60 C, it is 70 C around"):
+        sized(tmp_path, curve, conditions={"ambient": 70.0})
+
+
+@pytest.mark.parametrize(
+    ("current", "resistance_of", "loss"),
+    [
+        ("dc", "terminals", 1.0),
+        ("rms", "terminals", 1.5),
+        ("rms", "phase", 3.0),
+        ("peak", "terminals", 0.75),
+        ("peak", "phase", 1.5),
+    ],
+)
+def test_copper_loss_and_voltage_by_what_the_constant_is_printed_for(
+    tmp_path, current, resistance_of, loss
+):
+    """Three phases lose 3 R_ph i_rms^2; the bus gives sqrt(3) times a phase's peak voltage."""
+    convention = {"current": current, "resistance_of": resistance_of, "thermal": None}
+    motor = sized(tmp_path, convention).motor
+    k, r, torque = MOTOR["torque_constant"], MOTOR["resistance"], motor.torque_upper
+    np.testing.assert_allclose(
+        motor.power - torque * motor.speed, loss * r * (torque / k) ** 2, rtol=1e-9, atol=1e-9
+    )
+    if current == "dc":
+        return
+    to_peak, phase = {"rms": np.sqrt(2), "peak": 1.0}[current], {"phase": 1.0, "terminals": 0.5}
+    peak = to_peak * torque / k
+    volts = np.sqrt(3) * np.abs(phase[resistance_of] * r * peak + (k / to_peak) / 1.5 * motor.speed)
+    found = sized(tmp_path, convention).choice.candidate.ratings.voltage(torque, motor.speed)
+    np.testing.assert_allclose(found, volts, rtol=1e-9)
 
 
 def test_surroundings_hotter_than_the_winding_may_be_are_said_plainly(tmp_path):
@@ -415,8 +491,10 @@ def test_back_driving_demanded_and_forbidden(tmp_path):
 
 
 def test_collision_is_held_against_the_momentary_peak(tmp_path):
-    found = criterion(sized(tmp_path, conditions={"collision_effort": {"table": 80.0}}),
-                      "gear momentary peak torque")  # fmt: skip
+    found = criterion(
+        sized(tmp_path, conditions={"collision_effort": {"table": 80.0}}),
+        "gear momentary peak torque",
+    )
     assert found.margin == pytest.approx(0.2)
     assert found.status == Status.PASSES
 

@@ -15,7 +15,7 @@ from pinfric.model.springs import StiffnessLines
 from pinfric.show.sizing_page.page import sizing_page
 from pinfric.study.sizing.catalog import load_catalog
 from pinfric.study.sizing.criterion import Status
-from pinfric.study.sizing.size import joint_inertias
+from pinfric.study.sizing.inertia import joint_inertias
 
 TAU = 2 * np.pi
 LINES = {"k1": 1e4, "k2": 1.4e4, "k3": 1.6e4, "t1": 3.9, "t2": 12}
@@ -104,12 +104,12 @@ def test_lowest_frequency_and_tool_of_the_chosen_gears(arm, tmp_path):
     assert criterion(report, "tool interval").required == pytest.approx(rest.farthest)
     assert criterion(report, "tool reversal error").required == pytest.approx(rest.reversal)
     assert criterion(report, "tool sag").required == pytest.approx(0.0, abs=1e-12)
-    assert report.short == ()
+    assert report.unmet == ()
 
 
 def test_what_is_asked_in_vain_is_an_error(arm, tmp_path):
     report = sized(arm, tmp_path, lowest_frequency=500.0, tool_interval=1e-9)
-    assert [line.split(":")[1].strip() for line in report.short] == [
+    assert [line.split(":")[1].strip() for line in report.unmet] == [
         "lowest frequency",
         "tool interval",
     ]
@@ -138,7 +138,7 @@ def test_the_scenes_own_gears_are_judged_without_a_catalogue(capsys):
         scene, motion, conditions={"tool_interval": 1e-4, "tool_sag": 3e-3}, on_miss="ignore"
     )
     assert [c.status for c in report.arm_criteria] == [Status.PASSES, Status.FAILS]
-    assert report.short[0].startswith("robot: tool interval: needs 0.0002232 m, has 0.0001 m")
+    assert report.unmet[0].startswith("robot: tool interval: needs 0.0002232 m, has 0.0001 m")
     with pytest.raises(SystemExit):
         main(["size", "ur10_machine_tending", "ur10_machine_tending"])
     assert "lowest frequency, motors held: 8.17 Hz" in capsys.readouterr().out

@@ -73,8 +73,13 @@ def test_on_off_cycle_with_copper_coefficient_matches_matrix_exponentials():
 
     def step(power, span):  # of (rise of winding, rise of housing, 1)
         warm = 1 + ALPHA * (AMBIENT - 25)
-        A = np.array([[(ALPHA * power - g1) / c1, g1 / c1, power * warm / c1],
-                      [g1 / c2, -(g1 + g2) / c2, 0.0], [0.0, 0.0, 0.0]])  # fmt: skip
+        A = np.array(
+            [
+                [(ALPHA * power - g1) / c1, g1 / c1, power * warm / c1],
+                [g1 / c2, -(g1 + g2) / c2, 0.0],
+                [0.0, 0.0, 0.0],
+            ]
+        )
         return expm(A * span)
 
     cycle = step(heat, on) @ step(0.0, off)  # begins at the end of `on`

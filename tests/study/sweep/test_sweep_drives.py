@@ -67,15 +67,28 @@ def agrees(found, row, assessment, name):
 def test_what_size_rejects_does_not_suffice(panda, one_of_all):
     scene, motion = panda
     slow = {"resonance_base": 0.1}  # size takes all gears as elastic, the sweep the one on trial
-    found = pf.sweep(scene, motion, sweep_of(
-        sampling="grid", motors={"panda_joint2": {"drive": DRIVE}},
-        friction__all__coulomb={"choice": {"values": [1.0]}},
-    ) | {"conditions": slow}, processes=1)  # fmt: skip
+    found = pf.sweep(
+        scene,
+        motion,
+        sweep_of(
+            sampling="grid",
+            motors={"panda_joint2": {"drive": DRIVE}},
+            friction__all__coulomb={"choice": {"values": [1.0]}},
+        )
+        | {"conditions": slow},
+        processes=1,
+    )
     mass = one_of_all.motors[TBM].mass + one_of_all.gears[CSF].mass
-    report = pf.size(scene, motion, one_of_all, on_miss="ignore", conditions={
-        "mass_in_urdf": dict.fromkeys(scene.actuator_names, mass),  # no drive's mass at all
-        **slow,
-    })  # fmt: skip
+    report = pf.size(
+        scene,
+        motion,
+        one_of_all,
+        on_miss="ignore",
+        conditions={
+            "mass_in_urdf": dict.fromkeys(scene.actuator_names, mass),  # no drive's mass at all
+            **slow,
+        },
+    )
     (assessment,) = report.joint("panda_joint2").assessments
     assert agrees(found, 0, assessment, "panda_joint2") == {"gear repeated peak torque"}
     (worst,) = assessment.failed
@@ -89,10 +102,16 @@ def test_what_size_rejects_does_not_suffice(panda, one_of_all):
 
 def test_masses_of_drives_and_payload_count_as_in_size(panda, one_of_all):
     scene, motion = panda
-    found = pf.sweep(scene, motion, sweep_of(
-        sampling="grid", motors={name: {"drive": DRIVE} for name in scene.actuator_names},
-        payload__box__mass={"choice": {"values": [1.0, 3.0]}},
-    ), processes=1)  # fmt: skip
+    found = pf.sweep(
+        scene,
+        motion,
+        sweep_of(
+            sampling="grid",
+            motors={name: {"drive": DRIVE} for name in scene.actuator_names},
+            payload__box__mass={"choice": {"values": [1.0, 3.0]}},
+        ),
+        processes=1,
+    )
     failing = set()
     for row, mass in enumerate(found.values[:, 0]):
         box = scene.payloads["box"].model_dump()
@@ -112,12 +131,21 @@ def test_masses_of_drives_and_payload_count_as_in_size(panda, one_of_all):
 def test_what_bearings_carry_counts_as_in_size(tmp_path, own):
     scene = turntable()
     motion = trapezoid(scene)
-    small = {"kind": "crossed roller", "pitch_diameter": 0.05, "dynamic_rating": 6.0,
-             "static_rating": 30.0, "max_axial": 12.0, "max_moment": 1.0}  # fmt: skip
+    small = {
+        "kind": "crossed roller",
+        "pitch_diameter": 0.05,
+        "dynamic_rating": 6.0,
+        "static_rating": 30.0,
+        "max_axial": 12.0,
+        "max_moment": 1.0,
+    }
     bearings = {"own": {"source": "invented", "grade": "R", "ratings": {**small, "max_axial": 9.0}}}
     catalog = one_drive(tmp_path, gear={"bearing": small}, bearings=bearings)
-    sweep = sweep_of(sampling="grid", motors={"table": {"drive": "M + G"}},
-                     speed={"choice": {"values": [0.8, 1.0]}})  # fmt: skip
+    sweep = sweep_of(
+        sampling="grid",
+        motors={"table": {"drive": "M + G"}},
+        speed={"choice": {"values": [0.8, 1.0]}},
+    )
     sweep |= {"catalog": str(tmp_path / "catalog.yaml"), "conditions": own}
     found = pf.sweep(scene, motion, sweep, processes=1)
     for row, (speed,) in enumerate(found.values):
@@ -144,10 +172,19 @@ def test_every_sample_is_judged_as_size_judges_it(tmp_path):
     motion = trapezoid(scene)
     gear = {"repeated_peak_torque": 22.0, "rated_torque": 10.0, "average_torque": 10.0}
     motor = {"peak_torque": 0.5}
-    found = pf.sweep(scene, motion, table_sweep(
-        tmp_path, motor=motor, gear=gear, samples=12, speed=uniform(0.7, 1.6),
-        friction__table__coulomb=uniform(0.5, 4.0),
-    ), processes=1)  # fmt: skip
+    found = pf.sweep(
+        scene,
+        motion,
+        table_sweep(
+            tmp_path,
+            motor=motor,
+            gear=gear,
+            samples=12,
+            speed=uniform(0.7, 1.6),
+            friction__table__coulomb=uniform(0.5, 4.0),
+        ),
+        processes=1,
+    )
     catalog = one_drive(tmp_path, motor, gear)
     failing, fits = set(), []
     for row, (speed, factor) in enumerate(found.values):
@@ -169,17 +206,26 @@ def test_every_sample_is_judged_as_size_judges_it(tmp_path):
 
 
 def test_losses_that_vary_are_those_judged(tmp_path):
-    scene = turntable(actuators=[
-        {"joint": "table", "transmission": {"ratio": 50.0, "no_load_torque": 0.01}}
-    ])  # fmt: skip
+    scene = turntable(
+        actuators=[{"joint": "table", "transmission": {"ratio": 50.0, "no_load_torque": 0.01}}]
+    )
     motion = trapezoid(scene)
 
     def swept(peak_torque):
-        return pf.sweep(scene, motion, table_sweep(
-            tmp_path, {}, {"peak_torque": peak_torque}, motor={"continuous_torque": None},
-            gear={"no_load_running_torque": 0.02}, sampling="grid",
-            **{"transmission.table.no_load_torque": {"choice": {"values": [1.0, 3.0]}}},
-        ), processes=1)  # fmt: skip
+        return pf.sweep(
+            scene,
+            motion,
+            table_sweep(
+                tmp_path,
+                {},
+                {"peak_torque": peak_torque},
+                motor={"continuous_torque": None},
+                gear={"no_load_running_torque": 0.02},
+                sampling="grid",
+                **{"transmission.table.no_load_torque": {"choice": {"values": [1.0, 3.0]}}},
+            ),
+            processes=1,
+        )
 
     # 0.02 N m of the candidate's gear, not of the scene's, and three times as much
     peaks = swept(2.0).figure("motor_peak")[:, 0]
@@ -192,9 +238,14 @@ def test_missing_figures_are_named_and_given_ones_take_precedence(tmp_path):
     scene = turntable()
     motion = trapezoid(scene)
     one = {"sampling": "grid", "friction__table__coulomb": {"choice": {"values": [1.0]}}}
-    found = pf.sweep(scene, motion, table_sweep(
-        tmp_path, gear={"average_torque": None}, drive={"continuous_torque": 0.01}, **one
-    ), processes=1)  # fmt: skip
+    found = pf.sweep(
+        scene,
+        motion,
+        table_sweep(
+            tmp_path, gear={"average_torque": None}, drive={"continuous_torque": 0.01}, **one
+        ),
+        processes=1,
+    )
     (trial,) = found.trials
     assert "gear average torque" in trial.not_checked(found.figures)
     met = trial.met(found.figures)
@@ -226,8 +277,12 @@ def test_conditions_that_cannot_be_are_refused(tmp_path, panda):
 def test_verdicts_are_stored_and_travel(tmp_path):
     scene = turntable()
     motion = trapezoid(scene)
-    sweep = table_sweep(tmp_path, gear={"repeated_peak_torque": 19.0, "rated_torque": 10.0},
-                        samples=6, friction__table__coulomb=uniform(0.5, 4.0))  # fmt: skip
+    sweep = table_sweep(
+        tmp_path,
+        gear={"repeated_peak_torque": 19.0, "rated_torque": 10.0},
+        samples=6,
+        friction__table__coulomb=uniform(0.5, 4.0),
+    )
     found = pf.sweep(scene, motion, sweep, processes=1)
     entries, source = load_sweep(sweep)
     equipped, _ = motors_on_trial(scene, entries, source)
@@ -242,5 +297,6 @@ def test_verdicts_are_stored_and_travel(tmp_path):
     np.testing.assert_array_equal(resumed.sufficing(), stored.sufficing())
     assert 0 < stored.sufficing().sum() < 6
     with pytest.raises(SweepError, match=r"another sweep \(different: scene\)"):
-        pf.sweep(scene, motion, {**sweep, "conditions": {"life": 1.0}}, processes=1,
-                 out=tmp_path / "out")  # fmt: skip
+        pf.sweep(
+            scene, motion, {**sweep, "conditions": {"life": 1.0}}, processes=1, out=tmp_path / "out"
+        )
