@@ -32,6 +32,7 @@ from pinfric.terminal import (
     say,
     show,
     takes_logs,
+    telling,
     warnings_as_notices,
     weighted,
     working,
@@ -46,7 +47,7 @@ Files = dict[str, Callable[[Path], object]]
 
 app = typer.Typer(
     name="pinfric",
-    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     help="Joint friction that depends on the load: efforts, stiction and motors of URDF robots.",
@@ -97,8 +98,12 @@ Threads = Annotated[
 @app.callback(invoke_without_command=True)
 def _options(
     context: typer.Context,
-    version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
+    version: Annotated[bool, typer.Option("--version", "-V", help="Print the version.")] = False,
+    quiet: Annotated[
+        bool, typer.Option("--quiet", "-q", help="Results and errors only, no notices.")
+    ] = False,
 ) -> None:
+    telling["quiet"] = quiet
     if version:
         print_line(f"pinfric {__version__}")
     elif context.invoked_subcommand is None:
@@ -192,7 +197,7 @@ def simulate(
         raise typer.Exit(INTERRUPTED)
 
 
-@app.command()
+@app.command(short_help="Reproduce the paper's examples by two formulations.")
 def paper(
     reading: Annotated[
         str, typer.Option(help="consistent, or literal: the data as they are printed.")
@@ -288,7 +293,7 @@ def size(
     report.check()  # what does not fit is the last line, and the exit code (2)
 
 
-@app.command()
+@app.command(short_help="Make a catalogue for `size` of a table of parts.")
 def catalog(
     table: Annotated[Path, typer.Argument(metavar="TABLE.csv", help="One motor or gear a row.")],
     columns: Annotated[
@@ -328,7 +333,7 @@ def _fastest(report: Any, trajectory: Any) -> tuple[Any, Files]:
     return sets, {"fastest.png": fastest_figure(sets, title).savefig}
 
 
-@app.command()
+@app.command(short_help="Give the fastest motion along a path that given drives can do.")
 def retime(
     scene_name: SceneName,
     path_name: Annotated[
@@ -429,7 +434,7 @@ def sweep(
     answer("sweep", found, tables, as_json, out, files, scene=result.scene)
 
 
-@app.command()
+@app.command(short_help="Find friction in a robot's own logs, and how far it is known.")
 @takes_logs
 def identify(
     *,
@@ -551,7 +556,7 @@ def _page(html: Path | None, scene: str) -> Path:
     return html
 
 
-@app.command()
+@app.command(short_help="Write a starting scene and motion for a URDF, guesses marked.")
 def new(
     urdf: Annotated[Path, typer.Argument(metavar="URDF", help="The robot.")],
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where to write.")] = Path(),
@@ -572,7 +577,7 @@ def new(
     print_line(f"try: pinfric {command} {' '.join(map(str, files))}")
 
 
-@app.command()
+@app.command(short_help="Print the JSON schema of a file's format, for editors.")
 def schema(
     name: Annotated[
         str,
@@ -596,7 +601,7 @@ def schema(
     show(json_schema(name))
 
 
-@app.command()
+@app.command(short_help="List what is implausible about a robot or a scene.")
 def check(
     source: Annotated[
         str, typer.Argument(metavar="URDF | SCENE", help="The robot, or a scene with its robot.")
@@ -618,7 +623,7 @@ def check(
     report.check(strict)  # errors are the last line, and the exit code (2)
 
 
-@app.command("warm-up")
+@app.command("warm-up", short_help="Compile a scene's kernels, so that no later run waits.")
 def warm_up(scene_name: SceneName) -> None:
     """Compile what the dynamics of a scene need, so that no later run waits for the compiler.
 
@@ -633,7 +638,7 @@ def warm_up(scene_name: SceneName) -> None:
     print_line(f"{Path(scene.source).stem}: all kernels are ready, after {digits(seconds)} s")
 
 
-@app.command()
+@app.command(short_help="Show what accuracy costs in time.")
 @takes_logs
 def accuracy(
     *,
@@ -651,13 +656,12 @@ def accuracy(
     --out writes accuracy.png, accuracy.csv and summary.json.
     """
     scene, trajectory = load(scene_name, trajectory_name, log, out)
-    from pinfric.paper.reproduction import absolute_judge
     from pinfric.show.accuracy.figure import accuracy_figure
     from pinfric.show.accuracy.report import accuracy_frame, accuracy_report
     from pinfric.study.accuracy.study import accuracy as study
 
     with working("measuring, for half a minute or more; minutes where loops close"):
-        found = study(scene, trajectory, second=absolute_judge(scene))
+        found = study(scene, trajectory)
     files: Files = {
         "accuracy.png": lambda path: accuracy_figure(found).savefig(path),
         "accuracy.csv": lambda path: accuracy_frame(found).to_csv(path, index=False),
@@ -666,7 +670,7 @@ def accuracy(
     answer("accuracy", found, report, as_json, out, files, scene=scene.source)
 
 
-@app.command()
+@app.command(short_help="Say which effects a scene calls for, and what each costs.")
 @takes_logs
 def explain(
     *,
@@ -689,7 +693,7 @@ def explain(
     answer("explain", found, report, as_json, scene=scene.source)
 
 
-@app.command()
+@app.command(short_help="Write the robot for other engines, or for C++ controllers.")
 @takes_logs
 def export(
     *,
@@ -796,6 +800,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if hasattr(stream, "reconfigure"):  # a terminal without UTF-8 gets "?", not a traceback
             stream.reconfigure(errors="replace")
     noticed.clear()
+    telling["quiet"] = False
     read.clear()
     with warnings_as_notices():
         sys.exit(_run(None if arguments is None else list(arguments)))
@@ -822,7 +827,7 @@ def _run(arguments: list[str] | None) -> int:
         message, code = _unexpected(problem)
     if message:
         kind = "internal error" if code == INTERNAL_ERROR else "error"
-        say(f"{kind}: {message}")
+        say(f"{kind}: {message}", error=True)
     return int(code)
 
 

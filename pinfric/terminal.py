@@ -32,6 +32,8 @@ NO_READER = 141
 
 #: The warnings of this run and the files that it read, for its JSON.
 noticed: list[str] = []
+#: Which of `say`'s lines are printed: "quiet" leaves errors only.
+telling: dict[str, bool] = {"quiet": False}
 read: list[str | Path] = []
 
 
@@ -232,9 +234,10 @@ def print_line(text: str) -> None:
         raise typer.Exit(NO_READER) from None
 
 
-def say(text: str) -> None:
-    """Tell in one line what goes on, beside the results."""
-    print(f"pinfric: {one_line(text)}", file=sys.stderr)
+def say(text: str, *, error: bool = False) -> None:
+    """Tell in one line what goes on, beside the results; with --quiet errors only."""
+    if error or not telling["quiet"]:
+        print(f"pinfric: {one_line(text)}", file=sys.stderr)
 
 
 def notice(text: str) -> None:

@@ -385,3 +385,22 @@ def test_sweep_into_the_folder_of_another_is_refused(files, capsys):
     (files / "s.yaml").write_text(SWEEP.replace("seed: 1", "seed: 2"))
     assert run("sweep", "arm.yaml", "way.yaml", "s.yaml", "--out", "out") == 2
     assert "holds samples of another sweep (different: sweep)" in capsys.readouterr().err
+
+
+def test_the_list_of_commands_is_whole_and_options_have_short_names(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    assert run("-h") == 0
+    assert "..." not in capsys.readouterr().out.replace("[ARGS]...", "")
+    assert run("-V") == run("--version") == 0
+    assert len(set(capsys.readouterr().out.splitlines())) == 1
+
+
+def test_quiet_leaves_results_and_errors(capsys, tmp_path):
+    command = ("inverse", "pendulum", "pendulum", "--out", str(tmp_path))
+    assert run(*command) == 0
+    loud = capsys.readouterr()
+    assert "wrote" in loud.err
+    assert run("-q", *command) == 0
+    assert capsys.readouterr() == (loud.out, "")
+    assert run("-q", "inverse", "pendulum", "nowhere.csv") == cli.BAD_INPUT
+    assert "there is no file" in capsys.readouterr().err

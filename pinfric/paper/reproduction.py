@@ -11,7 +11,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -21,13 +20,12 @@ from pinfric.dynamics.samples.reactions import joint_wrenches
 from pinfric.dynamics.simulation.motion import Motion
 from pinfric.model.described import derived, described, quantity
 from pinfric.model.scene import Scene
-from pinfric.model.scene_file import bundled_folder, load_scene
+from pinfric.model.scene_file import load_scene
 from pinfric.paper.bodies import Mechanism
 from pinfric.paper.examples import Case, pendulum, slider_crank, three_link
 from pinfric.paper.forward import NoConsistentFriction
 from pinfric.paper.inverse import inverse
 from pinfric.paper.simulate import simulate
-from pinfric.study.accuracy.precision import Judge
 from pinfric.study.scene_run import run_whole
 from pinfric.study.trajectory.joint_columns import joint_columns, single_positions
 from pinfric.study.trajectory.trajectory import load_trajectory
@@ -292,35 +290,3 @@ def read_literally(example: Example) -> LiteralReading:
     start, end = motion.stick_intervals(example.site)[0]
     in_it = stops_at is not None and stops_at - end < 1e-3
     return LiteralReading(example, (start, stops_at if in_it and stops_at else end), stops_at)
-
-
-def absolute_judge(scene: Scene) -> Judge | None:
-    """Return the paper's own formulation as a judge of its two examples; None for other scenes."""
-    own = {str(bundled_folder() / f"{example.name}.yaml"): example for example in EXAMPLES}
-    example = own.get(str(Path(scene.source).resolve()))
-    if example is None or scene.simulation is None:
-        return None
-    judged = example.judge()
-    t_end = scene.simulation.t_end
-    motion = simulate(
-        judged.mechanism,
-        judged.position,
-        judged.rate,
-        judged.effort,
-        t_end,
-        rtol=1e-12,
-        atol=1e-14,
-        sample_step=t_end,
-    )
-    starts = np.array([phase.start for phase in motion.phases])
-
-    def at(times: np.ndarray) -> np.ndarray:
-        phases = np.maximum(starts.searchsorted(times, side="right") - 1, 0)
-        states = [motion.phases[p].solution(t) for p, t in zip(phases, times, strict=True)]
-        return np.array(states)[:, : scene.model.nq]
-
-    sticks = tuple(
-        StickInterval(example.site, start, end)
-        for start, end in motion.stick_intervals(example.site)
-    )
-    return Judge("absolute coordinates", scene, at, sticks)

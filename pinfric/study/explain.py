@@ -12,7 +12,7 @@ from pinfric.model.scene import Scene
 from pinfric.model.upward import Shown
 from pinfric.study.elastic.matters import ElasticEffect, elastic_effect
 from pinfric.study.random_states import random_states
-from pinfric.study.summary import ends_by_magnitude, known_rms
+from pinfric.study.summary import ends_by_magnitude, known_rms, unit_of_drive
 from pinfric.study.timing import TimedMotion, saved
 from pinfric.study.trajectory.trajectory import Trajectory
 from pinfric.study.variants import (
@@ -49,6 +49,7 @@ class Explained:
     resolution_us: float = quantity(
         "costs below it are not told from the timings' own spread, microseconds", "us"
     )
+    unit: str = quantity('of the changes, "N m" or "N"; empty: drives differ', heading="unit")
     peak_change: float = quantity(
         "change of the largest effort magnitude of any drive through the effect, of the drive "
         "where the change is largest; of coupling: against one pass, loads without friction",
@@ -119,7 +120,7 @@ def explain(scene: Scene, trajectory: Trajectory | None = None) -> Explanation:
     rows = []
     for effect in found:
         if effect.name not in variants:
-            figures = (_NAN, _NAN, _NAN, _NAN, "", False)
+            figures = (_NAN, _NAN, "", _NAN, _NAN, "", False)
             rows.append(Explained(effect.name, effect.on, effect.why, *figures))
             continue
         motor_side = effect.name in MOTOR_SIDE
@@ -130,7 +131,8 @@ def explain(scene: Scene, trajectory: Trajectory | None = None) -> Explanation:
             without = Efforts.of(motion.solve(variants[effect.name]))
             change = effort_change(scene, Efforts.of(whole), without, motor_side)
         cost, resolved = saved(times[_ALL], times[effect.name])
-        row = Explained(effect.name, True, effect.why, cost, resolved, *change, motor_side)
+        unit = unit_of_drive(scene, change[2], motor_side)
+        row = Explained(effect.name, True, effect.why, cost, resolved, unit, *change, motor_side)
         rows.append(row)
     return Explanation(
         effects=tuple(rows),

@@ -252,3 +252,17 @@ def motor_unit(scene: Scene, actuator: int) -> str:
     """Return what a drive's motor delivers at its shaft: N m behind a gear, else `effort_unit`."""
     geared = scene.drives[actuator].transmission is not None
     return "N m" if geared else effort_unit(scene, actuator)
+
+
+def unit_of_drive(scene: Scene, name: str, motor: bool = False) -> str:
+    """Return the unit of a drive's efforts, by its name; of no name that which all drives share.
+
+    Args:
+        scene: the robot.
+        name: of the drive; empty: of all.
+        motor: at the motor's shaft.
+    """
+    if name:
+        return (motor_unit if motor else effort_unit)(scene, scene.actuator_names.index(name))
+    units = {effort_unit(scene, i) for i in range(len(scene.drives))}
+    return units.pop() if len(units) == 1 else ""

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pinfric.show.figure.style import INK, QUIET
-from pinfric.study.accuracy.coupled import CoupledRun
 from pinfric.study.accuracy.ladder import Rung
 from pinfric.study.accuracy.precision import Run
 from pinfric.study.accuracy.sampling import Sampled
@@ -26,13 +25,9 @@ _STYLES = {
     "timestepping": ("#D55E00", "s"),
     "regularized": ("#009E73", "^"),
 }
-#: The same of the two solvers of coupled friction.
-_SOLVER_STYLES = {"fixed point": ("#D55E00", "s"), "Newton": ("#0072B2", "o")}
 _GRID = "#E4E4E4"
 #: What is smaller is drawn here: rounding, and the decade below which nobody looks.
 _FLOOR = 1e-13
-#: The same of relative errors of friction.
-_ROUNDING = 1e-16
 #: The same of shares (%).
 _FLOOR_SHARE = 1e-3
 
@@ -51,8 +46,6 @@ def accuracy_figure(found: Accuracy) -> Figure:
         title = "simulation: error of stick times (s)"
         panels.append(partial(_work, runs=found.runs, quantity="stick_error", title=title))
     panels.append(partial(_sampling, rows=found.sampling))
-    if found.coupled:
-        panels += [partial(draw, runs=found.coupled) for draw in (_coupled_work, _coupled_passes)]
     panels.append(partial(_ladder, rungs=found.ladder))
     rows = -(-len(panels) // 2)
     layout = ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.12)
@@ -185,55 +178,6 @@ def _work(axes: Axes, runs: Sequence[Run], quantity: str, title: str) -> None:
 
 def _points(runs: Sequence[Run], of: Callable[[Run], float]) -> tuple[list[float], list[float]]:
     return [1e3 * run.wall_s for run in runs], [max(of(run), _FLOOR) for run in runs]
-
-
-def _coupled_work(axes: Axes, runs: Sequence[CoupledRun]) -> None:
-    """Error of friction against time of one solve, a line per solver and coefficient."""
-    shares = list(dict.fromkeys(run.share for run in runs))
-    for solver, (color, marker) in _SOLVER_STYLES.items():
-        for i, share in enumerate(shares):
-            own = [run for run in runs if (run.solver, run.share) == (solver, share)]
-            good = [run for run in own if not run.problem]
-            axes.plot(
-                [1e6 * run.wall_s for run in good],
-                [max(run.error, _ROUNDING) for run in good],
-                color=color,
-                marker=marker,
-                markersize=5.5,
-                linewidth=1.6,
-                markeredgecolor="white",
-                alpha=0.25 + 0.75 * (i + 1) / len(shares),
-                label=None if i + 1 < len(shares) else solver,
-            )
-    _logarithmic(
-        axes,
-        f"time of one solve (us); darker: mu nearer the jam, {shares[0]:g} to {shares[-1]:g} of it",
-    )
-    _plain_times(axes)
-    _head(axes, "coupled friction: relative error")
-
-
-def _coupled_passes(axes: Axes, runs: Sequence[CoupledRun]) -> None:
-    """Passes to the tightest tolerance against how near the coefficients are to the jam."""
-    tolerance = min(run.tolerance for run in runs)
-    for solver, (color, marker) in _SOLVER_STYLES.items():
-        own = [r for r in runs if (r.solver, r.tolerance) == (solver, tolerance) and not r.problem]
-        axes.plot(
-            [1.0 - run.share for run in own],
-            [run.iterations for run in own],
-            color=color,
-            marker=marker,
-            markersize=6.5,
-            linewidth=1.8,
-            markeredgecolor="white",
-            label=solver,
-        )
-    _logarithmic(axes, "mu / mu at the jam")
-    axes.invert_xaxis()
-    places = sorted({1.0 - run.share for run in runs})
-    axes.set_xticks(places, [f"{1.0 - place:g}" for place in places])
-    axes.minorticks_off()
-    _head(axes, f"coupled friction: passes to a relative residual of {tolerance:.0e}")
 
 
 def _sampling(axes: Axes, rows: Sequence[Sampled]) -> None:

@@ -11,9 +11,8 @@ import numpy as np
 
 from pinfric.model.described import quantities
 from pinfric.show.report.rows import cell, table_of, text_of
-from pinfric.show.report.tables import Column, Kind, Report, Table, paragraphs
-from pinfric.show.report.values import digits, power_of_ten
-from pinfric.study.accuracy.coupled import CoupledRun
+from pinfric.show.report.tables import Report, Table, paragraphs
+from pinfric.show.report.values import digits
 from pinfric.study.accuracy.ladder import Rung
 from pinfric.study.accuracy.precision import Run
 from pinfric.study.accuracy.sampling import Sampled
@@ -22,15 +21,16 @@ from pinfric.study.accuracy.study import Accuracy
 if TYPE_CHECKING:
     import pandas as pd
 
+_REFERENCE = "errors against `event`, two decades tighter; rad or m, and s"
+
 
 def accuracy_frame(found: Accuracy) -> pd.DataFrame:
     """Return all rows of all studies; column `study` says which, others are empty where foreign."""
     import pandas as pd
 
-    studies: tuple[tuple[str, tuple[Run | Sampled | CoupledRun | Rung, ...]], ...] = (
+    studies: tuple[tuple[str, tuple[Run | Sampled | Rung, ...]], ...] = (
         ("simulation", found.runs),
         ("sampling", found.sampling),
-        ("coupled", found.coupled),
         ("ladder", found.ladder),
     )
     return pd.DataFrame([{"study": name, **asdict(row)} for name, rows in studies for row in rows])
@@ -41,15 +41,13 @@ def accuracy_report(found: Accuracy) -> Report:
     name = Path(found.scene.source).stem
     title = f"{name}: {found.trajectory}"
     return paragraphs(
-        *_simulated(f"{name}: simulation", found.runs, _reference_lines(found)),
+        *_simulated(f"{name}: simulation", found.runs, [_REFERENCE]),
         _sampling_table(f"{title}, fewer samples", found.sampling),
         [
             f"given {row.given}, {digits(row.rate)} per s: {row.problem}"
             for row in found.sampling
             if row.problem
         ],
-        _coupled_table(f"{title}, coupled friction", found.coupled) if found.coupled else None,
-        _coupled_lines(found.coupled) if found.coupled else None,
         _ladder_table(f"{title}, friction models", found.ladder),
         [*_ladder_lines(found.ladder), *found.notes],
     )
@@ -63,17 +61,6 @@ def _simulated(
         return []
     failed = [f"{run.method}, {run.setting}: {run.problem}" for run in runs if run.problem]
     return [_runs_table(title, runs), [*failed, *lines]]
-
-
-def _reference_lines(found: Accuracy) -> list[str]:
-    lines = ["errors against `event`, two decades tighter; rad or m, and s"]
-    if np.isfinite(found.reference_difference):
-        lines.insert(
-            0,
-            "its reference and absolute coordinates differ by "
-            f"{_decade(found.reference_difference)} at most",
-        )
-    return lines
 
 
 def _runs_table(title: str, runs: Sequence[Run]) -> Table | None:
@@ -105,42 +92,6 @@ def _failing(
 
 def _sampling_table(title: str, rows: Sequence[Sampled]) -> Table | None:
     return table_of(title, rows, cells=_failing({}, "missed_stick", ("stick", "peak_error")))
-
-
-def _coupled_table(title: str, runs: Sequence[CoupledRun]) -> Table:
-    """Passes to each tolerance, a row per coefficient and solver; error and time at the last."""
-    tolerances = sorted({run.tolerance for run in runs}, reverse=True)
-    columns = (
-        Column("mu / mu\nat jam"),
-        Column("contrac-\ntion"),
-        Column("solver", Kind.LABEL),
-        *(Column(f"passes\n{power_of_ten(tolerance, 0)}") for tolerance in tolerances),
-        Column("error\nleft"),
-        Column("time\nus"),
-    )
-    rows = []
-    for share in dict.fromkeys(run.share for run in runs):
-        for n, solver in enumerate(dict.fromkeys(run.solver for run in runs)):
-            own = [run for run in runs if (run.share, run.solver) == (share, solver)]
-            last = own[-1]
-            passes = ["fails" if run.problem else str(run.iterations) for run in own]
-            first = ("", "") if n else (f"{share:g}", f"{last.contraction:.4f}")
-            rows.append((*first, solver, *passes, _decade(last.error), digits(1e6 * last.wall_s)))
-    return Table(title, columns, rows, keys=3)
-
-
-def _decade(x: float) -> str:
-    return text_of(x, "decade")
-
-
-def _coupled_lines(runs: Sequence[CoupledRun]) -> list[str]:
-    jam = runs[0].mu_factor / runs[0].share
-    return [
-        f"at t = {digits(runs[0].t)} s, where it jams first as all mu grow: at {digits(jam)} times "
-        "the scene's",
-        "passes from no friction to a relative residual; error left in friction (relative) and "
-        "time of one solve to the least of them",
-    ]
 
 
 def _ladder_table(title: str, rungs: Sequence[Rung]) -> Table | None:

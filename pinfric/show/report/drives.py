@@ -14,8 +14,8 @@ from pinfric.study.sizing.summary import SizedJoint, SizingSummary
 #: N m; torques of brakes below print as 0.
 _ROUNDING = 1e-9
 #: Fields of a joint that say which drive was chosen.
-_TAKEN = tuple(f"installed.{name}" for name in ("mass", "margin", "tightest", "not_checked"))
-_CHOICE = ("name", "choice", *_TAKEN, "fit")
+_INSTALLED = tuple(f"installed.{name}" for name in ("mass", "margin", "tightest", "not_checked"))
+_CHOICE = ("name", "choice", *_INSTALLED, "fit")
 _SMALLER = ("name", "next_smaller.name", "next_smaller.mass", "next_smaller.short_by")
 _STILL = tuple(f"standstill.{name}" for name in ("effort", "shaft", "use", "brake", "margin"))
 

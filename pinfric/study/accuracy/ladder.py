@@ -16,7 +16,7 @@ from pinfric.errors import PinfricError
 from pinfric.model.described import EFFORT, described, quantity
 from pinfric.model.effects import MOTOR_SIDE, effects, switchable, with_effects
 from pinfric.model.scene import Scene
-from pinfric.study.summary import known_rms
+from pinfric.study.summary import known_rms, unit_of_drive
 from pinfric.study.timing import TimedMotion
 from pinfric.study.variants import (
     Efforts,
@@ -67,6 +67,9 @@ class Rung:
         cell="{distance:percent}",
         default=_NAN,
     )
+    unit: str = quantity(
+        'of these changes, "N m" or "N"; empty: drives differ', heading="unit", default=""
+    )
     problem: str = quantity("why it failed; empty where it did not", heading="", default="")
 
 
@@ -114,7 +117,8 @@ def ladder(scene: Scene, motion: MotionLike, rounds: int = 5) -> tuple[Rung, ...
         )
         distance = _distance(Efforts.of(result), step.efforts)
         us = float(np.median(times[i])) if i in times else _NAN
-        rungs.append(Rung(step.name, True, step.why, us, *change, motor, distance))
+        unit = unit_of_drive(scene, change[2], motor)
+        rungs.append(Rung(step.name, True, step.why, us, *change, motor, distance, unit))
         below = step.efforts
     return tuple(rungs)
 

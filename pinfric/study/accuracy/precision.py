@@ -64,12 +64,6 @@ class Run:
     missed: int = quantity("stick intervals of the reference without a counterpart", default=0)
     wall_s: float = quantity("median of the rounds", "s", "time", "{wall_s:ms}", default=_NAN)
     rhs: int = quantity("right-hand sides or steps computed", heading="evalua-\ntions", default=0)
-    error_absolute: float = quantity(
-        "`error` by the second judge, absolute coordinates; NaN where there is none",
-        PLACE,
-        default=_NAN,
-    )
-    stick_error_absolute: float = quantity("`stick_error` by the same", "s", default=_NAN)
     problem: str = quantity("why it failed; empty where it did not", default="")
 
 
@@ -218,15 +212,12 @@ def _own(
     return Contestant(method, setting, bare, judged)
 
 
-def compete(
-    entries: Sequence[Contestant], judge: Judge, second: Judge | None = None, rounds: int = 3
-) -> tuple[Run, ...]:
+def compete(entries: Sequence[Contestant], judge: Judge, rounds: int = 3) -> tuple[Run, ...]:
     """Judge and time contestants; one that fails is a row with its reason.
 
     Args:
         entries: who competes.
         judge: gives the errors.
-        second: gives `error_absolute` and `stick_error_absolute`.
         rounds: timings of each, all of them in every round; what takes seconds is timed once.
     """
     runs: list[Run] = []
@@ -234,7 +225,7 @@ def compete(
     slow: dict[int, Callable[[], object]] = {}
     for i, entry in enumerate(entries):
         start = time.perf_counter()
-        runs.append(_judged(entry, judge, second))
+        runs.append(_judged(entry, judge))
         if runs[i].problem:
             continue
         if time.perf_counter() - start < _PATIENCE:
@@ -247,7 +238,7 @@ def compete(
     )
 
 
-def _judged(entry: Contestant, judge: Judge, second: Judge | None) -> Run:
+def _judged(entry: Contestant, judge: Judge) -> Run:
     try:
         with np.errstate(over="ignore", invalid="ignore"):  # a coarse step may well explode
             track = entry.judged()
@@ -266,8 +257,6 @@ def _judged(entry: Contestant, judge: Judge, second: Judge | None) -> Run:
         missed=int(np.isnan(ends).sum()),
         wall_s=track.wall_s,
         rhs=track.evaluations,
-        error_absolute=_NAN if second is None else float(second.errors(track).max()),
-        stick_error_absolute=_NAN if second is None else _largest(second.stick_errors(track)),
     )
 
 

@@ -1,7 +1,7 @@
 """What accuracy costs in time: simulation, sampling of a trajectory, and models of friction.
 
 Studies of one scene: `precision` simulates it by three methods with many settings,
-`sampling` thins its motion, `coupled` solves its coupled friction to many tolerances, `ladder`
+`sampling` thins its motion, `ladder`
 climbs from no friction to all of it.
 """
 
@@ -15,13 +15,11 @@ from pinfric.dynamics.samples.states import MotionLike
 from pinfric.dynamics.simulation.motion import Motion
 from pinfric.errors import PinfricError, SceneError
 from pinfric.model.brief import file_name, screen
-from pinfric.model.described import PLACE, described, quantity
+from pinfric.model.described import described, quantity
 from pinfric.model.scene import Scene
 from pinfric.model.upward import Shown
-from pinfric.study.accuracy.coupled import CoupledRun, coupled
 from pinfric.study.accuracy.ladder import Rung, ladder
 from pinfric.study.accuracy.precision import (
-    Judge,
     Run,
     compete,
     contestants,
@@ -30,7 +28,6 @@ from pinfric.study.accuracy.precision import (
 )
 from pinfric.study.accuracy.sampling import Sampled, sampling
 from pinfric.study.trajectory.trajectory import Trajectory
-from pinfric.study.variants import solve
 
 #: Samples of the scene's own motion where no trajectory is given.
 _SAMPLES = 2001
@@ -56,11 +53,7 @@ class Accuracy(Shown):
         "name of the motion that is thinned and that the ladder is climbed on"
     )
     runs: tuple[Run, ...] = quantity("simulations; empty where the scene has no `simulation`")
-    reference_difference: float = quantity(
-        "largest difference of q between the two references; NaN: there is only one", PLACE
-    )
     sampling: tuple[Sampled, ...] = quantity("the motion with fewer samples")
-    coupled: tuple[CoupledRun, ...] = quantity("solvers; empty where no friction couples")
     ladder: tuple[Rung, ...] = quantity("models of friction")
     notes: tuple[str, ...] = quantity("what could not be studied, and why")
 
@@ -69,7 +62,6 @@ def accuracy(
     scene: Scene,
     trajectory: Trajectory | None = None,
     *,
-    second: Judge | None = None,
     rounds: int = 3,
 ) -> Accuracy:
     """Measure what accuracy costs in time.
@@ -77,7 +69,6 @@ def accuracy(
     Args:
         scene: the robot; its `simulation` section is what is simulated.
         trajectory: what inverse dynamics is studied on; None takes the simulated motion.
-        second: judges the simulations, too, and is compared with the reference.
         rounds: timings of each contestant, of which the median counts.
 
     Raises:
@@ -91,9 +82,8 @@ def accuracy(
     notes: list[str] = []
     motion = _reference(scene, notes)
     runs: tuple[Run, ...] = ()
-    difference = float("nan")
     if motion is not None:
-        runs, difference = _simulations(scene, motion, second, rounds)
+        runs = compete(contestants(scene), judge_of(motion), rounds)
     given: MotionLike
     if trajectory is not None:
         given, name = trajectory, Path(trajectory.source).name
@@ -106,9 +96,7 @@ def accuracy(
         scene=scene,
         trajectory=name,
         runs=runs,
-        reference_difference=difference,
         sampling=sampling(scene, given),
-        coupled=() if scene.linkage is None else coupled(solve(scene, given), rounds),
         ladder=ladder(scene, given, rounds),
         notes=tuple(notes),
     )
@@ -125,14 +113,3 @@ def _reference(scene: Scene, notes: list[str]) -> Motion | None:
         reason = " ".join(str(problem).split()).removeprefix(f"{scene.source}: ")
         notes.append(f"simulation: not studied, {reason}")
         return None
-
-
-def _simulations(
-    scene: Scene, motion: Motion, second: Judge | None, rounds: int
-) -> tuple[tuple[Run, ...], float]:
-    judge = judge_of(motion)
-    difference = float("nan")
-    if second is not None:
-        times = np.linspace(0.0, motion.t[-1], 201)
-        difference = float(np.abs(judge.at(times) - second.at(times)).max())
-    return compete(contestants(scene), judge, second, rounds), difference

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 
 from pinfric.model.scene import Scene
 from pinfric.study.export.constants import JointConstants
-from pinfric.study.export.python_text import break_away, python_file
+from pinfric.study.export.python_text import break_away, constant_fields, python_file
 
 _CODE = """
 from isaaclab.actuators import ImplicitActuatorCfg
@@ -43,21 +43,11 @@ def isaaclab(
         lines: joint -> comment.
         header: comments at the top.
     """
-    own = armatures(scene, joints)
     fields = {
         "FRICTION": {joint.joint: break_away(joint) for joint in joints},
-        "DYNAMIC_FRICTION": {joint.joint: joint.frictionloss for joint in joints},
-        "VISCOUS_FRICTION": {joint.joint: joint.damping for joint in joints},
-        "ARMATURE": own,
+        **constant_fields(scene, joints, "DYNAMIC_FRICTION", "VISCOUS_FRICTION", "ARMATURE"),
     }
     text = python_file(joints, fields, lines, header, _CODE)
     for joint in joints:  # names are regular expressions there
         text = text.replace(f"    {joint.joint!r}:", f"    {re.escape(joint.joint)!r}:")
     return text
-
-
-def armatures(scene: Scene, joints: Sequence[JointConstants]) -> dict[str, float]:
-    """Return joint -> rotor inertia at the joint, that of the model and the constant (kg m^2)."""
-    model = scene.model
-    index = {name: model.joints[model.getJointId(name)].idx_v for name in scene.joint_names}
-    return {j.joint: float(j.armature + model.armature[index[j.joint]]) for j in joints}

@@ -10,8 +10,7 @@ from collections.abc import Mapping, Sequence
 
 from pinfric.model.scene import Scene
 from pinfric.study.export.constants import JointConstants
-from pinfric.study.export.isaaclab import armatures
-from pinfric.study.export.python_text import python_file
+from pinfric.study.export.python_text import constant_fields, python_file
 
 _CODE = '''
 def set_friction(builder):
@@ -35,9 +34,5 @@ def newton(
 
     Args: see `isaaclab.isaaclab`.
     """
-    fields = {
-        "JOINT_FRICTION": {joint.joint: joint.frictionloss for joint in joints},
-        "JOINT_DAMPING": {joint.joint: joint.damping for joint in joints},
-        "JOINT_ARMATURE": armatures(scene, joints),
-    }
+    fields = constant_fields(scene, joints, "JOINT_FRICTION", "JOINT_DAMPING", "JOINT_ARMATURE")
     return python_file(joints, fields, lines, header, _CODE)

@@ -10,8 +10,7 @@ from collections.abc import Mapping, Sequence
 
 from pinfric.model.scene import Scene
 from pinfric.study.export.constants import JointConstants
-from pinfric.study.export.isaaclab import armatures
-from pinfric.study.export.python_text import python_file
+from pinfric.study.export.python_text import constant_fields, python_file
 
 _CODE = '''
 import numpy as np
@@ -43,9 +42,5 @@ def pinocchio(
 
     Args: see `isaaclab.isaaclab`.
     """
-    fields = {
-        "DRY_FRICTION": {joint.joint: joint.frictionloss for joint in joints},
-        "DAMPING": {joint.joint: joint.damping for joint in joints},
-        "ARMATURE": armatures(scene, joints),
-    }
+    fields = constant_fields(scene, joints, "DRY_FRICTION", "DAMPING", "ARMATURE")
     return python_file(joints, fields, lines, header, _CODE)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from pinfric.errors import one_line
+from pinfric.model.scene import Scene
 from pinfric.study.export.constants import JointConstants
 
 
@@ -34,6 +35,25 @@ def python_file(
         for name, values in fields.items()
     ]  # fmt: skip
     return "\n".join([*comments, "", *tables, "", code.strip("\n"), ""])
+
+
+def constant_fields(
+    scene: Scene, joints: Sequence[JointConstants], friction: str, damping: str, armature: str
+) -> dict[str, dict[str, float]]:
+    """Return the dictionaries of dry friction, damping and rotor inertia, each joint -> number.
+
+    Args:
+        scene: with the model's own rotor inertias, to which the constants add.
+        joints: the constants.
+        friction, damping, armature: names of the dictionaries.
+    """
+    model = scene.model
+    index = {name: model.joints[model.getJointId(name)].idx_v for name in scene.joint_names}
+    return {
+        friction: {joint.joint: joint.frictionloss for joint in joints},
+        damping: {joint.joint: joint.damping for joint in joints},
+        armature: {j.joint: float(j.armature + model.armature[index[j.joint]]) for j in joints},
+    }
 
 
 def break_away(joint: JointConstants) -> float:

@@ -236,7 +236,7 @@ def _next_smaller(smaller: Assessment) -> NextSmaller:
 def margins(found: SizingSummary) -> list[Margins]:
     """Return the criteria of all joints' drives, a row each: what moves first, what holds last."""
     columns = {
-        joint.name: {} if joint.installed is None else {c.name: c for c in joint.installed.criteria}
+        joint.name: {c.name: c for c in joint.installed.criteria} if joint.installed else {}
         for joint in found.joints
     }
     names = dict.fromkeys(name for column in columns.values() for name in column)

@@ -186,7 +186,7 @@ def test_page_defines_holding(report):
 
 
 def test_tightest_criterion_is_that_of_the_least_margin(report):
-    taken = sizing_summary(report).joints[0].taken
+    taken = sizing_summary(report).joints[0].installed
     assert taken.margins[taken.tightest] == pytest.approx(report.joints[0].choice.margin)
 
 

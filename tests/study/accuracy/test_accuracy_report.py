@@ -12,7 +12,7 @@ from envelopes import result_of
 import pinfric as pf
 from pinfric import cli
 from pinfric.show.accuracy.figure import accuracy_figure
-from pinfric.study.accuracy import coupled, precision
+from pinfric.study.accuracy import precision
 from pinfric.study.accuracy.precision import Run
 from pinfric.study.accuracy.study import Accuracy
 
@@ -25,7 +25,6 @@ def few_settings(monkeypatch, tmp_path):
     monkeypatch.setattr(precision, "TOLERANCES", (1e-3, 1e-6))
     monkeypatch.setattr(precision, "STEPS", (50,))
     monkeypatch.setattr(precision, "VELOCITIES", (1e-1,))
-    monkeypatch.setattr(coupled, "SHARES", (0.2, 0.9))
     monkeypatch.setenv("COLUMNS", "80")
     monkeypatch.chdir(tmp_path)
 
@@ -48,7 +47,7 @@ def test_json_has_every_study_and_nothing_else_is_printed(capsys):
     json.loads(out, parse_constant=refuse)
     answer = result_of(out)
     assert answer.keys() == {
-        "trajectory", "runs", "reference_difference", "sampling", "coupled", "ladder", "notes",
+        "trajectory", "runs", "sampling", "ladder", "notes",
     }  # fmt: skip
     methods = [(r["method"], r["setting"]) for r in answer["runs"]]
     assert methods == [
@@ -59,8 +58,7 @@ def test_json_has_every_study_and_nothing_else_is_printed(capsys):
         assert {"error", "end_error", "stick_error", "wall_s", "rhs", "problem"} <= row.keys()
         assert 0 <= row["error"] < 1
         assert row["rhs"] > 10
-    assert answer["reference_difference"] < 1e-11
-    assert (answer["trajectory"], answer["coupled"]) == ("its own simulation", [])
+    assert answer["trajectory"] == "its own simulation"
     assert {row["given"] for row in answer["sampling"]} == {"q, v, a", "q"}
 
 
@@ -87,26 +85,8 @@ def test_out_has_picture_csv_and_summary(drawer, tmp_path, capsys):
     assert json.loads((folder / "summary.json").read_text())["result"] == answer
     frame = pd.read_csv(folder / "accuracy.csv")
     counts = frame["study"].value_counts()
-    for study, key in (("sampling", "sampling"), ("coupled", "coupled"), ("ladder", "ladder")):
+    for study, key in (("sampling", "sampling"), ("ladder", "ladder")):
         assert counts[study] == len(answer[key])
-    own = frame[frame["study"] == "coupled"]
-    assert own["iterations"].tolist() == [row["iterations"] for row in answer["coupled"]]
-
-
-def test_the_drawers_coupled_solves_are_rows_and_a_table(drawer, capsys):
-    assert run(*drawer, "--json") == 0
-    rows = result_of(capsys.readouterr().out)["coupled"]
-    assert len(rows) == 2 * 2 * 4  # coefficients, solvers, tolerances
-    keys = {"mu_factor", "solver", "tolerance", "iterations", "error", "wall_s"}
-    assert all(keys <= row.keys() for row in rows)
-    for row in rows:  # its kinetic mu is 0.4, and it jams at length / (2 offset) = 0.75
-        assert 0.4 * row["mu_factor"] == pytest.approx(0.75 * row["share"], rel=1e-6)
-    assert run(*drawer) == 0
-    text = capsys.readouterr().out
-    assert "drawer.waypoints.yaml, coupled friction" in text
-    assert "at 1.87 times" in text
-    assert max(map(len, text.splitlines())) <= 80
-    assert "…" not in text
 
 
 @pytest.mark.parametrize(
@@ -129,7 +109,7 @@ def test_bad_input_is_a_message_and_exit_code_2(arguments, expected, capsys):
 
 
 def test_a_folder_that_cannot_be_written_is_a_message(monkeypatch, capsys):
-    nothing = Accuracy(pf.load_scene("pendulum"), "none", (), float("nan"), (), (), (), ())
+    nothing = Accuracy(pf.load_scene("pendulum"), "none", (), (), (), ())
     monkeypatch.setattr("pinfric.study.accuracy.study.accuracy", lambda *_, **__: nothing)
     assert run("pendulum", "--out", "/proc/nowhere") == 2
     out, err = capsys.readouterr()
@@ -146,8 +126,8 @@ def test_no_legend_hides_a_point():
         for method in ("event", "timestepping", "regularized")
         for i, (seconds, error) in enumerate(corners)
     )
-    nan, scene = float("nan"), pf.load_scene("pendulum")
-    figure = accuracy_figure(Accuracy(scene, "none", runs, nan, (), (), (), ()))
+    scene = pf.load_scene("pendulum")
+    figure = accuracy_figure(Accuracy(scene, "none", runs, (), (), ()))
     figure.draw_without_rendering()
     for axes in figure.axes[:2]:
         legend = axes.get_legend().get_window_extent()

@@ -10,18 +10,18 @@ import dataclasses
 
 import numpy as np
 import pytest
-from cases import drawer_forces, jamming_drawer, turning_four_bar
-
-import pinfric as pf
-from pinfric.show.accuracy.report import accuracy_report
-from pinfric.study.accuracy.coupled import (
+from benchmarks.coupled import (
     SHARES,
     TOLERANCES,
     CoupledFriction,
     coupled,
+    lines,
     solve,
+    table,
 )
-from pinfric.study.accuracy.study import Accuracy
+from cases import drawer_forces, jamming_drawer, turning_four_bar
+
+import pinfric as pf
 
 WEIGHT, LEVER = 4.0 * 9.81, 2 * 0.3 / 0.3  # m g, 2 e / L
 
@@ -71,15 +71,12 @@ def test_newtons_passes_stay_few_and_the_fixed_points_do_not(drawer, capsys):
     assert slow[-1] > 50_000
     for row in tightest["Newton"]:
         assert row.error <= 1e-12 / (1 - row.contraction)
-    # the table as `pinfric accuracy` prints it
     from rich.console import Console
 
-    nan, scene = float("nan"), jamming_drawer(0.3).scene
-    study = Accuracy(scene, "drawer", (), nan, (), drawer, (), ())
     with capsys.disabled():
         console = Console(width=80, record=True)
         console.print()
-        console.print(*accuracy_report(study), sep="\n")
+        console.print(table("drawer", drawer), *lines(drawer), sep="\n")
     text = console.export_text()
     assert "…" not in text
     for row in tightest["fixed point"]:
@@ -113,7 +110,7 @@ def test_a_four_bar_jams_beyond_its_certificate():
 
 
 def test_passes_without_end_are_rows_with_a_reason(monkeypatch):
-    from pinfric.study.accuracy import coupled as module
+    from benchmarks import coupled as module
 
     monkeypatch.setitem(module.MOST_PASSES, "fixed point", 100)
     rows = coupled(jamming_drawer(0.3).inverse(), rounds=1)

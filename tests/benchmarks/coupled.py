@@ -6,17 +6,23 @@
 at the solution, and that tends to 1 towards the jam: of the drawer, to mu / critical mu there.
 Newton's passes stay few. Both are written out here, without the safeguards of
 `friction.given_modes`, whose solution is the reference.
+
+    python tests/benchmarks/coupled.py
+
+prints both for the bundled drawer and four-bar.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+from rich.console import Console
 
+import pinfric as pf
 from pinfric.dynamics.inverse.choices import SLIDES
 from pinfric.dynamics.inverse.interval_ends import Solver
 from pinfric.dynamics.inverse.result import InverseResult
@@ -24,6 +30,9 @@ from pinfric.dynamics.inverse.solutions import one_sample
 from pinfric.friction.dense import solve_dense
 from pinfric.kernels.compiled import kernel
 from pinfric.model.described import described, quantity
+from pinfric.show.report.rows import text_of
+from pinfric.show.report.tables import Column, Kind, Table
+from pinfric.show.report.values import digits, power_of_ten
 from pinfric.study.timing import interleaved
 
 #: Coefficients of friction as shares of those at which the mechanism jams.
@@ -277,3 +286,51 @@ def solve(
                 passes = n + 1
                 break
     return passes
+
+
+def table(title: str, runs: Sequence[CoupledRun]) -> Table:
+    """Passes to each tolerance, a row per coefficient and solver; error and time at the last."""
+    tolerances = sorted({run.tolerance for run in runs}, reverse=True)
+    columns = (
+        Column("mu / mu\nat jam"),
+        Column("contrac-\ntion"),
+        Column("solver", Kind.LABEL),
+        *(Column(f"passes\n{power_of_ten(tolerance, 0)}") for tolerance in tolerances),
+        Column("error\nleft"),
+        Column("time\nus"),
+    )
+    rows = []
+    for share in dict.fromkeys(run.share for run in runs):
+        for n, solver in enumerate(dict.fromkeys(run.solver for run in runs)):
+            own = [run for run in runs if (run.share, run.solver) == (share, solver)]
+            last = own[-1]
+            passes = ["fails" if run.problem else str(run.iterations) for run in own]
+            first = ("", "") if n else (f"{share:g}", f"{last.contraction:.4f}")
+            rows.append((*first, solver, *passes, _decade(last.error), digits(1e6 * last.wall_s)))
+    return Table(title, columns, rows, keys=3)
+
+
+def lines(runs: Sequence[CoupledRun]) -> list[str]:
+    jam = runs[0].mu_factor / runs[0].share
+    return [
+        f"at t = {digits(runs[0].t)} s, where it jams first as all mu grow: at {digits(jam)} times "
+        "the scene's",
+        "passes from no friction to a relative residual; error left in friction (relative) and "
+        "time of one solve to the least of them",
+    ]
+
+
+def _decade(x: float) -> str:
+    return text_of(x, "decade")
+
+
+def main() -> None:
+    """Print what both solvers take, up to the jam."""
+    for name in ("drawer", "four_bar"):
+        scene = pf.load_scene(name)
+        runs = coupled(pf.inverse_dynamics(scene, pf.load_trajectory(name, scene)))
+        Console().print(table(name, runs), *lines(runs), sep="\n")
+
+
+if __name__ == "__main__":
+    main()
