@@ -211,8 +211,8 @@ def scene_with(actuators, **more):
     ("actuators", "says"),
     [
         ([], "0 for 1 degree of freedom; undriven: A, where this motion takes 0.389 .* sample 0"),
-        ([{"joint": "O"}, {"joint": "A"}], "2 for 1 degree of freedom: .*name 1 of O, A"),
-        (None, "3 for 1 degree of freedom: .*name 1 of O, A, C"),
+        ([{"joint": "O"}, {"joint": "A"}], "2 for 1 degree of freedom: .*keep only 1 of O, A"),
+        (None, "3 for 1 degree of freedom: .*keep only 1 of O, A, C"),
         ([{"joint": "X"}], "joint 'X' is not there"),
         ([{"joint": "O"}, {"joint": "O"}], "'O' is listed twice"),
     ],
@@ -231,7 +231,7 @@ def test_an_undriven_motion_is_named_even_where_the_count_is_right():
     twice = [{"force": {"name": n, **push}} for n in ("one", "two")]
     scene = pf.Scene(model=model, actuators=twice)
     assert (scene.mobility.undriven, scene.mobility.redundant) == ((1,), (0, 1))
-    with pytest.raises(SceneError, match=r"2 for 2 degrees of freedom: .* name 1 of one, two"):
+    with pytest.raises(SceneError, match=r"2 for 2 degrees of freedom: .* keep only 1 of one, two"):
         pf.inverse_dynamics(scene, *np.zeros((3, 2)))
 
 

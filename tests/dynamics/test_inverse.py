@@ -338,7 +338,7 @@ def test_a_motion_made_for_another_robot_or_other_payloads_is_refused_or_reorder
     other = random_tree(0, 1)
     with pytest.raises(StateError, match=r"joints \['slide'\], the scene has \['joint_1'\]"):
         pf.inverse_dynamics(pf.Scene(model=other, payloads={}), motion)
-    with pytest.raises(StateError, match="brings its own"):
+    with pytest.raises(StateError, match="has its own"):
         pf.inverse_dynamics(there, motion, zero)
 
 
