@@ -1,1 +1,1 @@
-"""Friction that depends on the reactions it changes: problems as numbers, without a robot."""
+"""Solver of the coupled friction problem, in which friction and reactions depend on each other."""

@@ -14,7 +14,7 @@ def anderson(
 ) -> tuple[np.ndarray | None, int]:
     """Solve x = G(x), with Anderson's extrapolation over the last four passes; None: it fails.
 
-    It ends at a relative difference of `sharp`, or where rounding keeps it from coming there.
+    It ends at a relative difference of `sharp`, or where rounding prevents further progress.
     """
     points: list[np.ndarray] = []
     residuals: list[np.ndarray] = []

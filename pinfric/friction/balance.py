@@ -1,11 +1,11 @@
-"""The equilibrium of what rests, solved for the friction that its joints are free to share.
+"""The equilibrium of resting joints, solved for the friction that they are free to share.
 
     A x = b, so x = x_0 + N z
 
-Limits of joints may be decades apart: a hoist's gear holds 1e6 N m beside a hinge with 1e-6. In a
-sum of both, the small one would be lost in rounding. So the equations are solved for the friction
-of the joints with the largest limits, joints without limit first (Gauss and Jordan with full
-pivoting, every column in its own unit); z is the friction of those with the smallest.
+Limits of joints may differ by many decades: a hoist's gear holds 1e6 N m beside a hinge with 1e-6.
+In a sum of both, the small one would be lost in rounding. So the equations are solved for the
+friction of the joints with the largest limits, joints without limit first (Gauss-Jordan with full
+pivoting, every column in its own unit); z is the friction of the joints with the smallest limits.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Shared(NamedTuple):
 
 
 class Balance(NamedTuple):
-    """What friction x must balance, A x = b, each row in units of its own.
+    """The equilibrium A x = b of friction x, each row in its own unit.
 
     Attributes:
         rows: (d, n) A, of rank d.
@@ -57,7 +57,7 @@ class Balance(NamedTuple):
 
     @classmethod
     def of_rates(cls, problem: Problem, factor: np.ndarray, members: np.ndarray) -> Balance | None:
-        """Return what takes the rates of some coordinates away; None: no friction does.
+        """Return the equations that make the rates of some coordinates 0; None: unsolvable.
 
         Args:
             problem: `Problem`.

@@ -1,8 +1,9 @@
 """The proof that no friction holds: branching on the directions of the contact forces.
 
-While a contact force keeps its direction to within an angle, |p| is bounded from above by something
-linear, and so the use of friction from below by a linear program. Where that exceeds 1 nothing
-holds; else the sector of the force that is bounded worst is cut in two (Land and Doig 1960).
+If the direction of a contact force is within an angle of a given one, a linear function bounds |p|
+from above, so a linear program bounds the use of friction from below. If this bound exceeds 1, no
+friction holds; otherwise the sector of the force with the worst bound is cut in two (Land and Doig
+1960).
 """
 
 from __future__ import annotations
@@ -18,9 +19,9 @@ from pinfric.kernels.compiled import call_compiled, kernel
 
 #: Accuracy of the linear programs.
 _EXACT = 1e-12
-#: Nodes that may wait.
+#: Largest number of waiting nodes.
 _MOST_WAITING = 4096
-#: Most proofs are over by then, only those that are not are worth compiling for; given up.
+#: Most proofs end within the first number of nodes, only longer ones are compiled; the limit.
 _FEW_NODES, MOST_NODES = 200, 40_000
 
 

@@ -1,7 +1,7 @@
 """Whether modes are consistent: loads, static limits and slip directions of a solved `Problem`.
 
-A sticking coordinate must stay within its static limits (paper eq. 21), a slipping one that starts
-from rest must move the way its friction opposes (eq. 20).
+A sticking coordinate must stay within its static limits (paper eq. 21). A slipping one that starts
+from rest must move in the direction that its friction opposes (eq. 20).
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def evaluate(problem: Problem, friction: np.ndarray, load: np.ndarray, rate: np.
 
 @kernel
 def limit_width(lower: float, upper: float) -> float:
-    """Return what rounding of static limits is relative to: their width, or the finite one."""
+    """Return the scale for rounding of static limits: their width, or the finite limit."""
     width = upper - lower
     return width if width < np.inf else min(abs(lower), abs(upper), 1e300)
 
@@ -44,8 +44,8 @@ def site_friction(
 ) -> None:
     """Write each site's friction (ns,); sites that share a sticking coordinate share its friction.
 
-    In proportion to their limits: only the sum is determined by the motion. Where a site holds
-    whatever the load, the others take the middle of what that leaves them.
+    The motion determines only the sum; it is shared in proportion to the limits. If one site holds
+    any load, the others get the middle of the range that is left for them.
 
     Args:
         problem: `Problem`.
@@ -108,7 +108,7 @@ def _share_unlimited(
 
 @kernel
 def judge(problem: Problem, modes: Modes) -> int:
-    """Write what each coordinate does against its law, and return how many do (paper eq. 20, 21).
+    """Write how each coordinate violates its law; return the number that do (paper eq. 20, 21).
 
     Args:
         problem: `Problem`.
@@ -123,7 +123,7 @@ def judge(problem: Problem, modes: Modes) -> int:
 
 @kernel
 def _judge_resting(problem: Problem, modes: Modes) -> int:
-    """Do what `judge` does where something rests: it costs more to begin with."""
+    """`judge` where joints rest, which needs more preparation."""
     nc, verdict, wrong = modes.stuck.size, modes.verdict, 0
     lower, upper = np.empty(nc), np.empty(nc)
     stick_limits(problem, modes.load, lower, upper)

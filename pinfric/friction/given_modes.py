@@ -1,10 +1,11 @@
-"""Friction that depends on loads that depend on it: the kernels that solve a `Problem`.
+"""Friction and loads that depend on each other, in given modes: the kernels that solve a `Problem`.
 
-Modes given, the unknown is the friction z of the slipping coordinates whose loads depend on it:
-z = G(z), by fixed point while that is fast (the paper), then by semi-smooth Newton; the residual of
-the answer is always verified. The certificate is `contraction`, a bound of the spectral radius of
-A_kj = gain Lip(load along z_j): below 1 the solution exists and is the only one; else others are
-searched for. Which modes are consistent is the matter of `consistency.py`, `search.py`.
+The unknown is the friction z of the slipping coordinates whose loads depend on it: z = G(z). It is
+solved by the fixed-point iteration while this is fast (the paper), then by a semi-smooth Newton
+method; the residual of the solution is always verified. The certificate is `contraction`, a bound
+of the spectral radius of A_kj = gain Lip(load along z_j). Below 1 the solution exists and is the
+only one; otherwise others are searched for. `consistency.py` and `search.py` find which modes are
+consistent.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ MOST_SOLUTIONS = 8
 
 
 class Reduced(NamedTuple):
-    """A `Problem` in given modes: all that is left is the friction z that loads make implicit.
+    """A `Problem` in given modes, reduced to the friction z of which the loads are functions.
 
         z_k = offset_k + sum over its contacts of gain |p|,    x = X (1, z),    p = contact (1, z)
 
@@ -336,7 +337,7 @@ def solve_given_modes(
     solutions: np.ndarray,
     figures: np.ndarray,
 ) -> int:
-    """Find the friction that fits given modes; all solutions a search finds where several may be.
+    """Find the friction in given modes; several solutions if contraction allows them.
 
     Args:
         problem: `Problem`.
@@ -346,8 +347,8 @@ def solve_given_modes(
         figures: (2,), overwritten: contraction, passes.
 
     Returns:
-        Number of solutions, at most MOST_SOLUTIONS; -1 where none was found although the
-        contraction is certain (rounding defeats the solver).
+        Number of solutions, at most MOST_SOLUTIONS; -1 if none was found although the contraction
+        is certain (the solver fails because of rounding).
     """
     figures[0] = figures[1] = 0.0
     nz, reduced = reduce_problem(problem, stuck, direction)
@@ -389,7 +390,7 @@ def _search(
     solutions: np.ndarray,
     figures: np.ndarray,
 ) -> int:
-    """Look for solutions where there may be none or several: at rest and far out on every side.
+    """Search for solutions, of which there may be none or several, from zero and from far out.
 
     Args:
         reduced: `Reduced`.

@@ -1,9 +1,9 @@
-"""Can friction hold what rests? A stick found is its own proof; that there is none is proved.
+"""Decides whether friction can hold resting joints, by a search and a proof.
 
 Friction x in equilibrium holds if no joint needs more than its static limit. Limits are convex in
-x, so what holds is a difference of convex sets: a search (`least_use`) may end above the limits
-although another x holds, at any contraction. Then `branching` finds that one, or proves that there
-is none. The answer depends on the state alone.
+x, so the set of frictions that hold is a difference of convex sets. A search (`least_use`) may end
+above the limits although another x holds, at any contraction. Then `branching` finds this x or
+proves that none exists. The result depends only on the state.
 """
 
 from __future__ import annotations
@@ -28,13 +28,12 @@ class Verdict:
     """Whether friction holds.
 
     Attributes:
-        held: True, False, or None where neither a stick nor a proof was found.
-        use: the least found of max |x_k| / limit_k, the share of its static limit that the joint
-            needs that needs most.
+        held: True, False, or None if neither a friction that holds nor a proof was found.
+        use: the smallest max |x_k| / limit_k found: the largest ratio of friction to static limit.
         friction: (nc,) with that use (N m or N).
-        proved: an x that holds is its own proof; that none does is proved by branching, where
-            friction cannot wedge itself whatever its size.
-        least: whether no friction is shown to have a use smaller by more than `LEAST`.
+        proved: True if a friction holds, or if branching proves that none does, unless friction
+            might wedge itself at any magnitude.
+        least: whether it is proved that no friction has a use smaller by more than `LEAST`.
     """
 
     held: bool | None
@@ -54,11 +53,11 @@ def decide(
     """Decide whether friction holds the coordinates at rest.
 
     Args:
-        problem: `Problem`; what is not at rest must have no friction that depends on loads.
+        problem: `Problem`; friction of moving coordinates must not depend on loads.
         factor: (d, nc) A of rate_slope = A^T A.
         at_rest: (nc,) bool, the coordinates with dry friction that rest.
-        balance: what the friction of those that could move balances; None: rates of zero.
-        least: whether the use is the least, to `LEAST`, not just that of a friction that holds.
+        balance: equilibrium of the friction of those that could move; None: rates of zero.
+        least: whether to find the least use, to `LEAST`, not only a friction that holds.
     """
     resting = can_move(factor, at_rest)
     balance = balance or Balance.of_rates(problem, factor, resting)
@@ -80,7 +79,7 @@ def decide(
         return verdict(found <= 1.0, True)
     if not planar:
         return verdict(None, False)
-    near = np.zeros_like(z)  # where the search ended is no measure of the limits
+    near = np.zeros_like(z)  # the end of the search says nothing about the size of the limits
     outcome = prove(narrow, near, 1.0, _MARGIN, MOST_NODES)
     if outcome == 1:
         z, found = near, float(descend(wide, near))
@@ -94,12 +93,12 @@ def can_move(factor: np.ndarray, at_rest: np.ndarray) -> np.ndarray:
 
 
 def _least(narrow: Rest, wide: Rest, z: np.ndarray, use: float) -> tuple[float, bool]:
-    """Lower the use at z (dz,) to the least there is, to `LEAST`; return it, and whether it is.
+    """Lower the use at z (dz,) to the least, to `LEAST`; return it, and whether it is proved.
 
     Args:
         narrow: with a box that contains all frictions with a use of at most 1.
         wide: with a box for a use above 1.
-        z: where a search ended, overwritten.
+        z: end of a search, overwritten.
         use: at z.
     """
     outcome = 0

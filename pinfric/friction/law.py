@@ -1,11 +1,11 @@
-"""The law of friction in the terms of a `Problem`: loads, and what they let a site do.
+"""The law of friction for a `Problem`: loads, static limits and sliding friction.
 
     p = p_0 + P x,     c = constant + sum |p|                               load of a site
     at rest     -(grip c + forward) <= x <= grip c + backward               (paper eq. 21)
     in motion   x = gain c + offset                                         (paper eq. 20)
 
-x is the part of its coordinate's friction that the site gives. A contact force is kept as (1 + nx,
-3): p_0, then its change per unit of each friction.
+x is the site's part of its coordinate's friction. A contact force is stored as (1 + nx, 3): p_0,
+then its change per unit of each friction.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def contact_force(contact: np.ndarray, t: int, x: np.ndarray, p: np.ndarray) -> 
 
 @kernel
 def contact_terms(contact: np.ndarray, t: int, x: np.ndarray) -> float:
-    """Return the size of the terms that a contact force under x is the sum of."""
+    """Return the size of the terms whose sum is a contact force under x."""
     terms = 0.0
     for e in range(3):
         terms += abs(contact[t, 0, e])
@@ -125,7 +125,7 @@ def sliding(problem: Problem, s: int, direction: float) -> tuple[float, float]:
 def slip_law(
     problem: Problem, stuck: np.ndarray, direction: np.ndarray, gain: np.ndarray, offset: np.ndarray
 ) -> None:
-    """Write the laws of what slips, x = offset + sum over sites of gain load; 0 where it sticks.
+    """Write the laws of slipping coordinates, x = offset + sum of gain load; 0 where one sticks.
 
     Args:
         problem: `Problem`.

@@ -1,16 +1,16 @@
-"""The friction that rests with the least use of its static limits, and the search for it.
+"""The search for the friction of resting joints with the least use of its static limits.
 
 At rest all is affine in the friction x of the coordinates that could move:
 
     A x = b, so x = x_0 + N z;      p_i = P_i0 + P_i x;      limit_k = constant_k + sum_i mu_i |p_i|
 
-The *use* of x is the largest |x_k| / limit_k. With the limits' tangents at hand, which lie below
-them, one linear program finds the x with the largest margin at the present use; its true use is
-smaller. So it falls, to a stationary point; where limits follow loads there may be several.
+The *use* of x is the largest |x_k| / limit_k. The limits' tangents lie below the limits. With them
+one linear program finds the x with the largest margin at the present use; its true use is smaller.
+So the use falls to a stationary point. There may be several if limits depend on loads.
 
-Every friction is measured in its own limit, every contact force in the limit that it is part of:
-limits of 1e-6 and 1e6 N m beside each other, and the unit of mass, do not matter. A joint without
-limit has no row in the program.
+Every friction is divided by its own limit, every contact force by the limit that it is part of. So
+limits of 1e-6 and 1e6 N m, and the unit of mass, cause no difficulty. A joint without limit has no
+row in the program.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ from pinfric.kernels.compiled import kernel
 _NOISE, _LEAST_UNIT = 1e-12, 1e-15
 #: Descent ends if a program leaves more than this share of the use, or after so many programs.
 _STAYS, _PROGRAMS = 1.0 - 1e-9, 60
-#: Friction looked at is at most this many times the limits, where friction can wedge itself.
+#: Where friction can wedge itself, frictions up to this many times the limits are searched.
 _WEDGED = 50.0
 #: Singular values below this many times the largest are zero.
 _FLAT = 1e-9
 
 
 class Rest(NamedTuple):
-    """What rests, as numbers: n coordinates, dz of them free to share, nf contact forces.
+    """Arrays of resting joints: n coordinates, dz of them free to share, nf contact forces.
 
     Frictions and limits are in `unit`, contact forces in that of their owner, times its mu.
 
@@ -300,8 +300,8 @@ def write_limit(
 def descend(rest: Rest, z: np.ndarray) -> float:
     """Lower the use from z on, one linear program a step; return it, and overwrite z (dz,).
 
-    Where friction can wedge itself the use may fall towards a friction without bound: it is looked
-    for in the box only.
+    Where friction can wedge itself, the use may fall as friction grows without bound; so only the
+    box is searched.
     """
     n, dz = rest.N.shape
     x, above, below = np.empty(n), np.empty(n), np.empty(n)

@@ -7,7 +7,7 @@ import numpy as np
 from pinfric.friction.dense import solve_dense
 from pinfric.kernels.compiled import kernel
 
-#: After so many pivots the smallest index decides (Bland), which cannot cycle.
+#: After this many pivots the smallest index is chosen (Bland), which cannot cycle.
 _PIVOTS_BEFORE_BLAND, _MOST_PIVOTS = 60, 2000
 #: A violation of a row below this, relative, is rounding; so is such an entry of a pivot's column.
 _OBEYED, _NO_PIVOT = 1e-13, 1e-11
@@ -20,8 +20,8 @@ def least_violation(
     """Write a z with the least m such that G z + h <= m s, |z_j| <= reach; return a bound of m.
 
     Simplex on the dual, max h^T y - reach |G^T y|_1 with s^T y = 1, y >= 0: the worst row and sides
-    of the box are a feasible basis at once. Every y bounds m from below (weak duality), so what is
-    returned is a bound even where the simplex stops early.
+    of the box are a feasible basis at once. Every y bounds m from below (weak duality), so the
+    returned value is a bound even if the simplex stops early.
 
     Args:
         G, h, s: (>= rows, dz), (>= rows,), (>= rows,), s > 0; the first `rows` of them count.

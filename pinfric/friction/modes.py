@@ -1,4 +1,4 @@
-"""What sticks and what slips, with the solution in these modes, as kernels read and write it."""
+"""Modes (stick or slip) of coordinates, with the solution in these modes, for the kernels."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Found(IntEnum):
     NONE = 1
     AMBIGUOUS = 2
     NOT_CONVERGED = 3
-    #: The search has reached its bound.
+    #: The search has reached its limit.
     UNDECIDED = 4
 
 
@@ -66,7 +66,7 @@ class Modes(NamedTuple):
         return Modes(*(array.copy() for array in self))
 
     def kept(self) -> GivenModes:
-        """Return what sticks and the way others slip, in arrays of their own."""
+        """Return which coordinates stick and the directions of the others, as copies."""
         return GivenModes(self.stuck.copy(), self.direction.copy())
 
     def take(self, other: Modes) -> None:
@@ -77,7 +77,7 @@ class Modes(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class GivenModes:
-    """Modes that a simulation keeps from one event to the next and hands over with each state.
+    """Modes that a simulation keeps from one event to the next and passes with each state.
 
     Attributes:
         stuck: (nc,) bool.

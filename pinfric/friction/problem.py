@@ -1,8 +1,8 @@
-"""The coupled friction problem as numbers: what `given_modes` solves and others fill.
+"""The coupled friction problem as arrays, which `given_modes` solves.
 
-Friction acts on *coordinates*: relative velocities that one site has to itself, or that a mimic
-joint's sites share with their leader's. With x the friction along each of them, everything that
-friction changes is affine in x (paper eq. 3, 16, 17):
+Friction acts on *coordinates*: relative velocities of one site each, or of a mimic joint's sites
+together with those of its leader. With x the friction along each of them, all quantities that
+depend on friction are affine in x (paper eq. 3, 16, 17):
 
     r = rate_free + rate_slope x            relative acceleration (time stepping: next velocity)
     p = contact (1, x)                      contact forces of the bearings; load c = sum |p| + const
@@ -10,8 +10,8 @@ friction changes is affine in x (paper eq. 3, 16, 17):
     slipping    x = -sum |ratio| direction (mu c + coulomb) - drag                  (paper eq. 20)
     sticking    r = 0 and x within the two static limits                            (paper eq. 21)
 
-Whoever fills a `Problem` (forward dynamics, a time step) decides what r is; nothing here knows a
-robot.
+The module that writes a `Problem` (forward dynamics, a time step) determines what r is. The problem
+does not depend on the robot.
 """
 
 from __future__ import annotations
@@ -24,13 +24,12 @@ import numpy as np
 class Problem(NamedTuple):
     """One coupled friction problem: nc coordinates, ns sites, nt contact forces.
 
-    A site here is one entry of the plan: a ball has three, and a gear that loses has one.
+    A site here is one entry of the plan: a ball has three, and a gear with losses has one.
 
     Attributes:
         rate_free: (nc,) r without friction.
         rate_slope: (nc, nc) change of r per unit friction; symmetric, positive definite.
-        rate_scale: (nc,) size of the terms `rate_free` is the sum of; what is small is small
-            beside it.
+        rate_scale: (nc,) size of the terms whose sum is `rate_free`, the scale for rounding.
         contact: (nt, 1 + nc, 3) contact forces, weighted: without friction (N m or N), then their
             change per unit friction.
         contact_site: (nt,) site of each contact force.
@@ -58,7 +57,7 @@ class Problem(NamedTuple):
 
     @property
     def grip(self) -> np.ndarray:
-        """(ns,) what a site's static limits on its coordinate rise by with its load."""
+        """(ns,) increase of a site's static limits on its coordinate per unit of its load."""
         return np.asarray(np.abs(self.ratio) * self.mu_stick)
 
 
@@ -85,7 +84,7 @@ def empty_problem(
     )
 
 
-#: What holds whatever the load has so many times the limit that anything needs.
+#: Limit in place of an infinite one, as a multiple of the largest needed friction.
 _WHATEVER = 1e5
 
 

@@ -1,18 +1,19 @@
 """Stick and slip of joints that can only move together, as in a closed mechanism.
 
-The four pins of a four-bar rest together, and statics does not say which of them holds how much:
-the coordinates' equations r = 0 depend on each other. Friction is then shared so that no joint is
-used more than it must be: of all x that hold, the one with the least t in
+The four pins of a four-bar rest together, and statics does not determine how they share the load:
+the coordinates' equations r = 0 depend on each other. Of all x that hold, the one with the least t
+is then chosen:
 
     |x_k| <= t limit_k,      0 = rate_free + A^T A x
 
-(limit analysis). With one freedom all joints are used alike, x_k = -t limit_k sign(A_k); with
-several, only those are that would move in the weakest direction w, which is what breaks away when t
-reaches 1. Joints that rest independently of each other share none.
+(limit analysis). With one degree of freedom all joints have the same ratio to their limits,
+x_k = -t limit_k sign(A_k). With several, this is true only for the joints that move in the weakest
+direction w, in which the mechanism breaks away when t reaches 1. Joints that rest independently of
+each other share no friction.
 
-Limits depend on loads, loads on friction: t is a stationary value, with one freedom by its own
-conditions, with several by freezing the limits again and again. It can lie above the least. So what
-it uses beyond the limits does not decide: whether another x holds is asked of `holding`.
+Limits depend on loads, and loads on friction, so t is a stationary value: with one degree of
+freedom from its own conditions, with several by fixing the limits repeatedly. It can be above the
+least. So t > 1 does not prove that nothing holds; `holding` decides whether another x holds.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from pinfric.friction.sharing import FITS, RANK, Group, joint_sizes, share, shar
 
 @dataclass(eq=False)
 class Mechanism:
-    """How the coordinates of a `Problem` hang together.
+    """The coupling of the coordinates of a `Problem`.
 
     Attributes:
         closed: whether coordinates may depend on each other: no friction is shared in a tree.
@@ -42,7 +43,7 @@ class Mechanism:
         ball: (nc,) bool.
         idle: (nc,) bool, whether a joint is so near its dead centre that its own friction cannot
             hold the mechanism. Overwritten at every state.
-        way: (nc,) overwritten: the direction in which what sticks would break away.
+        way: (nc,) overwritten: the direction in which sticking coordinates would break away.
     """
 
     closed: bool
@@ -57,7 +58,7 @@ class Mechanism:
     def groups(self, stuck: np.ndarray) -> list[Group]:
         """Return the coordinates that stick and share their friction, group by group.
 
-        While nothing moves the answer stays: the last one is kept.
+        The last result is kept, because it does not change while nothing moves.
         """
         if not self.closed:
             return []
@@ -67,7 +68,7 @@ class Mechanism:
         return self._groups[1]
 
     def is_locked(self, stuck: np.ndarray) -> bool:
-        """Return whether what sticks lets nothing move."""
+        """Return whether the sticking coordinates prevent all motion."""
         if not stuck.any():
             return False
         key = stuck.tobytes(), self.factor.tobytes()
@@ -153,9 +154,9 @@ class Mechanism:
 
 
 def solve(problem: Problem, modes: Modes, mechanism: Mechanism) -> tuple[int, int]:
-    """Solve the modes as they are; return (number of solutions or -1, how many obey the laws).
+    """Solve the present modes; return (number of solutions or -1, how many obey the laws).
 
-    What can only move together shares its friction.
+    Joints that can only move together share their friction.
     """
     groups = mechanism.groups(modes.stuck)
     if not groups:
@@ -189,7 +190,7 @@ def solve(problem: Problem, modes: Modes, mechanism: Mechanism) -> tuple[int, in
 
 
 def _hold_otherwise(step: _Shared) -> bool:
-    """Where all that can move rests, take the friction that holds it; False: there is none."""
+    """If all movable joints rest, take the friction that holds them; False: there is none."""
     modes, ball = step.modes, step.mechanism.ball
     if ball[modes.stuck].any() or step.gain.any() or step.offset.any():
         return False  # a ball's limit is a sphere; what slides has friction that loads decide

@@ -1,13 +1,13 @@
-"""Which coordinates stick and which slip: the search over modes (Wu, Yang, Haug 1984).
+"""The search for modes: which coordinates stick and which slip (Wu, Yang, Haug 1984).
 
-At rest stick has priority: a coordinate slips only where no admissible stick exists. So the modes
-wanted are the consistent ones with the fewest slipping joints; two different accelerations with
-equally few are ambiguous, unless it is known what was sticking until now and just one of them lets
-it stick on. Up to `MOST_ENUMERATED` joints at rest that is decided by enumeration of all that
-kinematics allows (`ways`). Beyond, modes are followed from all stick: those found are consistent,
-but others may exist.
+At rest stick has priority: a coordinate slips only if no admissible stick exists. So the search is
+for the consistent modes with the fewest slipping joints. Two different accelerations with equally
+few slipping joints are ambiguous, unless exactly one of them lets all joints stick that were
+sticking until now. Up to `MOST_ENUMERATED` joints at rest all modes that kinematics allows are
+enumerated (`ways`). Beyond that, modes are followed from all stick; those found are consistent, but
+others may exist.
 
-A search ends after `MOST_PASSES` passes of its solves: what is not decided by then is `UNDECIDED`.
+A search ends after `MOST_PASSES` passes of its solves; it is then `UNDECIDED`.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from pinfric.friction.several import find_all
 from pinfric.friction.sharing import RANK
 from pinfric.friction.ways import Kinematics
 
-#: Up to so many joints at rest all modes are looked at: 3^8 = 6561 solves.
+#: Up to this number of joints at rest all modes are tried: 3^8 = 6561 solves.
 MOST_ENUMERATED = 8
 #: Passes of all solves of a search, a few seconds once compiled. A solve takes one pass in an open
 #: chain, three in a mechanism, more where friction is shared.
 MOST_PASSES = 20_000
 #: Accelerations closer than this, relative to their size, are the same one.
 _SAME = 1e-6
-#: Passes of the search: so many, and for each coordinate.
+#: Passes of the search: a constant, and a number per coordinate.
 _CHANGES, _FOR_EACH = 60, 20
 #: A ball's direction that turns by no more than this stays. Where it turns by less than `_NEARLY`,
 #: modes are given up if their rates are wrong by so many times as much.
@@ -41,7 +41,7 @@ _TURNED, _NEARLY, _FARTHER = 1e-8, 0.03, 30.0
 
 @dataclass(frozen=True)
 class Lines:
-    """How a problem follows its modes where drives have gears.
+    """How a problem depends on its modes if drives have gears.
 
     Attributes:
         settle: solves the modes as they are, as `rest.solve` does, with so many self-locking gears
@@ -56,7 +56,7 @@ class Lines:
 
 
 class _Query:
-    """A search: what is asked, how given modes are solved, and how many passes are left.
+    """A search: its problem, the solver of given modes, and the remaining passes.
 
     Attributes:
         problem, modes, mechanism: see `search`.
@@ -64,7 +64,7 @@ class _Query:
         falls: how many gears are on lines that fall at present.
         left: passes.
         every: whether all solutions of given modes are wanted, where there may be several.
-        unsure: whether the search for all solutions of some modes came to its bound.
+        unsure: whether the search for all solutions of some modes reached its limit.
     """
 
     def __init__(
@@ -127,15 +127,15 @@ def search(
 ) -> Found:
     """Find the modes of the coordinates at rest; those that move keep theirs.
 
-    A joint that rests because it is at its dead centre turns round with the mechanism.
+    A joint that rests only because it is at its dead centre reverses with the mechanism.
 
     Args:
         problem: `Problem`.
         modes: with `at_rest`, and the modes of the others, set; overwritten with the answer.
         mechanism: `Mechanism`.
         forced: coordinate -> direction it must slip in (it has just broken away).
-        held: (nc,) bool, what has been sticking until now: among several answers with equally few
-            slipping joints, the one that lets all of these stick on.
+        held: (nc,) bool, coordinates that were sticking until now: of several solutions with
+            equally few slipping joints, the one in which all of these stick is chosen.
         lines: how the problem follows the modes, if it does.
     """
     query = _Query(problem, modes, mechanism, lines, every=True)
@@ -159,14 +159,14 @@ def search(
 
 
 def _led(problem: Problem, modes: Modes, mechanism: Mechanism) -> np.ndarray:
-    """(nc,) bool: what moves along with what is not at rest."""
+    """(nc,) bool: coordinates that move together with those not at rest."""
     A = mechanism.normalized()
     led = (np.abs(A.T @ A[:, ~modes.at_rest]) > RANK).any(axis=1)
     return np.asarray(led | (~A.any(axis=0) & (problem.rate_free != 0.0)))
 
 
 def _search_open(query: _Query, forced: dict[int, float], held: np.ndarray | None) -> Found:
-    """Find the modes of what is at rest where no joint passes its dead centre. See `search`."""
+    """Find the modes of coordinates at rest if no joint passes its dead centre; see `search`."""
     modes, mechanism = query.modes, query.mechanism
     rests, together = modes.at_rest, mechanism.is_dependent(modes.at_rest)
     if not rests.any():
@@ -181,7 +181,7 @@ def _search_open(query: _Query, forced: dict[int, float], held: np.ndarray | Non
         found = _follow(query, set(forced))
         return found if found == Found.SOLVED else Found.UNDECIDED
     if together and forced and found in (Found.NONE, Found.NOT_CONVERGED):
-        # which way it breaks away was a first guess: a slow joint may rub along with the motion
+        # the direction of break-away was a guess: a slow joint's friction may act with the motion
         found = _enumerate(query, {}, held, fewest=1)
     return found
 
@@ -289,7 +289,7 @@ def outcome(solutions: int, obeying: int) -> Found:
 
 @dataclass
 class _Patience:
-    """Whether all that is wrong may change at once: while that reduces its number now and then.
+    """Whether all wrong modes may change at once: as long as this sometimes reduces their number.
 
     Attributes:
         fewest: that were wrong so far. left: how often more may be from now on.
@@ -315,10 +315,11 @@ def follow(
 ) -> Found:
     """Find consistent modes from those given, by block pivoting with Murty's rule as a safeguard.
 
-    Every joint that breaks its law changes its mode, all at once; when that stops reducing their
-    number, only the last of them does, which ends for certain where loads do not depend on friction
-    and static equals kinetic (a P-matrix). A ball that slips from rest moves the way it is pushed,
-    which changes with its friction: its direction is followed until it stays.
+    All joints that violate their law change their mode at once. When this stops reducing their
+    number, only the last of them does. This is certain to end if loads do not depend on friction
+    and static equals kinetic friction (a P-matrix). A ball that slips from rest moves in the
+    direction of the effort on it, which depends on its friction; it is iterated until it is
+    constant.
 
     Args:
         problem, modes, mechanism, lines: see `search`; the modes given are where it starts.
@@ -327,7 +328,7 @@ def follow(
 
 
 def _follow(query: _Query, fixed: set[int]) -> Found:
-    """Do what `follow` does; the modes of coordinates in `fixed` stay."""
+    """`follow` with the modes of coordinates in `fixed` unchanged."""
     problem, modes, mechanism = query.problem, query.modes, query.mechanism
     all_at_once = _Patience(len(modes.stuck) + 1)
     for _ in range(_CHANGES + _FOR_EACH * len(modes.stuck)):

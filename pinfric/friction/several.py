@@ -1,15 +1,15 @@
-"""All frictions that fit given modes, where there may be several: a complete search.
+"""All frictions in given modes, where there may be several: a complete search.
 
-In given modes (`given_modes`) the friction that follows loads is z_k = offset_k + sign_k y_k with
+In given modes (`given_modes`) friction that depends on loads is z_k = offset_k + sign_k y_k with
 
     y_k = sum |gain| |p|,      p = P_0 + P y,      y >= 0
 
 In homogeneous coordinates u = (tau, y) on the simplex tau + sum y = 1 the forces P u are linear,
-and large solutions are near tau = 0, so the simplex holds every solution. It is cut into ever
-smaller simplices. In each of them f_k(u) = y_k - sum |gain| |P u| is concave: it is not below its
-chord through the corners and not above its tangent. Where such a bound of one f_k, or of a
-combination of them, has one sign, there is no solution. Where forces turn so little that f is one
-to one, there is one at most, which Newton's method finds.
+and large solutions are near tau = 0, so the simplex contains every solution. It is cut into smaller
+and smaller simplices. In each of them f_k(u) = y_k - sum |gain| |P u| is concave: it is not below
+the chord through the corners and not above its tangent. If such a bound of one f_k, or of a
+combination of them, has one sign, there is no solution. If the directions of the forces change so
+little that f is one to one, there is at most one solution, which Newton's method finds.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ _KNOWN = 0.5
 
 
 class Frictions(NamedTuple):
-    """What a search for all frictions found.
+    """The result of a search for all frictions.
 
     Attributes:
         solutions: (nc,) each.
-        parts: how many simplices were looked at.
+        parts: number of simplices that were examined.
         complete: whether there are no others; None where the search is not for so many sites.
     """
 
@@ -120,7 +120,7 @@ class _Rays:
         self.select = np.eye(1 + nz)[1:] * self.scale[:, None]  # y of u
 
     def values(self, u: np.ndarray) -> np.ndarray:
-        """f (nz, m) at points u (1 + nz, m)."""
+        """Return f (nz, m) at points u (1 + nz, m)."""
         sizes = np.linalg.norm(self.P @ u, axis=1)
         return np.asarray(self.select @ u - self.owner @ sizes)
 

@@ -52,10 +52,10 @@ class Group(NamedTuple):
 def share(
     A: np.ndarray, b: np.ndarray, limit: np.ndarray, block: np.ndarray, w: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the x with A x = b that uses no joint more than it must: least max |x_k| / limit_k.
+    """Return the x with A x = b that has the least max |x_k| / limit_k.
 
     Its dual is the motion w in which friction resists least: min sum_k limit_k |A_k^T w| with
-    b^T w = |b|. The kinks rounded, x = t limit_k A_k^T w / |A_k^T w| balances b exactly.
+    b^T w = |b|. With rounded kinks, x = t limit_k A_k^T w / |A_k^T w| balances b exactly.
 
     Args:
         A: (r, n) of rank r.
@@ -99,7 +99,7 @@ def share_one(
 
     x = t limit_k z_k / |z_k|,   z = A^T w + t slope^T |z|         (conditions of a least t)
 
-    A joint that moves little may rub along with the motion if that loads the others more.
+    The friction of a joint that moves little may act with the motion if this loads others more.
 
     Args:
         A, b, limit, block: see `share`, r = 1.

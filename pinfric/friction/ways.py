@@ -1,8 +1,8 @@
-"""Which joints at rest can slip together, and in which directions: what kinematics leaves of 3^n.
+"""Combinations of slip directions that kinematics allows, out of 3^n for n joints at rest.
 
-Relative accelerations are r = c + A^T w with any w, so in a mechanism of d freedoms not every
-choice of signs is possible. The four pins of a four-bar all slip or none does: three ways in place
-of 3^4. In general the ways are the faces that n planes form in d dimensions (Zaslavsky 1975).
+Relative accelerations are r = c + A^T w with any w, so in a mechanism with d degrees of freedom not
+every choice of signs is possible. The four pins of a four-bar all slip or none does: three ways in
+place of 3^4. In general the ways are the faces that n planes form in d dimensions (Zaslavsky 1975).
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""How kernels are compiled, kept and, on few numbers, interpreted."""
+"""Compiling, caching and, for small problems, interpreting of kernels."""

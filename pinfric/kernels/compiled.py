@@ -1,4 +1,4 @@
-"""The one decorator of every kernel that runs once per sample."""
+"""The decorators of kernels, which run once per sample: numba with a checked cache."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ Fields = TypeVar("Fields", bound=tuple[Any, ...])
 
 #: The versions of numba that the tests have run with, from the first to below the second.
 _TESTED = (0, 61), (0, 69)
-#: What this module replaces or calls in numba although numba's documentation does not promise it.
+#: Undocumented parts of numba that this module replaces or calls.
 _INNER = {
     Dispatcher: ("_compile_for_args", "compile", "get_call_template"),
     FunctionCache: ("load_overload", "save_overload"),
@@ -42,10 +42,10 @@ _INNER = {
 
 
 def check_numba(version: str) -> None:
-    """Warn at import of a version of numba that was not tested; refuse one that cannot work.
+    """Warn at import about a version of numba that was not tested; refuse one that cannot work.
 
     Raises:
-        PinfricError: something is missing that this module uses.
+        PinfricError: a part of numba that this module uses is missing.
     """
     first, last = (".".join(map(str, end)) for end in _TESTED)
     what = f"numba {version}: pinfric is tested with numba>={first},<{last}"
@@ -71,14 +71,14 @@ check_numba(numba.__version__)
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a per-sample kernel with numba, cached on disk where a folder is writable.
 
-    With few numbers it is interpreted until compiling pays (`interpreted`). Never `fastmath`: it
-    makes `isnan` false and reorders sums, and a norm at zero load must stay 0.
+    For small problems it is interpreted until compiling saves time (`interpreted`). `fastmath` is
+    never used: it makes `isnan` false and reorders sums, and a norm at zero load must stay 0.
     """
     return _compiled(function, {"nogil": True, "error_model": "numpy"}, waits=True)
 
 
 def call_compiled(made: Any, *arguments: Any) -> Any:
-    """Call a kernel compiled, which with few numbers it need not be: it may run for long."""
+    """Call a kernel compiled even for a small problem, because the call may take long."""
     with compiling():
         return made(*arguments)
 
@@ -90,7 +90,7 @@ def compile_for(made: Any, *arguments: Any) -> None:
 
 @contextmanager
 def compiling() -> Iterator[None]:
-    """Compile kernels at their first call while this is active, however few numbers they get."""
+    """Compile kernels at their first call while this is active, also for small problems."""
     CLOCK.hurried += 1
     try:
         yield
@@ -99,7 +99,7 @@ def compiling() -> Iterator[None]:
 
 
 def inlined_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile a small kernel as `kernel` does, its body into the kernels that call it.
+    """Compile a small kernel like `kernel`, with its body inlined into the kernels that call it.
 
     A call with a tuple of arrays costs more than what it computes.
     """
@@ -126,7 +126,7 @@ def _compiled(
     call_template = made.get_call_template  # type: ignore[attr-defined]
 
     def template_of_types(args: Any, kws: Any) -> Any:
-        """What another kernel calls, compiled for types: numba compiles for each constant anew."""
+        """The callee of another kernel, compiled by types; numba would compile each constant."""
         named = {name: unliteral(one) for name, one in kws.items()}
         return call_template([unliteral(one) for one in args], named)
 
@@ -135,7 +135,7 @@ def _compiled(
         compiled_for = made._compile_for_args  # type: ignore[attr-defined]
 
         def first_call(*arguments: Any) -> Any:
-            """What is to be called with arguments of types that nothing is compiled for."""
+            """The function to call if nothing is compiled for these types of arguments."""
             if is_small(arguments) and not is_ready(made, arguments):
                 return interpreted(made, compiled_for)
             return compiled_for(*arguments)
@@ -145,7 +145,7 @@ def _compiled(
 
 
 def is_ready(made: Any, arguments: tuple[Any, ...]) -> bool:
-    """Whether a kernel need not be interpreted: it is compiled, or kept, or patience is over."""
+    """Whether to call a kernel compiled: it is compiled or cached, or the patience is used up."""
     if CLOCK.is_over():
         return True
     if made.overloads or made not in _MISSING:
@@ -158,13 +158,13 @@ def is_ready(made: Any, arguments: tuple[Any, ...]) -> bool:
     return False
 
 
-#: Kernels that numba's cache does not hold; it is not asked again.
+#: Kernels that are not in numba's cache, so that it is not searched again.
 _MISSING: set[Any] = set()
 
 
 @cache
 def say_compiling(again: str = "once") -> None:
-    """Say on stderr, once a process, why nothing seems to happen; never where all is cached."""
+    """Print on stderr, once per process, that kernels are compiled; nothing if all are cached."""
     print(
         f"pinfric: compiling kernels for this machine, {again}: seconds, or a minute",
         file=sys.stderr,
@@ -173,7 +173,7 @@ def say_compiling(again: str = "once") -> None:
 
 
 class _NoCache(NullCache):
-    """Where nothing can be kept."""
+    """A cache that keeps nothing, if no folder is writable."""
 
     def is_kept(self, sig: Any, target_context: Any) -> bool:
         """Find nothing."""
@@ -185,10 +185,10 @@ class _NoCache(NullCache):
 
 
 def record(fields: type) -> Any:
-    """Return what makes one argument of kernels of a NamedTuple of the given class.
+    """Return a function that makes a kernel's argument from a NamedTuple of the given class.
 
-    To hand a tuple over from Python costs 0.1 us for each array in it, a record 0.5 us in all. A
-    kernel reads both alike, so that interpreted it takes the NamedTuple itself.
+    To pass a tuple from Python costs 0.1 us for each array in it, a record 0.5 us in all. A kernel
+    reads both in the same way, so an interpreted kernel takes the NamedTuple itself.
     """
     module, name = sys.modules[fields.__module__], fields.__name__
 
@@ -219,20 +219,20 @@ def record(fields: type) -> Any:
     return _BOXES[fields]
 
 
-#: What makes the record of each class that has one.
+#: Class -> function that makes its record.
 _BOXES: dict[type, Any] = {}
 
 
 def boxed(values: Fields) -> Fields:
-    """Return the record of a NamedTuple, of whose fields those that have records are records."""
+    """Return the record of a NamedTuple; its fields are records, too, if their classes have one."""
     parts = [boxed(part) if type(part) in _BOXES else part for part in values]
     return cast("Fields", _BOXES[type(values)](type(values)(*parts)))
 
 
 class KernelArgument(Generic[Fields]):
-    """An argument that stays: a NamedTuple while kernels are interpreted, then its record.
+    """A permanent argument: a NamedTuple while kernels are interpreted, then its record.
 
-    The record is made at once where what makes it is compiled already, in this process or before.
+    The record is made at once if the function that makes it is compiled already, or cached.
 
     Args:
         given: the NamedTuple, an attribute.
@@ -244,7 +244,7 @@ class KernelArgument(Generic[Fields]):
 
     @property
     def now(self) -> Fields:
-        """What to hand over to a kernel now."""
+        """The argument for a kernel now."""
         if self._boxed is None:
             if not CLOCK.is_over():
                 return self.given
@@ -252,14 +252,14 @@ class KernelArgument(Generic[Fields]):
         return self._boxed
 
     def beside(self, *arrays: np.ndarray) -> Fields:
-        """What to hand over to a kernel now whose other arguments are these arrays."""
+        """Return the argument for a kernel whose other arguments are these arrays."""
         if self._boxed is None and not is_small(arrays):
             self._boxed = boxed(self.given)
         return self.now
 
 
 def _is_kept(values: Any) -> bool:
-    """Whether what makes the record of a NamedTuple, or of a first one in it, is compiled."""
+    """Whether the function that makes the record of a NamedTuple (or its first one) is compiled."""
     inner = next((part for part in values if type(part) in _BOXES), None)
     if inner is not None:
         return _is_kept(inner)
@@ -268,11 +268,11 @@ def _is_kept(values: Any) -> bool:
 
 
 class _CheckedCache(FunctionCache):
-    """Numba's cache, its files with digests: a damaged one is compiled anew, never run.
+    """Numba's cache with digests of its files: a damaged kernel is compiled again, never run.
 
-    Numba unpickles what it finds: a truncated file ends in an EOFError, and a flipped bit in the
-    machine code is executed. And it notices edits of a kernel's own file only: here the kernels it
-    calls, and the constants beside them, count as well.
+    Numba unpickles any file: a truncated one ends in an EOFError, and machine code with a flipped
+    bit is executed. Numba also notices only edits of a kernel's own file; here edits of the kernels
+    that it calls, and of the constants in their modules, count as well.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
@@ -290,20 +290,20 @@ class _CheckedCache(FunctionCache):
         return super().load_overload(sig, target_context) is not None
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return what was kept; where that is None, numba compiles next."""
+        """Return the cached kernel; if that is None, numba compiles next."""
         found = super().load_overload(sig, target_context)
         if found is None:
             say_compiling()
         return found
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep what was compiled, where there is room: a full disk stops no computation."""
+        """Cache the compiled kernel; a full disk is ignored."""
         with suppress(OSError):
             super().save_overload(sig, data)
 
 
 def _source_stamp(function: Callable[..., Any]) -> tuple[Any, ...]:
-    """What a kernel's machine code is made of: its file, those of its callees, their constants."""
+    """The sources of a kernel's machine code: its file, those of its callees, their constants."""
     here = function.__globals__
     reached = {here["__name__"]: here}
     for names in (queue := [here]):  # grows while it is walked
@@ -345,9 +345,9 @@ class _CheckedFile(IndexDataCacheFile):
         return self._intact(os.path.join(self._cache_path, name), 0)
 
     def _intact(self, path: str, start: int) -> Any:
-        """What stands in a file from byte `start` on; None of one that is damaged, which goes.
+        """The content of a file from byte `start` on; None if it is damaged, and it is removed.
 
-        None, too, of one by another version of pinfric, from which it names a class gone since.
+        Also None if another version of pinfric wrote it with a class that no longer exists.
         """
         try:
             content = Path(path).read_bytes()
@@ -359,7 +359,7 @@ class _CheckedFile(IndexDataCacheFile):
                 return pickle.loads(body)
             return None
         warnings.warn(
-            f"{path}: a compiled kernel in numba's cache is damaged; it is compiled anew",
+            f"{path}: a compiled kernel in numba's cache is damaged; it is compiled again",
             PinfricWarning,
             stacklevel=2,
         )

@@ -1,10 +1,10 @@
-"""Kernels as plain Python, until compiling them pays.
+"""Kernels as plain Python, until compiling them saves time.
 
-To compile the kernels of forward dynamics takes some 20 s of processor time, to simulate an arm for
-a second with the same functions interpreted takes one. So what works on few numbers is interpreted
-first; once that has taken about as long as compiling, in this run and those before it together,
-kernels are compiled, and from then on found in numba's cache. At most twice the better choice is
-spent (the ski rental problem; Karlin et al. 1988, Competitive snoopy caching).
+Compiling the kernels of forward dynamics takes some 20 s of processor time; simulating an arm for a
+second with the same functions interpreted takes 1 s. So kernels for small problems are interpreted
+first. When this has taken about as long as compiling, summed over this run and those before, the
+kernels are compiled, and later runs find them in numba's cache. This costs at most twice as much as
+the better choice (the ski rental problem; Karlin et al. 1988, Competitive snoopy caching).
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from numba.core.dispatcher import Dispatcher
 
 #: How long kernels are interpreted before they are compiled (s).
 PATIENCE = 20.0
-#: Arrays of so many numbers in all are few; more are a batch of samples.
+#: Arguments with up to this many numbers in all are small; larger ones are a batch of samples.
 _FEW = 2000
 
 
 class _Clock:
-    """The time (s) spent interpreting: here, and before, as a file in numba's cache says.
+    """The time (s) spent interpreting: in this process, and before (from a file in the cache).
 
     Attributes:
         here: in this process.
@@ -40,11 +40,11 @@ class _Clock:
         self.hurried = 0
 
     def keep_in(self, folder: str) -> None:
-        """Keep the time in a folder, where one is."""
+        """Keep the time in a file in a folder."""
         self._file = Path(folder) / "pinfric.interpreted"
 
     def is_over(self) -> bool:
-        """Whether enough was interpreted."""
+        """Whether the time for interpreting is used up."""
         if self.hurried:
             return True
         if self._before < 0.0:
@@ -60,7 +60,7 @@ class _Clock:
     def _read(self) -> float:
         try:
             return max(0.0, float(self._file.read_text()))
-        except (OSError, ValueError):  # nobody has written it yet, or not all of it
+        except (OSError, ValueError):  # not written yet, or incomplete
             return 0.0
 
     def _write(self) -> None:
@@ -80,7 +80,7 @@ _NAMES: dict[str, dict[str, Any]] = {}
 
 
 def is_small(arguments: tuple[Any, ...]) -> bool:
-    """Whether a kernel's arguments are few numbers: not a batch, and nothing only numba reads."""
+    """Whether a kernel's arguments are small: no batch, and no types that only numba reads."""
     total = 0
     for argument in arguments:
         if isinstance(argument, np.ndarray):
@@ -93,13 +93,13 @@ def is_small(arguments: tuple[Any, ...]) -> bool:
 def interpreted(
     kernel: Callable[..., Any], otherwise: Callable[..., Callable[..., Any]]
 ) -> Callable[..., Any]:
-    """Return a kernel's function for one call, all that it calls interpreted with it.
+    """Return a kernel's function for one call, in which all its callees are interpreted, too.
 
     Args:
-        kernel: what numba made of it.
-        otherwise: compiles the kernel for arguments and returns what to call. It is used where
-            Python's numbers raise on overflow or division by zero and NumPy's do not. Before
-            that the arrays are restored: a kernel may have written to them already.
+        kernel: made by numba.
+        otherwise: compiles the kernel for arguments and returns the function to call. It is used
+            if Python's numbers raise on overflow or division by zero, unlike NumPy's. Before that
+            the arrays are restored, because the kernel may have written to them already.
     """
 
     def run(*arguments: Any) -> Any:

@@ -228,7 +228,7 @@ def test_two_motors_on_one_joint_share_as_stated():
     unsaid = one.with_(actuators=[*drives[:2], {**drives[2], "share": None}])
     np.testing.assert_allclose(pf.forward_dynamics(unsaid, q, v, effort).a, a, rtol=1e-12)
     for ask in (unsaid.solver().inverse, lambda *s: pf.inverse_dynamics(unsaid, *s)):
-        with pytest.raises(SceneError, match="give each of them a `share`, or name 1 of left, r"):
+        with pytest.raises(SceneError, match="a `share`, or keep only 1 of left, r"):
             ask(q, v, a)
 
 

@@ -242,7 +242,7 @@ def test_a_universal_joint_turns_its_shaft_as_cardan_says():
         ("G", {}, {"kind": "pin", "radius": 0.01}, "a pin does not fit a prismatic loop"),
         ("G", {}, {"kind": "guide", "length": 0.1, "on": "parent"}, "exchange a and b"),
         ("G", {}, {"kind": "linear", "axial": 0.1, "radial": 0.1}, "no force along its axis"),
-        ("W", {"kind": "cylindrical"}, {"kind": "pin", "radius": 0.01}, "two ways at once"),
+        ("W", {"kind": "cylindrical"}, {"kind": "pin", "radius": 0.01}, "two degrees of freedom"),
         ("W", {"kind": "universal", "axis_b": [1, 0, 0]}, {"kind": "ball", "radius": 0.01}, "two"),
         ("W", {"kind": "universal"}, None, "a universal loop needs `axis_b`"),
         ("W", {"axis_b": [1, 0, 0]}, None, "a revolute loop has one axis: leave `axis_b` out"),

@@ -1,10 +1,10 @@
-"""The acceleration that given efforts cause at one instant.
+"""Forward dynamics: the acceleration that given efforts cause at one instant.
 
-`forward` checks the state, `efforts` what drives are given. `workspace` holds the buffers: it lets
-kernels write the friction problem and try modes, and searches modes where joints rest;
-`self_locking` gives gears that lock their lines meanwhile; `failures` says why there is no answer.
-`constraints` keeps a state on its loops and what sticks where it is, `margins` measures how far
-that is from slipping: both for integrators. `holds` asks whether friction holds everything at rest.
-`solver` is the same, and inverse dynamics of one state, for control loops; `compensation` is the
-friction that a controller adds to its efforts.
+`forward` checks the state, `efforts` the efforts of the drives. `workspace` holds the buffers: it
+calls the kernels that write the friction problem and try modes, and searches modes where joints
+rest. `self_locking` chooses the lines of self-locking gears in this search. `failures` raises an
+error if there is no solution. For integrators, `constraints` keeps loops closed and sticking joints
+in place, and `margins` computes how far sticking joints are from slipping. `holds` decides whether
+friction holds the robot at rest. `solver` offers forward and inverse dynamics of one state for
+control loops; `compensation` is the friction that a controller adds to its efforts.
 """

@@ -1,16 +1,16 @@
-"""Friction for a controller to compensate: with the load that the joints carry now, and passive.
+"""Friction compensation for controllers, which uses the joints' present load and is passive.
 
-With the load c(q, v, a) of the bearings, what passes a gear in a direction s = +-1 of motion is
+With the load c(q, v, a) of the bearings, a gear must deliver in a direction s = +-1 of motion
 
     t(s) = tau + sum_k |r_k| s (mu_k c_k + coulomb_k) + drag(v)
 
-and what must arrive at it F_s(t), `drives.gear_line`. Compensated is, at the reference velocity v,
+and must receive F_s(t), `drives.gear_line`. The compensation at the reference velocity v is
 
     D(v) = (1+s)/2 F_+(P t(+)) + (1-s)/2 F_-(P t(-)) - P tau - P drag(v),     s = S(v / v_s)
     out  = scale D(v) + viscous_scale (P drag + drag of the motor)(v)
 
-S(x) = x (3 - x^2)/2 within |x| < 1, the sign of x beyond. For a drive that is not coupled out v is
-never more than the power that the model's friction takes (`notebooks/theory/compensation`).
+S(x) = x (3 - x^2)/2 within |x| < 1, the sign of x beyond. For a drive that is not coupled, out v
+never exceeds the power that the model's friction dissipates (`notebooks/theory/compensation`).
 """
 
 from __future__ import annotations
@@ -35,16 +35,16 @@ from pinfric.model.scene import Scene
 
 @dataclass(frozen=True)
 class CompensationOptions:
-    """How friction is compensated; each a number, or one per drive.
+    """Options of the compensation; each is one number, or one number per drive.
 
     Attributes:
-        scale: of dry friction and gear losses; at the measured velocity at most 1/(1 + e), with e
-            the relative error of the friction's level.
-        viscous_scale: of friction that vanishes at rest.
-        switch_velocity: v_s, within which the direction changes (rad/s or m/s).
-        hold_error: position error that asks for all of break-away friction (rad or m); 0: none.
-        limit: of what is compensated (N m or N).
-        power: that it may inject beyond what friction takes (W); infinite: not watched.
+        scale: factor on dry friction and gear losses; with the measured velocity at most
+            1/(1 + e), with e the relative error of the friction's level.
+        viscous_scale: factor on friction that vanishes at rest.
+        switch_velocity: v_s, below which the compensation changes direction (rad/s or m/s).
+        hold_error: position error at which the full break-away friction acts (rad or m); 0: off.
+        limit: largest compensation (N m or N).
+        power: largest power beyond that of friction (W); infinite: no limit.
     """
 
     scale: Any = 0.8
@@ -74,7 +74,7 @@ class CompensationOptions:
 
 
 class Compensated(NamedTuple):
-    """What of a scene the kernels read; nothing in it changes.
+    """Constant tables of a scene for the kernels.
 
     Attributes:
         velocity_index, ratio: (ns,) of the sites.
@@ -110,11 +110,11 @@ class Directions(NamedTuple):
 
 
 def check_compensated(scene: Scene) -> None:
-    """Refuse a scene whose compensation has no bound in time, or is not determined.
+    """Refuse a scene whose compensation has no bound on its computing time, or is undetermined.
 
     Raises:
-        PinfricError: loops, drives off the joints, joints of several degrees of freedom, freedoms
-            without a drive or with several, a guide without width; named.
+        PinfricError: names the loop, drive off the joints, joint of several degrees of freedom,
+            joint without a drive or with several, or guide without width.
     """
     off_joint = [x for a in scene.actuators or () if (x := a.cylinder or a.force)]
     reason = "there friction and reactions depend on each other, and solving that has no time limit"
@@ -130,7 +130,7 @@ def check_compensated(scene: Scene) -> None:
         if components[0] >= 0:
             raise PinfricError(
                 f"{scene.source}: joint {name!r} has several degrees of freedom; a compensator "
-                "takes joints of one, each with its drive; lock it (robot.locked)"
+                "needs joints of one degree, each with its drive; lock it (robot.locked)"
             )
     own, names = [drive.velocity_index for drive in scene.drives], freedom_names(scene)
     for v, name in enumerate(names):
@@ -138,7 +138,7 @@ def check_compensated(scene: Scene) -> None:
             raise PinfricError(
                 f"{scene.source}: actuators: joint {name!r} has "
                 f"{'several drives' if own.count(v) else 'no drive'}; a compensator needs one "
-                "drive for each freedom"
+                "drive for each degree of freedom"
             )
     for site in scene.sites:
         if site.friction.bearing is not None and site.friction.bearing.roll_lever() is not None:
@@ -153,7 +153,7 @@ def freedom_names(scene: Scene) -> list[str]:
     """Return the joint of each velocity of an open chain of joints of one degree of freedom."""
     twin, names = scene.twin(), [""] * scene.model.nv
     for row, name in reversed(list(enumerate(scene.joint_names))):
-        names[twin.v_index[row]] = name  # a joint stands before those that mimic it
+        names[twin.v_index[row]] = name  # a joint comes before those that mimic it
     return names
 
 
@@ -200,7 +200,7 @@ def compensate_state(
         options: how.
 
     Raises:
-        StateError: a value not finite, or an option that is none.
+        StateError: a value is not finite, or an option is invalid.
     """
     for name, given in motion.items():
         if given is not None and impossible(given).any():
@@ -266,7 +266,7 @@ def friction_of(
     dry: np.ndarray,
     drag: np.ndarray,
 ) -> None:
-    """Write D of each drive, and what of its friction vanishes at rest, at the velocities v.
+    """Write D of each drive, and the part of its friction that vanishes at rest, at velocities v.
 
     Args:
         t: `make_compensated`. effort: (nv,) tau. load: (ns,) normal loads. v: (nv,).
@@ -311,7 +311,7 @@ def friction_of(
 def _arriving(
     gears: Gears, d: int, direction: float, speed: float, leaving: float, effort: float
 ) -> float:
-    """Return F(t), by the share `leaving` with what it takes to leave rest."""
+    """Return F(t), blended by the share `leaving` with the torque that is needed to leave rest."""
     slope, offset, _, _ = gear_line(gears, d, direction, speed, False, effort)
     if leaving > 0.0:
         _, static, _, _ = gear_line(gears, d, direction, speed, True, effort)
@@ -336,7 +336,7 @@ def compensate(
     Args:
         t, effort, load: see `friction_of`.
         v_ref, error, v_now: (nv,).
-        given: (2,) bool: whether a hold may be asked for; whether v_now is measured.
+        given: (2,) bool: whether `error` is given for a hold; whether v_now is given.
         options: (6, na), the fields of `CompensationOptions`.
         out: (na,) N m or N at the joints, overwritten.
     """

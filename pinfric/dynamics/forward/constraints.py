@@ -1,4 +1,4 @@
-"""Keeps a state on its constraints: loops closed, what sticks at rest and where it stopped."""
+"""Keeps a state on its constraints: loops stay closed, sticking joints stay where they stopped."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from pinfric.model.closure import RANK, close
 from pinfric.model.loops import Linkage, no_linkage, stand_still
 from pinfric.model.scene import Scene
 
-#: A stop may change velocities by this many times the stick velocity; more, and it is none.
+#: A stop may change velocities by at most this many times the stick velocity.
 _STOP = 100.0
-#: A joint whose largest share in all that may move is no more stands still: rounding.
+#: A joint with a smaller share than this in every possible motion stands still, to rounding.
 _MOVES_NOT = 1e-14
 
 
 @dataclass(frozen=True, eq=False)
 class Standing:
-    """What stands still where loops close.
+    """Coordinates at a standstill in a mechanism with loops.
 
     Attributes:
         coordinates: (nc,) bool.
-        linkage: in which loops' joints among them are fixed where they stopped.
+        linkage: the linkage in which those at loops' joints are fixed.
     """
 
     coordinates: np.ndarray
@@ -39,7 +39,7 @@ class Constraints:
     Attributes:
         closed: whether coordinates may depend on each other, see `Closure.dependent`.
         off_joints: whether some of their rates are none of v, see `Plan.off_joints`.
-        standing: what `project` keeps where it is, see `hold_position`; None in an open chain.
+        standing: coordinates that `project` fixes, see `hold_position`; None in an open chain.
     """
 
     def __init__(self, scene: Scene, supplier: Supplier, argument: KernelArgument[Machine]) -> None:
@@ -74,9 +74,9 @@ class Constraints:
     def project(
         self, q: np.ndarray, v: np.ndarray, stuck: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the state with loops closed exactly and what sticks (nc,) exactly at rest.
+        """Return the state with loops closed exactly and sticking coordinates (nc,) at rest.
 
-        What stands still stays where it is, see `hold_position`.
+        Coordinates at a standstill keep their positions, see `hold_position`.
         """
         if not self.closed:
             return q, self._stopped(v, stuck)
@@ -85,7 +85,7 @@ class Constraints:
         return q, self._slowed(v, stuck)
 
     def hold_position(self, q: np.ndarray, stuck: np.ndarray) -> np.ndarray:
-        """Let `project` keep what sticks, until it slips, where it is; return q (nq,), closed."""
+        """Let `project` fix sticking coordinates until they slip; return q (nq,), closed."""
         if self.standing is None or (self.standing.coordinates == stuck).all():
             return q
         q = self._close(q, stuck)
@@ -95,7 +95,7 @@ class Constraints:
         return q
 
     def _hold(self, coordinates: np.ndarray) -> None:
-        """Hold coordinates: those that stand already where they do, others where they are."""
+        """Fix coordinates at their positions; those that are fixed already stay there."""
         assert self._linkage is not None
         assert self.standing is not None
         action = self._plan.coordinates.action[coordinates]
@@ -105,7 +105,7 @@ class Constraints:
         self.standing = Standing(coordinates.copy(), linkage)
 
     def _close(self, q: np.ndarray, stuck: np.ndarray) -> np.ndarray:
-        """The configuration near q that closes the loops, what stands still left where it is."""
+        """The configuration near q that closes the loops with fixed coordinates unchanged."""
         assert self.standing is not None
         if (self.standing.coordinates & ~stuck).any():
             self._hold(self.standing.coordinates & stuck)
@@ -132,7 +132,7 @@ class Constraints:
         return v
 
     def _slowed(self, v: np.ndarray, stopped: np.ndarray) -> np.ndarray:
-        """The velocities nearest to v that obey the loops and stop coordinates."""
+        """The velocities nearest to v that obey the loops and are zero at stopped coordinates."""
         first, last = self._plan.closure.off_joint, self._plan.closure.solved
         rows = np.concatenate([self._kinematics.J[0, first:last], self._kinematics.D[stopped]])
         if not len(rows):
@@ -142,16 +142,16 @@ class Constraints:
         if rank == self._nv:
             return np.zeros(self._nv)
         left = np.eye(self._nv) - right[:rank].T @ right[:rank]
-        left[np.abs(left).max(axis=1) <= _MOVES_NOT] = 0.0  # moves in no way that is left
+        left[np.abs(left).max(axis=1) <= _MOVES_NOT] = 0.0  # no remaining motion moves it
         return self._stopped(left @ v, stopped)
 
     def stop(
         self, q: np.ndarray, v: np.ndarray, stopped: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return velocities with coordinates at rest, and all that are at rest then.
+        """Return velocities with coordinates at rest, and all coordinates that are then at rest.
 
-        A joint whose speed is zero because the mechanism passes its dead centre does not stop it:
-        then velocities stay. A ball that merely turns on is not at rest at all.
+        If a joint's speed is zero because the mechanism passes a dead centre, nothing stops and the
+        velocities are unchanged. A ball that keeps turning is not at rest.
 
         Args:
             q, v: state.

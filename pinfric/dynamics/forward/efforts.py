@@ -1,4 +1,4 @@
-"""What drives a simulation: constants, tables over time, sines, or any function of (t, q, v)."""
+"""Efforts of a simulation: constants, tables over time, sines, or any function of (t, q, v)."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ EffortFunction = Callable[[float, np.ndarray, np.ndarray], Any]
 
 @dataclass(frozen=True, eq=False)
 class Effort:
-    """Efforts, or torques of motors, of all drives as one function.
+    """Efforts, or motor torques, of all drives as one function.
 
     Attributes:
         function: (t, q, v) -> (na,), N m or N at the joints, or N m at the motors' shafts, in the
             order of `Scene.actuator_names`; or a mapping by drive, see `by_name`.
-        breakpoints: (n,) times (s) at which it jumps or bends: a step of integration ends there.
-        finest: time (s) within which it changes little between them; None: not known.
-        given: what it is of, "effort" or "motor_torque".
+        breakpoints: (n,) times (s) at which it or its slope jumps; integration steps end there.
+        finest: time (s) within which it changes little between them; None: unknown.
+        given: "effort" or "motor_torque".
     """
 
     function: EffortFunction
@@ -39,7 +39,7 @@ class Effort:
     given: str = "effort"
 
 
-#: What `simulate` takes as effort.
+#: Forms of the argument `effort` of `simulate`.
 EffortLike = Effort | EffortFunction | Mapping[str, Any] | Sequence[Any] | np.ndarray | None
 
 
@@ -49,7 +49,7 @@ def make_effort(
     breakpoints: Sequence[float] | None = None,
     motor_torque: EffortLike = None,
 ) -> Effort:
-    """Return what `simulate` was given as one function.
+    """Return the efforts that were given to `simulate` as one function.
 
     Args:
         scene: its drives.
@@ -59,8 +59,8 @@ def make_effort(
             and `table`; None: the scene's own `simulation.effort` or `simulation.motor_torque`.
             Arrays are in the order of `scene.actuator_names`, which need not be that of the list
             of actuators; in mappings, drives left out give 0.
-        breakpoints: times (s) at which a function jumps or bends.
-        motor_torque: as `effort`, in its place.
+        breakpoints: times (s) at which a function or its slope jumps.
+        motor_torque: like `effort`, in its place.
 
     Raises:
         SimulationError: both; an unknown drive, a wrong shape, a value not finite.
@@ -68,7 +68,7 @@ def make_effort(
     """
     own = real_numbers("breakpoints", [] if breakpoints is None else breakpoints).ravel()
     if impossible(own).any():
-        raise SimulationError("breakpoints: hold NaN, Inf or more than a time; give times in s")
+        raise SimulationError("breakpoints: hold NaN, Inf or impossible times; give times in s")
     if effort is not None and motor_torque is not None:
         raise SimulationError("found both effort and motor_torque; give one of them")
     given = "effort" if motor_torque is None else "motor_torque"
@@ -109,7 +109,7 @@ def by_name(names: Sequence[str], given: Mapping[str, Any], what: str) -> np.nda
         what: the argument's name, for messages.
 
     Raises:
-        StateError: there is no such drive, or it has no number.
+        StateError: an unknown drive, or a value that is not a number.
     """
     out = np.zeros(len(names))
     for name, value in given.items():

@@ -1,4 +1,4 @@
-"""Why a state has no acceleration, several, or none that can be told, in the words of errors."""
+"""Errors for states without an acceleration, with several, or for which the search found none."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Failures:
     """The errors of a workspace's scene."""
 
     def __init__(self, scene: Scene, machine: Machine, given: str) -> None:
-        """Take the scene, its tables and buffers, and what drives are given."""
+        """Take the scene, its tables and buffers; `given` is "effort" or "motor_torque"."""
         self._scene, self._machine, self._given = scene, machine, given
         self._plan, self._modes, plan = machine.plan, machine.modes, machine.plan
         self._locking = np.flatnonzero(self_locking_gears(plan.drives.gears))
@@ -45,7 +45,7 @@ class Failures:
         ]
 
     def check_roll_moments(self, wrench: np.ndarray) -> None:
-        """Do what `reactions.check_roll_moments` does, of one state: at a tenth of its cost.
+        """Check one state like `reactions.check_roll_moments`, at a tenth of its cost.
 
         Args:
             wrench: (ns, 6) at the sites, N and N m.
@@ -60,7 +60,7 @@ class Failures:
                 raise RollMomentError(self._scene.sites[s].name, 0, roll)
 
     def check_finite(self, state: State) -> None:
-        """Refuse a state that holds what is no number.
+        """Refuse a state with values that are not finite.
 
         Raises:
             StateError: see there.
@@ -71,7 +71,7 @@ class Failures:
                 raise StateError(f"{name}: column {i} is {array[i]}; should be finite")
 
     def refuse(self, outcome: int, state: State) -> NoReturn:
-        """Raise what an outcome of `instant.solve_instant` means; see `Workspace.solve`."""
+        """Raise the error for an outcome of `instant.solve_instant`; see `Workspace.solve`."""
         self.check_finite(state)
         if outcome == NOT_FINITE:
             raise StateError("forward dynamics overflows at this state: values are too large")
@@ -87,7 +87,7 @@ class Failures:
         )
 
     def failure(self, found: Found, state: State) -> AccelerationError:
-        """Return the error that says why no single acceleration was found, and where."""
+        """Return the error with the reason and the joint for which no acceleration was found."""
         if jam := self._jam(state):
             return jam
         contraction, resting = self._modes.figures[0], int(self._modes.at_rest.sum())
@@ -115,12 +115,12 @@ class Failures:
         return finding(*self._as_given(state), self._worst_site(), reason, given=self._given)
 
     def _as_given(self, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Copies of q, v, and of efforts, or torques of motors, as they were given."""
+        """Copies of q, v, and of efforts or motor torques, as they were given."""
         ratio = self._plan.drives.gears.ratio if self._given == "motor_torque" else 1.0
         return state[0].copy(), state[1].copy(), state[2] / ratio
 
     def check_jam(self, state: State) -> None:
-        """Refuse a solution in which a self-locking gear moves whose rotor is too light.
+        """Refuse a solution in which a self-locking gear with too light a rotor moves.
 
         Raises:
             GearJam: see `gear_jam`.
@@ -129,7 +129,7 @@ class Failures:
             raise jam
 
     def _jam(self, state: State) -> GearJam | None:
-        """The error of a self-locking gear that moves, and may have no acceleration, or several."""
+        """The error for a moving self-locking gear that may have no acceleration, or several."""
         drives, stuck, S = self._plan.drives, self._modes.stuck, self._machine.kinematics.S
         moves = np.array([c < 0 or not stuck[c] for c in drives.gear_coordinate], dtype=bool)
         if not moves[self._locking].any():

@@ -3,7 +3,7 @@
     M a + h - J_ext^T f_ext = u + D phi,     phi_k opposes v_k and depends on the wrench w_k
 
 (paper eq. 3, 16, 17). `problem.instant` writes accelerations, reactions and loads as functions of
-friction alone, from Pinocchio's figures at the state; what is left is the small coupled problem of
+friction, from Pinocchio's figures at the state. The rest is the small coupled problem of
 `friction/problem.py`.
 """
 
@@ -27,23 +27,23 @@ from pinfric.model.scene import Scene, expect_scene
 
 
 class Instant(NamedTuple):
-    """What efforts cause at one state (a tuple: a frozen dataclass takes 2 us longer to make).
+    """Accelerations and friction at one state (a tuple: a dataclass takes 2 us longer to make).
 
     Attributes:
         a: (nv,) accelerations (rad/s^2, m/s^2); exactly 0 where a joint sticks.
         modes: (ns,) -1, 0, 1: slips backward, sticks, slips forward; of a ball 0, 1.
         friction: (ns,) of the parent on the child (of side a on side b), along the joint's positive
             direction; of a ball minus its size.
-        multipliers: (nl,) what each loop's side a exerts on side b along the directions it closes,
-            loop after loop (N, N m); an open chain has none.
-        normal_load: (ns,) load c its friction acts on.
+        multipliers: (nl,) forces and moments of each loop's side a on side b along the directions
+            that it closes, loop after loop (N, N m); an open chain has none.
+        normal_load: (ns,) load c of each joint's bearing.
         wrench: (ns, 6) parent on child, in the child's joint frame, linear first.
-        contraction: below 1 the friction is the only one that fits these modes; NaN where joints
-            that can only move together rest and share it (`rest.py`).
+        contraction: below 1 the friction is unique in these modes; NaN where joints that can only
+            move together rest and share it (`rest.py`).
         status: `Status`.
         iterations: passes of the coupled solve.
-        effort: (na,) what the drives deliver at the joints (N m or N): those given, or what gears
-            leave of the motors' torques.
+        effort: (na,) efforts of the drives at the joints (N m or N): as given, or the motors'
+            torques after the losses of the gears.
     """
 
     a: np.ndarray
@@ -87,12 +87,12 @@ def forward_dynamics(
     motor_torque: np.ndarray | Mapping[str, float] | None = None,
     attached: Iterable[str] | None = None,
 ) -> Instant:
-    """Return the accelerations, the modes and the friction that efforts cause at one state.
+    """Return the accelerations, modes and friction that efforts cause at one state.
 
     a = M^-1 (u - h + J_ext^T f_ext + D phi) with phi by the laws of friction (paper eq. 3, 20,
-    21). A site at or below its stick velocity sticks wherever that is consistent. The solve starts
-    from this thread's last solution for the scene, so the last digits depend on what was asked
-    before: by some 1e-14 of the largest acceleration.
+    21). A joint at or below its stick velocity sticks if that is consistent. The solver starts from
+    this thread's last solution for the scene, so the last digits depend on the previous call, by
+    some 1e-14 of the largest acceleration.
 
     Args:
         scene: the robot with its friction and drives.
@@ -101,18 +101,18 @@ def forward_dynamics(
             `scene.actuator_names`, which need not be that of the list of actuators; or a mapping
             drive name -> number, in which those left out give 0.
         external: frame name -> (6,) wrench on it, in its axes at its origin (N, N m).
-        motor_torque: as `effort` and in its place, at the motors' shafts (N m); gears lose a part
+        motor_torque: like `effort` and in its place, at the motors' shafts (N m); gears lose a part
             of it and rotors need a part to accelerate (`model/transmission.py`).
         attached: names of the payloads carried; None takes those attached by default.
 
     Raises:
-        SceneError: a motor's torque of a drive without transmission.
-        GearJam: a self-locking gear moves that has too light a rotor.
+        SceneError: motor torques with a drive without transmission.
+        GearJam: a self-locking gear with too light a rotor moves.
         StateError: neither or both of effort and motor_torque; a wrong shape, a value not finite; a
             loop that is open or that the velocities violate (`LoopMotionError`), a toggle
             (`ToggleError`).
         NoConsistentAcceleration, AmbiguousAcceleration: no acceleration, or several, obey the laws.
-        UndecidedAcceleration: the search reached its bound (`friction/search.py`).
+        UndecidedAcceleration: the search reached its limit (`friction/search.py`).
         RollMomentError: a guide without width is loaded by a moment about its axis.
 
     >>> import pinfric as pf
@@ -163,7 +163,7 @@ def _solved_as_given(
     """Solve a state; False where it is not closed, or not normalized, to 1e-8."""
     try:
         ws.solve(q, v, effort, applied)
-    except PinfricError:  # what is wrong with the state is said first
+    except PinfricError:  # errors of the state come first
         ws.failures.check_finite(ws.state)
         return False
     return ws.constraints.is_exact(q)
@@ -205,7 +205,7 @@ def instant(ws: Workspace) -> Instant:
 
 
 def one_of(where: str, effort: Any, motor_torque: Any) -> np.ndarray:
-    """Return what drives are given, or raise `StateError`: efforts or torques of motors."""
+    """Return the efforts or the motor torques; raise `StateError` for both or neither."""
     if (effort is None) == (motor_torque is None):
         both = "both" if effort is not None else "neither"
         raise StateError(f"{where}: found {both} of effort and motor_torque; give one of them")

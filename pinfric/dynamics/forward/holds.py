@@ -1,4 +1,4 @@
-"""Does a robot at rest stay at rest? The question as users ask it."""
+"""Whether static friction holds a robot at rest: `pf.holds`."""
 
 from __future__ import annotations
 
@@ -17,34 +17,33 @@ from pinfric.friction.consistency import evaluate
 from pinfric.friction.holding import Verdict, can_move, decide
 from pinfric.model.scene import Scene, expect_scene
 
-#: A joint that needs this share of what the most used one needs is at its limit with it.
+#: Joints with at least this fraction of the largest use reach their limits together.
 _AT_LIMIT = 1.0 - 1e-6
-#: An acceleration this small beside the terms it is the sum of is rounding.
+#: An acceleration below this fraction of the terms of its sum is rounding.
 _STILL = 1e-9
 
 
 @dataclass(frozen=True)
 class StaticHold:
-    """Whether static friction keeps a robot at rest, and what it takes.
+    """Whether static friction keeps a robot at rest, and with which margin.
 
     Attributes:
-        held: True, False, or None where neither could be shown.
-        use: the share of its static limit that the most used joint needs; above 1 where nothing
-            holds. It is the least found over all ways to share friction among the joints. Where
-            friction can wedge itself, more friction may use a smaller share of its limits; then it
-            is the least over frictions up to 50 times the limits.
-        proved: whether `held` is proved: by the friction here where it is True, by branching where
-            it is False. What friction might wedge beyond 50 times its limits is not proved.
-        least: whether `use` is proved to be the least, to 1e-6, as self-locking gears hold here.
-            It is not where a contact force lies in no plane, where balls rest, and where 200 nodes
-            of the proof are not enough: there a smaller use may exist.
-        at_limit: names of the joints with friction, or with a gear alone, that need that share:
-            what breaks away first.
-        moving: names of the joints without dry friction that accelerate although all that rubs
-            sticks: they cannot rest.
-        friction: (ns,) of the parent on the child, with that use (N m or N); NaN where no friction
-            is in equilibrium.
-        normal_load: (ns,) the loads that come with it.
+        held: True, False, or None if neither could be shown.
+        use: the largest ratio of a joint's friction to its static limit; above 1 if friction does
+            not hold. It is the smallest value found over all ways to share friction among the
+            joints. Where friction can wedge itself, it is the smallest over frictions up to 50
+            times the limits.
+        proved: whether `held` is proved: if True by the friction returned here, if False by
+            branching. Friction that might wedge itself beyond 50 times its limits is not covered.
+        least: whether `use` is proved to be the smallest, to 1e-6, with self-locking gears holding
+            as here. A smaller use may exist if a contact force lies in no plane, if balls rest, or
+            if 200 nodes of the proof are not enough.
+        at_limit: names of the joints (or gears on joints without friction) with this ratio, which
+            break away first.
+        moving: names of the joints without dry friction that accelerate although all others stick.
+        friction: (ns,) of the parent on the child, with that use (N m or N); NaN if no friction is
+            in equilibrium.
+        normal_load: (ns,) the loads with this friction.
     """
 
     held: bool | None
@@ -66,24 +65,24 @@ def holds(
     motor_torque: np.ndarray | None = None,
     attached: Iterable[str] | None = None,
 ) -> StaticHold:
-    """Say whether static friction holds a robot that stands still, and with what margin.
+    """Decide whether static friction holds a robot at rest, and with which margin.
 
-    Wanted is a friction in equilibrium with effort, gravity and loops, |x_k| <= limit_k(x) at every
-    joint: use = min over all of them of max |x_k| / limit_k. Limits follow the loads, which follow
-    friction, so this is decided by a search and, where it finds none, by a proof (`holding`). Each
-    joint is measured in its own limit, so limits may be decades apart and units do not matter.
+    Friction x must be in equilibrium with effort, gravity and loops, and |x_k| <= limit_k(x) at
+    every joint: use = min over all such x of max |x_k| / limit_k. The limits depend on the loads,
+    and these on friction. So a search looks for x and, if it finds none, a proof shows that none
+    exists (`holding`). Each friction is divided by its own limit, so limits may differ by decades.
 
     Args:
         scene: the robot with its friction and drives.
         q: (nq,) rad, m; loops closed.
-        effort: (na,) what the drives deliver at the joints (N m or N).
+        effort: (na,) efforts of the drives at the joints (N m or N).
         external: frame name -> (6,) wrench on it, in its axes at its origin (N, N m).
-        motor_torque: (na,) in place of `effort`, at the motors' shafts (N m); gears hold, too, and
-            self-locking ones whatever the load.
+        motor_torque: (na,) in place of `effort`, at the motors' shafts (N m); gears then also hold,
+            and self-locking gears hold any load.
         attached: names of the payloads carried; None takes those attached by default.
 
     Raises:
-        SceneError: a motor's torque of a drive without transmission.
+        SceneError: motor torques with a drive without transmission.
         StateError: neither or both of effort and motor_torque; a wrong shape, a value not finite,
             an open loop.
 
@@ -125,9 +124,9 @@ def holds(
 def _decide_all(
     ws: Workspace, q: np.ndarray, effort: np.ndarray, applied: list[AppliedWrench] | None
 ) -> Verdict:
-    """The first verdict of a way in which self-locking gears hold, else that of the first way.
+    """The first verdict that holds over all ways of self-locking gears, else that of the first way.
 
-    That nothing holds is shown, and proved, where it is for every way.
+    `held` is False, and proved, only if it is so for every way.
     """
     verdicts, shown = [], True
     for every in ws.locking.ways_to_hold(ws.couple):
@@ -152,7 +151,7 @@ def _decide(
     if not ws.mechanism.balls:
         resting = can_move(ws.mechanism.factor, dry)
         return decide(ws.problem, ws.mechanism.factor, dry, _statics(ws, resting), least=True)
-    # a ball's limit is a sphere: what holds is found as forward dynamics finds it, not proved
+    # a ball's limit is a sphere: its friction is found as in forward dynamics, without a proof
     try:
         ws.solve(q, np.zeros(ws.nv), effort, applied)
     except AccelerationError:
@@ -167,10 +166,10 @@ def _decide(
 
 
 def _statics(ws: Workspace, resting: np.ndarray) -> Balance:
-    """What friction must balance where nothing moves, Z^T D^T x = Z^T (h - S u), Z all motions.
+    """The equilibrium of friction at rest, Z^T D^T x = Z^T (h - S u), with Z all motions.
 
-    The mass matrix has no part in it: through it the rounding of a large effort would reach a small
-    limit. Where some freedoms Z B are not held at all, their inertia is part of it.
+    It does not contain the mass matrix, through which the rounding of a large effort would affect a
+    small limit. If some motions Z B are not held at all, it contains their inertia.
     """
     w, D = ws.machine.maps, ws.machine.kinematics.D[resting]
     d = int(w.freedoms[0])
@@ -188,7 +187,7 @@ def _statics(ws: Workspace, resting: np.ndarray) -> Balance:
 
 
 def _terms(ws: Workspace) -> np.ndarray:
-    """Size of the terms (nv,) that a joint's effort is the sum of (N m, N): what rounds it.
+    """Size of the terms (nv,) of the sum of a joint's effort (N m, N), which gives its rounding.
 
     Of gravity at most |S_i^T I g| <= (M_ii m)^1/2 |g|, m what the joint carries.
     """

@@ -1,4 +1,4 @@
-"""How far the friction of what sticks is from its static limits: what an integrator watches."""
+"""Distances of sticking friction from its static limits, for integrators."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pinfric.friction.consistency import ROUNDING
 from pinfric.friction.rest import Mechanism
 from pinfric.kernels.compiled import KernelArgument
 
-#: In place of an infinite margin.
+#: Margin used in place of an infinite one.
 _MOST_MARGIN = 1e300
 
 
@@ -28,10 +28,10 @@ class Margins:
         self._modes, self._mechanism, self._locking = self._machine.modes, mechanism, locking
 
     def both(self) -> np.ndarray:
-        """Return how far the friction of what sticks is from its two static limits (2, nc).
+        """Return the distances of sticking friction from its two static limits (2, nc), N m or N.
 
-        In N m or N. Where a self-locking gear holds, whose limits may be infinite: how far what
-        arrives at the gear is from where it slips, see `gear_margins`.
+        The limits of a self-locking gear may be infinite; there it is the distance of the torque at
+        the gear from that at which it slips, see `gear_margins`.
         """
         x, limits = self._modes.friction, self._machine.solution
         out = np.array([x - limits.least, limits.most - x])
@@ -45,7 +45,7 @@ class Margins:
         return np.minimum(out, _MOST_MARGIN)
 
     def rounding(self) -> np.ndarray:
-        """Return how far margins (nc,) may be off by rounding, also of loads that cancel."""
+        """Return the rounding error of the margins (nc,), including that of loads that cancel."""
         problem = self._machine.problem
         slope = np.diag(problem.rate_slope)
         terms = problem.rate_scale / np.where(slope > 0.0, slope, np.inf)
@@ -53,7 +53,7 @@ class Margins:
 
     @property
     def width(self) -> np.ndarray:
-        """(nc,) between the two limits that margins are measured from; 0 of infinite ones."""
+        """(nc,) distance between the two limits of the margins; 0 for infinite limits."""
         margins = self.both()
         return np.where((margins < _MOST_MARGIN).all(axis=0), margins.sum(axis=0), 0.0)
 
@@ -63,10 +63,10 @@ class Margins:
         return self.both().min(axis=0)
 
     def breakaway_direction(self) -> np.ndarray:
-        """Return the direction (nc,) in which what sticks would break away.
+        """Return the direction (nc,) in which sticking coordinates would break away.
 
-        In an open chain friction opposes it at the nearer limit. In a mechanism it is a first
-        guess, `Mechanism.way`.
+        In an open chain the nearer limit determines it. In a mechanism it is a first guess,
+        `Mechanism.way`.
         """
         if self._mechanism.closed:
             return self._mechanism.way.copy()

@@ -1,8 +1,9 @@
-"""Self-locking gears at rest: what they may hold, and where they slip beyond it.
+"""Self-locking gears at rest: the loads that they can hold, and those at which they slip.
 
-One that motor and load push the same way holds little and much load, and slips between: on lines
-that fall, which a search does not find that takes what slips to oppose its push. So the ways in
-which such gears hold and slip are tried one after the other.
+If motor and load push a self-locking gear in the same direction, it holds small and large loads and
+slips at loads between. It then slips on lines that fall. The usual search does not find these,
+because it assumes that slip opposes the push. So the ways in which such gears hold and slip are
+tried one after the other.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from pinfric.friction.consistency import SHOULD_STICK
 from pinfric.friction.modes import Modes
 from pinfric.model.drives import gear_slips, self_locking_gears
 
-#: So many gears are let hold in all ways, or slip on lines that fall where not every mode is tried.
+#: Largest number of gears for which all ways to hold, or to slip on falling lines, are tried.
 _MOST = 6
 
 
@@ -52,7 +53,7 @@ class LockingGears:
     def settle(
         self, solve: Callable[[], tuple[int, int]], delivered: np.ndarray, falls: int
     ) -> tuple[int, int]:
-        """Solve the modes as they are, so many of the gears that slip on lines that fall.
+        """Solve the present modes with a given number of gears slipping on lines that fall.
 
         Args:
             solve: solves the modes from the lines that are written, as `rest.solve` does.
@@ -85,11 +86,11 @@ class LockingGears:
         return found
 
     def take_fallen(self) -> None:
-        """Regard what slips on lines that fall as moving, so that other lines are not asked for."""
+        """Treat gears that slip on falling lines as moving, so that no other lines are tried."""
         self._modes.at_rest[self._coordinate[list(self._falling)]] = False
 
     def let_fall(self, start: Modes, delivered: np.ndarray) -> Iterator[np.ndarray]:
-        """Yield loads (na,) with ever more gears at rest that slip on lines that fall.
+        """Yield loads (na,) with more and more gears at rest that slip on falling lines.
 
         Args:
             start: the modes to begin with; those that fall are regarded as moving.
@@ -150,7 +151,7 @@ class LockingGears:
         return [(int(d), int(c_of[d])) for d in self.gears if c_of[d] >= 0 and rests[c_of[d]]]
 
     def _may_wedge(self, d: int) -> bool:
-        """Whether motor and load may push a gear at rest the same way: it slips between loads."""
+        """Whether motor and load may push a gear at rest in the same direction."""
         return bool(np.isfinite(self._lines.held[d]).any())
 
     def _choose_lines(self, delivered: np.ndarray, falling: tuple[int, ...]) -> None:

@@ -1,10 +1,10 @@
-"""One state at a time for loops of one's own: everything prepared, results in the same memory.
+"""Dynamics of one state at a time for control loops: prepared once, results in the same memory.
 
     u = M a + h - D phi     (paper eq. 16, 17; at rest eq. 21, 22),     a = M^-1 (u - h + D phi)
 
-In an open chain with joint drives Pinocchio's RNEA leaves the wrenches of all joints in its `Data`;
-one call of a kernel makes loads, friction and efforts of them, by the kernels of batches. Where
-reactions and friction couple, inverse dynamics is that of batches, on one sample.
+In an open chain with joint drives Pinocchio's RNEA computes the wrenches of all joints in its
+`Data`; one kernel then computes loads, friction and efforts with the kernels of batches. Where
+reactions and friction are coupled, inverse dynamics is that of a batch of one sample.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ from pinfric.model.twin import project
 
 
 class InverseInstant(NamedTuple):
-    """The efforts that a motion takes at one state; see `InverseResult` for what each figure means.
+    """The efforts of a motion at one state; see `InverseResult` for the meaning of each figure.
 
     Attributes:
         effort_lower, effort_upper: (na,) N m or N at the joints; equal where everything slides.
@@ -56,7 +56,7 @@ class InverseInstant(NamedTuple):
         normal_load: (ns,) load c its friction acts on.
         friction_lower, friction_upper: (ns,) of the parent on the child.
         wrench: (ns, 6) parent on child, in the child's joint frame, linear first.
-        status: `Status`; only where reactions and friction couple others than `CONVERGED`.
+        status: `Status`; always `CONVERGED` unless reactions and friction are coupled.
     """
 
     effort_lower: np.ndarray
@@ -73,7 +73,7 @@ class InverseInstant(NamedTuple):
 
 
 class Sample(NamedTuple):
-    """One sample of an open chain: its state, what its scene says, and what is found.
+    """One sample of an open chain: its state, the tables of its scene, and the results.
 
     Attributes:
         q, v, a: (nq,), (1, nv), (1, nv).
@@ -118,7 +118,7 @@ box_sample = record(Sample)
 
 @kernel
 def is_usual(x: Sample) -> bool:
-    """Return whether q, v, a are numbers of a machine, and q is on its manifold."""
+    """Return whether q, v, a are finite and not impossibly large, and q is on its manifold."""
     for i in range(x.q.size):
         if not abs(x.q[i]) <= LARGEST_OF_A_MOTION:
             return False
@@ -130,10 +130,10 @@ def is_usual(x: Sample) -> bool:
 
 @kernel
 def rub(x: Sample) -> bool:
-    """Write loads, friction, efforts and motor torques of the motion that RNEA was asked for last.
+    """Write loads, friction, efforts and motor torques of the last motion that RNEA computed.
 
     Returns:
-        False where the state is not as it should be (`is_usual`), or an effort overflows.
+        False if the state is invalid (`is_usual`), or an effort overflows.
     """
     found = x.found  # once: arrays of a record are counted at every access
     for s in range(x.joint.size):
@@ -198,11 +198,10 @@ class Solver:
     """Inverse and forward dynamics of one scene, one state at a time, for one thread.
 
     For controllers, optimizers and integrators. Everything that does not depend on the state is
-    prepared when the solver is made, and all kernels are compiled, so that no call waits for the
-    compiler. With an empty cache that takes a minute or two, and a line on stderr says so. The
-    arrays of a result belong to the solver, and its next call overwrites them: copy what is to
-    stay. The
-    solver has a scene of its own: what is done to `scene.model` later does not reach it.
+    prepared when the solver is made, and all kernels are compiled, so no call waits for the
+    compiler. With an empty cache this takes a minute or two, and a line on stderr reports it. The
+    arrays of a result belong to the solver, and its next call overwrites them: copy those that you
+    want to keep. The solver has its own scene: later changes of `scene.model` do not affect it.
 
     Attributes:
         scene: the scene, unchanged since.
@@ -212,7 +211,7 @@ class Solver:
         attached: names of the payloads carried; None takes those attached by default.
 
     Raises:
-        SceneError: there is no such payload.
+        SceneError: an unknown payload.
     """
 
     def __init__(self, scene: Scene, attached: Iterable[str] | None = None) -> None:
@@ -247,7 +246,7 @@ class Solver:
         return Solver, (self.scene, self._carried)  # another process makes buffers of its own
 
     def inverse(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> InverseInstant:
-        """Return the efforts that a motion takes, with friction: intervals where joints stick.
+        """Return the efforts of a motion with friction: intervals where joints stick.
 
         u = M a + h - D phi (paper eq. 16, 17; at rest eq. 21, 22); as `inverse_dynamics` of one
         state without times.
@@ -256,13 +255,13 @@ class Solver:
             q, v, a: (nq,), (nv,), (nv,) in rad, m and per second.
 
         Returns:
-            Views that the next call overwrites; efforts are NaN where `status` says why.
+            Views that the next call overwrites; if efforts are NaN, `status` gives the reason.
 
         Raises:
             StateError: not real numbers, a wrong shape, a value not finite.
             RollMomentError: a guide without width is loaded by a moment about its axis.
             LoopMotionError: a loop is open, or the motion violates it.
-            SceneError, UndrivenMotionError: drives are not one per freedom, see `inverse_dynamics`.
+            SceneError, UndrivenMotionError: redundant or missing drives (`inverse_dynamics`).
         """
         if not self._at_once:
             return self._inverse_of_batch(q, v, a)
@@ -284,7 +283,7 @@ class Solver:
         check_shares(self.scene)
         solve = solve_tree if self.scene.linkage is None else solve_linkage
         found = solve(self.scene, states, [], slice(0, 1), 1)
-        if found.wrench is None:  # nothing looks at reactions
+        if found.wrench is None:  # nothing in the scene depends on reactions
             self._ws.supplier.balance(states.q[0], states.v[0], states.a[0])
             wrench = self._ws.supplier.supply.force[1 + self._ws.plan.sites.joint]
             found = replace(found, wrench=wrench[None])
@@ -299,7 +298,7 @@ class Solver:
         *,
         motor_torque: np.ndarray | Mapping[str, float] | None = None,
     ) -> Instant:
-        """Return the accelerations, the modes and the friction that efforts cause.
+        """Return the accelerations, modes and friction that efforts cause.
 
         a = M^-1 (u - h + D phi) (paper eq. 3, 20, 21); as `forward_dynamics`.
 
@@ -307,7 +306,7 @@ class Solver:
             q, v: (nq,), (nv,) in rad, m and per second.
             effort: (na,) what the drives deliver at the joints (N m or N), in the order of
                 `scene.actuator_names`, or a mapping drive name -> number.
-            motor_torque: as `effort` and in its place, at the motors' shafts (N m).
+            motor_torque: like `effort` and in its place, at the motors' shafts (N m).
 
         Returns:
             Views that the next call overwrites.
@@ -333,15 +332,15 @@ class Solver:
         options: CompensationOptions = CompensationOptions(),  # noqa: B008 - frozen
         external: Mapping[str, np.ndarray] | None = None,
     ) -> np.ndarray:
-        """Return the friction that a controller adds to its own torque, with the load of now.
+        """Return the friction compensation that a controller adds, under the joints' present load.
 
-        out = scale D(v_ref) + viscous_scale (P drag + motor's drag)(v_ref); see `compensation`. It
-        is what the header of `pinfric export --to cpp` computes. Its kernels are compiled at the
-        first call.
+        out = scale D(v_ref) + viscous_scale (P drag + motor's drag)(v_ref); see `compensation`. The
+        header of `pinfric export --to cpp` computes the same. Its kernels are compiled at the first
+        call.
 
         Args:
-            q, v, a: (nq,), (nv,), (nv,) state whose load counts; v, a None: the load of gravity.
-            v_ref: (nv,) velocity whose friction is compensated: desired, or measured.
+            q, v, a: (nq,), (nv,), (nv,) state that determines the load; v, a None: gravity only.
+            v_ref: (nv,) velocity for the friction: desired, or measured.
             error: (nv,) desired less actual position, for `hold_error`.
             v_now: (nv,) measured velocity, for `hold_error` and `power`.
             options: scales, band, hold, limits.
@@ -352,7 +351,7 @@ class Solver:
 
         Raises:
             StateError: not real numbers, a wrong shape, a value not finite.
-            PinfricError: loops, drives off the joints, freedoms without a drive or with several.
+            PinfricError: loops, drives off the joints, joints without a drive or with several.
         """
         nv, tables = self._ws.nv, self._compensated
         still = np.zeros(nv)
@@ -383,7 +382,7 @@ class Solver:
 
     @cached_property
     def _compensated(self) -> Compensated:
-        """What `compensate` reads; its kernels are compiled with it, at the first call."""
+        """The tables of `compensate`; its kernels are compiled with them, at the first call."""
         tables, nv, ns = make_compensated(self.scene), self._ws.nv, len(self.scene.sites)
         motion = {"v_ref": np.zeros(nv), "error": None, "v_now": None}
         still = np.zeros(nv), np.zeros((1, ns, 6)), np.zeros((1, ns))
@@ -392,7 +391,7 @@ class Solver:
         return tables
 
     def _mend(self) -> None:
-        """Bring q to its manifold, or say what is wrong with the state, or with what it causes."""
+        """Bring q to its manifold, or raise the error of the state or of its solution."""
         x, q = self._sample, States.of(self.scene, self._q, self._v, self._a).q[0]
         if np.array_equal(q, self._q):
             check_finite(self.scene, (x.found.effort_lower, x.found.effort_upper), 0)

@@ -1,4 +1,4 @@
-"""Buffers of one scene, and what forward dynamics and integrators ask at a state."""
+"""Buffers of one scene, and the steps of forward dynamics and integrators at a state."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ from pinfric.kernels.compiled import KernelArgument, compile_for, compiling
 from pinfric.model.closure import guesses
 from pinfric.model.scene import Scene
 
-#: N m or N that no joint at rest holds.
+#: An effort (N m or N) that no joint at rest can hold.
 _OVERWHELMING = 1e8
 #: Eigenvalues of slopes are rounding below this many times the largest.
 _ROUNDING = 1e-13
@@ -66,24 +66,24 @@ class Workspace:
     """Buffers of one scene for one thread: every solve overwrites them.
 
     Attributes:
-        machine, plan: its arrays, and where everything of the scene stands in them.
-        given: what drives are given: "effort", or "motor_torque"; then `effort` is r T_m of each.
+        machine, plan: its arrays, and the indices of the scene's parts in them.
+        given: "effort", or "motor_torque"; then `effort` is r T_m of each drive.
         problem, modes: the coupled problem and its solution.
-        mechanism: how its coordinates hang together.
-        must_project: whether a configuration can be none: loops open, quaternions not of length 1.
+        mechanism: the coupling of its coordinates.
+        must_project: whether a configuration can be invalid: open loops, unnormalized quaternions.
         closed: whether coordinates may depend on each other, see `Closure.dependent`.
-        state: what was asked last: `search`, `couple`, `finish` and failures are about it.
+        state: the last state, to which `search`, `couple`, `finish` and failures refer.
         constraints, margins, failures: of its scene and its solution.
         locking: its self-locking gears.
         a, effort, phi, load, wrench: (nv,), (na,), (ns,), (ns,), (ns, 6) of the solution:
-            accelerations, what drives deliver, friction, normal load and wrench of each site.
+            accelerations, efforts of the drives, friction, normal load and wrench of each site.
         multipliers: (nl,) forces that close loops, of side a on side b, in the order of the
             linkage's rows; none in an open chain.
-        locked: whether what sticks lets nothing move (known where loops close).
+        locked: whether sticking coordinates prevent all motion (known where loops close).
         least, most: (nc,) static limits of the friction x.
         site_modes: (ns,) int8, -1, 0, 1; of a ball 0, 1.
-        places: (name, coordinate, whether it is a ball) of all that sticks and slips: sites, then
-            gears on joints without friction.
+        places: (name, coordinate, whether it is a ball) of all that can stick: sites, then gears on
+            joints without friction.
     """
 
     def __init__(
@@ -165,8 +165,8 @@ class Workspace:
 
         Raises:
             StateError: a value is not finite; SceneError: the mass matrix is singular.
-            ToggleError: the loops leave more freedoms here than elsewhere.
-            AccelerationError: there is none, there are several, or it is undecided, see there.
+            ToggleError: the loops allow more degrees of freedom here than elsewhere.
+            AccelerationError: there is none, there are several, or the search found none.
         """
         solutions, obeying, resting = self._try(q, v, effort, applied, FREE)
         several = self.modes.figures[0] >= 1.0  # one was found; there may be others
@@ -345,10 +345,10 @@ class Workspace:
         self._take_factor()
 
     def _leave_dead_centres(self) -> None:
-        """Let joints that rest at their dead centre slip the way the mechanism takes them.
+        """Let joints that rest at their dead centre slip in the direction of the mechanism.
 
-        Their own rates are exactly zero and decide nothing: what they are a moment later, with the
-        velocities v = a dt, has the sign of the rate at v = a.
+        Their own rates are exactly zero and give no direction. A moment later, with velocities
+        v = a dt, their sign is that of the rate at v = a.
         """
         m = self.modes
         dead = m.at_rest & m.stuck & ~self.mechanism.factor.any(axis=0)
@@ -402,7 +402,7 @@ class Workspace:
 def _follow_or_search(
     problem: Problem, modes: Modes, mechanism: Mechanism, lines: Lines | None
 ) -> Found:
-    """Follow the modes, in a mechanism from all stick next; where that fails, try them all."""
+    """Follow the modes; in a mechanism then start from all stick; if both fail, try all modes."""
     start = modes.copy()
     found = follow(problem, modes, mechanism, lines)
     if found != Found.SOLVED and mechanism.closed:
@@ -473,7 +473,7 @@ def closed_configuration(scene: Scene) -> np.ndarray:
 
 
 def check_transmissions(scene: Scene) -> None:
-    """Refuse torques of motors where a drive has no transmission to take them.
+    """Refuse motor torques if a drive has no transmission.
 
     Raises:
         SceneError: names the drive.

@@ -1,7 +1,7 @@
-"""What the friction of each site can be at one sample, and a kernel that solves lists of choices.
+"""Possible frictions of each site at one sample, and a kernel that solves lists of choices.
 
-A *candidate* is a sample with one choice for every site: what slides has its sliding friction,
-what sticks is at one of its two limits or has none.
+A *candidate* is a sample with one choice for every site: a sliding site has its sliding friction, a
+sticking site is at one of its two limits or has no friction.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pinfric.friction.problem import Problem
 from pinfric.kernels.compiled import kernel
 from pinfric.model.laws import Laws, is_dry, law_at
 
-#: What a site's friction is in a candidate.
+#: Codes of a site's friction in a candidate.
 SLIDES, LOWER, UPPER, NONE = range(4)
 
 
@@ -52,7 +52,7 @@ class Candidates(NamedTuple):
         sample: (m,) which sample.
         code: (m, ns). direction: (m, ne).
         x: (m, MOST_SOLUTIONS, ns) friction of each site along its direction, of each solution.
-        found: (m,) number of solutions, -1 where rounding defeats the solver.
+        found: (m,) number of solutions, -1 if the solver fails because of rounding.
         figures: (m, 2) contraction, passes.
     """
 
@@ -65,7 +65,7 @@ class Candidates(NamedTuple):
 
 
 def friction_laws(plan: Plan, maps: Maps, velocity: np.ndarray, at_rest: np.ndarray) -> Choices:
-    """Return what each site's friction can be (`laws`; paper eq. 20, 21).
+    """Return the possible frictions of each site (`laws`; paper eq. 20, 21).
 
     Args:
         plan, maps: see `effort_maps`.
@@ -98,7 +98,7 @@ def _write_choices(
     at_rest: np.ndarray,
     law: Choices,
 ) -> None:
-    """Write what each site's friction can be, all but the loads; see `friction_laws`."""
+    """Write the possible frictions of each site, without the loads; see `friction_laws`."""
     for i in range(at_rest.shape[0]):
         for s in range(at_rest.shape[1]):
             first = first_entry[s]

@@ -1,11 +1,12 @@
-"""What friction does to efforts, multipliers and bearing loads of a given motion: all of it affine.
+"""Efforts, multipliers and bearing loads of a given motion as affine functions of friction.
 
     M a + h = S u + J_c^T lambda + D phi,     y = [u off the joints; lambda],     A y = b - B phi
 
-(paper eq. 7, 16, 17). Drives on joints of the tree only balance their own row, so A has the other
-rows. Full pivoting, the paper's choice, finds its rank: fewer than its rows is a toggle, where
-drives cannot balance the load; fewer than its columns, redundant drives, which share the work such
-that the sum of u^2 / share is least, and redundant closures (`affine.share_redundant`).
+(paper eq. 7, 16, 17). Drives on joints of the tree balance only their own row, so A has the other
+rows. Full pivoting, the paper's choice, finds its rank. A rank below the number of rows means a
+toggle, where drives cannot balance the load. A rank below the number of columns means redundant
+drives, which share the work so that the sum of u^2 / share is least, and redundant closures
+(`affine.share_redundant`).
 """
 
 from __future__ import annotations
@@ -96,7 +97,7 @@ def map_friction(
 def _balance(
     plan: Plan, total_effort: np.ndarray, J: np.ndarray, y: np.ndarray, free: np.ndarray
 ) -> int:
-    """Write y (ny, 1 + ne) of one sample, and what may be added to it that moves no drive.
+    """Write y (ny, 1 + ne) of one sample, and the vectors that may be added to it.
 
     Args:
         plan ... y: see `map_friction`.
@@ -137,7 +138,7 @@ def share_work(
     y: np.ndarray,
     left: np.ndarray,
 ) -> bool:
-    """Add to y what is free of it so that the sum of cost u^2 over the drives is least.
+    """Choose the free part of y so that the sum of cost u^2 over the drives is least.
 
     Args:
         t, entries: of the plan.

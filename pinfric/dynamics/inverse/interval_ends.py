@@ -1,12 +1,13 @@
 """Friction, efforts and their ends where reactions depend on friction.
 
-Everything is affine in the friction but its law (`effort_maps.Maps`), so that each sample is a
-small coupled problem (`given_modes`). What sticks, or reverses beside a sample, has a choice of
-frictions: the ends of efforts lie where each is at one of its limits. A *candidate* is a sample
-with one such choice; the kernel solves lists of them. Up to `ENUMERATED` choices of a sample all
-are candidates; beyond, sites are flipped one by one while that helps. A ball's limit is a sphere:
-its friction is turned until it points where the effort grows fastest. A sample that jams is left
-there, and one whose candidates took `MOST_PASSES` together is `NOT_CONVERGED`.
+Everything except the friction law is affine in friction (`effort_maps.Maps`), so each sample is a
+small coupled problem (`given_modes`). Sites that stick, or reverse next to a sample, have several
+possible frictions; the ends of efforts are where each site is at one of its limits. A *candidate*
+is a sample with one such choice; the kernel solves lists of them. Up to `ENUMERATED` choices of a
+sample all are candidates. Beyond that, one site at a time is switched to its other limit while the
+effort still grows. The limit of a ball is a sphere: its friction is turned until it points in the
+direction in which the effort grows fastest. The search of a sample ends if it jams; if its
+candidates took `MOST_PASSES` in total, it is `NOT_CONVERGED`.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ _TURNS, _STAYS = 60, 1e-12
 
 @dataclass(frozen=True)
 class Answer:
-    """What is known of each of n samples.
+    """The results of n samples so far.
 
     Attributes:
         lower, upper: (n, na) efforts.
@@ -59,7 +60,7 @@ class Answer:
         load: (n, ns) in that state.
         friction_lower, friction_upper: (n, ns) over all candidates.
         status: (n,) int8. iterations: (n,) int32. contraction: (n,), the largest.
-        exact: (n,) bool: the ends are certain, not the best of a search.
+        exact: (n,) bool: the ends are certain, not only the best of a search.
         ends: (n, na, 2, ne) friction at each end of each effort.
     """
 

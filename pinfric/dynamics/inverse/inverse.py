@@ -1,4 +1,4 @@
-"""Inverse dynamics with friction: the efforts that a motion takes, as intervals where joints stick.
+"""Inverse dynamics with friction: the efforts of a motion, as intervals where joints stick.
 
     M a + h - J_ext^T f_ext = S u + J_c^T lambda + D phi,     phi_k opposes v_k   (paper eq. 16, 17)
 
@@ -67,8 +67,8 @@ def inverse_dynamics(
 
     u = M a + h - J_ext^T f_ext - D phi (paper eq. 16, 17; at rest eq. 21, 22). With times, a joint
     that reverses between two samples passes through rest: the sample nearest to the reversal
-    carries the interval of standstill too. Without times the samples are states of their own, in
-    no order: what stands beside a sample says nothing of it.
+    also carries the interval of standstill. Without times the samples are independent states in no
+    order, and no reversals are searched.
 
     Args:
         scene: the robot with its friction and drives.
@@ -81,15 +81,15 @@ def inverse_dynamics(
         threads: of Pinocchio; None chooses by the number of samples. A process that was forked
             after its parent had used several gets one, because OpenMP would end it otherwise.
         chunks: return an iterator of results of this many samples each, for motions whose result
-            would not fit in memory; a time at rest that goes on into the next result is a stick
-            interval of both.
+            would not fit in memory; a time at rest that continues into the next result is a stick
+            interval in both.
 
     Raises:
         StateError: not real numbers, a wrong shape, a value not finite, times not increasing.
         RollMomentError: a guide without width is loaded by a moment about its axis.
         LoopMotionError: a loop is open, or the motion violates it.
-        SceneError: drives share the work, and nothing says how.
-        UndrivenMotionError: a joint without drive would need one.
+        SceneError: redundant drives without `share`.
+        UndrivenMotionError: a joint without a drive needs one.
 
     >>> import pinfric as pf
     >>> scene = pf.load_scene("pendulum")
@@ -119,7 +119,7 @@ def _states(scene: Scene, q: Any, v: Any, a: Any, t: Any, attached: Any) -> Stat
         )
     if not isinstance(q, np.ndarray) and hasattr(q, "q"):
         if not (v is None and a is None and t is None):
-            raise StateError("inverse_dynamics: a motion brings its own v, a and t; leave them out")
+            raise StateError("inverse_dynamics: a motion has its own v, a and t; leave them out")
         motion = q
         q, v, a, t = motion.q, motion.v, motion.a, motion.t
         attached = attached_columns(scene, motion) if attached is None else attached

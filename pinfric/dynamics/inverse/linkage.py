@@ -1,4 +1,4 @@
-"""Inverse dynamics of scenes with loops, cylinders or forces, where reactions and friction couple.
+"""Inverse dynamics with loops, cylinders or forces, where reactions and friction are coupled.
 
     M a + h - J_ext^T f_ext = S u + J_c^T lambda + D phi,     phi_k = -sign(v_k) mu_k c_k(w)
 
@@ -36,7 +36,7 @@ from pinfric.kernels.compiled import KernelArgument
 from pinfric.model.couples import drive_rates
 from pinfric.model.scene import Scene
 
-#: What of each batch's answer stays.
+#: Fields of each batch's answer that are kept.
 _KEPT = (
     "lower",
     "upper",
@@ -53,7 +53,7 @@ _KEPT = (
 def solve_linkage(
     scene: Scene, states: States, applied: list[AppliedWrench], whole: slice, threads: int | None
 ) -> InverseResult:
-    """Solve the samples of one slice; the samples beside it only tell reversals.
+    """Solve the samples of one slice; the samples beside it are used for reversals only.
 
     Args, raises: see `inverse.inverse_dynamics`; besides, `closure.pair_rates`.
     """
@@ -147,17 +147,17 @@ def _solve_batches(
 
 
 def _warn_of_bound(scene: Scene, answer: Answer, first: int) -> None:
-    """Say at which samples the search for the ends of efforts came to its bound."""
+    """Warn of the samples at which the search for the ends of efforts reached its limit."""
     over = (answer.status == Status.NOT_CONVERGED) & (answer.iterations > MOST_PASSES)
     if not over.any():
         return
     samples, contraction = np.flatnonzero(over), answer.contraction[over].max()
     more = f" and {len(samples) - 1} more" if len(samples) > 1 else ""
     warnings.warn(
-        f"{scene.source}: sample {first + samples[0]}{more}: undecided: what sticks can "
-        f"hold in so many ways that {MOST_PASSES} passes did not find the ends of efforts "
-        f"(loads grow with the friction they cause, contraction {contraction:.3g}); give joints "
-        "that do not matter no friction, less `mu`, or a state in motion",
+        f"{scene.source}: sample {first + samples[0]}{more}: undecided: the search for the "
+        f"ends of efforts did not finish within {MOST_PASSES} passes "
+        f"(loads grow with the friction they cause, contraction {contraction:.3g}); remove "
+        "friction from joints where it does not matter, reduce `mu`, or give a state in motion",
         PinfricWarning,
         stacklevel=4,
     )
@@ -174,7 +174,7 @@ def site_speeds(plan: Plan, velocity: np.ndarray) -> np.ndarray:
 
 
 def site_reversals(plan: Plan, velocity: np.ndarray) -> np.ndarray:
-    """Return (n, ns) at which samples a site passes through rest beside them.
+    """Return (n, ns) whether a site passes through rest next to a sample.
 
     A ball does where the straight line between two angular velocities comes as near to zero as its
     stick velocity; of the two samples the slower one is marked (the earlier if equal).

@@ -1,4 +1,4 @@
-"""A batch of samples of a linkage as functions of its friction: what `interval_ends` solves."""
+"""A batch of samples of a linkage as functions of its friction, for `interval_ends`."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from pinfric.model.twin import Twin, project
 
 @dataclass(frozen=True)
 class Samples:
-    """A batch as `interval_ends` takes it: maps, and what wrenches follow from.
+    """A batch for `interval_ends`: maps, and the arrays from which wrenches follow.
 
     Attributes:
         maps: `effort_maps.Maps`.

@@ -1,4 +1,4 @@
-"""What inverse dynamics returns: labelled arrays that can check themselves."""
+"""The result of inverse dynamics: named arrays, and methods that check and present them."""
 
 from __future__ import annotations
 
@@ -74,8 +74,8 @@ class InverseResult(SolvedMotion, Shown):  # noqa: D101 (that of its fields)
     def critical_mu(self) -> np.ndarray:
         """(T,) common factor on all coefficients at which `contraction` reaches 1, or inf.
 
-        Below it the solution exists and is the only one. Exact for a single guide that jams,
-        conservative for several bearings (by 14 to 29 % on a four-bar): a bound.
+        Below it the solution exists and is the only one. It is exact for a single guide that jams;
+        for several bearings it is a lower bound (by 14 to 29 % on a four-bar).
         """
         with np.errstate(divide="ignore"):
             return np.asarray(1.0 / self.contraction)
@@ -83,8 +83,8 @@ class InverseResult(SolvedMotion, Shown):  # noqa: D101 (that of its fields)
     def solutions(self, sample: int) -> tuple[Solution, ...]:
         """Return the states of friction that obey the laws at one sample.
 
-        Where everything slides: all that a wide search finds, none if it jams. Where something
-        sticks or reverses: those in which the ends of the efforts are attained.
+        If all joints slide, these are all states that a wide search finds, none if it jams. If a
+        joint sticks or reverses, these are the states at the ends of the efforts.
 
         Raises:
             StateError: there is no such sample.
@@ -93,10 +93,10 @@ class InverseResult(SolvedMotion, Shown):  # noqa: D101 (that of its fields)
         return find_solutions(self, sample)
 
     def jamming_site(self, sample: int) -> str | None:
-        """Return the site whose load grows most with the friction it and the others cause.
+        """Return the joint whose load grows most with friction: the cause of a jam.
 
-        The largest part of the eigenvector that belongs to `contraction`: where a jam, or a second
-        solution, comes from. None where no load depends on friction, and at a `SINGULAR` sample.
+        It has the largest part of the eigenvector of `contraction`. None if no load depends on
+        friction, and at a `SINGULAR` sample.
 
         Raises:
             StateError: there is no such sample.
@@ -151,11 +151,11 @@ class InverseResult(SolvedMotion, Shown):  # noqa: D101 (that of its fields)
         return check_result(self, self.solutions)
 
     def to_dataframe(self) -> pd.DataFrame:
-        """Return all columns with names: `t`, the motion, then what was found.
+        """Return all columns with names: `t`, the motion, then the results.
 
         The motion is `<joint>.q` (one number: an angle or a length), `.v`, `.a`, and
-        `payload.<name>` where the trajectory said so: a CSV of it is a trajectory again. Then come
-        `<actuator>.<quantity>` and `<site>.<quantity>`.
+        `payload.<name>` if the trajectory has it, so a CSV of these columns is a trajectory again.
+        Then come `<actuator>.<quantity>` and `<site>.<quantity>`.
         """
         import pandas as pd
 

@@ -43,7 +43,7 @@ def find_solutions(result: SolvedMotion, sample: int) -> tuple[Solution, ...]:
 
 
 def one_sample(result: SolvedMotion, sample: int) -> tuple[Plan, Linkage, Samples, np.ndarray]:
-    """Return what the solver had of one sample: plan, linkage, maps, velocities (1, ne)."""
+    """Return the solver's input of one sample: plan, linkage, maps, velocities (1, ne)."""
     scene, states = result.scene, result.states
     linkage = scene.linkage
     assert linkage is not None
@@ -60,7 +60,7 @@ def one_sample(result: SolvedMotion, sample: int) -> tuple[Plan, Linkage, Sample
 
 
 def reduced_problem(solver: Solver) -> Reduced:
-    """Return what `given_modes` solves for a solver's only sample."""
+    """Return the reduced problem of `given_modes` for a solver's only sample."""
     law = solver.law
     code = np.where(law.options > 1, LOWER, law.code)  # what sticks is at a limit
     return solver.reduced(solver.unsolved(np.zeros(1, dtype=np.int64), code))[1]

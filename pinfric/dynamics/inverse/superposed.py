@@ -1,12 +1,12 @@
 """Cycles of an open chain as sums of stored ones, each reduced to a few figures per drive.
 
-Newton-Euler is linear in inertial parameters and in gravity, and quadratic in the speed factor. So
-of cycles along one path that differ in nothing else
+The Newton-Euler equations are linear in inertial parameters and in gravity, and quadratic in the
+speed factor. So for cycles along one path that differ in nothing else
 
     w(t) = sum_b k_b w_b(t),     tau_id(t) = sum_b k_b tau_b(t)
 
-with few numbers k_b for each. What follows from w is not linear, and computed by the kernels that
-`inverse_tree` runs: normal loads, friction, efforts, motor torques.
+with a few numbers k_b for each. Normal loads, friction, efforts and motor torques are not linear in
+w; the kernels of `tree` compute them.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _BLOCK = 64
 
 
 class Path(NamedTuple):
-    """What all cycles share.
+    """The common data of all cycles.
 
     Attributes:
         v, a: (T, nv) at a speed factor of 1, rad/s or m/s, and per second.
@@ -64,7 +64,7 @@ class Basis(NamedTuple):
 
 
 class Varied(NamedTuple):
-    """What differs from cycle to cycle.
+    """The data that differ from cycle to cycle.
 
     Attributes:
         coefficient: (n, nb) k_b. speed: (n,) the speed factor.
@@ -121,7 +121,7 @@ def write_figures(
     start: int,
     stop: int,
 ) -> None:
-    """Write what each cycle takes of each drive: figures of the worst end of its efforts.
+    """Write the figures of each cycle and drive, at the worst end of its efforts.
 
     Args:
         effort, wrench: `Basis`.

@@ -2,8 +2,9 @@
 
     u = tau_id - D phi,     phi_k opposes v_k and depends on the wrench w_k       (paper eq. 16, 17)
 
-The reactions do not depend on how drive and friction share the axis component, so that needs no
-iteration; at rest phi is any value between its static limits, and u an interval (eq. 21, 22).
+The reactions do not depend on how drive and friction share the torque about the axis, so no
+iteration is needed. At rest phi has any value between its static limits, and u is an interval
+(eq. 21, 22).
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from pinfric.model.couples import deliver_interval, drive_rates
 from pinfric.model.scene import Scene, SiteTables
 from pinfric.model.twin import Twin, project
 
-#: What of `TreeSamples` is a result of its own.
+#: Fields of `TreeSamples` that are results.
 _FOUND = TreeSamples._fields[3:]
 
 
@@ -42,8 +43,8 @@ def _samples(
 ) -> tuple[TreeSamples, np.ndarray]:
     """Make the arrays of n samples, and of the wrenches at their sites.
 
-    Carved out of one block: a large block gets huge pages and so few page faults, which cost more
-    than the friction kernels when every array is allocated by itself.
+    They are parts of one large block, which gets huge pages and so few page faults. With separate
+    arrays the page faults cost more than the friction kernels.
     """
     n, nv, ns = len(velocity), scene.model.nv, len(scene.sites)
     shapes = [(n, nv)] * 3 + [(n, ns)] * 3 + [(n, ns, 6 if reacting else 0)]
@@ -58,7 +59,7 @@ def _samples(
 def solve_tree(
     scene: Scene, states: States, applied: list[AppliedWrench], whole: slice, threads: int | None
 ) -> InverseResult:
-    """Solve the samples of one slice; the samples beside it only tell reversals.
+    """Solve the samples of one slice; the samples beside it are used for reversals only.
 
     Args, raises: see `inverse.inverse_dynamics`.
     """
@@ -127,7 +128,7 @@ def _site_velocities(
 
 
 def _needs_wrenches(scene: Scene, applied: list[AppliedWrench]) -> bool:
-    """Say whether anything in the scene looks at reactions; if not, they are not computed."""
+    """Return whether anything in the scene depends on reactions; else they are not computed."""
     return bool(applied) or any(site.friction.bearing is not None for site in scene.sites)
 
 
@@ -193,14 +194,14 @@ def _bound(
 def _plain(
     twin: Twin, q: np.ndarray, v: np.ndarray, a: np.ndarray, threads: int, effort: np.ndarray
 ) -> None:
-    """Write the ordinary RNEA (n, nv), for scenes whose friction looks at no reaction."""
+    """Write the ordinary RNEA (n, nv), for scenes whose friction depends on no reaction."""
     pin.rneaInParallel(threads, twin.plain_pool(threads), q.T, v.T, a.T, effort.T)
 
 
 def _on_drives(
     scene: Scene, states: States, whole: slice, found: TreeSamples
 ) -> dict[str, np.ndarray]:
-    """Give the joints' efforts to their drives; it raises what `check_undriven` does."""
+    """Map the joints' efforts to their drives; raises the errors of `check_undriven`."""
     drives, undriven = make_plan(scene).drives, list(scene.mobility.undriven)
     lower, upper = found.effort_lower, found.effort_upper
     check_undriven(scene, states, whole, lower[:, undriven], upper[:, undriven])
@@ -213,11 +214,11 @@ def _on_drives(
 
 
 def check_finite(scene: Scene, ends: tuple[np.ndarray, np.ndarray], first: int) -> None:
-    """Refuse a result that overflowed: a number that is none must not reach a table."""
+    """Refuse a result that overflowed, so that no table contains NaN or infinity."""
     efforts = ends[0] + ends[1]
     if not np.isfinite(efforts).all():
         sample, drive = np.argwhere(~np.isfinite(efforts))[0]
         raise StateError(
-            f"the effort of {scene.actuator_names[drive]} at sample {first + sample} is beyond "
-            "what numbers can hold: a state, a load or a coefficient of friction is too large"
+            f"the effort of {scene.actuator_names[drive]} at sample {first + sample} overflows: "
+            "a state, a load or a coefficient of friction is too large"
         )

@@ -1,4 +1,4 @@
-"""Scenes whose drives are not one per freedom: what inverse dynamics can say of them."""
+"""Inverse dynamics of scenes with redundant drives, or with joints without a drive."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from pinfric.model.closure import velocity_names
 from pinfric.model.scene import Scene
 from pinfric.model.twin import PRISMATIC
 
-#: What is this small beside the terms that it is the sum of is none: angles have six digits.
+#: A sum below this fraction of its terms counts as zero, because angles have six digits.
 _OBEYS = 1e-5
 
 
 def check_shares(scene: Scene) -> None:
-    """Refuse drives of which nothing says how they share the work.
+    """Refuse redundant drives without shares of the work.
 
     Raises:
         SceneError: redundant drives without `share`.
@@ -27,15 +27,15 @@ def check_shares(scene: Scene) -> None:
     names = ", ".join(drives[d].name for d in mobility.redundant)
     count = len(mobility.redundant) - len(drives) + mobility.freedoms - len(mobility.undriven)
     raise SceneError(
-        f"{scene.source}: actuators: {mobility.counts(len(drives))}: how they share the work does "
-        f"not follow from the motion; give each of them a `share`, or name {count} of {names}"
+        f"{scene.source}: actuators: {mobility.counts(len(drives))}: the motion does not determine "
+        f"how they share the work; give each of them a `share`, or keep only {count} of {names}"
     )
 
 
 def check_undriven(
     scene: Scene, states: States, whole: slice, lower: np.ndarray, upper: np.ndarray
 ) -> None:
-    """Refuse a motion that takes an effort where no drive is.
+    """Refuse a motion that needs an effort where no drive is.
 
     Args:
         scene: with its undriven velocities.
@@ -85,7 +85,7 @@ def _weights(scene: Scene) -> np.ndarray:
 
 
 def narrow_friction(scene: Scene, effort: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> None:
-    """Narrow the friction (T, ns) of undriven joints of an open chain to what balances them.
+    """Narrow the friction (T, ns) of undriven joints of an open chain to values in equilibrium.
 
     sum of ratio phi over a joint's sites = effort: each has what the others leave.
 

@@ -1,9 +1,9 @@
-"""The judge's own account of one sample: efforts and loads as affine functions of the friction.
+"""The judge's separate equations of one sample: efforts and loads as affine functions of friction.
 
     M a + h - J_ext^T f_ext = S u + P y + D phi,    u = u_0 + U phi,    w_k = w_k0 + W_k phi
 
-P are the columns of the loops' multipliers and of what nothing drives. They are taken out by an
-orthonormal basis of the motions that they leave (SVD), the rest is least squares in NumPy.
+P are the columns of the loops' multipliers and of undriven coordinates. An orthonormal basis of the
+motions that they allow (SVD) eliminates them; the rest is least squares in NumPy.
 """
 
 from __future__ import annotations
@@ -167,7 +167,7 @@ def _multipliers(sample: Sample) -> _Columns:
 def _joint_maps(sample: Sample, columns: _Columns) -> np.ndarray:
     """(nj, 6, n) how the wrench that each joint transmits changes with unit actions.
 
-    What acts on a link relieves every joint that carries it.
+    An action on a link changes the wrench of every joint that carries the link.
     """
     out = np.zeros((sample.model.njoints - 1, 6, len(columns.acting)))
     for c, acting in enumerate(columns.acting):

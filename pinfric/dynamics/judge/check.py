@@ -1,8 +1,8 @@
-"""The solver's judge: equilibrium and friction laws recomputed in another way, sample by sample.
+"""The judge of results: recomputes equilibrium and friction laws independently, sample by sample.
 
-Nothing here calls the twin or a compiled kernel: wrenches come from `data.f` of Pinocchio's RNEA
-with external forces, loads and friction from `plain_laws`. Scenes with loops, cylinders or forces
-are judged in `linkage`.
+This module uses neither the twin nor a compiled kernel. Wrenches come from `data.f` of Pinocchio's
+RNEA with external forces, loads and friction from `plain_laws`. `linkage` judges scenes with loops,
+cylinders or forces.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from pinfric.dynamics.samples.outcome import Solution, SolvedMotion, Status
 
 @dataclass(frozen=True)
 class Check:
-    """Largest residuals over all samples, and what the judge finds beside them.
+    """Largest residuals over all samples, and the number of wrong statuses.
 
-    Judged are efforts, friction, normal loads, wrenches and the status. Motor torques and
-    `sticking` are not: they follow from these by the gears' losses and by the velocities.
+    Efforts, friction, normal loads, wrenches and the status are judged. Motor torques and
+    `sticking` are not; they follow from these by the gears' losses and the velocities.
 
     Attributes:
         equilibrium: |M a + h - J^T f_ext - u - D phi| at both ends of every interval (N m or N).
@@ -32,8 +32,8 @@ class Check:
         ends: how far the intervals' ends are from those that the judge finds (N m or N).
         wrong_status: number of samples whose `Status` the judge contradicts: jammed although a
             state of friction obeys the laws, converged although none does, or several do.
-        undecided: number of samples where the judge's own search is not complete. It confirms
-            what it found, and cannot say that there is nothing else.
+        undecided: number of samples where the judge's search is not complete: its states of
+            friction are confirmed, but there may be others.
         scale: largest effort in the result, to compare the residuals with.
         sample: the sample of the largest of these residuals, or the first of a wrong status.
     """
@@ -48,7 +48,7 @@ class Check:
     sample: int
 
     def passed(self, relative: float = 1e-9) -> bool:
-        """Say whether every residual is below `relative` times the scale and every status right."""
+        """Return whether every residual is below `relative` times the scale, every status right."""
         worst = np.max([self.equilibrium, self.friction_law, self.wrench, self.ends])
         return bool(worst <= relative * max(self.scale, 1e-300)) and not self.wrong_status
 
@@ -57,8 +57,8 @@ def check_result(result: SolvedMotion, solutions: Callable[[int], tuple[Solution
     """Recompute the residuals of a result (see `Check`).
 
     Args:
-        result: what is judged.
-        solutions: returns the states of friction that were found at a sample; judged, too.
+        result: the result to judge.
+        solutions: returns the states of friction that were found at a sample; also judged.
     """
     states, scene = result.states, result.scene
     every = (result.effort_lower, result.effort_upper, result.effort_frictionless)

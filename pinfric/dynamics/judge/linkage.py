@@ -2,8 +2,8 @@
 
 Jacobians come from Pinocchio's joint Jacobians, wrenches from `data.f` of its RNEA with every
 closure force, drive and friction torque as external forces, laws from plain NumPy (`plain_laws`).
-The ends of efforts, and whether a sample has one state of friction, several or none, come from an
-enumeration of the judge's own (`states`).
+The ends of efforts, and whether a sample has one state of friction, several or none, come from a
+separate enumeration (`states`).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from pinfric.model.scene import Scene
 
 #: A status "singular" is wrong if no singular value that counts is as small as this.
 _REGULAR = 1e-6
-#: What must be numbers where there is an answer.
+#: Fields that must be finite if there is a solution.
 _ARRAYS = (
     "effort_lower",
     "effort_upper",
@@ -37,13 +37,13 @@ _ARRAYS = (
 
 
 class Verdict(NamedTuple):
-    """What the judge says of one sample.
+    """The judge's result for one sample.
 
     Attributes:
         equilibrium, friction_law, wrench, ends: residuals, see `check.Check`.
         scale: the largest effort.
         wrong_status: the judge finds another status.
-        undecided: its search had to stop before it knew.
+        undecided: its search stopped before it was complete.
     """
 
     equilibrium: float = 0.0

@@ -1,4 +1,4 @@
-"""The judge's view of one sample with loops, cylinders or forces: where they act, and on whom.
+"""The judge's data of one sample: where loops, cylinders and forces act, and on which links.
 
 Jacobians are Pinocchio's joint Jacobians, wrenches `data.f` of its RNEA; no kernel, no twin.
 """
@@ -16,7 +16,7 @@ from pinfric.model.scene import Scene, Site
 
 @dataclass(frozen=True)
 class Pair:
-    """A wrench of side a on side b: where it acts and on whom, at one sample.
+    """A wrench of side a on side b: its place and its links, at one sample.
 
     Attributes:
         name: of the loop or the drive.
@@ -73,7 +73,7 @@ class Sample:
 
     @property
     def scene(self) -> Scene:
-        """What was solved."""
+        """The scene that was solved."""
         return self.result.scene
 
     @property
@@ -83,7 +83,7 @@ class Sample:
         return s.q[self.i], s.v[self.i], s.a[self.i]
 
     def external(self) -> list[pin.Force]:
-        """Return what acts from outside on each link, in its joint's frame."""
+        """Return the external wrench on each link, in its joint's frame."""
         forces = [pin.Force.Zero() for _ in range(self.model.njoints)]
         for applied in self.result.external:
             forces[applied.joint + 1] += pin.Force(applied.wrench[self.i])

@@ -1,4 +1,4 @@
-"""The judge's loads and friction: the formulas of `bearings` and `laws` written out in NumPy."""
+"""The judge's loads and friction: the formulas of `bearings` and `laws` in plain NumPy."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def plain_friction(
         drag += sign * viscous.coefficient * _power(speed, viscous.exponent)
     if speed <= site.law.stick_velocity:
         if rest == (0.0, 0.0) and not any(any(term.at_rest()) for term in friction.terms):
-            return -drag, -drag  # nothing can hold it
+            return -drag, -drag  # no dry friction, so it cannot stick
         return rest[0] - max(drag, 0.0), rest[1] - min(drag, 0.0)
     phi = -sign * _dry(friction, load, sign, speed) - drag
     return (min(rest[0], phi), max(rest[1], phi)) if at_rest else (phi, phi)

@@ -1,8 +1,8 @@
 """The judge's search: all loads that obey z = k + sum |p + P z|, in plain NumPy.
 
-Where the right side contracts, there is exactly one solution (Banach). Else boxes of loads are cut
-until Krawczyk's test shows that each holds none or exactly one (Krawczyk 1969; Moore 1977). Up to
-rounding, that proves how many solutions there are.
+If the right side contracts, there is exactly one solution (Banach). Otherwise boxes of loads are
+cut until Krawczyk's test shows that each contains no solution or exactly one (Krawczyk 1969; Moore
+1977). Up to rounding, this proves the number of solutions.
 """
 
 from __future__ import annotations
@@ -12,15 +12,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-#: Loads up to this many times the largest term are looked at.
+#: Loads up to this many times the largest term are searched.
 _FAR = 1e7
-#: Boxes that one search may look at, and how narrow they may get beside the loads in them.
+#: Largest number of boxes of one search, and their least width relative to the loads in them.
 _MOST_BOXES, _NARROW = 20_000, 1e-10
 #: Singular values this small beside the largest are 0.
 _RANK = 1e-12
 #: Two solutions closer than this, relative to their size, are one.
 _DISTINCT = 1e-6
-#: A box is tested enlarged by this share, so that a solution on a border is inside one of them.
+#: A box is enlarged by this fraction for its test, so that a solution on a border is inside one.
 _MARGIN = 1.05
 #: Passes towards a solution; a residual that stops falling ends them.
 _PASSES = 200
@@ -55,7 +55,7 @@ class Loads:
         return np.asarray(z - self.k - self.forces(z)[1] @ self.owner.T)
 
     def rounding(self, z: np.ndarray) -> np.ndarray:
-        """Return (m, nz) what rounding leaves of the residual."""
+        """Return (m, nz) the rounding error of the residual."""
         terms = np.abs(self.p).sum(axis=2)
         terms = terms + np.einsum("mtej,mj->mt", np.abs(self.P), np.abs(z))
         return np.asarray(_EPS * (np.abs(z) + self.k + terms @ self.owner.T))
@@ -81,7 +81,7 @@ class Loads:
 
 @dataclass(frozen=True)
 class Found:
-    """What a search found of m choices.
+    """Results of a search over m choices.
 
     Attributes:
         choice: (n,) to which each solution belongs. z: (n, nz).

@@ -1,8 +1,8 @@
-"""The judge's own enumeration of one sample: every state of friction, and the ends of the efforts.
+"""The judge's separate enumeration of one sample: all states of friction, and the ends of efforts.
 
-A site that slides has one friction; one that sticks may be at either of its limits; one that
-reverses may have all three. The efforts' ends lie where each site is at one of these. A sticking
-ball's limit is a sphere: its friction is turned towards each end, from several starts.
+A sliding site has one friction; a sticking site may be at either of its limits; a reversing site
+may have all three. The efforts' ends are where each site has one of these. The limit of a sticking
+ball is a sphere: its friction is turned towards each end, from several starts.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from pinfric.dynamics.judge.plain_laws import plain_friction
 from pinfric.dynamics.judge.search import Loads, all_solutions
 from pinfric.dynamics.samples.outcome import Status
 
-#: Up to so many choices of one sample all are tried; beyond, one friction at a time is changed.
+#: Up to this number of choices all are tried; beyond it, one friction at a time is changed.
 _ENUMERATED = 4096
-#: Starts and turns of a sticking ball's friction, and what counts as staying.
+#: Starts and turns of a sticking ball's friction, and the change at which it counts as constant.
 _STARTS, _TURNS, _STAYS = 2, 60, 1e-9
 
 
 @dataclass(frozen=True)
 class SiteLaw:
-    """What the friction of one site can be: alpha + beta load along its direction.
+    """Possible frictions of one site: alpha + beta load along its direction.
 
     Attributes:
         options: (n, 2) alpha, beta: where it slides, at its two limits, at all three.
@@ -43,7 +43,7 @@ class SiteLaw:
 
 @dataclass
 class States:
-    """What is known of a sample once its states were enumerated.
+    """Results of the enumeration of a sample's states.
 
     Attributes:
         lower, upper: (na,) ends of the efforts.
@@ -72,7 +72,7 @@ class States:
         return self.decided and not self.sampled and not self.flipped
 
     def possible(self, status: Status) -> bool:
-        """Say whether a sample with these states can have ended so."""
+        """Return whether a sample with these states can have this status."""
         if status == Status.JAMMED:
             return self.fewest == 0 or self.flipped
         if self.fewest == 0 and self.decided:
@@ -83,7 +83,7 @@ class States:
 
 
 def site_laws(sample: Sample, scale: float) -> list[SiteLaw]:
-    """Return what the friction of each site can be.
+    """Return the possible frictions of each site.
 
     Args:
         sample: `Sample`.

@@ -4,8 +4,8 @@
     a = a_closure + Z (Z^T M Z)^-1 Z^T (push + D^T x),     push = S u - h - M a_closure
     r = D a + dD/dt v = rate_free + rate_slope x,     rate_slope = D Z (Z^T M Z)^-1 Z^T D^T
 
-Z are the motions that loops allow; of a tree Z = 1 and a_closure = 0. Gears on lines that do not
-rise add a row each, see `gearing`.
+Z are the motions that loops allow; for a tree Z = 1 and a_closure = 0. Each gear on a line that
+does not rise adds a row, see `gearing`.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from pinfric.kernels.compiled import kernel
 
 #: Outcomes beside 0: all is written.
 NOT_FINITE, SINGULAR, TOGGLE = 1, 2, 3
-#: A joint whose share in the mechanism's motion is this small stands at its dead centre.
+#: A joint with a share in the mechanism's motion below this is at its dead centre.
 _IDLE = 1e-4
-#: So small a share is none.
+#: A share below this counts as zero.
 _DEAD = 1e-13
 
 
@@ -116,7 +116,7 @@ def _reduce(machine: Machine, given: np.ndarray, d: int, closed: bool) -> bool:
 def _reduce_locking(
     machine: Machine, given: np.ndarray, L: np.ndarray, Y: np.ndarray, closed: bool
 ) -> bool:
-    """Solve for the freedoms and for what gears deliver whose lines do not rise; False: singular.
+    """Solve for the motions and the efforts of gears whose lines do not rise; False: singular.
 
     [L  -Z^T S^T; I S Z  slope] [f; t] = [Y; given - offset - I S a_closure]
 
@@ -259,9 +259,9 @@ def write_given(machine: Machine, effort: np.ndarray) -> None:
 def _add_drag(machine: Machine, step: float) -> None:
     """Let drag d act at the end of the step, d + c (v' - v): M + step D^T c D, given - D^T d.
 
-    c is the secant d/|v| or half the slope of drag, whichever is larger. The secant keeps drag from
-    reversing a motion. Half the slope lets speeds tend to where drag and drive balance, however
-    long the step: near there a step multiplies an error by 1 - slope step / (M + c step).
+    c is the secant d/|v| or half the slope of drag, whichever is larger. The secant prevents drag
+    from reversing a motion. Half the slope makes speeds converge to the balance of drag and drive
+    at any step: near it a step multiplies an error by 1 - slope step / (M + c step).
     """
     M, drag, damping = machine.maps.M, machine.maps.drag, machine.maps.damping
     D, given = machine.kinematics.D, machine.scratch.given

@@ -1,4 +1,4 @@
-"""What forward and inverse dynamics share: reactions and contact forces as maps of friction.
+"""Reactions and contact forces as maps of friction, for forward and inverse dynamics.
 
     w_j = known_j + X_j (friction along actions, y),     A y = B,     p = (map + s map_moved) w
 
@@ -17,7 +17,7 @@ from pinfric.kernels.compiled import kernel
 
 @kernel
 def solve_balance(A: np.ndarray, scale: float, y: np.ndarray, free: np.ndarray) -> int:
-    """Write one solution of A[:, :ny] y = A[:, ny:], and what may be added to it; return the rank.
+    """Write one solution of A[:, :ny] y = A[:, ny:], and its null space; return the rank.
 
     Full pivoting, the paper's choice, finds the rank. A rank below the number of rows: there may be
     no solution.
@@ -79,7 +79,7 @@ def add_reactions(
     y: np.ndarray,
     wrench: np.ndarray,
 ) -> bool:
-    """Add to wrenches what y does, after it was shared where reactions are redundant.
+    """Add to wrenches the effect of y, after y was chosen where reactions are redundant.
 
     Args:
         closure: of the scene.
@@ -114,10 +114,10 @@ def add_reactions(
 def share_redundant(
     given: np.ndarray, among: np.ndarray, free: np.ndarray, inverse_length: float, y: np.ndarray
 ) -> bool:
-    """Add to y (ny, columns) what is free of it so that sum |F|^2 + |M/l|^2 is least.
+    """Choose the free part of y (ny, columns) so that sum |F|^2 + |M/l|^2 is least.
 
-    Over all joints, the loops' too: the choice does not depend on where a loop was cut, and is
-    again affine in friction.
+    The sum is over all joints, including those of loops. So the choice does not depend on where a
+    loop was cut, and it is again affine in friction.
 
     Args:
         given: (n, 6, columns) wrenches of all joints under y as it is.

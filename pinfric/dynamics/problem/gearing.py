@@ -1,14 +1,15 @@
-"""Gears in the friction problem: where a motor's torque is given, what of it reaches the joint.
+"""Gears in the friction problem: the effort at the joint for a given motor torque.
 
-What arrives, u = r T_m - drag - I s'', I = r^2 J_rotor, s' = S v the drive's rate, goes through the
-gear along one of its lines (`drives.gear_line`), u = slope t + offset. So t is affine in a:
+The torque at the gear's input, u = r T_m - drag - I s'', with I = r^2 J_rotor and s' = S v the
+drive's rate, follows one of the gear's lines (`drives.gear_line`), u = slope t + offset. So t is
+affine in a:
 
     t = (r T_m - drag - offset - I (S a + dS/dt v)) / slope
 
-which for slope > 0 is an armature I/slope and an effort, and else (self-locking, the load drives)
-a row of its own. At rest a gear transmits every t with lower(t) <= u <= upper(t): beside the line
-that is used, static limits on the coordinate that it drives. Which line is right shows in the
-solution; where one is not, it is changed and the solve repeated (Newton's method).
+For slope > 0 this is an armature I/slope and an effort; otherwise (self-locking, the load drives)
+it is a separate row. At rest a gear can transmit every t with lower(t) <= u <= upper(t), which
+gives static limits on the coordinate that it drives. The solution shows whether a line was right;
+if not, the line is changed and the solve repeated (Newton's method).
 """
 
 from __future__ import annotations
@@ -21,11 +22,11 @@ from pinfric.friction.law import site_limits
 from pinfric.kernels.compiled import kernel
 from pinfric.model.drives import Gears, gear_drag, gear_line, gear_range, gear_slips
 
-#: An effort beyond its line by this part of the terms it is the sum of is rounding.
+#: An effort beyond its line by this fraction of the terms of its sum is rounding.
 _ROUNDING = 1e-12
-#: So many times all forces no friction can be: a gear does not slip where it cannot.
+#: A friction of this many times all forces is impossible: used where a gear cannot slip.
 _NEVER = 1e9
-#: So many times all forces is a load on the outermost line of a gear.
+#: A load of this many times all forces is on the outermost line of a gear.
 MUCH = 1e6
 #: Passes in which all gears change their lines, and after which none was found.
 FEW_PASSES, MOST_PASSES = 6, 100
@@ -33,7 +34,7 @@ FEW_PASSES, MOST_PASSES = 6, 100
 
 @kernel
 def write_lines(machine: Machine, v: np.ndarray, given: np.ndarray, step: float) -> None:
-    """Write the line that each gear follows, and what it holds at rest.
+    """Write the line that each gear follows, and the efforts that it holds at rest.
 
     Around `lines.delivered`, in the direction `lines.way`; 0 is a gear without losses, which is
     also taken where a line that falls would have to hold what may be at rest.
@@ -115,9 +116,9 @@ def _write_limits(
 
 @kernel
 def held(gears: Gears, d: int, arriving: float, static: bool, near: float) -> tuple[float, float]:
-    """Return the efforts between which a gear at rest holds: those around one, or nearest to it.
+    """Return the interval of efforts that a gear at rest holds: around one, or nearest to it.
 
-    Where load and motor push the same way, a self-locking gear slips only between two efforts.
+    If load and motor push the same way, a self-locking gear slips only between two efforts.
 
     Args:
         gears, d, static: see `drives.gear_slips`.
@@ -137,7 +138,7 @@ def held(gears: Gears, d: int, arriving: float, static: bool, near: float) -> tu
 
 @kernel
 def add_armature(machine: Machine) -> int:
-    """Add what rotors are to M, along lines that rise; return how many gears follow others."""
+    """Add rotor inertias to M along rising lines; return how many gears follow other lines."""
     w, M, S, locking = machine.lines, machine.maps.M, machine.kinematics.S, 0
     for d in range(machine.plan.drives.gears.ratio.size):
         if w.slope[d] <= 0.0:
@@ -238,9 +239,9 @@ def refit(machine: Machine, cautious: bool) -> int:
 
 @kernel
 def gear_margins(machine: Machine, d: int) -> tuple[float, float]:
-    """Return how far the torque that arrives at a gear at rest is above lower(t), below upper(t).
+    """Return the distances of the torque at a gear at rest above lower(t) and below upper(t).
 
-    Each is the largest over all efforts t that the friction beside the gear leaves; below 0 the
+    Each is the largest over all efforts t that the friction beside the gear allows; below 0 the
     gear slips backward or forward. Both are finite and continuous, also where a self-locking gear
     begins to hold any effort.
 

@@ -34,21 +34,21 @@ from pinfric.friction.dense import affine, factorize
 from pinfric.friction.law import slip_law, stick_limits
 from pinfric.kernels.compiled import kernel
 
-#: Which modes `solve_instant` tries: those of the velocities; those in `modes`; the same, but balls
-#: face their motion; those in `modes`, of the state that was assembled last. What has no dry
-#: friction faces its motion in any case.
+#: Modes that `solve_instant` tries: those of the velocities; those in `modes`; the same, with balls
+#: directed against their motion; those in `modes`, for the state that was assembled last.
+#: Coordinates without dry friction are always directed against their motion.
 FREE, GIVEN, TURNED, SETTLED = range(4)
 #: An outcome of `solve_instant`, beside 0 and those of `write_accelerations`: joints stick that may
 #: share their friction, and the caller has to find it.
 NOT_TRIED = 4
 _EPS = float(np.finfo(float).eps)
-#: So many times its inertia something moves little.
+#: Acceleration below this multiple of effort over inertia counts as small.
 _HELD = 1e9
 
 
 @kernel
 def prepare(machine: Machine, v: np.ndarray, effort: np.ndarray, step: float) -> None:
-    """Write what a state is whatever gears do: kinematics, rates, laws. See `assemble`."""
+    """Write kinematics, rates and laws of a state, which gears do not change; see `assemble`."""
     move(machine, v)
     write_laws(machine, step)
     machine.lines.all_forces[0] = np.abs(machine.supply.h).sum() + np.abs(effort).sum()
@@ -80,7 +80,7 @@ def assemble(
             velocity at the end, with viscous friction implicit.
 
     Returns:
-        0, `NOT_FINITE`, `SINGULAR`, or `TOGGLE`: the loops leave more freedoms than elsewhere.
+        0, `NOT_FINITE`, `SINGULAR`, or `TOGGLE`: the loops allow more motions than elsewhere.
     """
     prepare(machine, v, effort, step)
     face_gears(machine)
@@ -132,8 +132,8 @@ def _turn(machine: Machine, balls: bool) -> None:
 def accelerations_under_friction(machine: Machine, a: np.ndarray) -> None:
     """Write accelerations a (nv,) under the friction found.
 
-    Where something sticks, its friction cancels what pushes it. Of the n terms of such a sum each
-    comes from m equations: no more than n m eps times their magnitudes is rounding, and set to 0.
+    At a sticking coordinate friction cancels all other efforts. Each of the n terms of such a sum
+    comes from m equations, so up to n m eps times their magnitudes is rounding, and is set to 0.
     """
     a_map, m = machine.maps.acceleration, machine.modes
     x = m.friction

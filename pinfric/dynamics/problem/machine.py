@@ -1,4 +1,4 @@
-"""What the kernels of forward dynamics read and write: a plan, Pinocchio's figures, buffers."""
+"""Tables and buffers of the kernels of forward dynamics: plan, Pinocchio's figures, results."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from pinfric.model.twin import Twin
 
 
 class Tree(NamedTuple):
-    """The tree's joints with one payload, nj joints, and the nf motions that they can do.
+    """The tree's nj joints with one payload, and their nf motions.
 
     Attributes:
         parent: (nj,) the joint that carries each, -1: the ground.
-        mass: (nj,) of all that each joint carries (kg).
+        mass: (nj,) of all links that each joint carries (kg).
         gravity: (3,) m/s^2.
         armature: (nv,) rotor inertia reflected to the joints.
-        first_freedom: (nj + 1,) where each joint's freedoms begin, one after the other.
-        freedom_velocity, freedom_ratio: (nf,) which velocity, times what.
+        first_freedom: (nj + 1,) index of each joint's first motion.
+        freedom_velocity, freedom_ratio: (nf,) column of the velocity, and factor.
         freedom_axis: (nf, 6) unit motion in the joint's child frame, linear first.
         unit_first, unit_count: (nu,) where in q the parts of length 1 begin, how long they are.
     """
@@ -66,7 +66,7 @@ class Supply(NamedTuple):
 
 
 class Kinematics(NamedTuple):
-    """How things move at one state, in world axes.
+    """Kinematics of one state, in world axes.
 
     Attributes:
         R, p, velocity, acceleration: (1, nj, ...), of the links (`relate_pairs`).
@@ -96,7 +96,7 @@ class Kinematics(NamedTuple):
 
 
 class AffineMaps(NamedTuple):
-    """Everything of one state as a function of friction, [..., 0] + [..., 1:] x, and its means.
+    """All quantities of one state as functions of friction, [..., 0] + [..., 1:] x.
 
     Attributes:
         acceleration: (nv, 1 + nc). multiplier: (nl, 1 + nc). wrench: (nr, 6, 1 + nc).
@@ -107,7 +107,7 @@ class AffineMaps(NamedTuple):
         factor: (nv, nc) A of rate_slope = A^T A, its first d rows; 0 with lines that do not rise.
         push, push_terms: (nv,) S u - h - M a_closure; size of S u and h.
         idle: (nc,) whether a joint is near its dead centre.
-        drag, damping: (nc,) of a time step: what opposes it now, and per unit of it at the end.
+        drag, damping: (nc,) of a time step: drag now, and its change per unit of speed at the end.
     """
 
     acceleration: np.ndarray
@@ -153,10 +153,10 @@ class GearLines(NamedTuple):
 
 
 class Solution(NamedTuple):
-    """What follows from the friction that was found.
+    """Results that follow from the friction that was found.
 
     Attributes:
-        a, effort: (nv,), (na,) accelerations, and what drives deliver.
+        a, effort: (nv,), (na,) accelerations, and efforts of the drives.
         multiplier: (nl,) forces that close loops.
         least, most: (nc,) static limits of the friction x.
         phi, load, wrench: (ns,), (ns,), (ns, 6) friction, load and wrench of each site.
@@ -188,7 +188,7 @@ class Scratch(NamedTuple):
 
 
 class Machine(NamedTuple):
-    """All that the kernels of one scene work on, as one argument; buffers follow `supply`."""
+    """All tables and buffers of one scene's kernels, as one argument; buffers follow `supply`."""
 
     plan: Plan
     tree: Tree

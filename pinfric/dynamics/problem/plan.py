@@ -1,10 +1,10 @@
-"""Where everything of a scene stands: drives, sites of friction, coordinates, contacts, closure.
+"""Indices of a scene's parts in arrays: drives, sites of friction, coordinates, contacts, closure.
 
-A tree is a linkage without loops: its actions are none. Friction acts on *coordinates*, relative
+A tree is a linkage without loops and actions. Friction acts on *coordinates*, which are relative
 velocities: of a joint of the tree (a mimic's sites share their leader's) or along an action of a
-loop's joint or of a cylinder. A site has one *entry* in the problem, a ball three, one along each
-axis of frame b. Where motors drive, a gear that loses has one, too, on the coordinate that it
-drives: what keeps it from moving at rest.
+loop's joint or of a cylinder. A site has one *entry* in the problem; a ball has three, one along
+each axis of frame b. If motor torques are given, a gear with losses also has an entry, on the
+coordinate that it drives, for its static friction.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from pinfric.model.scene import Scene
 
 
 class Drives(NamedTuple):
-    """What drives a scene, na drives.
+    """The na drives of a scene.
 
     Attributes:
         velocity_index, action: (na,) velocity of each drive, its action; -1 where it has none.
@@ -51,7 +51,7 @@ class Drives(NamedTuple):
 
 
 class Sites(NamedTuple):
-    """Where friction acts, ns sites.
+    """The ns sites of friction.
 
     Attributes:
         joint: (ns,) row of each site's joint: of the tree, then of loops, then of cylinders.
@@ -120,7 +120,7 @@ class Coordinates(NamedTuple):
 
 
 class ContactForces(NamedTuple):
-    """How contact forces follow from wrenches, nt forces, nr wrenches that are wanted.
+    """The nt contact forces as functions of nr wrenches.
 
     Attributes:
         joint: (nr,) the joints whose wrenches are wanted; where reactions are shared, all of the
@@ -176,7 +176,7 @@ class Closure(NamedTuple):
 
 
 class Plan(NamedTuple):
-    """A scene as numbers; nothing in it changes."""
+    """A scene as constant arrays."""
 
     drives: Drives
     sites: Sites
@@ -230,8 +230,8 @@ def make_plan(scene: Scene, motors: bool = False) -> Plan:
 def make_inverse_plan(scene: Scene) -> Plan:
     """Number the parts of a scene for inverse dynamics.
 
-    On what no drive moves there is an imagined one, after its own: a motion that the scene can do
-    needs none of them. Each contact force loads its site.
+    Each undriven coordinate gets an imaginary drive, after the scene's own drives. A possible
+    motion needs no effort of these. Each contact force loads its site.
     """
     plan, undriven = make_plan(scene), np.array(scene.mobility.undriven, dtype=np.int64)
     site = scene.site_tables.contacts.site
@@ -258,7 +258,7 @@ def make_inverse_plan(scene: Scene) -> Plan:
 def inverse_plan(scene: Scene) -> KernelArgument[Plan]:
     """Return the plan of inverse dynamics, made at first; it lives in the scene's twin.
 
-    Scenes that differ in friction alone may share a twin: the last one asked for has its plan.
+    Scenes that differ only in friction may share a twin; the last one used has its plan.
     """
     pools = scene.twin().pools
     known, argument = pools.get("inverse plan", (None, None))

@@ -1,4 +1,4 @@
-"""How a state moves: motions and momenta of freedoms, mass matrix, rates of coordinates, laws.
+"""Kinematics of a state: motions and momenta, mass matrix, rates of coordinates, friction laws.
 
     M = S^T I S + armature,     s' = S v of the drives,     rate = D v of the coordinates
 
@@ -61,8 +61,8 @@ def _move_freedoms(machine: Machine) -> None:
 def write_mass_matrix(machine: Machine) -> None:
     """Write M = S^T I S + armature.
 
-    Not `data.M`: `crba` takes for granted that joints are numbered depth first, which models made
-    in Python need not be.
+    `data.M` is not used, because `crba` assumes that joints are numbered depth first, which is not
+    always true for models made in Python.
     """
     t, M = machine.tree, machine.maps.M
     S, A = machine.kinematics.motion, machine.kinematics.momentum
@@ -241,6 +241,6 @@ def relate(machine: Machine, v: np.ndarray) -> None:
 
 @kernel
 def move(machine: Machine, v: np.ndarray) -> None:
-    """Write all that depends on the motion alone: freedoms, pairs, and rates."""
+    """Write all quantities that depend only on the motion: joint motions, pairs and rates."""
     _move_freedoms(machine)
     relate(machine, v)

@@ -1,8 +1,8 @@
-"""What kernels read of Pinocchio's data: views of its figures at one state.
+"""Pinocchio's figures at one state, as views for the kernels.
 
-Pinocchio keeps poses, velocities and wrenches of all joints one behind the other. Views of these
-arrays stay live, so that nothing is copied from one state to the next; where a build of Pinocchio
-lays them out otherwise, they are copied after every call.
+Pinocchio stores poses, velocities and wrenches of all joints contiguously. Views of these arrays
+stay valid, so nothing is copied from one state to the next. If a build of Pinocchio has another
+memory layout, they are copied after every call.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _WORLD = pin.Convention.WORLD
 
 
 class Supplier:
-    """Pinocchio's figures of one robot at the state asked for last.
+    """Pinocchio's figures of one robot at the last state.
 
     Attributes:
         model, data: of Pinocchio.
@@ -57,7 +57,7 @@ class Supplier:
                 self._subtract(wrench.joint, wrench.wrench[0])
 
     def balance(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> None:
-        """Compute the wrenches and, in `h`, the efforts that a motion takes without friction."""
+        """Compute the wrenches and, in `h`, the efforts of a motion without friction."""
         pin.rnea(self.model, self.data, q, v, a)
         if self._copies:
             self._copy()

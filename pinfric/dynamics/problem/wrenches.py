@@ -25,7 +25,7 @@ from pinfric.kernels.compiled import kernel
 
 @kernel
 def _accelerate(machine: Machine) -> None:
-    """Write what W_j a is the sum of, columns as of the maps, about the world's origin.
+    """Write the terms of W_j a, with the columns of the maps, about the world's origin.
 
     The acceleration of joint j's link, and the momenta of the freedoms that it carries.
     """
@@ -87,7 +87,7 @@ def _write_tree_wrench(machine: Machine, row: int, j: int) -> None:
 
 @kernel
 def _write_known_wrenches(machine: Machine) -> None:
-    """Write the wrenches wanted as maps of friction, all but the multipliers' part."""
+    """Write the required wrenches as maps of friction, without the multipliers' part."""
     drives, joint = machine.plan.drives, machine.plan.contacts.joint
     action = machine.plan.coordinates.action
     G, X, delivered = machine.maps.wrench, machine.kinematics.X, machine.maps.delivered
@@ -112,7 +112,7 @@ def _write_known_wrenches(machine: Machine) -> None:
 
 @kernel
 def _balance(machine: Machine, free: np.ndarray) -> int:
-    """Write multipliers as a map of friction, and what may be added to them; return their rank.
+    """Write multipliers as a map of friction, and their null space; return their rank.
 
     Args:
         machine: accelerations are written.

@@ -1,4 +1,4 @@
-"""Motions of scenes with loops: are they consistent, and what the independent joints determine.
+"""Motions of scenes with loops: check of consistency, and solution from independent joints.
 
     Phi(q) = 0,   J_c v = 0,   J_c a + Jdot_c v = 0;      v = [v_d; v_i],  v_d = -J_d^-1 J_i v_i
 
@@ -32,7 +32,7 @@ from pinfric.model.couples import drive_rates
 from pinfric.model.loops import CYLINDER, Linkage
 from pinfric.model.scene import Scene, expect_scene
 
-#: Velocities and accelerations may violate a loop by this part of the terms that should cancel.
+#: Velocities and accelerations may violate a loop by this fraction of the terms that cancel.
 _MOTION = 1e-6
 #: Samples per batch.
 _BATCH = 512
@@ -51,7 +51,7 @@ class PairRates:
 
 
 def pair_rates(scene: Scene, states: States, part: slice, checked: slice) -> PairRates:
-    """Return the rates along all actions, and refuse motions that loops or cylinders cannot do.
+    """Return the rates along all actions, and refuse motions that loops or cylinders prevent.
 
     Args:
         scene: with a linkage.
@@ -133,7 +133,7 @@ def _check(
 
 
 def working_rates(scene: Scene, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the velocities that efforts and friction work on.
+    """Return the velocities with which efforts and friction do work.
 
     Args:
         scene: with or without loops.
@@ -205,8 +205,8 @@ def consistent_motion(
         v, a: (T, nv).
 
     Raises:
-        SceneError: a name that is not there. StateError: not real numbers.
-        ClosureError: they leave a motion open, or contradict a loop; says at which sample.
+        SceneError: an unknown name. StateError: not real numbers.
+        ClosureError: the joints do not determine the motion, or contradict a loop (with sample).
     """
     expect_scene(scene, "consistent_motion")
     linkage, twin = scene.linkage, scene.twin()
@@ -268,7 +268,7 @@ def complete_configurations(
 ) -> np.ndarray:
     """Return closed configurations (T, nq) in which the independent joints are as given.
 
-    One after the other, each from the one before: a trajectory stays in one assembly.
+    Each configuration starts from the one before, so a trajectory stays in one assembly.
 
     Args:
         scene: with loops.
@@ -277,7 +277,7 @@ def complete_configurations(
         q: (T, nq); only the entries of the independent joints matter.
 
     Raises:
-        ClosureError: some sample cannot close; says which and how far apart the frames stay.
+        ClosureError: a sample cannot close; gives the sample and the remaining distance.
     """
     linkage, twin, model = scene.linkage, scene.twin(), scene.model
     assert linkage is not None

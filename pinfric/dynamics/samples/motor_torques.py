@@ -1,4 +1,4 @@
-"""What the motors of a motion must give for the efforts that their drives deliver."""
+"""Motor torques of a motion from the efforts of the drives."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def motor_torques(
     velocity: np.ndarray,
     acceleration: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return (T, na) least and greatest motor torque; the efforts themselves where no gear is.
+    """Return (T, na) least and greatest motor torque; without a gear these are the efforts.
 
     T_m = effort / (r efficiency) + motor_viscous + r J_rotor a, see `drives.motor_torque_bounds`.
 
@@ -60,7 +60,7 @@ def scene_gears(scene: Scene) -> Gears:
 
 
 def drive_stick_velocity(scene: Scene, drive: Drive) -> float:
-    """Return that of the site that moves as the drive does, else the scene's default."""
+    """Return the stick velocity of the drive's site, else the scene's default."""
     moved = drive.name
     if isinstance(drive, OffJointDrive) and scene.linkage is not None:
         pair = int(scene.linkage.column_pair[drive.column])

@@ -1,4 +1,4 @@
-"""What inverse dynamics finds: the arrays of a motion, how each sample ended, single solutions."""
+"""Results of inverse dynamics: arrays of a motion, status of each sample, single solutions."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Solution:
 class SolvedMotion:
     """Efforts, friction and reactions along a motion; samples first, SI units.
 
-    The ends of the intervals of different drives are each attained, but not all at one instant.
+    Each end of a drive's interval can occur, but those of several drives not always at once.
 
     Attributes:
         scene, states, external: what was solved.
@@ -60,12 +60,12 @@ class SolvedMotion:
         motor_torque_lower, motor_torque_upper: (T, na) at the motors' shafts (N m; for an ideal
             drive without a transmission: the effort itself).
         sticking: (T, ns) the site's speed is at most its stick velocity.
-        reversal: (T, ns) the site passes through rest beside this sample.
-        normal_load: (T, ns) load c its friction acts on (N m about its axis, N along it).
+        reversal: (T, ns) the site passes through rest next to this sample.
+        normal_load: (T, ns) load c of its bearing (N m about its axis, N along it).
         friction_lower, friction_upper: (T, ns) friction of the parent on the child, along the
             joint's positive direction.
         wrench: (T, ns, 6) force and moment the parent transmits to the child, in the child's joint
-            frame, linear first; None where nothing in the scene looks at reactions
+            frame, linear first; None if nothing in the scene depends on reactions
             (`joint_wrenches` gives them for any scene).
         iterations: (T,) passes of the coupled solve; 0 in an open chain with joint drives.
         contraction: (T,) its certificate: below 1 the solution is unique; 0 without coupling.
@@ -76,13 +76,13 @@ class SolvedMotion:
             (a search by single flips), a coupled ball sticks, or a sample has several solutions;
             and, with loops, cylinders or forces, where something sticks and a joint has no drive:
             there they are bounds, since friction balances that joint, too.
-        redundant: the loops close more directions than are independent: reactions are those of
-            least sum of |F|^2 + |M/l|^2 over all joints.
+        redundant: the loops have redundant constraints; of all reactions those with the least sum
+            of |F|^2 + |M/l|^2 over all joints are returned.
         actuator_velocity, actuator_acceleration: (T, na) of what each drive moves (rad/s or m/s,
             and per second).
 
-    With loops, cylinders or forces, wrenches, multipliers and loads depend on the friction: where
-    something sticks they are those of the state in which what sticks has none.
+    With loops, cylinders or forces, wrenches, multipliers and loads depend on friction. At samples
+    where joints stick, they are those of the state in which these joints have no friction.
     """
 
     scene: Scene

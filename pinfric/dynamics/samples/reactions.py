@@ -25,7 +25,7 @@ _SHARED_CHUNK = 1024
 
 @dataclass(frozen=True)
 class AppliedWrench:
-    """A wrench on the robot from outside.
+    """An external wrench on the robot.
 
     Attributes:
         joint: row of the joint whose child link it acts on; -1 is the ground.
@@ -109,7 +109,7 @@ def reactions(
 ) -> None:
     """Write w = RNEA_twin(q, E v, E a) of one batch into `batch.wrench` (paper eq. 17).
 
-    A robot too large to open is asked sample by sample: the wrenches are then Pinocchio's `data.f`.
+    For a robot too large to open, the wrenches are Pinocchio's `data.f`, sample by sample.
     """
     embedding = q, v, a, twin.embedding, batch.q, batch.v, batch.a
     if threads == 1:
@@ -131,7 +131,7 @@ def reactions(
 def subtract_external_wrenches(
     twin: Twin, applied: Sequence[AppliedWrench], part: slice, batch: Batch
 ) -> None:
-    """Subtract what acts from outside from the joints that carry it."""
+    """Subtract external wrenches from the joints that carry them."""
     for wrench in applied:
         transmit(wrench.wrench[part], wrench.joint, *tree_tables(twin), batch.q, batch.wrench)
 
@@ -184,7 +184,7 @@ def _frame(scene: Scene, name: str) -> pin.Frame:
 def constant_payloads(
     scene: Scene, states: States, whole: slice, size: int
 ) -> Iterator[tuple[slice, Twin]]:
-    """Cut `whole` into batches of constant payload, with the twin that carries it."""
+    """Cut `whole` into batches of constant payload, each with its twin."""
     for start, stop, carried in states.phases(scene):
         for part in slices(max(start, whole.start), min(stop, whole.stop), size):
             yield part, scene.twin(carried)

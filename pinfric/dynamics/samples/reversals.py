@@ -9,10 +9,10 @@ from pinfric.dynamics.samples.threaded import reversals_in_parts, team
 
 
 def reversals(velocity: np.ndarray, stick_velocity: np.ndarray, threads: int = 1) -> np.ndarray:
-    """Return at which samples a velocity changes sign beside them.
+    """Return the samples next to which a velocity changes sign.
 
-    Of the two samples around a sign change the slower one is marked (the earlier if equal); where
-    one of them sticks already, its interval covers the passage and nothing is marked.
+    Of the two samples around a sign change the slower one is marked (the earlier if equal). If one
+    of them sticks already, its interval covers the passage and nothing is marked.
 
     Args:
         velocity: (T, ns), rad/s or m/s.

@@ -1,4 +1,4 @@
-"""States of motion as the dynamics take them: checked once, samples first."""
+"""Checked states of a motion for the dynamics, one row per sample."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pinfric.model.scene import Scene
 
 
 class MotionLike(Protocol):
-    """What has a motion to analyse: a `Trajectory`, a simulated `Motion`."""
+    """An object with a motion: a `Trajectory`, a simulated `Motion`."""
 
     @property
     def t(self) -> np.ndarray:  # noqa: D102

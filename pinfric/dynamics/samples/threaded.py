@@ -1,11 +1,11 @@
 """Kernels of inverse dynamics on several threads: each thread takes a part of the samples.
 
-Pinocchio's batch holds Python's lock, so threads of Python could not share a motion. numba's loops
-run in the same OpenMP as Pinocchio's and find its threads waiting. Each sample is computed as on
-one thread: results are the same to the last bit.
+Pinocchio's batch holds Python's lock, so Python threads could not share a motion. numba's loops run
+in the same OpenMP as Pinocchio's and use its waiting threads. Each sample is computed as on one
+thread: results are the same to the last bit.
 
-OpenMP's threads do not survive a fork: a child that asks for several is ended by it, or waits for
-ever. So a process that was forked after its parent had used several works on one.
+OpenMP's threads do not survive a fork: a child process that uses several of them is ended or waits
+forever. So a process that was forked after its parent had used several threads works on one.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Motions in time.
+"""Simulation of motions in time.
 
-`simulate` checks what is asked and chooses the method: `event` stops where a joint sticks or breaks
-away, found by `crossing`; `timestepping` takes fixed steps; `regularized` smooths friction. They
-share `integration` (state and pieces between breakpoints) and `system` (efforts and accelerations).
-`recorder` writes down what happens, `motion` is what the user gets, `motion_file` keeps it.
+`simulate` checks the arguments and chooses the method: `event` stops where a joint sticks or breaks
+away, which `crossing` locates; `timestepping` takes fixed steps; `regularized` smooths friction.
+All use `integration` (state, pieces between breakpoints) and `system` (efforts, accelerations).
+`recorder` records samples and events, `motion` is the result, `motion_file` reads it from a file.
 """

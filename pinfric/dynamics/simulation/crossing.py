@@ -1,4 +1,4 @@
-"""Where a guard first falls below zero within a step, grazing included."""
+"""The first time in a step at which a guard function falls below zero, including grazing."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ def first_crossing(
 ) -> float | None:
     """Return the first time at which a guard falls below zero, or None.
 
-    Only what falls below -slack counts, but it is located at zero. Between two positive values a
-    dip is looked for where the values' second differences leave room for one. A guard that is
-    below from the start fires there.
+    Only a fall below -slack counts, but it is located at zero. Between two positive values a dip is
+    searched for if the second differences allow one. A guard that is below zero at the start
+    triggers there.
 
     Args:
         guard: of time; continuous, or with jumps, which are located too.

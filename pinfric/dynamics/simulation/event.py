@@ -1,9 +1,9 @@
 """Simulation with located events: the reference among the three methods.
 
-Within a phase nothing changes its mode, the motion is smooth and SciPy's Dormand-Prince 8(5,3)
-integrates it. Guards are watched on its polynomials: the velocity of what slips, the distance of
-friction from its static limits where something sticks. At a located instant the modes are searched
-anew, a guard that was just handled does not fire again, and the integration starts afresh.
+Within a phase no joint changes its mode, the motion is smooth and SciPy's Dormand-Prince 8(5,3)
+integrates it. Guards are evaluated on its polynomials: the velocity of slipping joints, and the
+distance of sticking joints' friction from its static limits. At a located instant the modes are
+searched again, a guard that was just handled does not trigger again, and the integration restarts.
 """
 
 from __future__ import annotations
@@ -322,7 +322,7 @@ class EventIntegration(Integration):
         if len(self.recent) > self.settings.max_events:
             raise SimulationError(
                 f"more than {self.settings.max_events} changes between stick and slip until "
-                f"t = {self.t:.9g} s; is that wanted? then raise `max_events`"
+                f"t = {self.t:.9g} s; if this is intended, raise `max_events`"
             )
         if len(self.recent) < _MANY:
             return

@@ -1,4 +1,4 @@
-"""What the integrators share: the state they integrate, where it begins, where pieces of it end."""
+"""Common base of the integrators: state, start, and the ends of pieces between breakpoints."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pinfric.dynamics.simulation.system import Chart, Settings, System, differen
 def begin(
     system: System, record: Recorder, q: np.ndarray, v: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Record t = 0; return the state with exactly 0 where a coordinate is slow: it stands there."""
+    """Record t = 0; return the state with velocities set to exactly 0 where coordinates stick."""
     ws = system.ws
     speed = ws.mechanism.speeds(ws.constraints.rates(q, v))
     v = ws.constraints.stop(

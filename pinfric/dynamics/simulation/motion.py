@@ -1,4 +1,4 @@
-"""A simulated motion: samples, events, stick intervals, and the way to a file and back."""
+"""A simulated motion: samples, events, stick intervals, energy, and writing to a file."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ _MORE = ".summary() .plot() .to_dataframe() .stick_intervals() .energy() .sample
 
 @described
 class Event:
-    """Something that happened at an instant."""
+    """An event at an instant."""
 
     time: float = quantity("when", "s", "time", "{time:.6f}")
     name: str = quantity("the site or joint", heading="joint", name=True)
@@ -75,14 +75,14 @@ class Event:
 
 @dataclass(frozen=True)
 class Energy:
-    """Where the energy went, J: work = change + sum(friction_loss) + sum(gear_loss) + `residual`.
+    """Energy balance, J: work = change + sum(friction_loss) + sum(gear_loss) + `residual`.
 
     Attributes:
         work: of the drives' efforts; of the motors' torques where those were given.
         change: of kinetic and potential energy, of rotors, too, where motors drive.
         friction_loss: (ns,) heat at each site.
         gear_loss: (na,) heat in each gear and its motor; 0 where efforts were given.
-        residual: what the integration left over.
+        residual: the error of the integration.
     """
 
     work: float
@@ -94,9 +94,9 @@ class Energy:
 
 @dataclass(frozen=True, eq=False)
 class Motion(Shown):
-    """A motion as `simulate` returns it; samples first, SI units.
+    """The result of `simulate`; one row per sample, SI units.
 
-    At an instant where modes change there is one sample, with what holds after the change.
+    At an instant where modes change there is one sample, with the values after the change.
 
     Attributes:
         scene: what was simulated.
@@ -104,7 +104,7 @@ class Motion(Shown):
         t: (T,) s.
         q, v, a: (T, nq), (T, nv), (T, nv); v and a exactly 0 where a joint sticks (not by
             `regularized`, which has no stick).
-        effort: (T, na) N m or N at the joints: given, or what gears leave of `motor_torque`.
+        effort: (T, na) N m or N at the joints: given, or `motor_torque` after the gears' losses.
         modes: (T, ns) -1, 0, 1: slips backward, sticks, slips forward.
         friction, normal_load: (T, ns), see `Instant`.
         events: in the order of time.
@@ -163,7 +163,7 @@ class Motion(Shown):
 
     @property
     def given(self) -> str:
-        """What drives were given: "effort" or "motor_torque"."""
+        """The input of the drives: "effort" or "motor_torque"."""
         return "effort" if self.motor_torque is None else "motor_torque"
 
     @property
@@ -209,7 +209,7 @@ class Motion(Shown):
         if self.dense is None:
             raise StateError(
                 f"this motion cannot be sampled at other times (method {self.method!r}, or read "
-                "from a file); take its samples, or simulate with a smaller `sample_step`"
+                "from a file); use its samples, or simulate with a smaller `sample_step`"
             )
         if not ((times >= self.t[0]) & (times <= self.t[-1])).all():
             raise StateError(f"sample: times outside {self.t[0]:g} to {self.t[-1]:g} s")

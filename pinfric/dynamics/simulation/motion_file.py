@@ -1,4 +1,4 @@
-"""A motion back from its file: what is damaged or does not fit the scene is refused."""
+"""Read a motion from its file; damaged files and motions of other scenes are refused."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from pinfric.model.yamlfile import brief, brief_path
 
 
 class _About(Entry):
-    """What stands in the file beside the arrays."""
+    """The contents of the file beside the arrays."""
 
     format: int
     method: Literal["event", "timestepping", "regularized"]
@@ -96,7 +96,7 @@ def _contents(path: Path, where: str) -> tuple[Any, dict[str, Any]]:
 
 
 def _problems(scene: Scene, about: _About, arrays: dict[str, Any]) -> list[str]:
-    """What of the file cannot be a motion of the scene: shapes, values, names."""
+    """Shapes, values and names in the file that do not fit the scene."""
     model, sites = scene.model, len(scene.sites)
     samples, phases = len(np.atleast_1d(arrays["t"])), len(np.atleast_1d(arrays["phase_modes"]))
     widths = {

@@ -1,4 +1,4 @@
-"""What an integrator writes down while it runs."""
+"""Records samples, events and phases of a running simulation."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pinfric.errors import RollMomentError
 from pinfric.friction.modes import Modes
 from pinfric.model.scene import Scene
 
-#: So far beyond its range (rad or m) a joint still stands at its end: rounding.
+#: A joint beyond its range by less than this (rad or m) is still at its end, to rounding.
 _AT_LIMIT = 1e-9
 
 #: (t, q, v, a, effort, modes, friction, normal_load, motor torque) at one time.

@@ -1,10 +1,10 @@
-"""Simulation with regularized friction, as others do it: for comparison.
+"""Simulation with regularized friction, the method of many other tools, for comparison.
 
     x = -tanh(v / velocity) (mu(v) c + coulomb(v)) - drag
 
-Smooth, so one stiff solver (SciPy's Radau) runs through; but nothing ever sticks: a load that
-static friction would hold creeps at v = velocity artanh(load / limit), and the limit is the sliding
-one, since at rest there is no friction at all.
+The equations are smooth, so one stiff solver (SciPy's Radau) integrates them without events. But
+joints never stick: a load that static friction would hold creeps at
+v = velocity artanh(load / limit), with the limit of kinetic friction.
 """
 
 from __future__ import annotations

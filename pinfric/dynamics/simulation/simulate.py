@@ -26,11 +26,11 @@ from pinfric.errors import AccelerationError, SimulationError, StateError, choos
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, LONGEST_TIME, SMALLEST, impossible
 from pinfric.model.scene import Scene, expect_scene
 
-#: A run that takes longer than this (s) shows its progress, where somebody watches.
+#: A run that takes longer than this (s) shows its progress on a terminal.
 _PATIENCE = 2.0
 #: The finest relative tolerance that an integrator can keep: a hundred times rounding.
 _FINEST = 100 * np.finfo(float).eps
-#: More steps would take days and more memory than there is.
+#: More steps would take days and too much memory.
 _MOST_STEPS = 1e9
 #: The same for the longest step of an integrator: each has six right-hand sides.
 _MOST_SHORT_STEPS = 1e7
@@ -45,15 +45,15 @@ _READ = {
 
 
 class Numbers(TypedDict, total=False):
-    """The numbers that `simulate` takes by name; one that the method does not read is an error.
+    """Numerical options of `simulate`; an option that the method does not use is an error.
 
     Attributes:
         rtol, atol: tolerances of `event` and `regularized` (rad, m, and per second); 1e-8, 1e-10.
         dt: step of `timestepping` (s); 1e-3.
-        sample_step: of all: time between samples (s); None gives 1001 of them. `event` adds one at
-            every event; `timestepping` takes the nearest step.
-        max_step: longest step of `event` and `regularized` (s); None gives t_end / 4, t_end / 50
-            for an effort function: a change that lasts less than a sixth of it may go unnoticed.
+        sample_step: time between samples of all methods (s); None gives 1001 samples. `event` adds
+            one at every event; `timestepping` takes the nearest step.
+        max_step: longest step of `event` and `regularized` (s); None gives t_end / 4, or t_end / 50
+            for an effort function: a change that lasts less than a sixth of it may be missed.
         regularization_velocity: of `regularized` (rad/s or m/s); 1e-3.
         max_events: of `event`; more are an error; 100 000.
     """
@@ -87,8 +87,8 @@ def simulate(
     M a + h = u + D phi in time (paper eq. 16, 20, 21). `event`: the modes change at located
     instants, the reference. `timestepping`: Moreau and Jean's scheme, fixed steps, friction
     impulses implicit, first order, exact standstill. `regularized`: mu(v) smoothed by
-    tanh(v / velocity), a stiff solver; creeps where the others stand still, and knows no static
-    friction.
+    tanh(v / velocity) and a stiff solver; joints creep where the other methods hold them, and there
+    is no static friction.
 
     Args:
         scene: the robot with its friction and drives.
@@ -99,20 +99,20 @@ def simulate(
         t_end: s; None: the scene's own.
         method: `event`, `timestepping` or `regularized`.
         motor_torque: in place of `effort`, at the motors' shafts (N m), see `forward_dynamics`.
-        breakpoints: times (s) at which an effort function jumps or bends; tables know theirs.
+        breakpoints: times (s) at which an effort function or its slope jumps; not for tables.
         external: frame name -> (6,) constant wrench on it, in its axes at its origin (N, N m).
         attached: names of the payloads carried; None takes those attached by default.
-        progress: function of t, called at every step; True shows a bar, False never; None shows
-            one on a terminal where the run takes longer than two seconds.
+        progress: function of t, called at every step; True shows a bar, False does not; None shows
+            one on a terminal if the run takes longer than two seconds.
         numbers: rtol, atol, dt, sample_step, max_step, regularization_velocity, max_events; see
             `Numbers`.
 
     Raises:
-        SimulationError: an argument that cannot be, an effort function that raises, an integration
-            that cannot go on. StateError: q0, v0 of a wrong shape or not finite.
-        AccelerationError: none, several, undecided or a jam, with time and state. Until then there
-            is the error's `motion`; after Ctrl-C it is returned, status `interrupted`
-            (before the first sample the interrupt goes on).
+        SimulationError: an invalid argument, an effort function that raises, an integration that
+            cannot continue. StateError: q0, v0 of a wrong shape or not finite.
+        AccelerationError: none, several, undecided or a jam, with time and state. The error's
+            `motion` is the motion until then. After Ctrl-C the motion until then is returned, with
+            status `interrupted` (before the first sample the interrupt is raised).
 
     >>> import pinfric as pf
     >>> scene = pf.load_scene("pendulum")
@@ -134,7 +134,7 @@ def simulate(
 
 
 def _read(scene: Scene, method: str, t_end: float | None, numbers: Numbers) -> Settings:
-    """Return the settings; refuse an unknown number, and one that the method would ignore."""
+    """Return the settings; refuse unknown options, and those that the method does not use."""
     if unknown := numbers.keys() - Numbers.__annotations__.keys():
         raise TypeError(f"simulate() got an unexpected keyword argument {min(unknown)!r}")
     settings = _settings(method, _end(scene, t_end), **numbers)
@@ -157,7 +157,7 @@ def _end(scene: Scene, t_end: float | None) -> float:
 
 
 def _longest_step(effort: Effort, method: str, t_end: float) -> float:
-    """Longest step (s): short enough to see what efforts do, as far as that is known."""
+    """Longest step (s), short enough to resolve the efforts, as far as they are known."""
     step = t_end / 50 if effort.finest is None else min(t_end / 4, effort.finest)
     _check_steps(method, "efforts that change within", step, t_end)
     return step
@@ -175,7 +175,7 @@ def _check_steps(method: str, what: str, step: float | None, t_end: float) -> No
 def _run(
     method: str, system: System, settings: Settings, record: Recorder, q: np.ndarray, v: np.ndarray
 ) -> Motion:
-    """Integrate; what is recorded until the user or a problem ends that is not lost."""
+    """Integrate; keep the recorded motion if the user or an error ends the run."""
     try:
         if method == "event":
             EventIntegration(system, settings, record).run(q, v)

@@ -1,4 +1,4 @@
-"""What every integrator needs of a scene: coordinates to integrate in, efforts, accelerations."""
+"""A scene for integrators: coordinates for the integration, efforts, accelerations."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class Chart:
         return np.asarray(np.linalg.solve(J, v))
 
     def is_far(self, xi: np.ndarray) -> bool:
-        """Whether a rotation is so far from `base` that it is time to move it."""
+        """Whether a rotation is so far from `base` that `base` must be moved."""
         return bool(self.local.size) and bool(np.abs(xi[self.local]).max() > 1.0)
 
     def moved(self, xi: np.ndarray) -> tuple[Chart, np.ndarray]:
@@ -95,7 +95,7 @@ def difference(model: pin.Model, start: np.ndarray, end: np.ndarray) -> np.ndarr
 
 @dataclass(frozen=True)
 class Settings:
-    """How a simulation is run; see `simulate`. `look`: longest time between looks at guards (s)."""
+    """Settings of a simulation; see `simulate`. `look`: longest time between guard checks (s)."""
 
     t_end: float
     rtol: float
@@ -112,7 +112,7 @@ class System:
     """A scene with its efforts: the right-hand side of every integrator.
 
     Attributes:
-        ws: buffers of its own: an effort function may call `forward_dynamics` in between.
+        ws: its own buffers, because an effort function may call `forward_dynamics`.
         evaluations: right-hand sides computed.
         u: (na,) efforts at the last one; torques of motors times their ratios, where they drive.
     """
@@ -124,10 +124,9 @@ class System:
         self._window = -np.inf, np.inf
 
     def within(self, start: float, end: float, jumps: bool) -> None:
-        """Keep the times at which efforts are asked inside (start, end), where a breakpoint is.
+        """Evaluate efforts only at times inside (start, end) if there is a breakpoint.
 
-        At a breakpoint itself a function gives one of its two values, and which one is its own
-        affair.
+        At a breakpoint itself a function returns one of its two values, and it is unknown which.
 
         Args:
             start, end: s.
@@ -147,7 +146,7 @@ class System:
         return [(start, end, bool(end in breaks)) for start, end in zip(starts, ends, strict=True)]
 
     def efforts(self, t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """Return what drives are given (na,) at one state, see `u`.
+        """Return the efforts or scaled motor torques (na,) at one state, see `u`.
 
         Raises:
             SimulationError: the function raises, or returns something else than (na,) numbers.
@@ -209,7 +208,7 @@ class System:
 
 
 def timed(problem: PinfricError, t: float) -> PinfricError:
-    """Return the error with the time (s) at which a simulation came upon it."""
+    """Return the error with the time (s) in the simulation."""
     if isinstance(problem, AccelerationError):
         return problem if problem.time is not None else problem.at(t)
     if isinstance(problem, SimulationError):
@@ -219,10 +218,10 @@ def timed(problem: PinfricError, t: float) -> PinfricError:
 
 @contextmanager
 def finite(t: float) -> Iterator[None]:
-    """Say what overflows within SciPy's integrator at a time (s) in one line.
+    """Convert an overflow inside SciPy's integrator at a time (s) into one line.
 
     Raises:
-        SimulationError: SciPy found what is no number; right-hand sides refuse their own.
+        SimulationError: SciPy found NaN or infinity; right-hand sides check their own values.
     """
     try:
         with np.errstate(over="ignore", invalid="ignore"):

@@ -4,16 +4,16 @@ Moreau's midpoint scheme (Moreau 1988; Jean 1999):
 
     q_m = q + dt/2 v,    v' = v + dt a_free(q_m, v) + dt a_slope x,    q' = q_m + dt/2 v'
 
-with x by the laws of friction at the *end* of the step: a coordinate sticks if x within the static
-limits brings it to v' = 0 exactly, else it slips against x. That is the problem of an instant with
-the next velocity in place of the acceleration, so there is nothing to locate, no step is too long
-for friction to be stable, and what stands still does so exactly. First order. Drag acts at the end
-of the step, too (`accelerations._add_drag`). Efforts are taken at its middle: those that depend on
-q want a step below 2 / omega of the oscillation that they cause.
+where x obeys the friction laws at the *end* of the step: a coordinate sticks if an x within the
+static limits brings it to v' = 0 exactly, else it slips against x. This is the problem of an
+instant with the next velocity in place of the acceleration. The method is of first order. It
+locates no events, is stable with friction at any step, and keeps sticking joints exactly at rest.
+Drag also acts at the end of the step (`accelerations._add_drag`). Efforts are taken at its middle:
+those that depend on q need a step below 2 / omega of the oscillation that they cause.
 
-A step also ends at exactly zero where it passes a turning point and friction could take what was
-left of the velocity. Whether that is a stop is a question to the instant, not to the step: it is
-one where static friction holds what stands there; else the motion turns round.
+A step also ends at exactly zero velocity at a turning point where friction could absorb the rest of
+the velocity. This is a stop only if static friction holds the joint at that instant; otherwise the
+motion reverses.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ def _solve_step(ws: Workspace, rates: np.ndarray, before: Modes) -> Found:
 
 
 def _hold_or_turn(system: System, t: float, q: np.ndarray, v: np.ndarray, before: Modes) -> None:
-    """Let what a step brought to rest stick on only where static friction holds it there.
+    """Let coordinates that a step brought to rest stick only if static friction holds them.
 
     Args:
         t, q, v: the step's end.
