@@ -48,7 +48,7 @@ STEPS = {
         ("finish", "dynamics.problem.instant", "accelerations, wrenches, friction of each joint"),
     ),
 }
-WIDTH, LEFT, RIGHT, HEIGHT, GAP, MARGIN = 760, 16, 590, 62, 18, 12
+WIDTH, LEFT, RIGHT, HEIGHT, GAP, MARGIN = 830, 16, 660, 62, 18, 12
 STYLE = (
     "text{font-family:system-ui,sans-serif;fill:#1f2937}"
     ".name{font-size:17px;font-weight:600}.why{font-size:13px}"
