@@ -1,8 +1,8 @@
 """Pictures of the architecture: `python notebooks/rooms.py` writes rooms.svg and one_state.svg.
 
-Rooms stand in the order in which they may import: only what stands below. Arcs are imports that
-there are; `errors` is left out, which all of them know. `STEPS` are the functions that one state
-goes through.
+Rooms are in the order of their imports: each imports only from rooms below it. Arcs are the actual
+imports, without `errors`, which all rooms import. `STEPS` are the functions that are called for one
+state.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ NOTEBOOKS = Path(__file__).parent
 PACKAGE = NOTEBOOKS.parent / "pinfric"
 #: From the top: room, what it is for, its parts where it has no folders.
 ROOMS = {
-    "cli": ("what a shell sees: commands, options, exit codes", "cli, terminal, __main__"),
-    "paper": ("the paper's formulation, which judges ours", "bodies, equations, inverse, forward, "
-              "simulate: NumPy and SciPy alone"),
+    "cli": ("commands, options, exit codes", "cli, terminal, __main__"),
+    "paper": ("the paper's formulation, a judge of ours", "bodies, equations, inverse, forward, "
+              "simulate: only NumPy and SciPy"),
     "show": ("tables, figures, pages, replays", ""),
-    "study": ("what users ask: files, cycles, drives, logs", ""),
-    "dynamics": ("from states to friction problems and back, in batches and in time", ""),
-    "friction": ("given a problem, finds friction and proofs; knows no robot",
+    "study": ("tasks of users: files, cycles, drives, logs", ""),
+    "dynamics": ("writes friction problems of states and reads their solutions", ""),
+    "friction": ("solves friction problems, with proofs; independent of the robot",
                  "given_modes, search, rest, holding, branching"),
-    "model": ("what there is: robot, twin, bearings, laws, gears, loops; file formats",
+    "model": ("description: robot, twin, bearings, laws, gears, loops; file formats",
               "scene, robot, twin, bearings, friction_terms, transmission, loops, schema"),
-    "kernels": ("how kernels are compiled, kept and, on few numbers, interpreted",
+    "kernels": ("compiles, caches and, for small problems, interprets kernels",
                 "compiled, interpreted"),
 }  # fmt: skip
 FRONT = {"cli": "cli", "terminal": "cli", "__main__": "cli"}
@@ -43,12 +43,12 @@ STEPS = {
         ("forward_dynamics", "dynamics.forward.forward", "checks the state"),
         ("solve_instant", "dynamics.problem.instant", "writes the problem, tries modes, finishes"),
         ("solve_given_modes", "friction.given_modes", "friction and loads of given modes"),
-        ("judge", "friction.consistency", "do modes obey the law?"),
+        ("judge", "friction.consistency", "checks whether modes obey the law"),
         ("search", "friction.search", "which joints at rest stick or slip"),
         ("finish", "dynamics.problem.instant", "accelerations, wrenches, friction of each joint"),
     ),
 }
-WIDTH, LEFT, RIGHT, HEIGHT, GAP, MARGIN = 760, 16, 590, 62, 18, 12
+WIDTH, LEFT, RIGHT, HEIGHT, GAP, MARGIN = 830, 16, 660, 62, 18, 12
 STYLE = (
     "text{font-family:system-ui,sans-serif;fill:#1f2937}"
     ".name{font-size:17px;font-weight:600}.why{font-size:13px}"

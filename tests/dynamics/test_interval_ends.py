@@ -271,9 +271,7 @@ def test_the_search_for_ends_stops_at_its_bound_and_says_so():
     scene, rng = pf.load_scene("delta"), np.random.default_rng(1)
     start, still = scene.start_configuration, np.zeros((1, scene.model.nv))
     q = [start + rng.normal(scale=0.8, size=len(start)) for _ in range(12)][-1]
-    with pytest.warns(
-        pf.PinfricWarning, match=r"sample 0: undecided.* 100000 passes .*reduce `mu`"
-    ):
+    with pytest.warns(pf.PinfricWarning, match=r"sample 0: undecided.*100000 passes .*reduce `mu`"):
         found = pf.inverse_dynamics(scene, scene.close(q)[None], still, still)
     assert found.status[0] == Status.NOT_CONVERGED
     assert np.isnan(found.effort_lower).all()
