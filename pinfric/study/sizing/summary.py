@@ -240,7 +240,7 @@ def margins(found: SizingSummary) -> list[Margins]:
         for joint in found.joints
     }
     names = dict.fromkeys(name for column in columns.values() for name in column)
-    last = ("inertia", "gear res", "back", "holding")
+    last = ("inertia", "gear res", "back", "holding", "brake")
     return [
         Margins(name, {joint: own[name] for joint, own in columns.items() if name in own})
         for name in sorted(names, key=lambda name: name.startswith(last))
