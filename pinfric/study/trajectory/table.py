@@ -16,6 +16,7 @@ from pinfric.study.trajectory.derivatives import (
 )
 from pinfric.study.trajectory.joint_columns import JointColumn, listing
 from pinfric.study.trajectory.log.rows import GAP_FACTOR, gaps
+from pinfric.study.trajectory.log.still import with_resting_ends
 
 FloatArray = NDArray[np.float64]
 
@@ -86,6 +87,9 @@ def complete_derivatives(
     for i in missing:
         q, resolution = table.position[:, i], table.resolution[i]
         holds = find_holds(q, resolution)
+        step = float(table.t[1] - table.t[0])
+        if resolution > 0.0 and np.ptp(np.diff(table.t)) < 1e-6 * step:
+            (holds,) = with_resting_ends(q[:, None], step, [resolution / np.sqrt(12.0)], [holds])
         problems += _moved_across(columns[i], table.t, q, apart)
         try:
             if not np.isnan(v[0, i]):

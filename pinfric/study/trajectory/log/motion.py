@@ -40,7 +40,7 @@ from pinfric.study.trajectory.log.rows import (
     regular_time,
     repeated_rows,
 )
-from pinfric.study.trajectory.log.still import find_noisy_holds
+from pinfric.study.trajectory.log.still import find_noisy_holds, with_resting_ends
 from pinfric.study.trajectory.log.thinning import Thinning
 from pinfric.study.trajectory.table import TrajectoryTable
 
@@ -383,7 +383,7 @@ def _filtered(
         ]
         for level in (noise_level, noise_floor)
     )
-    found = find_noisy_holds(measured, step, noise)
+    found = with_resting_ends(measured, step, noise, find_noisy_holds(measured, step, noise))
     kinds: dict[str, type] = dict.fromkeys(("position", "velocity", "acceleration"), float)
     # how far the low pass may be wrong is not known to more than single precision's digits
     kinds |= {"shift": np.float32, "moving": bool}

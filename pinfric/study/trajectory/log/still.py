@@ -33,6 +33,11 @@ _FAR, _FAR_SHARE = 300.0, 0.03
 _LONGEST = 400
 #: Sum of squares (in sigma^2) that one more coefficient, or one instant fewer, must be worth.
 _WORTH = 9.0
+#: Samples at the start of a recording through which a polynomial of this degree is laid, if it fits
+#: to so many times the noise's square.
+_START_SAMPLES, _START_DEGREE, _FITS = (200, 100, 50, 25), 5, 2.0
+#: Standard errors of the first velocity and acceleration that tell rest, as parts of the largest.
+_START_ERRORS = 0.02, 0.25
 #: Samples within which the joints of an arm may start together.
 _NEAR = 25.0
 
@@ -117,6 +122,64 @@ def find_noisy_holds(
                 found.append((begin, end))
         holds.append(found)
     return holds
+
+
+def with_resting_ends(
+    position: FloatArray,
+    step: float,
+    noise: Sequence[float],
+    holds: Sequence[Sequence[tuple[int, int]]],
+) -> list[list[tuple[int, int]]]:
+    """Return the holds of all joints, with the first and the last sample if the robot rests there.
+
+    A recording of one move starts and ends at rest without a hold: velocity and acceleration of a
+    polynomial through the first samples are zero within three standard errors. That tells rest if
+    these errors are small beside the largest velocity and acceleration. A joint that moves little
+    tells nothing; all of an arm start together.
+
+    Args:
+        position: (T, nj) rad or m at regular times. step: s between samples.
+        noise: (nj,) standard deviations of the positions; 0: the joint is left as it is.
+        holds: (nj,) of each joint, (first, last) inclusive.
+    """
+    found, last = [list(own) for own in holds], len(position) - 1
+    for end, at, positions in ((0, 0, position), (last, -1, position[::-1])):
+        moving = [
+            j
+            for j, own in enumerate(found)
+            if noise[j] > 0.0 and (not own or own[at][0 if at == 0 else 1] != end)
+        ]
+        rests = [_starts_at_rest(positions[:, j], step, noise[j]) for j in moving]
+        if True in rests and False not in rests:
+            for j in moving:
+                found[j].insert(0 if at == 0 else len(found[j]), (end, end))
+    return found
+
+
+def _starts_at_rest(q: FloatArray, step: float, noise: float) -> bool | None:
+    """Whether a joint starts at rest; None where its motion is too small to tell."""
+    for count in _START_SAMPLES:
+        if 2 * count > q.size:
+            continue
+        x = np.arange(count) / (count - 1)
+        powers = np.vander(x, _START_DEGREE + 1, increasing=True)
+        fit, *_ = np.linalg.lstsq(powers, q[:count] - q[0], rcond=None)
+        rest = q[:count] - q[0] - powers @ fit
+        if float(rest @ rest) > _FITS * noise**2 * count:
+            continue
+        lag = (count - 1) * step
+        spread = noise * np.sqrt(np.diag(np.linalg.inv(powers.T @ powers)))
+        if abs(fit[1]) > 3.0 * spread[1] or abs(fit[2]) > 3.0 * spread[2]:
+            return False
+        apart = max(q.size // 8, 2)  # samples: over so many the largest rates are seen
+        moves = q[apart:] - q[:-apart]
+        bends = moves[apart:] - moves[:-apart]
+        fastest = float(np.abs(moves).max()) / (apart * step)
+        strongest = float(np.abs(bends).max()) / (apart * step) ** 2
+        error_v, error_a = spread[1] / lag, 2.0 * spread[2] / lag**2
+        small = error_v < _START_ERRORS[0] * fastest and error_a < _START_ERRORS[1] * strongest
+        return True if small else None
+    return False
 
 
 def _levels(q: FloatArray, width: int, noise: float) -> Iterator[tuple[int, int]]:
