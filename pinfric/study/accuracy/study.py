@@ -50,12 +50,12 @@ class Accuracy(Shown):
 
     scene: Scene
     trajectory: str = quantity(
-        "name of the motion that is thinned and that the ladder is climbed on"
+        "name of the motion used for the sampling and for the friction models"
     )
-    runs: tuple[Run, ...] = quantity("simulations; empty where the scene has no `simulation`")
+    runs: tuple[Run, ...] = quantity("simulations; empty if the scene has no `simulation`")
     sampling: tuple[Sampled, ...] = quantity("the motion with fewer samples")
     ladder: tuple[Rung, ...] = quantity("models of friction")
-    notes: tuple[str, ...] = quantity("what could not be studied, and why")
+    notes: tuple[str, ...] = quantity("parts that could not be studied, and why")
 
 
 def accuracy(

@@ -28,17 +28,17 @@ class Severity(IntEnum):
 class Finding:
     """One thing that a check found."""
 
-    severity: Severity = quantity("how much it matters", heading="severity")
-    kind: str = quantity("the same word for the same finding at other places, for programs")
+    severity: Severity = quantity("error, warning or note", heading="severity")
+    kind: str = quantity("identifier of this kind of finding, for programs")
     place: str = quantity(
         'where: "link NAME", "joint NAME", "robot", or a key of the scene', heading="where"
     )
-    found: str = quantity("what stands there")
-    why: str = quantity("why that is implausible, or what follows; empty where that is plain")
+    found: str = quantity("the value found there")
+    why: str = quantity("why it is implausible, or what follows; may be empty")
     if_unit: str = quantity(
-        "what it would be in another unit; empty where no unit explains it", default=""
+        "the value if it is in another unit; empty: no unit explains it", default=""
     )
-    excess: float = quantity("by what factor it passes what is plausible", default=1.0)
+    excess: float = quantity("factor by which it exceeds the plausible limit", default=1.0)
 
     @property
     @derived(heading="what")
@@ -53,12 +53,12 @@ class CheckReport(Shown):
     """All findings on a robot or a scene, what matters most first."""
 
     source: str = quantity("the file")
-    findings: tuple[Finding, ...] = quantity("by severity, then by how far off they are")
+    findings: tuple[Finding, ...] = quantity("sorted by severity, then by excess")
     figures: dict[str, float] = quantity(
         "the robot as a whole: links, joints, moving_mass and fixed_mass (kg), reach (m)",
         default_factory=dict,
     )
-    files: tuple[str, ...] = quantity("that were read: the scene, its URDF", default=())
+    files: tuple[str, ...] = quantity("files that were read: the scene, its URDF", default=())
 
     def __repr__(self) -> str:
         counts = f"{self.errors} errors, {self.warnings} warnings, {self.notes} notes"

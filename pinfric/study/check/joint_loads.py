@@ -128,7 +128,7 @@ def _load(limit: float, weight: float, mass: float, sliding: bool) -> tuple[floa
         what = f"{mass:.2g} kg" if sliding else f"{mass:.2g} kg held out level"
         load = _OVER_WEIGHT * weight
         return load, f"{_OVER_WEIGHT:g} times {what}, {load:.2g} {unit}", remark
-    return 1.0, f"1 {unit} (there is no weight to go by)", remark
+    return 1.0, f"1 {unit} (no weight to estimate from)", remark
 
 
 def _fastest(limit: float) -> float:

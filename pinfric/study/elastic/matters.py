@@ -18,24 +18,26 @@ class ElasticEffect:
     """What elastic gears change, in the figures that decide whether to care."""
 
     frequency: float = quantity(
-        "lowest natural frequency with motors held over the motion; without one where the scene "
-        "starts, unloaded",
+        "lowest natural frequency over the motion, motors held; without a motion at the scene's "
+        "start, unloaded",
         "Hz",
     )
     bandwidth: float | None = quantity(
-        "below which 95 % of the energy of the accelerations lies; none without times",
+        "frequency below which 95 % of the energy of the accelerations lies; none without times",
         "Hz",
         default=None,
     )
     motor_share: float | None = quantity(
-        "RMS of I f(t)'', what it takes to wind the gears up, over that of the motor's torque, of "
-        "the drive where it is largest; none without times",
+        "RMS of I f(t)'', the torque that winds the gears up, divided by the RMS of the motor's "
+        "torque, of the drive where it is largest; none without times",
         default=None,
     )
     drive: str = quantity("that drive", default="")
-    sag: float | None = quantity("of the tool at rest, the largest", "m", default=None)
+    sag: float | None = quantity("largest sag of the tool at rest", "m", default=None)
     interval: float | None = quantity(
-        "of the tool's place at rest, the largest; none: no tool or no rest", "m", default=None
+        "largest half-width of the tool's positions at rest; none: no tool or no rest",
+        "m",
+        default=None,
     )
 
 

@@ -191,7 +191,8 @@ def elasticity(result: InverseResult) -> Elasticity:
         return _elasticity(result)
     except np.linalg.LinAlgError:
         raise StateError(
-            f"{scene.source}: a joint moves no inertia: no natural frequency; give its link a mass"
+            f"{scene.source}: a joint moves no mass, so there is no natural frequency; give its "
+            "link a mass"
         ) from None
 
 
@@ -214,15 +215,15 @@ def _notes(scene: Scene) -> list[str]:
     at_joint = [scene.drives[d].name for d in scene.elastic if scene.drives[d].encoder == "joint"]
     if at_joint:
         notes.append(
-            f"encoder at the joint: {', '.join(at_joint)}: the controller takes out what "
-            "these gears wind up, so no sag and no interval of theirs reaches the tool"
+            f"encoder at the joint: {', '.join(at_joint)}: the controller corrects the wind-up of "
+            "these gears, so they add no sag and no interval at the tool"
         )
     if scene.tool is None:
-        notes.append("no `tool` in the scene: name its link for the tool's place at rest")
+        notes.append("no `tool` in the scene: name its link to get the tool's position at rest")
     elif scene.mobility.undriven or scene.mobility.redundant:
         notes.append(
-            "joints without drive, or redundant drives: the tool's place does not follow "
-            "from the drives' wind-up"
+            "joints without drive, or redundant drives: the wind-up of the drives does not "
+            "determine the tool's position"
         )
     elif scene.linkage is not None or taking_part(scene.drives):
         notes.append(
@@ -440,7 +441,7 @@ def _approaches(
     nothing: list[_Ways] = [(None, None)] * len(found)
     if result.external or not found:
         if result.external:
-            notes.append("external wrenches: places by approach are left out")
+            notes.append("external wrenches: positions by approach are not computed")
         return nothing
     last = [sample for *_, sample in found]
     way = np.array([_direction(result, hold) for hold, _, _ in found])
@@ -458,7 +459,7 @@ def _approaches(
         try:
             moving = inverse_dynamics(scene, states.q[last], sign * way, a, attached=attached)
         except PinfricError as problem:
-            notes.append(f"places by approach are left out: {problem}")
+            notes.append(f"positions by approach are not computed: {problem}")
             return nothing
         lower, upper = (_wind_ups(scene, x) for x in (moving.effort_lower, moving.effort_upper))
         wind_ups.append(0.5 * (lower + upper))

@@ -138,7 +138,7 @@ def test_plain_arm_has_one_note_of_what_never_moves(tmp_path):
     ("changes", "severity", "place", "says"),
     [
         ({"name": ""}, "NOTE", "robot", "has no name"),
-        ({"axis": ""}, "WARNING", "joint swing", "no <axis>: taken as 1 0 0"),
+        ({"axis": ""}, "WARNING", "joint swing", "no <axis>: read as 1 0 0"),
         ({"low": 0, "high": 0}, "WARNING", "joint swing", "limits 0 to 0"),
         ({"low": -180, "high": 180}, "ERROR", "joint swing",
          r"limits -180 to 180 rad.*in degrees: -3\.14 to 3\.14 rad"),

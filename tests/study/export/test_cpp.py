@@ -821,7 +821,7 @@ def identified(folder):
 def test_an_identified_scene_says_how_far_its_level_is_known(tmp_path):
     made = pf.export(identified(tmp_path), to="cpp")
     assert made.uncertainty["hinge"] == pytest.approx(0.095, abs=1e-4)  # 95 % of +-10 %
-    assert "level known to 9.5%" in made.text
+    assert "friction known to 9.5%" in made.text
     assert "1/(1+e) = 0.913" in made.text
     (tmp_path / "posterior.csv").rename(tmp_path / "elsewhere.csv")
     scene = pf.load_scene(tmp_path / "scene.yaml")
