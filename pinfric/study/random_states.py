@@ -16,7 +16,9 @@ def random_states(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         StateError: the scene has loops, which random states do not close.
     """
     if scene.linkage is not None:
-        raise StateError(f"{scene.source}: random states do not close its loops; give a trajectory")
+        raise StateError(
+            f"{scene.source}: random states would not close its loops; give a trajectory"
+        )
     model = scene.model
     rng = np.random.default_rng(0)
     low = np.clip(np.nan_to_num(model.lowerPositionLimit, neginf=-1.0), -1.0, 1.0)

@@ -118,5 +118,5 @@ def _where_it_closes(scene: Scene, problem: ClosureError) -> str:
     at = [f"{name[:-2]}: {value[0]:.3g}" for name, value in columns.items() if name[-2:] == ".q"]
     return (
         f"{scene.source}: simulation.start: loop {problem.loop!r} does not close near it "
-        f"({problem.residual:.3g} m apart); give `q` nearer, e.g. {{{', '.join(at)}}}"
+        f"({problem.residual:.3g} m apart); give a closer `q`, e.g. {{{', '.join(at)}}}"
     )

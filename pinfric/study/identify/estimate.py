@@ -174,7 +174,7 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
     if not found.known:
         raise IdentificationError(
             f"{question.scene.source}: the model explains no joint's effort better than its mean "
-            "does: check signs, zeros and units of angles and efforts, and which column is whose"
+            "does: check signs, zeros and units of angles and efforts, and the joint of each column"
         )
     return found
 
@@ -188,8 +188,8 @@ def _check_slides(question: Question, prepared: Sequence[Prepared]) -> None:
     if (found := sum(own.size for own in held)) < _FEWEST_BLOCKS:
         names = ", ".join(one.name for one in question.recordings)
         raise IdentificationError(
-            f"{names}: joints slide, faster than {STILL:g} rad/s or m/s and than noise, in {found} "
-            f"of the logs' blocks of 1 to 5 s; at least {_FEWEST_BLOCKS} are needed: log more "
+            f"{names}: joints slide (faster than {STILL:g} rad/s or m/s and than the noise) in "
+            f"{found} blocks of 1 to 5 s; at least {_FEWEST_BLOCKS} are needed: log more "
             "motion"
         )
 

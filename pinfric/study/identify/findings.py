@@ -26,10 +26,10 @@ FloatArray = NDArray[np.float64]
 class HeldOut:
     """How well a joint's effort is predicted where nothing was fitted."""
 
-    rms: float = quantity("of the measured effort", EFFORT, "effort\nRMS")
+    rms: float = quantity("RMS of the measured effort", EFFORT, "effort\nRMS")
     error: float = quantity("RMS of measured less predicted", EFFORT)
     plain: float = quantity(
-        "the same with Coulomb and viscous friction; NaN where it was not asked", EFFORT
+        "the same with Coulomb and viscous friction only; NaN: not computed", EFFORT
     )
 
     @property

@@ -39,11 +39,13 @@ _FEWEST = 3
 class RestBound:
     """What times at rest say of a joint's static friction: it is at least this large."""
 
-    seconds: float = quantity("at rest in all logs", "s")
+    seconds: float = quantity("time at rest in all logs", "s")
     largest: float = quantity(
         "the largest friction that held it", EFFORT, "at rest,\nlargest friction"
     )
-    share: float = quantity("of the identified half-width there", heading="of half\nthe interval")
+    share: float = quantity(
+        "`held` / half the identified interval", heading="of half\nthe interval"
+    )
     inside: float = quantity(
         "share of the time in which the effort was within the identified interval; NaN where it "
         "never rests"

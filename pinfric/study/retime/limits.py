@@ -35,23 +35,21 @@ class DriveLimits(Entry):
 
     peak_torque: Annotated[Positive, key("at the motor's shaft", 1.0, "N m")] = math.inf
     stall_torque: Annotated[
-        Positive, key("where the speed-torque line begins; needs `no_load_speed`", 2.4, "N m")
+        Positive, key("start of the speed-torque line; needs `no_load_speed`", 2.4, "N m")
     ] = math.inf
-    no_load_speed: Annotated[
-        Positive, key("of the motor, where that line ends", 400.0, "rad/s")
-    ] = math.inf
+    no_load_speed: Annotated[Positive, key("of the motor, end of that line", 400.0, "rad/s")] = (
+        math.inf
+    )
     max_speed: Annotated[Positive, key("of the motor", 450.0, "rad/s")] = math.inf
-    effort: Annotated[Positive, key("most that the gear may deliver", 60.0, "N m or N")] = math.inf
+    effort: Annotated[Positive, key("largest output of the gear", 60.0, "N m or N")] = math.inf
     input_speed: Annotated[Positive, key("of the gear", 680.0, "rad/s")] = math.inf
     velocity: Annotated[Positive, key("of the joint", 2.0, "rad/s or m/s")] = math.inf
     acceleration: Annotated[Positive, key("of the joint", 20.0, "rad/s^2 or m/s^2")] = math.inf
     continuous_torque: Annotated[
         Positive, key("at the motor's shaft, RMS over the cycle", 0.45, "N m")
     ] = math.inf
-    transmission: Annotated[Transmission | None, key("in place of the scene's", {"ratio": 100})] = (
-        None
-    )
-    motor: Annotated[str, key("a name for tables", "left shoulder")] = ""
+    transmission: Annotated[Transmission | None, key("replaces the scene's", {"ratio": 100})] = None
+    motor: Annotated[str, key("name shown in tables", "left shoulder")] = ""
 
     #: Row of the table -> the bound of a drive of the catalogue, where no key gives it.
     _rows: dict[str, float] = PrivateAttr(default_factory=dict)
@@ -113,7 +111,7 @@ class MotorsFile(Entry):
     conditions: Annotated[
         dict[str, Any],
         _Conditions,
-        key("what differs from those of the catalogue", {"bus_voltage": 24.0}),
+        key("values that replace those of the catalogue", {"bus_voltage": 24.0}),
     ] = Field(default_factory=dict)
     drives: Annotated[
         dict[str, _Given],
@@ -126,7 +124,7 @@ class MotorsFile(Entry):
         ),
     ] = Field(default_factory=dict)
     others: Annotated[
-        _Given, key("the same for all drives that are not named", {"peak_torque": 0.5})
+        _Given, key("limits of all drives that are not named", {"peak_torque": 0.5})
     ] = None
 
 
@@ -290,7 +288,7 @@ def _check_settled(name: str, limits: DriveLimits) -> None:
         names = " or ".join(limit.name for limit in rows if limit.key != "velocity")
         keys = " or ".join(limit.key for limit in rows if limit.key)
         raise RetimeError(
-            f"limits.{name}: {candidate.name} cannot be judged: the catalogue has no figure for "
+            f"limits.{name}: {candidate.name} cannot be checked: the catalogue has no value for "
             f"its {names}; give {keys} beside `drive`"
         )
 

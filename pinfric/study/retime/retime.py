@@ -255,7 +255,7 @@ def _check_scene(scene: Scene) -> None:
     if scene.linkage is not None:
         what = f"loop {scene.loops[0].name!r}" if scene.loops else "a drive off the joints"
         raise RetimeError(
-            f"{scene.source}: retime is for open chains with drives on their joints; "
+            f"{scene.source}: retime is for open chains with drives at their joints; "
             f"{what} couples efforts and friction"
         )
     driven = [drive.velocity_index for drive in scene.drives]
@@ -268,8 +268,8 @@ def _check_scene(scene: Scene) -> None:
     for site in scene.sites:
         if there[site.velocity_index]:
             raise RetimeError(
-                f"{scene.source}: friction.{site.name}: retime knows friction of "
-                "coupled drives on their motors' sides only: move it to the "
+                f"{scene.source}: friction.{site.name}: retime accepts friction of "
+                "coupled drives only on the motor's side: move it to the "
                 "transmission (no_load_torque, motor_viscous)"
             )
 
@@ -328,7 +328,7 @@ class _Retiming:
             if x.motor and not np.isfinite(x.continuous_torque)
         ]
         if heat and cold:
-            yield f"heat is not judged for {', '.join(cold)}: no continuous torque is known"
+            yield f"heat is not checked for {', '.join(cold)}: no continuous torque is known"
 
     def solve(self, points: int) -> tuple[Problem, Profile, Samples]:
         """Solve; where no way is found, on finer grids: between far points it can be missed."""

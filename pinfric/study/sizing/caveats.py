@@ -94,14 +94,14 @@ def caveats(
     notes = [
         *opening,
         "Each motor and gear is a point mass on its joint's parent link, at the joint's origin; "
-        "the first joint's stands on the ground.",
-        "Any motor is taken to fit any gear, any brake any motor; couplings, housings and brakes "
-        "have no mass. "
-        "Brakes are chosen by what they hold at rest and, where printed, by the energy of a stop; "
-        "how far the robot moves until it stands is not judged.",
-        "Output bearings carry the joint's whole wrench, about its origin as if that lay on the "
-        "output flange; conditions.bearings puts another bearing of the catalogue in their place.",
-        "Magnets are taken as cold: the torque constant does not fall with temperature.",
+        "the drive of the first joint stands on the ground.",
+        "Every motor is assumed to fit every gear, and every brake every motor; couplings, "
+        "housings and brakes have no mass. "
+        "Brakes are chosen by their holding torque and, if printed, by the energy of a stop; "
+        "the stopping distance is not checked.",
+        "Output bearings carry the whole wrench of the joint, about the joint's origin, which is "
+        "assumed to lie on the output flange; conditions.bearings names another bearing instead.",
+        "Magnets are assumed cold: the torque constant does not fall with temperature.",
     ]
     notes.append(_of_friction(scene))
     if scene.assumed is not None:
@@ -109,8 +109,8 @@ def caveats(
         notes.append(f"Guesses of `{scene.assumed.by}`, {scene.assumed.date}: {listed}.")
     if not conditions.mass_in_urdf:
         text = (
-            "The URDF's links are taken to be without drives: if they have some, these count "
-            "twice. Name their masses in conditions.mass_in_urdf, in a catalogue file "
+            "The URDF's links are assumed to have no drives; otherwise drives count twice. Give "
+            "the masses that are included in conditions.mass_in_urdf, in a catalogue file "
             "(`extends: default` keeps the bundled entries)."
         )
         notes.insert(1 + len(opening), text)
@@ -123,15 +123,15 @@ def _of_the_motion(gaps: Sequence[str], jumps: Sequence[str]) -> list[str]:
     opening = []
     if jumps:
         opening.append(
-            f"{'; '.join(jumps)}: the way there takes no time and no torque; add it as a cycle."
+            f"{'; '.join(jumps)}: the move between them is not in the figures; add it as a cycle."
         )
     if gaps:
         more = f" and {len(gaps) - _MOST_GAPS} more" if len(gaps) > _MOST_GAPS else ""
         opening.append(
             f"The cycle does not close: {'; '.join(gaps[:_MOST_GAPS])}{more}. RMS, energies, "
-            "temperatures, overload and gear life take it as repeated without a pause all the "
-            "same, as if the way back took no time and no torque: complete the trajectory by its "
-            "way back and its pause for figures that hold."
+            "temperatures, overload and gear life assume that it repeats without a pause, and that "
+            "the return move takes no time and no torque. For valid figures add the return move "
+            "and the pause to the trajectory."
         )
     return opening
 
@@ -140,13 +140,13 @@ def _of_friction(scene: Scene) -> str:
     replaced = [name for name, entry in scene.friction.items() if entry.includes_drive]
     if replaced:
         return (
-            f"Coulomb and viscous friction of {', '.join(replaced)} were measured through the old "
-            "drives (`includes_drive`) and are left out: the candidates' losses take their place. "
-            "That leaves out what the joints' own bearings and seals have of them, and all "
-            "where a candidate's no-load torque is not known; without `includes_drive` both count."
+            f"Coulomb and viscous friction of {', '.join(replaced)} include the old drive "
+            "(`includes_drive`); the candidates' losses replace them. So friction of the joint's "
+            "own bearings and seals is missing, and all of it if a candidate's no-load torque is "
+            "not known. Without `includes_drive` both are counted."
         )
     return (
-        "Friction of the scene stays as it is beside the candidates' losses: what was "
-        "identified through motor currents holds the old drive's, and `includes_drive: true` "
-        "beside it leaves that out."
+        "The candidates' losses are added to the scene's friction. Friction identified from "
+        "motor currents already includes the old drive: mark it `includes_drive: true`, so that "
+        "the drive counts once."
     )

@@ -144,7 +144,7 @@ def test_console_prints_the_notes(panda):
     assert len(panda.notes) > 3
     for note in panda.notes:
         assert f"note: {note}" in text
-    assert "count twice. Name their masses in conditions.mass_in_urdf" in text
+    assert "the masses that are included in conditions.mass_in_urdf" in text
 
 
 def test_a_cycle_that_does_not_close_stands_in_every_report(tmp_path):

@@ -253,7 +253,7 @@ GOOD_SCENE = {
         ({"payload": "{link: rod, mass: 1, com: [0, 0, 150]}"}, "robot.payloads.box.com",
          r"reaches 0\.4 m.*in mm: 0\.15 m"),
         ({"payload": "{link: rod, mass: 1, com: [0, 0, 0], inertia: [9, 0, 0, 9, 0, 9]}"},
-         "robot.payloads.box.inertia", "3 m away"),
+         "robot.payloads.box.inertia", "radius of gyration 3 m"),
         ({"start": 90}, "simulation.start.q.swing", r"outside its limits -2 to 2.*degrees: 1\.57"),
         ({"locked": "{turn: 45}", "actuators": "[{joint: swing}]"}, "robot.locked.turn",
          r"outside.*degrees: 0\.785"),
