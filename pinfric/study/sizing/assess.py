@@ -98,8 +98,8 @@ def own_bearing(
         return None
     if linear:
         raise CatalogError(
-            f"conditions.bearings.{joint}: sliding joints' guides are not checked; a screw's "
-            "ratings stand in its gear's `bearing`"
+            f"conditions.bearings.{joint}: guides of sliding joints are not checked; give a "
+            "screw's ratings in its gear's `bearing`"
         )
     entry = catalog.bearings.get(name)
     if entry is not None and entry.ratings is not None:

@@ -121,7 +121,7 @@ def _axial(what: str, carried: Callable[[Judged], bool]) -> list[Limit]:
             source=_rule,
             missing="static load rating C_0 or pitch diameter",
             applies=_rated(carried),
-            endless="nothing loads it",
+            endless="no load",
             settles=settles,
         ),
         Limit(

@@ -44,7 +44,7 @@ def add_limit(limit: Limit) -> None:
         ValueError: there is one of its name.
     """
     if any(limit.name == other.name for other in LIMITS):
-        raise ValueError(f"there is a limit {limit.name!r} already; give another name")
+        raise ValueError(f"a limit {limit.name!r} exists already; give another name")
     LIMITS.append(limit)
 
 

@@ -31,17 +31,17 @@ class Status(StrEnum):
 class Criterion:
     """One check of one candidate."""
 
-    name: str = quantity("what is checked", heading="criterion")
-    status: Status = quantity("how it ended", heading="status")
-    required: float | None = quantity("none where not known", "in unit", "needs")
-    available: float | None = quantity("none where not known", "in unit", "has")
+    name: str = quantity("name of the criterion", heading="criterion")
+    status: Status = quantity("met, not met or not checked", heading="status")
+    required: float | None = quantity("what the motion needs; none: not known", "in unit", "needs")
+    available: float | None = quantity("what the drive has; none: not known", "in unit", "has")
     unit: str = quantity("of both", heading="unit")
     margin: float | None = quantity(
-        "1 - required/available, none where not checked", heading="margin", cell="{margin:%}"
+        "1 - required/available; none: not checked", heading="margin", cell="{margin:%}"
     )
-    formula: str = quantity("what was computed", heading="formula")
-    source: str = quantity("of the rule", heading="source and remarks")
-    note: str = quantity("of this case; what is missing", default="")
+    formula: str = quantity("formula of the check", heading="formula")
+    source: str = quantity("source of the rule", heading="source and remarks")
+    note: str = quantity("remark, or the value that is missing", default="")
 
     @property
     def scaled(self) -> bool:

@@ -124,10 +124,10 @@ class JointSizing:
         if self.choice is not None or (not self.assessments and not self.nothing_because):
             return ""
         if not self.assessments:
-            return f"{self.name}: nothing to choose from: {self.nothing_because}"
+            return f"{self.name}: no candidates: {self.nothing_because}"
         if self.nearest is None:
             first = self.assessments[0]
-            return f"{self.name}: no candidate can be judged; {first.candidate.name}: {first.why}"
+            return f"{self.name}: no candidate can be checked; {first.candidate.name}: {first.why}"
         return (
             f"{self.name}: none of {len(self.assessments)} candidates fits; the nearest miss "
             f"is {self.nearest.candidate.name}: {self.nearest.why}"
@@ -466,7 +466,7 @@ class _Sizing:
         if self.catalog is None:
             return ""
         if driven_joint(self.scene, i) is None:
-            return "motors and gears are for joints of one axis, not for cylinders and forces"
+            return "motors and gears are for joints with one axis, not for cylinders and forces"
         if not self.catalog.motors and not self.catalog.gearmotors:
             return f"{self.catalog.source} has no motors"
         output = "linear" if unit == "N" else "rotary"
@@ -568,8 +568,8 @@ def with_masses(
         problem = implausible_body(body.mass, body.inertia)
         if problem and (body.mass < 0 or not before):  # else the URDF's own, warned of on loading
             raise SizingError(
-                f"conditions.mass_in_urdf.{drive.name}: with {-mass:g} kg less, the link that "
-                f"carries this drive is a body that cannot be: {problem}"
+                f"conditions.mass_in_urdf.{drive.name}: without {-mass:g} kg, the link that "
+                f"carries this drive is not a possible body: {problem}"
             )
         changed = True
     actuators: Sequence[Actuator] | None = scene.actuators

@@ -201,7 +201,7 @@ def test_a_joints_own_bearing_carries_instead_of_the_gears(tmp_path):
 def test_sliding_joints_have_no_bearing_to_check(tmp_path):
     bearings = {"B": {"source": "invented", "grade": "R", "ratings": CROSSED}}
     path = write_catalog(tmp_path / "c.yaml", gears={"S": SCREW}, bearings=bearings)
-    with pytest.raises(CatalogError, match="sliding joints' guides are not checked"):
+    with pytest.raises(CatalogError, match="guides of sliding joints are not checked"):
         judged(lift(), up_and_down(lift()), load_catalog(path), bearings={"lift": "B"})
     with pytest.raises(CatalogError, match="crossed roller at a linear output"):
         load_catalog(write_catalog(path, gears={"S": {**SCREW, "bearing": CROSSED}}))

@@ -315,7 +315,7 @@ def test_mean_heat_can_refuse_a_motor_without_time_constants_but_not_pass_it(tmp
 def test_run_away_fails_whatever_the_limit(tmp_path):
     for times in ({"winding_time": 20.0, "housing_time": 300.0}, {}):
         thermal = {"winding_housing": 600.0, "housing_ambient": 900.0, **times}
-        with pytest.warns(pf.PinfricWarning, match="winding temperature: runs away"):
+        with pytest.warns(pf.PinfricWarning, match="winding temperature: thermal runaway"):
             found = criterion(sized(tmp_path, motor={"thermal": thermal}), "winding temperature")
         assert found.status == Status.FAILS
         assert found.available is None
@@ -395,7 +395,7 @@ def test_copper_loss_and_voltage_by_what_the_constant_is_printed_for(
 def test_surroundings_hotter_than_the_winding_may_be_are_said_plainly(tmp_path):
     with pytest.warns(pf.PinfricWarning, match="as hot as the winding may be") as caught:
         joint = sized(tmp_path, conditions={"ambient": 130.0})
-    text = "the surroundings, 130 C, are as hot as the winding may be, 125 C"
+    text = "ambient temperature 130 C, not below the winding's limit, 125 C"
     for name in ("continuous torque", "short-term torque", "winding temperature"):
         assert criterion(joint, name).why == f"{name}: {text}"
     assert not any("e+09" in str(w.message) for w in caught)
@@ -423,7 +423,7 @@ def test_joint_that_stands_while_others_move_is_called_stalled(tmp_path):
     assert motor.figures.standing == pytest.approx(80 / RATIO / ETA)
     case = Case(sized(tmp_path).demand, cycle, 1.0, False, catalog.conditions)
     found = check(candidate, motor, case)
-    assert "standing still it takes up to 1 N m" in found[0].note
+    assert "at standstill it needs up to 1 N m" in found[0].note
     # one sample at v = 0 is a reversal, not a stop
     turning = DriveCycle(t, effort, effort, effort, t - 0.5, zero, nobody, nobody, 0.0)
     assert not turning.standing.any()

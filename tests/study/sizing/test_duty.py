@@ -189,7 +189,7 @@ def two_joints():
         ({"weights": (2, 0.5)}, "the shares 2, 0.5 add up to 2.5"),
         ({"weights": (-1, 2)}, "share or count -1; give"),
         ({"weights": (0.5, np.nan)}, "share or count nan"),
-        ({"on": 1.4}, "switched on for 1.4 of the period; give a part above 0 to 1"),
+        ({"on": 1.4}, "switched on for 1.4 of the period; give a share above 0, at most 1"),
         ({"on": 0.0}, "switched on for 0 of"),
         ({"period": -1.0}, "a period of -1 s"),
         ({"weights": (2, 3), "period": 60.0}, "a period of 60 s beside counts"),
