@@ -246,7 +246,7 @@ def _rated(
     if entry.drive is not None:
         assert catalog is not None
         if not isinstance(drive, Drive) or not depth(scene, actuator):
-            raise SweepError("takes no motor with a gear; give the ratings, or `motor`")
+            raise SweepError("cannot have a motor with a gear; give the ratings, or `motor`")
         linear = effort_unit(scene, actuator) == "N"
         bearing = own_bearing(catalog, conditions, drive.name, linear)
         candidate = _candidate(catalog, entry.drive, linear, bearing)

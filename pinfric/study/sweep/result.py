@@ -34,8 +34,8 @@ class Probability:
     """A share of the samples; its 95 % interval (Wilson) where samples are independent."""
 
     value: float = quantity("the share")
-    low: float | None = quantity("of the interval; none of other designs")
-    high: float | None = quantity("of the interval; none of other designs")
+    low: float | None = quantity("lower end of the interval; none for other designs")
+    high: float | None = quantity("upper end of the interval; none for other designs")
 
 
 @dataclass(frozen=True)

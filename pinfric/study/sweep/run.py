@@ -132,7 +132,7 @@ def _check_given(scene: Scene, processes: int | None, scheduler: str | None) -> 
     if processes is not None and processes < 1:
         raise SweepError(f"processes = {processes}; should be at least 1")
     if processes is not None and scheduler is not None:
-        raise SweepError("give either `scheduler` or `processes`: a cluster has its own")
+        raise SweepError("give either `scheduler` or `processes`: a cluster has its own processes")
     if scheduler is not None:
         check_scheduler(scheduler)
 
@@ -251,10 +251,10 @@ def _notes(
     failed = ~np.isfinite(run.figures).all(axis=(1, 2))
     if failed.any():
         first = next((text for text in run.problems if text), "")
-        why = f"; the first that was refused: {first}" if first else ""
+        why = f"; the first error: {first}" if first else ""
         notes.append(
-            f"{failed.sum()} of {len(failed)} samples have no solution: left out of percentiles "
-            f"and correlations, counted as samples in which no motor suffices{why}"
+            f"{failed.sum()} of {len(failed)} samples have no solution: they are left out of "
+            f"percentiles and correlations, and count as samples in which no motor suffices{why}"
         )
     speeds = np.array([t.section == "speed" for t in targets])
     if speeds.any():

@@ -412,7 +412,7 @@ def test_joints_stick_up_to_what_noise_makes_of_their_velocities():
     here = motion.v[np.rint(100.0 * seen.t).astype(int)]
     off = np.std((seen.v - here)[100:-100], axis=0).max()
     assert 2.0 * off < found.scene.stick_velocity < 6.0 * off
-    assert any(line.startswith("joints stick up to") for line in found.notes)
+    assert any(line.startswith("the scene's `stick` velocity is") for line in found.notes)
 
 
 def test_a_jump_of_effort_at_departure_is_no_break_away():
@@ -573,7 +573,7 @@ def test_a_wrong_zero_that_the_last_links_take_up_is_named(turn):
     )
     assert max(one.error / one.rms for one in found.errors.values()) < 0.05
     line = next(line for line in found.notes if "another zero" in line)
-    assert f"square: {NAMES[4]} {-turn:+d} degrees;" in line
+    assert f"%: {NAMES[4]} {-turn:+d} degrees;" in line
 
 
 def test_masses_are_said_beside_the_urdfs(found):
@@ -597,7 +597,7 @@ def test_a_turned_sign_shows_by_inertia_where_it_is_more_than_friction():
 
 def test_efforts_that_were_not_measured_and_logs_that_hardly_move_are_refused():
     dead = short().effort * np.array([1, 1, 0, 1, 1, 1])
-    with pytest.raises(IdentificationError, match=f"joint {NAMES[2]}: its effort is 0 however"):
+    with pytest.raises(IdentificationError, match=f"joint {NAMES[2]}: its effort is always 0"):
         pf.identify(guess(0), replace(short(), effort=dead))
     after = np.asarray(short().t) > short().t[500]  # 5 s of 20: then it stays where it is
     stays = np.where(after[:, None], short().q[500], short().q)
@@ -712,7 +712,7 @@ def test_samples_beyond_what_is_fitted_are_left_out():
 
 
 def test_robots_whose_efforts_no_log_tells_apart_are_refused():
-    with pytest.raises(IdentificationError, match="loops close"):
+    with pytest.raises(IdentificationError, match="closed loops"):
         pf.identify(pf.load_scene("four_bar"), short())
 
 

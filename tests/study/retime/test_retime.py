@@ -546,7 +546,7 @@ def test_the_momentary_peak_of_a_gear_is_no_limit_of_a_cycle(tmp_path):
     gear |= {"average_torque": None, "rated_torque": None}
     scene, _, candidate = table_drive(tmp_path, gear)
     path = Path.from_waypoints([[0.0], [2.0]])
-    with pytest.raises(pf.RetimeError, match=r"M \+ G cannot be judged: .* gear repeated peak"):
+    with pytest.raises(pf.RetimeError, match=r"M \+ G cannot be checked: .* gear repeated peak"):
         retime(scene, path, {"table": candidate})
 
 
