@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -66,13 +67,14 @@ def load_scene(path: str | Path) -> Scene:
 
 def guesses_line(assumed: Assumed) -> str:
     """Return how many entries of a scene are guesses, and of what."""
-    count: dict[str, int] = {}
+    places: dict[str, list[str]] = {}
     for place in assumed.values:
-        name = place.rpartition(".")[2]
-        count[name] = count.get(name, 0) + 1
-    of = ", ".join(f"{name} of {number}" for name, number in count.items())
+        entry, _, key = place.rpartition(".")
+        places.setdefault(entry, []).append(key)
+    count = Counter(", ".join(keys) for keys in places.values())
+    of = "; ".join(f"{keys} of {number} joints" for keys, number in count.items())
     return (
-        f"{sum(count.values())} entries are guesses of `{assumed.by}` ({of}); `assumed` lists "
+        f"{len(assumed.values)} entries are guesses of `{assumed.by}` ({of}); `assumed` lists "
         "them: replace them by data sheets or by what you identify"
     )
 

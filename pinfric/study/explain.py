@@ -151,13 +151,16 @@ def _gear_losses(scene: Scene, motion: TimedMotion, whole: InverseResult) -> tup
     here, below = Efforts.of(whole), Efforts.of(motion.solve(unloaded))
     peaks, rms = effort_changes(here, below, motor=True)
     worst, _ = ends_by_magnitude(here.motor_lower, here.motor_upper)
-    lossy = [drive.transmission != ideal.transmission
-             for drive, ideal in zip(scene.drives, unloaded.drives, strict=True)]  # fmt: skip
+    lossy = [
+        drive.transmission != ideal.transmission
+        for drive, ideal in zip(scene.drives, unloaded.drives, strict=True)
+    ]
     size = known_rms(here.t, worst)
     return tuple(
         GearLoss(drive.name, float(peaks[d]), float(rms[d]), float(size[d]))
-        for d, drive in enumerate(scene.drives) if lossy[d]
-    )  # fmt: skip
+        for d, drive in enumerate(scene.drives)
+        if lossy[d]
+    )
 
 
 def _without(scene: Scene, effect: Effect) -> Scene:

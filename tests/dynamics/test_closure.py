@@ -97,7 +97,9 @@ def test_a_scene_whose_loop_can_never_close_is_refused():
     loop = scene.loops[0].model_copy(update={
         "a": scene.loops[0].a.model_copy(update={"xyz": (0.9, 0.0, 0.0)})
     })  # fmt: skip
-    with pytest.raises(SceneError, match=r"loops\.B: cannot close: .* stay at least 0\.25 m apart"):
+    with pytest.raises(
+        SceneError, match=r"loops\[0\] \(B\): cannot close: .* at least 0\.25 m apart"
+    ):
         pf.Scene(model=scene.model, loops=[loop], actuators=[{"joint": "O"}])
 
 
@@ -238,9 +240,12 @@ def test_an_undriven_motion_is_named_even_where_the_count_is_right():
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        ({"a": {"link": "couplet"}}, r"loops\.B\.a\.link: there is no link 'couplet'; did you"),
+        (
+            {"a": {"link": "couplet"}},
+            r"loops\[0\] \(B\)\.a\.link: there is no link 'couplet'; did you",
+        ),
         ({"name": "A"}, "the name 'A' is taken"),
-        ({"axis": [0, 0, 0]}, r"loops\.B\.axis: .* has no direction"),
+        ({"axis": [0, 0, 0]}, r"loops\[0\] \(B\)\.axis: .* has no direction"),
         ({"b": {"link": "coupler"}}, "both sides are on the same rigid body"),
         ({"kind": "hinge"}, "kind"),
         ({"c": 1}, r"unknown key `loops\[0\].c`"),

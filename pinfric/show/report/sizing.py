@@ -49,9 +49,9 @@ def sizing_report(report: SizingReport, fastest: Sequence[TimedSet] | None = Non
     found = sizing_summary(report)
     failing = [Text(f"! {line}", style="bold red") for line in (*report.no_fit, *report.unmet)]
     return paragraphs(
+        [verdict(report)],
         demand_table(report),
         choice_table(found),
-        [verdict(report)],
         mass_table(found),
         smaller_table(found),
         brake_table(found),
@@ -121,7 +121,7 @@ def _demands(
 
 
 def verdict(report: SizingReport) -> str:
-    """Return in a line how the sizing ended: which joints have a drive, its mass, what is open."""
+    """Return in a line which joints have a drive, its mass, what is not checked or guessed."""
     chosen = [joint.choice for joint in report.joints if joint.choice is not None]
     nearest = [joint.name for joint in report.joints if joint.choice is None and joint.nearest]
     parts = [f"{len(chosen)} of {len(report.joints)} joints have a drive that fits"]
@@ -136,6 +136,8 @@ def verdict(report: SizingReport) -> str:
         ]
     if nearest:
         parts.append(f"the nearest misses of {', '.join(nearest)} are in the model")
+    if report.scene.assumed is not None:
+        parts.append(f"{len(report.scene.assumed.values)} entries of the scene are guesses")
     return "; ".join([*parts, passes(report)])
 
 

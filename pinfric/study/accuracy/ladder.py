@@ -128,9 +128,13 @@ def _steps(scene: Scene, motion: MotionLike, whole: InverseResult) -> list[_Step
     on = {effect.name: effect for effect in effects(scene)}
     steps = [
         _step("frictionless", "no friction", with_effects(scene, only=["payload"]), motion),
-        _step("constant", "coulomb fitted to the friction of this motion",
-              with_constant_friction(scene, fitted_constants(whole)), motion),
-    ]  # fmt: skip
+        _step(
+            "constant",
+            "coulomb fitted to the friction of this motion",
+            with_constant_friction(scene, fitted_constants(whole)),
+            motion,
+        ),
+    ]
     kept = ["payload"]
     for name in names:
         title = "radial load" if name == "load" else f"+ {name}"

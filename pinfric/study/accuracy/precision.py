@@ -174,18 +174,26 @@ def contestants(scene: Scene, methods: Iterable[str] | None = None) -> list[Cont
     wanted = ("event", "timestepping", "regularized") if methods is None else tuple(methods)
     made = []
     if "event" in wanted:
-        made += [_own(scene, "event", f"rtol {rtol:.0e}", rtol=rtol, atol=1e-2 * rtol,
-                      max_step=t_end) for rtol in TOLERANCES]  # fmt: skip
+        made += [
+            _own(scene, "event", f"rtol {rtol:.0e}", rtol=rtol, atol=1e-2 * rtol, max_step=t_end)
+            for rtol in TOLERANCES
+        ]
         made.append(_own(scene, "event", "defaults"))
     if "timestepping" in wanted:
         made += [_own(scene, "timestepping", f"dt {t_end / n:.2e} s", dt=t_end / n) for n in STEPS]
     if "regularized" in wanted:
         made += [
-            _own(scene, "regularized", f"velocity {velocity:.0e}", _LOOKS,
-                 regularization_velocity=velocity, rtol=_SMOOTH_TOLERANCE,
-                 atol=1e-2 * _SMOOTH_TOLERANCE)
+            _own(
+                scene,
+                "regularized",
+                f"velocity {velocity:.0e}",
+                _LOOKS,
+                regularization_velocity=velocity,
+                rtol=_SMOOTH_TOLERANCE,
+                atol=1e-2 * _SMOOTH_TOLERANCE,
+            )
             for velocity in VELOCITIES
-        ]  # fmt: skip
+        ]
     return made
 
 

@@ -83,8 +83,11 @@ def sampling(scene: Scene, motion: MotionLike) -> tuple[Sampled, ...]:
                 break
             rate = (count - 1) / stride / float(motion.t[-1] - motion.t[0])
             try:
-                thin = whole if (stride, given) == (1, "q, v, a") else _solve(
-                    scene, motion, stride, given)  # fmt: skip
+                thin = (
+                    whole
+                    if (stride, given) == (1, "q, v, a")
+                    else _solve(scene, motion, stride, given)
+                )
             except PinfricError as problem:
                 text = " ".join(str(problem).split())
                 rows.append(Sampled(rate, kept, given, problem=text))
@@ -119,8 +122,9 @@ def missed_stick(
         total += one.end - one.start
         covered += sum(
             max(0.0, min(one.end, f.end) - max(one.start, f.start))
-            for f in found if f.site == one.site
-        )  # fmt: skip
+            for f in found
+            if f.site == one.site
+        )
     return total, total - covered
 
 

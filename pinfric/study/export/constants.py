@@ -109,15 +109,19 @@ def _constants(
     missed = (lower - load)[moving] - regressors @ constants
     worst = np.flatnonzero(moving)[np.abs(missed).argmax()] if moving.any() else None
     return JointConstants(
-        joint=column.name, unit=effort_where(column.unit == "m"), ratio=drive.ratio,
+        joint=column.name,
+        unit=effort_where(column.unit == "m"),
+        ratio=drive.ratio,
         **dict(zip(TERMS, constants.tolist(), strict=True)),
-        moving=int(moving.sum()), apart=apart,
+        moving=int(moving.sum()),
+        apart=apart,
         **_figures(missed, lower[moving]),
-        worst_load=_at(load, worst), worst_speed=_at(velocity, worst),
+        worst_load=_at(load, worst),
+        worst_speed=_at(velocity, worst),
         worst_time=_at(result.t, worst),
         rest_lower=float((lower - load)[rest].min()) if rest.any() else np.nan,
         rest_upper=float((upper - load)[rest].max()) if rest.any() else np.nan,
-    )  # fmt: skip
+    )
 
 
 def _fit(regressors: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, bool]:

@@ -113,10 +113,12 @@ def level_uncertainty(
     q, v, a = (array[picked] for array in (result.states.q, result.states.v, result.states.a))
     stick = np.array([drive_stick_velocity(scene, drive) for drive in scene.drives])
     moving = np.abs(result.actuator_velocity[picked]) > stick
-    levels = np.array([
-        _level(inverse_dynamics(vary(scene, targets, list(row)), q, v, a), moving)
-        for row in values.T
-    ])  # fmt: skip
+    levels = np.array(
+        [
+            _level(inverse_dynamics(vary(scene, targets, list(row)), q, v, a), moving)
+            for row in values.T
+        ]
+    )
     known = _level(inverse_dynamics(scene, q, v, a), moving)
     low, high = np.percentile(levels, [2.5, 97.5], axis=0)
     return {
@@ -156,13 +158,20 @@ def _compensation_at(scene: Scene, states: States) -> np.ndarray:
     project(wrench, twin.embedding, twin.armature, states.a, effort)
     places = twin.displacements(tables.joint, states.q)
     options = CompensationOptions(scale=1.0, viscous_scale=1.0)
-    return np.array([
-        compensate_state(
-            scene, tables, effort[i], wrench[i : i + 1, tables.joint], places[i : i + 1],
-            {"v_ref": states.v[i], "error": None, "v_now": None}, options,
-        )
-        for i in range(count)
-    ])  # fmt: skip
+    return np.array(
+        [
+            compensate_state(
+                scene,
+                tables,
+                effort[i],
+                wrench[i : i + 1, tables.joint],
+                places[i : i + 1],
+                {"v_ref": states.v[i], "error": None, "v_now": None},
+                options,
+            )
+            for i in range(count)
+        ]
+    )
 
 
 def _heading(scene: Scene, frames: Sequence[str], unknown: Mapping[str, float]) -> list[str]:

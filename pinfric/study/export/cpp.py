@@ -155,8 +155,13 @@ def _constants(scene: Scene, frames: Sequence[str], limits: Sequence[float]) -> 
     drives, lines = _drives(scene)
     placed = _frames(scene, frames, turns)
     P, part = delivery(scene.drives, nv), set(taking_part(scene.drives))
-    counts = {"bodies": len(bodies), "freedoms": nv, "sites": len(sites), "drives": na,
-              "frame_count": len(placed)}  # fmt: skip
+    counts = {
+        "bodies": len(bodies),
+        "freedoms": nv,
+        "sites": len(sites),
+        "drives": na,
+        "frame_count": len(placed),
+    }
     return [
         "struct Robot {",
         *(f"  static constexpr int {name} = {count};" for name, count in counts.items()),
@@ -190,11 +195,18 @@ def _bodies(scene: Scene, turns: np.ndarray) -> list[tuple[str, str]]:
         placement, inertia = model.jointPlacements[row + 1], model.inertias[row + 1]
         moments = turn @ inertia.inertia @ turn.T
         fields = [
-            parent - 1, bool(twin.kind[row] != PRISMATIC), int(twin.v_index[row]),
-            float(twin.ratio[row]), float(twin.shift[row]),
-            turns[parent] @ placement.rotation @ turn.T, turns[parent] @ placement.translation,
-            turn, float(inertia.mass), turn @ inertia.lever, moments[np.triu_indices(3)],
-        ]  # fmt: skip
+            parent - 1,
+            bool(twin.kind[row] != PRISMATIC),
+            int(twin.v_index[row]),
+            float(twin.ratio[row]),
+            float(twin.shift[row]),
+            turns[parent] @ placement.rotation @ turn.T,
+            turns[parent] @ placement.translation,
+            turn,
+            float(inertia.mass),
+            turn @ inertia.lever,
+            moments[np.triu_indices(3)],
+        ]
         found.append((name, _entry(fields)))
     return found
 
@@ -207,11 +219,21 @@ def _laws(scene: Scene) -> tuple[list[tuple[str, str]], ...]:
     for s, site in enumerate(scene.sites):
         first, last = np.searchsorted(loads.site, [s, s + 1]).tolist()
         fields = [
-            site.joint, site.velocity_index, site.ratio, laws.mu_static[s], laws.mu_kinetic[s],
-            laws.coulomb_static[s], laws.coulomb_kinetic[s], laws.viscous[s],
-            laws.stick_velocity[s], loads.constant[s], first, last,
-            int(laws.row_start[s]), int(laws.row_end[s]),
-        ]  # fmt: skip
+            site.joint,
+            site.velocity_index,
+            site.ratio,
+            laws.mu_static[s],
+            laws.mu_kinetic[s],
+            laws.coulomb_static[s],
+            laws.coulomb_kinetic[s],
+            laws.viscous[s],
+            laws.stick_velocity[s],
+            loads.constant[s],
+            first,
+            last,
+            int(laws.row_start[s]),
+            int(laws.row_end[s]),
+        ]
         sites.append((site.name, _entry(fields)))
     terms = [
         ("", _entry([int(loads.rank[t]), bool(loads.moves[s]), loads.map[t], loads.map_moved[t]]))
@@ -224,8 +246,20 @@ def _laws(scene: Scene) -> tuple[list[tuple[str, str]], ...]:
 def _drives(scene: Scene) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
     """Drives, and the lines of their gears' losses."""
     gears = scene_gears(scene)
-    fields = ("ratio", "rotor_inertia", "viscous", "power", "stick_velocity", "no_load",
-              "no_load_static", "constant", "rise", "exponent", "first", "last")  # fmt: skip
+    fields = (
+        "ratio",
+        "rotor_inertia",
+        "viscous",
+        "power",
+        "stick_velocity",
+        "no_load",
+        "no_load_static",
+        "constant",
+        "rise",
+        "exponent",
+        "first",
+        "last",
+    )
     drives = [
         (drive.name, _entry([getattr(gears, field)[d] for field in fields]))
         for d, drive in enumerate(scene.drives)

@@ -59,41 +59,52 @@ FORMATS = {
         "mj_inverse has no friction there, mj_step holds with up to frictionloss",
     ),
     "urdf": Format(
-        "URDF", {"frictionloss": "friction", "damping": "damping"}, ".constants.urdf",
+        "URDF",
+        {"frictionloss": "friction", "damping": "damping"},
+        ".constants.urdf",
         "engines that read <dynamics> hold with up to `friction`, or not at all",
     ),
     "ur": Format(
         "URScript (Universal Robots)",
         {"frictionloss": "coulomb", "damping": "viscous", "armature": "rotor inertia"},
-        ".ur.script", "the script adds nothing there",
+        ".ur.script",
+        "the script adds nothing there",
     ),
     "sdf": Format(
-        "SDF (Gazebo, Drake)", {"frictionloss": "friction", "damping": "damping"}, ".sdf",
+        "SDF (Gazebo, Drake)",
+        {"frictionloss": "friction", "damping": "damping"},
+        ".sdf",
         "Gazebo holds with up to `friction`, Drake does not hold",
     ),
     "isaaclab": Format(
         "Isaac Lab (actuator configuration)",
-        {"frictionloss": "dynamic_friction", "damping": "viscous_friction",
-         "armature": "armature"},
-        ".isaaclab.py", "PhysX holds with up to `friction`, half the width of that interval",
+        {"frictionloss": "dynamic_friction", "damping": "viscous_friction", "armature": "armature"},
+        ".isaaclab.py",
+        "PhysX holds with up to `friction`, half the width of that interval",
     ),
     "newton": Format(
         "Newton",
-        {"frictionloss": "joint_friction", "damping": "joint_damping",
-         "armature": "joint_armature"},
-        ".newton.py", "SolverMuJoCo holds with up to joint_friction, as a soft constraint",
+        {
+            "frictionloss": "joint_friction",
+            "damping": "joint_damping",
+            "armature": "joint_armature",
+        },
+        ".newton.py",
+        "SolverMuJoCo holds with up to joint_friction, as a soft constraint",
     ),
     "pinocchio": Format(
         "Pinocchio 4 (joint friction constraint)",
         {"frictionloss": "dry friction", "damping": "damping", "armature": "armature"},
-        ".pinocchio.py", "its constraint holds with up to the dry friction",
+        ".pinocchio.py",
+        "its constraint holds with up to the dry friction",
     ),
     "cpp": Format(
         "C++ (a compensator that knows the load)",
         {"frictionloss": "Coulomb", "damping": "viscous", "armature": "rotor inertia"},
-        ".hpp", "within its speed band the compensator moves from one end to the other",
+        ".hpp",
+        "within its speed band the compensator moves from one end to the other",
     ),
-}  # fmt: skip
+}
 _FRICTION_ALONE = (
     "links, masses and geometry: the file only adds constants to a robot that you load"
 )
@@ -145,12 +156,16 @@ class Exported(Shown):
     def __repr__(self) -> str:
         moved = [joint for joint in self.joints if joint.moving]
         errors = [f"{j.error_peak:.3g} of {j.torque_peak:.3g}" for j in moved]
-        return screen("Exported", f"{file_name(self.scene)} to {FORMATS[self.to].title}", {
-            "trajectory": f"{file_name(self.trajectory)}, {counted(self.samples, 'sample')}",
-            "errors": f"{listed([j.joint for j in moved], errors)} (peaks, N m or N)",
-            "left out": "; ".join(self.left_out),
-            "more": ".write(path) .summary() .text",
-        })  # fmt: skip
+        return screen(
+            "Exported",
+            f"{file_name(self.scene)} to {FORMATS[self.to].title}",
+            {
+                "trajectory": f"{file_name(self.trajectory)}, {counted(self.samples, 'sample')}",
+                "errors": f"{listed([j.joint for j in moved], errors)} (peaks, N m or N)",
+                "left out": "; ".join(self.left_out),
+                "more": ".write(path) .summary() .text",
+            },
+        )
 
     @property
     def default_name(self) -> str:
@@ -269,16 +284,28 @@ def _mjcf(
                 f"{why}; correct the <inertia> of its links"
             )
     entries = [
-        MjcfJoint(joint.frictionloss, joint.damping, joint.armature + body.armature, joint.ratio,
-                  lines[joint.joint])
+        MjcfJoint(
+            joint.frictionloss,
+            joint.damping,
+            joint.armature + body.armature,
+            joint.ratio,
+            lines[joint.joint],
+        )
         for joint, body in zip(joints, tree, strict=True)
-    ]  # fmt: skip
+    ]
     name = Path(scene.source).stem
     return mjcf(name, tree, entries, scene.model.gravity.linear, comment=header)
 
 
-_WRITERS = {"mjcf": _mjcf, "urdf": urdf, "ur": ur_script, "sdf": sdf, "isaaclab": isaaclab,
-            "newton": newton, "pinocchio": pinocchio}  # fmt: skip
+_WRITERS = {
+    "mjcf": _mjcf,
+    "urdf": urdf,
+    "ur": ur_script,
+    "sdf": sdf,
+    "isaaclab": isaaclab,
+    "newton": newton,
+    "pinocchio": pinocchio,
+}
 
 
 def joint_line(joint: JointConstants, form: Format) -> str:
@@ -311,15 +338,23 @@ def joint_line(joint: JointConstants, form: Format) -> str:
 def _left_out(scene: Scene, to: str) -> tuple[str, ...]:
     """What the scene has and the file has not, with the key of the first place."""
     held = {"static"} if to == "isaaclab" else set()
-    lines = [f"{_LEFT_OUT[effect.name]} ({effect.why})" for effect in effects(scene)
-             if effect.on and effect.name in _LEFT_OUT.keys() - held]  # fmt: skip
+    lines = [
+        f"{_LEFT_OUT[effect.name]} ({effect.why})"
+        for effect in effects(scene)
+        if effect.on and effect.name in _LEFT_OUT.keys() - held
+    ]
     for name, friction in scene.friction.items():
-        lines += [f"the direction of friction.{name}.{key}: one constant for both directions"
-                  for key, term in friction.named_terms.items() if term.directed]  # fmt: skip
+        lines += [
+            f"the direction of friction.{name}.{key}: one constant for both directions"
+            for key, term in friction.named_terms.items()
+            if term.directed
+        ]
     for name, payload in scene.payloads.items():
         if not payload.attached and to in ("mjcf", "urdf", "sdf"):
-            lines.append(f"the payload {name!r} ({payload.mass:g} kg at {payload.link}), which the "
-                         "scene does not carry by default")  # fmt: skip
+            lines.append(
+                f"the payload {name!r} ({payload.mass:g} kg at {payload.link}), which the "
+                "scene does not carry by default"
+            )
     lines += _NOT_THERE.get(to, ())
     if to in ("urdf", "sdf"):
         gravity = scene.model.gravity.linear

@@ -69,13 +69,21 @@ def mjcf(
     root = ElementTree.Element("mujoco", model=name)
     root.extend(xml_comment(line) for line in comment)
     _add(
-        root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false",
-        boundmass=_number(_LEAST_MASS), boundinertia=_number(_LEAST_INERTIA),
-    )  # fmt: skip
+        root,
+        "compiler",
+        angle="radian",
+        autolimits="true",
+        inertiafromgeom="false",
+        boundmass=_number(_LEAST_MASS),
+        boundinertia=_number(_LEAST_INERTIA),
+    )
     option = _add(
-        root, "option", gravity=_numbers(gravity), timestep=_number(timestep),
+        root,
+        "option",
+        gravity=_numbers(gravity),
+        timestep=_number(timestep),
         integrator="implicitfast",
-    )  # fmt: skip
+    )
     if not limits:
         _add(option, "flag", limit="disable")
     default = _add(root, "default")
@@ -100,9 +108,12 @@ def _add_body(parent: ElementTree.Element, body: Body, joint: MjcfJoint) -> Elem
     inertia = _inertia(body)
     moments = [inertia[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
     _add(
-        element, "inertial", pos=_numbers(body.inertia.lever), mass=_number(body.inertia.mass),
+        element,
+        "inertial",
+        pos=_numbers(body.inertia.lever),
+        mass=_number(body.inertia.mass),
         fullinertia=_numbers(moments),
-    )  # fmt: skip
+    )
     if joint.comment:
         element.append(xml_comment(joint.comment))
     limits = {}
@@ -111,11 +122,16 @@ def _add_body(parent: ElementTree.Element, body: Body, joint: MjcfJoint) -> Elem
     if np.isfinite(body.effort_limit):
         limits["actuatorfrcrange"] = _numbers([-body.effort_limit, body.effort_limit])
     _add(
-        element, "joint", name=body.joint.name, axis=_numbers(body.axis),
+        element,
+        "joint",
+        name=body.joint.name,
+        axis=_numbers(body.axis),
         type="slide" if body.joint.unit == "m" else "hinge",
-        frictionloss=_number(joint.frictionloss), damping=_number(joint.damping),
-        armature=_number(joint.armature), **limits,
-    )  # fmt: skip
+        frictionloss=_number(joint.frictionloss),
+        damping=_number(joint.damping),
+        armature=_number(joint.armature),
+        **limits,
+    )
     for name, placement in body.frames.items():
         _add(element, "site", name=name, **_place(placement))
     return element
@@ -125,9 +141,16 @@ def _add_capsule(element: ElementTree.Element, to: np.ndarray) -> None:
     """From a body's joint to the next: something to see, without mass and contact."""
     if np.linalg.norm(to) > _RADIUS:
         _add(
-            element, "geom", type="capsule", size=_number(_RADIUS), fromto=_numbers([0, 0, 0, *to]),
-            mass="0", contype="0", conaffinity="0", group="1",
-        )  # fmt: skip
+            element,
+            "geom",
+            type="capsule",
+            size=_number(_RADIUS),
+            fromto=_numbers([0, 0, 0, *to]),
+            mass="0",
+            contype="0",
+            conaffinity="0",
+            group="1",
+        )
 
 
 def _inertia(body: Body) -> np.ndarray:
@@ -165,6 +188,8 @@ def xml_comment(text: str) -> ElementTree.Element[Any]:
 def xml_text(root: ElementTree.Element) -> str:
     """Return an XML file, indented."""
     ElementTree.indent(root)
-    return '<?xml version="1.0" encoding="utf-8"?>\n' + ElementTree.tostring(
-        root, encoding="unicode"
-    ) + "\n"  # fmt: skip
+    return (
+        '<?xml version="1.0" encoding="utf-8"?>\n'
+        + ElementTree.tostring(root, encoding="unicode")
+        + "\n"
+    )

@@ -27,13 +27,15 @@ def python_file(
     """
     comments = [f"# {one_line(line)}".rstrip() for line in (*header, *lines.values())]
     tables = [
-        "\n".join([
-            f"{name} = {{",
-            *(f"    {joint.joint!r}: {float(values[joint.joint])!r}," for joint in joints),
-            "}",
-        ])
+        "\n".join(
+            [
+                f"{name} = {{",
+                *(f"    {joint.joint!r}: {float(values[joint.joint])!r}," for joint in joints),
+                "}",
+            ]
+        )
         for name, values in fields.items()
-    ]  # fmt: skip
+    ]
     return "\n".join([*comments, "", *tables, "", code.strip("\n"), ""])
 
 

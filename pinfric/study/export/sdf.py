@@ -65,8 +65,12 @@ def _joint(body: Body, ends: tuple[str, str], constants: JointConstants) -> Elem
     parent, child = ends
     kind = "prismatic" if body.joint.unit == "m" else "revolute"
     joint = ElementTree.Element("joint", name=body.joint.name, type=kind)
-    _text(joint, "pose", _pose(body.placement),
-          relative_to="__model__" if parent == "world" else parent)  # fmt: skip
+    _text(
+        joint,
+        "pose",
+        _pose(body.placement),
+        relative_to="__model__" if parent == "world" else parent,
+    )
     _text(joint, "parent", parent)
     _text(joint, "child", child)
     axis = ElementTree.SubElement(joint, "axis")

@@ -85,15 +85,17 @@ def bodies(scene: Scene) -> tuple[Body, ...]:
     found = []
     for row, column in enumerate(columns):
         own = [frame for frame in every if frame.parentJoint == row + 1]
-        found.append(Body(
-            joint=column,
-            link=own[0].name if own else column.name,
-            parent=int(model.parents[row + 1]) - 1,
-            placement=model.jointPlacements[row + 1],
-            inertia=model.inertias[row + 1],
-            axis=twin.axis[row, :3] if twin.kind[row] == PRISMATIC else twin.axis[row, 3:],
-            armature=float(model.armature[column.index_v]),
-            effort_limit=stated_limit(float(model.effortLimit[column.index_v])),
-            frames={frame.name: frame.placement for frame in own[1:]},
-        ))  # fmt: skip
+        found.append(
+            Body(
+                joint=column,
+                link=own[0].name if own else column.name,
+                parent=int(model.parents[row + 1]) - 1,
+                placement=model.jointPlacements[row + 1],
+                inertia=model.inertias[row + 1],
+                axis=twin.axis[row, :3] if twin.kind[row] == PRISMATIC else twin.axis[row, 3:],
+                armature=float(model.armature[column.index_v]),
+                effort_limit=stated_limit(float(model.effortLimit[column.index_v])),
+                frames={frame.name: frame.placement for frame in own[1:]},
+            )
+        )
     return tuple(found)

@@ -15,8 +15,14 @@ from pinfric.model.scene import Scene
 from pinfric.study.export.constants import JointConstants
 
 #: The joints in UR's order; a description may put a prefix before them.
-JOINTS = ("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint",
-          "wrist_1_joint", "wrist_2_joint", "wrist_3_joint")  # fmt: skip
+JOINTS = (
+    "shoulder_pan_joint",
+    "shoulder_lift_joint",
+    "elbow_joint",
+    "wrist_1_joint",
+    "wrist_2_joint",
+    "wrist_3_joint",
+)
 _PROGRAM = """\
 def pinfric_friction(qd):
   # N m of the six joints at the speeds qd (rad/s); within `slow` of rest it grows linearly

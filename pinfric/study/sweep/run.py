@@ -24,7 +24,7 @@ from pinfric.model.scene import Scene, expect_scene
 from pinfric.study.summary import effort_unit, motor_unit
 from pinfric.study.sweep.cycle import ELASTIC_FIGURES, FIGURES, NOT_CHECKED, Block, Study, compute
 from pinfric.study.sweep.file import SweepFile, load_sweep
-from pinfric.study.sweep.motors import motors_on_trial
+from pinfric.study.sweep.motors import Trial, motors_on_trial
 from pinfric.study.sweep.parameters import draw, resolve
 from pinfric.study.sweep.result import SweepResult
 from pinfric.study.sweep.store import Store, booleans, identity
@@ -100,28 +100,7 @@ def sweep(
         used = run.compute(processes, scheduler)
     if all(run.problems):
         raise SweepError(f"{source}: no sample could be computed; the first: {run.problems[0]}")
-    result = SweepResult(
-        scene=scene.source,
-        trajectory=trajectory.source,
-        sweep=source,
-        sampling=entries.sampling,
-        seed=entries.seed,
-        parameter_names=tuple(t.name for t in targets),
-        actuator_names=scene.actuator_names,
-        units=tuple(effort_unit(scene, i) for i in range(len(scene.drives))),
-        motor_units=tuple(motor_unit(equipped, i) for i in range(len(scene.drives))),
-        values=values,
-        figures=run.figures,
-        verdicts=_frame(study, run.verdicts),
-        unsolved=run.unsolved,
-        problems=tuple(run.problems),
-        trials=trials,
-        percentiles=entries.percentiles,
-        processes=used,
-        resumed=run.resumed,
-        notes=_notes(equipped, trajectory, targets, values, run),
-        elastic=run.elastic,
-    )
+    result = _result(scene, run, entries, source, trials, used)
     for note in result.notes:
         warnings.warn(note, PinfricWarning, stacklevel=2)
     return result
@@ -209,6 +188,41 @@ class _Run:
         return perf_counter() - start
 
 
+def _result(
+    scene: Scene,
+    run: _Run,
+    entries: SweepFile,
+    source: str,
+    trials: tuple[Trial, ...],
+    used: int,
+) -> SweepResult:
+    """What a finished run found; its study's scene has the drives on trial."""
+    study = run.study
+    equipped = study.scene
+    return SweepResult(
+        scene=scene.source,
+        trajectory=study.trajectory.source,
+        sweep=source,
+        sampling=entries.sampling,
+        seed=entries.seed,
+        parameter_names=tuple(t.name for t in study.targets),
+        actuator_names=scene.actuator_names,
+        units=tuple(effort_unit(scene, i) for i in range(len(scene.drives))),
+        motor_units=tuple(motor_unit(equipped, i) for i in range(len(scene.drives))),
+        values=run.values,
+        figures=run.figures,
+        verdicts=_frame(study, run.verdicts),
+        unsolved=run.unsolved,
+        problems=tuple(run.problems),
+        trials=trials,
+        percentiles=entries.percentiles,
+        processes=used,
+        resumed=run.resumed,
+        notes=_notes(run),
+        elastic=run.elastic,
+    )
+
+
 def _store(study: Study, values: np.ndarray, out: str | Path | None) -> Store | None:
     if out is None:
         return None
@@ -244,9 +258,8 @@ def _batches(missing: np.ndarray, seconds: float, processes: int) -> Iterator[np
     return (missing[start : start + size] for start in range(0, len(missing), size))
 
 
-def _notes(
-    scene: Scene, trajectory: Trajectory, targets: tuple[Any, ...], values: np.ndarray, run: _Run
-) -> tuple[str, ...]:
+def _notes(run: _Run) -> tuple[str, ...]:
+    scene, trajectory = run.study.scene, run.study.trajectory
     notes = []
     failed = ~np.isfinite(run.figures).all(axis=(1, 2))
     if failed.any():
@@ -256,12 +269,12 @@ def _notes(
             f"{failed.sum()} of {len(failed)} samples have no solution: they are left out of "
             f"percentiles and correlations, and count as samples in which no motor suffices{why}"
         )
-    speeds = np.array([t.section == "speed" for t in targets])
+    speeds = np.array([t.section == "speed" for t in run.study.targets])
     if speeds.any():
         limit = np.asarray(scene.model.velocityLimit)
         fastest = np.abs(trajectory.v).max(axis=0)
         ratio = float((fastest / np.where(limit > 0, limit, np.inf)).max())
-        beyond = values[:, speeds].prod(axis=1) * ratio > 1 + 1e-9
+        beyond = run.values[:, speeds].prod(axis=1) * ratio > 1 + 1e-9
         if beyond.any():
             notes.append(
                 f"in {beyond.sum()} of {len(beyond)} samples a joint is faster than the "

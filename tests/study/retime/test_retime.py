@@ -467,7 +467,7 @@ drives:
     found = retime(lifting(), straight(1.0), file)
     assert found.duration == pytest.approx(np.sqrt(4 * 1.0 / 2.0), rel=1e-3)
     file.write_text(text.replace("AK80-64", "AK80-6000"))
-    with pytest.raises(pf.RetimeError, match=r"limits.j: default has no drive .* did you mean"):
+    with pytest.raises(pf.RetimeError, match=r"limits.j: default has no drive .*; the nearest of"):
         retime(lifting(), straight(1.0), file)
     file.write_text(text.replace("drives", "motors"))
     with pytest.raises(pf.PinfricError, match="unknown key `motors`"):

@@ -161,7 +161,7 @@ def test_all_rows_that_cannot_be_are_named_in_one_error(tmp_path):
         ("section: motors\ncolumns: {name: Typ}\n", "has no column 'Typ'; did you mean 'Type'"),
         ("section: motors\ncolumns: {mass: Weight}\n", "which column has the names"),
         ("section: motor\ncolumns: {name: Type}\n", "'motors'"),
-        ("section: motors\ncolumns: {name: Type, masss: n}\n", "did you mean 'mass'"),
+        ("section: motors\ncolumns: {name: Type, masss: n}\n", "the nearest of 58: 'mass'"),
     ],
 )
 def test_mappings_that_cannot_be(tmp_path, mapping, text):
