@@ -130,7 +130,7 @@ def replay_lines(shown: Replay, opened: bool | None) -> list[str]:
     intervals = "no stiction" if sticks == 0 else f"{sticks} stiction interval{'s' * (sticks > 1)}"
     lines = [f"{shown.duration:.4g} s, {shown.frames} frames, {intervals}: {shown.html}"]
     if opened is False:
-        lines.append("there is no display or no browser here: open the file where there is one")
+        lines.append("no display or no browser here: open the file on another machine")
     return lines
 
 

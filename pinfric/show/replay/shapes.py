@@ -76,5 +76,7 @@ def _warn_of(missing: dict[str, str], scene: Scene) -> None:
     more = f"; and {len(missing) - 3} more" if len(missing) > 3 else ""
     urdf = "" if scene.robot is None else f"{scene.robot.urdf}: "
     warnings.warn(
-        f"{urdf}cannot be drawn, shapes are instead: {shown}{more}", PinfricWarning, stacklevel=3
+        f"{urdf}cannot be drawn, simple shapes are used: {shown}{more}",
+        PinfricWarning,
+        stacklevel=3,
     )

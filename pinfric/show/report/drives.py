@@ -54,7 +54,7 @@ def smaller_table(found: SizingSummary) -> Table | None:
 
 def brake_table(found: SizingSummary) -> Table | None:
     """Return which joints hold without power, what their brakes must bear, and which ones do."""
-    title = "without power, anywhere along the cycle: friction helping most\N{EN DASH}not at all"
+    title = "without power, at any pose of the cycle: with friction\N{EN DASH}without friction"
     cells = {"standstill.use": holds_alone, "standstill.brake": _brake}
     only = ("name", "unit", *_STILL)  # the unit is of the effort beside it alone: no second key
     return table_of(title, found.joints, only=only, cells=cells, zero=_ROUNDING, keys=1)
@@ -62,7 +62,7 @@ def brake_table(found: SizingSummary) -> Table | None:
 
 def _brake(joint: SizedJoint) -> str:
     still = joint.standstill
-    return still.brake or ("none bears it" if still.torque.available else NONE)
+    return still.brake or ("none holds it" if still.torque.available else NONE)
 
 
 def holds_alone(joint: SizedJoint) -> str:
@@ -92,14 +92,14 @@ def bus_table(report: SizingReport) -> Table | None:
 
 
 def bus_lines(report: SizingReport) -> list[str]:
-    """Return what takes the energy that flows back, and what the bus's figures leave out."""
+    """Return how the energy that is fed back is absorbed, and which drives are left out."""
     bus = report.bus
     lines = [f"braking: {bus.remedy}"]
     if bus.mechanical:
         lines.append(
-            f"{len(bus.mechanical)} of the drives without copper loss: no torque constant "
+            f"copper loss of {len(bus.mechanical)} drives is missing: no torque constant "
             "or resistance"
         )
     if bus.left_out and bus.known:
-        lines.append(f"the bus without {', '.join(bus.left_out)}: no motor")
+        lines.append(f"{', '.join(bus.left_out)}: not in the bus power, no motor")
     return lines

@@ -74,7 +74,7 @@ def elastic_lines(report: SizingReport) -> list[str]:
     lines = frequency_lines(elastic_summary(report.elastic), report.scene.actuator_names)
     if rigid:
         lines.append(
-            f"stiffness not known: {', '.join(rigid)}: taken as rigid, so these frequencies are "
+            f"stiffness not known: {', '.join(rigid)}: assumed rigid, so these frequencies are "
             "upper bounds"
         )
     return [*lines, *asked]
@@ -84,7 +84,7 @@ def repetition(report: SizingReport) -> str:
     """Return how the cycle is taken to go on, in words."""
     if len(report.duty.repeats) > 1:
         return "the period, repeated" + ("; not all cycles close" if report.unclosed else "")
-    return "repeated, though it does not close" if report.unclosed else "repeated without a pause"
+    return "repeated, but it does not close" if report.unclosed else "repeated without a pause"
 
 
 #: What a cycle demands beside, on the page.
@@ -135,7 +135,7 @@ def verdict(report: SizingReport) -> str:
             f"{unchecked} of their {criteria} criteria not checked",
         ]
     if nearest:
-        parts.append(f"the nearest misses of {', '.join(nearest)} are in the model")
+        parts.append(f"for {', '.join(nearest)} the nearest miss is in the model")
     if report.scene.assumed is not None:
         parts.append(f"{len(report.scene.assumed.values)} entries of the scene are guesses")
     return "; ".join([*parts, passes(report)])
@@ -161,7 +161,7 @@ def _changes(report: SizingReport) -> list[str]:
                 lines.append(f"{joint.name}: {text} it would be {_name(other) or 'none'}")
     open_ = {c.name for j in report.joints if j.choice is not None for c in j.choice.not_checked}
     if open_:
-        lines.append(f"not checked, for a figure is missing: {', '.join(sorted(open_))}")
+        lines.append(f"not checked, a value is missing: {', '.join(sorted(open_))}")
     return lines
 
 

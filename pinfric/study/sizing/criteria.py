@@ -3,7 +3,7 @@
 A row says what a cycle needs, what the maker gives (in order of preference: a lower limit that is
 printed stands in for one that is not), the formula and its source. What a missing figure means is
 in the row, too: a row is *not checked* without it, and a drive of which nothing settles one of the
-`SETTLES` *cannot be judged*.
+`SETTLES` *cannot be checked*.
 
 `size` takes the needs of a whole cycle, `sweep` those of every sample of its own, `retime` bounds
 each instant of a motion by the rows whose need is one of `SIGNALS`.
@@ -60,7 +60,7 @@ def missing_figures(criteria: Sequence[Criterion]) -> tuple[str, ...]:
         rows = [limit.name for limit in LIMITS if thing in limit.settles and limit.name in names]
         if rows and all(name in unchecked for name in rows):
             lacks = " or ".join(f"{name}: {unchecked[name].note}" for name in rows)
-            reasons.append(f"cannot be judged by its {thing.replace(chr(39) + 's', '')}: {lacks}")
+            reasons.append(f"its {thing.replace(chr(39) + 's', '')} cannot be checked: {lacks}")
     return tuple(reasons)
 
 

@@ -723,7 +723,7 @@ def test_the_command_writes_a_header_and_its_test_and_says_what_constants_miss(
     given = "ur10_machine_tending", "--trajectory", "ur10_machine_tending", "--to", "cpp"
     assert run(*given, "--frame", "tool0", "--frame", "wrist_1_link", "--out", "made") == 0
     out = capsys.readouterr().out
-    assert "the header knows the load and needs no constants" in out
+    assert "the header uses the present load and needs no constants" in out
     name = "pinfric_ur10_machine_tending"
     assert sorted(p.name for p in Path("made").iterdir()) == [f"{name}.hpp", f"{name}_test.cpp"]
     text = Path("made", f"{name}.hpp").read_text()

@@ -331,8 +331,8 @@ def test_bundled_linear_drives_lift_a_torso_and_close_a_gripper():
         unread = [a for a in joint.assessments if "TBM-6013-A + PBC" in a.candidate.name]
         assert not any(a.fits for a in unread)  # neither forces nor speeds of them were read
         no_load, no_speed = unread[0].missing_figures
-        assert no_load.startswith("cannot be judged by its gear load: gear repeated peak torque")
-        assert no_speed.startswith("cannot be judged by its gear speed: gear maximum input speed")
+        assert no_load.startswith("its gear load cannot be checked: gear repeated peak torque")
+        assert no_speed.startswith("its gear speed cannot be checked: gear maximum input speed")
     screw = catalog.gears["PBC lead screw 12 mm, lead 5 mm"]
     rise = 0.005 / (np.pi * 0.012)  # eta = tan a/tan(a + phi), backwards tan(a - phi)/tan a
     phi = np.arctan(rise / screw.efficiency) - np.arctan(rise)

@@ -294,7 +294,7 @@ def test_without_a_figure_for_the_motor_torque_nothing_is_chosen(tmp_path):
         {"motor": {"continuous_torque": None}},
         {"motor": {"mass": None}},
     ):
-        with pytest.warns(pf.PinfricWarning, match="no candidate can be judged"):
+        with pytest.warns(pf.PinfricWarning, match="no candidate can be checked"):
             joint = sized(tmp_path, **part)
         assert joint.choice is None
         assert joint.assessments[0].missing_figures
@@ -342,7 +342,7 @@ def test_ambient_derates_the_continuous_torque(tmp_path):
     limit = {"ambient": 75.0, "max_winding": 125.0}
     found = criterion(sized(tmp_path, bare, conditions=limit), "continuous torque")
     assert found.available == pytest.approx(MOTOR["continuous_torque"] * np.sqrt(0.5))
-    with pytest.warns(pf.PinfricWarning, match="no candidate can be judged") as caught:
+    with pytest.warns(pf.PinfricWarning, match="no candidate can be checked") as caught:
         joint = sized(tmp_path, bare, conditions={"ambient": 60.0})
     assert "rated at 25 C, not at 60 C" in str(caught[0].message)
     assert joint.choice is None
@@ -393,7 +393,7 @@ def test_copper_loss_and_voltage_by_what_the_constant_is_printed_for(
 
 
 def test_surroundings_hotter_than_the_winding_may_be_are_said_plainly(tmp_path):
-    with pytest.warns(pf.PinfricWarning, match="as hot as the winding may be") as caught:
+    with pytest.warns(pf.PinfricWarning, match="not below the winding's limit") as caught:
         joint = sized(tmp_path, conditions={"ambient": 130.0})
     text = "ambient temperature 130 C, not below the winding's limit, 125 C"
     for name in ("continuous torque", "short-term torque", "winding temperature"):
@@ -472,7 +472,7 @@ def test_a_limit_added_in_one_row_is_in_size_sweep_and_retime(tmp_path, coupling
     assert slow.limiting["table"]["coupling torque"] > 0.5
     torque = pf.inverse_dynamics(slow.problem.scene, slow.trajectory).motor_torque_upper
     assert np.abs(torque).max() == pytest.approx(0.3 / 1.1, rel=1e-3)
-    with pytest.raises(ValueError, match="there is a limit 'coupling torque' already"):
+    with pytest.raises(ValueError, match="a limit 'coupling torque' exists already"):
         add_limit(coupling)
 
 

@@ -192,7 +192,7 @@ def two_joints():
         ({"on": 1.4}, "switched on for 1.4 of the period; give a share above 0, at most 1"),
         ({"on": 0.0}, "switched on for 0 of"),
         ({"period": -1.0}, "a period of -1 s"),
-        ({"weights": (2, 3), "period": 60.0}, "a period of 60 s beside counts"),
+        ({"weights": (2, 3), "period": 60.0}, "a period of 60 s is given too"),
         ({"period": 3.0}, "takes 2 s, longer than its share 0.5, 1.5 s of a period of 3 s"),
         ({"other": True}, r"moves \['a', 'b'\], trajectory \['table'\]; all cycles must be of one"),
     ],

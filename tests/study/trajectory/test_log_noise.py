@@ -182,7 +182,7 @@ def test_what_is_not_filtered_says_so(smooth, tmp_path):
     assert motion.warnings[0].startswith(
         "not filtered, noise 1.9e-05 to 2.1e-05 rad, error left in"
     )
-    assert "25 rad/s^2 in accelerations" in motion.warnings[0]
+    assert "accelerations 25 rad/s^2" in motion.warnings[0]
     result = pf.inverse_dynamics(smooth.scene, motion)
     off = peaks(result) - smooth.peak
     assert off[1] > 4.0 * smooth.peak[1]
