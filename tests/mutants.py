@@ -166,25 +166,25 @@ def chosen(rooms: list[str], count: int, seed: int) -> list[Mutant]:
 
 
 def run_tests(
-    copy: Path, *options: str, patience: float | None = None
+    copy: Path, tests: list[str], *options: str, patience: float | None = None
 ) -> subprocess.CompletedProcess[str]:
-    """Run the tests of friction and dynamics in a copy of the repository, for some time (s)."""
+    """Run tests in a copy of the repository, for some time (s)."""
     environment = {**os.environ, "PYTHONPATH": str(copy), "NUMBA_CACHE_DIR": str(copy / "cache")}
     command = [sys.executable, "-m", "pytest", "-q", "-n", "0", "-p", "mutants_plugin"]
     command += [*options, "-m", "not slow", "--ignore", "tests/dynamics/test_threaded.py"]
-    command += ["tests/friction", "tests/dynamics"]
+    command += tests
     return subprocess.run(
         command, cwd=copy, env=environment, capture_output=True, text=True, timeout=patience
     )
 
 
-def catcher(mutant: Mutant, copy: Path) -> str:
+def catcher(mutant: Mutant, copy: Path, tests: list[str]) -> str:
     """Return the test that notices a mutant; empty where none does."""
     path = copy / mutant.file
     whole = path.read_bytes()
     path.write_bytes(whole[: mutant.start] + mutant.text.encode() + whole[mutant.end :])
     try:
-        run = run_tests(copy, "-x", patience=PATIENCE)
+        run = run_tests(copy, tests, "-x", patience=PATIENCE)
     except subprocess.TimeoutExpired:
         return "it does not end"
     finally:
@@ -207,6 +207,7 @@ def main() -> None:
     parser.add_argument("rooms", nargs="*", default=["friction", "dynamics"])
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--tests", nargs="*", default=["tests/friction", "tests/dynamics"])
     given = parser.parse_args()
     caught: Counter[str] = Counter()
     total: Counter[str] = Counter()
@@ -215,11 +216,11 @@ def main() -> None:
         ignored = shutil.ignore_patterns(".git", ".venv", "build", "__pycache__", ".*_cache")
         shutil.copytree(ROOT, copy, ignore=ignored)
         (copy / "mutants_plugin.py").write_text(PLUGIN.replace("LONGEST", str(LONGEST)))
-        run_tests(copy)
+        run_tests(copy, given.tests)
         print(f"{len(json.loads((copy / 'tests.json').read_text()))} tests", flush=True)
         for number, mutant in enumerate(chosen(given.rooms, given.count, given.seed), 1):
             room = mutant.file.split("/")[1]
-            by = catcher(mutant, copy)
+            by = catcher(mutant, copy, given.tests)
             total[room] += 1
             caught[room] += bool(by)
             print(number, shown(mutant), by or "SURVIVED", sep=" | ", flush=True)

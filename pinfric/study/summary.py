@@ -164,11 +164,23 @@ def rms(t: np.ndarray, x: np.ndarray) -> float:
         t: (T,) increasing, s.
         x: (T,).
     """
-    largest = float(np.abs(x).max())
-    if len(t) == 1 or not largest > 0:  # also NaN
+    return float(column_rms(t, x[:, None])[0])
+
+
+def column_rms(t: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Return `rms` of each column, (n,).
+
+    Args:
+        t: (T,) increasing, s.
+        x: (T, n).
+    """
+    largest: np.ndarray = np.abs(x).max(axis=0)
+    if len(t) == 1:
         return largest
-    part = x / largest  # its square cannot overflow
-    return largest * float(np.sqrt(integral(t, part * part) / (t[-1] - t[0])))
+    scale = np.where(largest > 0, largest, 1.0)  # its square cannot overflow; NaN is not above 0
+    square = (x / scale) ** 2
+    mean_square = (t[1:] - t[:-1]) @ (square[1:] + square[:-1]) / (2 * (t[-1] - t[0]))
+    return np.where(largest > 0, scale * np.sqrt(mean_square), largest)
 
 
 def known_rms(t: np.ndarray | None, x: np.ndarray) -> np.ndarray:

@@ -94,13 +94,18 @@ def retime_summary(
         sensitivity: drive -> limit -> d ln T/d ln limit, where that was asked for.
     """
     problem, most = result.problem, result.usage.max(axis=0, initial=0.0)
-    names = [limit.name for limit in instant_limits()]
+    # limits that no drive of this robot has would be columns of zeros
+    rows = [
+        (k, limit.name)
+        for k, limit in enumerate(instant_limits())
+        if any(np.isfinite(limits.bound(limit)) for limits in problem.limits)
+    ]
     drives = [
         DriveUse(
             name=drive.name,
             motor=limits.motor or None,
             limits=limits.model_dump(exclude={"transmission", "motor"}),
-            use=dict(zip(names, most[d].tolist(), strict=True)),
+            use={name: float(most[d, k]) for k, name in rows},
             limiting=result.limiting.get(drive.name, {}),
             rms=None if result.rms is None else float(result.rms[d]),
             criteria=result.criteria.get(drive.name, ()),

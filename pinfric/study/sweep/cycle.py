@@ -29,7 +29,7 @@ from pinfric.study.sizing.drivetrain import Candidate, motor_cycle
 from pinfric.study.sizing.inertia import load_inertias
 from pinfric.study.sizing.limit import Case
 from pinfric.study.sizing.size import holds, yielding
-from pinfric.study.summary import ends_by_magnitude
+from pinfric.study.summary import column_rms, ends_by_magnitude
 from pinfric.study.sweep.parameters import ELASTIC, Target, apply
 from pinfric.study.sweep.superposition import Solved, Superposition
 from pinfric.study.trajectory.trajectory import Trajectory
@@ -288,19 +288,9 @@ def reduce(result: InverseResult) -> np.ndarray:
     return np.column_stack(
         (
             np.abs(worst).max(axis=0),
-            _rms(result.t, worst),
+            column_rms(result.t, worst),
             np.abs(motor).max(axis=0),
-            _rms(result.t, motor),
+            column_rms(result.t, motor),
             np.abs(result.actuator_velocity).max(axis=0),
         )
     )
-
-
-def _rms(t: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """`summary.rms` of every column of x (T, na) at once."""
-    largest = np.abs(x).max(axis=0)
-    if len(t) == 1:
-        return largest
-    scale = np.where(largest > 0, largest, 1.0)  # NaN, too, is not above 0
-    mean_square = np.trapezoid((x / scale) ** 2, t, axis=0) / (t[-1] - t[0])
-    return np.where(largest > 0, scale * np.sqrt(mean_square), largest)
