@@ -406,7 +406,7 @@ def sweep(
     as_json: AsJson = False,
     log: Any,
 ) -> None:
-    """Run a cycle many times with varied friction, payload, speed and mounting.
+    """Vary friction, payload, speed and mounting of a cycle.
 
     Gives percentiles of each joint's peak and RMS, how often a motor suffices, and the most
     influential parameters. --out writes samples.parquet, sweep.png and summary.json; a stopped
@@ -608,7 +608,7 @@ def schema(
     show(json_schema(name))
 
 
-@app.command(short_help="List what is implausible about a robot or a scene.")
+@app.command(short_help="List implausible values of a robot or a scene.")
 def check(
     source: Annotated[
         str, typer.Argument(metavar="URDF | SCENE", help="The robot, or a scene with its robot.")

@@ -1,4 +1,4 @@
-"""What each effect of a scene costs and changes: measured, effect by effect."""
+"""Measured cost and change of each effect of a scene."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _NAN = float("nan")
 
 @described
 class Explained:
-    """One effect of a scene, with what it costs and changes on one motion."""
+    """One effect of a scene, with its cost and change on one motion."""
 
     name: str = quantity("the effect", heading="effect")
     on: bool = quantity("whether the scene has the effect", heading="on")
@@ -73,7 +73,7 @@ class Explained:
 
 @described
 class GearLoss:
-    """What a gear loses in proportion to its load, as its motor feels it."""
+    """Load-dependent loss of a gear, as torque at its motor."""
 
     drive: str = quantity("its name", heading="joint", name=True)
     peak_change: float = quantity(
@@ -88,7 +88,7 @@ class GearLoss:
 
 @described
 class Explanation(Shown):
-    """All effects of a scene, and what the whole costs."""
+    """All effects of a scene, and their total cost."""
 
     def __repr__(self) -> str:
         on = [effect.name for effect in self.effects if effect.on]
@@ -106,7 +106,7 @@ class Explanation(Shown):
 
 
 def explain(scene: Scene, trajectory: Trajectory | None = None) -> Explanation:
-    """Measure what each effect of a scene costs per sample and changes in the efforts.
+    """Measure the cost per sample of each effect of a scene, and its change of the efforts.
 
     Args:
         scene: the robot.

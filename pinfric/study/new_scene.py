@@ -1,7 +1,7 @@
 """A starting scene for a user's URDF: every joint listed, its friction guessed and marked so.
 
-The guesses are meant to be replaced. They are sized by what the URDF says each joint must stand:
-its effort limit, or, where that is missing or a placeholder, the weight it carries.
+The guesses are meant to be replaced. They are sized by the load of each joint according to the
+URDF: its effort limit or, if that is missing or a placeholder, the weight that it carries.
 """
 
 from __future__ import annotations
@@ -119,7 +119,7 @@ points:
 
 
 def write_new(urdf: str | Path, folder: str | Path = ".") -> list[Path]:
-    """Write NAME.yaml and NAME.waypoints.yaml for a URDF; never over a file that is there.
+    """Write NAME.yaml and NAME.waypoints.yaml for a URDF; existing files are never overwritten.
 
     Beside them go the JSON schemas of both, which their first lines name to editors.
 
@@ -128,7 +128,7 @@ def write_new(urdf: str | Path, folder: str | Path = ".") -> list[Path]:
         folder: where to; made if missing.
 
     Raises:
-        RobotError: see `new_scene`; PinfricError: a file is there already or cannot be written.
+        RobotError: see `new_scene`; PinfricError: a file exists already or cannot be written.
     """
     urdf = urdf_file(urdf)
     folder, name = Path(folder), urdf.stem.removesuffix(".urdf")  # of arm.urdf.xacro, too

@@ -1,4 +1,4 @@
-"""States to look at where nobody gives a motion."""
+"""Random states, used if no motion is given."""
 
 from __future__ import annotations
 

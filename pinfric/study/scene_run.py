@@ -1,4 +1,4 @@
-"""Run what a scene file's `simulation` section describes."""
+"""Run the `simulation` section of a scene file."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def run_scene(scene: Scene, *, t_end: float | None = None, **options: Any) -> Mo
         options: as `simulate` takes them (method, rtol, dt, ...).
 
     Raises:
-        SceneError: there is no such section, or it names a joint that is not there.
-        And what `simulate` raises.
+        SceneError: there is no such section, or it names an unknown joint.
+        And the errors of `simulate`.
 
     >>> import pinfric as pf
     >>> scene = pf.load_scene("pendulum")

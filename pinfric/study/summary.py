@@ -137,7 +137,7 @@ def rounding(result: InverseResult) -> float:
 
 
 def payload_phases(result: InverseResult) -> dict[str, list[tuple[float, float]]]:
-    """Return when each payload is carried: (start, end) in s, the end where it is let go.
+    """Return when each payload is carried: (start, end) in s; it is put down at the end.
 
     Raises:
         StateError: the result has no times.

@@ -1,4 +1,4 @@
-"""The ladder of friction models: what each rung changes in effort and costs in time.
+"""Friction models in increasing order: change of the efforts and computing time of each step.
 
 frictionless -> a constant fitted to the same motion -> radial load -> + bending -> + static ->
 + Stribeck -> + coulomb -> + viscous -> + transmission -> + coupling
@@ -34,7 +34,7 @@ _NAN = float("nan")
 
 @described
 class Rung:
-    """One model of friction on the ladder, beside the one below it."""
+    """One model of friction, compared with the simpler one before it."""
 
     name: str = quantity("effect that this step adds", heading="model")
     on: bool = quantity("whether the scene calls for it; if not, the figures are NaN")

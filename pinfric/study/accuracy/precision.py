@@ -1,4 +1,4 @@
-"""Work against precision in simulation: what a smaller error costs, method by method.
+"""Work against precision in simulation: computing time for a given error, by method.
 
 The reference is the `event` method two decades tighter than the tightest contestant; a second judge
 that shares no code with any contestant may be given, too. What fails is a row with its reason.

@@ -1,4 +1,4 @@
-"""What a coarser trajectory loses in inverse dynamics: stick time that falls between samples."""
+"""Errors of inverse dynamics with a coarser trajectory: stick time between samples is missed."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class _Unlimited:
 
 
 def sampling(scene: Scene, motion: MotionLike) -> tuple[Sampled, ...]:
-    """Return what inverse dynamics misses as samples are left out, by stride.
+    """Return the errors of inverse dynamics with fewer samples, by stride.
 
     Args:
         scene: the robot.

@@ -44,7 +44,7 @@ _Ways = tuple[np.ndarray | None, np.ndarray | None]
 
 @dataclass(frozen=True)
 class ToolPlace:
-    """Where the tool stands beside its commanded place; m and rad, in the world's axes.
+    """Position of the tool at rest relative to its commanded one; m and rad, in world axes.
 
     Attributes:
         middle, sag: (6,) displacement of the middle of the interval, and without friction.

@@ -1,8 +1,8 @@
-"""Which recording would tell most of what is uncertain: by the information it would bring.
+"""The most informative next recording, judged by its information matrix.
 
 A motion's columns do not need its efforts, so the normal equations of a recording that nobody has
-made yet are known: standard errors with it are those of (H + H_new)^-1, and by how much residuals
-that hang together exceed independent ones stays as it is.
+made yet are known: standard errors with it are those of (H + H_new)^-1. The factor for
+autocorrelated residuals is kept.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""By how much logged efforts lag behind the motion, and how far that is known.
+"""Delay of the logged efforts behind the motion, with its standard error.
 
     y(t + d) = X(t) beta,    so  y(t + d0) = X beta - (d - d0) y'(t + d0)    near d0
 

@@ -237,7 +237,7 @@ def _next_pass(before: Estimate) -> Estimate:
 
 
 def _without_rows(found: Estimate) -> Estimate:
-    """Let go of what the next pass makes anew: it fills much of the memory."""
+    """Release what the next pass computes again: it takes much memory."""
     return replace(found, rows=(), row_weights=(), problem=replace(found.problem, grams=()))
 
 

@@ -21,7 +21,7 @@ from pinfric.study.identify.laws import INERTIA, SLOT
 FloatArray = NDArray[np.float64]
 
 _TURNS = (0.5 * np.pi, -0.5 * np.pi, np.pi)
-#: Samples of all logs that are compared; s over which residuals hang together.
+#: Samples of all logs that are compared; s over which residuals are autocorrelated.
 _SAMPLES, _SPAN = 800, 1.5
 #: Standard errors by which another zero must be better: three zeros of each joint are tried. Right
 #: zeros stayed at or below 2.2 in six real and synthetic logs.

@@ -1,4 +1,4 @@
-"""The sweep's file format: which parameters vary, how, and which motors are on trial.
+"""The sweep's file format: parameters with distributions, and motors to check.
 
 pinfric_sweep: 1
 samples: 1000
@@ -82,12 +82,12 @@ class Parameter(Entry):
 
 
 class MotorOnTrial(Entry):
-    """A motor whose ratings every sample is held against.
+    """A motor whose ratings are compared with every sample.
 
     Ratings at the motor's shaft (of an ideal drive: at the joint, N m or N). `motor`: ratings from
     the catalogue, with the scene's transmission. `drive`: a motor with its gear, by the name
-    `pinfric size` prints, held against all its criteria; its transmission replaces the scene's, and
-    its mass is put into the model. Ratings given here take precedence.
+    that `pinfric size` prints, checked by all its criteria; its transmission replaces the scene's,
+    and its mass is added to the model. Ratings given here take precedence.
     """
 
     motor: Annotated[str | None, key("of the catalogue, by name", "CubeMars AK80-64")] = None
@@ -118,8 +118,8 @@ class SweepFile(Entry):
 
     `sampling`: random; sobol (Saltelli's design: samples is a power of two N, N (d + 2) cycles are
     computed for d parameters, and the shares of the variance come out); grid (every combination
-    of choice and steps). `table`: a CSV file with a column per parameter, of which every sample
-    draws a whole row: what belongs together stays together.
+    of choice and steps). `table`: a CSV file with a column per parameter; every sample draws a
+    whole row, so that correlated values stay together.
     """
 
     pinfric_sweep: Annotated[Version, key("version of the format", 1)]

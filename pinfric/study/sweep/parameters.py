@@ -1,4 +1,4 @@
-"""What a sweep's parameters act on: names resolved against a scene, values put into it.
+"""Parameters of a sweep: their names resolved against a scene, their values set in it.
 
     friction.<joint>.mu, .coulomb, .viscous     factor on static and kinetic value alike
     transmission.<drive>.no_load_torque, .motor_viscous, .rotor_inertia     factor

@@ -763,7 +763,7 @@ def test_the_command_writes_what_runs(tmp_path, capsys, monkeypatch):
         capsys, "inverse", "found/scene.yaml", "arm.csv", "--effort-at", "motor", "--out", "again"
     )
     assert code == 0
-    assert "logged efforts (at the motor) beside the computed ones" in out
+    assert "logged efforts (at the motor) compared with computed ones" in out
     assert Path("again/measured.png").stat().st_size > 10_000
     for bad, said in (
         (("--gain", "elbow"), "should be NAME=VALUE"),

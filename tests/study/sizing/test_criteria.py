@@ -359,7 +359,9 @@ def test_ambient_derates_the_continuous_torque(tmp_path):
     joint = sized(tmp_path, curve, conditions={"ambient": 50.0})
     assert criterion(joint, "continuous torque").available == pytest.approx(0.45)
     assert joint.choice.candidate.ratings.stall_at(Conditions(ambient=50.0)) == pytest.approx(0.36)
-    with pytest.warns(pf.PinfricWarning, match="the maker's curve ends at 60 C, it is 70 C around"):
+    with pytest.warns(
+        pf.PinfricWarning, match="the maker's curve ends at 60 C; ambient temperature 70 C"
+    ):
         sized(tmp_path, curve, conditions={"ambient": 70.0})
 
 

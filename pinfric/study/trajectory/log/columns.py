@@ -372,7 +372,7 @@ def _apply(
 
 
 def _renamed(column: str, header: Sequence[str]) -> JointMapping:
-    """A joint under another name: what stands beside its position there is its own, too."""
+    """A joint under another name: other columns with that name belong to it, too."""
     velocity, effort = (
         f"{column}/{x}" if f"{column}/{x}" in header else None for x in ("velocity", "effort")
     )
