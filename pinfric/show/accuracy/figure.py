@@ -1,4 +1,4 @@
-"""One picture of what accuracy costs: work against precision, sampling, models of friction."""
+"""One picture of computing time against accuracy: work-precision, sampling, friction models."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _FLOOR_SHARE = 1e-3
 
 
 def accuracy_figure(found: Accuracy) -> Figure:
-    """Draw everything that was studied, a panel each, two in a row."""
+    """Draw a panel for each study, two in a row."""
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 

@@ -1,4 +1,4 @@
-"""What accuracy costs in time, as tables for people and rows for a CSV."""
+"""Computing time against accuracy, as tables and as rows for a CSV file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One picture of a tool's places at rest: where friction can hold it beside its command."""
+"""One picture of the positions in which friction can hold a tool at rest."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _AXES, MM = "xyz", 1e3
 
 
 def tool_figure(found: Elasticity, title: str = "", rest: Rest | None = None) -> Figure:
-    """Draw where elastic gears let the tool stand at one rest: seen along three axes, in mm.
+    """Draw the positions that the tool can have at one rest, along three axes, in mm.
 
     Blue is every place that static friction can hold (projections of the zonotope), to one scale;
     a cross, or an arrow towards it, marks the commanded place, the dot that without friction, the

@@ -68,7 +68,7 @@ def retime_figure(result: RetimeResult) -> Figure:
 
 
 def fastest_figure(sets: Sequence[TimedSet], title: str) -> Figure:
-    """Draw cycle time over the mass of the drives: what was tried, and what nothing beats.
+    """Draw cycle time over the mass of the drives: all sets tried, and the best ones.
 
     Args:
         sets: of `fastest.fastest_sets`.

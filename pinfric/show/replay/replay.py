@@ -136,7 +136,7 @@ def replay_lines(shown: Replay, opened: bool | None) -> list[str]:
 
 @described
 class ReplaySummary:
-    """What a replay shows."""
+    """The content of a replay."""
 
     html: str | None = quantity("the page; none: none was written")
     duration: float = quantity("of the motion", "s")

@@ -1,4 +1,4 @@
-"""What a robot looks like: the URDF's visuals, and shapes from inertias where it has none.
+"""The look of a robot: the URDF's visuals, or shapes from inertias if it has none.
 
 Everything is given per joint and in the joint's own frame, so that a viewer moves one node per
 joint. Links without visuals become boxes of equal inertia and lines to the next joints: a robot

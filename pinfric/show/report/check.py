@@ -1,4 +1,4 @@
-"""What `pinfric check` found, as a list for people."""
+"""The findings of `pinfric check`, as a list for people."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The drives of a sizing and what stands beside them: next smaller ones, brakes, the bus."""
+"""Tables of a sizing: the drives, next smaller ones, brakes, the bus."""
 
 from __future__ import annotations
 
@@ -40,20 +40,20 @@ def _chosen(joint: SizedJoint) -> str:
 
 
 def mass_table(found: SizingSummary) -> Table | None:
-    """Return what the drives' own mass adds, where it is more than a twentieth."""
+    """Return the effect of the drives' own mass, if it is more than a twentieth."""
     rows = [joint for joint in found.joints if joint.rms > 1.05 * joint.rms_without_masses]
     only = ("name", "unit", "rms", "rms_without_masses")
     return table_of("RMS with the drives' own mass and without", rows, only=only)
 
 
 def smaller_table(found: SizingSummary) -> Table | None:
-    """Return what the next smaller drive of each joint lacks; None where no joint has one."""
+    """Return the shortfalls of the next smaller drives; None if no joint has one."""
     rows = [joint for joint in found.joints if joint.next_smaller is not None]
     return table_of("the next smaller drives", rows, only=_SMALLER)
 
 
 def brake_table(found: SizingSummary) -> Table | None:
-    """Return which joints hold without power, what their brakes must bear, and which ones do."""
+    """Return the joints that hold without power, the required brake torques, and the brakes."""
     title = "without power, at any pose of the cycle: with friction\N{EN DASH}without friction"
     cells = {"standstill.use": holds_alone, "standstill.brake": _brake}
     only = ("name", "unit", *_STILL)  # the unit is of the effort beside it alone: no second key
@@ -66,7 +66,7 @@ def _brake(joint: SizedJoint) -> str:
 
 
 def holds_alone(joint: SizedJoint) -> str:
-    """Return whether friction alone holds a joint, and which part of it that takes."""
+    """Return whether friction alone holds a joint, and the used part of it."""
     still = joint.standstill
     if still.held is None:
         return "not known"
@@ -79,7 +79,7 @@ def turn(report: SizingReport) -> str:
 
 
 def bus_table(report: SizingReport) -> Table | None:
-    """Return what all drives take from the bus and give back; None where no drive has a motor."""
+    """Return the power of all drives from and to the bus; None if no drive has a motor."""
     least = "\N{GREATER-THAN OR EQUAL TO}" if report.bus.at_least else ""
 
     def at_least(name: str) -> Callable[[BusPower], str]:

@@ -1,4 +1,4 @@
-"""What elastic gears do, as tables for people: mm, arcmin."""
+"""Effects of elastic gears, as tables for people: mm, arcmin."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What each effect of a scene costs and changes, as tables for people."""
+"""Cost and change of each effect of a scene, as tables for people."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def explain_report(explanation: Explanation, scene: str) -> Report:
 
 
 def elastic_lines(effect: ElasticEffect) -> list[str]:
-    """Return whether elastic gears matter: for motors, for the motion, for the tool's place."""
+    """Return the effect of elastic gears on motors, motion and the tool's position."""
     if effect.bandwidth is None or effect.motor_share is None:
         return [
             f"elastic gears: lowest frequency {digits(effect.frequency)} Hz at the scene's "

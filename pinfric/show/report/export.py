@@ -1,4 +1,4 @@
-"""What an export's constants cost, as a table for people."""
+"""Errors of an export's constants, as a table for people."""
 
 from __future__ import annotations
 

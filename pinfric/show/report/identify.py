@@ -1,4 +1,4 @@
-"""What an identification says, as tables for people."""
+"""Result of an identification, as tables for people."""
 
 from __future__ import annotations
 

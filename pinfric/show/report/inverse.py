@@ -1,4 +1,4 @@
-"""What inverse dynamics says, as tables and lines for people."""
+"""Result of inverse dynamics, as tables and lines for people."""
 
 from __future__ import annotations
 

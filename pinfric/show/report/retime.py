@@ -1,4 +1,4 @@
-"""What retiming found, as tables for people."""
+"""Result of retiming, as tables for people."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def _continuous(drive: DriveUse) -> str:
 
 
 def fastest_table(sets: Sequence[TimedSet]) -> Table | None:
-    """Return the sets of drives that no other one beats in both mass and time.
+    """Return the sets of drives for which no other set is both lighter and faster.
 
     Args:
         sets: of `fastest.fastest_sets`.

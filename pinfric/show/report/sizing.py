@@ -66,7 +66,7 @@ def sizing_report(report: SizingReport, fastest: Sequence[TimedSet] | None = Non
 
 
 def elastic_lines(report: SizingReport) -> list[str]:
-    """Return the lowest frequency on the chosen gears, and what conditions ask of the robot."""
+    """Return the lowest frequency with the chosen gears, and the criteria of the whole robot."""
     asked = [c.why for c in report.arm_criteria if c.status != Status.FAILS]
     if report.elastic is None:
         return asked
@@ -81,7 +81,7 @@ def elastic_lines(report: SizingReport) -> list[str]:
 
 
 def repetition(report: SizingReport) -> str:
-    """Return how the cycle is taken to go on, in words."""
+    """Return how the cycle is assumed to repeat, in words."""
     if len(report.duty.repeats) > 1:
         return "the period, repeated" + ("; not all cycles close" if report.unclosed else "")
     return "repeated, but it does not close" if report.unclosed else "repeated without a pause"
@@ -103,7 +103,7 @@ def demand_table(report: SizingReport) -> Table | None:
 
 
 def power_table(report: SizingReport) -> Table | None:
-    """Return what the page says beside: speed and friction, power, energy, the bearings' loads."""
+    """Return the further table of the page: speed, friction, power, energy, bearing loads."""
     title = f"power, energy per {turn(report)}, loads of bearings"
     return _demands(report, title, only=("name", "unit", *_ON_THE_PAGE))
 

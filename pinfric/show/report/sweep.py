@@ -1,4 +1,4 @@
-"""What a sweep says, as tables for people."""
+"""Result of a sweep, as tables for people."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def shaft(result: SweepResult) -> str:
 
 
 def measure(result: SweepResult) -> str:
-    """Return what says how a parameter moves a figure."""
+    """Return the name of the measure of influence."""
     shares = "share of the variance, with interactions"
     return shares if result.has_shares else "rank correlation"
 

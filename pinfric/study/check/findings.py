@@ -1,4 +1,4 @@
-"""What a check finds: one finding for each place, with what it would be in another unit."""
+"""Findings of a check: one for each place, with the value in another unit."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pinfric.model.upward import Shown
 
 
 class Severity(IntEnum):
-    """How much a finding matters."""
+    """Severity of a finding."""
 
     #: What one should know; nothing is wrong.
     NOTE = 1
@@ -26,7 +26,7 @@ class Severity(IntEnum):
 
 @described
 class Finding:
-    """One thing that a check found."""
+    """One finding of a check."""
 
     severity: Severity = quantity("error, warning or note", heading="severity")
     kind: str = quantity("identifier of this kind of finding, for programs")
@@ -50,7 +50,7 @@ class Finding:
 
 @described
 class CheckReport(Shown):
-    """All findings on a robot or a scene, what matters most first."""
+    """All findings on a robot or a scene, the most severe first."""
 
     source: str = quantity("the file")
     findings: tuple[Finding, ...] = quantity("sorted by severity, then by excess")
@@ -144,7 +144,7 @@ ANGLES = (Unit("degrees", 0.017453292519943295),)
 
 
 def in_unit(unit: Unit | None, si: str, value: float) -> str:
-    """Return what a number is if it was written in a unit by mistake; "" for no unit.
+    """Return the value of a number if it was written in a wrong unit; "" for no unit.
 
     Args:
         unit: the unit.

@@ -1,4 +1,4 @@
-"""What is implausible about a robot's joints, and what a URDF says that needs a decision."""
+"""Implausible values of a robot's joints, and parts of a URDF that need a decision."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _MOVING = ("revolute", "continuous", "prismatic", "planar")
 
 
 def joint_findings(facts: RobotFacts, robot: Robot | None) -> Iterator[Finding]:
-    """Yield what is implausible joint by joint, then what the URDF says of drives and friction.
+    """Yield findings joint by joint, then those on the URDF's drives and friction.
 
     Args:
         facts: the URDF, measured.

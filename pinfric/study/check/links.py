@@ -1,4 +1,4 @@
-"""What is implausible about a robot's links: masses, centres of mass, inertias, shapes."""
+"""Implausible values of a robot's links: masses, centres of mass, inertias, shapes."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _SHARE, _MAIN = 0.05, 0.5
 
 
 def link_findings(facts: RobotFacts) -> Iterator[Finding]:
-    """Yield what is implausible about a robot as a whole, then link by link."""
+    """Yield findings on the whole robot, then link by link."""
     whole = list(_whole_robot(facts))
     yield from whole
     yield from _fixed_mass(facts)

@@ -1,4 +1,4 @@
-"""What is implausible about a scene: bearings, coefficients, payloads, drives, positions."""
+"""Implausible values of a scene: bearings, coefficients, payloads, drives, positions."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _FREQUENCIES = 3.0, 200.0
 def scene_findings(
     scene: Scene, facts: RobotFacts | None, said: Sequence[str]
 ) -> Iterator[Finding]:
-    """Yield what is implausible about a scene, its robot left aside.
+    """Yield findings on a scene without its robot.
 
     Args:
         scene: as loaded.

@@ -1,4 +1,4 @@
-"""Whether elasticity matters for a motion: for its motors, its frequencies, the tool's place."""
+"""Effect of elasticity on a motion: motors, frequencies, the tool's position."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _INSIDE = 0.95
 
 @described
 class ElasticEffect:
-    """What elastic gears change, in the figures that decide whether to care."""
+    """Effects of elastic gears, in the figures that show whether they matter."""
 
     frequency: float = quantity(
         "lowest natural frequency over the motion, motors held; without a motion at the scene's "
@@ -42,7 +42,7 @@ class ElasticEffect:
 
 
 def elastic_effect(result: InverseResult) -> ElasticEffect | None:
-    """Return what elastic gears change along a motion; None where a scene has none.
+    """Return the effects of elastic gears along a motion; None if a scene has none.
 
     Args:
         result: of inverse dynamics; without times only the frequency is known.

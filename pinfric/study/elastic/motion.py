@@ -1,4 +1,4 @@
-"""Wind-up, the tool's place at rest and natural frequencies along a motion.
+"""Wind-up, the tool's position at rest and natural frequencies along a motion.
 
 The drives' torques are those of the rigid robot. Where joints rest, static friction holds any
 torque of the drive's interval, so the wind-up lies between f(lower) and f(upper); where a joint
@@ -61,7 +61,7 @@ class ToolPlace:
 
     @property
     def sag_distance(self) -> float:
-        """|sag|, m: how far the load pulls the tool off its commanded place, friction left out."""
+        """|sag|, m: displacement of the tool by the load, without friction."""
         return float(np.linalg.norm(self.sag[:3]))
 
     @property
@@ -76,12 +76,12 @@ class ToolPlace:
 
     @property
     def farthest_angle(self) -> float:
-        """The same of the tool's orientation, rad."""
+        """The same for the tool's orientation, rad."""
         return farthest(self.generators[3:])
 
     @property
     def reversal(self) -> float | None:
-        """Reversal error, m: between the places that the approach and the opposite one leave."""
+        """Reversal error, m: distance between the positions after opposite approaches."""
         if self.approach is None or self.opposite is None:
             return None
         return float(np.linalg.norm((self.approach - self.opposite)[:3]))
@@ -120,7 +120,7 @@ class Rest:
 
 @dataclass(frozen=True)
 class Elasticity(Shown):
-    """What elastic gears do along a motion.
+    """Effects of elastic gears along a motion.
 
     Attributes:
         result: of the rigid robot.
@@ -150,7 +150,7 @@ class Elasticity(Shown):
 
     @cached_property
     def mode(self) -> Mode:
-        """How it swings there."""
+        """The mode at that sample."""
         return modes_of(self.result, [self.slowest], _least_torque(self.result))[0]
 
     @cached_property
@@ -173,7 +173,7 @@ class Elasticity(Shown):
 
 
 def elasticity(result: InverseResult) -> Elasticity:
-    """Return what the elastic gears of a scene do along a motion.
+    """Return the effects of a scene's elastic gears along a motion.
 
     Args:
         result: of inverse dynamics, with times.
@@ -253,7 +253,7 @@ def trajectory_frequencies(result: InverseResult) -> np.ndarray:
 
 
 def unloaded_frequency(scene: Scene) -> float:
-    """Return the lowest natural frequency, Hz, where the scene starts, each gear at its softest.
+    """Return the lowest natural frequency, Hz, at the scene's start, each gear at its softest.
 
     Motors held, with the payloads attached by default; NaN where the loops do not close there.
     """

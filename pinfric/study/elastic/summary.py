@@ -1,4 +1,4 @@
-"""What elastic gears come to: what `pinfric inverse` prints and writes of them."""
+"""Summary of elastic gears, as `pinfric inverse` prints and writes it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pinfric.study.elastic.motion import Elasticity, Rest, ToolPlace
 
 @described
 class WindUp:
-    """What a gear winds up at rest, motor before joint."""
+    """Wind-up of a gear at rest, motor ahead of joint."""
 
     name: str = quantity("the drive", heading="joint", name=True)
     sag: float = quantity("without friction", PLACE, "sag", "{sag:arcmin}")
@@ -33,7 +33,7 @@ class WindUp:
 
 @described
 class ToolSummary:
-    """Where the tool stands at rest beside its commanded place; in the world's axes."""
+    """Position of the tool at rest relative to the commanded one, in world axes."""
 
     sag: np.ndarray = quantity("(6,) displacement without friction", "m, rad")
     interval_middle: np.ndarray = quantity("(6,) middle of the interval", "m, rad")
@@ -95,7 +95,7 @@ class LowestFrequency:
 
 @described
 class ElasticSummary:
-    """What elastic gears do along a motion."""
+    """Effects of elastic gears along a motion."""
 
     drives: tuple[str, ...] = quantity("drives with an elastic gear")
     lowest_frequency: LowestFrequency = quantity("motors held")
@@ -112,7 +112,7 @@ class ElasticSummary:
 
 
 def elastic_summary(found: Elasticity) -> ElasticSummary:
-    """Return what elastic gears come to."""
+    """Return the summary of elastic gears."""
     t = found.result.t
     assert t is not None  # elasticity refuses a result without
     frequency = LowestFrequency(

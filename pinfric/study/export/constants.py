@@ -24,7 +24,7 @@ TERMS = ("frictionloss", "damping", "armature")
 
 @described
 class JointConstants:
-    """The constants of one joint, and what they miss.
+    """The constants of one joint, and their errors.
 
     Torques are those of the motor times the ratio: N m, or N of a sliding joint.
     """

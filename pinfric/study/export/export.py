@@ -1,4 +1,4 @@
-"""`pf.export`: a scene for another engine, with what its constants cost written beside them."""
+"""`pf.export`: a scene for another engine, with the error of each constant."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from pinfric.study.random_states import random_states
 
 @dataclass(frozen=True)
 class Format:
-    """What a format calls the constants, and what it says.
+    """Names of the constants in a format, and its remarks.
 
     Attributes:
         title: for people.
@@ -128,7 +128,7 @@ _LEFT_OUT = {
 
 @described
 class Exported(Shown):
-    """A scene in another engine's format, and what its constants cost.
+    """A scene in another engine's format, with the errors of its constants.
 
     Attributes:
         scene: name of its file.
@@ -169,12 +169,12 @@ class Exported(Shown):
 
     @property
     def default_name(self) -> str:
-        """What the file is called where nobody names it."""
+        """Default name of the file."""
         stem = namespace(self.scene) if self.to == "cpp" else Path(self.scene).stem
         return f"{stem}{FORMATS[self.to].suffix}"
 
     def write(self, path: str | Path) -> Path:
-        """Write the file, and those beside it; they appear complete or not at all.
+        """Write the file and its companions; each is written completely or not at all.
 
         Args:
             path: the file; of "cpp" the folder, for the test includes the header by its name.
@@ -309,7 +309,7 @@ _WRITERS = {
 
 
 def joint_line(joint: JointConstants, form: Format) -> str:
-    """Return what a file says beside a joint: its constants, their error, what is left at rest."""
+    """Return a joint's line in the file: constants, their error, torque range at rest."""
     unit, name = joint.unit, joint.joint
     rest = ""
     if np.isfinite(joint.rest_lower):

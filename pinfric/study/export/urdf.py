@@ -24,7 +24,7 @@ from pinfric.study.export.mjcf import xml_comment, xml_text
 def urdf(
     scene: Scene, joints: Sequence[JointConstants], lines: Mapping[str, str], header: Sequence[str]
 ) -> str:
-    """Return the scene's URDF with `<dynamics>` of the constants, and of nothing else.
+    """Return the scene's URDF; its `<dynamics>` hold the constants only.
 
     Locked joints are fixed, payloads that the scene carries by default are links of their own,
     meshes stay where they are.

@@ -1,4 +1,4 @@
-"""What logs and robot must agree on before anything is fitted, and after: signs, gains, one robot.
+"""Checks of logs against the robot, before and after the fit: signs, gains, one robot.
 
 Nothing is guessed: an effort with the wrong sign or unit is refused by the joint's name, with what
 would explain it.
@@ -37,7 +37,7 @@ _ONE_ROBOT = 0.3
 
 
 def check_efforts(scene: Scene, rows: Sequence[Rows], given: Collection[str]) -> None:
-    """Refuse efforts that cannot be those of this robot in N m or N.
+    """Refuse efforts that do not fit this robot in N m or N.
 
     Args:
         scene: the robot as its URDF has it.
@@ -155,7 +155,7 @@ def _slope(rows: Rows, prior: Prior) -> tuple[float, float]:
 def check_one_robot(
     joints: Sequence[str], rows: Sequence[Rows], fit: Fit, logs: Sequence[str]
 ) -> None:
-    """Refuse logs whose rigid efforts one robot cannot have had.
+    """Refuse logs whose rigid efforts cannot be from one robot.
 
     Args:
         joints: their names.

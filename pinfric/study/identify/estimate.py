@@ -72,7 +72,7 @@ _UNEXPLAINED = 0.8
 
 @dataclass(frozen=True)
 class Question:
-    """What is to be found, and with which freedom.
+    """The question of an identification: scene, logs and what is free.
 
     Attributes:
         scene: the robot; its bearings are candidates.
@@ -139,7 +139,7 @@ class Estimate:
 
     @cached_property
     def known(self) -> tuple[int, ...]:
-        """The joints of which the logs say something: they slid, and the model explains them."""
+        """The joints that slid and that the model explains."""
         return tuple(
             j for j, own in enumerate(self.rows) if own.effort.size and j not in self.unexplained
         )
@@ -350,7 +350,7 @@ def _shows_gear(found: Estimate, joint: int) -> bool:
 
 
 def scale_is_known(found: Estimate) -> bool:
-    """Return whether something says how heavy the robot is, so that both of a gear's losses show.
+    """Return whether the scale of the masses is known, so that both losses of a gear show.
 
     With all masses free, (t + f)/eta and eta_b (t + f) are also the efforts of a robot and a
     friction larger by 1/eta, in a gear without loss driving and with eta eta_b driven: only the

@@ -1,4 +1,4 @@
-"""What an identification writes: a scene with every figure's interval, the robot, the posterior."""
+"""Files of an identification: scene with intervals, robot, posterior."""
 
 from __future__ import annotations
 

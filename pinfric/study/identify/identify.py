@@ -1,4 +1,4 @@
-"""`pf.identify`: a robot's friction from its own logs, with what they do not tell."""
+"""`pf.identify`: a robot's friction from its own logs, with intervals."""
 
 from __future__ import annotations
 

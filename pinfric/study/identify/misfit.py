@@ -1,4 +1,4 @@
-"""Lack of fit: what a joint's residual still depends on, and how far that moves the coefficients.
+"""Lack of fit: dependences of a joint's residual, and their effect on the coefficients.
 
     r = Z b + noise,    Z: shapes over angle, speed, effort, time, and of the fitted effort's slope
 

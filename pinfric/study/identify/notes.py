@@ -1,4 +1,4 @@
-"""What a person should know of an identification: how logs were read, and what they do not tell."""
+"""Notes on an identification: how logs were read, and what they do not determine."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Coefficients as a scene says them: which key each one is, its unit, and how far it is known.
+"""Coefficients with the keys of a scene: key, unit and interval.
 
     c+, c-   friction.J.coulomb.positive, .negative  or  transmission.J.no_load_torque.* = c/|r|
     k, p     friction.J.viscous {k, p}               or  transmission.J.motor_viscous = k/|r|^(1+p)
@@ -58,7 +58,7 @@ RESTING = {FALL_FORWARD: FORWARD, FALL_BACKWARD: BACKWARD}
 
 @described
 class Parameter:
-    """One coefficient as the scene says it."""
+    """One coefficient with its key in the scene."""
 
     section: str = quantity("section of the scene: friction, transmission", heading="section")
     joint: str = quantity("its joint: elbow_joint", heading="joint", name=True)

@@ -1,4 +1,4 @@
-"""What logs say of friction at rest: how much held, and at how much the joints broke away.
+"""Friction at rest from logs: largest holding friction, and break-away friction.
 
 A hold bounds static friction from below. Only a departure shows it, and only one so slow that the
 effort rises until the joint moves: else inertia acts before the first encoder count.
@@ -37,7 +37,7 @@ _FEWEST = 3
 
 @described
 class RestBound:
-    """What times at rest say of a joint's static friction: it is at least this large."""
+    """Lower bound of a joint's static friction, from the time at rest."""
 
     seconds: float = quantity("time at rest in all logs", "s")
     largest: float = quantity(

@@ -1,4 +1,4 @@
-"""What an identification comes to: what `pinfric identify` prints and writes."""
+"""Summary of an identification, as `pinfric identify` prints and writes it."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class JointFriction:
 
 @described
 class Predicted:
-    """How well a joint's effort is predicted in a log that was held out as a whole."""
+    """Error of a joint's predicted effort in a log that was held out as a whole."""
 
     log: str = quantity("its name", heading="log held out")
     joint: str = quantity("its name", heading="joint", name=True)
@@ -80,7 +80,7 @@ class LogNoise:
 
 @described
 class MoreKnown:
-    """What further recordings would tell of one coefficient."""
+    """Standard error of one coefficient with further recordings."""
 
     key: str = quantity("key of the coefficient", heading="coefficient")
     factors: Mapping[str, float] = quantity(
@@ -90,7 +90,7 @@ class MoreKnown:
 
 @described
 class IdentifySummary:
-    """What logs say of a robot's friction."""
+    """Friction of a robot identified from logs."""
 
     logs: tuple[FittedLog, ...] = quantity("logs that were fitted")
     delay: float = quantity("delay of the logged efforts; 0: not determined", "s")
@@ -106,7 +106,7 @@ class IdentifySummary:
 
 
 def identify_summary(found: Findings) -> IdentifySummary:
-    """Return what an identification comes to."""
+    """Return the summary of an identification."""
     names = found.scene.joint_names
     considered = dict(zip(names, found.estimate.choice.errors, strict=True))
     units = dict(zip(names, (effort_unit(found.scene, j) for j in range(len(names))), strict=True))
@@ -174,7 +174,7 @@ def log_noise(found: Findings) -> list[LogNoise]:
 
 
 def more_known(found: Findings, most: int) -> list[MoreKnown]:
-    """Return what further recordings would tell of the coefficients that are known worst.
+    """Return the effect of further recordings on the least known coefficients.
 
     Args:
         found: of `identify`.

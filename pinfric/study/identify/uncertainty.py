@@ -49,7 +49,7 @@ _FEWEST_LOGS = 2
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """What is uncertain about the coefficients.
+    """Uncertainty of the coefficients.
 
     Attributes:
         place: (n,) of the coefficients above zero among (nj K,).

@@ -1,4 +1,4 @@
-"""Angles whose zero is off by a quarter or half turn: whether another zero explains efforts better.
+"""Angles whose zero is wrong by a quarter or half turn: search for a better zero.
 
 Links that a fit is free to choose take up much of a wrong zero near the end of a robot. So masses
 need not move far, and held-out errors stay small; but the right zero leaves less.

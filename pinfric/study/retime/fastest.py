@@ -1,4 +1,4 @@
-"""Cycle time beside mass: which motor buys how much of it.
+"""Cycle time against the mass of the drives.
 
 From the drives that `size` chose, those that hold the motion back are exchanged for the next
 heavier ones that fit the cycle, the one that saves most time per kg first, until none saves any. A
@@ -28,7 +28,7 @@ _POINTS = 150
 
 @described
 class TimedSet:
-    """A drive for every joint, and how fast the path is with them."""
+    """A drive for every joint, and the cycle time with them."""
 
     mass: float = quantity("mass of all drives", "kg", "drives")
     duration: float = quantity(

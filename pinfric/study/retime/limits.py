@@ -1,4 +1,4 @@
-"""What limits each drive: its motor, its gear, its joint; by numbers, catalogue or URDF.
+"""Limits of each drive: motor, gear, joint; from numbers, catalogue or URDF.
 
 The rows of the table of limits (`criteria`) that bound every instant of a motion, of a drive of the
 catalogue with its own figures, else with those of a motor file or of the URDF. The speed-torque
@@ -91,7 +91,7 @@ class DriveLimits(Entry):
 
 
 class NamedDrive(DriveLimits):
-    """A drive of the catalogue; limits beside its name take the place of its own."""
+    """A drive of the catalogue; limits given here replace its own."""
 
     drive: Annotated[
         str | None, key("motor and gear as `pinfric size` names them", "CubeMars AK80-64")
