@@ -58,11 +58,11 @@ class DriveLimits(Entry):
 
     @property
     def from_catalog(self) -> tuple[Candidate, Conditions] | None:
-        """The drive of the catalogue and what is demanded of it; None where numbers are given."""
+        """The drive of the catalogue and its conditions; None if numbers are given."""
         return self._drive
 
     def bound(self, limit: Limit) -> float:
-        """Return the bound of a row of the table, infinite where there is none.
+        """Return the bound of a row of the table; infinite if there is none.
 
         Torques and speeds are at the motor's shaft; of the speed-torque line the stall torque.
         """
@@ -85,7 +85,7 @@ class DriveLimits(Entry):
 
     @property
     def driven(self) -> bool:
-        """Whether its torque is limited, without which nothing limits a motion."""
+        """Whether its torque is limited; otherwise the motion has no limit."""
         line = math.isfinite(self.stall_torque) and math.isfinite(self.no_load_speed)
         return line or math.isfinite(min(self.least("motor torque"), self.least("effort")))
 
@@ -178,7 +178,7 @@ def read_limits(scene: Scene, limits: LimitsLike) -> tuple[DriveLimits, ...]:
 
 
 def limited_scene(scene: Scene, limits: Sequence[DriveLimits]) -> Scene:
-    """Return the scene with the drives' transmissions in place of its own where they have one."""
+    """Return the scene with the transmissions of the given drives, if they have one."""
     if all(limit.transmission is None for limit in limits):
         return scene
     own = {

@@ -1,4 +1,4 @@
-"""Paths: where the joints go, without saying when; pieces between stops, holds and payloads.
+"""Paths: positions of the joints without times; pieces between stops, holds and payloads.
 
 A piece is a curve q(s), its parameter s the length of the chords (rad and m alike); at both its
 ends the robot stands still. A way-point passed without a stop lies on a cubic spline, which is not

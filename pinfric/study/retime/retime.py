@@ -63,7 +63,7 @@ _FEWEST, _ZONE = 24, 0.65
 
 @dataclass(frozen=True)
 class RetimeResult(Shown):
-    """The fastest motion along a path, and what holds it back.
+    """The fastest motion along a path, and the limits that hold it back.
 
     Attributes:
         trajectory: its samples, which every command takes.
@@ -543,7 +543,7 @@ def _mean_squares(result: InverseResult) -> np.ndarray:
 def judged_drives(
     result: InverseResult, limits: Sequence[DriveLimits]
 ) -> dict[str, tuple[Criterion, ...]]:
-    """Return what `size` says of the drives of the catalogue for a motion, by drive.
+    """Return the criteria of `size` for the catalogue's drives of a motion, by drive.
 
     Args:
         result: of the motion, repeated. limits: of the drives.

@@ -1,4 +1,4 @@
-"""What retiming comes to: what `pinfric retime` prints and writes."""
+"""Summary of retiming, as `pinfric retime` prints and writes it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pinfric.study.sizing.criterion import Criterion
 
 @described
 class DriveUse:
-    """How near one drive comes to its limits."""
+    """Largest use of the limits of one drive."""
 
     name: str = quantity("the drive's", heading="drive", name=True)
     motor: str | None = quantity("its name in the catalogue; none: limits given as numbers")
@@ -51,7 +51,7 @@ class Move:
 
 @described
 class Sensitivity:
-    """What more of one limit would bring."""
+    """Gain from more of one limit."""
 
     drive: str = quantity("its name", heading="drive", name=True)
     limit: str = quantity("which", heading="limit")
@@ -64,7 +64,7 @@ class Sensitivity:
 
 @described
 class RetimeSummary:
-    """The fastest motion along a path, and what holds it back."""
+    """The fastest motion along a path, and the limits that hold it back."""
 
     path: str = quantity("source of the path")
     duration: float = quantity("holds included", "s")
@@ -87,7 +87,7 @@ class RetimeSummary:
 def retime_summary(
     result: RetimeResult, sensitivity: Mapping[str, Mapping[str, float]] | None = None
 ) -> RetimeSummary:
-    """Return what retiming comes to.
+    """Return the summary of retiming.
 
     Args:
         result: of `retime`.

@@ -34,7 +34,7 @@ class Factors(Entry):
 
 
 class Kind(NamedTuple):
-    """How bearings of a kind are reckoned: exponent of mean loads and life, factors, and by whom.
+    """Formulas for a kind of bearing: exponent of mean load and life, factors, source.
 
     `factors` None: the maker's, in the entry.
     """
@@ -62,7 +62,7 @@ KINDS = {
 
 
 class BearingRatings(Entry):
-    """What a maker lets a bearing, or a screw's nut, carry."""
+    """Load ratings of a bearing, or of a screw's nut."""
 
     kind: Annotated[
         Literal["crossed roller", "ball", "roller", "ball screw"],
@@ -134,7 +134,7 @@ class BearingRatings(Entry):
 @final
 @described
 class BearingLoad:
-    """What a cycle asks of a bearing, magnitudes.
+    """Loads of a bearing over a cycle, magnitudes.
 
     Attributes:
         means: exponent p -> (radial, axial, moment): (int |v x^p| dt/int |v| dt)^(1/p), what wears.

@@ -1,4 +1,4 @@
-"""Limits of what carries a joint, its bearing or a screw's nut, as rows of the table."""
+"""Limits of a joint's bearing, or of a screw's nut, as rows of the table."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which joints stay where they are without power, and the brakes that hold and stop the others.
+"""Joints that hold without power, and the brakes that hold and stop the others.
 
 Power may fail anywhere along a cycle. At every pose of it, at rest and with the payloads carried
 there, statics leaves the effort that holds a joint an interval: friction in joints and gears may
@@ -44,7 +44,7 @@ _HOLDING, _BRAKE, _STOP = "holding without power", "holding brake", "brake stop 
 
 @described
 class Standstill:
-    """What it takes to keep a joint where it is when power fails, worst case along the cycle.
+    """Holding of a joint when power fails, worst case along the cycle.
 
     Attributes:
         criteria: holding without power, the brake's torque, and its energy in a stop.
@@ -87,7 +87,7 @@ class Standstill:
 def standstills(
     result: InverseResult, brakes: Mapping[str, Brake], conditions: Conditions
 ) -> tuple[Standstill, ...]:
-    """Return what keeps each drive's joint in place without power, in the order of the drives.
+    """Return the holding of each drive's joint without power, in the order of the drives.
 
     Args:
         result: of the cycle; its scene has the gears.
@@ -138,7 +138,7 @@ def _standstill(
 
 
 class Stop(NamedTuple):
-    """What a brake that closes at speed meets, sample by sample, at the motor's shaft.
+    """A brake that closes at speed: load and speed at the motor's shaft, sample by sample.
 
     Attributes:
         inertia: (T,) kg m^2. speed: (T,) rad/s. load: (T,) |T_load|, N m.
@@ -149,7 +149,7 @@ class Stop(NamedTuple):
     load: np.ndarray
 
     def energy(self, brake: Brake) -> float:
-        """Return what a brake takes in the hardest stop, J; infinite if it cannot hold the load."""
+        """Return the energy of the hardest stop, J; infinite if the brake cannot hold the load."""
         if not brake.torque > self.load.max():
             return np.inf
         inertia = self.inertia + (brake.rotor_inertia or 0.0)

@@ -47,7 +47,7 @@ Text = Annotated[str, Field(min_length=1)]
 
 
 class Sourced(Entry):
-    """Where an entry's figures come from."""
+    """Source of an entry's figures."""
 
     source: Annotated[Text, key("maker's document and page", "a maker's catalogue, p. 197")]
     grade: Annotated[
@@ -87,7 +87,7 @@ class Thermal(Entry):
 
 
 class Rated(Sourced):
-    """What continuous ratings refer to."""
+    """Temperatures to which continuous ratings refer."""
 
     rated_ambient: Annotated[
         Number, key("ambient temperature of the continuous ratings", 40.0, "deg C")
@@ -472,7 +472,7 @@ class Collisions(Entry):
 
 
 class Conditions(Entry):
-    """What the drives must stand, with the defaults of common practice."""
+    """Conditions of operation, with the defaults of common practice."""
 
     bus_voltage: Annotated[Positive, key("at the motors' terminals", 48.0, "V")] = 48.0
     ambient: Annotated[Number, key("temperature of the surroundings", 40.0, "deg C")] = (
@@ -638,7 +638,7 @@ class CatalogFile(Entry):
 
 @dataclass(frozen=True)
 class Catalog:
-    """What can be chosen from, by name.
+    """Products to choose from, by name.
 
     Attributes:
         source: the file, or "default" for the bundled ones.
@@ -691,7 +691,7 @@ def load_catalog(name: str | Path = DEFAULT) -> Catalog:
 def parse_conditions(
     given: Conditions | Mapping[str, Any] | None, default: Conditions
 ) -> Conditions:
-    """Return `default` with what `given` says otherwise.
+    """Return `default` with the values of `given` replaced.
 
     Raises:
         CatalogError: an unknown condition or a value that cannot be.

@@ -1,4 +1,4 @@
-"""What a sizing does not know, or takes for granted, in words for its reader."""
+"""Assumptions and limits of a sizing, in words for its reader."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _MOST_GAPS = 4
 
 
 def unclosed(result: InverseResult, duty: Schedule) -> tuple[str, ...]:
-    """Return in words what of a cycle does not end as it began; empty where it closes.
+    """Return in words how a cycle's end differs from its start; empty if it closes.
 
     A position counts from 0.1 % of the joint's farthest way from its start on (and 1e-4 rad or m),
     a velocity from 0.1 % of the largest one (and the stick velocity): a log closes no better.
@@ -38,7 +38,7 @@ def unclosed(result: InverseResult, duty: Schedule) -> tuple[str, ...]:
 
 
 def discontinuities(result: InverseResult, duty: Schedule) -> tuple[str, ...]:
-    """Return in words which cycles of a period do not begin where the one before them ends.
+    """Return in words the cycles of a period that do not begin where the one before ends.
 
     Args:
         result: of all cycles. duty: which samples are which cycle.
@@ -81,7 +81,7 @@ def caveats(
     gaps: Sequence[str],
     jumps: Sequence[str] = (),
 ) -> tuple[str, ...]:
-    """Return what a sizing does not know of its input, in sentences.
+    """Return the assumptions of a sizing, in sentences.
 
     Args:
         scene: the robot as given.

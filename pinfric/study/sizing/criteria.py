@@ -1,4 +1,4 @@
-"""The one table of what limits a drive: `size`, `sweep` and `retime` read it.
+"""The one table of a drive's limits: `size`, `sweep` and `retime` read it.
 
 A row says what a cycle needs, what the maker gives (in order of preference: a lower limit that is
 printed stands in for one that is not), the formula and its source. What a missing figure means is
@@ -49,7 +49,7 @@ def add_limit(limit: Limit) -> None:
 
 
 def missing_figures(criteria: Sequence[Criterion]) -> tuple[str, ...]:
-    """Return why a drive cannot be judged: what of `SETTLES` no figure settles, and what lacks.
+    """Return why a drive cannot be checked: each need of `SETTLES` without a value, and why.
 
     Args:
         criteria: of `check`.

@@ -1,4 +1,4 @@
-"""What a cycle demands of each drive, from the effort intervals of inverse dynamics."""
+"""Demand of a cycle on each drive, from the effort intervals of inverse dynamics."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Power:
 
 @described
 class GearDemand:
-    """What criteria ask of one drive's demand at its joint, worst case over the interval."""
+    """Demand at the joint for the gear's criteria, worst case over the interval."""
 
     name: str = quantity("the drive's", heading="joint", name=True)
     unit: str = quantity('of its efforts, "N m" or "N"', heading="unit")
@@ -272,7 +272,7 @@ def driven_joint(scene: Scene, actuator: int) -> int | None:
 
 
 def carried_load(result: InverseResult, actuator: int, cycle: DriveCycle) -> BearingLoad | None:
-    """Return what the bearing of a drive's turning joint carries.
+    """Return the loads of the bearing of a drive's turning joint.
 
     None for a cylinder, one of a joint's several directions, and where the wrench is not known.
 
@@ -291,7 +291,7 @@ def _travel(result: InverseResult, actuator: int) -> float | None:
 
 
 def screw_load(cycle: DriveCycle) -> BearingLoad:
-    """Return what a screw's nut carries: the joint's effort, the worst of its interval."""
+    """Return the load of a screw's nut: the joint's effort, worst of its interval."""
     worst, _ = cycle.ends
     none = np.zeros_like(worst)
     return bearing_load(cycle.stretched, cycle.velocity, none, worst, none)

@@ -1,4 +1,4 @@
-"""Candidates for a joint, motor and gear or gearmotor, and what the cycle asks of their motors.
+"""Candidates for a joint (motor and gear, or gearmotor), and the demand on their motors.
 
 The motor of a joint is held by the joint's parent link. The gear stands between it and the joint
 and replaces the scene's transmission there; `drives.motor_torque_bounds` has the equations.
@@ -52,7 +52,7 @@ _PER_DC_AMPERE = {"rms": (2 / 3) ** 0.5, "peak": 2 / 3**0.5}
 
 @dataclass(frozen=True)
 class Ratings:
-    """What a maker promises at the shaft he rates: a motor's own, or a gearmotor's output.
+    """A maker's ratings at the rated shaft: a motor's own, or a gearmotor's output.
 
     Attributes:
         continuous_torque, peak_torque, stall_torque: N m.
@@ -261,7 +261,7 @@ class Candidate:
 
 @described
 class MotorFigures:
-    """What the cycle asks at the rated shaft; magnitudes, worst case over the interval."""
+    """Demand of the cycle at the rated shaft; magnitudes, worst case over the interval."""
 
     peak: float = quantity("largest torque", "N m")
     rms: float = quantity("RMS of the torque", "N m")
@@ -486,7 +486,7 @@ def gear_transmission(gear: Gear, ratio: float, rotor_inertia: float) -> tuple[T
 
 
 def motor_cycle(candidate: Candidate, cycle: DriveCycle, conditions: Conditions) -> MotorCycle:
-    """Return what the cycle asks of a candidate's motor.
+    """Return the demand of the cycle on a candidate's motor.
 
     T_m = [lower(t), upper(t)]/r + r viscous v + r J a (`motor_torque_bounds`); i = T_m/k;
     P = T_m omega + R(T_w) i^2.

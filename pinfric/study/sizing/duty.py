@@ -97,7 +97,7 @@ def once(samples: int) -> Schedule:
 
 @dataclass(frozen=True)
 class Duty:
-    """What a robot does all day: cycles with their shares of the time, or their counts.
+    """A duty: cycles with their shares of the time, or their counts.
 
     Whole numbers are counts: the period runs each cycle so often. Other numbers are shares of the
     time switched on, which add up to 1: the period is `period` long. S3-like duty: `on` is the part

@@ -85,7 +85,7 @@ def bus_power(
     duty: Schedule,
     conditions: Conditions,
 ) -> BusPower:
-    """Return what all drives take from their bus together.
+    """Return the power of all drives from their bus.
 
     Args:
         drives: name -> its motor over the period; None where there is none.

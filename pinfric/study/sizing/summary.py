@@ -1,4 +1,4 @@
-"""What a sizing comes to: what `pinfric size` prints and writes."""
+"""Summary of a sizing, as `pinfric size` prints and writes it."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class Margins:
 
 @described
 class RatioFigures:
-    """How good a drive's ratio is."""
+    """Quality of a drive's ratio."""
 
     optimum_ratio: float | None = quantity(
         "ratio of least RMS motor torque; none: a value is missing, or the joint never accelerates"
@@ -78,7 +78,7 @@ class RatioFigures:
 
 @described
 class Installed(RatioFigures):
-    """The drive whose mass is in the model: the choice; where nothing fits, the nearest miss."""
+    """The drive in the model: the choice or, if none fits, the nearest miss."""
 
     judged: str = quantity("its name")
     mass: float | None = quantity("none: not known", "kg", "mass")
@@ -102,7 +102,7 @@ class Installed(RatioFigures):
 
 @described
 class SizedJoint(JointDemand):
-    """What one joint demands, and its drive."""
+    """Demand of one joint, and its drive."""
 
     peak_without_masses: float = quantity("`peak` without the drives' own masses", EFFORT)
     rms_without_masses: float = quantity(
@@ -143,7 +143,7 @@ class Cycle:
 
 @described
 class SizingSummary:
-    """What a cycle demands of every drive, and the drives chosen for it."""
+    """Demand of a cycle on every drive, and the drives chosen for it."""
 
     trajectory: str = quantity("source of the motion")
     catalog: str | None = quantity("the catalogue; none: demand only")
@@ -170,7 +170,7 @@ class SizingSummary:
 def sizing_summary(
     report: SizingReport, fastest: tuple[TimedSet, ...] | None = None
 ) -> SizingSummary:
-    """Return what a sizing comes to.
+    """Return the summary of a sizing.
 
     Args:
         report: of `size`.
@@ -206,7 +206,7 @@ def sizing_summary(
 
 
 def sized_joint(joint: JointSizing, still: Standstill) -> SizedJoint:
-    """Return what one joint's sizing comes to."""
+    """Return the summary of one joint's sizing."""
     smaller = joint.next_smaller
     return SizedJoint(
         **vars(joint.demand),
@@ -272,7 +272,7 @@ def _installed(joint: JointSizing, taken: Assessment, still: Standstill) -> Inst
 
 
 def ratio_figures(joint: JointSizing, taken: Assessment) -> RatioFigures:
-    """Return how good a drive's ratio is: the best one, and Giberti's factors of motor and load."""
+    """Return the quality of a drive's ratio: the best one, Giberti's factors of motor and load."""
     candidate, inertia = taken.candidate, taken.candidate.rotor_inertia
     worst = ends_by_magnitude(joint.cycle.effort_lower, joint.cycle.effort_upper)[0]
     torque = candidate.ratings.continuous_torque

@@ -47,7 +47,7 @@ class Cells(Entry):
 
 
 class TableMapping(Entry):
-    """A mapping file: which column of a table is which figure of an entry."""
+    """A mapping file: the column of a table for each key of an entry."""
 
     section: Annotated[Literal["motors", "gears", "gearmotors"], key("kind of the rows", "motors")]
     columns: Annotated[

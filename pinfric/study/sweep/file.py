@@ -41,7 +41,7 @@ _KINDS = ("normal", "truncated_normal", "uniform", "lognormal", "choice", "steps
 
 
 class Parameter(Entry):
-    """How one parameter varies: one distribution."""
+    """Distribution of one parameter."""
 
     normal: Annotated[
         Normal | None, key("with a mean and a standard deviation", {"mean": 0.0, "std": 0.0175})

@@ -137,7 +137,7 @@ class Trial:
 
 
 def motors_on_trial(scene: Scene, sweep: SweepFile, source: str) -> tuple[Scene, tuple[Trial, ...]]:
-    """Return the scene with the named drives, their masses and judges, and what is on trial.
+    """Return the scene with the named drives, their masses and criteria, and the motors to check.
 
     Raises:
         SweepError: a drive or a name that is not there, figures that are missing; all at once.

@@ -74,7 +74,7 @@ _LARGEST_ANGLE = 2 * math.pi
 
 @dataclass(frozen=True)
 class Target:
-    """One column of the samples: what a value of it changes.
+    """One column of the samples: the values of the scene that it changes.
 
     Attributes:
         name: the column's, as in the sweep file (with `each`: of one joint).

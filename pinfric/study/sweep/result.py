@@ -133,7 +133,7 @@ class SweepResult(Shown):
 
     @property
     def samples(self) -> int:
-        """How many cycles were computed."""
+        """Number of computed cycles."""
         return len(self.values)
 
     @cached_property

@@ -1,4 +1,4 @@
-"""What a sweep comes to: what `pinfric sweep` prints and writes."""
+"""Summary of a sweep, as `pinfric sweep` prints and writes it."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class SobolShare:
 
 @described
 class Spread:
-    """How one figure of a drive spreads over the samples."""
+    """Spread of one figure of a drive over the samples."""
 
     percentiles: Mapping[str, float] = quantity(
         "percentile -> value, in the figure's unit", heading="{} %"
@@ -48,7 +48,7 @@ class Spread:
 
 @described
 class DriveSpread:
-    """How the demand on one drive spreads over the samples."""
+    """Spread of the demand on one drive over the samples."""
 
     name: str = quantity("the drive's", heading="joint", name=True)
     unit: str = quantity('of its efforts, "N m" or "N"', heading="unit")
@@ -62,7 +62,7 @@ class DriveSpread:
 
 @described
 class MotorOnTrial:
-    """How often one motor suffices."""
+    """Share of samples in which one motor suffices."""
 
     drive: str = quantity("its drive", heading="joint", name=True)
     actuator: int = quantity("its index in the scene")
@@ -83,7 +83,7 @@ class MotorOnTrial:
 
 @described
 class SweepSummary:
-    """What varies in a cycle, and what follows for each drive."""
+    """Summary of a sweep: spread of the demand, motors, influences."""
 
     trajectory: str = quantity("name of the motion")
     sweep: str = quantity("name of the sweep's file")
@@ -102,7 +102,7 @@ class SweepSummary:
 
 
 def sweep_summary(result: SweepResult) -> SweepSummary:
-    """Return what a sweep comes to."""
+    """Return the summary of a sweep."""
     spreads = {name: _spreads(result, name) for name in DEMANDS}
     trials = result.trials
     return SweepSummary(

@@ -185,7 +185,7 @@ def _keep_memory() -> None:
 
 
 def check_scheduler(address: str) -> None:
-    """Try whether a scheduler answers, before any work.
+    """Check that a scheduler answers, before any work.
 
     `Client` does not do: it waits for ever where a server takes the connection and says nothing.
 
