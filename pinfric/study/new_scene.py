@@ -181,6 +181,8 @@ def _joint_section(joint: JointLoad, dynamics: Mapping[str, UrdfDynamics]) -> li
         more = said if key == "coulomb" else f"; <dynamics>: {_short(given.damping, 6)}"
         shown = more if key == "coulomb" or (key == "viscous" and given.damping) else ""
         lines.append(f"    {key}: {value}  # guess: {why}{shown}")
+    if joint.leader is None:
+        lines.append("    # includes_drive: true  # `size` takes its gears' losses instead of this")
     return lines
 
 

@@ -27,15 +27,20 @@ def envelope(
         inputs: names of files that were read; what is no file is left out.
         warnings: what was noticed on the way.
     """
-    files = [path for name in dict.fromkeys(map(str, inputs)) if (path := Path(name)).is_file()]
     return {
         "pinfric": __version__,
         "command": command,
         "scene": scene or None,
-        "inputs": {str(file): _sha256(file) for file in files},
+        "inputs": hashes(inputs),
         "result": in_json(result),
         "warnings": list(warnings),
     }
+
+
+def hashes(inputs: Iterable[str | Path]) -> dict[str, str]:
+    """Return the SHA-256 of each input that is a file."""
+    files = [path for name in dict.fromkeys(map(str, inputs)) if (path := Path(name)).is_file()]
+    return {str(file): _sha256(file) for file in files}
 
 
 def _sha256(file: Path) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -16,6 +17,7 @@ from pinfric import __version__
 from pinfric.errors import PinfricError
 from pinfric.show.figure.panel import svg
 from pinfric.show.report.drives import brake_table, bus_lines, bus_table, choice_table, turn
+from pinfric.show.report.envelope import hashes
 from pinfric.show.report.html import Marked, html_of, mark
 from pinfric.show.report.names import affixes, left_out, said_short, short_names, without
 from pinfric.show.report.rows import table_of
@@ -26,6 +28,7 @@ from pinfric.show.report.sizing import (
     passes,
     power_table,
     repetition,
+    verdict,
 )
 from pinfric.show.report.tables import Table
 from pinfric.show.report.values import digits, json_for_script
@@ -98,6 +101,9 @@ def sizing_page(report: SizingReport) -> str:
         demand=demand_table(report),
         power=power_table(report),
         brakes=brake_table(found),
+        verdict="" if report.catalog is None else verdict(report),
+        date=datetime.date.today().isoformat(),
+        inputs=hashes(_inputs(report)),
         passes=passes(report),
         repetition=repetition(report),
         sources=_sources(report),
@@ -106,6 +112,13 @@ def sizing_page(report: SizingReport) -> str:
         Status=Status,
     )
     return page
+
+
+def _inputs(report: SizingReport) -> list[str]:
+    """The files behind a sizing: scene, URDF, trajectory, catalogue."""
+    robot = report.given.robot
+    files = [report.given.source, str(robot.urdf) if robot else "", report.trajectory]
+    return files + ([] if report.catalog is None else [report.catalog.source])
 
 
 def _needed(module: str) -> Any:

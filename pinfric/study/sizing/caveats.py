@@ -106,7 +106,11 @@ def caveats(
     notes.append(_of_friction(scene))
     if scene.assumed is not None:
         listed = "; ".join(f"{place} ({why})" for place, why in scene.assumed.values.items())
-        notes.append(f"Guesses of `{scene.assumed.by}`, {scene.assumed.date}: {listed}.")
+        notes.append(
+            f"Guesses of `{scene.assumed.by}`, {scene.assumed.date}: {listed}. "
+            "Guesses of coulomb and viscous include a gear; beside a candidate's own losses they "
+            "count twice, on the safe side, unless `includes_drive: true` stands beside them."
+        )
     if not conditions.mass_in_urdf:
         text = (
             "The URDF's links are assumed to have no drives; otherwise drives count twice. Give "

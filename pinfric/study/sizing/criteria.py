@@ -13,12 +13,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from pinfric.errors import SizingError, choose_from
 from pinfric.study.sizing.bearing_limits import BEARING_LIMITS
 from pinfric.study.sizing.criterion import Criterion, Status
 from pinfric.study.sizing.drivetrain import Candidate, MotorCycle
 from pinfric.study.sizing.gear_limits import GEAR_LIMITS
 from pinfric.study.sizing.joint_limits import JOINT_LIMITS
-from pinfric.study.sizing.limit import SETTLES, Case, Judged, Limit
+from pinfric.study.sizing.limit import SETTLES, SIGNALS, Case, Judged, Limit
 from pinfric.study.sizing.motor_limits import MOTOR_LIMITS
 
 #: The table.
@@ -41,10 +42,19 @@ def add_limit(limit: Limit) -> None:
     """Add a row to the table: `size`, `sweep` and `retime` judge it from then on.
 
     Raises:
-        ValueError: there is one of its name.
+        SizingError: the name exists already; the need is not a signal; a figure is not of an entry.
     """
+    where = f"limit {limit.name!r}"
     if any(limit.name == other.name for other in LIMITS):
-        raise ValueError(f"a limit {limit.name!r} exists already; give another name")
+        raise SizingError(f"{where}: exists already; give another name")
+    if isinstance(limit.need, str) and limit.need not in SIGNALS:
+        allowed = choose_from(limit.need, list(SIGNALS))
+        raise SizingError(f"{where}: need {limit.need!r}: give a function, or a signal; {allowed}")
+    if isinstance(limit.gives, str):
+        raise SizingError(
+            f"{where}: gives {limit.gives!r}: give a function, or a tuple of figures like "
+            "('ratings.peak_torque',)"
+        )
     LIMITS.append(limit)
 
 

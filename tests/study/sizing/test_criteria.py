@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import replace
 
 import numpy as np
@@ -25,7 +26,7 @@ from sizing_cases import (
 from sweep_cases import sweep_of
 
 import pinfric as pf
-from pinfric.errors import CatalogError
+from pinfric.errors import CatalogError, SizingError
 from pinfric.model.drives import motor_torque_bounds
 from pinfric.study.sizing.catalog import Conditions
 from pinfric.study.sizing.criteria import LIMITS, add_limit, check
@@ -474,8 +475,12 @@ def test_a_limit_added_in_one_row_is_in_size_sweep_and_retime(tmp_path, coupling
     assert slow.limiting["table"]["coupling torque"] > 0.5
     torque = pf.inverse_dynamics(slow.problem.scene, slow.trajectory).motor_torque_upper
     assert np.abs(torque).max() == pytest.approx(0.3 / 1.1, rel=1e-3)
-    with pytest.raises(ValueError, match="a limit 'coupling torque' exists already"):
+    with pytest.raises(SizingError, match="limit 'coupling torque': exists already"):
         add_limit(coupling)
+    with pytest.raises(SizingError, match="need 'motor torqe'.*did you mean 'motor torque'"):
+        add_limit(dataclasses.replace(coupling, name="typo", need="motor torqe"))
+    with pytest.raises(SizingError, match="gives 'peak torq': give a function"):
+        add_limit(dataclasses.replace(coupling, name="typo", gives="peak torq"))
 
 
 def test_back_driving_demanded_and_forbidden(tmp_path):
