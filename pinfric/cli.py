@@ -74,24 +74,24 @@ EffortAt = Annotated[
     str,
     typer.Option(
         metavar="motor|joint",
-        help="Measured before the gears, or after them.",
+        help="Where efforts were measured: at the motor, or at the joint.",
         callback=_effort_place,
     ),
 ]
 OneCycle = Annotated[
-    str | None, typer.Argument(metavar="[TRAJECTORY]", help="The cycle; several: --cycle.")
+    str | None, typer.Argument(metavar="[TRAJECTORY]", help="The cycle; for several use --cycle.")
 ]
 Cycles = Annotated[
     list[str] | None,
     typer.Option(metavar="FILE:SHARE", help="A cycle and its share of the time, or its count."),
 ]
-On = Annotated[float, typer.Option(metavar="PART", help="Switched on for this part (S3).")]
-Period = Annotated[float, typer.Option(metavar="SECONDS", help="Of shares and of --on.")]
+On = Annotated[float, typer.Option(metavar="PART", help="Share of the time switched on (S3).")]
+Period = Annotated[float, typer.Option(metavar="SECONDS", help="Period of shares and of --on.")]
 Motors = Annotated[
     str | None, typer.Option(metavar="FILE", help="Limits of the drives, or default:NAME.")
 ]
 Threads = Annotated[
-    int | None, typer.Option(min=1, metavar="N", help="Threads; by default as many as pay off.")
+    int | None, typer.Option(min=1, metavar="N", help="Threads; by default chosen automatically.")
 ]
 
 
@@ -100,7 +100,7 @@ def _options(
     context: typer.Context,
     version: Annotated[bool, typer.Option("--version", "-V", help="Print the version.")] = False,
     quiet: Annotated[
-        bool, typer.Option("--quiet", "-q", help="Results and errors only, no notices.")
+        bool, typer.Option("--quiet", "-q", help="Print only results and errors, no notices.")
     ] = False,
 ) -> None:
     telling["quiet"] = quiet
@@ -122,11 +122,11 @@ def inverse(
     effort_at: EffortAt = "joint",
     log: Any,
 ) -> None:
-    """Give the efforts that a motion takes.
+    """Compute the efforts that a motion needs.
 
-    One value while a joint slides, an interval while it sticks; of elastic gears where the tool
-    stands at rest, and natural frequencies. --out writes efforts.csv, efforts.png, summary.json
-    and, of a log with efforts, measured.png, of elastic gears tool.png.
+    One value while a joint slides, a torque range while it sticks; with elastic gears also the
+    tool's position at rest and natural frequencies. --out writes efforts.csv, efforts.png,
+    summary.json, for a log with efforts measured.png, for elastic gears tool.png.
     """
     scene, trajectory = load(scene_name, trajectory_name, log, out)
     from pinfric.dynamics.inverse.inverse import inverse_dynamics
@@ -163,15 +163,19 @@ def simulate(
     method: Annotated[
         str, typer.Option(help="event (exact), timestepping or regularized.")
     ] = "event",
-    t_end: Annotated[float | None, typer.Option(help="Seconds; by default the scene's.")] = None,
-    rtol: Annotated[
-        float | None, typer.Option(help="Tolerance of event and regularized; 1e-8.")
+    t_end: Annotated[
+        float | None, typer.Option(help="End time (s); by default the scene's.")
     ] = None,
-    dt: Annotated[float | None, typer.Option(help="Step of timestepping (s); 1e-3.")] = None,
+    rtol: Annotated[
+        float | None, typer.Option(help="Tolerance of event and regularized; default 1e-8.")
+    ] = None,
+    dt: Annotated[
+        float | None, typer.Option(help="Step of timestepping (s); default 1e-3.")
+    ] = None,
     out: OutFolder = None,
     as_json: AsJson = False,
 ) -> None:
-    """Move a scene by its own efforts, with stick and slip.
+    """Simulate a scene under its own efforts, with stick and slip.
 
     Runs the scene's `simulation` section. --out writes motion.csv, motion.npz, motion.png and
     summary.json.
@@ -205,7 +209,7 @@ def paper(
     out: OutFolder = None,
     as_json: AsJson = False,
 ) -> None:
-    """Reproduce both examples of the paper, forward and inverse, and a loop, by two formulations.
+    """Reproduce both examples of the paper, forward and inverse, and a loop, in two formulations.
 
     --out writes the paper's figures 5, 6, 8, 9, 10 and summary.json.
     """
@@ -250,7 +254,7 @@ def size(
         typer.Option("--catalog", metavar="FILE", help="Catalogue file, or `default` (bundled)."),
     ] = None,
     fastest: Annotated[
-        bool, typer.Option("--fastest", help="Cycle time beside mass, with heavier drives, too.")
+        bool, typer.Option("--fastest", help="Also show cycle time against mass of the drives.")
     ] = False,
     out: OutFolder = None,
     as_json: AsJson = False,
@@ -265,7 +269,7 @@ def size(
     given = [weighted(text) for text in cycle or ()]
     if (trajectory_name is None) != bool(given) or (fastest and given):
         raise typer.BadParameter(
-            "give one TRAJECTORY (with --fastest always), or --cycle for each of several",
+            "give one TRAJECTORY, or one --cycle for each of several (not with --fastest)",
             param_hint="--cycle",
         )
     given = given or [(str(trajectory_name), 1.0)]
@@ -293,20 +297,20 @@ def size(
     report.check()  # what does not fit is the last line, and the exit code (2)
 
 
-@app.command(short_help="Make a catalogue for `size` of a table of parts.")
+@app.command(short_help="Make a catalogue for `size` from a table of parts.")
 def catalog(
-    table: Annotated[Path, typer.Argument(metavar="TABLE.csv", help="One motor or gear a row.")],
+    table: Annotated[Path, typer.Argument(metavar="TABLE.csv", help="One motor or gear per row.")],
     columns: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", help="Which column is what, in which unit; else TABLE.columns.yaml."
+            metavar="FILE", help="Meaning and unit of the columns; default TABLE.columns.yaml."
         ),
     ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", metavar="FILE", help="By default TABLE.yaml beside it.")
     ] = None,
 ) -> None:
-    """Make a catalogue for `size` of a table of motors, gears or gearmotors."""
+    """Make a catalogue for `size` from a table of motors, gears or gearmotors."""
     from pinfric.model.brief import counted
     from pinfric.model.files import check_writable
     from pinfric.study.sizing.catalog import load_catalog
@@ -333,7 +337,7 @@ def _fastest(report: Any, trajectory: Any) -> tuple[Any, Files]:
     return sets, {"fastest.png": fastest_figure(sets, title).savefig}
 
 
-@app.command(short_help="Give the fastest motion along a path that given drives can do.")
+@app.command(short_help="Find the fastest motion along a path for given drives.")
 def retime(
     scene_name: SceneName,
     path_name: Annotated[
@@ -344,22 +348,22 @@ def retime(
     heat: Annotated[
         bool,
         typer.Option(
-            "--heat/--no-heat", help="Keep continuous torques over the cycle, which is repeated."
+            "--heat/--no-heat", help="Keep the continuous torques over the repeated cycle."
         ),
     ] = True,
     smooth: Annotated[
-        float, typer.Option(min=0.0, metavar="MS", help="Let accelerations ramp for so long.")
+        float, typer.Option(min=0.0, metavar="MS", help="Ramp accelerations over this time.")
     ] = 0.0,
     sensitivity: Annotated[
-        bool, typer.Option("--sensitivity", help="What 1 % more of each limit would bring.")
+        bool, typer.Option("--sensitivity", help="Show the gain from 1 % more of each limit.")
     ] = False,
     out: OutFolder = None,
     as_json: AsJson = False,
 ) -> None:
-    """Give the fastest motion along a path, and the drive that holds it back.
+    """Find the fastest motion along a path, and the drives that limit it.
 
-    Within motor torque, speed-torque line, heat, gear and joint limits (without --motors the
-    URDF's), all friction and gear losses included. --out writes trajectory.csv, retime.png and
+    Limits: motor torque, speed-torque line, heat, gear and joint (without --motors the URDF's).
+    All friction and gear losses are included. --out writes trajectory.csv, retime.png and
     summary.json.
     """
     scene, _ = load(scene_name, out=out)
@@ -388,15 +392,15 @@ def sweep(
     scene_name: SceneName,
     trajectory_name: TrajectoryName,
     sweep_name: Annotated[
-        str, typer.Argument(metavar="SWEEP", help="What varies, and how: file or bundled.")
+        str, typer.Argument(metavar="SWEEP", help="Parameters and distributions: file or bundled.")
     ],
     processes: Annotated[
         int | None,
-        typer.Option(min=1, metavar="N", help="On this machine; by default as many as pay off."),
+        typer.Option(min=1, metavar="N", help="On this machine; by default chosen automatically."),
     ] = None,
     scheduler: Annotated[
         str | None,
-        typer.Option(metavar="ADDRESS", help="Of a Dask cluster, whose workers compute instead."),
+        typer.Option(metavar="ADDRESS", help="Of a Dask cluster that computes instead."),
     ] = None,
     out: OutFolder = None,
     as_json: AsJson = False,
@@ -404,9 +408,9 @@ def sweep(
 ) -> None:
     """Vary friction, payload, speed and mounting of a cycle.
 
-    Gives percentiles of each joint's peak and RMS, how often a motor suffices, and which
-    parameter decides. --out writes samples.parquet, sweep.png and summary.json; a sweep that was
-    stopped goes on from the samples in that folder.
+    Gives percentiles of each joint's peak and RMS, how often a motor suffices, and the most
+    influential parameters. --out writes samples.parquet, sweep.png and summary.json; a stopped
+    sweep continues from the samples in that folder.
     """
     scene, trajectory = load(scene_name, trajectory_name, log, out)
     from pinfric.show.figure.sweep import sweep_figure
@@ -434,7 +438,7 @@ def sweep(
     answer("sweep", found, tables, as_json, out, files, scene=result.scene)
 
 
-@app.command(short_help="Find friction in a robot's own logs, and how far it is known.")
+@app.command(short_help="Identify friction from a robot's own logs, with intervals.")
 @takes_logs
 def identify(
     *,
@@ -444,24 +448,25 @@ def identify(
     ],
     gain: Annotated[
         list[str] | None,
-        typer.Option(metavar="JOINT=FACTOR", help="What makes N m of a logged effort."),
+        typer.Option(metavar="JOINT=FACTOR", help="Factor from a logged effort to N m."),
     ] = None,
     effort_at: EffortAt = "motor",
     inertia: Annotated[
-        str, typer.Option(metavar="consistent|keep", help="Of the links: corrected, or the URDF's.")
+        str,
+        typer.Option(metavar="consistent|keep", help="Link inertias: correct or keep the URDF's."),
     ] = "consistent",
     payload: Annotated[
         list[str] | None,
         typer.Option(metavar="LOG=NAME", help="The scene's payload that a log carries."),
     ] = None,
     held_out: Annotated[
-        list[str] | None, typer.Option(metavar="LOG", help="A log that is only predicted.")
+        list[str] | None, typer.Option(metavar="LOG", help="A log to predict only, not to fit.")
     ] = None,
     out: OutFolder = None,
     as_json: AsJson = False,
     log: Any,
 ) -> None:
-    """Find the friction of a robot's joints in its own logs, and how far it is known.
+    """Identify the friction of a robot's joints from its own logs, with 95 % intervals.
 
     --out writes scene.yaml, robot.urdf, posterior.csv, sweep.yaml, report.html, summary.json and
     advice.waypoints.yaml.
@@ -518,10 +523,10 @@ def replay(
     as_json: AsJson = False,
     log: Any,
 ) -> None:
-    """Show a motion in 3D: what slides, what sticks, and when.
+    """Show a motion in 3D: which joints slide, which stick, and when.
 
-    The page is one file that plays without a network. Where a log's own efforts miss the computed
-    ones is marked; with --motors, which drive holds the motion back.
+    The page is one file that plays without a network. It marks where a log's own efforts differ
+    from the computed ones; with --motors, which drive limits the motion.
     """
     from pinfric.dynamics.simulation.motion import Motion
     from pinfric.model.scene_file import load_scene
@@ -550,7 +555,7 @@ def _page(html: Path | None, scene: str) -> Path:
     from pinfric.model.files import check_writable
 
     if html is not None and not html.name:
-        raise typer.BadParameter("is no file's name", param_hint="--html")
+        raise typer.BadParameter("is not a file name", param_hint="--html")
     html = html or Path(f"{Path(scene).stem}.replay.html")
     check_writable(html.parent, [html.name])
     return html
@@ -559,7 +564,9 @@ def _page(html: Path | None, scene: str) -> Path:
 @app.command(short_help="Write a starting scene and motion for a URDF, guesses marked.")
 def new(
     urdf: Annotated[Path, typer.Argument(metavar="URDF", help="The robot.")],
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where to write.")] = Path(),
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")
+    ] = Path(),
 ) -> None:
     """Write a starting scene and a first motion for a URDF; every guess is marked."""
     from pinfric.show.report.check import doubts
@@ -583,11 +590,11 @@ def schema(
         str,
         typer.Argument(
             metavar="FORMAT",
-            help="scene, waypoints, columns, sweep, motors, catalog, table; result: of --json.",
+            help="scene, waypoints, columns, sweep, motors, catalog, table; result (of --json).",
         ),
     ],
 ) -> None:
-    """Print the JSON schema of a file's format, by which editors complete and check such files.
+    """Print the JSON schema of a file's format; editors use it to complete and check such files.
 
     `pinfric schema result` is the schema of everything that `--json` prints.
     """
@@ -601,17 +608,17 @@ def schema(
     show(json_schema(name))
 
 
-@app.command(short_help="List what is implausible about a robot or a scene.")
+@app.command(short_help="List implausible values of a robot or a scene.")
 def check(
     source: Annotated[
         str, typer.Argument(metavar="URDF | SCENE", help="The robot, or a scene with its robot.")
     ],
     strict: Annotated[
-        bool, typer.Option("--strict", help="Warnings are errors, too (exit code 2).")
+        bool, typer.Option("--strict", help="Treat warnings as errors (exit code 2).")
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """List what is implausible about a robot or a scene, and what a wrong unit would explain."""
+    """List implausible values of a robot or a scene, and the units that would explain them."""
     from pinfric.show.report.check import check_report
     from pinfric.study.check.plausibility import check as judge
 
@@ -638,7 +645,7 @@ def warm_up(scene_name: SceneName) -> None:
     print_line(f"{Path(scene.source).stem}: all kernels are ready, after {digits(seconds)} s")
 
 
-@app.command(short_help="Show what accuracy costs in time.")
+@app.command(short_help="Measure computing time against accuracy.")
 @takes_logs
 def accuracy(
     *,
@@ -651,7 +658,7 @@ def accuracy(
     as_json: AsJson = False,
     log: Any,
 ) -> None:
-    """Show what accuracy costs in time: of simulation, of sampling, of models of friction.
+    """Measure computing time against accuracy: of simulation, sampling and friction models.
 
     --out writes accuracy.png, accuracy.csv and summary.json.
     """
@@ -660,7 +667,7 @@ def accuracy(
     from pinfric.show.accuracy.report import accuracy_frame, accuracy_report
     from pinfric.study.accuracy.study import accuracy as study
 
-    with working("measuring, for half a minute or more; minutes where loops close"):
+    with working("measuring, half a minute or more; minutes with closed loops"):
         found = study(scene, trajectory)
     files: Files = {
         "accuracy.png": lambda path: accuracy_figure(found).savefig(path),
@@ -670,7 +677,7 @@ def accuracy(
     answer("accuracy", found, report, as_json, out, files, scene=scene.source)
 
 
-@app.command(short_help="Say which effects a scene calls for, and what each costs.")
+@app.command(short_help="List the effects in a scene, with cost and change of each.")
 @takes_logs
 def explain(
     *,
@@ -682,7 +689,7 @@ def explain(
     as_json: AsJson = False,
     log: Any,
 ) -> None:
-    """Say which effects a scene calls for, why, and what each costs and changes."""
+    """List the effects in a scene, the keys that cause them, and what each costs and changes."""
     scene, trajectory = load(scene_name, trajectory_name, log)
     from pinfric.show.report.explain import explain_report
     from pinfric.study.explain import explain as measure
@@ -709,7 +716,7 @@ def export(
     trajectory_name: Annotated[
         str | None,
         typer.Option(
-            "--trajectory", metavar="FILE", help="What constants are fitted to; else random states."
+            "--trajectory", metavar="FILE", help="Motion to fit constants to; else random states."
         ),
     ] = None,
     out: Annotated[
@@ -725,9 +732,9 @@ def export(
 ) -> None:
     """Write the robot for other engines, with constants in place of its friction, or for C++.
 
-    Beside each constant stands the error it makes against the scene along the trajectory. `--to
-    cpp` writes a header for controllers, which knows the load and needs no constants, and its test;
-    it prints what constants would miss.
+    For each constant its error against the scene along the trajectory is given. `--to cpp` writes
+    a header for controllers, which uses the present load and needs no constants, and its test; it
+    prints the error that constants would make.
     """
     scene, trajectory = load(scene_name, trajectory_name, log)
     from dataclasses import replace

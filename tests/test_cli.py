@@ -341,7 +341,7 @@ def test_sweep_prints_tables_and_writes_samples_figure_and_summary(files, capsys
     assert run("sweep", "arm.yaml", "way.yaml", "s.yaml", "--out", "out") == 0
     printed = capsys.readouterr()
     assert printed.out.startswith("arm · way.yaml: 20 random samples\n")
-    assert "what drives it at the joints: rank correlation" in printed.out
+    assert "most influential parameters at the joints: rank correlation" in printed.out
     names = {"samples.parquet", "sweep.png", "summary.json"}
     assert {p.name for p in (files / "out").iterdir()} == names
     assert run("sweep", "arm.yaml", "way.yaml", "s.yaml", "--out", "out", "--json") == 0

@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 
 @singledispatch
 def plot(result: Any, **options: Any) -> Figure:
-    """Return the figure that `--out` writes of a result.
+    """Return the figure that `--out` writes for a result.
 
     Args:
         result: of `inverse_dynamics` (options: `trajectory`, a name for the title; `drives`, the

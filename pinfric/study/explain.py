@@ -1,4 +1,4 @@
-"""What each effect of a scene costs and changes: measured, effect by effect."""
+"""Measured cost and change of each effect of a scene."""
 
 from __future__ import annotations
 
@@ -34,31 +34,29 @@ _NAN = float("nan")
 
 @described
 class Explained:
-    """One effect of a scene, with what it costs and changes on one motion."""
+    """One effect of a scene, with its cost and change on one motion."""
 
     name: str = quantity("the effect", heading="effect")
-    on: bool = quantity("whether the scene calls for it", heading="on")
-    why: str = quantity("the keys that call for it", heading="why")
+    on: bool = quantity("whether the scene has the effect", heading="on")
+    why: str = quantity("the keys that switch it on", heading="why")
     cost_us: float = quantity(
-        "what leaving the effect out saves per sample, microseconds; of coupling, the passes after "
-        "the first; NaN where it is off, and of loops, which cannot be left out",
+        "computing time per sample saved by leaving the effect out, microseconds; for coupling, "
+        "the passes after the first; NaN if it is off, and for loops, which cannot be left out",
         "us",
         "cost",
         "{cost}",
     )
-    resolution_us: float = quantity(
-        "costs below it are not told from the timings' own spread, microseconds", "us"
-    )
-    unit: str = quantity('of the changes, "N m" or "N"; empty: drives differ', heading="unit")
+    resolution_us: float = quantity("smallest cost that the timing can resolve, microseconds", "us")
+    unit: str = quantity('unit of the changes, "N m" or "N"; empty: drives differ', heading="unit")
     peak_change: float = quantity(
-        "change of the largest effort magnitude of any drive through the effect, of the drive "
-        "where the change is largest; of coupling: against one pass, loads without friction",
+        "change of the peak effort through the effect, of the drive where it is largest; for "
+        "coupling: against one pass with the loads without friction",
         EFFORT,
         "peak\nchange",
         "{peak_change:+}",
     )
-    rms_change: float = quantity("the same of the RMS", EFFORT, "RMS\nchange", "{rms_change:+}")
-    drive: str = quantity("that drive; empty where the effect is off", heading="of", name=True)
+    rms_change: float = quantity("the same for the RMS", EFFORT, "RMS\nchange", "{rms_change:+}")
+    drive: str = quantity("that drive; empty if the effect is off", heading="of", name=True)
     motor_side: bool = quantity(
         "the change is of motor torques (a transmission changes nothing at the joint)",
         heading="motor\nside",
@@ -75,19 +73,22 @@ class Explained:
 
 @described
 class GearLoss:
-    """What a gear loses in proportion to its load, as its motor feels it."""
+    """Load-dependent loss of a gear, as torque at its motor."""
 
     drive: str = quantity("its name", heading="joint", name=True)
     peak_change: float = quantity(
-        "of the motor's torque through that loss", "N m", "peak\nchange", "{peak_change:+}"
+        "change of the motor's peak torque through that loss",
+        "N m",
+        "peak\nchange",
+        "{peak_change:+}",
     )
-    rms_change: float = quantity("the same of the RMS", "N m", "RMS\nchange", "{rms_change:+}")
-    rms: float = quantity("of the motor's torque with it", "N m", "RMS")
+    rms_change: float = quantity("the same for the RMS", "N m", "RMS\nchange", "{rms_change:+}")
+    rms: float = quantity("RMS motor torque with the loss", "N m", "RMS")
 
 
 @described
 class Explanation(Shown):
-    """All effects of a scene, and what the whole costs."""
+    """All effects of a scene, and their total cost."""
 
     def __repr__(self) -> str:
         on = [effect.name for effect in self.effects if effect.on]
@@ -95,17 +96,17 @@ class Explanation(Shown):
         return screen("Explanation", cost, {"on": ", ".join(on), "more": ".effects .summary()"})
 
     effects: tuple[Explained, ...] = quantity("one row each")
-    gears: tuple[GearLoss, ...] = quantity("each gear whose loss grows with its load")
+    gears: tuple[GearLoss, ...] = quantity("gears whose loss grows with their load")
     total_us: float = quantity("inverse dynamics per sample, one thread, microseconds")
     plain_us: float = quantity("the same motion without any effect")
     samples: int = quantity("of the motion")
     elastic: ElasticEffect | None = quantity(
-        "whether elastic gears matter; none: there are none", default=None
+        "what elastic gears change; none: no gear has a stiffness", default=None
     )
 
 
 def explain(scene: Scene, trajectory: Trajectory | None = None) -> Explanation:
-    """Measure what each effect of a scene costs per sample and changes in the efforts.
+    """Measure the cost per sample of each effect of a scene, and its change of the efforts.
 
     Args:
         scene: the robot.

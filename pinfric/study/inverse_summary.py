@@ -18,8 +18,8 @@ class SiteSummary:
     """What the friction of one joint did along a motion."""
 
     name: str = quantity("the joint with friction")
-    stick_intervals: int = quantity("how often it stuck")
-    reversals: int = quantity("how often it reversed between samples")
+    stick_intervals: int = quantity("number of stick intervals")
+    reversals: int = quantity("number of reversals between samples")
     max_normal_load: float = quantity("largest load of its bearing", EFFORT)
 
 
@@ -36,16 +36,16 @@ class InverseSummary:
     """What inverse dynamics found along one motion."""
 
     trajectory: str = quantity("name or path of the motion")
-    samples: int = quantity("how many the motion has")
+    samples: int = quantity("number of samples")
     start: float = quantity("first time", "s")
     end: float = quantity("last time", "s")
     joints: tuple[ActuatorSummary, ...] = quantity("what each drive must deliver")
-    sites: tuple[SiteSummary, ...] = quantity("what each joint with friction did")
-    stick_intervals: tuple[StickInterval, ...] = quantity("when they stuck")
-    payloads: Mapping[str, tuple[Span, ...]] = quantity("when each payload was carried")
-    status: Mapping[str, int] = quantity("how many samples ended in which way")
-    input: LogSummary | None = quantity("how a log was read; none: the motion is no log's")
-    elasticity: ElasticSummary | None = quantity("what elastic gears do; none: all are rigid")
+    sites: tuple[SiteSummary, ...] = quantity("stick time and load of each joint with friction")
+    stick_intervals: tuple[StickInterval, ...] = quantity("when joints stick")
+    payloads: Mapping[str, tuple[Span, ...]] = quantity("when each payload is carried")
+    status: Mapping[str, int] = quantity("status -> number of samples")
+    input: LogSummary | None = quantity("how the log was read; none: the motion is not a log")
+    elasticity: ElasticSummary | None = quantity("effects of elastic gears; none: all are rigid")
 
 
 def inverse_summary(

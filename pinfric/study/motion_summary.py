@@ -21,21 +21,21 @@ class DriveWork:
     unit: str = quantity('of its efforts, "N m" or "N"', heading="unit")
     peak: float = quantity("largest effort", EFFORT, "peak")
     rms: float = quantity("RMS over time", EFFORT, "RMS")
-    work: float = quantity("of its effort", "J", "work")
-    heat: float = quantity("of the friction at its joint; NaN: none there", "J", "heat")
-    gear_heat: float = quantity("of its gear and motor; NaN: efforts were given", "J", "of gear")
-    stick_time: float = quantity("how long its joint stuck; NaN: it has no friction", "s", "sticks")
+    work: float = quantity("work of its effort", "J", "work")
+    heat: float = quantity("friction heat of its joint; NaN: no friction", "J", "heat")
+    gear_heat: float = quantity("heat of its gear and motor; NaN: efforts given", "J", "of gear")
+    stick_time: float = quantity("time its joint sticks; NaN: no friction", "s", "sticks")
 
 
 @described
 class EnergySummary:
     """Where the energy went: work = change + sum of losses + residual."""
 
-    work: float = quantity("of the drives' efforts; of the motors' torques where given", "J")
-    change: float = quantity("of kinetic and potential energy", "J")
+    work: float = quantity("work of the drives' efforts, or of the motor torques if given", "J")
+    change: float = quantity("change of kinetic and potential energy", "J")
     friction_loss: Mapping[str, float] = quantity("heat at each joint with friction", "J")
     gear_loss: Mapping[str, float] = quantity("heat in each gear and its motor", "J")
-    residual: float = quantity("what the integration left over", "J")
+    residual: float = quantity("energy error of the integration", "J")
 
 
 @described
@@ -51,16 +51,16 @@ class MotionSummary:
     """What a simulated motion comes to."""
 
     method: str = quantity("`event`, `timestepping` or `regularized`")
-    given: str = quantity('what drives were given: "effort" or "motor_torque"')
+    given: str = quantity('input of the drives: "effort" or "motor_torque"')
     status: str = quantity("`finished`, `interrupted` or `failed`")
     message: str = quantity("why it ended")
     t_end: float = quantity("its last time", "s")
-    samples: int = quantity("how many it has")
+    samples: int = quantity("number of samples")
     evaluations: int = quantity("right-hand sides computed")
     stick_intervals: tuple[StickInterval, ...] = quantity("in the order of the joints")
     events: tuple[Event, ...] = quantity("in the order of time")
     energy: EnergySummary | None = quantity("none: the motion was interrupted")
-    end: State = quantity("where it ended")
+    end: State = quantity("final state")
 
 
 def motion_summary(motion: Motion) -> MotionSummary:

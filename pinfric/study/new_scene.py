@@ -1,7 +1,7 @@
 """A starting scene for a user's URDF: every joint listed, its friction guessed and marked so.
 
-The guesses are meant to be replaced. They are sized by what the URDF says each joint must stand:
-its effort limit, or, where that is missing or a placeholder, the weight it carries.
+The guesses are meant to be replaced. They are sized by the load of each joint according to the
+URDF: its effort limit or, if that is missing or a placeholder, the weight that it carries.
 """
 
 from __future__ import annotations
@@ -119,7 +119,7 @@ points:
 
 
 def write_new(urdf: str | Path, folder: str | Path = ".") -> list[Path]:
-    """Write NAME.yaml and NAME.waypoints.yaml for a URDF; never over a file that is there.
+    """Write NAME.yaml and NAME.waypoints.yaml for a URDF; existing files are never overwritten.
 
     Beside them go the JSON schemas of both, which their first lines name to editors.
 
@@ -128,7 +128,7 @@ def write_new(urdf: str | Path, folder: str | Path = ".") -> list[Path]:
         folder: where to; made if missing.
 
     Raises:
-        RobotError: see `new_scene`; PinfricError: a file is there already or cannot be written.
+        RobotError: see `new_scene`; PinfricError: a file exists already or cannot be written.
     """
     urdf = urdf_file(urdf)
     folder, name = Path(folder), urdf.stem.removesuffix(".urdf")  # of arm.urdf.xacro, too
@@ -141,7 +141,7 @@ def write_new(urdf: str | Path, folder: str | Path = ".") -> list[Path]:
         pass  # a floating joint: motions are made in Python
     for file in contents:
         if (folder / file).exists():
-            raise PinfricError(f"{folder / file}: is there already; name another folder (--out)")
+            raise PinfricError(f"{folder / file}: exists already; name another folder (--out)")
     schemas = {
         f"{kind}.schema.json": json.dumps(json_schema(kind), indent=1) + "\n"
         for kind in ("scene", "waypoints")
@@ -168,7 +168,7 @@ def _joint_section(joint: JointLoad, dynamics: Mapping[str, UrdfDynamics]) -> li
         return [f"  # {name}: {joint.degrees} degrees of freedom; friction needs one axis"]
     position = "m" if joint.sliding else "rad"
     if joint.leader is not None:
-        about = f"follows {yaml_line(joint.leader)}: bearings of its own, no drive"
+        about = f"follows {yaml_line(joint.leader)}: has bearings, but no drive"
     elif math.isfinite(joint.upper):
         about = f"{joint.lower:.4g} to {joint.upper:.4g} {position}"
     else:
@@ -254,9 +254,9 @@ def _head(urdf: Path, robot: Robot) -> str:
     return (
         f"# A starting scene for {urdf.name} ({joints} joints, {mass:.4g} kg that move), made by "
         "`pinfric new`.\n"
-        "# Lines marked `guess` hold no measurement: replace them by the data sheets of your "
-        "bearings\n"
-        "# and gears, or by what you identify. `pinfric explain` shows what each of them changes."
+        "# Lines marked `guess` are not measured: replace them with values from the data sheets of "
+        "your bearings\n"
+        "# and gears, or from `pinfric identify`. `pinfric explain` shows what each one changes."
     )
 
 
@@ -279,7 +279,7 @@ def _dynamics_section(robot: Robot) -> list[str]:
     shown = given[0] + (f" and {len(given) - 1} more" if len(given) > 1 else "")
     return [
         f"  # The URDF's <dynamics> has friction or damping of {shown}; many are placeholders.",
-        "  urdf_dynamics: ignore        # use: take them where this file says nothing else",
+        "  urdf_dynamics: ignore        # `use`: use them if this file gives no value",
     ]
 
 
@@ -299,7 +299,7 @@ def _actuators_section(robot: Robot) -> list[str]:
             "rotor_inertia: 1.0e-5}",
         ]
     lines = [
-        "actuators:                     # ratios are those of the URDF's <transmission>; it has no",
+        "actuators:                     # ratios are from the URDF's <transmission>, which has no",
         "  # losses and no rotors: add efficiency, back_efficiency, rotor_inertia (data sheet)",
     ]
     for name in Scene(robot.model).actuator_names:
@@ -313,7 +313,9 @@ def _simulation_section(model: pin.Model) -> list[str]:
     """What `pinfric simulate` runs; nothing where it could not: a joint that moves no mass."""
     M = pin.crba(model, model.createData(), pin.neutral(model))
     if np.linalg.eigvalsh(np.triu(M) + np.triu(M, 1).T)[0] <= 1e-12 * max(float(M.max()), 1e-9):
-        return ["# simulation: not possible, a joint moves no mass; give its link an <inertial>"]
+        return [
+            "# simulation: not possible, because a joint moves no mass; give its link an <inertial>"
+        ]
     return [
         "simulation:                    # pinfric simulate: the robot without power for 1 s",
         "  t_end: 1.0",

@@ -1,4 +1,4 @@
-"""States to look at where nobody gives a motion."""
+"""Random states, used if no motion is given."""
 
 from __future__ import annotations
 
@@ -18,7 +18,9 @@ def random_states(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         StateError: the scene has loops, which random states do not close.
     """
     if scene.linkage is not None:
-        raise StateError(f"{scene.source}: random states do not close its loops; give a trajectory")
+        raise StateError(
+            f"{scene.source}: random states would not close its loops; give a trajectory"
+        )
     model = scene.model
     rng = np.random.default_rng(0)
     low = np.nan_to_num(model.lowerPositionLimit, nan=-1.0)

@@ -1,4 +1,4 @@
-"""Run what a scene file's `simulation` section describes."""
+"""Run the `simulation` section of a scene file."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def run_scene(scene: Scene, *, t_end: float | None = None, **options: Any) -> Mo
         options: as `simulate` takes them (method, rtol, dt, ...).
 
     Raises:
-        SceneError: there is no such section, or it names a joint that is not there.
-        And what `simulate` raises.
+        SceneError: there is no such section, or it names an unknown joint.
+        And the errors of `simulate`.
 
     >>> import pinfric as pf
     >>> scene = pf.load_scene("pendulum")
@@ -118,5 +118,5 @@ def _where_it_closes(scene: Scene, problem: ClosureError) -> str:
     at = [f"{name[:-2]}: {value[0]:.3g}" for name, value in columns.items() if name[-2:] == ".q"]
     return (
         f"{scene.source}: simulation.start: loop {problem.loop!r} does not close near it "
-        f"({problem.residual:.3g} m apart); give `q` nearer, e.g. {{{', '.join(at)}}}"
+        f"({problem.residual:.3g} m apart); give a closer `q`, e.g. {{{', '.join(at)}}}"
     )

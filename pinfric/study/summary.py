@@ -23,10 +23,10 @@ class ActuatorSummary:
     """
 
     name: str = quantity("the drive's", heading="joint", name=True)
-    unit: str = quantity('of its efforts, "N m" or "N"', heading="unit")
+    unit: str = quantity('unit of its efforts, "N m" or "N"', heading="unit")
     peak: float = quantity("max |u_worst|", EFFORT, "peak")
     peak_time: float = quantity("when", "s")
-    peak_velocity: float = quantity("the joint's velocity then", SPEED)
+    peak_velocity: float = quantity("the joint's velocity at that time", SPEED)
     rms: float = quantity(
         "sqrt(1/T int u_worst^2 dt)",
         EFFORT,
@@ -40,26 +40,26 @@ class ActuatorSummary:
         "frictionless\npeak, RMS",
         "{peak_frictionless}, {rms_frictionless}",
     )
-    rms_frictionless: float = quantity("RMS of the same", EFFORT)
+    rms_frictionless: float = quantity("RMS of u_0", EFFORT)
     friction_share: float = quantity(
-        "R_f / (R_f + R_0) with R_f the RMS of u_worst - u_0 and R_0 that of u_0: 0 without "
-        "friction, 1 where friction is all there is, 0.5 where it is as large as the rest (the "
-        "quotient rms / rms_frictionless would hide friction that holds the load)",
+        "R_f / (R_f + R_0); R_f is the RMS of u_worst - u_0, R_0 that of u_0: 0 without friction, "
+        "1 if there is only friction, 0.5 if friction is as large as the rest (rms / "
+        "rms_frictionless would hide friction that holds the load)",
         heading="friction\nshare",
         cell="{friction_share:%}",
     )
     stick_time: float = quantity(
         "sum of (end - start) over the stick intervals; a stick of one sample is a passage through "
-        "rest: it counts as an interval, and adds no time",
+        "rest: it counts as an interval and adds no time",
         "s",
         "sticks",
     )
     sticks: int = quantity("number of stick intervals")
     reversals: int = quantity("number of reversals between samples")
     max_interval: float = quantity("max (upper - lower)", EFFORT, "widest\ninterval")
-    motor_unit: str = quantity("at the motor's shaft; of an ideal drive, `unit`", heading="unit")
+    motor_unit: str = quantity("at the motor's shaft; for an ideal drive, `unit`", heading="unit")
     motor_peak: float = quantity(
-        "peak at the motor's shaft; of an ideal drive, `peak`", MOTOR, "motor\npeak"
+        "peak at the motor's shaft; for an ideal drive, `peak`", MOTOR, "motor\npeak"
     )
     motor_rms: float = quantity(
         "RMS there",
@@ -137,7 +137,7 @@ def rounding(result: InverseResult) -> float:
 
 
 def payload_phases(result: InverseResult) -> dict[str, list[tuple[float, float]]]:
-    """Return when each payload is carried: (start, end) in s, the end where it is let go.
+    """Return when each payload is carried: (start, end) in s; it is put down at the end.
 
     Raises:
         StateError: the result has no times.

@@ -194,7 +194,7 @@ def test_simulation_of_the_new_scene_runs(tmp_path):
 def test_nothing_is_overwritten_and_nothing_half_written(tmp_path, monkeypatch):
     urdf = arm(tmp_path)
     (tmp_path / "arm.waypoints.yaml").write_text("mine")
-    with pytest.raises(PinfricError, match=r"arm\.waypoints\.yaml: is there already"):
+    with pytest.raises(PinfricError, match=r"arm\.waypoints\.yaml: exists already"):
         write_new(urdf, tmp_path)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["arm.urdf", "arm.waypoints.yaml"]
     (tmp_path / "file").write_text("")

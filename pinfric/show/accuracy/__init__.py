@@ -1,1 +1,1 @@
-"""What the studies of accuracy look like: table and picture."""
+"""Tables and pictures of the studies of accuracy."""

@@ -1,4 +1,4 @@
-"""One picture of what accuracy costs: work against precision, sampling, models of friction."""
+"""One picture of computing time against accuracy: work-precision, sampling, friction models."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _FLOOR_SHARE = 1e-3
 
 
 def accuracy_figure(found: Accuracy) -> Figure:
-    """Draw everything that was studied, a panel each, two in a row."""
+    """Draw a panel for each study, two in a row."""
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
@@ -51,7 +51,7 @@ def accuracy_figure(found: Accuracy) -> Figure:
     layout = ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.12)
     figure = Figure(figsize=(12.0, 0.7 + 4.5 * rows), dpi=140, layout=layout)
     figure.suptitle(
-        f"{name}: what accuracy costs",
+        f"{name}: cost of accuracy",
         x=0.01,
         ha="left",
         fontsize=14,
@@ -213,7 +213,7 @@ def _sampling(axes: Axes, rows: Sequence[Sampled]) -> None:
     _plain_times(axes)
     _head(
         axes,
-        f"inverse dynamics: lost to fewer samples (%; least shown {_FLOOR_SHARE:g})",
+        f"inverse dynamics: error with fewer samples (%; smallest shown {_FLOOR_SHARE:g})",
         columns=2,
     )
 
@@ -234,6 +234,6 @@ def _ladder(axes: Axes, rungs: Sequence[Rung]) -> None:
     axes.tick_params(axis="y", length=0)
     axes.set_xlim(0.0, 1.35 * largest)
     axes.set_xlabel(
-        "RMS of effort still missing (%); beside it the time per sample", color=QUIET, fontsize=9.5
+        "RMS difference from the full model (%), and time per sample", color=QUIET, fontsize=9.5
     )
     _head(axes, "inverse dynamics: models of friction")

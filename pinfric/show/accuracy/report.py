@@ -1,4 +1,4 @@
-"""What accuracy costs in time, as tables for people and rows for a CSV."""
+"""Computing time against accuracy, as tables and as rows for a CSV file."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from pinfric.study.accuracy.study import Accuracy
 if TYPE_CHECKING:
     import pandas as pd
 
-_REFERENCE = "errors against `event`, two decades tighter; rad or m, and s"
+_REFERENCE = "errors against `event` with a 100 times smaller tolerance; rad or m, and s"
 
 
 def accuracy_frame(found: Accuracy) -> pd.DataFrame:
@@ -106,13 +106,15 @@ def _ladder_table(title: str, rungs: Sequence[Rung]) -> Table | None:
 def _ladder_lines(rungs: Sequence[Rung]) -> list[str]:
     """What the columns mean, and the rungs that are not there."""
     lines = [
-        "change: against the rung above, of the drive where the RMS changes most",
-        "missing: RMS of effort to the whole model, mean over the drives",
+        "change: against the row above, of the drive where the RMS changes most",
+        "missing: RMS difference of efforts from the full model, mean over the drives",
     ]
     if any(rung.name == "constant" for rung in rungs):
         lines.append("constant: coulomb friction fitted to the friction of this motion")
     if any(rung.on and not rung.problem and not np.isfinite(rung.us) for rung in rungs):
-        lines.append("radial load: from loads without friction, one pass; an estimate, not timed")
+        lines.append(
+            "radial load: loads computed without friction, one pass; an estimate, not timed"
+        )
     if off := [rung.name for rung in rungs if not rung.on]:
         lines.append(f"not in this scene: {', '.join(off)}")
     return lines

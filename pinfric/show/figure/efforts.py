@@ -144,7 +144,7 @@ def _chosen(
 ) -> tuple[dict[int, ActuatorSummary], str]:
     """What is drawn, by column, and what to say of the rest."""
     if not summaries:
-        raise StateError(f"{result.scene.source}: has no drives, whose efforts a figure would show")
+        raise StateError(f"{result.scene.source}: has no drives, so there are no efforts to draw")
     if drives is not None:
         for name in drives:
             if name not in result.actuator_names:

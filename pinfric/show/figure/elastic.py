@@ -1,4 +1,4 @@
-"""One picture of a tool's places at rest: where friction can hold it beside its command."""
+"""One picture of the positions in which friction can hold a tool at rest."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _AXES, MM = "xyz", 1e3
 
 
 def tool_figure(found: Elasticity, title: str = "", rest: Rest | None = None) -> Figure:
-    """Draw where elastic gears let the tool stand at one rest: seen along three axes, in mm.
+    """Draw the positions that the tool can have at one rest, along three axes, in mm.
 
     Blue is every place that static friction can hold (projections of the zonotope), to one scale;
     a cross, or an arrow towards it, marks the commanded place, the dot that without friction, the
@@ -42,7 +42,7 @@ def tool_figure(found: Elasticity, title: str = "", rest: Rest | None = None) ->
     rest = rest or found.worst
     if rest is None or rest.tool is None:
         why = "; ".join(found.notes) or "the motion has no rest"
-        raise StateError(f"there is no tool's place at rest to draw: {why}")
+        raise StateError(f"there is no position of the tool at rest to draw: {why}")
     with style():
         figure = Figure(figsize=(10.0, 4.4))
         grid = figure.add_gridspec(1, 3, left=0.06, right=0.985, top=0.82, bottom=0.2, wspace=0.26)
@@ -123,7 +123,7 @@ def _draw(axes: Axes, tool: ToolPlace, i: int, j: int) -> None:
         facecolor=_INSIDE,
         edgecolor=_EDGE,
         lw=1.2,
-        label="places that friction can hold",
+        label="positions that friction can hold",
     )
     sag = MM * tool.sag[plane]
     axes.plot([0.0, sag[0]], [0.0, sag[1]], color=QUIET, lw=0.8, ls=":", zorder=2)
@@ -131,7 +131,7 @@ def _draw(axes: Axes, tool: ToolPlace, i: int, j: int) -> None:
     axes.plot(*sag, "o", color=INK, ms=5, label="without friction (sag)", zorder=4)
     for way, colour, mark, label in (
         (tool.approach, _APPROACH, "^", "after the motion's approach"),
-        (tool.opposite, _OPPOSITE, "v", "after the opposite one"),
+        (tool.opposite, _OPPOSITE, "v", "after the opposite approach"),
     ):
         if way is not None:
             axes.plot(*(MM * way[plane]), mark, color=colour, ms=7, label=label, zorder=5)

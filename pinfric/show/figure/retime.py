@@ -68,7 +68,7 @@ def retime_figure(result: RetimeResult) -> Figure:
 
 
 def fastest_figure(sets: Sequence[TimedSet], title: str) -> Figure:
-    """Draw cycle time over the mass of the drives: what was tried, and what nothing beats.
+    """Draw cycle time over the mass of the drives: all sets tried, and the best ones.
 
     Args:
         sets: of `fastest.fastest_sets`.
@@ -97,7 +97,7 @@ def fastest_figure(sets: Sequence[TimedSet], title: str) -> Figure:
             "o-",
             where="post",
             color=_SPEED,
-            label="nothing lighter is as fast",
+            label="no lighter set is as fast",
         )
         for x in best:
             axes.annotate(
@@ -117,7 +117,7 @@ def fastest_figure(sets: Sequence[TimedSet], title: str) -> Figure:
         figure.text(
             0.02,
             0.895,
-            "cycle time with other drives, and what holds each back"
+            "cycle time with other drives, and the limit of each"
             + f"; {left} slower ones not drawn" * (left > 0),
             color=QUIET,
         )

@@ -1,4 +1,4 @@
-"""How all pictures look."""
+"""Style of all pictures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One picture of a sweep: how each drive's peak and RMS spread, what suffices, what decides."""
+"""One picture of a sweep: spread of peak and RMS, motors that suffice, influential parameters."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ _FARTHEST = 1.2
 
 
 def sweep_figure(result: SweepResult) -> Figure:
-    """Draw a row for every drive: its peak's and RMS's distributions, and what drives them.
+    """Draw a row for every drive: distributions of peak and RMS, and influential parameters.
 
     Of more than 16 drives those with the largest median peaks of their unit; the rest is counted.
     Ticks below a histogram are the percentiles; what lies beyond a motor's rating is orange. The
     bars on the right are rank correlations with the RMS (of Sobol's design: shares of its
-    variance); what is shorter than the grey band is not told from chance.
+    variance); bars shorter than the grey band are not significant.
 
     Args:
         result: of `sweep`, with at least one sample that has a solution.

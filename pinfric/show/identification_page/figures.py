@@ -1,4 +1,4 @@
-"""The identification page's pictures: measured beside predicted, and what is left."""
+"""Pictures of the identification page: measured and predicted effort, and residuals."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def over_time(found: Identified) -> list[Figure]:
 
 
 def residual_clouds(found: Identified, joint: int) -> dict[str, Figure]:
-    """Draw what one joint's fit leaves over velocity and over load: a law that lacks shows there.
+    """Draw one joint's residual over velocity and over load: a missing law shows there.
 
     Args:
         found: what was identified.

@@ -32,7 +32,7 @@ _WORST = 12
 
 
 def identification_page(found: Identified) -> str:
-    """Return what logs say of a robot's friction as one HTML page.
+    """Return the friction identified from logs as one HTML page.
 
     Args:
         found: of `identify`.

@@ -37,10 +37,10 @@ MEANINGS = {
 SIMULATED = {"reversal": "reverses without sticking"}
 #: Of a gear that holds its joint without its motor, and what that means.
 GEAR_COLOR = "#56B4E9"
-GEAR_MEANING = "gear holds by itself: its motor may be without torque"
+GEAR_MEANING = "gear holds by itself: its motor needs no torque"
 #: Of a logged effort that is off the computed one, and far off, and what that means.
 OFF_COLORS = "#F2B38B", "#D55E00"
-OFF_MEANING = "logged effort off the computed one by more than 10 %, 30 % of its RMS"
+OFF_MEANING = "logged effort differs from the computed one by more than 10 %, 30 % of its RMS"
 #: Of a limit that holds the motion back, and of one that is exceeded, and what that means.
 LIMIT_COLORS = "#009E73", "#C2185B"
 LIMIT_MEANING = "a drive at one of its limits holds the motion back; red: it exceeds it"

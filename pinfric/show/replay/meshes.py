@@ -89,7 +89,7 @@ def urdf_visuals(model: pin.Model, robot: Robot) -> tuple[list[Shape], dict[str,
 def refuse_nowhere(*numbers: np.ndarray) -> None:
     """Raise ValueError for coordinates that are not finite, or beyond any machine."""
     if any(impossible(x, LARGEST).any() for x in numbers):
-        raise ValueError("its sizes or places are no numbers of a machine")
+        raise ValueError("its sizes or positions are implausible")
 
 
 def read_mesh(path: Path) -> Any:

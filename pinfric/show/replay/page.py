@@ -123,7 +123,7 @@ def _rows(frames: Frames) -> list[dict[str, Any]]:
         ("⚙", name, "gear of", [(markers.GEAR_COLOR, spans, "holds by itself")])
         for name, spans in frames.gears.items()
     ]
-    words = "off the log", "far off the log"
+    words = "differs from the log", "differs much from the log"
     for name, both in frames.off.items():
         parts = list(zip(markers.OFF_COLORS, both, words, strict=True))
         rows.append(("≠", name, "logged effort of", parts))
@@ -143,7 +143,7 @@ def _legend(scene: Scene, frames: Frames, staged: Stage) -> list[tuple[str, str,
         for state, words in meanings.items()
         if state in ("sliding", "sticking") or any(getattr(x, state) for x in frames.sites)
     ]
-    at_rest = "with its share of the limit" if frames.simulated else "both ways: all it can be"
+    at_rest = "with its share of the limit" if frames.simulated else "its limits in both directions"
     found += [
         ("↻", "#46525f", f"friction of the parent on the child; at rest {at_rest}"),
         ("↑", markers.FORCE_COLOR, "force of the parent on the child"),

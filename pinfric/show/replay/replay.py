@@ -130,13 +130,13 @@ def replay_lines(shown: Replay, opened: bool | None) -> list[str]:
     intervals = "no stiction" if sticks == 0 else f"{sticks} stiction interval{'s' * (sticks > 1)}"
     lines = [f"{shown.duration:.4g} s, {shown.frames} frames, {intervals}: {shown.html}"]
     if opened is False:
-        lines.append("there is no display or no browser here: open the file where there is one")
+        lines.append("no display or no browser here: open the file on another machine")
     return lines
 
 
 @described
 class ReplaySummary:
-    """What a replay shows."""
+    """The content of a replay."""
 
     html: str | None = quantity("the page; none: none was written")
     duration: float = quantity("of the motion", "s")

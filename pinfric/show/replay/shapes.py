@@ -1,4 +1,4 @@
-"""What a robot looks like: the URDF's visuals, and shapes from inertias where it has none.
+"""The look of a robot: the URDF's visuals, or shapes from inertias if it has none.
 
 Everything is given per joint and in the joint's own frame, so that a viewer moves one node per
 joint. Links without visuals become boxes of equal inertia and lines to the next joints: a robot
@@ -76,5 +76,7 @@ def _warn_of(missing: dict[str, str], scene: Scene) -> None:
     more = f"; and {len(missing) - 3} more" if len(missing) > 3 else ""
     urdf = "" if scene.robot is None else f"{scene.robot.urdf}: "
     warnings.warn(
-        f"{urdf}cannot be drawn, shapes are instead: {shown}{more}", PinfricWarning, stacklevel=3
+        f"{urdf}cannot be drawn, simple shapes are used: {shown}{more}",
+        PinfricWarning,
+        stacklevel=3,
     )

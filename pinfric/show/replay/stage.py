@@ -56,7 +56,7 @@ class DrawnCylinder:
 
 @dataclass(frozen=True)
 class Stage:
-    """What has been drawn, and where.
+    """What has been drawn, and its nodes.
 
     Attributes:
         joint_paths: nodes of the joints, in the model's order, the universe left out.

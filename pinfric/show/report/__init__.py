@@ -1,1 +1,1 @@
-"""Results in words and figures: tables for people, dictionaries for machines."""
+"""Results in words and figures: tables for people, dictionaries for programs."""

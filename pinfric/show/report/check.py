@@ -1,4 +1,4 @@
-"""What `pinfric check` found, as a list for people."""
+"""The findings of `pinfric check`, as a list for people."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def _closing(report: CheckReport) -> str:
     numbers = {s: report.count(s) for s in (Severity.ERROR, Severity.WARNING, Severity.NOTE)}
     listed = ", ".join(counted(n, s.name.lower()) for s, n in numbers.items() if n)
     if numbers[Severity.ERROR]:
-        return f"{listed}: correct the errors before you trust any figure."
+        return f"{listed}: correct the errors before you use any result."
     if numbers[Severity.WARNING]:
-        return f"{listed}: it can be computed with; look at the warnings first."
+        return f"{listed}: usable; look at the warnings first."
     return f"nothing implausible found{f' ({listed})' if listed else ''}."

@@ -1,4 +1,4 @@
-"""The drives of a sizing and what stands beside them: next smaller ones, brakes, the bus."""
+"""Tables of a sizing: the drives, next smaller ones, brakes, the bus."""
 
 from __future__ import annotations
 
@@ -40,21 +40,21 @@ def _chosen(joint: SizedJoint) -> str:
 
 
 def mass_table(found: SizingSummary) -> Table | None:
-    """Return what the drives' own mass adds, where it is more than a twentieth."""
+    """Return the effect of the drives' own mass, if it is more than a twentieth."""
     rows = [joint for joint in found.joints if joint.rms > 1.05 * joint.rms_without_masses]
     only = ("name", "unit", "rms", "rms_without_masses")
     return table_of("RMS with the drives' own mass and without", rows, only=only)
 
 
 def smaller_table(found: SizingSummary) -> Table | None:
-    """Return what the next smaller drive of each joint lacks; None where no joint has one."""
+    """Return the shortfalls of the next smaller drives; None if no joint has one."""
     rows = [joint for joint in found.joints if joint.next_smaller is not None]
     return table_of("the next smaller drives", rows, only=_SMALLER)
 
 
 def brake_table(found: SizingSummary) -> Table | None:
-    """Return which joints hold without power, what their brakes must bear, and which ones do."""
-    title = "without power, anywhere along the cycle: friction helping most\N{EN DASH}not at all"
+    """Return the joints that hold without power, the required brake torques, and the brakes."""
+    title = "without power, at any pose of the cycle: with friction\N{EN DASH}without friction"
     cells = {"standstill.use": holds_alone, "standstill.brake": _brake}
     only = ("name", "unit", *_STILL)  # the unit is of the effort beside it alone: no second key
     return table_of(title, found.joints, only=only, cells=cells, zero=_ROUNDING, keys=1)
@@ -62,11 +62,11 @@ def brake_table(found: SizingSummary) -> Table | None:
 
 def _brake(joint: SizedJoint) -> str:
     still = joint.standstill
-    return still.brake or ("none bears it" if still.torque.available else NONE)
+    return still.brake or ("none holds it" if still.torque.available else NONE)
 
 
 def holds_alone(joint: SizedJoint) -> str:
-    """Return whether friction alone holds a joint, and which part of it that takes."""
+    """Return whether friction alone holds a joint, and the used part of it."""
     still = joint.standstill
     if still.held is None:
         return "not known"
@@ -79,7 +79,7 @@ def turn(report: SizingReport) -> str:
 
 
 def bus_table(report: SizingReport) -> Table | None:
-    """Return what all drives take from the bus and give back; None where no drive has a motor."""
+    """Return the power of all drives from and to the bus; None if no drive has a motor."""
     least = "\N{GREATER-THAN OR EQUAL TO}" if report.bus.at_least else ""
 
     def at_least(name: str) -> Callable[[BusPower], str]:
@@ -92,14 +92,14 @@ def bus_table(report: SizingReport) -> Table | None:
 
 
 def bus_lines(report: SizingReport) -> list[str]:
-    """Return what takes the energy that flows back, and what the bus's figures leave out."""
+    """Return how the energy that is fed back is absorbed, and which drives are left out."""
     bus = report.bus
     lines = [f"braking: {bus.remedy}"]
     if bus.mechanical:
         lines.append(
-            f"{len(bus.mechanical)} of the drives without copper loss: no torque constant "
+            f"copper loss of {len(bus.mechanical)} drives is missing: no torque constant "
             "or resistance"
         )
     if bus.left_out and bus.known:
-        lines.append(f"the bus without {', '.join(bus.left_out)}: no motor")
+        lines.append(f"{', '.join(bus.left_out)}: not in the bus power, no motor")
     return lines

@@ -1,4 +1,4 @@
-"""What elastic gears do, as tables for people: mm, arcmin."""
+"""Effects of elastic gears, as tables for people: mm, arcmin."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ _ZERO = 1e-12
 #: Below it a wind-up prints as 0: 0.005 arcmin (rad).
 _ANGLE = 1.5e-6
 _THREE_WORDS = (
-    "interval: where static friction can hold it; reversal error: between approaches from "
-    "opposite sides; a maker's repeatability is of approaches from one side, a third figure"
+    "interval: positions that static friction can hold; reversal error: between approaches "
+    "from opposite sides; a maker's repeatability (approaches from one side) is another figure"
 )
 
 
@@ -32,12 +32,12 @@ def elasticity_parts(found: ElasticSummary, names: Sequence[str]) -> list[Table 
     parts: list[Table | list[str] | None] = []
     placed = [rest for rest in found.rests if rest.tool is not None]
     if placed:
-        title = f"elastic gears: where {found.tool} stands beside its commanded place"
+        title = f"elastic gears: position of {found.tool} at rest, relative to the commanded one"
         carried = {"payloads": lambda rest: ", ".join(rest.payloads) or "nothing"}
         parts.append(table_of(title, placed, zero=_ZERO, cells=carried))
     if found.rests:
         rest = found.rests[-1 if found.worst is None else found.worst]
-        title = "wind-up of the gears, motor before joint, at rest "
+        title = "wind-up of the gears, motor ahead of joint, at rest "
         title += f"{rest.start:.2f}\N{EN DASH}{rest.end:.2f} s"
         parts.append(table_of(title, list(rest.wind_up.values()), zero=_ANGLE))
     words = [_THREE_WORDS] if placed else []
@@ -59,10 +59,10 @@ def frequency_lines(found: ElasticSummary, names: Sequence[str]) -> list[str]:
     low, high = lowest.bracket
     if np.isfinite(high) and len(found.drives) > 1:
         lines.append(
-            f"bounds there: {digits(low)} Hz of all joints by themselves (Dunkerley), "
-            f"{digits(high)} Hz of the softest with all others rigid"
+            f"bounds at that time: {digits(low)} Hz (Dunkerley) and {digits(high)} Hz (only the "
+            "softest gear elastic)"
         )
     if lowest.motors_free is not None:
         listed = ", ".join(digits(f) for f in lowest.motors_free if np.isfinite(f))
-        lines.append(f"frequencies there, motors free: {listed} Hz")
+        lines.append(f"frequencies at that time, motors free: {listed} Hz")
     return lines

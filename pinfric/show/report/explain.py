@@ -1,4 +1,4 @@
-"""What each effect of a scene costs and changes, as tables for people."""
+"""Cost and change of each effect of a scene, as tables for people."""
 
 from __future__ import annotations
 
@@ -19,46 +19,44 @@ def explain_report(explanation: Explanation, scene: str) -> Report:
     """Return the tables and lines that `pinfric explain` prints, for a rich console."""
     name = Path(scene).stem
     faint = frozenset(i for i, row in enumerate(explanation.effects) if not row.on)
-    called = table_of(
-        f"{name}: the effects it calls for", explanation.effects, only=_CALLED, faint=faint
-    )
+    called = table_of(f"{name}: effects", explanation.effects, only=_CALLED, faint=faint)
     timed = [row for row in explanation.effects if math.isfinite(row.cost_us)]
     side = {"motor_side": lambda row: "(motor)" if row.motor_side else ""}
     measured = table_of(
-        f"{name}: what they cost and change", timed, cells=side, without=_CALLED[1:]
+        f"{name}: cost and change of each effect", timed, cells=side, without=_CALLED[1:]
     )
-    title = "gear by joint: motor torque, and what the loss with the load adds"
+    title = "gear by joint: motor torque, and the part due to the load-dependent loss"
     gears = table_of(title, explanation.gears)
     lines = [
-        f"all of it {explanation.total_us:.2f} us per sample, nothing of it "
+        f"all effects {explanation.total_us:.2f} us per sample, no effect "
         f"{explanation.plain_us:.2f} us; one thread, {explanation.samples} samples",
         "cost: what leaving it out saves, < where the timings' spread hides it; change: what it "
         "adds to the worst effort of the drive where the RMS changes most",
     ]
     if any(row.name == "coupling" and row.on for row in explanation.effects):
-        lines.append("coupling: against one pass with the loads that there are without friction")
+        lines.append("coupling: compared with one pass with the loads without friction")
     elastic = [] if explanation.elastic is None else elastic_lines(explanation.elastic)
     return paragraphs(called, measured, gears, lines, elastic)
 
 
 def elastic_lines(effect: ElasticEffect) -> list[str]:
-    """Return whether elastic gears matter: for motors, for the motion, for the tool's place."""
+    """Return the effect of elastic gears on motors, motion and the tool's position."""
     if effect.bandwidth is None or effect.motor_share is None:
         return [
-            f"elastic gears: lowest frequency {digits(effect.frequency)} Hz where the scene "
-            "starts; a motion says whether that matters"
+            f"elastic gears: lowest frequency {digits(effect.frequency)} Hz at the scene's "
+            "start; give a motion to see whether it matters"
         ]
     ratio = effect.bandwidth / effect.frequency
     lines = [
         f"elastic gears: lowest frequency {digits(effect.frequency)} Hz, motion up to "
-        f"{digits(effect.bandwidth)} Hz (95 % of its accelerations): dynamic wind-up off by some "
+        f"{digits(effect.bandwidth)} Hz (95 % of its accelerations): error of the wind-up about "
         f"{100 * ratio**2:.2g} %",
-        f"  motor torque: winding the gears up takes {100 * effect.motor_share:.2g} % of the RMS "
-        f"({effect.drive}), left out everywhere",
+        f"  motor torque: winding up the gears needs {100 * effect.motor_share:.2g} % of the RMS "
+        f"({effect.drive}); no command includes it",
     ]
     if effect.sag is not None and effect.interval is not None:
         lines.append(
-            f"  tool at rest: sags by up to {digits(1e3 * effect.sag)} mm, and stands anywhere "
+            f"  tool at rest: sags by up to {digits(1e3 * effect.sag)} mm; friction can hold it "
             f"within ±{digits(1e3 * effect.interval)} mm"
         )
     return lines

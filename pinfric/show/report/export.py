@@ -1,4 +1,4 @@
-"""What an export's constants cost, as a table for people."""
+"""Errors of an export's constants, as a table for people."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def export_report(exported: Exported) -> Report:
         for drive, e in exported.uncertainty.items()
     ]
     if not exported.joints:
-        coupled = "drives are coupled, so constants of single joints do not compare"
+        coupled = "drives are coupled, so constants of single joints are not comparable"
         return [f"{title}: {coupled}", *uncertain]
     table = table_of(
         title,
@@ -37,17 +37,17 @@ def export_report(exported: Exported) -> Report:
 def _lines(exported: Exported) -> list[str]:
     """What the columns mean, and what the file does not hold."""
     lines = [
-        "the header knows the load and needs no constants: these are what a controller would have "
-        "without it, and `error` what they miss along this motion"
+        "the header uses the present load and needs no constants; the constants below are for "
+        "comparison, `error` is their error along this motion"
     ] * (exported.to == "cpp")
     lines += [
-        "constants in the joint's unit, per rad/s or m/s, and in kg m^2 or kg; error: theirs "
-        "against the scene's torque (motor's x ratio) where the joint moves",
-        f"standing still the scene has an interval beyond the load: {FORMATS[exported.to].at_rest}",
+        "constants in the joint's unit, per rad/s or m/s, and in kg m^2 or kg; error: compared "
+        "with the scene's torque (motor torque x ratio) while the joint moves",
+        f"at rest the scene has a torque range beside the load: {FORMATS[exported.to].at_rest}",
         *(f"not in the file: {line}" for line in exported.left_out),
     ]
     if alike := [joint.joint for joint in exported.joints if not joint.apart]:
-        lines.append(f"the motion does not tell the constants apart of {', '.join(alike)}")
+        lines.append(f"the motion does not determine each constant of {', '.join(alike)}")
     return lines
 
 

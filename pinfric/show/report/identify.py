@@ -1,4 +1,4 @@
-"""What an identification says, as tables for people."""
+"""Result of an identification, as tables for people."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ def identify_report(found: Identified, summary: IdentifySummary) -> Report:
     best = found.advice[0]
     least = min(best.factors, key=best.factors.__getitem__)
     lines = [
-        f"logged efforts' delay: {found.estimate.delay}",
+        f"delay of the logged efforts: {found.estimate.delay}",
         *found.notes,
-        f"30 s more would tell most so: {best.name.lower()} (standard error of {least}: "
-        f"{best.factors[least]:.2f} of now)",
+        f"most informative next recording, 30 s: {best.name.lower()} (standard error of {least}: "
+        f"{best.factors[least]:.2f} of the present one)",
     ]
     unseen = table_of("logs that were only predicted", predicted(summary), keys=2)
     return paragraphs(laws, figures, unseen, lines)

@@ -1,4 +1,4 @@
-"""What inverse dynamics says, as tables and lines for people."""
+"""Result of inverse dynamics, as tables and lines for people."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def inverse_report(
         None
         if log is None or not log.measured
         else table_of(
-            f"logged efforts (at the {log.at}) beside the computed ones",
+            f"logged efforts (at the {log.at}) compared with computed ones",
             list(log.measured.values()),
         ),
         *(() if elastic is None else elasticity_parts(elastic, names)),

@@ -1,4 +1,4 @@
-"""What a simulated motion says, as tables for people."""
+"""Result of a simulation, as tables for people."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What retiming found, as tables for people."""
+"""Result of retiming, as tables for people."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def _continuous(drive: DriveUse) -> str:
 
 
 def fastest_table(sets: Sequence[TimedSet]) -> Table | None:
-    """Return the sets of drives that no other one beats in both mass and time.
+    """Return the sets of drives for which no other set is both lighter and faster.
 
     Args:
         sets: of `fastest.fastest_sets`.
@@ -73,7 +73,7 @@ def fastest_table(sets: Sequence[TimedSet]) -> Table | None:
         first = best[0].drives
         return "; ".join(f"{j}: {name}" for j, name in now.drives.items() if first[j] != name)
 
-    title = f"fastest along the path, {len(sets)} sets of drives tried"
+    title = f"fastest motion along the path, {len(sets)} sets of drives tried"
     return table_of(title, best, keys=2, cells={"drives": changed})
 
 
@@ -88,11 +88,11 @@ def _lines(result: RetimeResult) -> list[str]:
     cold = [d.name for d, x in limits if not (x.motor or math.isfinite(x.continuous_torque))]
     if cold:
         whose = "any drive" if len(cold) == len(result.problem.limits) else ", ".join(cold)
-        lines.append(f"heat is not judged for {whose}: no continuous torque is given")
+        lines.append(f"heat is not checked for {whose}: no continuous torque is given")
     if result.uniform is not None and result.uniform > result.duration * 1.0005:
         gain = 100.0 * (result.uniform / result.duration - 1.0)
         lines.append(
-            f"slowed down as a whole to keep the continuous torques it would take "
+            f"slowing down the whole motion to keep the continuous torques would need "
             f"{digits(result.uniform)} s: {gain:.3g} % more"
         )
     if result.smooth:
@@ -100,8 +100,8 @@ def _lines(result: RetimeResult) -> list[str]:
         lines.append(f"smoothing over {1e3 * result.smooth:g} ms costs {digits(cost)} s")
     if result.profile.holes:
         lines.append(
-            f"{result.profile.holes} times a lower limit cut the accelerations in two; the larger "
-            "part was kept"
+            f"at {result.profile.holes} points the permitted accelerations are two separate "
+            "ranges; the larger range was used"
         )
     return lines
 

@@ -66,7 +66,7 @@ def sizing_report(report: SizingReport, fastest: Sequence[TimedSet] | None = Non
 
 
 def elastic_lines(report: SizingReport) -> list[str]:
-    """Return the lowest frequency on the chosen gears, and what conditions ask of the robot."""
+    """Return the lowest frequency with the chosen gears, and the criteria of the whole robot."""
     asked = [c.why for c in report.arm_criteria if c.status != Status.FAILS]
     if report.elastic is None:
         return asked
@@ -74,17 +74,17 @@ def elastic_lines(report: SizingReport) -> list[str]:
     lines = frequency_lines(elastic_summary(report.elastic), report.scene.actuator_names)
     if rigid:
         lines.append(
-            f"stiffness not known: {', '.join(rigid)}: taken as rigid, so these frequencies are "
+            f"stiffness not known: {', '.join(rigid)}: assumed rigid, so these frequencies are "
             "upper bounds"
         )
     return [*lines, *asked]
 
 
 def repetition(report: SizingReport) -> str:
-    """Return how the cycle is taken to go on, in words."""
+    """Return how the cycle is assumed to repeat, in words."""
     if len(report.duty.repeats) > 1:
         return "the period, repeated" + ("; not all cycles close" if report.unclosed else "")
-    return "repeated, though it does not close" if report.unclosed else "repeated without a pause"
+    return "repeated, but it does not close" if report.unclosed else "repeated without a pause"
 
 
 #: What a cycle demands beside, on the page.
@@ -103,7 +103,7 @@ def demand_table(report: SizingReport) -> Table | None:
 
 
 def power_table(report: SizingReport) -> Table | None:
-    """Return what the page says beside: speed and friction, power, energy, the bearings' loads."""
+    """Return the further table of the page: speed, friction, power, energy, bearing loads."""
     title = f"power, energy per {turn(report)}, loads of bearings"
     return _demands(report, title, only=("name", "unit", *_ON_THE_PAGE))
 
@@ -135,7 +135,7 @@ def verdict(report: SizingReport) -> str:
             f"{unchecked} of their {criteria} criteria not checked",
         ]
     if nearest:
-        parts.append(f"the nearest misses of {', '.join(nearest)} are in the model")
+        parts.append(f"for {', '.join(nearest)} the nearest miss is in the model")
     if report.scene.assumed is not None:
         parts.append(f"{len(report.scene.assumed.values)} entries of the scene are guesses")
     return "; ".join([*parts, passes(report)])
@@ -161,7 +161,7 @@ def _changes(report: SizingReport) -> list[str]:
                 lines.append(f"{joint.name}: {text} it would be {_name(other) or 'none'}")
     open_ = {c.name for j in report.joints if j.choice is not None for c in j.choice.not_checked}
     if open_:
-        lines.append(f"not checked, for a figure is missing: {', '.join(sorted(open_))}")
+        lines.append(f"not checked, a value is missing: {', '.join(sorted(open_))}")
     return lines
 
 

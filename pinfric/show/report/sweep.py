@@ -1,4 +1,4 @@
-"""What a sweep says, as tables for people."""
+"""Result of a sweep, as tables for people."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def sweep_report(result: SweepResult, found: SweepSummary) -> Report:
             "suffices": lambda motor: percent(motor.suffices, interval=True),
             "criteria": partial(_failures, unsolved=float(np.mean(~result.solved))),
         }
-        title_of_trials = "motors on trial: in how many samples they suffice, and what fails"
+        title_of_trials = "motors: share of samples in which they suffice, and what fails"
         tables.append(table_of(title_of_trials, found.motors, cells=cells))
     return paragraphs(title, *tables, _footer(result))
 
@@ -81,7 +81,7 @@ def _driver_table(result: SweepResult, where: str) -> Table:
             most = result.strongest(found, _NAMED)
             row.append("\n".join(own(result.parameter_names[j], row[0]) for j in most) or _NOTHING)
             row.append("\n".join(f"{found[j]:{'+' if signed else ''}.2f}" for j in most))
-    return Table(f"what drives it{where}: {measure(result)}", columns, rows)
+    return Table(f"most influential parameters{where}: {measure(result)}", columns, rows)
 
 
 def shaft(result: SweepResult) -> str:
@@ -90,8 +90,8 @@ def shaft(result: SweepResult) -> str:
 
 
 def measure(result: SweepResult) -> str:
-    """Return what says how a parameter moves a figure."""
-    shares = "share of the variance, interactions included"
+    """Return the name of the measure of influence."""
+    shares = "share of the variance, with interactions"
     return shares if result.has_shares else "rank correlation"
 
 
@@ -133,18 +133,18 @@ def _footer(result: SweepResult) -> list[str]:
         every = percent(result.probability(result.sufficing()), interval=True)
         lines.append(f"all motors suffice in {every} of the samples")
         if result.sampling == "random":
-            lines.append("in brackets: 95 % confidence, of the number of samples alone")
+            lines.append("in brackets: 95 % confidence interval, for the number of samples only")
     lines += _trial_notes(result)
     if not result.solved.all():
         lines.append(
-            f"{np.count_nonzero(~result.solved)} samples have no solution: left out of "
-            "percentiles, no motor suffices in them"
+            f"{np.count_nonzero(~result.solved)} samples have no solution: not in the percentiles, "
+            "counted as samples in which no motor suffices"
         )
-    lines.append("peak, RMS: of the worst end of the effort's interval; percentiles over samples")
+    lines.append("peak, RMS: worst end of the effort interval; percentiles over the samples")
     if not result.has_shares:
         lines.append(
-            f"correlations below {digits(result.correlation_noise)} are not told from chance, and "
-            "a minimum in mid-range is not seen (sampling: sobol sees it)"
+            f"correlations below {digits(result.correlation_noise)} are not significant; "
+            "non-monotonic effects are missed (use sampling: sobol)"
         )
     return lines
 
@@ -159,8 +159,8 @@ def _trial_notes(result: SweepResult) -> list[str]:
     if bare:
         factor = result.trials[0].peak_factor
         lines.append(
-            f"{', '.join(bare)}: ratings alone, the peak times {factor:g}; gear, life, voltage and "
-            "winding temperature are not looked at (`drive:` does)"
+            f"{', '.join(bare)}: only ratings are checked (peak times {factor:g}), not gear, life, "
+            "voltage and winding temperature; `drive:` checks them"
         )
     judged = [trial for trial in result.trials if trial.checks]
     if judged:
@@ -169,8 +169,8 @@ def _trial_notes(result: SweepResult) -> list[str]:
             for t in judged
         )
         lines.append(
-            f"criteria of `pinfric size`; masses of drives, on their joints' parent links: {masses}"
-            " (those of the other joints are as in the scene; conditions.mass_in_urdf says what "
-            "the links have already)"
+            f"criteria of `pinfric size`; drive masses added to the parent links: {masses} (other "
+            "joints: as in the scene; conditions.mass_in_urdf: masses that the links already "
+            "include)"
         )
     return lines

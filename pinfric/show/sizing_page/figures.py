@@ -96,7 +96,7 @@ def temperature(joint: JointSizing, report: SizingReport) -> Figure | None:
 
 
 def power_over_time(report: SizingReport) -> Figure:
-    """Draw what all drives take from their bus together; below 0 it flows back."""
+    """Draw the power of all drives from their bus; below 0 it is fed back."""
     power, t = report.bus.power, report.result.t
     assert t is not None  # size refuses a motion without times
     keep = thinned([power], _PIECES)

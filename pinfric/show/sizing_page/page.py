@@ -138,7 +138,7 @@ def _joint_view(
     drawn = [("effort", "Effort at the joint over the cycle", effort_over_time(joint))]
     missing = []
     if joint.motor is not None:
-        title = "The cycle in the motor's envelope"
+        title = "The cycle in the motor's torque-speed limits"
         drawn.insert(0, ("envelope", title, torque_speed(joint, report)))
         warm = temperature(joint, report)
         if warm is not None:

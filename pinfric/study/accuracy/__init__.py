@@ -1,1 +1,1 @@
-"""What accuracy costs in time: studies of method."""
+"""Computing time against accuracy: studies of methods."""

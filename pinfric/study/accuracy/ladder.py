@@ -1,4 +1,4 @@
-"""The ladder of friction models: what each rung changes in effort and costs in time.
+"""Friction models in increasing order: change of the efforts and computing time of each step.
 
 frictionless -> a constant fitted to the same motion -> radial load -> + bending -> + static ->
 + Stribeck -> + coulomb -> + viscous -> + transmission -> + coupling
@@ -34,25 +34,25 @@ _NAN = float("nan")
 
 @described
 class Rung:
-    """One model of friction on the ladder, beside the one below it."""
+    """One model of friction, compared with the simpler one before it."""
 
-    name: str = quantity("what it adds", heading="model")
+    name: str = quantity("effect that this step adds", heading="model")
     on: bool = quantity("whether the scene calls for it; if not, the figures are NaN")
     why: str = quantity("the keys of the scene that switch it on, or what was done")
     us: float = quantity(
-        "inverse dynamics per sample on one thread, microseconds; NaN where it is no solver",
+        "inverse dynamics per sample on one thread, microseconds; NaN if no solver ran",
         heading="time\nus",
         default=_NAN,
     )
     peak_change: float = quantity(
-        "of the drive whose RMS it changes most, against the rung below",
+        "change of the peak against the step below, of the drive whose RMS changes most",
         EFFORT,
         "peak\nchange",
         "{peak_change:+}",
         default=_NAN,
     )
     rms_change: float = quantity(
-        "the same of the RMS", EFFORT, "RMS\nchange", "{rms_change:+}", default=_NAN
+        "change of the RMS, likewise", EFFORT, "RMS\nchange", "{rms_change:+}", default=_NAN
     )
     drive: str = quantity("that drive's name", heading="of", default="")
     motor_side: bool = quantity(
@@ -61,16 +61,15 @@ class Rung:
         default=False,
     )
     distance: float = quantity(
-        "RMS of what is still missing to the whole model, as a share of the whole RMS, mean over "
-        "the drives",
+        "RMS of the difference from the full model / RMS of the full model, mean over the drives",
         heading="missing",
         cell="{distance:percent}",
         default=_NAN,
     )
     unit: str = quantity(
-        'of these changes, "N m" or "N"; empty: drives differ', heading="unit", default=""
+        'unit of these changes, "N m" or "N"; empty: drives differ', heading="unit", default=""
     )
-    problem: str = quantity("why it failed; empty where it did not", heading="", default="")
+    problem: str = quantity("why it failed; empty: it did not fail", heading="", default="")
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,13 +143,13 @@ def _steps(scene: Scene, motion: MotionLike, whole: InverseResult) -> list[_Step
             continue
         kept.append(name)
         if name == "load" and scene.linkage is not None:
-            why = "loads without friction, one pass: an estimate, no solver"
+            why = "loads computed without friction, in one pass: an estimate, no solver"
             radial = with_effects(scene, only=kept)
             steps.append(_Step("radial load", why, None, one_pass(radial, motion)))
             title = "+ coupling"
         steps.append(_step(title, on[name].why, with_effects(scene, only=kept), motion))
     if scene.linkage is None:
-        why = "open chain with a drive on every joint: no friction changes another's load"
+        why = "open chain with a drive on every joint: friction changes no other joint's load"
         steps.append(_Step("+ coupling", why, None, None))
     return steps
 

@@ -1,4 +1,4 @@
-"""Work against precision in simulation: what a smaller error costs, method by method.
+"""Work against precision in simulation: computing time for a given error, by method.
 
 The reference is the `event` method two decades tighter than the tightest contestant; a second judge
 that shares no code with any contestant may be given, too. What fails is a row with its reason.
@@ -42,29 +42,29 @@ class Run:
     method: str = quantity(
         "`event`, `timestepping`, `regularized`, or a peer's name", heading="method"
     )
-    setting: str = quantity("what was set, in words", heading="setting")
+    setting: str = quantity("tolerance or step, in words", heading="setting")
     error: float = quantity(
-        "largest of q over the motion; NaN where there is no motion",
+        "largest error of q over the motion; NaN without a motion",
         PLACE,
         "error\nof q",
         "{error:decade}",
         default=_NAN,
     )
     end_error: float = quantity(
-        "of q at the end", PLACE, "at the\nend", "{end_error:decade}", default=_NAN
+        "error of q at the end", PLACE, "at the\nend", "{end_error:decade}", default=_NAN
     )
     stick_error: float = quantity(
-        "largest of any stick interval's start or end, each compared with the interval that "
-        "overlaps it most; NaN where one has no counterpart; 0 where none sticks",
+        "largest error of a stick interval's start or end, each compared with the interval that "
+        "overlaps it most; NaN if one has no counterpart; 0 if no joint sticks",
         "s",
         "of stick",
         "{stick_error:decade}",
         default=_NAN,
     )
     missed: int = quantity("stick intervals of the reference without a counterpart", default=0)
-    wall_s: float = quantity("median of the rounds", "s", "time", "{wall_s:ms}", default=_NAN)
+    wall_s: float = quantity("median computing time", "s", "time", "{wall_s:ms}", default=_NAN)
     rhs: int = quantity("right-hand sides or steps computed", heading="evalua-\ntions", default=0)
-    problem: str = quantity("why it failed; empty where it did not", default="")
+    problem: str = quantity("why it failed; empty: it did not fail", default="")
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,7 +253,7 @@ def _judged(entry: Contestant, judge: Judge) -> Run:
     except PinfricError as problem:
         return Run(entry.method, entry.setting, problem=" ".join(str(problem).split()))
     if not np.isfinite(track.q).all():
-        return Run(entry.method, entry.setting, problem="diverges: q is no number any more")
+        return Run(entry.method, entry.setting, problem="diverges: q is not finite")
     errors = judge.errors(track)
     ends = judge.stick_errors(track)
     return Run(

@@ -1,4 +1,4 @@
-"""What a coarser trajectory loses in inverse dynamics: stick time that falls between samples."""
+"""Errors of inverse dynamics with a coarser trajectory: stick time between samples is missed."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Sampled:
         "`q, v, a`, or `q`: velocities and accelerations from a spline", heading="given"
     )
     missed_stick: float = quantity(
-        "time at rest that is not found, all sites together", "s", "stick missed", default=_NAN
+        "time at rest that is missed, summed over the joints", "s", "stick missed", default=_NAN
     )
     stick: float = quantity("time at rest in the whole trajectory", "s", "of", default=_NAN)
     peak_error: float = quantity(
@@ -43,7 +43,7 @@ class Sampled:
         cell="{peak_error:percent}",
         default=_NAN,
     )
-    problem: str = quantity("why it failed; empty where it did not", default="")
+    problem: str = quantity("why it failed; empty: it did not fail", default="")
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class _Unlimited:
 
 
 def sampling(scene: Scene, motion: MotionLike) -> tuple[Sampled, ...]:
-    """Return what inverse dynamics misses as samples are left out, by stride.
+    """Return the errors of inverse dynamics with fewer samples, by stride.
 
     Args:
         scene: the robot.

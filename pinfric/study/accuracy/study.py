@@ -1,4 +1,4 @@
-"""What accuracy costs in time: simulation, sampling of a trajectory, and models of friction.
+"""Computing time against accuracy: simulation, sampling of a trajectory, models of friction.
 
 Studies of one scene: `precision` simulates it by three methods with many settings,
 `sampling` thins its motion, `ladder`
@@ -35,7 +35,7 @@ _SAMPLES = 2001
 
 @described
 class Accuracy(Shown):
-    """What accuracy costs, of one scene."""
+    """Computing time against accuracy for one scene."""
 
     def __repr__(self) -> str:
         methods = dict.fromkeys(run.method for run in self.runs)
@@ -50,12 +50,12 @@ class Accuracy(Shown):
 
     scene: Scene
     trajectory: str = quantity(
-        "name of the motion that is thinned and that the ladder is climbed on"
+        "name of the motion used for the sampling and for the friction models"
     )
-    runs: tuple[Run, ...] = quantity("simulations; empty where the scene has no `simulation`")
+    runs: tuple[Run, ...] = quantity("simulations; empty if the scene has no `simulation`")
     sampling: tuple[Sampled, ...] = quantity("the motion with fewer samples")
     ladder: tuple[Rung, ...] = quantity("models of friction")
-    notes: tuple[str, ...] = quantity("what could not be studied, and why")
+    notes: tuple[str, ...] = quantity("parts that could not be studied, and why")
 
 
 def accuracy(
@@ -64,11 +64,11 @@ def accuracy(
     *,
     rounds: int = 3,
 ) -> Accuracy:
-    """Measure what accuracy costs in time.
+    """Measure computing time against accuracy.
 
     Args:
-        scene: the robot; its `simulation` section is what is simulated.
-        trajectory: what inverse dynamics is studied on; None takes the simulated motion.
+        scene: the robot; its `simulation` section is simulated.
+        trajectory: motion for inverse dynamics; None takes the simulated motion.
         rounds: timings of each contestant, of which the median counts.
 
     Raises:

@@ -1,4 +1,4 @@
-"""What a check finds: one finding for each place, with what it would be in another unit."""
+"""Findings of a check: one for each place, with the value in another unit."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pinfric.model.upward import Shown
 
 
 class Severity(IntEnum):
-    """How much a finding matters."""
+    """Severity of a finding."""
 
     #: What one should know; nothing is wrong.
     NOTE = 1
@@ -26,19 +26,19 @@ class Severity(IntEnum):
 
 @described
 class Finding:
-    """One thing that a check found."""
+    """One finding of a check."""
 
-    severity: Severity = quantity("how much it matters", heading="severity")
-    kind: str = quantity("the same word for the same finding at other places, for programs")
+    severity: Severity = quantity("error, warning or note", heading="severity")
+    kind: str = quantity("identifier of this kind of finding, for programs")
     place: str = quantity(
         'where: "link NAME", "joint NAME", "robot", or a key of the scene', heading="where"
     )
-    found: str = quantity("what stands there")
-    why: str = quantity("why that is implausible, or what follows; empty where that is plain")
+    found: str = quantity("the value found there")
+    why: str = quantity("why it is implausible, or what follows; may be empty")
     if_unit: str = quantity(
-        "what it would be in another unit; empty where no unit explains it", default=""
+        "the value if it is in another unit; empty: no unit explains it", default=""
     )
-    excess: float = quantity("by what factor it passes what is plausible", default=1.0)
+    excess: float = quantity("factor by which it exceeds the plausible limit", default=1.0)
 
     @property
     @derived(heading="what")
@@ -50,15 +50,15 @@ class Finding:
 
 @described
 class CheckReport(Shown):
-    """All findings on a robot or a scene, what matters most first."""
+    """All findings on a robot or a scene, the most severe first."""
 
     source: str = quantity("the file")
-    findings: tuple[Finding, ...] = quantity("by severity, then by how far off they are")
+    findings: tuple[Finding, ...] = quantity("sorted by severity, then by excess")
     figures: dict[str, float] = quantity(
         "the robot as a whole: links, joints, moving_mass and fixed_mass (kg), reach (m)",
         default_factory=dict,
     )
-    files: tuple[str, ...] = quantity("that were read: the scene, its URDF", default=())
+    files: tuple[str, ...] = quantity("files that were read: the scene, its URDF", default=())
 
     def __repr__(self) -> str:
         counts = f"{self.errors} errors, {self.warnings} warnings, {self.notes} notes"
@@ -144,7 +144,7 @@ ANGLES = (Unit("degrees", 0.017453292519943295),)
 
 
 def in_unit(unit: Unit | None, si: str, value: float) -> str:
-    """Return what a number is if it was written in a unit by mistake; "" for no unit.
+    """Return the value of a number if it was written in a wrong unit; "" for no unit.
 
     Args:
         unit: the unit.

@@ -1,4 +1,4 @@
-"""What a robot's joints must stand: their effort limits where believable, else the weight."""
+"""Loads of a robot's joints: plausible effort limits, otherwise the weight."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _OF_CHAIN = 0.15
 
 @dataclass(frozen=True)
 class JointLoad:
-    """What a joint must stand, as far as a URDF says.
+    """Load of a joint according to the URDF.
 
     Attributes:
         name: the joint's.
@@ -57,7 +57,7 @@ class JointLoad:
 
 
 def joint_loads(model: pin.Model) -> list[JointLoad]:
-    """Return what each joint must stand: its effort limit, or the weight it carries in q0.
+    """Return the load of each joint: its effort limit, or the weight that it carries in q0.
 
     Without a limit a turning joint stands at least 0.15 of what the strongest one before it in its
     chain does: an axis through the centre of mass carries no weight, and turns a payload all the
@@ -128,7 +128,7 @@ def _load(limit: float, weight: float, mass: float, sliding: bool) -> tuple[floa
         what = f"{mass:.2g} kg" if sliding else f"{mass:.2g} kg held out level"
         load = _OVER_WEIGHT * weight
         return load, f"{_OVER_WEIGHT:g} times {what}, {load:.2g} {unit}", remark
-    return 1.0, f"1 {unit} (there is no weight to go by)", remark
+    return 1.0, f"1 {unit} (no weight to estimate from)", remark
 
 
 def _fastest(limit: float) -> float:

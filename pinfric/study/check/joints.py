@@ -1,4 +1,4 @@
-"""What is implausible about a robot's joints, and what a URDF says that needs a decision."""
+"""Implausible values of a robot's joints, and parts of a URDF that need a decision."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _MOVING = ("revolute", "continuous", "prismatic", "planar")
 
 
 def joint_findings(facts: RobotFacts, robot: Robot | None) -> Iterator[Finding]:
-    """Yield what is implausible joint by joint, then what the URDF says of drives and friction.
+    """Yield findings joint by joint, then those on the URDF's drives and friction.
 
     Args:
         facts: the URDF, measured.
@@ -43,7 +43,7 @@ def joint_findings(facts: RobotFacts, robot: Robot | None) -> Iterator[Finding]:
             "mimic",
             f"joint {name}",
             f"mimics {leader}",
-            "which is not there; so it has a drive of its own",
+            "which does not exist; the joint gets its own drive",
         )
     if robot is not None:
         yield from _efforts(robot)
@@ -82,7 +82,7 @@ def _limits(joint: Any, reach: float) -> Iterator[Finding]:
             "no range",
             place,
             "limits 0 to 0",
-            "it could not move; taken as one without limits",
+            "it could not move; read as a joint without limits",
         )
     elif joint.type in ("revolute", "prismatic") and low == high:
         yield Finding(
@@ -131,7 +131,7 @@ def _axis(joint: Any, facts: RobotFacts) -> Iterator[Finding]:
             "axis",
             f"joint {joint.name}",
             "no <axis>",
-            "taken as 1 0 0, along its x",
+            "read as 1 0 0, its x axis",
         )
 
 
@@ -143,7 +143,7 @@ def _masses(joint: Any, facts: RobotFacts) -> Iterator[Finding]:
             "no mass",
             f"joint {joint.name}",
             "moves no mass",
-            "its friction has no load, and it cannot be simulated",
+            "its friction has no load; it cannot be simulated",
         )
     elif all(masses[link] == 0.0 for link in facts.fixed_to(joint.child)):
         shaped = any(link in facts.shapes for link in facts.fixed_to(joint.child))
@@ -208,7 +208,7 @@ def _dynamics(robot: Robot) -> Iterator[Finding]:
             "dynamics",
             "robot",
             f"<dynamics> of {name} (friction {first.friction:g}, damping {first.damping:g}){more}",
-            "`pinfric new` notes it beside its guesses; `urdf_dynamics: use` in a scene takes it",
+            "`pinfric new` notes it beside its guesses; `urdf_dynamics: use` in a scene uses it",
         )
 
 

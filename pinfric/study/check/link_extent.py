@@ -69,7 +69,7 @@ def link_extents(
                 with np.errstate(all="ignore"):
                     points = (center + _CORNERS * size) @ turn.T + place
                 if impossible(points, LARGEST).any():
-                    unread[f"a shape of {link.name}"] = "its sizes or places are of no machine"
+                    unread[f"a shape of {link.name}"] = "its sizes or positions are implausible"
                     continue
                 corners.append(points)
         if corners:

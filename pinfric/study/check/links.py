@@ -1,4 +1,4 @@
-"""What is implausible about a robot's links: masses, centres of mass, inertias, shapes."""
+"""Implausible values of a robot's links: masses, centres of mass, inertias, shapes."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _SHARE, _MAIN = 0.05, 0.5
 
 
 def link_findings(facts: RobotFacts) -> Iterator[Finding]:
-    """Yield what is implausible about a robot as a whole, then link by link."""
+    """Yield findings on the whole robot, then link by link."""
     whole = list(_whole_robot(facts))
     yield from whole
     yield from _fixed_mass(facts)
@@ -92,7 +92,7 @@ def _masses(facts: RobotFacts) -> Finding | None:
     shaped = [link for link in facts.links if link.has_shapes and link.mass > 0]
     if shaped:
         excess = float(np.median([_box_density(link) for link in shaped])) / _DENSEST
-        why = f"most of its links were {excess * _DENSEST:.2g} kg/m^3 dense (steel: 7850)"
+        why = f"most links would have {excess * _DENSEST:.2g} kg/m^3 (steel: 7850)"
     elif len(facts.links) >= _FEW and mass > _COMPACT:
         excess = mass / (_HEAVIEST * max(facts.reach, _NEAREST) ** 3)
         why = f"too much for a robot that reaches {facts.reach:.3g} m"
@@ -105,7 +105,7 @@ def _masses(facts: RobotFacts) -> Finding | None:
         Severity.ERROR,
         "masses",
         "robot",
-        f"{mass:.4g} kg move",
+        f"moving mass {mass:.4g} kg",
         why,
         in_unit(unit, "kg", mass),
         excess,
@@ -122,7 +122,7 @@ def _fixed_mass(facts: RobotFacts) -> Iterator[Finding]:
             "fixed mass",
             "robot",
             f"{sum(fixed.values()):.3g} kg never move (link {first}{more})",
-            "fixed to the ground, they count in no effort",
+            "fixed to the ground, they load no joint",
         )
 
 
@@ -188,7 +188,7 @@ def _large_inertia(link: LinkFacts) -> Finding | None:
         "large inertia",
         f"link {link.name}",
         f"inertia {moment:.3g} kg m^2 for {link.mass:.3g} kg",
-        f"that of mass {radius:.3g} m away, but {_extends(link, farthest)}",
+        f"radius of gyration {radius:.3g} m, but {_extends(link, farthest)}",
         in_unit(unit, "kg m^2", moment),
         radius / (_WIDE * farthest),
     )
@@ -204,7 +204,7 @@ def _small_inertia(link: LinkFacts) -> Finding | None:
         "small inertia",
         f"link {link.name}",
         f"inertia {moment if moment > 1e-12 else 0:.3g} kg m^2 for {link.mass:.3g} kg",
-        f"that of a point, but {_extends(link, farthest)}",
+        f"a point mass, but {_extends(link, farthest)}",
         excess=min(least / (radius + 1e-9), 10),
     )
 

@@ -100,7 +100,7 @@ def _urdf_findings(facts: RobotFacts) -> Iterator[Finding]:
             "missing mesh",
             f"mesh {Path(mesh).name}",
             f"there is no file {mesh}",
-            "efforts do not need it, but its link's size is not judged",
+            "not needed for efforts, but the size of its link is not checked",
         )
     for mesh, why in facts.unread.items():
         yield Finding(

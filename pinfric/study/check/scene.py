@@ -1,4 +1,4 @@
-"""What is implausible about a scene: bearings, coefficients, payloads, drives, positions."""
+"""Implausible values of a scene: bearings, coefficients, payloads, drives, positions."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _FREQUENCIES = 3.0, 200.0
 def scene_findings(
     scene: Scene, facts: RobotFacts | None, said: Sequence[str]
 ) -> Iterator[Finding]:
-    """Yield what is implausible about a scene, its robot left aside.
+    """Yield findings on a scene without its robot.
 
     Args:
         scene: as loaded.
@@ -113,7 +113,7 @@ def _coefficients(site: Site, scene: Scene) -> Iterator[Finding]:
             "coulomb",
             f"{place}.coulomb",
             f"{friction.coulomb.static:g} {unit}",
-            f"the joint's effort limit is {effort:g} {unit}: it could not start",
+            f"the joint's effort limit is {effort:g} {unit}: it could not break away",
             excess=friction.coulomb.static / effort,
         )
     if math.isfinite(speed) and (viscous := friction.viscous) is not None:
@@ -136,7 +136,7 @@ def _coefficients(site: Site, scene: Scene) -> Iterator[Finding]:
             "stribeck",
             f"{place}.stribeck.velocity",
             f"{friction.stribeck.velocity:g}",
-            f"above the joint's speed limit {speed:g}: friction hardly falls to kinetic",
+            f"above the joint's speed limit {speed:g}: friction never falls to the kinetic value",
         )
 
 
@@ -185,7 +185,7 @@ def _payloads(scene: Scene, facts: RobotFacts | None) -> Iterator[Finding]:
                 "payload",
                 f"{place}.inertia",
                 f"{moment:.3g} kg m^2 for {payload.mass:g} kg",
-                f"that of mass {radius:.3g} m away; the robot reaches {reach:.3g} m",
+                f"radius of gyration {radius:.3g} m; the robot reaches {reach:.3g} m",
                 excess=radius / reach,
             )
 
@@ -293,7 +293,7 @@ def _losses(transmission: Transmission, place: str, joint: str, effort: float) -
             "efficiency",
             f"{place}.efficiency.over_speed",
             f"fitted by a loss {fit.constant:.3g} + {fit.rise:.3g} w^{fit.exponent:.3g}",
-            f"misses an efficiency by at most {100 * fit.error:.2g} points",
+            f"error of the efficiencies at most {100 * fit.error:.2g} percentage points",
         )
     if transmission.no_load_torque is None:
         return

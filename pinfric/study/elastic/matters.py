@@ -1,4 +1,4 @@
-"""Whether elasticity matters for a motion: for its motors, its frequencies, the tool's place."""
+"""Effect of elasticity on a motion: motors, frequencies, the tool's position."""
 
 from __future__ import annotations
 
@@ -15,32 +15,34 @@ _INSIDE = 0.95
 
 @described
 class ElasticEffect:
-    """What elastic gears change, in the figures that decide whether to care."""
+    """Effects of elastic gears, in the figures that show whether they matter."""
 
     frequency: float = quantity(
-        "lowest natural frequency with motors held over the motion; without one where the scene "
-        "starts, unloaded",
+        "lowest natural frequency over the motion, motors held; without a motion at the scene's "
+        "start, unloaded",
         "Hz",
     )
     bandwidth: float | None = quantity(
-        "below which 95 % of the energy of the accelerations lies; none without times",
+        "frequency below which 95 % of the energy of the accelerations lies; none without times",
         "Hz",
         default=None,
     )
     motor_share: float | None = quantity(
-        "RMS of I f(t)'', what it takes to wind the gears up, over that of the motor's torque, of "
-        "the drive where it is largest; none without times",
+        "RMS of I f(t)'', the torque that winds the gears up, divided by the RMS of the motor's "
+        "torque, of the drive where it is largest; none without times",
         default=None,
     )
     drive: str = quantity("that drive", default="")
-    sag: float | None = quantity("of the tool at rest, the largest", "m", default=None)
+    sag: float | None = quantity("largest sag of the tool at rest", "m", default=None)
     interval: float | None = quantity(
-        "of the tool's place at rest, the largest; none: no tool or no rest", "m", default=None
+        "largest half-width of the tool's positions at rest; none: no tool or no rest",
+        "m",
+        default=None,
     )
 
 
 def elastic_effect(result: InverseResult) -> ElasticEffect | None:
-    """Return what elastic gears change along a motion; None where a scene has none.
+    """Return the effects of elastic gears along a motion; None if a scene has none.
 
     Args:
         result: of inverse dynamics; without times only the frequency is known.

@@ -1,4 +1,4 @@
-"""Wind-up, the tool's place at rest and natural frequencies along a motion.
+"""Wind-up, the tool's position at rest and natural frequencies along a motion.
 
 The drives' torques are those of the rigid robot. Where joints rest, static friction holds any
 torque of the drive's interval, so the wind-up lies between f(lower) and f(upper); where a joint
@@ -44,7 +44,7 @@ _Ways = tuple[np.ndarray | None, np.ndarray | None]
 
 @dataclass(frozen=True)
 class ToolPlace:
-    """Where the tool stands beside its commanded place; m and rad, in the world's axes.
+    """Position of the tool at rest relative to its commanded one; m and rad, in world axes.
 
     Attributes:
         middle, sag: (6,) displacement of the middle of the interval, and without friction.
@@ -61,7 +61,7 @@ class ToolPlace:
 
     @property
     def sag_distance(self) -> float:
-        """|sag|, m: how far the load pulls the tool off its commanded place, friction left out."""
+        """|sag|, m: displacement of the tool by the load, without friction."""
         return float(np.linalg.norm(self.sag[:3]))
 
     @property
@@ -76,12 +76,12 @@ class ToolPlace:
 
     @property
     def farthest_angle(self) -> float:
-        """The same of the tool's orientation, rad."""
+        """The same for the tool's orientation, rad."""
         return farthest(self.generators[3:])
 
     @property
     def reversal(self) -> float | None:
-        """Reversal error, m: between the places that the approach and the opposite one leave."""
+        """Reversal error, m: distance between the positions after opposite approaches."""
         if self.approach is None or self.opposite is None:
             return None
         return float(np.linalg.norm((self.approach - self.opposite)[:3]))
@@ -120,7 +120,7 @@ class Rest:
 
 @dataclass(frozen=True)
 class Elasticity(Shown):
-    """What elastic gears do along a motion.
+    """Effects of elastic gears along a motion.
 
     Attributes:
         result: of the rigid robot.
@@ -150,7 +150,7 @@ class Elasticity(Shown):
 
     @cached_property
     def mode(self) -> Mode:
-        """How it swings there."""
+        """The mode at that sample."""
         return modes_of(self.result, [self.slowest], _least_torque(self.result))[0]
 
     @cached_property
@@ -173,7 +173,7 @@ class Elasticity(Shown):
 
 
 def elasticity(result: InverseResult) -> Elasticity:
-    """Return what the elastic gears of a scene do along a motion.
+    """Return the effects of a scene's elastic gears along a motion.
 
     Args:
         result: of inverse dynamics, with times.
@@ -191,7 +191,8 @@ def elasticity(result: InverseResult) -> Elasticity:
         return _elasticity(result)
     except np.linalg.LinAlgError:
         raise StateError(
-            f"{scene.source}: a joint moves no inertia: no natural frequency; give its link a mass"
+            f"{scene.source}: a joint moves no mass, so there is no natural frequency; give its "
+            "link a mass"
         ) from None
 
 
@@ -214,15 +215,15 @@ def _notes(scene: Scene) -> list[str]:
     at_joint = [scene.drives[d].name for d in scene.elastic if scene.drives[d].encoder == "joint"]
     if at_joint:
         notes.append(
-            f"encoder at the joint: {', '.join(at_joint)}: the controller takes out what "
-            "these gears wind up, so no sag and no interval of theirs reaches the tool"
+            f"encoder at the joint: {', '.join(at_joint)}: the controller corrects the wind-up of "
+            "these gears, so they add no sag and no interval at the tool"
         )
     if scene.tool is None:
-        notes.append("no `tool` in the scene: name its link for the tool's place at rest")
+        notes.append("no `tool` in the scene: name its link to get the tool's position at rest")
     elif scene.mobility.undriven or scene.mobility.redundant:
         notes.append(
-            "joints without drive, or redundant drives: the tool's place does not follow "
-            "from the drives' wind-up"
+            "joints without drive, or redundant drives: the wind-up of the drives does not "
+            "determine the tool's position"
         )
     elif scene.linkage is not None or taking_part(scene.drives):
         notes.append(
@@ -252,7 +253,7 @@ def trajectory_frequencies(result: InverseResult) -> np.ndarray:
 
 
 def unloaded_frequency(scene: Scene) -> float:
-    """Return the lowest natural frequency, Hz, where the scene starts, each gear at its softest.
+    """Return the lowest natural frequency, Hz, at the scene's start, each gear at its softest.
 
     Motors held, with the payloads attached by default; NaN where the loops do not close there.
     """
@@ -440,7 +441,7 @@ def _approaches(
     nothing: list[_Ways] = [(None, None)] * len(found)
     if result.external or not found:
         if result.external:
-            notes.append("external wrenches: places by approach are left out")
+            notes.append("external wrenches: positions by approach are not computed")
         return nothing
     last = [sample for *_, sample in found]
     way = np.array([_direction(result, hold) for hold, _, _ in found])
@@ -458,7 +459,7 @@ def _approaches(
         try:
             moving = inverse_dynamics(scene, states.q[last], sign * way, a, attached=attached)
         except PinfricError as problem:
-            notes.append(f"places by approach are left out: {problem}")
+            notes.append(f"positions by approach are not computed: {problem}")
             return nothing
         lower, upper = (_wind_ups(scene, x) for x in (moving.effort_lower, moving.effort_upper))
         wind_ups.append(0.5 * (lower + upper))

@@ -1,4 +1,4 @@
-"""Where a tool stands whose joints may each be anywhere in an interval.
+"""Positions of a tool if each joint may be anywhere in an interval.
 
 To first order a wind-up delta of the drives, the motors held, moves the joints by -Q delta and the
 tool by -J Q delta, Q = N (S N)^-1. Intervals of the drives that do not depend on each other make of

@@ -1,4 +1,4 @@
-"""What elastic gears come to: what `pinfric inverse` prints and writes of them."""
+"""Summary of elastic gears, as `pinfric inverse` prints and writes it."""
 
 from __future__ import annotations
 
@@ -12,48 +12,53 @@ from pinfric.study.elastic.motion import Elasticity, Rest, ToolPlace
 
 @described
 class WindUp:
-    """What a gear winds up at rest, motor before joint."""
+    """Wind-up of a gear at rest, motor ahead of joint."""
 
     name: str = quantity("the drive", heading="joint", name=True)
     sag: float = quantity("without friction", PLACE, "sag", "{sag:arcmin}")
-    lower: float = quantity("least that friction can hold", PLACE)
+    lower: float = quantity("smallest wind-up that friction can hold", PLACE)
     upper: float = quantity(
-        "most that friction can hold", PLACE, "interval", "{lower:arcmin} to {upper:arcmin}"
+        "largest wind-up that friction can hold",
+        PLACE,
+        "interval",
+        "{lower:arcmin} to {upper:arcmin}",
     )
     approach: float | None = quantity(
-        "as the approach leaves it", PLACE, "by approach", "{approach:arcmin}"
+        "wind-up after the motion's approach", PLACE, "by approach", "{approach:arcmin}"
     )
     tool: float | None = quantity(
-        "its part of the interval of the tool's place", "m", "part of the\ninterval", "{tool:mm}"
+        "its part of the interval of the tool's position", "m", "part of the\ninterval", "{tool:mm}"
     )
 
 
 @described
 class ToolSummary:
-    """Where the tool stands at rest beside its commanded place; in the world's axes."""
+    """Position of the tool at rest relative to the commanded one, in world axes."""
 
     sag: np.ndarray = quantity("(6,) displacement without friction", "m, rad")
     interval_middle: np.ndarray = quantity("(6,) middle of the interval", "m, rad")
     interval_extents: np.ndarray = quantity("(6,) half its width along the axes", "m, rad")
     sag_distance: float = quantity("|sag|", "m", "sag", "{sag_distance:mm}")
     interval_farthest: float = quantity(
-        "largest distance from the middle at which friction can hold the tool",
+        "largest distance from the interval's middle at which friction can hold the tool",
         "m",
         "interval ±",
         "{interval_farthest:mm}",
     )
     interval_farthest_angle: float = quantity(
-        "the same of its orientation", "rad", "interval ±", "{interval_farthest_angle:arcmin}"
+        "the same for its orientation", "rad", "interval ±", "{interval_farthest_angle:arcmin}"
     )
-    approach: np.ndarray | None = quantity("(6,) as the approach leaves it", "m, rad")
+    approach: np.ndarray | None = quantity(
+        "(6,) displacement after the motion's approach", "m, rad"
+    )
     approach_distance: float | None = quantity(
-        "from the middle to where the approach leaves the tool",
+        "distance from the middle to the tool's position after the motion's approach",
         "m",
         "by approach",
         "{approach_distance:mm}",
     )
     reversal_error: float | None = quantity(
-        "between the places that opposite approaches leave",
+        "distance between the tool's positions after opposite approaches",
         "m",
         "reversal\nerror",
         "{reversal_error:mm}",
@@ -66,11 +71,13 @@ class RestSummary:
 
     start: float = quantity("its first time", "s", "rest", between("start", "end", ".2f"))
     end: float = quantity("its last time", "s")
-    payloads: tuple[str, ...] = quantity("that are carried", heading="carries")
+    payloads: tuple[str, ...] = quantity("payloads that are carried", heading="carries")
     wind_up: Mapping[str, WindUp] = quantity("of each elastic drive")
-    tool: ToolSummary | None = quantity("none: notes say why", heading="*")
+    tool: ToolSummary | None = quantity("the tool's position; none: see the notes", heading="*")
     lowest_frequency: tuple[float, float] = quantity(
-        "motors held, at the least and the greatest torque held", "Hz", "lowest"
+        "lowest natural frequency, motors held, at the least and the greatest holding torque",
+        "Hz",
+        "lowest",
     )
 
 
@@ -78,23 +85,23 @@ class RestSummary:
 class LowestFrequency:
     """Natural frequency with motors held, along a motion."""
 
-    least: float = quantity("over the motion", "Hz")
-    greatest: float = quantity("over the motion", "Hz")
-    time: float = quantity("of the least", "s")
-    bracket: tuple[float, float] = quantity("Dunkerley's and Rayleigh's bounds then", "Hz")
-    strain_energy: Mapping[str, float] = quantity("share in each gear then")
-    motors_free: np.ndarray | None = quantity("frequencies then with motors free", "Hz")
+    least: float = quantity("smallest value over the motion", "Hz")
+    greatest: float = quantity("largest value over the motion", "Hz")
+    time: float = quantity("when it is smallest", "s")
+    bracket: tuple[float, float] = quantity("Dunkerley's and Rayleigh's bounds at that time", "Hz")
+    strain_energy: Mapping[str, float] = quantity("share of each gear at that time")
+    motors_free: np.ndarray | None = quantity("frequencies at that time with free motors", "Hz")
 
 
 @described
 class ElasticSummary:
-    """What elastic gears do along a motion."""
+    """Effects of elastic gears along a motion."""
 
-    drives: tuple[str, ...] = quantity("the elastic ones")
+    drives: tuple[str, ...] = quantity("drives with an elastic gear")
     lowest_frequency: LowestFrequency = quantity("motors held")
-    tool: str | None = quantity("the link whose place is given")
+    tool: str | None = quantity("the link whose position is given")
     rests: tuple[RestSummary, ...] = quantity("in the order of time")
-    notes: tuple[str, ...] = quantity("what is left out, and why")
+    notes: tuple[str, ...] = quantity("results that are missing, and why")
 
     @property
     @derived()
@@ -105,7 +112,7 @@ class ElasticSummary:
 
 
 def elastic_summary(found: Elasticity) -> ElasticSummary:
-    """Return what elastic gears come to."""
+    """Return the summary of elastic gears."""
     t = found.result.t
     assert t is not None  # elasticity refuses a result without
     frequency = LowestFrequency(

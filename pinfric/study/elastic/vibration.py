@@ -35,7 +35,7 @@ _NEAR, _STEPS = 1e-8, 60
 
 
 class Mode(NamedTuple):
-    """One way of swinging.
+    """One natural mode.
 
     Attributes:
         frequency: Hz.
@@ -90,7 +90,7 @@ def frequencies(mobility: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
 def lowest_mode(
     mass: np.ndarray, rates: np.ndarray, closed: np.ndarray, stiffness: np.ndarray
 ) -> Mode:
-    """Return the slowest way of swinging with all motors held, of one configuration.
+    """Return the lowest mode of one configuration, all motors held.
 
     Args:
         mass, rates, closed: (nv, nv), (ne, nv), (m, nv) as in `mobility`.

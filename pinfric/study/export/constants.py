@@ -24,35 +24,35 @@ TERMS = ("frictionloss", "damping", "armature")
 
 @described
 class JointConstants:
-    """The constants of one joint, and what they miss.
+    """The constants of one joint, and their errors.
 
     Torques are those of the motor times the ratio: N m, or N of a sliding joint.
     """
 
     joint: str = quantity("its name", heading="joint", name=True)
-    unit: str = quantity('of its torques, "N m" or "N"', heading="unit")
+    unit: str = quantity('unit of its efforts, "N m" or "N"', heading="unit")
     ratio: float = quantity("motor turns per turn of the joint", "rad/rad or rad/m")
     frictionloss: float = quantity("dry friction in motion", EFFORT, "frictionloss")
     damping: float = quantity("friction per speed", "N m s/rad or N s/m", "damping")
     armature: float = quantity(
         "rotor inertia at the joint beyond the model's own", INERTIA, "armature"
     )
-    moving: int = quantity("samples they are fitted to; 0: the joint never moves, no constants")
-    apart: bool = quantity("the motion tells the constants apart")
+    moving: int = quantity("samples used for the fit; 0: the joint never moves, no constants")
+    apart: bool = quantity("whether the motion determines each constant")
     error_rms: float = quantity(
-        "of the constants' torque against the scene's over those samples", EFFORT, "error\nRMS"
+        "RMS difference between the torque of the constants and the scene's", EFFORT, "error\nRMS"
     )
     error_peak: float = quantity("the largest", EFFORT, "error\npeak")
-    torque_rms: float = quantity("of the scene's torque itself", EFFORT)
-    torque_peak: float = quantity("of the scene's torque itself", EFFORT, "torque\npeak")
+    torque_rms: float = quantity("RMS of the scene's torque", EFFORT)
+    torque_peak: float = quantity("peak of the scene's torque", EFFORT, "torque\npeak")
     worst_load: float = quantity(
         "torque of the frictionless robot where the error is largest", EFFORT, "worst\nat load"
     )
     worst_speed: float = quantity("velocity there", SPEED)
-    worst_time: float = quantity("when that is; NaN for states without times", "s")
+    worst_time: float = quantity("time of the largest error; NaN for states without times", "s")
     rest_lower: float = quantity(
-        "least torque beyond the frictionless robot's where the joint stands still, v = a = 0; NaN "
-        "where it never does",
+        "smallest torque at rest (v = a = 0), less the frictionless torque; NaN if the joint never "
+        "rests",
         EFFORT,
         "standing\nstill",
         "{rest_lower} to {rest_upper}",
@@ -82,8 +82,8 @@ def joint_constants(
         drives = [d for d, x in enumerate(scene.drives) if x.velocity_index == column.index_v]
         if len(drives) != 1:
             raise PinfricError(
-                f"{scene.source}: joint {column.name!r} has {len(drives)} drives, and constants "
-                "come from what one gives; name one for it under `actuators`, or lock it"
+                f"{scene.source}: joint {column.name!r} has {len(drives)} drives; constants need "
+                "exactly one: name one under `actuators`, or lock the joint"
             )
         found.append(_constants(result, drives[0], column, torque, terms))
     return tuple(found)

@@ -178,7 +178,7 @@ def _heading(scene: Scene, frames: Sequence[str], unknown: Mapping[str, float]) 
     """The comment at the top of the header."""
     name = namespace(scene.source)
     known = [
-        f"  {drive}: level known to {e:.1%} (e, half of the 95 % interval); stable scale at the "
+        f"  {drive}: friction known to {e:.1%} (e, half of the 95 % interval); stable scale at the "
         f"measured velocity 1/(1+e) = {stable_scale(e):.3f}"
         for drive, e in unknown.items()
     ]

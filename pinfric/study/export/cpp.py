@@ -135,8 +135,8 @@ def _frame(scene: Scene, name: str) -> pin.Frame:
         )
     if found[0].parentJoint == 0:
         raise PinfricError(
-            f"{scene.source}: --frame: {name!r} is fixed to the ground; nothing that acts there "
-            "loads a joint: give a link that moves"
+            f"{scene.source}: --frame: {name!r} is fixed to the ground, so a force there "
+            "loads no joint: give a link that moves"
         )
     return found[0]
 

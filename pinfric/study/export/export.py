@@ -1,4 +1,4 @@
-"""`pf.export`: a scene for another engine, with what its constants cost written beside them."""
+"""`pf.export`: a scene for another engine, with the error of each constant."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from pinfric.study.random_states import random_states
 
 @dataclass(frozen=True)
 class Format:
-    """What a format calls the constants, and what it says.
+    """Names of the constants in a format, and its remarks.
 
     Attributes:
         title: for people.
@@ -56,31 +56,31 @@ FORMATS = {
         "MJCF (MuJoCo)",
         {"frictionloss": "frictionloss", "damping": "damping", "armature": "armature"},
         ".mjcf.xml",
-        "mj_inverse has no friction there, mj_step holds by up to frictionloss",
+        "mj_inverse has no friction there, mj_step holds with up to frictionloss",
     ),
     "urdf": Format(
         "URDF",
         {"frictionloss": "friction", "damping": "damping"},
         ".constants.urdf",
-        "engines that read <dynamics> hold by up to friction, or not at all",
+        "engines that read <dynamics> hold with up to `friction`, or not at all",
     ),
     "ur": Format(
         "URScript (Universal Robots)",
         {"frictionloss": "coulomb", "damping": "viscous", "armature": "rotor inertia"},
         ".ur.script",
-        "nothing is added there",
+        "the script adds nothing there",
     ),
     "sdf": Format(
         "SDF (Gazebo, Drake)",
         {"frictionloss": "friction", "damping": "damping"},
         ".sdf",
-        "Gazebo holds by up to friction, Drake does not hold",
+        "Gazebo holds with up to `friction`, Drake does not hold",
     ),
     "isaaclab": Format(
         "Isaac Lab (actuator configuration)",
         {"frictionloss": "dynamic_friction", "damping": "viscous_friction", "armature": "armature"},
         ".isaaclab.py",
-        "PhysX holds by up to friction, half of that interval",
+        "PhysX holds with up to `friction`, half the width of that interval",
     ),
     "newton": Format(
         "Newton",
@@ -90,27 +90,27 @@ FORMATS = {
             "armature": "joint_armature",
         },
         ".newton.py",
-        "SolverMuJoCo holds by up to joint_friction, softly",
+        "SolverMuJoCo holds with up to joint_friction, as a soft constraint",
     ),
     "pinocchio": Format(
         "Pinocchio 4 (joint friction constraint)",
         {"frictionloss": "dry friction", "damping": "damping", "armature": "armature"},
         ".pinocchio.py",
-        "its constraint holds by up to dry friction",
+        "its constraint holds with up to the dry friction",
     ),
     "cpp": Format(
         "C++ (a compensator that knows the load)",
         {"frictionloss": "Coulomb", "damping": "viscous", "armature": "rotor inertia"},
         ".hpp",
-        "within its band the compensator goes from one end to the other",
+        "within its speed band the compensator moves from one end to the other",
     ),
 }
 _FRICTION_ALONE = (
-    "links, masses and geometry: it gives constants to a robot loaded from its own file"
+    "links, masses and geometry: the file only adds constants to a robot that you load"
 )
 #: What a format does not hold of any scene.
 _NOT_THERE = {
-    "ur": ("rotor inertia, fitted beside the friction and given at each joint",),
+    "ur": ("rotor inertia, fitted with the friction and given at each joint",),
     "mjcf": ("meshes (capsules stand for the links) and speed limits",),
     "sdf": ("meshes and shapes",),
     "isaaclab": (_FRICTION_ALONE,),
@@ -122,13 +122,13 @@ _LEFT_OUT = {
     "load": "friction that grows with a bearing's load",
     "static": "break-away friction above that in motion",
     "stribeck": "the fall of friction from rest to fast motion",
-    "gear": "what gears lose in proportion to their load",
+    "gear": "gear losses in proportion to the load",
 }
 
 
 @described
 class Exported(Shown):
-    """A scene in another engine's format, and what its constants cost.
+    """A scene in another engine's format, with the errors of its constants.
 
     Attributes:
         scene: name of its file.
@@ -141,17 +141,17 @@ class Exported(Shown):
     to: str = quantity("the format")
     samples: int = quantity("of the trajectory")
     joints: tuple[JointConstants, ...] = quantity(
-        "the constants and their errors, in the model's order; of cpp, what constants would miss "
-        "that the file does not"
+        "the constants and their errors, in the model's order; for cpp, the errors that constants "
+        "would make and the header does not"
     )
-    left_out: tuple[str, ...] = quantity("what the scene has and the file has not")
+    left_out: tuple[str, ...] = quantity("parts of the scene that the file does not have")
     text: str
     beside: Mapping[str, str] = field(default_factory=dict)
     uncertainty: Mapping[str, float] = quantity(
-        "drive -> relative uncertainty e of its friction, where that is known",
+        "drive -> relative uncertainty e of its friction, if known",
         default_factory=dict,
     )
-    file: str = quantity("where it was written; empty: nowhere yet", default="")
+    file: str = quantity("path of the written file; empty: not written yet", default="")
 
     def __repr__(self) -> str:
         moved = [joint for joint in self.joints if joint.moving]
@@ -169,12 +169,12 @@ class Exported(Shown):
 
     @property
     def default_name(self) -> str:
-        """What the file is called where nobody names it."""
+        """Default name of the file."""
         stem = namespace(self.scene) if self.to == "cpp" else Path(self.scene).stem
         return f"{stem}{FORMATS[self.to].suffix}"
 
     def write(self, path: str | Path) -> Path:
-        """Write the file, and those beside it; they appear complete or not at all.
+        """Write the file and its companions; each is written completely or not at all.
 
         Args:
             path: the file; of "cpp" the folder, for the test includes the header by its name.
@@ -226,19 +226,18 @@ def export(
     if to == "cpp":
         return _for_cpp(scene, trajectory, frames, posterior)
     if frames or posterior is not None:
-        raise PinfricError(f"export: frames and posterior belong to 'cpp', not to {to!r}")
+        raise PinfricError(f"export: frames and posterior are for 'cpp' only, not for {to!r}")
     columns, form = check_plain_tree(scene), FORMATS[to]
     result, name = _along(scene, trajectory)
     joints, left_out = joint_constants(result, columns, tuple(form.terms)), _left_out(scene, to)
     lines = {joint.joint: joint_line(joint, form) for joint in joints}
     header = [
         f"{file_name(scene.source)} for {form.title}, written by pinfric.",
-        "Friction is constants here, fitted to the motor's torque times the ratio, less that of "
-        f"the frictionless robot, over {file_name(name)} ({len(result.status)} samples); beside "
-        "each joint what they miss of the scene's torque where the joint moves.",
+        "Friction is given by constants, fitted to the motor's torque times the ratio, less that "
+        f"of the frictionless robot, over {file_name(name)} ({len(result.status)} samples); beside "
+        "each joint their error against the scene's torque while the joint moves.",
         *(f"Not in this file: {line}." for line in left_out),
-        "Where a joint stands still the scene has an interval of torques, given at each joint: "
-        f"{form.at_rest}.",
+        f"While a joint rests the scene has a torque range, given at each joint: {form.at_rest}.",
     ]
     text = _WRITERS[to](scene, joints, lines, header)
     return Exported(scene.source, name, to, len(result.status), joints, left_out, text)
@@ -310,7 +309,7 @@ _WRITERS = {
 
 
 def joint_line(joint: JointConstants, form: Format) -> str:
-    """Return what a file says beside a joint: its constants, their error, what is left at rest."""
+    """Return a joint's line in the file: constants, their error, torque range at rest."""
     unit, name = joint.unit, joint.joint
     rest = ""
     if np.isfinite(joint.rest_lower):
@@ -327,7 +326,7 @@ def joint_line(joint: JointConstants, form: Format) -> str:
     )
     at = f"t {joint.worst_time:.4g} s, " if np.isfinite(joint.worst_time) else ""
     load = joint.worst_load if abs(joint.worst_load) > 1e-9 * joint.torque_peak else 0.0
-    doubt = "" if joint.apart else "; the motion does not tell these constants apart"
+    doubt = "" if joint.apart else "; the motion does not determine each of these constants"
     return (
         f"{name}: {constants}; error rms {joint.error_rms:.5g}, peak {joint.error_peak:.5g} {unit} "
         f"(at {at}load {load:.3g} {unit}, {joint.worst_speed:.3g} "
@@ -346,7 +345,7 @@ def _left_out(scene: Scene, to: str) -> tuple[str, ...]:
     ]
     for name, friction in scene.friction.items():
         lines += [
-            f"the direction of friction.{name}.{key}: one constant for both ways"
+            f"the direction of friction.{name}.{key}: one constant for both directions"
             for key, term in friction.named_terms.items()
             if term.directed
         ]
@@ -362,5 +361,5 @@ def _left_out(scene: Scene, to: str) -> tuple[str, ...]:
         if not np.allclose(gravity, [0.0, 0.0, -9.81]):
             lines.append(f"gravity, {gravity.tolist()} m/s^2")
         if any(drive.transmission is not None for drive in scene.drives):
-            lines.append("ratios and rotor inertias of the drives, for which it has no place")
+            lines.append("ratios and rotor inertias of the drives: the format has no key for them")
     return tuple(lines)

@@ -21,7 +21,7 @@ from isaaclab.actuators import ImplicitActuatorCfg
 ACTUATORS = {
     "arm": ImplicitActuatorCfg(
         joint_names_expr=list(FRICTION),
-        stiffness=0.0,  # driven by efforts; give gains of your own otherwise
+        stiffness=0.0,  # for effort commands; set your gains for position or velocity commands
         damping=0.0,
         friction=FRICTION,
         dynamic_friction=DYNAMIC_FRICTION,

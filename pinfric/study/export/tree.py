@@ -59,8 +59,8 @@ def check_plain_tree(scene: Scene) -> tuple[JointColumn, ...]:
     for drive in scene.drives:
         if drive.couples:
             raise PinfricError(
-                f"{scene.source}: the drive {drive.name!r} is coupled with another joint, and the "
-                "constants of these formats act on one joint each; leave its `couples` out"
+                f"{scene.source}: the drive {drive.name!r} is coupled with another joint, but a "
+                "constant of these formats acts on one joint; leave its `couples` out"
             )
     return joint_columns(scene.loaded_model(), scene.source)
 

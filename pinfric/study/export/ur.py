@@ -72,7 +72,7 @@ def ur_script(
     for name in JOINTS:
         if name not in named and not any(known.endswith(name) for known in locked):
             raise PinfricError(
-                f"{scene.source}: has no joint {name!r}; UR's friction parameters are those of its "
+                f"{scene.source}: has no joint {name!r}; UR's friction parameters are for its "
                 f"six joints: {', '.join(JOINTS)}"
             )
     found = [named.get(name) for name in JOINTS]
@@ -89,8 +89,8 @@ def _ur_name(scene: Scene, joint: JointConstants) -> str:
         if joint.joint.endswith(name):
             return name
     raise PinfricError(
-        f"{scene.source}: joint {joint.joint!r} is none of a UR arm's ({', '.join(JOINTS)}), whose "
-        "friction parameters are all that goes there; lock it (robot.locked), or take mjcf or urdf"
+        f"{scene.source}: joint {joint.joint!r} is not a joint of a UR arm ({', '.join(JOINTS)}), "
+        "and UR's script has no others; lock it (robot.locked), or export to mjcf or urdf"
     )
 
 

@@ -24,7 +24,7 @@ from pinfric.study.export.mjcf import xml_comment, xml_text
 def urdf(
     scene: Scene, joints: Sequence[JointConstants], lines: Mapping[str, str], header: Sequence[str]
 ) -> str:
-    """Return the scene's URDF with `<dynamics>` of the constants, and of nothing else.
+    """Return the scene's URDF; its `<dynamics>` hold the constants only.
 
     Locked joints are fixed, payloads that the scene carries by default are links of their own,
     meshes stay where they are.
@@ -75,8 +75,8 @@ def _unchanged_robot(scene: Scene) -> Robot:
     robot = scene.robot
     if robot is None:
         raise PinfricError(
-            f"{scene.source}: has no URDF to write constants into (a model made in Python); take "
-            "mjcf, which is written from the model"
+            f"{scene.source}: has no URDF to write constants into (a model made in Python); export "
+            "to mjcf, which is written from the model"
         )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", PinfricWarning)
@@ -85,8 +85,8 @@ def _unchanged_robot(scene: Scene) -> Robot:
     if changed := changed_parts(scene.model, file):
         raise PinfricError(
             f"{scene.source}: scene.model is not the one of {Path(robot.urdf).name} "
-            f"({', '.join(changed)}), whose URDF this writes; take mjcf, which is written from the "
-            "model"
+            f"({', '.join(changed)}), whose URDF this writes; export to mjcf, which is written "
+            "from the model"
         )
     return robot
 

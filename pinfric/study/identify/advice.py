@@ -1,8 +1,8 @@
-"""Which recording would tell most of what is uncertain: by the information it would bring.
+"""The most informative next recording, judged by its information matrix.
 
 A motion's columns do not need its efforts, so the normal equations of a recording that nobody has
-made yet are known: standard errors with it are those of (H + H_new)^-1, and by how much residuals
-that hang together exceed independent ones stays as it is.
+made yet are known: standard errors with it are those of (H + H_new)^-1. The factor for
+autocorrelated residuals is kept.
 """
 
 from __future__ import annotations
@@ -48,11 +48,11 @@ class Advice:
         points: as a way-point file holds them.
     """
 
-    name: str = quantity("what it is")
+    name: str = quantity("short description of the recording")
     points: tuple[WayPoint, ...]
-    load: float = quantity("to carry at the last link; 0: none", "kg")
+    load: float = quantity("mass to carry at the last link; 0: none", "kg")
     factors: dict[str, float] = quantity(
-        "key of a coefficient -> standard error with it over that of now"
+        "key of a coefficient -> standard error with this recording / present standard error"
     )
 
 
@@ -83,16 +83,16 @@ def advice_text(advice: Advice, scene: Scene) -> str:
     start = advice.points[0].q
     points = [*_departures(start), *advice.points[1:]]
     lines = [
-        f"# {advice.name}. Judged by the information it would bring, of 30 s:",
+        f"# {advice.name}. What 30 s of it would change:",
         "#",
         *(
-            f"#   standard error of {key}: {factor:.2f} of now"
+            f"#   standard error of {key}: {factor:.2f} of the present one"
             for key, factor in sorted(advice.factors.items(), key=lambda pair: pair[1])[:8]
         ),
         "#",
-        "# First every joint leaves rest alone, both ways, so slowly that its effort rises until",
-        "# it breaks away: that alone shows static friction. Postures are from your logs; the ways",
-        "# between them are straight lines between joints: check them for collisions.",
+        "# First each joint leaves rest alone, in both directions, so slowly that its effort rises",
+        "# until it breaks away: only this shows static friction. Postures are from your logs; the",
+        "# moves between them are straight in joint space: check them for collisions.",
         "pinfric_trajectory: 1",
         f"sample_rate: {_RATE:g}",
         f"joints: [{', '.join(scene.joint_names)}]",

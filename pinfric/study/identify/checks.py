@@ -1,4 +1,4 @@
-"""What logs and robot must agree on before anything is fitted, and after: signs, gains, one robot.
+"""Checks of logs against the robot, before and after the fit: signs, gains, one robot.
 
 Nothing is guessed: an effort with the wrong sign or unit is refused by the joint's name, with what
 would explain it.
@@ -37,7 +37,7 @@ _ONE_ROBOT = 0.3
 
 
 def check_efforts(scene: Scene, rows: Sequence[Rows], given: Collection[str]) -> None:
-    """Refuse efforts that cannot be those of this robot in N m or N.
+    """Refuse efforts that do not fit this robot in N m or N.
 
     Args:
         scene: the robot as its URDF has it.
@@ -55,21 +55,21 @@ def check_efforts(scene: Scene, rows: Sequence[Rows], given: Collection[str]) ->
         slope, correlation = _slope(one, prior)
         if np.ptp(one.effort) <= _CONSTANT * np.abs(one.effort).max():
             problems.append(
-                f"joint {name}: its effort is {one.effort[0]:.3g} however it moves, so it was not "
+                f"joint {name}: its effort is always {one.effort[0]:.3g}, so it was not "
                 "measured; log it, or lock the joint (robot: locked)"
             )
         elif slope < 0.0 and correlation < -_CORRELATION:
             problems.append(
                 f"joint {name}: its effort falls where the robot's weight makes it rise (slope "
-                f"{slope:.2f}, correlation {correlation:.2f}): sign of the effort or of the angle "
-                "turned, or zero displaced; say so by `sign` and `offset` in a file given by "
-                "--columns"
+                f"{slope:.2f}, correlation {correlation:.2f}): the sign of the effort or of the "
+                "angle, or the zero of the angle, is wrong; correct it by `sign` and `offset` in a "
+                "file given by --columns"
             )
         elif _turned(one, theta):
             problems.append(
-                f"joint {name}: its effort pushes against its motion, as if friction or inertia "
-                "drove it: sign of the effort or of the angle turned; say so by `sign` in a file "
-                "given by --columns"
+                f"joint {name}: its effort acts against its motion, as if friction or inertia "
+                "drove it: the sign of the effort or of the angle is wrong; correct it by `sign` "
+                "in a file given by --columns"
             )
         elif (
             correlation > _CORRELATION and not _SLOPES[0] < slope < _SLOPES[1] and name not in given
@@ -78,9 +78,9 @@ def check_efforts(scene: Scene, rows: Sequence[Rows], given: Collection[str]) ->
     if factors and not _carries(rows, theta, factors):
         problems += [
             f"joint {scene.joint_names[j]}: its effort is {slope:.3g} times what the URDF's masses "
-            "need: in A, or at the motor's shaft? say by --gain "
-            f"{scene.joint_names[j]}=FACTOR what makes N m of it ({scene.joint_names[j]}=1: it is "
-            "in N m, the masses are wrong, or a payload is missing in the scene)"
+            "need: is it in A, or at the motor's shaft? Give the factor to N m by --gain "
+            f"{scene.joint_names[j]}=FACTOR ({scene.joint_names[j]}=1 if it is "
+            "in N m, and the masses are wrong or the scene lacks a payload)"
             for j, slope in factors.items()
         ]
     if problems:
@@ -155,7 +155,7 @@ def _slope(rows: Rows, prior: Prior) -> tuple[float, float]:
 def check_one_robot(
     joints: Sequence[str], rows: Sequence[Rows], fit: Fit, logs: Sequence[str]
 ) -> None:
-    """Refuse logs whose rigid efforts one robot cannot have had.
+    """Refuse logs whose rigid efforts cannot be from one robot.
 
     Args:
         joints: their names.
@@ -181,7 +181,7 @@ def check_one_robot(
         low, high = min(slopes, key=slopes.__getitem__), max(slopes, key=slopes.__getitem__)
         if slopes[high] - slopes[low] > _ONE_ROBOT:
             raise IdentificationError(
-                f"joint {joints[j]}: {logs[high]} has {slopes[high]:.2f}, {logs[low]} "
-                f"{slopes[low]:.2f} of one and the same rigid effort: logs of two robots, or of a "
-                "payload that --payload LOG=NAME should name"
+                f"joint {joints[j]}: its effort is {slopes[high]:.2f} times the rigid effort in "
+                f"{logs[high]}, and {slopes[low]:.2f} times in {logs[low]}: logs of two robots, or "
+                "with a payload; name it by --payload LOG=NAME"
             )

@@ -73,7 +73,7 @@ class Problem:
 
 @dataclass(frozen=True)
 class Choice:
-    """The laws taken, and what each candidate's held-out error was beside them.
+    """The chosen laws, and the held-out error of each candidate.
 
     Attributes:
         laws: of each joint.
@@ -148,7 +148,7 @@ def choose(problem: Problem) -> Choice:
 
 
 def nested_errors(problem: Problem, rows: Sequence[Rows]) -> tuple[FloatArray, FloatArray]:
-    """Return each joint's RMS error on blocks that neither its law's choice nor its fit has seen.
+    """Return each joint's RMS error on blocks not used to choose or fit its law.
 
     Every row counts alike: weights of outliers are those of the law taken, and would flatter it.
 

@@ -1,4 +1,4 @@
-"""By how much logged efforts lag behind the motion, and how far that is known.
+"""Delay of the logged efforts behind the motion, with its standard error.
 
     y(t + d) = X(t) beta,    so  y(t + d0) = X beta - (d - d0) y'(t + d0)    near d0
 
@@ -44,7 +44,7 @@ _ROUNDS = 4
 
 @dataclass(frozen=True)
 class Delay:
-    """By how much logged efforts lag, s.
+    """Delay of the logged efforts, s.
 
     Attributes:
         value: taken for all logs; 0 where it is not determined.
@@ -60,7 +60,7 @@ class Delay:
 
     @property
     def determined(self) -> bool:
-        """Whether the logs say it."""
+        """Whether the logs determine it."""
         return self.standard_error < _VAGUE
 
     def __str__(self) -> str:
@@ -70,7 +70,7 @@ class Delay:
 
 @dataclass(frozen=True)
 class LogDelay:
-    """By how much one log's efforts lag, s.
+    """Delay of one log's efforts, s.
 
     Attributes:
         value, standard_error: of all joints together, their spread included.
@@ -136,7 +136,7 @@ def other_delays(delay: Delay) -> dict[int, tuple[float, float]]:
 def log_delay(
     one: Prepared, slots: Sequence[Sequence[int]], prior: Prior, start: float
 ) -> LogDelay:
-    """Return by how much one log's efforts lag.
+    """Return the delay of one log's efforts.
 
     A log in which nothing slides has no rows: its standard error is infinite.
 

@@ -72,7 +72,7 @@ _UNEXPLAINED = 0.8
 
 @dataclass(frozen=True)
 class Question:
-    """What is to be found, and with which freedom.
+    """The question of an identification: scene, logs and what is free.
 
     Attributes:
         scene: the robot; its bearings are candidates.
@@ -139,7 +139,7 @@ class Estimate:
 
     @cached_property
     def known(self) -> tuple[int, ...]:
-        """The joints of which the logs say something: they slid, and the model explains them."""
+        """The joints that slid and that the model explains."""
         return tuple(
             j for j, own in enumerate(self.rows) if own.effort.size and j not in self.unexplained
         )
@@ -174,7 +174,7 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
     if not found.known:
         raise IdentificationError(
             f"{question.scene.source}: the model explains no joint's effort better than its mean "
-            "does: check signs, zeros and units of angles and efforts, and which column is whose"
+            "does: check signs, zeros and units of angles and efforts, and the joint of each column"
         )
     return found
 
@@ -188,8 +188,8 @@ def _check_slides(question: Question, prepared: Sequence[Prepared]) -> None:
     if (found := sum(own.size for own in held)) < _FEWEST_BLOCKS:
         names = ", ".join(one.name for one in question.recordings)
         raise IdentificationError(
-            f"{names}: joints slide, faster than {STILL:g} rad/s or m/s and than noise, in {found} "
-            f"of the logs' blocks of 1 to 5 s; at least {_FEWEST_BLOCKS} are needed: log more "
+            f"{names}: joints slide (faster than {STILL:g} rad/s or m/s and than the noise) in "
+            f"{found} blocks of 1 to 5 s; at least {_FEWEST_BLOCKS} are needed: log more "
             "motion"
         )
 
@@ -237,7 +237,7 @@ def _next_pass(before: Estimate) -> Estimate:
 
 
 def _without_rows(found: Estimate) -> Estimate:
-    """Let go of what the next pass makes anew: it fills much of the memory."""
+    """Release what the next pass computes again: it takes much memory."""
     return replace(found, rows=(), row_weights=(), problem=replace(found.problem, grams=()))
 
 
@@ -350,7 +350,7 @@ def _shows_gear(found: Estimate, joint: int) -> bool:
 
 
 def scale_is_known(found: Estimate) -> bool:
-    """Return whether something says how heavy the robot is, so that both of a gear's losses show.
+    """Return whether the scale of the masses is known, so that both losses of a gear show.
 
     With all masses free, (t + f)/eta and eta_b (t + f) are also the efforts of a robot and a
     friction larger by 1/eta, in a gear without loss driving and with eta eta_b driven: only the

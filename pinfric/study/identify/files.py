@@ -1,4 +1,4 @@
-"""What an identification writes: a scene with every figure's interval, the robot, the posterior."""
+"""Files of an identification: scene with intervals, robot, posterior."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def identified_files(found: Findings, folder: Path) -> dict[str, Callable[[Path]
     return {name: writer(text) for name, text in texts.items()}
 
 
-_SWEEP = f"""# The robot as uncertain as its logs leave it: each sample is a row of posterior.csv.
+_SWEEP = f"""# The uncertainty that the logs leave: each sample is a row of posterior.csv.
 #
 #   pinfric sweep scene.yaml TRAJECTORY sweep.yaml
 pinfric_sweep: 1
@@ -129,10 +129,10 @@ def scene_text(found: Findings, robot: Robot, folder: Path) -> str:
 def _heading(found: Findings) -> Iterator[str]:
     logs = ", ".join(one.name for one in found.recordings)
     yield f"# Friction identified from {logs} by `pinfric identify`."
-    yield "# Beside each figure: its 95 % interval, from blocks of the logs as samples; figures"
-    yield "# marked `not determined` are what fits best, and these logs do not tell them."
-    yield "# static: at what a joint broke away, where that has its own interval; else the kinetic"
-    yield "# value, or, where the law is steep at rest, friction at the slowest logged sliding."
+    yield "# Beside each value: its 95 % interval, computed from blocks of the logs. Values marked"
+    yield "# `not determined` fit best, but these logs do not determine them."
+    yield "# static: the break-away effort if it was logged; else the kinetic value, or, if the"
+    yield "# law is steep at rest, friction at the slowest logged sliding."
     yield "#"
     at = found.estimate.question.at
     yield f"#   pinfric inverse scene.yaml LOG --effort-at {at}      # measured beside computed"
@@ -172,15 +172,15 @@ def _comments(found: Findings) -> dict[tuple[str, ...], str]:
         where += tuple(parameter.name.split("."))
         comments[where] = _interval(parameter)
     comments |= {
-        ("friction", name): "not explained by the logs: as the scene says"
+        ("friction", name): "not explained by the logs: value of the scene"
         for name in found.errors.keys() - found.laws.keys()
     }
     for name, law in found.laws.items():
         error = found.errors[name]
         where = ("actuators", str(order.index(name))) if on_motor(law) else ("friction", name)
         comments[where] = (
-            f"{law}: off by {100 * error.share:.1f} % where not "
-            f"fitted ({error.error / error.plain:.2f} of {PLAIN})"
+            f"{law}: held-out error {100 * error.share:.1f} % "
+            f"({error.error / error.plain:.2f} of that with {PLAIN})"
         )
     return comments
 

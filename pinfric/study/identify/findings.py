@@ -1,4 +1,4 @@
-"""What an identification finds: its figures, without what writes or shows them."""
+"""Result of an identification, without writing or showing it."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ FloatArray = NDArray[np.float64]
 
 @described
 class HeldOut:
-    """How well a joint's effort is predicted where nothing was fitted."""
+    """Error of a joint's predicted effort on held-out data."""
 
-    rms: float = quantity("of the measured effort", EFFORT, "effort\nRMS")
+    rms: float = quantity("RMS of the measured effort", EFFORT, "effort\nRMS")
     error: float = quantity("RMS of measured less predicted", EFFORT)
     plain: float = quantity(
-        "the same with Coulomb and viscous friction; NaN where it was not asked", EFFORT
+        "the same with Coulomb and viscous friction only; NaN: not computed", EFFORT
     )
 
     @property
@@ -47,7 +47,7 @@ class HeldOut:
 
 @dataclass(frozen=True)
 class Findings:
-    """What logs say of a robot's friction.
+    """Friction of a robot identified from logs.
 
     Attributes:
         scene: with the friction, and the links' inertias, that were found.
@@ -89,7 +89,7 @@ class Findings:
 
     @cached_property
     def advice(self) -> tuple[Advice, ...]:
-        """Recordings of 30 s each, that which would tell most first."""
+        """Recordings of 30 s each, the most informative one first."""
         return advise(self.estimate)
 
     def law_of(self, joint: str) -> str:

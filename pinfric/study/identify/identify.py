@@ -1,4 +1,4 @@
-"""`pf.identify`: a robot's friction from its own logs, with what they do not tell."""
+"""`pf.identify`: a robot's friction from its own logs, with intervals."""
 
 from __future__ import annotations
 
@@ -205,9 +205,9 @@ def _check_options(scene: Scene, effort_at: str, inertia: str, laws: Mapping[str
             raise IdentificationError(f"--{option} {value}: {choose_from(value, allowed)}")
     if effort_at == "joint" and (coupled := taking_part(scene.drives)):
         raise IdentificationError(
-            f"--effort-at joint: sensors at joints do not measure what the "
-            f"drive {scene.drives[coupled[0]].name!r} delivers, which is "
-            "coupled; leave the `couples` out"
+            f"--effort-at joint: the drive {scene.drives[coupled[0]].name!r} is coupled, so a "
+            "sensor at one joint does not measure its effort; leave the `couples` out, or log the "
+            "efforts at the motors"
         )
     for name, law in laws.items():
         if name not in scene.joint_names:
@@ -216,8 +216,8 @@ def _check_options(scene: Scene, effort_at: str, inertia: str, laws: Mapping[str
             )
         if effort_at == "joint" and (law.load == "gear" or on_motor(law)):
             raise IdentificationError(
-                f"laws: {name}: {law}: does not show in an effort that was "
-                "measured after the gear (--effort-at joint)"
+                f"laws: {name}: {law}: an effort measured after the gear does "
+                "not contain it (--effort-at joint)"
             )
 
 

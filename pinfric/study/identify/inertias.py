@@ -1,4 +1,4 @@
-"""Links' inertial parameters: how far they are drawn to the URDF's, and those that can exist.
+"""Inertial parameters of links: regularised to the URDF's, and physically possible.
 
 A body exists where its pseudo-inertia [[Sigma, h], [h^T, m]] is positive definite, so where it is
 U U^T with U = exp(alpha) [[exp(d1), s12, s13, t1], [0, exp(d2), s23, t2], [0, 0, exp(d3), t3],

@@ -1,4 +1,4 @@
-"""How whatever is uncertain moves an estimate: one derivation for all of it.
+"""Influence of each block on the estimate, and of all other uncertain values.
 
 The estimate z = (theta, coefficients above zero) is where the gradient is zero,
 

@@ -1,4 +1,4 @@
-"""Lack of fit: what a joint's residual still depends on, and how far that moves the coefficients.
+"""Lack of fit: dependences of a joint's residual, and their effect on the coefficients.
 
     r = Z b + noise,    Z: shapes over angle, speed, effort, time, and of the fitted effort's slope
 
@@ -227,7 +227,7 @@ def _shapes(found: Estimate, joint: int, track: _Track) -> Iterator[tuple[str, F
     hats = _hats(speed, (0.02, 0.1, 0.25, 0.5, 0.8))
     yield "the speed", hats * sign[:, None]
     yield (
-        "whether it speeds up or slows down (play, a soft drive, or efforts that were filtered)",
+        "the sign of its acceleration (play, a soft drive, or filtered efforts)",
         _hats(speed, (0.1, 0.5, 0.9)) * np.sign(track.a)[:, None],
     )
     yield (
@@ -239,11 +239,11 @@ def _shapes(found: Estimate, joint: int, track: _Track) -> Iterator[tuple[str, F
         track.press * sign[:, None],
     )
     yield (
-        "time (warming up, or a sensor that drifts)",
+        "time (warm-up, or sensor drift)",
         np.column_stack((track.time, sign * track.time, v * track.time, sign * track.time**2)),
     )
     yield (
-        "how fast the effort changes (efforts that were filtered or have another delay)",
+        "the rate of change of the effort (filtered efforts, or another delay)",
         np.column_stack((track.slope, track.bend)),
     )
 

@@ -39,7 +39,7 @@ _ALONE = 2**18
 
 @dataclass(frozen=True)
 class Prior:
-    """Where the links' inertial parameters are drawn to.
+    """Prior of the links' inertial parameters.
 
     Attributes:
         center: (p,) those of the URDF.

@@ -1,4 +1,4 @@
-"""What a person should know of an identification: how logs were read, and what they do not tell."""
+"""Notes on an identification: how logs were read, and what they do not determine."""
 
 from __future__ import annotations
 
@@ -64,21 +64,20 @@ def notes(
     stick = stick_velocity(found.question.scene, found.question.recordings)
     if stick > found.question.scene.stick_velocity:
         lines.append(
-            f"joints stick up to {stick:.1e} rad/s or m/s in the scene: noise makes "
-            "joints at rest seem so fast in the logs"
+            f"the scene's `stick` velocity is {stick:.1e} rad/s or m/s: noise makes joints at rest "
+            "appear to move up to this speed"
         )
     if found.distrusted:
         lines.append(
-            "too little was logged to choose laws: those chosen predicted what neither "
-            "choice nor fit had seen worse than Coulomb and viscous friction, which "
-            "stays"
+            "too little data to choose laws: on blocks that were not used, the chosen laws predict "
+            "worse than Coulomb and viscous friction; so Coulomb and viscous friction is used"
         )
     vague = [p.key for p in every if not p.determined]
     if vague:
         lines.append(f"not determined: {', '.join(vague)}")
     lines.append(
-        "an offset of an effort's sensor would show as a difference of Coulomb friction "
-        "forward and backward"
+        "an offset of an effort sensor appears as a difference between forward and backward "
+        "Coulomb friction"
     )
     return tuple(lines)
 
@@ -101,9 +100,9 @@ def _misfits(found: Estimate, shapes: Sequence[Misfit]) -> list[str]:
         unit = effort_unit(found.scene, j)
         lines.append(
             f"lack of fit: {found.scene.joint_names[j]}: Coulomb friction differs by "
-            f"{2.0 * abs(half):.2g} {unit} between the directions, which an offset of "
-            f"{abs(half):.2g} {unit} in the effort's sensor would explain; intervals are "
-            "widened to hold both"
+            f"{2.0 * abs(half):.2g} {unit} between the directions; an offset of "
+            f"{abs(half):.2g} {unit} in the effort sensor would explain it; intervals are "
+            "widened to contain both"
         )
     return lines
 
@@ -116,8 +115,8 @@ def _zeros(found: Estimate) -> list[str]:
     names, best = found.scene.joint_names, max(better, key=lambda one: one.gain)
     each = " or ".join(f"{names[one.joint]} {np.degrees(one.turn):+.0f} degrees" for one in better)
     return [
-        f"lack of fit: another zero of an angle leaves {100 * best.gain:.0f} % less of the "
-        f"residual's square: {each}; check the zeros of the logged angles"
+        f"lack of fit: another zero of an angle lowers the squared residual by "
+        f"{100 * best.gain:.0f} %: {each}; check the zeros of the logged angles"
     ]
 
 
@@ -134,8 +133,8 @@ def _worse(found: Estimate) -> list[str]:
     if not worse:
         return []
     return [
-        "held-out errors are larger than those of least squares with Coulomb and viscous "
-        f"friction and links that no URDF holds back: {', '.join(worse)}; the URDF is off "
+        "held-out errors are larger than those of ordinary least squares (Coulomb and viscous "
+        f"friction, free link inertias): {', '.join(worse)}; the URDF's inertias are wrong "
         "there, or too little was logged to choose a law"
     ]
 
@@ -148,17 +147,17 @@ def _of_logs(found: Estimate) -> list[str]:
         one.recording.name for one, slides in zip(found.prepared, moving, strict=True) if not slides
     ]
     if still:
-        lines.append(f"nothing slides in {', '.join(still)}: used for bounds on friction at rest")
+        lines.append(f"no joint slides in {', '.join(still)}: used for bounds on friction at rest")
     if sum(moving) == 1:
         lines.append(
-            "one log only: how much friction differs from day to day is not known; "
-            "between logs of a robot it was 1 to 10 %"
+            "one log only: how much friction changes from day to day is not known; "
+            "between logs of one robot it changed by 1 to 10 %"
         )
     if not delay.determined:
         lines.append(
             "the delay of the efforts is not determined (standard error "
-            f"{1e3 * delay.standard_error:.1f} ms), taken as 0: faster motion would "
-            "tell"
+            f"{1e3 * delay.standard_error:.1f} ms) and is set to 0: log faster "
+            "motion"
         )
     if others := other_delays(delay):
         names = found.scene.joint_names
@@ -177,14 +176,14 @@ def _of_logs(found: Estimate) -> list[str]:
             for one, (value, error) in logs
             if np.isfinite(error)
         ]
-        lines.append(f"efforts' delay by each log alone, with standard error: {', '.join(each)}")
+        lines.append(f"delay of the efforts from each log, with standard error: {', '.join(each)}")
     return lines
 
 
 def _of_masses(found: Estimate) -> list[str]:
     """How far the links' masses have moved from the URDF's, and what that may mean."""
     if found.question.keep_inertias:
-        return ["the URDF's inertias were kept: what is wrong with them is in the friction"]
+        return ["the URDF's inertias were kept: their errors are in the friction"]
     model, names = found.question.scene.model, found.scene.joint_names
     bodies = zip(tuple(model.inertias)[1:], tuple(found.scene.model.inertias)[1:], strict=True)
     masses = [
@@ -198,9 +197,9 @@ def _of_masses(found: Estimate) -> list[str]:
     ]
     if far:
         lines.append(
-            f"masses that moved by more than {100 * _MOVED:.0f} %, more than URDFs are "
-            f"usually off by: {', '.join(far)}; check the zero and sign of the angles of "
-            "these joints and those beside them, the unit of efforts, and whether the "
+            f"masses that differ from the URDF's by more than {100 * _MOVED:.0f} %, which is "
+            f"unusual: {', '.join(far)}; check the zero and sign of the angles of "
+            "these joints and their neighbours, the unit of efforts, and whether the "
             "scene lacks a payload"
         )
     return lines
@@ -216,13 +215,13 @@ def _of_joints(
 
 def _of_motion(found: Estimate, slid: Sequence[int]) -> dict[str, list[str]]:
     """What the motion does not show."""
-    names, other = found.scene.joint_names, "Coulomb friction there is taken as the other way"
+    names, other = found.scene.joint_names, "the Coulomb friction of the other direction is used"
 
     def hardly(sign: float) -> list[str]:
         return [names[j] for j in slid if (sign * found.rows[j].velocity > 0.0).sum() < FEWEST_ROWS]
 
     return {
-        "never slides, keeps what the scene says": [
+        "never slides, keeps the scene's friction": [
             name for j, name in enumerate(names) if j not in slid
         ],
         f"hardly slides forward, {other}": hardly(1.0),
@@ -240,7 +239,7 @@ def _of_rest(
     names = found.scene.joint_names
     rests = [j for j in slid if rest[names[j]].seconds > 0.0]
     return {
-        "never rests, nothing bounds its static friction": [
+        "never rests, no bound on its static friction": [
             names[j] for j in slid if rest[names[j]].seconds == 0.0
         ],
         "rests, but never broke away slowly enough (three times a direction): static friction is "
@@ -248,7 +247,7 @@ def _of_rest(
             names[j] for j in rests if not {(j, FORWARD), (j, BACKWARD)} & static.keys()
         ],
         f"efforts at rest are within the interval for less than {100 * _HELD_INSIDE:g} % of the "
-        "time, so static friction or the rigid effort is off": [
+        "time, so static friction or the rigid effort is wrong": [
             f"{names[j]} {100 * rest[names[j]].inside:.1f} %"
             for j in slid
             if rest[names[j]].inside < _HELD_INSIDE
@@ -263,26 +262,26 @@ def _of_laws(found: Estimate, slid: Sequence[int]) -> dict[str, list[str]]:
     offers_gear = [any(law.load == "gear" for law in own) for own in choice.errors]
     scale = scale_is_known(found)
     return {
-        "never fast, friction at speed is extrapolated (rad/s or m/s)": _slow(found, slid),
-        "no load contrast beside Coulomb friction, a gear's loss cannot be told from it": [
+        "never fast, friction at higher speed is extrapolated (rad/s or m/s)": _slow(found, slid),
+        "the load hardly changes, so a gear's loss cannot be separated from Coulomb friction": [
             names[j]
             for j in slid
             if question.motor and names[j] not in question.laws and not offers_gear[j]
         ],
-        "the model does not explain it (share of what its mean effort alone leaves, where nothing "
-        "was fitted), so it keeps what the scene says: check sign, zero and unit of its angle and "
-        "effort, and those of the joints beside it": [
+        "the model does not explain its effort (held-out error / error of the mean effort), so it "
+        "keeps the scene's friction: check sign, zero and unit of its angle and effort, and those "
+        "of its neighbours": [
             f"{names[j]} {100 * share:.0f} %" for j, share in found.unexplained.items()
         ],
-        "a law on the joint's side was asked for, but friction of a coupled drive follows its "
-        "motor's speed and is taken on the motor's side": [
+        "a law on the joint's side was asked for, but friction of a coupled drive depends on its "
+        "motor's speed: a law on the motor's side is used": [
             name for name, law in laws if question.laws.get(name, law).side != law.side
         ],
-        "off by more than a tenth even where it was fitted, so something is missing or turned "
+        "the error is above 10 % even on the fitted data, so something is missing or wrong "
         "(signs, zeros, motors that move with another joint)": _missed(found, slid),
-        "while masses are free, only the product of a gear's efficiencies (driving, driven) is "
-        "known, and each is as wrong as the URDF's masses; record a log with a known payload "
-        "(--payload)": [name for name, law in laws if law.load == "gear" and not scale],
+        "with free masses, only the product of a gear's two efficiencies (motor drives, load "
+        "drives) is known; each alone is as wrong as the URDF's masses; record a log with a known "
+        "payload (--payload)": [name for name, law in laws if law.load == "gear" and not scale],
     }
 
 

@@ -1,4 +1,4 @@
-"""Coefficients as a scene says them: which key each one is, its unit, and how far it is known.
+"""Coefficients with the keys of a scene: key, unit and interval.
 
     c+, c-   friction.J.coulomb.positive, .negative  or  transmission.J.no_load_torque.* = c/|r|
     k, p     friction.J.viscous {k, p}               or  transmission.J.motor_viscous = k/|r|^(1+p)
@@ -58,18 +58,18 @@ RESTING = {FALL_FORWARD: FORWARD, FALL_BACKWARD: BACKWARD}
 
 @described
 class Parameter:
-    """One coefficient as the scene says it."""
+    """One coefficient with its key in the scene."""
 
-    section: str = quantity("where a scene says it: friction, transmission", heading="section")
-    joint: str = quantity("and of which joint: elbow_joint", heading="joint", name=True)
-    name: str = quantity("and by which key: coulomb.positive", heading="coefficient")
-    unit: str = quantity("of all figures here", heading="unit")
+    section: str = quantity("section of the scene: friction, transmission", heading="section")
+    joint: str = quantity("its joint: elbow_joint", heading="joint", name=True)
+    name: str = quantity("its key: coulomb.positive", heading="coefficient")
+    unit: str = quantity("unit of all figures here", heading="unit")
     value: float = quantity("the estimate, in `unit`", heading="value")
-    low: float = quantity("of the 95 % interval; NaN: it stands at its bound", heading="from")
-    high: float = quantity("of the 95 % interval; NaN: it stands at its bound", heading="to")
+    low: float = quantity("lower end of the 95 % interval; NaN: at its bound", heading="from")
+    high: float = quantity("upper end of the 95 % interval; NaN: at its bound", heading="to")
     standard_error: float = quantity("within logs and between them")
-    determined: bool = quantity("whether the logs say it")
-    why: str = quantity("what leaves it undetermined", default="")
+    determined: bool = quantity("whether the logs determine it")
+    why: str = quantity("why it is not determined", default="")
 
     @property
     def key(self) -> str:
@@ -173,7 +173,7 @@ def _parameter(found: Estimate, known: Uncertainty, joint: int, slot: int) -> Pa
     if x == 0.0:
         why, high = "at its bound, zero", np.nan
     elif x <= reach:
-        why = "its interval holds zero"
+        why = "its interval contains zero"
     elif error > _VAGUE * x:
         why = "its standard error exceeds half of it"
     error *= abs(scene_number(x + 1e-6) - value) / 1e-6

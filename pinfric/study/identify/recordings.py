@@ -114,11 +114,11 @@ def check_scene(scene: Scene) -> None:
     """
     why = ""
     if scene.linkage is not None:
-        why = "loops close, or drives sit off the joints"
+        why = "this scene has closed loops, or drives that are not at joints"
     elif len(scene.model.mimicking_joints):
-        why = "joints mimic others; lock them in the scene (robot: locked)"
+        why = "here joints mimic others; lock them in the scene (robot: locked)"
     elif any(joint.nv != 1 for joint in tuple(scene.model.joints)[1:]):
-        why = "a joint has several degrees of freedom"
+        why = "here a joint has several degrees of freedom"
     if why:
         raise IdentificationError(
             f"{scene.source}: identification takes open chains with one drive per joint: {why}"
@@ -161,10 +161,7 @@ def read_recordings(
         if np.array_equal(one.trajectory.q, other.trajectory.q) and np.array_equal(
             one.effort, other.effort, equal_nan=True
         ):
-            raise IdentificationError(
-                f"{one.name} and {other.name} are one log given twice: give "
-                "it once, it tells nothing more"
-            )
+            raise IdentificationError(f"{one.name} and {other.name} are the same log: give it once")
     carried = {
         str(log): one.name for log, one in zip(logs, found, strict=True) if not isinstance(log, Log)
     }
@@ -202,7 +199,8 @@ def _read(
     if missing:
         raise IdentificationError(
             f"{name}: no measured effort of {', '.join(missing)}; name the columns by --columns "
-            "FILE (currents with `effort_scale`, N m per A), or give currents a --gain (N m per A)"
+            "FILE (currents with `effort_scale`, N m per A), or convert currents by --gain "
+            "(N m per A)"
         )
     effort = np.column_stack(
         [gain.get(joint, 1.0) * reading.effort[joint] for joint in scene.joint_names]

@@ -1,4 +1,4 @@
-"""What logs say of friction at rest: how much held, and at how much the joints broke away.
+"""Friction at rest from logs: largest holding friction, and break-away friction.
 
 A hold bounds static friction from below. Only a departure shows it, and only one so slow that the
 effort rises until the joint moves: else inertia acts before the first encoder count.
@@ -37,13 +37,15 @@ _FEWEST = 3
 
 @described
 class RestBound:
-    """What times at rest say of a joint's static friction: it is at least this large."""
+    """Lower bound of a joint's static friction, from the time at rest."""
 
-    seconds: float = quantity("at rest in all logs", "s")
+    seconds: float = quantity("time at rest in all logs", "s")
     largest: float = quantity(
         "the largest friction that held it", EFFORT, "at rest,\nlargest friction"
     )
-    share: float = quantity("of the identified half-width there", heading="of half\nthe interval")
+    share: float = quantity(
+        "`held` / half the identified interval", heading="of half\nthe interval"
+    )
     inside: float = quantity(
         "share of the time in which the effort was within the identified interval; NaN where it "
         "never rests"

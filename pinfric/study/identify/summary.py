@@ -1,4 +1,4 @@
-"""What an identification comes to: what `pinfric identify` prints and writes."""
+"""Summary of an identification, as `pinfric identify` prints and writes it."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ class FittedLog:
     """One log that was fitted."""
 
     name: str = quantity("the log's", heading="log")
-    samples: int = quantity("that were used", heading="samples")
-    duration: float = quantity("of the motion", "s", "duration")
+    samples: int = quantity("samples that were used", heading="samples")
+    duration: float = quantity("duration of the motion", "s", "duration")
     noise: Mapping[str, float] = quantity("joint -> noise of its positions", PLACE)
     cutoff: Mapping[str, float | None] = quantity("joint -> low pass; none: not filtered", "Hz")
     dropped: int = quantity("rows left out", heading="left out")
@@ -32,10 +32,10 @@ class JointFriction:
     name: str = quantity("the joint", heading="joint", name=True)
     unit: str = quantity('of its efforts, "N m" or "N"', heading="unit")
     law: str | None = quantity("in words; none: the model does not explain it", heading="law")
-    error: HeldOut = quantity("where nothing was fitted", heading="*")
-    rest: RestBound = quantity("what times at rest say", heading="*")
+    error: HeldOut = quantity("error on held-out data", heading="*")
+    rest: RestBound = quantity("bounds from the time at rest", heading="*")
     spread_between_logs: float = quantity(
-        "how much friction differs between logs, as a share; NaN with one log",
+        "relative difference of friction between logs; NaN with one log",
         heading="between\nlogs",
         cell="{spread_between_logs:percent}",
     )
@@ -44,12 +44,12 @@ class JointFriction:
 
 @described
 class Predicted:
-    """How well a joint's effort is predicted in a log that was held out as a whole."""
+    """Error of a joint's predicted effort in a log that was held out as a whole."""
 
     log: str = quantity("its name", heading="log held out")
     joint: str = quantity("its name", heading="joint", name=True)
     unit: str = quantity('of its efforts, "N m" or "N"', heading="unit")
-    error: HeldOut = quantity("of that log", heading="*")
+    error: HeldOut = quantity("error on that log", heading="*")
 
 
 @described
@@ -57,11 +57,11 @@ class Considered:
     """A law of friction that was considered for a joint."""
 
     law: str = quantity("in words", heading="law")
-    coefficients: int = quantity("how many it has", heading="coefficients")
+    coefficients: int = quantity("number of coefficients", heading="coefficients")
     unit: str = quantity('of the joint\'s efforts, "N m" or "N"', heading="unit")
     error: float = quantity("RMS of measured less predicted", EFFORT, "held-out\nerror")
     of_plain: float = quantity(
-        "the error over that with Coulomb and viscous friction",
+        "the error / the error with Coulomb and viscous friction",
         heading="of Coulomb\n+ viscous",
         cell="{of_plain:.2f}",
     )
@@ -72,41 +72,41 @@ class LogNoise:
     """How one joint's positions in a log were read."""
 
     log: str = quantity("its name", heading="log")
-    rate: float = quantity("of its samples", "Hz", "rate")
+    rate: float = quantity("sampling rate", "Hz", "rate")
     joint: str = quantity("its name", heading="joint", name=True)
-    noise: float = quantity("of its positions", PLACE, "noise", "{noise:decade}")
+    noise: float = quantity("noise of its positions", PLACE, "noise", "{noise:decade}")
     cutoff: float | None = quantity("low pass; none: not filtered", "Hz", "cutoff")
 
 
 @described
 class MoreKnown:
-    """What further recordings would tell of one coefficient."""
+    """Standard error of one coefficient with further recordings."""
 
-    key: str = quantity("of the coefficient", heading="coefficient")
+    key: str = quantity("key of the coefficient", heading="coefficient")
     factors: Mapping[str, float] = quantity(
-        "recording -> standard error with it over that of now", heading="{}", cell=":.2f"
+        "recording -> standard error with it / present standard error", heading="{}", cell=":.2f"
     )
 
 
 @described
 class IdentifySummary:
-    """What logs say of a robot's friction."""
+    """Friction of a robot identified from logs."""
 
-    logs: tuple[FittedLog, ...] = quantity("that were fitted")
-    delay: float = quantity("by which logged efforts lag behind; 0: not determined", "s")
-    delay_standard_error: float = quantity("of the delay", "s")
+    logs: tuple[FittedLog, ...] = quantity("logs that were fitted")
+    delay: float = quantity("delay of the logged efforts; 0: not determined", "s")
+    delay_standard_error: float = quantity("standard error of the delay", "s")
     joints: tuple[JointFriction, ...] = quantity("in the order of the model")
-    parameters: tuple[Parameter, ...] = quantity("every coefficient in the scene's terms")
+    parameters: tuple[Parameter, ...] = quantity("every coefficient, by its key in the scene")
     unseen: Mapping[str, Mapping[str, HeldOut]] = quantity(
         "log -> joint -> error on logs that were held out as a whole"
     )
-    inertias: str = quantity('of the links: "kept", the URDF\'s, or "corrected"')
-    advice: tuple[Advice, ...] = quantity("recordings of 30 s, that which would tell most first")
-    notes: tuple[str, ...] = quantity("what was read and repaired, what logs cannot show")
+    inertias: str = quantity('link inertias: "kept" from the URDF, or "corrected"')
+    advice: tuple[Advice, ...] = quantity("recordings of 30 s, the most informative one first")
+    notes: tuple[str, ...] = quantity("repairs of the logs, and what the logs do not determine")
 
 
 def identify_summary(found: Findings) -> IdentifySummary:
-    """Return what an identification comes to."""
+    """Return the summary of an identification."""
     names = found.scene.joint_names
     considered = dict(zip(names, found.estimate.choice.errors, strict=True))
     units = dict(zip(names, (effort_unit(found.scene, j) for j in range(len(names))), strict=True))
@@ -174,7 +174,7 @@ def log_noise(found: Findings) -> list[LogNoise]:
 
 
 def more_known(found: Findings, most: int) -> list[MoreKnown]:
-    """Return what further recordings would tell of the coefficients that are known worst.
+    """Return the effect of further recordings on the least known coefficients.
 
     Args:
         found: of `identify`.

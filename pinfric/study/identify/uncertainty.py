@@ -1,10 +1,10 @@
-"""How far coefficients are known: by blocks within a log, by logs among each other.
+"""Uncertainty of the coefficients: from blocks within a log, and from differences between logs.
 
-Residuals of friction hang together over half a second and longer, so rows are no independent
-samples: standard errors that take them so are 3 to 8 times too small. Here whole blocks are the
-samples (cluster-robust sandwich). What no log tells apart (a rotor's inertia from that of its link)
-follows the URDF the links are drawn to, so the URDF's own error counts, too. What differs between
-logs is a factor of each joint's friction: temperature, for the most part.
+Residuals of friction are autocorrelated over half a second and longer, so rows are not independent
+samples: standard errors that assume so are 3 to 8 times too small. Here whole blocks are the
+samples (cluster-robust sandwich). Parameters that no log separates (a rotor's inertia from that of
+its link) follow the URDF, which regularises the links, so the URDF's own error counts, too. Logs
+differ by a factor on each joint's friction, mostly due to temperature.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ _FEWEST_LOGS = 2
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """What is uncertain about the coefficients.
+    """Uncertainty of the coefficients.
 
     Attributes:
         place: (n,) of the coefficients above zero among (nj K,).

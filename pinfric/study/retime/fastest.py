@@ -1,4 +1,4 @@
-"""Cycle time beside mass: which motor buys how much of it.
+"""Cycle time against the mass of the drives.
 
 From the drives that `size` chose, those that hold the motion back are exchanged for the next
 heavier ones that fit the cycle, the one that saves most time per kg first, until none saves any. A
@@ -28,21 +28,21 @@ _POINTS = 150
 
 @described
 class TimedSet:
-    """A drive for every joint, and how fast the path is with them."""
+    """A drive for every joint, and the cycle time with them."""
 
-    mass: float = quantity("of all drives", "kg", "drives")
+    mass: float = quantity("mass of all drives", "kg", "drives")
     duration: float = quantity(
-        "holds included, continuous torques kept", "s", "cycle", "{duration:.3f}"
+        "cycle time with holds, within the continuous torques", "s", "cycle", "{duration:.3f}"
     )
     drives: dict[str, str] = quantity(
         "joint -> name of its drive", heading="other than in the first"
     )
     held_by: str = quantity(
-        "the drive and the limit that hold it back for the greatest part of the time",
+        "the drive and the limit that hold it back for most of the time",
         heading="held back by",
     )
     best: bool = quantity(
-        "faster than every lighter set that was tried, by 0.1 % or more", default=True
+        "at least 0.1 % faster than every lighter set that was tried", default=True
     )
 
 
@@ -62,7 +62,7 @@ def fastest_sets(report: SizingReport, path: Path) -> tuple[TimedSet, ...]:
     if len(taken) < len(report.joints) or report.catalog is None:
         raise RetimeError(
             f"{report.given.source}: fastest: needs a drive for every joint; give "
-            "size a catalogue that has one"
+            "`size` a catalogue with suitable drives"
         )
     now = _tried(report, path, taken)
     found, result = [now[0]], now[1]

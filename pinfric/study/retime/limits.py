@@ -1,4 +1,4 @@
-"""What limits each drive: its motor, its gear, its joint; by numbers, catalogue or URDF.
+"""Limits of each drive: motor, gear, joint; from numbers, catalogue or URDF.
 
 The rows of the table of limits (`criteria`) that bound every instant of a motion, of a drive of the
 catalogue with its own figures, else with those of a motor file or of the URDF. The speed-torque
@@ -35,23 +35,21 @@ class DriveLimits(Entry):
 
     peak_torque: Annotated[Positive, key("at the motor's shaft", 1.0, "N m")] = math.inf
     stall_torque: Annotated[
-        Positive, key("where the speed-torque line begins; needs `no_load_speed`", 2.4, "N m")
+        Positive, key("start of the speed-torque line; needs `no_load_speed`", 2.4, "N m")
     ] = math.inf
-    no_load_speed: Annotated[
-        Positive, key("of the motor, where that line ends", 400.0, "rad/s")
-    ] = math.inf
+    no_load_speed: Annotated[Positive, key("of the motor, end of that line", 400.0, "rad/s")] = (
+        math.inf
+    )
     max_speed: Annotated[Positive, key("of the motor", 450.0, "rad/s")] = math.inf
-    effort: Annotated[Positive, key("most that the gear may deliver", 60.0, "N m or N")] = math.inf
+    effort: Annotated[Positive, key("largest output of the gear", 60.0, "N m or N")] = math.inf
     input_speed: Annotated[Positive, key("of the gear", 680.0, "rad/s")] = math.inf
     velocity: Annotated[Positive, key("of the joint", 2.0, "rad/s or m/s")] = math.inf
     acceleration: Annotated[Positive, key("of the joint", 20.0, "rad/s^2 or m/s^2")] = math.inf
     continuous_torque: Annotated[
         Positive, key("at the motor's shaft, RMS over the cycle", 0.45, "N m")
     ] = math.inf
-    transmission: Annotated[Transmission | None, key("in place of the scene's", {"ratio": 100})] = (
-        None
-    )
-    motor: Annotated[str, key("a name for tables", "left shoulder")] = ""
+    transmission: Annotated[Transmission | None, key("replaces the scene's", {"ratio": 100})] = None
+    motor: Annotated[str, key("name shown in tables", "left shoulder")] = ""
 
     #: Row of the table -> the bound of a drive of the catalogue, where no key gives it.
     _rows: dict[str, float] = PrivateAttr(default_factory=dict)
@@ -60,11 +58,11 @@ class DriveLimits(Entry):
 
     @property
     def from_catalog(self) -> tuple[Candidate, Conditions] | None:
-        """The drive of the catalogue and what is demanded of it; None where numbers are given."""
+        """The drive of the catalogue and its conditions; None if numbers are given."""
         return self._drive
 
     def bound(self, limit: Limit) -> float:
-        """Return the bound of a row of the table, infinite where there is none.
+        """Return the bound of a row of the table; infinite if there is none.
 
         Torques and speeds are at the motor's shaft; of the speed-torque line the stall torque.
         """
@@ -87,13 +85,13 @@ class DriveLimits(Entry):
 
     @property
     def driven(self) -> bool:
-        """Whether its torque is limited, without which nothing limits a motion."""
+        """Whether its torque is limited; otherwise the motion has no limit."""
         line = math.isfinite(self.stall_torque) and math.isfinite(self.no_load_speed)
         return line or math.isfinite(min(self.least("motor torque"), self.least("effort")))
 
 
 class NamedDrive(DriveLimits):
-    """A drive of the catalogue; limits beside its name take the place of its own."""
+    """A drive of the catalogue; limits given here replace its own."""
 
     drive: Annotated[
         str | None, key("motor and gear as `pinfric size` names them", "CubeMars AK80-64")
@@ -113,7 +111,7 @@ class MotorsFile(Entry):
     conditions: Annotated[
         dict[str, Any],
         _Conditions,
-        key("what differs from those of the catalogue", {"bus_voltage": 24.0}),
+        key("values that replace those of the catalogue", {"bus_voltage": 24.0}),
     ] = Field(default_factory=dict)
     drives: Annotated[
         dict[str, _Given],
@@ -126,7 +124,7 @@ class MotorsFile(Entry):
         ),
     ] = Field(default_factory=dict)
     others: Annotated[
-        _Given, key("the same for all drives that are not named", {"peak_torque": 0.5})
+        _Given, key("limits of all drives that are not named", {"peak_torque": 0.5})
     ] = None
 
 
@@ -180,7 +178,7 @@ def read_limits(scene: Scene, limits: LimitsLike) -> tuple[DriveLimits, ...]:
 
 
 def limited_scene(scene: Scene, limits: Sequence[DriveLimits]) -> Scene:
-    """Return the scene with the drives' transmissions in place of its own where they have one."""
+    """Return the scene with the transmissions of the given drives, if they have one."""
     if all(limit.transmission is None for limit in limits):
         return scene
     own = {
@@ -290,7 +288,7 @@ def _check_settled(name: str, limits: DriveLimits) -> None:
         names = " or ".join(limit.name for limit in rows if limit.key != "velocity")
         keys = " or ".join(limit.key for limit in rows if limit.key)
         raise RetimeError(
-            f"limits.{name}: {candidate.name} cannot be judged: the catalogue has no figure for "
+            f"limits.{name}: {candidate.name} cannot be checked: the catalogue has no value for "
             f"its {names}; give {keys} beside `drive`"
         )
 

@@ -1,4 +1,4 @@
-"""Paths: where the joints go, without saying when; pieces between stops, holds and payloads.
+"""Paths: positions of the joints without times; pieces between stops, holds and payloads.
 
 A piece is a curve q(s), its parameter s the length of the chords (rad and m alike); at both its
 ends the robot stands still. A way-point passed without a stop lies on a cubic spline, which is not
@@ -125,8 +125,8 @@ class Path:
             )
         if stay[passed].any():
             raise TrajectoryError(
-                f"{source}: a hold at a via point, which is passed without a "
-                "stop; leave one of both out"
+                f"{source}: a via point is passed without a stop and cannot have a hold; leave out "
+                "`hold` or `via`"
             )
         if passed[0] or passed[-1]:
             raise TrajectoryError(
@@ -182,7 +182,7 @@ class Path:
         ]
         pieces = [_sampled(position[a[1] : b[0] + 1]) for a, b in pairwise(stops)]
         if not pieces:
-            raise TrajectoryError(f"{source}: nothing moves; there is no path to be sped up")
+            raise TrajectoryError(f"{source}: no joint moves; there is no path to retime")
         holds = tuple(float(t[last] - t[first]) for first, last in stops)
         carried = np.array([trajectory.attached[last] for _, last in stops])
         return cls(tuple(pieces), holds, carried, source, trajectory.duration)
@@ -338,15 +338,15 @@ def _checked(piece: PPoly, where: str) -> PPoly:
     size = np.minimum(np.linalg.norm(before, axis=1), np.linalg.norm(after, axis=1))
     for i in np.flatnonzero(np.abs(after - before).max(axis=1, initial=0.0) > _KINK * size):
         raise TrajectoryError(
-            f"{where}: a kink at s = {piece.x[i + 1]:.6g}, where the robot does "
-            "not stop; end a piece there or round it off"
+            f"{where}: a corner at s = {piece.x[i + 1]:.6g}, where the robot does "
+            "not stop; end a piece there or round the corner"
         )
     turns = np.concatenate((piece.x[[0, -1]], *map(np.ravel, _roots(rate))))
     for s in turns[np.linalg.norm(rate(turns), axis=1) <= _TURNS * fastest]:
         raise TrajectoryError(
-            f"{where}: every joint stands still at s = {s:.6g}, whatever the "
-            "speed along the path: where they turn back make a stop of it; at "
-            "an end take a parameter that grows with the way"
+            f"{where}: no joint moves with s at s = {s:.6g} (dq/ds = 0): if the joints "
+            "reverse there, make it a stop; if it is an end of the piece, "
+            "choose a parameter with dq/ds > 0 there"
         )
     c = np.array(piece.c)
     width = np.diff(piece.x)[:, None]

@@ -27,7 +27,7 @@ from pinfric.study.trajectory.joint_columns import JointColumn, configurations
 
 @dataclass(frozen=True)
 class Policy:
-    """How finely a motion is judged.
+    """Accuracy settings of retiming.
 
     Where a joint stands still, starts or reverses, both ends of its interval of standstill are
     within the limits, as `inverse_dynamics` reports them.
@@ -209,7 +209,7 @@ class Problem:
 
 
 def modes(grid: Grid, zones: Sequence[tuple[int, int, float, float]]) -> np.ndarray:
-    """Return how each drive is judged at both ends of each interval, (n, 2, nv).
+    """Return the mode of each drive at both ends of each interval, (n, 2, nv).
 
     Args:
         grid: the points.
@@ -229,7 +229,7 @@ def modes(grid: Grid, zones: Sequence[tuple[int, int, float, float]]) -> np.ndar
 
 
 def usage(result: InverseResult, limits: Sequence[DriveLimits], needed: bool = False) -> np.ndarray:
-    """Return which part of each limit a motion uses, (T, na, number of `instant_limits`).
+    """Return the used part of each limit, (T, na, number of `instant_limits`).
 
     Args:
         result: of inverse dynamics.

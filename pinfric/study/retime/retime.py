@@ -65,7 +65,7 @@ _FEWEST, _ZONE = 24, 0.65
 
 @dataclass(frozen=True)
 class RetimeResult(Shown):
-    """The fastest motion along a path, and what holds it back.
+    """The fastest motion along a path, and the limits that hold it back.
 
     Attributes:
         trajectory: its samples, which every command takes.
@@ -257,7 +257,7 @@ def _check_scene(scene: Scene) -> None:
     if scene.linkage is not None:
         what = f"loop {scene.loops[0].name!r}" if scene.loops else "a drive off the joints"
         raise RetimeError(
-            f"{scene.source}: retime is for open chains with drives on their joints; "
+            f"{scene.source}: retime is for open chains with drives at their joints; "
             f"{what} couples efforts and friction"
         )
     driven = [drive.velocity_index for drive in scene.drives]
@@ -270,8 +270,8 @@ def _check_scene(scene: Scene) -> None:
     for site in scene.sites:
         if there[site.velocity_index]:
             raise RetimeError(
-                f"{scene.source}: friction.{site.name}: retime knows friction of "
-                "coupled drives on their motors' sides only: move it to the "
+                f"{scene.source}: friction.{site.name}: retime accepts friction of "
+                "coupled drives only on the motor's side: move it to the "
                 "transmission (no_load_torque, motor_viscous)"
             )
 
@@ -334,7 +334,7 @@ class _Retiming:
             if x.motor and not np.isfinite(x.continuous_torque)
         ]
         if heat and cold:
-            yield f"heat is not judged for {', '.join(cold)}: no continuous torque is known"
+            yield f"heat is not checked for {', '.join(cold)}: no continuous torque is known"
 
     def solve(self, points: int) -> tuple[Problem, Profile, Samples]:
         """Solve; where no way is found, on finer grids: between far points it can be missed."""
@@ -549,7 +549,7 @@ def _mean_squares(result: InverseResult) -> np.ndarray:
 def judged_drives(
     result: InverseResult, limits: Sequence[DriveLimits]
 ) -> dict[str, tuple[Criterion, ...]]:
-    """Return what `size` says of the drives of the catalogue for a motion, by drive.
+    """Return the criteria of `size` for the catalogue's drives of a motion, by drive.
 
     Args:
         result: of the motion, repeated. limits: of the drives.

@@ -1,4 +1,4 @@
-"""What retiming comes to: what `pinfric retime` prints and writes."""
+"""Summary of retiming, as `pinfric retime` prints and writes it."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from pinfric.study.sizing.criterion import Criterion
 
 @described
 class DriveUse:
-    """How near one drive comes to its limits."""
+    """Largest use of the limits of one drive."""
 
     name: str = quantity("the drive's", heading="drive", name=True)
-    motor: str | None = quantity("of the catalogue; none: its figures are given")
-    limits: dict[str, Any] = quantity("as a motor file says them")
+    motor: str | None = quantity("its name in the catalogue; none: limits given as numbers")
+    limits: dict[str, Any] = quantity("limits, with the keys of a motor file")
     use: dict[str, float] = quantity(
-        "limit -> largest part of it that is used", heading="most of a limit used"
+        "limit -> largest used part of it", heading="most of a limit used"
     )
     limiting: dict[str, float] = quantity(
-        "limit -> part of the moving time in which it holds the motion back",
+        "limit -> part of the moving time for which it holds the motion back",
         heading="holds the motion back,\nof the time moving",
     )
     rms: float | None = quantity(
-        "part of its continuous torque over the cycle; none: not known, or not asked for",
+        "RMS torque over the cycle / continuous torque; none: not known, or not asked for",
         heading="continuous\ntorque used",
     )
     criteria: tuple[Criterion, ...] = quantity(
-        "what `size` says of a drive of the catalogue for this motion, repeated"
+        "criteria of `size` for a drive of the catalogue, this motion repeated"
     )
     sensitivity: dict[str, float] | None = quantity(
         "limit -> d ln T/d ln limit of the moving time T; none: not asked for"
@@ -45,45 +45,49 @@ class Move:
 
     number: int = quantity("from 0", heading="move")
     duration: float = quantity("its time", "s", "takes")
-    hold_before: float = quantity("at the stop before", "s", "after a\nhold of")
-    hold_after: float = quantity("at the stop after", "s", "before a\nhold of")
+    hold_before: float = quantity("hold before the move", "s", "after a\nhold of")
+    hold_after: float = quantity("hold after the move", "s", "before a\nhold of")
 
 
 @described
 class Sensitivity:
-    """What more of one limit would bring."""
+    """Gain from more of one limit."""
 
     drive: str = quantity("its name", heading="drive", name=True)
     limit: str = quantity("which", heading="limit")
     change: float = quantity(
-        "of the time moving, in percent for 1 % more", heading="change", cell="{change:+.3f} %"
+        "change of the moving time, in percent, for 1 % more of the limit",
+        heading="change",
+        cell="{change:+.3f} %",
     )
 
 
 @described
 class RetimeSummary:
-    """The fastest motion along a path, and what holds it back."""
+    """The fastest motion along a path, and the limits that hold it back."""
 
-    path: str = quantity("where the path comes from")
+    path: str = quantity("source of the path")
     duration: float = quantity("holds included", "s")
-    before: float | None = quantity("how long the motion took before; none: it had no times", "s")
-    moves: np.ndarray = quantity("of each move", "s")
-    holds: list[float] = quantity("at each stop", "s")
+    before: float | None = quantity("duration before retiming; none: it had no times", "s")
+    moves: np.ndarray = quantity("duration of each move", "s")
+    holds: list[float] = quantity("hold at each stop", "s")
     uniform: float | None = quantity(
-        "if it were slowed down as a whole to keep the continuous torques; none: not judged", "s"
+        "duration if the whole motion were slowed down to keep the continuous torques; none: not "
+        "checked",
+        "s",
     )
-    smooth: float = quantity("of the moving mean", "s")
-    excess: float = quantity("the most by which a sample exceeds any limit, as a part of it")
+    smooth: float = quantity("length of the moving average", "s")
+    excess: float = quantity("largest excess of a sample over any limit, relative to the limit")
     sample_rate: float = quantity("of the trajectory", "Hz")
-    grid_points: int = quantity("of the speed along the path")
+    grid_points: int = quantity("number of grid points along the path")
     drives: tuple[DriveUse, ...] = quantity("in the order of the scene")
-    notes: tuple[str, ...] = quantity("what is exceeded or was not judged")
+    notes: tuple[str, ...] = quantity("limits that are exceeded or were not checked")
 
 
 def retime_summary(
     result: RetimeResult, sensitivity: Mapping[str, Mapping[str, float]] | None = None
 ) -> RetimeSummary:
-    """Return what retiming comes to.
+    """Return the summary of retiming.
 
     Args:
         result: of `retime`.

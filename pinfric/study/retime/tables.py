@@ -1,4 +1,4 @@
-"""What a path asks of each drive, as functions of speed and acceleration along it.
+"""Demand of a path on each drive, as functions of speed and acceleration along it.
 
 With x = (ds/dt)^2 and u = d^2s/dt^2 the joints have v = q' sqrt(x), a = q' u + q'' x, so that all
 wrenches are affine in (x, u), w = w_g + w_b x + w_a u, from three batches of inverse dynamics:

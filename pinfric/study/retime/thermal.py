@@ -146,8 +146,8 @@ class _Barrier:
         worst = int(np.argmin(self.slack(fast.x * 1e-4)))
         name = [n for n, judged in zip(self.names, self.judged, strict=True) if judged][worst]
         raise RetimeError(
-            f"drive {name!r} exceeds its continuous torque however slow the motion is: it holds "
-            "too much; a larger motor, shorter holds, or heat=False (--no-heat) if it is done once"
+            f"drive {name!r} exceeds its continuous torque at any speed, because it holds too much "
+            "load; take a larger motor, shorter holds, or heat=False (--no-heat) for a single run"
         )
 
     def constraints(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -48,7 +48,7 @@ class Assessment:
 
     @property
     def fits(self) -> bool:
-        """It fails nothing, and what is indispensable was checked."""
+        """It fails no criterion, and the indispensable ones were checked."""
         return not self.failed and not self.missing_figures
 
     @cached_property
@@ -59,7 +59,7 @@ class Assessment:
 
     @property
     def why(self) -> str:
-        """Why it is rejected; empty where it fits."""
+        """Why it is rejected; empty if it fits."""
         return "; ".join([c.why for c in self.failed] or list(self.missing_figures))
 
 
@@ -98,8 +98,8 @@ def own_bearing(
         return None
     if linear:
         raise CatalogError(
-            f"conditions.bearings.{joint}: sliding joints' guides are not checked; a screw's "
-            "ratings stand in its gear's `bearing`"
+            f"conditions.bearings.{joint}: guides of sliding joints are not checked; give a "
+            "screw's ratings in its gear's `bearing`"
         )
     entry = catalog.bearings.get(name)
     if entry is not None and entry.ratings is not None:
@@ -139,7 +139,7 @@ def _rank(assessment: Assessment) -> tuple[int, float, float, int, str]:
 
 
 def pareto_front(assessments: Sequence[Assessment]) -> list[Assessment]:
-    """Return those than which no other is both lighter and of greater margin, by mass."""
+    """Return the candidates for which no other is both lighter and of greater margin, by mass."""
     front: list[Assessment] = []
     for a in sorted(assessments, key=lambda a: (a.candidate.mass or 0.0, -a.margin)):
         if not front or a.margin > front[-1].margin:

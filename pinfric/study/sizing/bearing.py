@@ -34,7 +34,7 @@ class Factors(Entry):
 
 
 class Kind(NamedTuple):
-    """How bearings of a kind are reckoned: exponent of mean loads and life, factors, and by whom.
+    """Formulas for a kind of bearing: exponent of mean load and life, factors, source.
 
     `factors` None: the maker's, in the entry.
     """
@@ -62,21 +62,21 @@ KINDS = {
 
 
 class BearingRatings(Entry):
-    """What a maker lets a bearing, or a screw's nut, carry."""
+    """Load ratings of a bearing, or of a screw's nut."""
 
     kind: Annotated[
         Literal["crossed roller", "ball", "roller", "ball screw"],
-        key("which rule its life follows", "crossed roller"),
+        key("bearing type, which sets the life formula", "crossed roller"),
     ]
-    dynamic_rating: Annotated[Positive | None, key("C, of the life", 21800.0, "N")] = None
+    dynamic_rating: Annotated[Positive | None, key("C, dynamic load rating", 21800.0, "N")] = None
     static_rating: Annotated[Positive | None, key("C_0", 35800.0, "N")] = None
     pitch_diameter: Annotated[
-        Positive | None, key("of one bearing that takes the tilting moment itself", 0.077, "m")
+        Positive | None, key("of a single bearing that carries the tilting moment", 0.077, "m")
     ] = None
     spacing: Annotated[
         Positive | None,
         key(
-            "between the two bearings of a pair that do it together, each of these ratings",
+            "between the two bearings of a pair that carries the moment; ratings of one bearing",
             0.06,
             "m",
         ),
@@ -87,22 +87,22 @@ class BearingRatings(Entry):
     max_moment: Annotated[Positive | None, key("permissible tilting moment", 187.0, "N m")] = None
     max_radial: Annotated[Positive | None, key("permissible radial force", 3200.0, "N")] = None
     max_axial: Annotated[Positive | None, key("permissible axial force", 4800.0, "N")] = None
-    static_safety: Annotated[Positive, key("C_0/P_0 asked for", 1.5, "1")] = 1.5
+    static_safety: Annotated[Positive, key("required C_0/P_0", 1.5, "1")] = 1.5
     factors: Annotated[
         Factors | None,
         key(
-            "of the equivalent load, where the maker prints others",
+            "of the equivalent load, if the maker prints other values",
             {"limit": 1.5, "below": [1.0, 0.45], "above": [0.67, 0.67], "static": [1.0, 0.44]},
         ),
     ] = None
     source: Annotated[
-        str, key("of the ratings where it is another than the entry's", "data sheet of the bearing")
+        str, key("source of the ratings, if not the entry's", "data sheet of the bearing")
     ] = ""
 
     @model_validator(mode="after")
     def _can_be_reckoned(self) -> BearingRatings:
         if self.pitch_diameter is not None and self.spacing is not None:
-            raise ValueError("`pitch_diameter` is of one bearing, `spacing` of a pair: give one")
+            raise ValueError("`pitch_diameter` is for one bearing, `spacing` for a pair: give one")
         rated = self.dynamic_rating is not None or self.static_rating is not None
         if rated and self.rule is None:
             raise ValueError(
@@ -134,16 +134,16 @@ class BearingRatings(Entry):
 @final
 @described
 class BearingLoad:
-    """What a cycle asks of a bearing, magnitudes.
+    """Loads of a bearing over a cycle, magnitudes.
 
     Attributes:
         means: exponent p -> (radial, axial, moment): (int |v x^p| dt/int |v| dt)^(1/p), what wears.
         speed: mean |v|, rad/s; m/s of a screw.
     """
 
-    radial: float = quantity("largest force", "N", "on its bearing,\nradial")
+    radial: float = quantity("largest radial force", "N", "on its bearing,\nradial")
     axial: float = quantity("largest force", "N", "axial")
-    moment: float = quantity("largest, about the joint's origin", "N m", "moment")
+    moment: float = quantity("largest tilting moment, about the joint's origin", "N m", "moment")
     means: Mapping[float, tuple[float, float, float]]
     speed: float
 

@@ -1,4 +1,4 @@
-"""Limits of what carries a joint, its bearing or a screw's nut, as rows of the table."""
+"""Limits of a joint's bearing, or of a screw's nut, as rows of the table."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ def _axial(what: str, carried: Callable[[Judged], bool]) -> list[Limit]:
             source=_rule,
             missing="static load rating C_0 or pitch diameter",
             applies=_rated(carried),
-            endless="nothing loads it",
+            endless="no load",
             settles=settles,
         ),
         Limit(

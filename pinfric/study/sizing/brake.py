@@ -1,4 +1,4 @@
-"""Which joints stay where they are without power, and the brakes that hold and stop the others.
+"""Joints that hold without power, and the brakes that hold and stop the others.
 
 Power may fail anywhere along a cycle. At every pose of it, at rest and with the payloads carried
 there, statics leaves the effort that holds a joint an interval: friction in joints and gears may
@@ -34,8 +34,8 @@ from pinfric.study.summary import effort_unit, ends_by_magnitude
 
 _SOURCE = "Machine Design, Mechantronics Q & A: Hold it steady (2007): factor 1.5 to 3"
 _STATICS = (
-    "limits of static friction (pinfric.holds) at the pose that takes most of them; Harmonic "
-    "Drive: back-driving torque must not be counted on to hold a load"
+    "limits of static friction (pinfric.holds) at the worst pose; Harmonic "
+    "Drive: do not rely on the back-driving torque to hold a load"
 )
 #: Of the robot's largest load: what is smaller is rounding, and a joint without load stays.
 _NOTHING = 1e-9
@@ -44,31 +44,31 @@ _HOLDING, _BRAKE, _STOP = "holding without power", "holding brake", "brake stop 
 
 @described
 class Standstill:
-    """What it takes to keep a joint where it is when power fails, worst case along the cycle.
+    """Holding of a joint when power fails, worst case along the cycle.
 
     Attributes:
         criteria: holding without power, the brake's torque, and its energy in a stop.
     """
 
     effort: tuple[float, float] = quantity(
-        "(least, most) that holds it, at the joint: friction helps as much as may be, or not",
+        "(smallest, largest) holding effort at the joint: with the full help of friction, or none",
         EFFORT,
         "at the\njoint",
     )
     shaft: tuple[float, float] | None = quantity(
-        "the same at the motor's shaft, the gear's losses too; none without a transmission",
+        "the same at the motor's shaft, with gear losses; none without a transmission",
         "N m",
         "at the\nmotor",
     )
     use: float | None = quantity(
-        "part of static friction's limits, in joint and gear, that holding without power takes "
-        "where it takes most, all other joints held; none: it moves, or is not known",
+        "largest used part of the static friction limits of joint and gear, without power, all "
+        "other joints held; none: it moves, or is not known",
         heading="without\nbrake",
     )
-    held: bool | None = quantity("friction alone holds it there; none: not known")
-    time: float = quantity("when the cycle is there", "s")
+    held: bool | None = quantity("whether friction alone holds it there; none: not known")
+    time: float = quantity("time of that pose in the cycle", "s")
     brake: str | None = quantity(
-        "smallest of the catalogue that bears `shaft`, if any", heading="smallest brake"
+        "smallest brake of the catalogue that holds `shaft`, if any", heading="smallest brake"
     )
     criteria: tuple[Criterion, ...]
 
@@ -87,7 +87,7 @@ class Standstill:
 def standstills(
     result: InverseResult, brakes: Mapping[str, Brake], conditions: Conditions
 ) -> tuple[Standstill, ...]:
-    """Return what keeps each drive's joint in place without power, in the order of the drives.
+    """Return the holding of each drive's joint without power, in the order of the drives.
 
     Args:
         result: of the cycle; its scene has the gears.
@@ -138,7 +138,7 @@ def _standstill(
 
 
 class Stop(NamedTuple):
-    """What a brake that closes at speed meets, sample by sample, at the motor's shaft.
+    """A brake that closes at speed: load and speed at the motor's shaft, sample by sample.
 
     Attributes:
         inertia: (T,) kg m^2. speed: (T,) rad/s. load: (T,) |T_load|, N m.
@@ -149,7 +149,7 @@ class Stop(NamedTuple):
     load: np.ndarray
 
     def energy(self, brake: Brake) -> float:
-        """Return what a brake takes in the hardest stop, J; infinite if it cannot hold the load."""
+        """Return the energy of the hardest stop, J; infinite if the brake cannot hold the load."""
         if not brake.torque > self.load.max():
             return np.inf
         inertia = self.inertia + (brake.rotor_inertia or 0.0)
@@ -197,7 +197,7 @@ def _use(still: InverseResult, i: int, pose: int) -> tuple[float | None, bool | 
 def _unpowered(use: float | None, held: bool | None) -> Criterion:
     formula = "static friction needed / its limit <= 1, power off and all other joints held"
     if held is not False:
-        return compare(_HOLDING, use, 1.0, "", formula, _STATICS, "a statics that is decided")
+        return compare(_HOLDING, use, 1.0, "", formula, _STATICS, "a unique static solution")
     return Criterion(
         _HOLDING,
         Status.NOT_REQUIRED,
@@ -237,7 +237,7 @@ def _smallest(torque: float | None, stop: Stop | None, brakes: Mapping[str, Brak
 def _torque(
     wanted: float | None, name: str | None, brakes: Mapping[str, Brake], factor: float, needed: bool
 ) -> Criterion:
-    formula = f"{factor:g} max |load|/ratio at rest, without friction's help <= torque of the brake"
+    formula = f"{factor:g} max |load|/ratio at rest, without friction <= torque of the brake"
     if name is not None:
         note = f"{name}: {_described(brakes[name])}"
         return compare(_BRAKE, wanted, brakes[name].torque, "N m", formula, _SOURCE, note=note)
@@ -246,7 +246,7 @@ def _torque(
     if needed:
         note = "" if strongest is None else f"{_ranked(brakes)[-1]}, the strongest"
         return compare(_BRAKE, wanted, strongest, "N m", formula, _SOURCE, missing, note)
-    note = "none of the catalogue bears it" if brakes else ""
+    note = "no brake of the catalogue holds it" if brakes else ""
     return Criterion(
         _BRAKE, Status.NOT_REQUIRED, wanted, strongest, "N m", None, formula, _SOURCE, note
     )
@@ -264,7 +264,7 @@ def _energy(
         missing = (
             "inertia at the shaft, or a brake" if energy is None else "stop energy of the brake"
         )
-        note = "" if brake is None or brake.engage_time else "taken to close at once"
+        note = "" if brake is None or brake.engage_time else "assumed to close at once"
         return compare(_STOP, energy, allowed, "J", formula, source, missing, note)
     return Criterion(_STOP, Status.NOT_REQUIRED, energy, None, "J", None, formula, source, "")
 

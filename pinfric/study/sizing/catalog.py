@@ -47,21 +47,21 @@ Text = Annotated[str, Field(min_length=1)]
 
 
 class Sourced(Entry):
-    """Where an entry's figures come from."""
+    """Source of an entry's figures."""
 
     source: Annotated[Text, key("maker's document and page", "a maker's catalogue, p. 197")]
     grade: Annotated[
         Literal["R", "T"],
-        key("R read at the maker's own document, T retyped by a third party", "R"),
+        key("R: read in the maker's document, T: retyped by a third party", "R"),
     ]
-    note: Annotated[
-        str, key("what else is to be known of it", "peak printed without a duration")
-    ] = ""
-    price: Annotated[Positive | None, key("of one", 310.0, "of the catalogue's currency")] = None
+    note: Annotated[str, key("remarks", "peak printed without a duration")] = ""
+    price: Annotated[Positive | None, key("of one piece", 310.0, "of the catalogue's currency")] = (
+        None
+    )
     dimensions: Annotated[str, key("in words", "60 mm x 88 mm")] = ""
     stand_ins: Annotated[
         dict[str, str],
-        key("figures that are another's, and whose", {"stiffness": "the next smaller size"}),
+        key("values taken from another product, and which", {"stiffness": "the next smaller size"}),
     ] = Field(default_factory=dict)
 
     @model_validator(mode="after")
@@ -87,15 +87,15 @@ class Thermal(Entry):
 
 
 class Rated(Sourced):
-    """What continuous ratings refer to."""
+    """Temperatures to which continuous ratings refer."""
 
     rated_ambient: Annotated[
-        Number, key("temperature around it to which the continuous ratings refer", 40.0, "deg C")
+        Number, key("ambient temperature of the continuous ratings", 40.0, "deg C")
     ] = REFERENCE_TEMPERATURE
     ambient_curve: Annotated[
         tuple[tuple[Number, NonNegative], ...] | None,
         key(
-            "the maker's derating, points of ambient temperature (deg C) and part of the "
+            "the maker's derating: points of ambient temperature (deg C) and share of the "
             "continuous ratings",
             [[40.0, 1.0], [60.0, 0.8]],
         ),
@@ -103,7 +103,7 @@ class Rated(Sourced):
     thermal_time: Annotated[
         Positive | None,
         key(
-            "thermal time constant of the whole motor, where one is all that is printed",
+            "thermal time constant of the whole motor, if only one is printed",
             1500.0,
             "s",
         ),
@@ -120,42 +120,42 @@ class Rated(Sourced):
 class Motor(Rated):
     """A motor: torques and speeds at its shaft."""
 
-    continuous_torque: Annotated[Positive | None, key("that it bears for ever", 0.45, "N m")] = None
+    continuous_torque: Annotated[Positive | None, key("continuous torque", 0.45, "N m")] = None
     continuous_curve: Annotated[
         tuple[tuple[NonNegative, Positive], ...] | None,
         key(
-            "where that falls with speed, points of speed (rad/s) and torque (N m)",
+            "continuous torque over speed: points of speed (rad/s) and torque (N m)",
             [[0.0, 0.45], [400.0, 0.3]],
         ),
     ] = None
     continuous_stall_torque: Annotated[
-        Positive | None, key("that it bears for ever at a standstill", 0.4, "N m")
+        Positive | None, key("continuous torque at standstill", 0.4, "N m")
     ] = None
     continuous_current: Annotated[
-        Positive | None, key("that goes with the continuous torque", 6.0, "A")
+        Positive | None, key("current at the continuous torque", 6.0, "A")
     ] = None
-    peak_torque: Annotated[Positive | None, key("that it gives for a short time", 1.3, "N m")] = (
+    peak_torque: Annotated[Positive | None, key("largest torque for a short time", 1.3, "N m")] = (
         None
     )
     torque_constant: Annotated[Positive | None, key("torque per current", 0.075, "N m/A")] = None
     current: Annotated[
         Literal["dc", "rms", "peak"],
         key(
-            "which ampere the torque constant and the current are printed for: of DC or block "
-            "commutation, RMS or peak of a sinusoidal phase current",
+            "kind of current of the torque constant and the continuous current: DC or block "
+            "commutation, or RMS or peak of a sinusoidal phase current",
             "rms",
         ),
     ] = "dc"
     resistance: Annotated[Positive | None, key("of the winding at 25 C", 0.35, "Ohm")] = None
     resistance_of: Annotated[
         Literal["terminals", "phase"],
-        key("whether that is from terminal to terminal or of one phase to the star point", "phase"),
+        key("measured between two terminals, or from one phase to the star point", "phase"),
     ] = "terminals"
     rotor_inertia: Annotated[Positive | None, key("of the rotor", 3e-05, "kg m^2")] = None
     mass: Annotated[Positive | None, key("of the motor", 0.6, "kg")] = None
     max_speed: Annotated[Positive | None, key("permissible", 600.0, "rad/s")] = None
     nominal_voltage: Annotated[
-        Positive | None, key("at which the speeds and the stall torque hold", 48.0, "V")
+        Positive | None, key("for which the speeds and the stall torque are given", 48.0, "V")
     ] = None
     no_load_speed: Annotated[
         Positive | None, key("at nominal voltage without load", 550.0, "rad/s")
@@ -164,7 +164,7 @@ class Motor(Rated):
         Positive | None, key("at nominal voltage and continuous torque", 450.0, "rad/s")
     ] = None
     stall_torque: Annotated[
-        Positive | None, key("at nominal voltage, where the speed-torque line begins", 3.2, "N m")
+        Positive | None, key("at nominal voltage, start of the speed-torque line", 3.2, "N m")
     ] = None
     thermal: Annotated[
         Thermal | None,
@@ -188,7 +188,7 @@ class Motor(Rated):
 class OutputFriction(Entry):
     """Friction of a gearmotor at its output: base + load_dependent |effort| + viscous |v|."""
 
-    base: Annotated[NonNegative, key("whatever the load", 0.5, "N m or N")] = 0.0
+    base: Annotated[NonNegative, key("independent of the load", 0.5, "N m or N")] = 0.0
     load_dependent: Annotated[
         Number, Field(ge=0, lt=1), key("share of the effort, below 1", 0.1, "1")
     ] = 0.0
@@ -205,30 +205,30 @@ class GearMotor(Rated):
     ratio: Annotated[
         Positive, key("motor turns per turn of the output; rad/m of a linear one", 64.0, "1")
     ]
-    output: Annotated[Literal["rotary", "linear"], key("what it moves", "rotary")] = "rotary"
-    continuous_torque: Annotated[
-        Positive | None, key("that it bears for ever", 48.0, "N m or N")
-    ] = None
+    output: Annotated[Literal["rotary", "linear"], key("motion of its output", "rotary")] = "rotary"
+    continuous_torque: Annotated[Positive | None, key("continuous output", 48.0, "N m or N")] = None
     peak_torque: Annotated[
-        Positive | None, key("that it gives for a short time", 120.0, "N m or N")
+        Positive | None, key("largest output for a short time", 120.0, "N m or N")
     ] = None
-    nominal_voltage: Annotated[Positive | None, key("at which the speeds hold", 48.0, "V")] = None
+    nominal_voltage: Annotated[
+        Positive | None, key("for which the speeds are given", 48.0, "V")
+    ] = None
     no_load_speed: Annotated[Positive | None, key("without load", 6.0, "rad/s or m/s")] = None
     rated_speed: Annotated[Positive | None, key("at continuous torque", 5.0, "rad/s or m/s")] = None
     max_speed: Annotated[Positive | None, key("permissible", 7.0, "rad/s or m/s")] = None
     rotor_inertia: Annotated[
         Positive | None, key("of the rotor, at the motor's speed", 5e-05, "kg m^2")
     ] = None
-    mass: Annotated[Positive | None, key("of the whole", 0.85, "kg")] = None
+    mass: Annotated[Positive | None, key("of motor and gear", 0.85, "kg")] = None
     friction: Annotated[
         OutputFriction | None, key("at the output", {"base": 0.5, "load_dependent": 0.1})
     ] = None
     back_driving_torque: Annotated[
-        Positive | None, key("at the output that starts it without current", 1.5, "N m or N")
+        Positive | None, key("at the output, turns it without current", 1.5, "N m or N")
     ] = None
     bearing: Annotated[
         BearingRatings | None,
-        key("what its output bearing carries", {"kind": "crossed roller", "max_moment": 40.0}),
+        key("ratings of its output bearing", {"kind": "crossed roller", "max_moment": 40.0}),
     ] = None
 
     @model_validator(mode="after")
@@ -244,13 +244,13 @@ class Screw(Entry):
     """A screw between its supports."""
 
     root_diameter: Annotated[Positive, key("of the thread's root", 0.0125, "m")]
-    length: Annotated[Positive, key("between the supports, the longest that is free", 0.79, "m")]
+    length: Annotated[Positive, key("longest free length between the supports", 0.79, "m")]
     supports: Annotated[
         Literal["fixed-free", "supported-supported", "fixed-supported", "fixed-fixed"],
-        key("of its two ends, as makers' catalogues name them", "fixed-supported"),
+        key("supports of its two ends", "fixed-supported"),
     ]
     ball_circle: Annotated[
-        Positive | None, key("diameter on which the balls' centres run", 0.0155, "m")
+        Positive | None, key("diameter of the circle of ball centres", 0.0155, "m")
     ] = None
     max_dn: Annotated[
         Positive | None,
@@ -276,14 +276,12 @@ class Gear(Sourced):
             "1",
         ),
     ]
-    kind: Annotated[
-        str, key("for the reader, and for rules of strain wave gears", "strain wave")
-    ] = ""
+    kind: Annotated[str, key("type; strain wave gears have rules of their own", "strain wave")] = ""
     output: Annotated[
         Literal["rotary", "linear"], key("rotary, or linear with efforts in N", "rotary")
     ] = "rotary"
     rated_torque: Annotated[
-        Positive | None, key("at which life and efficiency hold", 40.0, "N m or N")
+        Positive | None, key("for which life and efficiency are given", 40.0, "N m or N")
     ] = None
     average_torque: Annotated[
         Positive | None, key("limit of the mean, weighted by speed", 49.0, "N m or N")
@@ -295,10 +293,10 @@ class Gear(Sourced):
         Positive | None, key("limit in a collision or an emergency stop", 147.0, "N m or N")
     ] = None
     momentary_peaks: Annotated[
-        Positive | None, key("how often it bears that in its life", 10000, "1")
+        Positive | None, key("permissible number of momentary peaks in its life", 10000, "1")
     ] = None
     rated_speed: Annotated[
-        Positive | None, key("of the input, at which the life holds", 209.4, "rad/s")
+        Positive | None, key("of the input, for which the life is given", 209.4, "rad/s")
     ] = None
     average_input_speed: Annotated[Positive | None, key("limit of the mean", 366.0, "rad/s")] = None
     max_input_speed: Annotated[Positive | None, key("limit", 680.0, "rad/s")] = None
@@ -314,19 +312,19 @@ class Gear(Sourced):
     ] = None
     back_efficiency: Annotated[
         Annotated[Number, Field(le=1)] | None,
-        key("where the load drives; below 0 of a self-locking gear", 0.7, "1"),
+        key("when the load drives; below 0 for a self-locking gear", 0.7, "1"),
     ] = None
     no_load_running_torque: Annotated[
         NonNegative | None, key("at the input, at `no_load_speed`", 0.05, "N m")
     ] = None
     no_load_speed: Annotated[
-        Positive | None, key("of the input, of the running torque", 209.4, "rad/s")
+        Positive | None, key("input speed of the no-load running torque", 209.4, "rad/s")
     ] = None
     starting_torque: Annotated[
-        NonNegative | None, key("at the input, that starts it without load", 0.037, "N m")
+        NonNegative | None, key("at the input, starts it without load", 0.037, "N m")
     ] = None
     back_driving_torque: Annotated[
-        Positive | None, key("at the output, that starts it without load", 3.9, "N m or N")
+        Positive | None, key("at the output, starts it without load", 3.9, "N m or N")
     ] = None
     stiffness: Annotated[
         Stiffness | None,
@@ -350,7 +348,7 @@ class Gear(Sourced):
     ] = None
     bearing: Annotated[
         BearingRatings | None,
-        key("of its output; of a screw, its nut", {"kind": "crossed roller", "max_moment": 91.0}),
+        key("output bearing; of a screw, the nut", {"kind": "crossed roller", "max_moment": 91.0}),
     ] = None
 
     @model_validator(mode="after")
@@ -360,8 +358,8 @@ class Gear(Sourced):
         _ascending(self, "average_input_speed", "max_input_speed")
         if self.bearing is not None and self.bearing.screw != (self.output == "linear"):
             raise ValueError(
-                f"bearing: {self.bearing.kind} at a {self.output} output; linear ones "
-                "take `ball screw`, and only they"
+                f"bearing: {self.bearing.kind} at a {self.output} output; a linear output needs "
+                "`ball screw`, a rotary one another kind"
             )
         if not self.ratios:
             raise ValueError("ratio: an empty list; give at least one")
@@ -406,8 +404,8 @@ class Gear(Sourced):
         assert self.no_load_running_torque is not None
         if self.rated_torque is None:
             raise ValueError(
-                "no_load_running_torque beside `efficiency` needs `rated_torque`, to "
-                "take the two apart"
+                "no_load_running_torque with `efficiency` needs `rated_torque`, to "
+                "separate the two losses"
             )
         loss = self.rated_torque / ratio * (1 / efficiency - 1)
         if self.no_load_running_torque > loss:
@@ -424,7 +422,7 @@ class BearingEntry(Sourced):
     mu: Annotated[Positive | None, key("coefficient in motion", 0.0015, "1")] = None
     mu_range: Annotated[
         tuple[NonNegative, NonNegative] | None,
-        key("least and greatest where the maker prints a range", [0.001, 0.003], "1"),
+        key("smallest and largest, if the maker prints a range", [0.001, 0.003], "1"),
     ] = None
     radial: Annotated[
         NonNegative, key("lever of the radial force per bore or raceway diameter", 0.5, "1")
@@ -434,7 +432,7 @@ class BearingEntry(Sourced):
     ratings: Annotated[
         BearingRatings | None,
         key(
-            "what it carries, for a joint that `conditions.bearings` gives it to",
+            "load ratings, needed if `conditions.bearings` names it",
             {"kind": "crossed roller", "max_moment": 91.0},
         ),
     ] = None
@@ -452,16 +450,16 @@ class BearingEntry(Sourced):
 class Brake(Sourced):
     """A brake that holds without power, at a motor's shaft."""
 
-    torque: Annotated[Positive, key("that it holds", 0.5, "N m")]
-    voltage: Annotated[Positive | None, key("that opens it", 24.0, "V")] = None
+    torque: Annotated[Positive, key("holding torque", 0.5, "N m")]
+    voltage: Annotated[Positive | None, key("to open it", 24.0, "V")] = None
     power: Annotated[Positive | None, key("while it is open", 7.0, "W")] = None
     release_time: Annotated[Positive | None, key("until it is open", 0.025, "s")] = None
     engage_time: Annotated[Positive | None, key("until it holds", 0.015, "s")] = None
     stop_energy: Annotated[
-        Positive | None, key("that it bears in one emergency stop", 150.0, "J")
+        Positive | None, key("permissible energy of one emergency stop", 150.0, "J")
     ] = None
     rotor_inertia: Annotated[
-        Positive | None, key("of what turns with the motor", 1e-06, "kg m^2")
+        Positive | None, key("of its parts that turn with the motor", 1e-06, "kg m^2")
     ] = None
     mass: Annotated[Positive | None, key("of the brake", 0.2, "kg")] = None
 
@@ -474,7 +472,7 @@ class Collisions(Entry):
 
 
 class Conditions(Entry):
-    """What the drives must stand, with the defaults of common practice."""
+    """Conditions of operation, with the defaults of common practice."""
 
     bus_voltage: Annotated[Positive, key("at the motors' terminals", 48.0, "V")] = 48.0
     ambient: Annotated[Number, key("temperature of the surroundings", 40.0, "deg C")] = (
@@ -484,7 +482,7 @@ class Conditions(Entry):
         Number, Field(ge=1), key("reserve on the peak torque; 20 to 30 % are usual", 1.2, "1")
     ] = 1.2
     inertia_ratio: Annotated[
-        Positive, key("largest J_load/(ratio^2 (J_motor + J_gear input))", 10.0, "1")
+        Positive, key("largest permitted J_load/(ratio^2 (J_motor + J_gear input))", 10.0, "1")
     ] = 10.0
     life: Annotated[
         Positive,
@@ -507,23 +505,23 @@ class Conditions(Entry):
     bearings: Annotated[
         dict[str, str],
         key(
-            "catalogue's bearing that carries a joint, in place of that at the gear's output, by "
-            "joint",
+            "bearing of the catalogue that carries the joint, instead of that of the gear, "
+            "by joint",
             {"elbow": "THK RB 5013"},
         ),
     ] = Field(default_factory=dict)
     back_driving: Annotated[
         Literal["any", "required", "forbidden"],
-        key("whether the load must be able to move the motor, must not, or may", "required"),
+        key("whether the load must, must not or may be able to move the motor", "required"),
     ] = "any"
     max_winding: Annotated[
         Number | None,
-        key("for motors whose maker prints no limit; left out, it is not checked", 155.0, "deg C"),
+        key("for motors without a printed limit; left out: not checked", 155.0, "deg C"),
     ] = None
     thermal_time: Annotated[
         Positive,
         key(
-            "in place of a winding's time constant that is not known: overload counts within it; "
+            "used if a winding's time constant is not known: overload is averaged over it; "
             "small motors have 15 to 50 s",
             20.0,
             "s",
@@ -535,13 +533,12 @@ class Conditions(Entry):
     ] = Field(default_factory=dict)
     collisions: Annotated[
         Collisions | None,
-        key("of them that a gear must bear in its life", {"count": 100, "duration": 0.15}),
+        key("number and duration in the gear's life", {"count": 100, "duration": 0.15}),
     ] = None
     holding_brake: Annotated[
         Literal["any", "where_needed", "required"],
         key(
-            "whether every joint must have a brake, those that friction does not hold, or any may "
-            "do without",
+            "which joints need a brake: all, those that friction does not hold, or none",
             "where_needed",
         ),
     ] = "any"
@@ -549,10 +546,10 @@ class Conditions(Entry):
         Number, Field(ge=1), key("reserve on the brakes' torque; 1.5 to 3 are usual", 1.5, "1")
     ] = 1.5
     bus_limit: Annotated[
-        Positive | None, key("highest the bus may reach while motors brake", 56.0, "V")
+        Positive | None, key("highest permissible bus voltage while motors brake", 56.0, "V")
     ] = None
     bus_capacitance: Annotated[Positive | None, key("of the bus", 0.0047, "F")] = None
-    supply_power: Annotated[Positive | None, key("most that the supply gives", 960.0, "W")] = None
+    supply_power: Annotated[Positive | None, key("largest power of the supply", 960.0, "W")] = None
     resonance_base: Annotated[
         Positive,
         key("least resonance of the first three joints, each with the joints beyond it", 8.0, "Hz"),
@@ -561,27 +558,27 @@ class Conditions(Entry):
     lowest_frequency: Annotated[
         Positive | None,
         key(
-            "that the robot's lowest natural frequency must reach, motors held; left out, any",
+            "required lowest natural frequency of the robot, motors held; left out: not checked",
             8.0,
             "Hz",
         ),
     ] = None
     tool_sag: Annotated[
         Positive | None,
-        key("that the load may pull the scene's `tool` off its place at rest", 0.002, "m"),
+        key("largest displacement of the scene's `tool` at rest by the load", 0.002, "m"),
     ] = None
     tool_interval: Annotated[
         Positive | None,
-        key("half the width in which friction may hold the tool at rest", 0.0002, "m"),
+        key("largest half-width of the tool's positions that friction holds at rest", 0.0002, "m"),
     ] = None
     tool_reversal: Annotated[
-        Positive | None, key("most between places after opposite approaches", 0.0002, "m")
+        Positive | None, key("largest distance after opposite approaches", 0.0002, "m")
     ] = None
     mass_in_urdf: Annotated[
         dict[str, NonNegative],
         key(
-            "of the drive that the URDF's link already has at the joint's origin, by joint; it is "
-            "taken off there",
+            "mass of the drive that the URDF's link already includes at the joint's origin, by "
+            "joint; it is subtracted there",
             {"elbow": 1.4},
             "kg",
         ),
@@ -603,7 +600,7 @@ class CatalogFile(Entry):
     pinfric_catalog: Annotated[Version, key("version of the format", 1)]
     extends: Annotated[
         Literal["default"] | None,
-        key("the bundled catalogue, whose entries stand beside those of the file", "default"),
+        key("also use the entries of the bundled catalogue", "default"),
     ] = None
     motors: Annotated[
         dict[str, Motor],
@@ -614,16 +611,19 @@ class CatalogFile(Entry):
     ] = Field(default_factory=dict)
     gears: Annotated[
         dict[str, Gear],
-        key("to put behind them", {"G 100": {"source": "data sheet", "grade": "R", "ratio": 100}}),
+        key(
+            "to combine with motors",
+            {"G 100": {"source": "data sheet", "grade": "R", "ratio": 100}},
+        ),
     ] = Field(default_factory=dict)
     gearmotors: Annotated[
         dict[str, GearMotor],
-        key("both in one", {"A 80": {"source": "data sheet", "grade": "R", "ratio": 64}}),
+        key("motor with gear", {"A 80": {"source": "data sheet", "grade": "R", "ratio": 64}}),
     ] = Field(default_factory=dict)
     bearings: Annotated[
         dict[str, BearingEntry],
         key(
-            "for joints with one of their own",
+            "for joints with a separate bearing",
             {"ring": {"source": "data sheet", "grade": "R", "mu": 0.0015}},
         ),
     ] = Field(default_factory=dict)
@@ -632,13 +632,13 @@ class CatalogFile(Entry):
         key("for motors' shafts", {"B 5": {"source": "data sheet", "grade": "R", "torque": 0.5}}),
     ] = Field(default_factory=dict)
     conditions: Annotated[
-        Conditions | None, key("what the drives must stand", {"bus_voltage": 24.0})
+        Conditions | None, key("conditions of operation", {"bus_voltage": 24.0})
     ] = None
 
 
 @dataclass(frozen=True)
 class Catalog:
-    """What can be chosen from, by name.
+    """Products to choose from, by name.
 
     Attributes:
         source: the file, or "default" for the bundled ones.
@@ -691,7 +691,7 @@ def load_catalog(name: str | Path = DEFAULT) -> Catalog:
 def parse_conditions(
     given: Conditions | Mapping[str, Any] | None, default: Conditions
 ) -> Conditions:
-    """Return `default` with what `given` says otherwise.
+    """Return `default` with the values of `given` replaced.
 
     Raises:
         CatalogError: an unknown condition or a value that cannot be.
@@ -812,7 +812,7 @@ def _beyond_usual(section: str, entry: Sourced) -> Iterator[str]:
         for x in value if isinstance(value, tuple) else (value,):
             if not (least <= x <= greatest or (x == 0 and rating == "input_inertia")):
                 yield (
-                    f"{rating} = {x:g} {unit} is far from anything usual, {least:g} to "
+                    f"{rating} = {x:g} {unit} is outside the usual range, {least:g} to "
                     f"{greatest:g} {unit}; {slip} entered?"
                 )
 
@@ -830,7 +830,7 @@ def _beyond_proportion(section: str, entry: Any) -> Iterator[str]:
         low, high = _INERTIA_PER_TORQUE
         if not low <= inertia / torque <= high:
             yield (
-                f"rotor inertia {inertia:g} kg m^2 does not go with {torque:g} N m; kg cm^2 "
+                f"rotor inertia {inertia:g} kg m^2 does not match {torque:g} N m; kg cm^2 "
                 "(1e-4) or g cm^2 (1e-7), or mN m entered?"
             )
     if torque and mass and section in _TORQUE_PER_MASS:

@@ -1,4 +1,4 @@
-"""What a sizing does not know, or takes for granted, in words for its reader."""
+"""Assumptions and limits of a sizing, in words for its reader."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _MOST_GAPS = 4
 
 
 def unclosed(result: InverseResult, duty: Schedule) -> tuple[str, ...]:
-    """Return in words what of a cycle does not end as it began; empty where it closes.
+    """Return in words how a cycle's end differs from its start; empty if it closes.
 
     A position counts from 0.1 % of the joint's farthest way from its start on (and 1e-4 rad or m),
     a velocity from 0.1 % of the largest one (and the stick velocity): a log closes no better.
@@ -38,7 +38,7 @@ def unclosed(result: InverseResult, duty: Schedule) -> tuple[str, ...]:
 
 
 def discontinuities(result: InverseResult, duty: Schedule) -> tuple[str, ...]:
-    """Return in words which cycles of a period do not begin where the one before them ends.
+    """Return in words the cycles of a period that do not begin where the one before ends.
 
     Args:
         result: of all cycles. duty: which samples are which cycle.
@@ -81,7 +81,7 @@ def caveats(
     gaps: Sequence[str],
     jumps: Sequence[str] = (),
 ) -> tuple[str, ...]:
-    """Return what a sizing does not know of its input, in sentences.
+    """Return the assumptions of a sizing, in sentences.
 
     Args:
         scene: the robot as given.
@@ -94,14 +94,14 @@ def caveats(
     notes = [
         *opening,
         "Each motor and gear is a point mass on its joint's parent link, at the joint's origin; "
-        "the first joint's stands on the ground.",
-        "Any motor is taken to fit any gear, any brake any motor; couplings, housings and brakes "
-        "have no mass. "
-        "Brakes are chosen by what they hold at rest and, where printed, by the energy of a stop; "
-        "how far the robot moves until it stands is not judged.",
-        "Output bearings carry the joint's whole wrench, about its origin as if that lay on the "
-        "output flange; conditions.bearings puts another bearing of the catalogue in their place.",
-        "Magnets are taken as cold: the torque constant does not fall with temperature.",
+        "the drive of the first joint stands on the ground.",
+        "Every motor is assumed to fit every gear, and every brake every motor; couplings, "
+        "housings and brakes have no mass. "
+        "Brakes are chosen by their holding torque and, if printed, by the energy of a stop; "
+        "the stopping distance is not checked.",
+        "Output bearings carry the whole wrench of the joint, about the joint's origin, which is "
+        "assumed to lie on the output flange; conditions.bearings names another bearing instead.",
+        "Magnets are assumed cold: the torque constant does not fall with temperature.",
     ]
     notes.append(_of_friction(scene))
     if scene.assumed is not None:
@@ -113,8 +113,8 @@ def caveats(
         )
     if not conditions.mass_in_urdf:
         text = (
-            "The URDF's links are taken to be without drives: if they have some, these count "
-            "twice. Name their masses in conditions.mass_in_urdf, in a catalogue file "
+            "The URDF's links are assumed to have no drives; otherwise drives count twice. Give "
+            "the masses that are included in conditions.mass_in_urdf, in a catalogue file "
             "(`extends: default` keeps the bundled entries)."
         )
         notes.insert(1 + len(opening), text)
@@ -127,15 +127,15 @@ def _of_the_motion(gaps: Sequence[str], jumps: Sequence[str]) -> list[str]:
     opening = []
     if jumps:
         opening.append(
-            f"{'; '.join(jumps)}: the way there takes no time and no torque; add it as a cycle."
+            f"{'; '.join(jumps)}: the move between them is not in the figures; add it as a cycle."
         )
     if gaps:
         more = f" and {len(gaps) - _MOST_GAPS} more" if len(gaps) > _MOST_GAPS else ""
         opening.append(
             f"The cycle does not close: {'; '.join(gaps[:_MOST_GAPS])}{more}. RMS, energies, "
-            "temperatures, overload and gear life take it as repeated without a pause all the "
-            "same, as if the way back took no time and no torque: complete the trajectory by its "
-            "way back and its pause for figures that hold."
+            "temperatures, overload and gear life assume that it repeats without a pause, and that "
+            "the return move takes no time and no torque. For valid figures add the return move "
+            "and the pause to the trajectory."
         )
     return opening
 
@@ -144,13 +144,13 @@ def _of_friction(scene: Scene) -> str:
     replaced = [name for name, entry in scene.friction.items() if entry.includes_drive]
     if replaced:
         return (
-            f"Coulomb and viscous friction of {', '.join(replaced)} were measured through the old "
-            "drives (`includes_drive`) and are left out: the candidates' losses take their place. "
-            "That leaves out what the joints' own bearings and seals have of them, and all "
-            "where a candidate's no-load torque is not known; without `includes_drive` both count."
+            f"Coulomb and viscous friction of {', '.join(replaced)} include the old drive "
+            "(`includes_drive`); the candidates' losses replace them. So friction of the joint's "
+            "own bearings and seals is missing, and all of it if a candidate's no-load torque is "
+            "not known. Without `includes_drive` both are counted."
         )
     return (
-        "Friction of the scene stays as it is beside the candidates' losses: what was "
-        "identified through motor currents holds the old drive's, and `includes_drive: true` "
-        "beside it leaves that out."
+        "The candidates' losses are added to the scene's friction. Friction identified from "
+        "motor currents already includes the old drive: mark it `includes_drive: true`, so that "
+        "the drive counts once."
     )

@@ -1,9 +1,9 @@
-"""The one table of what limits a drive: `size`, `sweep` and `retime` read it.
+"""The one table of a drive's limits: `size`, `sweep` and `retime` read it.
 
 A row says what a cycle needs, what the maker gives (in order of preference: a lower limit that is
 printed stands in for one that is not), the formula and its source. What a missing figure means is
 in the row, too: a row is *not checked* without it, and a drive of which nothing settles one of the
-`SETTLES` *cannot be judged*.
+`SETTLES` *cannot be checked*.
 
 `size` takes the needs of a whole cycle, `sweep` those of every sample of its own, `retime` bounds
 each instant of a motion by the rows whose need is one of `SIGNALS`.
@@ -42,11 +42,11 @@ def add_limit(limit: Limit) -> None:
     """Add a row to the table: `size`, `sweep` and `retime` judge it from then on.
 
     Raises:
-        SizingError: there is one of its name; its need is no signal; a figure is of no entry.
+        SizingError: the name exists already; the need is not a signal; a figure is not of an entry.
     """
     where = f"limit {limit.name!r}"
     if any(limit.name == other.name for other in LIMITS):
-        raise SizingError(f"{where}: is there already; give another name")
+        raise SizingError(f"{where}: exists already; give another name")
     if isinstance(limit.need, str) and limit.need not in SIGNALS:
         allowed = choose_from(limit.need, list(SIGNALS))
         raise SizingError(f"{where}: need {limit.need!r}: give a function, or a signal; {allowed}")
@@ -59,7 +59,7 @@ def add_limit(limit: Limit) -> None:
 
 
 def missing_figures(criteria: Sequence[Criterion]) -> tuple[str, ...]:
-    """Return why a drive cannot be judged: what of `SETTLES` no figure settles, and what lacks.
+    """Return why a drive cannot be checked: each need of `SETTLES` without a value, and why.
 
     Args:
         criteria: of `check`.
@@ -70,7 +70,7 @@ def missing_figures(criteria: Sequence[Criterion]) -> tuple[str, ...]:
         rows = [limit.name for limit in LIMITS if thing in limit.settles and limit.name in names]
         if rows and all(name in unchecked for name in rows):
             lacks = " or ".join(f"{name}: {unchecked[name].note}" for name in rows)
-            reasons.append(f"cannot be judged by its {thing.replace(chr(39) + 's', '')}: {lacks}")
+            reasons.append(f"its {thing.replace(chr(39) + 's', '')} cannot be checked: {lacks}")
     return tuple(reasons)
 
 

@@ -1,4 +1,4 @@
-"""One check of a drive: what is required, what is available, and how it ended.
+"""One check of a drive: required value, available value, and the result.
 
     margin = 1 - required/available,
 
@@ -19,7 +19,7 @@ LEAST_MARGIN = -1e9
 
 
 class Status(StrEnum):
-    """How a criterion ended."""
+    """Result of a criterion."""
 
     PASSES = "passes"
     FAILS = "fails"
@@ -31,21 +31,21 @@ class Status(StrEnum):
 class Criterion:
     """One check of one candidate."""
 
-    name: str = quantity("what is checked", heading="criterion")
-    status: Status = quantity("how it ended", heading="status")
-    required: float | None = quantity("none where not known", "in unit", "needs")
-    available: float | None = quantity("none where not known", "in unit", "has")
+    name: str = quantity("name of the criterion", heading="criterion")
+    status: Status = quantity("met, not met or not checked", heading="status")
+    required: float | None = quantity("what the motion needs; none: not known", "in unit", "needs")
+    available: float | None = quantity("what the drive has; none: not known", "in unit", "has")
     unit: str = quantity("of both", heading="unit")
     margin: float | None = quantity(
-        "1 - required/available, none where not checked", heading="margin", cell="{margin:%}"
+        "1 - required/available; none: not checked", heading="margin", cell="{margin:%}"
     )
-    formula: str = quantity("what was computed", heading="formula")
-    source: str = quantity("of the rule", heading="source and remarks")
-    note: str = quantity("of this case; what is missing", default="")
+    formula: str = quantity("formula of the check", heading="formula")
+    source: str = quantity("source of the rule", heading="source and remarks")
+    note: str = quantity("remark, or the value that is missing", default="")
 
     @property
     def scaled(self) -> bool:
-        """Whether the margin says how tight the drive is.
+        """Whether the margin is a measure of the reserve.
 
         Back-driving has no scale; a bus voltage that passes is no tighter the nearer it is.
         """
@@ -61,7 +61,7 @@ class Criterion:
 
     @property
     def shortfall(self) -> str:
-        """By how much it fails or passes, of the limit; what it says where no number does."""
+        """Shortfall or reserve relative to the limit; in words if there is no number."""
         if self.margin is None or (self._no_finite_margin and self.note):
             return self.note
         if self.margin <= LEAST_MARGIN:
@@ -71,7 +71,7 @@ class Criterion:
 
     @property
     def why(self) -> str:
-        """Say in words by how much it fails or passes, or what is missing."""
+        """Return shortfall or reserve in words, or what is missing."""
         if self._no_finite_margin and self.note:
             return f"{self.name}: {self.note}"  # no number says more
         if self.margin is None or self.required is None or self.available is None:

@@ -1,4 +1,4 @@
-"""What a cycle demands of each drive, from the effort intervals of inverse dynamics."""
+"""Demand of a cycle on each drive, from the effort intervals of inverse dynamics."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ from pinfric.study.summary import effort_unit, ends_by_magnitude, integral, rms
 class Power:
     """A power over time: mechanical at a joint, or electrical at a motor or a bus."""
 
-    driving: float = quantity("its peak into there", "W", "peak power")
-    braking: float = quantity("its peak out of there", "W", "braking")
-    delivered: float = quantity("energy into there over the cycle", "J", "energy")
+    driving: float = quantity("largest driving power", "W", "peak power")
+    braking: float = quantity("largest braking power", "W", "braking")
+    delivered: float = quantity("driving energy over the cycle", "J", "energy")
     returned: float = quantity(
-        "energy out of there: what a lossless drive could regenerate", "J", "returned"
+        "braking energy over the cycle: what a lossless drive could regenerate", "J", "returned"
     )
 
 
 @described
 class GearDemand:
-    """What criteria ask of one drive's demand at its joint, worst case over the interval."""
+    """Demand at the joint for the gear's criteria, worst case over the interval."""
 
     name: str = quantity("the drive's", heading="joint", name=True)
     unit: str = quantity('of its efforts, "N m" or "N"', heading="unit")
@@ -43,11 +43,11 @@ class GearDemand:
     mean_speed: float = quantity("mean |v|", SPEED)
     mean_cubic: float = quantity("cube root of the speed-weighted mean of |u|^3", EFFORT)
     bearing: BearingLoad | None = quantity(
-        "what the joint's bearing (a sliding joint's screw) carries; none: not known",
+        "loads of the joint's bearing, or of a sliding joint's screw; none: not known",
         heading="*",
     )
     travel: float | None = quantity(
-        "of a sliding joint, max q - min q over the cycle; else none", "m"
+        "of a sliding joint: max q - min q over the cycle; otherwise none", "m"
     )
 
 
@@ -60,33 +60,31 @@ class JointDemand(GearDemand):
     friction of the joints.
     """
 
-    peak_time: float = quantity("when the effort is largest", "s")
-    speed_at_peak: float = quantity("the joint's speed then", SPEED, "speed\nat the peak")
+    peak_time: float = quantity("time of the largest effort", "s")
+    speed_at_peak: float = quantity("joint speed at that time", SPEED, "speed\nat the peak")
     rms: float = quantity(
         "root mean square over the cycle",
         EFFORT,
         "RMS\nleast\N{EN DASH}worst",
         between("rms_least", "rms"),
     )
-    rms_least: float = quantity("the same of the least efforts", EFFORT)
+    rms_least: float = quantity("the same for the smallest efforts", EFFORT)
     holding: tuple[float, float] | None = quantity(
-        "(least, worst) largest effort over the holds, in which every joint of the robot stands "
-        "still; none without a hold",
+        "(least, worst) largest effort over the holds (all joints of the robot at rest); none "
+        "without a hold",
         EFFORT,
         "holding",
     )
     holding_frictionless: float | None = quantity("the same without friction", EFFORT)
     breakaway: float | None = quantity(
-        "largest end of the effort interval where the joint is at rest or reverses, load included; "
-        "none where it never rests",
+        "largest end of the effort interval while the joint is at rest or reverses, with load; "
+        "none if it never rests",
         EFFORT,
         "break-\naway",
     )
-    breakaway_friction: float | None = quantity(
-        "the part of it that is friction", EFFORT, "of it\nfriction"
-    )
+    breakaway_friction: float | None = quantity("the friction in it", EFFORT, "of it\nfriction")
     duty: float = quantity(
-        "part of the time in which the joint moves", heading="moves", cell="{duty:%}"
+        "share of the time in which the joint moves", heading="moves", cell="{duty:%}"
     )
     hold_share: float = quantity(
         "part of the time spent in holds", heading="holds", cell="{hold_share:%}"
@@ -274,7 +272,7 @@ def driven_joint(scene: Scene, actuator: int) -> int | None:
 
 
 def carried_load(result: InverseResult, actuator: int, cycle: DriveCycle) -> BearingLoad | None:
-    """Return what the bearing of a drive's turning joint carries.
+    """Return the loads of the bearing of a drive's turning joint.
 
     None for a cylinder, one of a joint's several directions, and where the wrench is not known.
 
@@ -293,7 +291,7 @@ def _travel(result: InverseResult, actuator: int) -> float | None:
 
 
 def screw_load(cycle: DriveCycle) -> BearingLoad:
-    """Return what a screw's nut carries: the joint's effort, the worst of its interval."""
+    """Return the load of a screw's nut: the joint's effort, worst of its interval."""
     worst, _ = cycle.ends
     none = np.zeros_like(worst)
     return bearing_load(cycle.stretched, cycle.velocity, none, worst, none)

@@ -1,4 +1,4 @@
-"""Candidates for a joint, motor and gear or gearmotor, and what the cycle asks of their motors.
+"""Candidates for a joint (motor and gear, or gearmotor), and the demand on their motors.
 
 The motor of a joint is held by the joint's parent link. The gear stands between it and the joint
 and replaces the scene's transmission there; `drives.motor_torque_bounds` has the equations.
@@ -52,7 +52,7 @@ _PER_DC_AMPERE = {"rms": (2 / 3) ** 0.5, "peak": 2 / 3**0.5}
 
 @dataclass(frozen=True)
 class Ratings:
-    """What a maker promises at the shaft he rates: a motor's own, or a gearmotor's output.
+    """A maker's ratings at the rated shaft: a motor's own, or a gearmotor's output.
 
     Attributes:
         continuous_torque, peak_torque, stall_torque: N m.
@@ -113,7 +113,7 @@ class Ratings:
             if ambient > at[-1]:
                 return (
                     None,
-                    f"the maker's curve ends at {at[-1]:g} C, it is {ambient:g} C around it",
+                    f"the maker's curve ends at {at[-1]:g} C; ambient temperature {ambient:g} C",
                 )
             share = float(np.interp(ambient, at, parts))
             return share, f"{share:.3g} of the rating by the maker's curve at {ambient:g} C"
@@ -128,7 +128,7 @@ class Ratings:
         if ambient >= hottest:
             return 0.0, too_hot(ambient, hottest)
         share = ((hottest - ambient) / (hottest - rated)) ** 0.5
-        return share, f"{share:.3g} of the rating at {rated:g} C: {ambient:g} C around it"
+        return share, f"{share:.3g} of the rating at {rated:g} C: ambient temperature {ambient:g} C"
 
     def continuous_at(self, conditions: Conditions, speed: float = 0.0) -> tuple[float | None, str]:
         """Return the continuous torque (N m, or None) at the ambient temperature, and a remark.
@@ -204,7 +204,7 @@ class Ratings:
 
 def too_hot(ambient: float, hottest: float) -> str:
     """Say that a motor cannot lead off anything (deg C)."""
-    return f"the surroundings, {ambient:g} C, are as hot as the winding may be, {hottest:g} C"
+    return f"ambient temperature {ambient:g} C, not below the winding's limit, {hottest:g} C"
 
 
 @dataclass(frozen=True)
@@ -261,7 +261,7 @@ class Candidate:
 
 @described
 class MotorFigures:
-    """What the cycle asks at the rated shaft; magnitudes, worst case over the interval."""
+    """Demand of the cycle at the rated shaft; magnitudes, worst case over the interval."""
 
     peak: float = quantity("largest torque", "N m")
     rms: float = quantity("RMS of the torque", "N m")
@@ -271,28 +271,28 @@ class MotorFigures:
         "(least, worst) over the holds (all joints at rest); none without a hold", "N m"
     )
     peak_temperature: float | None = quantity(
-        "of the winding in the settled cycle (infinite: it runs away); none where not known",
+        "winding temperature in the settled cycle (infinite: thermal runaway); none: not known",
         "deg C",
     )
     mean_temperature: float | None = quantity("at the mean heat; none where not known", "deg C")
-    driving_power: float | None = quantity("peak of the electrical power from the bus", "W")
-    braking_power: float | None = quantity("peak of that to the bus", "W")
-    energy: float | None = quantity("electrical, from the bus over a cycle, copper loss too", "J")
-    regenerated: float | None = quantity("the same to the bus", "J")
+    driving_power: float | None = quantity("largest electrical power from the bus", "W")
+    braking_power: float | None = quantity("largest electrical power to the bus", "W")
+    energy: float | None = quantity("energy from the bus over a cycle, with copper loss", "J")
+    regenerated: float | None = quantity("energy to the bus over a cycle", "J")
     mean_speed: float = quantity("mean", "rad/s", default=0.0)
     standing: float | None = quantity(
-        "worst while this joint stands still, whatever the others do; none: never",
+        "largest torque while this joint stands still, whatever the others do; none: never",
         "N m",
         default=None,
     )
     short_term: float | None = quantity(
-        "constant torque that heats the motor as much as the cycle does where it is hottest",
+        "constant torque that heats the motor as much as the cycle at its hottest time",
         "N m",
         default=None,
     )
     overloaded_standstill: float | None = quantity(
-        "longest time for which it stands still above the continuous torque (infinite: for ever); "
-        "none where that torque is not known",
+        "longest standstill above the continuous torque (infinite: without end); "
+        "none if that torque is not known",
         "s",
         default=None,
     )
@@ -459,8 +459,8 @@ def gear_transmission(gear: Gear, ratio: float, rotor_inertia: float) -> tuple[T
         )
     else:  # without the running torque it cannot be taken out of the efficiency
         text = (
-            f"efficiency {eta:.3g} at any load (its no-load part is not known: part loads come "
-            "out too well)"
+            f"efficiency {eta:.3g} at any load (its no-load part is not known: losses at part load "
+            "are too small)"
         )
     text += "; backwards "
     if back is not None:
@@ -486,7 +486,7 @@ def gear_transmission(gear: Gear, ratio: float, rotor_inertia: float) -> tuple[T
 
 
 def motor_cycle(candidate: Candidate, cycle: DriveCycle, conditions: Conditions) -> MotorCycle:
-    """Return what the cycle asks of a candidate's motor.
+    """Return the demand of the cycle on a candidate's motor.
 
     T_m = [lower(t), upper(t)]/r + r viscous v + r J a (`motor_torque_bounds`); i = T_m/k;
     P = T_m omega + R(T_w) i^2.
@@ -628,7 +628,7 @@ def _gearmotor(name: str, entry: GearMotor) -> Candidate:
         "back_efficiency": 1.0,
         "rotor_inertia": entry.rotor_inertia or 0.0,
     }
-    losses = "inside the maker's ratings at the output"
+    losses = "included in the maker's ratings at the output"
     if friction is not None:  # at the output: effort (1 + l) + base + viscous v
         values["efficiency"] = 1 / (1 + friction.load_dependent)
         values["back_efficiency"] = 1 - friction.load_dependent

@@ -97,7 +97,7 @@ def once(samples: int) -> Schedule:
 
 @dataclass(frozen=True)
 class Duty:
-    """What a robot does all day: cycles with their shares of the time, or their counts.
+    """A duty: cycles with their shares of the time, or their counts.
 
     Whole numbers are counts: the period runs each cycle so often. Other numbers are shares of the
     time switched on, which add up to 1: the period is `period` long. S3-like duty: `on` is the part
@@ -124,8 +124,8 @@ class Duty:
             raise SizingError("duty: no cycles; give trajectories with their shares or counts")
         if not 0 < self.on <= 1:
             raise SizingError(
-                f"duty: switched on for {self.on:g} of the period; give a part above "
-                "0 to 1 (0.4: S3 40 %)"
+                f"duty: switched on for {self.on:g} of the period; give a share above "
+                "0, at most 1 (0.4: S3 40 %)"
             )
         if not 0 < self.period < np.inf:
             raise SizingError(f"duty: a period of {self.period:g} s; give seconds above 0")
@@ -152,7 +152,7 @@ class Duty:
         if all(weight.is_integer() for weight in weights) and not (shares and self.on < 1):
             if self.period != PERIOD:
                 raise SizingError(
-                    f"duty: a period of {self.period:g} s beside counts, which make their own: "
+                    f"duty: counts set the period, but a period of {self.period:g} s is given too: "
                     "give shares of the time, or no period"
                 )
             return tuple(weights)

@@ -32,7 +32,7 @@ def check_tool(scene: Scene, conditions: Conditions) -> None:
     for key in _PLACES:
         if getattr(conditions, key) is not None and scene.tool is None:
             raise CatalogError(
-                f"conditions.{key}: {scene.source} names no `tool`; give the link that counts"
+                f"conditions.{key}: {scene.source} names no `tool`; name its link in the scene"
             )
 
 

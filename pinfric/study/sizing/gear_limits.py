@@ -55,7 +55,7 @@ def _gear_life(d: Judged) -> float | None:
     return gear_life(life, speed, torque, mean_speed, d.demand.mean_cubic)[0]
 
 
-_STATED = "motor file, or the URDF: retiming alone knows it"
+_STATED = "motor file, or the URDF: used by retiming only"
 
 
 def _is_screw(d: Judged) -> bool:

@@ -59,16 +59,16 @@ def _resonance_note(d: Judged) -> str:
 
 def _back_driving(d: Judged) -> Criterion:
     candidate, wanted = d.candidate, d.conditions.back_driving
-    name, formula = "back-driving", "eta_b > 0: the load moves the motor from some effort on"
-    source = "Harmonic Drive: back-driving torque must not be counted on to hold a load"
+    name, formula = "back-driving", "eta_b > 0: a large enough load moves the motor"
+    source = "Harmonic Drive: do not rely on the back-driving torque to hold a load"
     effort = candidate.back_driving_torque
     unit = "N" if candidate.linear else "N m"
-    note = "" if effort is None else f"the load moves the motor from {effort:.3g} {unit} on"
+    note = "" if effort is None else f"the load moves the motor above {effort:.3g} {unit}"
     transmission = candidate.transmission
     known = transmission is not None and (not candidate.at_output or effort is not None)
     if wanted == "any" or not known:
         status = Status.NOT_REQUIRED if wanted == "any" else Status.NOT_CHECKED
-        text = note or ("" if wanted == "any" else "no figure (losses backwards)")
+        text = note or ("" if wanted == "any" else "no value (losses when the load drives)")
         return Criterion(name, status, None, None, "", None, formula, source, text)
     assert transmission is not None
     back = driven_efficiency(transmission)

@@ -1,4 +1,4 @@
-"""One limit of drives: what is needed, what the maker gives, and what a missing figure means."""
+"""One limit of drives: need, maker's value, and the meaning of a missing value."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pinfric.study.sizing.drivetrain import Candidate, MotorCycle, MotorFigures,
 
 
 class Case(NamedTuple):
-    """What a joint's candidates are judged by.
+    """The data by which a joint's candidates are checked.
 
     Attributes:
         demand, cycle: of the joint.
@@ -47,7 +47,7 @@ def idle(conditions: Conditions, hand: bool = False) -> Case:
 
 
 class Judged(NamedTuple):
-    """A candidate and what it is judged by.
+    """A candidate and the data by which it is checked.
 
     Attributes:
         candidate: motor and gear.
@@ -66,7 +66,7 @@ class Judged(NamedTuple):
 
     @property
     def conditions(self) -> Conditions:
-        """What is demanded."""
+        """The conditions."""
         return self.case.conditions
 
     @property
@@ -88,7 +88,7 @@ class Judged(NamedTuple):
 
     @property
     def figures(self) -> MotorFigures | None:
-        """What the cycle asks of the motor, or None."""
+        """Demand of the cycle on the motor, or None."""
         return None if self.motor is None else self.motor.figures
 
     @property
@@ -103,7 +103,7 @@ class Judged(NamedTuple):
 
     @property
     def output(self) -> str:
-        """Where the motor is rated, in words."""
+        """The rated shaft, in words."""
         return " at its output" if self.candidate.at_output else " at its shaft"
 
 
@@ -190,7 +190,7 @@ class Limit:
     verdict: Callable[[Judged], Criterion] | None = None
 
     def required(self, d: Judged) -> float | None:
-        """Return what the cycle asks, its reserve included; None where it is not known."""
+        """Return the need of the cycle with its reserve; None if it is not known."""
         need = (SIGNALS[self.need] if isinstance(self.need, str) else self.need)(d)
         return None if need is None else self.reserve(d.conditions) * need
 
@@ -207,12 +207,12 @@ class Limit:
         return None, ""
 
     def bound(self, d: Judged) -> float:
-        """Return the greatest need that is within the limit; infinite where there is none."""
+        """Return the largest need within the limit; infinite if there is none."""
         available = self.available(d)[0] if self.applies(d) else None
         return np.inf if available is None else available / self.reserve(d.conditions)
 
     def judge(self, d: Judged) -> Criterion:
-        """Return how a candidate does."""
+        """Return the criterion of a candidate."""
         if self.verdict is not None:
             return self.verdict(d)
         found, stand_in = self.available(d)

@@ -35,7 +35,7 @@ def _continuous_note(d: Judged) -> str:
     standing, stall = None if figures is None else figures.standing, ratings.stall_at(d.conditions)
     if standing is not None and limit and standing > (limit if stall is None else stall):
         notes.append(
-            f"standing still it takes up to {standing:.3g} N m, above the continuous torque: a "
+            f"at standstill it needs up to {standing:.3g} N m, above the continuous torque: a "
             "stalled motor has hot spots that the mean does not show (overloaded standstill)"
         )
     return "; ".join(notes)
@@ -67,7 +67,7 @@ def _standing_formula(d: Judged) -> str:
 
 def _standing_note(d: Judged) -> str:
     still = d.figures and d.figures.overloaded_standstill
-    return "it never ends" if still == np.inf else ""
+    return "without end" if still == np.inf else ""
 
 
 def _most_voltage(d: Judged) -> float | None:
@@ -77,7 +77,7 @@ def _most_voltage(d: Judged) -> float | None:
 
 def _made_for(d: Judged) -> str:
     nominal = d.ratings.nominal_voltage
-    return "" if nominal is None else f"made for {nominal:g} V"
+    return "" if nominal is None else f"nominal voltage {nominal:g} V"
 
 
 def _line_formula(d: Judged) -> str:
@@ -136,9 +136,9 @@ def _winding_note(d: Judged) -> str:
         return ""
     rise = _winding_rise(d)
     if rise is None:
-        return f"at the mean heat it would be {figures.mean_temperature:.4g} C"
+        return f"at the mean heat {figures.mean_temperature:.4g} C"
     if np.isinf(rise):
-        return "runs away: the heat grows faster with temperature than it is led off"
+        return "thermal runaway: the loss grows faster with temperature than the cooling"
     return "" if figures.peak_temperature is None else f"reaches {figures.peak_temperature:.4g} C"
 
 
@@ -194,7 +194,7 @@ MOTOR_LIMITS = [
         gives=_most_voltage,
         unit="V",
         formula=f"bus voltage <= {_MOST_OVERVOLTAGE:g} nominal voltage",
-        source="pinfric: question of a motor on a bus it was not made for",
+        source="pinfric: asks about a motor far below the bus voltage",
         missing="nominal voltage",
         note=_made_for,
     ),

@@ -1,4 +1,4 @@
-"""Overloads within a cycle: what its mean hides, and what the time off makes room for.
+"""Overloads within a cycle that the mean hides, and the effect of time switched off.
 
 A winding follows its heat with its own time constant, the housing with a longer one. Heat is in
 proportion to T_m^2; each part of the temperature rise is a low-pass of it,

@@ -1,4 +1,4 @@
-"""The bus that feeds all drives: its power over time, what flows back, and what takes that.
+"""The bus that feeds all drives: its power over time, the energy fed back, and how to absorb it.
 
     P(t) = sum over drives of T_m omega + R(T_w) i^2
 
@@ -32,25 +32,25 @@ class BusPower:
 
     power: np.ndarray
     known: int = quantity("drives with a motor")
-    left_out: tuple[str, ...] = quantity("drives without motor")
-    mechanical: tuple[str, ...] = quantity("drives whose copper loss is not known")
-    peak: float = quantity("greatest power into the drives", "W", "peak")
-    braking: float = quantity("greatest power out of them", "W", "braking")
-    drawn: float = quantity("energy into them over a period", "J", "drawn")
-    returned: float = quantity("energy out of them over a period", "J", "fed back")
-    mean: float = quantity("power over the period", "W", "mean")
-    burst: float = quantity("the most that flows back without a break", "J", "in one\ngo")
+    left_out: tuple[str, ...] = quantity("drives without a motor: left out")
+    mechanical: tuple[str, ...] = quantity("drives whose copper loss is not known: left out")
+    peak: float = quantity("largest power from the bus", "W", "peak")
+    braking: float = quantity("largest power fed back", "W", "braking")
+    drawn: float = quantity("energy from the bus over a period", "J", "drawn")
+    returned: float = quantity("energy fed back over a period", "J", "fed back")
+    mean: float = quantity("mean power over the period", "W", "mean")
+    burst: float = quantity("largest energy fed back without a break", "J", "in one\ngo")
     current: float = quantity("greatest P/U", "A", "peak\ncurrent")
     rms_current: float = quantity("root mean square of P/U", "A", "RMS\ncurrent")
     resistor: float | None = quantity(
-        "at most, to take the greatest braking power at the highest voltage; none where nothing "
-        "flows back",
+        "largest resistance that takes the braking power at the highest voltage; none: no energy "
+        "is fed back",
         "ohm",
     )
-    resistor_power: float | None = quantity("of that resistor on average", "W")
+    resistor_power: float | None = quantity("mean power of that resistor", "W")
     capacitance: float | None = quantity(
-        "that takes the burst in place of a resistor; none where the bus has no limit, or nothing "
-        "flows back",
+        "capacitance that takes the burst instead of a resistor; none: the bus has no limit, or "
+        "no energy is fed back",
         "F",
     )
     criteria: tuple[Criterion, ...] = quantity("of the supply and of the bus")
@@ -63,11 +63,11 @@ class BusPower:
     @property
     @derived()
     def remedy(self) -> str:
-        """What takes the energy that flows back, in words."""
+        """How to absorb the energy that is fed back, in words."""
         if not self.known:
-            return "not known: no drive has a motor that could be assessed"
+            return "not known: no drive has a motor with the needed data"
         if self.resistor is None or self.resistor_power is None:
-            return "nothing flows back: neither resistor nor regeneration is needed"
+            return "no energy is fed back: neither resistor nor regeneration is needed"
         resistor = (
             f"a resistor of at most {self.resistor:.3g} ohm, {self.resistor_power:.3g} W "
             f"on average and {self.braking:.3g} W at most"
@@ -85,7 +85,7 @@ def bus_power(
     duty: Schedule,
     conditions: Conditions,
 ) -> BusPower:
-    """Return what all drives take from their bus together.
+    """Return the power of all drives from their bus.
 
     Args:
         drives: name -> its motor over the period; None where there is none.
@@ -144,7 +144,7 @@ def _supply(peak: float, supply: float | None, at_least: bool) -> Criterion:
     missing = (
         "conditions.supply_power"
         if supply is None
-        else (f"of all drives; without some of them, or their copper loss, it is {peak:.4g} W")
+        else (f"power of all drives; without those not known, or their copper loss, {peak:.4g} W")
     )
     return compare(
         "supply power",

@@ -1,4 +1,4 @@
-"""Motor sizing: what a cycle demands of each drive, and which drives of a catalogue meet it.
+"""Motor sizing: the demand of a cycle on each drive, and the drives of a catalogue that fit.
 
 Motors have mass. The motor and gear of joint j are held by the joint's parent link, with their mass
 at the joint's origin (a point; their own moments of inertia and their offset from the axis are left
@@ -81,11 +81,11 @@ class JointSizing:
             closed loops couple the joints.
         motor: the shaft of the drive taken, sample by sample; None without one.
         assessments: every candidate, ranked (`assess`); empty without a catalogue.
-        choice: the lightest that fits, None if none does.
-        nearest: where none fits, the candidate that comes nearest.
-        choice_without_masses: what would have been chosen without the drives' mass.
-        choice_frictionless: what would have been chosen without friction in the joints.
-        nothing_because: why there are no candidates, where a catalogue was given; else empty.
+        choice: the lightest that fits; None if none fits.
+        nearest: if none fits, the candidate with the smallest shortfall.
+        choice_without_masses: the choice without the drives' mass.
+        choice_frictionless: the choice without friction in the joints.
+        nothing_because: why there are no candidates, if a catalogue was given; otherwise empty.
     """
 
     demand: JointDemand
@@ -112,7 +112,7 @@ class JointSizing:
 
     @property
     def next_smaller(self) -> Assessment | None:
-        """Of the drives lighter than the choice, the one that misses by least."""
+        """The drive lighter than the choice with the smallest shortfall."""
         if self.choice is None or self.choice.candidate.mass is None:
             return None
         most = self.choice.candidate.mass
@@ -120,14 +120,14 @@ class JointSizing:
 
     @property
     def no_fit(self) -> str:
-        """Say that nothing fits, and by how much the nearest candidate misses; else empty."""
+        """State that no drive fits, and the shortfall of the nearest one; otherwise empty."""
         if self.choice is not None or (not self.assessments and not self.nothing_because):
             return ""
         if not self.assessments:
-            return f"{self.name}: nothing to choose from: {self.nothing_because}"
+            return f"{self.name}: no candidates: {self.nothing_because}"
         if self.nearest is None:
             first = self.assessments[0]
-            return f"{self.name}: no candidate can be judged; {first.candidate.name}: {first.why}"
+            return f"{self.name}: no candidate can be checked; {first.candidate.name}: {first.why}"
         return (
             f"{self.name}: none of {len(self.assessments)} candidates fits; the nearest miss "
             f"is {self.nearest.candidate.name}: {self.nearest.why}"
@@ -136,19 +136,19 @@ class JointSizing:
 
 @dataclass(frozen=True)
 class SizingReport(Shown):
-    """What a cycle demands of every drive, and the drives chosen for it.
+    """The demand of a cycle on every drive, and the drives chosen for it.
 
     Attributes:
         scene: with the chosen drives' masses and transmissions; the given one without a catalogue.
         given: the scene as it was given.
-        trajectory: where the motion came from.
-        catalog, conditions: what was chosen from and what was demanded; catalog None: demand only.
+        trajectory: source of the motion.
+        catalog, conditions: the catalogue and the conditions; catalog None: demand only.
         joints: in the order of the scene's drives.
         result, result_without_masses: inverse dynamics of `scene` and of `given`.
-        duty: which samples are which cycle of the period, and how often it is run.
-        passes: over all joints, until no choice changed. settled: no choice changed in the last.
-        notes: what the model does not know, for the reader.
-        unclosed: what of the cycle does not end as it began, in words; empty where it closes.
+        duty: the samples of each cycle of the period, and the number of its runs.
+        passes: over all joints until no choice changed. settled: no choice changed in the last.
+        notes: assumptions, and what was not checked.
+        unclosed: states that differ between end and start of the cycle; empty if it closes.
     """
 
     scene: Scene
@@ -187,7 +187,7 @@ class SizingReport(Shown):
 
     @property
     def period(self) -> float:
-        """Duration of what is repeated: the cycle, or a duty's cycles and its time off; s."""
+        """Duration (s) of the repeated period: the cycle, or a duty's cycles and its time off."""
         assert self.result.t is not None  # size refuses a motion without times
         t = self.duty.stretched(self.result.t)
         return float(t[-1] - t[0])
@@ -206,23 +206,23 @@ class SizingReport(Shown):
 
     @cached_property
     def standstills(self) -> tuple[Standstill, ...]:
-        """What keeps each joint in place without power, and its brake; in the order of `joints`."""
+        """Holding of each joint without power, and its brake; in the order of `joints`."""
         brakes = {} if self.catalog is None else self.catalog.brakes
         return standstills(self.result, brakes, self.conditions)
 
     @cached_property
     def elastic(self) -> Elasticity | None:
-        """What the gears' elasticity does over the cycle; None where no stiffness is known."""
+        """Effects of the gears' elasticity over the cycle; None if no stiffness is known."""
         return elasticity(self.result) if self.scene.elastic else None
 
     @cached_property
     def arm_criteria(self) -> tuple[Criterion, ...]:
-        """What conditions ask of the whole robot: lowest frequency, the tool's place at rest."""
+        """Criteria of the whole robot: lowest frequency, position of the tool at rest."""
         return arm_criteria(self.scene, self.elastic, self.conditions)
 
     @cached_property
     def bus(self) -> BusPower:
-        """What the drives taken draw from their bus together, and what flows back."""
+        """Power of all chosen drives from their bus, and power fed back."""
         drives = {joint.name: joint.motor for joint in self.joints}
         t = self.result.t
         assert t is not None  # size refuses a motion without times
@@ -235,7 +235,7 @@ class SizingReport(Shown):
 
     @property
     def unmet(self) -> tuple[str, ...]:
-        """One line for what a condition asks in vain of a brake, of the bus or of the robot."""
+        """One line for each condition that a brake, the bus or the robot does not meet."""
         whole = [("robot", self.arm_criteria)]
         if self.catalog is None:
             return _failing(whole)
@@ -246,7 +246,7 @@ class SizingReport(Shown):
         return _failing([*found, ("bus", self.bus.criteria), *whole])
 
     def check(self) -> None:
-        """Raise if a joint has no drive that fits, or a brake or the bus is short of a condition.
+        """Raise if a joint has no drive that fits, or a brake or the bus does not meet a condition.
 
         Raises:
             SizingError: names the joints, the nearest misses and by how much; holds the report.
@@ -276,7 +276,7 @@ def size(
     on_miss: Literal["warn", "raise", "ignore"] = "warn",
     progress: Callable[[str], object] | None = None,
 ) -> SizingReport:
-    """Return what a repeated cycle demands of each drive and which drives of a catalogue meet it.
+    """Return the demand of a repeated cycle on each drive, and the drives of a catalogue that fit.
 
     For every joint, from its effort interval (paper eq. 16, 17; at rest 21, 22): peak, RMS, power,
     holding and break-away effort. With a catalogue: every motor with every gear, checked by
@@ -284,22 +284,22 @@ def size(
     in the model.
 
     Args:
-        scene: the robot with its friction. Its links are taken to be without drives, but for
+        scene: the robot with its friction. Its links are assumed to have no drives, except for
             `conditions.mass_in_urdf`. The candidates replace its transmissions.
-        trajectory: one cycle, with times; it is repeated without a pause. Where it does not end as
-            it began, `SizingReport.unclosed` and a note say by how much. Or several, as a `Duty`.
+        trajectory: one cycle, with times; it is repeated without a pause. If it does not end as
+            it began, `SizingReport.unclosed` and a note say so. Several cycles: as a `Duty`.
         catalog: a `Catalog`, a file, "default" for the bundled one, or None for the demand only.
-        conditions: what differs from the catalogue's conditions, as `Conditions` or a mapping.
-        on_miss: what to do where no candidate fits a joint; the report says so in any case.
+        conditions: values that replace the catalogue's conditions; `Conditions` or a mapping.
+        on_miss: what to do if no candidate fits a joint; the report says so in any case.
         progress: called with a line of text at each step.
 
     Raises:
         CatalogError: the catalogue or a condition is wrong; StateError: the motion has no times;
-        SizingError: taking off `mass_in_urdf` leaves a body that cannot be; or no candidate fits,
-        where `on_miss` is "raise".
+        SizingError: without `mass_in_urdf` a link is not a possible body; or no candidate fits
+        and `on_miss` is "raise".
 
     Warns:
-        PinfricWarning: no candidate fits a joint, and by how much the nearest misses.
+        PinfricWarning: no candidate fits a joint; with the shortfall of the nearest one.
 
     >>> import pinfric as pf
     >>> scene = pf.load_scene("pendulum")
@@ -326,7 +326,7 @@ def size(
 
 
 class _Sizing:
-    """One run of `size`: keeps what was solved and judged already."""
+    """One run of `size`: keeps results that were computed already."""
 
     def __init__(
         self,
@@ -407,7 +407,7 @@ class _Sizing:
         return self.judged[key]
 
     def _case(self, i: int, demand: GearDemand, cycle: DriveCycle, inertia: float | None) -> Case:
-        """What a joint's candidates are judged by."""
+        """The data by which a joint's candidates are checked."""
         hand = depth(self.scene, i) > BASE_AXES
         return Case(demand, cycle, inertia, hand, self.conditions, self.beyond.get(i, 0.0))
 
@@ -433,7 +433,7 @@ class _Sizing:
         return cycle, float(inertias[i]) if tree else None
 
     def _offers(self, i: int, demand: GearDemand) -> tuple[Candidate, ...]:
-        """What the catalogue has for a joint."""
+        """The candidates of the catalogue for a joint."""
         if self.catalog is None or driven_joint(self.scene, i) is None:
             return ()
         key = demand.unit, self.conditions.bearings.get(demand.name)
@@ -462,11 +462,11 @@ class _Sizing:
         )
 
     def _no_candidates(self, i: int, unit: str) -> str:
-        """Why there is nothing to choose from; empty without a catalogue."""
+        """Why there are no candidates; empty without a catalogue."""
         if self.catalog is None:
             return ""
         if driven_joint(self.scene, i) is None:
-            return "motors and gears are for joints of one axis, not for cylinders and forces"
+            return "motors and gears are for joints with one axis, not for cylinders and forces"
         if not self.catalog.motors and not self.catalog.gearmotors:
             return f"{self.catalog.source} has no motors"
         output = "linear" if unit == "N" else "rotary"
@@ -568,8 +568,8 @@ def with_masses(
         problem = implausible_body(body.mass, body.inertia)
         if problem and (body.mass < 0 or not before):  # else the URDF's own, warned of on loading
             raise SizingError(
-                f"conditions.mass_in_urdf.{drive.name}: with {-mass:g} kg less, the link that "
-                f"carries this drive is a body that cannot be: {problem}"
+                f"conditions.mass_in_urdf.{drive.name}: without {-mass:g} kg, the link that "
+                f"carries this drive is not a possible body: {problem}"
             )
         changed = True
     actuators: Sequence[Actuator] | None = scene.actuators

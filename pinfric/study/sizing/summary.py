@@ -1,4 +1,4 @@
-"""What a sizing comes to: what `pinfric size` prints and writes."""
+"""Summary of a sizing, as `pinfric size` prints and writes it."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Rejection:
     """A drive that does not fit one joint."""
 
     name: str = quantity("motor and gear", heading="drive")
-    why: str = quantity("what it misses, and by how much", heading="why")
+    why: str = quantity("the criterion that is not met, and by how much", heading="why")
 
 
 @described
@@ -49,10 +49,10 @@ class NextSmaller(Rejection):
     """Of the drives lighter than the chosen one the one that misses by least."""
 
     name: str = quantity("motor and gear", heading="next smaller")
-    why: str = quantity("what it misses, and by how much")
+    why: str = quantity("the criterion that is not met, and by how much")
     mass: float | None = quantity("none: not known", "kg", "mass")
     short_by: str = quantity(
-        "the criteria that it misses worst, each with what is short",
+        "the criteria that it misses by most, each with the shortfall",
         heading="would fit,\nbut is short by",
     )
 
@@ -62,23 +62,23 @@ class Margins:
     """One criterion of all joints."""
 
     criterion: str = quantity("its name", heading="criterion")
-    joints: Mapping[str, Criterion] = quantity("joint -> how it ended", heading="{}")
+    joints: Mapping[str, Criterion] = quantity("joint -> its check", heading="{}")
 
 
 @described
 class RatioFigures:
-    """How good a drive's ratio is."""
+    """Quality of a drive's ratio."""
 
     optimum_ratio: float | None = quantity(
-        "of least RMS motor torque; none: a figure is missing, or the joint never accelerates"
+        "ratio of least RMS motor torque; none: a value is missing, or the joint never accelerates"
     )
-    load_factor: float | None = quantity("Giberti's beta: what the load needs", "W/s")
-    accelerating_factor: float | None = quantity("T_N^2/J_rotor: what the motor has", "W/s")
+    load_factor: float | None = quantity("Giberti's beta, required by the load", "W/s")
+    accelerating_factor: float | None = quantity("T_N^2/J_rotor of the motor", "W/s")
 
 
 @described
 class Installed(RatioFigures):
-    """The drive whose mass is in the model: the choice; where nothing fits, the nearest miss."""
+    """The drive in the model: the choice or, if none fits, the nearest miss."""
 
     judged: str = quantity("its name")
     mass: float | None = quantity("none: not known", "kg", "mass")
@@ -87,47 +87,49 @@ class Installed(RatioFigures):
         "the least of all criteria", heading="least\nmargin", cell="{margin:%}"
     )
     tightest: str | None = quantity(
-        "the criterion that says how tight it is; none was compared", heading="tightest\ncriterion"
+        "the criterion of the least margin; none: none was checked", heading="tightest\ncriterion"
     )
     not_checked: int = quantity("criteria without a figure", heading="not\nchecked")
     margins: dict[str, float | None] = quantity("criterion -> part of the limit that is left")
-    criteria: tuple[Criterion, ...] = quantity("of the drive, and of what holds it without power")
-    motor: MotorFigures | None = quantity("what the cycle asks of the motor")
-    losses: str = quantity("how the transmission's losses follow from the catalogue")
+    criteria: tuple[Criterion, ...] = quantity(
+        "criteria of the drive, and of holding without power"
+    )
+    motor: MotorFigures | None = quantity("demand of the cycle on the motor")
+    losses: str = quantity("how the transmission's losses are derived from the catalogue")
     stand_ins: tuple[str, ...] = quantity("figures taken from other products")
     sources: tuple[str, ...] = quantity("of motor and gear, with their grades")
 
 
 @described
 class SizedJoint(JointDemand):
-    """What one joint demands, and its drive."""
+    """Demand of one joint, and its drive."""
 
     peak_without_masses: float = quantity("`peak` without the drives' own masses", EFFORT)
     rms_without_masses: float = quantity(
         "`rms` without the drives' own masses", EFFORT, "worst\nwithout\nthat mass"
     )
     load_inertia: float | None = quantity(
-        "largest about the joint over the cycle; none where closed loops couple the joints", INERTIA
+        "largest inertia about the joint over the cycle; none: closed loops couple joints", INERTIA
     )
     choice: str | None = quantity(
         "the lightest drive that fits; none: none does", heading="lightest that fits"
     )
     installed: Installed | None = quantity(
-        "the drive in the model; none: nothing to choose from", heading="*"
+        "the drive in the model; none: no candidates", heading="*"
     )
-    fit: str = quantity("how many drives fit, of all", heading="fit")
+    fit: str = quantity("number of drives that fit, of all", heading="fit")
     choice_without_masses: str | None = quantity(
-        "what it would be if drives had no mass", heading="without the\ndrives' mass"
+        "choice if drives had no mass", heading="without the\ndrives' mass"
     )
     choice_frictionless: str | None = quantity(
-        "what it would be if joints had no friction", heading="without\nfriction"
+        "choice if joints had no friction", heading="without\nfriction"
     )
-    standstill: Standstill = quantity("what keeps it in place without power", heading="*")
+    standstill: Standstill = quantity("holding without power", heading="*")
     alternatives: tuple[Candidacy, ...] = quantity("other drives that fit")
     rejected: tuple[Rejection, ...] = quantity("drives that do not")
-    nearest_miss: str | None = quantity("where none fits: by how much the nearest misses")
+    nearest_miss: str | None = quantity("if none fits: by how much the nearest misses")
     next_smaller: NextSmaller | None = quantity(
-        "of the lighter drives the one that misses by least", heading="*"
+        "the lighter drive that misses by the least", heading="*"
     )
 
 
@@ -136,37 +138,39 @@ class Cycle:
     """One cycle of a period."""
 
     name: str = quantity("of the motion")
-    repeats: float = quantity("how often it is run in a period")
+    repeats: float = quantity("number of runs in a period")
 
 
 @described
 class SizingSummary:
-    """What a cycle demands of every drive, and the drives chosen for it."""
+    """Demand of a cycle on every drive, and the drives chosen for it."""
 
-    trajectory: str = quantity("where the motion came from")
-    catalog: str | None = quantity("what was chosen from; none: demand only")
-    conditions: dict[str, Any] = quantity("what was demanded, as a catalogue says it")
-    cycle_time: float = quantity("of what is repeated", "s")
-    cycles: tuple[Cycle, ...] = quantity("of a period")
+    trajectory: str = quantity("source of the motion")
+    catalog: str | None = quantity("the catalogue; none: demand only")
+    conditions: dict[str, Any] = quantity("conditions, with the keys of a catalogue")
+    cycle_time: float = quantity("duration of the repeated period", "s")
+    cycles: tuple[Cycle, ...] = quantity("cycles of a period")
     off: float = quantity("time switched off in a period", "s")
-    unclosed: tuple[str, ...] = quantity("what of the cycle does not end as it began")
-    passes: int = quantity("over all joints, until no choice changed")
-    settled: bool = quantity("no choice changed in the last pass")
-    drive_mass: float = quantity("of all drives in the model", "kg")
+    unclosed: tuple[str, ...] = quantity("states that differ between end and start of the cycle")
+    passes: int = quantity("passes over all joints until no choice changed")
+    settled: bool = quantity("whether no choice changed in the last pass")
+    drive_mass: float = quantity("mass of all drives in the model", "kg")
     joints: tuple[SizedJoint, ...] = quantity("in the order of the scene's drives")
-    bus: BusPower = quantity("of all drives together")
+    bus: BusPower = quantity("electrical power of all drives together")
     no_fit: tuple[str, ...] = quantity("joints for which no drive fits")
     unmet: tuple[str, ...] = quantity("conditions that brakes, bus or robot do not meet")
-    robot_criteria: tuple[Criterion, ...] = quantity("asked of the whole robot")
-    elasticity: ElasticSummary | None = quantity("what elastic gears do; none: no stiffness known")
+    robot_criteria: tuple[Criterion, ...] = quantity("criteria of the whole robot")
+    elasticity: ElasticSummary | None = quantity(
+        "effects of elastic gears; none: no stiffness known"
+    )
     fastest: tuple[TimedSet, ...] | None = quantity("mass against time; none: not asked for")
-    notes: tuple[str, ...] = quantity("what the model does not know")
+    notes: tuple[str, ...] = quantity("assumptions, and what was not checked")
 
 
 def sizing_summary(
     report: SizingReport, fastest: tuple[TimedSet, ...] | None = None
 ) -> SizingSummary:
-    """Return what a sizing comes to.
+    """Return the summary of a sizing.
 
     Args:
         report: of `size`.
@@ -202,7 +206,7 @@ def sizing_summary(
 
 
 def sized_joint(joint: JointSizing, still: Standstill) -> SizedJoint:
-    """Return what one joint's sizing comes to."""
+    """Return the summary of one joint's sizing."""
     smaller = joint.next_smaller
     return SizedJoint(
         **vars(joint.demand),
@@ -268,7 +272,7 @@ def _installed(joint: JointSizing, taken: Assessment, still: Standstill) -> Inst
 
 
 def ratio_figures(joint: JointSizing, taken: Assessment) -> RatioFigures:
-    """Return how good a drive's ratio is: the best one, and Giberti's factors of motor and load."""
+    """Return the quality of a drive's ratio: the best one, Giberti's factors of motor and load."""
     candidate, inertia = taken.candidate, taken.candidate.rotor_inertia
     worst = ends_by_magnitude(joint.cycle.effort_lower, joint.cycle.effort_upper)[0]
     torque = candidate.ratings.continuous_torque

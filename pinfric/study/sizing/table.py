@@ -47,20 +47,20 @@ class Cells(Entry):
 
 
 class TableMapping(Entry):
-    """A mapping file: which column of a table is which figure of an entry."""
+    """A mapping file: the column of a table for each key of an entry."""
 
-    section: Annotated[Literal["motors", "gears", "gearmotors"], key("what the rows are", "motors")]
+    section: Annotated[Literal["motors", "gears", "gearmotors"], key("kind of the rows", "motors")]
     columns: Annotated[
         dict[str, Annotated[str | Cells, Forms(Text, Cells)]],
         key(
-            "figure of the entry, `thermal.` or `bearing.` before its part's: the column, or "
+            "key of the entry (`thermal.NAME`, `bearing.NAME` for keys of a part): its column, or "
             "column and unit",
             {"name": "Type", "mass": {"column": "Weight", "unit": "g"}},
         ),
     ]
     every: Annotated[
         dict[str, Any],
-        key("figures and texts that all rows have, SI", {"source": "a catalogue", "grade": "R"}),
+        key("values that are the same for all rows, SI", {"source": "a catalogue", "grade": "R"}),
     ] = Field(default_factory=dict)
 
     @model_validator(mode="after")
@@ -163,7 +163,7 @@ def _row_problems(
     entry: dict[str, Any] = deepcopy(wanted.every)  # its parts, too: each row adds its own
     linear = (row[cells["output"].column] if "output" in cells else entry.get("output")) == "linear"
     if not name or name in entries:
-        yield "this name stands twice" if name else "no name"
+        yield "this name is given twice" if name else "no name"
     for figure, given in cells.items():
         text, value = row[given.column], None
         if text in _NOTHING or figure == "name":

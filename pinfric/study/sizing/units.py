@@ -129,7 +129,9 @@ def in_si(value: float, unit: str, wanted: str) -> float:
     si, factor = UNITS[known]
     if si != wanted:
         fitting = [u for u, (quantity, _) in UNITS.items() if quantity == wanted]
-        raise CatalogError(f"{known} is no unit of it: {', '.join(fitting) or wanted}")
+        raise CatalogError(
+            f"{known} is not a unit of this value; take {', '.join(fitting) or wanted}"
+        )
     if known.endswith("/rev"):
         return 2 * math.pi / (factor * value) if value else math.inf
     return factor * value

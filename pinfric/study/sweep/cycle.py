@@ -69,7 +69,7 @@ class Judge:
         inertia: float | None,
         beyond: float,
     ) -> tuple[float, list[int]]:
-        """Return the least margin over one cycle, and what becomes of each of `criteria`.
+        """Return the least margin over one cycle, and the result of each of `criteria`.
 
         Args:
             result: of the cycle. actuator: the drive's column.
@@ -104,7 +104,7 @@ class JudgedTransmission(Transmission):
 
 @dataclass(frozen=True)
 class Study:
-    """What all samples share.
+    """Data that all samples share.
 
     Attributes:
         scene, trajectory: before a sample's values are put in.
@@ -224,7 +224,7 @@ def _superposed_figures(
 
 
 def cycle_figures(study: Study, sample: Sequence[float] | np.ndarray) -> Cycle:
-    """Return what comes of one cycle.
+    """Return the figures of one cycle.
 
     By inverse dynamics of the scene and the trajectory with the sample's values in them.
     """

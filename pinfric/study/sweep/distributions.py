@@ -67,12 +67,12 @@ class Normal(Distribution):
 class TruncatedNormal(Distribution):
     """Normal with a mean and a standard deviation (before truncation), kept in [low, high]."""
 
-    mean: Annotated[Number, key("before it is cut", 2.0, "of the parameter")]
-    std: Annotated[Positive, key("standard deviation, before it is cut", 0.2, "of the parameter")]
+    mean: Annotated[Number, key("before truncation", 2.0, "of the parameter")]
+    std: Annotated[Positive, key("standard deviation, before truncation", 0.2, "of the parameter")]
     low: Annotated[
-        Number | None, key("least value; `low` or `high` is needed", 1.0, "of the parameter")
+        Number | None, key("smallest value; `low` or `high` is needed", 1.0, "of the parameter")
     ] = None
-    high: Annotated[Number | None, key("greatest value", 3.0, "of the parameter")] = None
+    high: Annotated[Number | None, key("largest value", 3.0, "of the parameter")] = None
 
     @model_validator(mode="after")
     def _keeps_something(self) -> TruncatedNormal:
@@ -83,8 +83,8 @@ class TruncatedNormal(Distribution):
         within = Normal(mean=self.mean, std=self.std).frozen
         if within.cdf(high) - within.cdf(low) < _LEAST_KEPT:
             raise ValueError(
-                f"[{low:g}, {high:g}] keeps next to nothing of a normal around {self.mean:g} with "
-                f"standard deviation {self.std:g}"
+                f"[{low:g}, {high:g}] contains almost nothing of a normal distribution with mean "
+                f"{self.mean:g} and standard deviation {self.std:g}"
             )
         return self
 
@@ -112,8 +112,8 @@ class TruncatedNormal(Distribution):
 class Uniform(Distribution):
     """Any value from low to high, all as likely."""
 
-    low: Annotated[Number, key("least value", 0.9, "of the parameter")]
-    high: Annotated[Number, key("greatest value", 1.1, "of the parameter")]
+    low: Annotated[Number, key("smallest value", 0.9, "of the parameter")]
+    high: Annotated[Number, key("largest value", 1.1, "of the parameter")]
 
     @model_validator(mode="after")
     def _in_order(self) -> Uniform:
@@ -175,13 +175,13 @@ class Choice(_Counted):
     values: Annotated[
         tuple[Number, ...],
         Field(min_length=1),
-        key("all different", [0.0, 1.0, 2.0], "of the parameter"),
+        key("the values, all different", [0.0, 1.0, 2.0], "of the parameter"),
     ]
 
     @model_validator(mode="after")
     def _all_different(self) -> Choice:
         if len(set(self.values)) < len(self.values):
-            raise ValueError("`values` names one value twice")
+            raise ValueError("`values` contains a value twice")
         return self
 
     @property
@@ -208,7 +208,9 @@ class Steps(_Counted):
     high: Annotated[Number, key("last value", 1.5, "of the parameter")]
 
     count: Annotated[
-        int, Field(ge=2, le=100_000, strict=True), key("of the values, both ends counted", 11, "1")
+        int,
+        Field(ge=2, le=100_000, strict=True),
+        key("number of values, both ends included", 11, "1"),
     ]
 
     @model_validator(mode="after")

@@ -1,4 +1,4 @@
-"""The sweep's file format: which parameters vary, how, and which motors are on trial.
+"""The sweep's file format: parameters with distributions, and motors to check.
 
 pinfric_sweep: 1
 samples: 1000
@@ -41,26 +41,26 @@ _KINDS = ("normal", "truncated_normal", "uniform", "lognormal", "choice", "steps
 
 
 class Parameter(Entry):
-    """How one parameter varies: one distribution."""
+    """Distribution of one parameter."""
 
     normal: Annotated[
         Normal | None, key("with a mean and a standard deviation", {"mean": 0.0, "std": 0.0175})
     ] = None
     truncated_normal: Annotated[
         TruncatedNormal | None,
-        key("the same, kept in a range", {"mean": 2.0, "std": 0.2, "low": 1.0}),
+        key("normal, truncated to a range", {"mean": 2.0, "std": 0.2, "low": 1.0}),
     ] = None
     uniform: Annotated[Uniform | None, key("between two values", {"low": 0.9, "high": 1.1})] = None
     lognormal: Annotated[LogNormal | None, key("of a factor", {"median": 1.0, "sigma": 0.34})] = (
         None
     )
-    choice: Annotated[Choice | None, key("of some values", {"values": [0.0, 1.0, 2.0]})] = None
+    choice: Annotated[Choice | None, key("one of a list", {"values": [0.0, 1.0, 2.0]})] = None
     steps: Annotated[
         Steps | None, key("at equal distances, for grids", {"low": 0.5, "high": 1.5, "count": 11})
     ] = None
-    each: Annotated[bool, key("a draw of its own for every joint that a `*` stands for", True)] = (
-        False
-    )
+    each: Annotated[
+        bool, key("one value for each joint that `*` matches, or one for all", True)
+    ] = False
 
     @model_validator(mode="after")
     def _one_distribution(self) -> Parameter:
@@ -82,23 +82,23 @@ class Parameter(Entry):
 
 
 class MotorOnTrial(Entry):
-    """A motor whose ratings every sample is held against.
+    """A motor whose ratings are compared with every sample.
 
     Ratings at the motor's shaft (of an ideal drive: at the joint, N m or N). `motor`: ratings from
     the catalogue, with the scene's transmission. `drive`: a motor with its gear, by the name
-    `pinfric size` prints, held against all its criteria; its transmission replaces the scene's, and
-    its mass is put into the model. Ratings given here take precedence.
+    that `pinfric size` prints, checked by all its criteria; its transmission replaces the scene's,
+    and its mass is added to the model. Ratings given here take precedence.
     """
 
     motor: Annotated[str | None, key("of the catalogue, by name", "CubeMars AK80-64")] = None
     drive: Annotated[
         str | None, key("motor and gear of the catalogue, by name", "CubeMars AK80-64")
     ] = None
-    continuous_torque: Annotated[Positive | None, key("against the RMS", 0.37, "N m")] = None
+    continuous_torque: Annotated[Positive | None, key("compared with the RMS", 0.37, "N m")] = None
     peak_torque: Annotated[
-        Positive | None, key("against `peak_factor` times the peak", 1.0, "N m")
+        Positive | None, key("compared with `peak_factor` times the peak", 1.0, "N m")
     ] = None
-    max_speed: Annotated[Positive | None, key("against the greatest speed", 400.0, "rad/s")] = None
+    max_speed: Annotated[Positive | None, key("compared with the top speed", 400.0, "rad/s")] = None
 
     @model_validator(mode="after")
     def _says_something(self) -> MotorOnTrial:
@@ -107,8 +107,8 @@ class MotorOnTrial(Entry):
         figures = self.continuous_torque, self.peak_torque, self.max_speed
         if self.motor is None and self.drive is None and not any(figures):
             raise ValueError(
-                "nothing to check: give continuous_torque, peak_torque or max_speed, or `motor` or "
-                "`drive` by its name in the catalogue"
+                "nothing to check: give continuous_torque, peak_torque or max_speed, or the name "
+                "of a `motor` or `drive` of the catalogue"
             )
         return self
 
@@ -118,38 +118,42 @@ class SweepFile(Entry):
 
     `sampling`: random; sobol (Saltelli's design: samples is a power of two N, N (d + 2) cycles are
     computed for d parameters, and the shares of the variance come out); grid (every combination
-    of choice and steps). `table`: a CSV file with a column per parameter, of which every sample
-    draws a whole row: what belongs together stays together.
+    of choice and steps). `table`: a CSV file with a column per parameter; every sample draws a
+    whole row, so that correlated values stay together.
     """
 
     pinfric_sweep: Annotated[Version, key("version of the format", 1)]
     parameters: Annotated[
         dict[str, Parameter],
         key(
-            "what varies, and how", {"friction.*.mu": {"lognormal": {"median": 1.0, "sigma": 0.34}}}
+            "parameter -> its distribution",
+            {"friction.*.mu": {"lognormal": {"median": 1.0, "sigma": 0.34}}},
         ),
     ] = Field(default_factory=dict)
-    table: Annotated[str | None, key("CSV file beside this one", "posterior.csv")] = None
+    table: Annotated[str | None, key("CSV file of samples, beside this file", "posterior.csv")] = (
+        None
+    )
     samples: Annotated[
         Annotated[int, Field(ge=1, le=MOST_SAMPLES, strict=True)] | None,
-        key("how many cycles", 1000),
+        key("number of cycles", 1000),
     ] = None
     sampling: Annotated[
         Literal["random", "sobol", "grid"],
-        key("at random, by Saltelli's design or all combinations", "random"),
+        key("random, Saltelli's design, or all combinations", "random"),
     ] = "random"
-    seed: Annotated[int, Field(ge=0, strict=True), key("decides all samples", 1)] = 0
+    seed: Annotated[int, Field(ge=0, strict=True), key("seed of the random numbers", 1)] = 0
     percentiles: Annotated[
-        tuple[Number, ...], Field(min_length=1), key("of the figures shown", [5, 50, 95, 99], "%")
+        tuple[Number, ...], Field(min_length=1), key("percentiles to show", [5, 50, 95, 99], "%")
     ] = (5.0, 50.0, 95.0, 99.0)
     catalog: Annotated[str, key("file, or `default` for the bundled one", "default")] = "default"
     conditions: Annotated[
-        Conditions | None, key("what differs from those of the catalogue", {"peak_factor": 1.3})
+        Conditions | None, key("values that replace those of the catalogue", {"peak_factor": 1.3})
     ] = None
     motors: Annotated[
         dict[str, MotorOnTrial],
         key(
-            "on trial, by drive", {"panda_joint2": {"continuous_torque": 0.37, "peak_torque": 1.0}}
+            "motors to check, by drive",
+            {"panda_joint2": {"continuous_torque": 0.37, "peak_torque": 1.0}},
         ),
     ] = Field(default_factory=dict)
 
@@ -159,7 +163,7 @@ class SweepFile(Entry):
             if not 0 <= p <= 100:
                 raise ValueError(f"percentiles: {p:g} is not between 0 and 100")
         if not self.parameters and self.table is None:
-            raise ValueError("`parameters` or `table` is missing: nothing varies")
+            raise ValueError("`parameters` or `table` is missing: give at least one")
         if self.table is not None and self.sampling != "random":
             raise ValueError(
                 f"`table`: its rows are drawn at random; leave out `sampling: {self.sampling}`"
@@ -167,7 +171,9 @@ class SweepFile(Entry):
         if self.sampling == "grid":
             self._check_grid()
         elif self.samples is None:
-            raise ValueError(f"`samples` is missing: how many of the {self.sampling} design")
+            raise ValueError(
+                f"`samples` is missing: number of samples of the {self.sampling} design"
+            )
         elif self.sampling == "sobol" and self.samples & (self.samples - 1):
             near = 2 ** round(math.log2(self.samples))
             raise ValueError(
@@ -178,7 +184,7 @@ class SweepFile(Entry):
 
     def _check_grid(self) -> None:
         if self.samples is not None:
-            raise ValueError("`samples`: a grid has as many as its values make; leave it out")
+            raise ValueError("`samples`: the values of a grid set their number; leave it out")
         for name, parameter in self.parameters.items():
             if parameter.distribution.levels is None:
                 raise ValueError(

@@ -137,7 +137,7 @@ class Trial:
 
 
 def motors_on_trial(scene: Scene, sweep: SweepFile, source: str) -> tuple[Scene, tuple[Trial, ...]]:
-    """Return the scene with the named drives, their masses and judges, and what is on trial.
+    """Return the scene with the named drives, their masses and criteria, and the motors to check.
 
     Raises:
         SweepError: a drive or a name that is not there, figures that are missing; all at once.
@@ -246,7 +246,7 @@ def _rated(
     if entry.drive is not None:
         assert catalog is not None
         if not isinstance(drive, Drive) or not depth(scene, actuator):
-            raise SweepError("takes no motor with a gear; give the ratings, or `motor`")
+            raise SweepError("cannot have a motor with a gear; give the ratings, or `motor`")
         linear = effort_unit(scene, actuator) == "N"
         bearing = own_bearing(catalog, conditions, drive.name, linear)
         candidate = _candidate(catalog, entry.drive, linear, bearing)

@@ -1,4 +1,4 @@
-"""What a sweep's parameters act on: names resolved against a scene, values put into it.
+"""Parameters of a sweep: their names resolved against a scene, their values set in it.
 
     friction.<joint>.mu, .coulomb, .viscous     factor on static and kinetic value alike
     transmission.<drive>.no_load_torque, .motor_viscous, .rotor_inertia     factor
@@ -74,7 +74,7 @@ _LARGEST_ANGLE = 2 * math.pi
 
 @dataclass(frozen=True)
 class Target:
-    """One column of the samples: what a value of it changes.
+    """One column of the samples: the values of the scene that it changes.
 
     Attributes:
         name: the column's, as in the sweep file (with `each`: of one joint).
@@ -109,7 +109,7 @@ def resolve(scene: Scene, sweep: SweepFile, source: str) -> tuple[Target, ...]:
         if wrong:
             problems.append(f"`parameters.{name}`: {wrong}")
         if parameter.each and section in ("speed", "mounting", "payload"):
-            problems.append(f"`parameters.{name}.each`: there is only one {name}")
+            problems.append(f"`parameters.{name}.each`: there is only one {name}; leave it out")
         groups = [(n,) for n in names] if parameter.each else [names]
         for group in groups:
             column = f"{section}.{group[0]}.{key}" if parameter.each else name
@@ -117,7 +117,7 @@ def resolve(scene: Scene, sweep: SweepFile, source: str) -> tuple[Target, ...]:
     targets += _table_targets(scene, sweep.table, problems)
     columns = [target.name for target in targets]
     twice = {column for column in columns if columns.count(column) > 1}
-    problems += [f"`parameters`: {column} is drawn twice" for column in sorted(twice)]
+    problems += [f"`parameters`: {column} is given twice" for column in sorted(twice)]
     if problems:
         raise SweepError(problems_line(source, problems))
     return tuple(targets)
@@ -195,11 +195,11 @@ def _matches(scene: Scene, section: str, key: str, pattern: str) -> tuple[str, .
     for drive in scene.drives if section == "transmission" and key != "stiffness" else ():
         if drive.name in found and isinstance(_transmission(drive).efficiency, MakersEfficiency):
             raise SweepError(
-                f"the efficiency of {drive.name} has the loss without load in it: "
-                "give it as a number, of the load alone"
+                f"the efficiency of {drive.name} includes the no-load loss: "
+                "give it as a number, without the no-load loss"
             )
     if section == "payload" and len(found) > 1:
-        raise SweepError(f"means {len(found)} payloads; name one: {', '.join(found)}")
+        raise SweepError(f"matches {len(found)} payloads; name one: {', '.join(found)}")
     return found
 
 
@@ -212,8 +212,8 @@ def _check_split(scene: Scene, drive: str) -> None:
     lost = None if gear is None else gear.no_load_torque
     if not isinstance(coulomb, CoulombFriction) or not isinstance(lost, CoulombFriction | None):
         raise SweepError(
-            f"the hysteresis of {drive} moves friction between its joint's `coulomb`, which must "
-            "be there, and its gear's `no_load_torque`: both the same in both directions"
+            f"the hysteresis of {drive} moves friction between its joint's `coulomb` and its "
+            "gear's `no_load_torque`: give `coulomb`, and both the same in both directions"
         )
 
 
@@ -247,7 +247,7 @@ def _impossible(section: str, key: str, kind: str, distribution: Distribution) -
     with np.errstate(over="ignore"):
         ends = distribution.quantile(np.array([0.0, 0.05, 0.95, 1.0 - 2.0**-53]))
     if not np.isfinite(ends).all():
-        return f"{kind}: its values reach infinity; is its width meant?"
+        return f"{kind}: its values reach infinity; check its width"
     if section == "mounting":
         if np.abs(ends[1:3]).max() > _LARGEST_ANGLE:
             return f"{kind}: angles from {ends[1]:.3g} to {ends[2]:.3g} rad; are these degrees?"
@@ -258,7 +258,7 @@ def _impossible(section: str, key: str, kind: str, distribution: Distribution) -
         high = distribution.support[1]
         if high > 1.0 or (key == "efficiency" and low <= 0.0):
             least = "above 0 and " if key == "efficiency" else ""
-            return f"{kind} reaches from {low:g} to {high:g}, and it must be {least}at most 1"
+            return f"{kind} reaches from {low:g} to {high:g}; the value must be {least}at most 1"
         return ""
     positive = section in ("payload", "speed") or key in ELASTIC
     what = {"payload": "a mass", "speed": "a speed factor"}.get(section, "a factor on friction")

@@ -1,4 +1,4 @@
-"""What a sweep found: every sample's figures, their percentiles, odds and what drives them."""
+"""Result of a sweep: values of every sample, percentiles, probabilities, influences."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ class Probability:
     """A share of the samples; its 95 % interval (Wilson) where samples are independent."""
 
     value: float = quantity("the share")
-    low: float | None = quantity("of the interval; none of other designs")
-    high: float | None = quantity("of the interval; none of other designs")
+    low: float | None = quantity("lower end of the interval; none for other designs")
+    high: float | None = quantity("upper end of the interval; none for other designs")
 
 
 @dataclass(frozen=True)
@@ -43,8 +43,8 @@ class SobolIndices:
     """Shares of a figure's variance, by parameter (np,).
 
     Attributes:
-        first: share that goes if the parameter alone were known.
-        total: share that stays if all but the parameter were known: interactions count.
+        first: share of the parameter alone (first-order index).
+        total: share with its interactions (total-effect index).
         first_low, first_high, total_low, total_high: 95 % bootstrap intervals.
     """
 
@@ -62,24 +62,24 @@ class SweepResult(Shown):
 
     The figures of each drive (`figure`) are those of `pinfric inverse`: `peak`, `rms` of the worst
     end of the effort interval; `motor_peak`, `motor_rms` at the motor's shaft; `speed`, the largest
-    |v| of the drive, and `margin`, the least of all criteria of a catalogue's drive on trial.
+    |v| of the drive, and `margin`, the least of all criteria of a catalogue's drive.
 
     Attributes:
         scene, trajectory, sweep: their names.
         sampling: random, sobol or grid. seed: of the samples.
         parameter_names: (np,) the columns of `values`.
-        actuator_names, units, motor_units: (na,) the drives, and what their efforts are in, at the
+        actuator_names, units, motor_units: (na,) the drives, and the units of their efforts at the
             joint and at the motor's shaft: N m or N.
-        values: (n, np) what each sample's parameters were.
+        values: (n, np) parameters of each sample.
         figures: (n, na, number of figures); NaN where a sample has no solution.
         verdicts: (n, number of criteria) of catalogue drives on trial, columns (drive, criterion):
             whether a sample meets it; NA: not checked.
-        unsolved: (n,) at how many instants of the cycle there was none.
-        problems: (n,) why a sample could not be computed; empty where it could.
-        trials: the motors on trial.
-        percentiles: which are asked for.
-        processes: how many computed. resumed: samples that were there already.
-        notes: what a reader should know.
+        unsolved: (n,) number of instants of the cycle without a solution.
+        problems: (n,) why a sample could not be computed; empty if it could.
+        trials: the motors that are checked.
+        percentiles: the requested ones.
+        processes: number of processes used. resumed: samples that existed already.
+        notes: remarks for the reader.
         elastic: (n, 4) lowest frequency (Hz), the tool's sag, interval and reversal error at rest
             (m), the worst of each cycle; (n, 0) where neither stiffness nor hysteresis varies.
     """
@@ -133,7 +133,7 @@ class SweepResult(Shown):
 
     @property
     def samples(self) -> int:
-        """How many cycles were computed."""
+        """Number of computed cycles."""
         return len(self.values)
 
     @cached_property
@@ -166,10 +166,10 @@ class SweepResult(Shown):
         return ("motor_peak", "motor_rms") if there.any() else ("peak", "rms")
 
     def influences(self, name: str) -> np.ndarray:
-        """Return how each parameter moves a figure, (np, na).
+        """Return the influence of each parameter on a figure, (np, na).
 
-        Its share of the variance, interactions included, where there are shares (`has_shares`),
-        else its rank correlation.
+        Its share of the variance, with interactions, if there are shares (`has_shares`);
+        otherwise its rank correlation.
         """
         shares = self.sobol(name) if self.has_shares else None
         if shares is None:
@@ -177,7 +177,7 @@ class SweepResult(Shown):
         return np.column_stack([drive.total for drive in shares])
 
     def strongest(self, influences: np.ndarray, most: int) -> list[int]:
-        """Return the parameters that move one drive's figure most, the noise left out.
+        """Return the most influential parameters of one drive's figure, without the noise.
 
         Args:
             influences: (np,) on that drive.
@@ -219,9 +219,9 @@ class SweepResult(Shown):
     def rank_correlation(self, name: str) -> np.ndarray:
         """Return Spearman's correlation of each parameter with a figure, (np, na), in [-1, 1].
 
-        It sees what rises or falls all the way; a figure that is least in the middle of a
-        parameter's range (a mounting angle) needs the shares of Sobol's design. NaN where a
-        parameter or a figure does not vary.
+        It shows monotonic effects only. For a figure with a minimum inside a parameter's range (a
+        mounting angle) use the shares of Sobol's design. NaN if a parameter or a figure does not
+        vary.
         """
         from scipy.stats import rankdata
 
@@ -236,12 +236,12 @@ class SweepResult(Shown):
 
     @property
     def correlation_noise(self) -> float:
-        """The correlation that chance exceeds in 5 % of sweeps where there is none."""
+        """The rank correlation that is significant at the 5 % level."""
         return _Z95 / math.sqrt(max(int(self.solved.sum()) - 1, 1))
 
     @property
     def has_shares(self) -> bool:
-        """Whether `sobol` tells shares of the variance: its design, and every sample solved."""
+        """Whether `sobol` gives shares of the variance: Sobol's design, every sample solved."""
         return self.sampling == "sobol" and bool(self.solved.all())
 
     def sobol(self, name: str) -> tuple[SobolIndices, ...] | None:

@@ -1,9 +1,9 @@
-"""Sweeps: how peak and RMS of every drive vary with what is not known for certain.
+"""Sweeps: how peak and RMS of every drive vary with uncertain parameters.
 
 Friction is known to two digits at best, payloads and mountings differ from machine to machine. A
-sweep draws them from distributions, runs the cycle's inverse dynamics for every sample, and asks
-what the motors must deliver at which odds, whether those on trial suffice, and which parameter
-decides.
+sweep draws them from distributions and runs the cycle's inverse dynamics for every sample. It gives
+percentiles of the motors' demand, the probability that given motors suffice, and the most
+influential parameters.
 """
 
 from __future__ import annotations
@@ -58,21 +58,21 @@ def sweep(
     """Return how the drives' peak and RMS vary with parameters drawn from distributions.
 
     Monte Carlo, Sobol (Saltelli) or grid over coefficients of friction, payload, speed and
-    mounting (`parameters`). The samples depend on the seed only, their figures on nothing else:
-    the same on any number of processes, whatever is lost on the way.
+    mounting (`parameters`). The samples depend on the seed only, and their results on the
+    samples only: they are the same on any number of processes, even if workers are lost.
 
     Args:
-        scene: the robot; drives of a catalogue on trial add their masses to it, once.
+        scene: the robot; drives of a catalogue that are checked add their masses to it, once.
         trajectory: one cycle.
-        sweep: the sweep's file, or what stands in it.
+        sweep: the sweep's file, or its content as a mapping.
         out: folder for the samples (Parquet). Every finished batch is written at once, and a
             sweep that finds its batches there computes only what is missing.
-        processes: on this machine; 1 computes in this process, None takes what pays off.
+        processes: on this machine; 1 computes in this process, None chooses automatically.
         scheduler: address of a Dask scheduler whose workers compute instead (extra `cluster`).
         progress: called with the number of finished samples and of all.
 
     Raises:
-        SweepError: the sweep names what is not there or values that cannot be, the folder holds
+        SweepError: the sweep has an unknown name or an impossible value, the folder holds
             another sweep or one is writing into it, the scheduler cannot be reached, or no sample
             could be computed.
 
@@ -111,7 +111,7 @@ def _check_given(scene: Scene, processes: int | None, scheduler: str | None) -> 
     if processes is not None and processes < 1:
         raise SweepError(f"processes = {processes}; should be at least 1")
     if processes is not None and scheduler is not None:
-        raise SweepError("give either `scheduler` or `processes`: a cluster has its own")
+        raise SweepError("give either `scheduler` or `processes`: a cluster has its own processes")
     if scheduler is not None:
         check_scheduler(scheduler)
 
@@ -196,7 +196,7 @@ def _result(
     trials: tuple[Trial, ...],
     used: int,
 ) -> SweepResult:
-    """What a finished run found; its study's scene has the drives on trial."""
+    """The result of a finished run; its study's scene has the drives that are checked."""
     study = run.study
     equipped = study.scene
     return SweepResult(
@@ -264,10 +264,10 @@ def _notes(run: _Run) -> tuple[str, ...]:
     failed = ~np.isfinite(run.figures).all(axis=(1, 2))
     if failed.any():
         first = next((text for text in run.problems if text), "")
-        why = f"; the first that was refused: {first}" if first else ""
+        why = f"; the first error: {first}" if first else ""
         notes.append(
-            f"{failed.sum()} of {len(failed)} samples have no solution: left out of percentiles "
-            f"and correlations, counted as samples in which no motor suffices{why}"
+            f"{failed.sum()} of {len(failed)} samples have no solution: they are left out of "
+            f"percentiles and correlations, and count as samples in which no motor suffices{why}"
         )
     speeds = np.array([t.section == "speed" for t in run.study.targets])
     if speeds.any():

@@ -247,7 +247,7 @@ def _contents(file: Path) -> tuple[dict[str, str], dict[str, Any]]:
     }
     identity = dict(json.loads(about.get(_KEY, b"{}")))
     if identity.get("format") == _FORMAT and about.get(_DIGEST) != _digest(columns):
-        raise ValueError("its figures are not those that were written")
+        raise ValueError("its values differ from those that were written")
     return identity, columns
 
 

@@ -1,4 +1,4 @@
-"""What a sweep comes to: what `pinfric sweep` prints and writes."""
+"""Summary of a sweep, as `pinfric sweep` prints and writes it."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ class Varied:
 class SobolShare:
     """Share of a figure's variance that one parameter takes; 95 % bootstrap intervals."""
 
-    first: float = quantity("that goes if the parameter alone were known")
-    total: float = quantity("that stays if all others were known: interactions count")
-    first_low: float = quantity("end of the interval")
-    first_high: float = quantity("end of the interval")
-    total_low: float = quantity("end of the interval")
-    total_high: float = quantity("end of the interval")
+    first: float = quantity("share of the variance from the parameter alone (first order)")
+    total: float = quantity("share of the variance with its interactions (total effect)")
+    first_low: float = quantity("lower end of the interval of `first`")
+    first_high: float = quantity("upper end of the interval of `first`")
+    total_low: float = quantity("lower end of the interval of `total`")
+    total_high: float = quantity("upper end of the interval of `total`")
 
 
 @described
 class Spread:
-    """How one figure of a drive spreads over the samples."""
+    """Spread of one figure of a drive over the samples."""
 
     percentiles: Mapping[str, float] = quantity(
         "percentile -> value, in the figure's unit", heading="{} %"
@@ -48,7 +48,7 @@ class Spread:
 
 @described
 class DriveSpread:
-    """How the demand on one drive spreads over the samples."""
+    """Spread of the demand on one drive over the samples."""
 
     name: str = quantity("the drive's", heading="joint", name=True)
     unit: str = quantity('of its efforts, "N m" or "N"', heading="unit")
@@ -62,47 +62,47 @@ class DriveSpread:
 
 @described
 class MotorOnTrial:
-    """How often one motor suffices."""
+    """Share of samples in which one motor suffices."""
 
-    drive: str = quantity("which drive it moves", heading="joint", name=True)
-    actuator: int = quantity("its number in the scene")
-    name: str = quantity("in the catalogue; empty: the sweep's file rates it", heading="motor")
+    drive: str = quantity("its drive", heading="joint", name=True)
+    actuator: int = quantity("its index in the scene")
+    name: str = quantity("in the catalogue; empty: rated in the sweep file", heading="motor")
     continuous_torque: float | None = quantity("its rating; none: not checked", "N m")
     peak_torque: float | None = quantity("its rating; none: not checked", "N m")
     max_speed: float | None = quantity("its rating; none: not checked", "rad/s")
     ratio: float = quantity("motor turns per joint turn, 1 for an ideal drive")
     peak_factor: float = quantity("reserve on the peak torque")
     mass: float | None = quantity("of a catalogue's drive, in the model; none: not known", "kg")
-    criteria_of_size: bool = quantity("all criteria of `size` are asked, not ratings alone")
-    suffices: Probability = quantity("in how many samples", heading="suffices")
+    criteria_of_size: bool = quantity("whether all criteria of `size` are checked, or ratings only")
+    suffices: Probability = quantity("share of samples in which it suffices", heading="suffices")
     criteria: Mapping[str, Probability] = quantity(
-        "criterion -> in how many samples it is met", heading="fails"
+        "criterion -> share of samples in which it is met", heading="fails"
     )
-    not_checked: tuple[str, ...] = quantity("criteria for which a figure is missing")
+    not_checked: tuple[str, ...] = quantity("criteria for which a value is missing")
 
 
 @described
 class SweepSummary:
-    """What varies in a cycle, and what follows for each drive."""
+    """Summary of a sweep: spread of the demand, motors, influences."""
 
     trajectory: str = quantity("name of the motion")
     sweep: str = quantity("name of the sweep's file")
     sampling: str = quantity("random, sobol or grid")
-    seed: int = quantity("of the samples")
-    samples: int = quantity("how many cycles")
-    solved: int = quantity("how many have a solution")
+    seed: int = quantity("seed of the samples")
+    samples: int = quantity("number of cycles")
+    solved: int = quantity("number of cycles with a solution")
     parameters: tuple[Varied, ...] = quantity("what varies")
     joints: tuple[DriveSpread, ...] = quantity("the drives")
-    correlation_noise: float = quantity("rank correlations below it are chance")
+    correlation_noise: float = quantity("smaller rank correlations are not significant")
     motors: tuple[MotorOnTrial, ...] = quantity("on trial")
-    all_motors_suffice: Probability | None = quantity("none: no motor is on trial")
+    all_motors_suffice: Probability | None = quantity("share of samples; none: no motor is checked")
     elastic: Mapping[str, Mapping[str, float]] = quantity(
-        "figure of elastic gears -> percentile -> value, Hz or m; the worst of each cycle"
+        "result of elastic gears -> percentile -> value, Hz or m; the worst of each cycle"
     )
 
 
 def sweep_summary(result: SweepResult) -> SweepSummary:
-    """Return what a sweep comes to."""
+    """Return the summary of a sweep."""
     spreads = {name: _spreads(result, name) for name in DEMANDS}
     trials = result.trials
     return SweepSummary(

@@ -121,13 +121,13 @@ def _finished(
         raise
     except TimeoutError:
         raise SweepError(
-            f"no worker finished a batch in {_PATIENCE} s; what is finished is kept where a folder "
-            "was named: run again to go on"
+            f"no worker finished a batch in {_PATIENCE} s; finished samples are kept if a folder "
+            "was named: run again to continue"
         ) from None
     except CancelledError:
         raise SweepError(
-            "the connection to the scheduler is lost; what is finished is kept where a folder was "
-            "named: run again to go on"
+            "the connection to the scheduler is lost; finished samples are kept if a folder was "
+            "named: run again to continue"
         ) from None
     except Exception as problem:  # whatever a worker raises
         text = " ".join(f"{type(problem).__name__}: {problem}".split())[:300]
@@ -185,7 +185,7 @@ def _keep_memory() -> None:
 
 
 def check_scheduler(address: str) -> None:
-    """Try whether a scheduler answers, before any work.
+    """Check that a scheduler answers, before any work.
 
     `Client` does not do: it waits for ever where a server takes the connection and says nothing.
 
@@ -234,5 +234,5 @@ def _connected(address: str) -> Iterator[Any]:
 def _not_reached(address: str, problem: BaseException) -> SweepError:
     reason = " ".join(str(problem).split())[:200] or f"no answer in {_CONNECT_TIMEOUT} s"
     if isinstance(problem, MemoryError):  # its first bytes are read as the length of a message
-        reason = "what answers there is no Dask scheduler"
+        reason = "the program at this address is not a Dask scheduler"
     return SweepError(f"the scheduler at {address} cannot be reached: {reason}")

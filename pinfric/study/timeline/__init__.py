@@ -1,1 +1,1 @@
-"""What a motion's friction does over time: frames, spans, and the motion that is shown."""
+"""Friction of a motion over time: frames, spans, and the motion that is shown."""

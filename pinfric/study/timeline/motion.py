@@ -70,8 +70,8 @@ def with_drives(
     geared = limited_scene(scene, given)
     if isinstance(motion, Motion) or (geared is not scene and motion.external):
         raise StateError(
-            "replay: limits are for what inverse dynamics gives, not for a "
-            "simulation; nor with gears of a catalogue under forces from outside"
+            "replay: limits are for results of inverse dynamics, not for a "
+            "simulation, and not for gears of a catalogue with external forces"
         )
     if geared is not scene:
         now = motion.states

@@ -58,7 +58,7 @@ def joint_columns(model: pin.Model, source: str = "model") -> tuple[JointColumn,
     several = [f"{name} ({joint.nv} degrees of freedom)" for name, joint in moving if joint.nv > 1]
     if several:
         raise TrajectoryError(
-            f"{source}: files give one number per joint, which cannot describe "
+            f"{source}: files give one number per joint, which is not enough for "
             f"{', '.join(several)}; make the trajectory in Python: Trajectory.from_arrays"
         )
     return tuple(_joint_column(model, name, joint) for name, joint in moving)

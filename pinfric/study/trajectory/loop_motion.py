@@ -118,7 +118,7 @@ def _closed(
         worst = columns[int(np.argmax([moved[:, c.index_q].max() for c in columns]))]
         by = float(np.abs(closed - q)[:, worst.index_q].max())
         warnings.append(
-            f"loops closed by moving joints, {worst.name} most, by up to {by:.1e} "
+            f"loops closed by correcting joints, {worst.name} most, by up to {by:.1e} "
             f"{worst.unit}; {' and '.join(independent)} as in the file"
         )
     return closed

@@ -79,7 +79,7 @@ def complete_derivatives(
         v, a = v.copy(), a.copy()
     if missing and table.t.size == 1:
         names = ", ".join(columns[i].name for i in missing)
-        problems.append(f"one sample says nothing about derivatives: give .v and .a for {names}")
+        problems.append(f"one sample has no derivatives: give .v and .a for {names}")
         return v, a
     bare = [i for i in missing if np.isnan(v[0, i])]
     problems += _coarse_rows([columns[i] for i in bare], table.t, table.position[:, bare])
@@ -98,7 +98,7 @@ def complete_derivatives(
             fitted_v, fitted_a = position_derivatives(table.t, q, holds)
         except ValueError as problem:  # SciPy: numbers too far apart for a spline
             problems.append(
-                f"joint {columns[i].name}: no spline goes through its samples "
+                f"joint {columns[i].name}: no spline can be fitted to its samples "
                 f"({problem}); give .v and .a"
             )
             continue
@@ -142,7 +142,7 @@ def _moved_across(
     where = listing(f"{t[i]:.6g} to {t[i + 1]:.6g} s" for i in moved)
     return [
         f"joint {column.name}: moves across gaps in time ({where}), where its derivatives "
-        "would be invented; give .v and .a, or the missing samples"
+        "are unknown; give .v and .a, or the missing samples"
     ]
 
 

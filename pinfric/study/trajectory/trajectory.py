@@ -206,7 +206,7 @@ class Trajectory:
         """
         if any(nq not in (1, 2) for nq in self.joint_nq) or sum(self.joint_nq) != self.q.shape[1]:
             raise TrajectoryError(
-                f"{self.source}: planar, spherical or floating joints have no one position; use q"
+                f"{self.source}: planar, spherical or floating joints have several positions; use q"
             )
         return single_positions(self.q, self.joint_nq)
 

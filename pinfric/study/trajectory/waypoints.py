@@ -58,12 +58,12 @@ class WayPoint(Entry):
         tuple[Number, ...], key("one number per joint, in `unit`", [0.0, -0.5, 1.2], "rad or m")
     ]
     duration: Annotated[
-        Positive | None, key("of the way there; left out, as fast as `speed` allows", 1.5, "s")
+        Positive | None, key("of the move to this point; left out: from `speed`", 1.5, "s")
     ] = None
-    hold: Annotated[NonNegative, key("how long it stays", 0.3, "s")] = 0.0
-    attach: Annotated[Names, key("payloads that it takes up on arrival", "box")] = ()
-    detach: Annotated[Names, key("payloads that it sets down on arrival", ["box"])] = ()
-    name: Annotated[str | None, key("for the reader", "above the table")] = None
+    hold: Annotated[NonNegative, key("time at rest at this point", 0.3, "s")] = 0.0
+    attach: Annotated[Names, key("payloads picked up on arrival", "box")] = ()
+    detach: Annotated[Names, key("payloads put down on arrival", ["box"])] = ()
+    name: Annotated[str | None, key("remark", "above the table")] = None
     via: Annotated[bool, key("passed without a stop, which only `pinfric retime` can do", True)] = (
         False
     )
@@ -79,12 +79,12 @@ class WayPointFile(Entry):
     sample_rate: Annotated[
         Number,
         Field(ge=1e-3, le=1e6),
-        key("of the samples that are computed, 0.001 to 1e6", 250, "Hz"),
+        key("of the computed samples, 0.001 to 1e6", 250, "Hz"),
     ] = 1000.0
     joints: Annotated[
         tuple[str, ...] | None,
         key(
-            "whose positions stand in `q`, all of them; left out, in the URDF's order",
+            "order of the joints in `q`, all of them; left out: the URDF's order",
             ["shoulder", "elbow", "wrist"],
         ),
     ] = None
@@ -94,7 +94,7 @@ class WayPointFile(Entry):
     speed: Annotated[
         Number,
         Field(gt=0, le=1),
-        key("part of the joints' velocity limits that moves without duration use", 0.5, "1"),
+        key("share of the velocity limits used by moves without duration", 0.5, "1"),
     ] = 1.0
     ramp: Annotated[
         Annotated[Number, Field(gt=0, le=0.5)] | None,
@@ -263,7 +263,7 @@ def _positions(
     if beyond and not limit_problems(columns, t, in_degrees):
         raise TrajectoryError(
             f"{source}: angles up to {largest:g} are beyond the joints' limits "
-            "in rad, and within them in degrees: say which by `unit: deg`, or correct `q`"
+            "in rad, but within them in degrees: add `unit: deg`, or correct `q`"
         )
     return q
 
@@ -283,7 +283,7 @@ def _joint_order(
         if name not in joint_names:
             problems.append(f"joints: unknown joint {name!r}; {choose_from(name, joint_names)}")
         if given.count(name) > 1:
-            problems.append(f"joints: {name!r} stands {given.count(name)} times")
+            problems.append(f"joints: {name!r} occurs {given.count(name)} times")
     missing = [name for name in joint_names if name not in given]
     if missing:
         problems.append(f"joints: missing {', '.join(missing)}; every joint needs a position")
@@ -299,7 +299,7 @@ def _check_points(
     if waypoints.ramp is not None and waypoints.profile != "trapezoidal":
         problems.append("ramp: belongs to profile: trapezoidal; a quintic has none")
     if waypoints.points[0].duration is not None:
-        problems.append("points[0].duration: the motion starts here; there is no way to take time")
+        problems.append("points[0].duration: the motion starts here; leave it out")
     for index, point in enumerate(waypoints.points):
         if len(point.q) != count:
             problems.append(f"points[{index}].q: {len(point.q)} numbers for {count} joints")
@@ -350,8 +350,8 @@ def _plan_moves(
             duration = _shortest_duration(waypoints, distance, limits)
         elif distance.any() and duration * waypoints.sample_rate < _MIN_PERIODS - 1e-9:
             problems.append(
-                f"points[{index}].duration: {duration:g} s is no more than a jump at sample_rate "
-                f"{waypoints.sample_rate:g} Hz; a move takes at least {_MIN_PERIODS} sample "
+                f"points[{index}].duration: {duration:g} s is too short for sample_rate "
+                f"{waypoints.sample_rate:g} Hz; a move needs at least {_MIN_PERIODS} sample "
                 f"periods, {_MIN_PERIODS / waypoints.sample_rate:g} s: raise one of the two"
             )
         begin, end = stops[index - 1], stops[index]

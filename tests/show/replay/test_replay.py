@@ -466,7 +466,7 @@ def test_limits_that_hold_the_motion_back_are_marked_while_it_moves():
 def test_limits_of_a_simulated_motion_are_refused(pendulum_motion):
     scene, motion = pendulum_motion
     limits = {name: {"peak_torque": 1.0} for name in scene.actuator_names}
-    with pytest.raises(StateError, match="limits are for what inverse dynamics gives"):
+    with pytest.raises(StateError, match="limits are for results of inverse dynamics"):
         pf.replay(scene, motion, limits=limits)
 
 

@@ -374,7 +374,7 @@ def test_gears_that_hold_have_rows(browser, tmp_path):
     result = pf.inverse_dynamics(geared, pf.load_trajectory("three_link.waypoints.yaml", geared))
     page = Page(browser, pf.replay(geared, result, html=tmp_path / "gears.html").html)
     assert page.complaints() == []
-    assert "gear holds by itself: its motor may be without torque" in page.text("#legend")
+    assert "gear holds by itself: its motor needs no torque" in page.text("#legend")
     gears = (
         "[...document.querySelectorAll('.row .name')].filter(x => x.title.startsWith('gear of'))"
     )

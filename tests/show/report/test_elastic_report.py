@@ -39,7 +39,7 @@ def test_the_command_writes_tables_json_and_a_picture(tmp_path, capsys, monkeypa
     row = next(line for line in printed.splitlines() if line.startswith("4.70\N{EN DASH}6.20"))
     assert row.split()[1:5] == ["blank", "2.31", "0.190", "1.80"]
     assert "lowest frequency, motors held: 8.17 Hz at 7.00 s" in printed
-    assert "frequencies there, motors free: 35.3, 47.3, 54.1, 60.2, 88.6, 244 Hz" in printed
+    assert "frequencies at that time, motors free: 35.3, 47.3, 54.1, 60.2, 88.6, 244 Hz" in printed
     found = result_of((tmp_path / "summary.json").read_text())["elasticity"]
     assert found["tool"] == "tool0"
     assert found["lowest_frequency"]["least"] == pytest.approx(8.1726, abs=1e-3)
@@ -97,7 +97,7 @@ def test_figure_and_table_of_the_result(door):
     figure = door.plot(title="UR10")
     assert len(figure.axes) == 3
     lines = {text.get_text() for text in figure.legends[0].get_texts()}
-    assert "places that friction can hold" in lines
+    assert "positions that friction can hold" in lines
     table = door.summary()
     assert table.loc["shoulder_pan_joint", "strain_energy"] == pytest.approx(0.858, abs=1e-3)
     assert (table["lower"] <= table["upper"]).all()
@@ -107,5 +107,5 @@ def test_no_picture_without_a_tool(door):
     nameless = door.result.scene.with_(tool=None)
     motion = pf.load_trajectory("ur10_machine_tending", nameless)
     found = pf.elasticity(pf.inverse_dynamics(nameless, motion))
-    with pytest.raises(StateError, match="no tool's place at rest to draw: no `tool`"):
+    with pytest.raises(StateError, match="no position of the tool at rest to draw: no `tool`"):
         tool_figure(found)

@@ -132,7 +132,7 @@ def test_tables_fit_eighty_columns(panda):
         "break-",
         "fit",
         "kg of drives",
-        "not checked, for a figure is missing",
+        "not checked, a value is missing",
     ):
         assert word in text
 
@@ -144,7 +144,7 @@ def test_console_prints_the_notes(panda):
     assert len(panda.notes) > 3
     for note in panda.notes:
         assert f"note: {note}" in text
-    assert "count twice. Name their masses in conditions.mass_in_urdf" in text
+    assert "the masses that are included in conditions.mass_in_urdf" in text
 
 
 def test_a_cycle_that_does_not_close_stands_in_every_report(tmp_path):
@@ -160,10 +160,10 @@ def test_a_cycle_that_does_not_close_stands_in_every_report(tmp_path):
         console = Console(file=StringIO(), width=80)
         console.print(*sizing_report(report), sep="\n")
         printed = " ".join(console.file.getvalue().split())
-        assert "repeated, though it does not close" in printed
+        assert "repeated, but it does not close" in printed
         assert text in printed
     page = sizing_page(open_)
-    assert "repeated, though it does not close" in page
+    assert "repeated, but it does not close" in page
     assert f"<b>The cycle does not close.</b> {text}" in page
 
 
@@ -182,7 +182,7 @@ def test_what_vanishes_beside_the_peak_prints_as_0(panda):
 
 
 def test_page_defines_holding(report):
-    assert "“Holding” is while every joint of the robot stands still" in sizing_page(report)
+    assert "“Holding”: every joint of the robot is at rest" in sizing_page(report)
 
 
 def test_tightest_criterion_is_that_of_the_least_margin(report):

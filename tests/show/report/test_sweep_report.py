@@ -117,10 +117,10 @@ def test_drive_of_the_catalogue_shows_what_fails_and_what_was_not_checked(capsys
     text = " ".join(" ".join(lines).split())
     met = result.trials[0].met(result)["gear repeated peak torque"]
     assert 0 < met.sum() < 20
-    assert f"{100 * (1 - met.mean()):.1f} %" in text.split("motors on trial")[1]
+    assert f"{100 * (1 - met.mean()):.1f} %" in text.split("motors: share of samples")[1]
     assert "joint2: speed-torque line, winding temperature" in text
-    assert "joint4: ratings alone, the peak times 1.2" in text
-    assert "masses of drives, on their joints' parent links: joint2 1.23 kg" in text
+    assert "joint4: only ratings are checked (peak times 1.2)" in text
+    assert "drive masses added to the parent links: joint2 1.23 kg" in text
     sweep_figure(result).draw_without_rendering()
     content = json.loads(as_text(in_json(sweep_summary(result))))["motors"]
     assert content[0]["criteria"]["gear repeated peak torque"]["value"] == met.mean()

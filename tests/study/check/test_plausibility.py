@@ -138,7 +138,7 @@ def test_plain_arm_has_one_note_of_what_never_moves(tmp_path):
     ("changes", "severity", "place", "says"),
     [
         ({"name": ""}, "NOTE", "robot", "has no name"),
-        ({"axis": ""}, "WARNING", "joint swing", "no <axis>: taken as 1 0 0"),
+        ({"axis": ""}, "WARNING", "joint swing", "no <axis>: read as 1 0 0"),
         ({"low": 0, "high": 0}, "WARNING", "joint swing", "limits 0 to 0"),
         ({"low": -180, "high": 180}, "ERROR", "joint swing",
          r"limits -180 to 180 rad.*in degrees: -3\.14 to 3\.14 rad"),
@@ -253,7 +253,7 @@ GOOD_SCENE = {
         ({"payload": "{link: rod, mass: 1, com: [0, 0, 150]}"}, "robot.payloads.box.com",
          r"reaches 0\.4 m.*in mm: 0\.15 m"),
         ({"payload": "{link: rod, mass: 1, com: [0, 0, 0], inertia: [9, 0, 0, 9, 0, 9]}"},
-         "robot.payloads.box.inertia", "3 m away"),
+         "robot.payloads.box.inertia", "radius of gyration 3 m"),
         ({"start": 90}, "simulation.start.q.swing", r"outside its limits -2 to 2.*degrees: 1\.57"),
         ({"locked": "{turn: 45}", "actuators": "[{joint: swing}]"}, "robot.locked.turn",
          r"outside.*degrees: 0\.785"),

@@ -723,7 +723,7 @@ def test_the_command_writes_a_header_and_its_test_and_says_what_constants_miss(
     given = "ur10_machine_tending", "--trajectory", "ur10_machine_tending", "--to", "cpp"
     assert run(*given, "--frame", "tool0", "--frame", "wrist_1_link", "--out", "made") == 0
     out = capsys.readouterr().out
-    assert "the header knows the load and needs no constants" in out
+    assert "the header uses the present load and needs no constants" in out
     name = "pinfric_ur10_machine_tending"
     assert sorted(p.name for p in Path("made").iterdir()) == [f"{name}.hpp", f"{name}_test.cpp"]
     text = Path("made", f"{name}.hpp").read_text()
@@ -821,7 +821,7 @@ def identified(folder):
 def test_an_identified_scene_says_how_far_its_level_is_known(tmp_path):
     made = pf.export(identified(tmp_path), to="cpp")
     assert made.uncertainty["hinge"] == pytest.approx(0.095, abs=1e-4)  # 95 % of +-10 %
-    assert "level known to 9.5%" in made.text
+    assert "friction known to 9.5%" in made.text
     assert "1/(1+e) = 0.913" in made.text
     (tmp_path / "posterior.csv").rename(tmp_path / "elsewhere.csv")
     scene = pf.load_scene(tmp_path / "scene.yaml")

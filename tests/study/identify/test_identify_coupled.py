@@ -78,5 +78,5 @@ def test_friction_on_a_coupled_motors_side_is_found(tmp_path: Path) -> None:
     said = "a law on the joint's side was asked for"
     assert any(line.startswith(said) and line.endswith(": j2") for line in known["coupled"].notes)
     assert not any(line.startswith(said) for line in known["apart"].notes)
-    with pytest.raises(IdentificationError, match="coupled; leave the `couples` out"):
+    with pytest.raises(IdentificationError, match="coupled, so a sensor"):
         pf.identify(true, [log], effort_at="joint")

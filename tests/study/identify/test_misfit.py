@@ -85,8 +85,8 @@ def test_the_true_model_lacks_nothing():
         ("offset", "an offset of"),
         pytest.param("stribeck", "the speed", marks=pytest.mark.slow),
         pytest.param("motor turn", "the motor's angle (once per turn)", marks=pytest.mark.slow),
-        pytest.param("filter", "how fast the effort changes", marks=pytest.mark.slow),
-        pytest.param("play", "how fast the effort changes", marks=pytest.mark.slow),
+        pytest.param("filter", "the rate of change of the effort", marks=pytest.mark.slow),
+        pytest.param("play", "the rate of change of the effort", marks=pytest.mark.slow),
     ],
 )
 def test_a_wrong_model_is_named_and_widens_the_intervals(case, named):

@@ -128,7 +128,7 @@ def test_size_with_fastest(files, capsys):
     arguments = "size", "table.yaml", "way.yaml", "--catalog", "catalog.yaml", "--fastest"
     assert run(*arguments, "--out", "out") == 0
     out, _ = capsys.readouterr()
-    assert "fastest along the path" in out
+    assert "fastest motion along the path" in out
     assert (files / "out" / "fastest.png").stat().st_size > 5000
     sets = result_of(Path("out/sizing.json").read_text())["fastest"]
     assert [x["drives"]["table"] for x in sets if x["best"]] == ["small + G", "large + G"]

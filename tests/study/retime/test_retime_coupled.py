@@ -47,5 +47,5 @@ def test_friction_at_coupled_joints_is_refused() -> None:
     friction = {"x": {"coulomb": {"static": 3.0, "kinetic": 2.0}}}
     scene = pf.Scene(model, friction=friction, actuators=actuators)
     path = Path.from_waypoints([[0.0, 0.0], [0.5, 0.4]])
-    with pytest.raises(RetimeError, match="retime knows friction of coupled drives"):
+    with pytest.raises(RetimeError, match="retime accepts friction of coupled drives"):
         retime(scene, path, {name: _LIMITS for name in "xz"})

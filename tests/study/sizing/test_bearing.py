@@ -201,7 +201,7 @@ def test_a_joints_own_bearing_carries_instead_of_the_gears(tmp_path):
 def test_sliding_joints_have_no_bearing_to_check(tmp_path):
     bearings = {"B": {"source": "invented", "grade": "R", "ratings": CROSSED}}
     path = write_catalog(tmp_path / "c.yaml", gears={"S": SCREW}, bearings=bearings)
-    with pytest.raises(CatalogError, match="sliding joints' guides are not checked"):
+    with pytest.raises(CatalogError, match="guides of sliding joints are not checked"):
         judged(lift(), up_and_down(lift()), load_catalog(path), bearings={"lift": "B"})
     with pytest.raises(CatalogError, match="crossed roller at a linear output"):
         load_catalog(write_catalog(path, gears={"S": {**SCREW, "bearing": CROSSED}}))
@@ -331,8 +331,8 @@ def test_bundled_linear_drives_lift_a_torso_and_close_a_gripper():
         unread = [a for a in joint.assessments if "TBM-6013-A + PBC" in a.candidate.name]
         assert not any(a.fits for a in unread)  # neither forces nor speeds of them were read
         no_load, no_speed = unread[0].missing_figures
-        assert no_load.startswith("cannot be judged by its gear load: gear repeated peak torque")
-        assert no_speed.startswith("cannot be judged by its gear speed: gear maximum input speed")
+        assert no_load.startswith("its gear load cannot be checked: gear repeated peak torque")
+        assert no_speed.startswith("its gear speed cannot be checked: gear maximum input speed")
     screw = catalog.gears["PBC lead screw 12 mm, lead 5 mm"]
     rise = 0.005 / (np.pi * 0.012)  # eta = tan a/tan(a + phi), backwards tan(a - phi)/tan a
     phi = np.arctan(rise / screw.efficiency) - np.arctan(rise)

@@ -146,9 +146,9 @@ def test_all_rows_that_cannot_be_are_named_in_one_error(tmp_path):
     for part in (
         "continuous_torque 0.9 is more than peak_torque 0.224: swapped",
         "line 4 (amount): continuous_torque: should be a number, found 'many'",
-        "line 5 (quantity): continuous_torque: rpm is no unit of it: N m, mN m",
+        "line 5 (quantity): continuous_torque: rpm is not a unit of this value; take N m, mN m",
         "line 6 (unit): continuous_torque: the unit 'mNn' is not known",
-        "line 7 (good): this name stands twice",
+        "line 7 (good): this name is given twice",
         "line 8 (no name): no name",
         "line 9 (light): `mass`",
     ):

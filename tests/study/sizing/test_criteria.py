@@ -295,7 +295,7 @@ def test_without_a_figure_for_the_motor_torque_nothing_is_chosen(tmp_path):
         {"motor": {"continuous_torque": None}},
         {"motor": {"mass": None}},
     ):
-        with pytest.warns(pf.PinfricWarning, match="no candidate can be judged"):
+        with pytest.warns(pf.PinfricWarning, match="no candidate can be checked"):
             joint = sized(tmp_path, **part)
         assert joint.choice is None
         assert joint.assessments[0].missing_figures
@@ -316,7 +316,7 @@ def test_mean_heat_can_refuse_a_motor_without_time_constants_but_not_pass_it(tmp
 def test_run_away_fails_whatever_the_limit(tmp_path):
     for times in ({"winding_time": 20.0, "housing_time": 300.0}, {}):
         thermal = {"winding_housing": 600.0, "housing_ambient": 900.0, **times}
-        with pytest.warns(pf.PinfricWarning, match="winding temperature: runs away"):
+        with pytest.warns(pf.PinfricWarning, match="winding temperature: thermal runaway"):
             found = criterion(sized(tmp_path, motor={"thermal": thermal}), "winding temperature")
         assert found.status == Status.FAILS
         assert found.available is None
@@ -343,7 +343,7 @@ def test_ambient_derates_the_continuous_torque(tmp_path):
     limit = {"ambient": 75.0, "max_winding": 125.0}
     found = criterion(sized(tmp_path, bare, conditions=limit), "continuous torque")
     assert found.available == pytest.approx(MOTOR["continuous_torque"] * np.sqrt(0.5))
-    with pytest.warns(pf.PinfricWarning, match="no candidate can be judged") as caught:
+    with pytest.warns(pf.PinfricWarning, match="no candidate can be checked") as caught:
         joint = sized(tmp_path, bare, conditions={"ambient": 60.0})
     assert "rated at 25 C, not at 60 C" in str(caught[0].message)
     assert joint.choice is None
@@ -360,7 +360,9 @@ def test_ambient_derates_the_continuous_torque(tmp_path):
     joint = sized(tmp_path, curve, conditions={"ambient": 50.0})
     assert criterion(joint, "continuous torque").available == pytest.approx(0.45)
     assert joint.choice.candidate.ratings.stall_at(Conditions(ambient=50.0)) == pytest.approx(0.36)
-    with pytest.warns(pf.PinfricWarning, match="the maker's curve ends at 60 C, it is 70 C around"):
+    with pytest.warns(
+        pf.PinfricWarning, match="the maker's curve ends at 60 C; ambient temperature 70 C"
+    ):
         sized(tmp_path, curve, conditions={"ambient": 70.0})
 
 
@@ -394,9 +396,9 @@ def test_copper_loss_and_voltage_by_what_the_constant_is_printed_for(
 
 
 def test_surroundings_hotter_than_the_winding_may_be_are_said_plainly(tmp_path):
-    with pytest.warns(pf.PinfricWarning, match="as hot as the winding may be") as caught:
+    with pytest.warns(pf.PinfricWarning, match="not below the winding's limit") as caught:
         joint = sized(tmp_path, conditions={"ambient": 130.0})
-    text = "the surroundings, 130 C, are as hot as the winding may be, 125 C"
+    text = "ambient temperature 130 C, not below the winding's limit, 125 C"
     for name in ("continuous torque", "short-term torque", "winding temperature"):
         assert criterion(joint, name).why == f"{name}: {text}"
     assert not any("e+09" in str(w.message) for w in caught)
@@ -424,7 +426,7 @@ def test_joint_that_stands_while_others_move_is_called_stalled(tmp_path):
     assert motor.figures.standing == pytest.approx(80 / RATIO / ETA)
     case = Case(sized(tmp_path).demand, cycle, 1.0, False, catalog.conditions)
     found = check(candidate, motor, case)
-    assert "standing still it takes up to 1 N m" in found[0].note
+    assert "at standstill it needs up to 1 N m" in found[0].note
     # one sample at v = 0 is a reversal, not a stop
     turning = DriveCycle(t, effort, effort, effort, t - 0.5, zero, nobody, nobody, 0.0)
     assert not turning.standing.any()

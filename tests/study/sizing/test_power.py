@@ -88,7 +88,7 @@ def test_a_bus_into_which_nothing_flows_needs_nothing(tmp_path):
     scene = turntable(friction={"table": {"coulomb": {"static": 40.0, "kinetic": 40.0}}})
     bus = pf.size(scene, trapezoid(scene), one_drive(tmp_path), on_miss="ignore").bus
     assert (bus.returned, bus.resistor, bus.capacitance) == (0.0, None, None)
-    assert bus.remedy.startswith("nothing flows back")
+    assert bus.remedy.startswith("no energy is fed back")
     unknown = one_drive(tmp_path, motor={"rotor_inertia": None})
     bus = pf.size(scene, trapezoid(scene), unknown, on_miss="ignore").bus
-    assert bus.remedy == "not known: no drive has a motor that could be assessed"
+    assert bus.remedy == "not known: no drive has a motor with the needed data"

@@ -198,7 +198,7 @@ def test_scheduler_that_cannot_be_reached_is_said_within_ten_seconds(address, mo
             pf.sweep(scene, steady(scene), sweep_of(speed=uniform(1, 2)), scheduler=named)
     assert monotonic() - start < 10
     assert named in str(caught.value)
-    assert ("is no Dask scheduler" in str(caught.value)) == (address == "ssh")
+    assert ("is not a Dask scheduler" in str(caught.value)) == (address == "ssh")
 
 
 def _greet_as_ssh(listener):

@@ -111,7 +111,7 @@ def test_dialects_give_the_motion_of_the_plain_file(dialect, tmp_path):
 @pytest.mark.parametrize("row", ["0;0;1.000,5", "0;0;12.500"])
 def test_points_where_commas_are_decimal_are_refused(row, tmp_path):
     text = DIALECTS["decimal commas"].replace("0;0;0,5", row)
-    assert "line 2 has a point, and the file writes decimal commas" in refused(tmp_path, text)
+    assert "line 2 has a point, but the file has decimal commas" in refused(tmp_path, text)
 
 
 def test_extra_columns_are_named_in_one_line(tmp_path):
@@ -172,7 +172,7 @@ def test_units_in_brackets_say_the_quantity(tmp_path):
 
 def test_joints_by_number_are_taken_in_order_and_said(tmp_path):
     motion = load(tmp_path, DIALECTS["recorder of the UR"])
-    words = "columns actual_q_0 to actual_q_1 are taken in the scene's order, base_turn to arm_lift"
+    words = "columns actual_q_0 to actual_q_1 are read in the scene's order, base_turn to arm_lift"
     assert words in motion.warnings
     assert any(line.startswith("columns not used: 'target_q_0'") for line in motion.warnings)
 
@@ -289,7 +289,7 @@ def test_parquet(tmp_path):
     np.testing.assert_allclose(motion.t, T, atol=1e-9)
     np.testing.assert_array_equal(motion.q, Q)
     (tmp_path / "cut.parquet").write_bytes((tmp_path / "log.parquet").read_bytes()[:-100])
-    with pytest.raises(TrajectoryError, match="no Parquet file that can be read") as caught:
+    with pytest.raises(TrajectoryError, match="cannot be read as a Parquet file") as caught:
         pf.load_trajectory(tmp_path / "cut.parquet", arm())
     assert "\n" not in str(caught.value)
 
@@ -349,7 +349,7 @@ def test_time_units_are_recognised_by_the_step(unit, factor, tmp_path):
 def test_steps_that_may_be_either_are_refused(tmp_path):
     still = table(("time", *NAMES), 5.0 * np.arange(400), np.full((400, 2), 0.5))
     message = refused(tmp_path, still)
-    assert "steps of 5 may be ms (200 Hz) or s (0.2 Hz); say which: --time-unit ms or" in message
+    assert "steps of 5 may be ms (200 Hz) or s (0.2 Hz); give --time-unit ms or" in message
     assert load(tmp_path, still, time_unit="s").duration == 1995.0
     assert load(tmp_path, still, time_unit="ms").duration == pytest.approx(1.995)
 
@@ -365,7 +365,7 @@ def test_whole_numbers_that_count_by_one_may_be_milliseconds(tmp_path):
     t = np.arange(2000) / 1000.0
     q = np.column_stack((0.8 * np.sin(2 * t), 0.3 + 0.2 * np.cos(3 * t)))
     text = table(("t", *NAMES), np.arange(2000), q)
-    assert "steps of 1 may be ms (1000 Hz) or s (1 Hz); say which" in refused(tmp_path, text)
+    assert "steps of 1 may be ms (1000 Hz) or s (1 Hz); give" in refused(tmp_path, text)
     np.testing.assert_allclose(load(tmp_path, text, time_unit="ms").t, t)
 
 
@@ -402,7 +402,10 @@ def test_few_torn_rows_and_stamps_are_left_out_and_said(tmp_path):
     assert (
         "left out 2 rows of 401: the header has 3 columns; rows with another" in motion.warnings[0]
     )
-    assert "left out 1 row with doubled or backward stamps, the first in line" in motion.warnings[1]
+    assert (
+        "left out 1 row with repeated or backward time stamps, the first in line"
+        in motion.warnings[1]
+    )
     np.testing.assert_allclose(motion.a[:, 0], -3.2 * np.sin(2 * motion.t), atol=1e-3)
 
 
@@ -453,9 +456,9 @@ def test_measurements_at_wandering_stamps_are_interpolated_on_them(noise, tmp_pa
     q += noise * rng.normal(size=q.shape)
     rows = table(("t", *NAMES, *(f"{n}/effort" for n in NAMES)), t, q, 7.0 * q, form="%.17g")
     motion = load(tmp_path, rows)
-    assert motion.warnings[0].startswith("stamps wander by ")
+    assert motion.warnings[0].startswith("time stamps deviate by ")
     assert "RMS from regular time (steps of 2 ms to " in motion.warnings[0]
-    assert "interpolated on them at 45" in motion.warnings[0]
+    assert "interpolated from them at 45" in motion.warnings[0]
     assert np.ptp(np.diff(motion.t)) < 1e-9  # what filters efforts expects
     np.testing.assert_allclose(motion.a[:, 0], -3.2 * np.sin(2 * motion.t), atol=0.1)
     effort = motion.reading.effort["base_turn"]
@@ -469,7 +472,7 @@ def test_stamps_of_writing_are_refused(tmp_path):
     q += 1e-5 * np.random.default_rng(0).normal(size=q.shape)
     written = np.arange(4000) // 10 * 0.02 + np.arange(4000) % 10 * 1e-3
     message = refused(tmp_path, table(("t", *NAMES), written, q))
-    assert "these say when rows were written, not when they were measured" in message
+    assert "the stamps are write times, not measuring times" in message
 
 
 def test_a_plan_with_steps_of_its_own_stays_a_plan(tmp_path):
@@ -502,7 +505,7 @@ def test_a_clock_that_rounds_stamps_adds_no_acceleration(noise, tmp_path):
 
 def test_a_recording_of_few_rows_says_that_it_is_not_judged(tmp_path):
     motion = load(tmp_path, table(("t", *NAMES), T[:15], noisy(T)[:15]))
-    assert motion.warnings == ("15 rows: too few to tell noise from motion, not filtered",)
+    assert motion.warnings == ("15 rows: too few to separate noise from motion, not filtered",)
     assert not load(tmp_path, table(("t", *NAMES), T[:15] * 20, Q[:15])).warnings  # by hand
 
 
@@ -559,7 +562,7 @@ def test_wrapped_angles_take_no_effort(joint, tmp_path):
     motion = load(tmp_path, table(("t", "wheel"), T, wrapped), scene=pf.Scene(model=model))
     effort = pf.inverse_dynamics(pf.Scene(model=model), motion).effort_upper
     assert np.abs(effort).max() < 1e-3  # 12 digits are written
-    assert motion.warnings[0] == "joint wheel: 1 jump of a whole turn taken out"
+    assert motion.warnings[0] == "joint wheel: 1 jump of a whole turn removed"
 
 
 def test_short_logs_are_judged_too(tmp_path):
@@ -571,7 +574,7 @@ def test_short_logs_are_judged_too(tmp_path):
 def test_a_log_in_which_nothing_moves_is_a_hold(tmp_path):
     rows = 0.5 + 1e-5 * np.random.default_rng(0).normal(size=Q.shape)
     motion = load(tmp_path, table(("t", *NAMES), T, rows))
-    assert motion.warnings == ("every joint stands still, noise 1.0e-05 to 1.1e-05 rad",)
+    assert motion.warnings == ("every joint is at rest, noise 1.0e-05 to 1.1e-05 rad",)
     assert [(hold.first, hold.last) for hold in motion.holds()] == [(0, 399)]
 
 
@@ -628,7 +631,7 @@ def test_bags_as_folder_and_as_file(storage, tmp_path):
     np.testing.assert_array_equal(other.reading.effort["arm_lift"], 2.0)
     cut = tmp_path / f"cut{file.suffix}"
     cut.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
-    with pytest.raises(TrajectoryError, match="the bag is damaged or cut off") as caught:
+    with pytest.raises(TrajectoryError, match="the bag is damaged or truncated") as caught:
         pf.load_trajectory(cut, arm())
     assert "\n" not in str(caught.value)
 

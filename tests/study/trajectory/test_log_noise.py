@@ -179,8 +179,10 @@ def test_what_is_not_filtered_says_so(smooth, tmp_path):
     t, q = smooth.log(500, "2e-5")
     path = write_csv(tmp_path / "log.csv", t, smooth.plans[500].joint_names, q)
     motion = pf.load_trajectory(path, smooth.scene, ReadingOptions(cutoff="none"))
-    assert motion.warnings[0].startswith("not filtered, noise 1.9e-05 to 2.1e-05 rad, which leaves")
-    assert "25 rad/s^2 in accelerations" in motion.warnings[0]
+    assert motion.warnings[0].startswith(
+        "not filtered, noise 1.9e-05 to 2.1e-05 rad, error left in"
+    )
+    assert "accelerations 25 rad/s^2" in motion.warnings[0]
     result = pf.inverse_dynamics(smooth.scene, motion)
     off = peaks(result) - smooth.peak
     assert off[1] > 4.0 * smooth.peak[1]
@@ -256,7 +258,7 @@ def test_a_peak_does_not_stand_in_the_ends_of_a_log_in_motion(seed, tmp_path):
     truth = tones(motion.t - 7.0 * seed, *parts)[1]
     assert np.abs(motion.a[:, 0] - truth).max() < 0.05 * np.abs(truth).max()
     assert abs(np.abs(motion.a).max() - np.abs(truth).max()) <= uncertain
-    assert "where joints move and a low pass has samples on one side only" in motion.warnings[-1]
+    assert "where joints move and the low pass has samples on one side only" in motion.warnings[-1]
     assert 7.8 < motion.duration < 8.0
 
 
@@ -377,7 +379,7 @@ def test_noisy_logs_of_all_joints_of_a_loop_are_closed(name, tmp_path):
     q = plan.joint_positions() + 1e-5 * np.random.default_rng(1).normal(size=(plan.t.size, 3))
     path = write_csv(tmp_path / "log.csv", plan.t, plan.joint_names, q)
     motion = pf.load_trajectory(path, scene)
-    assert "loops closed by moving joints, " in motion.warnings[-1]
+    assert "loops closed by correcting joints, " in motion.warnings[-1]
     truth, found = (peaks(pf.inverse_dynamics(scene, m)) for m in (plan, motion))
     np.testing.assert_allclose(found, truth, rtol=0.01)
     q[:, -1] += 0.05  # no noise: another zero

@@ -58,7 +58,7 @@ def test_a_move_shorter_than_a_few_samples_is_refused(rate, duration):
     with pytest.raises(TrajectoryError) as caught:
         sampled({"q": [0]}, {"q": [1], "duration": duration}, sample_rate=rate)
     problem = str(caught.value)
-    assert problem.startswith(f"file: points[1].duration: {duration:g} s is no more than a jump at")
+    assert problem.startswith(f"file: points[1].duration: {duration:g} s is too short for")
     assert f"at least 4 sample periods, {4 / rate:g} s" in problem
 
 
@@ -115,5 +115,5 @@ def test_degrees_are_of_angles_only():
 def test_points_that_fit_the_limits_only_in_degrees_are_asked_about():
     points = [{"q": [0, 0]}, {"q": [-90, 5], "duration": 1}]
     waypoints = WayPointFile(pinfric_trajectory=1, points=points)
-    with pytest.raises(TrajectoryError, match=r"angles up to 90 .* say which by `unit: deg`"):
+    with pytest.raises(TrajectoryError, match=r"angles up to 90 .* add `unit: deg`"):
         sample_waypoints(waypoints, two_joints(), {}, "file")

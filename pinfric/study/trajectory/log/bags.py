@@ -80,8 +80,8 @@ def open_bag(path: Path, joint_names: Sequence[str]) -> OpenedLog:
     except Exception as problem:  # SQLite's, struct's, zstd's, ...: whatever a cut file ends in
         reason = " ".join(f"{problem}".split())[:200] or type(problem).__name__
         raise TrajectoryError(
-            f"{path}: the bag is damaged or cut off ({reason}); record it anew, or save what is "
-            "left by `ros2 bag reindex`, `sqlite3 FILE .recover` or `mcap recover`"
+            f"{path}: the bag is damaged or truncated ({reason}); record it again, or recover it "
+            "by `ros2 bag reindex`, `sqlite3 FILE .recover` or `mcap recover`"
         ) from None
     columns: dict[str, NDArray[Any]] = {"t": times}
     joints = list(dict.fromkeys(name for names in groups for name in names))

@@ -72,14 +72,14 @@ class JointMapping(Entry):
     """
 
     position: Annotated[str, key("its column", "J3")]
-    velocity: Annotated[str | None, key("its column, which is only compared", "dJ3")] = None
+    velocity: Annotated[str | None, key("its column, used for comparison only", "dJ3")] = None
     effort: Annotated[str | None, key("its column", "tau3")] = None
-    current: Annotated[str | None, key("its column, in place of an effort", "I3")] = None
+    current: Annotated[str | None, key("its column, instead of an effort", "I3")] = None
     scale: Annotated[Number, key("of the position", 0.01, "1")] = 1.0
     effort_scale: Annotated[
         Number, key("N m or N per logged unit, of a current N m per A", 11.5, "1")
     ] = 1.0
-    sign: Annotated[Literal[-1, 1], key("-1 where the log counts the other way", -1, "1")] = 1
+    sign: Annotated[Literal[-1, 1], key("-1 if the log counts in the other direction", -1, "1")] = 1
     offset: Annotated[Number, key("of the position", 1.5707963, "rad or m")] = 0.0
     unit: Annotated[Literal["rad", "deg"] | None, key("of the logged angle", "deg")] = None
 
@@ -90,7 +90,7 @@ class TimeMapping(Entry):
     column: Annotated[str, key("its name", "stamp")]
     unit: Annotated[
         Literal["s", "ms", "us", "ns"] | None,
-        key("of its numbers; left out, as their steps tell", "us"),
+        key("of its numbers; left out: from their steps", "us"),
     ] = None
 
 
@@ -105,7 +105,7 @@ class ColumnsFile(Entry):
     joints: Annotated[
         dict[str, Annotated[str | JointMapping, Forms(str, JointMapping)]],
         key(
-            "by joint, its position's column or more",
+            "by joint: its position column, or more keys",
             {"elbow": {"position": "J3", "unit": "deg", "sign": -1}, "wrist": "J4"},
         ),
     ] = Field(default_factory=dict)
@@ -206,7 +206,7 @@ def find_columns(
     found.ignored = [column for column in dict.fromkeys(found.ignored) if column not in used]
     for name in found.used():
         if name and header.count(name) > 1:
-            problems.append(f"column {brief(name)} stands {header.count(name)} times")
+            problems.append(f"column {brief(name)} occurs {header.count(name)} times")
     _check_joints(header, names, claims, found, problems)
     return found
 
@@ -241,7 +241,7 @@ def _take_in_order(
         for name, column in zip(names, ordered, strict=True):
             claims.setdefault((name, next(iter(kinds), "position")), []).append(column)
         found.notes.append(
-            f"columns {ordered[0]} to {ordered[-1]} are taken in the scene's order, "
+            f"columns {ordered[0]} to {ordered[-1]} are read in the scene's order, "
             f"{names[0]} to {names[-1]}"
         )
 
@@ -318,7 +318,7 @@ def _find_time(
     stamps = {m[1][0].lower(): name for name in header if (m := _STAMP.search(name))}
     if len(candidates) > 1:
         problems.append(
-            f"columns {listing(map(repr, candidates))} may all be the time; say which: a YAML file "
+            f"columns {listing(map(repr, candidates))} may all be the time; name it in a YAML file "
             f"with `time: {candidates[0]}`, given by --columns"
         )
     elif candidates:
@@ -372,7 +372,7 @@ def _apply(
 
 
 def _renamed(column: str, header: Sequence[str]) -> JointMapping:
-    """A joint under another name: what stands beside its position there is its own, too."""
+    """A joint under another name: other columns with that name belong to it, too."""
     velocity, effort = (
         f"{column}/{x}" if f"{column}/{x}" in header else None for x in ("velocity", "effort")
     )
@@ -391,7 +391,7 @@ def _settle(
         if len(chosen) > 1:
             problems.append(
                 f"columns {listing(map(repr, chosen))} may all be the {quantity} of "
-                f"joint {joint}; say which by --columns FILE"
+                f"joint {joint}; name it by --columns FILE"
             )
         found.ignored += [c for c in columns if c not in chosen[:1]]
         if quantity == "current":
@@ -420,8 +420,7 @@ def _check_joints(
     other = sorted({quantity for _, quantity in claims})
     if other:
         problems.append(
-            f"has {' and '.join(other)} of the joints, but no positions; without "
-            "positions there is no motion to compute with"
+            f"has {' and '.join(other)} of the joints, but no positions, which are needed"
         )
         return
     problems.append(

@@ -263,8 +263,8 @@ def _table(path: Path, rows: list[tuple[int, str]]) -> _Table:
     points = [n for n, line in zip(numbers, texts, strict=True) if comma and "." in line]
     if points:
         raise TrajectoryError(
-            f"{path}: line {points[0]} has a point, and the file writes decimal commas: thousands, "
-            "or decimals? write decimal points throughout, and nothing between thousands"
+            f"{path}: line {points[0]} has a point, but the file has decimal commas: thousands, "
+            "or decimals? Use decimal points throughout, and no thousands separator"
         )
     return _Table(path, header, numbers, texts, separator, comma)
 

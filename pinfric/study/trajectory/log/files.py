@@ -29,7 +29,7 @@ def open_parquet(path: Path) -> OpenedLog:
         frame = parquet.read_table(path).to_pandas()
     except (OSError, ValueError, KeyError) as problem:  # pyarrow's errors are ValueErrors, OSErrors
         reason = " ".join(str(problem).split())[:200]
-        raise TrajectoryError(f"{path}: is no Parquet file that can be read: {reason}") from None
+        raise TrajectoryError(f"{path}: cannot be read as a Parquet file: {reason}") from None
     frame = frame.reset_index() if frame.index.name else frame
     columns: dict[str, NDArray[Any]] = {}
     units = {}

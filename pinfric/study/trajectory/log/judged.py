@@ -40,7 +40,7 @@ class MeasuredEffort:
     relative_error: float = quantity("rms_error / rms", heading="off", cell="{relative_error:%}")
     rest: float = quantity("how long the drive sticks", "s", "sticks", default=0.0)
     coverage: float = quantity(
-        "in which share of that time the measured effort lies in its interval",
+        "share of that time for which the measured effort is within its interval",
         heading="of it in\nthe band",
         cell="{coverage:%}",
         default=np.nan,
@@ -71,17 +71,17 @@ class JudgedLog:
 class LogSummary:
     """How a log was read."""
 
-    samples: int = quantity("rows that became samples")
+    samples: int = quantity("number of samples")
     dropped: int = quantity("rows left out")
-    resampled: int = quantity("samples between rows, interpolated")
-    jitter: float = quantity("RMS of the stamps about regular time", "s")
+    resampled: int = quantity("samples interpolated between rows")
+    jitter: float = quantity("RMS deviation of the time stamps from regular time", "s")
     noise: Mapping[str, float] = quantity("joint -> noise of its positions", PLACE)
     cutoff: Mapping[str, float | None] = quantity("joint -> low pass; none: not filtered", "Hz")
     peak_uncertainty: Mapping[str, float] = quantity(
-        "drive -> how far its peak effort may be off", EFFORT
+        "drive -> uncertainty of its peak effort", EFFORT
     )
-    measured: Mapping[str, MeasuredEffort] = quantity("drive -> its effort in the log, compared")
-    notes: tuple[str, ...] = quantity("all that was guessed, repaired or filtered")
+    measured: Mapping[str, MeasuredEffort] = quantity("drive -> comparison with its logged effort")
+    notes: tuple[str, ...] = quantity("guesses, repairs and filters of the log")
 
 
 def log_summary(log: JudgedLog) -> LogSummary:

@@ -107,7 +107,7 @@ def unwrapped(columns: Sequence[JointColumn], position: FloatArray, notes: list[
         result = result.copy() if result is position else result
         result[:, i] = straight
         wraps = counted(int((np.abs(jumps) > 0.5 * _TURN).sum()), "jump")
-        notes.append(f"joint {column.name}: {wraps} of a whole turn taken out")
+        notes.append(f"joint {column.name}: {wraps} of a whole turn removed")
     return result
 
 
@@ -161,10 +161,12 @@ def settle(
     timing = regular_time(plain.table.t)
     if timing is None or given:
         if not given and _is_short_log(plain.table.t):
-            words = f"{counted(rows.size, 'row')}: too few to tell noise from motion, not filtered"
+            words = (
+                f"{counted(rows.size, 'row')}: too few to separate noise from motion, not filtered"
+            )
             plain = replace(plain, reading=replace(reading, notes=(*notes, words)))
         if (np.diff(plain.table.t) <= 0.0).any():
-            problems.append("time must increase, and is not regular enough to be mended")
+            problems.append("time must increase, and is not regular enough to be repaired")
         return plain
     sampled = _on_regular_time(plain, timing)
     noisy = noisy_joints(sampled.position, timing.step, plain.table.resolution, sampled.t)
@@ -261,7 +263,7 @@ def _on_regular_time(plain: Settled, timing: Timing) -> _Sampled:
     number = timing.number.astype(np.float64)
     lost = np.setdiff1d(whole, number)
     words = [
-        f"stamps jitter by {_time(timing.jitter)} RMS: rows taken as regular, "
+        f"time stamps jitter by {_time(timing.jitter)} RMS: rows treated as regular, "
         f"{1.0 / timing.step:.6g} Hz"
     ]
     if lost.size:
@@ -293,16 +295,16 @@ def _by_stamps(plain: Settled, timing: Timing, reading: Reading) -> _Sampled:
     ]
     if timing.number is None:
         words = [
-            f"stamps wander by {_time(timing.jitter)} RMS from regular time (steps of "
-            f"{_time(steps.min())} to {_time(steps.max())}): interpolated on them at "
+            f"time stamps deviate by {_time(timing.jitter)} RMS from regular time (steps of "
+            f"{_time(steps.min())} to {_time(steps.max())}): interpolated from them at "
             f"{1.0 / timing.step:.6g} Hz"
         ]
     kept = far_apart(stamps, _NEAREST * timing.step)
     close = stamps.size - kept.size
     if close:
         words.append(
-            f"{counted(close, 'row')} left out whose stamps are within "
-            f"{_time(_NEAREST * timing.step)} of the row before"
+            f"left out {counted(close, 'row')} less than "
+            f"{_time(_NEAREST * timing.step)} after the row before"
         )
     position = _between(stamps[kept], table.position[kept], at)
     order = np.interp(at, stamps, np.arange(stamps.size))
@@ -341,8 +343,8 @@ def _contradictions(sampled: _Sampled) -> list[str]:
     if by_rows > _CONTRADICTED * by_stamps:
         return []
     return [
-        f"positions over the stamps are rougher ({by_stamps:.2g} rad or m) than from row to row "
-        f"({by_rows:.2g}): these say when rows were written, not when they were measured; give the "
+        f"positions over the time stamps are rougher ({by_stamps:.2g} rad or m) than over the rows "
+        f"({by_rows:.2g}): the stamps are write times, not measuring times; give the "
         "robot's own times"
     ]
 
@@ -481,7 +483,7 @@ def _without_ends(
     )
     words = (
         f"left out {_time(first * step)} at the start and {_time(last * step)} at the end, "
-        "where joints move and a low pass has samples on one side only"
+        "where joints move and the low pass has samples on one side only"
     )
     reading = replace(
         reading,
@@ -547,12 +549,12 @@ def _noise_line(reading: Reading, unit: str) -> str:
     cutoffs = sorted(x for x in reading.cutoff.values() if x is not None)
     noise = sorted(x for x in reading.noise.values() if x > 0.0)
     still = reading.uncertain is not None and not reading.uncertain.moving.any()
-    done = "every joint stands still" if still else "not filtered"
+    done = "every joint is at rest" if still else "not filtered"
     done = f"filtered at {_span(cutoffs, '.3g')} Hz" if cutoffs else done
     parts = [done, *([f"noise {_span(noise, '.1e')} {unit}"] if noise else [])]
     if reading.uncertain is not None and not cutoffs and not still:
         parts.append(
-            f"which leaves {reading.uncertain.acceleration.max():.2g} {unit}/s^2 in accelerations"
+            f"error left in accelerations {reading.uncertain.acceleration.max():.2g} {unit}/s^2"
         )
     return ", ".join(parts)
 

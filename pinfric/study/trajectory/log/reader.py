@@ -93,7 +93,7 @@ def _open(path: Path, joints: Sequence[JointColumn]) -> OpenedLog:
     if is_bag(path):
         return open_bag(path, [joint.name for joint in joints])
     if path.is_dir():
-        raise TrajectoryError(f"{path}: is a folder without metadata.yaml: no bag")
+        raise TrajectoryError(f"{path}: is a folder without metadata.yaml, so it is not a bag")
     name = path.name.lower()
     for suffix, opened in ((".parquet", open_parquet), (".mat", open_matlab), (SUFFIXES, open_csv)):
         if name.endswith(suffix):
@@ -110,7 +110,7 @@ def _say_dropped(cells: LogFrame, notes: list[str]) -> None:
             f"{len(cells.values) + cells.dropped}: {cells.why}"
         )
     if cells.absent:
-        notes.append(f"{counted(cells.absent, 'row')} without positions passed over")
+        notes.append(f"{counted(cells.absent, 'row')} without positions skipped")
 
 
 @dataclass(frozen=True)
@@ -189,7 +189,9 @@ def _settled(
         plan = replace(plan, velocity=nothing, acceleration=nothing)
     settled = settle(named, plan, options, problems, log.recorded or bool(found.effort))
     if settled.reading.filtered and np.isfinite(plan.velocity).any():
-        notes.append("velocities in the file are not used: they come from the filtered positions")
+        notes.append(
+            "velocities in the file are not used: they are derived from filtered positions"
+        )
     if log.recorded:
         notes += _smoothed_already(settled.reading)
         problems += [gap for gap in gap_problems(plan.t) if gap not in problems]
@@ -221,9 +223,7 @@ def _smoothed_already(reading: Reading) -> list[str]:
     if reading.noise_line:
         return []
     largest = max(reading.noise.values(), default=0.0)
-    return [
-        f"positions have no noise to speak of ({largest:.1e}): smoothed before, not filtered here"
-    ]
+    return [f"positions have almost no noise ({largest:.1e}): already smooth, not filtered"]
 
 
 def _quantity(
@@ -269,7 +269,7 @@ def _seconds(
         return (t - t[0]) + 1e-9 * cells.column(found.nanoseconds)
     factor = time_factor(found.time, t, start, found.time_unit, speeds, problems, notes)
     if is_clock(start * factor):
-        notes.append(f"column {found.time} shows a clock: times count from its first row on")
+        notes.append(f"column {found.time} is clock time: times count from its first row")
         t = t - t[0]
     return t if factor == 1.0 else t * factor
 

@@ -87,15 +87,13 @@ def check_times(t: FloatArray, lines: Sequence[int], problems: list[str]) -> Non
     far = np.flatnonzero(np.isfinite(t) & (np.abs(t) > _LONGEST_TIME))
     if far.size:
         where = listing(f"line {lines[i]} (t = {t[i]:.9g})" for i in far.tolist())
-        problems.append(
-            f"times beyond {_LONGEST_TIME:g} s cannot be meant, t is in seconds: {where}"
-        )
+        problems.append(f"times beyond {_LONGEST_TIME:g} s are refused, t is in seconds: {where}")
         return
     steps = np.diff(t)
     tiny = np.flatnonzero((steps > 0.0) & (steps < _SHORTEST_STEP))
     if tiny.size:
         where = listing(f"line {lines[i + 1]} ({steps[i]:.3g} s)" for i in tiny.tolist())
-        problems.append(f"time steps below {_SHORTEST_STEP:g} s cannot be meant: {where}")
+        problems.append(f"time steps below {_SHORTEST_STEP:g} s are refused: {where}")
 
 
 def ordered_rows(
@@ -125,7 +123,7 @@ def ordered_rows(
         problems.append(f"time must increase; it does not at {where}")
         return every
     notes.append(
-        f"left out {counted(wrong.size, 'row')} with doubled or backward stamps, the first "
+        f"left out {counted(wrong.size, 'row')} with repeated or backward time stamps, the first "
         f"in line {lines[int(wrong[0])]}"
     )
     return np.setdiff1d(every, wrong)
@@ -282,6 +280,6 @@ def gap_problems(t: FloatArray) -> list[str]:
         return []
     where = listing(f"{t[i]:.6g} to {t[i + 1]:.6g} s" for i in far)
     return [
-        f"gaps longer than {GAP_FACTOR:g} sample periods: {where}; what the joints did there "
-        "is not in the file: cut the log there, or give the missing rows"
+        f"gaps longer than {GAP_FACTOR:g} sample periods: {where}; the motion there "
+        "is not in the file: split the log there, or add the missing rows"
     ]

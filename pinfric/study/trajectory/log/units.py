@@ -80,7 +80,7 @@ def time_factor(
     options = ", ".join(f"--time-unit {unit}" for unit in possible)
     problems.append(
         f"column {name}: steps of {step:.6g} may be {choice} or s ({1.0 / step:.3g} "
-        f"Hz); say which: {options} or --time-unit s"
+        f"Hz); give {options} or --time-unit s"
     )
     return 1.0
 
@@ -136,8 +136,8 @@ def angle_unit(
         return [degree if i in open_ else factor for i, factor in enumerate(factors)]
     others = listing(f"{columns[i].name} {size[i]:.4g}" for i in unclear)
     problems.append(
-        f"angles look like degrees ({names}), but may be radians ({others}): say which: --unit deg "
-        "for all, or `unit` by joint in a file given by --columns"
+        f"angles look like degrees ({names}), but may be radians ({others}): give --unit deg or "
+        "--unit rad for all, or `unit` by joint in a file given by --columns"
     )
     return factors
 
@@ -185,6 +185,6 @@ def fast_angles(
     if not fast:
         return []
     return [
-        f"no joint is so fast ({listing(fast)}): the angles may be degrees; say which: "
+        f"too fast for a joint ({listing(fast)}): the angles may be in degrees; give "
         "--unit deg or --unit rad"
     ]
