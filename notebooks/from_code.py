@@ -52,8 +52,10 @@ def as_restructured_text(lines: list[str]) -> list[str]:
 def _escaped(line: str) -> str:
     """A line of text: `code` in double backticks, no other markup."""
     parts = CODE.split(line)
-    return "".join(f"`{part}`" if i % 2 else re.sub(r"([*|]|_\b)", r"\\\1", part)
-                   for i, part in enumerate(parts))  # fmt: skip
+    return "".join(
+        f"`{part}`" if i % 2 else re.sub(r"([*|]|_\b)", r"\\\1", part)
+        for i, part in enumerate(parts)
+    )
 
 
 #: A function or a class that a page names: kind, module with a dot behind it, name.

@@ -5,7 +5,7 @@
     work_precision   error against computing time of the simulation methods  (notebook 03)
 
 They go to notebooks/pictures, cut down to 256 colours. Without names: all of them.
-"""  # fmt: skip
+"""
 
 from __future__ import annotations
 
@@ -106,8 +106,10 @@ def work_precision() -> Image.Image:
 
 
 PICTURES: dict[str, Callable[[], Image.Image]] = {
-    "efforts": efforts, "replay": replay, "work_precision": work_precision,
-}  # fmt: skip
+    "efforts": efforts,
+    "replay": replay,
+    "work_precision": work_precision,
+}
 
 
 def small_png(picture: Image.Image, widest: int = WIDEST) -> bytes:

@@ -16,18 +16,26 @@ PACKAGE = NOTEBOOKS.parent / "pinfric"
 #: From the top: room, what it is for, its parts where it has no folders.
 ROOMS = {
     "cli": ("commands, options, exit codes", "cli, terminal, __main__"),
-    "paper": ("the paper's formulation, a judge of ours", "bodies, equations, inverse, forward, "
-              "simulate: only NumPy and SciPy"),
+    "paper": (
+        "the paper's formulation, a judge of ours",
+        "bodies, equations, inverse, forward, simulate: only NumPy and SciPy",
+    ),
     "show": ("tables, figures, pages, replays", ""),
     "study": ("tasks of users: files, cycles, drives, logs", ""),
     "dynamics": ("writes friction problems of states and reads their solutions", ""),
-    "friction": ("solves friction problems, with proofs; independent of the robot",
-                 "given_modes, search, rest, holding, branching"),
-    "model": ("description: robot, twin, bearings, laws, gears, loops; file formats",
-              "scene, robot, twin, bearings, friction_terms, transmission, loops, schema"),
-    "kernels": ("compiles, caches and, for small problems, interprets kernels",
-                "compiled, interpreted"),
-}  # fmt: skip
+    "friction": (
+        "solves friction problems, with proofs; independent of the robot",
+        "given_modes, search, rest, holding, branching",
+    ),
+    "model": (
+        "description: robot, twin, bearings, laws, gears, loops; file formats",
+        "scene, robot, twin, bearings, friction_terms, transmission, loops, schema",
+    ),
+    "kernels": (
+        "compiles, caches and, for small problems, interprets kernels",
+        "compiled, interpreted",
+    ),
+}
 FRONT = {"cli": "cli", "terminal": "cli", "__main__": "cli"}
 #: One state through the program: function, its module, what it does.
 STEPS = {

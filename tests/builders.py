@@ -61,8 +61,12 @@ def random_states(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Seeded (q, v, a), q on its manifold."""
     rng = np.random.default_rng(seed)
-    q = np.array([pin.integrate(model, pin.neutral(model), rng.normal(scale=1.0, size=model.nv))
-                  for _ in range(samples)])  # fmt: skip
+    q = np.array(
+        [
+            pin.integrate(model, pin.neutral(model), rng.normal(scale=1.0, size=model.nv))
+            for _ in range(samples)
+        ]
+    )
     return q, rng.normal(size=(samples, model.nv)), rng.normal(size=(samples, model.nv))
 
 
@@ -95,22 +99,33 @@ def random_friction(model: pin.Model, seed: int) -> dict[str, dict]:
 def _random_bearing(rng: np.random.Generator, slides: bool) -> dict:
     if slides:
         return {
-            "kind": "guide", "length": float(rng.uniform(0.1, 0.4)), "width": 0.1,
-            "preload": 2.0, "offset": float(rng.normal(scale=0.1)),
+            "kind": "guide",
+            "length": float(rng.uniform(0.1, 0.4)),
+            "width": 0.1,
+            "preload": 2.0,
+            "offset": float(rng.normal(scale=0.1)),
             "on": str(rng.choice(["child", "parent"])),
-        }  # fmt: skip
+        }
     pick = rng.random()
     if pick < 0.5:
         return {
-            "kind": "pin", "radius": 0.05, "length": float(rng.uniform(0.05, 0.2)),
-            "thrust_radius": 0.04, "preload": 1.0, "offset": float(rng.normal(scale=0.05)),
-        }  # fmt: skip
+            "kind": "pin",
+            "radius": 0.05,
+            "length": float(rng.uniform(0.05, 0.2)),
+            "thrust_radius": 0.04,
+            "preload": 1.0,
+            "offset": float(rng.normal(scale=0.05)),
+        }
     if pick < 0.7:
         return {"kind": "pin", "radius": 0.05}
     return {
-        "kind": "linear", "radial": 0.1, "axial": 0.05, "moment": 0.2, "preload": 0.3,
+        "kind": "linear",
+        "radial": 0.1,
+        "axial": 0.05,
+        "moment": 0.2,
+        "preload": 0.3,
         "offset": 0.02,
-    }  # fmt: skip
+    }
 
 
 def chain(*links: tuple, gravity: float = 9.81) -> pin.Model:
@@ -133,8 +148,9 @@ def block(angle: float = 0.0, mass: float = 2.0) -> pin.Model:
     model = pin.Model()
     tilted = pin.SE3(pin.rpy.rpyToMatrix(0.0, angle, 0.0), np.zeros(3))
     joint = model.addJoint(0, pin.JointModelPX(), tilted, "slide")
-    model.appendBodyToJoint(joint, pin.Inertia(mass, np.zeros(3), 0.01 * np.eye(3)),
-                            pin.SE3.Identity())  # fmt: skip
+    model.appendBodyToJoint(
+        joint, pin.Inertia(mass, np.zeros(3), 0.01 * np.eye(3)), pin.SE3.Identity()
+    )
     return model
 
 
@@ -162,8 +178,10 @@ def gantry(turned: bool, gear: dict) -> tuple[pin.Model, list[dict]]:
     model.appendBodyToJoint(second, body, pin.SE3.Identity())
     gear = gear | {"ratio": gear["ratio"] * (np.sqrt(2.0) if turned else 1.0)}
     couples = [{}, {}] if turned else [{"z": -1.0}, {"x": 1.0}]
-    return model, [{"joint": joint, "couples": other, "transmission": gear}
-                   for joint, other in zip("xz", couples, strict=True)]  # fmt: skip
+    return model, [
+        {"joint": joint, "couples": other, "transmission": gear}
+        for joint, other in zip("xz", couples, strict=True)
+    ]
 
 
 def pick_and_place(digits: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -187,13 +205,21 @@ def geared_arm(
     actuators, friction = [], {}
     for name in names[: len(names) - mimic]:
         locking = rng.random() < locks
-        actuators.append({"joint": name, "transmission": {
-            "ratio": float(rng.choice([-1, 1]) * rng.uniform(20, 120)),
-            "efficiency": float(rng.uniform(0.3, 1.0)),
-            "back_efficiency": float(-rng.uniform(0, 0.3) if locking else rng.uniform(0.05, 1.0)),
-            "no_load_torque": float(rng.uniform(0, 0.05)), "motor_viscous": 1e-4,
-            "rotor_inertia": float(rng.uniform(0, 5e-4) + 3e-3 * locking),
-        }})  # fmt: skip
+        actuators.append(
+            {
+                "joint": name,
+                "transmission": {
+                    "ratio": float(rng.choice([-1, 1]) * rng.uniform(20, 120)),
+                    "efficiency": float(rng.uniform(0.3, 1.0)),
+                    "back_efficiency": float(
+                        -rng.uniform(0, 0.3) if locking else rng.uniform(0.05, 1.0)
+                    ),
+                    "no_load_torque": float(rng.uniform(0, 0.05)),
+                    "motor_viscous": 1e-4,
+                    "rotor_inertia": float(rng.uniform(0, 5e-4) + 3e-3 * locking),
+                },
+            }
+        )
     for name in names:
         if rng.random() < 0.6:
             static = float(rng.uniform(0.5, 1.5))

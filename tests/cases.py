@@ -41,8 +41,10 @@ def drawer_scene(mu, static=None, length=0.3, offset=0.3, mass=4.0):
     model = grounded_model((0.0, 0.0, -9.81))
     body = pin.Inertia(mass, np.zeros(3), 0.05 * np.eye(3))
     add_link(model, 0, pin.JointModelPX(), pin.SE3.Identity(), "drawer", body)
-    friction = {"bearing": {"kind": "guide", "length": length},
-                "mu": {"static": mu if static is None else static, "kinetic": mu}}  # fmt: skip
+    friction = {
+        "bearing": {"kind": "guide", "length": length},
+        "mu": {"static": mu if static is None else static, "kinetic": mu},
+    }
     push = {"name": "push", "link": "drawer", "xyz": [0, offset, 0], "direction": [1, 0, 0]}
     return pf.Scene(model=model, friction={"drawer": friction}, actuators=[{"force": push}])
 
@@ -102,8 +104,9 @@ def rocker_driven_four_bar(offsets, mu=0.3, radius=0.03):
         offsets: crank angles beyond the toggle (rad).
     """
     scene, joints = four_bar(friction=pin_friction(mu, radius))
-    scene = pf.Scene(model=scene.model, friction=scene.friction, loops=scene.loops,
-                     actuators=[{"joint": "C"}])  # fmt: skip
+    scene = pf.Scene(
+        model=scene.model, friction=scene.friction, loops=scene.loops, actuators=[{"joint": "C"}]
+    )
     toggle = np.arccos((0.3**2 + 0.45**2 - 0.25**2) / (2 * 0.3 * 0.45))  # O-B = crank + coupler
     q, v, a = crank_motion(joints, toggle + np.asarray(offsets), 1.0, 0.0)
     return Case(scene, q, v, a, known={"toggle": toggle})
@@ -118,8 +121,9 @@ def four_bars_in_a_row(samples=5, mu=0.3, radius=0.01):
     ids = {"ground": 0}
 
     def link(parent, name, at, mass, length):
-        ids[name] = add_link(model, ids[parent], pin.JointModelRZ(), shifted(at), name,
-                             bar(mass, length))  # fmt: skip
+        ids[name] = add_link(
+            model, ids[parent], pin.JointModelRZ(), shifted(at), name, bar(mass, length)
+        )
         friction[name] = pin_friction(mu, radius)
 
     link("ground", "crank", 0.0, 0.5, 0.1)
@@ -127,9 +131,12 @@ def four_bars_in_a_row(samples=5, mu=0.3, radius=0.01):
         before = "crank" if n == 1 else f"rocker_{n - 1}"
         link(before, f"coupler_{n}", 0.1 if n == 1 else 0.18, 0.8, 0.35)
         link("ground", f"rocker_{n}", 0.3 * n, 0.6, 0.2)
-        loop = {"name": f"pin_{n}", "kind": "planar_pin",
-                "a": {"link": f"coupler_{n}", "xyz": [0.35, 0, 0]},
-                "b": {"link": f"rocker_{n}", "xyz": [0.2, 0, 0]}}  # fmt: skip
+        loop = {
+            "name": f"pin_{n}",
+            "kind": "planar_pin",
+            "a": {"link": f"coupler_{n}", "xyz": [0.35, 0, 0]},
+            "b": {"link": f"rocker_{n}", "xyz": [0.2, 0, 0]},
+        }
         loops.append(loop)
         friction[f"pin_{n}"] = pin_friction(mu, radius)
     scene = pf.Scene(model=model, friction=friction, loops=loops, actuators=[{"joint": "crank"}])
@@ -147,8 +154,9 @@ def four_bar_of_masses(ratio):
     for joint, factor in ((2, ratio), (3, ratio**2)):
         body = model.inertias[joint]
         model.inertias[joint] = pin.Inertia(body.mass * factor, body.lever, body.inertia * factor)
-    scene = pf.Scene(model=model, friction=scene.friction, loops=scene.loops,
-                     actuators=scene.actuators)  # fmt: skip
+    scene = pf.Scene(
+        model=model, friction=scene.friction, loops=scene.loops, actuators=scene.actuators
+    )
     q, v, a = crank_motion(joints, np.linspace(0.2, 6.0, 12))
     return Case(scene, q, v, a)
 
@@ -194,10 +202,14 @@ def hinged_weight(line=0.0):
     """A bar held by a cylinder whose line misses the pin by `line` (m); at 0 it cannot hold."""
     model = grounded_model((0.0, -9.81, 0.0))
     add_link(model, 0, pin.JointModelRZ(), pin.SE3.Identity(), "bar", bar(2.0, 0.6))
-    cylinder = {"name": "ram", "a": {"link": "ground", "xyz": [-0.2, line, 0]},
-                "b": {"link": "bar", "xyz": [0.3, line, 0]}}  # fmt: skip
-    scene = pf.Scene(model=model, friction={"bar": pin_friction(0.2, 0.02)},
-                     actuators=[{"cylinder": cylinder}])  # fmt: skip
+    cylinder = {
+        "name": "ram",
+        "a": {"link": "ground", "xyz": [-0.2, line, 0]},
+        "b": {"link": "bar", "xyz": [0.3, line, 0]},
+    }
+    scene = pf.Scene(
+        model=model, friction={"bar": pin_friction(0.2, 0.02)}, actuators=[{"cylinder": cylinder}]
+    )
     one = np.ones((1, 1))
     return Case(scene, 0 * one, 0.5 * one, 0 * one, known={"moment": 2.0 * 9.81 * 0.3})
 
@@ -231,10 +243,15 @@ def slider_crank(angles, mu=0.3, mass=0.8, rate=10.0, gravity=9.81):
     body = pin.Inertia(mass, np.zeros(3), 1e-3 * np.eye(3))
     add_link(model, 0, pin.JointModelPX(), pin.SE3.Identity(), "piston", body)
     guide = {"bearing": {"kind": "guide", "length": 0.06}, "mu": {"static": mu, "kinetic": mu}}
-    loop = {"name": "wrist", "kind": "planar_pin", "a": {"link": "rod", "xyz": [l, 0, 0]},
-            "b": {"link": "piston"}}  # fmt: skip
-    scene = pf.Scene(model=model, friction={"piston": guide}, loops=[loop],
-                     actuators=[{"joint": "crank"}])  # fmt: skip
+    loop = {
+        "name": "wrist",
+        "kind": "planar_pin",
+        "a": {"link": "rod", "xyz": [l, 0, 0]},
+        "b": {"link": "piston"},
+    }
+    scene = pf.Scene(
+        model=model, friction={"piston": guide}, loops=[loop], actuators=[{"joint": "crank"}]
+    )
     theta = np.asarray(angles, dtype=float)
     phi = -np.arcsin(r * np.sin(theta) / l)  # the rod's angle from x
     q = np.column_stack([theta, phi - theta, r * np.cos(theta) + l * np.cos(phi)])
@@ -266,19 +283,32 @@ def ball_tripod(mu=0.3, radius=0.02):
         parent = add_link(model, parent, kind(), place, name, bar(0.7, 0.5) if n == 2 else None)
     place = pin.SE3(np.eye(3), np.array([0.45, 0.1, 0.0]))
     add_link(model, 0, pin.JointModelRY(), place, "rocker", bar(0.8, 0.3))
-    ball = {"bearing": {"kind": "ball", "radius": radius},
-            "mu": {"static": 1.2 * mu, "kinetic": mu}}  # fmt: skip
-    loop = {"name": "ball", "kind": "spherical", "a": {"link": "rod", "xyz": [0.5, 0, 0]},
-            "b": {"link": "rocker", "xyz": [0.3, 0, 0]}}  # fmt: skip
+    ball = {
+        "bearing": {"kind": "ball", "radius": radius},
+        "mu": {"static": 1.2 * mu, "kinetic": mu},
+    }
+    loop = {
+        "name": "ball",
+        "kind": "spherical",
+        "a": {"link": "rod", "xyz": [0.5, 0, 0]},
+        "b": {"link": "rocker", "xyz": [0.3, 0, 0]},
+    }
     scene = pf.Scene(
-        model=model, loops=[loop], friction={"ball": ball, "rocker": pin_friction(mu, radius)},
+        model=model,
+        loops=[loop],
+        friction={"ball": ball, "rocker": pin_friction(mu, radius)},
         actuators=[{"joint": "arm"}, {"joint": "rod"}],
-    )  # fmt: skip
-    q = np.array([scene.close(np.array([0.2, 0.1, -0.5, 0.3, -1.2]) + d, ["arm"])
-                  for d in 0.05 * np.arange(4)[:, None]])  # fmt: skip
+    )
+    q = np.array(
+        [
+            scene.close(np.array([0.2, 0.1, -0.5, 0.3, -1.2]) + d, ["arm"])
+            for d in 0.05 * np.arange(4)[:, None]
+        ]
+    )
     rng = np.random.default_rng(3)
-    v, a = consistent_motion(scene, q, ["arm", "rod"], rng.normal(size=(4, 2)),
-                             rng.normal(size=(4, 2)))  # fmt: skip
+    v, a = consistent_motion(
+        scene, q, ["arm", "rod"], rng.normal(size=(4, 2)), rng.normal(size=(4, 2))
+    )
     return Case(scene, q, v, a)
 
 
@@ -312,21 +342,33 @@ def boxer(cylinders=2, angle=0.0, rate=0.0, mu=0.1, brake=0.05):
     crank = add_link(model, 0, pin.JointModelRZ(), pin.SE3.Identity(), "crank", bar(1.0, 0.2, -0.1))
     friction = {"crank": {"coulomb": {"static": brake, "kinetic": brake}}}
     loops, guess = [], [angle]
-    guide = {"bearing": {"kind": "guide", "length": 0.1, "width": 0.1},
-             "mu": {"static": mu, "kinetic": mu}}  # fmt: skip
+    guide = {
+        "bearing": {"kind": "guide", "length": 0.1, "width": 0.1},
+        "mu": {"static": mu, "kinetic": mu},
+    }
     tilt = -np.arcsin(0.1 / 0.3 * np.sin(angle))
     for k, side in ((1, 1.0), (2, -1.0))[:cylinders]:
         add_link(model, crank, pin.JointModelRZ(), shifted(side * 0.1), f"rod_{k}", bar(0.4, 0.3))
         turned = pin.SE3(pin.rpy.rpyToMatrix(0, 0, 0 if side > 0 else np.pi), np.zeros(3))
         body = pin.Inertia(0.5, np.zeros(3), 1e-3 * np.eye(3))
         add_link(model, 0, pin.JointModelPX(), turned, f"piston_{k}", body)
-        loops.append({"name": f"wrist_{k}", "kind": "planar_pin",
-                      "a": {"link": f"rod_{k}", "xyz": [0.3, 0, 0]},
-                      "b": {"link": f"piston_{k}"}})  # fmt: skip
-        friction |= {f"rod_{k}": pin_friction(mu), f"piston_{k}": guide,
-                     f"wrist_{k}": pin_friction(mu)}  # fmt: skip
-        guess += [tilt + (0.0 if side > 0 else np.pi) - angle,
-                  0.1 * np.cos(angle) + 0.3 * np.cos(tilt)]  # fmt: skip
+        loops.append(
+            {
+                "name": f"wrist_{k}",
+                "kind": "planar_pin",
+                "a": {"link": f"rod_{k}", "xyz": [0.3, 0, 0]},
+                "b": {"link": f"piston_{k}"},
+            }
+        )
+        friction |= {
+            f"rod_{k}": pin_friction(mu),
+            f"piston_{k}": guide,
+            f"wrist_{k}": pin_friction(mu),
+        }
+        guess += [
+            tilt + (0.0 if side > 0 else np.pi) - angle,
+            0.1 * np.cos(angle) + 0.3 * np.cos(tilt),
+        ]
     scene = pf.Scene(model=model, friction=friction, loops=loops, actuators=[{"joint": "crank"}])
     q0 = pin.neutral(model)
     names = ["crank", *(f"{part}_{k}" for k in (1, 2)[:cylinders] for part in ("rod", "piston"))]

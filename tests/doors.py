@@ -92,7 +92,7 @@ pf.elasticity(pf.inverse_dynamics(arm.with_(actuators=elastic), motion())).summa
     "identify": "pf.identify(pf.load_scene('pendulum'), ['log.csv'], effort_at='joint')",
     "Path": "pf.Path.from_trajectory(motion())",
     "CompensationOptions": "pf.CompensationOptions(scale=1.0)",
-}  # fmt: skip
+}
 #: Arguments of every command.
 COMMANDS = {
     "inverse": ["three_link", "way.yaml", "--out", "inverse"],
@@ -148,9 +148,14 @@ def write_inputs(folder: Path) -> None:
 
     import pinfric as pf
 
-    for name, text in {"way.yaml": WAY, "loop.yaml": LOOP, "motors.yaml": MOTORS,
-                       "sweep.yaml": SWEEP, "makers.csv": TABLE,
-                       "makers.columns.yaml": COLUMNS}.items():  # fmt: skip
+    for name, text in {
+        "way.yaml": WAY,
+        "loop.yaml": LOOP,
+        "motors.yaml": MOTORS,
+        "sweep.yaml": SWEEP,
+        "makers.csv": TABLE,
+        "makers.columns.yaml": COLUMNS,
+    }.items():
         (folder / name).write_text(text)
     shutil.copytree(ROOT / "robots", folder / "robots")
     model = pf.load_scene("pendulum").model
@@ -221,8 +226,9 @@ def doors(names: list[str]) -> list[tuple[str, Callable[[], object]]]:
     found: list[tuple[str, Callable[[], object]]] = [
         (name, partial(exec, BEGIN + code, {})) for name, code in FUNCTIONS.items()
     ]
-    found += [(f"pinfric {name}", partial(cli.main, [name, *given]))
-              for name, given in COMMANDS.items()]  # fmt: skip
+    found += [
+        (f"pinfric {name}", partial(cli.main, [name, *given])) for name, given in COMMANDS.items()
+    ]
     return [door for door in found if not names or door[0] in names]
 
 

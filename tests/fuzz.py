@@ -59,67 +59,136 @@ ARM_URDF = """<robot name="arm">
 ARM_SCENE = {
     "pinfric": 1,
     "robot": {
-        "urdf": "arm.urdf", "gravity": [0.0, 0.0, -9.81], "urdf_dynamics": "use",
-        "payloads": {"box": {"link": "ram", "mass": 1.0, "com": [0.0, 0.0, 0.1], "attached": False,
-                             "inertia": [0.01, 0.0, 0.0, 0.01, 0.0, 0.01]}},
+        "urdf": "arm.urdf",
+        "gravity": [0.0, 0.0, -9.81],
+        "urdf_dynamics": "use",
+        "payloads": {
+            "box": {
+                "link": "ram",
+                "mass": 1.0,
+                "com": [0.0, 0.0, 0.1],
+                "attached": False,
+                "inertia": [0.01, 0.0, 0.0, 0.01, 0.0, 0.01],
+            }
+        },
     },
     "friction": {
-        "shoulder": {"bearing": {"kind": "pin", "radius": 0.05, "length": 0.1},
-                     "mu": {"static": 0.2, "kinetic": 0.1}, "stribeck": {"velocity": 0.02},
-                     "coulomb": {"static": 1.0, "kinetic": 0.8}, "viscous": 0.5},
-        "extension": {"bearing": {"kind": "guide", "length": 0.2, "width": 0.1},
-                      "mu": {"static": 0.2, "kinetic": 0.1}},
+        "shoulder": {
+            "bearing": {"kind": "pin", "radius": 0.05, "length": 0.1},
+            "mu": {"static": 0.2, "kinetic": 0.1},
+            "stribeck": {"velocity": 0.02},
+            "coulomb": {"static": 1.0, "kinetic": 0.8},
+            "viscous": 0.5,
+        },
+        "extension": {
+            "bearing": {"kind": "guide", "length": 0.2, "width": 0.1},
+            "mu": {"static": 0.2, "kinetic": 0.1},
+        },
     },
     "actuators": [
-        {"joint": "shoulder",
-         "transmission": {"ratio": 100.0, "efficiency": 0.8, "back_efficiency": 0.75,
-                          "no_load_torque": 0.01, "motor_viscous": 1e-4, "rotor_inertia": 1e-5}},
+        {
+            "joint": "shoulder",
+            "transmission": {
+                "ratio": 100.0,
+                "efficiency": 0.8,
+                "back_efficiency": 0.75,
+                "no_load_torque": 0.01,
+                "motor_viscous": 1e-4,
+                "rotor_inertia": 1e-5,
+            },
+        },
         {"joint": "extension"},
     ],
     "stick": {"velocity": 1e-6},
-    "simulation": {"start": {"q": {"shoulder": 0.1, "extension": 0.2}, "v": {"shoulder": 0.5}},
-                   "effort": {"shoulder": 5.0, "extension": {"sine": {
-                       "amplitude": 3.0, "angular_frequency": 4.0}}},
-                   "t_end": 0.05},
-}  # fmt: skip
+    "simulation": {
+        "start": {"q": {"shoulder": 0.1, "extension": 0.2}, "v": {"shoulder": 0.5}},
+        "effort": {
+            "shoulder": 5.0,
+            "extension": {"sine": {"amplitude": 3.0, "angular_frequency": 4.0}},
+        },
+        "t_end": 0.05,
+    },
+}
 ARM_CSV = "t,shoulder,extension,payload.box\n" + "".join(
     f"{0.1 * i:.1f},{0.3 * math.sin(0.5 * i):.4f},{0.2 + 0.02 * i:.3f},{int(i > 5)}\n"
     for i in range(12)
 )
 ARM_WAY = {
-    "pinfric_trajectory": 1, "profile": "quintic", "sample_rate": 50,
-    "points": [{"q": [0.0, 0.1], "hold": 0.1},
-               {"q": [0.5, 0.2], "duration": 0.5, "hold": 0.2, "attach": "box"},
-               {"q": [0.0, 0.1], "duration": 0.4, "detach": "box"}],
-}  # fmt: skip
+    "pinfric_trajectory": 1,
+    "profile": "quintic",
+    "sample_rate": 50,
+    "points": [
+        {"q": [0.0, 0.1], "hold": 0.1},
+        {"q": [0.5, 0.2], "duration": 0.5, "hold": 0.2, "attach": "box"},
+        {"q": [0.0, 0.1], "duration": 0.4, "detach": "box"},
+    ],
+}
 SWEEP = {
-    "pinfric_sweep": 1, "samples": 4, "sampling": "random", "seed": 1,
-    "parameters": {"friction.*.mu": {"lognormal": {"median": 1.0, "sigma": 0.3}},
-                   "friction.*.viscous": {"uniform": {"low": 0.5, "high": 2.0}, "each": True},
-                   "payload.box.mass": {"truncated_normal": {"mean": 2.0, "std": 0.2, "low": 1.0}},
-                   "speed": {"uniform": {"low": 0.9, "high": 1.1}},
-                   "mounting.pitch": {"normal": {"mean": 0.0, "std": 0.02}}},
+    "pinfric_sweep": 1,
+    "samples": 4,
+    "sampling": "random",
+    "seed": 1,
+    "parameters": {
+        "friction.*.mu": {"lognormal": {"median": 1.0, "sigma": 0.3}},
+        "friction.*.viscous": {"uniform": {"low": 0.5, "high": 2.0}, "each": True},
+        "payload.box.mass": {"truncated_normal": {"mean": 2.0, "std": 0.2, "low": 1.0}},
+        "speed": {"uniform": {"low": 0.9, "high": 1.1}},
+        "mounting.pitch": {"normal": {"mean": 0.0, "std": 0.02}},
+    },
     "motors": {"shoulder": {"continuous_torque": 0.4, "peak_torque": 1.0, "max_speed": 400.0}},
-}  # fmt: skip
+}
 CATALOG = {
     "pinfric_catalog": 1,
-    "motors": {"M": {
-        "source": "invented", "grade": "R", "continuous_torque": 0.5, "peak_torque": 2.0,
-        "torque_constant": 0.1, "resistance": 0.8, "rotor_inertia": 5e-5, "mass": 0.6,
-        "max_speed": 600.0, "thermal": {"winding_housing": 2.0, "housing_ambient": 3.0,
-                                        "winding_time": 20.0, "housing_time": 300.0,
-                                        "max_winding": 125.0}}},
-    "gears": {"G": {
-        "source": "invented", "grade": "R", "ratio": 100.0, "rated_torque": 30.0,
-        "average_torque": 40.0, "repeated_peak_torque": 60.0, "momentary_peak_torque": 100.0,
-        "rated_speed": 200.0, "average_input_speed": 300.0, "max_input_speed": 700.0,
-        "input_inertia": 1e-5, "mass": 0.9, "nominal_life": 35000.0, "efficiency": 0.8,
-        "back_efficiency": 0.7, "stiffness": 1e4, "back_driving_torque": 3.0}},
-}  # fmt: skip
-STL = "solid part\n" + "".join(
-    f"facet normal 0 0 1\nouter loop\nvertex {a}\nvertex {b}\nvertex {c}\nendloop\nendfacet\n"
-    for a, b, c in (("0 0 0", "0.1 0 0", "0 0.1 0"), ("0 0 0", "0 0 0.1", "0.1 0 0"))
-) + "endsolid part\n"  # fmt: skip
+    "motors": {
+        "M": {
+            "source": "invented",
+            "grade": "R",
+            "continuous_torque": 0.5,
+            "peak_torque": 2.0,
+            "torque_constant": 0.1,
+            "resistance": 0.8,
+            "rotor_inertia": 5e-5,
+            "mass": 0.6,
+            "max_speed": 600.0,
+            "thermal": {
+                "winding_housing": 2.0,
+                "housing_ambient": 3.0,
+                "winding_time": 20.0,
+                "housing_time": 300.0,
+                "max_winding": 125.0,
+            },
+        }
+    },
+    "gears": {
+        "G": {
+            "source": "invented",
+            "grade": "R",
+            "ratio": 100.0,
+            "rated_torque": 30.0,
+            "average_torque": 40.0,
+            "repeated_peak_torque": 60.0,
+            "momentary_peak_torque": 100.0,
+            "rated_speed": 200.0,
+            "average_input_speed": 300.0,
+            "max_input_speed": 700.0,
+            "input_inertia": 1e-5,
+            "mass": 0.9,
+            "nominal_life": 35000.0,
+            "efficiency": 0.8,
+            "back_efficiency": 0.7,
+            "stiffness": 1e4,
+            "back_driving_torque": 3.0,
+        }
+    },
+}
+STL = (
+    "solid part\n"
+    + "".join(
+        f"facet normal 0 0 1\nouter loop\nvertex {a}\nvertex {b}\nvertex {c}\nendloop\nendfacet\n"
+        for a, b, c in (("0 0 0", "0.1 0 0", "0 0.1 0"), ("0 0 0", "0 0 0.1", "0.1 0 0"))
+    )
+    + "endsolid part\n"
+)
 
 
 @dataclasses.dataclass
@@ -193,17 +262,30 @@ class Maker:
         elif what == "motion":
             name = chance.choice(list(self.motions))
         scene, urdf, way = self.robots[name]
-        texts = {f"{name}.yaml": yaml_text(scene), f"{name}.urdf": urdf,
-                 "way.yaml": yaml_text(way), "catalog.yaml": yaml_text(CATALOG)}  # fmt: skip
+        texts = {
+            f"{name}.yaml": yaml_text(scene),
+            f"{name}.urdf": urdf,
+            "way.yaml": yaml_text(way),
+            "catalog.yaml": yaml_text(CATALOG),
+        }
         if name == "arm":
             texts |= {"motion.csv": ARM_CSV, "sweep.yaml": yaml_text(SWEEP), "part.stl": STL}
         motion = "motion.csv" if name == "arm" and chance.random() < 0.6 else "way.yaml"
         arguments, mutated = self._command(chance, what, name, motion), what
-        trees = {f"{name}.yaml": scene, "way.yaml": way, "sweep.yaml": SWEEP,
-                 "catalog.yaml": CATALOG}  # fmt: skip
-        file = {"scene": f"{name}.yaml", "trajectory": motion, "urdf": f"{name}.urdf",
-                "sweep": "sweep.yaml", "catalog": "catalog.yaml",
-                "mesh": "part.stl"}.get(what)  # fmt: skip
+        trees = {
+            f"{name}.yaml": scene,
+            "way.yaml": way,
+            "sweep.yaml": SWEEP,
+            "catalog.yaml": CATALOG,
+        }
+        file = {
+            "scene": f"{name}.yaml",
+            "trajectory": motion,
+            "urdf": f"{name}.urdf",
+            "sweep": "sweep.yaml",
+            "catalog": "catalog.yaml",
+            "mesh": "part.stl",
+        }.get(what)
         if file is not None and file.endswith(".yaml"):
             if chance.random() < 0.25:
                 texts[file] = mutate.text(texts[file])
@@ -231,17 +313,29 @@ class Maker:
             "size": ["size", scene, motion],
             "sweep": ["sweep", scene, motion, "sweep.yaml", "--processes", "1"],
             "replay": ["replay", scene, motion, "--html", "page.html"],
-            "simulate": ["simulate", scene, "--t-end", "0.03", "--method",
-                         chance.choice(("event", "timestepping", "regularized"))],
+            "simulate": [
+                "simulate",
+                scene,
+                "--t-end",
+                "0.03",
+                "--method",
+                chance.choice(("event", "timestepping", "regularized")),
+            ],
             "new": ["new", f"{name}.urdf", "--out", "new"],
             "check": ["check", chance.choice((scene, f"{name}.urdf"))],
-        }  # fmt: skip
+        }
         if what == "catalog" or chance.random() < 0.5:
             commands["size"] += ["--catalog", "catalog.yaml"]
-        weights = {"inverse": 8, "explain": 2, "size": 3, "replay": 2,
-                   "simulate": 6 if simulated else 0, "sweep": 2 if name == "arm" else 0,
-                   "new": 4 if what == "urdf" else 0,
-                   "check": 3 if what in ("urdf", "scene") else 0}  # fmt: skip
+        weights = {
+            "inverse": 8,
+            "explain": 2,
+            "size": 3,
+            "replay": 2,
+            "simulate": 6 if simulated else 0,
+            "sweep": 2 if name == "arm" else 0,
+            "new": 4 if what == "urdf" else 0,
+            "check": 3 if what in ("urdf", "scene") else 0,
+        }
         if what == "trajectory":
             weights["simulate"] = 0
         only = {"motion": "replay", "sweep": "sweep", "catalog": "size", "mesh": "replay"}.get(what)
@@ -351,8 +445,11 @@ def run_case(case, folder):
         for _, number in saved:
             os.dup2(raw.fileno(), number)  # what C libraries print
         try:
-            with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), \
-                    warnings.catch_warnings():  # fmt: skip
+            with (
+                contextlib.redirect_stdout(out),
+                contextlib.redirect_stderr(err),
+                warnings.catch_warnings(),
+            ):
                 warnings.simplefilter("default")
                 warnings.filterwarnings("ignore", category=DeprecationWarning)
                 warnings.filterwarnings("always", category=RuntimeWarning)
@@ -387,8 +484,10 @@ def work():
         case = maker.case(seed)
         with tempfile.TemporaryDirectory(prefix="fuzz-") as folder:
             found, detail, seconds = run_case(case, Path(folder))
-        answers.write(json.dumps([seed, found, detail[:600], round(seconds, 3), case.mutated,
-                                  case.arguments]) + "\n")  # fmt: skip
+        answers.write(
+            json.dumps([seed, found, detail[:600], round(seconds, 3), case.mutated, case.arguments])
+            + "\n"
+        )
 
 
 class Worker:
@@ -399,10 +498,14 @@ class Worker:
 
     def _start(self):
         self.process = subprocess.Popen(
-            [sys.executable, __file__, "--work"], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL, text=True, cwd=ROOT,
+            [sys.executable, __file__, "--work"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+            cwd=ROOT,
             env={**os.environ, "PYTHONPATH": str(ROOT)},
-        )  # fmt: skip
+        )
         assert self._answer(120.0) == "ready\n", "the worker does not start"
 
     def _answer(self, limit):
@@ -475,8 +578,10 @@ def main():
                 print(json.dumps(answer, ensure_ascii=False)[:900], flush=True)
 
         findings, counts = fuzz(given.count, given.seed, tell)
-        print(f"{given.count} cases in {perf_counter() - start:.0f} s: "
-              + ", ".join(f"{n} {what}" for what, n in counts.most_common()))  # fmt: skip
+        print(
+            f"{given.count} cases in {perf_counter() - start:.0f} s: "
+            + ", ".join(f"{n} {what}" for what, n in counts.most_common())
+        )
         sys.exit(bool(findings))
 
 

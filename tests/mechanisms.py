@@ -13,16 +13,26 @@ from pinfric.model.schema import Loop
 from pinfric.model.twin import make_twin
 
 #: Pin -> (parent bar, child bar, place on the parent, place on the child); bars lie along their x.
-FOUR_BAR = {"O": ("ground", "crank"), "A": ("crank", "coupler"), "B": ("coupler", "rocker"),
-            "C": ("ground", "rocker")}  # fmt: skip
+FOUR_BAR = {
+    "O": ("ground", "crank"),
+    "A": ("crank", "coupler"),
+    "B": ("coupler", "rocker"),
+    "C": ("ground", "rocker"),
+}
 LENGTHS = {"crank": 0.1, "coupler": 0.35, "rocker": 0.25}
 MASSES = {"crank": 0.5, "coupler": 1.2, "rocker": 0.9}
 GROUND = 0.3
 #: Where each pin lies on each bar, from the bar's own start, along its x.
 _PLACE = {
-    ("O", "ground"): 0.0, ("C", "ground"): GROUND, ("O", "crank"): 0.0, ("A", "crank"): 0.1,
-    ("A", "coupler"): 0.0, ("B", "coupler"): 0.35, ("B", "rocker"): 0.25, ("C", "rocker"): 0.0,
-}  # fmt: skip
+    ("O", "ground"): 0.0,
+    ("C", "ground"): GROUND,
+    ("O", "crank"): 0.0,
+    ("A", "crank"): 0.1,
+    ("A", "coupler"): 0.0,
+    ("B", "coupler"): 0.35,
+    ("B", "rocker"): 0.25,
+    ("C", "rocker"): 0.0,
+}
 
 
 def add_link(model, parent, kind, placement, name, inertia=None):
@@ -56,8 +66,10 @@ def shifted(x):
 
 def pin_friction(mu, radius=0.01, static=None, **more):
     """Friction of a pin without length."""
-    return {"bearing": {"kind": "pin", "radius": radius, **more},
-            "mu": {"static": mu if static is None else static, "kinetic": mu}}  # fmt: skip
+    return {
+        "bearing": {"kind": "pin", "radius": radius, **more},
+        "mu": {"static": mu if static is None else static, "kinetic": mu},
+    }
 
 
 def ring_of_bars(pins, place, masses, cut, kind, gravity):
@@ -106,8 +118,15 @@ def ring_of_bars(pins, place, masses, cut, kind, gravity):
     return model, loop, joints
 
 
-def four_bar(cut="B", kind="planar_pin", mu=0.3, gravity=(0.0, -9.81, 0.0), static=None,
-             friction=None, **more):  # fmt: skip
+def four_bar(
+    cut="B",
+    kind="planar_pin",
+    mu=0.3,
+    gravity=(0.0, -9.81, 0.0),
+    static=None,
+    friction=None,
+    **more,
+):
     """A four-bar, cut at one of its pins; joints are called by their pins O, A, B, C.
 
     Args:
@@ -132,26 +151,47 @@ def six_bar(mu=0.2):
     add_link(model, rocker, turns(), shifted(0.4), "rod", bar(0.5, 0.4))
     add_link(model, 0, turns(), shifted(0.8), "lever", bar(0.6, 0.3))
     loops = [
-        {"name": name, "kind": "planar_pin", "a": {"link": a, "xyz": [at_a, 0.0, 0.0]},
-         "b": {"link": b, "xyz": [at_b, 0.0, 0.0]}}
-        for name, a, at_a, b, at_b in (("first", "coupler", 0.35, "rocker", 0.25),
-                                       ("second", "rod", 0.4, "lever", 0.3))
-    ]  # fmt: skip
+        {
+            "name": name,
+            "kind": "planar_pin",
+            "a": {"link": a, "xyz": [at_a, 0.0, 0.0]},
+            "b": {"link": b, "xyz": [at_b, 0.0, 0.0]},
+        }
+        for name, a, at_a, b, at_b in (
+            ("first", "coupler", 0.35, "rocker", 0.25),
+            ("second", "rod", 0.4, "lever", 0.3),
+        )
+    ]
     names = ("crank", "coupler", "rocker", "rod", "lever", "first", "second")
-    scene = pf.Scene(model=model, loops=loops, actuators=[{"joint": "crank"}],
-                     friction=dict.fromkeys(names, pin_friction(mu)))  # fmt: skip
+    scene = pf.Scene(
+        model=model,
+        loops=loops,
+        actuators=[{"joint": "crank"}],
+        friction=dict.fromkeys(names, pin_friction(mu)),
+    )
     return scene, scene.close(np.array([0.3, 0.2, 1.7, -1.4, 1.7]))
 
 
 #: As `FOUR_BAR`; two freedoms.
-FIVE_BAR = {"O": ("ground", "left"), "A": ("left", "upper_left"),
-            "B": ("upper_left", "upper_right"), "C": ("upper_right", "right"),
-            "D": ("ground", "right")}  # fmt: skip
+FIVE_BAR = {
+    "O": ("ground", "left"),
+    "A": ("left", "upper_left"),
+    "B": ("upper_left", "upper_right"),
+    "C": ("upper_right", "right"),
+    "D": ("ground", "right"),
+}
 _FIVE_PLACE = {
-    ("O", "ground"): 0.0, ("D", "ground"): 0.2, ("O", "left"): 0.0, ("A", "left"): 0.2,
-    ("A", "upper_left"): 0.0, ("B", "upper_left"): 0.25, ("B", "upper_right"): 0.25,
-    ("C", "upper_right"): 0.0, ("C", "right"): 0.2, ("D", "right"): 0.0,
-}  # fmt: skip
+    ("O", "ground"): 0.0,
+    ("D", "ground"): 0.2,
+    ("O", "left"): 0.0,
+    ("A", "left"): 0.2,
+    ("A", "upper_left"): 0.0,
+    ("B", "upper_left"): 0.25,
+    ("B", "upper_right"): 0.25,
+    ("C", "upper_right"): 0.0,
+    ("C", "right"): 0.2,
+    ("D", "right"): 0.0,
+}
 
 
 def five_bar(cut, friction, kind="planar_pin", gravity=(0.0, -9.81, 0.0)):
@@ -166,8 +206,9 @@ def five_bar(cut, friction, kind="planar_pin", gravity=(0.0, -9.81, 0.0)):
     """
     masses = {"left": 0.6, "upper_left": 0.4, "upper_right": 0.5, "right": 0.7}
     model, loop, joints = ring_of_bars(FIVE_BAR, _FIVE_PLACE, masses, cut, kind, gravity)
-    scene = pf.Scene(model=model, friction=friction, loops=[loop],
-                     actuators=[{"joint": "O"}, {"joint": "D"}])  # fmt: skip
+    scene = pf.Scene(
+        model=model, friction=friction, loops=[loop], actuators=[{"joint": "O"}, {"joint": "D"}]
+    )
     elbow = 0.2 * np.cos(2.0) - 0.1  # from the middle, of the left one
     reach = np.arccos(-elbow / 0.25)
     return scene, joints([2.0, reach, np.pi - reach, np.pi - 2.0])
@@ -176,8 +217,16 @@ def five_bar(cut, friction, kind="planar_pin", gravity=(0.0, -9.81, 0.0)):
 CRANK, ROD = 0.05, 0.15
 
 
-def cut_slider_crank(cut="W", kind="revolute", mu=0.1, gravity=(0.0, -9.81, 0.0), drive="O",
-                     static=None, turned=None, friction=True):  # fmt: skip
+def cut_slider_crank(
+    cut="W",
+    kind="revolute",
+    mu=0.1,
+    gravity=(0.0, -9.81, 0.0),
+    drive="O",
+    static=None,
+    turned=None,
+    friction=True,
+):
     """A slider-crank cut at one of its joints: O and A of the crank, W of the piston, G its guide.
 
     Args:
@@ -193,8 +242,12 @@ def cut_slider_crank(cut="W", kind="revolute", mu=0.1, gravity=(0.0, -9.81, 0.0)
     model, spin = grounded_model(gravity), turned or (lambda: np.eye(3))
     bodies = {"crank": (0.5, CRANK), "rod": (0.6, ROD)}
     # joint -> parent link, child link, where on both
-    edges = {"O": ("ground", "crank", 0.0, 0.0), "A": ("crank", "rod", CRANK, 0.0),
-             "W": ("rod", "piston", ROD, 0.0), "G": ("ground", "piston", 0.0, 0.0)}  # fmt: skip
+    edges = {
+        "O": ("ground", "crank", 0.0, 0.0),
+        "A": ("crank", "rod", CRANK, 0.0),
+        "W": ("rod", "piston", ROD, 0.0),
+        "G": ("ground", "piston", 0.0, 0.0),
+    }
     order = {"W": "OAG", "G": "OAW", "A": "OGW", "O": "GWA"}[cut]
     ids, origin, reversed_ = {"ground": 0}, {"ground": 0.0}, set()
     for name in order:
@@ -213,21 +266,34 @@ def cut_slider_crank(cut="W", kind="revolute", mu=0.1, gravity=(0.0, -9.81, 0.0)
         model.appendBodyToJoint(ids[child], body, pin.SE3.Identity())
         model.addFrame(pin.Frame(child, ids[child], pin.SE3.Identity(), pin.FrameType.BODY))
     a, b, *places = edges[cut]
-    loop = {"name": cut, "kind": "prismatic" if cut == "G" else kind,
-            "axis": [1, 0, 0] if cut == "G" else [0, 0, 1]}  # fmt: skip
+    loop = {
+        "name": cut,
+        "kind": "prismatic" if cut == "G" else kind,
+        "axis": [1, 0, 0] if cut == "G" else [0, 0, 1],
+    }
     for side, link, at in (("a", a, places[0]), ("b", b, places[1])):
-        loop[side] = {"link": link, "xyz": [at - origin[link], 0, 0],
-                      "rpy": pin.rpy.matrixToRpy(spin()).tolist()}  # fmt: skip
-    guide = {"bearing": {"kind": "guide", "length": 0.06, "width": 0.05, "offset": 0.02},
-             "mu": {"static": mu if static is None else static, "kinetic": mu}}  # fmt: skip
+        loop[side] = {
+            "link": link,
+            "xyz": [at - origin[link], 0, 0],
+            "rpy": pin.rpy.matrixToRpy(spin()).tolist(),
+        }
+    guide = {
+        "bearing": {"kind": "guide", "length": 0.06, "width": 0.05, "offset": 0.02},
+        "mu": {"static": mu if static is None else static, "kinetic": mu},
+    }
     rubs = dict.fromkeys("OAW", pin_friction(mu, 0.01, static)) | {"G": guide}
-    scene = pf.Scene(model=model, friction=rubs if friction else {}, loops=[loop],
-                     actuators=[{"joint": drive}])  # fmt: skip
+    scene = pf.Scene(
+        model=model, friction=rubs if friction else {}, loops=[loop], actuators=[{"joint": drive}]
+    )
 
     def joints(crank):
         rod = -np.arcsin(CRANK * np.sin(crank) / ROD)
-        angles = {"O": crank, "A": rod - crank, "W": -rod,
-                  "G": CRANK * np.cos(crank) + ROD * np.cos(rod)}  # fmt: skip
+        angles = {
+            "O": crank,
+            "A": rod - crank,
+            "W": -rod,
+            "G": CRANK * np.cos(crank) + ROD * np.cos(rod),
+        }
         signed = [-angles[n] if n in reversed_ else angles[n] for n in tuple(model.names)[1:]]
         return np.stack(signed, axis=-1)
 
@@ -241,8 +307,10 @@ def crank_rates(angles, rate, acceleration):
     pull = CRANK * (np.sin(angles) * rate**2 - np.cos(angles) * acceleration)
     change = (pull + ROD * np.sin(rod) * turn**2) / (ROD * np.cos(rod))
     one = np.ones_like(angles)
-    return (np.column_stack([rate * one, turn - rate]),
-            np.column_stack([acceleration * one, change - acceleration]))  # fmt: skip
+    return (
+        np.column_stack([rate * one, turn - rate]),
+        np.column_stack([acceleration * one, change - acceleration]),
+    )
 
 
 def spatial_loop(kind, seed, mu=0.0):
@@ -257,11 +325,20 @@ def spatial_loop(kind, seed, mu=0.0):
         tips[side] = 0
         for k in range(count):
             axis = rng.normal(size=3)
-            sort = pin.JointModelPrismaticUnaligned if rng.random() < 0.25 else (
-                pin.JointModelRevoluteUnaligned)  # fmt: skip
+            sort = (
+                pin.JointModelPrismaticUnaligned
+                if rng.random() < 0.25
+                else (pin.JointModelRevoluteUnaligned)
+            )
             place = pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(scale=0.3, size=3))
-            tips[side] = add_link(model, tips[side], sort(axis / np.linalg.norm(axis)), place,
-                                  f"{side}{k}", random_inertia(rng))  # fmt: skip
+            tips[side] = add_link(
+                model,
+                tips[side],
+                sort(axis / np.linalg.norm(axis)),
+                place,
+                f"{side}{k}",
+                random_inertia(rng),
+            )
     q, data = rng.normal(size=model.nq), model.createData()
     pin.forwardKinematics(model, data, q)
     axis, second = rng.normal(size=(2, 3))
@@ -270,18 +347,24 @@ def spatial_loop(kind, seed, mu=0.0):
     normal = np.cross(axis, second) / np.linalg.norm(np.cross(axis, second))
     crossed = pin.Quaternion.FromTwoVectors(second, normal).toRotationMatrix()
     free = {
-        "fixed": pin.SE3.Identity(), "revolute": about, "prismatic": along,
-        "cylindrical": along * about, "universal": pin.SE3(crossed, np.zeros(3)),
+        "fixed": pin.SE3.Identity(),
+        "revolute": about,
+        "prismatic": along,
+        "cylindrical": along * about,
+        "universal": pin.SE3(crossed, np.zeros(3)),
         "spherical": pin.SE3(pin.exp3(rng.normal(size=3)), np.zeros(3)),
-    }[kind]  # fmt: skip
+    }[kind]
     a = pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(scale=0.2, size=3))
     b = data.oMi[tips["b"]].actInv(data.oMi[tips["a"]] * a * free)
     loop = {"name": "loop", "kind": kind, "axis": axis.tolist()}
     if kind == "universal":
         loop["axis_b"] = second.tolist()
     for side, link, place in (("a", "a2", a), ("b", "b3", b)):
-        loop[side] = {"link": link, "xyz": place.translation.tolist(),
-                      "rpy": pin.rpy.matrixToRpy(place.rotation).tolist()}  # fmt: skip
+        loop[side] = {
+            "link": link,
+            "xyz": place.translation.tolist(),
+            "rpy": pin.rpy.matrixToRpy(place.rotation).tolist(),
+        }
     linkage = make_linkage(model, [Loop(**loop)], (), {}, "")
     rank, columns = full_pivot(closure_jacobian(make_twin(model), linkage, q[None])[0], 1.0)
     driven = [model.names[1 + v] for v in sorted(columns[rank:])]
@@ -290,12 +373,22 @@ def spatial_loop(kind, seed, mu=0.0):
     bearings = {
         name: guide if joint.shortname().startswith("JointModelP") else turning
         for name, joint in zip(tuple(model.names)[1:], list(model.joints)[1:], strict=True)
-    } | {"prismatic": {"loop": guide}, "revolute": {"loop": turning},
-         "spherical": {"loop": {"kind": "ball", "radius": 0.01}}}.get(kind, {})  # fmt: skip
-    friction = {name: {"bearing": bearing, "mu": {"static": 1.2 * mu, "kinetic": mu}}
-                for name, bearing in bearings.items()} if mu else {}  # fmt: skip
-    scene = pf.Scene(model=model, loops=[loop], friction=friction,
-                     actuators=[{"joint": name} for name in driven])  # fmt: skip
+    } | {
+        "prismatic": {"loop": guide},
+        "revolute": {"loop": turning},
+        "spherical": {"loop": {"kind": "ball", "radius": 0.01}},
+    }.get(kind, {})
+    friction = (
+        {
+            name: {"bearing": bearing, "mu": {"static": 1.2 * mu, "kinetic": mu}}
+            for name, bearing in bearings.items()
+        }
+        if mu
+        else {}
+    )
+    scene = pf.Scene(
+        model=model, loops=[loop], friction=friction, actuators=[{"joint": name} for name in driven]
+    )
     return scene, q, driven
 
 

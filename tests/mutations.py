@@ -11,14 +11,75 @@ import xml.etree.ElementTree as ElementTree
 
 #: What a value in a YAML tree becomes; the callable ones make it of what was there.
 NASTY = [
-    float("nan"), float("inf"), -float("inf"), 1e300, -1e300, 1e155, 1e30, 1e9, 1e-300, 5e-324,
-    0, -1, 1, 0.0, -0.0, 2**70, -(2**63), 10**400, True, False, None, "", "nan", "1e3", [], {},
-    [[]], [1, 2, 3], [0.0, 0.0, 0.0], "x" * 5000, "naïve ☃ \u202e", "a\nb", "\x1b[31mred\x1b[0m",
-    "../" * 50, "/dev/null", ".", "shoulder", "base", {"a": 1}, {1: 2},
-]  # fmt: skip
-NUMBERS = ["nan", "inf", "-inf", "1e300", "-1e300", "1e155", "1e308", "1e20", "1e-300", "0", "-1",
-           "-0.0", "1e6", "", " ", "x", "0x10", "1,5", "1_0", "1e", "9" * 400, "\x00", "½", "1 2 3",
-           "true", "--1"]  # fmt: skip
+    float("nan"),
+    float("inf"),
+    -float("inf"),
+    1e300,
+    -1e300,
+    1e155,
+    1e30,
+    1e9,
+    1e-300,
+    5e-324,
+    0,
+    -1,
+    1,
+    0.0,
+    -0.0,
+    2**70,
+    -(2**63),
+    10**400,
+    True,
+    False,
+    None,
+    "",
+    "nan",
+    "1e3",
+    [],
+    {},
+    [[]],
+    [1, 2, 3],
+    [0.0, 0.0, 0.0],
+    "x" * 5000,
+    "naïve ☃ \u202e",
+    "a\nb",
+    "\x1b[31mred\x1b[0m",
+    "../" * 50,
+    "/dev/null",
+    ".",
+    "shoulder",
+    "base",
+    {"a": 1},
+    {1: 2},
+]
+NUMBERS = [
+    "nan",
+    "inf",
+    "-inf",
+    "1e300",
+    "-1e300",
+    "1e155",
+    "1e308",
+    "1e20",
+    "1e-300",
+    "0",
+    "-1",
+    "-0.0",
+    "1e6",
+    "",
+    " ",
+    "x",
+    "0x10",
+    "1,5",
+    "1_0",
+    "1e",
+    "9" * 400,
+    "\x00",
+    "½",
+    "1 2 3",
+    "true",
+    "--1",
+]
 
 
 class Mutator:
@@ -190,12 +251,22 @@ class Mutator:
             about = self.tree(json.loads(str(array)))
             entries[name] = np.array(chance.choice((json.dumps(about), "", "{}", "[]", "1")))
         else:
-            entries[name] = chance.choice((
-                lambda: array[:-1], lambda: array[..., None], lambda: array[::-1],
-                lambda: array * np.nan, lambda: array * 1e300, lambda: array.astype(str),
-                lambda: array.astype(complex), lambda: np.zeros(0), lambda: np.array(1.0),
-                lambda: np.concatenate([array, array]), lambda: array + 1e9, lambda: -array,
-            ))()  # fmt: skip
+            entries[name] = chance.choice(
+                (
+                    lambda: array[:-1],
+                    lambda: array[..., None],
+                    lambda: array[::-1],
+                    lambda: array * np.nan,
+                    lambda: array * 1e300,
+                    lambda: array.astype(str),
+                    lambda: array.astype(complex),
+                    lambda: np.zeros(0),
+                    lambda: np.array(1.0),
+                    lambda: np.concatenate([array, array]),
+                    lambda: array + 1e9,
+                    lambda: -array,
+                )
+            )()
         made = io.BytesIO()
         np.savez(made, **entries)
         return made.getvalue()

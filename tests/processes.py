@@ -19,9 +19,10 @@ def children(pid):
 def workers(pid):
     """The processes below one that loky has started to compute."""
     return [
-        p for p in children(pid)
+        p
+        for p in children(pid)
         if b"loky.backend.popen_loky_posix" in Path(f"/proc/{p}/cmdline").read_bytes()
-    ]  # fmt: skip
+    ]
 
 
 def sockets_of(pid):

@@ -14,8 +14,9 @@ BOX = {"link": "slab", "mass": 1.0, "com": [0.0, 0.0, 0.0]}
 def pushed_block(**more):
     """A 2 kg block on a level plane, mu = 0.2; a box of 1 kg can stand on it."""
     model = builders.block(0.0, MASS)
-    frame = builders.pin.Frame("slab", 1, 0, builders.pin.SE3.Identity(),
-                               builders.pin.FrameType.BODY)  # fmt: skip
+    frame = builders.pin.Frame(
+        "slab", 1, 0, builders.pin.SE3.Identity(), builders.pin.FrameType.BODY
+    )
     model.addFrame(frame)
     options = {"friction": {"slide": builders.plane_friction(MU, MU)}, **more}
     return pf.Scene(model=model, **options)
@@ -26,8 +27,9 @@ def steady(scene, rate=0.5, acceleration=0.0):
     t = np.linspace(0.0, 1.0, 11)
     v = rate + acceleration * t
     x = rate * t + acceleration * t * t / 2
-    return pf.Trajectory.from_arrays(scene, t, x[:, None], v[:, None],
-                                     np.full((11, 1), acceleration))  # fmt: skip
+    return pf.Trajectory.from_arrays(
+        scene, t, x[:, None], v[:, None], np.full((11, 1), acceleration)
+    )
 
 
 def sweep_of(samples=200, sampling="random", seed=3, motors=None, **parameters):

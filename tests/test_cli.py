@@ -58,9 +58,12 @@ def run(*arguments):
 def shell(*arguments, **options):
     code = "from pinfric.cli import main; main()"
     return subprocess.Popen(
-        [sys.executable, "-c", code, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        env={**os.environ, "PYTHONPATH": str(ROOT)}, **options,
-    )  # fmt: skip
+        [sys.executable, "-c", code, *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        **options,
+    )
 
 
 def test_table_is_printed_within_80_columns(files, capsys):
@@ -82,9 +85,18 @@ def test_json_has_the_figures_of_every_joint(files, capsys):
     assert envelope["inputs"]["arm.yaml"] == hashlib.sha256(content).hexdigest()
     (joint,) = answer["joints"]
     assert {
-        "name", "unit", "peak", "rms", "rms_least", "rms_frictionless", "peak_frictionless",
-        "friction_share", "stick_time", "max_interval", "motor_peak",
-    } <= joint.keys()  # fmt: skip
+        "name",
+        "unit",
+        "peak",
+        "rms",
+        "rms_least",
+        "rms_frictionless",
+        "peak_frictionless",
+        "friction_share",
+        "stick_time",
+        "max_interval",
+        "motor_peak",
+    } <= joint.keys()
     # held out level: weight 2 kg x 9.81 at 0.5 m; pin 0.05 m, mu 0.2 under 19.62 N
     assert joint["max_interval"] == pytest.approx(2 * 0.2 * 0.05 * 19.62)
     assert joint["stick_time"] == pytest.approx(0.6)
@@ -106,10 +118,21 @@ def test_numbers_that_are_none_are_null():
 
 @pytest.mark.parametrize(
     ("x", "text"),
-    [(0, "0"), (9.996, "10.0"), (0.0123456, "0.0123"), (-1234.5, "-1234"), (1.2e-7, "1.20e-7"),
-     (float("nan"), "n/a"), (99.95, "100"), (3e9, "3.00e9"),
-     (12345.6, "12346"), (99999.4, "1.00e5"), (123456.0, "1.23e5"), (-123456.0, "-1.23e5")],
-)  # fmt: skip
+    [
+        (0, "0"),
+        (9.996, "10.0"),
+        (0.0123456, "0.0123"),
+        (-1234.5, "-1234"),
+        (1.2e-7, "1.20e-7"),
+        (float("nan"), "n/a"),
+        (99.95, "100"),
+        (3e9, "3.00e9"),
+        (12345.6, "12346"),
+        (99999.4, "1.00e5"),
+        (123456.0, "1.23e5"),
+        (-123456.0, "-1.23e5"),
+    ],
+)
 def test_figures_have_three_digits(x, text):
     from pinfric.show.report.values import digits
 
@@ -242,9 +265,13 @@ def test_warning_is_one_line_on_stderr_and_in_the_json(files, capsys):
 
 @pytest.mark.parametrize(
     ("arguments", "culprit"),
-    [(["nope"], "nope"), (["inverse"], "SCENE"), (["inverse", "a", "b", "--jsn"], "--jsn"),
-     (["inverse", "a", "b", "--threads", "0"], "--threads")],
-)  # fmt: skip
+    [
+        (["nope"], "nope"),
+        (["inverse"], "SCENE"),
+        (["inverse", "a", "b", "--jsn"], "--jsn"),
+        (["inverse", "a", "b", "--threads", "0"], "--threads"),
+    ],
+)
 def test_wrong_usage_is_one_line(arguments, culprit, capsys):
     assert run(*arguments) == 2
     out, err = capsys.readouterr()
@@ -269,8 +296,13 @@ def test_help_and_version(capsys):
 def test_importing_the_command_line_imports_nothing_heavy():
     heavy = "numpy", "pinocchio", "numba", "matplotlib", "pandas", "pydantic", "yaml", "scipy"
     code = f"import sys, pinfric.cli; print([m for m in {heavy} if m in sys.modules])"
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True,
-                         env={**os.environ, "PYTHONPATH": str(ROOT)})  # fmt: skip
+    out = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
     assert out.stdout.strip() == "[]"
 
 
@@ -294,8 +326,18 @@ def test_interrupt_exits_130_with_one_line(files, capsys, monkeypatch):
 
 def test_size_prints_each_joints_demand_and_choice(capsys, tmp_path):
     with pytest.raises(SystemExit) as stop:
-        cli.main(["size", "panda_pick_and_place", "panda_pick_and_place.csv", "--catalog",
-                  "default", "--json", "--out", str(tmp_path / "out")])  # fmt: skip
+        cli.main(
+            [
+                "size",
+                "panda_pick_and_place",
+                "panda_pick_and_place.csv",
+                "--catalog",
+                "default",
+                "--json",
+                "--out",
+                str(tmp_path / "out"),
+            ]
+        )
     assert stop.value.code == 0
     joints = result_of(capsys.readouterr().out)["joints"]
     keys = {"peak", "rms", "breakaway", "holding", "speed", "choice", "installed", "rejected"}

@@ -61,8 +61,11 @@ def test_pages_name_functions_files_and_tests_that_exist(page):
     named = re.findall(r"[ `]((?:\w+/)*\w+\.py)(?:::(\w+))?[ `]", text)
     assert named
     for file, test in named:
-        folders = [folder for folder in ("", "pinfric", "pinfric/dynamics", "tests/dynamics")
-                   if (ROOT / folder / file).is_file()]  # fmt: skip
+        folders = [
+            folder
+            for folder in ("", "pinfric", "pinfric/dynamics", "tests/dynamics")
+            if (ROOT / folder / file).is_file()
+        ]
         assert folders, file
         assert f"def {test}" in (ROOT / folders[0] / file).read_text(encoding="utf-8"), test
 

@@ -14,10 +14,29 @@ from pinfric.cli import app
 #: They compile all they need before they return: `dynamics/test_solver.py`.
 COMPILING = {"Solver", "warm_up", "pinfric warm-up"}
 #: What the functions return, take or raise.
-CLASSES = {"InverseResult", "StickInterval", "Instant", "InverseInstant", "StaticHold", "Motion",
-           "Trajectory", "Log", "ReadingOptions", "Exported", "Elasticity", "Identified",
-           "SizingReport", "Duty", "CheckReport", "RetimeResult", "RetimeError", "SweepResult",
-           "PinfricError", "PinfricWarning", "__version__"}  # fmt: skip
+CLASSES = {
+    "InverseResult",
+    "StickInterval",
+    "Instant",
+    "InverseInstant",
+    "StaticHold",
+    "Motion",
+    "Trajectory",
+    "Log",
+    "ReadingOptions",
+    "Exported",
+    "Elasticity",
+    "Identified",
+    "SizingReport",
+    "Duty",
+    "CheckReport",
+    "RetimeResult",
+    "RetimeError",
+    "SweepResult",
+    "PinfricError",
+    "PinfricWarning",
+    "__version__",
+}
 
 
 def test_every_public_function_and_every_command_is_a_door():
@@ -29,8 +48,13 @@ def test_every_public_function_and_every_command_is_a_door():
 
 
 def open_doors(*names, **changes):
-    return subprocess.run([sys.executable, Path(doors.__file__), *names], capture_output=True,
-                          text=True, timeout=300, **changes)  # fmt: skip
+    return subprocess.run(
+        [sys.executable, Path(doors.__file__), *names],
+        capture_output=True,
+        text=True,
+        timeout=300,
+        **changes,
+    )
 
 
 def test_some_doors_open_with_an_empty_cache():
@@ -41,7 +65,11 @@ def test_some_doors_open_with_an_empty_cache():
 
 def test_a_door_that_does_not_open_is_seen():
     code = "import sys, doors; doors.FUNCTIONS = {'x': '1 / 0'}; sys.argv[1:] = ['x']; doors.main()"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True,
-                          cwd=Path(doors.__file__).parent)  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        cwd=Path(doors.__file__).parent,
+    )
     assert done.returncode == 1
     assert "exit 1: ZeroDivisionError: division by zero" in done.stdout

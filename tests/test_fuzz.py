@@ -37,10 +37,14 @@ def test_a_short_run_finds_nothing():
         (0, '{"joints": [{"peak": NaN}]}', "", "a number that is none"),
         (0, '{"peak": 1e999}', "", "a number that is none"),
         (0, "peak 1", "", "stdout is no JSON"),
-        (0, '{"status": {"converged": 2}, "joints": [{"name": "a", "peak": null, "rms": 1}]}', "",
-         "null without a reason"),
+        (
+            0,
+            '{"status": {"converged": 2}, "joints": [{"name": "a", "peak": null, "rms": 1}]}',
+            "",
+            "null without a reason",
+        ),
     ],
-)  # fmt: skip
+)
 def test_what_is_a_finding(code, out, err, found):
     assert fuzz.verdict(CASE, code, out, err)[0] == found
 
@@ -59,9 +63,12 @@ def test_a_death_and_a_hang_are_told_by_their_case(monkeypatch):
 
 def _begin(worker, script):
     worker.process = fuzz.subprocess.Popen(
-        [fuzz.sys.executable, "-c", script], stdin=fuzz.subprocess.PIPE,
-        stdout=fuzz.subprocess.PIPE, text=True, env=dict(os.environ),
-    )  # fmt: skip
+        [fuzz.sys.executable, "-c", script],
+        stdin=fuzz.subprocess.PIPE,
+        stdout=fuzz.subprocess.PIPE,
+        text=True,
+        env=dict(os.environ),
+    )
 
 
 def test_a_case_depends_on_its_seed_alone():

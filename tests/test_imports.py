@@ -118,8 +118,10 @@ def patched(tree):
 
 
 #: Modules looked up by a name: the package's own table; an extra that may not be installed.
-LOOKED_UP = {"__init__.py": ["import_module(_PUBLIC[name])"],
-             "show/sizing_page/page.py": ["import_module(module)"]}  # fmt: skip
+LOOKED_UP = {
+    "__init__.py": ["import_module(_PUBLIC[name])"],
+    "show/sizing_page/page.py": ["import_module(module)"],
+}
 
 
 @pytest.mark.parametrize("file", MODULES, ids=lambda f: str(f.relative_to(PACKAGE)))
@@ -132,12 +134,16 @@ def test_no_module_writes_into_another(file):
 
 @pytest.mark.parametrize(
     ("text", "found"),
-    [("from pinfric import model\nmodel.make_solver = 1", ["model.make_solver"]),
-     ("import pinfric.model as m\nsetattr(m, 'x', 1)", ["m"]),
-     ("from importlib import import_module\nimport_module('pinfric.show')",
-      ["import_module('pinfric.show')"]),
-     ("import numpy as np\nx.shape = 1", [])],
-)  # fmt: skip
+    [
+        ("from pinfric import model\nmodel.make_solver = 1", ["model.make_solver"]),
+        ("import pinfric.model as m\nsetattr(m, 'x', 1)", ["m"]),
+        (
+            "from importlib import import_module\nimport_module('pinfric.show')",
+            ["import_module('pinfric.show')"],
+        ),
+        ("import numpy as np\nx.shape = 1", []),
+    ],
+)
 def test_what_is_written_into_another_module_is_seen(text, found):
     assert list(patched(ast.parse(text))) == found
 

@@ -33,10 +33,15 @@ COMMANDS = {
 
 def begin(name, folder, preexec=None, **environment):
     return subprocess.Popen(
-        [sys.executable, "-m", "pinfric", *COMMANDS[name]], cwd=folder, text=True,
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True, preexec_fn=preexec,
+        [sys.executable, "-m", "pinfric", *COMMANDS[name]],
+        cwd=folder,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+        preexec_fn=preexec,
         env={**os.environ, "PYTHONPATH": str(ROOT), **environment},
-    )  # fmt: skip
+    )
 
 
 def expect_the_end(process):
@@ -122,8 +127,10 @@ def test_ctrl_c_where_the_compiler_calls_back_is_kept_until_it_returns():
         exec(code, {"now": time.monotonic, "left": left})
         time.sleep(1.0)
 
-    before = {number: signal.signal(number, pinfric.__main__._interrupt)
-              for number in (signal.SIGINT, signal.SIGALRM)}  # fmt: skip
+    before = {
+        number: signal.signal(number, pinfric.__main__._interrupt)
+        for number in (signal.SIGINT, signal.SIGALRM)
+    }
     try:
         threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGINT)).start()
         with pytest.raises(KeyboardInterrupt):

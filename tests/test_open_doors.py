@@ -19,9 +19,11 @@ def test_a_sweep_on_two_processes_opens_no_port():
     scene = pf.load_scene("panda_pick_and_place")
     trajectory = pf.load_trajectory("panda_pick_and_place.csv", scene)
     sweep = {
-        "pinfric_sweep": 1, "samples": 8, "seed": 1,
+        "pinfric_sweep": 1,
+        "samples": 8,
+        "seed": 1,
         "parameters": {"friction.*.mu": {"lognormal": {"median": 1.0, "sigma": 0.3}}},
-    }  # fmt: skip
+    }
     before, seen, working = listening(os.getpid()), set(), set()
 
     def look(done, total):

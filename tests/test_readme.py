@@ -65,8 +65,11 @@ def test_python_example_runs():
     assert not re.search(r"from (\S+) s to \1 s", run.stdout)  # passages through rest
     assert "Check(equilibrium=" in run.stdout
     peaks = [ast.literal_eval(line) for line in run.stdout.splitlines() if line.startswith("{")]
-    said = [(which[joint], joint) for which in reversed(peaks)
-            for joint in ("shoulder_pan_joint", "wrist_3_joint")]  # fmt: skip
+    said = [
+        (which[joint], joint)
+        for which in reversed(peaks)
+        for joint in ("shoulder_pan_joint", "wrist_3_joint")
+    ]
     text = (GUIDE / "first_result.md").read_text(encoding="utf-8")
     assert all(f"{figure:.3f} " in text or f"{figure:.3f}." in text for figure, _ in said)
     shares = [
@@ -117,8 +120,17 @@ def test_way_to_the_solver_exists():
     assert len(files) == 10
     assert all(shown == target and (ROOT / target).is_file() for shown, target in files)
     modules = [importlib.import_module(f[:-3].replace("/", ".")) for f, _ in files]
-    named = {"load_scene", "inverse_dynamics", "solve_tree", "reactions", "make_twin", "embed",
-             "friction_bounds", "forward_dynamics", "solve_instant"}  # fmt: skip
+    named = {
+        "load_scene",
+        "inverse_dynamics",
+        "solve_tree",
+        "reactions",
+        "make_twin",
+        "embed",
+        "friction_bounds",
+        "forward_dynamics",
+        "solve_instant",
+    }
     for name in named:
         assert f"`{name}`" in hops
         assert any(hasattr(module, name) for module in modules)

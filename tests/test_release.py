@@ -49,5 +49,6 @@ def test_workflows_try_what_is_supported():
         assert all((ROOT / script).stat().st_mode & 0o100 for script in scripts)
         extras = re.findall(r'"\.\[([\w,]+)\]"', "\n".join(step.get("run", "") for step in steps))
         assert {e for some in extras for e in some.split(",")} <= {
-            *PROJECT["optional-dependencies"], "docs"
-        }  # fmt: skip
+            *PROJECT["optional-dependencies"],
+            "docs",
+        }

@@ -77,8 +77,10 @@ def step_at_the_stick_velocity() -> float:
 def step_in_a_loop() -> float:
     """The same for a four-bar's crank: its states with and without a wide stick velocity."""
     entry = pin_friction(0.2, 0.02) | {"viscous": 0.5}
-    cases = [turning_four_bar(24, rate=0.2, friction=entry | {"stick_velocity": stick})
-             for stick in (1e-6, 10.0)]  # fmt: skip
+    cases = [
+        turning_four_bar(24, rate=0.2, friction=entry | {"stick_velocity": stick})
+        for stick in (1e-6, 10.0)
+    ]
     slides, creeps = (pf.inverse_dynamics(c.scene, c.q, c.v, c.a).effort_upper for c in cases)
     return float(np.maximum(slides - creeps, 0.0).max())
 
@@ -88,8 +90,9 @@ def changed_gravity() -> str:
     model = block()
     model.addFrame(pin.Frame("tray", 1, pin.SE3.Identity(), pin.FrameType.BODY))
     box = {"link": "tray", "mass": 1.0, "com": [0.0, 0.0, 0.0], "attached": False}
-    scene = pf.Scene(model=model, friction={"slide": plane_friction(0.5, 0.5)},
-                     payloads={"box": box})  # fmt: skip
+    scene = pf.Scene(
+        model=model, friction={"slide": plane_friction(0.5, 0.5)}, payloads={"box": box}
+    )
     zero, one = np.zeros((1, 1)), np.zeros((2, 1))
     pf.inverse_dynamics(scene, zero, zero, zero)
     scene.model.gravity.linear = np.array([0.0, 0.0, -1.62])

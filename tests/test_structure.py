@@ -93,9 +93,14 @@ def test_a_circle_is_found():
 
 def test_no_function_imports_a_module_of_ours():
     heavy = {i.by for i in all_imports() if not i.late and i.name.split(".")[0] in HEAVY}
-    late = {(i.by, i.name) for i in all_imports()
-            if i.late and i.name.split(".")[0] == "pinfric" and i.by not in FRONT
-            and i.name not in heavy}  # fmt: skip
+    late = {
+        (i.by, i.name)
+        for i in all_imports()
+        if i.late
+        and i.name.split(".")[0] == "pinfric"
+        and i.by not in FRONT
+        and i.name not in heavy
+    }
     assert late == set()
 
 
@@ -122,16 +127,23 @@ def is_large(function: ast.FunctionDef) -> bool:
 
 
 def test_functions_are_below_sixty_lines_and_thirteen_arguments():
-    found = {name.removeprefix("pinfric.") for module, tree in trees().items()
-             for name, function in functions(tree, module) if is_large(function)}  # fmt: skip
+    found = {
+        name.removeprefix("pinfric.")
+        for module, tree in trees().items()
+        for name, function in functions(tree, module)
+        if is_large(function)
+    }
     assert found == set()
 
 
 @pytest.mark.parametrize(
     ("text", "large"),
-    [("def f(a, b):\n" + "    a = b\n" * 58, False), ("def f(a, b):\n" + "    a = b\n" * 59, True),
-     ("def f(a, b, c, d, e, f, *, g, h, i, j, k, l): pass", False),
-     ("def f(a, b, c, d, e, f, *, g, h, i, j, k, l, m): pass", True)],
-)  # fmt: skip
+    [
+        ("def f(a, b):\n" + "    a = b\n" * 58, False),
+        ("def f(a, b):\n" + "    a = b\n" * 59, True),
+        ("def f(a, b, c, d, e, f, *, g, h, i, j, k, l): pass", False),
+        ("def f(a, b, c, d, e, f, *, g, h, i, j, k, l, m): pass", True),
+    ],
+)
 def test_what_is_large(text, large):
     assert is_large(ast.parse(text).body[0]) == large

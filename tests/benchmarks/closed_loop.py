@@ -36,20 +36,34 @@ def arm():
     """The arm; its payload is `load`."""
     base = pf.load_scene("ur10_machine_tending")
     friction = {
-        name: {"coulomb": {"static": 1.25 * COULOMB[i], "kinetic": COULOMB[i]},
-               "viscous": VISCOUS[i], "stribeck": {"velocity": 0.02}}
+        name: {
+            "coulomb": {"static": 1.25 * COULOMB[i], "kinetic": COULOMB[i]},
+            "viscous": VISCOUS[i],
+            "stribeck": {"velocity": 0.02},
+        }
         for i, name in enumerate(base.joint_names)
-    }  # fmt: skip
+    }
     actuators = [
-        {"joint": name, "transmission": {
-            "ratio": RATIO, "efficiency": EFFICIENCY[i], "back_efficiency": 2 - 1 / EFFICIENCY[i],
-            "rotor_inertia": ROTOR[i]}}
+        {
+            "joint": name,
+            "transmission": {
+                "ratio": RATIO,
+                "efficiency": EFFICIENCY[i],
+                "back_efficiency": 2 - 1 / EFFICIENCY[i],
+                "rotor_inertia": ROTOR[i],
+            },
+        }
         for i, name in enumerate(base.joint_names)
-    ]  # fmt: skip
-    load = {"link": "tool0", "mass": 2.8, "com": [0.0, 0.0, 0.06],
-            "inertia": [0.005, 0.0, 0.0, 0.005, 0.0, 0.005]}  # fmt: skip
-    return base.with_(friction=friction, actuators=actuators, payloads={"load": load},
-                      simulation=None)  # fmt: skip
+    ]
+    load = {
+        "link": "tool0",
+        "mass": 2.8,
+        "com": [0.0, 0.0, 0.06],
+        "inertia": [0.005, 0.0, 0.0, 0.005, 0.0, 0.005],
+    }
+    return base.with_(
+        friction=friction, actuators=actuators, payloads={"load": load}, simulation=None
+    )
 
 
 def desired(kind, seconds):
@@ -91,8 +105,12 @@ def knowing_the_load(scene, q, v, a, scale):
     """(T, 6) what the compensator gives along the desired motion."""
     solver = scene.solver(["load"])
     options = pf.CompensationOptions(scale=scale, viscous_scale=scale)
-    return np.array([solver.compensate(*state, state[1], options=options)
-                     for state in zip(q, v, a, strict=True)])  # fmt: skip
+    return np.array(
+        [
+            solver.compensate(*state, state[1], options=options)
+            for state in zip(q, v, a, strict=True)
+        ]
+    )
 
 
 class Controller:
@@ -122,11 +140,21 @@ def track(scene, q, v, torque, dt=0.5e-3):
     """Return the RMS tracking error (6,) in mrad of the last three quarters."""
     controller = Controller(q, torque)
     t_end = (len(q) - 1) * PERIOD
-    motion = pf.simulate(scene, q[0], v[0], motor_torque=controller, t_end=t_end,
-                         method="timestepping", dt=dt, attached=["load"], progress=False,
-                         sample_step=PERIOD)  # fmt: skip
-    at = np.column_stack([np.interp(np.arange(len(q)) * PERIOD, motion.t, motion.q[:, i])
-                          for i in range(6)])  # fmt: skip
+    motion = pf.simulate(
+        scene,
+        q[0],
+        v[0],
+        motor_torque=controller,
+        t_end=t_end,
+        method="timestepping",
+        dt=dt,
+        attached=["load"],
+        progress=False,
+        sample_step=PERIOD,
+    )
+    at = np.column_stack(
+        [np.interp(np.arange(len(q)) * PERIOD, motion.t, motion.q[:, i]) for i in range(6)]
+    )
     error = (at - q)[len(q) // 4 :]
     return 1e3 * np.sqrt(np.mean(error**2, axis=0))
 
@@ -136,10 +164,14 @@ def laws(scene, q, v, a, fitted):
     coulomb, viscous = fitted
     tanh = coulomb * np.tanh(TANH * v) + viscous * v
     whole = knowing_the_load(scene, q, v, a, 1.0)
-    return {"no friction compensation": 0.0 * tanh, "tanh, fitted without load": tanh,
-            "load-aware": whole, "tanh, 20 % too large": 1.2 * tanh,
-            "load-aware, 20 % too large": 1.2 * whole,
-            "load-aware, scale 0.8": knowing_the_load(scene, q, v, a, 0.8)}  # fmt: skip
+    return {
+        "no friction compensation": 0.0 * tanh,
+        "tanh, fitted without load": tanh,
+        "load-aware": whole,
+        "tanh, 20 % too large": 1.2 * tanh,
+        "load-aware, 20 % too large": 1.2 * whole,
+        "load-aware, scale 0.8": knowing_the_load(scene, q, v, a, 0.8),
+    }
 
 
 class Guided:
@@ -167,9 +199,18 @@ class Guided:
 
 def guided(scene, scale, seconds=2.8):
     """Return the lift's speed (mrad/s) at the end of a push, and 2.5 s later."""
-    motion = pf.simulate(scene, HOME, np.zeros(6), motor_torque=Guided(scene, scale), t_end=seconds,
-                         method="timestepping", dt=PERIOD, attached=["load"], progress=False,
-                         sample_step=PERIOD)  # fmt: skip
+    motion = pf.simulate(
+        scene,
+        HOME,
+        np.zeros(6),
+        motor_torque=Guided(scene, scale),
+        t_end=seconds,
+        method="timestepping",
+        dt=PERIOD,
+        attached=["load"],
+        progress=False,
+        sample_step=PERIOD,
+    )
     return [1e3 * float(np.interp(t, motion.t, motion.v[:, 1])) for t in (0.3, seconds)]
 
 
@@ -204,9 +245,18 @@ class Integrating(Controller):
 def hunted(scene, measured, seconds=8.0):
     """Return the peak-to-peak motion (3,) in mrad of joints 1-3 over the last 3 s of a hold."""
     controller = Integrating(scene, measured)
-    motion = pf.simulate(scene, HOME, np.zeros(6), motor_torque=controller, t_end=seconds,
-                         method="timestepping", dt=0.5e-3, attached=["load"], progress=False,
-                         sample_step=PERIOD)  # fmt: skip
+    motion = pf.simulate(
+        scene,
+        HOME,
+        np.zeros(6),
+        motor_torque=controller,
+        t_end=seconds,
+        method="timestepping",
+        dt=0.5e-3,
+        attached=["load"],
+        progress=False,
+        sample_step=PERIOD,
+    )
     last = motion.q[motion.t > seconds - 3.0, :3]
     return 1e3 * np.ptp(last, axis=0)
 
@@ -218,8 +268,10 @@ def stability(scene):
         pushed, later = guided(scene, scale)
         print(f"scale {scale:4}: {pushed:6.0f} mrad/s after the push, {later:6.0f} 2.5 s later")
     print("PID after a step of 20 mrad, peak to peak over 3 s of hold, joints 1-3, mrad:")
-    for name, measured in (("no friction at rest (desired velocity)", False),
-                           ("friction at the measured velocity", True)):  # fmt: skip
+    for name, measured in (
+        ("no friction at rest (desired velocity)", False),
+        ("friction at the measured velocity", True),
+    ):
         print(f"{name:40} {'  '.join(f'{x:6.2f}' for x in hunted(scene, measured))}")
 
 

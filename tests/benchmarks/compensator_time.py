@@ -36,9 +36,12 @@ def arms():
     gear = {"ratio": 100.0, "efficiency": 0.8, "back_efficiency": 0.7, "rotor_inertia": 1e-4}
     names = list(model.names)[1:]
     hinges = [name for name in names if "finger" not in name]
-    scene = pf.Scene(model, friction={n: measure.PIN | {"viscous": 1.0} for n in hinges},
-                     actuators=[{"joint": n, "transmission": gear if n in hinges else None}
-                                for n in names], source="panda_with_gears.yaml")  # fmt: skip
+    scene = pf.Scene(
+        model,
+        friction={n: measure.PIN | {"viscous": 1.0} for n in hinges},
+        actuators=[{"joint": n, "transmission": gear if n in hinges else None} for n in names],
+        source="panda_with_gears.yaml",
+    )
     return [pf.load_scene("ur10_machine_tending"), scene]
 
 
@@ -72,14 +75,30 @@ def compiled(scene, folder, flags, eigen):
     files = cpp_files(scene, (), [np.inf] * len(scene.drives), [], ["timed"])
     (folder / f"{name}.hpp").write_text(files.header)
     text = Path(__file__).with_suffix(".cpp").read_text()
-    for old, new in (("@@HEADER", f"{name}.hpp"), ("pinfric_scene", name),
-                     ("// @@MODEL", model_text(scene))):  # fmt: skip
+    for old, new in (
+        ("@@HEADER", f"{name}.hpp"),
+        ("pinfric_scene", name),
+        ("// @@MODEL", model_text(scene)),
+    ):
         text = text.replace(old, new)
     (folder / "time.cpp").write_text(text)
     include, lib = PREFIX / "include", PREFIX / "lib"
-    command = ["g++", "-std=c++17", *flags, *DEFINED, "-isystem", include, "-isystem", eigen,
-               folder / "time.cpp", "-o", folder / "time", f"-L{lib}", f"-Wl,-rpath,{lib}",
-               "-lpinocchio_default"]  # fmt: skip
+    command = [
+        "g++",
+        "-std=c++17",
+        *flags,
+        *DEFINED,
+        "-isystem",
+        include,
+        "-isystem",
+        eigen,
+        folder / "time.cpp",
+        "-o",
+        folder / "time",
+        f"-L{lib}",
+        f"-Wl,-rpath,{lib}",
+        "-lpinocchio_default",
+    ]
     subprocess.run(command, check=True)
     return folder / "time"
 

@@ -137,8 +137,14 @@ class _Sample:
     ) -> tuple[np.ndarray, int]:
         """Return friction (ns,) and passes, -1 where it fails; `times` solves, for timing."""
         x, scaled = np.zeros(len(self.friction.gain)), factor * self.friction.gain
-        passes = solve(self.friction._replace(gain=scaled), solver == "Newton", tolerance,
-                       MOST_PASSES[solver], times, x)  # fmt: skip
+        passes = solve(
+            self.friction._replace(gain=scaled),
+            solver == "Newton",
+            tolerance,
+            MOST_PASSES[solver],
+            times,
+            x,
+        )
         return x, int(passes)
 
 

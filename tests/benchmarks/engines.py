@@ -55,8 +55,17 @@ def stepped(step):
 
 def pinfric_run(scene):
     """Our own time steps, of the same length."""
-    motion = pf.simulate(scene, [0.0], [0.0], lambda t, q, v: np.array([effort(t)]), 2 * HALF,
-                         "timestepping", dt=STEP, sample_step=STEP, progress=False)  # fmt: skip
+    motion = pf.simulate(
+        scene,
+        [0.0],
+        [0.0],
+        lambda t, q, v: np.array([effort(t)]),
+        2 * HALF,
+        "timestepping",
+        dt=STEP,
+        sample_step=STEP,
+        progress=False,
+    )
     at = TIMES + STEP
     return np.column_stack([np.interp(at, motion.t, x[:, 0]) for x in (motion.q, motion.v)])
 
@@ -96,8 +105,9 @@ def pinocchio_run(scene):
     def step(u):
         M = pin.crba(model, data, q) + STEP * np.diag(model.damping)  # damping implicit
         free = np.linalg.solve(M, pin.crba(model, data, q) @ v + STEP * np.array([u]))
-        solver.solve(pin.DelassusOperatorDense(np.linalg.inv(M)), free, models, datas, settings,
-                     result)  # fmt: skip
+        solver.solve(
+            pin.DelassusOperatorDense(np.linalg.inv(M)), free, models, datas, settings, result
+        )
         v[:] = free + np.linalg.solve(M, result.retrieveConstraintImpulses())
         q[:] += STEP * v
         return q[0], v[0]

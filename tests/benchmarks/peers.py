@@ -77,11 +77,12 @@ class _Robot:
         readings = tuple(
             tuple(
                 StickInterval(body.joint.name, float(t[first]), float(t[last]))
-                for j, body in enumerate(self.bodies) if self.friction[j] > 0.0
+                for j, body in enumerate(self.bodies)
+                if self.friction[j] > 0.0
                 for first, last in runs(np.abs(rates[:, j]) <= speed)
             )
             for speed in STANDSTILL
-        )  # fmt: skip
+        )
         nq = self.scene.model.nq
         if not np.isfinite(angles).all():
             return Track(t, np.full((len(t), nq), np.nan), readings, steps)
@@ -125,18 +126,25 @@ def _robot(scene: Scene) -> _Robot:
     tree = bodies(scene)
     assert scene.simulation is not None
     if scene.simulation.motor_torque:
-        raise PinfricError(f"{scene.source}: simulation.motor_torque: peers know no gears that "
-                           "lose; give `simulation.effort`")  # fmt: skip
+        raise PinfricError(
+            f"{scene.source}: simulation.motor_torque: peers know no gears that "
+            "lose; give `simulation.effort`"
+        )
     q, v = start_state(scene)
     made = make_effort(scene, None)
     constants = {site.name: site.law.kinetic.forward for site in scene.sites}
     names = [body.joint.name for body in tree]
     angles = single_positions(q[None, :], [body.joint.nq for body in tree])[0]
     return _Robot(
-        scene, tree, tuple(constants.get(name, 0.0) for name in names),
-        tuple(scene.simulation.effort.get(name, 0.0) for name in names), angles, v,
-        scene.simulation.t_end, lambda t: np.asarray(made.function(t, q, v)),
-    )  # fmt: skip
+        scene,
+        tree,
+        tuple(constants.get(name, 0.0) for name in names),
+        tuple(scene.simulation.effort.get(name, 0.0) for name in names),
+        angles,
+        v,
+        scene.simulation.t_end,
+        lambda t: np.asarray(made.function(t, q, v)),
+    )
 
 
 # ---------------------------------------------------------------- MuJoCo
@@ -157,9 +165,12 @@ def _mujoco_contestant(robot: _Robot, name: str, steps: int) -> Contestant:
     def bare() -> np.ndarray:
         model, data, efforts = ready()
         states, _ = rollout.rollout(
-            model, data, initial_state=start, control=efforts,
+            model,
+            data,
+            initial_state=start,
+            control=efforts,
             control_spec=int(mujoco.mjtState.mjSTATE_QFRC_APPLIED),
-        )  # fmt: skip
+        )
         return np.asarray(states)[0]
 
     def judged() -> Track:
@@ -183,11 +194,20 @@ def mujoco_xml(robot: _Robot, dt: float, stiff: bool) -> str:
         stiff: make friction as hard as MuJoCo allows.
     """
     hard = {"solimpfriction": "0.9999 0.9999 0.001", "solreffriction": f"{2 * dt!r} 1"}
-    joints = [MjcfJoint(friction, 0.0, body.armature)
-              for body, friction in zip(robot.bodies, robot.friction, strict=True)]  # fmt: skip
+    joints = [
+        MjcfJoint(friction, 0.0, body.armature)
+        for body, friction in zip(robot.bodies, robot.friction, strict=True)
+    ]
     gravity = robot.scene.model.gravity.linear
-    return mjcf("peer", robot.bodies, joints, gravity, timestep=dt, limits=False,
-                friction=hard if stiff else {})  # fmt: skip
+    return mjcf(
+        "peer",
+        robot.bodies,
+        joints,
+        gravity,
+        timestep=dt,
+        limits=False,
+        friction=hard if stiff else {},
+    )
 
 
 # ---------------------------------------------------------------- Drake

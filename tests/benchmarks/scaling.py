@@ -71,13 +71,19 @@ def over_joints(samples=2_000, rounds=7):
         pool, out = pin.ModelPool(model, 1), np.empty((samples, n))
         runs["pinfric", n] = lambda s=scene, x=(q, v, a): pf.inverse_dynamics(s, *x, threads=1)
         runs["rneaInParallel", n] = lambda p=pool, x=(q, v, a), o=out: pin.rneaInParallel(
-            1, p, *(part.T for part in x), o.T)  # fmt: skip
+            1, p, *(part.T for part in x), o.T
+        )
     seconds = median_seconds(runs, rounds)
     return [
-        Curve(f"inverse dynamics, {who}", "joints", JOINTS,
-              tuple(1e6 * seconds[who, n] / samples for n in JOINTS), "us per sample")
+        Curve(
+            f"inverse dynamics, {who}",
+            "joints",
+            JOINTS,
+            tuple(1e6 * seconds[who, n] / samples for n in JOINTS),
+            "us per sample",
+        )
         for who in ("pinfric", "rneaInParallel")
-    ]  # fmt: skip
+    ]
 
 
 def forward_over_joints(rounds=9, calls=20):
@@ -92,10 +98,15 @@ def forward_over_joints(rounds=9, calls=20):
         runs["pin.aba", n] = lambda m=model, d=data, x=(q, v, u): pin.aba(m, d, *x)
     seconds = median_seconds(runs, rounds, calls)
     return [
-        Curve(f"forward dynamics, {who}", "joints", JOINTS,
-              tuple(1e6 * seconds[who, n] for n in JOINTS), "us per call")
+        Curve(
+            f"forward dynamics, {who}",
+            "joints",
+            JOINTS,
+            tuple(1e6 * seconds[who, n] for n in JOINTS),
+            "us per call",
+        )
         for who in ("pinfric", "pin.aba")
-    ]  # fmt: skip
+    ]
 
 
 def over_samples(rounds=3, most=SAMPLES[-1]):
@@ -110,8 +121,15 @@ def over_samples(rounds=3, most=SAMPLES[-1]):
             pass
 
     seconds = median_seconds({n: lambda n=n: solve(n) for n in sizes}, rounds)
-    return [Curve("inverse dynamics, UR5, six pins, one thread", "samples", sizes,
-                  tuple(1e3 * seconds[n] for n in sizes), "ms")]  # fmt: skip
+    return [
+        Curve(
+            "inverse dynamics, UR5, six pins, one thread",
+            "samples",
+            sizes,
+            tuple(1e3 * seconds[n] for n in sizes),
+            "ms",
+        )
+    ]
 
 
 def over_sites(joints=32, samples=2_000, rounds=7):
@@ -135,15 +153,18 @@ def over_coupled_sites(rounds=5):
     moving = (np.abs(motion.v) > 1e-3).all(axis=1)
     q, v, a = (np.tile(x[moving], (3, 1)) for x in (motion.q, motion.v, motion.a))
     names = list(whole.friction)
-    scenes = {n: dataclasses.replace(whole, friction={k: whole.friction[k] for k in names[:n]})
-              for n in range(len(names) + 1)}  # fmt: skip
+    scenes = {
+        n: dataclasses.replace(whole, friction={k: whole.friction[k] for k in names[:n]})
+        for n in range(len(names) + 1)
+    }
     seconds = median_seconds(
         {n: lambda s=s: pf.inverse_dynamics(s, q, v, a, threads=1) for n, s in scenes.items()},
         rounds,
     )
     cost = tuple(1e6 * seconds[n] / len(q) for n in scenes)
-    return [Curve("inverse dynamics, four-bar", "coupled sites", tuple(scenes), cost,
-                  "us per sample")]  # fmt: skip
+    return [
+        Curve("inverse dynamics, four-bar", "coupled sites", tuple(scenes), cost, "us per sample")
+    ]
 
 
 def over_threads(samples=100_000, rounds=7):
@@ -155,8 +176,9 @@ def over_threads(samples=100_000, rounds=7):
         {n: lambda n=n: pf.inverse_dynamics(scene, q, v, a, threads=n) for n in counts}, rounds
     )
     faster = tuple(seconds[1] / seconds[n] for n in counts)
-    return [Curve("inverse dynamics, UR5, six pins", "threads", counts, faster,
-                  "times faster than one")]  # fmt: skip
+    return [
+        Curve("inverse dynamics, UR5, six pins", "threads", counts, faster, "times faster than one")
+    ]
 
 
 _MEMORY = """
@@ -194,9 +216,14 @@ def memory(most=SAMPLES[-1]):
 
 def measure_all():
     return [
-        *over_joints(), *forward_over_joints(), *over_samples(), *over_sites(),
-        *over_coupled_sites(), *over_threads(), *memory(),
-    ]  # fmt: skip
+        *over_joints(),
+        *forward_over_joints(),
+        *over_samples(),
+        *over_sites(),
+        *over_coupled_sites(),
+        *over_threads(),
+        *memory(),
+    ]
 
 
 def figure(curves):
@@ -208,12 +235,20 @@ def figure(curves):
     panels = made.subplots(-(-len(kinds) // 3), 3, squeeze=False).ravel()
     colors = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
     for axes, kind in zip(panels, kinds, strict=False):
-        for color, curve in zip(colors, (c for c in curves if (c.size, c.unit) == kind),
-                                strict=False):  # fmt: skip
+        for color, curve in zip(
+            colors, (c for c in curves if (c.size, c.unit) == kind), strict=False
+        ):
             power = kind[0] in ("joints", "samples")
             label = curve.what + (f"  ~ n^{curve.exponent:.2f}" if power else "")
-            axes.plot(curve.n, curve.cost, color=color, marker="o", markeredgecolor="white",
-                      linewidth=1.8, label=label)  # fmt: skip
+            axes.plot(
+                curve.n,
+                curve.cost,
+                color=color,
+                marker="o",
+                markeredgecolor="white",
+                linewidth=1.8,
+                label=label,
+            )
             if power:
                 axes.set_xscale("log")
                 axes.set_yscale("log")

@@ -26,8 +26,13 @@ from peers import compete_with_peers  # isort: skip
 from scaling import memory  # isort: skip
 
 SAMPLES = 20_000
-GEAR = {"ratio": 100.0, "efficiency": 0.8, "back_efficiency": 0.7, "no_load_torque": 0.01,
-        "rotor_inertia": 1e-5}  # fmt: skip
+GEAR = {
+    "ratio": 100.0,
+    "efficiency": 0.8,
+    "back_efficiency": 0.7,
+    "no_load_torque": 0.01,
+    "rotor_inertia": 1e-5,
+}
 
 
 @dataclass(frozen=True)
@@ -51,8 +56,7 @@ class Row:
         sign = "≥" if self.at_least else "≤"
         met = "yes" if self.met else "no"
         figure = f"{self.figure:.3g}{unit}" if self.figure > 0 else "-"
-        return (self.what, self.against, figure, f"{sign} {self.goal:g}{unit}",
-                met, self.more)  # fmt: skip
+        return (self.what, self.against, figure, f"{sign} {self.goal:g}{unit}", met, self.more)
 
 
 def inverse():
@@ -66,22 +70,40 @@ def inverse():
         for i in range(SAMPLES):
             pin.rnea(model, data, q[i], v[i], a[i])
 
-    s = median_seconds({
-        "loop": loop,
-        "parallel": lambda: pin.rneaInParallel(1, pool, q.T, v.T, a.T, out.T),
-        "pins": lambda: pf.inverse_dynamics(scene, q, v, a, t=t, threads=1),
-        "plain": lambda: pf.inverse_dynamics(plain, q, v, a, t=t, threads=1),
-    }, rounds=15)  # fmt: skip
+    s = median_seconds(
+        {
+            "loop": loop,
+            "parallel": lambda: pin.rneaInParallel(1, pool, q.T, v.T, a.T, out.T),
+            "pins": lambda: pf.inverse_dynamics(scene, q, v, a, t=t, threads=1),
+            "plain": lambda: pf.inverse_dynamics(plain, q, v, a, t=t, threads=1),
+        },
+        rounds=15,
+    )
     each = {name: 1e6 * seconds / SAMPLES for name, seconds in s.items()}
     what = "inverse dynamics, UR5, six pins"
     return [
-        Row(what, "Python loop over pin.rnea, no friction", s["pins"] / s["loop"], 0.9,
-            more=f"{each['pins']:.2f} to {each['loop']:.2f} us a sample"),
-        Row(what, "rneaInParallel, no friction", s["pins"] / s["parallel"], 1.7,
-            more=f"{each['pins']:.2f} to {each['parallel']:.2f} us a sample"),
-        Row("inverse dynamics, UR5, frictionless", "rneaInParallel", s["plain"] / s["parallel"],
-            1.15, more=f"{each['plain']:.2f} to {each['parallel']:.2f} us a sample"),
-    ]  # fmt: skip
+        Row(
+            what,
+            "Python loop over pin.rnea, no friction",
+            s["pins"] / s["loop"],
+            0.9,
+            more=f"{each['pins']:.2f} to {each['loop']:.2f} us a sample",
+        ),
+        Row(
+            what,
+            "rneaInParallel, no friction",
+            s["pins"] / s["parallel"],
+            1.7,
+            more=f"{each['pins']:.2f} to {each['parallel']:.2f} us a sample",
+        ),
+        Row(
+            "inverse dynamics, UR5, frictionless",
+            "rneaInParallel",
+            s["plain"] / s["parallel"],
+            1.15,
+            more=f"{each['plain']:.2f} to {each['parallel']:.2f} us a sample",
+        ),
+    ]
 
 
 def threads():
@@ -99,8 +121,16 @@ def threads():
     s = {n: min(values) for n, values in times.items()}
     median = np.median(times[1]) / np.median(times[4])
     more = f"medians {median:.2f}; rneaInParallel alone {s[-1] / s[-4]:.2f}; needs four idle cores"
-    return [Row("inverse dynamics, UR5, four threads", "one thread", s[1] / s[4], 2.5,
-                at_least=True, more=more)]  # fmt: skip
+    return [
+        Row(
+            "inverse dynamics, UR5, four threads",
+            "one thread",
+            s[1] / s[4],
+            2.5,
+            at_least=True,
+            more=more,
+        )
+    ]
 
 
 def memory_in_chunks():
@@ -123,13 +153,24 @@ def forward():
         states[name] = scene, motion.q[moving], motion.v[moving], np.ones(len(scene.drives)), goal
     rows = []
     for name, (scene, *state, goal) in states.items():
-        s = median_seconds({
-            "aba": lambda: pin.aba(model, data, q, v, u),
-            "pinfric": lambda scene=scene, state=state: pf.forward_dynamics(scene, *state),
-        }, rounds=41, calls=200)  # fmt: skip
+        s = median_seconds(
+            {
+                "aba": lambda: pin.aba(model, data, q, v, u),
+                "pinfric": lambda scene=scene, state=state: pf.forward_dynamics(scene, *state),
+            },
+            rounds=41,
+            calls=200,
+        )
         more = f"{1e6 * s['pinfric']:.1f} to {1e6 * s['aba']:.1f} us a call"
-        rows.append(Row(f"forward dynamics, {name}", "pin.aba of the UR5", s["pinfric"] / s["aba"],
-                        goal, more=more))  # fmt: skip
+        rows.append(
+            Row(
+                f"forward dynamics, {name}",
+                "pin.aba of the UR5",
+                s["pinfric"] / s["aba"],
+                goal,
+                more=more,
+            )
+        )
     return rows
 
 
@@ -140,25 +181,49 @@ def solver():
     q, v, u = rng.uniform(-2, 2, 6), rng.uniform(-2, 2, 6), rng.uniform(-20, 20, 6)
     arm_data, data = arm.model.createData(), model.createData()
     inverse, scene = arm.solver().inverse, with_pins(model)
-    forward, geared = scene.solver().forward, scene.with_(actuators=[
-        {"joint": name, "transmission": GEAR} for name in tuple(model.names)[1:]
-    ]).solver().forward  # fmt: skip
+    forward, geared = (
+        scene.solver().forward,
+        scene.with_(
+            actuators=[{"joint": name, "transmission": GEAR} for name in tuple(model.names)[1:]]
+        )
+        .solver()
+        .forward,
+    )
     torque = u / GEAR["ratio"]
-    s = median_seconds({
-        "rnea": lambda: pin.rnea(arm.model, arm_data, *state),
-        "inverse": lambda: inverse(*state),
-        "aba": lambda: pin.aba(model, data, q, v, u),
-        "forward": lambda: forward(q, v, u),
-        "geared": lambda: geared(q, v, motor_torque=torque),
-    }, rounds=101, calls=30)  # fmt: skip
+    s = median_seconds(
+        {
+            "rnea": lambda: pin.rnea(arm.model, arm_data, *state),
+            "inverse": lambda: inverse(*state),
+            "aba": lambda: pin.aba(model, data, q, v, u),
+            "forward": lambda: forward(q, v, u),
+            "geared": lambda: geared(q, v, motor_torque=torque),
+        },
+        rounds=101,
+        calls=30,
+    )
     return [
-        Row("`Solver.inverse`, 7-axis arm with gears", "pin.rnea", s["inverse"] / s["rnea"], 6,
-            more=f"{1e6 * s['inverse']:.1f} to {1e6 * s['rnea']:.1f} us a call"),
-        Row("`Solver.forward`, UR5, six pins", "pin.aba", s["forward"] / s["aba"], 8,
-            more=f"{1e6 * s['forward']:.1f} to {1e6 * s['aba']:.1f} us a call"),
-        Row("the same with six gears, motor torque given", "without gears",
-            s["geared"] / s["forward"], 1.3, more=f"{1e6 * s['geared']:.1f} us a call"),
-    ]  # fmt: skip
+        Row(
+            "`Solver.inverse`, 7-axis arm with gears",
+            "pin.rnea",
+            s["inverse"] / s["rnea"],
+            6,
+            more=f"{1e6 * s['inverse']:.1f} to {1e6 * s['rnea']:.1f} us a call",
+        ),
+        Row(
+            "`Solver.forward`, UR5, six pins",
+            "pin.aba",
+            s["forward"] / s["aba"],
+            8,
+            more=f"{1e6 * s['forward']:.1f} to {1e6 * s['aba']:.1f} us a call",
+        ),
+        Row(
+            "the same with six gears, motor torque given",
+            "without gears",
+            s["geared"] / s["forward"],
+            1.3,
+            more=f"{1e6 * s['geared']:.1f} us a call",
+        ),
+    ]
 
 
 def at_rest_and_moving():
@@ -166,20 +231,30 @@ def at_rest_and_moving():
     from mechanisms import cut_slider_crank, six_bar
 
     locked, _ = cut_slider_crank()
-    locked = locked.with_(friction={
-        name: {**entry.model_dump(exclude_none=True), "coulomb": {"static": 8.0, "kinetic": 8.0}}
-        for name, entry in locked.friction.items()
-    })  # fmt: skip
+    locked = locked.with_(
+        friction={
+            name: {
+                **entry.model_dump(exclude_none=True),
+                "coulomb": {"static": 8.0, "kinetic": 8.0},
+            }
+            for name, entry in locked.friction.items()
+        }
+    )
     scene, q = six_bar()
     v, _ = pf.consistent_motion(scene, q[None], ["crank"], np.array([[6.0]]), np.array([[0.0]]))
     still, none = np.zeros(locked.model.nv), np.zeros(1)
     start = locked.close(pin.neutral(locked.model))
-    s = median_seconds({
-        "locked": lambda: pf.simulate(locked, start, still, none, 1.0),
-        "moving": lambda: pf.simulate(scene, q, v[0], none, 1.0),
-    }, rounds=5)  # fmt: skip
-    return [Row("simulate a locked slider-crank 1 s", "", s["locked"], 1.0, "s"),
-            Row("simulate a six-bar 1 s", "", s["moving"], 2.0, "s")]  # fmt: skip
+    s = median_seconds(
+        {
+            "locked": lambda: pf.simulate(locked, start, still, none, 1.0),
+            "moving": lambda: pf.simulate(scene, q, v[0], none, 1.0),
+        },
+        rounds=5,
+    )
+    return [
+        Row("simulate a locked slider-crank 1 s", "", s["locked"], 1.0, "s"),
+        Row("simulate a six-bar 1 s", "", s["moving"], 2.0, "s"),
+    ]
 
 
 def simulation():
@@ -208,10 +283,15 @@ def loops():
     each = {name: 1e6 * seconds / SAMPLES for name, seconds in s.items()}
     what = "inverse dynamics, four-bar, four pins"
     return [
-        Row(what, "the same without friction", s["pins"] / s["bare"], 5,
-            more=f"{each['pins']:.1f} to {each['bare']:.1f} us a sample"),
+        Row(
+            what,
+            "the same without friction",
+            s["pins"] / s["bare"],
+            5,
+            more=f"{each['pins']:.1f} to {each['bare']:.1f} us a sample",
+        ),
         Row(what, "", each["pins"], 30, "us"),
-    ]  # fmt: skip
+    ]
 
 
 # ---------------------------------------------------------------- peers
@@ -222,8 +302,9 @@ def swinging_ur5():
     from pinfric.model.schema import Simulation
 
     scene = pf.load_scene("ur5_pick_and_place")
-    drive = dict(zip(scene.joint_names, ((30, 4), (60, 3), (25, 5), (6, 6), (6, 5), (5, 4)),
-                     strict=True))  # fmt: skip
+    drive = dict(
+        zip(scene.joint_names, ((30, 4), (60, 3), (25, 5), (6, 6), (6, 5), (5, 4)), strict=True)
+    )
     sines = {
         name: {"sine": {"amplitude": amplitude, "angular_frequency": frequency}}
         for name, (amplitude, frequency) in drive.items()
@@ -265,14 +346,23 @@ def _against(name, runs, who, bound):
     ours, theirs = quickest("event"), quickest(who)
     reached = np.isfinite(theirs)
     more = f"{1e3 * ours:.3g} ms to {f'{1e3 * theirs:.3g} ms' if reached else 'never'}"
-    return Row(f"simulate {name} to {bound:.0e} rad, constant friction", who, ours / theirs, 1,
-               more=more)  # fmt: skip
+    return Row(
+        f"simulate {name} to {bound:.0e} rad, constant friction", who, ours / theirs, 1, more=more
+    )
 
 
 def rows(with_peers=False):
     """Every row as it is measured, in the README's order."""
-    studies = [inverse, memory_in_chunks, threads, forward, solver, simulation,
-               at_rest_and_moving, loops]  # fmt: skip
+    studies = [
+        inverse,
+        memory_in_chunks,
+        threads,
+        forward,
+        solver,
+        simulation,
+        at_rest_and_moving,
+        loops,
+    ]
     if with_peers:
         studies.append(peer_rows)
     for study in studies:

@@ -38,10 +38,12 @@ def test_four_pins_against_none(benchmark):
         case = turning_four_bar(SAMPLES, "B", kind)
         plain, _ = four_bar("B", kind, friction={})
         bare = Case(plain, case.q, case.v, case.a)
-        seconds = median_seconds({
-            "friction": lambda case=case: case.inverse(threads=1),
-            "without": lambda bare=bare: bare.inverse(threads=1),
-        })  # fmt: skip
+        seconds = median_seconds(
+            {
+                "friction": lambda case=case: case.inverse(threads=1),
+                "without": lambda bare=bare: bare.inverse(threads=1),
+            }
+        )
         each = {name: 1e6 * s / SAMPLES for name, s in seconds.items()}
         ratio = seconds["friction"] / seconds["without"]
         print(
@@ -60,11 +62,17 @@ def test_four_pins_against_none(benchmark):
 def test_four_pins_at_rest_and_a_scene_that_is_made():
     case = turning_four_bar(2000)
     rest = Case(case.scene, case.q, 0 * case.v, 0 * case.a)
-    seconds = median_seconds({
-        "rest": lambda: rest.inverse(threads=1),
-        "scene": lambda: pf.Scene(model=case.scene.model, friction=case.scene.friction,
-                                  loops=case.scene.loops, actuators=case.scene.actuators),
-    })  # fmt: skip
+    seconds = median_seconds(
+        {
+            "rest": lambda: rest.inverse(threads=1),
+            "scene": lambda: pf.Scene(
+                model=case.scene.model,
+                friction=case.scene.friction,
+                loops=case.scene.loops,
+                actuators=case.scene.actuators,
+            ),
+        }
+    )
     print(
         f"\nfour-bar at rest, 16 corners: {1e6 * seconds['rest'] / 2000:.1f} us per sample; "
         f"making its scene (closing it, counting freedoms): {1e3 * seconds['scene']:.1f} ms"

@@ -38,9 +38,13 @@ def panda():
     whole = pf.load_trajectory("panda_pick_and_place.csv", scene)
     rows = np.linspace(0, len(whole.t) - 1, 1000).round().astype(int)
     return scene, pf.Trajectory.from_arrays(
-        scene, whole.t[rows], whole.q[rows], whole.v[rows], whole.a[rows],
+        scene,
+        whole.t[rows],
+        whole.q[rows],
+        whole.v[rows],
+        whole.a[rows],
         {"box": whole.attached[rows, 0]},
-    )  # fmt: skip
+    )
 
 
 DRIVE = "Kollmorgen TBM-6025-A + Harmonic Drive CSG-20-100"
@@ -63,9 +67,11 @@ def test_sums_of_cycles_are_faster_than_inverse_dynamics(panda, drives, faster):
 
     seconds = measure.median_seconds({"general": general, "sums": sums}, rounds=5)
     each, summed = seconds["general"] / 10, seconds["sums"] / 400
-    print(f"\n{drives} catalogue drives on trial: {1e3 * each:.2f} ms a cycle by inverse dynamics, "
-          f"{1e3 * summed:.3f} ms as a sum, {each / summed:.1f} times as fast; "
-          f"{measure.machine()}")  # fmt: skip
+    print(
+        f"\n{drives} catalogue drives on trial: {1e3 * each:.2f} ms a cycle by inverse dynamics, "
+        f"{1e3 * summed:.3f} ms as a sum, {each / summed:.1f} times as fast; "
+        f"{measure.machine()}"
+    )
     found = general()
     assert (np.abs(sums()[:10] - found) <= 1e-12 * np.abs(found).max(axis=(0, 1))).all()
     assert each > faster * summed
@@ -75,9 +81,13 @@ def timed(panda, samples, processes, **more):
     """The result, its whole time, and the cycles per second from the first batch on."""
     times = []
     start = perf_counter()
-    result = pf.sweep(*panda, {**SWEEP, "samples": samples}, processes=processes,
-                      progress=lambda done, total: times.append((perf_counter(), done)),
-                      **more)  # fmt: skip
+    result = pf.sweep(
+        *panda,
+        {**SWEEP, "samples": samples},
+        processes=processes,
+        progress=lambda done, total: times.append((perf_counter(), done)),
+        **more,
+    )
     whole = perf_counter() - start
     (first, early), (last, late) = times[1], times[-1]
     return result, whole, (late - early) / (last - first)
@@ -89,8 +99,10 @@ def test_more_processes_are_faster(panda):
         for processes in rates:
             results[processes], whole, rate = timed(panda, 12_000, processes)
             rates[processes] = max(rate, rates[processes])
-            print(f"\n{processes} processes: {rate:.0f} cycles/s, speed-up "
-                  f"{rates[processes] / rates[1]:.2f}; {whole:.1f} s with start")  # fmt: skip
+            print(
+                f"\n{processes} processes: {rate:.0f} cycles/s, speed-up "
+                f"{rates[processes] / rates[1]:.2f}; {whole:.1f} s with start"
+            )
         for processes in (2, 4):
             np.testing.assert_array_equal(results[processes].figures, results[1].figures)
         if CORES < 2 or rates[2] > 1.3 * rates[1]:
@@ -104,8 +116,10 @@ def test_ten_thousand_cycles_in_bounded_memory(panda, tmp_path):
     here = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     workers = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
     size = (tmp_path / "samples.parquet").stat().st_size / 2**20
-    print(f"\n10,000 cycles of 1,000 samples: {whole:.0f} s, {rate:.0f} cycles/s on "
-          f"{result.processes} processes; {here:.0f} MiB here, {workers:.0f} MiB in the largest "
-          f"worker; {size:.1f} MiB of Parquet")  # fmt: skip
+    print(
+        f"\n10,000 cycles of 1,000 samples: {whole:.0f} s, {rate:.0f} cycles/s on "
+        f"{result.processes} processes; {here:.0f} MiB here, {workers:.0f} MiB in the largest "
+        f"worker; {size:.1f} MiB of Parquet"
+    )
     assert here < 1000
     assert workers < 1000

@@ -54,10 +54,12 @@ def theirs(scene, q, torque):
     limits = [
         toppra.constraint.JointVelocityConstraint(speeds),
         toppra.constraint.JointTorqueConstraint(
-            inverse, np.stack([-torque, torque], axis=1), np.zeros(model.nv),
+            inverse,
+            np.stack([-torque, torque], axis=1),
+            np.zeros(model.nv),
             discretization_scheme=toppra.constraint.DiscretizationType.Interpolation,
         ),
-    ]  # fmt: skip
+    ]
 
     def duration():
         solver = toppra.algorithm.TOPPRA(
@@ -75,8 +77,10 @@ def test_without_friction_as_toppra(name, seed):
     scene, q = case(name, seed)
     bare = with_effects(scene, only=["payload"])
     torque = np.array(bare.model.effortLimit)
-    limits = {d.name: {"effort": t, "transmission": {"ratio": 1.0}}
-              for d, t in zip(bare.drives, torque, strict=True)}  # fmt: skip
+    limits = {
+        d.name: {"effort": t, "transmission": {"ratio": 1.0}}
+        for d, t in zip(bare.drives, torque, strict=True)
+    }
     assert ours(bare, q, limits)(True) == pytest.approx(theirs(bare, q, torque)(), rel=1e-3)
 
 
@@ -86,12 +90,15 @@ def test_time_beside_toppra(capsys):
     torque = np.array(bare.model.effortLimit)
     drives = {d.name: {"effort": t} for d, t in zip(bare.drives, torque, strict=True)}
     motors = {d.name: LARGE if i < 4 else SMALL for i, d in enumerate(scene.drives)}
-    seconds = median_seconds({
-        "toppra": theirs(bare, q, torque),
-        "frictionless": lambda: ours(bare, q, drives)(True),
-        "linear": lambda: ours(bare, q, drives)(False),
-        "everything": lambda: ours(scene, q, motors)(False),
-    }, rounds=5)  # fmt: skip
+    seconds = median_seconds(
+        {
+            "toppra": theirs(bare, q, torque),
+            "frictionless": lambda: ours(bare, q, drives)(True),
+            "linear": lambda: ours(bare, q, drives)(False),
+            "everything": lambda: ours(scene, q, motors)(False),
+        },
+        rounds=5,
+    )
     with capsys.disabled():
         print("", {name: f"{1e3 * value:.1f} ms" for name, value in seconds.items()})
     assert seconds["frictionless"] < 1.5 * seconds["toppra"]

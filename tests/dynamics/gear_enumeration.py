@@ -129,8 +129,9 @@ class Arm:
             a[moves] = np.linalg.solve(A, (push / slope + friction - h)[moves])
             before, (load, effort) = load, self.loads(q, v, a)
             gap = np.abs(load - before).max()
-            if passes == 2 and not self._obeys(u, a, effort, load, sign, stuck, slope, push, v,
-                                               10.0 * gap + 1e-3 * size):  # fmt: skip
+            if passes == 2 and not self._obeys(
+                u, a, effort, load, sign, stuck, slope, push, v, 10.0 * gap + 1e-3 * size
+            ):
                 return None  # far from it already
             if gap <= 1e-14 * np.abs(load).max():
                 break

@@ -94,8 +94,9 @@ def sine_against_load(M, gear, amplitude, w, h0, h1, t_end):
     def go(direction, t, q):
         slope = 1.0 / gear.eta if direction > 0 else gear.eta_b
         bend = -slope * h0 - direction * gear.n
-        path = Stretch(t, t_end, q, 0.0, gear.inertia + slope * M, amplitude, w, bend, -slope * h1,
-                       gear.drag)  # fmt: skip
+        path = Stretch(
+            t, t_end, q, 0.0, gear.inertia + slope * M, amplitude, w, bend, -slope * h1, gear.drag
+        )
         end = _first(lambda s: -direction * path.at(s)[1], t, t_end)
         return path._replace(end=end)
 
@@ -190,8 +191,16 @@ def smoothed(M, h, u, gear, v0, t_end, width, times):
         a = trial[0] if M * trial[0] + load >= 0 else trial[1]
         return [state[1], a]
 
-    found = solve_ivp(rates, (0.0, t_end), [0.0, v0], method="Radau", rtol=1e-9, atol=1e-12,
-                      t_eval=times, max_step=t_end / 100)  # fmt: skip
+    found = solve_ivp(
+        rates,
+        (0.0, t_end),
+        [0.0, v0],
+        method="Radau",
+        rtol=1e-9,
+        atol=1e-12,
+        t_eval=times,
+        max_step=t_end / 100,
+    )
     return found.y
 
 

@@ -13,8 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 
 #: pin -> (bar it pushes on, bar or ground that pushes).
-PINS = {"O": ("crank", None), "A": ("coupler", "crank"), "B": ("rocker", "coupler"),
-        "C": ("rocker", None)}  # fmt: skip
+PINS = {
+    "O": ("crank", None),
+    "A": ("coupler", "crank"),
+    "B": ("rocker", "coupler"),
+    "C": ("rocker", None),
+}
 BARS = ("crank", "coupler", "rocker")
 
 

@@ -40,8 +40,11 @@ def boom(share=None, bucket=False, friction=None):
         at = pin.SE3(np.eye(3), np.array([1.0, 0.0, 0.0]))
         add_link(model, arm, pin.JointModelRZ(), at, "bucket", bar(0.7, 0.3))
     given = [{"share": w} for w in share] if share is not None else [{}, {}]
-    ram = {"name": "ram", "a": {"link": "ground", "xyz": [0.3, -0.4, 0]},
-           "b": {"link": "boom", "xyz": [0.6, 0, 0]}}  # fmt: skip
+    ram = {
+        "name": "ram",
+        "a": {"link": "ground", "xyz": [0.3, -0.4, 0]},
+        "b": {"link": "boom", "xyz": [0.6, 0, 0]},
+    }
     drives = [{"joint": "boom", **given[0]}, {"cylinder": ram, **given[1]}]
     return pf.Scene(model=model, actuators=drives, friction=friction or {})
 
@@ -79,8 +82,9 @@ def test_a_cart_pole_accelerates_as_written_by_hand(seed):
     np.testing.assert_allclose(back.effort_lower, [[u]], rtol=1e-9, atol=1e-12)
     assert back.effort_upper == pytest.approx(back.effort_lower)
     assert back.check().passed()
-    np.testing.assert_array_equal(scene.solver().inverse(q, v, by_hand).effort_lower,
-                                  back.effort_lower[0])  # fmt: skip
+    np.testing.assert_array_equal(
+        scene.solver().inverse(q, v, by_hand).effort_lower, back.effort_lower[0]
+    )
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -164,8 +168,10 @@ def test_a_mechanism_without_drives_keeps_its_energy():
     q = scene.close(np.array([0.5, 1.0, 0.5]))
     motion = pf.simulate(scene, q, np.zeros(3), [], 0.2, rtol=1e-9)
     data = scene.model.createData()
-    energy = [pin.computeMechanicalEnergy(scene.model, data, *s)
-              for s in zip(motion.q, motion.v, strict=True)]  # fmt: skip
+    energy = [
+        pin.computeMechanicalEnergy(scene.model, data, *s)
+        for s in zip(motion.q, motion.v, strict=True)
+    ]
     kinetic = pin.computeKineticEnergy(scene.model, data, motion.q[-1], motion.v[-1])
     assert kinetic > 0.1
     np.testing.assert_allclose(energy, energy[0], atol=1e-7 * kinetic)
@@ -193,10 +199,14 @@ def test_a_passive_loop_goes_there_and_back(still):
 
 
 def test_a_hanging_bucket_lets_the_boom_be_computed_at_rest_and_says_it_is_a_bound():
-    scene = boom((1.0, 1.0), bucket=True, friction={
-        "boom": {"coulomb": {"static": 0.5, "kinetic": 0.4}},
-        "bucket": pin_friction(0.1, radius=0.02, static=0.2),
-    })  # fmt: skip
+    scene = boom(
+        (1.0, 1.0),
+        bucket=True,
+        friction={
+            "boom": {"coulomb": {"static": 0.5, "kinetic": 0.4}},
+            "bucket": pin_friction(0.1, radius=0.02, static=0.2),
+        },
+    )
     q = np.array([0.4, -np.pi / 2 - 0.4])
     found = pf.inverse_dynamics(scene, q, np.zeros(2), np.zeros(2))
     assert not found.interval_exact[0]
@@ -209,8 +219,11 @@ def test_a_hanging_bucket_lets_the_boom_be_computed_at_rest_and_says_it_is_a_bou
 
 def test_two_motors_on_one_joint_share_as_stated():
     one = cart_pole(actuators=None)
-    drives = [{"joint": "cart", "name": "left", "share": 30}, {"joint": "pole"},
-              {"joint": "cart", "name": "right", "share": 70}]  # fmt: skip
+    drives = [
+        {"joint": "cart", "name": "left", "share": 30},
+        {"joint": "pole"},
+        {"joint": "cart", "name": "right", "share": 70},
+    ]
     two = one.with_(actuators=drives)
     assert two.actuator_names == ("left", "right", "pole")
     q, v, a = np.array([0.0, 0.3]), np.array([0.0, 0.5]), np.array([1.0, -2.0])  # the cart rests
@@ -310,10 +323,12 @@ def test_two_motors_at_the_joint_that_closes_a_loop():
         ([{"joint": "cart"}, {"joint": "cart"}], "'cart' is listed twice; .* need a `name` each"),
         ([{"joint": "cart", "name": "pole"}], "the name 'pole' is taken by a joint"),
         ([{"joint": "cart", "share": 0}], "share"),
-        ([{"force": {"name": "f", "link": "cart", "direction": [1, 0, 0]}, "name": "g"}],
-         "give `name` inside `force`"),
+        (
+            [{"force": {"name": "f", "link": "cart", "direction": [1, 0, 0]}, "name": "g"}],
+            "give `name` inside `force`",
+        ),
     ],
-)  # fmt: skip
+)
 def test_drives_that_cannot_be_are_refused(actuators, says):
     with pytest.raises(SceneError, match=says):
         cart_pole(actuators=actuators)

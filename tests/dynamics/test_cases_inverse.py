@@ -146,8 +146,10 @@ def test_mass_ratios_of_a_million(ratio):
 # one.
 @pytest.mark.parametrize("length", [1e-6, 1e6])
 def test_pins_a_micrometre_and_a_thousand_kilometres_long(length):
-    friction = {"bearing": {"kind": "pin", "radius": 0.01, "length": length},
-                "mu": {"static": 0.3, "kinetic": 0.3}}  # fmt: skip
+    friction = {
+        "bearing": {"kind": "pin", "radius": 0.01, "length": length},
+        "mu": {"static": 0.3, "kinetic": 0.3},
+    }
     gravity = (1.0, -8.0, 5.0)  # out of the plane: pins carry moments
     with pytest.warns(pf.PinfricWarning) if length > 1 else nullcontext():
         case = turning_four_bar(24, "B", "revolute", gravity=gravity, friction=friction)
@@ -174,8 +176,12 @@ def massless(case):
     model = case.scene.model.copy()
     for joint in range(1, model.njoints):
         model.inertias[joint] = pin.Inertia.Zero()
-    scene = pf.Scene(model=model, friction=case.scene.friction, loops=case.scene.loops,
-                     actuators=case.scene.actuators)  # fmt: skip
+    scene = pf.Scene(
+        model=model,
+        friction=case.scene.friction,
+        loops=case.scene.loops,
+        actuators=case.scene.actuators,
+    )
     return Case(scene, case.q, case.v, case.a)
 
 
@@ -219,8 +225,9 @@ def test_a_crank_at_a_thousand_and_a_million_radians_per_second(rate):
     case = turning_four_bar(40, rate=rate, acceleration=acceleration)
     result = case.inverse()
     slides = ~result.reversal.any(axis=1)
-    expected = np.array([crank_torque(FourBar(), x, rate, acceleration)[0]
-                         for x in case.known["angles"]])  # fmt: skip
+    expected = np.array(
+        [crank_torque(FourBar(), x, rate, acceleration)[0] for x in case.known["angles"]]
+    )
     scale = np.abs(expected).max()
     assert np.abs(result.effort_lower[:, 0] - expected)[slides].max() < 1e-11 * scale
     assert is_sound(result)
@@ -276,8 +283,13 @@ def test_stick_exactly_at_the_first_sample():
     case = turning_four_bar(30)
     v, a = case.v.copy(), case.a.copy()
     v[0] = a[0] = 0.0
-    scene = pf.Scene(model=case.scene.model, loops=case.scene.loops, friction=case.scene.friction,
-                     actuators=case.scene.actuators, stick_velocity=0.0)  # fmt: skip
+    scene = pf.Scene(
+        model=case.scene.model,
+        loops=case.scene.loops,
+        friction=case.scene.friction,
+        actuators=case.scene.actuators,
+        stick_velocity=0.0,
+    )
     result = pf.inverse_dynamics(scene, case.q, v, a, t=np.linspace(0, 1, 30))
     assert result.sticking[:, 0].tolist() == [True] + [False] * 29
     assert result.effort_lower[0, 0] < result.effort_upper[0, 0]
@@ -315,8 +327,9 @@ def test_uneven_steps_do_not_change_what_is_time_weighted():
 # Safeguard: the twin has the model's gravity. Without (left in the plane): check fails.
 def test_gravity_misaligned_with_the_plane():
     tilted = (0.3, -9.7, 1.2)
-    result = turning_four_bar(20, "B", "revolute", gravity=tilted,
-                              friction=pin_friction(0.3, length=0.02)).inverse()  # fmt: skip
+    result = turning_four_bar(
+        20, "B", "revolute", gravity=tilted, friction=pin_friction(0.3, length=0.02)
+    ).inverse()
     assert is_sound(result)
     # out of the plane nothing moves: the two ground pins carry the weight's part along z
     ground = [result.site_names.index(name) for name in "OC"]

@@ -54,9 +54,10 @@ def spoiled(found, sample, status, **values):
 @pytest.mark.parametrize("change", [1e-6, -1e-6])
 @pytest.mark.parametrize("name", ["effort_lower", "effort_upper"])
 @pytest.mark.parametrize(
-    "case", [resting_block(), resting_four_bar(2), at_rest(ball_tripod())],
+    "case",
+    [resting_block(), resting_four_bar(2), at_rest(ball_tripod())],
     ids=["block", "four_bar", "balls"],
-)  # fmt: skip
+)
 def test_an_end_a_millionth_too_narrow_or_too_wide_is_noticed(case, name, change):
     found = case.inverse()
     assert found.check().passed(1e-12), found.check()
@@ -65,8 +66,9 @@ def test_an_end_a_millionth_too_narrow_or_too_wide_is_noticed(case, name, change
 
 
 @pytest.mark.parametrize("factor", [1 - 1e-6, 1 + 1e-6])
-@pytest.mark.parametrize("case", [resting_four_bar(2), at_rest(ball_tripod())],
-                         ids=["four_bar", "balls"])  # fmt: skip
+@pytest.mark.parametrize(
+    "case", [resting_four_bar(2), at_rest(ball_tripod())], ids=["four_bar", "balls"]
+)
 def test_ends_that_the_solver_itself_gets_wrong_are_noticed(monkeypatch, case, factor):
     """Its solutions then agree with its ends: only limits of one's own tell."""
     friction_laws = interval_ends.friction_laws
@@ -107,16 +109,22 @@ def test_ten_pins_at_rest_are_searched_where_there_are_too_many_to_enumerate(mon
 # ---------------------------------------------------------------- statuses
 
 
-NOTHING = dict.fromkeys((*EFFORTS, "friction_lower", "friction_upper", "normal_load", "wrench",
-                         "multipliers"), np.nan)  # fmt: skip
+NOTHING = dict.fromkeys(
+    (*EFFORTS, "friction_lower", "friction_upper", "normal_load", "wrench", "multipliers"), np.nan
+)
 
 
 @pytest.mark.parametrize(
     "case",
-    [turning_four_bar(3), resting_four_bar(3), jamming_drawer(0.49), at_rest(ball_tripod()),
-     decelerating_drawer()],
+    [
+        turning_four_bar(3),
+        resting_four_bar(3),
+        jamming_drawer(0.49),
+        at_rest(ball_tripod()),
+        decelerating_drawer(),
+    ],
     ids=["turning", "resting", "drawer", "balls", "ambiguous"],
-)  # fmt: skip
+)
 @pytest.mark.parametrize("status", [Status.JAMMED, Status.SINGULAR])
 def test_a_false_jam_and_a_false_toggle_are_noticed(case, status):
     found = case.inverse()
@@ -158,9 +166,13 @@ def test_a_missing_second_solution_is_noticed(monkeypatch, kept):
     np.testing.assert_allclose(sorted(s.effort[0] for s in both), case.known["forces"], rtol=1e-12)
     monkeypatch.setattr(result, "find_solutions", lambda *_: both[kept : kept + 1])
     one = both[kept]
-    values = {**dict.fromkeys(EFFORTS, one.effort), "wrench": one.wrench,
-              "normal_load": one.normal_load, "friction_lower": one.friction,
-              "friction_upper": one.friction}  # fmt: skip
+    values = {
+        **dict.fromkeys(EFFORTS, one.effort),
+        "wrench": one.wrench,
+        "normal_load": one.normal_load,
+        "friction_lower": one.friction,
+        "friction_upper": one.friction,
+    }
     for status in (Status.CONVERGED, Status.AMBIGUOUS):
         check = spoiled(found, 0, status, **values).check()
         assert (check.wrong_status, check.passed()) == (1, False)
@@ -187,8 +199,9 @@ def test_the_search_finds_the_roots_of_quadratic_equations():
         roots = np.roots([1 - P @ P, -2 * (k + p @ P), k**2 - p @ p])
         roots = np.sort(roots[np.isreal(roots)].real)
         roots = roots[roots >= k]
-        found = all_solutions(Loads(np.array([k]), np.ones((1, 1)), p[None, None],
-                                    P[None, None, :, None]))  # fmt: skip
+        found = all_solutions(
+            Loads(np.array([k]), np.ones((1, 1)), p[None, None], P[None, None, :, None])
+        )
         assert found.decided.all()
         np.testing.assert_allclose(np.sort(found.z[:, 0]), roots, rtol=1e-9)
         counts.append(len(roots))
@@ -198,8 +211,14 @@ def test_the_search_finds_the_roots_of_quadratic_equations():
 def test_two_roots_close_to_a_line_are_both_found():
     """Newton's method from the middle of either box ends at the same one."""
     p = np.array([[[-206.68767, 1.270554, 0.0], [-257.217756, 1.260912, 0.0]]])
-    P = np.array([[[[7.486386, 14.97529], [0.13411, 0.13411], [0.0, 0.0]],
-                   [[9.318053, 18.636251], [0.0, -0.166925], [0.0, 0.0]]]])  # fmt: skip
+    P = np.array(
+        [
+            [
+                [[7.486386, 14.97529], [0.13411, 0.13411], [0.0, 0.0]],
+                [[9.318053, 18.636251], [0.0, -0.166925], [0.0, 0.0]],
+            ]
+        ]
+    )
     loads = Loads(np.zeros(2), np.eye(2), p, P)
     roots = set()
     for start in np.random.default_rng(0).uniform(5.0, 12.0, size=(200, 2)):

@@ -94,9 +94,9 @@ def test_a_loop_that_cannot_close_says_how_far_apart_it_stays():
 
 def test_a_scene_whose_loop_can_never_close_is_refused():
     scene, _ = four_bar()
-    loop = scene.loops[0].model_copy(update={
-        "a": scene.loops[0].a.model_copy(update={"xyz": (0.9, 0.0, 0.0)})
-    })  # fmt: skip
+    loop = scene.loops[0].model_copy(
+        update={"a": scene.loops[0].a.model_copy(update={"xyz": (0.9, 0.0, 0.0)})}
+    )
     with pytest.raises(
         SceneError, match=r"loops\[0\] \(B\): cannot close: .* at least 0\.25 m apart"
     ):
@@ -283,8 +283,14 @@ def test_a_csv_names_only_the_independent_joint(tmp_path):
     t = np.linspace(0, 1, 400)
     angle = 0.5 + 2 * t
     path = tmp_path / "turn.csv"
-    np.savetxt(path, np.column_stack([t, angle, 2 + 0 * t, 0 * t]), delimiter=",", comments="",
-               header="t,crank_pin,crank_pin.v,crank_pin.a", fmt="%.17g")  # fmt: skip
+    np.savetxt(
+        path,
+        np.column_stack([t, angle, 2 + 0 * t, 0 * t]),
+        delimiter=",",
+        comments="",
+        header="t,crank_pin,crank_pin.v,crank_pin.a",
+        fmt="%.17g",
+    )
     motion = pf.load_trajectory(path, scene)
     assert motion.joint_names == scene.joint_names
     _, joints = four_bar()
@@ -301,8 +307,14 @@ def test_all_joints_named_without_derivatives_are_made_consistent(tmp_path):
     whole = pf.load_trajectory(ROBOTS / "four_bar.waypoints.yaml", scene)
     path = tmp_path / "all.csv"
     t, position = whole.t[100:400], whole.joint_positions()[100:400]
-    np.savetxt(path, np.column_stack([t, position]), delimiter=",", comments="", fmt="%.17g",
-               header=",".join(["t", *scene.joint_names]))  # fmt: skip
+    np.savetxt(
+        path,
+        np.column_stack([t, position]),
+        delimiter=",",
+        comments="",
+        fmt="%.17g",
+        header=",".join(["t", *scene.joint_names]),
+    )
     motion = pf.load_trajectory(path, scene)
     pf.inverse_dynamics(scene, motion)  # refuses what violates the loop
     np.testing.assert_allclose(motion.v[5:-5], whole.v[105:395], rtol=1e-4, atol=1e-4)
@@ -332,8 +344,12 @@ def test_shifted_frames_close_where_they_should():
     first = add_link(model, 0, pin.JointModelRX(), pin.SE3.Identity(), "arm", bar(1.0, 0.2))
     add_link(model, first, pin.JointModelRX(), shifted(0.2), "hand", bar(1.0, 0.2))
     turned = [0.0, np.pi / 2, 0.0]  # frame z along the link's x
-    loop = {"name": "ring", "kind": "revolute", "a": {"link": "ground", "xyz": [0.4, 0, 0],
-            "rpy": turned}, "b": {"link": "hand", "xyz": [0.2, 0, 0], "rpy": turned}}  # fmt: skip
+    loop = {
+        "name": "ring",
+        "kind": "revolute",
+        "a": {"link": "ground", "xyz": [0.4, 0, 0], "rpy": turned},
+        "b": {"link": "hand", "xyz": [0.2, 0, 0], "rpy": turned},
+    }
     # the arms turn about their own axis: any angles are closed, two freedoms remain
     scene = pf.Scene(model=model, loops=[loop], actuators=[{"joint": "arm"}, {"joint": "hand"}])
     state = loop_state(scene.twin(), scene.linkage, np.array([[0.3, 1.1]]), *np.zeros((2, 1, 2)))

@@ -19,11 +19,16 @@ from pinfric.study.sizing.inertia import load_inertias
 from pinfric.study.summary import rests, sites_on
 
 _LOSSY = {
-    "ratio": -30.0, "efficiency": 0.8, "back_efficiency": 0.7, "rotor_inertia": 2e-4,
-    "no_load_torque": {"positive": {"static": 0.013, "kinetic": 0.01},
-                       "negative": {"static": 0.02, "kinetic": 0.02}},
+    "ratio": -30.0,
+    "efficiency": 0.8,
+    "back_efficiency": 0.7,
+    "rotor_inertia": 2e-4,
+    "no_load_torque": {
+        "positive": {"static": 0.013, "kinetic": 0.01},
+        "negative": {"static": 0.02, "kinetic": 0.02},
+    },
     "motor_viscous": {"coefficient": 0.003, "exponent": 0.7},
-}  # fmt: skip
+}
 
 
 def _arm(seed: int, friction: bool = True, **gear: object) -> pf.Scene:
@@ -36,10 +41,13 @@ def _arm(seed: int, friction: bool = True, **gear: object) -> pf.Scene:
     for entry in entries.values():
         entry["mu"] = {key: 0.1 * value for key, value in entry["mu"].items()}
     actuators = [
-        {"joint": name, "couples": couples.get(name, {}),
-         "transmission": _LOSSY | gear | {"ratio": 30.0 * rng.choice([-1.0, 1.0])}}
+        {
+            "joint": name,
+            "couples": couples.get(name, {}),
+            "transmission": _LOSSY | gear | {"ratio": 30.0 * rng.choice([-1.0, 1.0])},
+        }
         for name in names
-    ]  # fmt: skip
+    ]
     return pf.Scene(model, friction=entries, actuators=actuators)
 
 
@@ -59,18 +67,25 @@ def test_lagrange_of_a_planar_wrist_by_hand() -> None:
     """Motors turn by n1 q1 and n2 (q2 + c q1); Lagrange's equations with both rotors."""
     n1, n2, c, rotor, drag = 50.0, -80.0, -1.2, 1e-4, 0.002
     gear = {"rotor_inertia": rotor, "motor_viscous": drag}
-    scene = pf.Scene(_planar(), actuators=[
-        {"joint": "j1", "transmission": gear | {"ratio": n1}},
-        {"joint": "j2", "transmission": gear | {"ratio": n2}, "couples": {"j1": c}},
-    ])  # fmt: skip
+    scene = pf.Scene(
+        _planar(),
+        actuators=[
+            {"joint": "j1", "transmission": gear | {"ratio": n1}},
+            {"joint": "j2", "transmission": gear | {"ratio": n2}, "couples": {"j1": c}},
+        ],
+    )
     q, v, a = (np.array(x) for x in ([0.4, -0.9], [1.1, 0.7], [-2.0, 3.0]))
     l1, l2, m1, m2, g = 0.4, 0.3, 3.0, 2.0, 9.81
     cos, sin, tip = l1 * l2 * m2 * np.cos(q[1]), l1 * l2 * m2 * np.sin(q[1]), m2 * l2**2
     weight2 = m2 * g * l2 * np.cos(q[0] + q[1])
     tau2 = (tip + cos) * a[0] + tip * a[1] + sin * v[0] ** 2 + weight2
-    tau1 = (((m1 + m2) * l1**2 + tip + 2 * cos) * a[0] + (tip + cos) * a[1]
-            - sin * v[1] * (2 * v[0] + v[1]) + weight2
-            + (m1 + m2) * g * l1 * np.cos(q[0]))  # fmt: skip
+    tau1 = (
+        ((m1 + m2) * l1**2 + tip + 2 * cos) * a[0]
+        + (tip + cos) * a[1]
+        - sin * v[1] * (2 * v[0] + v[1])
+        + weight2
+        + (m1 + m2) * g * l1 * np.cos(q[0])
+    )
     rates, bends = np.array([v[0], v[1] + c * v[0]]), np.array([a[0], a[1] + c * a[0]])
     effort = np.array([tau1 - c * tau2, tau2])
     ratio = np.array([n1, n2])
@@ -145,15 +160,18 @@ def test_a_gantry_on_two_belts_is_the_one_turned_by_45_degrees() -> None:
     belts, slides = (pf.Scene(model, actuators=actuators) for model, actuators in made)
     to_turned = np.array([[1.0, -1.0], [1.0, 1.0]]) / np.sqrt(2.0)
     for torque in ([-0.35, -0.35], [-0.9, -0.35], [0.2, -0.9], [-0.2, -0.1]):
-        one, other = (pf.holds(s, np.zeros(2), motor_torque=np.array(torque))
-                      for s in (belts, slides))  # fmt: skip
+        one, other = (
+            pf.holds(s, np.zeros(2), motor_torque=np.array(torque)) for s in (belts, slides)
+        )
         assert (one.held, one.proved) == (other.held, other.proved)
 
     def torque(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         return np.array([-0.35 + 0.6 * np.sin(5.0 * t), -0.4 - 0.5 * np.sin(3.0 * t)])
 
-    one, other = (pf.simulate(s, np.zeros(2), np.zeros(2), t_end=1.5, motor_torque=torque)
-                  for s in (belts, slides))  # fmt: skip
+    one, other = (
+        pf.simulate(s, np.zeros(2), np.zeros(2), t_end=1.5, motor_torque=torque)
+        for s in (belts, slides)
+    )
     changes = [[(e.time, e.kind) for e in m.events] for m in (one, other)]
     assert len(changes[0]) == len(changes[1]) >= 3
     assert [t for t, _ in changes[0]] == pytest.approx([t for t, _ in changes[1]], abs=1e-6)
@@ -165,21 +183,37 @@ def test_a_gantry_on_two_belts_is_the_one_turned_by_45_degrees() -> None:
 
 def test_joints_and_gears_stick_and_slip_together() -> None:
     """Two joints' friction and two gears' on two freedoms: work goes where it should."""
-    friction = {name: {"coulomb": {"static": most, "kinetic": 2.0}}
-                for name, most in (("j1", 3.0), ("j2", 2.0))}  # fmt: skip
+    friction = {
+        name: {"coulomb": {"static": most, "kinetic": 2.0}}
+        for name, most in (("j1", 3.0), ("j2", 2.0))
+    }
     gear = {"ratio": 20.0, "no_load_torque": {"static": 0.09, "kinetic": 0.05}} | {
-        "efficiency": 0.9, "back_efficiency": 0.8, "rotor_inertia": 1e-3}  # fmt: skip
-    scene = pf.Scene(_planar(), friction=friction, actuators=[
-        {"joint": "j1", "transmission": gear},
-        {"joint": "j2", "transmission": gear, "couples": {"j1": 1.0}},
-    ])  # fmt: skip
+        "efficiency": 0.9,
+        "back_efficiency": 0.8,
+        "rotor_inertia": 1e-3,
+    }
+    scene = pf.Scene(
+        _planar(),
+        friction=friction,
+        actuators=[
+            {"joint": "j1", "transmission": gear},
+            {"joint": "j2", "transmission": gear, "couples": {"j1": 1.0}},
+        ],
+    )
 
     def torque(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         return np.array([1.5 + np.sin(4.0 * t), 0.5 * np.sin(7.0 * t)])
 
     motion = pf.simulate(scene, np.zeros(2), np.zeros(2), t_end=1.0, motor_torque=torque)
-    stepped = pf.simulate(scene, np.zeros(2), np.zeros(2), t_end=1.0, motor_torque=torque,
-                          method="timestepping", dt=1e-3)  # fmt: skip
+    stepped = pf.simulate(
+        scene,
+        np.zeros(2),
+        np.zeros(2),
+        t_end=1.0,
+        motor_torque=torque,
+        method="timestepping",
+        dt=1e-3,
+    )
     energy = motion.energy()
     assert len(motion.events) >= 3
     assert abs(energy.residual) < 1e-5 * abs(energy.work)
@@ -192,14 +226,23 @@ def test_beside_a_loop_the_couples_reach_the_efforts() -> None:
     model = random_tree(4, 3, sliding=0.0)
     model.addBodyFrame("tip", 3, pin.SE3.Identity(), 0)
     names = list(model.names)[1:]
-    friction = {name: {"bearing": {"kind": "pin", "radius": 0.02},
-                       "mu": {"static": 0.12, "kinetic": 0.1}} for name in names}  # fmt: skip
+    friction = {
+        name: {"bearing": {"kind": "pin", "radius": 0.02}, "mu": {"static": 0.12, "kinetic": 0.1}}
+        for name in names
+    }
     actuators = [
         {"joint": names[1], "transmission": _LOSSY},
         {"joint": names[2], "couples": {names[1]: 0.8}, "transmission": _LOSSY},
-        {"force": {"name": "pull", "link": "tip", "xyz": [0.3, 0.2, 0.1],
-                   "direction": [0.0, 0.6, 0.8]}, "transmission": _LOSSY | {"ratio": 100.0}},
-    ]  # fmt: skip
+        {
+            "force": {
+                "name": "pull",
+                "link": "tip",
+                "xyz": [0.3, 0.2, 0.1],
+                "direction": [0.0, 0.6, 0.8],
+            },
+            "transmission": _LOSSY | {"ratio": 100.0},
+        },
+    ]
     scene = pf.Scene(model, friction=friction, actuators=actuators)
     q, v, a = random_states(model, 4, 4)
     v[3] = a[3] = 0.0
@@ -210,17 +253,23 @@ def test_beside_a_loop_the_couples_reach_the_efforts() -> None:
         assert found.a == pytest.approx(a[i], abs=1e-8)
 
 
-@pytest.mark.parametrize(("couples", "message"), [
-    ([{}, {"j9": 1.0}], "actuators: j2.couples: joint 'j9' is not there; "),
-    ([{}, {"j2": 1.0}], "`couples` names its own joint 'j2'"),
-    ([{}, {"j1": 0.0}], "`couples.j1` must not be 0"),
-    ([{}, {"j1": float("inf")}], "couples.j1"),
-    ([{"j2": 2.0}, {"j1": 0.5}], "the couples of j1, j2 are singular"),
-    ([None, {"j1": 0.5}], "'j2' couples joint 'j1', which has no drives"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("couples", "message"),
+    [
+        ([{}, {"j9": 1.0}], "actuators: j2.couples: joint 'j9' is not there; "),
+        ([{}, {"j2": 1.0}], "`couples` names its own joint 'j2'"),
+        ([{}, {"j1": 0.0}], "`couples.j1` must not be 0"),
+        ([{}, {"j1": float("inf")}], "couples.j1"),
+        ([{"j2": 2.0}, {"j1": 0.5}], "the couples of j1, j2 are singular"),
+        ([None, {"j1": 0.5}], "'j2' couples joint 'j1', which has no drives"),
+    ],
+)
 def test_couples_that_cannot_be_are_refused(couples: list, message: str) -> None:
-    actuators = [{"joint": f"j{i + 1}", "couples": entry}
-                 for i, entry in enumerate(couples) if entry is not None]  # fmt: skip
+    actuators = [
+        {"joint": f"j{i + 1}", "couples": entry}
+        for i, entry in enumerate(couples)
+        if entry is not None
+    ]
     with pytest.raises(SceneError) as problem:
         pf.Scene(_planar(), actuators=actuators)
     assert message in str(problem.value)
@@ -229,11 +278,17 @@ def test_couples_that_cannot_be_are_refused(couples: list, message: str) -> None
 
 def test_two_motors_that_both_move_both_joints_are_a_differential_wrist() -> None:
     """Couples both ways are no contradiction while the motors' speeds determine the joints'."""
-    scene = pf.Scene(_planar(), actuators=[
-        {"joint": "j1", "couples": {"j2": 1.0}}, {"joint": "j2", "couples": {"j1": -1.0}}
-    ])  # fmt: skip
-    tau, found = (pf.inverse_dynamics(s, [0.3, 0.2], [0.5, 1.0], [2.0, 1.0]).effort_lower[0]
-                  for s in (pf.Scene(_planar()), scene))  # fmt: skip
+    scene = pf.Scene(
+        _planar(),
+        actuators=[
+            {"joint": "j1", "couples": {"j2": 1.0}},
+            {"joint": "j2", "couples": {"j1": -1.0}},
+        ],
+    )
+    tau, found = (
+        pf.inverse_dynamics(s, [0.3, 0.2], [0.5, 1.0], [2.0, 1.0]).effort_lower[0]
+        for s in (pf.Scene(_planar()), scene)
+    )
     assert found == pytest.approx([(tau[0] + tau[1]) / 2, (tau[1] - tau[0]) / 2], rel=1e-12)
 
 
@@ -269,11 +324,12 @@ actuators: [{joint: wrist_2_joint}, {joint: wrist_3_joint, couples: {wrist_2_joi
 def _wrist() -> pin.Model:
     """Four joints: upright, two across, along the last link."""
     model, parent = pin.Model(), 0
-    bodies = [(pin.JointModelRZ(), (0, 0, 0.3), 4.0, (0.02, 0, 0.1), (0.03, 0.04, 0.05)),
-              (pin.JointModelRY(), (0, 0, 0.2), 3.0, (0.2, 0.01, 0), (0.01, 0.05, 0.045)),
-              (pin.JointModelRY(), (0.4, 0, 0), 2.0, (0.15, 0, 0.02), (0.008, 0.02, 0.025)),
-              (pin.JointModelRX(), (0.3, 0, 0.02), 1.2, (0.05, 0.03, -0.02),
-               (0.004, 0.006, 0.005))]  # fmt: skip
+    bodies = [
+        (pin.JointModelRZ(), (0, 0, 0.3), 4.0, (0.02, 0, 0.1), (0.03, 0.04, 0.05)),
+        (pin.JointModelRY(), (0, 0, 0.2), 3.0, (0.2, 0.01, 0), (0.01, 0.05, 0.045)),
+        (pin.JointModelRY(), (0.4, 0, 0), 2.0, (0.15, 0, 0.02), (0.008, 0.02, 0.025)),
+        (pin.JointModelRX(), (0.3, 0, 0.02), 1.2, (0.05, 0.03, -0.02), (0.004, 0.006, 0.005)),
+    ]
     for n, (kind, place, mass, com, inertia) in enumerate(bodies):
         parent = model.addJoint(
             parent, kind, pin.SE3(np.eye(3), np.array(place, float)), f"j{n + 1}"
@@ -301,23 +357,37 @@ def _something_holds(
             if sign * torque[i] < -0.02:
                 rows.append(0 * x)
                 bounds.append(-1.0)
-        found = linprog(np.zeros(8), A_ub=np.array(rows), b_ub=bounds, b_eq=gravity,
-                        A_eq=np.hstack([S.T, np.eye(4)]),
-                        bounds=[(None, None)] * 4 + [(-f, f) for f in most])  # fmt: skip
+        found = linprog(
+            np.zeros(8),
+            A_ub=np.array(rows),
+            b_ub=bounds,
+            b_eq=gravity,
+            A_eq=np.hstack([S.T, np.eye(4)]),
+            bounds=[(None, None)] * 4 + [(-f, f) for f in most],
+        )
         if found.status == 0:
             return True
     return False
 
 
-@pytest.mark.parametrize(("q", "torque"), [
-    ((-0.629198, 0.63182042, -1.52974933, 0.58649888),
-     (0.04366365, 0.4752141, -0.02715205, 0.10457133)),
-    ((-1.33137549, -0.01821387, -0.47555035, -1.36471367),
-     (0.1070537, 0.38480338, -0.26479378, 0.09757029)),
-    ((0.735286691243179, 0.37541423630285253, 0.48453662476500625, 1.458235566779575),
-     (0.13083736386044004, 0.5718054253571943, 0.02803052705379918, 0.004354420561207932)),
-    ((0.2, 1.5707963, 0.0, 0.3), (0.0, 0.05, -0.05, 0.0)),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("q", "torque"),
+    [
+        (
+            (-0.629198, 0.63182042, -1.52974933, 0.58649888),
+            (0.04366365, 0.4752141, -0.02715205, 0.10457133),
+        ),
+        (
+            (-1.33137549, -0.01821387, -0.47555035, -1.36471367),
+            (0.1070537, 0.38480338, -0.26479378, 0.09757029),
+        ),
+        (
+            (0.735286691243179, 0.37541423630285253, 0.48453662476500625, 1.458235566779575),
+            (0.13083736386044004, 0.5718054253571943, 0.02803052705379918, 0.004354420561207932),
+        ),
+        ((0.2, 1.5707963, 0.0, 0.3), (0.0, 0.05, -0.05, 0.0)),
+    ],
+)
 def test_coupled_worms_hold_where_something_holds(
     q: tuple[float, ...], torque: tuple[float, ...]
 ) -> None:
@@ -332,12 +402,19 @@ def test_coupled_worms_hold_where_something_holds(
     names = [f"j{n}" for n in range(1, 5)]
     scene = pf.Scene(
         _wrist(),
-        friction={name: {"coulomb": {"static": f, "kinetic": 0.7 * f}}
-                  for name, f in zip(names, most, strict=True)},
-        actuators=[{"joint": name, "couples": {"j2": -0.45} if name == "j4" else {},
-                    "transmission": {"ratio": r, **gear}}
-                   for name, r in zip(names, ratio, strict=True)],
-    )  # fmt: skip
+        friction={
+            name: {"coulomb": {"static": f, "kinetic": 0.7 * f}}
+            for name, f in zip(names, most, strict=True)
+        },
+        actuators=[
+            {
+                "joint": name,
+                "couples": {"j2": -0.45} if name == "j4" else {},
+                "transmission": {"ratio": r, **gear},
+            }
+            for name, r in zip(names, ratio, strict=True)
+        ],
+    )
     S, state = np.eye(4), np.array(q)
     S[3, 1] = -0.45
     gravity = pin.computeGeneralizedGravity(scene.model, scene.model.createData(), state)
@@ -356,13 +433,22 @@ def test_joints_that_coupled_gears_hold_between_them_stand_exactly(method: str) 
     model.appendBodyToJoint(third, body, pin.SE3.Identity())
     model.gravity.linear = np.array([0.0, -1.0, 0.0])
     gear = {"efficiency": 0.7, "back_efficiency": 0.5, "no_load_torque": 0.5}
-    scene = pf.Scene(model, actuators=[
-        {"joint": "j1", "couples": {"j2": 0.3}, "transmission": gear | {"ratio": 50.0}},
-        {"joint": "j2", "couples": {"j1": -0.7}, "transmission": gear | {"ratio": -80.0}},
-        {"joint": "j3", "transmission": {"ratio": 1.0}},
-    ])  # fmt: skip
-    found = pf.simulate(scene, [0.3, 0.2, 0.5], [0.2, -0.3, 1.0], t_end=0.2, method=method,
-                        motor_torque=[0.0, 0.0, 0.0])  # fmt: skip
+    scene = pf.Scene(
+        model,
+        actuators=[
+            {"joint": "j1", "couples": {"j2": 0.3}, "transmission": gear | {"ratio": 50.0}},
+            {"joint": "j2", "couples": {"j1": -0.7}, "transmission": gear | {"ratio": -80.0}},
+            {"joint": "j3", "transmission": {"ratio": 1.0}},
+        ],
+    )
+    found = pf.simulate(
+        scene,
+        [0.3, 0.2, 0.5],
+        [0.2, -0.3, 1.0],
+        t_end=0.2,
+        method=method,
+        motor_torque=[0.0, 0.0, 0.0],
+    )
     assert [event.kind for event in found.events] == ["stick", "stick"]
     held = found.t > found.events[1].time
     assert held.sum() > 100

@@ -15,11 +15,19 @@ from pinfric.study.timeline.frames import site_rates
 
 M, ARM, INERTIA, G = 40.0, 0.8, 6.0, 9.81
 A, B = np.array([0.1, 0.0, -0.5]), np.array([0.6, 0.0, 0.0])
-RAM = {"cylinder": {"name": "ram", "a": {"link": "ground", "xyz": list(A)},
-                    "b": {"link": "boom", "xyz": list(B)}}}  # fmt: skip
-SEAL = {"bearing": {"kind": "seal", "preload": 10.0}, "mu": {"static": 0.06, "kinetic": 0.05},
-        "coulomb": {"static": 300.0, "kinetic": 200.0},
-        "viscous": {"coefficient": 80.0, "exponent": 0.5}}  # fmt: skip
+RAM = {
+    "cylinder": {
+        "name": "ram",
+        "a": {"link": "ground", "xyz": list(A)},
+        "b": {"link": "boom", "xyz": list(B)},
+    }
+}
+SEAL = {
+    "bearing": {"kind": "seal", "preload": 10.0},
+    "mu": {"static": 0.06, "kinetic": 0.05},
+    "coulomb": {"static": 300.0, "kinetic": 200.0},
+    "viscous": {"coefficient": 80.0, "exponent": 0.5},
+}
 PIN = {"bearing": {"kind": "pin", "radius": 0.03}, "mu": {"static": 0.15, "kinetic": 0.1}}
 
 
@@ -113,8 +121,13 @@ def test_a_slide_in_line_with_its_cylinder_stops_and_stays(method, tolerance):
     model, row = with_ground(pin.JointModelPX())
     model.gravity.linear = np.zeros(3)
     model.appendBodyToJoint(row, pin.Inertia.FromSphere(2.0, 0.1), pin.SE3.Identity())
-    ram = {"cylinder": {"name": "ram", "a": {"link": "ground", "xyz": [-1.0, 0.0, 0.0]},
-                        "b": {"link": "boom"}}}  # fmt: skip
+    ram = {
+        "cylinder": {
+            "name": "ram",
+            "a": {"link": "ground", "xyz": [-1.0, 0.0, 0.0]},
+            "b": {"link": "boom"},
+        }
+    }
     friction = {"ram": {"coulomb": {"static": 5.0, "kinetic": 4.0}}}
     scene = pf.Scene(model=model, friction=friction, actuators=[ram])
     motion = pf.simulate(scene, [0.0], [1.0], [0.0], 1.0, method)
@@ -128,8 +141,12 @@ def test_power_goes_into_heat_and_motion_alone(tmp_path):
     """Pushed to and fro through stick and slip, with a pin that rubs, too."""
     scene = boom({"ram": SEAL, "pivot": PIN})
     motion = pf.simulate(
-        scene, [0.1], [0.0], lambda t, q, v: [700.0 + 550.0 * np.sin(9 * t) + 2e4 * (q[0] - 0.1)],
-        0.8)  # fmt: skip
+        scene,
+        [0.1],
+        [0.0],
+        lambda t, q, v: [700.0 + 550.0 * np.sin(9 * t) + 2e4 * (q[0] - 0.1)],
+        0.8,
+    )
     shown = pf.replay(scene, motion, tmp_path / "boom.html", rate=10.0)
     assert {interval.site for interval in shown.stick_intervals} == {"pivot", "ram"}
     energy = motion.energy()
@@ -143,12 +160,18 @@ def test_a_cylinder_that_sticks_keeps_its_length_while_the_mechanism_moves_on():
     model, row = with_ground(pin.JointModelRY())
     bar = pin.Inertia(3.0, np.array([0.4, 0.0, 0.0]), np.diag([0.01, 0.2, 0.2]))
     model.appendBodyToJoint(row, bar, pin.SE3.Identity())
-    elbow = model.addJoint(row, pin.JointModelRY(), pin.SE3(np.eye(3), np.array([0.8, 0.0, 0.0])),
-                           "elbow")  # fmt: skip
+    elbow = model.addJoint(
+        row, pin.JointModelRY(), pin.SE3(np.eye(3), np.array([0.8, 0.0, 0.0])), "elbow"
+    )
     model.appendBodyToJoint(elbow, bar, pin.SE3.Identity())
     model.addBodyFrame("forearm", elbow, pin.SE3.Identity(), 0)
-    ram = {"cylinder": {"name": "ram", "a": {"link": "ground", "xyz": [0.3, 0.0, -0.6]},
-                        "b": {"link": "forearm", "xyz": [0.5, 0.0, 0.0]}}}  # fmt: skip
+    ram = {
+        "cylinder": {
+            "name": "ram",
+            "a": {"link": "ground", "xyz": [0.3, 0.0, -0.6]},
+            "b": {"link": "forearm", "xyz": [0.5, 0.0, 0.0]},
+        }
+    }
     friction = {"ram": {"coulomb": {"static": 5e3, "kinetic": 5e3}}}
     scene = pf.Scene(model=model, friction=friction, actuators=[ram, {"joint": "elbow"}])
     motion = pf.simulate(scene, [0.1, 0.3], [0.0, 0.0], [0.0, 0.0], 1.0)

@@ -62,8 +62,15 @@ def drawn(limit: float, c: float, exponent: float, **more) -> pf.Scene:
 @pytest.mark.parametrize("method", METHODS)
 def test_what_cannot_stick_slips_as_it_moves(method):
     """x = sin(t) / 2 or so: its modes are the signs of its velocity, and it has no events."""
-    found = pf.simulate(block({"viscous": 0.05}), [0.5], [0.0], lambda t, q, v: -M * q, 10.0,
-                        method, sample_step=0.1)  # fmt: skip
+    found = pf.simulate(
+        block({"viscous": 0.05}),
+        [0.5],
+        [0.0],
+        lambda t, q, v: -M * q,
+        10.0,
+        method,
+        sample_step=0.1,
+    )
     assert (found.v[1:] != 0.0).all()
     assert (found.modes[:, 0] == np.sign(found.v[:, 0])).all()
     assert not found.events
@@ -129,12 +136,17 @@ def test_drag_that_outgrows_static_friction_just_off_rest_has_an_answer(seed):
     power, w, v0 = rng.uniform(0.2, 0.9), rng.uniform(1.0, 10.0), rng.normal()
     size = rng.uniform(1.2, 6.0) * limit
     scene = drawn(limit, c, power, stribeck={"velocity": 0.01, "exponent": decay})
-    scene = scene.with_(friction={"slide": {
-        **scene.friction["slide"].model_dump(exclude_unset=True),
-        "coulomb": {"static": limit, "kinetic": 0.6 * limit},
-    }})  # fmt: skip
-    found = pf.simulate(scene, [0.0], [v0], lambda t, q, v: [size * np.sin(w * t)], 2.0,
-                        "timestepping", dt=0.01)  # fmt: skip
+    scene = scene.with_(
+        friction={
+            "slide": {
+                **scene.friction["slide"].model_dump(exclude_unset=True),
+                "coulomb": {"static": limit, "kinetic": 0.6 * limit},
+            }
+        }
+    )
+    found = pf.simulate(
+        scene, [0.0], [v0], lambda t, q, v: [size * np.sin(w * t)], 2.0, "timestepping", dt=0.01
+    )
 
     def beyond(v, push):  # of implicit Euler: friction at the end of the step, at least its limit
         dry = limit * (0.6 + 0.4 * np.exp(-((v / 0.01) ** decay)))

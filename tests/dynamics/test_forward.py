@@ -44,10 +44,15 @@ def pinned_body(b: float, mu_static: float | None = None) -> pf.Scene:
     mu = b / 0.1
     static = mu if mu_static is None else mu_static
     with pytest.warns(pf.PinfricWarning) if static > 2 else _nothing():
-        return pf.Scene(model=model, friction={"pin": {
-            "bearing": {"kind": "pin", "radius": 0.1},
-            "mu": {"static": static, "kinetic": mu},
-        }})  # fmt: skip
+        return pf.Scene(
+            model=model,
+            friction={
+                "pin": {
+                    "bearing": {"kind": "pin", "radius": 0.1},
+                    "mu": {"static": static, "kinetic": mu},
+                }
+            },
+        )
 
 
 class _nothing:  # noqa: N801
@@ -127,9 +132,15 @@ def test_a_floating_base_and_continuous_joints():
     model.appendBodyToJoint(base, pin.Inertia.Random(), pin.SE3.Identity())
     wheel = model.addJoint(base, pin.JointModelRUBX(), pin.SE3.Random(), "wheel")
     model.appendBodyToJoint(wheel, pin.Inertia.Random(), pin.SE3.Identity())
-    scene = pf.Scene(model=model, friction={"wheel": {
-        "bearing": {"kind": "pin", "radius": 0.02, "length": 0.1},
-        "mu": {"static": 0.2, "kinetic": 0.1}}})  # fmt: skip
+    scene = pf.Scene(
+        model=model,
+        friction={
+            "wheel": {
+                "bearing": {"kind": "pin", "radius": 0.02, "length": 0.1},
+                "mu": {"static": 0.2, "kinetic": 0.1},
+            }
+        },
+    )
     q, v, u = random_states(model, 1, 3)
     for i in range(3):
         instant = pf.forward_dynamics(scene, q[i], v[i], u[i])
@@ -148,8 +159,12 @@ def mimic_scene(static: float = 0.3) -> pf.Scene:
     second = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "finger_2")
     model.appendBodyToJoint(second, pin.Inertia.Random(), pin.SE3.Identity())
     model = pin.transformJointIntoMimic(model, first, second, -0.7, 0.1)
-    entry = {"coulomb": {"positive": {"static": static + 1, "kinetic": static + 0.5},
-                         "negative": {"static": static, "kinetic": static}}}  # fmt: skip
+    entry = {
+        "coulomb": {
+            "positive": {"static": static + 1, "kinetic": static + 0.5},
+            "negative": {"static": static, "kinetic": static},
+        }
+    }
     return pf.Scene(model=model, friction={"finger_1": entry, "finger_2": entry})
 
 
@@ -340,18 +355,21 @@ def test_payloads_count_where_they_are_attached():
     assert without == pytest.approx(G * np.sin(0.5) + 6 / 2)
 
 
-@pytest.mark.parametrize(("q", "v", "u", "message"), [
-    ([0.0, 1.0], [0.0], [0.0], r"q: shape \(2,\); should be \(1,\)"),
-    ([0.0], [[0.0]], [0.0], "v: shape"),
-    ([0.0], [0.0], [], "effort: shape"),
-    ([0.0], [0.0], ["a"], "effort: is not an array of numbers: it holds text"),
-    ([0.0], [0.0], [1j], "effort: is not an array of numbers: it holds complex numbers"),
-    ([0j], [0.0], [0.0], "q: is not an array of numbers: it holds complex numbers"),
-    ([0.0], [None], [0.0], "v: is not an array of numbers: it holds objects"),
-    ([np.nan], [0.0], [0.0], "q: column 0 is nan"),
-    ([0.0], [np.inf], [0.0], "v: column 0 is inf"),
-    ([0.0], [0.0], [np.nan], "effort: column 0 is nan"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("q", "v", "u", "message"),
+    [
+        ([0.0, 1.0], [0.0], [0.0], r"q: shape \(2,\); should be \(1,\)"),
+        ([0.0], [[0.0]], [0.0], "v: shape"),
+        ([0.0], [0.0], [], "effort: shape"),
+        ([0.0], [0.0], ["a"], "effort: is not an array of numbers: it holds text"),
+        ([0.0], [0.0], [1j], "effort: is not an array of numbers: it holds complex numbers"),
+        ([0j], [0.0], [0.0], "q: is not an array of numbers: it holds complex numbers"),
+        ([0.0], [None], [0.0], "v: is not an array of numbers: it holds objects"),
+        ([np.nan], [0.0], [0.0], "q: column 0 is nan"),
+        ([0.0], [np.inf], [0.0], "v: column 0 is inf"),
+        ([0.0], [0.0], [np.nan], "effort: column 0 is nan"),
+    ],
+)
 @pytest.mark.parametrize("friction", [{}, {"slide": plane_friction(0.35, 0.3)}])
 def test_bad_input(q, v, u, message, friction):
     scene = pf.Scene(model=block(0.5), friction=friction)
@@ -366,10 +384,13 @@ def test_a_joint_that_moves_no_mass_is_an_error():
         pf.forward_dynamics(pf.Scene(model=model), [0.0], [0.0], [1.0])
 
 
-@pytest.mark.parametrize("bearing", [
-    {"kind": "linear", "preload": 10.0},
-    {"kind": "guide", "length": 0.2, "width": 0.1, "preload": 10.0},
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "bearing",
+    [
+        {"kind": "linear", "preload": 10.0},
+        {"kind": "guide", "length": 0.2, "width": 0.1, "preload": 10.0},
+    ],
+)
 def test_a_preload_brakes_with_and_without_other_loads(bearing):
     """m a = u - mu (preload + the weight a guide carries), sliding and breaking away."""
     model = block(mass=2.0)

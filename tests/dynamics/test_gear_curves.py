@@ -9,18 +9,28 @@ from builders import random_states, random_tree
 import pinfric as pf
 
 #: Efficiencies of one gear over load (N m at the output) and motor speed (rad/s).
-CURVES = {"over_load": [[2.0, 0.35], [8.0, 0.58], [25.0, 0.71]], "speed": 30.0, "load": 25.0,
-          "over_speed": [[15.0, 0.76], [30.0, 0.71], [60.0, 0.64], [110.0, 0.57]]}  # fmt: skip
-NO_LOAD = {"positive": {"static": 0.02, "kinetic": 0.012},
-           "negative": {"static": 0.016, "kinetic": 0.010}}  # fmt: skip
+CURVES = {
+    "over_load": [[2.0, 0.35], [8.0, 0.58], [25.0, 0.71]],
+    "speed": 30.0,
+    "load": 25.0,
+    "over_speed": [[15.0, 0.76], [30.0, 0.71], [60.0, 0.64], [110.0, 0.57]],
+}
+NO_LOAD = {
+    "positive": {"static": 0.02, "kinetic": 0.012},
+    "negative": {"static": 0.016, "kinetic": 0.010},
+}
 
 
 def made(rng, ratio):
     """A maker's gear; half of them lose as much when driven, and lock at speed."""
-    return {"ratio": ratio, "efficiency": CURVES, "no_load_torque": NO_LOAD,
-            "back_efficiency": "same_loss" if rng.random() < 0.5 else 0.8,
-            "motor_viscous": {"coefficient": 2e-4, "exponent": 0.7},
-            "rotor_inertia": float(rng.uniform(3e-3, 6e-3))}  # fmt: skip
+    return {
+        "ratio": ratio,
+        "efficiency": CURVES,
+        "no_load_torque": NO_LOAD,
+        "back_efficiency": "same_loss" if rng.random() < 0.5 else 0.8,
+        "motor_viscous": {"coefficient": 2e-4, "exponent": 0.7},
+        "rotor_inertia": float(rng.uniform(3e-3, 6e-3)),
+    }
 
 
 @pytest.mark.parametrize("seed", range(24))
@@ -30,8 +40,10 @@ def test_inverse_dynamics_gives_the_motor_torques_back(seed):
     model = random_tree(seed, int(rng.integers(1, 5)))
     names = tuple(model.names)[1:]
     ratio = np.where(rng.random(len(names)) < 0.3, -80.0, 60.0)
-    actuators = [{"joint": name, "transmission": made(rng, float(r))}
-                 for name, r in zip(names, ratio, strict=True)]  # fmt: skip
+    actuators = [
+        {"joint": name, "transmission": made(rng, float(r))}
+        for name, r in zip(names, ratio, strict=True)
+    ]
     friction = {name: {"coulomb": {"static": 1.0, "kinetic": 0.7}} for name in names[::2]}
     scene = pf.Scene(model=model, friction=friction, actuators=actuators)
     (q,), (v,), _ = random_states(model, seed, 1)
@@ -49,10 +61,18 @@ def test_inverse_dynamics_gives_the_motor_torques_back(seed):
 def test_a_lead_screw_in_a_cylinder_that_rubs(speed):
     """Motor torque -> a -> motor torque on the excavator, with screws on cylinders and seals."""
     scene = pf.load_scene("excavator")
-    screw = {"ratio": 2 * np.pi / 0.01, "efficiency": 0.5, "back_efficiency": 0.2,
-             "no_load_torque": 0.4, "rotor_inertia": 2e-3}  # fmt: skip
-    seal = {"bearing": {"kind": "seal"}, "mu": {"static": 0.04, "kinetic": 0.03},
-            "coulomb": {"static": 400.0, "kinetic": 300.0}}  # fmt: skip
+    screw = {
+        "ratio": 2 * np.pi / 0.01,
+        "efficiency": 0.5,
+        "back_efficiency": 0.2,
+        "no_load_torque": 0.4,
+        "rotor_inertia": 2e-3,
+    }
+    seal = {
+        "bearing": {"kind": "seal"},
+        "mu": {"static": 0.04, "kinetic": 0.03},
+        "coulomb": {"static": 400.0, "kinetic": 300.0},
+    }
     actuators = [{"cylinder": a.cylinder, "transmission": screw} for a in scene.actuators]
     friction = {**scene.friction, **dict.fromkeys(scene.actuator_names, seal)}
     scene = scene.with_(actuators=actuators, friction=friction)

@@ -22,12 +22,17 @@ DEMO = {
 #: Times of events (s) and angles (rad) in the Modelica Association's reference results (Dymola,
 #: DASSL, tolerance 1e-6): stop, forward, stop, backward; after both stops, and velocity at 0.5 s.
 PUBLISHED = {
-    1: ((0.0804771289480603, 0.19951990084761, 0.371342745023564, 0.464539461636518),
-        (-0.00111688794644722, 0.000208357928579372, 1.66216871678419e-05), -0.0162619240385781),
-    2: ((0.0635911045847122, 0.230374015885001, 0.308306846100604, 0.472738310500834),
+    1: (
+        (0.0804771289480603, 0.19951990084761, 0.371342745023564, 0.464539461636518),
+        (-0.00111688794644722, 0.000208357928579372, 1.66216871678419e-05),
+        -0.0162619240385781,
+    ),
+    2: (
+        (0.0635911045847122, 0.230374015885001, 0.308306846100604, 0.472738310500834),
         (-0.000559046146154517, -0.000501771985663904, -0.000589183323069425),
-        -0.0096242780930112),
-}  # fmt: skip
+        -0.0096242780930112,
+    ),
+}
 
 
 @pytest.mark.parametrize("demo", DEMO)
@@ -46,8 +51,9 @@ def test_a_stiff_integrator_comes_as_near_to_demo_1_as_its_width():
     times, errors = np.linspace(0.0, t_end, 60), []
     by_hand = follow(sine_against_load(*DEMO[1]), times)[0]
     for width in (1e-4, 1e-5):
-        q, _ = smoothed(M, lambda t: h0 + h1 * t, lambda t: A * np.sin(w * t), gear, 0.0, t_end,
-                        width, times)  # fmt: skip
+        q, _ = smoothed(
+            M, lambda t: h0 + h1 * t, lambda t: A * np.sin(w * t), gear, 0.0, t_end, width, times
+        )
         errors.append(np.abs(q - by_hand).max())
     assert errors[0] < 1e-4
     assert errors[1] < 0.15 * errors[0]
@@ -81,8 +87,9 @@ def test_what_one_joint_does_follows_from_trying_which_side_drives():
     gear = Gear(0.7, 0.5, 0.3, 0.4)
     path = mesh_reversal(2.0, gear, 3.0, 2.0, 4.0, 1.5)
     for t, m in ((0.2, path[0].m), (1.0, path[1].m)):
-        (a,) = accelerations(np.array([[2.0]]), np.zeros(1), np.array([2.0 - 4.0 * t]), np.ones(1),
-                             [gear])  # fmt: skip
+        (a,) = accelerations(
+            np.array([[2.0]]), np.zeros(1), np.array([2.0 - 4.0 * t]), np.ones(1), [gear]
+        )
         assert a[0] == pytest.approx((2.0 - 4.0 * t - 0.3) / m)
 
 

@@ -59,12 +59,19 @@ def ramp(seed: int) -> tuple[float, float]:
 FALL = ([0.0, 2.9, 3.0, 10.0], [[0.0], [3.0], [0.0], [-7.0]])
 
 
-@pytest.mark.parametrize(("mass", "torque", "t_end", "wanted"), [
-    (10.0, FALL, 10.0, 3.0 + 20.62 / 50),  # u = eta_b h - n = -20.62
-    (10.0, ([0.0, 3.0, 10.0], [[0.0], [3.0], [-4.0]]), 10.0, 6.0 + 20.62 / 50),
-    (0.1, lambda t, q, v: [0.5 * np.sin(np.pi * t)], 5.0,
-     np.arcsin((0.981 / 0.4 + 1.0) / 25.0) / np.pi),  # u = h / eta + n
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("mass", "torque", "t_end", "wanted"),
+    [
+        (10.0, FALL, 10.0, 3.0 + 20.62 / 50),  # u = eta_b h - n = -20.62
+        (10.0, ([0.0, 3.0, 10.0], [[0.0], [3.0], [-4.0]]), 10.0, 6.0 + 20.62 / 50),
+        (
+            0.1,
+            lambda t, q, v: [0.5 * np.sin(np.pi * t)],
+            5.0,
+            np.arcsin((0.981 / 0.4 + 1.0) / 25.0) / np.pi,
+        ),  # u = h / eta + n
+    ],
+)
 def test_a_worm_breaks_away_where_its_motor_pushes_enough(mass, torque, t_end, wanted):
     """From a state in which it holds whatever the load: the first slip by hand, to 1e-9 s."""
     scene = hoist({**WORM, "rotor_inertia": 3.0 / 50**2}, mass)

@@ -38,8 +38,14 @@ def forward(scene: pf.Scene, v: float, torque: float) -> pf.Instant:
     return pf.forward_dynamics(scene, [0.0], [v], motor_torque=[torque])
 
 
-LOSSY = {"ratio": -50.0, "efficiency": 0.8, "back_efficiency": 0.7, "no_load_torque": 0.02,
-         "motor_viscous": 1e-3, "rotor_inertia": 2e-3}  # fmt: skip
+LOSSY = {
+    "ratio": -50.0,
+    "efficiency": 0.8,
+    "back_efficiency": 0.7,
+    "no_load_torque": 0.02,
+    "motor_viscous": 1e-3,
+    "rotor_inertia": 2e-3,
+}
 WORM = {"ratio": 50.0, "efficiency": 0.4, "back_efficiency": -0.2, "no_load_torque": 0.02}
 
 
@@ -65,8 +71,12 @@ def test_each_quadrant_of_a_hoist(u, v):
 def test_at_rest_a_gear_holds_between_lowering_and_lifting():
     """|a| = 0 for 0.7 98.1 - 1 <= u <= 98.1/0.8 + 1; the joint gets what it needs, 98.1."""
     scene, ends = hoist(LOSSY), (0.7 * 98.1 - 1.0, 98.1 / 0.8 + 1.0)
-    for u, a_sign in ((ends[0] - 1e-8, -1), (ends[0] + 1e-8, 0), (ends[1] - 1e-8, 0),
-                      (ends[1] + 1e-8, 1)):  # fmt: skip
+    for u, a_sign in (
+        (ends[0] - 1e-8, -1),
+        (ends[0] + 1e-8, 0),
+        (ends[1] - 1e-8, 0),
+        (ends[1] + 1e-8, 1),
+    ):
         found = forward(scene, 0.0, u / -50.0)
         assert np.sign(found.a[0]) == a_sign
         assert found.effort[0] == pytest.approx(98.1, abs=1e-7)
@@ -92,8 +102,10 @@ def test_a_worm_at_rest_with_a_bearing_holds_over_the_whole_interval_of_its_load
 @pytest.mark.parametrize("u", [0.0, 100.0])
 def test_a_worm_that_holds_any_load_leaves_its_bearing_the_middle_of_its_limits(u):
     """Bearing: -10 to 2, so -4; the gear has the rest, t - 4 = 98.1."""
-    ways = {"positive": {"static": 10.0, "kinetic": 8.0},
-            "negative": {"static": 2.0, "kinetic": 1.0}}  # fmt: skip
+    ways = {
+        "positive": {"static": 10.0, "kinetic": 8.0},
+        "negative": {"static": 2.0, "kinetic": 1.0},
+    }
     found = forward(hoist(WORM, friction=ways), 0.0, u / 50)
     assert found.a[0] == 0.0
     assert [found.effort[0], found.friction[0]] == pytest.approx([102.1, -4.0], rel=1e-12)
@@ -210,8 +222,10 @@ def test_inverse_dynamics_gives_the_motor_torques_back(first):
 def test_a_lossless_gear_is_armature_and_ratio():
     """a of r T_m with M + r^2 J on the diagonal, by Pinocchio's aba with armature."""
     model = random_tree(3, 5)
-    actuators = [{"joint": name, "transmission": {"ratio": 30.0, "rotor_inertia": 1e-4}}
-                 for name in tuple(model.names)[1:]]  # fmt: skip
+    actuators = [
+        {"joint": name, "transmission": {"ratio": 30.0, "rotor_inertia": 1e-4}}
+        for name in tuple(model.names)[1:]
+    ]
     (q,), (v,), (torque,) = random_states(model, 3, 1)
     found = pf.Scene(model=model, actuators=actuators).solver()
     found = found.forward(q, v, motor_torque=torque)
@@ -271,12 +285,27 @@ def test_two_joints_of_which_either_may_break_away_are_ambiguous(ur10):
     The enumeration finds both. That neither is consistent was said beside it.
     """
     arm, solver = ur10
-    q = np.array([0.28027033836016546, 0.9161849401694764, -1.8617013051871907,
-                  -0.6225658831916898, -1.450212776659248, 0.15554410495236493])  # fmt: skip
+    q = np.array(
+        [
+            0.28027033836016546,
+            0.9161849401694764,
+            -1.8617013051871907,
+            -0.6225658831916898,
+            -1.450212776659248,
+            0.15554410495236493,
+        ]
+    )
     v = np.array([0.0, -0.2727723675851683, -0.287227370334989, 1.5430093303162002, 0.0, 0.0])
-    torque = np.array([0.16592212704326922, -1.2592262444726743, -0.46829833354924244,
-                       -0.07571156262728078, 0.05825397463002632,
-                       0.004712728112175737])  # fmt: skip
+    torque = np.array(
+        [
+            0.16592212704326922,
+            -1.2592262444726743,
+            -0.46829833354924244,
+            -0.07571156262728078,
+            0.05825397463002632,
+            0.004712728112175737,
+        ]
+    )
     pan, wrist = sorted(fewest(arm.accelerations(q, v, torque)), key=lambda a: abs(a[4]))
     assert pan[0] > 0.4
     assert pan[4] == 0.0

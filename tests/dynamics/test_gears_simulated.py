@@ -26,15 +26,20 @@ RATIO = -50.0
 def wheel(mass: float, gear: Gear, friction: dict | None = None) -> pf.Scene:
     """One weightless joint behind a judge's gear; a second motor, "load", pushes it directly."""
     transmission = {
-        "ratio": RATIO, "efficiency": gear.eta, "back_efficiency": gear.eta_b,
-        "no_load_torque": gear.n / abs(RATIO), "rotor_inertia": gear.inertia / RATIO**2,
+        "ratio": RATIO,
+        "efficiency": gear.eta,
+        "back_efficiency": gear.eta_b,
+        "no_load_torque": gear.n / abs(RATIO),
+        "rotor_inertia": gear.inertia / RATIO**2,
         "motor_viscous": gear.drag / RATIO**2,
-    }  # fmt: skip
+    }
     scene = hoist(transmission, mass, friction).with_(gravity=[0.0, 0.0, 0.0])
-    return scene.with_(actuators=[
-        {"joint": "lift", "name": "motor", "transmission": transmission},
-        {"joint": "lift", "name": "load", "transmission": {"ratio": 1.0}},
-    ])  # fmt: skip
+    return scene.with_(
+        actuators=[
+            {"joint": "lift", "name": "motor", "transmission": transmission},
+            {"joint": "lift", "name": "load", "transmission": {"ratio": 1.0}},
+        ]
+    )
 
 
 FINE = {"rtol": 1e-11, "atol": 1e-13}
@@ -47,9 +52,13 @@ def test_lossy_gears_follow_the_closed_forms_and_the_published_curves(demo):
     """u = A sin(w t) against h0 + h1 t: stops and starts at 1e-9, Dymola's figures at 1e-7 s."""
     mass, gear, amplitude, w, h0, h1, t_end = DEMO[demo]
     found = pf.simulate(
-        wheel(mass, gear), [0.0], [0.0], t_end=t_end, **FINE,
+        wheel(mass, gear),
+        [0.0],
+        [0.0],
+        t_end=t_end,
+        **FINE,
         motor_torque=lambda t, q, v: [amplitude * np.sin(w * t) / RATIO, -h0 - h1 * t],
-    )  # fmt: skip
+    )
     by_hand = sine_against_load(*DEMO[demo])
     wanted = [by_hand[0].end, by_hand[1].start, by_hand[1].end, by_hand[2].start]
     times = [event.time for event in found.events][-4:]
@@ -73,8 +82,15 @@ def test_a_mesh_that_carries_nothing_does_not_chatter():
     so the gear holds.
     """
     scene = wheel(0.001, Gear(0.25, 0.25, 0.5, 0.001), {"static": 0.5, "kinetic": 0.5})
-    found = pf.simulate(scene, [0.0], [10.0], t_end=1.0, breakpoints=[0.5], **FINE,
-                        motor_torque=lambda t, q, v: [0.0, float(t >= 0.5)])  # fmt: skip
+    found = pf.simulate(
+        scene,
+        [0.0],
+        [10.0],
+        t_end=1.0,
+        breakpoints=[0.5],
+        **FINE,
+        motor_torque=lambda t, q, v: [0.0, float(t >= 0.5)],
+    )
     assert [event.kind for event in found.events] == ["stick"]
     assert found.events[0].time == pytest.approx(0.02, abs=1e-9)
     assert found.q[-1, 0] == pytest.approx(0.1, abs=1e-9)
@@ -87,15 +103,29 @@ def test_a_mesh_that_carries_nothing_does_not_chatter():
 def test_a_flywheel_spins_down_and_its_mesh_reverses_as_by_hand(method, near):
     gear = Gear(0.8, 0.6, 0.5, 0.7, 0.3)
     path = spun_down(2.0, gear, 4.0)
-    found = pf.simulate(wheel(2.0, gear), [0.0], [4.0], t_end=1.1 * path.end, method=method,
-                        motor_torque=[0.0, 0.0], **FINEST[method])  # fmt: skip
+    found = pf.simulate(
+        wheel(2.0, gear),
+        [0.0],
+        [4.0],
+        t_end=1.1 * path.end,
+        method=method,
+        motor_torque=[0.0, 0.0],
+        **FINEST[method],
+    )
     assert [event.kind for event in found.events] == ["stick"]
     assert found.events[0].time == pytest.approx(path.end, abs=near)
     assert found.q[-1, 0] == pytest.approx(path.at(path.end)[0], abs=near)
     gear = Gear(0.7, 0.5, 0.3, 0.4)
     by_hand = mesh_reversal(2.0, gear, 3.0, 2.0, 4.0, 1.5)
-    found = pf.simulate(wheel(2.0, gear), [0.0], [3.0], t_end=1.5, method=method, **FINEST[method],
-                        motor_torque=lambda t, q, v: [(2.0 - 4.0 * t) / RATIO, 0.0])  # fmt: skip
+    found = pf.simulate(
+        wheel(2.0, gear),
+        [0.0],
+        [3.0],
+        t_end=1.5,
+        method=method,
+        **FINEST[method],
+        motor_torque=lambda t, q, v: [(2.0 - 4.0 * t) / RATIO, 0.0],
+    )
     assert not found.events  # a kink of the right side, nothing more
     wanted = follow(by_hand, found.t)
     np.testing.assert_allclose(found.q[:, 0], wanted[0], rtol=near)
@@ -107,9 +137,16 @@ def test_a_worm_lowers_at_constant_speed_and_locks_when_the_motor_stops():
     worm = {**WORM, "rotor_inertia": 3.0 / 50**2}
     lower = -20.62 / 50
     for method, near in (("event", 1e-9), ("timestepping", 3e-3)):
-        found = pf.simulate(hoist(worm), [0.0], [-0.2], t_end=1.0, method=method,
-                            **FINEST[method], breakpoints=[0.5],
-                            motor_torque=lambda t, q, v: [lower * (t < 0.5)])  # fmt: skip
+        found = pf.simulate(
+            hoist(worm),
+            [0.0],
+            [-0.2],
+            t_end=1.0,
+            method=method,
+            **FINEST[method],
+            breakpoints=[0.5],
+            motor_torque=lambda t, q, v: [lower * (t < 0.5)],
+        )
         stop = 0.5 + 0.2 * (3.0 - 2.0) / 20.62
         assert found.q[-1, 0] == pytest.approx(-0.1 - 0.1 * (stop - 0.5), abs=near)
         assert [event.kind for event in found.events] == ["stick"]
@@ -123,8 +160,9 @@ def test_the_energy_of_a_minute_of_stick_and_slip_is_accounted_for():
     def torque(t, q, v):
         return [(98.1 + 100 * np.sin(2 * t) + 20 * np.sin(0.7 * t)) / -50]
 
-    found = pf.simulate(scene, [0.0], [0.0], t_end=60.0, motor_torque=torque,
-                        rtol=1e-10, atol=1e-12)  # fmt: skip
+    found = pf.simulate(
+        scene, [0.0], [0.0], t_end=60.0, motor_torque=torque, rtol=1e-10, atol=1e-12
+    )
     energy = found.energy()
     assert len(found.events) > 30
     heat = energy.friction_loss[0] + energy.gear_loss[0]
@@ -163,8 +201,13 @@ LEAD = 2 * np.pi / 0.01
 
 def screw(eta: float, eta_b: float, friction: dict | None = None) -> pf.Scene:
     """A boom on a lead screw of 10 mm: rad/m for a ratio, I = ratio^2 J kg, n = ratio 0.02 N."""
-    transmission = {"ratio": LEAD, "efficiency": eta, "back_efficiency": eta_b,
-                    "no_load_torque": 0.02, "rotor_inertia": 2e-3}  # fmt: skip
+    transmission = {
+        "ratio": LEAD,
+        "efficiency": eta,
+        "back_efficiency": eta_b,
+        "no_load_torque": 0.02,
+        "rotor_inertia": 2e-3,
+    }
     return boom(friction or {}).with_(actuators=[{**RAM, "transmission": transmission}])
 
 
@@ -202,8 +245,13 @@ def test_a_lead_screw_at_rest_holds_what_inverse_dynamics_says(eta, eta_b, frict
         force, n = needed(0.2, 0.0), LEAD * 0.02
         assert [low, high] == pytest.approx([(eta_b * force - n) / LEAD, (force / eta + n) / LEAD])
     near = 1e-3 * (high - low)
-    for torque, held in ((low - near, False), (low + near, True), (0.5 * (low + high), True),
-                         (high - near, True), (high + near, False)):  # fmt: skip
+    for torque, held in (
+        (low - near, False),
+        (low + near, True),
+        (0.5 * (low + high), True),
+        (high - near, True),
+        (high + near, False),
+    ):
         found = pf.forward_dynamics(scene, [0.2], [0.0], motor_torque=[torque])
         answer = pf.holds(scene, [0.2], motor_torque=[torque])
         assert (found.a[0] == 0.0) == held == answer.held
@@ -212,8 +260,13 @@ def test_a_lead_screw_at_rest_holds_what_inverse_dynamics_says(eta, eta_b, frict
 
 
 def test_a_boom_on_a_lead_screw_keeps_its_energy():
-    found = pf.simulate(screw(0.6, 0.4, {"pivot": PIN, "ram": SEAL}), [0.2], [0.0], t_end=1.5,
-                        motor_torque=lambda t, q, v: [2.0 * np.sin(5.0 * t) + 1.0])  # fmt: skip
+    found = pf.simulate(
+        screw(0.6, 0.4, {"pivot": PIN, "ram": SEAL}),
+        [0.2],
+        [0.0],
+        t_end=1.5,
+        motor_torque=lambda t, q, v: [2.0 * np.sin(5.0 * t) + 1.0],
+    )
     energy = found.energy()
     assert {"slip", "stick"} <= {event.kind for event in found.events}
     assert energy.gear_loss[0] > 1.0
@@ -269,8 +322,11 @@ def test_what_one_way_to_hold_leaves_open_is_not_refuted(monkeypatch):
     bound = Verdict(False, np.inf, np.zeros(1), False)
     scene = screw(0.4, -0.1, {})
     high = pf.inverse_dynamics(scene, [[0.2]], [[0.0]], [[0.0]]).motor_torque_upper[0, 0]
-    for second, held, proved in ((nothing, False, True), (doubt, None, False),
-                                 (bound, False, False)):  # fmt: skip
+    for second, held, proved in (
+        (nothing, False, True),
+        (doubt, None, False),
+        (bound, False, False),
+    ):
         left = [nothing, second]
         monkeypatch.setattr(holds_module, "_decide", lambda *_, left=left: left.pop(0))
         found = pf.holds(scene, [0.2], motor_torque=[1.1 * high])

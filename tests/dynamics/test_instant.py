@@ -63,8 +63,9 @@ def test_a_tree_is_a_linkage_without_loops(seed):
     free = pf.Scene(model=model, friction=free.friction)
     at, way = np.array([0.1, -0.2, 0.3]), np.array([0.6, 0.0, 0.8])
     drives = [{"joint": model.names[j]} for j in (1, 2)]
-    drives.append({"force": {"name": "push", "link": link, "xyz": at.tolist(),
-                             "direction": way.tolist()}})  # fmt: skip
+    drives.append(
+        {"force": {"name": "push", "link": link, "xyz": at.tolist(), "direction": way.tolist()}}
+    )
     linked = pf.Scene(model=model, friction=free.friction, actuators=drives)
     (q, *_), (v, *_), _ = random_states(model, seed, 1)
     for still in (False, True):
@@ -82,8 +83,11 @@ def states():
     """Scenes with one moving state each: trees with and without what slides, loops of two kinds."""
     yield tree(1), *(x[0] for x in random_states(tree(1).model, 1, 1))
     for scene in (four_bar("A")[0], cut_slider_crank("G", "prismatic")[0]):
-        q = scene.close(pin.integrate(scene.model, pin.neutral(scene.model),
-                                      np.linspace(0.3, 0.9, scene.model.nv)))  # fmt: skip
+        q = scene.close(
+            pin.integrate(
+                scene.model, pin.neutral(scene.model), np.linspace(0.3, 0.9, scene.model.nv)
+            )
+        )
         first = independent_joints(scene, q)
         v, _ = pf.consistent_motion(scene, q[None], first, np.array([[2.0]]), np.array([[0.0]]))
         yield scene, q, v[0], np.full(len(scene.drives), 0.7)

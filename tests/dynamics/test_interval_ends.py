@@ -29,8 +29,12 @@ def test_pins_of_a_structure_that_nothing_drives_have_intervals_all_the_same(rub
         add_link(model, 0, pin.JointModelRZ(), shifted(x), name, bar(1.0, length))
     sides = {side: {"link": link, "xyz": [length, 0, 0]} for side, link in (("a", "A"), ("b", "B"))}
     friction = {name: pin_friction(0.1, 0.01, static=0.2) for name in rubbing}
-    scene = pf.Scene(model=model, friction=friction, actuators=[],
-                     loops=[{"name": "C", "kind": "planar_pin", **sides}])  # fmt: skip
+    scene = pf.Scene(
+        model=model,
+        friction=friction,
+        actuators=[],
+        loops=[{"name": "C", "kind": "planar_pin", **sides}],
+    )
     q = scene.close([0.8, 2.3])
     still = np.zeros((1, 2))
     result = pf.inverse_dynamics(scene, q[None], still, still)
@@ -61,10 +65,14 @@ def test_what_slides_just_above_the_stick_velocity_lies_in_the_interval_below_it
     """The same states, with a stick velocity above and below their speeds."""
     friction = pin_friction(0.2, 0.02, static=0.25) if dry else {}
     slides, creeps = (
-        dataclasses.replace(turning_four_bar(24, rate=0.2, friction=friction | {
-            "viscous": viscous, "stick_velocity": stick}), t=None).inverse()
+        dataclasses.replace(
+            turning_four_bar(
+                24, rate=0.2, friction=friction | {"viscous": viscous, "stick_velocity": stick}
+            ),
+            t=None,
+        ).inverse()
         for stick in (1e-6, 10.0)
-    )  # fmt: skip
+    )
     assert not slides.sticking.any()
     assert creeps.sticking.all()
     assert (slides.effort_lower == slides.effort_upper).all()
@@ -117,11 +125,14 @@ def test_the_loss_at_a_ball_is_its_moment_times_the_relative_rotation():
     data = case.scene.model.createData()
     for i in range(len(case.q)):
         pin.forwardKinematics(case.scene.model, data, case.q[i], case.v[i])
-        spin = [pin.getVelocity(case.scene.model, data, j, pin.ReferenceFrame.WORLD).angular
-                for j in (4, 5)]  # fmt: skip
+        spin = [
+            pin.getVelocity(case.scene.model, data, j, pin.ReferenceFrame.WORLD).angular
+            for j in (4, 5)
+        ]
         loads = dict(zip(result.site_names, result.normal_load[i], strict=True))
-        loss = 0.3 * (loads["ball"] * np.linalg.norm(spin[1] - spin[0])
-                      + loads["rocker"] * abs(case.v[i, 4]))  # fmt: skip
+        loss = 0.3 * (
+            loads["ball"] * np.linalg.norm(spin[1] - spin[0]) + loads["rocker"] * abs(case.v[i, 4])
+        )
         assert given[i] == pytest.approx(loss, rel=1e-10)
 
 
@@ -234,8 +245,9 @@ def test_a_small_pins_two_limits_are_two_solutions_beside_a_large_one(large, sma
     dry = {"boom_pin": large, "stick_pin": small}
     friction = {n: {"coulomb": {"static": c, "kinetic": c}} for n, c in dry.items()}
     friction["stick_pin"] |= {  # its own load, so that nothing is constant
-        "bearing": {"kind": "pin", "radius": 0.05}, "mu": {"static": 1e-12, "kinetic": 1e-12},
-    }  # fmt: skip
+        "bearing": {"kind": "pin", "radius": 0.05},
+        "mu": {"static": 1e-12, "kinetic": 1e-12},
+    }
     scene = replace(excavator, friction=friction)
     q, v = scene.start_configuration[None], np.array([[0.3, 0.0, 0.0]])
     result = pf.inverse_dynamics(scene, q, v, np.zeros((1, 3)))
@@ -244,8 +256,9 @@ def test_a_small_pins_two_limits_are_two_solutions_beside_a_large_one(large, sma
     held = sorted(solution.friction[1] for solution in found)
     np.testing.assert_allclose(held, [-small, small], rtol=1e-3)
     ends = sorted(solution.effort[1] for solution in found)
-    np.testing.assert_allclose(ends, [result.effort_lower[0, 1], result.effort_upper[0, 1]],
-                               rtol=1e-12)  # fmt: skip
+    np.testing.assert_allclose(
+        ends, [result.effort_lower[0, 1], result.effort_upper[0, 1]], rtol=1e-12
+    )
     assert result.check().passed(1e-12)
 
 

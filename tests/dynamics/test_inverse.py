@@ -140,10 +140,14 @@ def test_chunks_are_the_whole_in_pieces(chunks):
         model=model,
         friction=random_friction(model, 4),
         payloads=payloads,
-        actuators=[{"joint": f"joint_{j}", "transmission": {"ratio": 20.0, "efficiency": 0.9,
-                                                            "back_efficiency": 0.8}}
-                   for j in range(1, 7)],
-    )  # fmt: skip
+        actuators=[
+            {
+                "joint": f"joint_{j}",
+                "transmission": {"ratio": 20.0, "efficiency": 0.9, "back_efficiency": 0.8},
+            }
+            for j in range(1, 7)
+        ],
+    )
     q, v, a = random_states(model, 4, 50)
     more = {
         "external": {"tool": np.random.default_rng(0).normal(size=(50, 6))},
@@ -199,12 +203,19 @@ def test_mimic_followers_give_their_friction_to_the_leader():
     model = pin.buildModelFromXML(urdf, mimic=True)
     friction = {
         "a_lead": {"coulomb": {"static": 4.0, "kinetic": 3.0}},
-        "b_follow": {"coulomb": {"positive": {"static": 7.0, "kinetic": 5.0},
-                               "negative": {"static": 13.0, "kinetic": 11.0}}},
-    }  # fmt: skip
+        "b_follow": {
+            "coulomb": {
+                "positive": {"static": 7.0, "kinetic": 5.0},
+                "negative": {"static": 13.0, "kinetic": 11.0},
+            }
+        },
+    }
     scene = pf.Scene(model=model, friction=friction)
-    for v, lower, upper in ((0.5, 3 + 2 * 11, 3 + 2 * 11), (-0.5, -3 - 2 * 5, -3 - 2 * 5),
-                            (0.0, -4 - 2 * 7, 4 + 2 * 13)):  # fmt: skip
+    for v, lower, upper in (
+        (0.5, 3 + 2 * 11, 3 + 2 * 11),
+        (-0.5, -3 - 2 * 5, -3 - 2 * 5),
+        (0.0, -4 - 2 * 7, 4 + 2 * 13),
+    ):
         result = pf.inverse_dynamics(scene, [[0.0]], [[v]], [[0.0]])
         assert result.effort_lower[0, 0] == pytest.approx(lower)
         assert result.effort_upper[0, 0] == pytest.approx(upper)
@@ -362,6 +373,7 @@ def test_a_link_with_a_joints_name_is_the_link():
     push = np.array([10.0, 0, 0, 0, 0, 0])
     wrench = pf.joint_wrenches(scene, [[0.0]], [[0.0]], [[0.0]], {"slide": push})
     assert wrench[0, 0, 4] == pytest.approx(-10.0 * 0.5)
-    bare = pf.joint_wrenches(pf.Scene(model=block(mass=2.0)), [[0.0]], [[0.0]], [[0.0]],
-                             {"slide": push})  # fmt: skip
+    bare = pf.joint_wrenches(
+        pf.Scene(model=block(mass=2.0)), [[0.0]], [[0.0]], [[0.0]], {"slide": push}
+    )
     assert bare[0, 0, 0] == pytest.approx(-10.0)

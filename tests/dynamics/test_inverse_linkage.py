@@ -102,10 +102,16 @@ def test_four_bar_the_cranks_power_is_energy_and_the_pins_losses():
     given = result.effort_lower[:, 0] * to_bars(case.v)[:, 0]
     energy = bar_power(case.q, case.v, case.a, to_bars, (0.0, -9.81))
     rates = to_bars(case.v)
-    slip = {"O": rates[:, 0], "A": rates[:, 1] - rates[:, 0], "B": rates[:, 2] - rates[:, 1],
-            "C": rates[:, 2]}  # fmt: skip
-    loss = sum(0.3 * result.normal_load[:, s] * np.abs(slip[name])
-               for s, name in enumerate(result.site_names))  # fmt: skip
+    slip = {
+        "O": rates[:, 0],
+        "A": rates[:, 1] - rates[:, 0],
+        "B": rates[:, 2] - rates[:, 1],
+        "C": rates[:, 2],
+    }
+    loss = sum(
+        0.3 * result.normal_load[:, s] * np.abs(slip[name])
+        for s, name in enumerate(result.site_names)
+    )
     rest = np.abs(given - energy - loss)[slides]
     assert rest.max() <= 1e-10 * np.abs(given).max()
     assert loss.max() > 0.05 * np.abs(given).max()  # friction matters here
@@ -114,15 +120,20 @@ def test_four_bar_the_cranks_power_is_energy_and_the_pins_losses():
 @pytest.mark.parametrize("bearing", [{}, {"length": 0.02, "thrust_radius": 0.008}])
 @pytest.mark.parametrize(
     ("kind", "gravity"),
-    [("planar_pin", (0.0, -9.81, 0.0)), ("revolute", (0.0, -9.81, 0.0)),
-     ("revolute", (1.0, -8.0, 5.0))],
-)  # fmt: skip
+    [
+        ("planar_pin", (0.0, -9.81, 0.0)),
+        ("revolute", (0.0, -9.81, 0.0)),
+        ("revolute", (1.0, -8.0, 5.0)),
+    ],
+)
 def test_every_cut_of_the_four_bar_gives_the_same_efforts(kind, gravity, bearing):
     """Also where the closure is redundant, gravity is tilted and pins carry moments."""
     if kind == "planar_pin" and bearing:
         pytest.skip("a planar_pin carries no moment")
-    friction = {"bearing": {"kind": "pin", "radius": 0.01, **bearing},
-                "mu": {"static": 0.35, "kinetic": 0.3}}  # fmt: skip
+    friction = {
+        "bearing": {"kind": "pin", "radius": 0.01, **bearing},
+        "mu": {"static": 0.35, "kinetic": 0.3},
+    }
     results = {}
     for cut in FOUR_BAR:
         case = turning_four_bar(40, cut, kind, gravity=gravity, friction=friction)
@@ -250,8 +261,12 @@ def test_the_site_that_jams_is_named():
     assert jamming_drawer(0.7).inverse().jamming_site(0) == "drawer"
     friction = {name: pin_friction(0.3, 0.08 if name == "A" else 0.001) for name in "OABC"}
     case = turning_four_bar(3)
-    scene = pf.Scene(model=case.scene.model, friction=friction, loops=case.scene.loops,
-                     actuators=case.scene.actuators)  # fmt: skip
+    scene = pf.Scene(
+        model=case.scene.model,
+        friction=friction,
+        loops=case.scene.loops,
+        actuators=case.scene.actuators,
+    )
     result = Case(scene, case.q, case.v, case.a).inverse()
     assert [result.jamming_site(i) for i in range(3)] == ["A"] * 3
     bare = pf.Scene(model=case.scene.model, loops=case.scene.loops, actuators=[{"joint": "O"}])
@@ -295,8 +310,11 @@ def test_excavators_cylinders_without_friction_are_virtual_work():
     """Each cylinder turns one pin: u = tau / (dL/dq), dL/dq by the sine of the triangle."""
     scene, motion = excavator()
     result = pf.inverse_dynamics(scene, motion)
-    pivots = {"boom_cylinder": ("boom_pin", "house"), "stick_cylinder": ("stick_pin", "boom"),
-              "bucket_cylinder": ("bucket_pin", "stick")}  # fmt: skip
+    pivots = {
+        "boom_cylinder": ("boom_pin", "house"),
+        "stick_cylinder": ("stick_pin", "boom"),
+        "bucket_cylinder": ("bucket_pin", "stick"),
+    }
     parts = {d.cylinder.name: d.cylinder for d in scene.actuators}
     for i in range(0, len(motion.t), 50):
         carried = ["soil"] if motion.attached[i, 0] else []
@@ -310,8 +328,9 @@ def test_excavators_cylinders_without_friction_are_virtual_work():
             assert parts[name].a.link == parent
             a = a - model.jointPlacements[j].translation  # both from the pin, parent's axes
             angle = motion.q[i, model.joints[j].idx_q]
-            turn = np.array([[np.cos(angle), 0, -np.sin(angle)], [0, 1, 0],
-                             [np.sin(angle), 0, np.cos(angle)]])  # fmt: skip
+            turn = np.array(
+                [[np.cos(angle), 0, -np.sin(angle)], [0, 1, 0], [np.sin(angle), 0, np.cos(angle)]]
+            )
             b = turn @ b
             swing = np.cross([0.0, -1.0, 0.0], b)  # db/dq, the axis is -y
             rate = (b - a) @ swing / np.linalg.norm(b - a)
@@ -338,8 +357,11 @@ def test_a_geared_cylinder_has_its_own_velocity_and_acceleration():
     """Motor torque of a screw: effort / ratio + J ratio L'', L'' against differences of L'."""
     scene, motion = excavator()
     screw = {"ratio": 600.0, "rotor_inertia": 1e-3}
-    actuators = [a.model_copy(update={"transmission": None}).model_dump(exclude_none=True)
-                 | {"transmission": screw} for a in scene.actuators]  # fmt: skip
+    actuators = [
+        a.model_copy(update={"transmission": None}).model_dump(exclude_none=True)
+        | {"transmission": screw}
+        for a in scene.actuators
+    ]
     geared = pf.Scene(model=scene.model, actuators=actuators, payloads=scene.payloads)
     with_inertia = pf.inverse_dynamics(geared, motion)
     L_rate = with_inertia.actuator_velocity
@@ -369,8 +391,13 @@ def test_balls_reverse_with_the_arms_that_turn_them():
     assert not result.sticking.any()
     assert (result.reversal == (np.arange(6) == 3)[:, None]).all()  # 1.2 ms after; 2.8 before
     assert (result.effort_upper > result.effort_lower + 0.1).any(axis=1).tolist() == [
-        False, False, False, True, False, False,
-    ]  # fmt: skip
+        False,
+        False,
+        False,
+        True,
+        False,
+        False,
+    ]
 
 
 def test_chunks_threads_and_pickles_change_nothing():
@@ -378,8 +405,18 @@ def test_chunks_threads_and_pickles_change_nothing():
     t = np.linspace(0, 1, 1300)
     whole = pf.inverse_dynamics(case.scene, case.q, case.v, case.a, t=t)
     pieces = list(pf.inverse_dynamics(case.scene, case.q, case.v, case.a, t=t, chunks=111))
-    names = ("effort_lower", "effort_upper", "wrench", "reversal", "multipliers", "status",
-             "friction_lower", "contraction", "interval_exact", "actuator_velocity")  # fmt: skip
+    names = (
+        "effort_lower",
+        "effort_upper",
+        "wrench",
+        "reversal",
+        "multipliers",
+        "status",
+        "friction_lower",
+        "contraction",
+        "interval_exact",
+        "actuator_velocity",
+    )
     for name in names:
         joined = np.concatenate([getattr(piece, name) for piece in pieces])
         np.testing.assert_array_equal(joined, getattr(whole, name))
@@ -392,8 +429,16 @@ def test_check_sees_every_wrong_figure():
     case = turning_four_bar(8, "B", "revolute", friction=pin_friction(0.3, 0.01, length=0.02))
     result = case.inverse()
     error = 1e-6 * result.check().scale
-    for name in ("effort_lower", "effort_upper", "effort_frictionless", "friction_lower",
-                 "friction_upper", "normal_load", "wrench", "multipliers"):  # fmt: skip
+    for name in (
+        "effort_lower",
+        "effort_upper",
+        "effort_frictionless",
+        "friction_lower",
+        "friction_upper",
+        "normal_load",
+        "wrench",
+        "multipliers",
+    ):
         array = getattr(result, name)
         array[2, 0] += error
         assert not result.check().passed(1e-9), name
@@ -443,8 +488,9 @@ def test_bundled_mechanisms_run_and_check(name):
     assert (result.status == Status.CONVERGED).all()
     assert motion.warnings == ()
     few = slice(0, len(motion.t), max(1, len(motion.t) // 40))
-    part = pf.inverse_dynamics(scene, motion.q[few], motion.v[few], motion.a[few],
-                               attached=motion.attached[few])  # fmt: skip
+    part = pf.inverse_dynamics(
+        scene, motion.q[few], motion.v[few], motion.a[few], attached=motion.attached[few]
+    )
     assert part.check().passed(1e-10), part.check()
     sliding = ~(result.sticking | result.reversal).any(axis=1)
     power = (result.effort_lower * result.actuator_velocity).sum(axis=1)

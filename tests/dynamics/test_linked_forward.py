@@ -83,8 +83,10 @@ def test_where_a_redundant_loop_is_cut_does_not_matter(gravity, rate):
     accelerations, loads = [], []
     for cut in "ABC":
         case = turning_four_bar(5, cut=cut, kind="revolute", rate=rate, gravity=gravity)
-        instants = [pf.forward_dynamics(case.scene, q, v, [2.5])
-                    for q, v in zip(case.q, case.v, strict=True)]  # fmt: skip
+        instants = [
+            pf.forward_dynamics(case.scene, q, v, [2.5])
+            for q, v in zip(case.q, case.v, strict=True)
+        ]
         accelerations.append([i.a[case.scene.drives[0].velocity_index] for i in instants])
         order = [case.scene.site_names.index(pin) for pin in "OABC"]
         loads.append([i.normal_load[order] for i in instants])
@@ -148,9 +150,14 @@ def test_shared_friction_is_what_linear_programming_finds(seed, freedoms, more):
     assert A @ x == pytest.approx(b, abs=1e-9)
     # least t with A x = b, |x_k| <= t limit_k
     bound = np.block([[np.eye(n), -limit[:, None]], [-np.eye(n), -limit[:, None]]])
-    best = linprog(np.r_[np.zeros(n), 1.0], bound, np.zeros(2 * n),
-                   np.column_stack([A, np.zeros(freedoms)]), b,
-                   bounds=[(None, None)] * (n + 1))  # fmt: skip
+    best = linprog(
+        np.r_[np.zeros(n), 1.0],
+        bound,
+        np.zeros(2 * n),
+        np.column_stack([A, np.zeros(freedoms)]),
+        b,
+        bounds=[(None, None)] * (n + 1),
+    )
     assert (np.abs(x) / limit).max() == pytest.approx(best.x[-1], rel=1e-4)
 
 
@@ -262,18 +269,25 @@ def test_without_friction_multipliers_are_those_of_inverse_dynamics():
 def test_without_friction_it_is_pinocchio_s_constrained_dynamics():
     """Spherical loops as `RigidConstraintModel`s: accelerations and forces of the delta."""
     scene = pf.load_scene("delta")
-    scene = pf.Scene(model=scene.model, loops=scene.loops, actuators=scene.actuators,
-                     simulation=scene.simulation)  # fmt: skip
+    scene = pf.Scene(
+        model=scene.model, loops=scene.loops, actuators=scene.actuators, simulation=scene.simulation
+    )
     model, linkage = scene.model, scene.linkage
     data = model.createData()
     constraints = pin.StdVec_RigidConstraintModel()
     for pair in range(len(scene.loops)):
-        sides = [(int(linkage.frame_joint[pair, s]) + 1,
-                  pin.SE3(linkage.frame_R[pair, s], linkage.frame_p[pair, s]))
-                 for s in (0, 1)]  # fmt: skip
-        constraints.append(pin.RigidConstraintModel(
-            pin.ContactType.CONTACT_3D, model, *sides[0], *sides[1],
-            pin.ReferenceFrame.LOCAL))  # fmt: skip
+        sides = [
+            (
+                int(linkage.frame_joint[pair, s]) + 1,
+                pin.SE3(linkage.frame_R[pair, s], linkage.frame_p[pair, s]),
+            )
+            for s in (0, 1)
+        ]
+        constraints.append(
+            pin.RigidConstraintModel(
+                pin.ContactType.CONTACT_3D, model, *sides[0], *sides[1], pin.ReferenceFrame.LOCAL
+            )
+        )
     datas = pin.StdVec_RigidConstraintData()
     datas.extend(constraint.createData() for constraint in constraints)
     pin.initConstraintDynamics(model, data, constraints, datas)
@@ -284,13 +298,13 @@ def test_without_friction_it_is_pinocchio_s_constrained_dynamics():
         guess = q0.copy()
         guess[[drive.velocity_index for drive in scene.drives]] += rng.uniform(-0.2, 0.2, 3)
         q = scene.close(guess, leading)
-        v, _ = consistent_motion(scene, q[None], leading, rng.normal(size=(1, 3)),
-                                 np.zeros((1, 3)))  # fmt: skip
+        v, _ = consistent_motion(scene, q[None], leading, rng.normal(size=(1, 3)), np.zeros((1, 3)))
         effort = rng.normal(size=3)
         tau = np.zeros(model.nv)
         tau[[drive.velocity_index for drive in scene.drives]] = effort
-        expected = pin.constraintDynamics(model, data, q, v[0], tau, constraints, datas,
-                                          pin.ProximalSettings(1e-14, 0.0, 20))  # fmt: skip
+        expected = pin.constraintDynamics(
+            model, data, q, v[0], tau, constraints, datas, pin.ProximalSettings(1e-14, 0.0, 20)
+        )
         instant = pf.forward_dynamics(scene, q, v[0], effort)
         scale = np.abs(expected).max()
         assert np.abs(instant.a - expected).max() <= 1e-9 * scale
@@ -317,8 +331,12 @@ def test_a_brake_is_overcome_although_nothing_loads_the_pins():
 def test_viscous_friction_beside_a_ball_opposes_the_motion():
     case = ball_tripod()
     friction = {**case.scene.friction, "arm": {"viscous": 0.5}}
-    scene = pf.Scene(model=case.scene.model, loops=case.scene.loops, friction=friction,
-                     actuators=case.scene.actuators)  # fmt: skip
+    scene = pf.Scene(
+        model=case.scene.model,
+        loops=case.scene.loops,
+        friction=friction,
+        actuators=case.scene.actuators,
+    )
     arm = scene.site_names.index("arm")
     for q, v in zip(case.q, case.v, strict=True):
         instant = pf.forward_dynamics(scene, q, v, [0.0, 0.0])
@@ -345,8 +363,11 @@ def test_states_that_are_open_or_not_numbers_are_refused_by_name():
         pf.forward_dynamics(case.scene, q + 0.1, v, [0.0])
     with pytest.raises(LoopMotionError, match=r"'B' is violated by the velocities"):
         pf.forward_dynamics(case.scene, q, v + 0.1, [0.0])
-    for name, state in (("q", (q * np.nan, v, [0.0])), ("v", (q, v * np.nan, [0.0])),
-                        ("effort", (q, v, [np.inf]))):  # fmt: skip
+    for name, state in (
+        ("q", (q * np.nan, v, [0.0])),
+        ("v", (q, v * np.nan, [0.0])),
+        ("effort", (q, v, [np.inf])),
+    ):
         with pytest.raises(StateError, match=f"{name}: column 0 is"):
             pf.forward_dynamics(case.scene, *state)
 

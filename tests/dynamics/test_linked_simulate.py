@@ -25,9 +25,12 @@ def parallelogram_scene(friction=None, length=0.2, coupler=0.5):
     crank = add_link(model, 0, pin.JointModelRZ(), pin.SE3.Identity(), "crank", bar(1.0, length))
     add_link(model, crank, pin.JointModelRZ(), shifted(length), "coupler", bar(2.0, coupler))
     add_link(model, 0, pin.JointModelRZ(), shifted(coupler), "rocker", bar(1.0, length))
-    loop = {"name": "wrist", "kind": "planar_pin",
-            "a": {"link": "coupler", "xyz": [coupler, 0, 0]},
-            "b": {"link": "rocker", "xyz": [length, 0, 0]}}  # fmt: skip
+    loop = {
+        "name": "wrist",
+        "kind": "planar_pin",
+        "a": {"link": "coupler", "xyz": [coupler, 0, 0]},
+        "b": {"link": "rocker", "xyz": [length, 0, 0]},
+    }
     named = dict.fromkeys(("crank", "coupler", "rocker", "wrist"), friction) if friction else {}
     return pf.Scene(model=model, friction=named, loops=[loop], actuators=[{"joint": "crank"}])
 
@@ -58,8 +61,11 @@ def test_loops_stay_closed_for_a_hundred_seconds(method):
     """Gaps stay below 1e-10 m; the four-bar swings without friction."""
     scene, _ = four_bar(friction={})
     q = scene.close(np.array([-1.2, 1.0, 1.5]), ["O"])
-    options = {"event": {"rtol": 1e-5, "atol": 1e-7}, "timestepping": {"dt": 0.02},
-               "regularized": {"rtol": 1e-2, "atol": 1e-4}}[method]  # fmt: skip
+    options = {
+        "event": {"rtol": 1e-5, "atol": 1e-7},
+        "timestepping": {"dt": 0.02},
+        "regularized": {"rtol": 1e-2, "atol": 1e-4},
+    }[method]
     motion = pf.simulate(scene, q, np.zeros(3), [0.0], 100.0, method, sample_step=1.0, **options)
     gap, rate, _ = residuals(motion)
     assert gap < 1e-10
@@ -70,8 +76,9 @@ def test_loops_stay_closed_for_a_hundred_seconds(method):
 def test_a_parallelogram_swings_with_the_period_of_its_pendulum():
     from scipy.special import ellipk
 
-    motion = pf.simulate(parallelogram_scene(), swing(0.3), np.zeros(3), [0.0], 20.0,
-                         sample_step=0.05)  # fmt: skip
+    motion = pf.simulate(
+        parallelogram_scene(), swing(0.3), np.zeros(3), [0.0], 20.0, sample_step=0.05
+    )
     period = 4 * ellipk(np.sin(0.15) ** 2) / np.sqrt(STIFFNESS)
     turns = np.flatnonzero((motion.v[:-1, 0] > 0) & (motion.v[1:, 0] <= 0))  # at +0.3
     assert len(turns) == int(20.0 / period)
@@ -97,8 +104,16 @@ def pendulum_with_constant_friction(start, torque, t_end):
             return y[1]
 
         stops.terminal, stops.direction = True, -sign
-        found = solve_ivp(rhs, (t, t_end), [angle, 1e-300 * sign], events=stops, rtol=1e-12,
-                          atol=1e-14, method="DOP853", first_step=1e-4)  # fmt: skip
+        found = solve_ivp(
+            rhs,
+            (t, t_end),
+            [angle, 1e-300 * sign],
+            events=stops,
+            rtol=1e-12,
+            atol=1e-14,
+            method="DOP853",
+            first_step=1e-4,
+        )
         assert found.t_events[0].size, "still swinging"
         t, angle = float(found.t_events[0][0]), float(found.y_events[0][0][0])
 
@@ -109,8 +124,9 @@ def test_a_swinging_parallelogram_comes_to_rest_where_one_pendulum_does(method):
     coulomb = 0.05
     scene = parallelogram_scene({"coulomb": {"static": coulomb, "kinetic": coulomb}})
     stop, angle = pendulum_with_constant_friction(0.8, 4 * coulomb, 10.0)
-    motion = pf.simulate(scene, swing(0.8), np.zeros(3), [0.0], stop + 0.5, method,
-                         **METHODS[method])  # fmt: skip
+    motion = pf.simulate(
+        scene, swing(0.8), np.zeros(3), [0.0], stop + 0.5, method, **METHODS[method]
+    )
     allowed = {"event": 1e-6, "timestepping": 1e-2, "regularized": 1e-2}[method]
     assert motion.q[-1, 0] + np.pi / 2 == pytest.approx(angle, abs=allowed)
     gap, _, _ = residuals(motion)
@@ -181,8 +197,10 @@ def test_time_stepping_a_mechanism_is_first_order():
     q, v = start_state(scene)
     effort = {"arm_1": -1.0, "arm_2": -1.2, "arm_3": -0.8}
     exact = pf.simulate(scene, q, v, effort, 0.2, rtol=1e-9, atol=1e-11).q[-1]
-    errors = [np.abs(pf.simulate(scene, q, v, effort, 0.2, "timestepping", dt=dt).q[-1] - exact)
-              .max() for dt in (4e-3, 2e-3, 1e-3)]  # fmt: skip
+    errors = [
+        np.abs(pf.simulate(scene, q, v, effort, 0.2, "timestepping", dt=dt).q[-1] - exact).max()
+        for dt in (4e-3, 2e-3, 1e-3)
+    ]
     assert errors[-1] < 5e-4
     assert errors[0] / errors[1] == pytest.approx(2.0, rel=0.2)
     assert errors[1] / errors[2] == pytest.approx(2.0, rel=0.2)
@@ -220,8 +238,13 @@ def test_a_motion_goes_to_a_file_and_back_and_knows_its_loops(tmp_path):
     assert (again.q == motion.q).all()
     loop = scene.loops[0].model_dump()
     loop["a"]["xyz"] = [0.34, 0.0, 0.0]
-    other = pf.Scene(model=scene.model, friction=scene.friction, loops=[loop],
-                     actuators=scene.actuators, simulation=scene.simulation)  # fmt: skip
+    other = pf.Scene(
+        model=scene.model,
+        friction=scene.friction,
+        loops=[loop],
+        actuators=scene.actuators,
+        simulation=scene.simulation,
+    )
     with pytest.raises(pf.PinfricError, match="loops"):
         pf.load_motion(path, other)
 

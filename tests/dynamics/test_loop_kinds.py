@@ -15,8 +15,13 @@ from pinfric.model.closure import action_maps, loop_state
 KINDS = ("spherical", "revolute", "fixed", "prismatic", "cylindrical", "universal")
 #: The joints that a loop's joint is made of, in a row.
 _TURNS, _SLIDES = pin.JointModelRevoluteUnaligned, pin.JointModelPrismaticUnaligned
-JOINTS = {"fixed": [], "revolute": [_TURNS], "prismatic": [_SLIDES],
-          "cylindrical": [_SLIDES, _TURNS], "universal": [_TURNS, _TURNS]}  # fmt: skip
+JOINTS = {
+    "fixed": [],
+    "revolute": [_TURNS],
+    "prismatic": [_SLIDES],
+    "cylindrical": [_SLIDES, _TURNS],
+    "universal": [_TURNS, _TURNS],
+}
 
 
 def spatial_motion(kind, seed, mu=0.01, samples=3):
@@ -45,8 +50,9 @@ def test_gaps_rates_and_their_derivatives_agree_with_differences(kind, seed):
     np.testing.assert_allclose(np.einsum("txv,tv->tx", J, v), state.rate, atol=1e-13)
 
     def later(step, rates, accelerations):
-        moved = np.array([pin.integrate(scene.model, x, step * y)
-                          for x, y in zip(q, rates, strict=True)])  # fmt: skip
+        moved = np.array(
+            [pin.integrate(scene.model, x, step * y) for x, y in zip(q, rates, strict=True)]
+        )
         return loop_state(twin, linkage, moved, rates + step * accelerations, accelerations)
 
     derivative = (later(h, v, a).rate - later(-h, v, a).rate) / (2 * h)
@@ -65,8 +71,9 @@ def test_power_is_balanced_and_forward_dynamics_gives_the_motion_back(kind):
     residuals = result.check()
     assert max(residuals.equilibrium, residuals.friction_law, residuals.wrench) < 1e-11
     model = scene.model
-    tau = np.array([pin.rnea(model, model.createData(), *state)
-                    for state in zip(q, v, a, strict=True)])  # fmt: skip
+    tau = np.array(
+        [pin.rnea(model, model.createData(), *state) for state in zip(q, v, a, strict=True)]
+    )
     rates = working_rates(scene, q, v)[1]
     power = (result.effort_lower * v[:, index]).sum(axis=1)
     lost = (result.friction_lower * rates).sum(axis=1)
@@ -107,8 +114,10 @@ def accelerations_by_pinocchio(scene, kind, q, v, tau):
     for n, made in enumerate(kinds):
         joint = model.addJoint(joint, made(axes[n]), place, f"free_{n}")
         place = apart if n == 0 else pin.SE3.Identity()
-    ends = [model.addFrame(pin.Frame(name, *end, pin.FrameType.OP_FRAME))
-            for name, end in (("end_a", (joint, place)), ("end_b", (b, place_b)))]  # fmt: skip
+    ends = [
+        model.addFrame(pin.Frame(name, *end, pin.FrameType.OP_FRAME))
+        for name, end in (("end_a", (joint, place)), ("end_b", (b, place_b)))
+    ]
     data, world = model.createData(), pin.ReferenceFrame.WORLD
     q = np.concatenate([q, np.zeros(model.nq - nv)])
     pin.computeJointJacobians(model, data, q)
@@ -119,8 +128,7 @@ def accelerations_by_pinocchio(scene, kind, q, v, tau):
     v = np.concatenate([v, np.linalg.lstsq(J[:, nv:], -J[:, :nv] @ v, rcond=None)[0]])
     assert np.abs(J @ v).max() < 1e-12
     pin.forwardKinematics(model, data, q, v, 0 * v)
-    bias = np.subtract(*(pin.getFrameAcceleration(model, data, end, world).vector
-                         for end in ends))  # fmt: skip
+    bias = np.subtract(*(pin.getFrameAcceleration(model, data, end, world).vector for end in ends))
     M = pin.crba(model, model.createData(), q)
     M = np.triu(M) + np.triu(M, 1).T
     h = pin.nonLinearEffects(model, model.createData(), q, v)
@@ -185,8 +193,9 @@ def test_a_guide_that_is_a_loop_slips_and_sticks_when_a_joint_would(drive):
     for cut in "WG":
         scene, q, v, _ = slider_crank_motion(cut, mu=0.05, static=0.08, drive=drive)
         motions[cut] = pf.simulate(scene, q[0], v[0], np.zeros(1), 0.6, rtol=1e-11, atol=1e-13)
-    ours, theirs = (sorted(motions[cut].events, key=lambda e: (round(e.time, 4), e.name))
-                    for cut in "GW")  # fmt: skip
+    ours, theirs = (
+        sorted(motions[cut].events, key=lambda e: (round(e.time, 4), e.name)) for cut in "GW"
+    )
     assert len(theirs) > 8  # dead centres, where the guide turns round, among them
     assert [(e.name, e.kind) for e in ours] == [(e.name, e.kind) for e in theirs]
     np.testing.assert_allclose([e.time for e in ours], [e.time for e in theirs], atol=1e-8)
@@ -204,10 +213,20 @@ def cardan(angle, drag=0.3):
     bent = pin.SE3(pin.rpy.rpyToMatrix(0, 0, angle), np.zeros(3))
     add_link(model, 0, pin.JointModelRX(), pin.SE3.Identity(), "first", inertia)
     add_link(model, 0, pin.JointModelRX(), bent, "second", inertia)
-    cross = {"name": "cross", "kind": "universal", "axis": [0, 1, 0], "axis_b": [0, 0, 1],
-             "a": {"link": "first"}, "b": {"link": "second"}}  # fmt: skip
-    return pf.Scene(model=model, loops=[cross], actuators=[{"joint": "first"}],
-                    friction={"second": {"viscous": drag}})  # fmt: skip
+    cross = {
+        "name": "cross",
+        "kind": "universal",
+        "axis": [0, 1, 0],
+        "axis_b": [0, 0, 1],
+        "a": {"link": "first"},
+        "b": {"link": "second"},
+    }
+    return pf.Scene(
+        model=model,
+        loops=[cross],
+        actuators=[{"joint": "first"}],
+        friction={"second": {"viscous": drag}},
+    )
 
 
 def test_a_universal_joint_turns_its_shaft_as_cardan_says():
@@ -248,7 +267,7 @@ def test_a_universal_joint_turns_its_shaft_as_cardan_says():
         ("W", {"axis_b": [1, 0, 0]}, None, "a revolute loop has one axis: leave `axis_b` out"),
         ("W", {"kind": "universal", "axis_b": [0, 0, 0]}, None, r"\(W\)\.axis_b: .* no direction"),
     ],
-)  # fmt: skip
+)
 def test_what_loops_cannot_have_is_refused(cut, change, friction, says):
     scene, _ = cut_slider_crank(cut, friction=False)
     loop = {**scene.loops[0].model_dump(exclude_none=True), **change}

@@ -31,13 +31,16 @@ def push(t: float) -> float:
     return 12.0 * t
 
 
-@pytest.mark.parametrize("effort", [
-    lambda t, q, v: [push(t)],
-    lambda t, q, v: np.array([push(t)]),
-    ([0.0, 1.0], [[0.0], [12.0]]),
-    (np.array([0.0, 0.5, 1.0]), np.array([[0.0], [6.0], [12.0]])),
-    {"slide": push},
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "effort",
+    [
+        lambda t, q, v: [push(t)],
+        lambda t, q, v: np.array([push(t)]),
+        ([0.0, 1.0], [[0.0], [12.0]]),
+        (np.array([0.0, 0.5, 1.0]), np.array([[0.0], [6.0], [12.0]])),
+        {"slide": push},
+    ],
+)
 @pytest.mark.parametrize("method", ["event", "timestepping", "regularized"])
 def test_one_effort_in_every_form(effort, method):
     motion = pf.simulate(slope(), [0.0], [0.0], effort, 1.0, method)
@@ -111,42 +114,48 @@ def test_an_effort_function_may_ask_for_forward_dynamics_itself():
 # ---------------------------------------------------------------- bad input
 
 
-@pytest.mark.parametrize(("change", "message"), [
-    ({"q0": [np.nan]}, "q0: column 0 is nan"),
-    ({"q0": [0.0, 1.0]}, r"q0: shape \(2,\); should be \(1,\)"),
-    ({"v0": [np.inf]}, "v0: column 0 is inf"),
-    ({"v0": []}, "v0: shape"),
-    ({"effort": [np.nan]}, "effort: holds NaN"),
-    ({"effort": [0.0, 1.0]}, r"effort: shape \(2,\); should be \(1,\), one for each of slide"),
-    ({"effort": "full"}, "effort: is not an array of numbers: it holds text; give real numbers, "),
-    ({"effort": [1j]}, "effort: is not an array of numbers: it holds complex numbers"),
-    ({"effort": lambda t, q, v: [1j]}, "returned no numbers at t = 0 s: .*complex"),
-    ({"q0": [1j]}, "q0: .*complex"),
-    ({"v0": [True]}, "v0: .*true and false"),
-    ({"max_events": 2.5}, "max_events = 2.5: should be a whole number"),
-    ({"effort": {"slid": 1.0}}, "no drive 'slid'; did you mean 'slide'"),
-    ({"effort": {"slide": [1, 2]}}, "should be a number"),
-    ({"effort": ([0.0, 0.0], [[0.0], [1.0]])}, "times do not increase at row 1"),
-    ({"effort": ([0.0, 1.0], [0.0, 1.0])}, r"values of shape \(2,\)"),
-    ({"effort": None}, "has no `simulation` section"),
-    ({"effort": lambda t, q, v: [1.0, 2.0]}, r"returned shape \(2,\) at t = 0 s"),
-    ({"effort": lambda t, q, v: "x"}, "returned no numbers at t = 0 s"),
-    ({"effort": lambda t, q, v: [np.nan]}, "t = 0 s: effort: column 0 is nan"),
-    ({"t_end": 0.0}, "t_end = 0.0: should be a positive number"),
-    ({"t_end": -1.0}, "t_end"),
-    ({"t_end": np.nan}, "t_end"),
-    ({"t_end": 1e-300}, r"t_end = 1e-300 s: should be at least 1e-12 s"),
-    ({"t_end": 1e155}, r"t_end = 1e.155 s: should be at most 1e.10 s"),
-    ({"method": "timestepping", "dt": 1e-11}, "steps; at most 1e.09 are possible"),
-    ({"rtol": 1e-300}, "rtol = 1e-300"),
-    ({"t_end": "1"}, "t_end = '1'"),
-    ({"dt": 0.0}, "dt = 0.0: should be a positive number"),
-    ({"dt": -1e-3}, "dt"),
-    ({"rtol": 0.0}, "rtol"),
-    ({"sample_step": 0.0}, "sample_step"),
-    ({"method": "euler"}, "method 'euler': there are: event, timestepping, regularized"),
-    ({"breakpoints": [np.nan]}, "breakpoints"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"q0": [np.nan]}, "q0: column 0 is nan"),
+        ({"q0": [0.0, 1.0]}, r"q0: shape \(2,\); should be \(1,\)"),
+        ({"v0": [np.inf]}, "v0: column 0 is inf"),
+        ({"v0": []}, "v0: shape"),
+        ({"effort": [np.nan]}, "effort: holds NaN"),
+        ({"effort": [0.0, 1.0]}, r"effort: shape \(2,\); should be \(1,\), one for each of slide"),
+        (
+            {"effort": "full"},
+            "effort: is not an array of numbers: it holds text; give real numbers, ",
+        ),
+        ({"effort": [1j]}, "effort: is not an array of numbers: it holds complex numbers"),
+        ({"effort": lambda t, q, v: [1j]}, "returned no numbers at t = 0 s: .*complex"),
+        ({"q0": [1j]}, "q0: .*complex"),
+        ({"v0": [True]}, "v0: .*true and false"),
+        ({"max_events": 2.5}, "max_events = 2.5: should be a whole number"),
+        ({"effort": {"slid": 1.0}}, "no drive 'slid'; did you mean 'slide'"),
+        ({"effort": {"slide": [1, 2]}}, "should be a number"),
+        ({"effort": ([0.0, 0.0], [[0.0], [1.0]])}, "times do not increase at row 1"),
+        ({"effort": ([0.0, 1.0], [0.0, 1.0])}, r"values of shape \(2,\)"),
+        ({"effort": None}, "has no `simulation` section"),
+        ({"effort": lambda t, q, v: [1.0, 2.0]}, r"returned shape \(2,\) at t = 0 s"),
+        ({"effort": lambda t, q, v: "x"}, "returned no numbers at t = 0 s"),
+        ({"effort": lambda t, q, v: [np.nan]}, "t = 0 s: effort: column 0 is nan"),
+        ({"t_end": 0.0}, "t_end = 0.0: should be a positive number"),
+        ({"t_end": -1.0}, "t_end"),
+        ({"t_end": np.nan}, "t_end"),
+        ({"t_end": 1e-300}, r"t_end = 1e-300 s: should be at least 1e-12 s"),
+        ({"t_end": 1e155}, r"t_end = 1e.155 s: should be at most 1e.10 s"),
+        ({"method": "timestepping", "dt": 1e-11}, "steps; at most 1e.09 are possible"),
+        ({"rtol": 1e-300}, "rtol = 1e-300"),
+        ({"t_end": "1"}, "t_end = '1'"),
+        ({"dt": 0.0}, "dt = 0.0: should be a positive number"),
+        ({"dt": -1e-3}, "dt"),
+        ({"rtol": 0.0}, "rtol"),
+        ({"sample_step": 0.0}, "sample_step"),
+        ({"method": "euler"}, "method 'euler': there are: event, timestepping, regularized"),
+        ({"breakpoints": [np.nan]}, "breakpoints"),
+    ],
+)
 def test_bad_input(change, message):
     good = {"q0": [0.0], "v0": [0.0], "effort": [0.0], "t_end": 1.0}
     with pytest.raises((SimulationError, StateError), match=message):
@@ -217,8 +226,9 @@ def test_progress_is_told(method, capsys):
     assert capsys.readouterr() == ("", "")
 
 
-@pytest.mark.parametrize(("method", "within"), [
-    ("event", 1e-9), ("timestepping", 1e-3), ("regularized", 1e-3)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("method", "within"), [("event", 1e-9), ("timestepping", 1e-3), ("regularized", 1e-3)]
+)
 def test_a_joint_that_leaves_its_range_is_reported_not_stopped(method, within):
     scene = slope(0.5, lowerPositionLimit=[-1.0], upperPositionLimit=[0.25])
     motion = pf.simulate(scene, [0.0], [0.0], [0.0], 1.0, method)
@@ -248,8 +258,9 @@ def test_a_payload_and_a_wrench_from_outside_act_all_the_time():
 
 
 def swing(method="event", **options) -> pf.Motion:
-    return pf.simulate(slope(), [0.0], [0.0], lambda t, q, v: [9 * np.sin(4 * t)], 2.0, method,
-                       **options)  # fmt: skip
+    return pf.simulate(
+        slope(), [0.0], [0.0], lambda t, q, v: [9 * np.sin(4 * t)], 2.0, method, **options
+    )
 
 
 def test_samples_come_at_their_times_and_at_events():
@@ -291,8 +302,9 @@ def test_efforts_between_samples_are_those_of_their_own_piece():
     """
     breaks = [0.3, 0.5, 1.0]
     scene = pf.Scene(model=block())
-    motion = pf.simulate(scene, [0.0], [0.0], lambda t, q, v: [np.sin(10 * t)], 1.0,
-                         breakpoints=breaks)  # fmt: skip
+    motion = pf.simulate(
+        scene, [0.0], [0.0], lambda t, q, v: [np.sin(10 * t)], 1.0, breakpoints=breaks
+    )
     t = np.linspace(0.0, 1.0, 101)
     sampled = motion.sample(t)
     np.testing.assert_allclose(sampled.effort[:, 0], np.sin(10 * t), atol=1e-10)
@@ -322,8 +334,9 @@ def test_energy_halves_steps_where_a_lossy_gears_effort_changes_its_sign(
         },
     }
     scene = pf.Scene(model=block(), actuators=[drive])
-    motion = pf.simulate(scene, [0.0], [1.0], t_end=1.0,
-                         motor_torque={"slide": lambda t: 0.01 * np.sin(10 * t)})  # fmt: skip
+    motion = pf.simulate(
+        scene, [0.0], [1.0], t_end=1.0, motor_torque={"slide": lambda t: 0.01 * np.sin(10 * t)}
+    )
     asked = []
     sample = Dense.sample
     monkeypatch.setattr(Dense, "sample", lambda *of: asked.append(of) or sample(*of))
@@ -412,19 +425,25 @@ def test_a_file_that_is_no_motion_is_refused(tmp_path):
 # ---------------------------------------------------------------- where a guard falls
 
 
-@pytest.mark.parametrize(("guard", "expected"), [
-    (lambda t: 0.7 - t, 0.7),
-    (lambda t: (t - 0.41) ** 2 + 1e-6, None),
-    (lambda t: (t - 0.41) ** 2 - 1e-6, 0.409),
-    (lambda t: t * (0.5 - t), 0.5),  # starts on zero
-    (lambda t: t - 0.1, 0.0),  # below from the start
-    (lambda t: t**3, None),  # starts on zero and leaves upwards
-    (lambda t: -t, 0.0),  # fires where it starts
-    (lambda t: -1e-12 * np.ones_like(t), None),  # rounding
-    (lambda t: max(0.0, 0.3 - t) if t < 0.6 else 0.55 - t, 0.6),  # a jump
-    (lambda t: 0.0 if t < 0.5 else 0.5 - t, 0.5),  # on zero for a while, then below
-    (lambda t: 1.0 + np.cos(20 * t) - 0.02, (np.pi - np.arccos(0.98)) / 20),  # waves between looks
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("guard", "expected"),
+    [
+        (lambda t: 0.7 - t, 0.7),
+        (lambda t: (t - 0.41) ** 2 + 1e-6, None),
+        (lambda t: (t - 0.41) ** 2 - 1e-6, 0.409),
+        (lambda t: t * (0.5 - t), 0.5),  # starts on zero
+        (lambda t: t - 0.1, 0.0),  # below from the start
+        (lambda t: t**3, None),  # starts on zero and leaves upwards
+        (lambda t: -t, 0.0),  # fires where it starts
+        (lambda t: -1e-12 * np.ones_like(t), None),  # rounding
+        (lambda t: max(0.0, 0.3 - t) if t < 0.6 else 0.55 - t, 0.6),  # a jump
+        (lambda t: 0.0 if t < 0.5 else 0.5 - t, 0.5),  # on zero for a while, then below
+        (
+            lambda t: 1.0 + np.cos(20 * t) - 0.02,
+            (np.pi - np.arccos(0.98)) / 20,
+        ),  # waves between looks
+    ],
+)
 def test_first_crossing(guard, expected):
     times = np.linspace(0.0, 1.0, 6)
     found = first_crossing(guard, times, np.array([guard(t) for t in times]), 1e-11)

@@ -35,8 +35,10 @@ def reading(path, scene):
 
 def assert_same(motion, other):
     assert (motion.events, motion.method, motion.status) == (
-        other.events, other.method, other.status,
-    )  # fmt: skip
+        other.events,
+        other.method,
+        other.status,
+    )
     for name in ARRAYS:
         np.testing.assert_array_equal(getattr(motion, name), getattr(other, name))
 

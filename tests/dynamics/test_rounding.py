@@ -104,8 +104,9 @@ def test_states_that_differ_by_rounding_have_the_same_events(name, method):
     rng = np.random.default_rng(len(name))
     for sign in (-1.0, 1.0):
         v_near = perturbed(v, rng) if np.any(v) else np.asarray(v, dtype=float)
-        motion = pf.simulate(scene, perturbed(q, rng), v_near, effort, t_end * (1 + sign * EPS),
-                             method, **options)  # fmt: skip
+        motion = pf.simulate(
+            scene, perturbed(q, rng), v_near, effort, t_end * (1 + sign * EPS), method, **options
+        )
         kinds_near, times_near = events_of(motion)
         assert kinds_near == kinds
         np.testing.assert_allclose(times_near, times, rtol=0, atol=1e-6)
@@ -130,8 +131,16 @@ def test_time_stepping_takes_no_turning_point_for_a_stop(steps):
         return -mass * omega**2 * q
 
     t_end = stop + 0.3
-    motion = pf.simulate(scene, [1.0], [0.0], spring, t_end, "timestepping",
-                         dt=t_end / steps, sample_step=t_end / steps)  # fmt: skip
+    motion = pf.simulate(
+        scene,
+        [1.0],
+        [0.0],
+        spring,
+        t_end,
+        "timestepping",
+        dt=t_end / steps,
+        sample_step=t_end / steps,
+    )
     (stick,) = motion.stick_intervals()
     assert stick.start == pytest.approx(stop, abs=2 * t_end / steps)
     assert stick.end == motion.t[-1]

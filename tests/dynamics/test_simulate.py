@@ -60,8 +60,11 @@ class Belt:
         start = -(self.period * self.speed) * cycles  # the cycle moves with the ground
         if t > self.slip_time:
             return start + rest - stretch - self.speed * self.slip_time
-        x = (middle + (stretch - middle) * np.cos(self.omega * t)
-             + self.speed / self.omega * np.sin(self.omega * t))  # fmt: skip
+        x = (
+            middle
+            + (stretch - middle) * np.cos(self.omega * t)
+            + self.speed / self.omega * np.sin(self.omega * t)
+        )
         return start + x - stretch - self.speed * t
 
 
@@ -160,8 +163,9 @@ def test_regularized_follows_the_belt_with_an_error_of_its_own():
 
     exact = pf.simulate(scene, [0.0], [0.0], effort, 3.0, rtol=1e-10)
     near = pf.simulate(scene, [0.0], [0.0], effort, 3.0, "regularized")
-    nearer = pf.simulate(scene, [0.0], [0.0], effort, 3.0, "regularized",
-                         regularization_velocity=1e-5)  # fmt: skip
+    nearer = pf.simulate(
+        scene, [0.0], [0.0], effort, 3.0, "regularized", regularization_velocity=1e-5
+    )
     errors = [abs(m.q[-1, 0] - exact.q[-1, 0]) for m in (near, nearer)]
     assert 1e-6 < errors[0] < 1e-2
     assert errors[1] < 0.1 * errors[0]
@@ -176,8 +180,12 @@ def pinned_body(b: float) -> pf.Scene:
     joint = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "pin")
     body = pin.Inertia(1.0, np.array([1.0, 0, 0]), np.zeros((3, 3)))
     model.appendBodyToJoint(joint, body, pin.SE3.Identity())
-    return pf.Scene(model=model, friction={"pin": {
-        "bearing": {"kind": "pin", "radius": 1.0}, "mu": {"static": b, "kinetic": b}}})  # fmt: skip
+    return pf.Scene(
+        model=model,
+        friction={
+            "pin": {"bearing": {"kind": "pin", "radius": 1.0}, "mu": {"static": b, "kinetic": b}}
+        },
+    )
 
 
 @pytest.mark.parametrize("b", [0.2, 0.8, 0.999])
@@ -206,11 +214,16 @@ def test_a_motion_that_runs_into_an_inconsistency_says_when_and_keeps_what_it_ha
         joint, pin.Inertia(1e-9, np.zeros(3), np.diag([1.0, 1, 1.0])), pin.SE3.Identity()
     )
     slide = model.addJoint(joint, pin.JointModelPX(), pin.SE3.Identity(), "arm")
-    model.appendBodyToJoint(slide, pin.Inertia(1.0, np.zeros(3), np.zeros((3, 3))),
-                            pin.SE3.Identity())  # fmt: skip
+    model.appendBodyToJoint(
+        slide, pin.Inertia(1.0, np.zeros(3), np.zeros((3, 3))), pin.SE3.Identity()
+    )
     mu_radius = 2.2
-    friction = {"pin": {"bearing": {"kind": "pin", "radius": mu_radius / 2.0},
-                        "mu": {"static": 2.0, "kinetic": 2.0}}}  # fmt: skip
+    friction = {
+        "pin": {
+            "bearing": {"kind": "pin", "radius": mu_radius / 2.0},
+            "mu": {"static": 2.0, "kinetic": 2.0},
+        }
+    }
     with pytest.warns(pf.PinfricWarning, match="radius"):
         scene = pf.Scene(model=model, friction=friction)
 
@@ -237,8 +250,9 @@ def test_energy_is_balanced_on_random_trees(seed):
         entry["mu"] = {key: 0.1 * value for key, value in entry["mu"].items()}
     scene = pf.Scene(model=model, friction=friction)
     q, v, u = random_states(model, seed, 1)
-    motion = pf.simulate(scene, q[0], v[0], lambda t, q, v: u[0] * np.cos(4 * t), 1.0,
-                         rtol=1e-9, atol=1e-11)  # fmt: skip
+    motion = pf.simulate(
+        scene, q[0], v[0], lambda t, q, v: u[0] * np.cos(4 * t), 1.0, rtol=1e-9, atol=1e-11
+    )
     energy = motion.energy()
     assert (energy.friction_loss >= -1e-12).all()
     assert energy.friction_loss.sum() > 0.05
@@ -272,11 +286,25 @@ def test_joints_of_many_degrees_keep_their_energy(joint):
     body = pin.Inertia(2.0, np.array([0.1, 0.2, 0.0]), np.diag([0.1, 0.2, 0.25]))
     model.appendBodyToJoint(index, body, pin.SE3.Identity())
     scene = pf.Scene(model=model)
-    motion = pf.simulate(scene, pin.neutral(model), np.array([2.0, -1.0, 3.0]), np.zeros(3), 3.0,
-                         rtol=1e-10, atol=1e-12)  # fmt: skip
+    motion = pf.simulate(
+        scene,
+        pin.neutral(model),
+        np.array([2.0, -1.0, 3.0]),
+        np.zeros(3),
+        3.0,
+        rtol=1e-10,
+        atol=1e-12,
+    )
     assert abs(motion.energy().residual) < 1e-8
-    stepped = pf.simulate(scene, pin.neutral(model), np.array([2.0, -1.0, 3.0]), np.zeros(3), 1.0,
-                          "timestepping", dt=2e-4)  # fmt: skip
+    stepped = pf.simulate(
+        scene,
+        pin.neutral(model),
+        np.array([2.0, -1.0, 3.0]),
+        np.zeros(3),
+        1.0,
+        "timestepping",
+        dt=2e-4,
+    )
     at_one = motion.sample([1.0])
     np.testing.assert_allclose(stepped.q[-1], at_one.q[0], atol=5e-3)
 
@@ -287,9 +315,15 @@ def test_a_continuous_joint_moves_like_a_revolute_one():
         joint = model.addJoint(0, kind(), pin.SE3.Identity(), "pin")
         body = pin.Inertia(1.0, np.array([0, 0.3, 0.2]), 0.01 * np.eye(3))
         model.appendBodyToJoint(joint, body, pin.SE3.Identity())
-        return pf.Scene(model=model, friction={"pin": {
-            "bearing": {"kind": "pin", "radius": 0.05},
-            "mu": {"static": 0.3, "kinetic": 0.25}}})  # fmt: skip
+        return pf.Scene(
+            model=model,
+            friction={
+                "pin": {
+                    "bearing": {"kind": "pin", "radius": 0.05},
+                    "mu": {"static": 0.3, "kinetic": 0.25},
+                }
+            },
+        )
 
     fine = {"rtol": 1e-10, "atol": 1e-12}
     turns = pf.simulate(pendulum(pin.JointModelRX), [0.5], [9.0], [0.0], 4.0, **fine)
@@ -317,8 +351,10 @@ def arm() -> pf.Scene:
         body = pin.Inertia(1.0, np.array([0.1, 0, 0]), 0.01 * np.eye(3))
         model.appendBodyToJoint(parent, body, pin.SE3.Identity())
         placement = pin.SE3(np.eye(3), np.array([0.2, 0, 0]))
-        friction[f"pin_{i}"] = {"bearing": {"kind": "pin", "radius": 0.05, "preload": 500.0},
-                                "mu": {"static": 0.25, "kinetic": 0.2}}  # fmt: skip
+        friction[f"pin_{i}"] = {
+            "bearing": {"kind": "pin", "radius": 0.05, "preload": 500.0},
+            "mu": {"static": 0.25, "kinetic": 0.2},
+        }
     return pf.Scene(model=model, friction=friction)
 
 
@@ -335,8 +371,15 @@ def test_regularized_creeps_as_predicted():
     """v = velocity artanh(torque / limit) while the arm has hardly moved."""
     scene = arm()
     velocity = 1e-6
-    motion = pf.simulate(scene, [0.0, 0.0], [0.0, 0.0], [0.0, 0.0], 100.0, "regularized",
-                         regularization_velocity=velocity)  # fmt: skip
+    motion = pf.simulate(
+        scene,
+        [0.0, 0.0],
+        [0.0, 0.0],
+        [0.0, 0.0],
+        100.0,
+        "regularized",
+        regularization_velocity=velocity,
+    )
     torque = np.array([G * 0.1 + G * 0.3, G * 0.1])  # of both links, of the second one
     limit = 0.2 * 0.05 * (np.array([2 * G, G]) + 500)
     speed = velocity * np.arctanh(torque / limit)
@@ -368,8 +411,9 @@ def test_restart_exactly_on_a_guard(at):
     def shifted(t, q, v):
         return belt.effort(t + event.time, q, v)
 
-    rest = pf.simulate(belt.scene, whole.q[i], whole.v[i], shifted, end - event.time,
-                       rtol=1e-10, atol=1e-12)  # fmt: skip
+    rest = pf.simulate(
+        belt.scene, whole.q[i], whole.v[i], shifted, end - event.time, rtol=1e-10, atol=1e-12
+    )
     expected = [e.kind for e in whole.events if e.time > event.time]
     # at break-away the restarted block sticks, to rounding, and then slips
     found = [e for e in rest.events if e.time > 1e-9]
@@ -432,8 +476,9 @@ def test_events_at_one_instant_are_handled_together():
     model = pin.Model()
     for i in range(3):
         joint = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), f"block_{i}")
-        model.appendBodyToJoint(joint, pin.Inertia(1.0 + i, np.zeros(3), 0.01 * np.eye(3)),
-                                pin.SE3.Identity())  # fmt: skip
+        model.appendBodyToJoint(
+            joint, pin.Inertia(1.0 + i, np.zeros(3), 0.01 * np.eye(3)), pin.SE3.Identity()
+        )
     scene = pf.Scene(
         model=model, friction={f"block_{i}": plane_friction(0.3, 0.3) for i in range(3)}
     )

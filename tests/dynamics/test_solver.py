@@ -27,19 +27,25 @@ from pinfric.errors import (
 )
 from pinfric.model.robot import example_robot_data
 
-GEAR = {"ratio": 80.0, "efficiency": 0.8, "back_efficiency": 0.7, "no_load_torque": 0.02,
-        "motor_viscous": 1e-4, "rotor_inertia": 2e-5}  # fmt: skip
+GEAR = {
+    "ratio": 80.0,
+    "efficiency": 0.8,
+    "back_efficiency": 0.7,
+    "no_load_torque": 0.02,
+    "motor_viscous": 1e-4,
+    "rotor_inertia": 2e-5,
+}
 WORM = {"ratio": -50.0, "efficiency": 0.4, "back_efficiency": -0.5}
-PAYLOAD = {"mass": 1.5, "com": [0.0, 0.05, 0.1],
-           "inertia": [0.01, 0.0, 0.0, 0.01, 0.0, 0.01]}  # fmt: skip
+PAYLOAD = {"mass": 1.5, "com": [0.0, 0.05, 0.1], "inertia": [0.01, 0.0, 0.0, 0.01, 0.0, 0.01]}
 
 
 def floating(model):
     """The model with its first joint on a floating base."""
     base = pin.Model()
     root = base.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
-    base.appendBodyToJoint(root, pin.Inertia(2.0, np.array([0.0, 0.1, 0.0]), 0.1 * np.eye(3)),
-                           pin.SE3.Identity())  # fmt: skip
+    base.appendBodyToJoint(
+        root, pin.Inertia(2.0, np.array([0.0, 0.1, 0.0]), 0.1 * np.eye(3)), pin.SE3.Identity()
+    )
     base.addFrame(pin.Frame("trunk", root, pin.SE3.Identity(), pin.FrameType.BODY))
     return pin.appendModel(base, model, base.getFrameId("trunk"), pin.SE3.Identity())
 
@@ -66,11 +72,16 @@ def panda():
     model = pin.buildModelFromUrdf(str(urdf), mimic=True)
     assert len(model.mimicking_joints) == 1
     model.armature = np.linspace(0.1, 0.8, model.nv)
-    turning = {"bearing": {"kind": "pin", "radius": 0.05, "length": 0.1},
-               "mu": {"static": 0.15, "kinetic": 0.1}}  # fmt: skip
-    sliding = {"coulomb": {"static": 3.0, "kinetic": 2.0}, "viscous": 4.0,
-               "bearing": {"kind": "guide", "length": 0.1, "width": 0.1, "on": "parent"},
-               "mu": {"static": 0.1, "kinetic": 0.1}}  # fmt: skip
+    turning = {
+        "bearing": {"kind": "pin", "radius": 0.05, "length": 0.1},
+        "mu": {"static": 0.15, "kinetic": 0.1},
+    }
+    sliding = {
+        "coulomb": {"static": 3.0, "kinetic": 2.0},
+        "viscous": 4.0,
+        "bearing": {"kind": "guide", "length": 0.1, "width": 0.1, "on": "parent"},
+        "mu": {"static": 0.1, "kinetic": 0.1},
+    }
     friction = {n: sliding if "finger" in n else turning for n in model.names[1:]}
     box = {"link": "panda_link7", "attached": True, **PAYLOAD}
     return pf.Scene(model=model, friction=friction, payloads={"box": box})
@@ -102,8 +113,19 @@ LINKAGES = [
     slider_crank(),
 ]
 EVERY = [(scene, *states(scene, 5 + n)) for n, scene in enumerate(TREES)] + LINKAGES
-IDS = ["tree", "gears", "floating", "worm", "panda", "four-bar", "four-bar A", "rests", "drawer",
-       "tripod", "slider-crank"]  # fmt: skip
+IDS = [
+    "tree",
+    "gears",
+    "floating",
+    "worm",
+    "panda",
+    "four-bar",
+    "four-bar A",
+    "rests",
+    "drawer",
+    "tripod",
+    "slider-crank",
+]
 FIGURES = pf.InverseInstant._fields
 
 
@@ -216,8 +238,12 @@ def test_the_caller_s_arrays_stay_his():
 def test_states_may_come_as_other_numbers(kind):
     scene = pf.Scene(model=block(0.1), friction={"slide": plane_friction(0.3, 0.2)})
     given = np.array([1.0]), np.array([2.0]), np.array([3.0])
-    changed = {"list": lambda x: x.tolist(), "single": np.float32, "whole": lambda x: x.astype(int),
-               "strided": lambda x: np.repeat(x, 2)[::2]}[kind]  # fmt: skip
+    changed = {
+        "list": lambda x: x.tolist(),
+        "single": np.float32,
+        "whole": lambda x: x.astype(int),
+        "strided": lambda x: np.repeat(x, 2)[::2],
+    }[kind]
     solver = scene.solver()
     expected = solver.inverse(*given).effort_lower.copy(), solver.forward(*given).a.copy()
     others = [changed(x) for x in given]
@@ -300,8 +326,9 @@ def test_an_open_loop_is_refused_as_in_one_instant():
             solver.inverse(*state, a)
     # what an integrator leaves open is let pass, as there
     nearly = q + 1e-5 * second
-    assert_equal(solver.forward(nearly, v, effort).a,
-                 pf.forward_dynamics(scene, nearly, v, effort).a, "a")  # fmt: skip
+    assert_equal(
+        solver.forward(nearly, v, effort).a, pf.forward_dynamics(scene, nearly, v, effort).a, "a"
+    )
 
 
 def test_a_jam_is_said():
@@ -398,8 +425,12 @@ for (scene, q, v, a), name in zip(test_solver.EVERY, test_solver.IDS, strict=Tru
 def test_no_kernel_is_compiled_or_interpreted_after_a_solver_is_made():
     """With all its patience, in a process of its own: what other tests called is not there."""
     tests = Path(__file__).parents[1]
-    done = subprocess.run([sys.executable, "-c", IN_A_LOOP, str(tests), str(Path(__file__).parent)],
-                          capture_output=True, text=True, check=True)  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, "-c", IN_A_LOOP, str(tests), str(Path(__file__).parent)],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     lines = [line.rsplit(maxsplit=3) for line in done.stdout.splitlines()]
     assert [name for name, *_ in lines] == IDS
     for name, calls, compiled, interpreted in lines:

@@ -46,8 +46,9 @@ def swinging_five_bar(stuck, cut, method, static=20.0):
     friction = dict.fromkeys(FIVE_BAR, coulomb(0.02, 0.05)) | {stuck: coulomb(static)}
     scene, q = five_bar(cut, friction, gravity=(0.0, 0.0, 0.0))
     effort = {"O": lambda t: 0.2 * np.sin(4 * t), "D": lambda t: 0.15 * np.sin(4 * t + 1)}
-    return pf.simulate(scene, q, np.zeros(4), effort, 2.0, method, sample_step=0.02,
-                       **METHODS[method])  # fmt: skip
+    return pf.simulate(
+        scene, q, np.zeros(4), effort, 2.0, method, sample_step=0.02, **METHODS[method]
+    )
 
 
 # Safeguard: a loop's stuck pin is closed at the angle at which it stopped. Without: it turns by
@@ -87,8 +88,9 @@ def test_a_pin_that_stops_and_lets_go_stands_in_between(method, kind):
         friction = dict.fromkeys(FIVE_BAR, coulomb(0.01, 0.05)) | {"B": coulomb(0.2)}
         scene, q = five_bar(cut, friction, kind, gravity=(0.0, 0.0, 0.0))
         push = {"O": lambda t: 0.7 * np.sin(4 * t), "D": lambda t: 0.5 * np.sin(4 * t + 1)}
-        motion = pf.simulate(scene, q, np.zeros(4), push, 1.5, method, sample_step=0.005,
-                             **METHODS[method])  # fmt: skip
+        motion = pf.simulate(
+            scene, q, np.zeros(4), push, 1.5, method, sample_step=0.005, **METHODS[method]
+        )
         rests = [x for x in motion.stick_intervals() if x.site == "B" and x.end - x.start > 0.05]
         stood = []
         # what lies between samples, too, and after the pin has stood elsewhere
@@ -117,8 +119,9 @@ def test_what_is_locked_does_not_move_at_all_and_breaks_away_when_it_did(cut, me
     v = joints(bar_rates(FourBar(), bars, 4.0, 0.0)[0])
     torque = {"O": lambda t: 5.0 * max(t - 0.5, 0.0)}
     more = {"breakpoints": [0.5]} if method == "event" else {}
-    motion = pf.simulate(scene, joints(bars), v, torque, 0.8, method, sample_step=0.005, **more,
-                         **METHODS[method])  # fmt: skip
+    motion = pf.simulate(
+        scene, joints(bars), v, torque, 0.8, method, sample_step=0.005, **more, **METHODS[method]
+    )
     rests = motion.stick_intervals()
     assert {x.site for x in rests} == set("OABC")
     assert len({(x.start, x.end) for x in rests}) == 1
@@ -174,11 +177,13 @@ def test_a_stuck_loop_of_any_kind_keeps_its_frames_together(kind, method):
     """In space: the loop's joint sticks, a freedom is left and moves."""
     scene, q, driven = spatial_loop(kind, 0)
     friction = dict.fromkeys(scene.joint_names, coulomb(0.0, 0.3)) | {"loop": coulomb(500.0)}
-    scene = pf.Scene(model=scene.model, loops=scene.loops, actuators=scene.actuators,
-                     friction=friction)  # fmt: skip
+    scene = pf.Scene(
+        model=scene.model, loops=scene.loops, actuators=scene.actuators, friction=friction
+    )
     effort = {name: lambda t, k=k: 5 * np.sin(4 * t + k) for k, name in enumerate(driven)}
-    motion = pf.simulate(scene, q, np.zeros(7), effort, 1.0, method, sample_step=0.01,
-                         **METHODS[method])  # fmt: skip
+    motion = pf.simulate(
+        scene, q, np.zeros(7), effort, 1.0, method, sample_step=0.01, **METHODS[method]
+    )
     assert (motion.modes[:, -1] == 0).all()
     apart = []
     for x in motion.q:

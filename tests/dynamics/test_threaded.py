@@ -18,8 +18,17 @@ from pinfric.dynamics.samples.reversals import reversals
 from pinfric.dynamics.samples.threaded import team
 from pinfric.model.twin import LARGEST
 
-EVERYTHING = ("effort_lower", "effort_upper", "effort_frictionless", "normal_load", "wrench",
-              "friction_lower", "friction_upper", "sticking", "reversal")  # fmt: skip
+EVERYTHING = (
+    "effort_lower",
+    "effort_upper",
+    "effort_frictionless",
+    "normal_load",
+    "wrench",
+    "friction_lower",
+    "friction_upper",
+    "sticking",
+    "reversal",
+)
 
 
 @pytest.mark.parametrize("samples", [1, 2, 3, 7, 2049])
@@ -28,10 +37,18 @@ def test_threads_change_no_bit(samples):
     model = random_tree(3, 6, sliding=0.5)
     model.armature = np.linspace(0.0, 0.3, model.nv)
     friction = random_friction(model, 3)
-    moving = [joint for joint, kind in zip(model.names[1:], model.joints[1:], strict=True)
-              if "P" in kind.shortname()[10:]]  # fmt: skip
-    friction |= {joint: {"bearing": {"kind": "guide", "length": 0.2, "width": 0.1, "on": "parent"},
-                         "mu": {"static": 0.3, "kinetic": 0.2}} for joint in moving}  # fmt: skip
+    moving = [
+        joint
+        for joint, kind in zip(model.names[1:], model.joints[1:], strict=True)
+        if "P" in kind.shortname()[10:]
+    ]
+    friction |= {
+        joint: {
+            "bearing": {"kind": "guide", "length": 0.2, "width": 0.1, "on": "parent"},
+            "mu": {"static": 0.3, "kinetic": 0.2},
+        }
+        for joint in moving
+    }
     friction.pop(model.names[2])  # one joint without: its wrench is no site's
     scene = pf.Scene(model=model, friction=friction)
     assert moving
@@ -71,8 +88,10 @@ def test_python_threads_share_a_scene_that_is_too_large_to_open():
     """Each has Pinocchio's data of its own: they take turns between any two lines of Python."""
     scene = pf.Scene(model=random_tree(5, LARGEST + 10))
     motions = [random_states(scene.model, seed, 300) for seed in range(2)]
-    right = [np.array([data_f(scene.model, *state) for state in zip(*motion, strict=True)])
-             for motion in motions]  # fmt: skip
+    right = [
+        np.array([data_f(scene.model, *state) for state in zip(*motion, strict=True)])
+        for motion in motions
+    ]
     found: dict[int, np.ndarray] = {}
 
     def work(n):
@@ -119,6 +138,7 @@ for threads in (1, 2):
 @pytest.mark.skipif(len(os.sched_getaffinity(0)) < 2, reason="threads need cores")
 def test_a_forked_process_is_not_ended_by_the_threads_of_its_parent():
     """OpenMP ends a child that asks for threads which its parent has had: it gets one."""
-    done = subprocess.run([sys.executable, "-c", FORKED], capture_output=True, text=True,
-                          check=True, timeout=60)  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, "-c", FORKED], capture_output=True, text=True, check=True, timeout=60
+    )
     assert done.stdout.split() == ["0", "0"], done.stderr

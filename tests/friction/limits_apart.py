@@ -69,22 +69,36 @@ def random_mechanism(seed: int, decades: float = 12.0) -> Mechanism:
     rings = [f"pin_{k}" for k in range(pins)]
     q = np.array([q[name] for name in names])
     h = pin.rnea(model, model.createData(), q, np.zeros(model.nv), np.zeros(model.nv))
-    alone = {name: abs(h[i]) * rng.uniform(0.95, 4.0)
-             for i, name in enumerate(names) if name not in rings}  # fmt: skip
+    alone = {
+        name: abs(h[i]) * rng.uniform(0.95, 4.0)
+        for i, name in enumerate(names)
+        if name not in rings
+    }
     ring = np.abs(h[: pins - 1]).max() * 10.0 ** -rng.uniform(0.0, decades, pins)
     ring[rng.permutation(pins)[: pins - 2]] *= 10.0 ** rng.uniform(0.0, decades / 2, pins - 2)
     limits = alone | dict(zip(rings, np.minimum(ring, 1e11).tolist(), strict=True))
     driven = [name for name in names if name not in rings[pins - 3 : -1]]
     locks = [name for name in driven if rng.random() < 0.15]
-    actuators = [{"joint": name, "transmission": WORM if name in locks else {"ratio": 1.0}}
-                 for name in driven]  # fmt: skip
-    loop = {"name": rings[-1], "kind": "planar_pin",
-            **{side: {"link": link, "xyz": at.tolist()}
-               for side, link, at in (("a", *ends[:2]), ("b", *ends[2:]))}}  # fmt: skip
+    actuators = [
+        {"joint": name, "transmission": WORM if name in locks else {"ratio": 1.0}}
+        for name in driven
+    ]
+    loop = {
+        "name": rings[-1],
+        "kind": "planar_pin",
+        **{
+            side: {"link": link, "xyz": at.tolist()}
+            for side, link, at in (("a", *ends[:2]), ("b", *ends[2:]))
+        },
+    }
     friction = {n: {"coulomb": {"static": x, "kinetic": x}} for n, x in limits.items()}
     scene = pf.Scene(model=model, friction=friction, loops=[loop], actuators=actuators)
-    effort = np.array([0.0 if name in locks else 0.3 * rng.normal() * abs(h[names.index(name)])
-                       for name in driven])  # fmt: skip
+    effort = np.array(
+        [
+            0.0 if name in locks else 0.3 * rng.normal() * abs(h[names.index(name)])
+            for name in driven
+        ]
+    )
     return Mechanism(scene, q, effort, limits | dict.fromkeys(locks, np.inf), ends)
 
 
@@ -128,8 +142,14 @@ def least_use(m: Mechanism) -> float:
     unit = max(np.abs(right), default=0.0)
     for _ in range(3 if unit > 0.0 else 0):  # frictions and t in this unit: last, in t itself
         ranges = [(None, None)] * len(free) + [(0, None)]
-        found = linprog([0.0] * len(free) + [1.0], rows, np.array(right) / unit, bounds=ranges,
-                        method="highs", options=_SHARP)  # fmt: skip
+        found = linprog(
+            [0.0] * len(free) + [1.0],
+            rows,
+            np.array(right) / unit,
+            bounds=ranges,
+            method="highs",
+            options=_SHARP,
+        )
         assert found.status == 0
         if found.fun == 0.0:
             return 0.0

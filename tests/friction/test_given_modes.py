@@ -75,8 +75,10 @@ def plain_slip_friction(p, direction, load):
 def plain_limits(p, load):
     lower, upper = np.zeros(len(p.rate_free)), np.zeros(len(p.rate_free))
     for s, c in enumerate(p.coordinate):
-        ends = [p.ratio[s] * -(p.mu_stick[s] * load[s] + p.coulomb_stick[s, 0]),
-                p.ratio[s] * (p.mu_stick[s] * load[s] + p.coulomb_stick[s, 1])]  # fmt: skip
+        ends = [
+            p.ratio[s] * -(p.mu_stick[s] * load[s] + p.coulomb_stick[s, 0]),
+            p.ratio[s] * (p.mu_stick[s] * load[s] + p.coulomb_stick[s, 1]),
+        ]
         lower[c] += min(ends)
         upper[c] += max(ends)
     return lower, upper
@@ -159,8 +161,9 @@ def test_the_jacobian_is_the_derivative_of_the_residual(seed):
         return rest, J
 
     step = 1e-6
-    numeric = np.array([(at(z + step * e)[0] - at(z - step * e)[0]) / (2 * step)
-                        for e in np.eye(nz)]).T  # fmt: skip
+    numeric = np.array(
+        [(at(z + step * e)[0] - at(z - step * e)[0]) / (2 * step) for e in np.eye(nz)]
+    ).T
     np.testing.assert_allclose(at(z)[1], numeric, atol=1e-8)
     x = reduced.X[:, 0] + reduced.X[:, 1:] @ z
     slip = x - plain_slip_friction(p, direction, plain_loads(p, x))
@@ -196,8 +199,9 @@ def test_given_modes_against_scipy(seed):
 def test_sites_of_which_some_hold_without_limit_share_what_one_coordinate_needs(seed):
     """Each stays within its limits, infinite ones included; together they are what is needed."""
     rng = np.random.default_rng(seed)
-    p = empty_problem(np.zeros(5, np.int64), rng.choice([-0.7, 1.0, 2.0], 5),
-                      np.arange(5), np.zeros(5))  # fmt: skip
+    p = empty_problem(
+        np.zeros(5, np.int64), rng.choice([-0.7, 1.0, 2.0], 5), np.arange(5), np.zeros(5)
+    )
     p.coulomb_stick[:] = rng.uniform(-0.5, 2.0, (5, 1))  # below 0: it must add at least so much
     p.coulomb_stick[:, 1] += rng.uniform(0.0, 3.0, 5) - 2.0 * p.coulomb_stick[:, 0]
     p.coulomb_stick[rng.random((5, 2)) < 0.3] = np.inf
@@ -401,8 +405,9 @@ def test_no_solution_is_left_out_where_forces_lie_on_a_line(seed):
     order = np.lexsort(np.array(expected).reshape(-1, 2).T)
     np.testing.assert_allclose(
         np.array(found).reshape(-1, 2)[np.lexsort(np.array(found).reshape(-1, 2).T)],
-        np.array(expected).reshape(-1, 2)[order], rtol=1e-9,
-    )  # fmt: skip
+        np.array(expected).reshape(-1, 2)[order],
+        rtol=1e-9,
+    )
     if solved(p, m.stuck, direction)[1].figures[0] >= 1.0:
         status = search.search(p, m, a_tree(2))
         assert status == (Found.NONE, Found.SOLVED, Found.AMBIGUOUS)[min(len(expected), 2)]
@@ -427,8 +432,9 @@ def test_a_second_solution_far_from_the_first_makes_it_ambiguous(seed):
     every = find_all(p, m.stuck, m.direction).solutions
     assert len(every) == 2
     for x in every:
-        np.testing.assert_allclose(x, plain_slip_friction(p, direction, plain_loads(p, x)),
-                                   rtol=1e-10)  # fmt: skip
+        np.testing.assert_allclose(
+            x, plain_slip_friction(p, direction, plain_loads(p, x)), rtol=1e-10
+        )
     m = Modes.of(2, 2)
     m.direction[:] = direction
     assert search.search(p, m, a_tree(2)) == Found.AMBIGUOUS
@@ -466,8 +472,10 @@ def test_the_ways_to_slip_are_those_that_linear_programs_allow(freedoms, seed, m
     at_rest = np.ones(5, bool)
     kinematics = Kinematics(p, a_mechanism(A), at_rest)
     for level in range(6):
-        yielded = [tuple(ways.get(i, 0.0) for i in range(5))
-                   for ways in kinematics.ways(list(range(5)), level, {})]  # fmt: skip
+        yielded = [
+            tuple(ways.get(i, 0.0) for i in range(5))
+            for ways in kinematics.ways(list(range(5)), level, {})
+        ]
         assert len(set(yielded)) == len(yielded)
         for signs in itertools.product((0.0, 1.0, -1.0), repeat=5):
             if np.count_nonzero(signs) == level:
@@ -480,7 +488,11 @@ def _is_a_way(A, c, signs):
     slips, sticks = signs != 0.0, signs == 0.0
     upper = np.column_stack([-signs[slips, None] * A.T[slips], np.ones(slips.sum())])
     found = linprog(
-        np.r_[np.zeros(len(A)), -1.0], upper, (signs * c)[slips], rate[sticks], -c[sticks],
+        np.r_[np.zeros(len(A)), -1.0],
+        upper,
+        (signs * c)[slips],
+        rate[sticks],
+        -c[sticks],
         bounds=[(-1e3, 1e3)] * len(A) + [(0.0, 1.0)],
-    )  # fmt: skip
+    )
     return bool(found.status == 0 and (not slips.any() or found.x[-1] > 1e-6))

@@ -54,8 +54,9 @@ def random_chain(rng, pins, strong=False, cut=None):
     for k in range(cut):
         d = places[k + 1] - places[k]
         place = pin.SE3(np.eye(3), np.array([*at, 0.0]))
-        parent = add_link(model, parent, pin.JointModelRZ(), place, f"pin_{k}",
-                          bar(masses[k], np.hypot(*d)))  # fmt: skip
+        parent = add_link(
+            model, parent, pin.JointModelRZ(), place, f"pin_{k}", bar(masses[k], np.hypot(*d))
+        )
         q[f"pin_{k}"], angle = np.arctan2(d[1], d[0]) - angle, np.arctan2(d[1], d[0])
         at = np.array([np.hypot(*d), 0.0])
     a = {"link": f"pin_{cut - 1}" if cut else "ground", "xyz": [*at, 0.0]}
@@ -63,17 +64,26 @@ def random_chain(rng, pins, strong=False, cut=None):
     for k in range(pins - 1, cut, -1):
         d = places[k - 1] - places[k]
         place = pin.SE3(np.eye(3), np.array([*at, 0.0]))
-        parent = add_link(model, parent, pin.JointModelRZ(), place, f"pin_{k}",
-                          bar(masses[k - 1], np.hypot(*d)))  # fmt: skip
+        parent = add_link(
+            model, parent, pin.JointModelRZ(), place, f"pin_{k}", bar(masses[k - 1], np.hypot(*d))
+        )
         q[f"pin_{k}"], angle = np.arctan2(d[1], d[0]) - angle, np.arctan2(d[1], d[0])
         at = np.array([np.hypot(*d), 0.0])
     b = {"link": f"pin_{cut + 1}" if cut < pins - 1 else "ground", "xyz": [*at, 0.0]}
     loop = {"name": f"pin_{cut}", "kind": "planar_pin", "a": a, "b": b}
-    friction = {f"pin_{k}": pin_friction(mu[k] / 1.5, radius[k], static=mu[k])
-                for k in range(pins)}  # fmt: skip
+    friction = {f"pin_{k}": pin_friction(mu[k] / 1.5, radius[k], static=mu[k]) for k in range(pins)}
     bars = [f"pin_{k}" if k < cut else f"pin_{k + 1}" for k in range(pins - 1)]
-    forces = [{"force": {"name": f"push_{k}", "link": bars[k], "xyz": [0.1, 0.0, 0.0],
-                         "direction": [0.3, 1, 0]}} for k in range(pins - 3)]  # fmt: skip
+    forces = [
+        {
+            "force": {
+                "name": f"push_{k}",
+                "link": bars[k],
+                "xyz": [0.1, 0.0, 0.0],
+                "direction": [0.3, 1, 0],
+            }
+        }
+        for k in range(pins - 3)
+    ]
     drives = forces if cut != pins - 1 else [{"joint": f"pin_{k}"} for k in range(pins - 3)]
     scene = pf.Scene(model=model, friction=friction, loops=[loop], actuators=drives)
     order = list(model.names)[1:]
@@ -102,19 +112,29 @@ def best_of_many_starts(scene, q, effort, rng, starts=6):
         load = np.linalg.norm(force, axis=1) * p.mu_stick[p.contact_site]
         return np.bincount(p.coordinate[p.contact_site], load, n)
 
-    rows = {"type": "eq", "fun": lambda y: (p.rate_free + p.rate_slope @ y[:-1]) / scale,
-            "jac": lambda y: np.column_stack([p.rate_slope / scale, np.zeros(n)])}  # fmt: skip
-    inside = {"type": "ineq",
-              "fun": lambda y: np.r_[y[-1] * limit(y[:-1]) - y[:-1],
-                                     y[-1] * limit(y[:-1]) + y[:-1]]}  # fmt: skip
+    rows = {
+        "type": "eq",
+        "fun": lambda y: (p.rate_free + p.rate_slope @ y[:-1]) / scale,
+        "jac": lambda y: np.column_stack([p.rate_slope / scale, np.zeros(n)]),
+    }
+    inside = {
+        "type": "ineq",
+        "fun": lambda y: np.r_[y[-1] * limit(y[:-1]) - y[:-1], y[-1] * limit(y[:-1]) + y[:-1]],
+    }
     x0 = -np.linalg.lstsq(p.rate_slope, p.rate_free, rcond=1e-12)[0]
     free = np.linalg.svd(p.rate_slope)[2][np.linalg.matrix_rank(p.rate_slope, 1e-9 * scale) :]
     best = np.inf
     for k in range(starts):
         x = x0 + (rng.normal(size=len(free)) @ free) * np.abs(x0).max() * (k > 0)
         start = np.r_[x, (np.abs(x) / limit(x)).max()]
-        found = minimize(lambda y: y[-1], start, jac=lambda y: np.eye(n + 1)[-1], method="SLSQP",
-                         constraints=[rows, inside], options={"maxiter": 60})  # fmt: skip
+        found = minimize(
+            lambda y: y[-1],
+            start,
+            jac=lambda y: np.eye(n + 1)[-1],
+            method="SLSQP",
+            constraints=[rows, inside],
+            options={"maxiter": 60},
+        )
         x = (
             found.x[:-1]
             - np.linalg.lstsq(p.rate_slope, p.rate_free + p.rate_slope @ found.x[:-1], rcond=1e-12)[
@@ -357,8 +377,12 @@ def test_the_small_linear_programs_are_what_highs_finds(seed):
     A, h, s = rng.normal(size=(rows, dz)), rng.normal(size=rows), rng.uniform(0.1, 2.0, rows)
     z = np.empty(dz)
     bound = least_violation(A, h, s, rows, reach, z)
-    best = linprog(np.r_[np.zeros(dz), 1.0], np.column_stack([A, -s]), -h,
-                   bounds=[(-reach, reach)] * dz + [(None, None)])  # fmt: skip
+    best = linprog(
+        np.r_[np.zeros(dz), 1.0],
+        np.column_stack([A, -s]),
+        -h,
+        bounds=[(-reach, reach)] * dz + [(None, None)],
+    )
     assert bound == pytest.approx(best.fun, abs=1e-9)
     assert ((A @ z + h) / s).max() == pytest.approx(best.fun, abs=1e-9)
     assert (np.abs(z) <= reach + 1e-12).all()
@@ -424,13 +448,23 @@ def two_that_share(rng, contact=1.0):
     """Problem and factor of two joints that share one freedom, and load each other in planes."""
     ws = Workspace(four_bar()[0])
     p = ws.problem._replace(
-        rate_free=np.zeros(2), rate_slope=np.zeros((2, 2)), rate_scale=np.ones(2),
-        contact=np.concatenate([rng.normal(size=(2, 1, 3)), contact * rng.normal(size=(2, 2, 3))],
-                               axis=1) * [1, 1, 0],
-        contact_site=np.arange(2), constant=np.zeros(2), coordinate=np.arange(2),
-        ratio=np.ones(2), mu_stick=rng.uniform(0.1, 0.6, 2), coulomb_stick=np.zeros((2, 2)),
-        mu_slip=np.zeros(2), coulomb_slip=np.zeros((2, 2)), drag=np.zeros(2),
-    )  # fmt: skip
+        rate_free=np.zeros(2),
+        rate_slope=np.zeros((2, 2)),
+        rate_scale=np.ones(2),
+        contact=np.concatenate(
+            [rng.normal(size=(2, 1, 3)), contact * rng.normal(size=(2, 2, 3))], axis=1
+        )
+        * [1, 1, 0],
+        contact_site=np.arange(2),
+        constant=np.zeros(2),
+        coordinate=np.arange(2),
+        ratio=np.ones(2),
+        mu_stick=rng.uniform(0.1, 0.6, 2),
+        coulomb_stick=np.zeros((2, 2)),
+        mu_slip=np.zeros(2),
+        coulomb_slip=np.zeros((2, 2)),
+        drag=np.zeros(2),
+    )
     factor = rng.normal(size=(1, 2))
     p.rate_slope[:] = factor.T @ factor
     p.rate_free[:] = factor[0] * rng.uniform(0.0, 1.5)

@@ -71,8 +71,14 @@ def test_a_load_is_shared_with_the_least_largest_use(seed, started):
     np.testing.assert_allclose(A @ x, b, atol=1e-12)
     beside = np.hstack([np.eye(n), -limit[:, None]])
     below = np.hstack([-np.eye(n), -limit[:, None]])
-    least = linprog(np.r_[np.zeros(n), 1.0], np.vstack([beside, below]), np.zeros(2 * n),
-                    np.hstack([A, np.zeros((r, 1))]), b, (None, None)).fun  # fmt: skip
+    least = linprog(
+        np.r_[np.zeros(n), 1.0],
+        np.vstack([beside, below]),
+        np.zeros(2 * n),
+        np.hstack([A, np.zeros((r, 1))]),
+        b,
+        (None, None),
+    ).fun
     assert least * (1 - 1e-9) <= (np.abs(x) / limit).max() <= least * (1 + 1e-3)
 
 

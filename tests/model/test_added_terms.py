@@ -171,18 +171,24 @@ def test_they_are_effects_by_their_keys(tmp_path):
 @pytest.mark.parametrize(
     ("friction", "says"),
     [
-        (COLLAR.replace("weight", "wieght"),
-         "unknown key `friction.turn.bearing.wieght`; did you mean 'weight'"),
+        (
+            COLLAR.replace("weight", "wieght"),
+            "unknown key `friction.turn.bearing.wieght`; did you mean 'weight'",
+        ),
         (COLLAR.replace("weight", "radius"), r"bearing\.radius`; there are: kind, weight"),
         (COLLAR.replace(", weight: 2.0", ""), r"`friction\.turn\.bearing\.weight` is missing"),
         (COLLAR.replace("2.0", "-2"), r"bearing\.weight`: .*at least 0"),
         (POWER_DRAG.replace("0.4", "-1"), r"turn\.power_drag\.coefficient`: .*at least 0"),
-        (POWER_DRAG.replace("exponent", "exponant"),
-         r"unknown key `friction\.turn\.power_drag\.exponant`; did you mean 'exponent'"),
-        (POWER_DRAG.replace("power_drag", "power_darg"),
-         r"unknown key `friction\.turn\.power_darg`; did you mean 'power_drag'"),
+        (
+            POWER_DRAG.replace("exponent", "exponant"),
+            r"unknown key `friction\.turn\.power_drag\.exponant`; did you mean 'exponent'",
+        ),
+        (
+            POWER_DRAG.replace("power_drag", "power_darg"),
+            r"unknown key `friction\.turn\.power_darg`; did you mean 'power_drag'",
+        ),
     ],
-)  # fmt: skip
+)
 def test_their_mistakes_are_named_like_those_of_the_others(tmp_path, friction, says):
     with pytest.raises(SceneError, match=says) as caught:
         turntable(tmp_path, friction)

@@ -52,8 +52,11 @@ simulation: {{start: {{q: {{crank_pin: 0.5, coupler_pin: 0.4, ground_pin: 1.4}}}
 
 def written(folder, kind, digits, offset="0", more=""):
     """A four-bar whose links' frames are turned by right angles, from files."""
-    bodies = (("crank", "0.05 0 0", 0.5), ("coupler", "0 0 -0.175", 1.2),
-              ("rocker", "0.125 0 0", 0.9))  # fmt: skip
+    bodies = (
+        ("crank", "0.05 0 0", 0.5),
+        ("coupler", "0 0 -0.175", 1.2),
+        ("rocker", "0.125 0 0", 0.9),
+    )
     links = "\n".join(BODY.format(*body) for body in bodies)
     (folder / "four_bar.urdf").write_text(URDF.format(links=links, **digits))
     scene = SCENE.format(kind=kind, offset=offset, more=more, **digits)
@@ -120,8 +123,10 @@ def test_every_placement_off_by_a_little_is_still_the_mechanism(cut, angle):
         angles = np.linspace(0.2, 6.1, 9)
         known = "A" if cut == "O" else "O"
         q = np.array([scene.close(x, [known]) for x in joints(angles)])
-        rates = [(-1 if cut == "O" else 1) * x[:, ["OA".index(known)]]
-                 for x in crank_rates(angles, 10.0, 5.0)]  # fmt: skip
+        rates = [
+            (-1 if cut == "O" else 1) * x[:, ["OA".index(known)]]
+            for x in crank_rates(angles, 10.0, 5.0)
+        ]
         assert np.linalg.matrix_rank(closure_jacobian(scene.twin(), scene.linkage, q[:1])[0]) == 2
         result = pf.inverse_dynamics(scene, q, *consistent_motion(scene, q, [known], *rates))
         found.append((result.effort_lower, result.normal_load))
@@ -149,8 +154,13 @@ def test_axes_beyond_the_tolerance_are_named(tmp_path, kind):
     digits = {"half": "1.571", "whole": "3.142"}
     with pytest.raises(SceneError) as error:
         written(tmp_path, kind, digits)
-    for part in ("loops[0] (rocker_pin)", "'crank_pin' and joint 'ground_pin'", "0.000204 rad from",
-                 "parallel", "loop_tolerance.angle allows 1e-05"):  # fmt: skip
+    for part in (
+        "loops[0] (rocker_pin)",
+        "'crank_pin' and joint 'ground_pin'",
+        "0.000204 rad from",
+        "parallel",
+        "loop_tolerance.angle allows 1e-05",
+    ):
         assert part in str(error.value)
     scene, said = quietly(written, tmp_path, kind, digits, more="loop_tolerance: {angle: 1.0e-3}")
     assert len(said) == 1

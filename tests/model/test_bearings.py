@@ -23,8 +23,9 @@ def load_of(bearing, force, moment, joint=None, q=0.0, mu=MU):
     scene = pf.Scene(model=model, friction={"joint": {"bearing": bearing, "mu": mu}})
     # the parent holds against what acts on the child
     wrench = -np.concatenate([force, moment]).astype(float)
-    result = pf.inverse_dynamics(scene, np.full((1, 1), q), np.ones((1, 1)), np.zeros((1, 1)),
-                                 {"child": wrench})  # fmt: skip
+    result = pf.inverse_dynamics(
+        scene, np.full((1, 1), q), np.ones((1, 1)), np.zeros((1, 1)), {"child": wrench}
+    )
     assert result.check().passed()
     return result.normal_load[0, 0]
 

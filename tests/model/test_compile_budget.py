@@ -32,8 +32,19 @@ BUDGET = {
     "model.kinematics.relate_pairs": 6_700,
     "model.kinematics.act_on_joints": 3_400,
 }
-OPERATIONS = (ast.BinOp, ast.UnaryOp, ast.BoolOp, ast.Compare, ast.Call, ast.Subscript, ast.Assign,
-              ast.AugAssign, ast.For, ast.If, ast.IfExp)  # fmt: skip
+OPERATIONS = (
+    ast.BinOp,
+    ast.UnaryOp,
+    ast.BoolOp,
+    ast.Compare,
+    ast.Call,
+    ast.Subscript,
+    ast.Assign,
+    ast.AugAssign,
+    ast.For,
+    ast.If,
+    ast.IfExp,
+)
 
 
 def callees(kernel):

@@ -46,10 +46,14 @@ def all_four(x):
 
 def python(folder, *arguments):
     return subprocess.run(
-        [sys.executable, *arguments], cwd=folder, capture_output=True, text=True,
+        [sys.executable, *arguments],
+        cwd=folder,
+        capture_output=True,
+        text=True,
         env={**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(folder / "cache")},
-        check=True, timeout=120,
-    )  # fmt: skip
+        check=True,
+        timeout=120,
+    )
 
 
 def run(folder):

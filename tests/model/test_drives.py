@@ -20,13 +20,17 @@ def motor(effort, velocity, acceleration=0.0, transmission=GEAR, friction=None):
     model.gravity.linear = np.zeros(3)
     model.addFrame(pin.Frame("slide_child", 1, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
     scene = pf.Scene(
-        model=model, friction=friction or {},
+        model=model,
+        friction=friction or {},
         actuators=[{"joint": "slide", "transmission": transmission}],
-    )  # fmt: skip
+    )
     result = pf.inverse_dynamics(
-        scene, [[0.0]], [[velocity]], [[acceleration]],
+        scene,
+        [[0.0]],
+        [[velocity]],
+        [[acceleration]],
         {"slide_child": np.array([acceleration - effort, 0, 0, 0, 0, 0])},
-    )  # fmt: skip
+    )
     assert result.effort_frictionless[0, 0] == pytest.approx(effort)
     return result.motor_torque_lower[0, 0], result.motor_torque_upper[0, 0]
 
@@ -92,8 +96,9 @@ def test_without_a_transmission_the_motor_is_the_joint():
 @pytest.mark.parametrize("velocity", [0.0, 0.7, -0.7])
 def test_bounds_enclose_every_effort_of_the_interval_tightly(back_efficiency, velocity):
     """Brute force over the interval: a self-locking gear's torque is not monotone in the effort."""
-    gear = Transmission(ratio=50.0, efficiency=0.8, back_efficiency=back_efficiency,
-                        no_load_torque=0.01)  # fmt: skip
+    gear = Transmission(
+        ratio=50.0, efficiency=0.8, back_efficiency=back_efficiency, no_load_torque=0.01
+    )
     rng = np.random.default_rng(0)
     for _ in range(200):
         lower, upper = np.sort(rng.uniform(-12, 12, 2))

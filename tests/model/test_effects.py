@@ -78,8 +78,12 @@ def test_an_effect_taken_out_is_off_and_the_others_stay(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_single_effect_can_be_kept(name):
-    needs = {"bending": {"load"}, "stribeck": {"load", "static"}, "static": {"load"},
-             "gear": {"transmission"}}  # fmt: skip
+    needs = {
+        "bending": {"load"},
+        "stribeck": {"load", "static"},
+        "static": {"load"},
+        "gear": {"transmission"},
+    }
     kept = {name} | needs.get(name, set())
     assert on(with_effects(whole_scene(), only=kept)) == kept
 

@@ -16,8 +16,16 @@ URDFS = sorted(example_robot_data().rglob("*.urdf"))
 NO_JOINTS = {"quadrotor_base", "iris_simple", "bluevolta"}
 INVALID = {"ur3": "has no <link>", "falcon": "names link 'Z_propeller'"}
 #: Bodies that no matter could form: read as they are written, with a word about it.
-IMPLAUSIBLE = {"alex_psyonic_hands", "allegro_left_hand", "allegro_right_hand", "bolt",
-               "hyq_no_sensors", "pr2", "romeo_laas_small", "romeo_small"}  # fmt: skip
+IMPLAUSIBLE = {
+    "alex_psyonic_hands",
+    "allegro_left_hand",
+    "allegro_right_hand",
+    "bolt",
+    "hyq_no_sensors",
+    "pr2",
+    "romeo_laas_small",
+    "romeo_small",
+}
 #: Followers that stand before their leaders in Pinocchio's order.
 REORDERED = {"romeo", "talos_full_v2", "talos_full_v2_box"}
 
@@ -66,8 +74,7 @@ def test_what_is_read_is_what_pinocchio_reads(robots):
 
 def test_implausible_bodies_are_one_warning_for_each_robot(robots):
     _, said = robots
-    about = {stem: [t for t in texts if "used as written" in t]
-             for stem, texts in said.items()}  # fmt: skip
+    about = {stem: [t for t in texts if "used as written" in t] for stem, texts in said.items()}
     assert {stem for stem, texts in about.items() if texts} == IMPLAUSIBLE
     assert all(len(texts) <= 1 for texts in about.values())
     for foot in ("lf_foot", "rf_foot", "lh_foot", "rh_foot"):

@@ -181,8 +181,15 @@ for name in ("three_link", "drawer", "four_bar"):
 
 def run(folder, *arguments, **more):
     env = {**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(folder)}
-    return subprocess.run([sys.executable, *arguments], capture_output=True, text=True, env=env,
-                          check=True, timeout=300, **more)  # fmt: skip
+    return subprocess.run(
+        [sys.executable, *arguments],
+        capture_output=True,
+        text=True,
+        env=env,
+        check=True,
+        timeout=300,
+        **more,
+    )
 
 
 def test_interpreted_and_compiled_agree(tmp_path):

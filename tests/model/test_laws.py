@@ -17,8 +17,15 @@ from pinfric.model.schema import Friction
 def bounds(friction, velocity, load=0.0, at_rest=False):
     law = law_table([friction_law(Friction.model_validate(friction), 1e-6)])
     lower, upper, sticking = np.empty((1, 1)), np.empty((1, 1)), np.empty((1, 1), dtype=bool)
-    friction_bounds(np.array([[velocity]]), np.array([[load]]), law, np.array([[at_rest]]),
-                    lower, upper, sticking)  # fmt: skip
+    friction_bounds(
+        np.array([[velocity]]),
+        np.array([[load]]),
+        law,
+        np.array([[at_rest]]),
+        lower,
+        upper,
+        sticking,
+    )
     return lower[0, 0], upper[0, 0], sticking[0, 0]
 
 
@@ -76,8 +83,9 @@ def friction_entries(draw):
         velocity, exponent = draw(st.floats(1e-3, 1.0)), draw(st.floats(0.5, 2.0))
         more["stribeck"] = {"velocity": velocity, "exponent": exponent}
     mu = pair(0.5)
-    return plane_friction(mu["static"], mu["kinetic"], **more,
-                          stick_velocity=draw(st.floats(1e-6, 0.5)))  # fmt: skip
+    return plane_friction(
+        mu["static"], mu["kinetic"], **more, stick_velocity=draw(st.floats(1e-6, 0.5))
+    )
 
 
 @settings(deadline=None)  # the first example may compile a kernel
@@ -96,7 +104,7 @@ def test_no_step_out_of_the_interval_at_the_stick_velocity(friction, load, side)
     assert bounds(friction, 0.0, load)[:2] == (
         -(law.static.mu * load + law.static.forward),
         law.static.mu * load + law.static.backward,
-    )  # fmt: skip
+    )
 
 
 @settings(max_examples=25, deadline=None)
@@ -108,10 +116,17 @@ def test_efforts_of_a_tree_just_above_lie_in_their_intervals_just_below(seed):
     actuators = [{"joint": f"joint_{j}", "transmission": gear} for j in range(1, 5)]
     states = random_states(model, seed, 5)
     slides, creeps = (
-        pf.inverse_dynamics(pf.Scene(model=model, friction=random_friction(model, seed),
-                                     actuators=actuators, stick_velocity=stick), *states)
+        pf.inverse_dynamics(
+            pf.Scene(
+                model=model,
+                friction=random_friction(model, seed),
+                actuators=actuators,
+                stick_velocity=stick,
+            ),
+            *states,
+        )
         for stick in (0.0, 100.0)
-    )  # fmt: skip
+    )
     assert creeps.sticking.all()
     assert not slides.sticking.any()
     for kind in ("effort", "motor_torque"):

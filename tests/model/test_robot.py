@@ -42,8 +42,10 @@ def scene(tmp_path, text):
     ("parts", "says"),
     [
         ([link("arm", mass="-1"), joint()], r"'arm'.*mass -1 kg is negative"),
-        ([link("arm", inertia=INERTIA.replace('izz="0.1"', 'izz="-0.3"')), joint()],
-         r"the links that joint 'swing' moves have a negative kinetic energy"),
+        (
+            [link("arm", inertia=INERTIA.replace('izz="0.1"', 'izz="-0.3"')), joint()],
+            r"the links that joint 'swing' moves have a negative kinetic energy",
+        ),
         ([link("arm"), joint(axis="0 0 0")], r"'swing' has the axis \[0.0, 0.0, 0.0\]"),
         ([link("arm"), joint(child="amr")], r"'swing' names link 'amr'.*did you mean 'arm'"),
         ([link("arm"), joint(), joint(name="again")], "'again'.*tree"),
@@ -52,34 +54,81 @@ def scene(tmp_path, text):
         ([link("arm"), joint().replace('lower="-1"', 'lower="3"')], r"'swing': limits lower 3"),
         ([link("arm"), joint(more='<mimic joint="swing"/>')], "'swing' mimics itself"),
         ([link("arm"), joint(more='<dynamics friction="x"/>')], "'swing'.*friction='x'"),
-        ([link("arm"), joint(), link("a"), link("b"), joint("r", "a", "b"), joint("s", "b", "a")],
-         r"\['a', 'b'\] form a ring"),
+        (
+            [
+                link("arm"),
+                joint(),
+                link("a"),
+                link("b"),
+                joint("r", "a", "b"),
+                joint("s", "b", "a"),
+            ],
+            r"\['a', 'b'\] form a ring",
+        ),
         ([link("arm"), joint().replace(' xyz="0 0 1"', "")], "'swing' has an <axis> without xyz"),
-        ([link("arm").replace("</link>", '<visual><geometry><box size="1 2"/></geometry></visual>'
-                              "</link>"), joint()], "'arm': <box size='1 2'> should be 3 finite"),
-        ([link("arm").replace("</link>", "<visual/></link>"), joint()],
-         "'arm': a <visual> needs a <geometry>, of box, cylinder, sphere, mesh"),
-        ([link("arm").replace("</link>", "<collision><geometry><cone/></geometry></collision>"
-                              "</link>"), joint()], "'arm': a <collision> needs a <geometry>"),
-        ([link("arm").replace("</link>", '<visual><geometry><cylinder radius="1"/></geometry>'
-                              "</visual></link>"), joint()], "'arm'.*<cylinder> without length"),
+        (
+            [
+                link("arm").replace(
+                    "</link>", '<visual><geometry><box size="1 2"/></geometry></visual></link>'
+                ),
+                joint(),
+            ],
+            "'arm': <box size='1 2'> should be 3 finite",
+        ),
+        (
+            [link("arm").replace("</link>", "<visual/></link>"), joint()],
+            "'arm': a <visual> needs a <geometry>, of box, cylinder, sphere, mesh",
+        ),
+        (
+            [
+                link("arm").replace(
+                    "</link>", "<collision><geometry><cone/></geometry></collision></link>"
+                ),
+                joint(),
+            ],
+            "'arm': a <collision> needs a <geometry>",
+        ),
+        (
+            [
+                link("arm").replace(
+                    "</link>", '<visual><geometry><cylinder radius="1"/></geometry></visual></link>'
+                ),
+                joint(),
+            ],
+            "'arm'.*<cylinder> without length",
+        ),
         ([link("arm"), joint(axis="1e200 1e200 0")], "'swing'.*should be at most 1e.12"),
         ([link("arm"), joint(axis="1e10 0 0")], "'swing' has the axis"),
         ([link("arm", mass="1e304"), joint()], "'arm': <mass value='1e304'> should be at most"),
         ([link("arm").replace('<mass value="1"/>', ""), joint()], "'arm'.*without <mass"),
         ([link("arm").replace('iyy="0.1"', ""), joint()], "'arm'.*without inertia iyy"),
         ([link("arm").replace("</link>", "<inertial/></link>"), joint()], "'arm' has 2 <inert"),
-        ([link("arm"), joint(), link("a"), link("b"),
-          joint("m", "arm", "a", more='<mimic joint="swing"/>'),
-          joint("n", "arm", "b", more='<mimic joint="m"/>')], "'n' mimics 'm', which mimics"),
-        ([link("arm"), joint(kind="continuous"), link("a"),
-          joint("m", "arm", "a", more='<mimic joint="swing"/>')], "'m' mimics 'swing', a cont"),
+        (
+            [
+                link("arm"),
+                joint(),
+                link("a"),
+                link("b"),
+                joint("m", "arm", "a", more='<mimic joint="swing"/>'),
+                joint("n", "arm", "b", more='<mimic joint="m"/>'),
+            ],
+            "'n' mimics 'm', which mimics",
+        ),
+        (
+            [
+                link("arm"),
+                joint(kind="continuous"),
+                link("a"),
+                joint("m", "arm", "a", more='<mimic joint="swing"/>'),
+            ],
+            "'m' mimics 'swing', a cont",
+        ),
         ([link("arm", mass="nan"), joint()], r"'arm': <mass value='nan'>"),
         ([link("arm"), joint(kind="fixed")], "no joint of this robot can move"),
         ([link("arm"), joint().replace('name="swing" ', "")], "joint number 1 has no name"),
         ([link("arm"), joint(kind="hinge")], "type 'hinge'; there are: revolute"),
     ],
-)  # fmt: skip
+)
 def test_what_no_robot_can_be_is_refused(tmp_path, parts, says):
     with pytest.raises(RobotError, match=says) as caught:
         read_robot(urdf(tmp_path, *parts), {})
@@ -115,11 +164,15 @@ def test_kinetic_energy_is_positive_at_every_pose_within_the_ranges(tmp_path, ow
 
 @pytest.mark.parametrize(
     ("text", "says"),
-    [("<robot", "not well-formed"), ("", "robot.urdf: is empty"),
-     ("<sdf version='1.6'/>", "root element is <sdf>.*SDF, as Gazebo"),
-     ("<mujoco model='a'/>", "root element is <mujoco>.*MJCF"), ("a: 1", "not well-formed"),
-     ("<robot name='r'/>", "no <link>")],
-)  # fmt: skip
+    [
+        ("<robot", "not well-formed"),
+        ("", "robot.urdf: is empty"),
+        ("<sdf version='1.6'/>", "root element is <sdf>.*SDF, as Gazebo"),
+        ("<mujoco model='a'/>", "root element is <mujoco>.*MJCF"),
+        ("a: 1", "not well-formed"),
+        ("<robot name='r'/>", "no <link>"),
+    ],
+)
 def test_what_is_no_urdf_is_refused(tmp_path, text, says):
     file = tmp_path / "robot.urdf"
     file.write_text(text)
@@ -223,9 +276,11 @@ def test_urdf_dynamics_are_ignored_with_a_notice_or_used(tmp_path):
 
 def test_the_notice_of_urdf_dynamics_names_four_joints_of_many(tmp_path):
     with pytest.warns(PinfricWarning, match="the URDF's <") as said:
-        pf.load_scene(scene(
-            tmp_path, "robot: {urdf: 'example-robot-data:tiago_description/robots/tiago.urdf'}"
-        ))  # fmt: skip
+        pf.load_scene(
+            scene(
+                tmp_path, "robot: {urdf: 'example-robot-data:tiago_description/robots/tiago.urdf'}"
+            )
+        )
     assert all(len(str(warning.message)) < 400 for warning in said)
 
 
@@ -233,17 +288,23 @@ def test_the_notice_of_urdf_dynamics_names_four_joints_of_many(tmp_path):
     ("text", "error", "says"),
     [
         ("friction: {swnig: {viscous: 1}}", SceneError, "no joint 'swnig'; did you mean 'swing'"),
-        ("friction: {swing: {bearing: {kind: guide, length: 0.1}, mu: {static: 0, kinetic: 0}}}",
-         SceneError, "a guide does not fit a turning joint; take pin"),
-        ("friction: {swing: {bearing: {kind: ball, radius: 0.1}, mu: {static: 0, kinetic: 0}}}",
-         SceneError, "take pin or linear .a ball fits a spherical loop"),
+        (
+            "friction: {swing: {bearing: {kind: guide, length: 0.1}, mu: {static: 0, kinetic: 0}}}",
+            SceneError,
+            "a guide does not fit a turning joint; take pin",
+        ),
+        (
+            "friction: {swing: {bearing: {kind: ball, radius: 0.1}, mu: {static: 0, kinetic: 0}}}",
+            SceneError,
+            "take pin or linear .a ball fits a spherical loop",
+        ),
         ("actuators: [{joint: swing}, {joint: swing}]", SceneError, "listed twice"),
         ("actuators: [{joint: wing}]", SceneError, "did you mean 'swing'"),
         ("actuators: [{cylinder: {name: boom}}]", SceneError, r"`actuators\[0\].cylinder.a`"),
         ("actuators: [{force: {name: push}}]", SceneError, r"`actuators\[0\].force.link`"),
         ("loops: [{name: rocker}]", SceneError, r"`loops\[0\].kind` is missing"),
     ],
-)  # fmt: skip
+)
 def test_a_scene_that_does_not_fit_its_robot_is_refused(tmp_path, text, error, says):
     urdf(tmp_path, link("arm"), joint())
     with pytest.raises(error, match=says):

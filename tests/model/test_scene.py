@@ -135,14 +135,17 @@ def test_with_gives_a_changed_scene_and_leaves_the_first():
     assert scene.with_(stick_velocity=0.1).sites[0].law.stick_velocity == 0.1
 
 
-@pytest.mark.parametrize(("change", "says"), [
-    ({"gravity": [0.0, -9.81]}, "gravity: should be three finite numbers"),
-    ({"gravity": [0.0, 0.0, np.nan]}, "gravity: should be three finite numbers"),
-    ({"gravity": [0.0, 0.0, 1j]}, "gravity: .*complex numbers"),
-    ({"fricton": {}}, "with_: there is no 'fricton'; did you mean 'friction'"),
-    ({"friction": {"slid": {}}}, "there is no joint 'slid'"),
-    ({"payloads": {"box": {"link": "tray", "mass": -1.0}}}, "payloads.box"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"gravity": [0.0, -9.81]}, "gravity: should be three finite numbers"),
+        ({"gravity": [0.0, 0.0, np.nan]}, "gravity: should be three finite numbers"),
+        ({"gravity": [0.0, 0.0, 1j]}, "gravity: .*complex numbers"),
+        ({"fricton": {}}, "with_: there is no 'fricton'; did you mean 'friction'"),
+        ({"friction": {"slid": {}}}, "there is no joint 'slid'"),
+        ({"payloads": {"box": {"link": "tray", "mass": -1.0}}}, "payloads.box"),
+    ],
+)
 def test_with_checks_like_the_first_time(change, says):
     with pytest.raises(SceneError, match=says):
         made().with_(**change)

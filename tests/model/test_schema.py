@@ -25,8 +25,14 @@ WHOLE = {
         "urdf": "three_link.urdf",
         "gravity": [0.0, -9.81, 0.0],
         "locked": {"finger": 0.02},
-        "payloads": {"box": {"link": "tool0", "mass": 2.0, "com": [0, 0, 0.05],
-                             "inertia": [0.01, 0, 0, 0.01, 0, 0.01]}},
+        "payloads": {
+            "box": {
+                "link": "tool0",
+                "mass": 2.0,
+                "com": [0, 0, 0.05],
+                "inertia": [0.01, 0, 0, 0.01, 0, 0.01],
+            }
+        },
         "urdf_dynamics": "ignore",
     },
     "friction": {
@@ -38,23 +44,37 @@ WHOLE = {
             "viscous": 0.1,
             "stick_velocity": 1.0e-6,
         },
-        "joint_23": {"coulomb": {"positive": {"static": 2, "kinetic": 1},
-                                 "negative": {"static": 3, "kinetic": 1}}},
+        "joint_23": {
+            "coulomb": {
+                "positive": {"static": 2, "kinetic": 1},
+                "negative": {"static": 3, "kinetic": 1},
+            }
+        },
     },
     "actuators": [
         {"joint": "joint_1"},
-        {"joint": "joint_2", "transmission": {"ratio": 100, "efficiency": 0.88,
-                                              "back_efficiency": 0.83, "no_load_torque": 0.031,
-                                              "rotor_inertia": 4.4e-6}},
+        {
+            "joint": "joint_2",
+            "transmission": {
+                "ratio": 100,
+                "efficiency": 0.88,
+                "back_efficiency": 0.83,
+                "no_load_torque": 0.031,
+                "rotor_inertia": 4.4e-6,
+            },
+        },
     ],
     "stick": {"velocity": 1.0e-6},
     "simulation": {
         "start": {"q": {"joint_1": 0.0}, "v": {"joint_1": 1.0}},
-        "effort": {"joint_1": {"sine": {"amplitude": 5.0, "angular_frequency": 1.0}},
-                   "joint_12": 0.0, "joint_23": {"table": "torques.csv"}},
+        "effort": {
+            "joint_1": {"sine": {"amplitude": 5.0, "angular_frequency": 1.0}},
+            "joint_12": 0.0,
+            "joint_23": {"table": "torques.csv"},
+        },
         "t_end": 1.0,
     },
-}  # fmt: skip
+}
 
 
 def with_change(path, value):
@@ -145,11 +165,14 @@ def test_what_cannot_be_is_refused_by_name(path, value, says):
         # the key that was meant is there already, and is not offered
         ("stiffness", {"k1": 1.0, "k2": 2.0, "t1": 1.0, "t21": 3.0}, "`stiffness.t21`; did .*'t2'"),
         ("stiffness", {"k": 1.0, "k2": 2.0}, "unknown key `stiffness.k`; did you mean 'k3'"),
-        ("no_load_torque", {"positive": {"static": 1, "kinetic": 1}, "static": 1},
-         "unknown key `no_load_torque.positive`; there are: static, kinetic$"),
+        (
+            "no_load_torque",
+            {"positive": {"static": 1, "kinetic": 1}, "static": 1},
+            "unknown key `no_load_torque.positive`; there are: static, kinetic$",
+        ),
         ("efficiency", {"rated": 0.8, "load": 1.0, "lode": 1.0}, "`efficiency.lode`; there are: "),
     ],
-)  # fmt: skip
+)
 def test_what_is_given_already_cannot_have_been_meant(where, entry, says):
     with pytest.raises(SceneError, match=says):
         parse(Transmission, {"ratio": 10, where: entry}, "x")
@@ -165,20 +188,35 @@ def test_all_problems_come_at_once():
 @pytest.mark.parametrize(
     ("entry", "content", "says"),
     [
-        (Bearing, {"kind": "pin", "radius": 80.0},
-         "scene.yaml: radius = 80 m: usually at most 1 m; check the unit"),
-        (Friction, {"bearing": {"kind": "pin", "radius": 0.1}, "mu": {"static": 35, "kinetic": 30}},
-         "scene.yaml: mu.static = 35: usually at most 2; check the unit"),
-        (Transmission, {"ratio": 10, "rotor_inertia": 4.4},
-         "scene.yaml: rotor_inertia = 4.4 kg m^2: usually at most 0.1 kg m^2; kg cm^2 entered?"),
-        (SceneFile, with_change(["friction", "joint_12", "bearing", "radius"], 80.0),
-         "scene.yaml: friction.joint_12.bearing.radius = 80 m: usually at most 1 m; "
-         "check the unit"),
-        (SceneFile, with_change(["actuators", 1, "transmission", "ratio"], -2e3),
-         "scene.yaml: actuators[1].transmission.ratio = 2000: usually at most 1000; "
-         "check the unit"),
+        (
+            Bearing,
+            {"kind": "pin", "radius": 80.0},
+            "scene.yaml: radius = 80 m: usually at most 1 m; check the unit",
+        ),
+        (
+            Friction,
+            {"bearing": {"kind": "pin", "radius": 0.1}, "mu": {"static": 35, "kinetic": 30}},
+            "scene.yaml: mu.static = 35: usually at most 2; check the unit",
+        ),
+        (
+            Transmission,
+            {"ratio": 10, "rotor_inertia": 4.4},
+            "scene.yaml: rotor_inertia = 4.4 kg m^2: usually at most 0.1 kg m^2; kg cm^2 entered?",
+        ),
+        (
+            SceneFile,
+            with_change(["friction", "joint_12", "bearing", "radius"], 80.0),
+            "scene.yaml: friction.joint_12.bearing.radius = 80 m: usually at most 1 m; "
+            "check the unit",
+        ),
+        (
+            SceneFile,
+            with_change(["actuators", 1, "transmission", "ratio"], -2e3),
+            "scene.yaml: actuators[1].transmission.ratio = 2000: usually at most 1000; "
+            "check the unit",
+        ),
     ],
-)  # fmt: skip
+)
 def test_implausible_magnitudes_are_questioned_but_taken(entry, content, says):
     with pytest.warns(PinfricWarning) as said:
         parse(entry, content, "scene.yaml")
@@ -244,9 +282,12 @@ def test_any_text_is_yaml_or_refused(tmp_path, content):
 
 @settings(max_examples=100, deadline=None)
 @given(
-    kinetic=st.floats(0, 2), more=st.floats(0, 1), radius=st.floats(0, 0.9),
-    length=st.none() | st.floats(1e-6, 0.9), viscous=st.floats(0, 10, exclude_min=True),
-)  # fmt: skip
+    kinetic=st.floats(0, 2),
+    more=st.floats(0, 1),
+    radius=st.floats(0, 0.9),
+    length=st.none() | st.floats(1e-6, 0.9),
+    viscous=st.floats(0, 10, exclude_min=True),
+)
 @pytest.mark.filterwarnings("ignore::pinfric.errors.PinfricWarning")
 def test_what_is_written_is_what_is_read(kinetic, more, radius, length, viscous):
     bearing = {"kind": "pin", "radius": radius}

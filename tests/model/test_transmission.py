@@ -45,8 +45,9 @@ def test_rated_efficiency_with_no_load_torque_is_the_makers_curve_over_the_load(
     """
     kappa = (1 / 0.93 - 1) / (1 / 0.57 - 1)
     T, n = 34.0, kappa / 0.78 * 34.0 / 80.0
-    gear = transmission(ratio=80.0, efficiency={"rated": 0.78, "load": T}, back_efficiency=0.9,
-                        no_load_torque=n)  # fmt: skip
+    gear = transmission(
+        ratio=80.0, efficiency={"rated": 0.78, "load": T}, back_efficiency=0.9, no_load_torque=n
+    )
     assert kappa == pytest.approx(0.0998, abs=5e-5)
     assert n == pytest.approx(0.054, abs=5e-4)
     assert 1 / (1 + driving_loss(gear).slopes[0]) == pytest.approx(0.866, abs=5e-4)
@@ -59,11 +60,19 @@ def test_no_pair_exists_for_a_gear_that_would_gain():
     """SHG-20-80: 0.63 and K(0.8) = 0.9 make n/T = 0.706 and eta0 = 1.13."""
     n = (1 / (0.63 * 0.9) - 1 / 0.63) / (1 / 0.8 - 1) * 34.0 / 80.0
     with pytest.raises(SceneError, match=r"no_load_torque.*1\.13, above 1.*maker's curve"):
-        transmission(ratio=80.0, efficiency={"rated": 0.63, "load": 34.0}, back_efficiency=0.9,
-                     no_load_torque=n)  # fmt: skip
+        transmission(
+            ratio=80.0,
+            efficiency={"rated": 0.63, "load": 34.0},
+            back_efficiency=0.9,
+            no_load_torque=n,
+        )
     with pytest.raises(SceneError, match="the load's part would be inf, above 1"):  # 80 of 34 N m
-        transmission(ratio=80.0, efficiency={"rated": 0.63, "load": 34.0}, back_efficiency=0.9,
-                     no_load_torque=1.0)  # fmt: skip
+        transmission(
+            ratio=80.0,
+            efficiency={"rated": 0.63, "load": 34.0},
+            back_efficiency=0.9,
+            no_load_torque=1.0,
+        )
 
 
 @pytest.mark.parametrize(("degrees", "points"), [(20, 0.14), (0, 0.065), (-10, 0.51)])
@@ -79,8 +88,10 @@ def test_a_power_of_two_thirds_fits_a_strain_wave_gear_over_the_speed(degrees, p
 
 def test_cold_is_a_factor_on_what_grows_with_the_speed():
     """The fits' d at 0 C over that at 20 C is 2.71 (rad/s)^(2/3); c stays as it is."""
-    warm, cold = (driving_loss(transmission(efficiency=over_speed(20, **more), back_efficiency=0.9))
-                  for more in ({}, {"temperature": {"factor": 2.71, "source": "CSD"}}))  # fmt: skip
+    warm, cold = (
+        driving_loss(transmission(efficiency=over_speed(20, **more), back_efficiency=0.9))
+        for more in ({}, {"temperature": {"factor": 2.71, "source": "CSD"}})
+    )
     assert (cold.constant, cold.rise) == (warm.constant, 2.71 * warm.rise)
     fitted = driving_loss(transmission(efficiency=over_speed(0), back_efficiency=0.9))
     assert fitted.rise == pytest.approx(cold.rise, rel=1e-3)
@@ -101,9 +112,12 @@ CURVE = [[10.0, 0.55], [20.0, 0.70], [40.0, 0.80]]
 def test_a_curve_over_the_load_is_met_at_its_points_and_straight_between(direction):
     """u = t/eta at each point, no-load torque and drag included; 40 N m and 80 N m lose alike."""
     n, c, speed = 0.01, 2e-4, 30.0
-    gear = transmission(efficiency={"over_load": CURVE, "speed": speed}, back_efficiency=0.9,
-                        no_load_torque=n,
-                        motor_viscous={"coefficient": c, "exponent": 0.5})  # fmt: skip
+    gear = transmission(
+        efficiency={"over_load": CURVE, "speed": speed},
+        back_efficiency=0.9,
+        no_load_torque=n,
+        motor_viscous={"coefficient": c, "exponent": 0.5},
+    )
     taken = [torques(gear, direction * t, direction * speed / 100.0)[0] for t, _ in CURVE]
     np.testing.assert_allclose(taken, [direction * t / eta / 100.0 for t, eta in CURVE], rtol=1e-13)
     halfway = torques(gear, direction * 30.0, direction * speed / 100.0)[0]
@@ -116,15 +130,17 @@ def test_a_curve_over_the_load_is_met_at_its_points_and_straight_between(directi
 def test_both_curves_meet_at_the_load_and_speed_they_share():
     """g(w) L(t): at 40 N m as over_speed says, at 10 N m in the share that over_load gives."""
     curve = [[10.0, 0.52], [40.0, 0.71]]
-    gear = transmission(efficiency=over_speed(20, over_load=curve, speed=SPEEDS[1]),
-                        back_efficiency=0.9)  # fmt: skip
+    gear = transmission(
+        efficiency=over_speed(20, over_load=curve, speed=SPEEDS[1]), back_efficiency=0.9
+    )
     loss = [[100 * torques(gear, t, w / 100.0)[0] - t for t, _ in curve] for w in SPEEDS]
     for row, eta in zip(loss, CSD[20], strict=True):
         assert 40.0 / (40.0 + row[1]) == pytest.approx(eta, abs=1.5e-3)
         assert row[0] / row[1] == pytest.approx((10 / 0.52 - 10) / (40 / 0.71 - 40), rel=1e-12)
     with pytest.raises(SceneError, match=r"load 40.*`over_load` gives 0\.71, `over_speed` 0\.57"):
-        transmission(efficiency=over_speed(20, over_load=curve, speed=SPEEDS[3]),
-                     back_efficiency=0.9)  # fmt: skip
+        transmission(
+            efficiency=over_speed(20, over_load=curve, speed=SPEEDS[3]), back_efficiency=0.9
+        )
 
 
 @pytest.mark.parametrize(
@@ -161,8 +177,10 @@ def test_the_torques_that_start_a_gear_without_load_say_how_it_is_driven(
 
 @pytest.mark.parametrize("ratio", [50.0, -50.0])
 def test_no_load_torque_by_the_motors_direction_breaks_away_at_its_static_value(ratio):
-    both = {"positive": {"static": 0.04, "kinetic": 0.03},
-            "negative": {"static": 0.02, "kinetic": 0.01}}  # fmt: skip
+    both = {
+        "positive": {"static": 0.04, "kinetic": 0.03},
+        "negative": {"static": 0.02, "kinetic": 0.01},
+    }
     gear = transmission(ratio=ratio, no_load_torque=both)
     for way in (1.0, -1.0):  # of the motor
         expected = 0.03 if way > 0 else -0.01
@@ -183,8 +201,9 @@ def test_drag_of_the_motor_is_a_power_of_its_speed():
 def test_lines_of_a_gear_join_and_hold_to_their_ends(direction, back):
     """u(t) is one broken line: each line begins where the one below ends, at the same value."""
     curve = over_speed(20, over_load=[[10.0, 0.52], [40.0, 0.71]], speed=SPEEDS[1])
-    gears = gear_table([transmission(efficiency=curve, back_efficiency=back,
-                                     no_load_torque=0.01)], [0.0])  # fmt: skip
+    gears = gear_table(
+        [transmission(efficiency=curve, back_efficiency=back, no_load_torque=0.01)], [0.0]
+    )
     start, before, count = -np.inf, None, 0
     while start < np.inf:
         slope, offset, least, greatest = gear_line(gears, 0, direction, 2.0, False, start)
@@ -234,12 +253,16 @@ STARTING = {"starting_torque": 0.03, "back_driving_torque": 3.06}
         ({"efficiency": {"rated": 0.7, "over_load": CURVE, "load": 9.0}}, "give either"),
         ({"efficiency": {"over_load": [[10, 0.5]]}}, "at least two points in"),
         ({"efficiency": {"over_load": [[20, 0.5], [10, 0.4]]}}, "at least two points in"),
-        ({"efficiency": {"over_load": [[10, 0.5], [20, 0.6], [21, 0.97]]}},
-         "from 20 on the motor's torque falls while the load grows"),
+        (
+            {"efficiency": {"over_load": [[10, 0.5], [20, 0.6], [21, 0.97]]}},
+            "from 20 on the motor's torque falls while the load grows",
+        ),
         ({"efficiency": {"over_load": CURVE}, "no_load_torque": 0.2}, "above 1, which is"),
         ({"efficiency": over_speed(20, over_load=CURVE)}, "`over_load` needs the `speed`"),
-        ({"efficiency": over_speed(20, over_load=[[39.0, 0.5], [40.0, 0.71]], speed=SPEEDS[1])},
-         "from 39 on the loss falls while the load grows"),
+        (
+            {"efficiency": over_speed(20, over_load=[[39.0, 0.5], [40.0, 0.71]], speed=SPEEDS[1])},
+            "from 39 on the loss falls while the load grows",
+        ),
         ({"efficiency": {"rated": 0.7, "load": 9.0, "exponent": 0.5}}, "needs `over_speed`"),
         ({"efficiency": over_speed(20, temperature={"factor": 2.7})}, "temperature.source` is mis"),
         ({"efficiency": 0.8, "back_efficiency": 1.1}, "`back_efficiency`: .*at most 1"),
@@ -247,13 +270,15 @@ STARTING = {"starting_torque": 0.03, "back_driving_torque": 3.06}
         ({"efficiency": 0.8, "back_efficiency": None}, "needs `back_efficiency`.*0.75"),
         ({"efficiency": {"over_load": CURVE}, "back_efficiency": None}, "take `same_loss`"),
         ({"back_efficiency": {**STARTING, "starting_torque": 3.0}}, "eta_b 98, above 1.*input"),
-        ({"back_efficiency": STARTING, "no_load_torque": {"static": 0.05, "kinetic": 0.02}},
-         r"no_load_torque.static` 0.05 and `back_efficiency.starting_torque` 0.03"),
+        (
+            {"back_efficiency": STARTING, "no_load_torque": {"static": 0.05, "kinetic": 0.02}},
+            r"no_load_torque.static` 0.05 and `back_efficiency.starting_torque` 0.03",
+        ),
         ({"no_load_torque": {"static": 0.01, "kinetic": 0.02}}, "no_load_torque`: static 0.01 is"),
         ({"no_load_torque": -1.0}, "no_load_torque`: .*at least 0"),
         ({"motor_viscous": {"coefficient": 1.0, "exponent": 0.0}}, "motor_viscous.exponent`"),
     ],
-)  # fmt: skip
+)
 def test_what_is_no_gear_is_named(entry, says):
     with pytest.raises(SceneError, match=says):
         transmission(**{"back_efficiency": 0.5} | entry)

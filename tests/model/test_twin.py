@@ -123,9 +123,11 @@ def test_effort_of_the_twin_is_rnea_with_armature_and_mimic():
     model.armature = np.linspace(0.1, 0.8, model.nv)
     scene = pf.Scene(
         model=model,
-        friction={n: {"bearing": {"kind": "pin", "radius": 0.0}, "mu": {"static": 0, "kinetic": 0}}
-                  for n in ("panda_joint1", "panda_joint4")},
-    )  # fmt: skip
+        friction={
+            n: {"bearing": {"kind": "pin", "radius": 0.0}, "mu": {"static": 0, "kinetic": 0}}
+            for n in ("panda_joint1", "panda_joint4")
+        },
+    )
     q, v, a = random_states(model, 3, 10)
     result = pf.inverse_dynamics(scene, q, v, a)
     data = model.createData()

@@ -27,8 +27,9 @@ def test_a_number_is_the_coefficient_of_the_speed_itself():
 
 def test_effort_at_a_speed_has_the_closed_form_and_its_judge_agrees():
     """u = M a + sign(v) (F_c + c |v|^p); at rest anything within the static limits, no drag."""
-    scene = sliding({"coefficient": DRAG, "exponent": POWER},
-                    coulomb={"static": 3.0, "kinetic": 1.0})  # fmt: skip
+    scene = sliding(
+        {"coefficient": DRAG, "exponent": POWER}, coulomb={"static": 3.0, "kinetic": 1.0}
+    )
     v = np.array([2.0, -0.3, 0.0])
     result = pf.inverse_dynamics(scene, np.zeros((3, 1)), v[:, None], np.full((3, 1), 0.5))
     moved = np.sign(v[:2]) * (1.0 + DRAG * np.abs(v[:2]) ** POWER)
@@ -69,7 +70,7 @@ def test_a_body_runs_out_in_finite_time_and_stays(method, tolerance):
         ({"exponent": 0.5}, r"viscous\.coefficient` is missing"),
         ({"coeficient": 1.0}, r"did you mean 'coefficient'"),
     ],
-)  # fmt: skip
+)
 def test_what_cannot_be_is_named(viscous, says):
     with pytest.raises(SceneError, match=says):
         sliding(viscous)

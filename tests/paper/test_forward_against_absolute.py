@@ -28,8 +28,9 @@ def three_pins(static=(0.4, 0.35, 0.2)):
         PinFriction(0.08, 0.10, static=static[1], kinetic=0.30),
         PinFriction(0.03, None, static=static[2], kinetic=0.2),
     ]
-    joints = [dataclasses.replace(j, friction=f)
-              for j, f in zip(mechanism.joints, pins, strict=True)]  # fmt: skip
+    joints = [
+        dataclasses.replace(j, friction=f) for j, f in zip(mechanism.joints, pins, strict=True)
+    ]
     scene = pf.load_scene("three_link")
     friction = {}
     for name, f in zip(scene.joint_names, pins, strict=True):
@@ -89,10 +90,10 @@ def test_the_instants_above_are_of_every_kind():
 def test_the_paper_s_examples(name):
     example = getattr(examples, name)()
     end = 1.3 if name == "pendulum" else 0.7
-    judge = simulate(example.mechanism, example.position, example.rate,
-                                       example.effort, end)  # fmt: skip
-    motion = pf.simulate(pf.load_scene(name), example.position, example.rate, None, end,
-                         rtol=1e-10, atol=1e-12)  # fmt: skip
+    judge = simulate(example.mechanism, example.position, example.rate, example.effort, end)
+    motion = pf.simulate(
+        pf.load_scene(name), example.position, example.rate, None, end, rtol=1e-10, atol=1e-12
+    )
     site = motion.site_names[0]
     (interval,), (expected,) = motion.stick_intervals(), judge.stick_intervals(site)
     assert (interval.start, interval.end) == pytest.approx(expected, abs=1e-9)

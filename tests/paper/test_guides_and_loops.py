@@ -40,9 +40,10 @@ def block_on_a_moving_body(mass=3.0, static=0.5, kinetic=0.4) -> Mechanism:
     bodies = Body("body_2", 5.0, np.eye(3), ORIGIN), Body("body_1", mass, np.eye(3), ORIGIN)
     joints = (
         TranslationalJoint("rail", GROUND, "body_2", ORIGIN, X),
-        TranslationalJoint("contact", "body_2", "body_1", ORIGIN, X,
-                           GuideFriction(0.2, static, kinetic)),
-    )  # fmt: skip
+        TranslationalJoint(
+            "contact", "body_2", "body_1", ORIGIN, X, GuideFriction(0.2, static, kinetic)
+        ),
+    )
     actuators = (
         Actuator("rail", GROUND, "body_2", ORIGIN, force=X, through="rail"),
         Actuator("F", GROUND, "body_1", ORIGIN, force=X),
@@ -137,10 +138,10 @@ def test_the_drawer_pushed_at_its_corner_against_pinfric():
     assert judge.iterations.min() > 5  # it is solved, not read off
     assert judge.effort_upper[2, 0] - judge.effort_lower[2, 0] > 30
 
-    simulated = simulate(mechanism, [0.0], [0.0],
-                         lambda t: 28.0 * np.sin(6.0 * np.array([t])), 0.8)  # fmt: skip
-    ours = pf.run_scene(dataclasses.replace(
-        scene, simulation=scene.simulation.model_copy(update={"t_end": 0.8})))  # fmt: skip
+    simulated = simulate(mechanism, [0.0], [0.0], lambda t: 28.0 * np.sin(6.0 * np.array([t])), 0.8)
+    ours = pf.run_scene(
+        dataclasses.replace(scene, simulation=scene.simulation.model_copy(update={"t_end": 0.8}))
+    )
     expected = simulated.stick_intervals("slide")
     found = [(one.start, one.end) for one in ours.stick_intervals()]
     assert len(expected) > 1
@@ -153,10 +154,21 @@ def mixed_chain(seed: int) -> Mechanism:
     bodies, joints, placed = [], [], [GROUND]
     for k in range(4):
         half = rng.normal(size=(3, 3)) * 0.2
-        bodies.append(Body(f"link_{k}", 0.5 + rng.random(), half @ half.T + 0.05 * np.eye(3),
-                           rng.normal(size=3) * 0.3))  # fmt: skip
-        place = (f"joint_{k}", placed[rng.integers(max(0, k - 1), k + 1)], f"link_{k}",
-                 rng.normal(size=3) * 0.3, rng.normal(size=3))  # fmt: skip
+        bodies.append(
+            Body(
+                f"link_{k}",
+                0.5 + rng.random(),
+                half @ half.T + 0.05 * np.eye(3),
+                rng.normal(size=3) * 0.3,
+            )
+        )
+        place = (
+            f"joint_{k}",
+            placed[rng.integers(max(0, k - 1), k + 1)],
+            f"link_{k}",
+            rng.normal(size=3) * 0.3,
+            rng.normal(size=3),
+        )
         if (k + seed) % 2:
             width = 0.2 + rng.random()
             friction = GuideFriction(0.3, static=0.2, kinetic=0.15, width=width)
@@ -205,13 +217,20 @@ def four_bar() -> Mechanism:
     """The bundled scene `four_bar`, number by number."""
     friction = PinFriction(0.01, None, static=0.35, kinetic=0.30)
     bars = {"crank": (0.5, 0.0, 0.1), "coupler": (1.2, 0.1, 0.35), "rocker": (0.9, 0.3, 0.25)}
-    across = {"crank": (3.333333333e-5, 4.166666667e-4), "coupler": (8e-5, 0.01225),
-              "rocker": (6e-5, 0.0046875)}  # fmt: skip
+    across = {
+        "crank": (3.333333333e-5, 4.166666667e-4),
+        "coupler": (8e-5, 0.01225),
+        "rocker": (6e-5, 0.0046875),
+    }
     bodies = tuple(
-        Body(name, mass, np.diag([across[name][0], *[across[name][1]] * 2]),
-             (start + length / 2, 0.0, 0.0))
+        Body(
+            name,
+            mass,
+            np.diag([across[name][0], *[across[name][1]] * 2]),
+            (start + length / 2, 0.0, 0.0),
+        )
         for name, (mass, start, length) in bars.items()
-    )  # fmt: skip
+    )
     joints = (
         RevoluteJoint("crank_pin", GROUND, "crank", ORIGIN, Z, friction),
         RevoluteJoint("coupler_pin", "crank", "coupler", (0.1, 0.0, 0.0), Z, friction),

@@ -10,8 +10,14 @@ import pinfric as pf
 from pinfric.model.robot import with_payloads
 
 ROBOTS = Path(__file__).parents[2] / "robots"
-SCENES = ("pendulum", "three_link", "panda_pick_and_place", "ur5_pick_and_place", "so101",
-          "ur10_machine_tending")  # fmt: skip
+SCENES = (
+    "pendulum",
+    "three_link",
+    "panda_pick_and_place",
+    "ur5_pick_and_place",
+    "so101",
+    "ur10_machine_tending",
+)
 pytestmark = pytest.mark.filterwarnings("ignore::pinfric.errors.PinfricWarning")
 
 
@@ -76,8 +82,9 @@ def test_the_papers_friction_and_drives(name):
     friction = scene.friction[joint]
     assert (friction.mu.static, friction.mu.kinetic) == (0.35, 0.30)
     assert (friction.bearing.radius, friction.bearing.length) == {
-        "pendulum": (0.1, None), "three_link": (0.08, 0.1),
-    }[name]  # fmt: skip
+        "pendulum": (0.1, None),
+        "three_link": (0.08, 0.1),
+    }[name]
     sines = {key: effort.sine for key, effort in scene.simulation.effort.items()}
     printed = {
         "pendulum": {"joint_1": (2, 2)},
@@ -110,10 +117,12 @@ def frictionless_torque(scene, motion):
     loaded = with_payloads(model, scene.payloads) if scene.payloads else model
     datas = {True: (loaded, loaded.createData()), False: (model, model.createData())}
     carries = motion.attached.any(axis=1)
-    return np.array([
-        pin.rnea(*datas[bool(carry)], q, v, a)
-        for carry, q, v, a in zip(carries, motion.q, motion.v, motion.a, strict=True)
-    ])  # fmt: skip
+    return np.array(
+        [
+            pin.rnea(*datas[bool(carry)], q, v, a)
+            for carry, q, v, a in zip(carries, motion.q, motion.v, motion.a, strict=True)
+        ]
+    )
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -173,8 +182,10 @@ def test_the_ur10_takes_a_blank_from_tray_to_chuck_and_every_joint_turns_round()
     scene, motion = load("ur10_machine_tending")
     data, frame = scene.model.createData(), scene.model.getFrameId("tool0")
     carried = np.flatnonzero(motion.attached[:, 0])
-    for sample, place, along in ((carried[0], (0.60, -0.55, 0.05), (0, 0, -1)),
-                                 (carried[-1], (0.55, 0.75, 0.55), (0, 1, 0))):  # fmt: skip
+    for sample, place, along in (
+        (carried[0], (0.60, -0.55, 0.05), (0, 0, -1)),
+        (carried[-1], (0.55, 0.75, 0.55), (0, 1, 0)),
+    ):
         pin.framesForwardKinematics(scene.model, data, motion.q[sample])
         np.testing.assert_allclose(data.oMf[frame].translation, place, atol=5e-4)
         np.testing.assert_allclose(data.oMf[frame].rotation[:, 2], along, atol=1e-3)

@@ -86,8 +86,9 @@ def test_repr_of_a_result_without_solution_or_times_says_so():
     instants = pf.inverse_dynamics(slope, [[0.0]], [[1.0]], [[0.0]])
     assert "1 sample\n" in repr(instants)
     lost = np.full_like(instants.effort_lower, np.nan)
-    broken = pf.InverseResult(**{**instants.__dict__, "effort_lower": lost, "effort_upper": lost,
-                                 "status": np.array([1])})  # fmt: skip
+    broken = pf.InverseResult(
+        **{**instants.__dict__, "effort_lower": lost, "effort_upper": lost, "status": np.array([1])}
+    )
     assert "1 jammed" in repr(broken)
     bare = pf.Scene(model=block())
     assert "friction  none" in repr(bare)
@@ -129,8 +130,12 @@ def test_summary_of_a_motion_is_the_slides_closed_form():
 def test_summary_of_a_sweep_has_its_percentiles():
     scene = pushed_block()
     trials = {"slide": {"continuous_torque": 4.0, "peak_torque": 9.0}}
-    found = pf.sweep(scene, steady(scene), sweep_of(
-        20, motors=trials, friction__slide__mu=uniform(0.5, 1.5)), processes=1)  # fmt: skip
+    found = pf.sweep(
+        scene,
+        steady(scene),
+        sweep_of(20, motors=trials, friction__slide__mu=uniform(0.5, 1.5)),
+        processes=1,
+    )
     (joint,) = in_json(sweep_summary(found))["joints"]
     row = found.summary().loc["slide"]
     assert row["peak_95"] == joint["peak"]["percentiles"]["95"]
@@ -179,8 +184,10 @@ def test_a_follower_has_no_column_and_its_leader_one():
     leader, follower = scene.joint_names
     frame = pf.inverse_dynamics(scene, motion).to_dataframe()
     assert [name for name in frame if name.endswith((".q", ".v", ".a"))] == [
-        f"{leader}.q", f"{leader}.v", f"{leader}.a",
-    ]  # fmt: skip
+        f"{leader}.q",
+        f"{leader}.v",
+        f"{leader}.a",
+    ]
     assert {f"{leader}.sticking", f"{follower}.sticking"} <= set(frame)
     rows = np.reshape(motion.plot().axes, (-1, 3))
     said = [[text.get_text() for text in row[0].texts] for row in rows]

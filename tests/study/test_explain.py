@@ -49,9 +49,11 @@ def test_rms_is_over_time_not_over_samples():
 def test_what_gears_lose_with_their_load_is_a_row_each():
     """One joint drives, the other is driven back; the third loses nothing that grows."""
     model = three_wheels()
-    gears = [{"ratio": 50.0, "efficiency": 0.8, "back_efficiency": 0.7},
-             {"ratio": 20.0, "efficiency": 0.9, "back_efficiency": 0.6},
-             {"ratio": 10.0, "rotor_inertia": 1e-3, "no_load_torque": 0.1}]  # fmt: skip
+    gears = [
+        {"ratio": 50.0, "efficiency": 0.8, "back_efficiency": 0.7},
+        {"ratio": 20.0, "efficiency": 0.9, "back_efficiency": 0.6},
+        {"ratio": 10.0, "rotor_inertia": 1e-3, "no_load_torque": 0.1},
+    ]
     actuators = [{"joint": f"wheel_{i}", "transmission": gear} for i, gear in enumerate(gears)]
     scene = pf.Scene(model=model, actuators=actuators)
     t = np.linspace(0.0, 1.0, 101)
@@ -68,8 +70,10 @@ def test_what_gears_lose_with_their_load_is_a_row_each():
     assert rows["gear"].on
     assert rows["gear"].motor_side
     assert rows["gear"].rms_change == pytest.approx(back.rms_change)
-    lossless = scene.with_(actuators=actuators[2:] + [
-        {"joint": a["joint"], "transmission": {"ratio": 2.0}} for a in actuators[:2]])  # fmt: skip
+    lossless = scene.with_(
+        actuators=actuators[2:]
+        + [{"joint": a["joint"], "transmission": {"ratio": 2.0}} for a in actuators[:2]]
+    )
     assert explain(lossless, motion).gears == ()
 
 

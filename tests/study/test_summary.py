@@ -147,9 +147,12 @@ def test_a_cylinder_rests_with_its_own_joint_and_not_with_every_other():
 
 @pytest.mark.parametrize(
     ("name", "changes", "felt"),
-    [("excavator", {}, [[0], [1], [2]]), ("four_bar", {}, [[0, 1, 2, 3]]),
-     ("excavator", {"couples": {"stick_pin": 1.0}}, [[0], [1, 2], [1, 2]])],
-)  # fmt: skip
+    [
+        ("excavator", {}, [[0], [1], [2]]),
+        ("four_bar", {}, [[0, 1, 2, 3]]),
+        ("excavator", {"couples": {"stick_pin": 1.0}}, [[0], [1, 2], [1, 2]]),
+    ],
+)
 def test_only_friction_that_a_drive_feels_changes_its_effort(name, changes, felt):
     scene = pf.load_scene(name)
     if changes:  # one cylinder, then drives on the joints, the last coupled to the one before

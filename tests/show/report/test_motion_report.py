@@ -42,8 +42,11 @@ def test_files_and_table(capsys, tmp_path):
     printed = run(capsys, "three_link", "--t-end", 0.6, "--out", tmp_path / "out").out
     assert "joint_12  0.519107  0.557644" in printed
     assert {p.name for p in (tmp_path / "out").iterdir()} == {
-        "motion.csv", "motion.npz", "motion.png", "summary.json",
-    }  # fmt: skip
+        "motion.csv",
+        "motion.npz",
+        "motion.png",
+        "summary.json",
+    }
     scene = pf.load_scene("three_link")
     motion = pf.load_motion(tmp_path / "out" / "motion.npz", scene)
     assert motion.t[-1] == pytest.approx(0.6)

@@ -20,11 +20,17 @@ from pinfric.terminal import as_text, show
 def panda():
     scene = pf.load_scene("panda_pick_and_place")
     motion = pf.load_trajectory("panda_pick_and_place.csv", scene)
-    return pf.sweep(scene, motion, sweep_of(
-        40, payload__box__mass=uniform(1.0, 3.0),
-        friction__all__coulomb=uniform(0.5, 2.0, each=True),
-        motors={"panda_joint2": {"continuous_torque": 0.34, "peak_torque": 9.0}},
-    ), processes=1)  # fmt: skip
+    return pf.sweep(
+        scene,
+        motion,
+        sweep_of(
+            40,
+            payload__box__mass=uniform(1.0, 3.0),
+            friction__all__coulomb=uniform(0.5, 2.0, each=True),
+            motors={"panda_joint2": {"continuous_torque": 0.34, "peak_torque": 9.0}},
+        ),
+        processes=1,
+    )
 
 
 def printed(result, capsys):
@@ -79,9 +85,10 @@ def test_figure_shows_what_lies_beyond_the_rating(panda):
 def test_sweeps_that_hardly_vary_print_and_draw(sampling, capsys):
     scene = pushed_block(payloads={"box": BOX})
     sweep = (
-        sweep_of(sampling="grid", speed=steps(1.0, 2.0, 2)) if sampling == "grid"
+        sweep_of(sampling="grid", speed=steps(1.0, 2.0, 2))
+        if sampling == "grid"
         else sweep_of(1 if sampling == "random" else 4, sampling, speed=uniform(1.0, 2.0))
-    )  # fmt: skip
+    )
     result = pf.sweep(scene, steady(scene), sweep, processes=1)
     lines = printed(result, capsys)
     assert any(line.startswith("slide") for line in lines)
@@ -94,9 +101,15 @@ def test_figure_survives_samples_without_solution():
     scene = pf.load_scene("drawer")
     motion = pf.load_trajectory("drawer", scene)
     with pytest.warns(pf.PinfricWarning, match="no solution"):
-        result = pf.sweep(scene, motion, sweep_of(
-            sampling="grid", friction__slide__mu={"choice": {"values": [0.5, 1.0, 2.5]}},
-        ), processes=1)  # fmt: skip
+        result = pf.sweep(
+            scene,
+            motion,
+            sweep_of(
+                sampling="grid",
+                friction__slide__mu={"choice": {"values": [0.5, 1.0, 2.5]}},
+            ),
+            processes=1,
+        )
     assert np.count_nonzero(result.solved) == 2
     figure = sweep_figure(result)
     figure.draw_without_rendering()
@@ -108,10 +121,16 @@ def test_drive_of_the_catalogue_shows_what_fails_and_what_was_not_checked(capsys
     scene = pf.load_scene("panda_pick_and_place")
     motion = pf.load_trajectory("panda_pick_and_place.csv", scene)
     drive = "Kollmorgen TBM-6051-A + Harmonic Drive CSF-17-100"
-    result = pf.sweep(scene, motion, sweep_of(
-        20, motors={"panda_joint2": {"drive": drive}, "panda_joint4": {"peak_torque": 9.0}},
-        payload__box__mass=uniform(0.5, 2.0),
-    ), processes=1)  # fmt: skip
+    result = pf.sweep(
+        scene,
+        motion,
+        sweep_of(
+            20,
+            motors={"panda_joint2": {"drive": drive}, "panda_joint4": {"peak_torque": 9.0}},
+            payload__box__mass=uniform(0.5, 2.0),
+        ),
+        processes=1,
+    )
     lines = printed(result, capsys)
     assert all(len(line) <= 80 for line in lines)
     text = " ".join(" ".join(lines).split())

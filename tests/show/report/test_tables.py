@@ -126,12 +126,14 @@ def test_every_figure_of_48_joints_is_printed_whole_beside_a_name_that_is_one_jo
         figures = [x for x in row[1:] if x not in ("N", "N m")]
         zero = 1e-9 * largest
         assert figures == [
-            digits(joint["peak"], zero), span(joint["rms_least"], joint["rms"], zero),
+            digits(joint["peak"], zero),
+            span(joint["rms_least"], joint["rms"], zero),
             f"{digits(joint['peak_frictionless'], zero)}, "
             f"{digits(joint['rms_frictionless'], zero)}",
-            f"{100 * joint['friction_share']:.0f} %", digits(joint["stick_time"]),
+            f"{100 * joint['friction_share']:.0f} %",
+            digits(joint["stick_time"]),
             digits(joint["max_interval"], zero),
-        ]  # fmt: skip
+        ]
 
 
 @pytest.mark.parametrize("width", WIDTHS)
@@ -146,10 +148,12 @@ def test_sizing_clips_no_number_at_any_width(sized, width):
         peak = d["peak"]
         assert d["holding"] is None  # a column of which no joint knows anything is left out
         assert [x for x in row[1:] if x not in ("N", "N m")] == [
-            digits(peak), digits(d["speed"]), between(d["rms_least"], d["rms"], peak),
+            digits(peak),
+            digits(d["speed"]),
+            between(d["rms_least"], d["rms"], peak),
             beside(d["breakaway"], peak) if d["breakaway"] is not None else "-",
             f"{beside(d['peak_frictionless'], peak)}, {beside(d['rms_frictionless'], peak)}",
-        ]  # fmt: skip
+        ]
 
 
 def beside(x, scale):

@@ -44,8 +44,16 @@ def absolute_judge(scene):
     example = next(one for one in EXAMPLES if one.name == "pendulum")
     judged = example.judge()
     t_end = scene.simulation.t_end
-    motion = simulate(judged.mechanism, judged.position, judged.rate, judged.effort, t_end,
-                               rtol=1e-12, atol=1e-14, sample_step=t_end)  # fmt: skip
+    motion = simulate(
+        judged.mechanism,
+        judged.position,
+        judged.rate,
+        judged.effort,
+        t_end,
+        rtol=1e-12,
+        atol=1e-14,
+        sample_step=t_end,
+    )
     starts = np.array([phase.start for phase in motion.phases])
 
     def at(times):
@@ -149,10 +157,14 @@ def test_a_failure_is_a_row():
     sound = Track(np.arange(3.0), still, ((),), 7)
     lost = Track(np.arange(3.0), np.full((3, 1), np.nan), ((),), 7)
     runs = compete(
-        [Contestant("a", "1", fails, fails), Contestant("b", "2", lambda: None, lambda: sound),
-         Contestant("c", "3", lambda: None, lambda: lost)],
-        judge, rounds=1,
-    )  # fmt: skip
+        [
+            Contestant("a", "1", fails, fails),
+            Contestant("b", "2", lambda: None, lambda: sound),
+            Contestant("c", "3", lambda: None, lambda: lost),
+        ],
+        judge,
+        rounds=1,
+    )
     assert runs[0].problem == "it cannot go on"
     assert np.isnan(runs[0].error)
     assert (runs[1].problem, runs[1].error, runs[1].stick_error, runs[1].rhs) == ("", 0.0, 0.0, 7)
@@ -231,9 +243,13 @@ def test_coupling_is_what_one_pass_misses():
     motion = pf.load_trajectory("four_bar.waypoints.yaml", scene)
     thin = slice(200, 600, 10)
     short = dataclasses.replace(
-        motion, t=motion.t[thin], q=motion.q[thin], v=motion.v[thin], a=motion.a[thin],
+        motion,
+        t=motion.t[thin],
+        q=motion.q[thin],
+        v=motion.v[thin],
+        a=motion.a[thin],
         attached=motion.attached[thin],
-    )  # fmt: skip
+    )
     rungs = {rung.name: rung for rung in ladder(scene, short, rounds=1)}
     assert rungs["+ coupling"].on
     assert np.isnan(rungs["radial load"].us)

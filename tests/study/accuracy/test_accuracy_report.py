@@ -47,13 +47,20 @@ def test_json_has_every_study_and_nothing_else_is_printed(capsys):
     json.loads(out, parse_constant=refuse)
     answer = result_of(out)
     assert answer.keys() == {
-        "trajectory", "runs", "sampling", "ladder", "notes",
-    }  # fmt: skip
+        "trajectory",
+        "runs",
+        "sampling",
+        "ladder",
+        "notes",
+    }
     methods = [(r["method"], r["setting"]) for r in answer["runs"]]
     assert methods == [
-        ("event", "rtol 1e-03"), ("event", "rtol 1e-06"), ("event", "defaults"),
-        ("timestepping", "dt 4.00e-02 s"), ("regularized", "velocity 1e-01"),
-    ]  # fmt: skip
+        ("event", "rtol 1e-03"),
+        ("event", "rtol 1e-06"),
+        ("event", "defaults"),
+        ("timestepping", "dt 4.00e-02 s"),
+        ("regularized", "velocity 1e-01"),
+    ]
     for row in answer["runs"]:
         assert {"error", "end_error", "stick_error", "wall_s", "rhs", "problem"} <= row.keys()
         assert 0 <= row["error"] < 1
@@ -76,8 +83,10 @@ def test_out_has_picture_csv_and_summary(drawer, tmp_path, capsys):
     out, err = capsys.readouterr()
     folder = tmp_path / "results" / "a"
     assert sorted(p.name for p in folder.iterdir()) == [
-        "accuracy.csv", "accuracy.png", "summary.json",
-    ]  # fmt: skip
+        "accuracy.csv",
+        "accuracy.png",
+        "summary.json",
+    ]
     assert "accuracy.png" in err
     assert (folder / "accuracy.png").read_bytes().startswith(b"\x89PNG")
     json.loads(out, parse_constant=refuse)

@@ -62,8 +62,10 @@ def test_each_pass_of_the_fixed_point_leaves_the_rate_of_the_closed_form(drawer,
 
 
 def test_newtons_passes_stay_few_and_the_fixed_points_do_not(drawer, capsys):
-    tightest = {solver: [r for r in of(drawer, solver) if r.tolerance == min(TOLERANCES)]
-                for solver in ("fixed point", "Newton")}  # fmt: skip
+    tightest = {
+        solver: [r for r in of(drawer, solver) if r.tolerance == min(TOLERANCES)]
+        for solver in ("fixed point", "Newton")
+    }
     assert all(row.iterations <= 12 for row in tightest["Newton"])
     slow = [row.iterations for row in tightest["fixed point"]]
     assert slow == sorted(slow)

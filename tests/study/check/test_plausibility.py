@@ -21,8 +21,12 @@ from pinfric.study.check.link_extent import Extent
 from pinfric.study.check.robot import RobotFacts
 
 #: Robots of which nothing is wrong but notes; arms, legs and a lift.
-GOOD = ("ur_description/urdf/ur10_robot.urdf", "xarm_description/urdf/xarm7.urdf",
-        "z1_description/urdf/z1.urdf", "panda_description/urdf/panda.urdf")  # fmt: skip
+GOOD = (
+    "ur_description/urdf/ur10_robot.urdf",
+    "xarm_description/urdf/xarm7.urdf",
+    "z1_description/urdf/z1.urdf",
+    "panda_description/urdf/panda.urdf",
+)
 INERTIA = {key: 1 for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")}
 LENGTHS = (("joint/origin", "xyz"), ("link/inertial/origin", "xyz"), ("link/*/origin", "xyz"))
 
@@ -69,12 +73,19 @@ def test_good_robots_have_no_errors_and_few_warnings(urdf):
         ([("link/inertial/inertia", key) for key in INERTIA], 1e6, "large inertia", "kg mm^2"),
         ([("link/inertial/inertia", key) for key in INERTIA], 1e9, "large inertia", "g mm^2"),
         ([("link/inertial/origin", "xyz")], 1e3, "centre of mass", "mm"),
-        ([("joint[@type='revolute']/limit", "lower"), ("joint[@type='revolute']/limit", "upper")],
-         180 / np.pi, "range", "degrees"),
+        (
+            [
+                ("joint[@type='revolute']/limit", "lower"),
+                ("joint[@type='revolute']/limit", "upper"),
+            ],
+            180 / np.pi,
+            "range",
+            "degrees",
+        ),
         ([("joint/origin", "rpy")], 180 / np.pi, "rpy", "degrees"),
     ],
     ids=["lengths mm", "masses g", "kg mm2", "g mm2", "com mm", "limits deg", "rpy deg"],
-)  # fmt: skip
+)
 def test_wrong_units_are_errors_that_name_the_unit(urdf, changes, factor, kind, unit, tmp_path):
     if kind == "rpy" and urdf.stem == "z1":
         pytest.skip("turns no frame")
@@ -111,9 +122,16 @@ ARM = """<robot{name}><link name="base"><inertial><mass value="7"/>{J}</inertial
     <limit lower="-1" upper="1" effort="4" velocity="3"/></joint>
   {more}</robot>"""
 TIP = '<inertial><mass value="0.5"/>{J}</inertial>'
-J = ('<inertia ixx="0.02" iyy="0.02" izz="0.0008" ixy="0" ixz="0" iyz="0"/>')  # fmt: skip
-PLAIN = {"name": ' name="arm"', "tip": TIP, "axis": '<axis xyz="0 1 0"/>', "low": -2, "high": 2,
-         "dynamics": "", "more": ""}  # fmt: skip
+J = '<inertia ixx="0.02" iyy="0.02" izz="0.0008" ixy="0" ixz="0" iyz="0"/>'
+PLAIN = {
+    "name": ' name="arm"',
+    "tip": TIP,
+    "axis": '<axis xyz="0 1 0"/>',
+    "low": -2,
+    "high": 2,
+    "dynamics": "",
+    "more": "",
+}
 GEAR = """<transmission name="t"><joint name="{joint}"/><actuator name="m">
   <mechanicalReduction>{ratio}</mechanicalReduction></actuator></transmission>"""
 
@@ -140,17 +158,25 @@ def test_plain_arm_has_one_note_of_what_never_moves(tmp_path):
         ({"name": ""}, "NOTE", "robot", "has no name"),
         ({"axis": ""}, "WARNING", "joint swing", "no <axis>: read as 1 0 0"),
         ({"low": 0, "high": 0}, "WARNING", "joint swing", "limits 0 to 0"),
-        ({"low": -180, "high": 180}, "ERROR", "joint swing",
-         r"limits -180 to 180 rad.*in degrees: -3\.14 to 3\.14 rad"),
+        (
+            {"low": -180, "high": 180},
+            "ERROR",
+            "joint swing",
+            r"limits -180 to 180 rad.*in degrees: -3\.14 to 3\.14 rad",
+        ),
         ({"tip": ""}, "WARNING", "joint turn", "moves no mass"),
-        ({"dynamics": '<dynamics friction="50"/>'}, "WARNING", "joint swing",
-         r"friction 50 N m: its effort limit is 40 N m"),
+        (
+            {"dynamics": '<dynamics friction="50"/>'},
+            "WARNING",
+            "joint swing",
+            r"friction 50 N m: its effort limit is 40 N m",
+        ),
         ({"dynamics": '<dynamics damping="0.7"/>'}, "NOTE", "robot", r"swing \(.*damping 0\.7\)"),
         ({"more": GEAR.format(joint="swing", ratio=120)}, "NOTE", "robot", "gives swing 120"),
         ({"more": GEAR.format(joint="elbow", ratio=120)}, "WARNING", "joint elbow", "no such"),
         ({"more": GEAR.format(joint="swing", ratio=0)}, "WARNING", "joint swing", "connects no"),
     ],
-)  # fmt: skip
+)
 def test_single_findings(tmp_path, changes, severity, place, says):
     report = pf.check(arm(tmp_path, **changes))
     found = [f for f in report.findings if f.severity.name == severity and f.place == place]
@@ -174,8 +200,9 @@ def test_a_link_with_shapes_should_have_a_mass(tmp_path, shape, severity):
 def test_centre_of_mass_against_the_link_itself(tmp_path):
     """The rod is 0.05 x 0.05 x 0.4 about (0, 0, 0.2): 0.3 m beside it is 0.275 m outside."""
     file = arm(tmp_path)
-    file.write_text(file.read_text().replace('<origin xyz="0 0 0.2"/><mass', '<origin xyz="0.3 0 '
-                                             '0.2"/><mass'))  # fmt: skip
+    file.write_text(
+        file.read_text().replace('<origin xyz="0 0 0.2"/><mass', '<origin xyz="0.3 0 0.2"/><mass')
+    )
     (found,) = (f for f in pf.check(file).findings if f.kind == "centre of mass")
     assert "0.275 m outside" in found.text
     assert found.if_unit == ""
@@ -216,8 +243,10 @@ def test_shapes_are_measured_where_they_stand(tmp_path):
 
 def test_unreadable_and_missing_meshes_are_notes(tmp_path):
     (tmp_path / "torn.stl").write_bytes(b"\x00" * 90)
-    meshes = "".join(f'<visual><geometry><mesh filename="{name}"/></geometry></visual>'
-                     for name in ("torn.stl", "gone.stl"))  # fmt: skip
+    meshes = "".join(
+        f'<visual><geometry><mesh filename="{name}"/></geometry></visual>'
+        for name in ("torn.stl", "gone.stl")
+    )
     report = pf.check(arm(tmp_path, tip=TIP + meshes))
     by_kind = {f.kind: f for f in report.findings}
     assert by_kind["unreadable mesh"].place == "mesh torn.stl"
@@ -232,41 +261,80 @@ actuators: {actuators}
 simulation: {{t_end: 1.0, start: {{q: {{swing: {start}}}}}}}
 """
 GOOD_SCENE = {
-    "payload": "{link: rod, mass: 1.0, com: [0, 0, 0.4]}", "locked": "{}",
+    "payload": "{link: rod, mass: 1.0, com: [0, 0, 0.4]}",
+    "locked": "{}",
     "friction": "{bearing: {kind: pin, radius: 0.02}, mu: {static: 0.2, kinetic: 0.1}}",
-    "actuators": "[{joint: swing, transmission: {ratio: 120}}, {joint: turn}]", "start": 0.5,
-}  # fmt: skip
+    "actuators": "[{joint: swing, transmission: {ratio: 120}}, {joint: turn}]",
+    "start": 0.5,
+}
 
 
 @pytest.mark.parametrize(
     ("changes", "place", "says"),
     [
-        ({"friction": "{bearing: {kind: pin, radius: 20}, mu: {static: 0.2, kinetic: 0.1}}"},
-         "friction.swing.bearing.radius", r"links it joins are 0\.406 m large.*mm: 0\.02 m"),
-        ({"friction": "{bearing: {kind: linear, radial: 0.02}, mu: {static: 0.2, kinetic: 0.1}}"},
-         "friction.swing.mu.static", "rolling bearings have"),
-        ({"friction": "{coulomb: {static: 50, kinetic: 50}}"}, "friction.swing.coulomb",
-         "effort limit is 40 N m"),
+        (
+            {"friction": "{bearing: {kind: pin, radius: 20}, mu: {static: 0.2, kinetic: 0.1}}"},
+            "friction.swing.bearing.radius",
+            r"links it joins are 0\.406 m large.*mm: 0\.02 m",
+        ),
+        (
+            {
+                "friction": "{bearing: {kind: linear, radial: 0.02}, "
+                "mu: {static: 0.2, kinetic: 0.1}}"
+            },
+            "friction.swing.mu.static",
+            "rolling bearings have",
+        ),
+        (
+            {"friction": "{coulomb: {static: 50, kinetic: 50}}"},
+            "friction.swing.coulomb",
+            "effort limit is 40 N m",
+        ),
         ({"friction": "{viscous: 20}"}, "friction.swing.viscous", "60 N m at the joint's speed"),
-        ({"payload": "{link: rod, mass: 1000, com: [0, 0, 0]}"}, "robot.payloads.box.mass",
-         r"2\.5 kg of the robot move.*in g: 1 kg"),
-        ({"payload": "{link: rod, mass: 1, com: [0, 0, 150]}"}, "robot.payloads.box.com",
-         r"reaches 0\.4 m.*in mm: 0\.15 m"),
-        ({"payload": "{link: rod, mass: 1, com: [0, 0, 0], inertia: [9, 0, 0, 9, 0, 9]}"},
-         "robot.payloads.box.inertia", "radius of gyration 3 m"),
+        (
+            {"payload": "{link: rod, mass: 1000, com: [0, 0, 0]}"},
+            "robot.payloads.box.mass",
+            r"2\.5 kg of the robot move.*in g: 1 kg",
+        ),
+        (
+            {"payload": "{link: rod, mass: 1, com: [0, 0, 150]}"},
+            "robot.payloads.box.com",
+            r"reaches 0\.4 m.*in mm: 0\.15 m",
+        ),
+        (
+            {"payload": "{link: rod, mass: 1, com: [0, 0, 0], inertia: [9, 0, 0, 9, 0, 9]}"},
+            "robot.payloads.box.inertia",
+            "radius of gyration 3 m",
+        ),
         ({"start": 90}, "simulation.start.q.swing", r"outside its limits -2 to 2.*degrees: 1\.57"),
-        ({"locked": "{turn: 45}", "actuators": "[{joint: swing}]"}, "robot.locked.turn",
-         r"outside.*degrees: 0\.785"),
-        ({"actuators": "[{joint: swing, transmission: {ratio: 100}}, {joint: turn}]"},
-         "actuators[0].transmission.ratio", "URDF's <transmission> says 120"),
-        ({"actuators": "[{joint: swing, transmission: {ratio: 120, no_load_torque: 1}}, "
-                       "{joint: turn}]"},
-         "actuators[0].transmission.no_load_torque", "120 at joint swing"),
-        ({"actuators": "[{joint: swing, transmission: {ratio: 120, rotor_inertia: 0.05}}, "
-                       "{joint: turn}]"},
-         "actuators[0].transmission.rotor_inertia", r"kg cm\^2: 5e-06"),
+        (
+            {"locked": "{turn: 45}", "actuators": "[{joint: swing}]"},
+            "robot.locked.turn",
+            r"outside.*degrees: 0\.785",
+        ),
+        (
+            {"actuators": "[{joint: swing, transmission: {ratio: 100}}, {joint: turn}]"},
+            "actuators[0].transmission.ratio",
+            "URDF's <transmission> says 120",
+        ),
+        (
+            {
+                "actuators": "[{joint: swing, transmission: {ratio: 120, no_load_torque: 1}}, "
+                "{joint: turn}]"
+            },
+            "actuators[0].transmission.no_load_torque",
+            "120 at joint swing",
+        ),
+        (
+            {
+                "actuators": "[{joint: swing, transmission: {ratio: 120, rotor_inertia: 0.05}}, "
+                "{joint: turn}]"
+            },
+            "actuators[0].transmission.rotor_inertia",
+            r"kg cm\^2: 5e-06",
+        ),
     ],
-)  # fmt: skip
+)
 def test_findings_of_a_scene(tmp_path, changes, place, says):
     arm(tmp_path, more=GEAR.format(joint="swing", ratio=120))
     file = tmp_path / "scene.yaml"
@@ -326,8 +394,9 @@ def test_what_is_no_robot_is_one_line(tmp_path, capsys, content):
 
 def test_a_robot_that_cannot_move_is_still_judged(tmp_path):
     file = tmp_path / "table.urdf"
-    file.write_text(f'<robot name="t"><link name="top"><inertial><mass value="4"/>{J}'
-                    "</inertial></link></robot>")  # fmt: skip
+    file.write_text(
+        f'<robot name="t"><link name="top"><inertial><mass value="4"/>{J}</inertial></link></robot>'
+    )
     report = pf.check(file)
     assert [f.kind for f in errors(report)] == ["does not load"]
     assert "no joint of this robot can move" in report.findings[0].text
@@ -358,8 +427,12 @@ def test_the_warning_of_an_implausible_body_reaches_every_commands_json(
 
 def test_new_writes_the_urdfs_ratios_and_dynamics_and_lists_doubts_once(tmp_path, capsys):
     more = GEAR.format(joint="swing", ratio=120)
-    urdf = arm(tmp_path, more=more, dynamics='<dynamics friction="0.3" damping="0.7"/>',
-               tip=TIP.format(J=J.replace('izz="0.0008"', 'izz="0.9"')))  # fmt: skip
+    urdf = arm(
+        tmp_path,
+        more=more,
+        dynamics='<dynamics friction="0.3" damping="0.7"/>',
+        tip=TIP.format(J=J.replace('izz="0.0008"', 'izz="0.9"')),
+    )
     with pytest.raises(SystemExit) as left:
         cli.main(["new", str(urdf), "--out", str(tmp_path / "out")])
     said = capsys.readouterr()

@@ -63,19 +63,33 @@ def rich(seed, couples=False, mimic=False):
 def _gear(rng, k):
     """Ideal, one number, self-locking, a maker's curve over the load, one over the speed."""
     ratio = float(rng.choice([-1, 1]) * rng.uniform(20, 100))
-    directed = {"positive": {"static": 0.02, "kinetic": 0.01},
-                "negative": {"static": 0.03, "kinetic": 0.03}}  # fmt: skip
+    directed = {
+        "positive": {"static": 0.02, "kinetic": 0.01},
+        "negative": {"static": 0.03, "kinetic": 0.03},
+    }
     return [
         None,
-        {"ratio": ratio, "efficiency": 0.8, "back_efficiency": 0.7, "no_load_torque": directed,
-         "motor_viscous": {"coefficient": 0.003, "exponent": 0.7}, "rotor_inertia": 2e-4},
+        {
+            "ratio": ratio,
+            "efficiency": 0.8,
+            "back_efficiency": 0.7,
+            "no_load_torque": directed,
+            "motor_viscous": {"coefficient": 0.003, "exponent": 0.7},
+            "rotor_inertia": 2e-4,
+        },
         {"ratio": ratio, "efficiency": 0.4, "back_efficiency": -0.4, "no_load_torque": 0.02},
-        {"ratio": ratio, "efficiency": {"over_load": [[8, 0.52], [20, 0.70], [34, 0.78]]},
-         "back_efficiency": "same_loss"},
-        {"ratio": ratio, "back_efficiency": 0.6, "efficiency": {
-            "load": 30.0, "over_speed": [[10.0, 0.8], [40.0, 0.75], [100.0, 0.68]]}},
+        {
+            "ratio": ratio,
+            "efficiency": {"over_load": [[8, 0.52], [20, 0.70], [34, 0.78]]},
+            "back_efficiency": "same_loss",
+        },
+        {
+            "ratio": ratio,
+            "back_efficiency": 0.6,
+            "efficiency": {"load": 30.0, "over_speed": [[10.0, 0.8], [40.0, 0.75], [100.0, 0.68]]},
+        },
         {"ratio": ratio, "rotor_inertia": 1e-4},
-    ][k % 6]  # fmt: skip
+    ][k % 6]
 
 
 def worm():
@@ -88,8 +102,13 @@ def worm():
     return pf.Scene(model, friction=friction, actuators=actuators, source="worm.yaml")
 
 
-RICH = [*(rich(seed) for seed in range(4)), rich(4, mimic=True), rich(6, mimic=True),
-        rich(7, couples=True), rich(8, couples=True)]  # fmt: skip
+RICH = [
+    *(rich(seed) for seed in range(4)),
+    rich(4, mimic=True),
+    rich(6, mimic=True),
+    rich(7, couples=True),
+    rich(8, couples=True),
+]
 
 
 def positions(scene, q):
@@ -150,8 +169,20 @@ class Headers:
         (folder / "driver.cpp").write_text(text)
         compiled(folder / "driver.cpp", folder / "driver", *flags)
 
-    def ask(self, scene, q, v, a, v_ref=None, *, error=None, v_now=None, options=WHOLE,
-            payloads=(), wrenches=()):  # fmt: skip
+    def ask(
+        self,
+        scene,
+        q,
+        v,
+        a,
+        v_ref=None,
+        *,
+        error=None,
+        v_now=None,
+        options=WHOLE,
+        payloads=(),
+        wrenches=(),
+    ):
         """Named columns of what the compensator says of each state.
 
         Args:
@@ -168,8 +199,12 @@ class Headers:
         flat += [np.hstack([frame, mass, com, inertia]) for frame, mass, com, inertia in payloads]
         flat += [np.hstack([frame, wrench]) for frame, wrench in wrenches]
         np.concatenate([*flat, np.hstack(rows).ravel()]).astype(float).tofile(self.folder / "in")
-        command = [self.folder / "driver", namespace(scene.source), self.folder / "in",
-                   self.folder / "out"]  # fmt: skip
+        command = [
+            self.folder / "driver",
+            namespace(scene.source),
+            self.folder / "in",
+            self.folder / "out",
+        ]
         subprocess.run(command, check=True, timeout=60)
         widths = {
             "good": 5,
@@ -189,7 +224,7 @@ class Headers:
         }
         found = np.fromfile(self.folder / "out").reshape(len(q), sum(widths.values()))
         parts = np.split(found, np.cumsum(list(widths.values()))[:-1], axis=1)
-        return dict(zip(widths, parts, strict=True))  # fmt: skip
+        return dict(zip(widths, parts, strict=True))
 
 
 def compiled(source, program, *flags):
@@ -219,8 +254,16 @@ def assert_columns(found, expected, name, tolerance=1e-12):
     assert worst <= tolerance, (name, worst)
 
 
-COMPARED = ("effort_frictionless", "effort_lower", "effort_upper", "motor_torque_lower",
-            "motor_torque_upper", "normal_load", "friction_lower", "friction_upper")  # fmt: skip
+COMPARED = (
+    "effort_frictionless",
+    "effort_lower",
+    "effort_upper",
+    "motor_torque_lower",
+    "motor_torque_upper",
+    "normal_load",
+    "friction_lower",
+    "friction_upper",
+)
 
 
 def assert_is_inverse(found, result):
@@ -296,10 +339,16 @@ def test_the_solver_compensates_as_the_header(headers, scene, options):
         state = (v, a) if moving else (None, None)
         found = headers.ask(scene, q, *state, v_ref, error=error, v_now=v_now, options=options)
         expected = [
-            solver.compensate(full[i], *(x[i] if moving else None for x in (v, a)), v_ref[i],
-                              error=error[i], v_now=v_now[i], options=options)
+            solver.compensate(
+                full[i],
+                *(x[i] if moving else None for x in (v, a)),
+                v_ref[i],
+                error=error[i],
+                v_now=v_now[i],
+                options=options,
+            )
             for i in range(len(q))
-        ]  # fmt: skip
+        ]
         assert_columns(found["friction"], np.array(expected), "friction")
 
 
@@ -330,18 +379,24 @@ def test_payload_and_wrench_at_run_time(headers):
     tool, (q, v, a) = scene.payloads["tool"], sampled(loadable(), 5, 100)
     place, full = frames.index("link_5"), configurations(loadable(), q)
     wrench = np.array([3.0, -20.0, 8.0, 1.0, 0.3, -2.0])
-    carried = headers.ask(scene, q, v, a, payloads=[(place, tool.mass, tool.com, tool.inertia)],
-                          wrenches=[(place, wrench)])  # fmt: skip
+    carried = headers.ask(
+        scene,
+        q,
+        v,
+        a,
+        payloads=[(place, tool.mass, tool.com, tool.inertia)],
+        wrenches=[(place, wrench)],
+    )
     attached = np.ones((len(q), 1), dtype=bool)
-    result = pf.inverse_dynamics(scene, full, v, a, attached=attached,
-                                 external={"link_5": wrench})  # fmt: skip
+    result = pf.inverse_dynamics(scene, full, v, a, attached=attached, external={"link_5": wrench})
     assert_is_inverse(carried, result)
     free = pf.inverse_dynamics(scene, full, v, a)
     assert np.abs(result.normal_load - free.normal_load).max() > 1.0
     solver = scene.solver(["tool"])
     for i in range(20):
-        found = solver.compensate(full[i], v[i], a[i], v[i], options=WHOLE,
-                                  external={"link_5": wrench})  # fmt: skip
+        found = solver.compensate(
+            full[i], v[i], a[i], v[i], options=WHOLE, external={"link_5": wrench}
+        )
         np.testing.assert_allclose(found, carried["friction"][i], rtol=1e-10, atol=1e-10)
 
 
@@ -360,10 +415,15 @@ def test_a_wrench_is_replaced_and_a_payload_added(headers):
 
 
 @pytest.mark.parametrize(
-    "payload", [(-1, 1.0, [0, 0, 0], [0] * 6), (99, 1.0, [0, 0, 0], [0] * 6),
-                (0, -1.0, [0, 0, 0], [0] * 6), (0, np.nan, [0, 0, 0], [0] * 6),
-                (0, 1.0, [0, np.inf, 0], [0] * 6)]
-)  # fmt: skip
+    "payload",
+    [
+        (-1, 1.0, [0, 0, 0], [0] * 6),
+        (99, 1.0, [0, 0, 0], [0] * 6),
+        (0, -1.0, [0, 0, 0], [0] * 6),
+        (0, np.nan, [0, 0, 0], [0] * 6),
+        (0, 1.0, [0, np.inf, 0], [0] * 6),
+    ],
+)
 def test_payloads_that_cannot_be_are_refused_and_change_nothing(headers, payload):
     scene = loadable()
     q, v, a = sampled(scene, 6, 5)
@@ -414,8 +474,12 @@ def test_what_friction_takes_is_that_of_inverse_dynamics(headers):
         sharp = CompensationOptions(scale=1.0, viscous_scale=1.0, switch_velocity=0.0)
         found = headers.ask(scene, q, v, a, options=sharp)
         result = pf.inverse_dynamics(scene, configurations(scene, q), v, a)
-        ratio, rotor = np.array([(d.ratio, d.transmission.rotor_inertia if d.transmission else 0.0)
-                                 for d in scene.drives]).T  # fmt: skip
+        ratio, rotor = np.array(
+            [
+                (d.ratio, d.transmission.rotor_inertia if d.transmission else 0.0)
+                for d in scene.drives
+            ]
+        ).T
         passing = result.motor_torque_lower * ratio - ratio**2 * rotor * a
         assert_columns(found["friction"], passing - result.effort_frictionless, "loss", 1e-11)
 
@@ -445,14 +509,14 @@ def test_blending_the_load_in_place_of_the_ends_would_not_be_passive(tmp_path):
 @pytest.mark.parametrize("scene", RICH, ids=lambda scene: scene.source)
 def test_it_is_continuous_in_the_velocity(headers, scene):
     """Ten times finer steps of velocity give about ten times smaller steps."""
-    options = CompensationOptions(scale=1.0, viscous_scale=1.0, switch_velocity=0.05,
-                                  hold_error=0.01)  # fmt: skip
+    options = CompensationOptions(
+        scale=1.0, viscous_scale=1.0, switch_velocity=0.05, hold_error=0.01
+    )
     (q, _, a), nv, steps = sampled(scene, 11, 1), scene.model.nv, []
     for count in (2001, 20001):
         v = np.linspace(-0.1, 0.1, count)[:, None] * np.ones(nv)
         rows = np.repeat(q, count, axis=0), np.zeros((count, nv)), np.repeat(a, count, axis=0)
-        found = headers.ask(scene, *rows, v, error=np.full_like(v, 0.004), v_now=v,
-                            options=options)  # fmt: skip
+        found = headers.ask(scene, *rows, v, error=np.full_like(v, 0.004), v_now=v, options=options)
         steps.append(np.abs(np.diff(found["friction"], axis=0)).max())
     assert steps[1] < 0.2 * steps[0]
 
@@ -490,8 +554,12 @@ def test_hold_asks_for_break_away_and_fades_as_the_joint_slips(headers):
     gear = {"ratio": 50.0, "no_load_torque": {"static": 0.04, "kinetic": 0.02}}
     model = chain(("hinge", pin.JointModelRZ(), pin.Inertia(1.0, np.zeros(3), np.eye(3))))
     friction = {"hinge": {"coulomb": {"static": 5.0, "kinetic": 3.0}}}
-    scene = pf.Scene(model, friction=friction, source="hinge.yaml",
-                     actuators=[{"joint": "hinge", "transmission": gear}])  # fmt: skip
+    scene = pf.Scene(
+        model,
+        friction=friction,
+        source="hinge.yaml",
+        actuators=[{"joint": "hinge", "transmission": gear}],
+    )
     solver, at = scene.solver(), [np.zeros(1)]
     options = CompensationOptions(scale=1.0, hold_error=0.01, switch_velocity=0.02)
 
@@ -520,8 +588,13 @@ def test_what_is_not_finite_gives_false_and_zeros(headers, place, wrong):
     found = headers.ask(scene, *state, **given)
     assert (found["good"][[0, 2]] == 1.0).all()
     whole = place in ("q", "v", "a")
-    assert found["good"][1].tolist() == [1.0, not whole, not whole, 0.0,
-                                         not (whole or place in ("error", "v_now"))]  # fmt: skip
+    assert found["good"][1].tolist() == [
+        1.0,
+        not whole,
+        not whole,
+        0.0,
+        not (whole or place in ("error", "v_now")),
+    ]
     names = ("rigid_body", "friction", "feed_forward", *COMPARED, "sticking", "wrench")
     for name in names if whole else ("friction",):
         np.testing.assert_array_equal(found[name][1], 0.0)
@@ -553,8 +626,9 @@ def test_an_option_that_is_none_gives_false_and_zeros(headers, monkeypatch, wron
 @needs_compiler
 def test_sanitizers_find_nothing(tmp_path):
     scenes = [RICH[4], RICH[7]]
-    made = Headers(tmp_path, scenes, ("-O1", "-g", "-fsanitize=address,undefined",
-                                      "-fno-sanitize-recover=all"))  # fmt: skip
+    made = Headers(
+        tmp_path, scenes, ("-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+    )
     for scene in scenes:
         q, v, a = sampled(scene, 15, 30)
         found = made.ask(scene, q, v, a, error=v, v_now=v, options=SETTINGS[3])
@@ -580,11 +654,25 @@ def test_it_calls_nothing_but_mathematics(tmp_path):
     for flags in (["-O2"], ["-O0"]):
         command = [COMPILER, *STRICT, *flags, "-c", tmp_path / "use.cpp", "-o", tmp_path / "use.o"]
         subprocess.run(command, check=True, capture_output=True, timeout=120)
-        listed = subprocess.run(["nm", "-u", tmp_path / "use.o"], check=True, capture_output=True,
-                                text=True).stdout.split()  # fmt: skip
+        listed = subprocess.run(
+            ["nm", "-u", tmp_path / "use.o"], check=True, capture_output=True, text=True
+        ).stdout.split()
         undefined = {symbol for symbol in listed if symbol != "U"}
-        allowed = {"sin", "cos", "sincos", "sqrt", "pow", "exp", "fmin", "fmax", "fabs", "memset",
-                   "memcpy", "_GLOBAL_OFFSET_TABLE_", "__stack_chk_fail"}  # fmt: skip
+        allowed = {
+            "sin",
+            "cos",
+            "sincos",
+            "sqrt",
+            "pow",
+            "exp",
+            "fmin",
+            "fmax",
+            "fabs",
+            "memset",
+            "memcpy",
+            "_GLOBAL_OFFSET_TABLE_",
+            "__stack_chk_fail",
+        }
         assert undefined <= allowed, undefined - allowed
 
 
@@ -592,8 +680,12 @@ def test_it_calls_nothing_but_mathematics(tmp_path):
 @pytest.mark.parametrize("flag", ["-ffast-math", "-ffinite-math-only"])
 def test_fast_math_is_an_error(tmp_path, flag):
     (tmp_path / "use.cpp").write_text(header(RICH[0]))
-    made = subprocess.run([COMPILER, "-std=c++17", flag, "-fsyntax-only", tmp_path / "use.cpp"],
-                          capture_output=True, text=True, timeout=60)  # fmt: skip
+    made = subprocess.run(
+        [COMPILER, "-std=c++17", flag, "-fsyntax-only", tmp_path / "use.cpp"],
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
     assert made.returncode != 0
     assert "-ffast-math takes away the checks for NaN" in made.stderr
 
@@ -620,11 +712,16 @@ def test_constants_come_back():
     """Parsed from the text and put through Newton's law in NumPy: at rest, tau is gravity's."""
     scene = RICH[0]
     bodies = [
-        [float(x) for x in re.findall(r"[-+.\de]+", line.split("//")[0].replace("true", "1")
-                                      .replace("false", "0"))]
-        for line in re.search(r"Body bodies\[\] = \{\n(.*?)\n\};", header(scene), re.S)[1]
-        .splitlines()
-    ]  # fmt: skip
+        [
+            float(x)
+            for x in re.findall(
+                r"[-+.\de]+", line.split("//")[0].replace("true", "1").replace("false", "0")
+            )
+        ]
+        for line in re.search(r"Body bodies\[\] = \{\n(.*?)\n\};", header(scene), re.S)[
+            1
+        ].splitlines()
+    ]
     (q, _, _), model = sampled(scene, 3, 1), scene.model
     R, p, pull = [], [], []
     effort = np.zeros(model.nv)
@@ -685,14 +782,26 @@ REFUSED = [
     (lambda: drawer_scene(0.3), "the drive off the joints", ()),
     (planar, "'skates' has several degrees of freedom", ()),
     (lambda: two_joints(actuators=[{"joint": "joint_1"}]), "'joint_2' has no drive", ()),
-    (lambda: two_joints(actuators=[{"joint": "joint_1"}, {"joint": "joint_1", "name": "b"},
-                                   {"joint": "joint_2"}]), "'joint_1' has several drives", ()),
+    (
+        lambda: two_joints(
+            actuators=[
+                {"joint": "joint_1"},
+                {"joint": "joint_1", "name": "b"},
+                {"joint": "joint_2"},
+            ]
+        ),
+        "'joint_1' has several drives",
+        (),
+    ),
     (narrow, r"friction.slide.bearing.width: missing", ()),
     (lambda: pf.load_scene("ur10_machine_tending"), "no link 'tol0'.*tool0", ("tol0",)),
-    (lambda: pf.load_scene("ur10_machine_tending"), "'base_link' is fixed to the ground",
-     ("base_link",)),
+    (
+        lambda: pf.load_scene("ur10_machine_tending"),
+        "'base_link' is fixed to the ground",
+        ("base_link",),
+    ),
     (lambda: pf.Scene(pin.Model()), "has no joint", ()),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(("scene", "message", "frames"), REFUSED)
@@ -751,8 +860,13 @@ def test_the_written_test_agrees_replays_and_notices(tmp_path):
     assert said.returncode == 0
     assert said.stdout.count(": agrees") == 6
     motion.to_csv(tmp_path / "motion.csv", digits=17)
-    done = subprocess.run([tmp_path / "check", tmp_path / "motion.csv"], capture_output=True,
-                          text=True, timeout=60, check=True)  # fmt: skip
+    done = subprocess.run(
+        [tmp_path / "check", tmp_path / "motion.csv"],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    )
     replayed = done.stdout.splitlines()
     assert (
         done.stderr
@@ -766,13 +880,15 @@ def test_the_written_test_agrees_replays_and_notices(tmp_path):
         lines = (tmp_path / "motion.csv").read_text().splitlines()[:3]
         lines[2] = ",".join([lines[2].split(",")[0], cell, *lines[2].split(",")[2:]])
         (tmp_path / "wrong.csv").write_text("\n".join(lines))
-        broken = subprocess.run([tmp_path / "check", tmp_path / "wrong.csv"], capture_output=True,
-                                text=True, timeout=60)  # fmt: skip
+        broken = subprocess.run(
+            [tmp_path / "check", tmp_path / "wrong.csv"], capture_output=True, text=True, timeout=60
+        )
         assert broken.returncode == 1
         assert "line 3 is no state of the robot" in broken.stderr
     (tmp_path / "motion.csv").write_text("t,elbow_joint\n0,1\n")
-    broken = subprocess.run([tmp_path / "check", tmp_path / "motion.csv"], capture_output=True,
-                            text=True, timeout=60)  # fmt: skip
+    broken = subprocess.run(
+        [tmp_path / "check", tmp_path / "motion.csv"], capture_output=True, text=True, timeout=60
+    )
     assert broken.returncode == 1
     assert "shoulder_pan_joint is missing" in broken.stderr
     (hpp,) = tmp_path.glob("*.hpp")

@@ -99,8 +99,11 @@ def test_the_worst_sample_is_where_the_error_is(ur5):
     lift = made.joints[1]
     k = int(np.argmin(np.abs(motion.t - lift.worst_time)))
     torque = lift.ratio * result.motor_torque_lower[k, 1]
-    given = (lift.frictionloss * np.sign(motion.v[k, 1]) + lift.damping * motion.v[k, 1]
-             + lift.armature * motion.a[k, 1])  # fmt: skip
+    given = (
+        lift.frictionloss * np.sign(motion.v[k, 1])
+        + lift.damping * motion.v[k, 1]
+        + lift.armature * motion.a[k, 1]
+    )
     assert abs(torque - result.effort_frictionless[k, 1] - given) == pytest.approx(lift.error_peak)
     assert lift.worst_load == pytest.approx(result.effort_frictionless[k, 1])
     assert abs(lift.worst_load) > 40.0
@@ -157,8 +160,10 @@ def test_mujoco_misses_what_the_file_states(ur5):
         line = re.search(rf"<!-- {joint.joint}: .* -->", made.text)[0]
         standing = re.search(r"standing still (\S+) to (\S+) N m", line)
         left_out = [float(x) for x in standing.groups()]
-        wanted = [(lower - torque[:, d])[still[:, d]].min(),
-                  (upper - torque[:, d])[still[:, d]].max()]  # fmt: skip
+        wanted = [
+            (lower - torque[:, d])[still[:, d]].min(),
+            (upper - torque[:, d])[still[:, d]].max(),
+        ]
         np.testing.assert_allclose(left_out, wanted, rtol=0.01)
         moving = (motion.v[:, d] != 0.0) & (lower == upper)
         assert joint.moving == moving.sum()
@@ -204,8 +209,10 @@ def test_mujoco_has_the_same_robot(seed):
     tree = bodies(scene)
     rng = np.random.default_rng(seed)
     constants = rng.uniform(0.1, 3.0, (model.nv, 3))
-    joints = [MjcfJoint(loss, damping, armature + body.armature, gear=-30.0)
-              for (loss, damping, armature), body in zip(constants, tree, strict=True)]  # fmt: skip
+    joints = [
+        MjcfJoint(loss, damping, armature + body.armature, gear=-30.0)
+        for (loss, damping, armature), body in zip(constants, tree, strict=True)
+    ]
     text = mjcf("random", tree, joints, model.gravity.linear)
     q, v, a = random_states(model, seed)
     v = np.where(np.abs(v) < 0.05, 0.05, v)
@@ -227,7 +234,7 @@ def test_links_without_mass_load():
     second = model.addJoint(first, pin.JointModelRX(), pin.SE3.Identity(), "second")
     rod = pin.Inertia(
         1.0, np.zeros(3), pin.exp3(np.ones(3)) @ np.diag([0.1, 0.2, 0.3]) @ pin.exp3(-np.ones(3))
-    )  # fmt: skip - a plate: C = A + B but for rounding
+    )  # a plate: C = A + B but for rounding
     model.appendBodyToJoint(second, rod, pin.SE3.Identity())
     scene = pf.Scene(model=model)
     made = mujoco.MjModel.from_xml_string(pf.export(scene, moved(scene)).text)
@@ -263,8 +270,9 @@ def test_a_urdf_read_back_misses_what_was_stated(tmp_path):
     again = pf.load_scene(tmp_path / "again.yaml")
     same = scene.loaded_model()
     for ours, theirs in zip(again.model.inertias, same.inertias, strict=True):
-        np.testing.assert_allclose(ours.toDynamicParameters(), theirs.toDynamicParameters(),
-                                   atol=1e-12)  # fmt: skip
+        np.testing.assert_allclose(
+            ours.toDynamicParameters(), theirs.toDynamicParameters(), atol=1e-12
+        )
     efforts = pf.inverse_dynamics(again, motion.q, motion.v, motion.a, t=motion.t)
     wanted = pf.inverse_dynamics(scene, motion)
     for d, joint in enumerate(made.joints):
@@ -280,8 +288,10 @@ def test_a_urdf_read_back_misses_what_was_stated(tmp_path):
 
 @pytest.mark.parametrize("kind", ["revolute", "continuous", "prismatic"])
 def test_locked_joints_are_fixed_where_they_are_locked(tmp_path, kind):
-    body = '<inertial><origin xyz="0.1 0.2 0.3"/><mass value="1"/><inertia ixx="1" iyy="1" ' \
-           'izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'  # fmt: skip
+    body = (
+        '<inertial><origin xyz="0.1 0.2 0.3"/><mass value="1"/><inertia ixx="1" iyy="1" '
+        'izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+    )
     limit = '<limit lower="-2" upper="2" effort="1" velocity="1"/>'
     (tmp_path / "arm.urdf").write_text(
         f'<robot name="arm"><link name="a"/><link name="b">{body}</link><link name="c">{body}'
@@ -320,13 +330,16 @@ def test_the_urscript_gives_the_constants(ur5):
     exec("\n".join(lines), program)
     rates = [0.5, -0.4, 0.3, -0.2, 0.1, -0.6]
     torque = program["pinfric_friction"](rates)
-    wanted = [joint.frictionloss * np.sign(v) + joint.damping * v
-              for joint, v in zip(made.joints, rates, strict=True)]  # fmt: skip
+    wanted = [
+        joint.frictionloss * np.sign(v) + joint.damping * v
+        for joint, v in zip(made.joints, rates, strict=True)
+    ]
     np.testing.assert_allclose(torque, wanted, rtol=1e-5)
     assert torque[4] == 0.0  # it never moves
     slowly = np.array(program["pinfric_friction"]([0.001] * 6))
-    np.testing.assert_allclose(slowly[0], 0.1 * wanted[0] - 0.049 * made.joints[0].damping,
-                               rtol=1e-5)  # fmt: skip
+    np.testing.assert_allclose(
+        slowly[0], 0.1 * wanted[0] - 0.049 * made.joints[0].damping, rtol=1e-5
+    )
     assert all(f"# {joint.joint}: " in text for joint in made.joints)
 
 
@@ -418,8 +431,11 @@ def test_the_command_writes_and_says_what_it_costs(tmp_path, monkeypatch, capsys
     assert "rotor inertias" in out
     assert run(*given, "--to", "ur", "--out", "c/friction.script") == 0
     files = {str(p.relative_to(tmp_path)) for p in tmp_path.rglob("*") if p.is_file()}
-    assert files == {"ur5_pick_and_place.mjcf.xml", "a/b/ur5_pick_and_place.constants.urdf",
-                     "c/friction.script"}  # fmt: skip
+    assert files == {
+        "ur5_pick_and_place.mjcf.xml",
+        "a/b/ur5_pick_and_place.constants.urdf",
+        "c/friction.script",
+    }
 
 
 def test_bad_input_is_one_line_and_writes_nothing(tmp_path, monkeypatch, capsys):

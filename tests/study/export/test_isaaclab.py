@@ -12,8 +12,18 @@ import pytest
 import pinfric as pf
 
 #: Fields of ActuatorBaseCfg and ImplicitActuatorCfg that Isaac Lab 2.3.2 and 3.0 both document.
-DOCUMENTED = {"class_type", "joint_names_expr", "stiffness", "damping", "armature", "friction",
-              "dynamic_friction", "viscous_friction", "effort_limit", "velocity_limit"}  # fmt: skip
+DOCUMENTED = {
+    "class_type",
+    "joint_names_expr",
+    "stiffness",
+    "damping",
+    "armature",
+    "friction",
+    "dynamic_friction",
+    "viscous_friction",
+    "effort_limit",
+    "velocity_limit",
+}
 
 
 @pytest.fixture

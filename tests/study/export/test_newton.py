@@ -30,16 +30,20 @@ def test_constants_go_to_the_joints_of_their_names():
     made = pf.export(scene, pf.load_trajectory("ur5_pick_and_place.csv", scene), "newton")
     labels = [f"ur5/{name}" for name in reversed(scene.joint_names)]
     builder = types.SimpleNamespace(
-        joint_label=["base", *labels], joint_qd_start=[0, *range(6, 12)],
-        joint_friction=[0.0] * 12, joint_damping=[0.0] * 12, joint_armature=[0.0] * 12,
-    )  # fmt: skip
+        joint_label=["base", *labels],
+        joint_qd_start=[0, *range(6, 12)],
+        joint_friction=[0.0] * 12,
+        joint_damping=[0.0] * 12,
+        joint_armature=[0.0] * 12,
+    )
     read = {}
     exec(made.text, read)
     read["set_friction"](builder)
     assert builder.joint_friction[6:] == [j.frictionloss for j in reversed(made.joints)]
     assert builder.joint_damping[6:] == [j.damping for j in reversed(made.joints)]
-    np.testing.assert_allclose(builder.joint_armature[6:],
-                               [j.armature for j in reversed(made.joints)])  # fmt: skip
+    np.testing.assert_allclose(
+        builder.joint_armature[6:], [j.armature for j in reversed(made.joints)]
+    )
     assert not any(builder.joint_friction[:6])
     builder.joint_label[3] = "another"
     with pytest.raises(KeyError, match="there are no joints"):

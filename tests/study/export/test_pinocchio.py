@@ -43,8 +43,9 @@ def impulse(model, constraint, v, effort):
     return result.retrieveConstraintImpulses()
 
 
-@pytest.mark.parametrize(("effort", "friction"), [(2.0, -2.0), (-2.9, 2.9), (5.0, -3.0),
-                                                  (-5.0, 3.0)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("effort", "friction"), [(2.0, -2.0), (-2.9, 2.9), (5.0, -3.0), (-5.0, 3.0)]
+)
 def test_the_constraint_holds_by_up_to_the_bound(effort, friction):
     scene = hinge()
     model = scene.model.copy()

@@ -31,16 +31,20 @@ def read(text):
         assert stands == ("__model__" if parent == "world" else parent)
         x, y, z, *angles = numbers(joint, "pose")
         place = pin.SE3(pin.rpy.rpyToMatrix(*angles), np.array([x, y, z]))
-        kind = pin.JointModelPrismaticUnaligned if joint.get("type") == "prismatic" else (
-            pin.JointModelRevoluteUnaligned)  # fmt: skip
+        kind = (
+            pin.JointModelPrismaticUnaligned
+            if joint.get("type") == "prismatic"
+            else (pin.JointModelRevoluteUnaligned)
+        )
         built[name] = model.addJoint(built[parent], kind(axis), place, joint.get("name"))
         inertia = np.zeros((3, 3))
         for i in range(3):
             for k in range(i, 3):
                 moment = numbers(link, f"inertial/inertia/i{'xyz'[i]}{'xyz'[k]}")[0]
                 inertia[i, k] = inertia[k, i] = moment
-        body = pin.Inertia(numbers(link, "inertial/mass")[0], numbers(link, "inertial/pose")[:3],
-                           inertia)  # fmt: skip
+        body = pin.Inertia(
+            numbers(link, "inertial/mass")[0], numbers(link, "inertial/pose")[:3], inertia
+        )
         model.appendBodyToJoint(built[name], body, pin.SE3.Identity())
     return model
 

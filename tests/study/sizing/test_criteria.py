@@ -475,7 +475,7 @@ def test_a_limit_added_in_one_row_is_in_size_sweep_and_retime(tmp_path, coupling
     assert slow.limiting["table"]["coupling torque"] > 0.5
     torque = pf.inverse_dynamics(slow.problem.scene, slow.trajectory).motor_torque_upper
     assert np.abs(torque).max() == pytest.approx(0.3 / 1.1, rel=1e-3)
-    with pytest.raises(SizingError, match=r"limit 'coupling torque': is there already"):
+    with pytest.raises(SizingError, match=r"limit 'coupling torque': exists already"):
         add_limit(coupling)
     with pytest.raises(SizingError, match=r"need 'motor torqe'.*did you mean 'motor torque'"):
         add_limit(dataclasses.replace(coupling, name="typo", need="motor torqe"))

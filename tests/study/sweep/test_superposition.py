@@ -29,8 +29,14 @@ DIRECTED = {
     "positive": {"static": 0.4, "kinetic": 0.3},
     "negative": {"static": 0.2, "kinetic": 0.1},
 }
-GEAR = {"ratio": -80.0, "efficiency": 0.8, "back_efficiency": -0.2, "no_load_torque": DIRECTED,
-        "motor_viscous": {"coefficient": 1e-4, "exponent": 0.7}, "rotor_inertia": 1e-5}  # fmt: skip
+GEAR = {
+    "ratio": -80.0,
+    "efficiency": 0.8,
+    "back_efficiency": -0.2,
+    "no_load_torque": DIRECTED,
+    "motor_viscous": {"coefficient": 1e-4, "exponent": 0.7},
+    "rotor_inertia": 1e-5,
+}
 
 
 def arm():
@@ -46,10 +52,13 @@ def arm():
         "viscous": {"coefficient": 0.4, "exponent": 0.6},
     }
     friction = {**dict.fromkeys(names, rubbing), names[1]: {"viscous": 2.0}}
-    drives = [{"joint": n, "transmission": GEAR if k in (1, 4) else None}
-              for k, n in enumerate(whole.joint_names)]  # fmt: skip
-    return whole.with_(friction=friction, actuators=drives,
-                       payloads={"box": box, "tool": {**box, "mass": 0.7}})  # fmt: skip
+    drives = [
+        {"joint": n, "transmission": GEAR if k in (1, 4) else None}
+        for k, n in enumerate(whole.joint_names)
+    ]
+    return whole.with_(
+        friction=friction, actuators=drives, payloads={"box": box, "tool": {**box, "mass": 0.7}}
+    )
 
 
 def swing(scene, samples=40):
@@ -79,26 +88,39 @@ def assert_equal_to_inverse_dynamics(study, values):
 
 
 ALL = {
-    "friction.*.mu": uniform(0.0, 3.0), "friction.*joint1.mu": uniform(0.5, 2.0),
+    "friction.*.mu": uniform(0.0, 3.0),
+    "friction.*joint1.mu": uniform(0.5, 2.0),
     "friction.*.coulomb": uniform(0.0, 2.0, each=True),
-    "friction.*.coulomb.negative": uniform(0.5, 2.0), "friction.*.viscous": uniform(0.0, 2.0),
+    "friction.*.coulomb.negative": uniform(0.5, 2.0),
+    "friction.*.viscous": uniform(0.0, 2.0),
     "transmission.*.no_load_torque": uniform(0.5, 2.0),
     "transmission.*joint2.no_load_torque.positive": uniform(0.0, 2.0),
     "transmission.*.motor_viscous": uniform(0.5, 2.0),
     "transmission.*joint5.rotor_inertia": uniform(0.5, 2.0),
-    "payload.box.mass": uniform(0.5, 4.0), "payload.box.com.x": uniform(-0.3, 0.3),
-    "payload.box.com.y": uniform(-0.3, 0.3), "payload.box.com.z": uniform(-0.3, 0.3),
-    "payload.tool.com.y": uniform(-0.3, 0.3), "speed": uniform(0.5, 2.0),
-    "mounting.roll": uniform(-1.0, 1.0), "mounting.pitch": uniform(-1.0, 1.0),
-}  # fmt: skip
+    "payload.box.mass": uniform(0.5, 4.0),
+    "payload.box.com.x": uniform(-0.3, 0.3),
+    "payload.box.com.y": uniform(-0.3, 0.3),
+    "payload.box.com.z": uniform(-0.3, 0.3),
+    "payload.tool.com.y": uniform(-0.3, 0.3),
+    "speed": uniform(0.5, 2.0),
+    "mounting.roll": uniform(-1.0, 1.0),
+    "mounting.pitch": uniform(-1.0, 1.0),
+}
 
 
 @pytest.mark.parametrize(
     "names",
-    [list(ALL), ["speed"], ["mounting.pitch"], ["payload.box.mass"], ["payload.tool.com.y"],
-     ["friction.*.coulomb.negative"], ["transmission.*.motor_viscous"]],
+    [
+        list(ALL),
+        ["speed"],
+        ["mounting.pitch"],
+        ["payload.box.mass"],
+        ["payload.tool.com.y"],
+        ["friction.*.coulomb.negative"],
+        ["transmission.*.motor_viscous"],
+    ],
     ids=lambda names: names[0] if len(names) == 1 else "all",
-)  # fmt: skip
+)
 def test_figures_are_those_of_inverse_dynamics(names):
     scene = arm()
     study, values = study_of(scene, swing(scene), **{name: ALL[name] for name in names})
@@ -120,8 +142,9 @@ def test_figures_do_not_depend_on_the_batch():
 def test_scenes_without_bearings_or_friction_are_sums_too():
     for friction in ({}, {"panda_joint2": {"coulomb": {"static": 2.0, "kinetic": 1.0}}}):
         scene = arm().with_(friction=friction)
-        study, values = study_of(scene, swing(scene), speed=ALL["speed"],
-                                 payload__box__mass=ALL["payload.box.mass"])  # fmt: skip
+        study, values = study_of(
+            scene, swing(scene), speed=ALL["speed"], payload__box__mass=ALL["payload.box.mass"]
+        )
         assert study.superposition is not None
         assert_equal_to_inverse_dynamics(study, values)
 
@@ -143,8 +166,9 @@ def test_what_is_no_sum_is_left_to_inverse_dynamics():
     drives = [{"joint": name, "transmission": makers} for name in scene.joint_names]
     geared = scene.with_(actuators=drives)
     for parameters, linear in (
-        (speed, True), ({"transmission.*.no_load_torque": uniform(0.5, 1.0)}, False),
-    ):  # fmt: skip
+        (speed, True),
+        ({"transmission.*.no_load_torque": uniform(0.5, 1.0)}, False),
+    ):
         study, _ = study_of(scene, motion, **parameters)
         assert (Superposition.of(geared, motion, study.targets) is not None) == linear
 
@@ -205,10 +229,20 @@ def test_one_sample_of_a_motion_is_too_few_to_judge_a_drive_and_that_is_said():
 
 def judged_study(scene, motion):
     drive = "Kollmorgen TBM-6025-A + Harmonic Drive CSG-20-100"
-    sweep = sweep_of(3, motors={"panda_joint2": {"drive": drive}}, **{
-        name: ALL[name] for name in ("friction.*.mu", "payload.box.mass", "payload.tool.com.y",
-                                     "speed", "mounting.roll")
-    })  # fmt: skip
+    sweep = sweep_of(
+        3,
+        motors={"panda_joint2": {"drive": drive}},
+        **{
+            name: ALL[name]
+            for name in (
+                "friction.*.mu",
+                "payload.box.mass",
+                "payload.tool.com.y",
+                "speed",
+                "mounting.roll",
+            )
+        },
+    )
     entries, source = load_sweep(sweep)
     equipped, _ = motors_on_trial(scene, entries, source)
     targets = resolve(scene, entries, source)

@@ -22,9 +22,11 @@ def run(scene, motion, sweep, **more):
 
 def test_effort_follows_friction_and_payload_as_worked_by_hand():
     scene = pushed_block(payloads={"box": BOX})
-    found = run(scene, steady(scene), sweep_of(
-        friction__all__mu=uniform(0.5, 1.5), payload__box__mass=uniform(0.5, 4.0)
-    ))  # fmt: skip
+    found = run(
+        scene,
+        steady(scene),
+        sweep_of(friction__all__mu=uniform(0.5, 1.5), payload__box__mass=uniform(0.5, 4.0)),
+    )
     factor, box = found.values.T
     effort = factor * MU * (MASS + box) * G
     np.testing.assert_allclose(found.figure("peak")[:, 0], effort, rtol=1e-12)
@@ -37,10 +39,16 @@ def test_effort_follows_friction_and_payload_as_worked_by_hand():
 
 def test_mounting_turns_gravity_and_speed_scales_time():
     scene = pushed_block()
-    found = run(scene, steady(scene, 0.5, 0.8), sweep_of(
-        20, mounting__pitch=uniform(-0.3, 0.1), mounting__roll=uniform(-0.2, 0.2),
-        speed=uniform(0.5, 2.0),
-    ))  # fmt: skip
+    found = run(
+        scene,
+        steady(scene, 0.5, 0.8),
+        sweep_of(
+            20,
+            mounting__pitch=uniform(-0.3, 0.1),
+            mounting__roll=uniform(-0.2, 0.2),
+            speed=uniform(0.5, 2.0),
+        ),
+    )
     pitch, roll, speed = found.values.T
     # the base's x axis points down for pitch > 0; roll tilts the plane sideways
     along = MASS * G * np.sin(pitch)
@@ -54,23 +62,39 @@ def test_mounting_turns_gravity_and_speed_scales_time():
 def test_samples_are_single_runs_of_the_changed_scene():
     scene = pf.load_scene("panda_pick_and_place")
     motion = pf.load_trajectory("panda_pick_and_place.csv", scene)
-    found = run(scene, motion, sweep_of(
-        3,
-        friction__panda_joint2__viscous=uniform(0.0, 3.0),
-        **{"friction.panda_joint[45].coulomb": uniform(0.5, 2.0, each=True),
-           "transmission.*.no_load_torque": uniform(0.5, 2.0),
-           "payload.box.com.z": uniform(0.0, 0.2), "payload.box.mass": uniform(1.0, 3.0)},
-        speed=uniform(0.5, 1.0), mounting__roll=uniform(0.5, 1.0),
-        mounting__pitch=uniform(-1.0, -0.5),
-    ))  # fmt: skip
+    found = run(
+        scene,
+        motion,
+        sweep_of(
+            3,
+            friction__panda_joint2__viscous=uniform(0.0, 3.0),
+            **{
+                "friction.panda_joint[45].coulomb": uniform(0.5, 2.0, each=True),
+                "transmission.*.no_load_torque": uniform(0.5, 2.0),
+                "payload.box.com.z": uniform(0.0, 0.2),
+                "payload.box.mass": uniform(1.0, 3.0),
+            },
+            speed=uniform(0.5, 1.0),
+            mounting__roll=uniform(0.5, 1.0),
+            mounting__pitch=uniform(-1.0, -0.5),
+        ),
+    )
     assert found.parameter_names == (
-        "friction.panda_joint2.viscous", "friction.panda_joint4.coulomb",
-        "friction.panda_joint5.coulomb", "transmission.*.no_load_torque", "payload.box.com.z",
-        "payload.box.mass", "speed", "mounting.roll", "mounting.pitch",
-    )  # fmt: skip
+        "friction.panda_joint2.viscous",
+        "friction.panda_joint4.coulomb",
+        "friction.panda_joint5.coulomb",
+        "transmission.*.no_load_torque",
+        "payload.box.com.z",
+        "payload.box.mass",
+        "speed",
+        "mounting.roll",
+        "mounting.pitch",
+    )
     for values, figures in zip(found.values, found.figures, strict=True):
-        friction = {name: entry.model_dump(exclude_none=True, exclude_unset=True)
-                    for name, entry in scene.friction.items()}  # fmt: skip
+        friction = {
+            name: entry.model_dump(exclude_none=True, exclude_unset=True)
+            for name, entry in scene.friction.items()
+        }
         friction["panda_joint2"]["viscous"]["coefficient"] *= values[0]
         for name, factor in (("panda_joint4", values[1]), ("panda_joint5", values[2])):
             for key in ("static", "kinetic"):
@@ -115,10 +139,15 @@ def test_the_seed_decides_the_samples():
 
 def test_grid_has_every_combination_once():
     scene = pushed_block()
-    found = run(scene, steady(scene), sweep_of(
-        sampling="grid", friction__all__mu=steps(0.5, 1.5, 3),
-        mounting__pitch={"choice": {"values": [0.0, 0.1]}},
-    ))  # fmt: skip
+    found = run(
+        scene,
+        steady(scene),
+        sweep_of(
+            sampling="grid",
+            friction__all__mu=steps(0.5, 1.5, 3),
+            mounting__pitch={"choice": {"values": [0.0, 0.1]}},
+        ),
+    )
     assert [tuple(v) for v in found.values] == [(f, p) for f in (0.5, 1.0, 1.5) for p in (0.0, 0.1)]
     np.testing.assert_allclose(found.figure("peak")[::2, 0], MU * MASS * G * found.values[::2, 0])
 
@@ -127,9 +156,9 @@ def test_percentiles_and_odds_are_those_of_the_distribution():
     scene = pushed_block()
     rating = 1.2 * MU * MASS * G  # a factor up to 1.2 of 0.5 to 1.5: 70 %
     motors = {"slide": {"continuous_torque": rating, "max_speed": 1.0}}
-    found = run(scene, steady(scene), sweep_of(
-        2000, motors=motors, friction__all__mu=uniform(0.5, 1.5)
-    ))  # fmt: skip
+    found = run(
+        scene, steady(scene), sweep_of(2000, motors=motors, friction__all__mu=uniform(0.5, 1.5))
+    )
     expected = (0.5 + np.array([5, 50, 95, 99]) / 100) * MU * MASS * G
     np.testing.assert_allclose(found.quantiles("peak")[:, 0], expected, rtol=0.05)
     (trial,) = found.trials
@@ -153,19 +182,29 @@ def test_reserve_and_speed_count():
         sweep = sweep_of(motors={"slide": motor}, sampling="grid", friction__all__mu=steps(1, 2, 2))
         assert run(scene, steady(scene), sweep).sufficing()[0] == suffices, motor
     less = {
-        **sweep_of(motors={"slide": {"peak_torque": 1.19 * effort}}, sampling="grid",
-                   friction__all__mu=steps(1, 2, 2)),
+        **sweep_of(
+            motors={"slide": {"peak_torque": 1.19 * effort}},
+            sampling="grid",
+            friction__all__mu=steps(1, 2, 2),
+        ),
         "conditions": {"peak_factor": 1.1},
-    }  # fmt: skip
+    }
     assert run(scene, steady(scene), less).sufficing()[0]
 
 
 def test_correlation_names_what_drives_the_effort():
     scene = pushed_block(payloads={"box": BOX})
-    found = run(scene, steady(scene), sweep_of(
-        400, friction__all__mu=uniform(0.5, 1.5), payload__box__mass=uniform(0.9, 1.1),
-        speed=uniform(1.0, 2.0), mounting__roll={"choice": {"values": [0.0]}},
-    ))  # fmt: skip
+    found = run(
+        scene,
+        steady(scene),
+        sweep_of(
+            400,
+            friction__all__mu=uniform(0.5, 1.5),
+            payload__box__mass=uniform(0.9, 1.1),
+            speed=uniform(1.0, 2.0),
+            mounting__roll={"choice": {"values": [0.0]}},
+        ),
+    )
     friction, box, speed, roll = found.rank_correlation("peak")[:, 0]
     assert friction > 0.98
     assert abs(speed) < 1.5 * found.correlation_noise  # a steady push does not depend on it
@@ -177,10 +216,17 @@ def test_correlation_names_what_drives_the_effort():
 def test_sobol_shares_of_a_product_are_the_analytic_ones():
     # u = f mu (m + b) g with independent f, b: V = E(f^2) E(w^2) - E(f)^2 E(w)^2, w = m + b
     scene = pushed_block(payloads={"box": BOX})
-    found = run(scene, steady(scene), sweep_of(
-        512, "sobol", friction__all__mu=uniform(0.2, 1.8), payload__box__mass=uniform(0.5, 6.5),
-        speed=uniform(1.0, 2.0),
-    ))  # fmt: skip
+    found = run(
+        scene,
+        steady(scene),
+        sweep_of(
+            512,
+            "sobol",
+            friction__all__mu=uniform(0.2, 1.8),
+            payload__box__mass=uniform(0.5, 6.5),
+            speed=uniform(1.0, 2.0),
+        ),
+    )
     assert found.samples == 512 * 5
     var_f, var_w, mean_f, mean_w = 1.6**2 / 12, 3.0, 1.0, MASS + 3.5
     total = var_f * var_w + var_f * mean_w**2 + var_w * mean_f**2
@@ -189,21 +235,27 @@ def test_sobol_shares_of_a_product_are_the_analytic_ones():
     (shares,) = found.sobol("rms")
     np.testing.assert_allclose(shares.first, first, atol=0.008)
     np.testing.assert_allclose(shares.total, np.add(first, [both, both, 0.0]), atol=0.008)
-    for low, value, high in ((shares.first_low, shares.first, shares.first_high),
-                             (shares.total_low, shares.total, shares.total_high)):  # fmt: skip
+    for low, value, high in (
+        (shares.first_low, shares.first, shares.first_high),
+        (shares.total_low, shares.total, shares.total_high),
+    ):
         assert (low <= value).all()
         assert (value <= high).all()
-    assert np.isnan(run(scene, steady(scene), sweep_of(
-        4, "sobol", speed=uniform(1.0, 2.0))).sobol("rms")[0].first).all()  # fmt: skip
+    assert np.isnan(
+        run(scene, steady(scene), sweep_of(4, "sobol", speed=uniform(1.0, 2.0)))
+        .sobol("rms")[0]
+        .first
+    ).all()
 
 
 def test_samples_that_jam_are_counted_not_hidden():
     scene = pf.load_scene("drawer")
     motion = pf.load_trajectory("drawer", scene)
     sweep = sweep_of(
-        sampling="grid", motors={"push": {"peak_torque": 1e6}},
+        sampling="grid",
+        motors={"push": {"peak_torque": 1e6}},
         friction__slide__mu={"choice": {"values": [0.5, 1.0, 2.5]}},  # jams beyond 1.5 to 1.9
-    )  # fmt: skip
+    )
     with pytest.warns(pf.PinfricWarning, match="1 of 3 samples have no solution"):
         found = run(scene, motion, sweep)
     np.testing.assert_array_equal(found.solved, [True, True, False])
@@ -245,10 +297,14 @@ def test_named_drive_brings_its_gear_and_a_named_motor_its_ratings(tmp_path):
     (name,) = scene.actuator_names
     (drive,) = (a.candidate for a in pf.size(scene, motion, catalog).joints[0].assessments)
     varied = {f"friction.{name}.coulomb": steps(1.0, 2.0, 2)}
-    geared = run(scene, motion, {
-        **sweep_of(sampling="grid", motors={name: {"drive": drive.name}}, **varied),
-        "catalog": catalog,
-    })  # fmt: skip
+    geared = run(
+        scene,
+        motion,
+        {
+            **sweep_of(sampling="grid", motors={name: {"drive": drive.name}}, **varied),
+            "catalog": catalog,
+        },
+    )
     trial = geared.trials[0]
     assert trial.ratio == GEAR["ratio"]
     assert trial.continuous_torque == MOTOR["continuous_torque"]
@@ -257,10 +313,14 @@ def test_named_drive_brings_its_gear_and_a_named_motor_its_ratings(tmp_path):
     )
     expected = summarize(pf.inverse_dynamics(chosen, motion))[0].motor_peak
     assert geared.figure("motor_peak")[0, 0] == pytest.approx(expected, rel=1e-12)
-    bare = run(scene, motion, {
-        **sweep_of(sampling="grid", motors={name: {"motor": "M", "max_speed": 0.5}}, **varied),
-        "catalog": catalog,
-    })  # fmt: skip
+    bare = run(
+        scene,
+        motion,
+        {
+            **sweep_of(sampling="grid", motors={name: {"motor": "M", "max_speed": 0.5}}, **varied),
+            "catalog": catalog,
+        },
+    )
     assert bare.trials[0].peak_torque == MOTOR["peak_torque"]
     assert bare.figure("motor_peak")[0, 0] == bare.figure("peak")[0, 0]
     assert not bare.sufficing().any()  # 1 rad/s is beyond what the sweep says
@@ -311,8 +371,9 @@ def test_interrupted_sweep_goes_on_from_what_is_on_disk(tmp_path):
     with pytest.raises(Stopped):  # and once more
         run(scene, steady(scene), sweep, out=tmp_path, progress=stop_after(1))
     assert [batch.stat().st_mtime_ns for batch in batches] == before  # not computed again
-    resumed = run(scene, steady(scene), sweep, out=tmp_path,
-                  progress=lambda now, total: done.append(now))  # fmt: skip
+    resumed = run(
+        scene, steady(scene), sweep, out=tmp_path, progress=lambda now, total: done.append(now)
+    )
     assert resumed.resumed == done[0] > 0
     assert done == sorted(done)
     assert done[-1] == 600

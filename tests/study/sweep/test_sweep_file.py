@@ -88,8 +88,12 @@ def test_parameter_that_cannot_be_is_refused_by_name(name, distribution, words):
 
 
 def test_no_load_torque_that_an_efficiency_has_in_it_is_not_varied_apart():
-    gear = {"ratio": 10.0, "efficiency": {"rated": 0.8, "load": 50.0}, "back_efficiency": 0.7,
-            "no_load_torque": 0.01}  # fmt: skip
+    gear = {
+        "ratio": 10.0,
+        "efficiency": {"rated": 0.8, "load": 50.0},
+        "back_efficiency": 0.7,
+        "no_load_torque": 0.01,
+    }
     scene = pushed_block(actuators=[{"joint": "slide", "transmission": gear}])
     content = {**sweep_of(), "parameters": {"transmission.*.no_load_torque": FINE}}
     with pytest.raises(SweepError, match="efficiency of slide includes the no-load loss"):
@@ -97,10 +101,17 @@ def test_no_load_torque_that_an_efficiency_has_in_it_is_not_varied_apart():
 
 
 def test_everything_wrong_with_the_parameters_is_said_at_once():
-    message = refused({**sweep_of(), "parameters": {
-        "speed": uniform(-1.0, 1.0), "friction.none.mu": FINE,
-        "friction.*.mu": {**FINE, "each": True}, "friction.slide.mu": FINE,
-    }})  # fmt: skip
+    message = refused(
+        {
+            **sweep_of(),
+            "parameters": {
+                "speed": uniform(-1.0, 1.0),
+                "friction.none.mu": FINE,
+                "friction.*.mu": {**FINE, "each": True},
+                "friction.slide.mu": FINE,
+            },
+        }
+    )
     assert "must be above 0" in message
     assert "'none'" in message
     assert "friction.slide.mu is given twice" in message

@@ -84,9 +84,11 @@ HOLDER = """
 def test_a_second_sweep_into_one_folder_is_refused_and_a_killed_one_blocks_nobody(tmp_path):
     script = textwrap.dedent(HOLDER.format(tests=str(TESTS), sweep=SWEEP, out=str(tmp_path)))
     first = subprocess.Popen(
-        [sys.executable, "-c", script], stdout=subprocess.PIPE, text=True,
+        [sys.executable, "-c", script],
+        stdout=subprocess.PIPE,
+        text=True,
         env={**os.environ, "PYTHONPATH": str(TESTS.parent)},
-    )  # fmt: skip
+    )
     try:
         assert first.stdout.readline() == "begun\n"
         with pytest.raises(SweepError, match=r"another sweep is writing.*\.sweep\.lock"):

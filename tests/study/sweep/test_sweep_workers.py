@@ -84,16 +84,20 @@ def check_undisturbed(found, undisturbed, progress):
 @pytest.mark.slow
 def test_cluster_that_loses_a_worker_gives_the_undisturbed_result(panda, undisturbed, tmp_path):
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0",
+        n_workers=2,
+        threads_per_worker=1,
+        processes=True,
+        dashboard_address="127.0.0.1:0",
         silence_logs=50,
-    ) as cluster:  # fmt: skip
+    ) as cluster:
         with distributed.Client(cluster, set_as_default=False) as client:
             pids = list(client.run(os.getpid).values())
         assert len(set(pids)) == 2
         assert os.getpid() not in pids
         progress = KillOne(lambda: pids)
-        found = pf.sweep(*panda, SWEEP, scheduler=cluster.scheduler_address, out=tmp_path,
-                         progress=progress)  # fmt: skip
+        found = pf.sweep(
+            *panda, SWEEP, scheduler=cluster.scheduler_address, out=tmp_path, progress=progress
+        )
         with distributed.Client(cluster, set_as_default=False) as client:
             client.wait_for_workers(2, timeout=30)
             now = set(client.run(os.getpid).values())
@@ -135,8 +139,10 @@ def scheduler(tmp_path):
         ):
             process = subprocess.Popen(
                 [sys.executable, "-m", f"distributed.cli.dask_{kind}", *common, *more],
-                cwd=tmp_path, stderr=subprocess.DEVNULL, start_new_session=True,
-            )  # fmt: skip
+                cwd=tmp_path,
+                stderr=subprocess.DEVNULL,
+                start_new_session=True,
+            )
             stack.callback(_kill_all, process)
             running.append(process)
             until = monotonic() + LIMIT
@@ -191,8 +197,12 @@ def test_scheduler_that_cannot_be_reached_is_said_within_ten_seconds(address, mo
         if address == "ssh":
             threading.Thread(target=_greet_as_ssh, args=(listener,), daemon=True).start()
         here = f"tcp://127.0.0.1:{port}"
-        named = {"closed": here, "silent": here, "ssh": here,
-                 "http": f"http://127.0.0.1:{port}"}.get(address, address)  # fmt: skip
+        named = {
+            "closed": here,
+            "silent": here,
+            "ssh": here,
+            "http": f"http://127.0.0.1:{port}",
+        }.get(address, address)
         start = monotonic()
         with pytest.raises(SweepError, match="cannot be reached") as caught:
             pf.sweep(scene, steady(scene), sweep_of(speed=uniform(1, 2)), scheduler=named)
@@ -222,8 +232,9 @@ def test_script_without_a_main_guard_runs_on_processes(tmp_path):
         print("once", found.solved.sum(), found.processes)
     """)
     )
-    done = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=100,
-                          check=False)  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, script], capture_output=True, text=True, timeout=100, check=False
+    )
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines() == ["once 40 2"]
     assert [line for line in done.stderr.splitlines() if ": compiling kernels" not in line] == []
