@@ -178,6 +178,22 @@ def run_tests(
     )
 
 
+def count_reliable(copy: Path, tests: list[str]) -> int:
+    """Choose the tests to run: fast, and passed in the order of their times, too; count them."""
+    chosen, known = copy / "tests.json", dict[str, float]()
+    run_tests(copy, tests)
+    while known != (known := json.loads(chosen.read_text())):
+        wrong = failures(run_tests(copy, tests))
+        chosen.write_text(json.dumps({k: t for k, t in known.items() if k not in wrong}))
+    return len(known)
+
+
+def failures(run: subprocess.CompletedProcess[str]) -> list[str]:
+    """Return the tests that a run reports as failed."""
+    lines = run.stdout.splitlines()
+    return [line.split()[1] for line in lines if line.startswith(("FAILED", "ERROR"))]
+
+
 def catcher(mutant: Mutant, copy: Path, tests: list[str]) -> str:
     """Return the test that notices a mutant; empty where none does."""
     path = copy / mutant.file
@@ -189,8 +205,8 @@ def catcher(mutant: Mutant, copy: Path, tests: list[str]) -> str:
         return "it does not end"
     finally:
         path.write_bytes(whole)
-    failed = [line for line in run.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
-    return failed[0].split()[1] if failed else "" if run.returncode == 0 else "it does not start"
+    failed = failures(run)
+    return failed[0] if failed else "" if run.returncode == 0 else "it does not start"
 
 
 def shown(mutant: Mutant) -> str:
@@ -216,8 +232,7 @@ def main() -> None:
         ignored = shutil.ignore_patterns(".git", ".venv", "build", "__pycache__", ".*_cache")
         shutil.copytree(ROOT, copy, ignore=ignored)
         (copy / "mutants_plugin.py").write_text(PLUGIN.replace("LONGEST", str(LONGEST)))
-        run_tests(copy, given.tests)
-        print(f"{len(json.loads((copy / 'tests.json').read_text()))} tests", flush=True)
+        print(f"{count_reliable(copy, given.tests)} tests", flush=True)
         for number, mutant in enumerate(chosen(given.rooms, given.count, given.seed), 1):
             room = mutant.file.split("/")[1]
             by = catcher(mutant, copy, given.tests)
