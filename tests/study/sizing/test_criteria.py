@@ -477,7 +477,7 @@ def test_a_limit_added_in_one_row_is_in_size_sweep_and_retime(tmp_path, coupling
     assert np.abs(torque).max() == pytest.approx(0.3 / 1.1, rel=1e-3)
     with pytest.raises(SizingError, match="limit 'coupling torque': exists already"):
         add_limit(coupling)
-    with pytest.raises(SizingError, match="need 'motor torqe'.*did you mean 'motor torque'"):
+    with pytest.raises(SizingError, match=r"need 'motor torqe'.*did you mean 'motor torque'"):
         add_limit(dataclasses.replace(coupling, name="typo", need="motor torqe"))
     with pytest.raises(SizingError, match="gives 'peak torq': give a function"):
         add_limit(dataclasses.replace(coupling, name="typo", gives="peak torq"))
