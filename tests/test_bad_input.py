@@ -468,7 +468,7 @@ def test_missing_mesh_does_not_matter_to_efforts(tmp_path, monkeypatch, capsys):
         (["inverse", "", "motion.csv"], "the name of the scene is empty"),
         (
             ["replay", "arm.yaml", "motion.csv", "--html", ""],
-            "Invalid value for --html: is no file",
+            "Invalid value for --html: is not a file name",
         ),
         (["inverse", "arm.yaml", ""], "the name of the trajectory is empty"),
         (["sweep", "arm.yaml", "motion.csv", ""], "the name of the sweep is empty"),
@@ -527,8 +527,8 @@ def test_a_mesh_that_is_nowhere_costs_no_more_than_itself(corner, tmp_path, monk
 @pytest.mark.parametrize(
     ("file", "says"),
     [
-        ("robots/three_link.urdf", "is a robot, no scene; `pinfric new"),
-        ("robots/ur10_machine_tending.waypoints.yaml", "is a trajectory file, no scene"),
+        ("robots/three_link.urdf", "is a robot, not a scene; `pinfric new"),
+        ("robots/ur10_machine_tending.waypoints.yaml", "is a trajectory file, not a scene"),
     ],
 )
 def test_what_is_no_scene_is_said(file, says):

@@ -161,6 +161,11 @@ class Scene:
     def __post_init__(self) -> None:
         def entries(kind: type[Any], section: str, given: Mapping[str, Any]) -> dict[str, Any]:
             at = tuple(section.split("."))
+            if not isinstance(given, Mapping):
+                raise SceneError(
+                    f"{self.source}: {section} is a {type(given).__name__}; should be a mapping "
+                    "of names"
+                )
             return {
                 name: parse(kind, entry, self.source, at=(*at, name))
                 for name, entry in given.items()

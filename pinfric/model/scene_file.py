@@ -82,12 +82,14 @@ def guesses_line(assumed: Assumed) -> str:
 def _content(file: Path) -> dict[str, Any]:
     """Read a scene's keys; refuse another kind of file by its name."""
     if file.suffix.lower() in (".urdf", ".xacro", ".xml"):
-        raise SceneError(f"{file}: is a robot, no scene; `pinfric new {file}` writes a scene of it")
+        raise SceneError(
+            f"{file}: is a robot, not a scene; `pinfric new {file}` writes a scene of it"
+        )
     content = read_yaml(file, SceneError)
     other = next((str(key) for key in content if str(key).startswith("pinfric_")), None)
     if other is not None and "pinfric" not in content:
         what = other.removeprefix("pinfric_")
-        raise SceneError(f"{file}: is a {what} file, no scene; give the scene before it")
+        raise SceneError(f"{file}: is a {what} file, not a scene; give the scene before it")
     return content
 
 
@@ -99,6 +101,8 @@ def bundled_folder() -> Path:
 
 def find_file(path: str | Path, suffixes: tuple[str, ...], error: type[Exception]) -> Path:
     """Return `path` if it is a file, else the bundled file of that name (suffix optional)."""
+    if not isinstance(path, (str, os.PathLike)):
+        raise error(f"the file is a {type(path).__name__}; should be a name or a path")
     if not str(path):  # as a path it would be the current folder
         raise error(f"the name of the {error.__name__.removesuffix('Error').lower()} is empty")
     path = Path(path)
@@ -112,7 +116,10 @@ def find_file(path: str | Path, suffixes: tuple[str, ...], error: type[Exception
     for candidate in (path.name, *(path.name + suffix for suffix in suffixes)):
         if bundled and os.path.isfile(folder / candidate):
             return folder / candidate
-    there = sorted(p.name for p in folder.iterdir() if p.name[p.name.find(".") :] in suffixes)
+    there: list[str] = []
+    for place in dict.fromkeys((path.parent, folder)):
+        beside = (p.name for p in place.iterdir()) if place.is_dir() else ()
+        there += sorted(n for n in beside if n[n.find(".") :] in suffixes and n not in there)
     what = f"{path} is a folder" if path.is_dir() else f"there is no file {path}"
     raise error(f"{what}, and no bundled one of that name; {choose_from(path.name, there)}")
 

@@ -490,15 +490,19 @@ class SceneFile(Entry):
 
     @model_validator(mode="after")
     def _guesses_are_there(self) -> SceneFile:
-        there = {
-            f"friction.{joint}.{name}"
-            for joint, entry in self.friction.items()
-            for name in entry.model_fields_set
-        }
         for place in self.assumed.values if self.assumed else ():
-            if place.startswith("friction.") and place not in there:
+            if not place.startswith("friction."):
+                continue
+            joint, _, name = place.removeprefix("friction.").rpartition(".")
+            if joint not in self.friction:
+                near = choose_from(joint, list(self.friction))
                 raise ValueError(
-                    f"`assumed.values`: this scene has no `{place}`; delete its line, or "
-                    f"{choose_from(place, sorted(there))}"
+                    f"`assumed.values` has `{place}`, but `friction` has no {joint!r}: correct its "
+                    f"name there, or delete its lines here; {near}"
+                )
+            if name not in self.friction[joint].model_fields_set:
+                raise ValueError(
+                    f"`assumed.values` has `{place}`, which this scene does not have; delete its "
+                    "line"
                 )
         return self

@@ -84,7 +84,7 @@ def new_scene(urdf: str | Path, folder: str | Path | None = None) -> str:
         *[line for joint in joints for line in _joint_section(joint, robot.dynamics)],
         *_actuators_section(robot),
         *_simulation_section(robot.model),
-        *_assumed_section(urdf, joints),
+        *_assumed_section(urdf, folder, joints),
     ]
     return "\n".join(parts) + "\n"
 
@@ -229,12 +229,14 @@ def _pin(joint: JointLoad) -> tuple[str, str]:
     )
 
 
-def _assumed_section(urdf: Path, joints: Sequence[JointLoad]) -> list[str]:
+def _assumed_section(
+    urdf: Path, folder: str | Path | None, joints: Sequence[JointLoad]
+) -> list[str]:
     """The guesses as data, so that every report can list them."""
     digest = hashlib.sha256(urdf.read_bytes()).hexdigest()
     return [
         "assumed:                       # delete the line of each guess that you replace",
-        f"  by: {yaml_line(f'pinfric new {urdf.name}')}",
+        f"  by: {yaml_line(f'pinfric new {locator(urdf, folder)}')}",
         f"  date: '{datetime.date.today().isoformat()}'",
         f"  version: {yaml_line(__version__)}",
         f"  inputs: {{{yaml_line(urdf.name)}: {digest}}}",

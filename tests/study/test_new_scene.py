@@ -148,8 +148,8 @@ def test_guesses_are_data_that_every_command_names(tmp_path):
         f"friction.{j}.{k}" for j in ("shoulder", "slide") for k in names
     }
     assert assumed["inputs"] == {"arm.urdf": hashlib.sha256(urdf.read_bytes()).hexdigest()}
-    assert assumed["by"] == "pinfric new arm.urdf"
-    with pytest.warns(PinfricWarning, match=r"8 entries are guesses of `pinfric new arm.urdf`"):
+    assert assumed["by"] == "pinfric new ../arm.urdf"  # from where the scene lies
+    with pytest.warns(PinfricWarning, match=r"8 entries are guesses of `pinfric new ../arm.urdf`"):
         scene = pf.load_scene(scene_file)
     assert scene.assumed.values == assumed["values"]
     assert scene.with_(gravity=[0.0, 0.0, -1.6]).assumed == scene.assumed
@@ -160,7 +160,7 @@ def test_a_guess_whose_entry_is_gone_is_refused(tmp_path):
     found = yaml.safe_load(scene_file.read_text())
     del found["friction"]["slide"]["mu"], found["friction"]["slide"]["bearing"]
     scene_file.write_text(yaml.safe_dump(found))
-    with pytest.raises(SceneError, match=r"has no `friction.slide.\w+`; delete its line"):
+    with pytest.raises(SceneError, match=r"has `friction.slide.\w+`, which this scene does not have"):
         pf.load_scene(scene_file)
 
 
