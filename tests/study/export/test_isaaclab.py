@@ -59,7 +59,7 @@ def test_the_configuration_holds_the_constants():
         assert arm.friction[name] >= arm.dynamic_friction[name]  # PhysX refuses less
         assert f"# {joint.joint}: " in made.text
     assert not any("break-away" in line for line in made.left_out)
-    assert any("gears lose" in line for line in made.left_out)
+    assert any("gear losses" in line for line in made.left_out)
 
 
 @pytest.mark.usefixtures("documented")

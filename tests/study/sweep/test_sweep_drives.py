@@ -272,7 +272,7 @@ def test_conditions_that_cannot_be_are_refused(tmp_path, panda):
     for conditions, words in (
         ({"peak_factor": 0.5}, "conditions.peak_factor"),
         ({"collision_effort": {"panda_joint9": 1.0}}, "no drive 'panda_joint9'"),
-        ({"mass_in_urdf": {"panda_joint4": 100.0}}, "a body that cannot be"),
+        ({"mass_in_urdf": {"panda_joint4": 100.0}}, "is not a possible body"),
     ):
         with pytest.raises(SweepError, match=words):
             pf.sweep(scene, motion, {**sweep, "conditions": conditions}, processes=1)

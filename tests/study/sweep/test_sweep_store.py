@@ -65,7 +65,7 @@ def test_figures_that_were_not_written_are_refused_though_their_checksums_are_ri
         table.schema.names
     )
     pq.write_table(swapped.replace_schema_metadata(table.schema.metadata), file)
-    with pytest.raises(SweepError, match="not those that were written"):
+    with pytest.raises(SweepError, match="differ from those that were written"):
         run(tmp_path)
 
 
