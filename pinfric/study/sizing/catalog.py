@@ -1,4 +1,4 @@
-"""Catalogues of motors, gears, gearmotors, bearings and brakes: makers' figures and sources.
+"""Catalogues of motors, gears, gearmotors, bearings, brakes, amplifiers: makers' figures, sources.
 
 A figure that is missing stays missing: every criterion that needs it says so (`criteria`). SI units
 throughout, temperatures in degrees Celsius; `grade` R is a figure read at the maker's own document,
@@ -39,7 +39,9 @@ from pinfric.study.sizing.units import unit_of
 #: The bundled catalogue's name, and its folder.
 DEFAULT = "default"
 _FOLDER = Path(__file__).parents[2] / "catalog"
-_SECTIONS = ("motors", "gears", "gearmotors", "bearings", "brakes")
+_SECTIONS = ("motors", "gears", "gearmotors", "bearings", "brakes", "amplifiers")
+#: In place of a drive's name: all drives that are not named.
+OTHERS = "others"
 #: Ambient temperature to which makers refer resistances and ratings, degrees Celsius.
 REFERENCE_TEMPERATURE = 25.0
 
@@ -496,6 +498,29 @@ class Brake(Sourced):
     mass: Annotated[Positive | None, key("of the brake", 0.2, "kg")] = None
 
 
+class Amplifier(Sourced):
+    """An amplifier (servo drive), which feeds one motor."""
+
+    continuous_current: Annotated[Positive | None, key("without end", 5.0, "A")] = None
+    peak_current: Annotated[Positive | None, key("for a short time", 15.0, "A")] = None
+    peak_time: Annotated[
+        Positive | None, key("for which it may exceed the continuous current", 15.0, "s")
+    ] = None
+    current: Annotated[
+        Literal["dc", "rms", "peak"],
+        key(
+            "kind of its currents: DC or block commutation, or RMS or peak of a sinusoidal phase "
+            "current",
+            "rms",
+        ),
+    ] = "rms"
+
+    @model_validator(mode="after")
+    def _figures_agree(self) -> Amplifier:
+        _ascending(self, "continuous_current", "peak_current")
+        return self
+
+
 class Collisions(Entry):
     """Overloads that a gear must bear in its life."""
 
@@ -542,6 +567,14 @@ class Conditions(Entry):
             {"elbow": "THK RB 5013"},
         ),
     ] = Field(default_factory=dict)
+    amplifiers: Annotated[
+        dict[str, str],
+        key(
+            "amplifier of the catalogue that feeds the motor, by joint; `others`: of all joints "
+            "that are not named",
+            {"elbow": "EPOS4 50/5", "others": "EPOS4 50/15"},
+        ),
+    ] = Field(default_factory=dict)
     back_driving: Annotated[
         Literal["any", "required", "forbidden"],
         key("whether the load must, must not or may be able to move the motor", "required"),
@@ -582,6 +615,10 @@ class Conditions(Entry):
     ] = None
     bus_capacitance: Annotated[Positive | None, key("of the bus", 0.0047, "F")] = None
     supply_power: Annotated[Positive | None, key("largest power of the supply", 960.0, "W")] = None
+    supply_resistance: Annotated[
+        Positive | None,
+        key("of supply and cables: the bus sags by it times the current", 0.05, "Ohm"),
+    ] = None
     resonance_base: Annotated[
         Positive,
         key("least resonance of the first three joints, each with the joints beyond it", 8.0, "Hz"),
@@ -663,6 +700,13 @@ class CatalogFile(Entry):
         dict[str, Brake],
         key("for motors' shafts", {"B 5": {"source": "data sheet", "grade": "R", "torque": 0.5}}),
     ] = Field(default_factory=dict)
+    amplifiers: Annotated[
+        dict[str, Amplifier],
+        key(
+            "that feed motors",
+            {"A 5": {"source": "data sheet", "grade": "R", "continuous_current": 5.0}},
+        ),
+    ] = Field(default_factory=dict)
     conditions: Annotated[
         Conditions | None, key("conditions of operation", {"bus_voltage": 24.0})
     ] = None
@@ -674,7 +718,7 @@ class Catalog:
 
     Attributes:
         source: the file, or "default" for the bundled ones.
-        motors, gears, gearmotors, bearings, brakes: name -> entry.
+        motors, gears, gearmotors, bearings, brakes, amplifiers: name -> entry.
         conditions: what the file demands of the drives.
     """
 
@@ -684,6 +728,7 @@ class Catalog:
     gearmotors: Mapping[str, GearMotor] = field(default_factory=dict)
     bearings: Mapping[str, BearingEntry] = field(default_factory=dict)
     brakes: Mapping[str, Brake] = field(default_factory=dict)
+    amplifiers: Mapping[str, Amplifier] = field(default_factory=dict)
     conditions: Conditions = field(default_factory=Conditions)
 
 
@@ -708,7 +753,7 @@ def load_catalog(name: str | Path = DEFAULT) -> Catalog:
         file = _read(Path(name))
         if file.extends is None and not any(getattr(file, section) for section in _SECTIONS):
             raise CatalogError(
-                f"{name}: no motors, gears, gearmotors, bearings or brakes in it; "
+                f"{name}: no motors, gears, gearmotors, bearings, brakes or amplifiers in it; "
                 "`extends: default` takes the bundled ones"
             )
         bundled = _bundled() if file.extends else ()

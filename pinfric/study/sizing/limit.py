@@ -12,7 +12,13 @@ from pinfric.study.sizing.bearing import BearingRatings
 from pinfric.study.sizing.catalog import Conditions, Gear
 from pinfric.study.sizing.criterion import Criterion, Status, compare
 from pinfric.study.sizing.demand import DriveCycle, GearDemand, largest
-from pinfric.study.sizing.drivetrain import Candidate, MotorCycle, MotorFigures, Ratings
+from pinfric.study.sizing.drivetrain import (
+    Candidate,
+    MotorCycle,
+    MotorFigures,
+    Ratings,
+    line_voltage,
+)
 
 
 class Case(NamedTuple):
@@ -112,11 +118,8 @@ class Judged(NamedTuple):
 
 
 def _line_voltage(d: Judged) -> float | None:
-    if d.motor is None or not d.ratings.has_line:
-        return None
-    hot = d.motor.figures.hot
-    torques = d.motor.torque_lower, d.motor.torque_upper
-    return max(largest(d.ratings.voltage(torque, d.motor.speed, hot)) for torque in torques)
+    needed = None if d.motor is None else line_voltage(d.ratings, d.motor)
+    return None if needed is None else largest(needed)
 
 
 def asked(figure: str) -> Callable[[Judged], float | None]:
