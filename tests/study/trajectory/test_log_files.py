@@ -689,7 +689,7 @@ def test_a_real_panda_is_filtered_to_its_advantage(tmp_path):
     for cutoff in (None, "none"):
         options = ReadingOptions(columns=tmp_path / "names.yaml", cutoff=cutoff)
         motion = pf.load_trajectory(bag, scene, options)
-        measured = judge_log(pf.inverse_dynamics(scene, motion), motion.reading).measured
+        measured = judge_log(pf.inverse_dynamics(scene, motion), motion.reading, "joint").measured
         assert motion.warnings[0].startswith("left out 14 rows that repeat the row before")
         off[cutoff] = np.array([measured[joint].relative_error for joint in motion.joint_names])
     assert (off[None] < [0.894, 0.1, 0.148, 0.141, 0.643, 0.459, 0.236]).all()
