@@ -477,7 +477,7 @@ def test_missing_mesh_does_not_matter_to_efforts(tmp_path, monkeypatch, capsys):
         *[
             (
                 [*command, "--effort-at", "x"],
-                "Invalid value for '--effort-at': 'x'; should be motor or joint",
+                "Invalid value for '--effort-at': 'x'; should be reflected, motor or joint",
             )
             for command in (
                 ["inverse", "arm.yaml", "way.yaml"],

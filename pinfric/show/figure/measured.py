@@ -12,6 +12,7 @@ from pinfric.show.figure.efforts import brief_ticks, thinned
 from pinfric.show.figure.style import BAND, BLUE, ORANGE, PALE_RED, QUIET, style
 from pinfric.show.report.names import picture_names
 from pinfric.study.summary import effort_unit, rests
+from pinfric.study.trajectory.log.effort_place import EFFORT_PLACES
 from pinfric.study.trajectory.log.judged import JudgedLog, measured_interval
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ def measured_figure(result: InverseResult, log: JudgedLog, trajectory: str = "")
             frameon=False,
         )
         figure.suptitle(
-            f"{trajectory}: efforts at the {log.at}{note}",
+            f"{trajectory}: {EFFORT_PLACES[log.at]}{note}",
             x=0.06,
             ha="left",
             fontweight="bold",

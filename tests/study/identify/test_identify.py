@@ -283,6 +283,19 @@ def test_kept_inertias_stay_and_an_effort_behind_the_gear_needs_no_rotor():
     assert "inertias were kept" in "\n".join(found.notes)
 
 
+def test_torques_at_the_shafts_are_multiplied_by_the_ratios():
+    given = {"inertia": "keep", "laws": dict.fromkeys(NAMES, Law())}
+    scene, one = guess(0), short()
+    ratio = np.array([drive.ratio for drive in scene.drives])
+    found, reflected = (
+        pf.identify(scene, replace(one, effort=effort), effort_at=at, **given)
+        for at, effort in (("motor", one.effort / ratio), ("reflected", one.effort))
+    )
+    values, same = (np.array([p.value for p in x.parameters]) for x in (found, reflected))
+    np.testing.assert_allclose(values, same, rtol=1e-9)
+    assert any("torques at the motors' shafts (ratio" in line for line in found.notes)
+
+
 def test_both_losses_of_a_gear_show_where_masses_are_known():
     gear = Law(load="gear", both_ways=False)
     laws = dict.fromkeys(NAMES, Law()) | {NAMES[1]: gear, NAMES[2]: Law(load="bearing")}
@@ -768,7 +781,7 @@ def test_the_command_writes_what_runs(tmp_path, capsys, monkeypatch):
         capsys, "inverse", "found/scene.yaml", "arm.csv", "--effort-at", "motor", "--out", "again"
     )
     assert code == 0
-    assert "logged efforts (at the motor) compared with computed ones" in out
+    assert "logged efforts (torques at the motors' shafts) compared with computed ones" in out
     assert Path("again/measured.png").stat().st_size > 10_000
     for bad, said in (
         (("--gain", "elbow"), "should be NAME=VALUE"),

@@ -14,6 +14,7 @@ from pinfric.errors import TrajectoryError
 from pinfric.study.trajectory.log import csv_file
 from pinfric.study.trajectory.log.judged import judge_log
 from pinfric.study.trajectory.log.reading import ReadingOptions
+from pinfric.study.trajectory.waypoints import quintic
 
 SHARED = Path(__file__).parents[5] / "shared" / "data" / "ur10"
 T = np.arange(400) / 200.0
@@ -506,7 +507,8 @@ def test_a_clock_that_rounds_stamps_adds_no_acceleration(noise, tmp_path):
 def test_a_recording_of_few_rows_says_that_it_is_not_judged(tmp_path):
     motion = load(tmp_path, table(("t", *NAMES), T[:15], noisy(T)[:15]))
     assert motion.warnings == ("15 rows: too few to separate noise from motion, not filtered",)
-    assert not load(tmp_path, table(("t", *NAMES), T[:15] * 20, Q[:15])).warnings  # by hand
+    by_hand = Q[:1] + quintic(np.linspace(0.0, 1.0, 15))[0][:, None]  # from rest to rest
+    assert not load(tmp_path, table(("t", *NAMES), T[:15] * 20, by_hand)).warnings
 
 
 def test_positions_held_from_a_slower_source(tmp_path):
@@ -687,7 +689,7 @@ def test_a_real_panda_is_filtered_to_its_advantage(tmp_path):
     for cutoff in (None, "none"):
         options = ReadingOptions(columns=tmp_path / "names.yaml", cutoff=cutoff)
         motion = pf.load_trajectory(bag, scene, options)
-        measured = judge_log(pf.inverse_dynamics(scene, motion), motion.reading).measured
+        measured = judge_log(pf.inverse_dynamics(scene, motion), motion.reading, "joint").measured
         assert motion.warnings[0].startswith("left out 14 rows that repeat the row before")
         off[cutoff] = np.array([measured[joint].relative_error for joint in motion.joint_names])
     assert (off[None] < [0.894, 0.1, 0.148, 0.141, 0.643, 0.459, 0.236]).all()
