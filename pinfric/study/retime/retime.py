@@ -562,7 +562,7 @@ def judged_drives(
         if inertias is None:
             inertias = load_inertias(result)
         cycle = drive_cycle(result, i, holding)
-        demand = gear_demand(result, i, cycle, carried=candidate.bearing is not None)
+        demand = gear_demand(result, i, cycle, carried=candidate.carried)
         hand = depth(result.scene, i) > BASE_AXES
         case = Case(demand, cycle, float(inertias[i]), hand, conditions)
         found[drive.name] = check(candidate, motor_cycle(candidate, cycle, conditions), case)
