@@ -56,8 +56,8 @@ app = typer.Typer(
 
 def _effort_place(value: str) -> str:
     """Refuse an unknown place at once: with way-points nothing else would read it."""
-    if value not in ("motor", "joint"):
-        raise typer.BadParameter(f"{value!r}; should be motor or joint")
+    if value not in ("reflected", "motor", "joint"):
+        raise typer.BadParameter(f"{value!r}; should be reflected, motor or joint")
     return value
 
 
@@ -73,8 +73,8 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of tabl
 EffortAt = Annotated[
     str,
     typer.Option(
-        metavar="motor|joint",
-        help="Where efforts were measured: at the motor, or at the joint.",
+        metavar="reflected|motor|joint",
+        help="A log's efforts: motor torques times gear ratios; at the shafts; behind the gears.",
         callback=_effort_place,
     ),
 ]
@@ -119,7 +119,7 @@ def inverse(
     out: OutFolder = None,
     as_json: AsJson = False,
     threads: Threads = None,
-    effort_at: EffortAt = "joint",
+    effort_at: EffortAt = "reflected",
     log: Any,
 ) -> None:
     """Compute the efforts that a motion needs.
@@ -450,7 +450,7 @@ def identify(
         list[str] | None,
         typer.Option(metavar="JOINT=FACTOR", help="Factor from a logged effort to N m."),
     ] = None,
-    effort_at: EffortAt = "motor",
+    effort_at: EffortAt = "reflected",
     inertia: Annotated[
         str,
         typer.Option(metavar="consistent|keep", help="Link inertias: correct or keep the URDF's."),
@@ -519,7 +519,7 @@ def replay(
     ] = None,
     open_browser: Annotated[bool, typer.Option("--open", help="Show it in a browser.")] = False,
     motors: Motors = None,
-    effort_at: EffortAt = "joint",
+    effort_at: EffortAt = "reflected",
     as_json: AsJson = False,
     log: Any,
 ) -> None:
