@@ -355,6 +355,9 @@ class Gear(Sourced):
     hysteresis: Annotated[
         Positive | None, key("hysteresis loss, the whole width at zero torque", 0.00029, "rad")
     ] = None
+    backlash: Annotated[
+        NonNegative | None, key("of the output, its input held: the whole angle", 0.00087, "rad")
+    ] = None
     stroke: Annotated[Positive | None, key("of a linear output", 0.3, "m")] = None
     screw: Annotated[
         Screw | None,
@@ -642,6 +645,18 @@ class Conditions(Entry):
     ] = None
     tool_reversal: Annotated[
         Positive | None, key("largest distance after opposite approaches", 0.0002, "m")
+    ] = None
+    backlash: Annotated[
+        Positive | None, key("largest backlash of a joint's gear", 0.0003, "rad or m")
+    ] = None
+    reversal_error: Annotated[
+        Positive | None,
+        key(
+            "largest difference of a joint's positions after opposite approaches: wind-up by "
+            "friction, hysteresis and backlash of its gear",
+            0.0005,
+            "rad or m",
+        ),
     ] = None
     mass_in_urdf: Annotated[
         dict[str, NonNegative],

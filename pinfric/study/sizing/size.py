@@ -236,7 +236,10 @@ class SizingReport(Shown):
     @cached_property
     def arm_criteria(self) -> tuple[Criterion, ...]:
         """Criteria of the whole robot: lowest frequency, position of the tool at rest."""
-        return arm_criteria(self.scene, self.elastic, self.conditions)
+        taken = (joint.installed for joint in self.joints)
+        gears = [None if a is None else a.candidate.gear for a in taken]
+        backlash = [None if gear is None else gear.backlash for gear in gears]
+        return arm_criteria(self.scene, self.elastic, self.conditions, backlash)
 
     @cached_property
     def bus(self) -> BusPower:
