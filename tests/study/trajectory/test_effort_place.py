@@ -1,7 +1,5 @@
 """What a log's efforts are: each place against inverse dynamics, and what is said."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
