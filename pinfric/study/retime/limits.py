@@ -279,11 +279,12 @@ def _check_settled(name: str, limits: DriveLimits) -> None:
     """Refuse a drive of the catalogue whose gear or motor nothing limits: it cannot be judged."""
     if limits.from_catalog is None:
         return
-    candidate, _ = limits.from_catalog
+    candidate, conditions = limits.from_catalog
+    judged = Judged(candidate, None, idle(conditions))
     for thing in SETTLES:
         rows = [limit for limit in instant_limits() if thing in limit.settles]
         known = any(math.isfinite(limits.bound(limit)) for limit in rows)
-        if known or not rows or (thing.startswith("gear") and candidate.gear is None):
+        if known or not any(limit.applies(judged) for limit in rows):
             continue
         names = " or ".join(limit.name for limit in rows if limit.key != "velocity")
         keys = " or ".join(limit.key for limit in rows if limit.key)

@@ -260,6 +260,21 @@ class Screw(Entry):
     density: Annotated[Positive, key("of its material", 7850.0, "kg/m^3")] = 7850.0
 
 
+class Nut(Entry):
+    """A nut that slides on a lead screw's thread."""
+
+    diameter: Annotated[Positive, key("pitch diameter of the thread", 0.01, "m")]
+    contact_area: Annotated[
+        Positive, key("between thread and nut, as the maker counts it", 1.2e-4, "m^2")
+    ]
+    max_pressure: Annotated[
+        Positive | None, key("permissible pressure on that area", 5e6, "Pa")
+    ] = None
+    max_pv: Annotated[
+        Positive | None, key("permissible pressure times sliding speed", 1e5, "Pa m/s")
+    ] = None
+
+
 class Gear(Sourced):
     """A gear: torques at its output unless named input; speeds and inertia at its input.
 
@@ -346,6 +361,20 @@ class Gear(Sourced):
             {"root_diameter": 0.0125, "length": 0.79, "supports": "fixed-supported"},
         ),
     ] = None
+    nut: Annotated[
+        Nut | None,
+        key(
+            "of a lead screw, for its pressure and PV value",
+            {"diameter": 0.01, "contact_area": 1.2e-4, "max_pv": 1e5},
+        ),
+    ] = None
+    effort_curve: Annotated[
+        tuple[tuple[NonNegative, Positive], ...] | None,
+        key(
+            "largest effort over input speed, as of a belt: points of speed (rad/s) and N m or N",
+            [[0.0, 1070.0], [70.0, 890.0]],
+        ),
+    ] = None
     bearing: Annotated[
         BearingRatings | None,
         key("output bearing; of a screw, the nut", {"kind": "crossed roller", "max_moment": 91.0}),
@@ -356,6 +385,9 @@ class Gear(Sourced):
         _ascending(self, "rated_torque", "repeated_peak_torque")
         _ascending(self, "repeated_peak_torque", "momentary_peak_torque")
         _ascending(self, "average_input_speed", "max_input_speed")
+        speeds = [point[0] for point in self.effort_curve or ()]
+        if any(b <= a for a, b in pairwise(speeds)) or len(speeds) == 1:
+            raise ValueError("effort_curve: points [rad/s, N or N m], speeds ascending, 2 or more")
         if self.bearing is not None and self.bearing.screw != (self.output == "linear"):
             raise ValueError(
                 f"bearing: {self.bearing.kind} at a {self.output} output; a linear output needs "
@@ -506,7 +538,7 @@ class Conditions(Entry):
         dict[str, str],
         key(
             "bearing of the catalogue that carries the joint, instead of that of the gear, "
-            "by joint",
+            "or guide of a sliding joint; by joint",
             {"elbow": "THK RB 5013"},
         ),
     ] = Field(default_factory=dict)

@@ -15,7 +15,7 @@ and F_b at the output; without these the same loss is taken both ways: eta_b = 2
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import astuple, dataclass, fields, replace
 from functools import cached_property
 from typing import Any
@@ -224,6 +224,7 @@ class Candidate:
         back_driving_torque: at the output, N m, or None.
         bearing: what carries the joint: the gear's output bearing (a screw's nut), or the joint's
             own; None where its ratings are not known.
+        guide: of a sliding joint; None where its ratings are not known.
         stand_ins: figures taken from other products.
         losses: how the transmission's losses follow from the entry, in words.
         sources: of motor and gear, with their grades.
@@ -247,6 +248,12 @@ class Candidate:
     stand_ins: tuple[str, ...]
     losses: str
     sources: tuple[str, ...]
+    guide: BearingRatings | None = None
+
+    @property
+    def carried(self) -> bool:
+        """Whether the ratings of what carries the joint are known."""
+        return self.bearing is not None or self.guide is not None
 
     @cached_property
     def gears(self) -> Gears:
@@ -330,25 +337,25 @@ class MotorCycle:
 
 
 def candidates(
-    catalog: Catalog, linear: bool, bearing: BearingRatings | None = None
+    catalog: Catalog, linear: bool, parts: Mapping[str, Any] | None = None
 ) -> Iterator[Candidate]:
     """Yield every motor with every gear and ratio, then the gearmotors.
 
     Args:
         catalog: what there is; any motor is taken to fit any gear.
         linear: for a sliding joint: only gears and gearmotors with a linear output.
-        bearing: the joint's own, which carries it in place of the gear's.
+        parts: the joint's own, by their fields of a candidate, in place of the drive's.
     """
     for motor_name, motor in catalog.motors.items():
         for gear_name, gear in catalog.gears.items():
             if (gear.output == "linear") == linear:
                 for ratio in gear.ratios:
                     made = motor_with_gear(motor_name, motor, gear_name, gear, ratio)
-                    yield made if bearing is None else replace(made, bearing=bearing)
+                    yield replace(made, **parts) if parts else made
     for name, gearmotor in catalog.gearmotors.items():
         if (gearmotor.output == "linear") == linear:
             made = _gearmotor(name, gearmotor)
-            yield made if bearing is None else replace(made, bearing=bearing)
+            yield replace(made, **parts) if parts else made
 
 
 def motor_with_gear(

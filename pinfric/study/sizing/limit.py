@@ -8,9 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pinfric.study.sizing.bearing import (
-    BearingRatings,
-)
+from pinfric.study.sizing.bearing import BearingRatings
 from pinfric.study.sizing.catalog import Conditions, Gear
 from pinfric.study.sizing.criterion import Criterion, Status, compare
 from pinfric.study.sizing.demand import DriveCycle, GearDemand, largest
@@ -42,7 +40,7 @@ def idle(conditions: Conditions, hand: bool = False) -> Case:
     cycle = DriveCycle(
         np.arange(2.0), nothing, nothing, nothing, nothing, nothing, still, still, 0.0
     )
-    demand = GearDemand("", "", 0.0, 0.0, 0.0, 0.0, bearing=None, travel=0.0)
+    demand = GearDemand("", "", 0.0, 0.0, 0.0, 0.0, bearing=None, travel=0.0, guide=None)
     return Case(demand, cycle, None, hand, conditions)
 
 
@@ -85,6 +83,12 @@ class Judged(NamedTuple):
         """What carries the joint; rows of bearings are for candidates whose ratings are known."""
         assert self.candidate.bearing is not None
         return self.candidate.bearing
+
+    @property
+    def guide(self) -> BearingRatings:
+        """The guide of a sliding joint; its rows are for candidates whose ratings are known."""
+        assert self.candidate.guide is not None
+        return self.candidate.guide
 
     @property
     def figures(self) -> MotorFigures | None:
@@ -136,7 +140,10 @@ SIGNALS: dict[str, Callable[[Judged], float | None]] = {
 
 #: What must be settled of a drive before it is offered: of the rows that settle the same thing at
 #: least one must have been checked, or the drive cannot be judged.
-SETTLES = ("heat", "motor's peak", "motor's speed", "gear's load", "gear's speed")
+SETTLES = (
+    *("heat", "motor's peak", "motor's speed"),
+    *("gear's load", "gear's speed", "screw's buckling"),
+)
 
 
 Figure = Callable[[Judged], float | None]

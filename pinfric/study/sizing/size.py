@@ -36,7 +36,7 @@ from pinfric.study.sizing.assess import (
     assess,
     lightest,
     nearest_miss,
-    own_bearing,
+    own_parts,
 )
 from pinfric.study.sizing.brake import Standstill, standstills
 from pinfric.study.sizing.catalog import Catalog, Conditions, load_catalog, parse_conditions
@@ -315,7 +315,7 @@ def size(
     check_tool(scene, wanted)
     for joint in wanted.bearings:
         linear = effort_unit(scene, scene.actuator_names.index(joint)) == "N"
-        own_bearing(catalog or Catalog("no catalogue"), wanted, joint, linear)
+        own_parts(catalog or Catalog("no catalogue"), wanted, joint, linear)
     sizing = _Sizing(scene, trajectory, catalog, wanted, progress or (lambda _: None))
     report = sizing.run()
     if on_miss == "raise":
@@ -439,7 +439,7 @@ class _Sizing:
         key = demand.unit, self.conditions.bearings.get(demand.name)
         if key not in self.offered:
             linear = demand.unit == "N"
-            own = own_bearing(self.catalog, self.conditions, demand.name, linear)
+            own = own_parts(self.catalog, self.conditions, demand.name, linear)
             self.offered[key] = tuple(candidates(self.catalog, linear, own))
         return self.offered[key]
 
@@ -523,6 +523,7 @@ def gear_demand_frictionless(demand: JointDemand, cycle: DriveCycle) -> GearDema
         cubic,
         carried,
         demand.travel,
+        demand.guide,
     )
 
 

@@ -18,7 +18,7 @@ from pinfric.model.robot import example_robot_data
 from pinfric.show.replay.markers import COLORS
 from pinfric.show.replay.stage import SEGMENTS, SIDES
 
-ROBOTS = Path(__file__).parents[3] / "robots"
+ROBOTS = Path(__file__).parents[2] / "robots"
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 DRIVER = shutil.which("chromedriver")
 FLAGS = (

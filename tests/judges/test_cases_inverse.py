@@ -29,7 +29,7 @@ from cases import (
     shaking_four_bar,
     turning_four_bar,
 )
-from dynamics.planar_newton_euler import FourBar, crank_torque
+from judges.planar_newton_euler import FourBar, crank_torque
 from mechanisms import pin_friction
 
 import pinfric as pf

@@ -19,7 +19,7 @@ from processes import children, listening, workers
 import pinfric.__main__
 from pinfric import cli
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 PANDA = ["panda_pick_and_place", "panda_pick_and_place.csv"]
 COMMANDS = {
     "simulate": ["simulate", "four_bar", "--t-end", "1000"],

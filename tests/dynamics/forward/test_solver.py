@@ -424,7 +424,7 @@ for (scene, q, v, a), name in zip(test_solver.EVERY, test_solver.IDS, strict=Tru
 @pytest.mark.slow
 def test_no_kernel_is_compiled_or_interpreted_after_a_solver_is_made():
     """With all its patience, in a process of its own: what other tests called is not there."""
-    tests = Path(__file__).parents[1]
+    tests = Path(__file__).parents[2]
     done = subprocess.run(
         [sys.executable, "-c", IN_A_LOOP, str(tests), str(Path(__file__).parent)],
         capture_output=True,

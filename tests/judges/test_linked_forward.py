@@ -20,9 +20,9 @@ from cases import (
     slider_crank,
     turning_four_bar,
 )
-from dynamics.planar_newton_euler import FourBar, crank_torque
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from judges.planar_newton_euler import FourBar, crank_torque
 from mechanisms import four_bar, two_ball_loops
 
 import pinfric as pf
@@ -252,7 +252,7 @@ def test_a_toggle_with_more_freedoms_is_named():
 
 
 def parallelogram(**friction):
-    from dynamics.test_linked_simulate import parallelogram_scene
+    from judges.test_linked_simulate import parallelogram_scene
 
     return parallelogram_scene(**friction)
 

@@ -22,7 +22,7 @@ from pinfric.study.trajectory.log.noise import (
 from pinfric.study.trajectory.log.reading import ReadingOptions
 from pinfric.study.trajectory.log.still import find_noisy_holds
 
-ROBOTS = Path(__file__).parents[3] / "robots"
+ROBOTS = Path(__file__).parents[4] / "robots"
 SCENE = """pinfric: 1
 robot: {urdf: "example-robot-data:ur_description/urdf/ur10_robot.urdf"}
 friction:

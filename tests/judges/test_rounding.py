@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from builders import block, plane_friction
 from cases import boxer, four_bars_in_a_row, resting_four_bar, rocker_driven_four_bar
-from dynamics.test_linked_simulate import parallelogram_scene, swing
-from dynamics.test_simulate import Belt, pinned_body
+from dynamics.simulation.test_simulate import Belt, pinned_body
+from judges.test_linked_simulate import parallelogram_scene, swing
 from mechanisms import pin_friction
 
 import pinfric as pf

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 import yaml
 from cases import boxer
-from dynamics.test_forward import mimic_scene
+from dynamics.forward.test_forward import mimic_scene
 from mechanisms import add_link, bar, four_bar, grounded_model, shifted
 
 import pinfric as pf

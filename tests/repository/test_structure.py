@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import pytest
 
-PACKAGE = Path(__file__).parents[1] / "pinfric"
+PACKAGE = Path(__file__).parents[2] / "pinfric"
 #: Where the command line begins: it imports what a command needs when that command runs, so that
 #: `pinfric --help` and a bad option take no time. Nothing imports these.
 FRONT = {"pinfric.__main__", "pinfric.cli", "pinfric.terminal"}

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from dynamics.gear_judges import (
+from judges.gear_judges import (
     Gear,
     accelerations,
     break_away,

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-PACKAGE = Path(__file__).parents[1] / "pinfric"
+PACKAGE = Path(__file__).parents[2] / "pinfric"
 LAYERS = [
     *("errors", "kernels", "model", "friction", "dynamics", "study", "show", "paper"),
     *("terminal", "cli", "__main__"),

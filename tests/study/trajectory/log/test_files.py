@@ -16,7 +16,7 @@ from pinfric.study.trajectory.log.judged import judge_log
 from pinfric.study.trajectory.log.reading import ReadingOptions
 from pinfric.study.trajectory.waypoints import quintic
 
-SHARED = Path(__file__).parents[4] / "shared" / "data" / "ur10"
+SHARED = Path(__file__).parents[5] / "shared" / "data" / "ur10"
 T = np.arange(400) / 200.0
 Q = np.column_stack((0.8 * np.sin(2 * T), 0.3 + 0.2 * np.cos(3 * T)))
 V = np.column_stack((1.6 * np.cos(2 * T), -0.6 * np.sin(3 * T)))

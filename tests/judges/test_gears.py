@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from builders import geared_arm, random_states, random_tree
-from dynamics.gear_enumeration import Arm, fewest, judge, locking_arm, random_arm, random_state
+from judges.gear_enumeration import Arm, fewest, judge, locking_arm, random_arm, random_state
 
 import pinfric as pf
 from pinfric.errors import (

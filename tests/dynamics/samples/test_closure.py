@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from cases import ball_tripod, crank_motion, turning_four_bar
-from dynamics.planar_newton_euler import FourBar, bar_angles
+from judges.planar_newton_euler import FourBar, bar_angles
 from mechanisms import FOUR_BAR, add_link, bar, four_bar, grounded_model, shifted
 
 import pinfric as pf
@@ -27,7 +27,7 @@ from pinfric.errors import (
 )
 from pinfric.model.closure import action_maps, closure_jacobian, full_pivot, loop_state
 
-ROBOTS = Path(__file__).parents[2] / "robots"
+ROBOTS = Path(__file__).parents[3] / "robots"
 
 
 def relations(case):

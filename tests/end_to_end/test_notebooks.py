@@ -20,7 +20,7 @@ from PIL import Image
 
 import pinfric as pf
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
 #: What a reader waits at most (s).

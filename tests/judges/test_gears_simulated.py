@@ -8,10 +8,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from builders import geared_arm, random_states
-from dynamics.gear_judges import Gear, follow, heat, mesh_reversal, sine_against_load, spun_down
-from dynamics.test_cylinder_friction import ARM, INERTIA, PIN, RAM, SEAL, G, M, boom, line, needed
-from dynamics.test_gear_judges import DEMO, PUBLISHED
-from dynamics.test_gears import LOSSY, WORM, hoist
+from judges.gear_judges import Gear, follow, heat, mesh_reversal, sine_against_load, spun_down
+from judges.test_cylinder_friction import ARM, INERTIA, PIN, RAM, SEAL, G, M, boom, line, needed
+from judges.test_gear_judges import DEMO, PUBLISHED
+from judges.test_gears import LOSSY, WORM, hoist
 
 import pinfric as pf
 from pinfric.dynamics.forward import holds as holds_module

@@ -11,7 +11,7 @@ import doors
 import pinfric as pf
 from pinfric.cli import app
 
-#: They compile all they need before they return: `dynamics/test_solver.py`.
+#: They compile all they need before they return: `dynamics/forward/test_solver.py`.
 COMPILING = {"Solver", "warm_up", "pinfric warm-up"}
 #: What the functions return, take or raise.
 CLASSES = {

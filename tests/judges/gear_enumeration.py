@@ -1,8 +1,8 @@
 """Is every refusal of forward dynamics with gears a true one? Random states, and an enumeration.
 
-    python tests/dynamics/gear_enumeration.py arms 20000
-    python tests/dynamics/gear_enumeration.py locking 1000
-    python tests/dynamics/gear_enumeration.py ur10 50000
+    python tests/judges/gear_enumeration.py arms 20000
+    python tests/judges/gear_enumeration.py locking 1000
+    python tests/judges/gear_enumeration.py ur10 50000
 
 The judge knows nothing of pinfric's solvers: for every choice of stick and slip at rest, and of the
 driving and the driven line of every gear that moves, accelerations follow from one linear system,

@@ -532,6 +532,6 @@ def test_a_mesh_that_is_nowhere_costs_no_more_than_itself(corner, tmp_path, monk
     ],
 )
 def test_what_is_no_scene_is_said(file, says):
-    root = Path(__file__).parents[1]
+    root = Path(__file__).parents[2]
     with pytest.raises(pf.PinfricError, match=says):
         pf.load_scene(root / file)

@@ -30,7 +30,7 @@ from pinfric.study.sizing.catalog import Brake, CatalogFile
 from pinfric.study.sizing.criteria import LIMITS
 from pinfric.study.sweep.distributions import Steps
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 PAGES = ROOT / "notebooks"
 
 
@@ -63,7 +63,7 @@ def test_pages_name_functions_files_and_tests_that_exist(page):
     for file, test in named:
         folders = [
             folder
-            for folder in ("", "pinfric", "pinfric/dynamics", "tests/dynamics")
+            for folder in ("", "pinfric", "pinfric/dynamics", "tests/dynamics", "tests/judges")
             if (ROOT / folder / file).is_file()
         ]
         assert folders, file

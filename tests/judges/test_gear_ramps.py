@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from builders import geared_arm, random_states
-from dynamics.test_gears import WORM, hoist
+from judges.test_gears import WORM, hoist
 from scipy.optimize import brentq
 
 import pinfric as pf

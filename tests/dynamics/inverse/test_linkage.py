@@ -19,7 +19,7 @@ from cases import (
     slider_crank,
     turning_four_bar,
 )
-from dynamics.planar_newton_euler import PINS, FourBar, crank_torque
+from judges.planar_newton_euler import PINS, FourBar, crank_torque
 from mechanisms import (
     FOUR_BAR,
     LENGTHS,
@@ -37,7 +37,7 @@ from pinfric.dynamics.inverse.solutions import one_sample, reduced_problem
 from pinfric.dynamics.samples.outcome import Status
 from pinfric.friction.given_modes import fixed_point, newton
 
-ROBOTS = Path(__file__).parents[2] / "robots"
+ROBOTS = Path(__file__).parents[3] / "robots"
 
 
 # ---------------------------------------------------------------- the four-bar

@@ -19,7 +19,7 @@ from pinfric import cli
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.states import States
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 GUIDE = ROOT / "notebooks/guide"
 README = ROOT / "README.md"
 PAGES = [README, *sorted(GUIDE.glob("*.md"))]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from dynamics.planar_newton_euler import FourBar, bar_angles, bar_rates
+from judges.planar_newton_euler import FourBar, bar_angles, bar_rates
 from mechanisms import FIVE_BAR, LENGTHS, five_bar, four_bar, spatial_loop
 
 import pinfric as pf
