@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinfric.model.described import SPEED, unit_at
-from pinfric.show.figure.panel import BLUE, ORANGE, RED, panel
-from pinfric.show.figure.style import INK, QUIET, style
+from pinfric.show.figure.panel import panel
+from pinfric.show.figure.style import BLUE, GRID, INK, ORANGE, QUIET, RED, style
 from pinfric.show.report.names import picture_names
 from pinfric.study.stop.motion import StopMotion
 from pinfric.study.stop.search import Stopped
@@ -83,7 +83,7 @@ def draw_stop(upper: Axes, lower: Axes, result: StopResult, drive: int) -> None:
     for axes, label in ((upper, f"speed, {unit_at(SPEED, unit)}"), (lower, f"effort, {unit}")):
         axes.set_xlim(0.0, end)
         axes.set_ylabel(label, color=QUIET)
-        axes.axhline(0.0, color="#BBBBBB", linewidth=0.8, zorder=0)
+        axes.axhline(0.0, color=GRID, linewidth=0.8, zorder=0)
         _mark(axes, result, drive, reaction, motion, found)
 
 
