@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 from envelopes import result_of
-from test_stop_motion import ARM, arm
+from stop_cases import ARM, arm
 
 import pinfric as pf
 from pinfric import cli
