@@ -8,6 +8,7 @@ inside functions: `pinfric --help` needs neither NumPy nor Pinocchio.
 from __future__ import annotations
 
 import os
+import shlex
 import sys
 import warnings
 from collections.abc import Callable, Sequence
@@ -289,7 +290,16 @@ def size(
         read.append(report.catalog.source)
     sets, files = _fastest(report, trajectory) if fastest else (None, {})
     found = sizing_summary(report, sets)
-    files["report.html"] = lambda path: path.write_text(sizing_page(report), encoding="utf-8")
+    cycles_given = (
+        [trajectory_name] if trajectory_name else [f"--cycle={text}" for text in cycle or ()]
+    )
+    duty_given = [f"--on={on:g}", f"--period={period:g}"] if on != 1.0 else []
+    catalog_given = [f"--catalog={catalog}"] if catalog else []
+    parts = [str(scene_name), *cycles_given, *duty_given, *catalog_given]
+    command = shlex.join(["pinfric", "size", *parts])
+    files["report.html"] = lambda path: path.write_text(
+        sizing_page(report, command), encoding="utf-8"
+    )
     if bill := bill_of_materials(report):
         files["bom.csv"] = lambda path: path.write_text(bill, encoding="utf-8")
     show_it, name = partial(sizing_report, report, sets), "sizing.json"
