@@ -290,13 +290,8 @@ def size(
         read.append(report.catalog.source)
     sets, files = _fastest(report, trajectory) if fastest else (None, {})
     found = sizing_summary(report, sets)
-    cycles_given = (
-        [trajectory_name] if trajectory_name else [f"--cycle={text}" for text in cycle or ()]
-    )
-    duty_given = [f"--on={on:g}", f"--period={period:g}"] if on != 1.0 else []
-    catalog_given = [f"--catalog={catalog}"] if catalog else []
-    parts = [str(scene_name), *cycles_given, *duty_given, *catalog_given]
-    command = shlex.join(["pinfric", "size", *parts])
+    cycles_given = [trajectory_name] if trajectory_name else [f"--cycle={x}" for x in cycle or ()]
+    command = _command_of_size(scene_name, [str(x) for x in cycles_given], on, period, catalog)
     files["report.html"] = lambda path: path.write_text(
         sizing_page(report, command), encoding="utf-8"
     )
@@ -305,6 +300,15 @@ def size(
     show_it, name = partial(sizing_report, report, sets), "sizing.json"
     answer("size", found, show_it, as_json, out, files, name=name, scene=report.given.source)
     report.check()  # what does not fit is the last line, and the exit code (2)
+
+
+def _command_of_size(
+    scene: str, cycles: list[str], on: float, period: float, catalog: str | None
+) -> str:
+    """The command as its page shows it."""
+    duty = [f"--on={on:g}", f"--period={period:g}"] if on != 1.0 else []
+    chosen = [f"--catalog={catalog}"] if catalog else []
+    return shlex.join(["pinfric", "size", scene, *cycles, *duty, *chosen])
 
 
 @app.command(short_help="Make a catalogue for `size` from a table of parts.")
