@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import shlex
 import sys
+import time
 import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -22,6 +23,7 @@ from pinfric import __version__
 from pinfric.errors import PinfricError, PinfricWarning, plain
 from pinfric.terminal import (
     answer,
+    facts,
     load,
     load_motion_of,
     notice,
@@ -103,8 +105,11 @@ def _options(
     quiet: Annotated[
         bool, typer.Option("--quiet", "-q", help="Print only results and errors, no notices.")
     ] = False,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", "-v", help="Also print files read, versions and time.")
+    ] = False,
 ) -> None:
-    telling["quiet"] = quiet
+    telling.update(quiet=quiet, verbose=verbose)
     if version:
         print_line(f"pinfric {__version__}")
     elif context.invoked_subcommand is None:
@@ -821,13 +826,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if hasattr(stream, "reconfigure"):  # a terminal without UTF-8 gets "?", not a traceback
             stream.reconfigure(errors="replace")
     noticed.clear()
-    telling["quiet"] = False
+    telling.update(quiet=False, verbose=False)
     read.clear()
     with warnings_as_notices():
-        sys.exit(_run(None if arguments is None else list(arguments)))
+        sys.exit(_run(_flags_first(list(sys.argv[1:] if arguments is None else arguments))))
 
 
-def _run(arguments: list[str] | None) -> int:
+def _flags_first(arguments: list[str]) -> list[str]:
+    """Put --quiet and --verbose before the command: people write them at the end of the line."""
+    flags = [text for text in arguments if text in ("-q", "--quiet", "-v", "--verbose")]
+    return flags + [text for text in arguments if text not in flags]
+
+
+def _run(arguments: list[str]) -> int:
+    started = time.perf_counter()
     # the root of typer's usage errors, by way of the one it exports: its copy of click moves
     usage_error: Any = typer.BadParameter.__mro__[1]
     try:
@@ -846,6 +858,8 @@ def _run(arguments: list[str] | None) -> int:
         if os.environ.get("PINFRIC_TRACEBACK"):
             raise
         message, code = _unexpected(problem)
+    if telling["verbose"]:
+        facts(started)
     if message:
         kind = "internal error" if code == INTERNAL_ERROR else "error"
         say(f"{kind}: {message}", error=True)
