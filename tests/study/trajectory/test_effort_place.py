@@ -1,6 +1,5 @@
 """What a log's efforts are: each place against inverse dynamics, and what is said."""
 
-
 import numpy as np
 import pytest
 
