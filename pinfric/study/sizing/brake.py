@@ -139,7 +139,7 @@ def _standstill(
         conditions.holding_brake == "where_needed" and not held
     )
     torque = None if shaft is None else conditions.brake_factor * shaft[1]
-    name = _smallest(torque, stop, brakes)
+    name = _smallest(torque, stop, brakes) if needed or torque != 0.0 else None
     held_by = _torque(torque, name, brakes, conditions.brake_factor, needed)
     assert result.t is not None  # size refuses a motion without times
     criteria = (_unpowered(use, held), held_by, _energy(stop, name, brakes, needed))
@@ -262,7 +262,7 @@ def _torque(
     if needed:
         note = "" if strongest is None else f"{_ranked(brakes)[-1]}, the strongest"
         return compare(_BRAKE, wanted, strongest, "N m", formula, _SOURCE, missing, note)
-    note = "no brake of the catalogue holds it" if brakes else ""
+    note = "no brake of the catalogue holds it" if brakes and wanted else ""
     return Criterion(
         _BRAKE, Status.NOT_REQUIRED, wanted, strongest, "N m", None, formula, _SOURCE, note
     )

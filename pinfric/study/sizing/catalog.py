@@ -13,7 +13,7 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -735,6 +735,7 @@ class Catalog:
         source: the file, or "default" for the bundled ones.
         motors, gears, gearmotors, bearings, brakes, amplifiers: name -> entry.
         conditions: what the file demands of the drives.
+        replaced: entries of the file that stand in place of bundled ones, in words.
     """
 
     source: str
@@ -745,6 +746,7 @@ class Catalog:
     brakes: Mapping[str, Brake] = field(default_factory=dict)
     amplifiers: Mapping[str, Amplifier] = field(default_factory=dict)
     conditions: Conditions = field(default_factory=Conditions)
+    replaced: tuple[str, ...] = ()
 
 
 def load_catalog(name: str | Path = DEFAULT) -> Catalog:
@@ -772,8 +774,9 @@ def load_catalog(name: str | Path = DEFAULT) -> Catalog:
                 "`extends: default` takes the bundled ones"
             )
         bundled = _bundled() if file.extends else ()
-        catalog = _merged(str(name), [*bundled, file])
-        for text in _replaced(bundled, file):
+        replaced = tuple(_replaced(bundled, file))
+        catalog = replace(_merged(str(name), [*bundled, file]), replaced=replaced)
+        for text in replaced:
             warnings.warn(f"{name}: {text}", PinfricWarning, stacklevel=2)
     for where, text in _doubts(catalog):
         warnings.warn(f"{catalog.source}: {where}: {text}", PinfricWarning, stacklevel=2)
@@ -802,7 +805,7 @@ def _bundled() -> tuple[CatalogFile, ...]:
 
 def _merged(source: str, files: Sequence[CatalogFile]) -> Catalog:
     """All entries of the files; of the same name, and of the conditions, the last file's."""
-    entries = {
+    entries: dict[str, Any] = {
         section: {name: entry for file in files for name, entry in getattr(file, section).items()}
         for section in _SECTIONS
     }
@@ -824,7 +827,9 @@ def _read(path: Path) -> CatalogFile:
             f"there is no catalogue {brief(str(path))}; "
             f"{choose_from(path, [DEFAULT])}, or a YAML file"
         )
-    return parse(CatalogFile, read_yaml(path, CatalogError), str(path), CatalogError)
+    return parse(
+        CatalogFile, read_yaml(path, CatalogError, "pinfric_catalog"), str(path), CatalogError
+    )
 
 
 def _ascending(entry: Sourced, smaller: str, larger: str) -> None:
