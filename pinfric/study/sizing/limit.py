@@ -125,7 +125,7 @@ def asked(figure: str) -> Callable[[Judged], float | None]:
 SIGNALS: dict[str, Callable[[Judged], float | None]] = {
     "motor torque": asked("peak"),
     "motor RMS torque": asked("rms"),
-    "motor speed": asked("max_speed"),
+    "motor speed": lambda d: (1.0 if d.candidate.at_output else d.candidate.ratio) * d.demand.speed,
     "voltage": _line_voltage,
     "effort": lambda d: d.demand.peak,
     "input speed": lambda d: d.candidate.ratio * d.demand.speed,

@@ -39,7 +39,8 @@ from pinfric.study.sizing.assess import (
     own_bearing,
 )
 from pinfric.study.sizing.brake import Standstill, standstills
-from pinfric.study.sizing.catalog import Catalog, Conditions, load_catalog, parse_conditions
+from pinfric.study.sizing.catalog import Catalog, Conditions, parse_conditions
+from pinfric.study.sizing.catalog_file import load_catalog
 from pinfric.study.sizing.caveats import caveats, discontinuities, unclosed
 from pinfric.study.sizing.criterion import Criterion, Status
 from pinfric.study.sizing.demand import (
