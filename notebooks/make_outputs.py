@@ -2,8 +2,8 @@
 
 Without numbers all of them. Pictures are kept with few colours; in place of a replay, megabytes
 that the web does not play, stands a frame of it (needs Chromium), from the middle or, of a cell
-with the tag `replay-1.2`, at 1.2 s. tests/test_notebooks.py compares what is kept with what a
-notebook shows when it is run.
+with the tag `replay-1.2`, at 1.2 s. tests/end_to_end/test_notebooks.py compares what is kept with
+what a notebook shows when it is run.
 """
 
 from __future__ import annotations

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import sys
+import time
 import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -21,6 +22,7 @@ from pinfric import __version__
 from pinfric.errors import PinfricError, PinfricWarning, plain
 from pinfric.terminal import (
     answer,
+    facts,
     load,
     load_motion_of,
     notice,
@@ -56,8 +58,8 @@ app = typer.Typer(
 
 def _effort_place(value: str) -> str:
     """Refuse an unknown place at once: with way-points nothing else would read it."""
-    if value not in ("motor", "joint"):
-        raise typer.BadParameter(f"{value!r}; should be motor or joint")
+    if value not in ("reflected", "motor", "joint"):
+        raise typer.BadParameter(f"{value!r}; should be reflected, motor or joint")
     return value
 
 
@@ -73,8 +75,8 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of tabl
 EffortAt = Annotated[
     str,
     typer.Option(
-        metavar="motor|joint",
-        help="Where efforts were measured: at the motor, or at the joint.",
+        metavar="reflected|motor|joint",
+        help="A log's efforts: motor torques times gear ratios; at the shafts; behind the gears.",
         callback=_effort_place,
     ),
 ]
@@ -102,8 +104,11 @@ def _options(
     quiet: Annotated[
         bool, typer.Option("--quiet", "-q", help="Print only results and errors, no notices.")
     ] = False,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", "-v", help="Also print files read, versions and time.")
+    ] = False,
 ) -> None:
-    telling["quiet"] = quiet
+    telling.update(quiet=quiet, verbose=verbose)
     if version:
         print_line(f"pinfric {__version__}")
     elif context.invoked_subcommand is None:
@@ -119,7 +124,7 @@ def inverse(
     out: OutFolder = None,
     as_json: AsJson = False,
     threads: Threads = None,
-    effort_at: EffortAt = "joint",
+    effort_at: EffortAt = "reflected",
     log: Any,
 ) -> None:
     """Compute the efforts that a motion needs.
@@ -450,7 +455,7 @@ def identify(
         list[str] | None,
         typer.Option(metavar="JOINT=FACTOR", help="Factor from a logged effort to N m."),
     ] = None,
-    effort_at: EffortAt = "motor",
+    effort_at: EffortAt = "reflected",
     inertia: Annotated[
         str,
         typer.Option(metavar="consistent|keep", help="Link inertias: correct or keep the URDF's."),
@@ -519,7 +524,7 @@ def replay(
     ] = None,
     open_browser: Annotated[bool, typer.Option("--open", help="Show it in a browser.")] = False,
     motors: Motors = None,
-    effort_at: EffortAt = "joint",
+    effort_at: EffortAt = "reflected",
     as_json: AsJson = False,
     log: Any,
 ) -> None:
@@ -807,13 +812,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if hasattr(stream, "reconfigure"):  # a terminal without UTF-8 gets "?", not a traceback
             stream.reconfigure(errors="replace")
     noticed.clear()
-    telling["quiet"] = False
+    telling.update(quiet=False, verbose=False)
     read.clear()
     with warnings_as_notices():
-        sys.exit(_run(None if arguments is None else list(arguments)))
+        sys.exit(_run(_flags_first(list(sys.argv[1:] if arguments is None else arguments))))
 
 
-def _run(arguments: list[str] | None) -> int:
+def _flags_first(arguments: list[str]) -> list[str]:
+    """Put --quiet and --verbose before the command: people write them at the end of the line."""
+    flags = [text for text in arguments if text in ("-q", "--quiet", "-v", "--verbose")]
+    return flags + [text for text in arguments if text not in flags]
+
+
+def _run(arguments: list[str]) -> int:
+    started = time.perf_counter()
     # the root of typer's usage errors, by way of the one it exports: its copy of click moves
     usage_error: Any = typer.BadParameter.__mro__[1]
     try:
@@ -832,6 +844,8 @@ def _run(arguments: list[str] | None) -> int:
         if os.environ.get("PINFRIC_TRACEBACK"):
             raise
         message, code = _unexpected(problem)
+    if telling["verbose"]:
+        facts(started)
     if message:
         kind = "internal error" if code == INTERNAL_ERROR else "error"
         say(f"{kind}: {message}", error=True)

@@ -1,6 +1,6 @@
 """Hard cases as named functions: a scene, a motion, and what is known of the answer.
 
-Forward dynamics and simulation use the same scenes; `tests/dynamics/test_cases_inverse.py` asserts
+Forward dynamics and simulation use the same scenes; `tests/judges/test_cases_inverse.py` asserts
 what inverse dynamics must make of them.
 """
 
@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from dynamics.planar_newton_euler import FourBar, bar_angles, bar_rates
+from judges.planar_newton_euler import FourBar, bar_angles, bar_rates
 from mechanisms import add_link, bar, four_bar, grounded_model, pin_friction, shifted
 
 import pinfric as pf

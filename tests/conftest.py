@@ -12,24 +12,24 @@ compiled.say_compiling = lambda again="": None
 #: What compiles most comes first, each kernel in one process, that of files of one name; the others
 #: find it in the cache.
 FIRST = {
-    "dynamics/test_forward.py": "forward dynamics",
-    "dynamics/test_threaded.py": "inverse dynamics",
-    "dynamics/test_inverse.py": "inverse dynamics",
-    "dynamics/test_cases_inverse.py": "inverse dynamics",
-    "dynamics/test_interval_ends.py": "inverse dynamics",
-    "dynamics/test_inverse_linkage.py": "inverse dynamics",
+    "dynamics/forward/test_forward.py": "forward dynamics",
+    "dynamics/samples/test_threaded.py": "inverse dynamics",
+    "dynamics/inverse/test_inverse.py": "inverse dynamics",
+    "judges/test_cases_inverse.py": "inverse dynamics",
+    "dynamics/inverse/test_interval_ends.py": "inverse dynamics",
+    "dynamics/inverse/test_linkage.py": "inverse dynamics",
     "friction/test_holding.py": "holding",
-    "dynamics/test_linked_forward.py": "holding",
-    "dynamics/test_solver.py": "holding",
+    "judges/test_linked_forward.py": "holding",
+    "dynamics/forward/test_solver.py": "holding",
     "study/retime/test_retime.py": "retiming",
     "study/retime/test_fastest.py": "retiming",
     "study/sweep/test_superposition.py": "sweeps",
-    "show/report/test_sweep_report.py": "sweeps",
-    "study/accuracy/test_coupled.py": "accuracy",
-    "study/accuracy/test_accuracy_report.py": "accuracy",
+    "show/report/test_sweep.py": "sweeps",
+    "judges/test_coupled_solvers.py": "accuracy",
+    "show/accuracy/test_report.py": "accuracy",
 }
 #: Files of long tests that share nothing: one by one, so that all processes end together.
-LAST = ("dynamics/test_stuck_loops.py", "dynamics/test_rounding.py", "test_notebooks.py")
+LAST = ("judges/test_stuck_loops.py", "judges/test_rounding.py", "end_to_end/test_notebooks.py")
 
 
 def place(nodeid):

@@ -8,7 +8,7 @@ all the patience for which kernels are interpreted. Tests run compiled kernels, 
 what works there need not work here. Found is an exception, an exit code, a number that is none, or
 a process that does not end. Processes are forked from one that has imported pinfric and called no
 kernel; what they compile is not kept. Solvers compile all they need: the time of a test, not of a
-door (`tests/dynamics/test_solver.py`, `.ci/run`).
+door (`tests/dynamics/forward/test_solver.py`, `.ci/run`).
 """
 
 from __future__ import annotations

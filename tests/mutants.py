@@ -1,32 +1,53 @@
 """Break lines of the solvers on purpose and count what no test notices.
 
-    python tests/mutants.py                        200 lines of `friction` and `dynamics`
+    python tests/mutants.py                        100 lines each of `friction` and `dynamics`
     python tests/mutants.py --count 20 --seed 3 friction
 
-Each mutant changes one line of a copy of the repository: a comparison, a sign, a product, a number,
-a condition, or it leaves out a statement. The tests of friction and dynamics then run with kernels
-as plain Python, so that nothing is compiled, the fastest first; the first that fails ends them.
-What survives is printed with its line: it needs a test, or a reason.
+Each mutant changes one line in memory: a comparison, a sign, a product, a number, a condition, or
+it leaves out a statement. Kernels run as plain Python, so nothing is compiled. Tests are collected
+once; everything else happens in forked processes, so that no test sees what another one left:
+
+1. Each test runs alone and unbroken. Those that take long or fail as plain Python are left out; of
+   the others the functions that they call are noted.
+2. For each mutant the tests run that call its function, the fastest first. One that fails counts
+   only if it fails alone, too. Where numba divides by zero, plain Python raises: such a failure
+   alone proves nothing.
+
+What survives is printed with its line: it needs a test, or a reason. A mutant is chosen by the text
+of its line, so that the same seed breaks the same lines after changes elsewhere.
 """
 
 from __future__ import annotations
 
 import argparse
 import ast
-import json
+import gc
+import hashlib
 import os
-import random
-import shutil
-import subprocess
+import pickle
+import signal
 import sys
-import tempfile
 from collections import Counter
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import NamedTuple
+from types import CodeType, FunctionType
+from typing import Any, NamedTuple
+
+import pinfric  # noqa: F401  # isort: skip: before Pinocchio
+
+import hypothesis
+import numpy as np
+import pytest
+from _pytest.runner import runtestprotocol
+
+from pinfric.kernels import compiled
 
 ROOT = Path(__file__).parents[1]
-#: Beyond this (s) a mutant is caught: its loop does not end.
-PATIENCE = 1200
+TESTS = ("tests/friction", "tests/dynamics")
+#: Tests that take longer with kernels as plain Python are left out (s).
+LONGEST = 6
+#: Exceptions that plain Python raises where a compiled kernel computes inf or nan.
+DIVISION = ("ZeroDivisionError", "OverflowError")
 SIGNS: dict[type[ast.AST], tuple[str, str]] = {
     ast.Lt: ("<", "<="),
     ast.LtE: ("<=", "<"),
@@ -41,48 +62,29 @@ SIGNS: dict[type[ast.AST], tuple[str, str]] = {
     ast.Mult: ("*", "/"),
     ast.Div: ("/", "*"),
 }
-PLUGIN = """
-import json, pathlib, pytest, signal
-from pinfric.kernels import interpreted
-
-FILE = pathlib.Path(__file__).with_name("tests.json")
-known = json.loads(FILE.read_text()) if FILE.exists() else None
-found = {}
-
-def pytest_collection_modifyitems(items):
-    if known is not None:  # the fastest first
-        items[:] = sorted((i for i in items if i.nodeid in known), key=lambda i: known[i.nodeid])
-
-@pytest.hookimpl(trylast=True)
-def pytest_collection_finish(session):
-    interpreted.PATIENCE = interpreted._FEW = float("inf")
-
-def pytest_runtest_setup(item):
-    def stop(*_):
-        raise TimeoutError("a loop that does not end?")
-    signal.signal(signal.SIGALRM, stop)
-    signal.alarm(30)
-
-def pytest_runtest_makereport(item, call):
-    if call.when == "call":
-        found[item.nodeid] = 1e9 if call.excinfo else call.duration
-
-def pytest_sessionfinish(session):
-    if known is None:
-        FILE.write_text(json.dumps({k: t for k, t in found.items() if t < LONGEST}))
-"""
-#: Tests that take longer with kernels as plain Python are left out (s).
-LONGEST = 3.0
 
 
 class Mutant(NamedTuple):
     """One change: the characters from start to end of a file become others."""
 
-    file: str
+    file: Path
+    function: int  # line of the outermost function (of its first decorator)
     line: int
     start: int
     end: int
     text: str
+
+    def __str__(self) -> str:
+        whole = self.file.read_bytes()
+        before = whole[self.start : self.end].decode().strip()
+        line = whole.decode().splitlines()[self.line - 1].strip()
+        place = f"{self.file.relative_to(ROOT)}:{self.line}"
+        return f"{place}: {line!r}: {before[:40]!r} -> {self.text.strip()[:40]!r}"
+
+    def broken(self) -> bytes:
+        """The source with the change."""
+        whole = self.file.read_bytes()
+        return whole[: self.start] + self.text.encode() + whole[self.end :]
 
 
 def changes(node: ast.AST, source: bytes, at: list[int]) -> list[tuple[int, int, str]]:
@@ -92,9 +94,7 @@ def changes(node: ast.AST, source: bytes, at: list[int]) -> list[tuple[int, int,
         source: of the file. at: (lines,) where each line starts in it (bytes).
     """
 
-    def place(part: ast.expr | ast.stmt) -> tuple[int, int]:
-        assert part.end_lineno is not None
-        assert part.end_col_offset is not None
+    def place(part: Any) -> tuple[int, int]:
         return (
             at[part.lineno - 1] + part.col_offset,
             at[part.end_lineno - 1] + part.end_col_offset,
@@ -128,120 +128,246 @@ def changes(node: ast.AST, source: bytes, at: list[int]) -> list[tuple[int, int,
             return []
 
 
-def mutants_of(file: str) -> dict[int, list[Mutant]]:
-    """Return all mutants of a file by their lines; messages and types are left alone."""
-    source = (ROOT / file).read_bytes()
+def mutants_of(file: Path) -> dict[int, list[Mutant]]:
+    """Return all mutants of a file by their lines; messages, types, defaults are left alone."""
+    source = file.read_bytes()
     lines = source.splitlines(keepends=True)
     at = [sum(map(len, lines[:i])) for i in range(len(lines))]
     found: dict[int, list[Mutant]] = {}
 
-    def visit(node: ast.AST) -> None:
-        if isinstance(node, (ast.Raise, ast.JoinedStr, ast.arg)):
+    def visit(node: ast.AST, function: int) -> None:
+        if isinstance(node, ast.Raise | ast.JoinedStr | ast.arguments):
             return
-        for start, end, new in changes(node, source, at):
-            mutant = Mutant(file, source[:start].count(b"\n") + 1, start, end, new)
+        if not function and isinstance(node, ast.FunctionDef):
+            function = min([node.lineno, *(one.lineno for one in node.decorator_list)])
+        for start, end, new in changes(node, source, at) if function else ():
+            mutant = Mutant(file, function, source[:start].count(b"\n") + 1, start, end, new)
             found.setdefault(mutant.line, []).append(mutant)
         for name, value in ast.iter_fields(node):
             if name not in ("annotation", "returns", "decorator_list"):
                 for child in value if isinstance(value, list) else [value]:
                     if isinstance(child, ast.AST):
-                        visit(child)
+                        visit(child, function)
 
     for statement in ast.parse(source).body:
-        if isinstance(statement, ast.FunctionDef | ast.ClassDef):
-            visit(statement)
+        visit(statement, 0)
     return found
 
 
-def chosen(rooms: list[str], count: int, seed: int) -> list[Mutant]:
-    """Return `count` mutants, on as many lines, by a seed."""
-    files = [
-        str(path.relative_to(ROOT))
-        for room in rooms
-        for path in sorted((ROOT / "pinfric" / room).rglob("*.py"))
-    ]
+def chosen(room: str, count: int, seed: int) -> list[Mutant]:
+    """Return mutants on as many lines of a room: those whose text has the smallest digests."""
+
+    def digest(mutant: Mutant, *more: object) -> bytes:
+        line = mutant.file.read_text().splitlines()[mutant.line - 1].strip()
+        key = (seed, mutant.file.name, line, *more)
+        return hashlib.blake2b(repr(key).encode()).digest()
+
+    files = sorted((ROOT / "pinfric" / room).rglob("*.py"))
     lines = [mutants for file in files for mutants in mutants_of(file).values()]
-    chance = random.Random(seed)
-    return [chance.choice(mutants) for mutants in chance.sample(lines, min(count, len(lines)))]
+    lines.sort(key=lambda mutants: digest(mutants[0]))
+    return [
+        min(mutants, key=lambda mutant: digest(mutant, mutant.text, i))
+        for i, mutants in enumerate(lines[:count])
+    ]
 
 
-def run_tests(
-    copy: Path, tests: list[str], *options: str, patience: float | None = None
-) -> subprocess.CompletedProcess[str]:
-    """Run tests in a copy of the repository, for some time (s)."""
-    environment = {**os.environ, "PYTHONPATH": str(copy), "NUMBA_CACHE_DIR": str(copy / "cache")}
-    command = [sys.executable, "-m", "pytest", "-q", "-n", "0", "-p", "mutants_plugin"]
-    command += [*options, "-m", "not slow", "--ignore", "tests/dynamics/test_threaded.py"]
-    command += tests
-    return subprocess.run(
-        command, cwd=copy, env=environment, capture_output=True, text=True, timeout=patience
+def interpret_kernels() -> None:
+    """Make kernels plain functions, before any module with one is imported."""
+    np.seterr(all="ignore")
+    hypothesis.settings.register_profile(
+        "mutants", database=None, deadline=None, derandomize=True, max_examples=20
     )
+    hypothesis.settings.load_profile("mutants")
+
+    def as_it_is(function: Any, *_: object, **__: object) -> Any:
+        return function
+
+    changed: Any = compiled
+    changed._compiled = changed.record = as_it_is
+    changed.call_compiled = lambda made, *arguments: made(*arguments)
+    changed.compile_for = lambda *_: None
+    changed._is_kept = lambda _: False
+    changed.is_small = lambda _: True
+    changed.CLOCK.is_over = lambda: False
 
 
-def count_reliable(copy: Path, tests: list[str]) -> int:
-    """Choose the tests to run: fast, and passed in the order of their times, too; count them."""
-    chosen, known = copy / "tests.json", dict[str, float]()
-    run_tests(copy, tests)
-    while known != (known := json.loads(chosen.read_text())):
-        wrong = failures(run_tests(copy, tests))
-        chosen.write_text(json.dumps({k: t for k, t in known.items() if k not in wrong}))
-    return len(known)
+def in_child(work: Callable[..., Any], *arguments: Any) -> Any:
+    """Return a function's result, computed in a fork of this process; None if that dies."""
+    read, write = os.pipe()
+    if not (child := os.fork()):
+        status = 1
+        try:
+            os.close(read)
+            with os.fdopen(write, "wb") as pipe:
+                pickle.dump(work(*arguments), pipe)
+            status = 0
+        finally:
+            os._exit(status)
+    os.close(write)
+    with os.fdopen(read, "rb") as pipe:
+        written = pipe.read()
+    return pickle.loads(written) if os.waitpid(child, 0)[1] == 0 else None
 
 
-def failures(run: subprocess.CompletedProcess[str]) -> list[str]:
-    """Return the tests that a run reports as failed."""
-    lines = run.stdout.splitlines()
-    return [line.split()[1] for line in lines if line.startswith(("FAILED", "ERROR"))]
+class Failure(NamedTuple):
+    """A test that failed, and the exception's type."""
+
+    test: int
+    kind: str
 
 
-def catcher(mutant: Mutant, copy: Path, tests: list[str]) -> str:
-    """Return the test that notices a mutant; empty where none does."""
-    path = copy / mutant.file
-    whole = path.read_bytes()
-    path.write_bytes(whole[: mutant.start] + mutant.text.encode() + whole[mutant.end :])
+def failures(items: list[pytest.Item], tests: list[int], longest: float) -> Iterator[Failure]:
+    """Run tests, given by their numbers, in this process; yield those that fail."""
+
+    def stop(*_: object) -> None:
+        raise TimeoutError
+
+    signal.signal(signal.SIGALRM, stop)
+    for test, following in zip(tests, [*tests[1:], None], strict=True):
+        after = None if following is None else items[following]
+        kinds: list[str] = []
+
+        class Listen:
+            """Keeps the types of exceptions."""
+
+            @staticmethod
+            def pytest_runtest_makereport(
+                call: pytest.CallInfo[None], into: list[str] = kinds
+            ) -> None:
+                if call.excinfo is not None:
+                    into.append(call.excinfo.typename)
+
+        listener = Listen()
+        items[test].config.pluginmanager.register(listener)
+        signal.setitimer(signal.ITIMER_REAL, longest)
+        try:
+            reports = runtestprotocol(items[test], log=False, nextitem=after)
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, 0)
+            items[test].config.pluginmanager.unregister(listener)
+        if any(report.failed for report in reports):
+            yield Failure(test, kinds[0] if kinds else "?")
+
+
+class Known(NamedTuple):
+    """What one test does unbroken: its time (s) and the functions it calls (file, line)."""
+
+    seconds: float
+    calls: set[tuple[str, int]]
+
+
+def known(items: list[pytest.Item], test: int) -> Known | None:
+    """Run one test, unbroken; None if it fails or takes long."""
+    calls: set[CodeType] = set()
+
+    def note(frame: Any, *_: object) -> None:
+        calls.add(frame.f_code)
+
+    sys.settrace(note)
     try:
-        run = run_tests(copy, tests, "-x", patience=PATIENCE)
-    except subprocess.TimeoutExpired:
-        return "it does not end"
+        failed = list(failures(items, [test], LONGEST))
     finally:
-        path.write_bytes(whole)
-    failed = failures(run)
-    return failed[0] if failed else "" if run.returncode == 0 else "it does not start"
+        sys.settrace(None)
+    used = os.times()
+    places = {(code.co_filename, code.co_firstlineno) for code in calls}
+    return None if failed else Known(used.user + used.system, places)
 
 
-def shown(mutant: Mutant) -> str:
-    """Return the mutant's line with what it changes."""
-    whole = (ROOT / mutant.file).read_bytes()
-    before = whole[mutant.start : mutant.end].decode().strip()
-    line = whole.decode().splitlines()[mutant.line - 1].strip()
-    return f"{mutant.file}:{mutant.line}: {line!r}: {before[:40]!r} -> {mutant.text.strip()[:40]!r}"
+def break_line(mutant: Mutant) -> None:
+    """Give the function of a mutant its broken code."""
+
+    def codes(code: CodeType) -> Iterator[CodeType]:
+        yield code
+        for constant in code.co_consts:
+            if isinstance(constant, CodeType):
+                yield from codes(constant)
+
+    whole = compile(mutant.broken(), str(mutant.file), "exec", dont_inherit=True)
+    found = [code for code in codes(whole) if code.co_firstlineno == mutant.function]
+    place = str(mutant.file), mutant.function
+    functions = [
+        one
+        for one in gc.get_objects()
+        if isinstance(one, FunctionType)
+        and (one.__code__.co_filename, one.__code__.co_firstlineno) == place
+    ]
+    assert functions
+    for function in functions:
+        function.__code__ = next(c for c in found if c.co_name == function.__code__.co_name)
+
+
+def first_failure(
+    items: list[pytest.Item], mutant: Mutant, tests: list[int], longest: float
+) -> Failure | None:
+    """Return the first of some tests that fails with a broken line, best not by a division."""
+    break_line(mutant)
+    last = None
+    for last in failures(items, tests, longest):
+        if last.kind not in DIVISION:
+            break
+    return last
+
+
+def catcher(items: list[pytest.Item], mutant: Mutant, tests: list[int]) -> str:
+    """Return the test that notices a mutant and how; empty if none does."""
+    left, divided = tests, ""
+    while left:
+        found = in_child(first_failure, items, mutant, left, 5.0 * LONGEST)
+        if found is None:
+            break
+        alone = in_child(first_failure, items, mutant, [found.test], 5.0 * LONGEST)
+        if alone is not None:
+            how = f"{alone.kind} in {items[found.test].nodeid}"
+            if alone.kind not in DIVISION:
+                return how
+            divided = f"SURVIVED but for {how}"
+        left = left[left.index(found.test) + 1 :]
+    return divided
+
+
+class Mutants:
+    """In place of pytest's own loop over the tests: break, count and print."""
+
+    def __init__(self, mutants: list[Mutant]) -> None:
+        self.mutants = mutants
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_runtestloop(self, session: pytest.Session) -> bool:
+        """Run the tests of every mutant; none of it in this process."""
+        items, writer = session.items, session.config.get_terminal_writer()
+        tests = {i: found for i in range(len(items)) if (found := in_child(known, items, i))}
+        fastest = sorted(tests, key=lambda i: tests[i].seconds)
+        writer.line(f"\n{len(tests)} tests of {len(items)}", flush=True)
+        caught: Counter[str] = Counter()
+        total: Counter[str] = Counter()
+        for number, mutant in enumerate(self.mutants, 1):
+            place = str(mutant.file), mutant.function
+            calling = [i for i in fastest if place in tests[i].calls]
+            by = catcher(items, mutant, calling)
+            room = mutant.file.relative_to(ROOT / "pinfric").parts[0]
+            total[room] += 1
+            caught[room] += bool(by) and not by.startswith("SURVIVED")
+            by = by or f"SURVIVED {len(calling)} tests"
+            writer.line(f"{number} | {mutant} | {by}", flush=True)
+        for room in total:
+            share = 100 * caught[room] / total[room]
+            writer.line(f"{room}: {caught[room]} of {total[room]} caught ({share:.0f} %)")
+        return True
 
 
 def main() -> None:
-    """Break, count and print."""
+    """Choose the lines, collect the tests, break and count."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("rooms", nargs="*", default=["friction", "dynamics"])
-    parser.add_argument("--count", type=int, default=200)
+    parser.add_argument("--count", type=int, default=100, help="lines of each room")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--tests", nargs="*", default=["tests/friction", "tests/dynamics"])
+    parser.add_argument("--tests", nargs="*", default=TESTS)
     given = parser.parse_args()
-    caught: Counter[str] = Counter()
-    total: Counter[str] = Counter()
-    with tempfile.TemporaryDirectory() as folder:
-        copy = Path(folder) / "pinfric"
-        ignored = shutil.ignore_patterns(".git", ".venv", "build", "__pycache__", ".*_cache")
-        shutil.copytree(ROOT, copy, ignore=ignored)
-        (copy / "mutants_plugin.py").write_text(PLUGIN.replace("LONGEST", str(LONGEST)))
-        print(f"{count_reliable(copy, given.tests)} tests", flush=True)
-        for number, mutant in enumerate(chosen(given.rooms, given.count, given.seed), 1):
-            room = mutant.file.split("/")[1]
-            by = catcher(mutant, copy, given.tests)
-            total[room] += 1
-            caught[room] += bool(by)
-            print(number, shown(mutant), by or "SURVIVED", sep=" | ", flush=True)
-    for room in total:
-        share = 100 * caught[room] / total[room]
-        print(f"{room}: {caught[room]} of {total[room]} caught ({share:.0f} %)")
+    interpret_kernels()
+    mutants = [one for room in given.rooms for one in chosen(room, given.count, given.seed)]
+    os.chdir(ROOT)
+    options = ["-q", "-n", "0", "-m", "not slow", "-W", "ignore::RuntimeWarning"]
+    sys.exit(pytest.main([*options, *given.tests], plugins=[Mutants(mutants)]))
 
 
 if __name__ == "__main__":

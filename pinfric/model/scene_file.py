@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 import warnings
 from collections import Counter
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pinfric.errors import PinfricWarning, RobotError, SceneError, choose_from
+from pinfric.model.brief import counted
 from pinfric.model.entry import parse
 from pinfric.model.friction_terms import constant_friction, linear_drag
 from pinfric.model.hysteresis import excessive_friction
@@ -72,7 +74,7 @@ def guesses_line(assumed: Assumed) -> str:
         entry, _, key = place.rpartition(".")
         places.setdefault(entry, []).append(key)
     count = Counter(", ".join(keys) for keys in places.values())
-    of = "; ".join(f"{keys} of {number} joints" for keys, number in count.items())
+    of = "; ".join(f"{keys} of {counted(number, 'joint')}" for keys, number in count.items())
     return (
         f"{len(assumed.values)} entries are guesses of `{assumed.by}` ({of}); `assumed` lists "
         "them: replace them by data sheets or by what you identify"
@@ -118,8 +120,9 @@ def find_file(path: str | Path, suffixes: tuple[str, ...], error: type[Exception
             return folder / candidate
     there: list[str] = []
     for place in dict.fromkeys((path.parent, folder)):
-        beside = (p.name for p in place.iterdir()) if place.is_dir() else ()
-        there += sorted(n for n in beside if n[n.find(".") :] in suffixes and n not in there)
+        with suppress(OSError):  # no folder, or one that may not be read: nothing to suggest
+            beside = [p.name for p in place.iterdir()]
+            there += sorted(n for n in beside if n[n.find(".") :] in suffixes and n not in there)
     what = f"{path} is a folder" if path.is_dir() else f"there is no file {path}"
     raise error(f"{what}, and no bundled one of that name; {choose_from(path.name, there)}")
 

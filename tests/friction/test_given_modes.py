@@ -27,7 +27,7 @@ from pinfric.kernels import interpreted
 def _interpreted(monkeypatch):
     """For tuples of arrays they would be compiled anew, 30 s: forward dynamics takes records.
 
-    That both forms agree is tested in `dynamics/test_maps.py`.
+    That both forms agree is tested in `dynamics/problem/test_instant.py`.
     """
     monkeypatch.setattr(interpreted, "PATIENCE", np.inf)
 

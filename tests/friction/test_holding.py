@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 from builders import block, plane_friction
 from cases import ball_tripod, resting_four_bar
-from friction.limits_apart import WORM, least_use, random_mechanism
+from judges.limits_apart import WORM, least_use, random_mechanism
 from mechanisms import (
     add_link,
     bar,

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from builders import block, plane_friction
-from dynamics.test_forward import mimic_scene
+from dynamics.forward.test_forward import mimic_scene
 from matplotlib.figure import Figure
 from sweep_cases import pushed_block, steady, sweep_of, uniform
 

@@ -23,7 +23,7 @@ from pinfric.study.sizing.table import import_table, mapping_of
 #: The bundled catalogue's name, and its folder.
 DEFAULT = "default"
 _FOLDER = Path(__file__).parents[2] / "catalog"
-_SECTIONS = ("motors", "gears", "gearmotors", "bearings", "brakes")
+_SECTIONS = ("motors", "gears", "gearmotors", "bearings", "brakes", "amplifiers")
 
 
 def load_catalog(name: str | Path = DEFAULT) -> Catalog:
@@ -47,7 +47,7 @@ def load_catalog(name: str | Path = DEFAULT) -> Catalog:
         file = _read(Path(name))
         if file.extends is None and not any(getattr(file, section) for section in _SECTIONS):
             raise CatalogError(
-                f"{name}: no motors, gears, gearmotors, bearings or brakes in it; "
+                f"{name}: no motors, gears, gearmotors, bearings, brakes or amplifiers in it; "
                 "`extends: default` takes the bundled ones"
             )
         bundled = _bundled() if file.extends else ()

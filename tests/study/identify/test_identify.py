@@ -36,6 +36,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+import yaml
 from builders import chain
 from identify_cases import (
     BACK_EFFICIENCY,
@@ -61,6 +62,7 @@ import pinfric as pf
 from pinfric import cli
 from pinfric.errors import IdentificationError
 from pinfric.model.described import in_json
+from pinfric.model.schema import Assumed
 from pinfric.show.identification_page.page import identification_page
 from pinfric.study.identify import columns
 from pinfric.study.identify.advice import advice_text
@@ -281,6 +283,19 @@ def test_kept_inertias_stay_and_an_effort_behind_the_gear_needs_no_rotor():
     assert "inertias were kept" in "\n".join(found.notes)
 
 
+def test_torques_at_the_shafts_are_multiplied_by_the_ratios():
+    given = {"inertia": "keep", "laws": dict.fromkeys(NAMES, Law())}
+    scene, one = guess(0), short()
+    ratio = np.array([drive.ratio for drive in scene.drives])
+    found, reflected = (
+        pf.identify(scene, replace(one, effort=effort), effort_at=at, **given)
+        for at, effort in (("motor", one.effort / ratio), ("reflected", one.effort))
+    )
+    values, same = (np.array([p.value for p in x.parameters]) for x in (found, reflected))
+    np.testing.assert_allclose(values, same, rtol=1e-9)
+    assert any("torques at the motors' shafts (ratio" in line for line in found.notes)
+
+
 def test_both_losses_of_a_gear_show_where_masses_are_known():
     gear = Law(load="gear", both_ways=False)
     laws = dict.fromkeys(NAMES, Law()) | {NAMES[1]: gear, NAMES[2]: Law(load="bearing")}
@@ -447,7 +462,10 @@ def test_a_joint_that_moves_one_way_has_the_same_friction_the_other_way():
 def test_joints_that_the_model_does_not_explain_are_named_and_get_no_laws(tmp_path):
     turned = replace(short(), q=short().q * np.array([1, -1, 1, 1, 1, 1]))
     laws = dict.fromkeys(NAMES, Law())
-    found = pf.identify(guess(0), turned, inertia="keep", laws=laws)
+    guesses = {f"friction.{NAMES[j]}.viscous": "2 % of its load" for j in (0, 2)}
+    assumed = Assumed(by="pinfric new arm.urdf", date="2026-11-22", version="0", values=guesses)
+    found = pf.identify(guess(0).with_(assumed=assumed), turned, inertia="keep", laws=laws)
+    assert set(found.scene.assumed.values) == {f"friction.{NAMES[2]}.viscous"}
     line = next(line for line in found.notes if line.startswith("the model does not explain it"))
     assert NAMES[1] in line
     assert NAMES[2] in line
@@ -458,9 +476,9 @@ def test_joints_that_the_model_does_not_explain_are_named_and_get_no_laws(tmp_pa
     assert found.scene.friction[NAMES[2]] == guess(0).friction[NAMES[2]]
     assert not any(NAMES[1] in key for key in (*found.posterior, *found.advice[0].factors))
     robot = pf.load_scene("ur5_pick_and_place").robot
-    assert f"  {NAMES[2]}: # not explained by the logs: value of the scene\n" in scene_text(
-        found, robot, tmp_path
-    )
+    text = scene_text(found, robot, tmp_path)
+    assert f"  {NAMES[2]}: # not explained by the logs: value of the scene\n" in text
+    assert list(yaml.safe_load(text)["assumed"]["values"]) == [f"friction.{NAMES[2]}.viscous"]
     text = in_json(identify_summary(found))["joints"][1]
     assert (text["law"], text["error"]["error"] > 0.5 * text["error"]["rms"]) == (None, True)
     noise = np.random.default_rng(0).normal(size=short().effort.shape)
@@ -763,7 +781,7 @@ def test_the_command_writes_what_runs(tmp_path, capsys, monkeypatch):
         capsys, "inverse", "found/scene.yaml", "arm.csv", "--effort-at", "motor", "--out", "again"
     )
     assert code == 0
-    assert "logged efforts (at the motor) compared with computed ones" in out
+    assert "logged efforts (torques at the motors' shafts) compared with computed ones" in out
     assert Path("again/measured.png").stat().st_size > 10_000
     for bad, said in (
         (("--gain", "elbow"), "should be NAME=VALUE"),

@@ -63,7 +63,7 @@ def test_the_bus_carries_the_sum_of_all_drives(tmp_path, delay):
     assert bus.resistor == pytest.approx(60**2 / -power.min())
     assert bus.resistor_power == pytest.approx(bus.returned / (t[-1] - t[0]))
     assert bus.capacitance == pytest.approx(bus.burst / ((60**2 - 48**2) / 2))
-    supply, capacitors = bus.criteria
+    supply, capacitors, _ = bus.criteria
     assert supply.status == (Status.PASSES if power.max() <= 40 else Status.FAILS)
     assert capacitors.available == pytest.approx(1e-3 / 2 * (60**2 - 48**2))
     assert ("bus: supply power: needs" in " ".join(report.unmet)) == (power.max() > 40)
@@ -92,3 +92,48 @@ def test_a_bus_into_which_nothing_flows_needs_nothing(tmp_path):
     unknown = one_drive(tmp_path, motor={"rotor_inertia": None})
     bus = pf.size(scene, trapezoid(scene), unknown, on_miss="ignore").bus
     assert bus.remedy == "not known: no drive has a motor with the needed data"
+
+
+def test_the_bus_sags_by_the_resistance_of_its_supply(tmp_path):
+    """U (U_0 - U) = R_s P at every instant; the drives need their voltage at that instant."""
+    scene, catalog = tables(), one_drive(tmp_path)
+
+    def bus(resistance):
+        conditions = {"inertia_ratio": 100, "supply_resistance": resistance}
+        report = pf.size(scene, turning(scene), catalog, conditions=conditions, on_miss="ignore")
+        found = {c.name: c for c in report.bus.criteria}
+        return report, report.bus, found["bus voltage under load"]
+
+    report, found, sag = bus(0.5)
+    drawn = found.power.max()
+    assert found.lowest * (48.0 - found.lowest) == pytest.approx(0.5 * drawn)
+    held = 24 + np.sqrt(24**2 - 0.5 * np.maximum(found.power, 0))
+    worst = 0.0
+    for joint in report.joints:
+        k, r = MOTOR["torque_constant"], MOTOR["resistance"]
+        hot = 1 + 0.0039 * (joint.motor.winding.peak - 25)
+        for torque in (joint.motor.torque_lower, joint.motor.torque_upper):
+            needed = np.abs(hot * r / k * torque + k * joint.motor.speed)
+            worst = max(worst, (needed / held).max())
+    assert sag.required / sag.available == pytest.approx(worst)
+    assert (sag.status, sag.margin) == (Status.PASSES, pytest.approx(1 - worst))
+    _, found, sag = bus(1.01 * 24**2 / drawn)  # beyond U_0^2/(4 P)
+    assert found.lowest is None
+    assert (sag.status, sag.note) == (
+        Status.FAILS,
+        "the supply cannot deliver this power through its resistance",
+    )
+
+
+def test_a_sag_that_lacks_a_figure_is_not_judged(tmp_path):
+    scene, catalog = turntable(), one_drive(tmp_path)
+    bus = pf.size(scene, trapezoid(scene), catalog, on_miss="ignore").bus
+    sag = bus.criteria[2]
+    assert (sag.status, sag.note) == (
+        Status.NOT_CHECKED,
+        "no figure (conditions.supply_resistance)",
+    )
+    unknown = one_drive(tmp_path, {"resistance": None, "thermal": None})
+    conditions = {"supply_resistance": 0.1}
+    bus = pf.size(scene, trapezoid(scene), unknown, conditions=conditions, on_miss="ignore").bus
+    assert bus.criteria[2].status == Status.NOT_CHECKED

@@ -1,0 +1,438 @@
+"""A prepared solver: the same numbers as the functions of batches, in memory of its own."""
+
+from __future__ import annotations
+
+import pickle
+import subprocess
+import sys
+import threading
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from builders import block, plane_friction, random_friction, random_states, random_tree
+from cases import ball_tripod, drawer_scene, jamming_drawer, resting_four_bar, turning_four_bar
+from mechanisms import crank_rates, cut_slider_crank, four_bar, pin_friction
+
+import pinfric as pf
+from pinfric.dynamics.samples.outcome import Status
+from pinfric.errors import (
+    AccelerationError,
+    LoopMotionError,
+    RollMomentError,
+    SceneError,
+    StateError,
+)
+from pinfric.model.robot import example_robot_data
+
+GEAR = {
+    "ratio": 80.0,
+    "efficiency": 0.8,
+    "back_efficiency": 0.7,
+    "no_load_torque": 0.02,
+    "motor_viscous": 1e-4,
+    "rotor_inertia": 2e-5,
+}
+WORM = {"ratio": -50.0, "efficiency": 0.4, "back_efficiency": -0.5}
+PAYLOAD = {"mass": 1.5, "com": [0.0, 0.05, 0.1], "inertia": [0.01, 0.0, 0.0, 0.01, 0.0, 0.01]}
+
+
+def floating(model):
+    """The model with its first joint on a floating base."""
+    base = pin.Model()
+    root = base.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
+    base.appendBodyToJoint(
+        root, pin.Inertia(2.0, np.array([0.0, 0.1, 0.0]), 0.1 * np.eye(3)), pin.SE3.Identity()
+    )
+    base.addFrame(pin.Frame("trunk", root, pin.SE3.Identity(), pin.FrameType.BODY))
+    return pin.appendModel(base, model, base.getFrameId("trunk"), pin.SE3.Identity())
+
+
+def tree(seed, *, base=False, gears=False):
+    """A random tree with continuous and sliding joints, armature and every kind of friction."""
+    model = random_tree(seed, 6, sliding=0.4)
+    friction = random_friction(model, seed)
+    for entry in friction.values():  # random guides jam in forward dynamics otherwise
+        entry["mu"] = {key: 0.1 * value for key, value in entry["mu"].items()}
+    friction.pop(model.names[2])  # one joint without: its wrench is no site's
+    if base:
+        model = floating(model)
+    model.armature = np.linspace(0.0, 0.3, model.nv)
+    geared = {model.names[-1]: GEAR, model.names[-2]: WORM} if gears else {}
+    names = [n for n in model.names[1:] if n != "base"]
+    actuators = None if base else [{"joint": n, "transmission": geared.get(n)} for n in names]
+    return pf.Scene(model=model, friction=friction, actuators=actuators)
+
+
+def panda():
+    """A 7-axis arm whose second finger mimics the first, pins in every joint, and a payload."""
+    urdf = example_robot_data() / "panda_description/urdf/panda.urdf"
+    model = pin.buildModelFromUrdf(str(urdf), mimic=True)
+    assert len(model.mimicking_joints) == 1
+    model.armature = np.linspace(0.1, 0.8, model.nv)
+    turning = {
+        "bearing": {"kind": "pin", "radius": 0.05, "length": 0.1},
+        "mu": {"static": 0.15, "kinetic": 0.1},
+    }
+    sliding = {
+        "coulomb": {"static": 3.0, "kinetic": 2.0},
+        "viscous": 4.0,
+        "bearing": {"kind": "guide", "length": 0.1, "width": 0.1, "on": "parent"},
+        "mu": {"static": 0.1, "kinetic": 0.1},
+    }
+    friction = {n: sliding if "finger" in n else turning for n in model.names[1:]}
+    box = {"link": "panda_link7", "attached": True, **PAYLOAD}
+    return pf.Scene(model=model, friction=friction, payloads={"box": box})
+
+
+def slider_crank():
+    scene, joints = cut_slider_crank(cut="W")
+    angles = np.array([0.4, 2.0, 4.0])
+    q, rates = joints(angles), crank_rates(angles, 5.0, 2.0)
+    v, a = pf.consistent_motion(scene, q, ["O"], rates[0][:, :1], rates[1][:, :1])
+    return scene, q, v, a
+
+
+def states(scene, seed):
+    """Moving samples, then the same with every second joint, and with all of them, at rest."""
+    q, v, a = random_states(scene.model, seed, 12)
+    v[4:8, ::2], v[8:] = 0.0, 0.0
+    return q, v, a
+
+
+def of_cases(*cases):
+    return [(c.scene, c.q, c.v, c.a) for c in cases]
+
+
+TREES = [tree(0), tree(1, gears=True), tree(2, base=True), tree(3, gears=True), panda()]
+LINKAGES = [
+    *of_cases(turning_four_bar(5), turning_four_bar(4, "A"), resting_four_bar(3)),
+    *of_cases(jamming_drawer(0.4), ball_tripod()),
+    slider_crank(),
+]
+EVERY = [(scene, *states(scene, 5 + n)) for n, scene in enumerate(TREES)] + LINKAGES
+IDS = [
+    "tree",
+    "gears",
+    "floating",
+    "worm",
+    "panda",
+    "four-bar",
+    "four-bar A",
+    "rests",
+    "drawer",
+    "tripod",
+    "slider-crank",
+]
+FIGURES = pf.InverseInstant._fields
+
+
+def assert_equal(found, expected, name):
+    scale = max(1.0, float(np.abs(expected).max(initial=0.0)))
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * scale, err_msg=name)
+
+
+@pytest.mark.parametrize(("scene", "q", "v", "a"), EVERY, ids=IDS)
+def test_inverse_is_that_of_batches(scene, q, v, a):
+    batch, solver = pf.inverse_dynamics(scene, q, v, a), scene.solver()
+    assert batch.sticking.any() or np.abs(v).min() > 0.0
+    for i in range(len(q)):
+        found = solver.inverse(q[i], v[i], a[i])
+        for name in FIGURES:
+            assert_equal(getattr(found, name), getattr(batch, name)[i], name)
+
+
+@pytest.mark.parametrize(("scene", "q", "v", "a"), EVERY, ids=IDS)
+def test_forward_is_that_of_one_instant(scene, q, v, a):
+    result, solver = pf.inverse_dynamics(scene, q, v, a), scene.solver()
+    solved = 0
+    for i in range(len(q)):
+        effort = 0.7 * result.effort_lower[i] + 0.3 * result.effort_upper[i] + 0.1
+        solver.inverse(q[i], v[i], a[i])  # the two share Pinocchio's data
+        try:
+            expected = pf.forward_dynamics(scene, q[i], v[i], effort)
+        except AccelerationError as problem:
+            with pytest.raises(type(problem)):
+                solver.forward(q[i], v[i], effort)
+            continue
+        found, solved = solver.forward(q[i], v[i], effort), solved + 1
+        for name in ("a", "modes", "friction", "multipliers", "normal_load", "wrench"):
+            assert_equal(getattr(found, name), getattr(expected, name), name)
+        assert found.status == expected.status
+    assert solved > len(q) // 2
+
+
+def test_payloads_are_those_asked_for():
+    scene = panda()
+    (q,), (v,), (a,) = random_states(scene.model, 3, 1)
+    for attached in ((), ("box",)):
+        solver, flags = scene.solver(attached), np.array([[bool(attached)]])
+        expected = pf.inverse_dynamics(scene, q, v, a, attached=flags)
+        effort = expected.effort_lower[0]
+        assert_equal(solver.inverse(q, v, a).effort_lower, effort, "effort")
+        instant = pf.forward_dynamics(scene, q, v, effort, attached=attached)
+        assert_equal(solver.forward(q, v, effort).a, instant.a, "a")
+    with pytest.raises(SceneError, match="there is no payload 'ball'"):
+        scene.solver(["ball"])
+
+
+def test_payloads_of_linkages_are_those_asked_for():
+    scene = four_bar()[0].with_(payloads={"box": {"link": "coupler", **PAYLOAD}})
+    q, zero = turning_four_bar(3).q[1], np.zeros(3)
+    for attached in ((), ("box",)):
+        expected = pf.inverse_dynamics(scene, q, zero, zero, attached=np.array([[bool(attached)]]))
+        found = scene.solver(attached).inverse(q, zero, zero)
+        assert_equal(found.effort_upper, expected.effort_upper[0], "effort")
+    assert found.effort_upper != scene.solver(()).inverse(q, zero, zero).effort_upper
+
+
+def test_another_process_gets_a_solver_of_its_own():
+    solver = TREES[1].solver()
+    (q,), (v,), (a,) = random_states(solver.scene.model, 3, 1)
+    other = pickle.loads(pickle.dumps(solver))
+    assert_equal(other.inverse(q, v, a).wrench, solver.inverse(q, v, a).wrench, "wrench")
+    assert not np.shares_memory(other.inverse(q, v, a).wrench, solver.inverse(q, v, a).wrench)
+
+
+def test_a_linkage_that_was_made_to_fit_stays_as_it_is():
+    """Its placements were turned when the scene was made; the solver's are the same."""
+    rng = np.random.default_rng(0)
+    with pytest.warns(pf.PinfricWarning, match="axes on one link are now parallel"):
+        scene, _ = cut_slider_crank(turned=lambda: pin.exp3(1e-7 * rng.normal(size=3)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        solver = scene.solver()
+    assert solver.scene.model == scene.model
+
+
+def test_results_stay_in_the_same_memory():
+    scene = TREES[1]
+    solver, (q, v, a) = scene.solver(), states(scene, 1)
+    first = solver.inverse(q[0], v[0], a[0])
+    before = first.effort_lower.copy()
+    second = solver.inverse(q[1], v[1], a[1])
+    assert second is first
+    assert (first.effort_lower != before).all()
+    one = solver.forward(q[0], v[0], before)
+    other = solver.forward(q[1], v[1], before)
+    for name in ("a", "modes", "friction", "normal_load", "wrench"):
+        assert np.shares_memory(getattr(one, name), getattr(other, name)), name
+        assert not np.shares_memory(getattr(one, name), first.effort_lower)
+
+
+def test_the_caller_s_arrays_stay_his():
+    """They are copied: neither changed, nor read after the call."""
+    scene = TREES[0]
+    solver, (q, v, a) = scene.solver(), states(scene, 2)
+    kept = [x.copy() for x in (q, v, a)]
+    effort = solver.inverse(q[0], v[0], a[0]).effort_lower  # the solver's own as an argument
+    expected = pf.forward_dynamics(scene, q[0], v[0], effort.copy()).a
+    assert_equal(solver.forward(q[0], v[0], effort).a, expected, "a")
+    for before, after in zip(kept, (q, v, a), strict=True):
+        np.testing.assert_array_equal(before, after)
+
+
+@pytest.mark.parametrize("kind", ["list", "single", "strided", "whole"])
+def test_states_may_come_as_other_numbers(kind):
+    scene = pf.Scene(model=block(0.1), friction={"slide": plane_friction(0.3, 0.2)})
+    given = np.array([1.0]), np.array([2.0]), np.array([3.0])
+    changed = {
+        "list": lambda x: x.tolist(),
+        "single": np.float32,
+        "whole": lambda x: x.astype(int),
+        "strided": lambda x: np.repeat(x, 2)[::2],
+    }[kind]
+    solver = scene.solver()
+    expected = solver.inverse(*given).effort_lower.copy(), solver.forward(*given).a.copy()
+    others = [changed(x) for x in given]
+    assert_equal(solver.inverse(*others).effort_lower, expected[0], "effort")
+    assert_equal(solver.forward(*others).a, expected[1], "a")
+
+
+def test_a_configuration_off_its_manifold_is_normalized():
+    scene = TREES[2]
+    solver, (q, v, a) = scene.solver(), random_states(scene.model, 4, 1)
+    effort = pf.inverse_dynamics(scene, q, v, a).effort_lower[0]
+    expected = solver.forward(q[0], v[0], effort).a.copy()
+    longer = q[0].copy()
+    longer[3:7] *= 1.1  # the base's quaternion
+    with pytest.warns(pf.PinfricWarning, match="not on the configuration manifold"):
+        assert_equal(solver.inverse(longer, v[0], a[0]).effort_lower, effort, "effort")
+    with pytest.warns(pf.PinfricWarning, match="not on the configuration manifold"):
+        assert_equal(solver.forward(longer, v[0], effort).a, expected, "a")
+
+
+BAD = [
+    ("q", np.zeros(5), r"^q: shape \(5,\); should be \(6,\), nq = 6$"),
+    ("v", np.zeros((1, 6)), r"^v: shape \(1, 6\); should be \(6,\), nv = 6$"),
+    ("last", np.zeros(7), r"^(a|effort): shape \(7,\); should be \(6,\), n[av] = 6$"),
+    ("q", np.full(6, np.nan), "^q: .*nan"),
+    ("v", np.full(6, np.inf), "^v: .*inf"),
+    ("last", np.full(6, np.nan), "^(a|effort): .*nan"),
+    ("v", np.full(6, 1e200), "1e\\+200|overflow|too large"),
+    ("q", ["a"] * 6, "^q: "),
+    ("last", np.ones(6) * 1j, "^(a|effort): "),
+]
+
+
+@pytest.mark.parametrize("method", ["inverse", "forward"])
+@pytest.mark.parametrize(("which", "wrong", "said"), BAD)
+def test_what_is_no_state_is_refused_and_leaves_no_trace(method, which, wrong, said):
+    model = pin.buildModelFromUrdf(str(example_robot_data() / "ur_description/urdf/ur5_robot.urdf"))
+    scene = pf.Scene(model=model, friction={model.names[2]: pin_friction(0.1)})
+    solver, good = scene.solver(), dict.fromkeys(("q", "v", "last"), np.full(6, 0.3))
+    before = [np.copy(x) for x in getattr(solver, method)(*good.values())[:6]]
+    with pytest.raises(StateError, match=said) as caught:
+        getattr(solver, method)(*(good | {which: wrong}).values())
+    assert "\n" not in str(caught.value)
+    for x, y in zip(before, getattr(solver, method)(*good.values())[:6], strict=True):
+        assert_equal(y, x, method)
+
+
+def test_an_effort_that_overflows_is_refused():
+    model = block()
+    model.armature = np.array([1e300])
+    with pytest.raises(StateError, match=r"^the effort of slide .* overflows"):
+        pf.Scene(model=model).solver().inverse([0.0], [0.0], [1e9])
+
+
+def test_a_guide_that_cannot_carry_a_moment_is_refused():
+    model = pin.Model()
+    joint = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "slide")
+    body = pin.Inertia(1.0, np.array([0.0, 0.1, 0.0]), 0.01 * np.eye(3))
+    model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+    guide = {"bearing": {"kind": "guide", "length": 0.2}, "mu": {"static": 0.1, "kinetic": 0.1}}
+    solver = pf.Scene(model=model, friction={"slide": guide}).solver()
+    for method in (solver.inverse, solver.forward):
+        with pytest.raises(RollMomentError):
+            method([0.0], [0.0], [0.0])
+
+
+def test_an_open_loop_is_refused_as_in_one_instant():
+    case = turning_four_bar(3)
+    scene, q, v, a = case.scene, case.q[1], case.v[1], case.a[1]
+    effort, solver = case.inverse().effort_lower[1], case.scene.solver()
+    solver.forward(q, v, effort)
+    second = np.array([0.0, 1.0, 0.0])
+    for state in ((q + 0.01 * second, v), (q, v + 0.1 * second)):
+        with pytest.raises(LoopMotionError) as expected:
+            pf.forward_dynamics(scene, *state, effort)
+        with pytest.raises(LoopMotionError) as found:
+            solver.forward(*state, effort)
+        assert str(found.value) == str(expected.value)
+        with pytest.raises(LoopMotionError):
+            solver.inverse(*state, a)
+    # what an integrator leaves open is let pass, as there
+    nearly = q + 1e-5 * second
+    assert_equal(
+        solver.forward(nearly, v, effort).a, pf.forward_dynamics(scene, nearly, v, effort).a, "a"
+    )
+
+
+def test_a_jam_is_said():
+    case = jamming_drawer(0.6)
+    found = case.scene.solver().inverse(case.q[0], case.v[0] + 1.0, case.a[0])
+    assert found.status == Status.JAMMED
+    assert np.isnan(found.effort_lower).all()
+
+
+def test_a_model_changed_later_does_not_reach_the_solver():
+    for scene in (drawer_scene(0.2), pf.Scene(model=block(0.3))):
+        solver, one = scene.solver(), np.ones(1)
+        before = (
+            solver.inverse(one, one, one).effort_lower.copy(),
+            solver.forward(one, one, one).a.copy(),
+        )
+        scene.model.gravity.linear = np.array([1.0, 2.0, 3.0])
+        assert_equal(solver.inverse(one, one, one).effort_lower, before[0], "effort")
+        assert_equal(solver.forward(one, one, one).a, before[1], "a")
+        with pytest.raises(SceneError, match=r"scene.model was changed \(gravity\)"):
+            scene.solver()
+
+
+def test_threads_with_a_solver_each_do_not_meet():
+    scene = TREES[1]
+    q, v, a = random_states(scene.model, 8, 40)
+    expected, found = pf.inverse_dynamics(scene, q, v, a), [[], []]
+
+    def run(out):
+        solver = scene.solver()
+        for _ in range(5):
+            out[:] = [solver.inverse(q[i], v[i], a[i]).effort_upper.copy() for i in range(40)]
+
+    threads = [threading.Thread(target=run, args=(out,)) for out in found]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for out in found:
+        assert_equal(out, expected.effort_upper, "effort")
+
+
+def test_a_scene_without_friction_and_one_without_joints():
+    scene = pf.Scene(model=random_tree(4))
+    solver, (q, v, a) = scene.solver(), states(scene, 1)
+    found = solver.inverse(q[0], v[0], a[0])
+    data = scene.model.createData()
+    assert_equal(found.effort_lower, pin.rnea(scene.model, data, q[0], v[0], a[0]), "effort")
+    assert_equal(solver.forward(q[0], v[0], found.effort_upper).a, a[0], "a")
+    empty = pf.Scene(model=pin.Model()).solver()
+    assert empty.inverse(*np.zeros((3, 0))).effort_lower.shape == (0,)
+
+
+def test_a_scene_makes_its_solver_after_importing_the_package_alone():
+    code = (
+        "import pinfric as pf; solver = pf.load_scene('pendulum').solver(); "
+        "print(type(solver) is pf.Solver, solver.inverse([0.0], [1.0], [0.0]).effort_lower)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("True")
+
+
+IN_A_LOOP = """
+import sys
+from pathlib import Path
+sys.path[:0] = sys.argv[1:]
+import test_solver
+from numba.core.dispatcher import Dispatcher
+from pinfric.errors import PinfricError
+from pinfric.kernels.interpreted import CLOCK
+
+def compiled():
+    kernels = {x for module in list(sys.modules.values()) for x in vars(module).values()
+               if Dispatcher in type(x).__mro__}
+    return {(kernel.py_func.__name__, types) for kernel in kernels for types in kernel.overloads}
+
+for (scene, q, v, a), name in zip(test_solver.EVERY, test_solver.IDS, strict=True):
+    solver = scene.solver()
+    before, calls = compiled(), 0
+    for i in range(len(q)):
+        for call in (lambda: solver.inverse(q[i], v[i], a[i]),
+                     lambda: solver.forward(q[i], v[i], [0.1] * len(scene.drives)),
+                     lambda: solver.forward(q[i], 0 * v[i], [0.1] * len(scene.drives))):
+            try:
+                call()
+            except PinfricError:
+                pass
+            calls += 1
+    print(name, calls, compiled() - before or "none", CLOCK.here)
+"""
+
+
+@pytest.mark.slow
+def test_no_kernel_is_compiled_or_interpreted_after_a_solver_is_made():
+    """With all its patience, in a process of its own: what other tests called is not there."""
+    tests = Path(__file__).parents[2]
+    done = subprocess.run(
+        [sys.executable, "-c", IN_A_LOOP, str(tests), str(Path(__file__).parent)],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    lines = [line.rsplit(maxsplit=3) for line in done.stdout.splitlines()]
+    assert [name for name, *_ in lines] == IDS
+    for name, calls, compiled, interpreted in lines:
+        assert int(calls) >= 3, name
+        assert (compiled, float(interpreted)) == ("none", 0.0), name

@@ -1,0 +1,142 @@
+"""One Ctrl-C ends every command within 2 s, in one line, by exit code 130, at any time.
+
+The signal goes to the whole group of processes, as a terminal sends it.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from processes import children, listening, workers
+
+import pinfric.__main__
+from pinfric import cli
+
+ROOT = Path(__file__).parents[2]
+PANDA = ["panda_pick_and_place", "panda_pick_and_place.csv"]
+COMMANDS = {
+    "simulate": ["simulate", "four_bar", "--t-end", "1000"],
+    "inverse": ["inverse", *PANDA],
+    "size": ["size", *PANDA, "--catalog", "default"],
+    "paper": ["paper"],
+    "replay": ["replay", "four_bar", "--html", "page.html"],
+    "two processes": ["sweep", *PANDA, "panda_pick_and_place", "--processes", "2"],
+}
+
+
+def begin(name, folder, preexec=None, **environment):
+    return subprocess.Popen(
+        [sys.executable, "-m", "pinfric", *COMMANDS[name]],
+        cwd=folder,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+        preexec_fn=preexec,
+        env={**os.environ, "PYTHONPATH": str(ROOT), **environment},
+    )
+
+
+def expect_the_end(process):
+    """Ctrl-C once; the process and all below it end within 2 s, in one line."""
+    below = children(process.pid)
+    start = time.monotonic()
+    os.killpg(process.pid, signal.SIGINT)
+    try:
+        _, error = process.communicate(timeout=10)
+    finally:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.communicate()
+    assert time.monotonic() - start < 2.0
+    assert process.returncode == cli.INTERRUPTED, error
+    lines = error.splitlines()
+    assert lines[-1] == "pinfric: error: interrupted"
+    assert all(line.startswith("pinfric: ") for line in lines), error
+    until = time.monotonic() + 2.0
+    while any(Path(f"/proc/{pid}").exists() for pid in below):
+        assert time.monotonic() < until, "processes are left"
+        time.sleep(0.02)
+
+
+@pytest.mark.parametrize(
+    ("name", "delay"),
+    [("simulate", 0.1), ("size", 0.3), ("inverse", 0.6), ("replay", 0.9), ("paper", 1.2)],
+)
+def test_ctrl_c_while_modules_are_imported(name, delay, tmp_path):
+    process = begin(name, tmp_path)
+    time.sleep(delay)
+    assert process.poll() is None
+    expect_the_end(process)
+
+
+@pytest.mark.parametrize("delay", [2.0, 4.0])
+def test_ctrl_c_while_kernels_are_compiled(delay, tmp_path):
+    process = begin("simulate", tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "empty"))
+    time.sleep(delay)
+    assert process.poll() is None
+    expect_the_end(process)
+
+
+def test_ctrl_c_while_other_processes_work(tmp_path):
+    process = begin("two processes", tmp_path)
+    wait_for(process, lambda: len(workers(process.pid)) >= 2)
+    assert not listening(process.pid)  # nobody else on the machine reaches them
+    time.sleep(0.3)
+    expect_the_end(process)
+
+
+def wait_for(process, there):
+    until = time.monotonic() + 60.0
+    while not there():
+        assert process.poll() is None
+        assert time.monotonic() < until
+        time.sleep(0.05)
+
+
+def test_ctrl_c_that_is_ignored_stays_ignored(tmp_path):
+    """As `nohup` and a shell's `&` have it."""
+    process = begin(
+        "inverse", tmp_path, preexec=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN)
+    )
+    time.sleep(0.8)
+    os.killpg(process.pid, signal.SIGINT)
+    out, error = process.communicate(timeout=60)
+    assert (process.returncode, error) == (0, "")
+    assert "\njoint1 " in out
+
+
+def test_the_code_is_one():
+    assert pinfric.__main__.INTERRUPTED == cli.INTERRUPTED
+
+
+def test_ctrl_c_where_the_compiler_calls_back_is_kept_until_it_returns():
+    """There an exception is printed and lost; the compiler then fails for want of its answer."""
+    left = []
+    text = "until = now() + 0.2\nwhile now() < until: pass\nleft.append(True)"
+    code = compile(text, os.sep + os.path.join("llvmlite", "binding.py"), "exec")
+
+    def compile_and_wait():
+        exec(code, {"now": time.monotonic, "left": left})
+        time.sleep(1.0)
+
+    before = {
+        number: signal.signal(number, pinfric.__main__._interrupt)
+        for number in (signal.SIGINT, signal.SIGALRM)
+    }
+    try:
+        threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGINT)).start()
+        with pytest.raises(KeyboardInterrupt):
+            compile_and_wait()
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    assert left == [True]
