@@ -57,7 +57,7 @@ def failing(limits: Sequence[Limit], candidate: Candidate, case: Case) -> tuple[
         limits: of `gear_limits` or `motor_limits`. candidate: motor and gear. case: its joint.
     """
     judged = Judged(candidate, None, case)
-    found = (limit.judge(judged) for limit in limits if limit.applies(judged))
+    found = (limit.judge(judged) for limit in limits if limit.exceeded(judged))
     return tuple(criterion for criterion in found if criterion.status == Status.FAILS)
 
 

@@ -221,6 +221,13 @@ class Limit:
         available = self.available(d)[0] if self.applies(d) else None
         return np.inf if available is None else available / self.reserve(d.conditions)
 
+    def exceeded(self, d: Judged) -> bool:
+        """Return whether the need is known to be above what is given: `judge` says it in words."""
+        if not self.applies(d) or self.verdict is not None:
+            return False
+        required, available = self.required(d), self.available(d)[0]
+        return required is not None and (np.inf if available is None else available) < required
+
     def judge(self, d: Judged) -> Criterion:
         """Return the criterion of a candidate."""
         if self.verdict is not None:
