@@ -337,7 +337,7 @@ def catalog(
     """Make a catalogue for `size` from a table of motors, gears or gearmotors."""
     from pinfric.model.brief import counted
     from pinfric.model.files import check_writable
-    from pinfric.study.sizing.catalog import load_catalog
+    from pinfric.study.sizing.catalog_file import load_catalog
     from pinfric.study.sizing.table import import_table, write_catalog
 
     file = out or table.with_suffix(".yaml")

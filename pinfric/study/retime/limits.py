@@ -23,7 +23,8 @@ from pinfric.model.scene import Scene
 from pinfric.model.schema import Transmission
 from pinfric.model.yamlfile import read_yaml
 from pinfric.study.sizing.assess import own_amplifier
-from pinfric.study.sizing.catalog import Catalog, Conditions, load_catalog, parse_conditions
+from pinfric.study.sizing.catalog import Catalog, Conditions, parse_conditions
+from pinfric.study.sizing.catalog_file import load_catalog
 from pinfric.study.sizing.criteria import LIMITS, instant_limits
 from pinfric.study.sizing.drivetrain import Candidate, candidates
 from pinfric.study.sizing.limit import SETTLES, Judged, Limit, idle

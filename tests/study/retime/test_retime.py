@@ -20,7 +20,8 @@ from pinfric.study.retime.problem import Policy
 from pinfric.study.retime.profile import Profile
 from pinfric.study.retime.retime import _Retiming, retime
 from pinfric.study.retime.tables import natural_points
-from pinfric.study.sizing.catalog import Conditions, load_catalog
+from pinfric.study.sizing.catalog import Conditions
+from pinfric.study.sizing.catalog_file import load_catalog
 from pinfric.study.sizing.drivetrain import candidates
 from pinfric.study.trajectory.joint_columns import joint_columns
 
