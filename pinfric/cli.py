@@ -25,7 +25,6 @@ from pinfric.terminal import (
     facts,
     load,
     load_motion_of,
-    notice,
     noticed,
     pairs,
     print_line,
@@ -547,7 +546,7 @@ def replay(
     scene = load_scene(scene_name)
     html = _page(html, scene.source)
     with working("computing the motion"):
-        motion, judged = motion_to_replay(scene, motion_name, notice, log, effort_at)
+        motion, judged = motion_to_replay(scene, motion_name, log, effort_at)
     title = Path(scene.source).stem + (f" · {Path(motion_name).name}" if motion_name else "")
     with working(f"writing {html}"):
         shown = make_replay(scene, motion, html=html, title=title, log=judged, limits=motors)

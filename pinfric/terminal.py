@@ -104,15 +104,13 @@ def load(
 
 
 def load_motion_of(scene: Scene, trajectory_name: str, log: ReadingOptions) -> Trajectory:
-    """Read a trajectory of a scene and say what a person should know of it."""
+    """Read a trajectory of a scene; its warnings are notices (`warnings_as_notices`)."""
     from pinfric.study.trajectory.trajectory import load_trajectory
 
     trajectory = load_trajectory(trajectory_name, scene, log)
     read.append(trajectory.source)
     if log.columns is not None:
         read.append(log.columns)
-    for text in trajectory.warnings:
-        notice(f"{trajectory.source}: {text}")
     return trajectory
 
 
