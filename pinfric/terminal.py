@@ -43,17 +43,27 @@ read: list[str | Path] = []
 _LOG_OPTIONS = {
     "columns": Annotated[
         Path | None,
-        typer.Option("--columns", metavar="FILE", help="Which column of a log is what (YAML)."),
+        typer.Option(
+            "--columns", metavar="FILE", help="YAML file that says which column of a log is what."
+        ),
     ],
     "unit": Annotated[
-        str | None, typer.Option("--unit", metavar="rad|deg", help="Of a log's angles.")
+        str | None,
+        typer.Option(
+            "--unit", metavar="rad|deg", help="Unit of a log's angles; by default recognised."
+        ),
     ],
     "time_unit": Annotated[
-        str | None, typer.Option("--time-unit", metavar="s|ms|us|ns", help="Of a log's time.")
+        str | None,
+        typer.Option(
+            "--time-unit", metavar="s|ms|us|ns", help="Unit of a log's time; by default recognised."
+        ),
     ],
     "cutoff": Annotated[
         str | None,
-        typer.Option("--cutoff", metavar="HZ|none", help="Low pass on a log's positions."),
+        typer.Option(
+            "--cutoff", metavar="HZ|none", help="Low pass on a log's positions; by default chosen."
+        ),
     ],
 }
 
