@@ -805,7 +805,7 @@ def _bundled() -> tuple[CatalogFile, ...]:
 
 def _merged(source: str, files: Sequence[CatalogFile]) -> Catalog:
     """All entries of the files; of the same name, and of the conditions, the last file's."""
-    entries = {
+    entries: dict[str, Any] = {
         section: {name: entry for file in files for name, entry in getattr(file, section).items()}
         for section in _SECTIONS
     }
