@@ -89,7 +89,12 @@ Cycles = Annotated[
     typer.Option(metavar="FILE:SHARE", help="A cycle and its share of the time, or its count."),
 ]
 On = Annotated[float, typer.Option(metavar="PART", help="Share of the time switched on (S3).")]
-Period = Annotated[float, typer.Option(metavar="SECONDS", help="Period of shares and of --on.")]
+Period = Annotated[
+    float,
+    typer.Option(
+        metavar="SECONDS", help="Period of shares and --on; 10 min as in IEC 60034-1 (S3)."
+    ),
+]
 Motors = Annotated[
     str | None, typer.Option(metavar="FILE", help="Limits of the drives, or default:NAME.")
 ]

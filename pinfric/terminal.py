@@ -140,6 +140,11 @@ def weighted(text: str) -> tuple[str, float]:
     try:
         return (name, float(number)) if name else (text, 1.0)
     except ValueError:
+        if Path(name).is_file() and not Path(text).exists():
+            raise typer.BadParameter(
+                f"{text!r}: should be FILE:SHARE, with a number behind the colon",
+                param_hint="--cycle",
+            ) from None
         return text, 1.0
 
 

@@ -157,7 +157,7 @@ def read_limits(scene: Scene, limits: LimitsLike) -> tuple[DriveLimits, ...]:
     elif str(limits).startswith("default:"):
         others = str(limits).partition(":")[2]
     else:
-        content = read_yaml(Path(limits), CatalogError)
+        content = read_yaml(Path(limits), CatalogError, "pinfric_motors")
         file = parse(MotorsFile, content, str(limits), CatalogError)
         given, others, conditions = file.drives, file.others, file.conditions
         catalog, where = file.catalog, f"{limits}: drives"

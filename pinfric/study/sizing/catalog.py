@@ -827,7 +827,9 @@ def _read(path: Path) -> CatalogFile:
             f"there is no catalogue {brief(str(path))}; "
             f"{choose_from(path, [DEFAULT])}, or a YAML file"
         )
-    return parse(CatalogFile, read_yaml(path, CatalogError), str(path), CatalogError)
+    return parse(
+        CatalogFile, read_yaml(path, CatalogError, "pinfric_catalog"), str(path), CatalogError
+    )
 
 
 def _ascending(entry: Sourced, smaller: str, larger: str) -> None:
