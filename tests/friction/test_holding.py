@@ -7,97 +7,22 @@ import pinocchio as pin
 import pytest
 from builders import block, plane_friction
 from cases import ball_tripod, resting_four_bar
+from friction_cases import G, near_the_limit, random_chain
 from judges.limits_apart import WORM, least_use, random_mechanism
 from mechanisms import (
     add_link,
     bar,
     four_bar,
     grounded_model,
-    pin_friction,
     shifted,
     spatial_loop,
 )
-from scipy.optimize import linprog, minimize
+from scipy.optimize import minimize
 
 import pinfric as pf
 from pinfric.dynamics.forward.workspace import Workspace
 from pinfric.errors import StateError
-from pinfric.friction.balance import Balance
-from pinfric.friction.branching import bound_force
 from pinfric.friction.holding import decide
-from pinfric.friction.least_use import descend, friction_and_limits, make_rest
-from pinfric.friction.minimax import least_violation
-
-G = 9.81
-
-
-def random_chain(rng, pins, strong=False, cut=None):
-    """A closed chain of bars in the plane, pins - 3 freedoms, friction in every pin; scene, q, P.
-
-    Args:
-        rng: for places, masses, radii, coefficients.
-        pins: their number; the first pins - 3 are driven.
-        strong: mu 1.2 to 2.4 at 4 to 6 cm, where friction wedges itself.
-        cut: which pin closes the loop; by default the last.
-    """
-    places = np.zeros((pins, 2))
-    places[1:, 0] = 0.3 * np.arange(1, pins) + rng.uniform(-0.1, 0.1, pins - 1)
-    places[1:, 1] = rng.uniform(-0.3, 0.4, pins - 1)
-    gravity = (*(rng.normal(size=2) * 3 - [0, G]), 0.0)
-    masses = rng.uniform(0.3, 2.0, pins - 1)
-    mu = rng.uniform(1.2, 2.4, pins) if strong else rng.uniform(0.2, 0.8, pins)
-    radius = rng.uniform(0.04, 0.06, pins) if strong else rng.uniform(0.01, 0.06, pins)
-    cut = pins - 1 if cut is None else cut
-    model, q = grounded_model(gravity), {}
-    # bars k: pin k to pin k + 1; those before the cut hang from pin 0, those after from the last
-    parent, angle, at = 0, 0.0, np.zeros(2)
-    for k in range(cut):
-        d = places[k + 1] - places[k]
-        place = pin.SE3(np.eye(3), np.array([*at, 0.0]))
-        parent = add_link(
-            model, parent, pin.JointModelRZ(), place, f"pin_{k}", bar(masses[k], np.hypot(*d))
-        )
-        q[f"pin_{k}"], angle = np.arctan2(d[1], d[0]) - angle, np.arctan2(d[1], d[0])
-        at = np.array([np.hypot(*d), 0.0])
-    a = {"link": f"pin_{cut - 1}" if cut else "ground", "xyz": [*at, 0.0]}
-    parent, angle, at = 0, 0.0, places[-1]
-    for k in range(pins - 1, cut, -1):
-        d = places[k - 1] - places[k]
-        place = pin.SE3(np.eye(3), np.array([*at, 0.0]))
-        parent = add_link(
-            model, parent, pin.JointModelRZ(), place, f"pin_{k}", bar(masses[k - 1], np.hypot(*d))
-        )
-        q[f"pin_{k}"], angle = np.arctan2(d[1], d[0]) - angle, np.arctan2(d[1], d[0])
-        at = np.array([np.hypot(*d), 0.0])
-    b = {"link": f"pin_{cut + 1}" if cut < pins - 1 else "ground", "xyz": [*at, 0.0]}
-    loop = {"name": f"pin_{cut}", "kind": "planar_pin", "a": a, "b": b}
-    friction = {f"pin_{k}": pin_friction(mu[k] / 1.5, radius[k], static=mu[k]) for k in range(pins)}
-    bars = [f"pin_{k}" if k < cut else f"pin_{k + 1}" for k in range(pins - 1)]
-    forces = [
-        {
-            "force": {
-                "name": f"push_{k}",
-                "link": bars[k],
-                "xyz": [0.1, 0.0, 0.0],
-                "direction": [0.3, 1, 0],
-            }
-        }
-        for k in range(pins - 3)
-    ]
-    drives = forces if cut != pins - 1 else [{"joint": f"pin_{k}"} for k in range(pins - 3)]
-    scene = pf.Scene(model=model, friction=friction, loops=[loop], actuators=drives)
-    order = list(model.names)[1:]
-    return scene, scene.close(np.array([q[name] for name in order]))
-
-
-def near_the_limit(rng, scene, q):
-    """Efforts around what holds: the frictionless ones and a random push that is scaled to it."""
-    still = np.zeros((1, scene.model.nv))
-    balance = pf.inverse_dynamics(scene, q[None], still, still).effort_frictionless[0]
-    push = rng.normal(size=len(balance))
-    push *= 0.02 * np.abs(balance).max() / np.linalg.norm(push)
-    use = pf.holds(scene, q, balance + push).use
-    return balance, push * rng.uniform(0.75, 1.3) / use
 
 
 def best_of_many_starts(scene, q, effort, rng, starts=6):
@@ -365,83 +290,6 @@ def test_bad_input_is_named():
         pf.holds(scene, np.zeros(3), [0.0, 1.0])
     with pytest.raises(StateError, match="open"):
         pf.holds(scene, np.zeros(3), [0.0])
-
-
-# ---------------------------------------------------------------- its parts
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_the_small_linear_programs_are_what_highs_finds(seed):
-    rng = np.random.default_rng(seed)
-    rows, dz, reach = int(rng.integers(4, 20)), int(rng.integers(1, 6)), 3.0
-    A, h, s = rng.normal(size=(rows, dz)), rng.normal(size=rows), rng.uniform(0.1, 2.0, rows)
-    z = np.empty(dz)
-    bound = least_violation(A, h, s, rows, reach, z)
-    best = linprog(
-        np.r_[np.zeros(dz), 1.0],
-        np.column_stack([A, -s]),
-        -h,
-        bounds=[(-reach, reach)] * dz + [(None, None)],
-    )
-    assert bound == pytest.approx(best.fun, abs=1e-9)
-    assert ((A @ z + h) / s).max() == pytest.approx(best.fun, abs=1e-9)
-    assert (np.abs(z) <= reach + 1e-12).all()
-
-
-def resting_six_bar(seed):
-    """(Rest, problem) of a random chain of 6 pins that rests under its weight."""
-    rng = np.random.default_rng(seed)
-    scene, q = random_chain(rng, 6)
-    balance, push = near_the_limit(rng, scene, q)
-    ws = Workspace(scene)
-    ws.modes.stuck[:] = True
-    ws.assemble(q, np.zeros(ws.nv), balance + push, None)
-    every = np.arange(len(ws.problem.rate_free))
-    balance = Balance.of_rates(ws.problem, ws.mechanism.factor, every)
-    return make_rest(ws.problem, every, balance)[0], ws
-
-
-def test_a_force_is_below_its_bound_wherever_it_points_into_its_sector():
-    rest, _ = resting_six_bar(0)
-    rng, dz = np.random.default_rng(1), rest.N.shape[1]
-    line, sides = np.empty(dz + 1), np.empty((2, dz + 1))
-    inside = outside = 0
-    for i in np.flatnonzero(~rest.on_a_line):
-        for half in (-1.0, 0.25 * np.pi, 0.05):
-            centre = rng.uniform(-np.pi, np.pi)
-            count = bound_force(rest, i, centre, half, line, sides)
-            assert count == (0 if half < 0.0 else 2)
-            for z in rng.uniform(-1.0, 1.0, (200, dz)) * rest.reach:
-                force = (rest.contact[i, 0] + z @ rest.contact[i, 1:])[:2]
-                size, angle = np.hypot(*force), np.arctan2(force[1], force[0])
-                off = abs((angle - centre + np.pi) % (2 * np.pi) - np.pi)
-                within = bool((sides[:count, :-1] @ z + sides[:count, -1] <= 0.0).all())
-                assert within == (half < 0.0 or off <= half)
-                inside, outside = inside + within, outside + (not within)
-                if half < 0.0 and ((force < rest.low[i, :2]) | (force > rest.high[i, :2])).any():
-                    continue  # beyond the box, where that bound is made
-                if within:
-                    bound = line[:-1] @ z + line[-1]
-                    assert size <= bound * (1 + 1e-12)
-                    assert half < 0.0 or bound <= size / np.cos(half) * (1 + 1e-12)
-    assert min(inside, outside) > 100
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_use_falls_to_where_no_friction_nearby_has_less(seed):
-    rest, ws = resting_six_bar(seed)
-    n, dz = rest.N.shape
-    rng, out = np.random.default_rng(seed), (np.empty(n), np.empty(n), np.empty(n))
-    start = 0.1 * rng.uniform(-1.0, 1.0, dz) * rest.reach
-    z = start.copy()
-    use = descend(rest, z)
-    assert use == friction_and_limits(rest, z, *out) < friction_and_limits(rest, start, *out)
-    x = rest.unit * (rest.x0 + rest.N @ z)
-    rate = ws.problem.rate_free + ws.problem.rate_slope @ x
-    assert np.abs(rate).max() < 1e-9 * ws.problem.rate_scale.max()  # in equilibrium
-    for size in (1e-2, 1e-4):
-        for step in rng.normal(size=(200, dz)) * size * np.linalg.norm(x / rest.unit):
-            assert friction_and_limits(rest, z + step, *out) > use * (1 - 1e-8)
 
 
 def two_that_share(rng, contact=1.0):
