@@ -1,0 +1,3 @@
+from study.identify.conftest import found
+
+__all__ = ["found"]
