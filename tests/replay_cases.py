@@ -13,7 +13,7 @@ import pinfric as pf
 from pinfric.show.replay.page import RecordingWindow
 from pinfric.show.replay.stage import set_stage
 
-ROBOTS = Path(__file__).parents[3] / "robots"
+ROBOTS = Path(__file__).parents[1] / "robots"
 
 
 def bundled(name):
