@@ -1,13 +1,18 @@
 """pinfric first: it sets OMP_WAIT_POLICY, which counts only if set before Pinocchio loads."""
 
+from __future__ import annotations
+
 import pinfric  # noqa: F401  # isort: skip
 
+import pytest
+from cli_cases import SCENE, URDF, WAY
 from xdist.scheduler import LoadScopeScheduling
 
 from pinfric.kernels import compiled, interpreted
 
 # What a command prints is compared word for word, be the kernels compiled already or not.
 compiled.say_compiling = lambda again="": None
+
 
 #: What compiles most comes first. Files that share kernels or costly fixtures run in one process,
 #: those whose path begins alike under one name; the others find the kernels in the cache.
@@ -37,6 +42,8 @@ FIRST = {
     "show/replay/": "replays",
     "study/trajectory/log/": "logs",
 }
+
+
 #: Files of long tests that share nothing: one by one, so that all processes end together.
 LAST = ("judges/test_stuck_loops.py", "judges/test_rounding.py", "end_to_end/test_notebooks.py")
 
@@ -73,3 +80,12 @@ class Scheduling(LoadScopeScheduling):
 
 def pytest_xdist_make_scheduler(config, log):
     return Scheduling(config, log)
+
+
+@pytest.fixture
+def files(tmp_path, monkeypatch):
+    for name, text in (("arm.urdf", URDF), ("arm.yaml", SCENE), ("way.yaml", WAY)):
+        (tmp_path / name).write_text(text)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "80")
+    return tmp_path
