@@ -8,7 +8,9 @@ inside functions: `pinfric --help` needs neither NumPy nor Pinocchio.
 from __future__ import annotations
 
 import os
+import shlex
 import sys
+import time
 import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -21,6 +23,7 @@ from pinfric import __version__
 from pinfric.errors import PinfricError, PinfricWarning, plain
 from pinfric.terminal import (
     answer,
+    facts,
     load,
     load_motion_of,
     notice,
@@ -56,8 +59,8 @@ app = typer.Typer(
 
 def _effort_place(value: str) -> str:
     """Refuse an unknown place at once: with way-points nothing else would read it."""
-    if value not in ("motor", "joint"):
-        raise typer.BadParameter(f"{value!r}; should be motor or joint")
+    if value not in ("reflected", "motor", "joint"):
+        raise typer.BadParameter(f"{value!r}; should be reflected, motor or joint")
     return value
 
 
@@ -73,8 +76,8 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of tabl
 EffortAt = Annotated[
     str,
     typer.Option(
-        metavar="motor|joint",
-        help="Where efforts were measured: at the motor, or at the joint.",
+        metavar="reflected|motor|joint",
+        help="A log's efforts: motor torques times gear ratios; at the shafts; behind the gears.",
         callback=_effort_place,
     ),
 ]
@@ -86,7 +89,12 @@ Cycles = Annotated[
     typer.Option(metavar="FILE:SHARE", help="A cycle and its share of the time, or its count."),
 ]
 On = Annotated[float, typer.Option(metavar="PART", help="Share of the time switched on (S3).")]
-Period = Annotated[float, typer.Option(metavar="SECONDS", help="Period of shares and of --on.")]
+Period = Annotated[
+    float,
+    typer.Option(
+        metavar="SECONDS", help="Period of shares and --on; 10 min as in IEC 60034-1 (S3)."
+    ),
+]
 Motors = Annotated[
     str | None, typer.Option(metavar="FILE", help="Limits of the drives, or default:NAME.")
 ]
@@ -102,8 +110,11 @@ def _options(
     quiet: Annotated[
         bool, typer.Option("--quiet", "-q", help="Print only results and errors, no notices.")
     ] = False,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", "-v", help="Also print files read, versions and time.")
+    ] = False,
 ) -> None:
-    telling["quiet"] = quiet
+    telling.update(quiet=quiet, verbose=verbose)
     if version:
         print_line(f"pinfric {__version__}")
     elif context.invoked_subcommand is None:
@@ -119,7 +130,7 @@ def inverse(
     out: OutFolder = None,
     as_json: AsJson = False,
     threads: Threads = None,
-    effort_at: EffortAt = "joint",
+    effort_at: EffortAt = "reflected",
     log: Any,
 ) -> None:
     """Compute the efforts that a motion needs.
@@ -289,12 +300,25 @@ def size(
         read.append(report.catalog.source)
     sets, files = _fastest(report, trajectory) if fastest else (None, {})
     found = sizing_summary(report, sets)
-    files["report.html"] = lambda path: path.write_text(sizing_page(report), encoding="utf-8")
+    cycles_given = [trajectory_name] if trajectory_name else [f"--cycle={x}" for x in cycle or ()]
+    command = _command_of_size(scene_name, [str(x) for x in cycles_given], on, period, catalog)
+    files["report.html"] = lambda path: path.write_text(
+        sizing_page(report, command), encoding="utf-8"
+    )
     if bill := bill_of_materials(report):
         files["bom.csv"] = lambda path: path.write_text(bill, encoding="utf-8")
     show_it, name = partial(sizing_report, report, sets), "sizing.json"
     answer("size", found, show_it, as_json, out, files, name=name, scene=report.given.source)
     report.check()  # what does not fit is the last line, and the exit code (2)
+
+
+def _command_of_size(
+    scene: str, cycles: list[str], on: float, period: float, catalog: str | None
+) -> str:
+    """The command as its page shows it."""
+    duty = [f"--on={on:g}", f"--period={period:g}"] if on != 1.0 else []
+    chosen = [f"--catalog={catalog}"] if catalog else []
+    return shlex.join(["pinfric", "size", scene, *cycles, *duty, *chosen])
 
 
 @app.command(short_help="Make a catalogue for `size` from a table of parts.")
@@ -450,7 +474,7 @@ def identify(
         list[str] | None,
         typer.Option(metavar="JOINT=FACTOR", help="Factor from a logged effort to N m."),
     ] = None,
-    effort_at: EffortAt = "motor",
+    effort_at: EffortAt = "reflected",
     inertia: Annotated[
         str,
         typer.Option(metavar="consistent|keep", help="Link inertias: correct or keep the URDF's."),
@@ -519,7 +543,7 @@ def replay(
     ] = None,
     open_browser: Annotated[bool, typer.Option("--open", help="Show it in a browser.")] = False,
     motors: Motors = None,
-    effort_at: EffortAt = "joint",
+    effort_at: EffortAt = "reflected",
     as_json: AsJson = False,
     log: Any,
 ) -> None:
@@ -807,13 +831,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if hasattr(stream, "reconfigure"):  # a terminal without UTF-8 gets "?", not a traceback
             stream.reconfigure(errors="replace")
     noticed.clear()
-    telling["quiet"] = False
+    telling.update(quiet=False, verbose=False)
     read.clear()
     with warnings_as_notices():
-        sys.exit(_run(None if arguments is None else list(arguments)))
+        sys.exit(_run(_flags_first(list(sys.argv[1:] if arguments is None else arguments))))
 
 
-def _run(arguments: list[str] | None) -> int:
+def _flags_first(arguments: list[str]) -> list[str]:
+    """Put --quiet and --verbose before the command: people write them at the end of the line."""
+    flags = [text for text in arguments if text in ("-q", "--quiet", "-v", "--verbose")]
+    return flags + [text for text in arguments if text not in flags]
+
+
+def _run(arguments: list[str]) -> int:
+    started = time.perf_counter()
     # the root of typer's usage errors, by way of the one it exports: its copy of click moves
     usage_error: Any = typer.BadParameter.__mro__[1]
     try:
@@ -832,6 +863,8 @@ def _run(arguments: list[str] | None) -> int:
         if os.environ.get("PINFRIC_TRACEBACK"):
             raise
         message, code = _unexpected(problem)
+    if telling["verbose"]:
+        facts(started)
     if message:
         kind = "internal error" if code == INTERNAL_ERROR else "error"
         say(f"{kind}: {message}", error=True)

@@ -9,6 +9,7 @@ import inspect
 import json
 import os
 import sys
+import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -17,6 +18,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TextIO
 
 import typer
 
+from pinfric import __version__
 from pinfric.errors import PinfricWarning, one_line
 
 if TYPE_CHECKING:
@@ -32,8 +34,8 @@ NO_READER = 141
 
 #: The warnings of this run and the files that it read, for its JSON.
 noticed: list[str] = []
-#: Which of `say`'s lines are printed: "quiet" leaves errors only.
-telling: dict[str, bool] = {"quiet": False}
+#: Which lines are printed beside results: "quiet" leaves errors only, "verbose" adds `facts`.
+telling: dict[str, bool] = {"quiet": False, "verbose": False}
 read: list[str | Path] = []
 
 
@@ -138,6 +140,11 @@ def weighted(text: str) -> tuple[str, float]:
     try:
         return (name, float(number)) if name else (text, 1.0)
     except ValueError:
+        if Path(name).is_file() and not Path(text).exists():
+            raise typer.BadParameter(
+                f"{text!r}: should be FILE:SHARE, with a number behind the colon",
+                param_hint="--cycle",
+            ) from None
         return text, 1.0
 
 
@@ -238,6 +245,21 @@ def say(text: str, *, error: bool = False) -> None:
     """Tell in one line what goes on, beside the results; with --quiet errors only."""
     if error or not telling["quiet"]:
         print(f"pinfric: {one_line(text)}", file=sys.stderr)
+
+
+def facts(started: float) -> None:
+    """Say which files a command read, with which versions it computed, and how long it took.
+
+    Args:
+        started: `time.perf_counter()` at its beginning, s.
+    """
+    from importlib.metadata import version
+
+    for file in dict.fromkeys(str(file) for file in read if file):
+        say(f"read {file}")
+    packages = ", ".join(f"{name} {version(name)}" for name in ("pin", "numpy", "numba"))
+    say(f"versions: pinfric {__version__}, Python {sys.version.split()[0]}, {packages}")
+    say(f"took {time.perf_counter() - started:.1f} s")
 
 
 def notice(text: str) -> None:

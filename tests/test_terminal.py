@@ -5,11 +5,12 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from cli_cases import ROOT, run
 
-from pinfric import cli, terminal
+from pinfric import __version__, cli, terminal
 
 
 def shell(*arguments, **options):
@@ -82,5 +83,17 @@ def test_quiet_leaves_results_and_errors(capsys, tmp_path):
     assert "wrote" in loud.err
     assert run("-q", *command) == 0
     assert capsys.readouterr() == (loud.out, "")
+    assert run(*command, "--quiet") == 0
+    assert capsys.readouterr() == (loud.out, "")
     assert run("-q", "inverse", "pendulum", "nowhere.csv") == cli.BAD_INPUT
     assert "there is no file" in capsys.readouterr().err
+
+
+def test_verbose_adds_files_versions_and_time(capsys):
+    assert run("check", "pendulum", "-v") == 0
+    lines = capsys.readouterr().err.splitlines()
+    assert [Path(line).name for line in lines[:2]] == ["pendulum.yaml", "pendulum.urdf"]
+    assert lines[2].startswith(f"pinfric: versions: pinfric {__version__}, Python 3.")
+    assert lines[3].startswith("pinfric: took ")
+    assert run("-v", "check", "nowhere.yaml") == cli.BAD_INPUT
+    assert capsys.readouterr().err.splitlines()[-1].startswith("pinfric: error: there is no file")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import hashlib
 import os
 import shutil
 import tempfile
@@ -18,6 +19,12 @@ Writer = Callable[[Path], object]
 _UNFINISHED, _ALIVE = ".unfinished-", ".alive"
 #: Endings of file names; a folder of such a name is probably a mistake.
 _FILES = frozenset((".csv", ".html", ".json", ".png", ".urdf", ".xml", ".yaml", ".yml"))
+
+
+def file_hash(file: str | Path) -> str:
+    """Return the SHA-256 of a file, in hexadecimal."""
+    with Path(file).open("rb") as opened:
+        return hashlib.file_digest(opened, "sha256").hexdigest()
 
 
 def write_file(path: str | Path, write: Writer) -> Path:

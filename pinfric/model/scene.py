@@ -42,6 +42,7 @@ from pinfric.model.schema import (
     LoopTolerance,
     Payload,
     Simulation,
+    guesses_left,
 )
 from pinfric.model.twin import PRISMATIC, Twin, make_twin
 from pinfric.model.upward import make_solver
@@ -242,7 +243,8 @@ class Scene:
         Args:
             gravity: (3,) m/s^2, in the world's axes.
             changes: arguments of `Scene` (`friction`, `payloads`, `actuators`, `stick_velocity`,
-                `model` ...), each of which replaces the scene's own completely.
+                `model` ...), each of which replaces the scene's own completely. A guess
+                whose value `friction` replaces is no longer in `assumed`.
 
         Raises:
             SceneError: an unknown argument, or an impossible entry.
@@ -262,7 +264,11 @@ class Scene:
                 raise SceneError(f"{where}: should be three finite numbers, m/s^2")
             changes["model"] = changes.get("model", self.model).copy()
             changes["model"].gravity.linear = linear
-        return replace(self, **changes)
+        changed = replace(self, **changes)
+        if self.assumed is None or "friction" not in changes or "assumed" in changes:
+            return changed
+        left = guesses_left(self.assumed, self.friction, changed.friction)
+        return replace(changed, assumed=left)
 
     def solver(self, attached: Iterable[str] | None = None) -> Solver:
         """Return a solver for one state at a time, for controllers and optimizers; see `Solver`.

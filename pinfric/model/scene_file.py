@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 import warnings
 from collections import Counter
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pinfric.errors import PinfricWarning, RobotError, SceneError, choose_from
+from pinfric.model.brief import counted
 from pinfric.model.entry import parse
 from pinfric.model.friction_terms import constant_friction, linear_drag
 from pinfric.model.hysteresis import excessive_friction
@@ -72,7 +74,7 @@ def guesses_line(assumed: Assumed) -> str:
         entry, _, key = place.rpartition(".")
         places.setdefault(entry, []).append(key)
     count = Counter(", ".join(keys) for keys in places.values())
-    of = "; ".join(f"{keys} of {number} joints" for keys, number in count.items())
+    of = "; ".join(f"{keys} of {counted(number, 'joint')}" for keys, number in count.items())
     return (
         f"{len(assumed.values)} entries are guesses of `{assumed.by}` ({of}); `assumed` lists "
         "them: replace them by data sheets or by what you identify"
@@ -85,12 +87,12 @@ def _content(file: Path) -> dict[str, Any]:
         raise SceneError(
             f"{file}: is a robot, not a scene; `pinfric new {file}` writes a scene of it"
         )
-    content = read_yaml(file, SceneError)
-    other = next((str(key) for key in content if str(key).startswith("pinfric_")), None)
-    if other is not None and "pinfric" not in content:
-        what = other.removeprefix("pinfric_")
-        raise SceneError(f"{file}: is a {what} file, not a scene; give the scene before it")
-    return content
+    if file.suffix.lower() in (".csv", ".tsv", ".txt", ".parquet", ".mat", ".db3", ".mcap", ".npz"):
+        raise SceneError(
+            f"{file}: is a log or a table, not a scene (YAML, `pinfric: 1`); commands take SCENE "
+            "TRAJECTORY SWEEP in this order"
+        )
+    return read_yaml(file, SceneError, "pinfric")
 
 
 def bundled_folder() -> Path:
@@ -118,8 +120,9 @@ def find_file(path: str | Path, suffixes: tuple[str, ...], error: type[Exception
             return folder / candidate
     there: list[str] = []
     for place in dict.fromkeys((path.parent, folder)):
-        beside = (p.name for p in place.iterdir()) if place.is_dir() else ()
-        there += sorted(n for n in beside if n[n.find(".") :] in suffixes and n not in there)
+        with suppress(OSError):  # no folder, or one that may not be read: nothing to suggest
+            beside = [p.name for p in place.iterdir()]
+            there += sorted(n for n in beside if n[n.find(".") :] in suffixes and n not in there)
     what = f"{path} is a folder" if path.is_dir() else f"there is no file {path}"
     raise error(f"{what}, and no bundled one of that name; {choose_from(path.name, there)}")
 

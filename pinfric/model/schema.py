@@ -6,7 +6,7 @@ exist, does the bearing fit it) are in `scene.py`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal
 
 from pydantic import (
@@ -428,6 +428,23 @@ class Assumed(Entry):
         dict[str, str],
         key("entry: reason for the guess", {"friction.elbow.coulomb": "5 % of 150 N m"}),
     ]
+
+
+def guesses_left(
+    assumed: Assumed, before: Mapping[str, Friction], after: Mapping[str, Friction]
+) -> Assumed | None:
+    """Return the guesses that a change of friction left as they were; None if none is left."""
+
+    def value(friction: Mapping[str, Friction], place: str) -> Any:
+        joint, _, name = place.removeprefix("friction.").rpartition(".")
+        return getattr(friction.get(joint), name, None)
+
+    left = {
+        place: why
+        for place, why in assumed.values.items()
+        if not place.startswith("friction.") or value(before, place) == value(after, place)
+    }
+    return assumed.model_copy(update={"values": left}) if left else None
 
 
 class SceneFile(Entry):

@@ -7,7 +7,6 @@ URDF: its effort limit or, if that is missing or a placeholder, the weight that 
 from __future__ import annotations
 
 import datetime
-import hashlib
 import json
 import math
 import os
@@ -22,7 +21,7 @@ import pinocchio as pin
 
 from pinfric import __version__
 from pinfric.errors import PinfricError, RobotError
-from pinfric.model.files import write_folder
+from pinfric.model.files import file_hash, write_folder
 from pinfric.model.robot import (
     Robot,
     example_robot_data,
@@ -175,12 +174,11 @@ def _joint_section(joint: JointLoad, dynamics: Mapping[str, UrdfDynamics]) -> li
         about = "no limits"
     about += f"; {joint.remark}" if joint.remark else ""
     given = dynamics.get(joint.name, UrdfDynamics(0.0, 0.0))
-    said = f"; <dynamics>: {given.friction:g}" if given.friction else ""
+    stated = {"coulomb": given.friction, "viscous": given.damping}
     lines = [f"  {name}:  # {'slides' if joint.sliding else 'turns'}, {about}"]
     for key, (value, why) in _guesses(joint).items():
-        more = said if key == "coulomb" else f"; <dynamics>: {_short(given.damping, 6)}"
-        shown = more if key == "coulomb" or (key == "viscous" and given.damping) else ""
-        lines.append(f"    {key}: {value}  # guess: {why}{shown}")
+        urdf = f"; <dynamics>: {stated[key]:g}" if stated.get(key) else ""
+        lines.append(f"    {key}: {value}  # guess: {why}{urdf}")
     if joint.leader is None:
         lines.append("    # includes_drive: true  # `size` takes its gears' losses instead of this")
     return lines
@@ -233,13 +231,12 @@ def _assumed_section(
     urdf: Path, folder: str | Path | None, joints: Sequence[JointLoad]
 ) -> list[str]:
     """The guesses as data, so that every report can list them."""
-    digest = hashlib.sha256(urdf.read_bytes()).hexdigest()
     return [
         "assumed:                       # delete the line of each guess that you replace",
         f"  by: {yaml_line(f'pinfric new {locator(urdf, folder)}')}",
         f"  date: '{datetime.date.today().isoformat()}'",
         f"  version: {yaml_line(__version__)}",
-        f"  inputs: {{{yaml_line(urdf.name)}: {digest}}}",
+        f"  inputs: {{{yaml_line(urdf.name)}: {file_hash(urdf)}}}",
         "  values:",
         *[
             f"    {yaml_line(f'friction.{joint.name}.{key}')}: {yaml_line(why)}"

@@ -12,6 +12,8 @@ from builders import block, plane_friction
 
 import pinfric as pf
 from pinfric.errors import SceneError
+from pinfric.model.entry import parse
+from pinfric.model.schema import Assumed
 
 ZERO = np.zeros((1, 1))
 FRICTION = {"slide": plane_friction(0.5, 0.3)}
@@ -149,6 +151,23 @@ def test_with_gives_a_changed_scene_and_leaves_the_first():
 def test_with_checks_like_the_first_time(change, says):
     with pytest.raises(SceneError, match=says):
         made().with_(**change)
+
+
+def test_a_guess_that_is_replaced_is_no_guess_any_more():
+    guesses = {
+        "by": "pinfric new tray.urdf",
+        "date": "2026-11-22",
+        "version": "0.1.0",
+        "values": {"friction.slide.coulomb": "5 %", "friction.slide.viscous": "2 %"},
+    }
+    dry = {"static": 2.5, "kinetic": 2.0}
+    rod = {"slide": {"coulomb": dry, "viscous": 3.0}}
+    scene = pf.Scene(model=block(), friction=rod, assumed=parse(Assumed, guesses, "tray.yaml"))
+    assert set(scene.with_(stick_velocity=1e-3).assumed.values) == set(guesses["values"])
+    measured = scene.with_(friction={"slide": {"coulomb": dry | {"static": 2.6}, "viscous": 3.0}})
+    assert measured.assumed.values == {"friction.slide.viscous": "2 %"}
+    assert measured.assumed.by == guesses["by"]
+    assert scene.with_(friction={}).assumed is None
 
 
 def test_copies_are_scenes_like_the_first():

@@ -97,6 +97,19 @@ def test_commands_are_understood(page):
     assert not table or table == set(program.commands)
 
 
+def rows_of_commands(page):
+    """Command -> what a page's table says that it gives, without links."""
+    rows = re.findall(r"^\| (`pinfric .*?) \| (.*) \|$", page.read_text("utf-8"), re.MULTILINE)
+    return {command: re.sub(r"\[([^]]+)\]\([^)]*\)", r"\1", text) for command, text in rows}
+
+
+def test_the_guide_says_of_each_command_what_the_readme_says_and_more():
+    short, long = rows_of_commands(README), rows_of_commands(GUIDE / "commands.md")
+    assert list(short) == list(long)
+    for command, text in short.items():
+        assert long[command].startswith(text), command
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_files_that_pages_print_are_files(page):
     for text in blocks("yaml", page):

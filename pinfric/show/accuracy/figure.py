@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pinfric.show.figure.style import INK, QUIET
+from pinfric.show.figure.style import BAND, BLUE, GREEN, GRID, INK, QUIET, RED
 from pinfric.study.accuracy.ladder import Rung
 from pinfric.study.accuracy.precision import Run
 from pinfric.study.accuracy.sampling import Sampled
@@ -19,13 +19,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Colour and mark of each method: Okabe and Ito's palette, told apart in grey by the marks.
+#: Colour and mark of each method; the marks tell them apart in grey.
 _STYLES = {
-    "event": ("#0072B2", "o"),
-    "timestepping": ("#D55E00", "s"),
-    "regularized": ("#009E73", "^"),
+    "event": (BLUE, "o"),
+    "timestepping": (RED, "s"),
+    "regularized": (GREEN, "^"),
 }
-_GRID = "#E4E4E4"
 #: What is smaller is drawn here: rounding, and the decade below which nobody looks.
 _FLOOR = 1e-13
 #: The same of shares (%).
@@ -124,7 +123,7 @@ def _plain_times(axes: Axes) -> None:
 def _logarithmic(axes: Axes, xlabel: str) -> None:
     axes.set_xscale("log")
     axes.set_yscale("log")
-    axes.grid(True, which="major", color=_GRID, linewidth=0.8)
+    axes.grid(True, which="major", color=GRID, linewidth=0.8)
     axes.set_axisbelow(True)
     axes.set_xlabel(xlabel, color=QUIET, fontsize=9.5)
 
@@ -185,10 +184,10 @@ def _sampling(axes: Axes, rows: Sequence[Sampled]) -> None:
     quantities: tuple[tuple[str, str, Callable[[Sampled], float]], ...] = (
         (
             "stick time missed",
-            "#D55E00",
+            RED,
             lambda r: 100 * r.missed_stick / r.stick if r.stick > 0 else float("nan"),
         ),
-        ("error of peaks", "#0072B2", lambda r: 100 * r.peak_error),
+        ("error of peaks", BLUE, lambda r: 100 * r.peak_error),
     )
     for given, style in (("q, v, a", "-"), ("q", "--")):
         own = [row for row in rows if row.given == given and not row.problem]
@@ -223,7 +222,7 @@ def _ladder(axes: Axes, rungs: Sequence[Rung]) -> None:
     shown = [rung for rung in rungs if rung.on and not rung.problem]
     missing = [100 * rung.distance for rung in shown]
     places = np.arange(len(shown))[::-1]
-    axes.barh(places, missing, height=0.62, color="#A9CFE8", edgecolor="#0072B2", linewidth=0.8)
+    axes.barh(places, missing, height=0.62, color=BAND, edgecolor=BLUE, linewidth=0.8)
     largest = max(missing, default=0.0) or 1.0
     for place, rung, share in zip(places, shown, missing, strict=True):
         cost = f"{rung.us:.2f} us" if np.isfinite(rung.us) else "an estimate"

@@ -15,7 +15,7 @@ import numpy as np
 
 from pinfric.dynamics.inverse.result import InverseResult, runs
 from pinfric.errors import StateError, choose_from
-from pinfric.show.figure.style import INK, QUIET, style
+from pinfric.show.figure.style import BAND, BLUE, GREEN, GRID, INK, ORANGE, QUIET, style
 from pinfric.show.report.inverse import log_lines
 from pinfric.show.report.names import picture_names, shortened
 from pinfric.show.report.values import digits, span
@@ -34,11 +34,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Okabe and Ito's palette, told apart with every kind of colour vision.
-_EFFORT, _STICKING, _CARRIED = "#0072B2", "#E69F00", "#009E73"
-#: The band's colour. It is drawn in two layers, white and over it a veil that makes the colour: the
-#: frictionless curve between them shows through, the shading below both does not.
-_BAND, _VEIL, _VEIL_ALPHA = "#A9CFE8", "#539FD1", 0.5
+_EFFORT, _STICKING, _CARRIED = BLUE, ORANGE, GREEN
+#: The band is drawn in two layers, white and over it a veil that makes its colour: the frictionless
+#: curve between them shows through, the shading below both does not.
+_VEIL, _VEIL_ALPHA = "#539FD1", 0.5
 #: Opacity of the shaded times.
 _SHADE = 0.17
 #: The mark of an instant at rest, at the bottom of a panel.
@@ -371,7 +370,7 @@ def _dress(
     axes.yaxis.set_major_formatter(brief_ticks)
     axes.xaxis.set_major_locator(MaxNLocator(9, steps=[1, 2, 5, 10]))
     axes.tick_params(colors=QUIET, labelcolor=QUIET, length=2.5, labelbottom=bottom)
-    axes.grid(axis="y", color="#DDDDDD", linewidth=0.4, zorder=0)
+    axes.grid(axis="y", color=GRID, linewidth=0.4, zorder=0)
     axes.set_axisbelow(True)
     if bottom:
         axes.set_xlabel("time (s)", color=QUIET)
@@ -475,7 +474,7 @@ def _key(result: InverseResult) -> list[Any]:
     if (result.effort_lower != result.effort_upper).any():
         handles.append(
             Patch(
-                facecolor=_BAND,
+                facecolor=BAND,
                 edgecolor=_EFFORT,
                 linewidth=0.6,
                 label="possible efforts where it sticks",

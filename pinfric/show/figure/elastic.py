@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinfric.errors import StateError
-from pinfric.show.figure.style import INK, QUIET, style
+from pinfric.show.figure.style import BLUE, GREEN, GRID, INK, QUIET, RED, style
 from pinfric.show.report.values import digits
 from pinfric.study.elastic.motion import Elasticity, Rest, ToolPlace
 from pinfric.study.elastic.places import outline
@@ -17,8 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Okabe and Ito's palette, as in `figure.efforts`.
-_INSIDE, _EDGE, _APPROACH, _OPPOSITE = "#CFE3F1", "#0072B2", "#D55E00", "#009E73"
+_INSIDE, _EDGE, _APPROACH, _OPPOSITE = "#CFE3F1", BLUE, RED, GREEN
 _AXES, MM = "xyz", 1e3
 
 
@@ -138,5 +137,5 @@ def _draw(axes: Axes, tool: ToolPlace, i: int, j: int) -> None:
     axes.set_xlabel(f"{_AXES[i]}, mm", color=QUIET)
     axes.set_ylabel(f"{_AXES[j]}, mm", color=QUIET)
     axes.tick_params(colors=QUIET)
-    axes.grid(color="#EDEDED", lw=0.6)
+    axes.grid(color=GRID, lw=0.6)
     axes.set_axisbelow(True)

@@ -9,16 +9,17 @@ import numpy as np
 from pinfric.dynamics.inverse.result import InverseResult, runs
 from pinfric.errors import StateError
 from pinfric.show.figure.efforts import brief_ticks, thinned
-from pinfric.show.figure.style import QUIET, style
+from pinfric.show.figure.style import BAND, BLUE, ORANGE, PALE_RED, QUIET, style
 from pinfric.show.report.names import picture_names
 from pinfric.study.summary import effort_unit, rests
+from pinfric.study.trajectory.log.effort_place import EFFORT_PLACES
 from pinfric.study.trajectory.log.judged import JudgedLog, measured_interval
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_COMPUTED, _BAND, _MEASURED, _STICKING = "#0072B2", "#A9CFE8", "#F2B38B", "#E69F00"
+_COMPUTED, _MEASURED, _STICKING = BLUE, PALE_RED, ORANGE
 #: Letters of a drive's name.
 _LETTERS = 60
 #: Inches: the width, a panel, what is above and below all of them.
@@ -62,7 +63,7 @@ def measured_figure(result: InverseResult, log: JudgedLog, trajectory: str = "")
             frameon=False,
         )
         figure.suptitle(
-            f"{trajectory}: efforts at the {log.at}{note}",
+            f"{trajectory}: {EFFORT_PLACES[log.at]}{note}",
             x=0.06,
             ha="left",
             fontweight="bold",
@@ -108,7 +109,7 @@ def draw_measured(
         alpha=0.15,
         linewidth=0,
     )
-    axes.fill_between(t[keep], lower[keep, i], upper[keep, i], color=_BAND, linewidth=0)
+    axes.fill_between(t[keep], lower[keep, i], upper[keep, i], color=BAND, linewidth=0)
     axes.plot(t[keep] - lag, measured[keep], color=_MEASURED, linewidth=1.8, gid="measured")
     axes.plot(t[keep], upper[keep, i], color=_COMPUTED, linewidth=0.9, gid="computed")
     axes.plot(t[keep], lower[keep, i], color=_COMPUTED, linewidth=0.9)

@@ -15,15 +15,14 @@ from pinfric.model.brief import counted
 from pinfric.model.coordinates import one_number
 from pinfric.model.described import PLACE, SPEED, effort_where, unit_at
 from pinfric.show.figure.efforts import brief_ticks, thinned
-from pinfric.show.figure.style import INK, QUIET, style
+from pinfric.show.figure.style import BLUE, INK, ORANGE, QUIET, style
 from pinfric.show.report.names import picture_names
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Okabe and Ito's palette, as in `figure.efforts`.
-_FRICTION, _STICKING, _LIMIT = "#0072B2", "#E69F00", "#8A8A8A"
+_FRICTION, _STICKING, _LIMIT = BLUE, ORANGE, "#8A8A8A"
 #: Opacity of the shaded times.
 _SHADE = 0.18
 #: Joints drawn, and inches a row takes of few and of many.

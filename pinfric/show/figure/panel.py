@@ -6,14 +6,11 @@ import io
 import re
 from typing import TYPE_CHECKING, Any
 
-from pinfric.show.figure.style import QUIET, style
+from pinfric.show.figure.style import GRID, QUIET, style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-#: Okabe and Ito's palette, told apart with every kind of colour vision.
-BLUE, BAND, ORANGE, GREEN, RED = "#0072B2", "#A9CFE8", "#E69F00", "#009E73", "#D55E00"
 
 
 def panel(x: str, y: str, width: float = 5.0, height: float = 2.9) -> tuple[Figure, Axes]:
@@ -32,7 +29,7 @@ def panel(x: str, y: str, width: float = 5.0, height: float = 2.9) -> tuple[Figu
         axes.set_xlabel(x, color=QUIET)
         axes.set_ylabel(y, color=QUIET)
         axes.tick_params(colors=QUIET)
-        axes.grid(color="#E6E6E6", linewidth=0.6)
+        axes.grid(color=GRID, linewidth=0.6)
         axes.set_axisbelow(True)
     return figure, axes
 

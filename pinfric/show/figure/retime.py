@@ -9,7 +9,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinfric.show.figure.style import INK, QUIET, style
+from pinfric.show.figure.style import (
+    BLUE,
+    GREEN,
+    INK,
+    ORANGE,
+    PURPLE,
+    QUIET,
+    RED,
+    SKY,
+    YELLOW,
+    style,
+)
 from pinfric.show.report.names import picture_names
 from pinfric.show.report.values import digits
 from pinfric.study.retime.fastest import TimedSet
@@ -20,9 +31,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_SPEED, _LIMIT = "#0072B2", "#D55E00"
-#: Colours of `instant_limits` (Okabe and Ito's palette), where the drive is at that limit.
-_COLOURS = ("#D55E00", "#E69F00", "#CC79A7", "#8B4513", "#F0E442", "#0072B2", "#56B4E9", "#009E73")
+_SPEED, _LIMIT = BLUE, RED
+#: Colours of `instant_limits`, where the drive is at that limit.
+_COLOURS = (RED, ORANGE, PURPLE, "#8B4513", YELLOW, BLUE, SKY, GREEN)
 #: Inches: width, top panel, a drive's strip, margins.
 _WIDTH, _TOP, _STRIP, _HEAD, _GAP, _FOOT = 11.0, 3.0, 0.34, 0.85, 0.45, 0.95
 #: Pieces of time that strips are drawn in.

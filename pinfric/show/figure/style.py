@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from contextlib import AbstractContextManager
 
-#: Colours of text: what is read first, what is read second.
-INK, QUIET = "#222222", "#6B6B6B"
+#: Colours of text: what is read first, what is read second; of grids.
+INK, QUIET, GRID = "#222222", "#6B6B6B", "#E6E6E6"
+#: Okabe and Ito's palette, told apart with every kind of colour vision, and two light tints of it.
+BLUE, ORANGE, GREEN, RED = "#0072B2", "#E69F00", "#009E73", "#D55E00"
+SKY, YELLOW, PURPLE = "#56B4E9", "#F0E442", "#CC79A7"
+BAND, PALE_RED = "#A9CFE8", "#F2B38B"
 
 
 def style() -> AbstractContextManager[None]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pinfric.show.figure.efforts import largest
-from pinfric.show.figure.style import INK, QUIET, style
+from pinfric.show.figure.style import BLUE, GRID, INK, ORANGE, QUIET, RED, style
 from pinfric.show.report.names import least_room, picture_names, shortened
 from pinfric.show.report.sweep import measure, own, percent, shaft
 from pinfric.show.report.values import digits
@@ -19,9 +19,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Okabe and Ito's palette, as in `figure.efforts`.
-_BLUE, _BEYOND, _RATING = "#5FA8D3", "#E69F00", "#B23A00"
-_UP, _DOWN, _NOISE = "#0072B2", "#D55E00", "#EDEDED"
+_BLUE, _BEYOND, _RATING = "#5FA8D3", ORANGE, "#B23A00"
+_UP, _DOWN, _NOISE = BLUE, RED, GRID
 _BINS = 40
 #: Drives drawn, and letters of their names.
 _MOST, _LETTERS = 16, 24

@@ -8,7 +8,8 @@ import numpy as np
 
 from pinfric.model.described import SPEED, unit_at
 from pinfric.show.figure.measured import draw_measured
-from pinfric.show.figure.panel import BLUE, RED, panel
+from pinfric.show.figure.panel import panel
+from pinfric.show.figure.style import BLUE, RED
 from pinfric.study.identify.identify import Identified, beside_measured, left_over, running_mean
 from pinfric.study.summary import effort_unit
 

@@ -14,15 +14,16 @@ import pinocchio as pin
 
 from pinfric.model.loops import turn_between
 from pinfric.model.scene import Scene, Site
+from pinfric.show.figure.style import BLUE, GREEN, ORANGE, PALE_RED, RED, SKY, YELLOW
 from pinfric.show.replay.meshes import Shape
 from pinfric.show.replay.shapes import UP, linkage_frame
 
-#: What a site does -> its colour (Okabe and Ito's palette, told apart with every colour vision).
+#: What a site does -> its colour.
 COLORS = {
-    "sliding": "#0072B2",
-    "sticking": "#E69F00",
-    "near": "#D55E00",
-    "reversal": "#F0E442",
+    "sliding": BLUE,
+    "sticking": ORANGE,
+    "near": RED,
+    "reversal": YELLOW,
     "jammed": "#C2185B",
 }
 #: The same in words, for the legend.
@@ -36,13 +37,13 @@ MEANINGS = {
 #: What a simulated motion means otherwise.
 SIMULATED = {"reversal": "reverses without sticking"}
 #: Of a gear that holds its joint without its motor, and what that means.
-GEAR_COLOR = "#56B4E9"
+GEAR_COLOR = SKY
 GEAR_MEANING = "gear holds by itself: its motor needs no torque"
 #: Of a logged effort that is off the computed one, and far off, and what that means.
-OFF_COLORS = "#F2B38B", "#D55E00"
+OFF_COLORS = PALE_RED, RED
 OFF_MEANING = "logged effort differs from the computed one by more than 10 %, 30 % of its RMS"
 #: Of a limit that holds the motion back, and of one that is exceeded, and what that means.
-LIMIT_COLORS = "#009E73", "#C2185B"
+LIMIT_COLORS = GREEN, "#C2185B"
 LIMIT_MEANING = "a drive at one of its limits holds the motion back; red: it exceeds it"
 FORCE_COLOR = "#7B4FB5"
 PAYLOAD_COLOR = "#1FAF86"

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from pinfric import __version__
 from pinfric.model.described import Schema, closed, in_json
+from pinfric.model.files import file_hash
 
 
 def envelope(
@@ -40,12 +40,7 @@ def envelope(
 def hashes(inputs: Iterable[str | Path]) -> dict[str, str]:
     """Return the SHA-256 of each input that is a file."""
     files = [path for name in dict.fromkeys(map(str, inputs)) if (path := Path(name)).is_file()]
-    return {str(file): _sha256(file) for file in files}
-
-
-def _sha256(file: Path) -> str:
-    with file.open("rb") as opened:
-        return hashlib.file_digest(opened, "sha256").hexdigest()
+    return {str(file): file_hash(file) for file in files}
 
 
 def result_schema(results: Mapping[str, Sequence[type]]) -> dict[str, Any]:

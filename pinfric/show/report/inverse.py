@@ -16,6 +16,7 @@ from pinfric.show.report.tables import Report, Table, paragraphs
 from pinfric.show.report.values import digits, rough
 from pinfric.study.inverse_summary import InverseSummary
 from pinfric.study.summary import ROUNDING, ActuatorSummary, rounding
+from pinfric.study.trajectory.log.effort_place import EFFORT_PLACES
 from pinfric.study.trajectory.log.judged import JudgedLog
 
 #: Fields of the table of motors.
@@ -44,11 +45,15 @@ def inverse_report(
         None
         if log is None or not log.measured
         else table_of(
-            f"logged efforts (at the {log.at}) compared with computed ones",
+            f"logged efforts ({EFFORT_PLACES[log.at]}) compared with computed ones",
             list(log.measured.values()),
         ),
         *(() if elastic is None else elasticity_parts(elastic, names)),
-        [*_footer(result, found), *log_lines(log, {s.name: s.unit for s in found.joints})],
+        [
+            *_footer(result, found),
+            *log_lines(log, {s.name: s.unit for s in found.joints}),
+            *(log.notes if log is not None else ()),
+        ],
     )
 
 

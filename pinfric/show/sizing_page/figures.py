@@ -9,8 +9,8 @@ import numpy as np
 
 from pinfric.dynamics.inverse.result import runs
 from pinfric.show.figure.efforts import thinned
-from pinfric.show.figure.panel import BAND, BLUE, GREEN, ORANGE, RED, panel
-from pinfric.show.figure.style import INK, QUIET
+from pinfric.show.figure.panel import panel
+from pinfric.show.figure.style import BAND, BLUE, GREEN, GRID, INK, ORANGE, QUIET, RED
 from pinfric.study.sizing.assess import Assessment, pareto_front
 from pinfric.study.sizing.catalog import Conditions
 from pinfric.study.sizing.drivetrain import Ratings
@@ -177,7 +177,7 @@ def mass_against_margin(joint: JointSizing) -> dict[str, Any]:
     if joint.installed is not None:
         name = "choice" if joint.choice is not None else "nearest miss"
         data.append(_cloud([joint.installed], name, BLUE, "star", size=14))
-    axis = {"gridcolor": "#E6E6E6", "linecolor": QUIET, "automargin": True, "ticks": "outside"}
+    axis = {"gridcolor": GRID, "linecolor": QUIET, "automargin": True, "ticks": "outside"}
     title = {"text": "mass of motor and gear, kg", "standoff": 8}
     layout = {
         "xaxis": axis | {"title": title, "rangemode": "tozero"},

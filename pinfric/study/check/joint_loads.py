@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -80,12 +81,8 @@ def joint_loads(model: pin.Model) -> list[JointLoad]:
         reach = np.linalg.norm(centers - data.oMi[j].translation, axis=1)
         weight = _GRAVITY * float(masses.sum() if sliding else masses @ reach)
         limit = float(model.effortLimit[kind.idx_v]) if kind.nv == 1 else 0.0
-        load, why, remark = _load(limit, weight, float(masses.sum()), sliding)
-        before = [turning[p] for p in _chain(model, j) if p in turning]
-        strongest = max(before, key=lambda joint: joint.load, default=None)
-        if not sliding and load != limit and strongest and load < _OF_CHAIN * strongest.load:
-            load = _OF_CHAIN * strongest.load
-            why = f"{_OF_CHAIN:g} of the {strongest.load:.3g} N m of {strongest.name}"
+        before = [] if sliding else [turning[p] for p in _chain(model, j) if p in turning]
+        load, why, remark = _load(limit, weight, float(masses.sum()), sliding, before)
         lower, upper = _limits(model, kind)
         follows = leaders[int(twin.v_index[j - 1])] if kind.nv == 0 else None
         joint = JointLoad(
@@ -116,19 +113,26 @@ def _chain(model: pin.Model, joint: int) -> list[int]:
     return found
 
 
-def _load(limit: float, weight: float, mass: float, sliding: bool) -> tuple[float, str, str]:
-    """(what a joint must stand, why, remark): its limit, else a multiple of the weight."""
+def _load(
+    limit: float, weight: float, mass: float, sliding: bool, before: Sequence[JointLoad]
+) -> tuple[float, str, str]:
+    """(what a joint must stand, why, remark): its limit, else by its weight and its chain."""
     unit = "N" if sliding else "N m"
     given = math.isfinite(limit) and limit > 0
     most = (_PLACEHOLDER_SLIDING if sliding else _PLACEHOLDER) * weight or _MOST_LOAD
     if given and limit <= most:
         return limit, f"its effort limit, {limit:.4g} {unit}", ""
     remark = f"its effort limit, {limit:.4g} {unit}, looks like a placeholder" if given else ""
+    load, why = 1.0, f"1 {unit} (no weight to estimate from)"
     if weight > 0:
         what = f"{mass:.2g} kg" if sliding else f"{mass:.2g} kg held out level"
         load = _OVER_WEIGHT * weight
-        return load, f"{_OVER_WEIGHT:g} times {what}, {load:.2g} {unit}", remark
-    return 1.0, f"1 {unit} (no weight to estimate from)", remark
+        why = f"{_OVER_WEIGHT:g} times {what}, {load:.2g} {unit}"
+    strongest = max(before, key=lambda joint: joint.load, default=None)
+    if strongest and load < _OF_CHAIN * strongest.load:
+        load = _OF_CHAIN * strongest.load
+        why = f"{_OF_CHAIN:g} of the {strongest.load:.3g} N m of {strongest.name}"
+    return load, why, remark
 
 
 def _fastest(limit: float) -> float:

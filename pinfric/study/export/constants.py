@@ -77,7 +77,7 @@ def joint_constants(
         PinfricError: a joint with no drive or several: no torque says what its friction takes.
     """
     scene, found = result.scene, []
-    torque = measured_interval(result, "motor")
+    torque = measured_interval(result, "reflected")
     for column in columns:
         drives = [d for d, x in enumerate(scene.drives) if x.velocity_index == column.index_v]
         if len(drives) != 1:

@@ -78,7 +78,8 @@ def check_efforts(scene: Scene, rows: Sequence[Rows], given: Collection[str]) ->
     if factors and not _carries(rows, theta, factors):
         problems += [
             f"joint {scene.joint_names[j]}: its effort is {slope:.3g} times what the URDF's masses "
-            "need: is it in A, or at the motor's shaft? Give the factor to N m by --gain "
+            "need: is it at the motor's shaft (--effort-at motor), or in A? Give the factor to N m "
+            "by --gain "
             f"{scene.joint_names[j]}=FACTOR ({scene.joint_names[j]}=1 if it is "
             "in N m, and the masses are wrong or the scene lacks a payload)"
             for j, slope in factors.items()

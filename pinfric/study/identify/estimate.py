@@ -77,7 +77,8 @@ class Question:
     Attributes:
         scene: the robot; its bearings are candidates.
         recordings: the logs.
-        at: where the effort is measured: "motor", before gear and rotor, or "joint".
+        at: what the logs' efforts are: "motor" or "reflected" (gear and rotor are in them; they
+            are stated at the joints here), or "joint".
         keep_inertias: the URDF's are right.
         laws: joint -> its law, where it is not to be chosen.
         gains: joints whose efforts' unit a person has said.
@@ -85,7 +86,7 @@ class Question:
 
     scene: Scene
     recordings: Sequence[Recording]
-    at: str = "motor"
+    at: str = "reflected"
     keep_inertias: bool = False
     laws: Mapping[str, Law] = field(default_factory=dict)
     gains: Collection[str] = ()
@@ -93,7 +94,7 @@ class Question:
     @property
     def motor(self) -> bool:
         """Whether gear and rotor are in the effort."""
-        return self.at == "motor"
+        return self.at != "joint"
 
 
 @dataclass(frozen=True)

@@ -121,6 +121,10 @@ def scene_text(found: Findings, robot: Robot, folder: Path) -> str:
         ],
     }
     content["stick"] = {"velocity": scene.stick_velocity}
+    if scene.tool is not None:
+        content["tool"] = scene.tool
+    if scene.assumed is not None:
+        content["assumed"] = scene.assumed.model_dump()
     if scene.simulation is not None:
         content["simulation"] = _simulation(scene.simulation, Path(scene.source).parent)
     return "\n".join([*_heading(found), yaml_text(content, _comments(found))])

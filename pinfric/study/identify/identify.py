@@ -39,6 +39,7 @@ from pinfric.study.identify.recordings import Recording, check_scene, read_recor
 from pinfric.study.identify.rest import break_aways, rest_bounds
 from pinfric.study.identify.uncertainty import Uncertainty, uncertainty
 from pinfric.study.trajectory.log.arrays import Log
+from pinfric.study.trajectory.log.effort_place import check_effort_place, factors_to_joint
 from pinfric.study.trajectory.log.judged import JudgedLog, compare_effort
 from pinfric.study.trajectory.log.reading import ReadingOptions
 
@@ -84,7 +85,7 @@ def identify(
     logs: Sequence[str | Path | Log] | str | Path | Log,
     *,
     gain: Mapping[str, float] | None = None,
-    effort_at: Literal["motor", "joint"] = "motor",
+    effort_at: Literal["reflected", "motor", "joint"] = "reflected",
     inertia: Literal["consistent", "keep"] = "consistent",
     laws: Mapping[str, Law] | None = None,
     payloads: Mapping[str, str] | None = None,
@@ -103,10 +104,10 @@ def identify(
     Args:
         scene: the robot; its bearings are candidates, its coefficients are not used.
         logs: files that `load_trajectory` reads, with efforts, or `Log` arrays.
-        gain: joint -> factor that makes N m (N) at the joint of its logged effort: N m per A, or
-            the gear's ratio where the motor's torque was logged.
-        effort_at: "motor" where gear and rotor are in the effort (motor currents), "joint" where it
-            was measured after them.
+        gain: joint -> factor that makes N m (N) of its logged effort: N m per A.
+        effort_at: what that effort is: "reflected", the motor's torque times the gear's ratio, as
+            most robots log it (rotor and gear losses are in it); "motor", the torque at the motor's
+            shaft, which the scene's ratio multiplies; "joint", measured behind the gear.
         inertia: "consistent" corrects the links' inertias to ones that can exist, "keep" takes the
             URDF's.
         laws: joint -> its law, where it is not to be chosen.
@@ -126,8 +127,14 @@ def identify(
     check_scene(scene)
     _check_options(scene, effort_at, inertia, laws or {})
     logs = [logs] if isinstance(logs, str | Path | Log) else logs
-    recordings = read_recordings(scene, logs, gain or {}, payloads or {}, options)
-    unseen = read_recordings(scene, held_out, gain or {}, {}, options) if held_out else ()
+    to_joint = factors_to_joint(scene, effort_at)
+    recordings, unseen = (
+        tuple(replace(one, effort=one.effort * to_joint) for one in read)
+        for read in (
+            read_recordings(scene, logs, gain or {}, payloads or {}, options),
+            read_recordings(scene, held_out, gain or {}, {}, options) if held_out else (),
+        )
+    )
     question = Question(scene, recordings, effort_at, inertia == "keep", laws or {}, gain or {})
     found = estimate(question, progress or (lambda done, total: None))
     return _identified(found, unseen, seed)
@@ -197,12 +204,9 @@ def running_mean(x: np.ndarray, y: np.ndarray, parts: int = 12) -> tuple[np.ndar
 
 
 def _check_options(scene: Scene, effort_at: str, inertia: str, laws: Mapping[str, Law]) -> None:
-    for option, value, allowed in (
-        ("effort-at", effort_at, ("motor", "joint")),
-        ("inertia", inertia, ("consistent", "keep")),
-    ):
-        if value not in allowed:
-            raise IdentificationError(f"--{option} {value}: {choose_from(value, allowed)}")
+    check_effort_place(effort_at, IdentificationError)
+    if inertia not in (kinds := ("consistent", "keep")):
+        raise IdentificationError(f"--inertia {inertia}: {choose_from(inertia, kinds)}")
     if effort_at == "joint" and (coupled := taking_part(scene.drives)):
         raise IdentificationError(
             f"--effort-at joint: the drive {scene.drives[coupled[0]].name!r} is coupled, so a "

@@ -19,6 +19,7 @@ from pinfric.study.identify.recordings import stick_velocity
 from pinfric.study.identify.rest import BreakAway, RestBound
 from pinfric.study.identify.zeros import turned_zeros
 from pinfric.study.summary import effort_unit
+from pinfric.study.trajectory.log.effort_place import place_note
 
 #: Below this share of its velocity limit a joint has not been fast.
 _FAST = 0.2
@@ -51,6 +52,8 @@ def notes(
     lines = [
         f"{one.name}: {line}" for one in found.question.recordings for line in one.reading.notes
     ]
+    if place := place_note(found.question.scene, found.question.at):
+        lines.append(place)
     lines += _of_logs(found)
     lines += [
         f"{what}: {', '.join(names)}"

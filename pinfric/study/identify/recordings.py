@@ -137,7 +137,7 @@ def read_recordings(
     Args:
         scene: the robot; its payloads may be carried.
         logs: paths, or arrays.
-        gain: joint -> factor on its logged effort (N m per A, or a gear's ratio).
+        gain: joint -> factor on its logged effort (N m per A).
         payloads: log's name, or path as in `logs`, -> the payload that it carries throughout.
         options: what a person says about columns, units and cutoff.
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,6 +22,7 @@ from pinfric.model.entry import Entry, Positive, Version, key, parse
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Transmission
 from pinfric.model.yamlfile import read_yaml
+from pinfric.study.sizing.assess import own_amplifier
 from pinfric.study.sizing.catalog import Catalog, Conditions, load_catalog, parse_conditions
 from pinfric.study.sizing.criteria import LIMITS, instant_limits
 from pinfric.study.sizing.drivetrain import Candidate, candidates
@@ -155,7 +157,7 @@ def read_limits(scene: Scene, limits: LimitsLike) -> tuple[DriveLimits, ...]:
     elif str(limits).startswith("default:"):
         others = str(limits).partition(":")[2]
     else:
-        content = read_yaml(Path(limits), CatalogError)
+        content = read_yaml(Path(limits), CatalogError, "pinfric_motors")
         file = parse(MotorsFile, content, str(limits), CatalogError)
         given, others, conditions = file.drives, file.others, file.conditions
         catalog = file.catalog
@@ -245,7 +247,8 @@ class CatalogLookup:
                 f"limits.{where}: {self.file} has no drive {name!r}; {choose_from(name, known)}"
             )
         conditions = parse_conditions(self.given, self.catalog.conditions)
-        return candidate_limits(known[name], conditions)
+        fed = replace(known[name], amplifier=own_amplifier(self.catalog, conditions, where))
+        return candidate_limits(fed, conditions)
 
 
 def _limits(name: str, entry: Any, lookup: CatalogLookup) -> DriveLimits:
@@ -279,11 +282,12 @@ def _check_settled(name: str, limits: DriveLimits) -> None:
     """Refuse a drive of the catalogue whose gear or motor nothing limits: it cannot be judged."""
     if limits.from_catalog is None:
         return
-    candidate, _ = limits.from_catalog
+    candidate, conditions = limits.from_catalog
+    judged = Judged(candidate, None, idle(conditions))
     for thing in SETTLES:
         rows = [limit for limit in instant_limits() if thing in limit.settles]
         known = any(math.isfinite(limits.bound(limit)) for limit in rows)
-        if known or not rows or (thing.startswith("gear") and candidate.gear is None):
+        if known or not any(limit.applies(judged) for limit in rows):
             continue
         names = " or ".join(limit.name for limit in rows if limit.key != "velocity")
         keys = " or ".join(limit.key for limit in rows if limit.key)

@@ -55,8 +55,6 @@ _AT_LIMIT = 0.995
 _NEAR_LIMIT = 0.98
 #: Times the points asked for, where fewer find no way along the path.
 _FINER = 1, 4, 16
-#: A part of a limit that the grid of the path leaves open: the optimum lies on a limit.
-_ROUNDING = 1e-3
 #: The row of the table that bounds the mean over the whole cycle.
 _CONTINUOUS = "continuous torque"
 #: Fewest points of a piece; a zone about a reversal, in sample periods.
@@ -324,7 +322,8 @@ class _Retiming:
             failed = [
                 c.why
                 for c in criteria
-                if c.status == Status.FAILS and (c.margin is None or c.margin < -_ROUNDING)
+                if c.status == Status.FAILS
+                and (c.margin is None or c.margin < -self.policy.tolerance)
             ]
             if heat and failed:
                 yield f"{name}: this motion, repeated, does not pass `size`: {'; '.join(failed)}"
@@ -563,7 +562,7 @@ def judged_drives(
         if inertias is None:
             inertias = load_inertias(result)
         cycle = drive_cycle(result, i, holding)
-        demand = gear_demand(result, i, cycle, carried=candidate.bearing is not None)
+        demand = gear_demand(result, i, cycle, carried=candidate.carried)
         hand = depth(result.scene, i) > BASE_AXES
         case = Case(demand, cycle, float(inertias[i]), hand, conditions)
         found[drive.name] = check(candidate, motor_cycle(candidate, cycle, conditions), case)

@@ -58,6 +58,9 @@ KINDS = {
         Factors(limit=0.0, below=(0.0, 1.0), above=(0.0, 1.0), static=(0.0, 1.0)),
         "ISO 3408-5 (ball screws: as ISO 281)",
     ),
+    "linear guide": Kind(
+        BALL, None, "THK LM Guide, static safety factor; PBC Linear, load calculation factors"
+    ),
 }
 
 
@@ -65,8 +68,8 @@ class BearingRatings(Entry):
     """Load ratings of a bearing, or of a screw's nut."""
 
     kind: Annotated[
-        Literal["crossed roller", "ball", "roller", "ball screw"],
-        key("bearing type, which sets the life formula", "crossed roller"),
+        Literal["crossed roller", "ball", "roller", "ball screw", "linear guide"],
+        key("bearing type, which sets the formulas", "crossed roller"),
     ]
     dynamic_rating: Annotated[Positive | None, key("C, dynamic load rating", 21800.0, "N")] = None
     static_rating: Annotated[Positive | None, key("C_0", 35800.0, "N")] = None
@@ -87,6 +90,12 @@ class BearingRatings(Entry):
     max_moment: Annotated[Positive | None, key("permissible tilting moment", 187.0, "N m")] = None
     max_radial: Annotated[Positive | None, key("permissible radial force", 3200.0, "N")] = None
     max_axial: Annotated[Positive | None, key("permissible axial force", 4800.0, "N")] = None
+    static_moment: Annotated[
+        Positive | None, key("of a linear guide, M_0 about axes across the rail", 630.0, "N m")
+    ] = None
+    static_roll: Annotated[
+        Positive | None, key("of a linear guide, M_a0 about the rail", 820.0, "N m")
+    ] = None
     static_safety: Annotated[Positive, key("required C_0/P_0", 1.5, "1")] = 1.5
     factors: Annotated[
         Factors | None,
@@ -104,7 +113,7 @@ class BearingRatings(Entry):
         if self.pitch_diameter is not None and self.spacing is not None:
             raise ValueError("`pitch_diameter` is for one bearing, `spacing` for a pair: give one")
         rated = self.dynamic_rating is not None or self.static_rating is not None
-        if rated and self.rule is None:
+        if rated and self.rule is None and not self.guide:
             raise ValueError(
                 f"a {self.kind} with ratings needs `factors` (limit, below, above, "
                 "static): its maker prints them"
@@ -120,6 +129,11 @@ class BearingRatings(Entry):
     def screw(self) -> bool:
         """Whether it is a screw's nut, which turns `ratio` times as fast as the joint slides."""
         return self.kind == "ball screw"
+
+    @property
+    def guide(self) -> bool:
+        """Whether it is the guide of a sliding joint."""
+        return self.kind == "linear guide"
 
     def radial_load(self, radial: float, moment: float) -> float | None:
         """Return P_r = F_r + 2 M_b/d_p, or half of F_r + 2 M_b/spacing for a pair, N."""
@@ -146,6 +160,39 @@ class BearingLoad:
     moment: float = quantity("largest tilting moment, about the joint's origin", "N m", "moment")
     means: Mapping[float, tuple[float, float, float]]
     speed: float
+
+
+@final
+@described
+class GuideLoad:
+    """Largest loads of a sliding joint's guide over a cycle, about the joint's origin."""
+
+    across: float = quantity("largest force across the travel", "N", "on its guide,\nacross")
+    pitch: float = quantity("largest moment about axes across the travel", "N m", "pitch, yaw")
+    roll: float = quantity("largest moment about the travel", "N m", "roll")
+
+
+def guide_safety(ratings: BearingRatings, load: GuideLoad) -> float | None:
+    """Return the static safety of a guide, f_s; None where a rating of a load is missing.
+
+    1/f_s = sqrt(2) F/C_0 + M/M_0 + M_a/M_a0: loads of a guide that bears alike upwards, downwards
+    and sideways add up; sqrt(2): across the travel it may lie any way round.
+
+    Four carriages of C_0 each, l apart on rails w apart: 4 C_0, M_0 = 2 C_0 l, M_a0 = 2 C_0 w.
+
+    Source: THK LM Guide, static safety factor; PBC Linear, load calculation factors, p. 52.
+    """
+    parts = (
+        (2**0.5 * load.across, ratings.static_rating),
+        (load.pitch, ratings.static_moment),
+        (load.roll, ratings.static_roll),
+    )
+    top = max(x for x, _ in parts)
+    there = [(x, rating) for x, rating in parts if x > 1e-9 * top]  # the rest is rounding
+    if any(rating is None for _, rating in there):
+        return None
+    used = sum(x / rating for x, rating in there if rating)
+    return 1 / used if used > 0 else np.inf
 
 
 def bearing_load(
@@ -185,6 +232,25 @@ def joint_loads(
     Args:
         result: of inverse dynamics. row: of a turning joint, in `joint_names`.
     """
+    wrench = _along(result, row)
+    if wrench is None:
+        return None
+    force, moment = wrench
+    return np.hypot(*force.T[:2]), np.abs(force[:, 2]), np.hypot(*moment.T[:2])
+
+
+def guide_load(result: InverseResult, row: int) -> GuideLoad | None:
+    """Return the largest loads of a sliding joint's guide, or None; arguments as `joint_loads`."""
+    wrench = _along(result, row)
+    if wrench is None:
+        return None
+    force, moment = wrench
+    loads = np.hypot(*force.T[:2]), np.hypot(*moment.T[:2]), np.abs(moment[:, 2])
+    return GuideLoad(*(float(x.max()) for x in loads))
+
+
+def _along(result: InverseResult, row: int) -> tuple[np.ndarray, np.ndarray] | None:
+    """Force and moment (T, 3) of a joint, the third component along its axis; None: not known."""
     scene = result.scene
     column = next((s for s, site in enumerate(scene.sites) if site.joint == row), None)
     if result.wrench is not None and column is not None:
@@ -193,9 +259,9 @@ def joint_loads(
         return None
     else:
         wrench = state_wrenches(scene, result.states, result.external)[:, row]
-    turn = axes_along(scene.twin().axis[row, 3:])
-    force, moment = wrench[:, :3] @ turn.T, wrench[:, 3:] @ turn.T
-    return np.hypot(*force.T[:2]), np.abs(force[:, 2]), np.hypot(*moment.T[:2])
+    axis = scene.twin().axis[row]
+    turn = axes_along(axis[3:] if axis[3:].any() else axis[:3])
+    return wrench[:, :3] @ turn.T, wrench[:, 3:] @ turn.T
 
 
 def equivalent_load(ratings: BearingRatings, load: BearingLoad) -> float | None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from pinfric.study.sizing.bearing import (
     KINDS,
     bearing_life,
     equivalent_load,
+    guide_safety,
     static_load,
 )
 from pinfric.study.sizing.limit import Judged, Limit, Text, nothing
@@ -22,9 +24,9 @@ def _turning(d: Judged) -> bool:
 
 
 def _nut(d: Judged) -> bool:
-    """Whether a screw's nut carries the joint; belts and linear motors have none."""
-    candidate = d.candidate
-    return candidate.linear and candidate.gear is not None and "screw" in candidate.gear.kind
+    """Whether a screw's nut with ratings as a bearing's carries the joint: not one that slides."""
+    gear = d.candidate.gear
+    return d.candidate.linear and gear is not None and "screw" in gear.kind and gear.nut is None
 
 
 def _rule(d: Judged) -> str:
@@ -35,6 +37,11 @@ def _rule(d: Judged) -> str:
 
 def _of_bearing(words: str) -> Text:
     return lambda d: words if d.demand.bearing else "the joint's wrench"
+
+
+def _peak(part: str) -> Callable[[Judged], float | None]:
+    """The largest of one of its loads."""
+    return lambda d: d.demand.bearing and getattr(d.demand.bearing, part)
 
 
 def _tilting(d: Judged) -> float | None:
@@ -79,90 +86,114 @@ def _life_note(d: Judged) -> str:
     return "" if equivalent is None else f"P = {equivalent:.4g} N"
 
 
-def _rated(carried: Callable[[Judged], bool]) -> Callable[[Judged], bool]:
-    return lambda d: carried(d) and d.candidate.bearing is not None
+def _guided(d: Judged) -> bool:
+    """Whether a guide carries the joint."""
+    return d.candidate.linear and d.candidate.guide is not None
 
 
-def _unrated(what: str, carried: Callable[[Judged], bool]) -> Limit:
+def _guide_safety(d: Judged) -> float | None:
+    return d.demand.guide and guide_safety(d.guide, d.demand.guide)
+
+
+def _bearing_only(carried: Callable[[Judged], bool]) -> Callable[[Judged], bool]:
+    return lambda d: carried(d) and d.candidate.bearing is None
+
+
+def _unrated(name: str, source: str, applies: Callable[[Judged], bool]) -> Limit:
     """The row that says that nothing is known of what carries a joint."""
-    return Limit(
-        f"{what} loads",
-        need=nothing,
-        gives=nothing,
-        unit="",
-        formula="loads and life by its ratings",
-        source=KINDS["ball screw" if what == "screw" else "crossed roller"].source,
-        missing=f"ratings of the {what}",
-        applies=lambda d: carried(d) and d.candidate.bearing is None,
-    )
+    what, formula = name.partition(" ")[0], "loads and life by its ratings"
+    missing = f"ratings of the {what}" + "; conditions.bearings" * (what == "guide")
+    return Limit(name, nothing, nothing, "", formula, source, missing, applies=applies)
 
 
-def _axial(what: str, carried: Callable[[Judged], bool]) -> list[Limit]:
-    """The rows that a bearing and a screw's nut share."""
-    settles = ("gear's load",) if what == "screw" else ()  # of a screw its ratings do
+#: Row, need, what the maker gives, unit, formula, what may be missing, what is said of no load.
+_ROWS: dict[str, tuple[Any, ...]] = {
+    "tilting moment": (
+        _tilting,
+        ("bearing.max_moment",),
+        "N m",
+        "max M + R max F_r <= permissible tilting moment",
+        _of_bearing("permissible tilting moment"),
+        "",
+    ),
+    "radial force": (
+        _peak("radial"),
+        ("bearing.max_radial",),
+        "N",
+        "max |F_r| <= permissible radial force",
+        _of_bearing("permissible radial force"),
+        "",
+    ),
+    "axial force": (
+        _peak("axial"),
+        ("bearing.max_axial",),
+        "N",
+        "max |F_a| <= permissible axial force",
+        _of_bearing("permissible axial force"),
+        "",
+    ),
+    "static safety": (
+        lambda d: d.bearing.static_safety,
+        _static_safety,
+        "",
+        _safety_formula,
+        "static load rating C_0 or pitch diameter",
+        "no load",
+    ),
+    "life L10": (
+        lambda d: d.conditions.life,
+        _bearing_life,
+        "h",
+        _life_formula,
+        "dynamic load rating C or pitch diameter",
+        "it never turns under load",
+    ),
+}
+#: Of a screw its ratings do: its load is the gear's.
+_SCREWS_LOAD = ("axial force", "static safety")
+
+
+def _rated(what: str, carried: Callable[[Judged], bool], names: Iterable[str]) -> list[Limit]:
+    """The rows of what carries a joint whose ratings are known."""
     return [
         Limit(
-            f"{what} axial force",
-            need=lambda d: d.demand.bearing and d.demand.bearing.axial,
-            gives=("bearing.max_axial",),
-            unit="N",
-            formula="max |F_a| <= permissible axial force",
-            source=_rule,
-            missing=_of_bearing("permissible axial force"),
-            applies=_rated(carried),
-            settles=settles,
-        ),
-        Limit(
-            f"{what} static safety",
-            need=lambda d: d.bearing.static_safety,
-            gives=_static_safety,
-            unit="",
-            formula=_safety_formula,
-            source=_rule,
-            missing="static load rating C_0 or pitch diameter",
-            applies=_rated(carried),
-            endless="no load",
-            settles=settles,
-        ),
-        Limit(
-            f"{what} life L10",
-            need=lambda d: d.conditions.life,
-            gives=_bearing_life,
-            unit="h",
-            formula=_life_formula,
-            source=_rule,
-            missing="dynamic load rating C or pitch diameter",
-            note=_life_note,
-            applies=_rated(carried),
-            endless="it never turns under load",
-        ),
+            f"{what} {name}",
+            need,
+            gives,
+            unit,
+            formula,
+            _rule,
+            missing,
+            _life_note if name == "life L10" else "",
+            applies=lambda d: carried(d) and d.candidate.bearing is not None,
+            endless=endless,
+            settles=("gear's load",) if what == "screw" and name in _SCREWS_LOAD else (),
+        )
+        for name, (need, gives, unit, formula, missing, endless) in _ROWS.items()
+        if name in names
     ]
 
 
 #: In the order of reports.
 BEARING_LIMITS = [
-    _unrated("bearing", _turning),
-    Limit(
-        "bearing tilting moment",
-        need=_tilting,
-        gives=("bearing.max_moment",),
-        unit="N m",
-        formula="max M + R max F_r <= permissible tilting moment",
-        source=_rule,
-        missing=_of_bearing("permissible tilting moment"),
-        applies=_rated(_turning),
+    _unrated("bearing loads", KINDS["crossed roller"].source, _bearing_only(_turning)),
+    *_rated("bearing", _turning, _ROWS),
+    _unrated("screw loads", KINDS["ball screw"].source, _bearing_only(_nut)),
+    *_rated("screw", _nut, ("axial force", "static safety", "life L10")),
+    _unrated(
+        "guide loads",
+        KINDS["linear guide"].source,
+        lambda d: d.candidate.linear and not _guided(d),
     ),
     Limit(
-        "bearing radial force",
-        need=lambda d: d.demand.bearing and d.demand.bearing.radial,
-        gives=("bearing.max_radial",),
-        unit="N",
-        formula="max |F_r| <= permissible radial force",
-        source=_rule,
-        missing=_of_bearing("permissible radial force"),
-        applies=_rated(_turning),
+        "guide static safety",
+        need=lambda d: d.guide.static_safety,
+        gives=_guide_safety,
+        unit="",
+        formula="f_s = 1/(sqrt(2) F/C_0 + M/M_0 + M_a/M_a0)",
+        source=lambda d: f"{KINDS['linear guide'].source}; ratings: {d.guide.source}",
+        missing="the joint's wrench, or static_rating, static_moment, static_roll of the guide",
+        applies=_guided,
+        endless="no load",
     ),
-    *_axial("bearing", _turning),
-    _unrated("screw", _nut),
-    *_axial("screw", _nut),
 ]

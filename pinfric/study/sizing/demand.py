@@ -15,7 +15,13 @@ from pinfric.kernels.compiled import kernel
 from pinfric.model.coordinates import one_number
 from pinfric.model.described import EFFORT, SPEED, between, described, quantity
 from pinfric.model.scene import Scene
-from pinfric.study.sizing.bearing import BearingLoad, bearing_load, joint_loads
+from pinfric.study.sizing.bearing import (
+    BearingLoad,
+    GuideLoad,
+    bearing_load,
+    guide_load,
+    joint_loads,
+)
 from pinfric.study.sizing.duty import Schedule, once
 from pinfric.study.summary import effort_unit, ends_by_magnitude, integral, rms
 
@@ -48,6 +54,9 @@ class GearDemand:
     )
     travel: float | None = quantity(
         "of a sliding joint: max q - min q over the cycle; otherwise none", "m"
+    )
+    guide: GuideLoad | None = quantity(
+        "loads of a sliding joint's guide; none: it turns, or not known", heading="*"
     )
 
 
@@ -223,9 +232,12 @@ def gear_demand(
         carried: whether to say what its bearing carries.
     """
     t, speed, (worst, _) = cycle.stretched, np.abs(cycle.velocity), cycle.ends
-    unit, bearing = effort_unit(result.scene, actuator), None
-    if carried:
-        bearing = screw_load(cycle) if unit == "N" else carried_load(result, actuator, cycle)
+    unit, bearing, guide = effort_unit(result.scene, actuator), None, None
+    if carried and unit == "N":
+        joint = driven_joint(result.scene, actuator)
+        bearing, guide = screw_load(cycle), None if joint is None else guide_load(result, joint - 1)
+    elif carried:
+        bearing = carried_load(result, actuator, cycle)
     return GearDemand(
         name=result.scene.drives[actuator].name,
         unit=unit,
@@ -235,6 +247,7 @@ def gear_demand(
         mean_cubic=average_output_effort(t, worst, speed),
         bearing=bearing,
         travel=_travel(result, actuator) if unit == "N" else None,
+        guide=guide,
     )
 
 

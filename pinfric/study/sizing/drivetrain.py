@@ -15,7 +15,7 @@ and F_b at the output; without these the same loss is taken both ways: eta_b = 2
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import astuple, dataclass, fields, replace
 from functools import cached_property
 from typing import Any
@@ -29,6 +29,8 @@ from pinfric.model.transmission import MakersEfficiency, Transmission, load_part
 from pinfric.study.sizing.bearing import BearingRatings
 from pinfric.study.sizing.catalog import (
     REFERENCE_TEMPERATURE,
+    Amplifier,
+    Brake,
     Catalog,
     Conditions,
     Gear,
@@ -47,7 +49,7 @@ from pinfric.study.sizing.thermal import (
 from pinfric.study.summary import ends_by_magnitude, rms
 
 #: Torque constant of the equivalent DC motor over one that is printed per A of phase current.
-_PER_DC_AMPERE = {"rms": (2 / 3) ** 0.5, "peak": 2 / 3**0.5}
+PER_DC_AMPERE = {"dc": 1.0, "rms": (2 / 3) ** 0.5, "peak": 2 / 3**0.5}
 
 
 @dataclass(frozen=True)
@@ -202,6 +204,19 @@ class Ratings:
         return np.maximum(limit, 0.0)
 
 
+def line_voltage(ratings: Ratings, motor: MotorCycle) -> np.ndarray | None:
+    """Return the voltage (T,) that a cycle takes, worst of its torques; None without a line.
+
+    Args:
+        ratings: of the rated shaft. motor: the cycle there.
+    """
+    if not ratings.has_line:
+        return None
+    hot, speed = motor.figures.hot, motor.speed
+    ends = motor.torque_lower, motor.torque_upper
+    return np.maximum(*(ratings.voltage(torque, speed, hot) for torque in ends))
+
+
 def too_hot(ambient: float, hottest: float) -> str:
     """Say that a motor cannot lead off anything (deg C)."""
     return f"ambient temperature {ambient:g} C, not below the winding's limit, {hottest:g} C"
@@ -224,6 +239,9 @@ class Candidate:
         back_driving_torque: at the output, N m, or None.
         bearing: what carries the joint: the gear's output bearing (a screw's nut), or the joint's
             own; None where its ratings are not known.
+        guide: of a sliding joint; None where its ratings are not known.
+        amplifier: that feeds the motor; None where none is named.
+        brake: name of the brake at the motor's shaft that is in mass and inertia; empty: none.
         stand_ins: figures taken from other products.
         losses: how the transmission's losses follow from the entry, in words.
         sources: of motor and gear, with their grades.
@@ -247,6 +265,14 @@ class Candidate:
     stand_ins: tuple[str, ...]
     losses: str
     sources: tuple[str, ...]
+    guide: BearingRatings | None = None
+    amplifier: Amplifier | None = None
+    brake: str = ""
+
+    @property
+    def carried(self) -> bool:
+        """Whether the ratings of what carries the joint are known."""
+        return self.bearing is not None or self.guide is not None
 
     @cached_property
     def gears(self) -> Gears:
@@ -330,25 +356,46 @@ class MotorCycle:
 
 
 def candidates(
-    catalog: Catalog, linear: bool, bearing: BearingRatings | None = None
+    catalog: Catalog, linear: bool, parts: Mapping[str, Any] | None = None
 ) -> Iterator[Candidate]:
     """Yield every motor with every gear and ratio, then the gearmotors.
 
     Args:
         catalog: what there is; any motor is taken to fit any gear.
         linear: for a sliding joint: only gears and gearmotors with a linear output.
-        bearing: the joint's own, which carries it in place of the gear's.
+        parts: the joint's own, by their fields of a candidate, in place of the drive's.
     """
     for motor_name, motor in catalog.motors.items():
         for gear_name, gear in catalog.gears.items():
             if (gear.output == "linear") == linear:
                 for ratio in gear.ratios:
                     made = motor_with_gear(motor_name, motor, gear_name, gear, ratio)
-                    yield made if bearing is None else replace(made, bearing=bearing)
+                    yield replace(made, **parts) if parts else made
     for name, gearmotor in catalog.gearmotors.items():
         if (gearmotor.output == "linear") == linear:
             made = _gearmotor(name, gearmotor)
-            yield made if bearing is None else replace(made, bearing=bearing)
+            yield replace(made, **parts) if parts else made
+
+
+def with_brake(candidate: Candidate, name: str, brake: Brake) -> Candidate:
+    """Return a drive with a brake at its motor's shaft: their masses and inertias add up.
+
+    Args:
+        candidate: motor and gear. name: of the brake. brake: what is not known of it counts as 0.
+    """
+    inertia, transmission = candidate.rotor_inertia, candidate.transmission
+    more = brake.rotor_inertia or 0.0
+    if transmission is not None:
+        heavier = {"rotor_inertia": transmission.rotor_inertia + more}
+        transmission = transmission.model_copy(update=heavier)
+    return replace(
+        candidate,
+        mass=None if candidate.mass is None else candidate.mass + (brake.mass or 0.0),
+        rotor_inertia=None if inertia is None else inertia + more,
+        transmission=transmission,
+        brake=name,
+        sources=(*candidate.sources, f"{name}: {brake.source} ({brake.grade})"),
+    )
 
 
 def motor_with_gear(
@@ -592,9 +639,9 @@ def ratings_of(entry: Motor | GearMotor) -> Ratings:
         continuous = k * current
         derived.append("continuous torque = torque constant x continuous current")
     if isinstance(entry, Motor) and k is not None and entry.current != "dc":
-        k *= _PER_DC_AMPERE[entry.current]
+        k *= PER_DC_AMPERE[entry.current]
         derived.append(
-            f"{_PER_DC_AMPERE[entry.current]:.4g} of the torque constant, which is per A "
+            f"{PER_DC_AMPERE[entry.current]:.4g} of the torque constant, which is per A "
             f"{entry.current}, for an equivalent DC motor"
         )
     if isinstance(entry, Motor) and resistance is not None and entry.resistance_of == "phase":

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
-from pinfric.study.sizing.catalog import Screw
+import numpy as np
+
+from pinfric.study.sizing.catalog import Nut, Screw
 from pinfric.study.sizing.limit import Judged, Limit, never, nothing
 from pinfric.study.sizing.rules import (
     buckling_load,
@@ -12,6 +15,7 @@ from pinfric.study.sizing.rules import (
     dn_speed,
     gear_life,
     momentary_peaks,
+    nut_pv,
 )
 
 #: Harmonic Drive's selection procedure, as read: "Torque based dimensioning" and life.
@@ -58,14 +62,114 @@ def _gear_life(d: Judged) -> float | None:
 _STATED = "motor file, or the URDF: used by retiming only"
 
 
+def _kind(d: Judged) -> str:
+    return "" if d.candidate.gear is None else d.candidate.gear.kind
+
+
 def _is_screw(d: Judged) -> bool:
-    return _has_gear(d) and "screw" in d.gear.kind
+    return "screw" in _kind(d)
 
 
 def _of_screw(rule: Callable[[Screw], float | None]) -> Callable[[Judged], float | None]:
     """What a rule gives for the gear's screw; None where its length is not known."""
     return lambda d: None if d.gear.screw is None else rule(d.gear.screw)
 
+
+def _buckling(d: Judged) -> float | None:
+    """By Euler; of a complete unit, which has a stroke, the maker's force."""
+    if d.gear.screw is not None:
+        return buckling_load(d.gear.screw)
+    return None if d.gear.stroke is None else d.gear.rated_torque
+
+
+def _buckling_note(d: Judged) -> str:
+    if d.gear.screw is not None or _buckling(d) is None:
+        return ""
+    return f"the maker's rated force of a unit of {d.gear.stroke:g} m stroke"
+
+
+def _tightest(d: Judged) -> tuple[float, float | None]:
+    """The effort and the maker's limit at its speed, at the sample where least of it is left."""
+    assert d.gear.effort_curve is not None  # the row is for gears that have one
+    at, limits = np.transpose(d.gear.effort_curve)
+    speed, effort = d.candidate.ratio * np.abs(d.case.cycle.velocity), np.abs(d.case.cycle.ends[0])
+    if speed.max() > at[-1]:
+        return float(effort[np.argmax(speed)]), None
+    allowed = np.interp(speed, at, limits)
+    k = int(np.argmax(effort / allowed))
+    return float(effort[k]), float(allowed[k])
+
+
+def _of_nut(needs: Callable[[Nut, Judged], float]) -> Callable[[Judged], float | None]:
+    return lambda d: None if d.gear.nut is None else needs(d.gear.nut, d)
+
+
+def _given_of_nut(figure: str) -> Callable[[Judged], float | None]:
+    return lambda d: None if d.gear.nut is None else getattr(d.gear.nut, figure)
+
+
+_THK = "THK, selection of ball screws: "
+_PV = "Thomson, PV of lead screws with polymer nuts; at every instant of the cycle"
+_LENGTH = "screw: root diameter, length and supports"
+#: Name, need, what is given and a remark, unit, formula, source, what may be missing, of which
+#: kinds, what it settles.
+_SCREWS: tuple[tuple[Any, ...], ...] = (
+    (
+        "screw critical speed",
+        "input speed",
+        (_of_screw(critical_speed), ""),
+        "rad/s",
+        "ratio max |v| <= 0.8 lambda^2/l^2 sqrt(E I/(rho A))",
+        _THK + "permissible rotational speed",
+        _LENGTH,
+        _is_screw,
+        ("gear's speed",),
+    ),
+    (
+        "screw DN value",
+        "input speed",
+        (_of_screw(dn_speed), ""),
+        "rad/s",
+        "ratio max |v| <= DN/ball circle diameter",
+        _THK + "DN value",
+        "screw: ball_circle and max_dn",
+        lambda d: _kind(d) == "ball screw",
+        (),
+    ),
+    (
+        "screw buckling",
+        "effort",
+        (_buckling, _buckling_note),
+        "effort",
+        "max |F| <= n pi^2 E I/l^2 x 0.5",
+        _THK + "buckling load",
+        _LENGTH,
+        _is_screw,
+        ("screw's buckling",),
+    ),
+    (
+        "nut pressure",
+        _of_nut(lambda nut, d: d.demand.peak / nut.contact_area),
+        (_given_of_nut("max_pressure"), ""),
+        "Pa",
+        "max |F|/A <= permissible pressure of the nut",
+        "maker's figures",
+        "nut: contact_area and max_pressure",
+        lambda d: _kind(d) == "lead screw",
+        ("gear's load",),
+    ),
+    (
+        "nut PV value",
+        _of_nut(lambda nut, d: nut_pv(nut, d.candidate.ratio, d.case.cycle)),
+        (_given_of_nut("max_pv"), ""),
+        "Pa m/s",
+        "max |F|/A |v| sqrt(1 + (ratio d/2)^2) <= permissible PV of the nut",
+        _PV,
+        "nut: diameter, contact_area and max_pv",
+        lambda d: _kind(d) == "lead screw",
+        (),
+    ),
+)
 
 #: In the order of reports.
 GEAR_LIMITS = [
@@ -89,6 +193,16 @@ GEAR_LIMITS = [
         missing="limit for repeated peak torque",
         applies=_has_gear,
         settles=("gear's load",),
+    ),
+    Limit(
+        "gear effort at its speed",
+        need=lambda d: _tightest(d)[0],
+        gives=lambda d: _tightest(d)[1],
+        unit="effort",
+        formula="|T| <= the maker's limit at the input speed of the same instant",
+        source="maker's figures",
+        missing="the maker's curve ends below the input speed",
+        applies=lambda d: _has_gear(d) and d.gear.effort_curve is not None,
     ),
     Limit(
         "effort",
@@ -184,36 +298,9 @@ GEAR_LIMITS = [
         applies=_has_gear,
         endless="the joint never moves",
     ),
-    Limit(
-        "screw critical speed",
-        need="input speed",
-        gives=_of_screw(critical_speed),
-        unit="rad/s",
-        formula="ratio max |v| <= 0.8 lambda^2/l^2 sqrt(E I/(rho A))",
-        source="THK, selection of ball screws: permissible rotational speed",
-        missing="screw: root diameter, length and supports",
-        applies=_is_screw,
-        settles=("gear's speed",),
-    ),
-    Limit(
-        "screw DN value",
-        need="input speed",
-        gives=_of_screw(dn_speed),
-        unit="rad/s",
-        formula="ratio max |v| <= DN/ball circle diameter",
-        source="THK, selection of ball screws: DN value",
-        missing="screw: ball_circle and max_dn",
-        applies=lambda d: d.candidate.gear is not None and d.gear.kind == "ball screw",
-    ),
-    Limit(
-        "screw buckling",
-        need="effort",
-        gives=_of_screw(buckling_load),
-        unit="effort",
-        formula="max |F| <= n pi^2 E I/l^2 x 0.5",
-        source="THK, selection of ball screws: buckling load",
-        missing="screw: root diameter, length and supports",
-        applies=_is_screw,
+    *(
+        Limit(name, need, gives, unit, formula, source, missing, note, applies=applies, settles=of)
+        for name, need, (gives, note), unit, formula, source, missing, applies, of in _SCREWS
     ),
     Limit(
         "stroke",

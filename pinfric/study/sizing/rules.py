@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pinfric.study.sizing.catalog import Screw
+from pinfric.study.sizing.catalog import Nut, Screw
 from pinfric.study.sizing.demand import DriveCycle
 from pinfric.study.summary import rms
 
@@ -59,6 +59,21 @@ def dn_speed(screw: Screw) -> float | None:
     if screw.max_dn is None or screw.ball_circle is None:
         return None
     return screw.max_dn / (1e3 * screw.ball_circle) * np.pi / 30
+
+
+def nut_pv(nut: Nut, ratio: float, cycle: DriveCycle) -> float:
+    """Return the largest pressure times sliding speed of a nut over a cycle, Pa m/s.
+
+    p v_s = |F|/A |v| sqrt(1 + (ratio d/2)^2): the thread slides along its helix.
+
+    Args:
+        nut: diameter d and contact area A. ratio: of the screw, 2 pi/lead, rad/m.
+        cycle: of the joint; the force's worst case.
+
+    Source: Thomson, lead screws: PV; Linear Motion Tips: PV of a lead screw.
+    """
+    along = np.hypot(1.0, ratio * nut.diameter / 2)
+    return float((np.abs(cycle.ends[0] * cycle.velocity)).max() * along / nut.contact_area)
 
 
 def gear_life(

@@ -64,7 +64,8 @@ UNITS = {
 _OF_UNIT = {
     "N m": "continuous_torque continuous_stall_torque peak_torque stall_torque rated_torque "
     "average_torque repeated_peak_torque momentary_peak_torque no_load_running_torque "
-    "starting_torque back_driving_torque bearing.max_moment",
+    "starting_torque back_driving_torque bearing.max_moment bearing.static_moment "
+    "bearing.static_roll",
     "N": "bearing.max_radial bearing.max_axial bearing.dynamic_rating bearing.static_rating",
     "rad/s": "max_speed no_load_speed rated_speed average_input_speed max_input_speed",
     "kg m^2": "rotor_inertia input_inertia",
@@ -78,7 +79,7 @@ _OF_UNIT = {
     "h": "nominal_life",
     "s": "thermal_time thermal.winding_time thermal.housing_time",
     "N m/rad": "stiffness",
-    "rad": "hysteresis",
+    "rad": "hysteresis backlash",
     "price": "price",
     "m": "stroke bearing.pitch_diameter bearing.spacing bearing.offset",
     "1": "ratio efficiency back_efficiency bearing.static_safety momentary_peaks",

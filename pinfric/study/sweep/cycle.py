@@ -83,7 +83,7 @@ class Judge:
         if vars(drive.transmission) != {**vars(candidate.transmission), "judge": self}:
             candidate = replace(candidate, transmission=drive.transmission)  # the sample's losses
         cycle = drive_cycle(result, actuator, holding)
-        demand = gear_demand(result, actuator, cycle, carried=candidate.bearing is not None)
+        demand = gear_demand(result, actuator, cycle, carried=candidate.carried)
         motor = motor_cycle(candidate, cycle, self.conditions)
         case = Case(demand, cycle, inertia, self.hand, self.conditions, beyond)
         found = check(candidate, motor, case)

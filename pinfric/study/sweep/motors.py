@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -18,8 +18,7 @@ from pinfric.errors import CatalogError, SizingError, SweepError, choose_from, p
 from pinfric.model.drives import Drive
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Transmission
-from pinfric.study.sizing.assess import Assessment, own_bearing
-from pinfric.study.sizing.bearing import BearingRatings
+from pinfric.study.sizing.assess import Assessment, own_parts
 from pinfric.study.sizing.catalog import Catalog, Conditions, load_catalog
 from pinfric.study.sizing.criteria import LIMITS, check
 from pinfric.study.sizing.criterion import Status
@@ -248,8 +247,8 @@ def _rated(
         if not isinstance(drive, Drive) or not depth(scene, actuator):
             raise SweepError("cannot have a motor with a gear; give the ratings, or `motor`")
         linear = effort_unit(scene, actuator) == "N"
-        bearing = own_bearing(catalog, conditions, drive.name, linear)
-        candidate = _candidate(catalog, entry.drive, linear, bearing)
+        parts = own_parts(catalog, conditions, drive.name, linear)
+        candidate = _candidate(catalog, entry.drive, linear, parts)
         if candidate.transmission is None:
             raise SweepError(f"{entry.drive}: not known: {', '.join(candidate.missing)}")
         return candidate
@@ -289,10 +288,8 @@ def _required(judged: Judged) -> tuple[str, ...]:
     return tuple(c.name for c in found if c.status != Status.NOT_REQUIRED)
 
 
-def _candidate(
-    catalog: Catalog, name: str, linear: bool, bearing: BearingRatings | None
-) -> Candidate:
-    there = {candidate.name: candidate for candidate in candidates(catalog, linear, bearing)}
+def _candidate(catalog: Catalog, name: str, linear: bool, parts: Mapping[str, Any]) -> Candidate:
+    there = {candidate.name: candidate for candidate in candidates(catalog, linear, parts)}
     if name not in there:
         raise SweepError(f"the catalogue has no drive {name!r}; {choose_from(name, there)}")
     return there[name]

@@ -24,7 +24,7 @@ def motion_to_replay(
     name: str | None = None,
     notice: Callable[[str], object] = lambda _: None,
     log: ReadingOptions = ReadingOptions(),  # noqa: B008
-    effort_at: str = "joint",
+    effort_at: str = "reflected",
 ) -> tuple[InverseResult | Motion, JudgedLog | None]:
     """Return what `pinfric replay SCENE [NAME]` shows, and how a log's own efforts fit it.
 
@@ -34,7 +34,7 @@ def motion_to_replay(
             whose inverse dynamics are computed, or None: the scene's own simulation.
         notice: called with each of the trajectory's warnings.
         log: how a log is to be read.
-        effort_at: where its efforts were measured, "motor" or "joint".
+        effort_at: what its efforts are, "reflected", "motor" or "joint" (`judge_log`).
 
     Raises:
         PinfricError: the file cannot be read or is of another scene; there is no simulation.

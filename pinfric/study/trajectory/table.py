@@ -34,6 +34,11 @@ _FEWEST_SAMPLES = 20
 _COARSE_SHARE = 0.5
 #: Fewer rows than this in a motion say nothing about its acceleration.
 _FEWEST_ROWS = 5
+#: A robot starts and stops at rest: its mean speed in the first step of a move is half the next
+#: one's, or less. Stops at equal distances have this share of the RMS speed at once, or more.
+_AT_SPEED = 0.75
+#: s; nobody writes stops at shorter steps, and recordings seldom come at longer ones (10 Hz).
+_STOPS_PACE = 0.101
 
 
 @dataclass(frozen=True)
@@ -118,19 +123,40 @@ def _coarse_rows(columns: Sequence[JointColumn], t: FloatArray, positions: Float
     speed = np.sqrt(np.mean(slopes**2, axis=0))
     change = np.sqrt(np.mean(np.diff(slopes, axis=0) ** 2, axis=0)) if len(t) > 2 else 0.0 * speed
     share = change / np.where(speed > 0.0, speed, 1.0)
-    coarse = (speed > 0.0) & ((share > _COARSE_SHARE) | (moves < _FEWEST_ROWS))
+    at_speed = _starts_and_ends_at_speed(t, slopes, speed)
+    coarse = (speed > 0.0) & ((share > _COARSE_SHARE) | (moves < _FEWEST_ROWS) | at_speed)
     if not coarse.any():
         return []
     i = int(np.argmax(np.where(coarse, share, -1.0)))
-    changes = ""
+    why = ""
     if share[i] > _COARSE_SHARE:
-        changes = f", its speed changes by {100 * share[i]:.0f} % from row to row"
+        why = f", its speed changes by {100 * share[i]:.0f} % from row to row"
+    elif at_speed[i]:
+        first, last = np.abs(slopes[[0, -1], i])
+        unit = columns[i].unit
+        why = f", and is at speed in the first and the last ({first:.3g}, {last:.3g} {unit}/s)"
     return [
         f"rows are too far apart for the motion between them: joint {columns[i].name} moves over "
-        f"{moves[i]} rows{changes}. Where rows are stops, write them as a way-point file "
+        f"{moves[i]} rows{why}. Where rows are stops, write them as a way-point file "
         "(`pinfric_trajectory: 1`, `points:`), which is planned from rest to rest; where they are "
         "samples, give more of them, or .v and .a"
     ]
+
+
+def _starts_and_ends_at_speed(
+    t: FloatArray, slopes: FloatArray, speed: FloatArray
+) -> NDArray[np.bool_]:
+    """Whether few rows, seldom enough to be stops, begin and end in the middle of a joint's motion.
+
+    Args:
+        t: (T,) s.
+        slopes: (T - 1, nj) mean speed from row to row.
+        speed: (nj,) their RMS.
+    """
+    if t.size >= _FEWEST_SAMPLES or float(np.median(np.diff(t))) <= _STOPS_PACE:
+        return np.zeros(speed.size, dtype=bool)
+    slowest = np.minimum(np.abs(slopes[0]), np.abs(slopes[-1]))
+    return np.asarray(slowest >= _AT_SPEED * speed)
 
 
 def _moved_across(

@@ -32,6 +32,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from identify_cases import (
     NAMES,
     ROTOR,
@@ -49,6 +50,7 @@ import pinfric as pf
 from pinfric import cli
 from pinfric.errors import IdentificationError
 from pinfric.model.described import in_json
+from pinfric.model.schema import Assumed
 from pinfric.study.identify.files import scene_text
 from pinfric.study.identify.identify import beside_measured
 from pinfric.study.identify.laws import Law
@@ -98,7 +100,10 @@ def test_a_replay_marks_where_the_log_is_off(found):
 def test_joints_that_the_model_does_not_explain_are_named_and_get_no_laws(tmp_path):
     turned = replace(short(), q=short().q * np.array([1, -1, 1, 1, 1, 1]))
     laws = dict.fromkeys(NAMES, Law())
-    found = pf.identify(guess(0), turned, inertia="keep", laws=laws)
+    guesses = {f"friction.{NAMES[j]}.viscous": "2 % of its load" for j in (0, 2)}
+    assumed = Assumed(by="pinfric new arm.urdf", date="2026-11-22", version="0", values=guesses)
+    found = pf.identify(guess(0).with_(assumed=assumed), turned, inertia="keep", laws=laws)
+    assert set(found.scene.assumed.values) == {f"friction.{NAMES[2]}.viscous"}
     line = next(line for line in found.notes if line.startswith("the model does not explain it"))
     assert NAMES[1] in line
     assert NAMES[2] in line
@@ -109,9 +114,9 @@ def test_joints_that_the_model_does_not_explain_are_named_and_get_no_laws(tmp_pa
     assert found.scene.friction[NAMES[2]] == guess(0).friction[NAMES[2]]
     assert not any(NAMES[1] in key for key in (*found.posterior, *found.advice[0].factors))
     robot = pf.load_scene("ur5_pick_and_place").robot
-    assert f"  {NAMES[2]}: # not explained by the logs: value of the scene\n" in scene_text(
-        found, robot, tmp_path
-    )
+    text = scene_text(found, robot, tmp_path)
+    assert f"  {NAMES[2]}: # not explained by the logs: value of the scene\n" in text
+    assert list(yaml.safe_load(text)["assumed"]["values"]) == [f"friction.{NAMES[2]}.viscous"]
     text = in_json(identify_summary(found))["joints"][1]
     assert (text["law"], text["error"]["error"] > 0.5 * text["error"]["rms"]) == (None, True)
     noise = np.random.default_rng(0).normal(size=short().effort.shape)
@@ -155,7 +160,7 @@ def test_the_command_writes_what_runs(tmp_path, capsys, monkeypatch):
         capsys, "inverse", "found/scene.yaml", "arm.csv", "--effort-at", "motor", "--out", "again"
     )
     assert code == 0
-    assert "logged efforts (at the motor) compared with computed ones" in out
+    assert "logged efforts (torques at the motors' shafts) compared with computed ones" in out
     assert Path("again/measured.png").stat().st_size > 10_000
     for bad, said in (
         (("--gain", "elbow"), "should be NAME=VALUE"),

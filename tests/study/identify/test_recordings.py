@@ -137,3 +137,16 @@ def test_a_gain_makes_efforts_of_logged_currents(tmp_path):
     np.testing.assert_allclose(found[0].effort, direct[0].effort, rtol=1e-6, atol=1e-6)
     with pytest.raises(IdentificationError, match=r"no measured effort.*--gain"):
         read_recordings(guess(3), [path], {}, {}, ReadingOptions())
+
+
+def test_torques_at_the_shafts_are_multiplied_by_the_ratios():
+    given = {"inertia": "keep", "laws": dict.fromkeys(NAMES, Law())}
+    scene, one = guess(0), short()
+    ratio = np.array([drive.ratio for drive in scene.drives])
+    found, reflected = (
+        pf.identify(scene, replace(one, effort=effort), effort_at=at, **given)
+        for at, effort in (("motor", one.effort / ratio), ("reflected", one.effort))
+    )
+    values, same = (np.array([p.value for p in x.parameters]) for x in (found, reflected))
+    np.testing.assert_allclose(values, same, rtol=1e-9)
+    assert any("torques at the motors' shafts (ratio" in line for line in found.notes)

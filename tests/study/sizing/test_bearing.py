@@ -13,9 +13,11 @@ from pinfric.study.sizing.bearing import (
     BALL,
     ROLLER,
     BearingRatings,
+    GuideLoad,
     bearing_life,
     bearing_load,
     equivalent_load,
+    guide_safety,
     joint_loads,
     static_load,
 )
@@ -201,10 +203,63 @@ def test_a_joints_own_bearing_carries_instead_of_the_gears(tmp_path):
 def test_sliding_joints_have_no_bearing_to_check(tmp_path):
     bearings = {"B": {"source": "invented", "grade": "R", "ratings": CROSSED}}
     path = write_catalog(tmp_path / "c.yaml", gears={"S": SCREW}, bearings=bearings)
-    with pytest.raises(CatalogError, match="guides of sliding joints are not checked"):
+    with pytest.raises(CatalogError, match="'B' is a crossed roller; a sliding joint takes a `lin"):
         judged(lift(), up_and_down(lift()), load_catalog(path), bearings={"lift": "B"})
     with pytest.raises(CatalogError, match="crossed roller at a linear output"):
         load_catalog(write_catalog(path, gears={"S": {**SCREW, "bearing": CROSSED}}))
+
+
+def sledge(mass, place):
+    """A body on a level rail along x; its centre of mass at `place` of the carriage."""
+    model = pin.Model()
+    model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "x")
+    model.appendBodyToJoint(
+        1, pin.Inertia(mass, np.array(place), 0.01 * np.eye(3)), pin.SE3.Identity()
+    )
+    return pf.Scene(model=model)
+
+
+def test_static_safety_of_a_guide_is_that_of_its_worst_carriage(tmp_path):
+    """Four carriages at the corners of l x w, each with a quarter of the force and of the moments.
+
+    By hand: P = F/4 + M/(2 l) + M_a/(2 w), f_s = C_0/P; sqrt(2) F: the rail may lie any way round.
+    """
+    mass, (side, height), length, width, rating = 40.0, (0.15, 0.3), 0.4, 0.25, 28.6e3
+    scene = sledge(mass, [0.0, side, height])
+    motion = up_and_down(scene)
+    ratings = {
+        "kind": "linear guide",
+        "static_rating": 4 * rating,
+        "static_moment": 2 * rating * length,
+        "static_roll": 2 * rating * width,
+        "static_safety": 3.0,
+    }
+    bearings = {"four": {"source": "invented", "grade": "R", "ratings": ratings}}
+    catalog = load_catalog(
+        write_catalog(tmp_path / "c.yaml", gears={"S": SCREW}, bearings=bearings)
+    )
+    _, without = judged(scene, motion, catalog)
+    missing = without["guide loads"]
+    assert (missing.status, missing.note) == (
+        Status.NOT_CHECKED,
+        "no figure (ratings of the guide; conditions.bearings)",
+    )
+    joint, found = judged(scene, motion, catalog, bearings={"x": "four"})
+    force, top = mass * 9.81, np.abs(motion.a).max()
+    pitch, yaw, roll = mass * top * height, mass * top * side, force * side
+    assert joint.demand.guide.across == pytest.approx(force)
+    assert joint.demand.guide.roll == pytest.approx(roll)
+    assert joint.demand.guide.pitch == pytest.approx(np.hypot(pitch, yaw), rel=1e-6)
+    worst = 2**0.5 * force / 4 + np.hypot(pitch, yaw) / (2 * length) + roll / (2 * width)
+    safety = found["guide static safety"]
+    assert safety.available == pytest.approx(rating / worst, rel=1e-6)
+    assert (safety.required, safety.status) == (3.0, Status.PASSES)
+    # a maker's example: C_0 28.6 kN under 8 kN with a load factor of 1.5 is 2.38
+    one = BearingRatings(kind="linear guide", static_rating=28.6e3)
+    assert guide_safety(one, GuideLoad(8e3 * 1.5 / 2**0.5, 0.0, 0.0)) == pytest.approx(
+        2.38, abs=5e-3
+    )
+    assert guide_safety(one, GuideLoad(8e3, 0.0, 100.0)) is None
 
 
 def test_what_is_not_known_is_not_checked(tmp_path):
@@ -330,7 +385,7 @@ def test_bundled_linear_drives_lift_a_torso_and_close_a_gripper():
         assert "maxon GP" in joint.choice.candidate.name
         unread = [a for a in joint.assessments if "TBM-6013-A + PBC" in a.candidate.name]
         assert not any(a.fits for a in unread)  # neither forces nor speeds of them were read
-        no_load, no_speed = unread[0].missing_figures
+        no_load, no_speed, _ = unread[0].missing_figures
         assert no_load.startswith("its gear load cannot be checked: gear repeated peak torque")
         assert no_speed.startswith("its gear speed cannot be checked: gear maximum input speed")
     screw = catalog.gears["PBC lead screw 12 mm, lead 5 mm"]

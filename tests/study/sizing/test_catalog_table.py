@@ -161,7 +161,7 @@ def test_all_rows_that_cannot_be_are_named_in_one_error(tmp_path):
         ("section: motors\ncolumns: {name: Typ}\n", "has no column 'Typ'; did you mean 'Type'"),
         ("section: motors\ncolumns: {mass: Weight}\n", "which column has the names"),
         ("section: motor\ncolumns: {name: Type}\n", "'motors'"),
-        ("section: motors\ncolumns: {name: Type, masss: n}\n", "the nearest of 58: 'mass'"),
+        ("section: motors\ncolumns: {name: Type, masss: n}\n", "the nearest of [0-9]+: 'mass'"),
     ],
 )
 def test_mappings_that_cannot_be(tmp_path, mapping, text):
@@ -170,7 +170,7 @@ def test_mappings_that_cannot_be(tmp_path, mapping, text):
 
 
 def test_files_that_cannot_be_read(tmp_path):
-    with pytest.raises(CatalogError, match=r"none\.columns\.yaml"):
+    with pytest.raises(CatalogError, match=r"none.csv"):
         import_table(tmp_path / "none.csv")
     path = table(tmp_path, "")
     with pytest.raises(CatalogError, match="no rows below"):
@@ -191,7 +191,7 @@ def test_every_number_of_an_entry_has_a_unit_by_which_it_can_be_imported():
     for model, prefix in parts:
         for name, field in model.model_fields.items():
             if "float" in str(field.annotation) and field.annotation is not Factors:
-                if name in ("continuous_curve", "ambient_curve"):
+                if name in ("continuous_curve", "ambient_curve", "effort_curve"):
                     continue  # many numbers, in no one cell
                 assert f"{prefix}{name}" in FIGURES
     assert set(FIGURES.values()) <= {si for si, _ in UNITS.values()}

@@ -73,8 +73,18 @@ def test_a_screw_without_a_length_is_not_judged(tmp_path):
     }
     unknown = lifted(tmp_path, entry, 10.0)
     assert unknown.choice is None
-    (why,) = unknown.assessments[0].missing_figures
-    assert "screw critical speed: no figure (screw: root diameter, length and supports)" in why
+    speed, force = unknown.assessments[0].missing_figures
+    assert "screw critical speed: no figure (screw: root diameter, length and supports)" in speed
+    assert force.startswith("its screw buckling cannot be checked: screw buckling: no figure (sc")
+    # a complete unit: its maker rates it for its stroke
+    unit = {**entry, "max_input_speed": 700.0, "rated_torque": 300.0, "stroke": 0.25}
+    whole = lifted(tmp_path, unit, 10.0)
+    assert whole.choice is not None
+    found = {c.name: c for c in whole.assessments[0].criteria}["screw buckling"]
+    assert (found.available, found.note) == (
+        300.0,
+        "the maker's rated force of a unit of 0.25 m stroke",
+    )
     entry["screw"] = {"root_diameter": 0.0125, "length": 0.5, "supports": "fixed-supported"}
     known = lifted(tmp_path, entry, 10.0)
     assert known.choice is not None
@@ -91,3 +101,63 @@ def test_a_screw_without_a_length_is_not_judged(tmp_path):
         "screw critical speed",
         "screw buckling",
     }
+
+
+def test_pressure_and_pv_of_a_plastic_nut(tmp_path):
+    """PV = F/A times the thread's sliding speed, helix length per turn sqrt((pi d)^2 + lead^2)."""
+    lead, d, area = 0.005, 0.011, 1.5e-4
+    entry = {
+        "source": "invented",
+        "grade": "R",
+        "kind": "lead screw",
+        "output": "linear",
+        "ratio": 2 * np.pi / lead,
+        "mass": 0.5,
+        "input_inertia": 1e-6,
+        "efficiency": 0.5,
+        "screw": {"root_diameter": 0.0085, "length": 0.3, "supports": "fixed-supported"},
+    }
+    bare = lifted(tmp_path, entry, 5.0)
+    assert any(
+        "its gear load cannot be checked" in why for why in bare.assessments[0].missing_figures
+    )
+    nut = {"diameter": d, "contact_area": area, "max_pressure": 1e6, "max_pv": 2e5}
+    joint = lifted(tmp_path, {**entry, "nut": nut}, 5.0)
+    t = np.linspace(0.0, 2.0, 201)
+    force = 5 * (9.81 + 0.1 * np.pi**2 * np.cos(np.pi * t))
+    turns = 0.1 * np.pi * np.abs(np.sin(np.pi * t)) / lead  # per second
+    found = {c.name: c for c in joint.assessments[0].criteria}
+    assert found["nut pressure"].required == pytest.approx(force.max() / area, rel=1e-6)
+    pv = (force / area * turns * np.hypot(np.pi * d, lead)).max()
+    assert found["nut PV value"].required == pytest.approx(pv, rel=1e-6)
+    assert found["nut PV value"].margin == pytest.approx(1 - pv / 2e5, rel=1e-6)
+    assert "screw loads" not in found  # a nut that slides has no rolling elements
+    assert not joint.assessments[0].missing_figures
+    unknown = lifted(tmp_path, {**entry, "nut": {"diameter": d, "contact_area": area}}, 5.0)
+    notes = {c.name: c.note for c in unknown.assessments[0].not_checked}
+    assert notes["nut PV value"] == "no figure (nut: diameter, contact_area and max_pv)"
+
+
+def test_a_belts_force_falls_with_its_speed(tmp_path):
+    entry = {
+        "source": "invented",
+        "grade": "R",
+        "kind": "belt",
+        "output": "linear",
+        "ratio": 30.0,
+        "mass": 0.5,
+        "input_inertia": 1e-6,
+        "efficiency": 0.95,
+        "repeated_peak_torque": 1000.0,
+        "max_input_speed": 300.0,
+        "effort_curve": [[0.0, 70.0], [3.0, 60.0], [10.0, 50.0]],
+    }
+    joint = lifted(tmp_path, entry, 5.0)
+    t = np.linspace(0.0, 2.0, 201)
+    force = 5 * (9.81 + 0.1 * np.pi**2 * np.cos(np.pi * t))
+    allowed = np.interp(30 * 0.1 * np.pi * np.abs(np.sin(np.pi * t)), [0, 3, 10], [70, 60, 50])
+    found = {c.name: c for c in joint.assessments[0].criteria}["gear effort at its speed"]
+    assert found.margin == pytest.approx((1 - force / allowed).min(), rel=1e-6)
+    short = lifted(tmp_path, {**entry, "effort_curve": [[0.0, 70.0], [3.0, 60.0]]}, 5.0)
+    found = {c.name: c for c in short.assessments[0].criteria}["gear effort at its speed"]
+    assert found.note == "no figure (the maker's curve ends below the input speed)"

@@ -151,6 +151,23 @@ def test_rows_that_are_way_points_are_refused_with_both_choices(tmp_path, positi
     assert "give more of them, or .v and .a" in text
 
 
+@pytest.mark.parametrize("rows", [5, 9, 19])
+@pytest.mark.parametrize("uneven", [0.0, 0.15])
+def test_stops_at_nearly_equal_distances_are_refused_with_both_choices(tmp_path, rows, uneven):
+    steps = 0.1 * (1.0 + uneven * (-1.0) ** np.arange(rows))
+    text = message(tmp_path, rows_of(0.5 * np.arange(rows), np.cumsum(steps)))
+    assert f"joint a moves over {rows} rows, and is at speed in the first and the last (0." in text
+    assert "`points:`" in text
+    assert "give more of them, or .v and .a" in text
+
+
+@pytest.mark.parametrize(("rows", "step"), [(20, 0.5), (200, 0.5), (5, 0.1), (19, 0.008)])
+def test_recordings_in_the_middle_of_a_motion_are_read(tmp_path, rows, step):
+    t = step * np.arange(rows)
+    found = load(tmp_path, rows_of(t, 0.3 * t / t[-1]))
+    np.testing.assert_allclose(found.v[:, 0], 0.3 / t[-1], rtol=1e-6)
+
+
 @pytest.mark.parametrize("rows", [9, 12, 30])
 def test_moves_of_nine_rows_and_more_are_close_to_the_motion_they_sample(tmp_path, rows):
     t = np.linspace(0.0, 1.0, rows)

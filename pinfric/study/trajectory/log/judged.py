@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult, runs
-from pinfric.errors import TrajectoryError, choose_from
+from pinfric.errors import TrajectoryError
 from pinfric.model.described import EFFORT, PLACE, described, quantity
 from pinfric.study.summary import effort_unit, ends_by_magnitude, rests, rms
 from pinfric.study.trajectory.joint_columns import joint_columns
+from pinfric.study.trajectory.log.effort_place import (
+    EFFORT_PLACES,
+    better_place,
+    check_effort_place,
+    drive_ratios,
+    factors_to_joint,
+    place_note,
+)
 from pinfric.study.trajectory.log.reading import DerivativeNoise, Reading
 
 FloatArray = NDArray[np.float64]
@@ -23,8 +31,6 @@ FloatArray = NDArray[np.float64]
 COVERAGE = 3.0
 #: Peak over RMS of the motion that a low pass took away; a steady tone has sqrt(2).
 _PEAK_OVER_RMS = 2.0
-#: Where a log's efforts may have been measured: before the gears, or after them.
-EFFORT_PLACES = ("motor", "joint")
 #: Samples at which the efforts' dependence on accelerations and velocities is computed.
 _PLACES = 300
 
@@ -52,19 +58,21 @@ class JudgedLog:
     """How a log was read, how far its efforts are known, how they fit those in the log.
 
     Args:
-        reading: of the log.
+        reading: of the log; its efforts are stated at the joints (shaft torques times ratios).
         bound: drive -> (T,) how far its effort may be off, N m or N; empty where nothing was
             filtered, or where loops close.
         peak_uncertainty: drive -> the same of its peak.
         measured: drive -> its own effort in the log, compared.
-        at: where it was measured, "motor" or "joint".
+        at: what the log's efforts are, one of `EFFORT_PLACES`.
+        notes: what they were taken for.
     """
 
     reading: Reading
     bound: Mapping[str, FloatArray] = field(default_factory=dict)
     peak_uncertainty: Mapping[str, float] = field(default_factory=dict)
     measured: Mapping[str, MeasuredEffort] = field(default_factory=dict)
-    at: str = "joint"
+    at: str = "reflected"
+    notes: tuple[str, ...] = ()
 
 
 @described
@@ -96,11 +104,11 @@ def log_summary(log: JudgedLog) -> LogSummary:
         reading.cutoff,
         log.peak_uncertainty,
         log.measured,
-        reading.notes,
+        (*reading.notes, *log.notes),
     )
 
 
-def judge_log(result: InverseResult, reading: Reading, at: str = "joint") -> JudgedLog:
+def judge_log(result: InverseResult, reading: Reading, at: str = "reflected") -> JudgedLog:
     """Return how far the efforts of a log are known and how they fit the log's own.
 
     Noise and low pass change an effort by du = sum_k du/da_k da_k + du/dv_k dv_k, with du/da_k and
@@ -111,21 +119,20 @@ def judge_log(result: InverseResult, reading: Reading, at: str = "joint") -> Jud
     Args:
         result: inverse dynamics of the log's motion, with times.
         reading: of that log.
-        at: where its efforts were measured: "joint", or "motor": before the gears.
+        at: what its efforts are: "reflected" (motor torques times the ratios), "motor" (torques at
+            the shafts) or "joint" (behind the gears).
 
     Raises:
         TrajectoryError: there is no such place.
     """
-    if at not in EFFORT_PLACES:
-        raise TrajectoryError(f"--effort-at {at}: {choose_from(at, EFFORT_PLACES)}")
+    check_effort_place(at, TrajectoryError)
     names = result.actuator_names
-    measured = {
-        name: compare_effort(result, i, reading.effort[name], at)
-        for i, name in enumerate(names)
-        if name in reading.effort
-    }
+    places = {place: _compared(result, reading, place) for place in EFFORT_PLACES}
+    measured = places[at]
+    reading = _stated_at_joints(result, reading, at)
+    notes = _place_notes(result, at, places) if measured else ()
     if reading.uncertain is None or result.scene.linkage is not None:
-        return JudgedLog(reading, measured=measured, at=at)
+        return JudgedLog(reading, measured=measured, at=at, notes=notes)
     bound = _effort_bound(result, reading.uncertain)
     worst = np.abs(ends_by_magnitude(result.effort_lower, result.effort_upper)[0])
     peak = worst.max(axis=0)
@@ -137,7 +144,37 @@ def judge_log(result: InverseResult, reading: Reading, at: str = "joint") -> Jud
         dict(zip(names, largest.tolist(), strict=True)),
         measured,
         at,
+        notes,
     )
+
+
+def _stated_at_joints(result: InverseResult, reading: Reading, at: str) -> Reading:
+    """Return a log with its efforts stated at the joints."""
+    factors = zip(result.actuator_names, factors_to_joint(result.scene, at).tolist(), strict=True)
+    stated = {name: x * reading.effort[name] for name, x in factors if name in reading.effort}
+    return replace(reading, effort={**reading.effort, **stated})
+
+
+def _compared(result: InverseResult, reading: Reading, at: str) -> dict[str, MeasuredEffort]:
+    """Return each drive's logged effort beside the computed one, if it is what `at` says."""
+    effort = _stated_at_joints(result, reading, at).effort
+    return {
+        name: compare_effort(result, i, effort[name], at)
+        for i, name in enumerate(result.actuator_names)
+        if name in effort
+    }
+
+
+def _place_notes(
+    result: InverseResult, at: str, places: Mapping[str, Mapping[str, MeasuredEffort]]
+) -> tuple[str, ...]:
+    """What the logged efforts are taken for, and what they fit better."""
+    errors = {}
+    for place, measured in places.items():
+        known = [x.relative_error for x in measured.values() if np.isfinite(x.relative_error)]
+        errors[place] = float(np.median(known)) if known else np.inf
+    lines = place_note(result.scene, at), better_place(at, errors)
+    return tuple(line for line in lines if line)
 
 
 def measured_interval(result: InverseResult, at: str) -> tuple[FloatArray, FloatArray]:
@@ -145,26 +182,26 @@ def measured_interval(result: InverseResult, at: str) -> tuple[FloatArray, Float
 
     Args:
         result: of inverse dynamics.
-        at: "motor": before the gear, r times the motor's torque; "joint": after it.
+        at: "joint": behind the gear; "motor" or "reflected": r times the motor's torque.
     """
     lower, upper = result.effort_lower, result.effort_upper
     if at == "joint":
         return lower, upper
-    ratio = np.array([drive.ratio for drive in result.scene.drives])
+    ratio = drive_ratios(result.scene)
     ends = np.stack((ratio * result.motor_torque_lower, ratio * result.motor_torque_upper))
     return ends.min(axis=0), ends.max(axis=0)
 
 
 def compare_effort(
-    result: InverseResult, drive: int, measured: FloatArray, at: str = "joint"
+    result: InverseResult, drive: int, measured: FloatArray, at: str = "reflected"
 ) -> MeasuredEffort:
     """Compare a measured effort with a drive's, the nearest value of its interval at rest.
 
     Args:
         result: with times.
         drive: its column.
-        measured: (T,) N m or N.
-        at: where it was measured; see `measured_interval`.
+        measured: (T,) N m or N, stated at the joint.
+        at: what it is; see `measured_interval`.
     """
     assert result.t is not None
     t, finite = result.t, np.isfinite(measured)

@@ -28,7 +28,7 @@ def test_a_real_ur10_beside_its_measured_efforts(tmp_path):
     )
     assert max(motion.reading.noise.values()) < 1e-11
     assert not motion.reading.filtered
-    measured = judge_log(pf.inverse_dynamics(scene, motion), motion.reading).measured
+    measured = judge_log(pf.inverse_dynamics(scene, motion), motion.reading, "joint").measured
     for joint, plain in (("shoulder_lift_joint", 0.33), ("elbow_joint", 0.51)):
         assert measured[joint].relative_error == pytest.approx(plain, abs=0.02)
 

@@ -21,12 +21,14 @@ from log_cases import (
 import pinfric as pf
 from pinfric.study.trajectory.log.judged import judge_log
 from pinfric.study.trajectory.log.reading import ReadingOptions
+from pinfric.study.trajectory.waypoints import quintic
 
 
 def test_a_recording_of_few_rows_says_that_it_is_not_judged(tmp_path):
     motion = load(tmp_path, table(("t", *NAMES), T[:15], noisy(T)[:15]))
     assert motion.warnings == ("15 rows: too few to separate noise from motion, not filtered",)
-    assert not load(tmp_path, table(("t", *NAMES), T[:15] * 20, Q[:15])).warnings  # by hand
+    by_hand = Q[:1] + quintic(np.linspace(0.0, 1.0, 15))[0][:, None]  # from rest to rest
+    assert not load(tmp_path, table(("t", *NAMES), T[:15] * 20, by_hand)).warnings
 
 
 @pytest.mark.parametrize("joint", [pin.JointModelRZ, pin.JointModelRUBZ])
