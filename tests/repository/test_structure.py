@@ -56,7 +56,11 @@ TESTED_WITH = {
     "joint_limits limit motor_limits",
     "study/sizing/test_sizing.py": "study/sizing: caveats demand inertia size summary",
     "study/sizing/test_bearing.py": "study/sizing: bearing_limits",
+    "study/sizing/test_catalog.py": "study/sizing: catalog_file doubts",
     "study/sizing/test_catalog_table.py": "study/sizing: table units",
+    "study/stop/test_motion.py": "model: brakes",
+    "study/stop/test_study.py": "study/stop: machines search summary; show/report: stop; "
+    "show/figure: stop; show/stop_page: page",
 }
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from builders import block
@@ -79,3 +81,18 @@ def test_without_a_motion_random_states_are_taken():
     assert made.samples == 1000
     assert np.isnan(made.joints[0].rest_lower)
     assert made.joints[1].frictionloss == pytest.approx(0.318, abs=0.003)  # what was identified
+
+
+def test_constants_name_the_payload_that_they_were_fitted_with(ur5):
+    scene, motion, made, _ = ur5
+    count = int(motion.attached.sum())
+    part = scene.payloads["part"]
+    said = (
+        f"with the payload 'part' ({part.mass:g} kg at {part.link}) in {count} of {len(motion.t)} "
+    )
+    assert made.notes[0].startswith(f"fitted {said}")
+    for to in ("mjcf", "urdf", "ur", "sdf", "isaaclab", "newton", "pinocchio"):
+        text = " ".join(
+            re.sub(r"[#*\n]|<!--|-->|//", " ", pf.export(scene, motion, to).text).split()
+        )
+        assert f"Fitted {said}samples." in text

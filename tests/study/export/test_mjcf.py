@@ -76,6 +76,29 @@ def test_mujoco_misses_what_the_file_states(ur5):
         np.testing.assert_allclose([joint.error_rms, joint.error_peak], [rms, peak], rtol=1e-9)
 
 
+def test_mujocos_friction_is_soft_in_the_samples_that_the_file_names():
+    """Constants along the motion, computed here, differ from mj_inverse there and only there."""
+    scene = pf.load_scene("ur10_machine_tending")
+    motion = pf.load_trajectory("ur10_machine_tending", scene)
+    scene = scene.with_(payloads={})
+    bare = pf.Trajectory.from_arrays(scene, motion.t, motion.q, motion.v, motion.a)
+    made, result = pf.export(scene, bare), pf.inverse_dynamics(scene, bare)
+    v, a = motion.v, motion.a
+    torque = mujoco_inverse(made.text, scene.joint_names, motion.joint_positions(), v, a)
+    (note,) = made.notes
+    named = dict(re.findall(r"(\w+_joint) (\d+) sample", note))
+    assert note.startswith("near rest MuJoCo's friction is soft")
+    for d, joint in enumerate(made.joints):
+        constant = joint.frictionloss * np.sign(v[:, d]) + joint.damping * v[:, d]
+        expected = result.effort_frictionless[:, d] + constant + joint.armature * a[:, d]
+        missed = np.abs(torque[:, d] - expected)
+        off = (missed > 1e-6 * max(joint.frictionloss, 1e-9)) & (v[:, d] != 0.0)
+        assert int(named.get(joint.joint, 0)) == off.sum() <= 5
+        assert missed.max() <= 2 * joint.frictionloss
+    assert named
+    assert note in " ".join(made.text.split()).replace("Near rest", "near rest")
+
+
 def test_mujoco_has_another_friction_by_default(ur5):
     """Why the file says how friction is solved: else its constants are not MuJoCo's."""
     scene, motion, made, _ = ur5

@@ -11,7 +11,8 @@ import pinfric as pf
 from pinfric.study.retime.limits import candidate_limits, read_limits
 from pinfric.study.retime.path import Path
 from pinfric.study.retime.retime import retime
-from pinfric.study.sizing.catalog import Conditions, load_catalog
+from pinfric.study.sizing.catalog import Conditions
+from pinfric.study.sizing.catalog_file import load_catalog
 from pinfric.study.sizing.drivetrain import candidates
 
 
@@ -34,7 +35,15 @@ drives:
     found = retime(lifting(), straight(1.0), file)
     assert found.duration == pytest.approx(np.sqrt(4 * 1.0 / 2.0), rel=1e-3)
     file.write_text(text.replace("AK80-64", "AK80-6000"))
-    with pytest.raises(pf.RetimeError, match=r"limits.j: default has no drive .*; the nearest of"):
+    with pytest.raises(
+        pf.RetimeError, match=r"motors.yaml: drives.j: default has no drive .*; the nearest of"
+    ):
+        retime(lifting(), straight(1.0), file)
+    file.write_text("pinfric_motors: 1\nothers: {max_speed: 3.0}\n")
+    with pytest.raises(pf.RetimeError, match=r"motors.yaml: others: nothing limits its torque"):
+        retime(lifting(), straight(1.0), file)
+    file.write_text("pinfric_motors: 1\ndrives: {jay: {peak_torque: 3.0}}\n")
+    with pytest.raises(pf.RetimeError, match=r"motors.yaml: drives: there is no drive 'jay'"):
         retime(lifting(), straight(1.0), file)
     file.write_text(text.replace("drives", "motors"))
     with pytest.raises(pf.PinfricError, match="unknown key `motors`"):

@@ -19,7 +19,8 @@ from sweep_cases import run, steps, sweep_of, uniform
 import pinfric as pf
 from pinfric.errors import SweepError
 from pinfric.model.described import in_json
-from pinfric.study.sizing.catalog import Catalog, load_catalog
+from pinfric.study.sizing.catalog import Catalog
+from pinfric.study.sizing.catalog_file import load_catalog
 from pinfric.study.summary import summarize
 from pinfric.study.sweep.cycle import Study, compute
 from pinfric.study.sweep.file import load_sweep
