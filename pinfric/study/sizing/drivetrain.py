@@ -386,8 +386,8 @@ def with_brake(candidate: Candidate, name: str, brake: Brake) -> Candidate:
     inertia, transmission = candidate.rotor_inertia, candidate.transmission
     more = brake.rotor_inertia or 0.0
     if transmission is not None:
-        heavier = {"rotor_inertia": transmission.rotor_inertia + more}
-        transmission = transmission.model_copy(update=heavier)
+        held = {"rotor_inertia": transmission.rotor_inertia + more, "brake": brake.holding}
+        transmission = transmission.model_copy(update=held)
     return replace(
         candidate,
         mass=None if candidate.mass is None else candidate.mass + (brake.mass or 0.0),
@@ -528,6 +528,7 @@ def gear_transmission(gear: Gear, ratio: float, rotor_inertia: float) -> tuple[T
         "rotor_inertia": rotor_inertia,
         "stiffness": gear.stiffness,
         "hysteresis": gear.hysteresis,
+        "momentary_peak": gear.momentary_peak_torque,
     }
     return Transmission.model_construct(**values), text  # the figures were validated in the entry
 

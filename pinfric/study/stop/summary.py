@@ -35,7 +35,7 @@ class AxisStop:
     )
     peak: float = quantity("largest effort of the gear at the joint", EFFORT, "gear's\npeak")
     energy: float | None = quantity("most energy of the brake; none: no brake", "J", "brake")
-    criteria: tuple[Criterion, ...] = quantity("of the brake, and of braking under power")
+    criteria: tuple[Criterion, ...] = quantity("of brake, gear, and braking under power")
 
 
 @described
@@ -110,7 +110,11 @@ def axis_stop(search: Search, drive: int) -> AxisStop:
         sag=float(max(sags)) + 0.0 if sags else None,
         peak=peak,
         energy=None if brake is None else energy,
-        criteria=(*_of_brake(search, drive, brake, energy), *_of_power(search, drive, peak)),
+        criteria=(
+            *_of_brake(search, drive, brake, energy),
+            _of_gear(search, drive, peak),
+            *_of_power(search, drive, peak),
+        ),
     )
 
 
@@ -182,6 +186,20 @@ def _of_brake(
         missing,
     )
     return [torque, heat, often]
+
+
+def _of_gear(search: Search, drive: int, peak: float) -> Criterion:
+    """The gear's peak against the peak that it may bear for a moment."""
+    gear = search.machines.scene.drives[drive].transmission
+    return compare(
+        "gear momentary peak torque",
+        peak,
+        None if gear is None else gear.momentary_peak,
+        effort_unit(search.machines.scene, drive),
+        "max |effort| in a stop <= limit for momentary peak torque",
+        "simulated stops, friction and brake at their greatest, a rigid gear",
+        "momentary_peak of the transmission",
+    )
 
 
 def _of_power(search: Search, drive: int, peak: float) -> list[Criterion]:
