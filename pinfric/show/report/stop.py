@@ -55,7 +55,8 @@ def how(found: StopSummary) -> str:
     return f"category {found.category}, {digits(1e3 * found.reaction_time)} ms reaction{friction}"
 
 
-def grid_table(found: StopSummary) -> Table | None:
+def grid_table(
+    found: StopSummary, title: str = "by payload and speed, each drive at its worst sample"
+) -> Table | None:
     """Return stopping times and travels by payload and speed."""
-    title = "by payload and speed, each drive at its worst sample"
     return table_of(title, found.grid, keys=2)

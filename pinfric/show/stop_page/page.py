@@ -49,7 +49,7 @@ def stop_page(result: StopResult) -> str:
         verdict=verdict(found),
         how=how(found),
         worst=axes_table(found, ""),
-        grid=grid_table(found),
+        grid=grid_table(found, ""),
         axes=axes,
         inputs=hashes(files),
         date=datetime.date.today().isoformat(),

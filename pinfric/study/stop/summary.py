@@ -17,6 +17,9 @@ from pinfric.study.summary import effort_unit
 if TYPE_CHECKING:  # it is above this module
     from pinfric.study.stop.study import StopResult
 
+#: A load this small beside the largest of the robot is rounding.
+_ROUNDING = 1e-12
+
 
 @described
 class AxisStop:
@@ -156,7 +159,9 @@ def _of_brake(
     if brake is None:
         return []
     ratio = abs(search.machines.scene.drives[drive].ratio)
-    load = max(float(np.abs(hold[:, drive]).max()) for hold in search.cycle.hold.values()) / ratio
+    holds = np.abs(np.concatenate(list(search.cycle.hold.values())))
+    load = float(holds[:, drive].max()) / ratio
+    load = load if load > _ROUNDING * holds.max() else 0.0
     per_hour = search.machines.settings.per_hour
     torque = compare(
         "brake torque",
