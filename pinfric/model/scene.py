@@ -273,10 +273,14 @@ class Scene:
             where = f"{self.source}: with_: gravity"
             linear = real_numbers(where, gravity, SceneError)
             if linear.shape != (3,) or not np.isfinite(linear).all():
-                raise SceneError(f"{where}: should be three finite numbers, m/s^2")
+                raise SceneError(f"{where}: should be three finite numbers; e.g. [0, 0, -9.81]")
             changes["model"] = changes.get("model", self.model).copy()
             changes["model"].gravity.linear = linear
-        changed = replace(self, **changes)
+        try:
+            changed = replace(self, **changes)
+        except SceneError as problem:  # not the file is wrong, but what was given
+            wrong = str(problem).removeprefix(f"{self.source}: ")
+            raise SceneError(f"with_ of {file_name(self.source)}: {wrong}") from None
         if self.assumed is None or "friction" not in changes or "assumed" in changes:
             return changed
         left = guesses_left(self.assumed, self.friction, changed.friction)
@@ -530,7 +534,14 @@ class Scene:
     def _variant(self, attached: Iterable[str] | None) -> tuple[pin.Model, Twin]:
         self.check_unchanged()
         default = (name for name, payload in self.payloads.items() if payload.attached)
-        names = frozenset(default if attached is None else attached)
+        given = [attached] if isinstance(attached, str) else list(attached or ())
+        if not all(isinstance(name, str) for name in given):
+            raise SceneError(
+                f"{self.source}: attached: should be names of payloads "
+                f"({', '.join(self.payloads) or 'there are none'}), not {type(given[0]).__name__}; "
+                "states are arguments of the solver's methods, `scene.solver().inverse(q, v, a)`"
+            )
+        names = frozenset(default if attached is None else given)
         if names not in self._variants:
             for name in names - self.payloads.keys():
                 raise SceneError(
