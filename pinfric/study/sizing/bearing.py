@@ -138,7 +138,7 @@ class BearingRatings(Entry):
 
     @property
     def least_safety(self) -> float:
-        """The required C_0/P_0: the entry's, else 2 of a guide (THK: 2 without vibrations, or 5)."""
+        """The required C_0/P_0: the entry's, else 2 of a guide."""
         given = "static_safety" in self.model_fields_set or not self.guide
         return self.static_safety if given else _GUIDE_SAFETY
 
