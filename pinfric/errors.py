@@ -43,6 +43,10 @@ class StateError(PinfricError):
     """Arrays of states or efforts have a wrong shape or impossible values."""
 
 
+class StopError(PinfricError):
+    """A stop cannot be computed, or does not end."""
+
+
 class RollMomentError(PinfricError):
     """A guide without a width is loaded by a moment about its axis, which it cannot carry."""
 

@@ -8,6 +8,7 @@ line is that of a winding as hot as it may be.
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -21,9 +22,10 @@ from pinfric.model.drives import Drive
 from pinfric.model.entry import Entry, Positive, Version, key, parse
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Transmission
-from pinfric.model.yamlfile import read_yaml
+from pinfric.model.yamlfile import brief, read_yaml
 from pinfric.study.sizing.assess import own_amplifier
-from pinfric.study.sizing.catalog import Catalog, Conditions, load_catalog, parse_conditions
+from pinfric.study.sizing.catalog import Catalog, Conditions, parse_conditions
+from pinfric.study.sizing.catalog_file import load_catalog
 from pinfric.study.sizing.criteria import LIMITS, instant_limits
 from pinfric.study.sizing.drivetrain import Candidate, candidates
 from pinfric.study.sizing.limit import SETTLES, Judged, Limit, idle
@@ -163,6 +165,11 @@ def read_limits(scene: Scene, limits: LimitsLike) -> tuple[DriveLimits, ...]:
         given = limits
     elif str(limits).startswith("default:"):
         others = str(limits).partition(":")[2]
+    elif not isinstance(limits, str | os.PathLike):
+        raise RetimeError(
+            f"limits: should be a motors file, 'default:NAME' or drive -> limits, found "
+            f"{brief(limits)}"
+        )
     else:
         content = read_yaml(Path(limits), CatalogError, "pinfric_motors")
         file = parse(MotorsFile, content, str(limits), CatalogError)

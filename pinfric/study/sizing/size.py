@@ -44,9 +44,9 @@ from pinfric.study.sizing.catalog import (
     Brake,
     Catalog,
     Conditions,
-    load_catalog,
     parse_conditions,
 )
+from pinfric.study.sizing.catalog_file import load_catalog
 from pinfric.study.sizing.caveats import caveats, discontinuities, unclosed
 from pinfric.study.sizing.criterion import Criterion, Status
 from pinfric.study.sizing.demand import (
@@ -412,7 +412,8 @@ class _Sizing:
             self.brakes = brakes
             self.judged.clear()
             report = self._report()
-        return report
+        compared = (self._compared(i, joint) for i, joint in enumerate(report.joints))
+        return replace(report, joints=tuple(compared))
 
     def _weighs(self, name: str) -> bool:
         """Whether mass or inertia of a brake is known."""
@@ -440,7 +441,7 @@ class _Sizing:
                 PinfricWarning,
                 stacklevel=3,
             )
-        joints = tuple(self._compared(i, self.joint(i, taken)) for i in drives)
+        joints = tuple(self.joint(i, taken) for i in drives)
         chosen = {i: j.installed for i, j in enumerate(joints) if j.installed is not None}
         equipped = with_masses(self.scene, chosen, self.conditions) if chosen else self.scene
         without, _ = self._solve((), {})

@@ -30,7 +30,8 @@ import pinfric as pf
 from pinfric.errors import CatalogError, SizingError
 from pinfric.model.drives import motor_torque_bounds
 from pinfric.study.retime.limits import read_limits
-from pinfric.study.sizing.catalog import Conditions, load_catalog
+from pinfric.study.sizing.catalog import Conditions
+from pinfric.study.sizing.catalog_file import load_catalog
 from pinfric.study.sizing.criteria import LIMITS, add_limit, check
 from pinfric.study.sizing.criterion import Status, compare
 from pinfric.study.sizing.demand import DriveCycle

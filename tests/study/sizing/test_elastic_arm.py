@@ -13,7 +13,7 @@ from pinfric.cli import main
 from pinfric.errors import CatalogError, SizingError
 from pinfric.model.springs import StiffnessLines
 from pinfric.show.sizing_page.page import sizing_page
-from pinfric.study.sizing.catalog import load_catalog
+from pinfric.study.sizing.catalog_file import load_catalog
 from pinfric.study.sizing.criterion import Status
 from pinfric.study.sizing.inertia import joint_inertias
 from pinfric.study.sizing.summary import sizing_summary
@@ -217,4 +217,6 @@ def test_the_catalogues_lines_are_the_makers():
     for size, (k1, k2, k3, t1, t2) in printed.items():
         lines = gears[f"Harmonic Drive CSG-{size}-100"].stiffness
         assert lines == StiffnessLines(k1=k1 * 1e3, k2=k2 * 1e3, k3=k3 * 1e3, t1=t1, t2=t2)
-        assert gears[f"Harmonic Drive CSG-{size}-100"].hysteresis == pytest.approx(2.9e-4)
+        assert gears[f"Harmonic Drive CSG-{size}-100"].hysteresis == pytest.approx(
+            np.pi / 10800  # 1 arcmin
+        )
