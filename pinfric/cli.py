@@ -8,6 +8,7 @@ inside functions: `pinfric --help` needs neither NumPy nor Pinocchio.
 from __future__ import annotations
 
 import os
+import shlex
 import sys
 import time
 import warnings
@@ -300,12 +301,25 @@ def size(
         read.append(report.catalog.source)
     sets, files = _fastest(report, trajectory) if fastest else (None, {})
     found = sizing_summary(report, sets)
-    files["report.html"] = lambda path: path.write_text(sizing_page(report), encoding="utf-8")
+    cycles_given = [trajectory_name] if trajectory_name else [f"--cycle={x}" for x in cycle or ()]
+    command = _command_of_size(scene_name, [str(x) for x in cycles_given], on, period, catalog)
+    files["report.html"] = lambda path: path.write_text(
+        sizing_page(report, command), encoding="utf-8"
+    )
     if bill := bill_of_materials(report):
         files["bom.csv"] = lambda path: path.write_text(bill, encoding="utf-8")
     show_it, name = partial(sizing_report, report, sets), "sizing.json"
     answer("size", found, show_it, as_json, out, files, name=name, scene=report.given.source)
     report.check()  # what does not fit is the last line, and the exit code (2)
+
+
+def _command_of_size(
+    scene: str, cycles: list[str], on: float, period: float, catalog: str | None
+) -> str:
+    """The command as its page shows it."""
+    duty = [f"--on={on:g}", f"--period={period:g}"] if on != 1.0 else []
+    chosen = [f"--catalog={catalog}"] if catalog else []
+    return shlex.join(["pinfric", "size", scene, *cycles, *duty, *chosen])
 
 
 @app.command(short_help="Make a catalogue for `size` from a table of parts.")

@@ -80,7 +80,7 @@ def _parts(
         gear = catalog.gears[drive.gear_name]
         ratio = f", i = {drive.ratio:g}" if len(gear.ratios) > 1 else ""
         yield drive.gear_name + ratio, gear
-    if still.brake and not still.held:
+    if still.brake and still.fitted:
         yield still.brake, catalog.brakes[still.brake]
     if own := report.conditions.bearings.get(joint.name):
         yield own, catalog.bearings[own]

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -22,6 +23,7 @@ from pinfric.model.entry import Entry, Positive, Version, key, parse
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Transmission
 from pinfric.model.yamlfile import brief, read_yaml
+from pinfric.study.sizing.assess import own_amplifier
 from pinfric.study.sizing.catalog import Catalog, Conditions, load_catalog, parse_conditions
 from pinfric.study.sizing.criteria import LIMITS, instant_limits
 from pinfric.study.sizing.drivetrain import Candidate, candidates
@@ -251,7 +253,8 @@ class CatalogLookup:
                 f"limits.{where}: {self.file} has no drive {name!r}; {choose_from(name, known)}"
             )
         conditions = parse_conditions(self.given, self.catalog.conditions)
-        return candidate_limits(known[name], conditions)
+        fed = replace(known[name], amplifier=own_amplifier(self.catalog, conditions, where))
+        return candidate_limits(fed, conditions)
 
 
 def _limits(name: str, entry: Any, lookup: CatalogLookup) -> DriveLimits:

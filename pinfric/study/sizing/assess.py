@@ -8,7 +8,7 @@ from functools import cached_property
 
 from pinfric.errors import CatalogError, choose_from
 from pinfric.study.sizing.bearing import BearingRatings
-from pinfric.study.sizing.catalog import Catalog, Conditions
+from pinfric.study.sizing.catalog import OTHERS, Amplifier, Catalog, Conditions
 from pinfric.study.sizing.criteria import check, missing_figures
 from pinfric.study.sizing.criterion import Criterion, Status
 from pinfric.study.sizing.drivetrain import Candidate, MotorFigures, motor_cycle
@@ -87,15 +87,18 @@ def lightest(offers: Sequence[Candidate], case: Case) -> Assessment | None:
 
 def own_parts(
     catalog: Catalog, conditions: Conditions, joint: str, linear: bool
-) -> dict[str, BearingRatings]:
+) -> dict[str, BearingRatings | Amplifier]:
     """Return what the conditions give to a joint, by its field of a candidate.
 
     Raises:
         CatalogError: the catalogue does not have it, or not its ratings; it does not fit the joint.
     """
-    name = conditions.bearings.get(joint)
+    amplifier, name = own_amplifier(catalog, conditions, joint), conditions.bearings.get(joint)
+    parts: dict[str, BearingRatings | Amplifier] = {}
+    if amplifier is not None:
+        parts["amplifier"] = amplifier
     if name is None:
-        return {}
+        return parts
     where, entry = f"conditions.bearings.{joint}: ", catalog.bearings.get(name)
     if entry is None or entry.ratings is None:
         rated = [known for known, other in catalog.bearings.items() if other.ratings is not None]
@@ -106,7 +109,26 @@ def own_parts(
         nut = "; a screw's nut is its gear's `bearing`" if entry.ratings.screw else ""
         raise CatalogError(f"{where}{name!r} is a {entry.ratings.kind}; a {joint_kind}{nut}")
     source = entry.ratings.source or entry.source
-    return {"guide" if linear else "bearing": entry.ratings.model_copy(update={"source": source})}
+    ratings = entry.ratings.model_copy(update={"source": source})
+    return parts | {"guide" if linear else "bearing": ratings}
+
+
+def own_amplifier(catalog: Catalog, conditions: Conditions, joint: str) -> Amplifier | None:
+    """Return the amplifier that the conditions give to a joint's motor, or None.
+
+    Raises:
+        CatalogError: the catalogue does not have it.
+    """
+    key = joint if joint in conditions.amplifiers else OTHERS
+    name = conditions.amplifiers.get(key)
+    if name is None:
+        return None
+    if name not in catalog.amplifiers:
+        raise CatalogError(
+            f"conditions.amplifiers.{key}: there is no amplifier {name!r} in the catalogue; "
+            f"{choose_from(name, catalog.amplifiers)}"
+        )
+    return catalog.amplifiers[name]
 
 
 def nearest_miss(assessments: Sequence[Assessment]) -> Assessment | None:

@@ -16,7 +16,7 @@ slows it down.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -37,7 +37,7 @@ _STATICS = (
     "limits of static friction (pinfric.holds) at the worst pose; Harmonic "
     "Drive: do not rely on the back-driving torque to hold a load"
 )
-#: Of the robot's largest load: what is smaller is rounding, and a joint without load stays.
+#: Of the robot's largest effort: what is smaller is rounding, and a joint without load stays.
 _NOTHING = 1e-9
 _HOLDING, _BRAKE, _STOP = "holding without power", "holding brake", "brake stop energy"
 
@@ -70,12 +70,15 @@ class Standstill:
     brake: str | None = quantity(
         "smallest brake of the catalogue that holds `shaft`, if any", heading="smallest brake"
     )
+    fitted: bool = quantity(
+        "whether the drive has that brake: one is required, or friction alone does not hold it"
+    )
     criteria: tuple[Criterion, ...]
 
     @property
     def torque(self) -> Criterion:
         """The brake's torque against the load."""
-        return self.criteria[1]
+        return next(c for c in self.criteria if c.name == _BRAKE)
 
     @property
     @derived(heading="margin", cell="{margin:%}")
@@ -85,23 +88,29 @@ class Standstill:
 
 
 def standstills(
-    result: InverseResult, brakes: Mapping[str, Brake], conditions: Conditions
+    result: InverseResult,
+    brakes: Mapping[str, Brake],
+    conditions: Conditions,
+    fitted: Sequence[float] = (),
 ) -> tuple[Standstill, ...]:
     """Return the holding of each drive's joint without power, in the order of the drives.
 
     Args:
         result: of the cycle; its scene has the gears.
         brakes: of the catalogue. conditions: whether a brake is required, and its reserve.
+        fitted: (na,) inertia of brakes at the motors' shafts that the gears of the scene include,
+            kg m^2.
     """
     zero, states = np.zeros_like(result.states.v), result.states
     still = inverse_dynamics(result.scene, states.q, zero, zero, attached=states.attached)
     inertias = None if result.scene.loops else joint_inertias(result.scene, states)
-    return tuple(
-        _standstill(
-            result, still, i, None if inertias is None else inertias[:, i], brakes, conditions
-        )
-        for i in range(len(result.scene.drives))
-    )
+    found = []
+    for i, drive in enumerate(result.scene.drives):
+        own = None if inertias is None else inertias[:, i]
+        if own is not None and fitted and drive.transmission is not None:
+            own = own - drive.transmission.ratio**2 * fitted[i]  # each brake on trial adds its own
+        found.append(_standstill(result, still, i, own, brakes, conditions))
+    return tuple(found)
 
 
 def _standstill(
@@ -113,28 +122,35 @@ def _standstill(
     conditions: Conditions,
 ) -> Standstill:
     least = ends_by_magnitude(still.effort_lower[:, i], still.effort_upper[:, i])[1]
-    load, shaft, stop = still.effort_frictionless[:, i], None, None
-    effort = largest(least), largest(load)
+    load, shaft, stop = _rounded(result, still.effort_frictionless[:, i]), None, None
+    effort = largest(_rounded(result, least)), largest(load)
     gear = still.scene.drives[i].transmission
     slides = effort_unit(still.scene, i) == "N"
     if gear is not None and not (slides and gear.ratio == 1.0):  # a linear motor has no shaft
         least = ends_by_magnitude(still.motor_torque_lower[:, i], still.motor_torque_upper[:, i])[1]
-        shaft = largest(least), largest(load) / abs(gear.ratio)
+        shaft = largest(_rounded(result, least)), largest(load) / abs(gear.ratio)
         if inertia is not None:
             speed = gear.ratio * result.actuator_velocity[:, i]
             at_shaft = inertia / gear.ratio**2 + gear.rotor_inertia
             stop = Stop(at_shaft, np.abs(speed), np.abs(load / gear.ratio))
     pose = _hardest(still, i)
-    use, held = _use(still, i, pose)
+    use, held = _use(still, i, pose, load[pose])
     needed = conditions.holding_brake == "required" or (
         conditions.holding_brake == "where_needed" and not held
     )
     torque = None if shaft is None else conditions.brake_factor * shaft[1]
-    name = _smallest(torque, stop, brakes)
+    name = _smallest(torque, stop, brakes) if needed or torque != 0.0 else None
     held_by = _torque(torque, name, brakes, conditions.brake_factor, needed)
     assert result.t is not None  # size refuses a motion without times
     criteria = (_unpowered(use, held), held_by, _energy(stop, name, brakes, needed))
-    return Standstill(effort, shaft, use, held, float(result.t[pose]), name, criteria)
+    fitted, time = name is not None and (needed or not held), float(result.t[pose])
+    return Standstill(effort, shaft, use, held, time, name, fitted, criteria)
+
+
+def _rounded(result: InverseResult, effort: np.ndarray) -> np.ndarray:
+    """Efforts with 0 in place of what is below the rounding of the cycle's own."""
+    most = max(largest(result.effort_lower), largest(result.effort_upper))
+    return np.where(np.abs(effort) <= _NOTHING * most, 0.0, effort)
 
 
 class Stop(NamedTuple):
@@ -167,14 +183,14 @@ def _hardest(still: InverseResult, i: int) -> int:
     return int(np.argmax(np.abs(load) / np.maximum(limit, 1e-12 * max(largest(load), 1.0))))
 
 
-def _use(still: InverseResult, i: int, pose: int) -> tuple[float | None, bool | None]:
+def _use(still: InverseResult, i: int, pose: int, load: float) -> tuple[float | None, bool | None]:
     """Return the part of its friction that a joint takes, the others held, and whether it holds."""
     ends = still.motor_torque_lower[pose, i], still.motor_torque_upper[pose, i]
     if not still.scene.loops:  # in an open chain each joint's statics is its own
+        if load == 0.0:
+            return 0.0, True
         if not ends[0] <= 0.0 <= ends[1]:
             return None, False
-        if abs(still.effort_frictionless[pose, i]) <= _NOTHING * largest(still.effort_frictionless):
-            return 0.0, True
     scene, effort = still.scene, still.effort_frictionless[pose].copy()
     effort[i] = 0.0
     carried = still.states.attached
@@ -246,7 +262,7 @@ def _torque(
     if needed:
         note = "" if strongest is None else f"{_ranked(brakes)[-1]}, the strongest"
         return compare(_BRAKE, wanted, strongest, "N m", formula, _SOURCE, missing, note)
-    note = "no brake of the catalogue holds it" if brakes else ""
+    note = "no brake of the catalogue holds it" if brakes and wanted else ""
     return Criterion(
         _BRAKE, Status.NOT_REQUIRED, wanted, strongest, "N m", None, formula, _SOURCE, note
     )

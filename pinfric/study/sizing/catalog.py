@@ -1,4 +1,4 @@
-"""Catalogues of motors, gears, gearmotors, bearings and brakes: makers' figures and sources.
+"""Catalogues of motors, gears, gearmotors, bearings, brakes, amplifiers: makers' figures, sources.
 
 A figure that is missing stays missing: every criterion that needs it says so (`criteria`). SI units
 throughout, temperatures in degrees Celsius; `grade` R is a figure read at the maker's own document,
@@ -13,7 +13,7 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -39,7 +39,9 @@ from pinfric.study.sizing.units import unit_of
 #: The bundled catalogue's name, and its folder.
 DEFAULT = "default"
 _FOLDER = Path(__file__).parents[2] / "catalog"
-_SECTIONS = ("motors", "gears", "gearmotors", "bearings", "brakes")
+_SECTIONS = ("motors", "gears", "gearmotors", "bearings", "brakes", "amplifiers")
+#: In place of a drive's name: all drives that are not named.
+OTHERS = "others"
 #: Ambient temperature to which makers refer resistances and ratings, degrees Celsius.
 REFERENCE_TEMPERATURE = 25.0
 
@@ -353,6 +355,9 @@ class Gear(Sourced):
     hysteresis: Annotated[
         Positive | None, key("hysteresis loss, the whole width at zero torque", 0.00029, "rad")
     ] = None
+    backlash: Annotated[
+        NonNegative | None, key("of the output, its input held: the whole angle", 0.00087, "rad")
+    ] = None
     stroke: Annotated[Positive | None, key("of a linear output", 0.3, "m")] = None
     screw: Annotated[
         Screw | None,
@@ -496,6 +501,29 @@ class Brake(Sourced):
     mass: Annotated[Positive | None, key("of the brake", 0.2, "kg")] = None
 
 
+class Amplifier(Sourced):
+    """An amplifier (servo drive), which feeds one motor."""
+
+    continuous_current: Annotated[Positive | None, key("without end", 5.0, "A")] = None
+    peak_current: Annotated[Positive | None, key("for a short time", 15.0, "A")] = None
+    peak_time: Annotated[
+        Positive | None, key("for which it may exceed the continuous current", 15.0, "s")
+    ] = None
+    current: Annotated[
+        Literal["dc", "rms", "peak"],
+        key(
+            "kind of its currents: DC or block commutation, or RMS or peak of a sinusoidal phase "
+            "current",
+            "rms",
+        ),
+    ] = "rms"
+
+    @model_validator(mode="after")
+    def _figures_agree(self) -> Amplifier:
+        _ascending(self, "continuous_current", "peak_current")
+        return self
+
+
 class Collisions(Entry):
     """Overloads that a gear must bear in its life."""
 
@@ -542,6 +570,14 @@ class Conditions(Entry):
             {"elbow": "THK RB 5013"},
         ),
     ] = Field(default_factory=dict)
+    amplifiers: Annotated[
+        dict[str, str],
+        key(
+            "amplifier of the catalogue that feeds the motor, by joint; `others`: of all joints "
+            "that are not named",
+            {"elbow": "EPOS4 50/5", "others": "EPOS4 50/15"},
+        ),
+    ] = Field(default_factory=dict)
     back_driving: Annotated[
         Literal["any", "required", "forbidden"],
         key("whether the load must, must not or may be able to move the motor", "required"),
@@ -582,6 +618,10 @@ class Conditions(Entry):
     ] = None
     bus_capacitance: Annotated[Positive | None, key("of the bus", 0.0047, "F")] = None
     supply_power: Annotated[Positive | None, key("largest power of the supply", 960.0, "W")] = None
+    supply_resistance: Annotated[
+        Positive | None,
+        key("of supply and cables: the bus sags by it times the current", 0.05, "Ohm"),
+    ] = None
     resonance_base: Annotated[
         Positive,
         key("least resonance of the first three joints, each with the joints beyond it", 8.0, "Hz"),
@@ -605,6 +645,18 @@ class Conditions(Entry):
     ] = None
     tool_reversal: Annotated[
         Positive | None, key("largest distance after opposite approaches", 0.0002, "m")
+    ] = None
+    backlash: Annotated[
+        Positive | None, key("largest backlash of a joint's gear", 0.0003, "rad or m")
+    ] = None
+    reversal_error: Annotated[
+        Positive | None,
+        key(
+            "largest difference of a joint's positions after opposite approaches: wind-up by "
+            "friction, hysteresis and backlash of its gear",
+            0.0005,
+            "rad or m",
+        ),
     ] = None
     mass_in_urdf: Annotated[
         dict[str, NonNegative],
@@ -663,6 +715,13 @@ class CatalogFile(Entry):
         dict[str, Brake],
         key("for motors' shafts", {"B 5": {"source": "data sheet", "grade": "R", "torque": 0.5}}),
     ] = Field(default_factory=dict)
+    amplifiers: Annotated[
+        dict[str, Amplifier],
+        key(
+            "that feed motors",
+            {"A 5": {"source": "data sheet", "grade": "R", "continuous_current": 5.0}},
+        ),
+    ] = Field(default_factory=dict)
     conditions: Annotated[
         Conditions | None, key("conditions of operation", {"bus_voltage": 24.0})
     ] = None
@@ -674,8 +733,9 @@ class Catalog:
 
     Attributes:
         source: the file, or "default" for the bundled ones.
-        motors, gears, gearmotors, bearings, brakes: name -> entry.
+        motors, gears, gearmotors, bearings, brakes, amplifiers: name -> entry.
         conditions: what the file demands of the drives.
+        replaced: entries of the file that stand in place of bundled ones, in words.
     """
 
     source: str
@@ -684,7 +744,9 @@ class Catalog:
     gearmotors: Mapping[str, GearMotor] = field(default_factory=dict)
     bearings: Mapping[str, BearingEntry] = field(default_factory=dict)
     brakes: Mapping[str, Brake] = field(default_factory=dict)
+    amplifiers: Mapping[str, Amplifier] = field(default_factory=dict)
     conditions: Conditions = field(default_factory=Conditions)
+    replaced: tuple[str, ...] = ()
 
 
 def load_catalog(name: str | Path = DEFAULT) -> Catalog:
@@ -708,12 +770,13 @@ def load_catalog(name: str | Path = DEFAULT) -> Catalog:
         file = _read(Path(name))
         if file.extends is None and not any(getattr(file, section) for section in _SECTIONS):
             raise CatalogError(
-                f"{name}: no motors, gears, gearmotors, bearings or brakes in it; "
+                f"{name}: no motors, gears, gearmotors, bearings, brakes or amplifiers in it; "
                 "`extends: default` takes the bundled ones"
             )
         bundled = _bundled() if file.extends else ()
-        catalog = _merged(str(name), [*bundled, file])
-        for text in _replaced(bundled, file):
+        replaced = tuple(_replaced(bundled, file))
+        catalog = replace(_merged(str(name), [*bundled, file]), replaced=replaced)
+        for text in replaced:
             warnings.warn(f"{name}: {text}", PinfricWarning, stacklevel=2)
     for where, text in _doubts(catalog):
         warnings.warn(f"{catalog.source}: {where}: {text}", PinfricWarning, stacklevel=2)
@@ -742,7 +805,7 @@ def _bundled() -> tuple[CatalogFile, ...]:
 
 def _merged(source: str, files: Sequence[CatalogFile]) -> Catalog:
     """All entries of the files; of the same name, and of the conditions, the last file's."""
-    entries = {
+    entries: dict[str, Any] = {
         section: {name: entry for file in files for name, entry in getattr(file, section).items()}
         for section in _SECTIONS
     }

@@ -95,14 +95,15 @@ def caveats(
         *opening,
         "Each motor and gear is a point mass on its joint's parent link, at the joint's origin; "
         "the drive of the first joint stands on the ground.",
-        "Every motor is assumed to fit every gear, and every brake every motor; couplings, "
-        "housings and brakes have no mass. "
+        "Every motor is assumed to fit every gear, and every brake every motor; couplings "
+        "and housings have no mass, nor have brakes whose mass the catalogue does not state. "
         "Brakes are chosen by their holding torque and, if printed, by the energy of a stop; "
         "the stopping distance is not checked.",
         "Output bearings carry the whole wrench of the joint, about the joint's origin, which is "
         "assumed to lie on the output flange; conditions.bearings names another bearing instead.",
         "Magnets are assumed cold: the torque constant does not fall with temperature.",
     ]
+    notes += [f"{catalog.source}: {text}." for text in catalog.replaced]
     notes.append(_of_friction(scene))
     if scene.assumed is not None:
         listed = "; ".join(f"{place} ({why})" for place, why in scene.assumed.values.items())

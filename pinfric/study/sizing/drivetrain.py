@@ -29,6 +29,8 @@ from pinfric.model.transmission import MakersEfficiency, Transmission, load_part
 from pinfric.study.sizing.bearing import BearingRatings
 from pinfric.study.sizing.catalog import (
     REFERENCE_TEMPERATURE,
+    Amplifier,
+    Brake,
     Catalog,
     Conditions,
     Gear,
@@ -47,7 +49,7 @@ from pinfric.study.sizing.thermal import (
 from pinfric.study.summary import ends_by_magnitude, rms
 
 #: Torque constant of the equivalent DC motor over one that is printed per A of phase current.
-_PER_DC_AMPERE = {"rms": (2 / 3) ** 0.5, "peak": 2 / 3**0.5}
+PER_DC_AMPERE = {"dc": 1.0, "rms": (2 / 3) ** 0.5, "peak": 2 / 3**0.5}
 
 
 @dataclass(frozen=True)
@@ -202,6 +204,19 @@ class Ratings:
         return np.maximum(limit, 0.0)
 
 
+def line_voltage(ratings: Ratings, motor: MotorCycle) -> np.ndarray | None:
+    """Return the voltage (T,) that a cycle takes, worst of its torques; None without a line.
+
+    Args:
+        ratings: of the rated shaft. motor: the cycle there.
+    """
+    if not ratings.has_line:
+        return None
+    hot, speed = motor.figures.hot, motor.speed
+    ends = motor.torque_lower, motor.torque_upper
+    return np.maximum(*(ratings.voltage(torque, speed, hot) for torque in ends))
+
+
 def too_hot(ambient: float, hottest: float) -> str:
     """Say that a motor cannot lead off anything (deg C)."""
     return f"ambient temperature {ambient:g} C, not below the winding's limit, {hottest:g} C"
@@ -225,6 +240,8 @@ class Candidate:
         bearing: what carries the joint: the gear's output bearing (a screw's nut), or the joint's
             own; None where its ratings are not known.
         guide: of a sliding joint; None where its ratings are not known.
+        amplifier: that feeds the motor; None where none is named.
+        brake: name of the brake at the motor's shaft that is in mass and inertia; empty: none.
         stand_ins: figures taken from other products.
         losses: how the transmission's losses follow from the entry, in words.
         sources: of motor and gear, with their grades.
@@ -249,6 +266,8 @@ class Candidate:
     losses: str
     sources: tuple[str, ...]
     guide: BearingRatings | None = None
+    amplifier: Amplifier | None = None
+    brake: str = ""
 
     @property
     def carried(self) -> bool:
@@ -356,6 +375,27 @@ def candidates(
         if (gearmotor.output == "linear") == linear:
             made = _gearmotor(name, gearmotor)
             yield replace(made, **parts) if parts else made
+
+
+def with_brake(candidate: Candidate, name: str, brake: Brake) -> Candidate:
+    """Return a drive with a brake at its motor's shaft: their masses and inertias add up.
+
+    Args:
+        candidate: motor and gear. name: of the brake. brake: what is not known of it counts as 0.
+    """
+    inertia, transmission = candidate.rotor_inertia, candidate.transmission
+    more = brake.rotor_inertia or 0.0
+    if transmission is not None:
+        heavier = {"rotor_inertia": transmission.rotor_inertia + more}
+        transmission = transmission.model_copy(update=heavier)
+    return replace(
+        candidate,
+        mass=None if candidate.mass is None else candidate.mass + (brake.mass or 0.0),
+        rotor_inertia=None if inertia is None else inertia + more,
+        transmission=transmission,
+        brake=name,
+        sources=(*candidate.sources, f"{name}: {brake.source} ({brake.grade})"),
+    )
 
 
 def motor_with_gear(
@@ -599,9 +639,9 @@ def ratings_of(entry: Motor | GearMotor) -> Ratings:
         continuous = k * current
         derived.append("continuous torque = torque constant x continuous current")
     if isinstance(entry, Motor) and k is not None and entry.current != "dc":
-        k *= _PER_DC_AMPERE[entry.current]
+        k *= PER_DC_AMPERE[entry.current]
         derived.append(
-            f"{_PER_DC_AMPERE[entry.current]:.4g} of the torque constant, which is per A "
+            f"{PER_DC_AMPERE[entry.current]:.4g} of the torque constant, which is per A "
             f"{entry.current}, for an equivalent DC motor"
         )
     if isinstance(entry, Motor) and resistance is not None and entry.resistance_of == "phase":

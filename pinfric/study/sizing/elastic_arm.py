@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from pinfric.errors import CatalogError
 from pinfric.model.scene import Scene
 from pinfric.study.elastic.motion import Elasticity, ToolPlace
 from pinfric.study.sizing.catalog import Conditions
 from pinfric.study.sizing.criterion import Criterion, compare
+from pinfric.study.summary import effort_unit
 
 _SOURCE = "pinfric: wind-up of the gears at rest, first order"
 #: Condition -> what is compared, how far the tool is off, the formula.
@@ -37,13 +38,17 @@ def check_tool(scene: Scene, conditions: Conditions) -> None:
 
 
 def arm_criteria(
-    scene: Scene, found: Elasticity | None, conditions: Conditions
+    scene: Scene,
+    found: Elasticity | None,
+    conditions: Conditions,
+    backlash: Sequence[float | None],
 ) -> tuple[Criterion, ...]:
     """Return the criteria that the conditions ask for.
 
     Args:
         scene: with the chosen drives. found: what its elastic gears do; None without any.
         conditions: what is demanded.
+        backlash: of each drive's gear, rad (m); None: not known.
     """
     unknown = [drive.name for drive in scene.drives if drive.spring is None]
     missing = f"stiffness of {', '.join(unknown)}" if unknown else ""
@@ -70,4 +75,33 @@ def arm_criteria(
             needed = max(known_figures, default=None)
             why = missing or "the cycle has no rest"
             criteria.append(compare(name, needed, allowed, "m", formula, _SOURCE, why))
+    if conditions.reversal_error is not None:
+        for d, gap in enumerate(backlash):
+            criteria.append(_reversal(scene, d, found, gap, conditions.reversal_error))
     return tuple(criteria)
+
+
+def _reversal(
+    scene: Scene, d: int, found: Elasticity | None, backlash: float | None, allowed: float
+) -> Criterion:
+    """A joint's reversal error: what friction winds up either way, and the play of its gear.
+
+    The gear's hysteresis is the wind-up by friction as its maker found it: the greater one counts.
+    """
+    drive, rests = scene.drives[d], () if found is None else found.rests
+    wound = [
+        abs(float(rest.wind_up_approach[d] - rest.wind_up_opposite[d]))
+        for rest in rests
+        if rest.wind_up_approach is not None and rest.wind_up_opposite is not None
+    ]
+    own = None if drive.transmission is None else drive.transmission.hysteresis
+    least = max([*wound, own or 0.0]) + (backlash or 0.0)
+    lacks = [] if drive.spring is not None else ["stiffness"]
+    lacks += ["backlash of the gear"] * (backlash is None)
+    if not lacks and not wound:
+        lacks = ["the cycle has no rest that a motion leads to"]
+    needed = least if not lacks or least > allowed else None  # known in part it can only fail
+    unit = "m" if effort_unit(scene, d) == "N" else "rad"
+    formula = "max |f(h + b) - f(h - b)| between opposite approaches + backlash"
+    name, missing = f"reversal error of {drive.name}", ", ".join(lacks)
+    return compare(name, needed, allowed, unit, formula, _SOURCE, missing)

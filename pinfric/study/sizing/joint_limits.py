@@ -106,6 +106,16 @@ JOINT_LIMITS = [
         note=_resonance_note,
     ),
     Limit(
+        "backlash",
+        need=lambda d: None if d.candidate.gear is None else d.candidate.gear.backlash,
+        gives=lambda d: d.conditions.backlash,
+        unit="place",
+        formula="backlash of the gear <= conditions.backlash",
+        source="maker's figures",
+        missing="backlash of the gear",
+        applies=lambda d: d.conditions.backlash is not None,
+    ),
+    Limit(
         "back-driving",
         need=nothing,
         gives=nothing,

@@ -12,7 +12,13 @@ from pinfric.study.sizing.bearing import BearingRatings
 from pinfric.study.sizing.catalog import Conditions, Gear
 from pinfric.study.sizing.criterion import Criterion, Status, compare
 from pinfric.study.sizing.demand import DriveCycle, GearDemand, largest
-from pinfric.study.sizing.drivetrain import Candidate, MotorCycle, MotorFigures, Ratings
+from pinfric.study.sizing.drivetrain import (
+    Candidate,
+    MotorCycle,
+    MotorFigures,
+    Ratings,
+    line_voltage,
+)
 
 
 class Case(NamedTuple):
@@ -112,11 +118,8 @@ class Judged(NamedTuple):
 
 
 def _line_voltage(d: Judged) -> float | None:
-    if d.motor is None or not d.ratings.has_line:
-        return None
-    hot = d.motor.figures.hot
-    torques = d.motor.torque_lower, d.motor.torque_upper
-    return max(largest(d.ratings.voltage(torque, d.motor.speed, hot)) for torque in torques)
+    needed = None if d.motor is None else line_voltage(d.ratings, d.motor)
+    return None if needed is None else largest(needed)
 
 
 def asked(figure: str) -> Callable[[Judged], float | None]:
@@ -171,7 +174,7 @@ class Limit:
         gives: figures of the candidate, `ratings.`, `gear.` or `bearing.` before an entry's key, in
             order of preference; or a function; None where it is not known.
         formula, source: of the comparison. unit: of both sides; `torque` and `speed` are the rated
-            shaft's, `effort` the joint's.
+            shaft's, `effort` and `place` the joint's.
         missing: the figure that is missing if one is. note: of this case.
         reserve: factor on the need.
         applies: to which candidates; to others it says nothing.
@@ -226,7 +229,9 @@ class Limit:
         texts = (self.formula, self.source, self.missing, self.note)
         formula, source, missing, note = (x if isinstance(x, str) else x(d) for x in texts)
         torque, speed = d.candidate.units
-        unit = {"torque": torque, "speed": speed, "effort": d.demand.unit}.get(self.unit, self.unit)
+        own = {"torque": torque, "speed": speed, "effort": d.demand.unit}
+        own["place"] = "m" if d.candidate.linear else "rad"
+        unit = own.get(self.unit, self.unit)
         required = self.required(d)
         if self.endless and found is not None and np.isinf(found):
             passes = Status.PASSES

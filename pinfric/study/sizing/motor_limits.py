@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
-from pinfric.study.sizing.drivetrain import too_hot
-from pinfric.study.sizing.limit import Judged, Limit, Text, asked
-from pinfric.study.sizing.overload import Lag, heat_lag, standstill_time
+from pinfric.study.sizing.drivetrain import PER_DC_AMPERE, too_hot
+from pinfric.study.sizing.limit import Judged, Limit, Text, asked, nothing
+from pinfric.study.sizing.overload import Lag, heat_lag, longest_above, standstill_time
+from pinfric.study.summary import ends_by_magnitude
 
 _PRACTICE = "common practice of servo drives"
 
@@ -142,6 +146,86 @@ def _winding_note(d: Judged) -> str:
     return "" if figures.peak_temperature is None else f"reaches {figures.peak_temperature:.4g} C"
 
 
+def _amplified(current: str) -> Callable[[Judged], float | None]:
+    """The torque (N m) of one of the amplifier's currents, of the equivalent DC motor."""
+
+    def torque(d: Judged) -> float | None:
+        amplifier, k = d.candidate.amplifier, d.ratings.torque_constant
+        most = None if amplifier is None else getattr(amplifier, current)
+        if amplifier is None or most is None or k is None:
+            return None
+        return float(k * most / PER_DC_AMPERE[amplifier.current])
+
+    return torque
+
+
+def _amperes(current: str) -> Callable[[Judged], str]:
+    """Say the current behind a torque."""
+
+    def text(d: Judged) -> str:
+        amplifier = d.candidate.amplifier
+        most = None if amplifier is None else getattr(amplifier, current)
+        return "" if amplifier is None or most is None else f"{most:g} A {amplifier.current}"
+
+    return text
+
+
+def _overdriven(d: Judged) -> float | None:
+    """The longest time above the amplifier's continuous current, s."""
+    limit = _amplified("continuous_current")(d)
+    if d.motor is None or limit is None:
+        return None
+    cycle, worst = d.case.cycle, ends_by_magnitude(d.motor.torque_lower, d.motor.torque_upper)[0]
+    return longest_above(cycle.t, worst, limit, np.ones(len(worst), dtype=bool), cycle.duty)
+
+
+def _overdrive_time(d: Judged) -> float | None:
+    if _overdriven(d) == 0:
+        return np.inf
+    return None if d.candidate.amplifier is None else d.candidate.amplifier.peak_time
+
+
+def _amplifier_lacks(figure: str) -> Callable[[Judged], str]:
+    """What is missing: of the motor's torque, its torque constant, else the amplifier's figure."""
+
+    def text(d: Judged) -> str:
+        known = d.ratings.torque_constant is not None
+        return d.missing or (f"{figure} of the amplifier" if known else "torque constant")
+
+    return text
+
+
+#: Name, need, what is given, unit, formula, figure of the amplifier, a remark.
+_AMPLIFIER: tuple[tuple[Any, ...], ...] = (
+    (
+        "amplifier peak current",
+        "motor torque",
+        _amplified("peak_current"),
+        "torque",
+        "max |T_m| <= torque constant x peak current of the amplifier",
+        "peak_current",
+        _amperes("peak_current"),
+    ),
+    (
+        "amplifier continuous current",
+        "motor RMS torque",
+        _amplified("continuous_current"),
+        "torque",
+        "sqrt(1/T int T_m^2 dt) <= torque constant x continuous current of the amplifier",
+        "continuous_current",
+        _amperes("continuous_current"),
+    ),
+    (
+        "amplifier overload",
+        _overdriven,
+        _overdrive_time,
+        "s",
+        "longest time above the continuous current <= peak_time of the amplifier",
+        "continuous_current and peak_time",
+        "",
+    ),
+)
+
 #: In the order of reports.
 MOTOR_LIMITS = [
     Limit(
@@ -231,5 +315,30 @@ MOTOR_LIMITS = [
         source="maxon, Key information: thermal behaviour (two nodes), copper +0.39 %/K",
         missing=_winding_missing,
         note=_winding_note,
+    ),
+    Limit(
+        "amplifier currents",
+        need=nothing,
+        gives=nothing,
+        unit="A",
+        formula="currents of the motor <= those of its amplifier",
+        source="maker's figures",
+        missing="conditions.amplifiers: which amplifier feeds it",
+        applies=lambda d: d.candidate.amplifier is None,
+    ),
+    *(
+        Limit(
+            name,
+            need,
+            gives,
+            unit,
+            formula,
+            source="maker's figures of the amplifier",
+            missing=_amplifier_lacks(figure),
+            note=note,
+            applies=lambda d: d.candidate.amplifier is not None,
+            endless="never above its continuous current",
+        )
+        for name, need, gives, unit, formula, figure, note in _AMPLIFIER
     ),
 ]

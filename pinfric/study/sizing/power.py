@@ -2,6 +2,12 @@
 
     P(t) = sum over drives of T_m omega + R(T_w) i^2
 
+A supply of voltage U_0 and resistance R_s holds U = U_0 - R_s P/U,
+
+    U = U_0/2 + sqrt(U_0^2/4 - R_s P),
+
+and delivers no more than P = U_0^2/(4 R_s).
+
 Energy fed back in one go lifts the bus from U to at most U_max where its capacitors take it,
 C (U_max^2 - U^2)/2; the rest is a resistor's, or a supply's that feeds back.
 """
@@ -15,11 +21,13 @@ import numpy as np
 from pinfric.dynamics.inverse.result import runs
 from pinfric.model.described import derived, described, quantity
 from pinfric.study.sizing.catalog import Conditions
-from pinfric.study.sizing.criterion import Criterion, compare
+from pinfric.study.sizing.criterion import Criterion, Status, compare
 from pinfric.study.sizing.demand import power_figures
 from pinfric.study.sizing.drivetrain import MotorCycle
 from pinfric.study.sizing.duty import Schedule
 from pinfric.study.summary import rms
+
+_BRAKING = "braking energy"
 
 
 @described
@@ -54,6 +62,12 @@ class BusPower:
         "F",
     )
     criteria: tuple[Criterion, ...] = quantity("of the supply and of the bus")
+    lowest: float | None = quantity(
+        "lowest bus voltage, sagging by the supply's resistance; none: not known, or it collapses",
+        "V",
+        "lowest\nvoltage",
+        default=None,
+    )
 
     @property
     def at_least(self) -> bool:
@@ -67,16 +81,29 @@ class BusPower:
         if not self.known:
             return "not known: no drive has a motor with the needed data"
         if self.resistor is None or self.resistor_power is None:
+            if self.left_out:
+                drives = self.known + len(self.left_out)
+                return (
+                    f"{self.known} of {drives} drives feed nothing back; the others are not known"
+                )
             return "no energy is fed back: neither resistor nor regeneration is needed"
         resistor = (
-            f"a resistor of at most {self.resistor:.3g} ohm, {self.resistor_power:.3g} W "
+            f"a resistor of at most {_with_prefix(self.resistor)}ohm, {self.resistor_power:.3g} W "
             f"on average and {self.braking:.3g} W at most"
         )
         if self.capacitance is None:
             return f"{resistor}, or a supply that feeds back"
-        if self.criteria[1].margin is not None and self.criteria[1].margin >= 0:
+        if any(c.name == _BRAKING and c.status == Status.PASSES for c in self.criteria):
             return "the bus capacitors take it"
-        return f"capacitors of {self.capacitance:.3g} F, or {resistor}, or a supply that feeds back"
+        capacitors = f"capacitors of {_with_prefix(self.capacitance)}F"
+        return f"{capacitors}, or {resistor}, or a supply that feeds back"
+
+
+def _with_prefix(x: float) -> str:
+    """Return a number with three digits and the prefix of its unit: "27.7 k", "450 ", "12.0 m"."""
+    rounded, steps = float(f"{x:.2e}"), ((1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"))
+    factor, prefix = next((step for step in steps if rounded >= step[0]), (1e-6, "u"))
+    return f"{x / factor:.3g} {prefix}"
 
 
 def bus_power(
@@ -84,11 +111,13 @@ def bus_power(
     t: np.ndarray,
     duty: Schedule,
     conditions: Conditions,
+    voltages: Mapping[str, np.ndarray | None],
 ) -> BusPower:
     """Return the power of all drives from their bus.
 
     Args:
         drives: name -> its motor over the period; None where there is none.
+        voltages: name -> what the motor takes, (T,) V; None where its line is not known.
         t: (T,) s, each cycle once. duty: which samples are which cycle of the period.
         conditions: voltages, capacitance, supply.
     """
@@ -101,11 +130,8 @@ def bus_power(
     voltage, period = conditions.bus_voltage, float(stretched[-1] - stretched[0])
     limit = conditions.bus_limit
     room = None if limit is None else (limit**2 - voltage**2) / 2
-    taken = None
-    if room is not None and conditions.bus_capacitance is not None:
-        taken = conditions.bus_capacitance * room
     flows = flow.braking > 0
-    left_out = tuple(name for name in drives if name not in known)
+    held, left_out = held_voltage(power, conditions), tuple(n for n in drives if n not in known)
     mechanical = tuple(name for name, motor in known.items() if not motor.copper)
     return BusPower(
         power=power,
@@ -125,16 +151,68 @@ def bus_power(
         capacitance=burst / room if room and flows else None,
         criteria=(
             _supply(flow.driving, conditions.supply_power, bool(left_out or mechanical)),
-            compare(
-                "braking energy",
-                burst,
-                taken,
-                "J",
-                "energy fed back in one go <= C (U_max^2 - U^2)/2",
-                "Servotronix CDHD2 manual, regeneration: E_bus = C/2 (V_max^2 - V_nom^2)",
-                "conditions.bus_capacitance and bus_limit",
-            ),
+            _braking(burst, room, conditions.bus_capacitance),
+            _sag(held, voltages, bool(left_out or mechanical)),
         ),
+        lowest=None if held is None or np.isnan(held).any() else float(held.min()),
+    )
+
+
+def _braking(burst: float, room: float | None, capacitance: float | None) -> Criterion:
+    """What is fed back in one go (J) against the capacitors; `room`: (U_max^2 - U^2)/2, V^2."""
+    taken = None if room is None or capacitance is None else capacitance * room
+    return compare(
+        _BRAKING,
+        burst,
+        taken,
+        "J",
+        "energy fed back in one go <= C (U_max^2 - U^2)/2",
+        "Servotronix CDHD2 manual, regeneration: E_bus = C/2 (V_max^2 - V_nom^2)",
+        "conditions.bus_capacitance and bus_limit",
+    )
+
+
+def held_voltage(power: np.ndarray, conditions: Conditions) -> np.ndarray | None:
+    """Return the bus voltage (T,) under a power, NaN where it collapses; None: not known.
+
+    U = U_0/2 + sqrt(U_0^2/4 - R_s P); power that is fed back does not lift it here.
+
+    Args:
+        power: (T,) W, from the bus. conditions: U_0 and R_s.
+    """
+    if conditions.supply_resistance is None:
+        return None
+    half, drawn = conditions.bus_voltage / 2, np.maximum(power, 0.0)
+    room = half**2 - conditions.supply_resistance * drawn
+    return half + np.sqrt(np.where(room < 0, np.nan, room))
+
+
+def _sag(
+    held: np.ndarray | None, voltages: Mapping[str, np.ndarray | None], at_least: bool
+) -> Criterion:
+    """What every motor takes against the sagging bus, at the same instant."""
+    needed, has = None, None
+    lines = [taken for taken in voltages.values() if taken is not None]
+    missing = "conditions.supply_resistance"
+    if held is not None and np.isnan(held).any():
+        needed, has = np.inf, 0.0
+    elif held is not None and lines:
+        most = np.max(lines, axis=0)
+        k = int(np.argmax(most / held))
+        needed, has = float(most[k]), float(held[k])
+    if held is not None and (at_least or len(lines) < len(voltages)):
+        missing = "the power and the speed-torque line of all drives"
+        if needed is not None and has is not None and needed <= has:
+            needed = None  # what is known in part can fail, not pass
+    return compare(
+        "bus voltage under load",
+        needed,
+        has,
+        "V",
+        "max over drives |R T_m/k + k omega| <= U, U = U_0/2 + sqrt(U_0^2/4 - R_s P)",
+        "voltage divider of supply and drives",
+        missing,
+        "the supply cannot deliver this power through its resistance" if needed == np.inf else "",
     )
 
 

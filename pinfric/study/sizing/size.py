@@ -11,7 +11,7 @@ and their share in other joints' inertias, are left out (for ratio r: 1/r of it)
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -39,7 +39,14 @@ from pinfric.study.sizing.assess import (
     own_parts,
 )
 from pinfric.study.sizing.brake import Standstill, standstills
-from pinfric.study.sizing.catalog import Catalog, Conditions, load_catalog, parse_conditions
+from pinfric.study.sizing.catalog import (
+    OTHERS,
+    Brake,
+    Catalog,
+    Conditions,
+    load_catalog,
+    parse_conditions,
+)
 from pinfric.study.sizing.caveats import caveats, discontinuities, unclosed
 from pinfric.study.sizing.criterion import Criterion, Status
 from pinfric.study.sizing.demand import (
@@ -53,7 +60,14 @@ from pinfric.study.sizing.demand import (
     joint_demand,
     screw_load,
 )
-from pinfric.study.sizing.drivetrain import Candidate, MotorCycle, candidates, motor_cycle
+from pinfric.study.sizing.drivetrain import (
+    Candidate,
+    MotorCycle,
+    candidates,
+    line_voltage,
+    motor_cycle,
+    with_brake,
+)
 from pinfric.study.sizing.duty import Duty, Schedule, once
 from pinfric.study.sizing.elastic_arm import arm_criteria, check_tool
 from pinfric.study.sizing.inertia import load_inertias
@@ -64,6 +78,8 @@ from pinfric.study.trajectory.trajectory import Trajectory
 
 #: Passes over all joints before an alternating choice is given up; a serial chain needs two.
 _MOST_PASSES = 10
+#: Rounds in which brakes are put in; their masses change little.
+_MOST_ROUNDS = 4
 #: Drives in the model: (index, mass in kg) of each.
 _Load = tuple[tuple[int, float | None], ...]
 #: Joints nearer to the base than this are base axes for the resonance rule.
@@ -207,8 +223,10 @@ class SizingReport(Shown):
     @cached_property
     def standstills(self) -> tuple[Standstill, ...]:
         """Holding of each joint without power, and its brake; in the order of `joints`."""
-        brakes = {} if self.catalog is None else self.catalog.brakes
-        return standstills(self.result, brakes, self.conditions)
+        catalog = self.catalog or Catalog("no catalogue")
+        fitted = [j.installed.candidate.brake if j.installed else "" for j in self.joints]
+        inertias = [catalog.brakes[name].rotor_inertia or 0.0 if name else 0.0 for name in fitted]
+        return standstills(self.result, catalog.brakes, self.conditions, inertias)
 
     @cached_property
     def elastic(self) -> Elasticity | None:
@@ -218,7 +236,10 @@ class SizingReport(Shown):
     @cached_property
     def arm_criteria(self) -> tuple[Criterion, ...]:
         """Criteria of the whole robot: lowest frequency, position of the tool at rest."""
-        return arm_criteria(self.scene, self.elastic, self.conditions)
+        taken = (joint.installed for joint in self.joints)
+        gears = [None if a is None else a.candidate.gear for a in taken]
+        backlash = [None if gear is None else gear.backlash for gear in gears]
+        return arm_criteria(self.scene, self.elastic, self.conditions, backlash)
 
     @cached_property
     def bus(self) -> BusPower:
@@ -226,7 +247,12 @@ class SizingReport(Shown):
         drives = {joint.name: joint.motor for joint in self.joints}
         t = self.result.t
         assert t is not None  # size refuses a motion without times
-        return bus_power(drives, t, self.duty, self.conditions)
+        voltages = {
+            joint.name: line_voltage(joint.installed.candidate.ratings, joint.motor)
+            for joint in self.joints
+            if joint.installed is not None and joint.motor is not None
+        }
+        return bus_power(drives, t, self.duty, self.conditions, voltages)
 
     @property
     def no_fit(self) -> tuple[str, ...]:
@@ -347,11 +373,35 @@ class _Sizing:
         self.conditions, self.progress = conditions, progress
         self.solved: dict[_Load, tuple[InverseResult, np.ndarray]] = {}
         self.judged: dict[tuple[int, _Load, float], JointSizing] = {}
-        self.offered: dict[tuple[str, str | None], tuple[Candidate, ...]] = {}
+        self.offered: dict[tuple[str | None, ...], tuple[Candidate, ...]] = {}
+        self.brakes: dict[int, str] = {}
         self.hold: np.ndarray | None = None
         self.beyond: dict[int, float] = {}
 
     def run(self) -> SizingReport:
+        """Size with the brakes that the drives turn out to need, until these do not change."""
+        report = self._report()
+        there = () if self.catalog is None else self.catalog.brakes
+        for _ in range(_MOST_ROUNDS if any(self._weighs(name) for name in there) else 0):
+            brakes = {
+                i: still.brake
+                for i, still in enumerate(report.standstills)
+                if still.fitted and still.brake is not None and self._weighs(still.brake)
+            }
+            if brakes == self.brakes:
+                break
+            self.brakes = brakes
+            self.judged.clear()
+            report = self._report()
+        return report
+
+    def _weighs(self, name: str) -> bool:
+        """Whether mass or inertia of a brake is known."""
+        assert self.catalog is not None  # brakes are from a catalogue
+        brake: Brake = self.catalog.brakes[name]
+        return bool(brake.mass or brake.rotor_inertia)
+
+    def _report(self) -> SizingReport:
         taken: dict[int, Assessment] = {}
         drives = range(len(self.scene.drives))
         tip_to_base = sorted(drives, key=lambda i: -depth(self.scene, i))
@@ -436,11 +486,16 @@ class _Sizing:
         """The candidates of the catalogue for a joint."""
         if self.catalog is None or driven_joint(self.scene, i) is None:
             return ()
-        key = demand.unit, self.conditions.bearings.get(demand.name)
+        conditions, brake = self.conditions, self.brakes.get(i)
+        own = [given.get(demand.name) for given in (conditions.bearings, conditions.amplifiers)]
+        key = demand.unit, *own, brake
         if key not in self.offered:
             linear = demand.unit == "N"
-            own = own_parts(self.catalog, self.conditions, demand.name, linear)
-            self.offered[key] = tuple(candidates(self.catalog, linear, own))
+            parts = own_parts(self.catalog, conditions, demand.name, linear)
+            offers: Iterable[Candidate] = candidates(self.catalog, linear, parts)
+            if brake is not None:
+                offers = (with_brake(c, brake, self.catalog.brakes[brake]) for c in offers)
+            self.offered[key] = tuple(offers)
         return self.offered[key]
 
     def _judge(self, i: int, result: InverseResult, inertias: np.ndarray) -> JointSizing:
@@ -649,9 +704,9 @@ def _names(taken: Mapping[int, Assessment]) -> dict[int, str]:
 
 def check_names(scene: Scene, conditions: Conditions) -> None:
     """Refuse conditions that name a drive that is not there: `CatalogError`."""
-    for key in ("mass_in_urdf", "collision_effort", "bearings"):
+    for key in ("mass_in_urdf", "collision_effort", "bearings", "amplifiers"):
         for name in getattr(conditions, key):
-            if name not in scene.actuator_names:
+            if name not in scene.actuator_names and (key, name) != ("amplifiers", OTHERS):
                 raise CatalogError(
                     f"conditions.{key}: there is no drive {name!r}; "
                     f"{choose_from(name, scene.actuator_names)}"

@@ -12,7 +12,7 @@ from pinfric.study.elastic.summary import ElasticSummary, elastic_summary
 from pinfric.study.retime.fastest import TimedSet
 from pinfric.study.sizing.assess import Assessment
 from pinfric.study.sizing.brake import Standstill
-from pinfric.study.sizing.criterion import Criterion
+from pinfric.study.sizing.criterion import Criterion, Status
 from pinfric.study.sizing.demand import JointDemand
 from pinfric.study.sizing.drivetrain import MotorFigures
 from pinfric.study.sizing.power import BusPower
@@ -118,6 +118,8 @@ class SizedJoint(JointDemand):
         "the drive in the model; none: no candidates", heading="*"
     )
     fit: str = quantity("number of drives that fit, of all", heading="fit")
+    candidates: int = quantity("number of drives on trial")
+    unjudged: int = quantity("drives that cannot be judged: an indispensable figure is missing")
     choice_without_masses: str | None = quantity(
         "choice if drives had no mass", heading="without the\ndrives' mass"
     )
@@ -131,6 +133,17 @@ class SizedJoint(JointDemand):
     next_smaller: NextSmaller | None = quantity(
         "the lighter drive that misses by the least", heading="*"
     )
+
+
+@described
+class Unchecked:
+    """A criterion that was not checked, and the figure that it lacks."""
+
+    criterion: str = quantity("its name", heading="criterion")
+    joints: tuple[str, ...] = quantity(
+        "joints whose drive it is of; empty: the whole robot", heading="joints"
+    )
+    missing: str = quantity("the figure that is missing", heading="what is missing")
 
 
 @described
@@ -159,6 +172,9 @@ class SizingSummary:
     bus: BusPower = quantity("electrical power of all drives together")
     no_fit: tuple[str, ...] = quantity("joints for which no drive fits")
     unmet: tuple[str, ...] = quantity("conditions that brakes, bus or robot do not meet")
+    unchecked: tuple[Unchecked, ...] = quantity(
+        "criteria of drives, brakes, bus and robot that were not checked, and why"
+    )
     robot_criteria: tuple[Criterion, ...] = quantity("criteria of the whole robot")
     elasticity: ElasticSummary | None = quantity(
         "effects of elastic gears; none: no stiffness known"
@@ -198,11 +214,29 @@ def sizing_summary(
         bus=report.bus,
         no_fit=report.no_fit,
         unmet=report.unmet,
+        unchecked=() if report.catalog is None else unchecked(report),
         robot_criteria=report.arm_criteria,
         elasticity=None if report.elastic is None else elastic_summary(report.elastic),
         fastest=fastest,
         notes=report.notes,
     )
+
+
+def unchecked(report: SizingReport) -> tuple[Unchecked, ...]:
+    """Return every criterion that was not checked, with what it lacks, and the joints."""
+    found: dict[tuple[str, str], list[str]] = {}
+    for joint, still in zip(report.joints, report.standstills, strict=True):
+        if joint.installed is None:
+            because = joint.nothing_because or "no candidate can be judged"
+            found.setdefault(("all of its drive", because), []).append(joint.name)
+            continue
+        for c in (*joint.installed.criteria, *still.criteria):
+            if c.status == Status.NOT_CHECKED:
+                found.setdefault((c.name, c.lacks), []).append(joint.name)
+    for c in (*report.bus.criteria, *report.arm_criteria):
+        if c.status == Status.NOT_CHECKED:
+            found.setdefault((c.name, c.lacks), [])
+    return tuple(Unchecked(name, tuple(of), lacks) for (name, lacks), of in found.items())
 
 
 def sized_joint(joint: JointSizing, still: Standstill) -> SizedJoint:
@@ -215,6 +249,8 @@ def sized_joint(joint: JointSizing, still: Standstill) -> SizedJoint:
         load_inertia=joint.load_inertia,
         choice=_name(joint.choice),
         fit=f"{sum(a.fits for a in joint.assessments)} of {len(joint.assessments)}",
+        candidates=len(joint.assessments),
+        unjudged=sum(bool(a.missing_figures) and not a.failed for a in joint.assessments),
         choice_without_masses=_name(joint.choice_without_masses),
         choice_frictionless=_name(joint.choice_frictionless),
         installed=None if joint.installed is None else _installed(joint, joint.installed, still),

@@ -79,7 +79,7 @@ _OF_UNIT = {
     "h": "nominal_life",
     "s": "thermal_time thermal.winding_time thermal.housing_time",
     "N m/rad": "stiffness",
-    "rad": "hysteresis",
+    "rad": "hysteresis backlash",
     "price": "price",
     "m": "stroke bearing.pitch_diameter bearing.spacing bearing.offset",
     "1": "ratio efficiency back_efficiency bearing.static_safety momentary_peaks",

@@ -220,3 +220,61 @@ def test_a_brake_whose_maker_prints_too_little_energy_is_passed_over():
         energy = found.criteria[2]
         assert energy.status == Status.PASSES
         assert 0 < energy.required < energy.available == 1e3
+
+
+def test_mass_and_inertia_of_brakes_are_in_the_drives(tmp_path):
+    """The outer brake hangs on the inner joint; each turns with its motor, and counts once."""
+    model = arm().model
+    scene = pf.Scene(model=model, stick_velocity=1e-6)
+    t = np.linspace(0.0, 1.0, 51)
+    q = np.outer(0.5 * np.sin(2 * np.pi * t), [1.0, 0.3])
+    motion = pf.Trajectory.from_arrays(scene, t, q)
+    brake = {"source": "invented", "grade": "R", "torque": 50.0, "engage_time": 0.01}
+    strong = dict.fromkeys(
+        ("rated_torque", "average_torque", "repeated_peak_torque", "momentary_peak_torque"), 900.0
+    )
+    reports = []
+    for more in ({}, {"mass": 0.7, "rotor_inertia": 4e-5}):
+        catalog = one_drive(tmp_path, gear=strong, brakes={"B": {**brake, **more}})
+        conditions = {"holding_brake": "required", "inertia_ratio": 1e3}
+        reports.append(pf.size(scene, motion, catalog, conditions=conditions, on_miss="ignore"))
+    bare, braked = reports
+    drive = [report.joints[0].installed.candidate for report in reports]
+    assert drive[1].mass - drive[0].mass == pytest.approx(0.7)
+    assert drive[1].brake == "B"
+    assert drive[1].sources[-1] == "B: invented (R)"
+    for report, more in ((bare, 0.0), (braked, 4e-5)):
+        gear = report.scene.drives[1].transmission
+        assert gear.rotor_inertia == pytest.approx(6e-5 + more)
+    # gravity and inertia of 0.7 kg at the outer joint, without friction
+    one, other = (report.result.effort_frictionless[:, 0] for report in (bare, braked))
+    angle, turning = q[:, 0], motion.a[:, 0]
+    expected = 0.7 * (LENGTH**2 * turning - 9.81 * LENGTH * np.cos(angle))
+    np.testing.assert_allclose(other - one, expected, atol=1e-9)
+    # a stop's energy: rotor, brake once, load
+    for report in reports:
+        more = 0.0 if report is bare else 4e-5
+        criteria = {c.name: c for c in report.standstills[1].criteria}
+        own = 0.01 + MASS * (LENGTH / 2) ** 2
+        inertia, speed = own / 100**2 + 6e-5 + more, 100 * np.abs(motion.v[:, 1])
+        load = np.abs(MASS * G * LENGTH / 2 * np.cos(q.sum(axis=1))) / 100
+        driven = speed + load * 0.01 / inertia
+        energy = inertia / 2 * driven**2 * 50.0 / (50.0 - load)
+        assert criteria["brake stop energy"].required == pytest.approx(energy.max(), rel=1e-6)
+
+
+def test_a_load_below_the_cycles_rounding_is_none():
+    """A vertical axis tilted by 1e-17: nothing to hold, and no figure of 1e-17 N m."""
+    scene = turntable(friction={})
+    model = scene.model.copy()
+    model.jointPlacements[1] = pin.SE3(pin.exp3(np.array([1e-17, 0.0, 0.0])), np.zeros(3))
+    model.inertias[1] = pin.Inertia(1.0, np.array([0.3, 0.0, 0.0]), 2 * np.eye(3))
+    leaning = pf.Scene(model=model, stick_velocity=0.0, actuators=geared_by(100.0))
+    result = pf.inverse_dynamics(leaning, trapezoid(leaning))
+    (found,) = standstills(result, {}, Conditions(holding_brake="required"))
+    assert found.torque.required == 0.0
+    assert found.held
+
+
+def geared_by(ratio):
+    return [{"joint": "table", "transmission": {"ratio": ratio}}]

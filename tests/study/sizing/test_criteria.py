@@ -28,6 +28,7 @@ from sweep_cases import sweep_of
 import pinfric as pf
 from pinfric.errors import CatalogError, SizingError
 from pinfric.model.drives import motor_torque_bounds
+from pinfric.study.retime.limits import read_limits
 from pinfric.study.sizing.catalog import Conditions
 from pinfric.study.sizing.criteria import LIMITS, add_limit, check
 from pinfric.study.sizing.criterion import Status, compare
@@ -481,6 +482,66 @@ def test_a_limit_added_in_one_row_is_in_size_sweep_and_retime(tmp_path, coupling
         add_limit(dataclasses.replace(coupling, name="typo", need="motor torqe"))
     with pytest.raises(SizingError, match="gives 'peak torq': give a function"):
         add_limit(dataclasses.replace(coupling, name="typo", gives="peak torq"))
+
+
+def amplified(tmp_path, current, conditions=None, **figures):
+    amplifier = {"source": "invented", "grade": "R", "current": current, **figures}
+    catalog = one_drive(tmp_path, amplifiers={"A": amplifier})
+    scene = turntable()
+    wanted = {"amplifiers": {"others": "A"}, **(conditions or {})}
+    (joint,) = pf.size(scene, trapezoid(scene), catalog, conditions=wanted).joints
+    return catalog, joint
+
+
+@pytest.mark.parametrize(
+    ("current", "factor"), [("dc", 1.0), ("rms", 1.5**0.5), ("peak", 0.75**0.5)]
+)
+def test_an_amplifier_limits_torque_by_its_currents(tmp_path, current, factor):
+    """k per A DC is sqrt(3/2) k per A RMS and sqrt(3)/2 k per A of the peak of a phase."""
+    k = MOTOR["torque_constant"]
+    figures = {"continuous_current": 1.5, "peak_current": 12.0, "peak_time": 0.3}
+    _, joint = amplified(tmp_path, current, **figures)
+    peak = criterion(joint, "amplifier peak current")
+    assert (peak.required, peak.available) == pytest.approx((MOTOR_UP, k * factor * 12.0), rel=1e-6)
+    assert peak.note == f"12 A {current}"
+    mean = criterion(joint, "amplifier continuous current")
+    torques = np.array([MOTOR_UP, MOTOR_RUN, MOTOR_DOWN, MOTOR_REST])
+    assert mean.required == pytest.approx(np.sqrt(PARTS @ torques**2 / CYCLE), rel=1e-6)
+    assert mean.available == pytest.approx(k * factor * 1.5)
+    # only speeding up takes more than it gives for ever
+    assert MOTOR_UP > k * factor * 1.5 > max(np.abs(torques[1:]))
+    overload = criterion(joint, "amplifier overload")
+    assert (overload.required, overload.available) == pytest.approx((RAMP, 0.3), rel=1e-6)
+
+
+def test_an_amplifier_without_figures_is_not_judged(tmp_path):
+    open_ = criterion(sized(tmp_path), "amplifier currents")
+    assert (open_.status, open_.note) == (
+        Status.NOT_CHECKED,
+        "no figure (conditions.amplifiers: which amplifier feeds it)",
+    )
+    _, joint = amplified(tmp_path, "dc", continuous_current=1.0)
+    notes = {c.name: c.note for c in joint.assessments[0].not_checked}
+    assert notes["amplifier peak current"] == "no figure (peak_current of the amplifier)"
+    assert notes["amplifier overload"].startswith("no figure (continuous_current and peak_time")
+    _, joint = amplified(tmp_path, "dc", continuous_current=30.0)
+    assert criterion(joint, "amplifier overload").note == "never above its continuous current"
+    with pytest.raises(
+        CatalogError, match=r"conditions.amplifiers.others: there is no amplifier 'B'"
+    ):
+        amplified(tmp_path, "dc", {"amplifiers": {"others": "B"}})
+    with pytest.raises(CatalogError, match=r"conditions.amplifiers: there is no drive 'tabel'"):
+        amplified(tmp_path, "dc", {"amplifiers": {"tabel": "A"}})
+
+
+def test_an_amplifier_bounds_a_retimed_motion(tmp_path):
+    amplified(tmp_path, "dc", peak_current=12.0)
+    path = tmp_path / "motors.yaml"
+    drive = "others: {drive: M + G}"
+    fed = "conditions: {amplifiers: {table: A}}"
+    path.write_text(f"pinfric_motors: 1\ncatalog: {tmp_path / 'catalog.yaml'}\n{fed}\n{drive}\n")
+    (found,) = read_limits(turntable(), path)
+    assert found.least("motor torque") == pytest.approx(12.0 * MOTOR["torque_constant"])
 
 
 def test_back_driving_demanded_and_forbidden(tmp_path):

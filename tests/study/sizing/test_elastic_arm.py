@@ -107,6 +107,34 @@ def test_lowest_frequency_and_tool_of_the_chosen_gears(arm, tmp_path):
     assert report.unmet == ()
 
 
+def test_reversal_error_of_a_joint_is_its_wind_up_either_way_and_its_backlash(arm, tmp_path):
+    """No gravity: kinetic friction of 1.5 N m winds each gear up by 1.5/K either way."""
+    gear = {"stiffness": 1e4, "backlash": 2e-4}
+    report = sized(arm, tmp_path, gear=gear, reversal_error=5.1e-4, backlash=1e-4)
+    for name in "ab":
+        found = criterion(report, f"reversal error of {name}")
+        assert found.required == pytest.approx(2 * 1.5 / 1e4 + 2e-4, rel=1e-6)
+        assert (found.status, found.unit) == (Status.PASSES, "rad")
+        row = next(c for c in report.joint(name).nearest.criteria if c.name == "backlash")
+        assert (row.required, row.available, row.status) == (2e-4, 1e-4, Status.FAILS)
+    # the maker's hysteresis counts where it is more than the friction winds up
+    wide = {**gear, "hysteresis": 6e-4}
+    found = criterion(sized(arm, tmp_path, gear=wide, reversal_error=1e-3), "reversal error of a")
+    assert found.required == pytest.approx(6e-4 + 2e-4)
+
+
+def test_a_reversal_error_known_in_part_can_only_fail(arm, tmp_path):
+    unknown = sized(arm, tmp_path, reversal_error=1e-3, backlash=1e-3)
+    found = criterion(unknown, "reversal error of a")
+    assert (found.status, found.note) == (Status.NOT_CHECKED, "no figure (backlash of the gear)")
+    (row,) = (c for c in unknown.joint("a").choice.criteria if c.name == "backlash")
+    assert row.status == Status.NOT_CHECKED
+    failing = criterion(sized(arm, tmp_path, reversal_error=1e-4), "reversal error of a")
+    assert failing.status == Status.FAILS
+    assert failing.required == pytest.approx(3e-4)
+    assert not any(c.name == "backlash" for c in sized(arm, tmp_path).joint("a").choice.criteria)
+
+
 def test_what_is_asked_in_vain_is_an_error(arm, tmp_path):
     report = sized(arm, tmp_path, lowest_frequency=500.0, tool_interval=1e-9)
     assert [line.split(":")[1].strip() for line in report.unmet] == [
