@@ -338,7 +338,7 @@ def catalog(
     """Make a catalogue for `size` from a table of motors, gears or gearmotors."""
     from pinfric.model.brief import counted
     from pinfric.model.files import check_writable
-    from pinfric.study.sizing.catalog import load_catalog
+    from pinfric.study.sizing.catalog_file import load_catalog
     from pinfric.study.sizing.table import import_table, write_catalog
 
     file = out or table.with_suffix(".yaml")
@@ -360,6 +360,43 @@ def _fastest(report: Any, trajectory: Any) -> tuple[Any, Files]:
         sets = fastest_sets(report, Way.from_trajectory(trajectory))
     title = f"{Path(report.given.source).stem} · {Path(trajectory.source).name}"
     return sets, {"fastest.png": fastest_figure(sets, title).savefig}
+
+
+@app.command(short_help="Find the worst stops of a cycle: times, ways, brakes, gears.")
+@takes_logs
+def stop(
+    *,
+    scene_name: SceneName,
+    trajectory_name: TrajectoryName,
+    category: Annotated[
+        int | None, typer.Option(min=0, max=1, help="0 or 1; by default the scene's.")
+    ] = None,
+    out: OutFolder = None,
+    as_json: AsJson = False,
+    log: Any,
+) -> None:
+    """Find the worst stops of a cycle, commanded anywhere along it.
+
+    Stopping time and travel of each axis, the tool's path, sag, energy of brakes and peaks of
+    gears, by payload and speed. --out writes summary.json, report.html and stop.png.
+    """
+    scene, trajectory = load(scene_name, trajectory_name, log, out)
+    from pinfric.show.figure.stop import stop_figure
+    from pinfric.show.report.stop import stop_report
+    from pinfric.show.stop_page.page import stop_page
+    from pinfric.study.stop.study import stop as find_stops
+    from pinfric.study.stop.summary import stop_summary
+
+    with progress("stops") as report:
+        result = find_stops(scene, trajectory, category=category, progress=report)
+    found = stop_summary(result)
+    files: Files = {
+        "report.html": lambda path: path.write_text(stop_page(result), encoding="utf-8"),
+        "stop.png": lambda path: stop_figure(result).savefig(path),
+    }
+    tables = partial(stop_report, scene.source, found)
+    answer("stop", found, tables, as_json, out, files, scene=scene.source)
+    result.check()  # what is not met is the last line, and the exit code (2)
 
 
 @app.command(short_help="Find the fastest motion along a path for given drives.")
@@ -809,6 +846,7 @@ def result_classes() -> dict[str, list[type]]:
     from pinfric.study.motion_summary import MotionSummary
     from pinfric.study.retime.summary import RetimeSummary
     from pinfric.study.sizing.summary import SizingSummary
+    from pinfric.study.stop.summary import StopSummary
     from pinfric.study.sweep.summary import SweepSummary
 
     return {
@@ -816,6 +854,7 @@ def result_classes() -> dict[str, list[type]]:
         "simulate": [MotionSummary],
         "paper": [Examples, LiteralExamples],
         "size": [SizingSummary],
+        "stop": [StopSummary],
         "retime": [RetimeSummary],
         "sweep": [SweepSummary],
         "identify": [IdentifySummary],

@@ -42,6 +42,7 @@ from pinfric.model.schema import (
     LoopTolerance,
     Payload,
     Simulation,
+    Stops,
     guesses_left,
 )
 from pinfric.model.twin import PRISMATIC, Twin, make_twin
@@ -136,6 +137,9 @@ class Scene:
             loops' frames, that are corrected (`alignment`).
         tool: link whose frame is the tool's, for its position error due to elastic gears.
         assumed: which entries are guesses.
+        stops: input of `pinfric stop`.
+        closed_brakes: drive -> torque (N m) of a closed brake at its motor's shaft: dry friction
+            there, in forward dynamics with torques of motors given.
 
     Attributes:
         mobility: degrees of freedom, undriven velocities and redundant drives.
@@ -157,6 +161,8 @@ class Scene:
     loop_tolerance: LoopTolerance = field(default_factory=LoopTolerance)
     tool: str | None = None
     assumed: Assumed | None = None
+    stops: Stops | None = None
+    closed_brakes: Mapping[str, float] = field(default_factory=dict)
     mobility: Mobility = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -191,7 +197,12 @@ class Scene:
             set_(self, "actuators", tuple(drives))
         loops = [parse(Loop, x, self.source, at=("loops", i)) for i, x in enumerate(self.loops)]
         set_(self, "loops", tuple(loops))
-        for name, kind in (("loop_tolerance", LoopTolerance), ("simulation", Simulation)):
+        kinds: dict[str, type[Any]] = {
+            "loop_tolerance": LoopTolerance,
+            "simulation": Simulation,
+            "stops": Stops,
+        }
+        for name, kind in kinds.items():
             if (entry := getattr(self, name)) is not None:
                 set_(self, name, parse(kind, entry, self.source, at=(name,)))
         self._check_bodies()
@@ -200,6 +211,7 @@ class Scene:
         doubts = self._align() if self.loops else {}
         # errors are raised now, not at first use
         _ = self._made_of, self.linkage, self.sites, self.drives, self.twin()
+        self._check_brakes()
         set_(self, "mobility", self._mobility(doubts))
 
     def _mobility(self, doubts: Mapping[str, str]) -> Mobility:
@@ -482,6 +494,18 @@ class Scene:
         if self.linkage is None:
             found.sort(key=lambda drive: drive.velocity_index)
         return tuple(found)
+
+    def _check_brakes(self) -> None:
+        geared = [drive.name for drive in self.drives if drive.transmission is not None]
+        for name, torque in self.closed_brakes.items():
+            where = f"{self.source}: closed_brakes"
+            if name not in geared:
+                raise SceneError(
+                    f"{where}: there is no drive {name!r} with a transmission; "
+                    f"{choose_from(name, geared)}"
+                )
+            if not 0.0 <= torque <= LARGEST:
+                raise SceneError(f"{where}.{name}: {torque!r}; should be a torque (N m), 0 or more")
 
     @property
     def elastic(self) -> tuple[int, ...]:

@@ -64,6 +64,7 @@ def load_scene(path: str | Path) -> Scene:
         redundancy_length=entries.redundancy.length,
         tool=entries.tool,
         assumed=entries.assumed,
+        stops=entries.stops,
     )
 
 

@@ -11,7 +11,7 @@ from pinfric.errors import PinfricWarning, SceneError
 from pinfric.model.drives import gear_drag, gear_line, gear_table, motor_torque_bounds
 from pinfric.model.entry import parse
 from pinfric.model.transmission import Transmission, driven_loss, driving_loss
-from pinfric.study.sizing.catalog import load_catalog
+from pinfric.study.sizing.catalog_file import load_catalog
 from pinfric.study.sizing.drivetrain import gear_transmission
 
 RPM = math.pi / 30.0

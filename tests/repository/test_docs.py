@@ -181,7 +181,8 @@ BUNDLED = {
     "scene": [f for f in (ROOT / "robots").glob("*.yaml") if f.name.count(".") == 1],
     "waypoints": list((ROOT / "robots").glob("*.waypoints.yaml")),
     "sweep": list((ROOT / "robots").glob("*.sweep.yaml")),
-    "catalog": list((ROOT / "pinfric" / "catalog").glob("*.yaml")),
+    "catalog": [f for f in (ROOT / "pinfric" / "catalog").glob("*.yaml") if f.name.count(".") == 1],
+    "table": list((ROOT / "pinfric" / "catalog").glob("*.columns.yaml")),
 }
 
 

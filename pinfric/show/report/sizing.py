@@ -69,7 +69,12 @@ def sizing_report(report: SizingReport, fastest: Sequence[TimedSet] | None = Non
 
 def elastic_lines(report: SizingReport) -> list[str]:
     """Return the lowest frequency with the chosen gears, and the criteria of the whole robot."""
-    asked = [c.why for c in report.arm_criteria if c.status != Status.FAILS]
+    elsewhere = {Status.FAILS} | ({Status.NOT_CHECKED} if report.catalog else set())
+    asked = [c.why for c in report.arm_criteria if c.status not in elsewhere]
+    if report.catalog is None:
+        names = report.scene.actuator_names
+        pairs = zip(names, report.reversals, strict=False)
+        asked += [f"{name}: {c.why}" for name, c in pairs if c.status != Status.FAILS]
     if report.elastic is None:
         return asked
     rigid = [drive.name for drive in report.scene.drives if drive.spring is None]

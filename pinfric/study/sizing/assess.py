@@ -6,13 +6,24 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+
 from pinfric.errors import CatalogError, choose_from
 from pinfric.study.sizing.bearing import BearingRatings
 from pinfric.study.sizing.catalog import OTHERS, Amplifier, Catalog, Conditions
-from pinfric.study.sizing.criteria import check, missing_figures
+from pinfric.study.sizing.criteria import (
+    check,
+    failing,
+    gear_limits,
+    missing_figures,
+    motor_limits,
+)
 from pinfric.study.sizing.criterion import Criterion, Status
 from pinfric.study.sizing.drivetrain import Candidate, MotorFigures, motor_cycle
 from pinfric.study.sizing.limit import Case
+
+#: Of candidates that fit, so many are judged before the heavier ones are left out.
+ENOUGH = 12
 
 
 @dataclass(frozen=True)
@@ -63,22 +74,115 @@ class Assessment:
         return "; ".join([c.why for c in self.failed] or list(self.missing_figures))
 
 
+@dataclass(frozen=True)
+class _Rejected:
+    """Candidates, lightest first, that fail criteria which are quickly checked."""
+
+    candidates: list[Candidate]
+    failed: tuple[Criterion, ...]
+
+    @cached_property
+    def assessment(self) -> Assessment:
+        """Of the lightest, which stands for all of them."""
+        return Assessment(self.candidates[0], self.failed, None)
+
+
 def assess(offers: Sequence[Candidate], case: Case) -> tuple[Assessment, ...]:
-    """Return every candidate with its criteria: those that fit by mass, then margin; the others.
+    """Return judged candidates with their criteria: those that fit by mass, then margin; others.
+
+    Gears that fail whatever the motor are judged first, and motors too slow for a gear or the bus;
+    an assessment has only these criteria then. The others are judged from the lightest on, until
+    `ENOUGH` fit. Where none fits, of what was rejected early that is judged in full which may be
+    the nearest miss.
 
     Args:
         offers: motors and gears. case: the joint.
     """
-    return tuple(sorted((judged(c, case) for c in offers), key=_rank))
+    early, rest = [], []
+    limits = gear_limits()
+    for (gear, _), group in _by_gear(offers).items():
+        failed = failing(limits, group[0], case) if gear is not None else ()
+        if failed:
+            early.append(_Rejected(group, failed))
+        else:
+            rest += group
+    found = _from_the_lightest(rest, case, early)
+    if not any(a.fits for a in found):
+        found += _nearest_of(
+            early, max((a.margin for a in found if a.failed), default=-np.inf), case
+        )
+    there = {a.candidate.name for a in found}
+    found += [e.assessment for e in early if e.assessment.candidate.name not in there]
+    return tuple(sorted(found, key=_rank))
+
+
+def _by_gear(offers: Sequence[Candidate]) -> dict[tuple[str | None, float], list[Candidate]]:
+    """The candidates by gear and ratio, lightest motor first; a gearmotor is alone."""
+    groups: dict[tuple[str | None, float], list[Candidate]] = {}
+    for number, candidate in enumerate(offers):
+        alone = candidate.gear_name is None
+        key = (None, float(number)) if alone else (candidate.gear_name, candidate.ratio)
+        groups.setdefault(key, []).append(candidate)
+    for group in groups.values():
+        group.sort(key=_by_mass)
+    return groups
+
+
+def _by_mass(candidate: Candidate) -> float:
+    return np.inf if candidate.mass is None else candidate.mass
+
+
+def _from_the_lightest(
+    offers: Sequence[Candidate], case: Case, early: list[_Rejected]
+) -> list[Assessment]:
+    """Judge until enough fit; those that their motor's speed or voltage rejects go to `early`."""
+    found: list[Assessment] = []
+    fit, last, limits = 0, np.inf, motor_limits()
+    for candidate in sorted(offers, key=_by_mass):
+        if fit >= ENOUGH and _by_mass(candidate) > last:
+            break
+        failed = failing(limits, candidate, case)
+        if failed:
+            early.append(_Rejected([candidate], failed))
+            continue
+        found.append(judged(candidate, case))
+        if found[-1].fits:
+            fit, last = fit + 1, _by_mass(candidate)
+    return found
+
+
+def _nearest_of(early: Sequence[_Rejected], best: float, case: Case) -> list[Assessment]:
+    """Judge in full what may fall short by less than `best`; no margin is above its early one."""
+    found: list[Assessment] = []
+    for rejected in sorted(early, key=lambda e: -e.assessment.margin):
+        bound = rejected.assessment.margin
+        if bound <= best:
+            break
+        for candidate in rejected.candidates:
+            found.append(judged(candidate, case))
+            if not found[-1].missing_figures:
+                best = max(best, found[-1].margin)
+            if best >= bound:
+                break
+    return found
 
 
 def lightest(offers: Sequence[Candidate], case: Case) -> Assessment | None:
     """Return the first of `assess` if it fits, without a look at what is heavier; else None."""
+    of_gear, of_motor = gear_limits(), motor_limits()
+    groups = _by_gear([c for c in offers if c.mass is not None])
+    rest = [
+        candidate
+        for (gear, _), group in groups.items()
+        if gear is None or not failing(of_gear, group[0], case)
+        for candidate in group
+    ]
     best = None
-    weighed = ((c.mass, c) for c in offers if c.mass is not None)
-    for mass, candidate in sorted(weighed, key=lambda pair: pair[0]):
-        if best is not None and mass > (best.candidate.mass or 0.0):
+    for candidate in sorted(rest, key=_by_mass):
+        if best is not None and _by_mass(candidate) > _by_mass(best.candidate):
             break
+        if failing(of_motor, candidate, case):
+            continue
         found = judged(candidate, case)
         if found.fits and (best is None or _rank(found) < _rank(best)):
             best = found

@@ -37,8 +37,8 @@ _STATICS = (
     "limits of static friction (pinfric.holds) at the worst pose; Harmonic "
     "Drive: do not rely on the back-driving torque to hold a load"
 )
-#: Of the robot's largest effort: what is smaller is rounding, and a joint without load stays.
-_NOTHING = 1e-9
+#: Of the robot's largest effort: what is smaller is rounding of its motion or of its masses.
+_NOTHING = 1e-6
 _HOLDING, _BRAKE, _STOP = "holding without power", "holding brake", "brake stop energy"
 
 

@@ -18,7 +18,7 @@ from pinfric.study.sizing.bearing_limits import BEARING_LIMITS
 from pinfric.study.sizing.criterion import Criterion, Status
 from pinfric.study.sizing.drivetrain import Candidate, MotorCycle
 from pinfric.study.sizing.gear_limits import GEAR_LIMITS
-from pinfric.study.sizing.joint_limits import JOINT_LIMITS
+from pinfric.study.sizing.joint_limits import GEAR_RESONANCE, JOINT_LIMITS
 from pinfric.study.sizing.limit import SETTLES, SIGNALS, Case, Judged, Limit
 from pinfric.study.sizing.motor_limits import MOTOR_LIMITS
 
@@ -36,6 +36,29 @@ def check(candidate: Candidate, motor: MotorCycle | None, case: Case) -> tuple[C
     """
     judged = Judged(candidate, motor, case)
     return tuple(limit.judge(judged) for limit in LIMITS if limit.applies(judged))
+
+
+def gear_limits() -> list[Limit]:
+    """Return the rows that depend on gear and joint alone."""
+    names = {limit.name for limit in (*GEAR_LIMITS, *BEARING_LIMITS, GEAR_RESONANCE)}
+    return [limit for limit in LIMITS if limit.name in names]
+
+
+def motor_limits() -> list[Limit]:
+    """Return the rows of motors that need no look at the cycle's samples."""
+    names = ("bus voltage", "motor voltage", "motor speed")
+    return [limit for limit in LIMITS if limit.name in names]
+
+
+def failing(limits: Sequence[Limit], candidate: Candidate, case: Case) -> tuple[Criterion, ...]:
+    """Return the criteria of these rows that a candidate fails.
+
+    Args:
+        limits: of `gear_limits` or `motor_limits`. candidate: motor and gear. case: its joint.
+    """
+    judged = Judged(candidate, None, case)
+    found = (limit.judge(judged) for limit in limits if limit.exceeded(judged))
+    return tuple(criterion for criterion in found if criterion.status == Status.FAILS)
 
 
 def add_limit(limit: Limit) -> None:

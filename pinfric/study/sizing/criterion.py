@@ -47,7 +47,7 @@ class Criterion:
     @property
     def lacks(self) -> str:
         """The figure that is missing, of a criterion that was not checked; else its note."""
-        return re.sub(r"^no figure \((.*?)\)(?=;|$)", r"\1", self.note)
+        return re.sub(r"^no figure \((.*?)\)(;.*)?$", r"\1", self.note)
 
     @property
     def scaled(self) -> bool:

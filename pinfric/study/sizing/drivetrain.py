@@ -332,6 +332,10 @@ class MotorFigures:
         return 1.0
 
 
+#: A transmission's values, and how they were found.
+_Losses = tuple[dict[str, Any], str]
+
+
 @dataclass(frozen=True)
 class MotorCycle:
     """The rated shaft over the cycle, sample by sample.
@@ -365,12 +369,15 @@ def candidates(
         linear: for a sliding joint: only gears and gearmotors with a linear output.
         parts: the joint's own, by their fields of a candidate, in place of the drive's.
     """
-    for motor_name, motor in catalog.motors.items():
-        for gear_name, gear in catalog.gears.items():
-            if (gear.output == "linear") == linear:
-                for ratio in gear.ratios:
-                    made = motor_with_gear(motor_name, motor, gear_name, gear, ratio)
-                    yield replace(made, **parts) if parts else made
+    ratings = {name: ratings_of(motor) for name, motor in catalog.motors.items()}
+    for gear_name, gear in catalog.gears.items():
+        if (gear.output == "linear") != linear:
+            continue
+        for ratio in gear.ratios:
+            losses = _losses(gear, ratio)
+            for name, motor in catalog.motors.items():
+                made = motor_with_gear(name, motor, gear_name, gear, ratio, ratings[name], losses)
+                yield replace(made, **parts) if parts else made
     for name, gearmotor in catalog.gearmotors.items():
         if (gearmotor.output == "linear") == linear:
             made = _gearmotor(name, gearmotor)
@@ -399,9 +406,20 @@ def with_brake(candidate: Candidate, name: str, brake: Brake) -> Candidate:
 
 
 def motor_with_gear(
-    motor_name: str, motor: Motor, gear_name: str, gear: Gear, ratio: float
+    motor_name: str,
+    motor: Motor,
+    gear_name: str,
+    gear: Gear,
+    ratio: float,
+    ratings: Ratings | None = None,
+    losses: _Losses | None = None,
 ) -> Candidate:
-    """Return one motor behind one gear."""
+    """Return one motor behind one gear.
+
+    Args:
+        motor_name, gear_name: of the entries `motor` and `gear`. ratio: one of the gear's.
+        ratings, losses: the motor's and the gear's, where they are there already.
+    """
     missing = []
     if motor.rotor_inertia is None:
         missing.append("rotor inertia of the motor")
@@ -412,20 +430,20 @@ def motor_with_gear(
     inertia = None
     if motor.rotor_inertia is not None and gear.input_inertia is not None:
         inertia = motor.rotor_inertia + gear.input_inertia
-    transmission, losses = None, "gear's efficiency not known"
-    if gear.efficiency is not None:
-        transmission, losses = gear_transmission(gear, ratio, inertia or 0.0)
+    values, text = losses or _losses(gear, ratio)
+    known = gear.efficiency is not None and not missing
+    transmission = Transmission.model_construct(**values, rotor_inertia=inertia) if known else None
     several = f", i = {ratio:g}" if len(gear.ratios) > 1 else ""
     return Candidate(
         name=f"{motor_name} + {gear_name}{several}",
         motor=motor_name,
         gear_name=gear_name,
         ratio=ratio,
-        ratings=ratings_of(motor),
+        ratings=ratings or ratings_of(motor),
         at_output=False,
         linear=gear.output == "linear",
         gear=gear,
-        transmission=None if missing else transmission,
+        transmission=transmission,
         missing=tuple(missing),
         mass=None if motor.mass is None or gear.mass is None else motor.mass + gear.mass,
         price=None if motor.price is None or gear.price is None else motor.price + gear.price,
@@ -437,7 +455,7 @@ def motor_with_gear(
             for entry in (motor, gear)
             for figure, whose in entry.stand_ins.items()
         ),
-        losses=losses,
+        losses=text,
         sources=(
             f"{motor_name}: {motor.source} ({motor.grade})",
             f"{gear_name}: {gear.source} ({gear.grade})",
@@ -484,14 +502,22 @@ def motor_alone(name: str, ratings: Ratings, **figures: Any) -> Candidate:
 def gear_transmission(gear: Gear, ratio: float, rotor_inertia: float) -> tuple[Transmission, str]:
     """Return a gear's ratio and losses for the dynamics, and how they were found, in words.
 
-    eta_load = t/(t/eta - n_run), n_run = starting torque + viscous x speed (see the module).
-
     Args:
         gear: with an efficiency.
         ratio: one of its ratios.
         rotor_inertia: at its input, the motor's included, kg m^2.
     """
-    assert gear.efficiency is not None
+    values, text = _losses(gear, ratio)  # the figures were validated in the entry
+    return Transmission.model_construct(**values, rotor_inertia=rotor_inertia), text
+
+
+def _losses(gear: Gear, ratio: float) -> _Losses:
+    """All of `gear_transmission` but the inertia; nothing where the efficiency is not known.
+
+    eta_load = t/(t/eta - n_run), n_run = starting torque + viscous x speed (see the module).
+    """
+    if gear.efficiency is None:
+        return {}, "gear's efficiency not known"
     values, eta = gear.no_load(), gear.efficiency
     back: Any = gear.back_efficiency
     if isinstance(eta, MakersEfficiency):
@@ -525,11 +551,10 @@ def gear_transmission(gear: Gear, ratio: float, rotor_inertia: float) -> tuple[T
         "ratio": ratio,
         "efficiency": eta,
         "back_efficiency": back,
-        "rotor_inertia": rotor_inertia,
         "stiffness": gear.stiffness,
         "hysteresis": gear.hysteresis,
     }
-    return Transmission.model_construct(**values), text  # the figures were validated in the entry
+    return values, text
 
 
 def motor_cycle(candidate: Candidate, cycle: DriveCycle, conditions: Conditions) -> MotorCycle:

@@ -84,6 +84,17 @@ def _back_driving(d: Judged) -> Criterion:
 _PRACTICE = "common practice of servo drives"
 
 
+GEAR_RESONANCE = Limit(
+    "gear resonance",
+    need=_least_resonance,
+    gives=_resonance,
+    unit="Hz",
+    formula="f = 1/(2 pi sqrt(sum of max J_load/K_1 over this joint and those beyond))",
+    source="rule of a maker of strain wave gears: 8 Hz base axes, 15 Hz hand axes (retyped)",
+    missing=lambda d: _LOOPS if d.case.load_inertia is None else "stiffness",
+    note=_resonance_note,
+)
+
 #: In the order of reports.
 JOINT_LIMITS = [
     Limit(
@@ -95,16 +106,7 @@ JOINT_LIMITS = [
         source=_PRACTICE + "; the gear's input is on the motor's side of the compliance",
         missing=_no_inertia,
     ),
-    Limit(
-        "gear resonance",
-        need=_least_resonance,
-        gives=_resonance,
-        unit="Hz",
-        formula="f = 1/(2 pi sqrt(sum of max J_load/K_1 over this joint and those beyond))",
-        source="rule of a maker of strain wave gears: 8 Hz base axes, 15 Hz hand axes (retyped)",
-        missing=lambda d: _LOOPS if d.case.load_inertia is None else "stiffness",
-        note=_resonance_note,
-    ),
+    GEAR_RESONANCE,
     Limit(
         "backlash",
         need=lambda d: None if d.candidate.gear is None else d.candidate.gear.backlash,

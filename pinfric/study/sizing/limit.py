@@ -132,7 +132,7 @@ def asked(figure: str) -> Callable[[Judged], float | None]:
 SIGNALS: dict[str, Callable[[Judged], float | None]] = {
     "motor torque": asked("peak"),
     "motor RMS torque": asked("rms"),
-    "motor speed": asked("max_speed"),
+    "motor speed": lambda d: (1.0 if d.candidate.at_output else d.candidate.ratio) * d.demand.speed,
     "voltage": _line_voltage,
     "effort": lambda d: d.demand.peak,
     "input speed": lambda d: d.candidate.ratio * d.demand.speed,
@@ -220,6 +220,13 @@ class Limit:
         """Return the largest need within the limit; infinite if there is none."""
         available = self.available(d)[0] if self.applies(d) else None
         return np.inf if available is None else available / self.reserve(d.conditions)
+
+    def exceeded(self, d: Judged) -> bool:
+        """Return whether the need is known to be above what is given: `judge` says it in words."""
+        if not self.applies(d) or self.verdict is not None:
+            return False
+        required, available = self.required(d), self.available(d)[0]
+        return required is not None and (np.inf if available is None else available) < required
 
     def judge(self, d: Judged) -> Criterion:
         """Return the criterion of a candidate."""

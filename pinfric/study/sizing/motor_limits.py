@@ -79,6 +79,12 @@ def _most_voltage(d: Judged) -> float | None:
     return None if nominal is None else _MOST_OVERVOLTAGE * nominal
 
 
+def _at_its_voltage_only(d: Judged) -> bool:
+    ratings = d.ratings
+    known = ratings.has_line or ratings.max_speed is None
+    return not known and ratings.nominal_voltage is not None
+
+
 def _made_for(d: Judged) -> str:
     nominal = d.ratings.nominal_voltage
     return "" if nominal is None else f"nominal voltage {nominal:g} V"
@@ -281,6 +287,15 @@ MOTOR_LIMITS = [
         source="pinfric: asks about a motor far below the bus voltage",
         missing="nominal voltage",
         note=_made_for,
+    ),
+    Limit(
+        "motor voltage",
+        need=lambda d: d.ratings.nominal_voltage,
+        gives=lambda d: d.conditions.bus_voltage,
+        unit="V",
+        formula="nominal voltage <= bus voltage, where no speed-torque line is known",
+        source="pinfric: what a motor gives at a lower voltage is not known then",
+        applies=_at_its_voltage_only,
     ),
     Limit(
         "speed-torque line",

@@ -18,10 +18,24 @@ from pinfric.errors import CatalogError, PinfricError, choose_from
 from pinfric.model.entry import Entry, Forms, key, parse
 from pinfric.model.files import write_file
 from pinfric.model.yamlfile import brief, read_yaml, yaml_text
-from pinfric.study.sizing.catalog import Gear, GearMotor, Motor, Sourced, Text
+from pinfric.study.sizing.catalog import (
+    BearingEntry,
+    Brake,
+    Gear,
+    GearMotor,
+    Motor,
+    Sourced,
+    Text,
+)
 from pinfric.study.sizing.units import FIGURES, in_si, unit_of
 
-_SECTIONS: dict[str, type[Sourced]] = {"motors": Motor, "gears": Gear, "gearmotors": GearMotor}
+_SECTIONS: dict[str, type[Sourced]] = {
+    "motors": Motor,
+    "gears": Gear,
+    "gearmotors": GearMotor,
+    "bearings": BearingEntry,
+    "brakes": Brake,
+}
 #: What a cell says instead of nothing.
 _NOTHING = ("", "-", "\N{EN DASH}", "\N{EM DASH}", "n/a", "N/A")
 _TEXTS = (
@@ -33,10 +47,12 @@ _TEXTS = (
     "kind",
     "output",
     "bearing.kind",
+    "ratings.kind",
+    "screw.supports",
     "current",
     "resistance_of",
 )
-_NUMBER = re.compile(r"([-+]?\d[\d.,']*(?:[eE][-+]?\d+)?)\s*(.*)")
+_NUMBER = re.compile(r"([-+]?[.,]?\d[\d.,']*(?:[eE][-+]?\d+)?)\s*(.*)")
 
 
 class Cells(Entry):
@@ -49,12 +65,16 @@ class Cells(Entry):
 class TableMapping(Entry):
     """A mapping file: the column of a table for each key of an entry."""
 
-    section: Annotated[Literal["motors", "gears", "gearmotors"], key("kind of the rows", "motors")]
+    section: Annotated[
+        Literal["motors", "gears", "gearmotors", "bearings", "brakes"],
+        key("kind of the rows", "motors"),
+    ]
     columns: Annotated[
         dict[str, Annotated[str | Cells, Forms(Text, Cells)]],
         key(
-            "key of the entry (`thermal.NAME`, `bearing.NAME` for keys of a part): its column, or "
-            "column and unit",
+            "key of the entry (`thermal.NAME`, `bearing.NAME` for keys of a part, "
+            "`stand_ins.NAME` for the product that a value is taken from): its column, or column "
+            "and unit",
             {"name": "Type", "mass": {"column": "Weight", "unit": "g"}},
         ),
     ]
@@ -67,7 +87,7 @@ class TableMapping(Entry):
     def _figures_exist(self) -> TableMapping:
         known = [*FIGURES, *_TEXTS]
         for figure in self.columns:
-            if figure not in known:
+            if figure.removeprefix("stand_ins.") not in known:
                 raise ValueError(f"unknown figure `{figure}`; {choose_from(figure, known)}")
         if "name" not in self.columns:
             raise ValueError("`name`: which column has the names?")
@@ -86,7 +106,7 @@ def import_table(table: str | Path, mapping: str | Path | None = None) -> dict[s
             named: numbers without unit, of the wrong quantity, ratings that contradict each other.
     """
     path = Path(table)
-    where = Path(mapping) if mapping else path.with_name(f"{path.stem}.columns.yaml")
+    where = Path(mapping) if mapping else mapping_of(path)
     if path.is_file() and not where.is_file():
         raise CatalogError(
             f"there is no file {where}: it says which column of {path.name} is which figure, and "
@@ -116,6 +136,11 @@ def import_table(table: str | Path, mapping: str | Path | None = None) -> dict[s
     if not entries:
         raise CatalogError(f"{path}: no rows below the names of its columns")
     return {"pinfric_catalog": 1, wanted.section: entries}
+
+
+def mapping_of(table: Path) -> Path:
+    """Return where a table's mapping file lies if none is named."""
+    return table.with_name(f"{table.stem}.columns.yaml")
 
 
 def write_catalog(content: dict[str, Any], path: str | Path, origin: str = "") -> Path:

@@ -22,6 +22,7 @@ UNITS = {
     "rad/s": ("rad/s", 1.0),
     "rpm": ("rad/s", math.pi / 30),
     "1/min": ("rad/s", math.pi / 30),
+    "deg": ("rad", math.pi / 180),
     "deg/s": ("rad/s", math.pi / 180),
     "m/s": ("m/s", 1.0),
     "mm/s": ("m/s", 1e-3),
@@ -42,6 +43,9 @@ UNITS = {
     "mN m/A": ("N m/A", 1e-3),
     "K/W": ("K/W", 1.0),
     "C": ("C", 1.0),
+    "W": ("W", 1.0),
+    "J": ("J", 1.0),
+    "kJ": ("J", 1e3),
     "s": ("s", 1.0),
     "ms": ("s", 1e-3),
     "min": ("s", 60.0),
@@ -64,27 +68,33 @@ UNITS = {
 _OF_UNIT = {
     "N m": "continuous_torque continuous_stall_torque peak_torque stall_torque rated_torque "
     "average_torque repeated_peak_torque momentary_peak_torque no_load_running_torque "
-    "starting_torque back_driving_torque bearing.max_moment bearing.static_moment "
-    "bearing.static_roll",
-    "N": "bearing.max_radial bearing.max_axial bearing.dynamic_rating bearing.static_rating",
+    "starting_torque back_driving_torque torque bearing.max_moment bearing.static_moment "
+    "bearing.static_roll ratings.max_moment ratings.static_moment ratings.static_roll stiffness.t1 "
+    "stiffness.t2",
+    "N": "bearing.max_radial bearing.max_axial bearing.dynamic_rating bearing.static_rating "
+    "ratings.max_radial ratings.max_axial ratings.dynamic_rating ratings.static_rating",
     "rad/s": "max_speed no_load_speed rated_speed average_input_speed max_input_speed",
     "kg m^2": "rotor_inertia input_inertia",
     "kg": "mass",
-    "V": "nominal_voltage",
+    "V": "nominal_voltage voltage",
+    "W": "power",
+    "J": "stop_energy",
     "ohm": "resistance",
     "A": "continuous_current",
     "N m/A": "torque_constant",
     "C": "thermal.max_winding rated_ambient",
     "K/W": "thermal.winding_housing thermal.housing_ambient",
     "h": "nominal_life",
-    "s": "thermal_time thermal.winding_time thermal.housing_time",
-    "N m/rad": "stiffness",
+    "s": "thermal_time thermal.winding_time thermal.housing_time release_time engage_time",
+    "N m/rad": "stiffness stiffness.k1 stiffness.k2 stiffness.k3",
     "rad": "hysteresis backlash",
     "price": "price",
-    "m": "stroke bearing.pitch_diameter bearing.spacing bearing.offset",
-    "1": "ratio efficiency back_efficiency bearing.static_safety momentary_peaks",
+    "m": "stroke bearing.pitch_diameter bearing.spacing bearing.offset ratings.pitch_diameter "
+    "ratings.spacing ratings.offset screw.root_diameter screw.length screw.ball_circle",
+    "1": "ratio efficiency back_efficiency bearing.static_safety ratings.static_safety "
+    "momentary_peaks mu radial axial moment",
 }
-#: Figure -> its unit; `thermal.` and `bearing.` lead into these parts of an entry.
+#: Figure -> its unit; what is before a point is a part of an entry.
 FIGURES = {figure: unit for unit, figures in _OF_UNIT.items() for figure in figures.split()}
 #: The same of what slides: the output of linear gears, all of linear motors.
 _LINEAR = {

@@ -19,7 +19,8 @@ from pinfric.model.drives import Drive
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Transmission
 from pinfric.study.sizing.assess import Assessment, own_parts
-from pinfric.study.sizing.catalog import Catalog, Conditions, load_catalog
+from pinfric.study.sizing.catalog import Catalog, Conditions
+from pinfric.study.sizing.catalog_file import load_catalog
 from pinfric.study.sizing.criteria import LIMITS, check
 from pinfric.study.sizing.criterion import Status
 from pinfric.study.sizing.drivetrain import (

@@ -21,7 +21,7 @@ from pinfric.show.report.sizing import passes, sizing_report
 from pinfric.show.sizing_page.figures import torque_speed
 from pinfric.show.sizing_page.page import _formula, _percent, sizing_page
 from pinfric.study.sizing.assess import pareto_front
-from pinfric.study.sizing.catalog import load_catalog
+from pinfric.study.sizing.catalog_file import load_catalog
 from pinfric.study.sizing.summary import sizing_summary
 
 BROWSER = next(

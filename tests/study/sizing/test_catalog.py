@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import warnings
+from pathlib import Path
 
 import pytest
 import yaml
@@ -11,6 +13,7 @@ from sizing_cases import GEAR, MOTOR, one_drive, write_catalog
 import pinfric as pf
 from pinfric.errors import CatalogError
 from pinfric.study.sizing.catalog import Conditions, parse_conditions
+from pinfric.study.sizing.drivetrain import gear_transmission
 
 
 def test_bundled_catalogue_has_the_figures_of_its_sources_and_no_doubts():
@@ -31,26 +34,130 @@ def test_bundled_catalogue_has_the_figures_of_its_sources_and_no_doubts():
     assert (thermal.winding_time, thermal.housing_time, thermal.max_winding) == (52.6, 281, 125)
 
 
-def test_every_bundled_entry_has_a_source_and_a_grade_and_missing_figures_stay_missing():
+SECTIONS = ("motors", "gears", "gearmotors", "bearings", "brakes")
+BUNDLED = [(section, name) for section in SECTIONS for name in getattr(pf.load_catalog(), section)]
+#: What finds a figure again: a page, a number of a document or part, a table, a dated page.
+PLACE = re.compile(
+    r"\bpp?\. ?\d|\bpages? |\d{6}|[A-Z]{2}-SG|R9114|\btables?\b|\btype [A-Z]|July 2020|"
+    r"product page|specification sheet|selection guide|catalogue|data sheet|manual|"
+    r"motor review|actuator software|coefficients|material data|document|MR-JE|identified on|"
+    r"data at 20 C|data of order"
+)
+
+
+@pytest.mark.parametrize(("section", "name"), BUNDLED)
+def test_every_figure_has_maker_and_document_and_a_grade(section, name):
+    entry = getattr(pf.load_catalog(), section)[name]
+    assert entry.grade in ("R", "T")
+    maker = name.split()[0]
+    if maker not in ("Slewing", "ZeroErr", "PTFE/bronze"):  # a formula; identified; all makers
+        words = {"PBSA": "PBSA", "Siemens": "Siemens", "Allen-Bradley": "Rockwell"}
+        assert words.get(maker, maker) in entry.source
+    if maker not in ("Slewing", "PTFE/bronze", "PBC"):
+        assert PLACE.search(entry.source), entry.source
+    if entry.grade == "T":  # who retyped it
+        assert re.search("retyp|second|third|distributor|public|identified|pasted", entry.source)
+    for figure, product in entry.stand_ins.items():
+        assert getattr(entry, figure) is not None
+        assert product.split()[0] in ("Harmonic", "Schaeffler", "ZeroErr", "maxon", "ball")
+
+
+def test_the_bundled_catalogue_is_wide():
     catalog = pf.load_catalog()
-    assert len(catalog.brakes) == 18
-    assert {brake.voltage for brake in catalog.brakes.values()} == {24.0}
-    assert catalog.brakes["Mitsubishi HC-MF 23, 43"].stop_energy == 22.0
-    for section in (
-        catalog.motors,
-        catalog.gears,
-        catalog.gearmotors,
-        catalog.bearings,
-        catalog.brakes,
-    ):
-        for entry in section.values():
-            assert len(entry.source) > 5
-            assert entry.grade in ("R", "T")
-    assert catalog.motors["maxon EC-i 40 488607"].peak_torque is None
+    assert [len(getattr(catalog, section)) for section in SECTIONS] == [98, 204, 33, 53, 84]
+    power = [
+        m.continuous_torque * m.rated_speed
+        for m in catalog.motors.values()
+        if m.continuous_torque and m.rated_speed
+    ]
+    assert min(power) < 50
+    assert max(power) > 4900
+    assert {24.0, 48.0, 283.0} <= {m.nominal_voltage for m in catalog.motors.values()}
+    kinds = [gear.kind for gear in catalog.gears.values()]
+    for kind in ("strain wave", "planetary", "cycloidal", "ball screw", "lead screw", "belt"):
+        assert kinds.count(kind) >= 3
+    stiff = [g for g in catalog.gears.values() if g.stiffness is not None]
+    assert len(stiff) > 90
+    assert sum(g.backlash is not None for g in catalog.gears.values()) > 80
+    assert sum(g.momentary_peak_torque is not None for g in catalog.gears.values()) > 100
+    assert sum(g.bearing is not None for g in catalog.gears.values()) > 80
+    assert sum(b.stop_energy is not None for b in catalog.brakes.values()) > 35
+    assert (
+        catalog.motors["maxon EC-i 40 488607"].peak_torque is None
+    )  # what is not printed stays out
     assert catalog.gears["Schaeffler RT1-H-CS 25 i=100"].mass is None
-    # whatever stands in for another product's figure says whose it is
+
+
+def test_maxons_figures_agree_with_each_other():
+    """A digit that is mistyped shows: stall torque = k U/R, M = k I less friction, k n0 = U."""
+    motors = {n: m for n, m in pf.load_catalog().motors.items() if " W " in n}
+    assert len(motors) == 29
+    for name, m in motors.items():
+        stall = m.torque_constant * m.nominal_voltage / m.resistance
+        assert m.stall_torque == pytest.approx(stall, rel=0.02), name
+        assert 0.9 < m.torque_constant * m.no_load_speed / m.nominal_voltage < 1.01, name
+        assert 0.8 < m.continuous_torque / (m.torque_constant * m.continuous_current) < 1.2, name
+        assert m.rated_speed < m.no_load_speed < m.max_speed, name
+
+
+def test_yaskawas_figures_agree_with_each_other():
+    """Rated power = torque x speed; the torque constant is per A RMS of the rated current."""
+    motors = {n: m for n, m in pf.load_catalog().motors.items() if n.startswith("Yaskawa")}
+    watts = {"A5": 50, "C2": 150}
+    for name, m in motors.items():
+        code = name.split("-")[1].removesuffix("A")
+        power = watts.get(code, 100 * int(code) if code.isdigit() else None)
+        if power in (800, 500, 900):  # 750, 450 and 850 W
+            power -= 50
+        if name.endswith("20A") and "7G" in name:
+            power = 1800
+        assert m.continuous_torque * m.rated_speed == pytest.approx(power, rel=0.03), name
+        amperes = m.torque_constant * m.continuous_current
+        assert m.continuous_torque == pytest.approx(amperes, rel=0.15), name
+
+
+def test_harmonic_drives_figures_agree_with_each_other():
+    """Ratings grow with size and ratio, and so does the momentary peak."""
+    gears = {n: g for n, g in pf.load_catalog().gears.items() if "CSG" in n}
+    by_size = {}
+    for name, g in gears.items():
+        _, size, ratio = name.rsplit("-", 2)
+        assert g.ratio == float(ratio)
+        by_size.setdefault(int(size), []).append(g)
+        assert g.rated_torque <= g.average_torque <= g.repeated_peak_torque
+        assert 1.4 < g.momentary_peak_torque / g.repeated_peak_torque < 2.3
+    for group in by_size.values():
+        peaks = [g.repeated_peak_torque for g in group]
+        assert peaks == sorted(peaks)
+        assert len({(g.mass, g.input_inertia, g.max_input_speed) for g in group}) == 1
+    for figure in ("rated_torque", "mass", "input_inertia"):
+        found = [getattr(gears[f"Harmonic Drive CSG-{s}-100"], figure) for s in sorted(by_size)]
+        assert found == sorted(found)
+    assert gears["Harmonic Drive CSG-17-100"].momentary_peak_torque == 109  # SHG-17 has 143
     for name in ("efficiency", "starting_torque"):
-        assert "Schaeffler" in catalog.gears["Harmonic Drive CSG-25-100"].stand_ins[name]
+        assert "Schaeffler" in gears["Harmonic Drive CSG-25-100"].stand_ins[name]
+    assert gears["Harmonic Drive CSG-25-50"].efficiency is None
+
+
+@pytest.mark.parametrize(("ratio", "eta", "idle"), [(22, 0.94, 2.7), (110, 0.92, 1.1)])
+def test_a_planetary_gears_idle_torque_counts_once(ratio, eta, idle):
+    """Torque at the input for the nominal torque: that of the printed efficiency, and the idle."""
+    gear = pf.load_catalog().gears[f"Beckhoff TP050 MA i={ratio}"]
+    made, _ = gear_transmission(gear, float(ratio), 0.0)
+    assert made.efficiency == pytest.approx(eta, rel=1e-3)
+    assert made.no_load_torque.kinetic == idle
+    nominal = gear.rated_torque / ratio
+    assert nominal / gear.efficiency == pytest.approx(nominal / eta + idle, rel=1e-3)
+
+
+def test_brakes_have_the_torques_of_their_own_rows():
+    """A row too far would be a brake of the next size."""
+    brakes = pf.load_catalog().brakes
+    yaskawa = {"05": 4.5, "09": 12.7, "13, 20": 19.6, "30, 44": 43.1, "55, 75": 72.6}
+    for model, torque in yaskawa.items():
+        assert brakes[f"Yaskawa SGMGV-{model}"].torque == torque
+    assert brakes["Mitsubishi HC-MF 23, 43"].stop_energy == 22.0
+    assert brakes["Siemens 1FK2-05"].torque == 5  # dynamic; 8 N m static
 
 
 def test_bearing_gives_a_scene_its_levers():
@@ -252,8 +359,11 @@ def test_a_catalogue_that_extends_the_bundled_one(tmp_path):
 
 
 def test_catalogues_are_part_of_the_package():
-    folder = __import__("pathlib").Path(pf.__file__).parent / "catalog"
-    names = {path.name for path in folder.glob("*.yaml")}
-    assert {"motors.yaml", "gears.yaml", "bearings.yaml"} <= names
+    folder = Path(pf.__file__).parent / "catalog"
+    names = {path.name for path in folder.iterdir()}
+    assert {"motors.yaml", "gears.yaml", "bearings.yaml", "brakes.csv"} <= names
+    for path in folder.glob("*.csv"):
+        assert f"{path.stem}.columns.yaml" in names
     for path in folder.glob("*.yaml"):
-        assert yaml.safe_load(path.read_text())["pinfric_catalog"] == 1
+        if path.name.count(".") == 1:
+            assert yaml.safe_load(path.read_text())["pinfric_catalog"] == 1

@@ -18,7 +18,8 @@ from pinfric.errors import CatalogError
 from pinfric.model.entry import Entry
 from pinfric.show.report.bill import bill_of_materials
 from pinfric.study.sizing.bearing import BearingRatings, Factors
-from pinfric.study.sizing.catalog import Gear, GearMotor, Motor, Thermal, load_catalog
+from pinfric.study.sizing.catalog import Brake, Gear, GearMotor, Motor, Thermal
+from pinfric.study.sizing.catalog_file import load_catalog
 from pinfric.study.sizing.table import import_table
 from pinfric.study.sizing.table import write_catalog as write_content
 from pinfric.study.sizing.units import FIGURES, UNITS, in_si, unit_of
@@ -123,6 +124,34 @@ every: {source: a maker, grade: T, output: linear, kind: ball screw, bearing: {k
     assert (screw.bearing.dynamic_rating, screw.efficiency) == pytest.approx((7300, 0.9))
 
 
+def test_brakes_and_bearings_and_what_is_taken_from_elsewhere(tmp_path):
+    mapping = """
+section: brakes
+columns:
+  name: Type
+  torque: {column: M, unit: N m}
+  engage_time: {column: t, unit: ms}
+  stop_energy: {column: W, unit: kJ}
+  rotor_inertia: {column: J, unit: kg cm^2}
+  stand_ins.rotor_inertia: J of
+every: {source: "a maker, p. 3", grade: R}
+"""
+    path = table(tmp_path, "B,.5,25,1.2,0.08,the size above\n", "Type,M,t,W,J,J of\n", mapping)
+    write_content(import_table(path), tmp_path / "b.yaml")
+    (brake,) = load_catalog(tmp_path / "b.yaml").brakes.values()
+    assert (brake.torque, brake.engage_time, brake.stop_energy) == (0.5, 0.025, 1200)
+    assert (brake.rotor_inertia, brake.stand_ins) == (8e-6, {"rotor_inertia": "the size above"})
+    mapping = """
+section: bearings
+columns: {name: Type, ratings.dynamic_rating: {column: C, unit: kN}}
+every: {source: "a maker, p. 3", grade: R, ratings: {kind: crossed roller}}
+"""
+    path = table(tmp_path, "RB,7.35\n", "Type,C\n", mapping)
+    write_content(import_table(path), tmp_path / "r.yaml")
+    (bearing,) = load_catalog(tmp_path / "r.yaml").bearings.values()
+    assert bearing.ratings.dynamic_rating == 7350
+
+
 def test_all_rows_that_cannot_be_are_named_in_one_error(tmp_path):
     rows = (
         "good,224,900,44,6000,390,,,,,\n"
@@ -187,6 +216,8 @@ def test_every_number_of_an_entry_has_a_unit_by_which_it_can_be_imported():
         (GearMotor, ""),
         (Thermal, "thermal."),
         (BearingRatings, "bearing."),
+        (BearingRatings, "ratings."),
+        (Brake, ""),
     )
     for model, prefix in parts:
         for name, field in model.model_fields.items():

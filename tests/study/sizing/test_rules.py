@@ -8,7 +8,8 @@ import pytest
 from sizing_cases import write_catalog
 
 import pinfric as pf
-from pinfric.study.sizing.catalog import Screw, load_catalog
+from pinfric.study.sizing.catalog import Screw
+from pinfric.study.sizing.catalog_file import load_catalog
 from pinfric.study.sizing.criterion import Status
 from pinfric.study.sizing.rules import buckling_load, critical_speed, dn_speed
 
