@@ -57,6 +57,8 @@ _PUBLIC = {
     "RetimeResult": "pinfric.study.retime.retime",
     "Path": "pinfric.study.retime.path",
     "RetimeError": "pinfric.errors",
+    "stop": "pinfric.study.stop.study",
+    "StopResult": "pinfric.study.stop.study",
     "sweep": "pinfric.study.sweep.run",
     "SweepResult": "pinfric.study.sweep.result",
     "replay": "pinfric.show.replay.replay",
@@ -106,6 +108,8 @@ if TYPE_CHECKING:  # the same names for type checkers, which do not run __getatt
     from pinfric.study.sizing.duty import Duty as Duty
     from pinfric.study.sizing.size import SizingReport as SizingReport
     from pinfric.study.sizing.size import size as size
+    from pinfric.study.stop.study import StopResult as StopResult
+    from pinfric.study.stop.study import stop as stop
     from pinfric.study.sweep.result import SweepResult as SweepResult
     from pinfric.study.sweep.run import sweep as sweep
     from pinfric.study.trajectory.log.arrays import Log as Log

@@ -8,6 +8,7 @@ inside functions: `pinfric --help` needs neither NumPy nor Pinocchio.
 from __future__ import annotations
 
 import os
+import shlex
 import sys
 import time
 import warnings
@@ -25,7 +26,6 @@ from pinfric.terminal import (
     facts,
     load,
     load_motion_of,
-    notice,
     noticed,
     pairs,
     print_line,
@@ -69,7 +69,7 @@ TrajectoryName = Annotated[
     str, typer.Argument(metavar="TRAJECTORY", help="Log, CSV or way-points; file or bundled.")
 ]
 OutFolder = Annotated[
-    Path | None, typer.Option("--out", metavar="DIR", help="Write the results there, too.")
+    Path | None, typer.Option("--out", metavar="DIR", help="Also write the results to this folder.")
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
 EffortAt = Annotated[
@@ -87,10 +87,15 @@ Cycles = Annotated[
     list[str] | None,
     typer.Option(metavar="FILE:SHARE", help="A cycle and its share of the time, or its count."),
 ]
-On = Annotated[float, typer.Option(metavar="PART", help="Share of the time switched on (S3).")]
-Period = Annotated[float, typer.Option(metavar="SECONDS", help="Period of shares and of --on.")]
+On = Annotated[
+    float, typer.Option(metavar="PART", help="Share of the period switched on (S3 duty).")
+]
+Period = Annotated[
+    float,
+    typer.Option(metavar="SECONDS", help="Period of shares and of --on; 600 s by IEC 60034-1."),
+]
 Motors = Annotated[
-    str | None, typer.Option(metavar="FILE", help="Limits of the drives, or default:NAME.")
+    str | None, typer.Option(metavar="FILE", help="Limits of the drives (YAML), or default:NAME.")
 ]
 Threads = Annotated[
     int | None, typer.Option(min=1, metavar="N", help="Threads; by default chosen automatically.")
@@ -256,7 +261,9 @@ def size(
     period: Period = 600.0,
     catalog: Annotated[
         str | None,
-        typer.Option("--catalog", metavar="FILE", help="Catalogue file, or `default` (bundled)."),
+        typer.Option(
+            "--catalog", metavar="FILE", help="Catalogue file, or `default` (the bundled one)."
+        ),
     ] = None,
     fastest: Annotated[
         bool, typer.Option("--fastest", help="Also show cycle time against mass of the drives.")
@@ -294,12 +301,25 @@ def size(
         read.append(report.catalog.source)
     sets, files = _fastest(report, trajectory) if fastest else (None, {})
     found = sizing_summary(report, sets)
-    files["report.html"] = lambda path: path.write_text(sizing_page(report), encoding="utf-8")
+    cycles_given = [trajectory_name] if trajectory_name else [f"--cycle={x}" for x in cycle or ()]
+    command = _command_of_size(scene_name, [str(x) for x in cycles_given], on, period, catalog)
+    files["report.html"] = lambda path: path.write_text(
+        sizing_page(report, command), encoding="utf-8"
+    )
     if bill := bill_of_materials(report):
         files["bom.csv"] = lambda path: path.write_text(bill, encoding="utf-8")
     show_it, name = partial(sizing_report, report, sets), "sizing.json"
     answer("size", found, show_it, as_json, out, files, name=name, scene=report.given.source)
     report.check()  # what does not fit is the last line, and the exit code (2)
+
+
+def _command_of_size(
+    scene: str, cycles: list[str], on: float, period: float, catalog: str | None
+) -> str:
+    """The command as its page shows it."""
+    duty = [f"--on={on:g}", f"--period={period:g}"] if on != 1.0 else []
+    chosen = [f"--catalog={catalog}"] if catalog else []
+    return shlex.join(["pinfric", "size", scene, *cycles, *duty, *chosen])
 
 
 @app.command(short_help="Make a catalogue for `size` from a table of parts.")
@@ -340,6 +360,43 @@ def _fastest(report: Any, trajectory: Any) -> tuple[Any, Files]:
         sets = fastest_sets(report, Way.from_trajectory(trajectory))
     title = f"{Path(report.given.source).stem} · {Path(trajectory.source).name}"
     return sets, {"fastest.png": fastest_figure(sets, title).savefig}
+
+
+@app.command(short_help="Find the worst stops of a cycle: times, ways, brakes, gears.")
+@takes_logs
+def stop(
+    *,
+    scene_name: SceneName,
+    trajectory_name: TrajectoryName,
+    category: Annotated[
+        int | None, typer.Option(min=0, max=1, help="0 or 1; by default the scene's.")
+    ] = None,
+    out: OutFolder = None,
+    as_json: AsJson = False,
+    log: Any,
+) -> None:
+    """Find the worst stops of a cycle, commanded anywhere along it.
+
+    Stopping time and travel of each axis, the tool's path, sag, energy of brakes and peaks of
+    gears, by payload and speed. --out writes summary.json, report.html and stop.png.
+    """
+    scene, trajectory = load(scene_name, trajectory_name, log, out)
+    from pinfric.show.figure.stop import stop_figure
+    from pinfric.show.report.stop import stop_report
+    from pinfric.show.stop_page.page import stop_page
+    from pinfric.study.stop.study import stop as find_stops
+    from pinfric.study.stop.summary import stop_summary
+
+    with progress("stops") as report:
+        result = find_stops(scene, trajectory, category=category, progress=report)
+    found = stop_summary(result)
+    files: Files = {
+        "report.html": lambda path: path.write_text(stop_page(result), encoding="utf-8"),
+        "stop.png": lambda path: stop_figure(result).savefig(path),
+    }
+    tables = partial(stop_report, scene.source, found)
+    answer("stop", found, tables, as_json, out, files, scene=scene.source)
+    result.check()  # what is not met is the last line, and the exit code (2)
 
 
 @app.command(short_help="Find the fastest motion along a path for given drives.")
@@ -401,11 +458,13 @@ def sweep(
     ],
     processes: Annotated[
         int | None,
-        typer.Option(min=1, metavar="N", help="On this machine; by default chosen automatically."),
+        typer.Option(
+            min=1, metavar="N", help="Number of processes; by default chosen automatically."
+        ),
     ] = None,
     scheduler: Annotated[
         str | None,
-        typer.Option(metavar="ADDRESS", help="Of a Dask cluster that computes instead."),
+        typer.Option(metavar="ADDRESS", help="Address of a Dask cluster that computes instead."),
     ] = None,
     out: OutFolder = None,
     as_json: AsJson = False,
@@ -462,10 +521,11 @@ def identify(
     ] = "consistent",
     payload: Annotated[
         list[str] | None,
-        typer.Option(metavar="LOG=NAME", help="The scene's payload that a log carries."),
+        typer.Option(metavar="LOG=NAME", help="A payload of the scene that this log carries."),
     ] = None,
     held_out: Annotated[
-        list[str] | None, typer.Option(metavar="LOG", help="A log to predict only, not to fit.")
+        list[str] | None,
+        typer.Option(metavar="LOG", help="A log that is predicted only, not fitted."),
     ] = None,
     out: OutFolder = None,
     as_json: AsJson = False,
@@ -542,7 +602,7 @@ def replay(
     scene = load_scene(scene_name)
     html = _page(html, scene.source)
     with working("computing the motion"):
-        motion, judged = motion_to_replay(scene, motion_name, notice, log, effort_at)
+        motion, judged = motion_to_replay(scene, motion_name, log, effort_at)
     title = Path(scene.source).stem + (f" · {Path(motion_name).name}" if motion_name else "")
     with working(f"writing {html}"):
         shown = make_replay(scene, motion, html=html, title=title, log=judged, limits=motors)
@@ -730,7 +790,9 @@ def export(
     ] = None,
     frame: Annotated[
         list[str] | None,
-        typer.Option("--frame", metavar="LINK", help="cpp: for payloads and wrenches at run time."),
+        typer.Option(
+            "--frame", metavar="LINK", help="cpp: a link for payloads and wrenches at run time."
+        ),
     ] = None,
     as_json: AsJson = False,
     log: Any,
@@ -784,6 +846,7 @@ def result_classes() -> dict[str, list[type]]:
     from pinfric.study.motion_summary import MotionSummary
     from pinfric.study.retime.summary import RetimeSummary
     from pinfric.study.sizing.summary import SizingSummary
+    from pinfric.study.stop.summary import StopSummary
     from pinfric.study.sweep.summary import SweepSummary
 
     return {
@@ -791,6 +854,7 @@ def result_classes() -> dict[str, list[type]]:
         "simulate": [MotionSummary],
         "paper": [Examples, LiteralExamples],
         "size": [SizingSummary],
+        "stop": [StopSummary],
         "retime": [RetimeSummary],
         "sweep": [SweepSummary],
         "identify": [IdentifySummary],

@@ -43,6 +43,10 @@ class StateError(PinfricError):
     """Arrays of states or efforts have a wrong shape or impossible values."""
 
 
+class StopError(PinfricError):
+    """A stop cannot be computed, or does not end."""
+
+
 class RollMomentError(PinfricError):
     """A guide without a width is loaded by a moment about its axis, which it cannot carry."""
 
@@ -99,14 +103,20 @@ class UndrivenMotionError(StateError):
         joint: the undriven joint.
         sample: the sample with the largest effort.
         effort: needed there in addition to the largest friction (N m or N).
+        others: further undriven joints that need one.
     """
 
-    def __init__(self, joint: str, sample: int, effort: float, counts: str) -> None:
-        self.joint, self.sample, self.effort = joint, sample, effort
+    def __init__(
+        self, joint: str, sample: int, effort: float, counts: str, others: Sequence[str] = ()
+    ) -> None:
+        self.joint, self.sample, self.effort, self.others = joint, sample, effort, tuple(others)
+        more = f", and efforts at {', '.join(others)}" if others else ""
+        remedy = "add a drive for it, lock the joint, or give a motion that needs no effort there"
+        if others:
+            remedy = "add drives for them, lock the joints, or give a motion that needs none there"
         super().__init__(
             f"actuators: {counts}; undriven: {joint}, where this motion needs {effort:.3g} "
-            f"(N m or N) at sample {sample}; add a drive for it, lock the joint, or give a motion "
-            "that needs no effort there"
+            f"(N m or N) at sample {sample}{more}; {remedy}"
         )
 
 

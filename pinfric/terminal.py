@@ -43,17 +43,27 @@ read: list[str | Path] = []
 _LOG_OPTIONS = {
     "columns": Annotated[
         Path | None,
-        typer.Option("--columns", metavar="FILE", help="Which column of a log is what (YAML)."),
+        typer.Option(
+            "--columns", metavar="FILE", help="YAML file that says which column of a log is what."
+        ),
     ],
     "unit": Annotated[
-        str | None, typer.Option("--unit", metavar="rad|deg", help="Of a log's angles.")
+        str | None,
+        typer.Option(
+            "--unit", metavar="rad|deg", help="Unit of a log's angles; by default recognised."
+        ),
     ],
     "time_unit": Annotated[
-        str | None, typer.Option("--time-unit", metavar="s|ms|us|ns", help="Of a log's time.")
+        str | None,
+        typer.Option(
+            "--time-unit", metavar="s|ms|us|ns", help="Unit of a log's time; by default recognised."
+        ),
     ],
     "cutoff": Annotated[
         str | None,
-        typer.Option("--cutoff", metavar="HZ|none", help="Low pass on a log's positions."),
+        typer.Option(
+            "--cutoff", metavar="HZ|none", help="Low pass on a log's positions; by default chosen."
+        ),
     ],
 }
 
@@ -104,15 +114,13 @@ def load(
 
 
 def load_motion_of(scene: Scene, trajectory_name: str, log: ReadingOptions) -> Trajectory:
-    """Read a trajectory of a scene and say what a person should know of it."""
+    """Read a trajectory of a scene; its warnings are notices (`warnings_as_notices`)."""
     from pinfric.study.trajectory.trajectory import load_trajectory
 
     trajectory = load_trajectory(trajectory_name, scene, log)
     read.append(trajectory.source)
     if log.columns is not None:
         read.append(log.columns)
-    for text in trajectory.warnings:
-        notice(f"{trajectory.source}: {text}")
     return trajectory
 
 
@@ -140,6 +148,11 @@ def weighted(text: str) -> tuple[str, float]:
     try:
         return (name, float(number)) if name else (text, 1.0)
     except ValueError:
+        if Path(name).is_file() and not Path(text).exists():
+            raise typer.BadParameter(
+                f"{text!r}: should be FILE:SHARE, with a number behind the colon",
+                param_hint="--cycle",
+            ) from None
         return text, 1.0
 
 

@@ -1,7 +1,11 @@
 """pinfric first: it sets OMP_WAIT_POLICY, which counts only if set before Pinocchio loads."""
 
+from __future__ import annotations
+
 import pinfric  # noqa: F401  # isort: skip
 
+import pytest
+from cli_cases import SCENE, URDF, WAY
 from xdist.scheduler import LoadScopeScheduling
 
 from pinfric.kernels import compiled, interpreted
@@ -9,25 +13,37 @@ from pinfric.kernels import compiled, interpreted
 # What a command prints is compared word for word, be the kernels compiled already or not.
 compiled.say_compiling = lambda again="": None
 
-#: What compiles most comes first, each kernel in one process, that of files of one name; the others
-#: find it in the cache.
+
+#: What compiles most comes first. Files that share kernels or costly fixtures run in one process,
+#: those whose path begins alike under one name; the others find the kernels in the cache.
 FIRST = {
     "dynamics/forward/test_forward.py": "forward dynamics",
-    "dynamics/samples/test_threaded.py": "inverse dynamics",
-    "dynamics/inverse/test_inverse.py": "inverse dynamics",
+    "dynamics/samples/": "inverse dynamics",
+    "dynamics/inverse/": "inverse dynamics",
     "judges/test_cases_inverse.py": "inverse dynamics",
-    "dynamics/inverse/test_interval_ends.py": "inverse dynamics",
-    "dynamics/inverse/test_linkage.py": "inverse dynamics",
-    "friction/test_holding.py": "holding",
+    "friction/": "holding",
     "judges/test_linked_forward.py": "holding",
     "dynamics/forward/test_solver.py": "holding",
-    "study/retime/test_retime.py": "retiming",
-    "study/retime/test_fastest.py": "retiming",
+    "study/retime/": "retiming",
+    "show/report/test_retime.py": "retiming",
     "study/sweep/test_superposition.py": "sweeps",
     "show/report/test_sweep.py": "sweeps",
+    "show/figure/test_sweep.py": "sweeps",
     "judges/test_coupled_solvers.py": "accuracy",
-    "show/accuracy/test_report.py": "accuracy",
+    "study/accuracy/": "accuracy",
+    "show/accuracy/": "accuracy",
+    "study/identify/": "identification",
+    "show/identification_page/": "identification",
+    "show/figure/test_measured.py": "identification",
+    "study/export/": "exports",
+    "show/report/test_export.py": "exports",
+    "dynamics/forward/test_compensation.py": "exports",
+    "study/timeline/": "replays",
+    "show/replay/": "replays",
+    "study/trajectory/log/": "logs",
 }
+
+
 #: Files of long tests that share nothing: one by one, so that all processes end together.
 LAST = ("judges/test_stuck_loops.py", "judges/test_rounding.py", "end_to_end/test_notebooks.py")
 
@@ -37,14 +53,16 @@ def place(nodeid):
     return nodeid.partition("::")[0].removeprefix("tests/")
 
 
+def together(file):
+    """The name under which a file's tests run in one process, and when that is."""
+    for rank, (start, name) in enumerate(FIRST.items()):
+        if file.startswith(start):
+            return rank, name
+    return len(FIRST) + (file in LAST), file
+
+
 def pytest_collection_modifyitems(items):
-    names = list(FIRST)
-
-    def rank(item):
-        file = place(item.nodeid)
-        return names.index(file) if file in FIRST else len(names) + (file in LAST)
-
-    items.sort(key=rank)
+    items.sort(key=lambda item: together(place(item.nodeid))[0])
 
 
 def pytest_collection_finish():
@@ -57,8 +75,17 @@ class Scheduling(LoadScopeScheduling):
 
     def _split_scope(self, nodeid):
         file = place(nodeid)
-        return nodeid if file in LAST else FIRST.get(file, file)
+        return nodeid if file in LAST else together(file)[1]
 
 
 def pytest_xdist_make_scheduler(config, log):
     return Scheduling(config, log)
+
+
+@pytest.fixture
+def files(tmp_path, monkeypatch):
+    for name, text in (("arm.urdf", URDF), ("arm.yaml", SCENE), ("way.yaml", WAY)):
+        (tmp_path / name).write_text(text)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "80")
+    return tmp_path

@@ -86,6 +86,7 @@ pf.elasticity(pf.inverse_dynamics(arm.with_(actuators=elastic), motion())).summa
     "check": "pf.check('robots/three_link.urdf')",
     "plot": "pf.plot(pf.inverse_dynamics(arm, motion()))",
     "summary": "pf.summary(pf.inverse_dynamics(arm, motion()))",
+    "stop": "pf.stop(pf.load_scene('braked.yaml'), motion()).summary()",
     "retime": "pf.retime(arm, motion(), 'motors.yaml')",
     "sweep": "pf.sweep(arm, motion(), 'sweep.yaml', processes=1)",
     "replay": "pf.replay(arm, pf.run_scene(arm, t_end=0.02), html='page.html')",
@@ -99,6 +100,7 @@ COMMANDS = {
     "simulate": ["three_link", "--t-end", "0.02"],
     "size": ["three_link", "way.yaml"],
     "catalog": ["makers.csv"],
+    "stop": ["braked.yaml", "way.yaml"],
     "retime": ["three_link", "way.yaml", "--motors", "motors.yaml"],
     "sweep": ["three_link", "way.yaml", "sweep.yaml", "--processes", "1"],
     "identify": ["pendulum", "log.csv", "--effort-at", "joint"],
@@ -122,6 +124,15 @@ LOOP = """pinfric_trajectory: 1
 sample_rate: 20
 joints: [crank_pin]
 points: [{q: [0.5], hold: 0.1}, {q: [1.5], duration: 0.5}]
+"""
+GEAR = "{ratio: 50, rotor_inertia: 1.0e-4, brake: {torque: 1.0, engage_time: 0.02}}"
+BRAKED = f"""pinfric: 1
+robot: {{urdf: robots/three_link.urdf}}
+actuators:
+  - {{joint: joint_1, transmission: {GEAR}}}
+  - {{joint: joint_12, transmission: {GEAR}}}
+  - {{joint: joint_23, transmission: {GEAR}}}
+stops: {{category: 0, reaction_time: 0.01}}
 """
 MOTORS = "pinfric_motors: 1\nothers: {peak_torque: 200.0, max_speed: 20.0}\n"
 TABLE = "Type,Mn,Mmax,J,n\nM1,0.5,2.0,5e-5,600\n"
@@ -151,6 +162,7 @@ def write_inputs(folder: Path) -> None:
     for name, text in {
         "way.yaml": WAY,
         "loop.yaml": LOOP,
+        "braked.yaml": BRAKED,
         "motors.yaml": MOTORS,
         "sweep.yaml": SWEEP,
         "makers.csv": TABLE,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -10,16 +11,29 @@ import numpy as np
 import pinocchio as pin
 
 import pinfric as pf
+from pinfric.study.identify.identify import Identified
 
 #: s by which measured efforts lag behind, share of an effort's RMS that is white noise, and that
 #: hangs together over `MEMORY` s; counts of an encoder over a turn.
 DELAY, NOISE, MEMORY, COUNTS = 0.004, 0.02, 0.2, 2**18
+
+
 RATIO = 101.0
+
+
 #: Gears, and a plain bearing at the elbow: the load-dependent friction that is hidden.
 EFFICIENCY, BACK_EFFICIENCY, MU = 0.95, 0.93, 0.08
+
+
 PIN = {"kind": "pin", "radius": 0.05, "length": 0.06}
+
+
 COULOMB = ((6.0, 5.0), (8.0, 7.0), (4.0, 4.6), (1.6, 1.3), (1.2, 1.4), (1.0, 1.1))
+
+
 VISCOUS = (9.0, 11.0, 7.0, 2.0, 1.6, 1.4)
+
+
 ROTOR = (7e-5, 7e-5, 7e-5, 1.2e-5, 1.2e-5, 1.2e-5)
 
 
@@ -205,3 +219,39 @@ def slow_departures(
     late += size * np.random.default_rng(0).normal(size=late.shape)
     step = 2 * np.pi / COUNTS
     return pf.Log(motion.t, step * np.rint(q / step), late, name="departures")
+
+
+NAMES = truth().joint_names
+
+
+def csv_log(path: Path, seed: int, rate: float = 125.0, torn: tuple[int, ...] = ()) -> Path:
+    """Write a log as a file with stamps in ns and some torn rows."""
+    given = log(seed, rate=rate)
+    header = ["timestamp", *NAMES, *(f"{name}/effort" for name in NAMES)]
+    rows = [
+        ",".join([str(t), *(f"{x:.9g}" for x in q), *(f"{x:.6g}" for x in y)])
+        for t, q, y in zip(given.t, given.q, given.effort, strict=True)
+    ]
+    for row in torn:
+        rows[row] = rows[row][:40]
+    path.write_text("\n".join([",".join(header), *rows]))
+    return path
+
+
+@cache
+def short(seed: int = 0, still: tuple[int, ...] = ()) -> pf.Log:
+    return log(seed, 20.0, 100.0, still)
+
+
+def parameter(found: Identified, section: str, joint: int, name: str):
+    return next(
+        p for p in found.parameters if (p.section, p.joint, p.name) == (section, NAMES[joint], name)
+    )
+
+
+@cache
+def identified_arm() -> Identified:
+    """The arm, identified once per process from a file with torn rows; another log held out."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = csv_log(Path(folder) / "arm.csv", 0, torn=(500, 700))
+        return pf.identify(guess(0), path, held_out=[log(7, 20.0, 125.0, name="other")])

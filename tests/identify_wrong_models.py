@@ -10,10 +10,26 @@ from collections.abc import Callable
 from functools import cache
 
 import numpy as np
-from identify_cases import COULOMB, RATIO, Motion, excitation, logged, motor_effort, truth
+from identify_cases import (
+    BACK_EFFICIENCY,
+    COULOMB,
+    EFFICIENCY,
+    MU,
+    NAMES,
+    RATIO,
+    VISCOUS,
+    Motion,
+    excitation,
+    guess,
+    logged,
+    motor_effort,
+    truth,
+)
 from scipy.signal import lfilter
 
 import pinfric as pf
+from pinfric.study.identify.identify import Identified
+from pinfric.study.identify.laws import Law
 
 #: A motion as encoders show it, and what the motors deliver, (T, 6) N m.
 Simulated = tuple[Motion, np.ndarray]
@@ -126,3 +142,39 @@ def wrong_log(case: str, seed: int, duration: float = 60.0, rate: float = 250.0)
     return logged(
         seed, *CASES[case](seed, excitation(seed, duration, 1000.0)), every=round(1000.0 / rate)
     )
+
+
+@cache
+def found(case: str, stribeck: bool = False, seed: int = 21) -> Identified:
+    """A log of a case, with the truth's own laws."""
+    loads = {1: "gear", 2: "bearing"}
+    laws = {name: Law(load=loads.get(j, ""), stribeck=stribeck) for j, name in enumerate(NAMES)}
+    scene = guess(seed)
+    if case == "payload":  # with masses wrong as well it would be refused
+        scene = scene.with_(model=truth().model)
+    duration = 30.0 if case in ("true", "position", "offset") else 60.0
+    rate = 250.0 if stribeck else 125.0  # where friction falls, a reversal takes 50 ms
+    gain = dict.fromkeys(NAMES if case == "payload" else (), 1.0)
+    return pf.identify(scene, wrong_log(case, seed, duration, rate), laws=laws, gain=gain)
+
+
+def hits(one: Identified, stribeck: bool = False) -> dict[str, bool]:
+    """Key -> whether its interval holds the true value."""
+    least = 1.0 / (2.0 - BACK_EFFICIENCY)
+    known = {
+        f"friction.{NAMES[2]}.mu": (MU, MU),
+        f"transmission.{NAMES[1]}.efficiency": (least, EFFICIENCY),
+    }
+    for name, ways, viscous in zip(NAMES, COULOMB, VISCOUS, strict=True):
+        known[f"friction.{name}.viscous"] = viscous, viscous
+        for way, value in zip(("positive", "negative"), ways, strict=True):
+            known[f"friction.{name}.coulomb.{way}"] = value, value
+            if stribeck:
+                known[f"friction.{name}.coulomb.{way}.static"] = STATIC * value, STATIC * value
+        if stribeck:
+            known[f"friction.{name}.stribeck.velocity"] = FALL, FALL
+    return {
+        p.key: p.low <= known[p.key][1] and p.high >= known[p.key][0]
+        for p in one.parameters
+        if p.key in known
+    }

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import builders
 import numpy as np
 
 import pinfric as pf
 
 MASS, MU, G = 2.0, 0.2, 9.81
+
+
 BOX = {"link": "slab", "mass": 1.0, "com": [0.0, 0.0, 0.0]}
 
 
@@ -47,3 +51,21 @@ def uniform(low, high, **more):
 
 def steps(low, high, count):
     return {"steps": {"low": low, "high": high, "count": count}}
+
+
+def run(scene, motion, sweep, **more):
+    return pf.sweep(scene, motion, sweep, processes=1, **more)
+
+
+@cache
+def swept_panda():
+    """A sweep of the bundled panda with motors on trial."""
+    scene = pf.load_scene("panda_pick_and_place")
+    motion = pf.load_trajectory("panda_pick_and_place.csv", scene)
+    varied = sweep_of(
+        40,
+        payload__box__mass=uniform(1.0, 3.0),
+        friction__all__coulomb=uniform(0.5, 2.0, each=True),
+        motors={"panda_joint2": {"continuous_torque": 0.34, "peak_torque": 9.0}},
+    )
+    return pf.sweep(scene, motion, varied, processes=1)

@@ -4,66 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-import subprocess
-import sys
-import tomllib
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from cli_cases import SCENE, run
 from envelopes import result_of, validated
 
-from pinfric import __version__, cli, terminal
-
-ROOT = Path(__file__).parents[1]
-URDF = """<robot name="arm">
-  <link name="base"/>
-  <link name="link"><inertial><origin xyz="0.5 0 0"/><mass value="2"/>
-    <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <joint name="shoulder" type="revolute"><parent link="base"/><child link="link"/>
-    <axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="50" velocity="5"/></joint>
-</robot>"""
-SCENE = """
-pinfric: 1
-robot: {urdf: arm.urdf}
-friction: {shoulder: {bearing: {kind: pin, radius: 0.05}, mu: {static: 0.2, kinetic: 0.1}}}
-"""
-WAY = """
-pinfric_trajectory: 1
-sample_rate: 50
-points:
-  - {q: [0.0], hold: 0.2}
-  - {q: [1.0], duration: 1.0, hold: 0.4}
-"""
-
-
-@pytest.fixture
-def files(tmp_path, monkeypatch):
-    for name, text in (("arm.urdf", URDF), ("arm.yaml", SCENE), ("way.yaml", WAY)):
-        (tmp_path / name).write_text(text)
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "80")
-    return tmp_path
-
-
-def run(*arguments):
-    """Exit code of `pinfric ARGUMENTS`, in this process."""
-    with pytest.raises(SystemExit) as ended:
-        cli.main(list(arguments))
-    return ended.value.code
-
-
-def shell(*arguments, **options):
-    code = "from pinfric.cli import main; main()"
-    return subprocess.Popen(
-        [sys.executable, "-c", code, *arguments],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        **options,
-    )
+from pinfric import cli
 
 
 def test_table_is_printed_within_80_columns(files, capsys):
@@ -105,38 +54,6 @@ def test_json_has_the_figures_of_every_joint(files, capsys):
         ("shoulder", pytest.approx(1.2), pytest.approx(1.6)),
     ]
     assert envelope["warnings"] == []
-
-
-def test_numbers_that_are_none_are_null():
-    from pinfric.model.described import in_json
-
-    given = {"a": np.array([1.0, np.nan]), "b": np.float64("inf"), "c": [np.int64(3), True, None]}
-    assert json.dumps(in_json(given), allow_nan=False) == (
-        '{"a": [1.0, null], "b": null, "c": [3, true, null]}'
-    )
-
-
-@pytest.mark.parametrize(
-    ("x", "text"),
-    [
-        (0, "0"),
-        (9.996, "10.0"),
-        (0.0123456, "0.0123"),
-        (-1234.5, "-1234"),
-        (1.2e-7, "1.20e-7"),
-        (float("nan"), "n/a"),
-        (99.95, "100"),
-        (3e9, "3.00e9"),
-        (12345.6, "12346"),
-        (99999.4, "1.00e5"),
-        (123456.0, "1.23e5"),
-        (-123456.0, "-1.23e5"),
-    ],
-)
-def test_figures_have_three_digits(x, text):
-    from pinfric.show.report.values import digits
-
-    assert digits(x) == text
 
 
 def test_out_holds_efforts_figure_and_summary(files, capsys):
@@ -209,31 +126,6 @@ def test_name_no_file_system_takes_is_one_short_line(files, capsys, place):
     assert len(error) < 300
 
 
-def test_defect_is_one_line_unless_a_traceback_is_asked_for(files, capsys, monkeypatch):
-    def broken(*_, **__):
-        raise ZeroDivisionError("first line\nsecond line" + 999 * " long")
-
-    monkeypatch.setattr("pinfric.dynamics.inverse.inverse.inverse_dynamics", broken)
-    assert run("inverse", "arm.yaml", "way.yaml") == cli.INTERNAL_ERROR == 70
-    error = capsys.readouterr().err
-    assert error.startswith("pinfric: internal error: ZeroDivisionError: first line second line")
-    assert error.endswith("; run with PINFRIC_TRACEBACK=1 to see where\n")
-    assert error.count("\n") == 1
-    assert len(error) < 350
-    monkeypatch.setenv("PINFRIC_TRACEBACK", "1")
-    with pytest.raises(ZeroDivisionError):
-        cli.main(["inverse", "arm.yaml", "way.yaml"])
-
-
-def test_rounding_is_printed_as_zero(capsys):
-    # the UR5's last axis is upright all the way: what RNEA leaves there, 2e-12 N m, is rounding
-    assert run("inverse", "ur5_pick_and_place", "ur5_pick_and_place.csv") == 0
-    lines = capsys.readouterr().out.splitlines()
-    effort = next(line for line in lines if line.startswith("wrist_3"))
-    assert " 0, 0 " in effort
-    assert not any("e-" in line for line in lines)
-
-
 @pytest.mark.parametrize(
     ("scene", "trajectory"),
     [("ur5_pick_and_place", "ur5_pick_and_place.csv"), ("so101", "so101.waypoints.yaml")],
@@ -261,67 +153,6 @@ def test_warning_is_one_line_on_stderr_and_in_the_json(files, capsys):
     assert err.count("\n") == 1
     assert "bearing.radius" in err
     assert validated(out)["warnings"] == [err.removeprefix("pinfric: warning: ").rstrip()]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "culprit"),
-    [
-        (["nope"], "nope"),
-        (["inverse"], "SCENE"),
-        (["inverse", "a", "b", "--jsn"], "--jsn"),
-        (["inverse", "a", "b", "--threads", "0"], "--threads"),
-    ],
-)
-def test_wrong_usage_is_one_line(arguments, culprit, capsys):
-    assert run(*arguments) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert err.startswith("pinfric: error: ")
-    assert culprit in err
-    assert err.count("\n") == 1
-
-
-def test_help_and_version(capsys):
-    declared = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
-    for arguments, expected in (
-        ((), "inverse"),
-        (("--help",), "inverse"),
-        (("inverse", "--help"), "--threads"),
-        (("--version",), declared),
-    ):
-        assert run(*arguments) == 0
-        assert expected in capsys.readouterr().out
-
-
-def test_importing_the_command_line_imports_nothing_heavy():
-    heavy = "numpy", "pinocchio", "numba", "matplotlib", "pandas", "pydantic", "yaml", "scipy"
-    code = f"import sys, pinfric.cli; print([m for m in {heavy} if m in sys.modules])"
-    out = subprocess.run(
-        [sys.executable, "-c", code],
-        capture_output=True,
-        text=True,
-        check=True,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )
-    assert out.stdout.strip() == "[]"
-
-
-@pytest.mark.parametrize("form", [["--json"], []])
-def test_reader_that_leaves_early_sees_no_traceback(files, form):
-    process = shell("inverse", "arm.yaml", "way.yaml", *form)
-    process.stdout.close()  # before anything is printed
-    assert process.stderr.read() == b""
-    assert process.wait(60) == terminal.NO_READER
-
-
-def test_interrupt_exits_130_with_one_line(files, capsys, monkeypatch):
-    def stopped(*_, **__):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("pinfric.dynamics.inverse.inverse.inverse_dynamics", stopped)
-    assert run("inverse", "arm.yaml", "way.yaml", "--out", "out") == cli.INTERRUPTED == 130
-    assert capsys.readouterr().err == "pinfric: error: interrupted\n"
-    assert not (files / "out").exists()
 
 
 def test_size_prints_each_joints_demand_and_choice(capsys, tmp_path):
@@ -427,34 +258,3 @@ def test_sweep_into_the_folder_of_another_is_refused(files, capsys):
     (files / "s.yaml").write_text(SWEEP.replace("seed: 1", "seed: 2"))
     assert run("sweep", "arm.yaml", "way.yaml", "s.yaml", "--out", "out") == 2
     assert "holds samples of another sweep (different: sweep)" in capsys.readouterr().err
-
-
-def test_the_list_of_commands_is_whole_and_options_have_short_names(capsys, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "80")
-    assert run("-h") == 0
-    assert "..." not in capsys.readouterr().out.replace("[ARGS]...", "")
-    assert run("-V") == run("--version") == 0
-    assert len(set(capsys.readouterr().out.splitlines())) == 1
-
-
-def test_quiet_leaves_results_and_errors(capsys, tmp_path):
-    command = ("inverse", "pendulum", "pendulum", "--out", str(tmp_path))
-    assert run(*command) == 0
-    loud = capsys.readouterr()
-    assert "wrote" in loud.err
-    assert run("-q", *command) == 0
-    assert capsys.readouterr() == (loud.out, "")
-    assert run(*command, "--quiet") == 0
-    assert capsys.readouterr() == (loud.out, "")
-    assert run("-q", "inverse", "pendulum", "nowhere.csv") == cli.BAD_INPUT
-    assert "there is no file" in capsys.readouterr().err
-
-
-def test_verbose_adds_files_versions_and_time(capsys):
-    assert run("check", "pendulum", "-v") == 0
-    lines = capsys.readouterr().err.splitlines()
-    assert [Path(line).name for line in lines[:2]] == ["pendulum.yaml", "pendulum.urdf"]
-    assert lines[2].startswith(f"pinfric: versions: pinfric {__version__}, Python 3.")
-    assert lines[3].startswith("pinfric: took ")
-    assert run("-v", "check", "nowhere.yaml") == cli.BAD_INPUT
-    assert capsys.readouterr().err.splitlines()[-1].startswith("pinfric: error: there is no file")

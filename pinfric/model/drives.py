@@ -96,14 +96,25 @@ class Gears(NamedTuple):
 
 
 def gear_table(
-    transmissions: Sequence[Transmission | None], stick_velocity: Sequence[float]
+    transmissions: Sequence[Transmission | None],
+    stick_velocity: Sequence[float],
+    brakes: Sequence[float] = (),
 ) -> Gears:
-    """Return the transmissions of drives, and their joints' stick velocities, as arrays."""
+    """Return the transmissions of drives, and their joints' stick velocities, as arrays.
+
+    Args:
+        transmissions: of the drives; None: ideal.
+        stick_velocity: of their joints (rad/s or m/s).
+        brakes: torques of closed brakes at the shafts (N m): no-load torques of their own; empty:
+            all are open.
+    """
     gears = [_IDEAL if gear is None else gear for gear in transmissions]
     viscous = [gear.motor_viscous or _FRICTIONLESS for gear in gears]
     losses = [loss for gear in gears for loss in (driving_loss(gear), driven_loss(gear))]
     ends = np.cumsum([0, *(len(loss.loads) for loss in losses)], dtype=np.int64)
     no_load = np.array([_no_load(gear) for gear in gears], dtype=float).reshape(-1, 2, 2)
+    for d, torque in enumerate(brakes):
+        no_load[d] += abs(gears[d].ratio) * torque
     return Gears(
         ratio=np.array([gear.ratio for gear in gears], dtype=float),
         rotor_inertia=np.array([gear.rotor_inertia for gear in gears], dtype=float),

@@ -13,7 +13,7 @@ import difflib
 import math
 import warnings
 from collections.abc import Iterable, Iterator
-from typing import Annotated, Any, Literal, TypeVar, Union, get_origin
+from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
 from pydantic import (
     AfterValidator,
@@ -39,7 +39,7 @@ from pinfric.errors import (
     problems_line,
 )
 from pinfric.model.magnitudes import LARGEST, SMALLEST
-from pinfric.model.yamlfile import brief
+from pinfric.model.yamlfile import brief, yaml_line
 
 
 def key(text: str, example: Any, unit: str = "") -> Any:
@@ -186,7 +186,7 @@ def parse(
     try:
         made = entry.model_validate(content)
     except ValidationError as found:
-        problems = [_problem(problem, content, at) for problem in found.errors()]
+        problems = [_problem(problem, entry, content, at) for problem in found.errors()]
         raise error(problems_line(where, problems)) from None
     for path, text in _questions(made, at):
         warnings.warn(
@@ -195,14 +195,17 @@ def parse(
     return made
 
 
-def _problem(problem: Any, content: Any, at: tuple[int | str, ...]) -> str:
+def _problem(problem: Any, entry: type[BaseModel], content: Any, at: tuple[int | str, ...]) -> str:
     """One pydantic problem as a text: key, what was found, what is allowed."""
     kind, found = problem["type"], brief(problem["input"])
     key = place((*at, *_path(problem["loc"], content, kind == "missing")))
     if kind == "extra_forbidden":
-        return f"unknown key `{key}`; {problem['input']}"
+        section = _section_of(problem["loc"][-1], entry, problem["loc"][:-1])
+        hint = f"it belongs under `{section}`" if section else problem["input"]
+        return f"unknown key `{key}`; {hint}"
+    example = _example(entry, problem["loc"])
     if kind == "missing":
-        return f"`{key}` is missing"
+        return f"`{key}` is missing{example}"
     if kind == "union_tag_not_found":
         meant = difflib.get_close_matches("kind", map(str, problem["input"]), n=1)
         return f"`{key}.kind` is missing" + (f"; did you mean it by `{meant[0]}`?" if meant else "")
@@ -211,16 +214,54 @@ def _problem(problem: Any, content: Any, at: tuple[int | str, ...]) -> str:
         tag = problem["ctx"]["tag"]
         return f"`{key}.kind`: there is no {brief(tag)}; {choose_from(tag, kinds)}"
     if kind in ("model_type", "dict_type", "model_attributes_type"):
-        text = f"should be a mapping of keys, found {found}"
+        text = f"should be a mapping of keys, found {found}{example}"
     elif kind in ("tuple_type", "list_type"):
-        text = f"should be a list, found {found}"
+        text = f"should be a list, found {found}{example}"
     elif kind in ("too_short", "too_long"):
-        text = f"has a wrong length, found {found}"
+        text = f"has a wrong length, found {found}{example}"
     elif kind == "value_error":
         text = str(problem["ctx"]["error"])
     else:
         text = f"{plain(problem['msg'])}, found {found}"
     return f"`{key}`: {text}" if key else text
+
+
+def _example(entry: type[BaseModel], loc: tuple[int | str, ...]) -> str:
+    """Return "; e.g. {static: 0.15, kinetic: 0.1}" for a key that has an example, else ""."""
+    classes, field = [entry], None
+    for number, part in enumerate(loc):
+        owner = next((one for one in classes if part in one.model_fields), None)
+        if owner is None:  # the name of a union's member, or a place in a list or a mapping
+            field = field if number < len(loc) - 1 else None
+            continue
+        field = owner.model_fields[str(part)]
+        classes = list(_entries_in(field.annotation))
+    if field is None or not field.examples:
+        return ""
+    return f"; e.g. {loc[-1]}: {yaml_line(field.examples[0])}"
+
+
+def _section_of(name: Any, entry: type[BaseModel], loc: tuple[int | str, ...]) -> str:
+    """Return the key of the section below that has this key, "" where none or several have it."""
+    if loc:
+        return ""
+    homes = [
+        key
+        for key, field in entry.model_fields.items()
+        if get_origin(field.annotation) not in (dict, list, tuple)
+        and any(name in one.model_fields for one in _entries_in(field.annotation))
+    ]
+    return homes[0] if len(homes) == 1 else ""
+
+
+def _entries_in(annotation: Any) -> Iterator[type[BaseModel]]:
+    """Yield the entries that an annotation names."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for part in get_args(annotation):
+        yield from _entries_in(part)
+    for form in getattr(annotation, "forms", {}).values():
+        yield from _entries_in(form)
 
 
 def _path(loc: tuple[int | str, ...], content: Any, missing: bool) -> list[int | str]:

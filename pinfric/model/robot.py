@@ -92,7 +92,9 @@ def urdf_file(name: str | Path) -> Path:
     if str(name).startswith(BUNDLED):
         return locate_urdf(str(name), Path())
     if not os.path.isfile(name):
-        raise RobotError(f"there is no file {name}")
+        raise RobotError(
+            f"there is no file {name}; give a URDF, or `{BUNDLED}PATH` of example-robot-data"
+        )
     return Path(name)
 
 

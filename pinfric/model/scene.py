@@ -42,6 +42,7 @@ from pinfric.model.schema import (
     LoopTolerance,
     Payload,
     Simulation,
+    Stops,
     guesses_left,
 )
 from pinfric.model.twin import PRISMATIC, Twin, make_twin
@@ -136,6 +137,9 @@ class Scene:
             loops' frames, that are corrected (`alignment`).
         tool: link whose frame is the tool's, for its position error due to elastic gears.
         assumed: which entries are guesses.
+        stops: input of `pinfric stop`.
+        closed_brakes: drive -> torque (N m) of a closed brake at its motor's shaft: dry friction
+            there, in forward dynamics with torques of motors given.
 
     Attributes:
         mobility: degrees of freedom, undriven velocities and redundant drives.
@@ -157,6 +161,8 @@ class Scene:
     loop_tolerance: LoopTolerance = field(default_factory=LoopTolerance)
     tool: str | None = None
     assumed: Assumed | None = None
+    stops: Stops | None = None
+    closed_brakes: Mapping[str, float] = field(default_factory=dict)
     mobility: Mobility = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -191,7 +197,12 @@ class Scene:
             set_(self, "actuators", tuple(drives))
         loops = [parse(Loop, x, self.source, at=("loops", i)) for i, x in enumerate(self.loops)]
         set_(self, "loops", tuple(loops))
-        for name, kind in (("loop_tolerance", LoopTolerance), ("simulation", Simulation)):
+        kinds: dict[str, type[Any]] = {
+            "loop_tolerance": LoopTolerance,
+            "simulation": Simulation,
+            "stops": Stops,
+        }
+        for name, kind in kinds.items():
             if (entry := getattr(self, name)) is not None:
                 set_(self, name, parse(kind, entry, self.source, at=(name,)))
         self._check_bodies()
@@ -200,6 +211,7 @@ class Scene:
         doubts = self._align() if self.loops else {}
         # errors are raised now, not at first use
         _ = self._made_of, self.linkage, self.sites, self.drives, self.twin()
+        self._check_brakes()
         set_(self, "mobility", self._mobility(doubts))
 
     def _mobility(self, doubts: Mapping[str, str]) -> Mobility:
@@ -261,10 +273,14 @@ class Scene:
             where = f"{self.source}: with_: gravity"
             linear = real_numbers(where, gravity, SceneError)
             if linear.shape != (3,) or not np.isfinite(linear).all():
-                raise SceneError(f"{where}: should be three finite numbers, m/s^2")
+                raise SceneError(f"{where}: should be three finite numbers; e.g. [0, 0, -9.81]")
             changes["model"] = changes.get("model", self.model).copy()
             changes["model"].gravity.linear = linear
-        changed = replace(self, **changes)
+        try:
+            changed = replace(self, **changes)
+        except SceneError as problem:  # not the file is wrong, but what was given
+            wrong = str(problem).removeprefix(f"{self.source}: ")
+            raise SceneError(f"with_ of {file_name(self.source)}: {wrong}") from None
         if self.assumed is None or "friction" not in changes or "assumed" in changes:
             return changed
         left = guesses_left(self.assumed, self.friction, changed.friction)
@@ -479,6 +495,18 @@ class Scene:
             found.sort(key=lambda drive: drive.velocity_index)
         return tuple(found)
 
+    def _check_brakes(self) -> None:
+        geared = [drive.name for drive in self.drives if drive.transmission is not None]
+        for name, torque in self.closed_brakes.items():
+            where = f"{self.source}: closed_brakes"
+            if name not in geared:
+                raise SceneError(
+                    f"{where}: there is no drive {name!r} with a transmission; "
+                    f"{choose_from(name, geared)}"
+                )
+            if not 0.0 <= torque <= LARGEST:
+                raise SceneError(f"{where}.{name}: {torque!r}; should be a torque (N m), 0 or more")
+
     @property
     def elastic(self) -> tuple[int, ...]:
         """Places of the drives whose gears have a `stiffness`."""
@@ -506,7 +534,14 @@ class Scene:
     def _variant(self, attached: Iterable[str] | None) -> tuple[pin.Model, Twin]:
         self.check_unchanged()
         default = (name for name, payload in self.payloads.items() if payload.attached)
-        names = frozenset(default if attached is None else attached)
+        given = [attached] if isinstance(attached, str) else list(attached or ())
+        if not all(isinstance(name, str) for name in given):
+            raise SceneError(
+                f"{self.source}: attached: should be names of payloads "
+                f"({', '.join(self.payloads) or 'there are none'}), not {type(given[0]).__name__}; "
+                "states are arguments of the solver's methods, `scene.solver().inverse(q, v, a)`"
+            )
+        names = frozenset(default if attached is None else given)
         if names not in self._variants:
             for name in names - self.payloads.keys():
                 raise SceneError(

@@ -64,6 +64,7 @@ def load_scene(path: str | Path) -> Scene:
         redundancy_length=entries.redundancy.length,
         tool=entries.tool,
         assumed=entries.assumed,
+        stops=entries.stops,
     )
 
 
@@ -87,12 +88,12 @@ def _content(file: Path) -> dict[str, Any]:
         raise SceneError(
             f"{file}: is a robot, not a scene; `pinfric new {file}` writes a scene of it"
         )
-    content = read_yaml(file, SceneError)
-    other = next((str(key) for key in content if str(key).startswith("pinfric_")), None)
-    if other is not None and "pinfric" not in content:
-        what = other.removeprefix("pinfric_")
-        raise SceneError(f"{file}: is a {what} file, not a scene; give the scene before it")
-    return content
+    if file.suffix.lower() in (".csv", ".tsv", ".txt", ".parquet", ".mat", ".db3", ".mcap", ".npz"):
+        raise SceneError(
+            f"{file}: is a log or a table, not a scene (YAML, `pinfric: 1`); commands take SCENE "
+            "TRAJECTORY SWEEP in this order"
+        )
+    return read_yaml(file, SceneError, "pinfric")
 
 
 def bundled_folder() -> Path:

@@ -168,6 +168,11 @@ class Friction(Entry):
         """The terms by their keys."""
         return {name: term for name, term in self if isinstance(term, FrictionTerm)}
 
+    def scaled(self, factor: float) -> Friction:
+        """Return the friction with every term times a factor."""
+        terms = {name: term.scaled(factor) for name, term in self.named_terms.items()}
+        return self.model_copy(update=terms)
+
     @model_validator(mode="before")
     @classmethod
     def _with_keys(cls, value: Any) -> Any:
@@ -415,6 +420,47 @@ class Simulation(Entry):
         return self
 
 
+class Stops(Entry):
+    """How the robot is stopped, input of `pinfric stop`: what no file of the robot says.
+
+    The categories are those of IEC 60204-1. 0: after `reaction_time` power goes off, and the brakes
+    close after their `engage_time`. 1: after `reaction_time` every axis is braked under power, with
+    its `deceleration`, or without any with the URDF's effort limit; at rest power goes off.
+    """
+
+    category: Annotated[Literal[0, 1], key("of IEC 60204-1", 0)]
+    reaction_time: Annotated[
+        NonNegative, key("from the command until the drives react; the motion goes on", 0.02, "s")
+    ]
+    deceleration: Annotated[
+        dict[str, Positive],
+        key(
+            "of category 1, by drive; empty: as fast as the URDF's effort limits allow",
+            {"joint_1": 6.0, "joint_2": 4.0},
+            "rad/s^2 or m/s^2",
+        ),
+    ] = Field(default_factory=dict)
+    friction: Annotated[
+        tuple[NonNegative, NonNegative],
+        key("least and greatest factor on all friction and gear losses", [0.7, 1.3], "1"),
+    ] = (1.0, 1.0)
+    per_hour: Annotated[Positive | None, key("how often it is stopped so", 4.0, "1/h")] = None
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Stops:
+        if self.friction[0] > self.friction[1]:
+            raise ValueError(
+                f"`friction` {list(self.friction)}: the first is the least factor, the second the "
+                "greatest; swap them"
+            )
+        if self.deceleration and self.category == 0:
+            raise ValueError(
+                "`deceleration` is for category 1; in category 0 the drives have no power: leave "
+                "it out, or give `category: 1`"
+            )
+        return self
+
+
 class Assumed(Entry):
     """Which entries of a scene are guesses. Delete the line of an entry that you replace."""
 
@@ -492,6 +538,9 @@ class SceneFile(Entry):
     simulation: Annotated[Simulation | None, key("input of `pinfric simulate`", {"t_end": 1.0})] = (
         None
     )
+    stops: Annotated[
+        Stops | None, key("input of `pinfric stop`", {"category": 0, "reaction_time": 0.02})
+    ] = None
     assumed: Annotated[
         Assumed | None,
         key(

@@ -14,11 +14,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import pairwise
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
+from pinfric.model.brakes import HoldingBrake
 from pinfric.model.entry import (
     USUALLY,
     Entry,
@@ -105,6 +106,16 @@ class MakersEfficiency(Entry):
         ),
     ] = None
 
+    def with_losses(self, factor: float) -> MakersEfficiency:
+        """Return the efficiencies of a gear with all losses times a factor."""
+        update: dict[str, Any] = {
+            name: tuple((at, _with_losses(eta, factor)) for at, eta in getattr(self, name))
+            for name in ("over_load", "over_speed")
+        }
+        if self.rated is not None:
+            update["rated"] = _with_losses(self.rated, factor)
+        return self.model_copy(update=update)
+
     @model_validator(mode="after")
     def _complete(self) -> MakersEfficiency:
         curve = "over_speed" if self.over_speed else "over_load" if self.over_load else None
@@ -130,6 +141,11 @@ class MakersEfficiency(Entry):
             if points and (len(points) < 2 or any(b[0] <= a[0] for a, b in pairwise(points))):
                 raise ValueError(f"`{name}` needs at least two points in ascending order")
         return self
+
+
+def _with_losses(efficiency: float, factor: float) -> float:
+    """Return an efficiency with the loss 1/efficiency - 1 times a factor."""
+    return 1.0 / (1.0 + factor * (1.0 / efficiency - 1.0))
 
 
 class BackDriving(Entry):
@@ -194,6 +210,13 @@ class Transmission(Entry):
     rotor_inertia: Annotated[
         NonNegative, key("of all parts that turn with the motor", 5e-05, "kg m^2")
     ] = 0.0
+    brake: Annotated[
+        HoldingBrake | None,
+        key(
+            "that holds the motor's shaft without power; needed for stops",
+            {"torque": 0.5, "engage_time": 0.015},
+        ),
+    ] = None
     stiffness: Annotated[
         Stiffness | None,
         key(
@@ -233,6 +256,28 @@ class Transmission(Entry):
             )
         _check_back_driving(self)
         return self
+
+    def with_losses(self, factor: float) -> Transmission:
+        """Return the transmission with all its losses times a factor, exactly at every load.
+
+        A total efficiency eta becomes 1/(1 + factor (1/eta - 1)), a back efficiency
+        1 - factor (1 - eta_b).
+        """
+        update: dict[str, Any] = {
+            name: term.scaled(factor)
+            for name in ("no_load_torque", "motor_viscous")
+            if (term := getattr(self, name)) is not None
+        }
+        given, back = self.efficiency, self.back_efficiency
+        if isinstance(given, MakersEfficiency):
+            update["efficiency"] = given.with_losses(factor)
+        else:
+            update["efficiency"] = _with_losses(given, factor)
+        if isinstance(back, BackDriving):
+            back = abs(self.ratio) * back.starting_torque / back.back_driving_torque
+        if isinstance(back, float):
+            update["back_efficiency"] = 1.0 - factor * (1.0 - back)
+        return self.model_copy(update=update)
 
     def questions(self) -> Iterator[str]:
         """Yield warnings for an unusual ratio or rotor inertia, and for a poor fit."""

@@ -47,7 +47,9 @@ def _parsed(urdf: Path) -> ElementTree.Element:
     try:
         return ElementTree.fromstring(content)
     except (ElementTree.ParseError, UnicodeDecodeError, ValueError, LookupError) as problem:
-        raise RobotError(f"{urdf}: is not well-formed XML: {problem}") from None
+        raise RobotError(
+            f"{urdf}: is not well-formed XML ({problem}); a URDF begins with <robot>"
+        ) from None
 
 
 def _is_xacro(root: ElementTree.Element) -> bool:

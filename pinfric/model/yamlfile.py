@@ -14,16 +14,27 @@ from pinfric.errors import PinfricError, cut
 if TYPE_CHECKING:
     from ruamel.yaml import YAML
 
+#: The first key of each kind of file, with its version, and what such a file is.
+FORMATS = {
+    "pinfric": "scene",
+    "pinfric_trajectory": "trajectory",
+    "pinfric_sweep": "sweep",
+    "pinfric_motors": "motors file",
+    "pinfric_catalog": "catalogue",
+}
 #: Letters of a value that a message repeats: enough to find it in the file.
 _SHOWN = 80
 #: Aliases may repeat what they point to this often; ten levels of ten make 10^10 nodes of a page.
 _MOST_REPEATS = 100
 
 
-def read_yaml(path: Path, error: type[PinfricError]) -> dict[str, Any]:
+def read_yaml(path: Path, error: type[PinfricError], kind: str = "") -> dict[str, Any]:
     """Read a YAML file whose top level is a mapping.
 
-    Raises `error`, naming the file (and the line where YAML itself is malformed).
+    Args:
+        path: the file.
+        error: what is raised, naming the file (and the line where YAML itself is malformed).
+        kind: its first key, one of `FORMATS`; a file of another kind is refused as such.
     """
     from ruamel.yaml.error import YAMLError
 
@@ -50,6 +61,12 @@ def read_yaml(path: Path, error: type[PinfricError]) -> dict[str, Any]:
     if not isinstance(content, dict):
         found = "an empty file" if content is None else f"a {type(content).__name__}"
         raise error(f"{path}: should be a mapping of keys, found {found}")
+    other = next((key for key in content if key in FORMATS), kind)
+    if kind and kind not in content and other != kind:
+        order = "commands take SCENE TRAJECTORY SWEEP in this order"
+        options = "--motors takes a motors file, --catalog a catalogue"
+        hint = order if {kind, other} <= set(list(FORMATS)[:3]) else options
+        raise error(f"{path}: is a {FORMATS[other]}, not a {FORMATS[kind]}; {hint}")
     return content
 
 

@@ -23,6 +23,7 @@ from pinfric.show.figure.elastic import tool_figure
 from pinfric.show.figure.measured import measured_figure
 from pinfric.show.figure.motion import motion_figure
 from pinfric.show.figure.retime import retime_figure
+from pinfric.show.figure.stop import stop_figure
 from pinfric.show.figure.sweep import sweep_figure
 from pinfric.show.report.html import html_of
 from pinfric.show.report.rows import flat, table_of
@@ -38,6 +39,7 @@ from pinfric.study.motion_summary import drive_work
 from pinfric.study.retime.retime import RetimeResult
 from pinfric.study.retime.summary import retime_summary
 from pinfric.study.sizing.size import SizingReport
+from pinfric.study.stop.study import StopResult
 from pinfric.study.summary import summarize
 from pinfric.study.sweep.cycle import DEMANDS
 from pinfric.study.sweep.result import SweepResult
@@ -131,6 +133,11 @@ def _(result: Motion) -> Figure:
     return _displayed(motion_figure(result))
 
 
+@plot.register(StopResult)
+def _(result: StopResult) -> Figure:
+    return _displayed(stop_figure(result))
+
+
 @plot.register(SweepResult)
 def _(result: SweepResult) -> Figure:
     return _displayed(sweep_figure(result))
@@ -220,6 +227,11 @@ def _(result: RetimeResult) -> pd.DataFrame:
         for drive in retime_summary(result).drives
     ]
     return pd.DataFrame(rows).set_index("drive")
+
+
+@summary.register(StopResult)
+def _(result: StopResult) -> pd.DataFrame:
+    return _frame(result.axes, "name", "drive")
 
 
 @summary.register(SweepResult)

@@ -369,7 +369,7 @@ WAY_CASES = [
     case(
         "no points", "way.yaml", None, "pinfric_trajectory: 1\npoints: []\n", "way.yaml", "points"
     ),
-    case("a scene", "way.yaml", None, SCENE, "way.yaml", "pinfric_trajectory"),
+    case("a scene", "way.yaml", None, SCENE, "way.yaml", "is a scene, not a trajectory"),
 ]
 
 
@@ -528,7 +528,7 @@ def test_a_mesh_that_is_nowhere_costs_no_more_than_itself(corner, tmp_path, monk
     ("file", "says"),
     [
         ("robots/three_link.urdf", "is a robot, not a scene; `pinfric new"),
-        ("robots/ur10_machine_tending.waypoints.yaml", "is a trajectory file, not a scene"),
+        ("robots/ur10_machine_tending.waypoints.yaml", "is a trajectory, not a scene"),
     ],
 )
 def test_what_is_no_scene_is_said(file, says):

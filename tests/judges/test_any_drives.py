@@ -124,6 +124,27 @@ def test_a_motion_that_an_undriven_joint_does_not_do_is_refused_with_joint_sampl
     assert pf.inverse_dynamics(scene, q[:1], v[:1], a[:1]).effort_upper[0, 0] == 0.3
 
 
+def test_all_joints_without_a_drive_that_need_one_are_named_in_one_line():
+    scene = chain_of_three()
+    zero = np.zeros(3)
+    with pytest.raises(UndrivenMotionError, match=r"1 for 3 .*; add drives for them") as said:
+        pf.inverse_dynamics(scene, zero, zero, zero)
+    assert {said.value.joint, *said.value.others} == {"b", "c"}
+    assert len(said.value.others) == 1
+    assert "\n" not in str(said.value)
+
+
+def chain_of_three():
+    """Three level links one after the other; only the first has a drive."""
+    model, parent, place = pin.Model(), 0, pin.SE3.Identity()
+    for name in "abc":
+        parent = model.addJoint(parent, pin.JointModelRY(), place, name)
+        body = pin.Inertia(1.0, np.array([0.2, 0.0, 0.0]), 0.01 * np.eye(3))
+        model.appendBodyToJoint(parent, body, pin.SE3.Identity())
+        place = pin.SE3(np.eye(3), np.array([0.4, 0.0, 0.0]))
+    return pf.Scene(model=model, actuators=[{"joint": "a"}])
+
+
 @pytest.mark.parametrize("digits", [16, 4])
 def test_a_pole_that_hangs_without_friction_needs_no_drive_whatever_its_digits(digits):
     q = np.array([0.0, round(-np.pi / 2, digits)])

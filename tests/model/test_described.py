@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from described_cases import After, Before
 from jsonschema import Draft202012Validator
 
 from pinfric.cli import result_classes
@@ -15,37 +16,12 @@ from pinfric.model.described import (
     EFFORT,
     SPEED,
     Schema,
-    between,
-    derived,
     described,
     in_json,
-    quantity,
     unit_at,
 )
 from pinfric.show.report.html import html_of
 from pinfric.show.report.rows import flat, table_of
-
-
-@described
-class Before:
-    """What one drive did."""
-
-    name: str = quantity("the drive's", heading="joint", name=True)
-    unit: str = quantity("of its effort", heading="unit")
-    peak: float = quantity("largest effort", EFFORT, "peak")
-
-    @property
-    @derived(heading="twice", cell="{double:.1f}")
-    def double(self) -> float:
-        """Two times the peak."""
-        return 2.0 * self.peak
-
-
-@described
-class After(Before):
-    """The same with one line more."""
-
-    jerk: float | None = quantity("largest jerk", "rad/s^3 or m/s^3", "jerk", default=1234.5)
 
 
 @pytest.fixture(params=["N m", "N"])
@@ -90,34 +66,6 @@ def test_the_unit_of_a_joint_is_decided_by_its_effort():
     assert [unit_at(EFFORT, effort) for effort in ("N m", "N", "")] == ["N m", "N", EFFORT]
     assert [unit_at(SPEED, effort) for effort in ("N m", "N")] == ["rad/s", "m/s"]
     assert unit_at("Hz", "N") == "Hz"
-
-
-def test_rows_of_both_kinds_have_their_unit_in_a_column():
-    rows = [After("elbow", "N m", 1.0, None), After("slide", "N", 2.0, None)]
-    table = table_of("", rows)
-    assert [column.heading for column in table.columns] == ["joint", "unit", "peak", "twice"]
-    assert table.rows == [("elbow", "N m", "1.00", "2.0"), ("slide", "N", "2.00", "4.0")]
-    assert table_of("", []) is None
-
-
-def test_rounding_squared_prints_as_nothing_and_small_errors_stay():
-    rows = [After("elbow", "N m", 1.0, jerk) for jerk in (50.0, 3e-29, 3e-15)]
-    assert [row[-1] for row in table_of("", rows, only=("jerk",)).rows] == ["50.0", "0", "3.00e-15"]
-
-
-@pytest.mark.parametrize(
-    ("least", "most", "text"), [(1.0, 2.0, "1.00\N{EN DASH}2.00"), (1.0, 1.0001, "1.00")]
-)
-def test_a_range_that_prints_alike_is_one_number(least, most, text):
-    @described
-    class Row:
-        """A range."""
-
-        name: str = quantity("of it", heading="name")
-        low: float = quantity("least")
-        high: float = quantity("most", heading="range", cell=between("low", "high"))
-
-    assert table_of("", [Row("a", least, most)]).rows == [("a", text)]
 
 
 def test_two_classes_of_one_name_are_refused():

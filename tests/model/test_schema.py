@@ -2,88 +2,20 @@
 
 from __future__ import annotations
 
-import copy
 import math
-import re
 
 import pytest
 import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from schema_cases import WHOLE, anything, with_change
 
-from pinfric.errors import PinfricError, PinfricWarning, SceneError
-from pinfric.model.bearings import KINDS, Bearing
+from pinfric.errors import PinfricWarning, SceneError
+from pinfric.model.bearings import Bearing
 from pinfric.model.entry import parse
 from pinfric.model.friction_terms import LoadFriction
 from pinfric.model.schema import Friction, SceneFile, Transmission
 from pinfric.model.yamlfile import read_yaml
-from pinfric.study.formats import FORMATS
-
-WHOLE = {
-    "pinfric": 1,
-    "robot": {
-        "urdf": "three_link.urdf",
-        "gravity": [0.0, -9.81, 0.0],
-        "locked": {"finger": 0.02},
-        "payloads": {
-            "box": {
-                "link": "tool0",
-                "mass": 2.0,
-                "com": [0, 0, 0.05],
-                "inertia": [0.01, 0, 0, 0.01, 0, 0.01],
-            }
-        },
-        "urdf_dynamics": "ignore",
-    },
-    "friction": {
-        "joint_12": {
-            "bearing": {"kind": "pin", "radius": 0.08, "length": 0.10},
-            "mu": {"static": 0.35, "kinetic": 0.30},
-            "stribeck": {"velocity": 0.02, "exponent": 2},
-            "coulomb": {"static": 0.5, "kinetic": 0.4},
-            "viscous": 0.1,
-            "stick_velocity": 1.0e-6,
-        },
-        "joint_23": {
-            "coulomb": {
-                "positive": {"static": 2, "kinetic": 1},
-                "negative": {"static": 3, "kinetic": 1},
-            }
-        },
-    },
-    "actuators": [
-        {"joint": "joint_1"},
-        {
-            "joint": "joint_2",
-            "transmission": {
-                "ratio": 100,
-                "efficiency": 0.88,
-                "back_efficiency": 0.83,
-                "no_load_torque": 0.031,
-                "rotor_inertia": 4.4e-6,
-            },
-        },
-    ],
-    "stick": {"velocity": 1.0e-6},
-    "simulation": {
-        "start": {"q": {"joint_1": 0.0}, "v": {"joint_1": 1.0}},
-        "effort": {
-            "joint_1": {"sine": {"amplitude": 5.0, "angular_frequency": 1.0}},
-            "joint_12": 0.0,
-            "joint_23": {"table": "torques.csv"},
-        },
-        "t_end": 1.0,
-    },
-}
-
-
-def with_change(path, value):
-    content = copy.deepcopy(WHOLE)
-    here = content
-    for key in path[:-1]:
-        here = here[key]
-    here[path[-1]] = value
-    return content
 
 
 def test_the_whole_format_is_read():
@@ -223,49 +155,6 @@ def test_implausible_magnitudes_are_questioned_but_taken(entry, content, says):
     assert [str(warning.message) for warning in said] == [says]
 
 
-@pytest.mark.parametrize("kind", ["pin", "guide", "linear", "ball"])
-def test_every_key_of_a_bearing_is_used_by_a_kind(kind):
-    fields = KINDS[kind].model_fields.items()
-    needed = {key: 0.1 for key, field in fields if field.is_required() and key != "kind"}
-    more = {"radial": 0.1} if kind == "linear" else {}
-    Bearing.model_validate({"kind": kind, **needed, **more})
-    for key in needed:
-        rest = {k: v for k, v in needed.items() if k != key}
-        with pytest.raises(SceneError, match=f"x: `{key}` is missing"):
-            parse(Bearing, {"kind": kind, **rest, **more}, "x")
-
-
-numbers = st.floats(allow_nan=True, allow_infinity=True) | st.integers(-3, 3)
-words = st.text(max_size=8)
-anything = st.recursive(
-    st.none() | st.booleans() | numbers | words,
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(words, inner, max_size=3),
-    max_leaves=6,
-)
-
-
-def every_path(content, path=()):
-    items = content.items() if isinstance(content, dict) else enumerate(content)
-    for key, value in items:
-        yield (*path, key)
-        if isinstance(value, dict | list):
-            yield from every_path(value, (*path, key))
-
-
-@settings(max_examples=400, deadline=None)
-@given(path=st.sampled_from(list(every_path(WHOLE))), value=anything)
-@pytest.mark.filterwarnings("ignore::pinfric.errors.PinfricWarning")
-def test_any_value_anywhere_is_read_or_refused_in_one_line(path, value):
-    try:
-        parse(SceneFile, with_change(path, value), "scene.yaml")
-    except SceneError as error:
-        message = str(error)
-    else:
-        message = "scene.yaml: read"
-    assert message.startswith("scene.yaml: ")
-    assert not re.search(r"pydantic|function-|constrained|finite-float|\[_|Friction", message)
-
-
 @settings(
     max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
@@ -278,29 +167,6 @@ def test_any_text_is_yaml_or_refused(tmp_path, content):
     except SceneError as error:
         found = str(error)
     assert isinstance(found, dict) or found.startswith(str(file))
-
-
-@settings(max_examples=100, deadline=None)
-@given(
-    kinetic=st.floats(0, 2),
-    more=st.floats(0, 1),
-    radius=st.floats(0, 0.9),
-    length=st.none() | st.floats(1e-6, 0.9),
-    viscous=st.floats(0, 10, exclude_min=True),
-)
-@pytest.mark.filterwarnings("ignore::pinfric.errors.PinfricWarning")
-def test_what_is_written_is_what_is_read(kinetic, more, radius, length, viscous):
-    bearing = {"kind": "pin", "radius": radius}
-    if length is not None:
-        bearing["length"] = length
-    written = {
-        "bearing": bearing,
-        "mu": {"static": kinetic + more, "kinetic": kinetic},
-        "viscous": viscous,
-    }
-    entry = parse(Friction, yaml.safe_load(yaml.safe_dump(written)), "x")
-    written["viscous"] = {"coefficient": viscous}  # which a number stands for
-    assert entry.model_dump(exclude_unset=True) == written
 
 
 @pytest.mark.parametrize(
@@ -327,11 +193,3 @@ def test_malformed_yaml_is_placed(tmp_path, text, says):
     file.write_text(text)
     with pytest.raises(SceneError, match=says):
         read_yaml(file, SceneError)
-
-
-@pytest.mark.parametrize("version", [True, 2, "1"])
-@pytest.mark.parametrize("name", ["scene", "waypoints", "sweep", "motors", "catalog"])
-def test_other_versions_are_refused(name, version):
-    key = next(key for key in FORMATS[name].model_fields if key.startswith("pinfric"))
-    with pytest.raises(PinfricError, match=f"`{key}`: (should be a number|should be 1)"):
-        parse(FORMATS[name], {key: version}, "file", PinfricError)

@@ -15,7 +15,6 @@ from sweep_cases import pushed_block, steady, sweep_of, uniform
 
 import pinfric as pf
 from pinfric.errors import StateError
-from pinfric.model.brief import screen
 from pinfric.model.described import in_json
 from pinfric.study.accuracy.study import accuracy
 from pinfric.study.explain import explain
@@ -92,13 +91,6 @@ def test_repr_of_a_result_without_solution_or_times_says_so():
     assert "1 jammed" in repr(broken)
     bare = pf.Scene(model=block())
     assert "friction  none" in repr(bare)
-
-
-def test_a_screen_keeps_its_width_whatever_it_is_told():
-    text = screen("Thing", "word " * 100, {"fact": "x" * 500, "none": "", "many": "a b " * 300})
-    assert max(map(len, text.splitlines())) <= 100
-    assert len(text.splitlines()) <= 6
-    assert "none" not in text
 
 
 def test_summary_has_the_figures_of_the_json(panda):

@@ -19,7 +19,7 @@ from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.inverse.tree import solve_tree
 from pinfric.dynamics.inverse.undriven import check_shares
 from pinfric.dynamics.samples.reactions import applied_wrenches, slices
-from pinfric.dynamics.samples.states import MotionLike, States, attached_columns
+from pinfric.dynamics.samples.states import MotionLike, States, attached_columns, mention_degrees
 from pinfric.errors import StateError
 from pinfric.model.arrays import whole_number
 from pinfric.model.scene import Scene, expect_scene
@@ -53,7 +53,7 @@ def inverse_dynamics(
 ) -> Iterator[InverseResult]: ...
 def inverse_dynamics(
     scene: Scene,
-    q: np.ndarray | MotionLike,
+    q: np.ndarray | MotionLike | None = None,
     v: np.ndarray | None = None,
     a: np.ndarray | None = None,
     external: Mapping[str, np.ndarray] | None = None,
@@ -91,6 +91,9 @@ def inverse_dynamics(
         SceneError: redundant drives without `share`.
         UndrivenMotionError: a joint without a drive needs one.
 
+    Warns:
+        PinfricWarning: angles that are within the joints' limits only in degrees.
+
     >>> import pinfric as pf
     >>> scene = pf.load_scene("pendulum")
     >>> motion = pf.load_trajectory("pendulum", scene)
@@ -125,4 +128,6 @@ def _states(scene: Scene, q: Any, v: Any, a: Any, t: Any, attached: Any) -> Stat
         attached = attached_columns(scene, motion) if attached is None else attached
     if v is None or a is None:
         raise StateError("inverse_dynamics needs q, v and a, or one motion that has all of them")
-    return States.of(scene, q, v, a, t, attached)
+    states = States.of(scene, q, v, a, t, attached)
+    mention_degrees(scene, states.q)
+    return states

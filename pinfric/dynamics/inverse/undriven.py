@@ -53,12 +53,15 @@ def check_undriven(
     missing = np.nan_to_num(np.fmax(np.fmax(lower, -upper), 0.0))
     size = np.maximum(_terms(scene, states.part(whole)), _weights(scene)[undriven])
     sample, place = np.unravel_index(np.argmax(missing / np.maximum(size, 1e-300)), missing.shape)
-    if missing[sample, place] > _OBEYS * size[place]:
+    names = [velocity_names(scene.model)[v] for v in undriven]
+    needed = (missing > _OBEYS * size).any(axis=0)
+    if needed[place]:
         raise UndrivenMotionError(
-            velocity_names(scene.model)[undriven[place]],
+            names[place],
             whole.start + int(sample),
             float(missing[sample, place]),
             scene.mobility.counts(len(scene.drives)),
+            [name for k, name in enumerate(names) if needed[k] and k != place],
         )
 
 

@@ -54,9 +54,10 @@ def motor_torques(
 
 
 def scene_gears(scene: Scene) -> Gears:
-    """Return the transmissions of a scene's drives as arrays."""
+    """Return the transmissions of a scene's drives, and their closed brakes, as arrays."""
     stick = [drive_stick_velocity(scene, drive) for drive in scene.drives]
-    return gear_table([drive.transmission for drive in scene.drives], stick)
+    closed = [scene.closed_brakes.get(drive.name, 0.0) for drive in scene.drives]
+    return gear_table([drive.transmission for drive in scene.drives], stick, closed)
 
 
 def drive_stick_velocity(scene: Scene, drive: Drive) -> float:

@@ -137,6 +137,36 @@ def attached_columns(scene: Scene, motion: Any) -> np.ndarray | None:
     return np.asarray(attached)[:, [tuple(names).index(name) for name in scene.payloads]]
 
 
+def mention_degrees(scene: Scene, q: np.ndarray) -> None:
+    """Warn where angles are beyond their joint's limits by far, and all would be within in degrees.
+
+    Args:
+        scene: its model has the limits.
+        q: (T, nq) positions, rad and m.
+    """
+    model, beyond = scene.model, None
+    for name, joint in zip(model.names, model.joints, strict=True):
+        if joint.nq != 1 or not joint.shortname().startswith("JointModelR"):
+            continue
+        i = joint.idx_q
+        lower, upper = model.lowerPositionLimit[i], model.upperPositionLimit[i]
+        low, high = q[:, i].min(initial=np.inf), q[:, i].max(initial=-np.inf)
+        if np.radians(low) < lower or np.radians(high) > upper:
+            return
+        largest = max(abs(low), abs(high))
+        if (low < lower or high > upper) and largest > 2.0 * np.pi and beyond is None:
+            beyond = name, largest, lower, upper
+    if beyond is not None:
+        name, largest, lower, upper = beyond
+        warnings.warn(
+            f"q: joint {name!r} is at {largest:.4g} rad, beyond its limits ({lower:.4g} to "
+            f"{upper:.4g}), and all joints are within theirs in degrees; if q is in degrees, give "
+            "np.radians(q)",
+            PinfricWarning,
+            stacklevel=4,
+        )
+
+
 def _samples(name: str, given: Any, width: int) -> np.ndarray:
     array = np.atleast_2d(real_numbers(name, given))
     if array.ndim != 2 or array.shape[1] != width:

@@ -331,6 +331,8 @@ def scene_digests(scene: Scene, given: str) -> dict[str, str]:
     actuators = [actuator.model_dump() for actuator in scene.actuators or ()]
     if given == "motor_torque":
         parts["transmissions"] = actuators
+        if scene.closed_brakes:
+            parts["closed brakes"] = sorted(scene.closed_brakes.items())
     if scene.linkage is not None:
         parts["loops"] = [loop.model_dump() for loop in scene.loops]
         parts["actuators"] = actuators

@@ -151,14 +151,16 @@ class System:
         Raises:
             SimulationError: the function raises, or returns something else than (na,) numbers.
         """
+        at = min(max(t, self._window[0]), self._window[1])
         try:
-            given = self.effort.function(min(max(t, self._window[0]), self._window[1]), q, v)
+            given = self.effort.function(at, q, v)
         except PinfricError:
             raise
         except Exception as problem:
+            called = "; it is called with (t, q, v)" if isinstance(problem, TypeError) else ""
             raise SimulationError(
                 f"{self.ws.given}: the function raised {type(problem).__name__} at t = {t:.9g} s: "
-                f"{problem}"
+                f"{problem}{called}"
             ) from problem
         try:
             if isinstance(given, Mapping):

@@ -49,6 +49,8 @@ FORCE_COLOR = "#7B4FB5"
 PAYLOAD_COLOR = "#1FAF86"
 #: Radius of a ring, as parts of the robot's size: least and most.
 _SMALLEST, _LARGEST = 0.04, 0.09
+#: The least radius of a ring at a small link, such as a finger's, as a part of that link's size.
+_OF_LINK = 0.4
 #: The arcs span at most this angle (rad), seen along the axis.
 ARC = np.deg2rad(160.0)
 
@@ -61,12 +63,14 @@ class Marker:
         joint: Pinocchio's index of the joint whose link carries it (0: the ground).
         placement: of the marker in the joint's frame; its z axis is the site's axis.
         radius: of its ring, m.
+        size: m, of what its thickness and arcs are parts: the robot's, less at a small link.
         turn: (3, 3) from the axes that the site's wrench is given in to the marker's.
     """
 
     joint: int
     placement: pin.SE3
     radius: float
+    size: float
     turn: np.ndarray
 
 
@@ -84,6 +88,8 @@ def site_marker(scene: Scene, site: Site, shapes: Sequence[Shape], size: float) 
     bearing = site.friction.bearing
     offset = getattr(bearing, "offset", 0.0)  # not every kind has one, nor a radius
     radius = 1.15 * getattr(bearing, "radius", 0.0)
+    if site.pair < 0:
+        size = min(size, _OF_LINK / _SMALLEST * _link_size(site.joint + 1, shapes))
     least = _SMALLEST * size
     most = max(_LARGEST * size, min(radius, 3.0 * _LARGEST * size))
     up = turn_between(UP, site.axis)
@@ -98,8 +104,18 @@ def site_marker(scene: Scene, site: Site, shapes: Sequence[Shape], size: float) 
         if site.name in scene.linkage.cylinders:
             other = linkage_frame(scene.linkage, site.pair, 0)
             line = turn_between(UP, _line_at_start(scene, other, (joint, frame)))
-            return Marker(joint, pin.SE3(line, frame.translation), least, np.eye(3))
-    return Marker(joint, placement, float(np.clip(radius, least, most)), up.T)
+            return Marker(joint, pin.SE3(line, frame.translation), least, size, np.eye(3))
+    return Marker(joint, placement, float(np.clip(radius, least, most)), size, up.T)
+
+
+def _link_size(joint: int, shapes: Sequence[Shape]) -> float:
+    """Diagonal of the box round what is drawn of a joint's link, m; inf where nothing is."""
+    own = [
+        shape.mesh.vertices @ shape.placement.rotation.T + shape.placement.translation
+        for shape in shapes
+        if shape.kind == "visual" and shape.joint == joint
+    ]
+    return float(np.linalg.norm(np.ptp(np.concatenate(own), axis=0))) if own else np.inf
 
 
 def _outside(

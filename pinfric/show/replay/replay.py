@@ -11,6 +11,7 @@ from pathlib import Path
 
 from pinfric.dynamics.inverse.result import InverseResult, StickInterval
 from pinfric.dynamics.simulation.motion import Motion
+from pinfric.errors import StateError
 from pinfric.model.described import described, quantity
 from pinfric.model.files import write_file
 from pinfric.model.scene import Scene, expect_scene
@@ -97,6 +98,11 @@ def replay(
         PinfricError: the file cannot be written.
     """
     expect_scene(scene, "replay")
+    if not isinstance(motion, InverseResult | Motion):
+        raise StateError(
+            f"replay: the motion is a {type(motion).__name__}; give a result of "
+            "pf.inverse_dynamics(scene, trajectory), or of pf.simulate"
+        )
     check_same_scene(scene, motion)
     given = None
     if limits is not None:

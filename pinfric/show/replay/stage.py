@@ -232,8 +232,8 @@ def _draw_marker(node: Any, marker: Marker, site: Site, size: float) -> None:
     from trimesh.transformations import rotation_matrix
 
     node.set_transform(marker.placement.homogeneous)
-    radius, blue = marker.radius, COLORS["sliding"]
-    ring = _tube(radius, _RING * size, 2.0 * np.pi)
+    radius, blue, own = marker.radius, COLORS["sliding"], marker.size
+    ring = _tube(radius, _RING * own, 2.0 * np.pi)
     if site.ball:
         turns = [
             np.eye(4),
@@ -253,10 +253,10 @@ def _draw_marker(node: Any, marker: Marker, site: Site, size: float) -> None:
             turn = np.diag([1.0, sign, sign, 1.0])  # half a turn about x: along -z
             node[name].set_transform(turn)
         else:
-            arc = _tube(ARC_REACH * radius, _ARC_TUBE * size, sign * ARC)
+            arc = _tube(ARC_REACH * radius, _ARC_TUBE * own, sign * ARC)
             node[name]["body"].set_object(Surface(arc, blue))
             node[name]["head"].set_object(
-                Surface(creation.cone(3.0 * _ARC_TUBE * size, 9.0 * _ARC_TUBE * size), blue)
+                Surface(creation.cone(3.0 * _ARC_TUBE * own, 9.0 * _ARC_TUBE * own), blue)
             )
     _draw_arrow(node["force"], FORCE_COLOR, _ARROW * size, on_top=True)
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from pinfric.show.report.names import short_names
 from pinfric.show.report.rows import NONE, table_of
 from pinfric.show.report.tables import Table
 from pinfric.show.report.values import digits
 from pinfric.study.sizing.power import BusPower
 from pinfric.study.sizing.size import SizingReport
-from pinfric.study.sizing.summary import SizedJoint, SizingSummary
+from pinfric.study.sizing.summary import SizedJoint, SizingSummary, Unchecked
 
 #: N m; torques of brakes below print as 0.
 _ROUNDING = 1e-9
@@ -62,6 +63,8 @@ def brake_table(found: SizingSummary) -> Table | None:
 
 def _brake(joint: SizedJoint) -> str:
     still = joint.standstill
+    if still.torque.required == 0.0 and still.brake is None:
+        return "none needed"
     return still.brake or ("none holds it" if still.torque.available else NONE)
 
 
@@ -71,6 +74,22 @@ def holds_alone(joint: SizedJoint) -> str:
     if still.held is None:
         return "not known"
     return "moves" if still.use is None else f"holds, {100 * (1 - still.use):.0f} % left"
+
+
+def unchecked_table(
+    found: SizingSummary, title: str = "not checked, a value is missing"
+) -> Table | None:
+    """Return what was not checked, and the figures that are missing; None if nothing."""
+    short = short_names([joint.name for joint in found.joints])
+
+    def joints(row: Unchecked) -> str:
+        if not row.joints:
+            return "robot"
+        if len(row.joints) == len(short):
+            return "all"
+        return ", ".join(short[name] for name in row.joints)
+
+    return table_of(title, found.unchecked, cells={"joints": joints})
 
 
 def turn(report: SizingReport) -> str:

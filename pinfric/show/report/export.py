@@ -45,6 +45,7 @@ def _lines(exported: Exported) -> list[str]:
         "with the scene's torque (motor torque x ratio) while the joint moves",
         f"at rest the scene has a torque range beside the load: {FORMATS[exported.to].at_rest}",
         *(f"not in the file: {line}" for line in exported.left_out),
+        *exported.notes,
     ]
     if alike := [joint.joint for joint in exported.joints if not joint.apart]:
         lines.append(f"the motion does not determine each constant of {', '.join(alike)}")

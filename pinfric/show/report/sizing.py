@@ -13,6 +13,7 @@ from pinfric.show.report.drives import (
     mass_table,
     smaller_table,
     turn,
+    unchecked_table,
 )
 from pinfric.show.report.elastic import frequency_lines
 from pinfric.show.report.retime import fastest_table
@@ -59,6 +60,7 @@ def sizing_report(report: SizingReport, fastest: Sequence[TimedSet] | None = Non
         bus_lines(report),
         _changes(report),
         elastic_lines(report),
+        unchecked_table(found),
         failing,
         notes,
         *more,
@@ -67,7 +69,12 @@ def sizing_report(report: SizingReport, fastest: Sequence[TimedSet] | None = Non
 
 def elastic_lines(report: SizingReport) -> list[str]:
     """Return the lowest frequency with the chosen gears, and the criteria of the whole robot."""
-    asked = [c.why for c in report.arm_criteria if c.status != Status.FAILS]
+    elsewhere = {Status.FAILS} | ({Status.NOT_CHECKED} if report.catalog else set())
+    asked = [c.why for c in report.arm_criteria if c.status not in elsewhere]
+    if report.catalog is None:
+        names = report.scene.actuator_names
+        pairs = zip(names, report.reversals, strict=False)
+        asked += [f"{name}: {c.why}" for name, c in pairs if c.status != Status.FAILS]
     if report.elastic is None:
         return asked
     rigid = [drive.name for drive in report.scene.drives if drive.spring is None]
@@ -159,9 +166,6 @@ def _changes(report: SizingReport) -> list[str]:
         ):
             if _name(other) != _name(joint.choice):
                 lines.append(f"{joint.name}: {text} it would be {_name(other) or 'none'}")
-    open_ = {c.name for j in report.joints if j.choice is not None for c in j.choice.not_checked}
-    if open_:
-        lines.append(f"not checked, a value is missing: {', '.join(sorted(open_))}")
     return lines
 
 

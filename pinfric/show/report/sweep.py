@@ -131,7 +131,7 @@ def _footer(result: SweepResult) -> list[str]:
     lines = []
     if result.trials:
         every = percent(result.probability(result.sufficing()), interval=True)
-        lines.append(f"all motors suffice in {every} of the samples")
+        lines.append(f"{_motors(result)} in {every} of the samples")
         if result.sampling == "random":
             lines.append("in brackets: 95 % confidence interval, for the number of samples only")
     lines += _trial_notes(result)
@@ -147,6 +147,16 @@ def _footer(result: SweepResult) -> list[str]:
             "non-monotonic effects are missed (use sampling: sobol)"
         )
     return lines
+
+
+def _motors(result: SweepResult) -> str:
+    """Which motors suffice, in words: all, or how many were on trial."""
+    tried, drives = len(result.trials), len(result.actuator_names)
+    if tried == drives:
+        return "all motors suffice"
+    if tried == 1:
+        return f"the motor on trial (1 of {drives} drives) suffices"
+    return f"all motors on trial ({tried} of {drives} drives) suffice"
 
 
 def _trial_notes(result: SweepResult) -> list[str]:

@@ -16,7 +16,14 @@ import numpy as np
 from pinfric import __version__
 from pinfric.errors import PinfricError
 from pinfric.show.figure.panel import svg
-from pinfric.show.report.drives import brake_table, bus_lines, bus_table, choice_table, turn
+from pinfric.show.report.drives import (
+    brake_table,
+    bus_lines,
+    bus_table,
+    choice_table,
+    turn,
+    unchecked_table,
+)
 from pinfric.show.report.envelope import hashes
 from pinfric.show.report.html import Marked, html_of, mark
 from pinfric.show.report.names import affixes, left_out, said_short, short_names, without
@@ -59,11 +66,12 @@ _TIGHT = 0.1
 _BEYOND = -1e6
 
 
-def sizing_page(report: SizingReport) -> str:
-    """Return the report as one HTML page.
+def sizing_page(report: SizingReport, command: str = "") -> str:
+    """Return the report as one HTML page, to read, to print and to sign.
 
     Args:
         report: of `size`.
+        command: that made it, if one did.
 
     Raises:
         PinfricError: the extra `report` (jinja2, plotly) is not installed.
@@ -102,6 +110,8 @@ def sizing_page(report: SizingReport) -> str:
         power=power_table(report),
         brakes=brake_table(found),
         verdict="" if report.catalog is None else verdict(report),
+        unchecked=unchecked_table(found, title=""),
+        command=command,
         date=datetime.date.today().isoformat(),
         inputs=hashes(_inputs(report)),
         passes=passes(report),
@@ -319,10 +329,15 @@ def _formula(text: str) -> Any:
         (r"\bsqrt", "√"),
         (r"\bcbrt", "∛"),
         (r"\bomega", "ω"),
+        (r"\btheta(?=\(|&#39;| =)", "ϑ"),
+        (r"\btau(?= [t=])", "τ"),
+        (r"\blambda", "λ"),
+        (r"\brho\b", "\N{GREEK SMALL LETTER RHO}"),
         (r"\beta", "η"),
         (r"\bpi\b", "π"),
         (r"\^2", "²"),
         (r"\^3", "³"),
+        (r"\^6\b", "⁶"),
     ):
         html = re.sub(pattern, sign, html)
     return markup.Markup(re.sub(r"(?<=\w)_([A-Za-z0-9,\-]*[A-Za-z0-9])", r"<sub>\1</sub>", html))

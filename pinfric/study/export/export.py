@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 
 from pinfric.dynamics.forward.compensation import check_compensated
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
@@ -17,6 +18,7 @@ from pinfric.model.brief import counted, file_name, listed, screen
 from pinfric.model.described import INERTIA, SPEED, described, quantity, unit_at
 from pinfric.model.effects import effects
 from pinfric.model.files import write_file, write_folder
+from pinfric.model.mass_matrix import mass_matrices
 from pinfric.model.scene import Scene, expect_scene
 from pinfric.model.upward import Shown
 from pinfric.model.urdf import implausible_body
@@ -24,7 +26,7 @@ from pinfric.study.export.constants import JointConstants, joint_constants
 from pinfric.study.export.controller import compensator, level_uncertainty
 from pinfric.study.export.cpp import check_frames, namespace
 from pinfric.study.export.isaaclab import isaaclab
-from pinfric.study.export.mjcf import MjcfJoint, mjcf
+from pinfric.study.export.mjcf import MjcfJoint, mjcf, soft
 from pinfric.study.export.newton import newton
 from pinfric.study.export.pinocchio import pinocchio
 from pinfric.study.export.sdf import sdf
@@ -145,6 +147,7 @@ class Exported(Shown):
         "would make and the header does not"
     )
     left_out: tuple[str, ...] = quantity("parts of the scene that the file does not have")
+    notes: tuple[str, ...] = quantity("what the constants were fitted with, and where they fail")
     text: str
     beside: Mapping[str, str] = field(default_factory=dict)
     uncertainty: Mapping[str, float] = quantity(
@@ -231,16 +234,48 @@ def export(
     result, name = _along(scene, trajectory)
     joints, left_out = joint_constants(result, columns, tuple(form.terms)), _left_out(scene, to)
     lines = {joint.joint: joint_line(joint, form) for joint in joints}
+    notes = _loads(scene, result) + (_soft(scene, result, joints) if to == "mjcf" else ())
     header = [
         f"{file_name(scene.source)} for {form.title}, written by pinfric.",
         "Friction is given by constants, fitted to the motor's torque times the ratio, less that "
         f"of the frictionless robot, over {file_name(name)} ({len(result.status)} samples); beside "
         "each joint their error against the scene's torque while the joint moves.",
         *(f"Not in this file: {line}." for line in left_out),
+        *(f"{line[0].upper()}{line[1:]}." for line in notes),
         f"While a joint rests the scene has a torque range, given at each joint: {form.at_rest}.",
     ]
     text = _WRITERS[to](scene, joints, lines, header)
-    return Exported(scene.source, name, to, len(result.status), joints, left_out, text)
+    return Exported(scene.source, name, to, len(result.status), joints, left_out, notes, text)
+
+
+def _loads(scene: Scene, result: InverseResult) -> tuple[str, ...]:
+    """Which payloads the constants were fitted with."""
+    carried, samples, parts = result.states.attached, len(result.status), []
+    for k, (name, payload) in enumerate(scene.payloads.items()):
+        count = samples * payload.attached if carried is None else int(carried[:, k].sum())
+        if count:
+            often = "all samples" if count == samples else f"{count} of {samples} samples"
+            parts.append(f"{name!r} ({payload.mass:g} kg at {payload.link}) in {often}")
+    return (f"fitted with the payload {', '.join(parts)}",) if parts else ()
+
+
+def _soft(scene: Scene, result: InverseResult, joints: Sequence[JointConstants]) -> tuple[str, ...]:
+    """Samples in which MuJoCo's friction is not whole: it misses by more than is stated."""
+    tree = bodies(scene)
+    mass = mass_matrices(scene.twin(), pin.neutral(scene.model)[None])[0]
+    armature = [joint.armature + body.armature for joint, body in zip(joints, tree, strict=True)]
+    mobility = np.diag(np.linalg.inv(mass + np.diag(armature)))
+    parts = []
+    for joint, body, A in zip(joints, tree, mobility, strict=True):
+        v, a = (x[:, body.joint.index_v] for x in (result.states.v, result.states.a))
+        near = soft(v, a, joint.frictionloss, A) & (np.abs(v) > 0.0)
+        if near.any():
+            parts.append(f"{joint.joint} {counted(int(near.sum()), 'sample')}")
+    where = f" ({', '.join(parts)} of this motion)" if parts else ""
+    return (
+        "near rest MuJoCo's friction is soft: where |a + 1000 v| < 0.001 frictionloss (M^-1)_jj, "
+        f"its torque misses by up to twice the frictionloss more than is stated{where}",
+    )
 
 
 def _along(scene: Scene, trajectory: MotionLike | None) -> tuple[InverseResult, str]:
@@ -270,7 +305,8 @@ def _for_cpp(
     files = compensator(scene, result, frames, unknown)
     beside = {f"{namespace(scene.source)}_test.cpp": files.test}
     samples = len(result.status)
-    return Exported(scene.source, name, "cpp", samples, joints, (), files.header, beside, unknown)
+    made = files.header, beside, unknown
+    return Exported(scene.source, name, "cpp", samples, joints, (), (), *made)
 
 
 def _mjcf(

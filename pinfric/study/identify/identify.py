@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -127,14 +128,10 @@ def identify(
     check_scene(scene)
     _check_options(scene, effort_at, inertia, laws or {})
     logs = [logs] if isinstance(logs, str | Path | Log) else logs
-    to_joint = factors_to_joint(scene, effort_at)
-    recordings, unseen = (
-        tuple(replace(one, effort=one.effort * to_joint) for one in read)
-        for read in (
-            read_recordings(scene, logs, gain or {}, payloads or {}, options),
-            read_recordings(scene, held_out, gain or {}, {}, options) if held_out else (),
-        )
-    )
+    _check_logs(logs, held_out)
+    recordings = read_recordings(scene, logs, gain or {}, payloads or {}, options)
+    unseen = read_recordings(scene, held_out, gain or {}, {}, options) if held_out else ()
+    recordings, unseen = (_at_joints(scene, read, effort_at) for read in (recordings, unseen))
     question = Question(scene, recordings, effort_at, inertia == "keep", laws or {}, gain or {})
     found = estimate(question, progress or (lambda done, total: None))
     return _identified(found, unseen, seed)
@@ -201,6 +198,23 @@ def running_mean(x: np.ndarray, y: np.ndarray, parts: int = 12) -> tuple[np.ndar
     """Return means of x and of y over parts of equally many of them, in the order of x."""
     order = [part for part in np.array_split(np.argsort(x), parts) if part.size]
     return np.array([x[k].mean() for k in order]), np.array([y[k].mean() for k in order])
+
+
+def _at_joints(scene: Scene, read: Sequence[Recording], at: str) -> tuple[Recording, ...]:
+    """Return recordings with their efforts stated at the joints."""
+    factors = factors_to_joint(scene, at)
+    return tuple(replace(one, effort=one.effort * factors) for one in read)
+
+
+def _check_logs(*given: Any) -> None:
+    """Refuse what is neither a file's name nor a `Log`, alone or in a list."""
+    each = [log for logs in given for log in (logs if isinstance(logs, list | tuple) else [logs])]
+    for log in each:
+        if not isinstance(log, str | os.PathLike | Log):
+            raise IdentificationError(
+                f"identify: a log is a {type(log).__name__}; give a file's name, or "
+                "pf.Log(t, q, effort): measured efforts belong to it"
+            )
 
 
 def _check_options(scene: Scene, effort_at: str, inertia: str, laws: Mapping[str, Law]) -> None:

@@ -18,7 +18,7 @@ from pinfric.study.trajectory.derivatives import SPLINE_GAINS
 from pinfric.study.trajectory.log.arrays import Log
 from pinfric.study.trajectory.log.reading import Reading, ReadingOptions
 from pinfric.study.trajectory.log.thinning import Thinning
-from pinfric.study.trajectory.trajectory import Trajectory, load_trajectory
+from pinfric.study.trajectory.trajectory import Trajectory, read_trajectory
 
 FloatArray = NDArray[np.float64]
 
@@ -187,7 +187,7 @@ def _read(
     scene: Scene, log: str | Path | Log, gain: Mapping[str, float], options: ReadingOptions
 ) -> Recording:
     reads = replace(options, thinning=_THINNING, currents=frozenset(gain))
-    trajectory = load_trajectory(log, scene, reads)
+    trajectory = read_trajectory(log, scene, reads)
     name, reading = Path(trajectory.source).name, trajectory.reading
     if reading is None:
         raise IdentificationError(f"{name}: holds way-points; a log has samples and efforts")

@@ -8,6 +8,7 @@ line is that of a winding as hot as it may be.
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -21,7 +22,7 @@ from pinfric.model.drives import Drive
 from pinfric.model.entry import Entry, Positive, Version, key, parse
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Transmission
-from pinfric.model.yamlfile import read_yaml
+from pinfric.model.yamlfile import brief, read_yaml
 from pinfric.study.sizing.assess import own_amplifier
 from pinfric.study.sizing.catalog import Catalog, Conditions, parse_conditions
 from pinfric.study.sizing.catalog_file import load_catalog
@@ -149,7 +150,7 @@ def read_limits(scene: Scene, limits: LimitsLike) -> tuple[DriveLimits, ...]:
         RetimeError: no limits for a drive, or none of its torque; a name that is not there.
         CatalogError: as reading a catalogue raises it.
     """
-    conditions, catalog, others = None, "default", None
+    conditions, catalog, others, where = None, "default", None, "limits"
     if limits is None:
         return tuple(_stated(scene, i) for i in range(len(scene.drives)))
     given: Mapping[str, Any] = {}
@@ -157,15 +158,20 @@ def read_limits(scene: Scene, limits: LimitsLike) -> tuple[DriveLimits, ...]:
         given = limits
     elif str(limits).startswith("default:"):
         others = str(limits).partition(":")[2]
+    elif not isinstance(limits, str | os.PathLike):
+        raise RetimeError(
+            f"limits: should be a motors file, 'default:NAME' or drive -> limits, found "
+            f"{brief(limits)}"
+        )
     else:
-        content = read_yaml(Path(limits), CatalogError)
+        content = read_yaml(Path(limits), CatalogError, "pinfric_motors")
         file = parse(MotorsFile, content, str(limits), CatalogError)
         given, others, conditions = file.drives, file.others, file.conditions
-        catalog = file.catalog
+        catalog, where = file.catalog, f"{limits}: drives"
     for name in given:
         if name not in scene.actuator_names:
             raise RetimeError(
-                f"limits: there is no drive {name!r}; {choose_from(name, scene.actuator_names)}"
+                f"{where}: there is no drive {name!r}; {choose_from(name, scene.actuator_names)}"
             )
     lookup = CatalogLookup(catalog, conditions)
     found = []
@@ -173,10 +179,12 @@ def read_limits(scene: Scene, limits: LimitsLike) -> tuple[DriveLimits, ...]:
         entry = given.get(drive.name, others)
         if entry is None:
             raise RetimeError(
-                f"limits: none for drive {drive.name!r}; give at least peak_torque "
+                f"{where}: none for drive {drive.name!r}; give at least peak_torque "
                 "(N m, at the motor's shaft), or a motor by name"
             )
-        found.append(_limits(drive.name, entry, lookup))
+        key = drive.name if drive.name in given or where == "limits" else None
+        place = f"{where}.{key}" if key else f"{limits}: others"
+        found.append(_limits(place, drive.name, entry, lookup))
     return tuple(found)
 
 
@@ -238,48 +246,48 @@ class CatalogLookup:
         self.file, self.given = catalog, conditions
         self.catalog: Catalog | None = None
 
-    def drive(self, where: str, name: str) -> DriveLimits:
+    def drive(self, where: str, joint: str, name: str) -> DriveLimits:
         """Return the limits of a drive by its name; `where` says in a message who asks."""
         if self.catalog is None:
             self.catalog = load_catalog(self.file)
         known = {c.name: c for linear in (False, True) for c in candidates(self.catalog, linear)}
         if name not in known:
             raise RetimeError(
-                f"limits.{where}: {self.file} has no drive {name!r}; {choose_from(name, known)}"
+                f"{where}: {self.file} has no drive {name!r}; {choose_from(name, known)}"
             )
         conditions = parse_conditions(self.given, self.catalog.conditions)
-        fed = replace(known[name], amplifier=own_amplifier(self.catalog, conditions, where))
+        fed = replace(known[name], amplifier=own_amplifier(self.catalog, conditions, joint))
         return candidate_limits(fed, conditions)
 
 
-def _limits(name: str, entry: Any, lookup: CatalogLookup) -> DriveLimits:
+def _limits(where: str, name: str, entry: Any, lookup: CatalogLookup) -> DriveLimits:
     if isinstance(entry, str):
-        found = lookup.drive(name, entry.removeprefix("default:"))
+        found = lookup.drive(where, name, entry.removeprefix("default:"))
     elif isinstance(entry, Candidate):
         found = candidate_limits(entry, Conditions())
     else:
         chosen = None
         if isinstance(entry, dict) and "drive" in entry:
-            chosen = lookup.drive(name, str(entry["drive"]).removeprefix("default:"))
+            chosen = lookup.drive(where, name, str(entry["drive"]).removeprefix("default:"))
             entry = {key: value for key, value in entry.items() if key != "drive"}
-        found = parse(DriveLimits, entry, f"limits.{name}", RetimeError)
+        found = parse(DriveLimits, entry, where, RetimeError)
         if chosen is not None:
             own = {key: getattr(found, key) for key in found.model_fields_set}
             found = chosen.model_copy(update=own)
-    _check_settled(name, found)
+    _check_settled(where, found)
     if math.isfinite(found.stall_torque) != math.isfinite(found.no_load_speed):
         raise RetimeError(
-            f"limits.{name}: the speed-torque line needs both stall_torque and no_load_speed"
+            f"{where}: the speed-torque line needs both stall_torque and no_load_speed"
         )
     if not found.driven:
         raise RetimeError(
-            f"limits.{name}: nothing limits its torque; give peak_torque, "
+            f"{where}: nothing limits its torque; give peak_torque, "
             "stall_torque with no_load_speed, or effort"
         )
     return found
 
 
-def _check_settled(name: str, limits: DriveLimits) -> None:
+def _check_settled(where: str, limits: DriveLimits) -> None:
     """Refuse a drive of the catalogue whose gear or motor nothing limits: it cannot be judged."""
     if limits.from_catalog is None:
         return
@@ -293,7 +301,7 @@ def _check_settled(name: str, limits: DriveLimits) -> None:
         names = " or ".join(limit.name for limit in rows if limit.key != "velocity")
         keys = " or ".join(limit.key for limit in rows if limit.key)
         raise RetimeError(
-            f"limits.{name}: {candidate.name} cannot be checked: the catalogue has no value for "
+            f"{where}: {candidate.name} cannot be checked: the catalogue has no value for "
             f"its {names}; give {keys} beside `drive`"
         )
 

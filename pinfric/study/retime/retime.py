@@ -7,6 +7,7 @@ every reversal among them; judge the inside of all intervals, and the samples, b
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -15,7 +16,7 @@ import numpy as np
 
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
-from pinfric.errors import PinfricWarning, RetimeError
+from pinfric.errors import PinfricWarning, RetimeError, TrajectoryError
 from pinfric.model.brief import file_name, listed, screen
 from pinfric.model.couples import mixed
 from pinfric.model.scene import Scene, expect_scene
@@ -221,10 +222,7 @@ def retime(
     """
     expect_scene(scene, "retime")
     _check_scene(scene)
-    if isinstance(path, Trajectory):
-        path = Path.from_trajectory(path)
-    elif not isinstance(path, Path):
-        path = load_path(path, scene)
+    path = _as_path(scene, path)
     if not (points >= 2 and sample_rate > 0.0 and tolerance > 0.0 and smooth >= 0.0):
         raise RetimeError(
             f"retime: points {points}, sample_rate {sample_rate:g}, tolerance "
@@ -248,6 +246,20 @@ def _check_payloads(scene: Scene, path: Path) -> None:
             f"{path.source}: attached: {path.attached.shape[1]} columns for "
             f"{len(scene.payloads)} payloads"
         )
+
+
+def _as_path(scene: Scene, given: object) -> Path:
+    """Return the path of a trajectory, or of a file."""
+    if isinstance(given, Path):
+        return given
+    if isinstance(given, Trajectory):
+        return Path.from_trajectory(given)
+    if isinstance(given, str | os.PathLike):
+        return load_path(str(given), scene)
+    raise TrajectoryError(
+        f"retime: the path is a {type(given).__name__}; give a trajectory, a file's name, or "
+        "pf.Path.from_waypoints(q)"
+    )
 
 
 def _check_scene(scene: Scene) -> None:

@@ -37,8 +37,8 @@ _STATICS = (
     "limits of static friction (pinfric.holds) at the worst pose; Harmonic "
     "Drive: do not rely on the back-driving torque to hold a load"
 )
-#: Of the robot's largest effort: what is smaller is rounding, and a joint without load stays.
-_NOTHING = 1e-9
+#: Of the robot's largest effort: what is smaller is rounding of its motion or of its masses.
+_NOTHING = 1e-6
 _HOLDING, _BRAKE, _STOP = "holding without power", "holding brake", "brake stop energy"
 
 
@@ -139,7 +139,7 @@ def _standstill(
         conditions.holding_brake == "where_needed" and not held
     )
     torque = None if shaft is None else conditions.brake_factor * shaft[1]
-    name = _smallest(torque, stop, brakes)
+    name = _smallest(torque, stop, brakes) if needed or torque != 0.0 else None
     held_by = _torque(torque, name, brakes, conditions.brake_factor, needed)
     assert result.t is not None  # size refuses a motion without times
     criteria = (_unpowered(use, held), held_by, _energy(stop, name, brakes, needed))
@@ -262,7 +262,7 @@ def _torque(
     if needed:
         note = "" if strongest is None else f"{_ranked(brakes)[-1]}, the strongest"
         return compare(_BRAKE, wanted, strongest, "N m", formula, _SOURCE, missing, note)
-    note = "no brake of the catalogue holds it" if brakes else ""
+    note = "no brake of the catalogue holds it" if brakes and wanted else ""
     return Criterion(
         _BRAKE, Status.NOT_REQUIRED, wanted, strongest, "N m", None, formula, _SOURCE, note
     )

@@ -722,6 +722,7 @@ class Catalog:
         source: the file, or "default" for the bundled ones.
         motors, gears, gearmotors, bearings, brakes, amplifiers: name -> entry.
         conditions: what the file demands of the drives.
+        replaced: entries of the file that stand in place of bundled ones, in words.
     """
 
     source: str
@@ -732,6 +733,7 @@ class Catalog:
     brakes: Mapping[str, Brake] = field(default_factory=dict)
     amplifiers: Mapping[str, Amplifier] = field(default_factory=dict)
     conditions: Conditions = field(default_factory=Conditions)
+    replaced: tuple[str, ...] = ()
 
 
 def parse_conditions(

@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -51,8 +52,9 @@ def load_catalog(name: str | Path = DEFAULT) -> Catalog:
                 "`extends: default` takes the bundled ones"
             )
         bundled = _bundled() if file.extends else ()
-        catalog = _merged(str(name), [*bundled, file])
-        for text in _replaced(bundled, file):
+        replaced = tuple(_replaced(bundled, file))
+        catalog = replace(_merged(str(name), [*bundled, file]), replaced=replaced)
+        for text in replaced:
             warnings.warn(f"{name}: {text}", PinfricWarning, stacklevel=2)
     for where, text in doubts(catalog):
         warnings.warn(f"{catalog.source}: {where}: {text}", PinfricWarning, stacklevel=2)
@@ -69,7 +71,7 @@ def _bundled() -> tuple[CatalogFile, ...]:
 
 def _merged(source: str, files: Sequence[CatalogFile]) -> Catalog:
     """All entries of the files; of the same name, and of the conditions, the last file's."""
-    entries = {
+    entries: dict[str, Any] = {
         section: {name: entry for file in files for name, entry in getattr(file, section).items()}
         for section in _SECTIONS
     }

@@ -103,6 +103,7 @@ def caveats(
         "assumed to lie on the output flange; conditions.bearings names another bearing instead.",
         "Magnets are assumed cold: the torque constant does not fall with temperature.",
     ]
+    notes += [f"{catalog.source}: {text}." for text in catalog.replaced]
     notes.append(_of_friction(scene))
     if scene.assumed is not None:
         listed = "; ".join(f"{place} ({why})" for place, why in scene.assumed.values.items())

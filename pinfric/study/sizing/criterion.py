@@ -8,6 +8,7 @@
 
 from __future__ import annotations
 
+import re
 from enum import StrEnum
 
 import numpy as np
@@ -42,6 +43,11 @@ class Criterion:
     formula: str = quantity("formula of the check", heading="formula")
     source: str = quantity("source of the rule", heading="source and remarks")
     note: str = quantity("remark, or the value that is missing", default="")
+
+    @property
+    def lacks(self) -> str:
+        """The figure that is missing, of a criterion that was not checked; else its note."""
+        return re.sub(r"^no figure \((.*?)\)(;.*)?$", r"\1", self.note)
 
     @property
     def scaled(self) -> bool:

@@ -38,17 +38,13 @@ def check_tool(scene: Scene, conditions: Conditions) -> None:
 
 
 def arm_criteria(
-    scene: Scene,
-    found: Elasticity | None,
-    conditions: Conditions,
-    backlash: Sequence[float | None],
+    scene: Scene, found: Elasticity | None, conditions: Conditions
 ) -> tuple[Criterion, ...]:
     """Return the criteria that the conditions ask for.
 
     Args:
         scene: with the chosen drives. found: what its elastic gears do; None without any.
         conditions: what is demanded.
-        backlash: of each drive's gear, rad (m); None: not known.
     """
     unknown = [drive.name for drive in scene.drives if drive.spring is None]
     missing = f"stiffness of {', '.join(unknown)}" if unknown else ""
@@ -75,10 +71,25 @@ def arm_criteria(
             needed = max(known_figures, default=None)
             why = missing or "the cycle has no rest"
             criteria.append(compare(name, needed, allowed, "m", formula, _SOURCE, why))
-    if conditions.reversal_error is not None:
-        for d, gap in enumerate(backlash):
-            criteria.append(_reversal(scene, d, found, gap, conditions.reversal_error))
     return tuple(criteria)
+
+
+def reversal_criteria(
+    scene: Scene,
+    found: Elasticity | None,
+    conditions: Conditions,
+    backlash: Sequence[float | None],
+) -> tuple[Criterion, ...]:
+    """Return the reversal error of each drive's joint; none where it is not asked for.
+
+    Args:
+        scene, found, conditions: as `arm_criteria`.
+        backlash: of each drive's gear, rad (m); None: not known.
+    """
+    allowed = conditions.reversal_error
+    if allowed is None:
+        return ()
+    return tuple(_reversal(scene, d, found, gap, allowed) for d, gap in enumerate(backlash))
 
 
 def _reversal(
@@ -103,5 +114,4 @@ def _reversal(
     needed = least if not lacks or least > allowed else None  # known in part it can only fail
     unit = "m" if effort_unit(scene, d) == "N" else "rad"
     formula = "max |f(h + b) - f(h - b)| between opposite approaches + backlash"
-    name, missing = f"reversal error of {drive.name}", ", ".join(lacks)
-    return compare(name, needed, allowed, unit, formula, _SOURCE, missing)
+    return compare("reversal error", needed, allowed, unit, formula, _SOURCE, ", ".join(lacks))

@@ -81,16 +81,29 @@ class BusPower:
         if not self.known:
             return "not known: no drive has a motor with the needed data"
         if self.resistor is None or self.resistor_power is None:
+            if self.left_out:
+                drives = self.known + len(self.left_out)
+                return (
+                    f"{self.known} of {drives} drives feed nothing back; the others are not known"
+                )
             return "no energy is fed back: neither resistor nor regeneration is needed"
         resistor = (
-            f"a resistor of at most {self.resistor:.3g} ohm, {self.resistor_power:.3g} W "
+            f"a resistor of at most {_with_prefix(self.resistor)}ohm, {self.resistor_power:.3g} W "
             f"on average and {self.braking:.3g} W at most"
         )
         if self.capacitance is None:
             return f"{resistor}, or a supply that feeds back"
         if any(c.name == _BRAKING and c.status == Status.PASSES for c in self.criteria):
             return "the bus capacitors take it"
-        return f"capacitors of {self.capacitance:.3g} F, or {resistor}, or a supply that feeds back"
+        capacitors = f"capacitors of {_with_prefix(self.capacitance)}F"
+        return f"{capacitors}, or {resistor}, or a supply that feeds back"
+
+
+def _with_prefix(x: float) -> str:
+    """Return a number with three digits and the prefix of its unit: "27.7 k", "450 ", "12.0 m"."""
+    rounded, steps = float(f"{x:.2e}"), ((1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"))
+    factor, prefix = next((step for step in steps if rounded >= step[0]), (1e-6, "u"))
+    return f"{x / factor:.3g} {prefix}"
 
 
 def bus_power(

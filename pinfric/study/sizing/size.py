@@ -69,7 +69,7 @@ from pinfric.study.sizing.drivetrain import (
     with_brake,
 )
 from pinfric.study.sizing.duty import Duty, Schedule, once
-from pinfric.study.sizing.elastic_arm import arm_criteria, check_tool
+from pinfric.study.sizing.elastic_arm import arm_criteria, check_tool, reversal_criteria
 from pinfric.study.sizing.inertia import load_inertias
 from pinfric.study.sizing.limit import Case
 from pinfric.study.sizing.power import BusPower, bus_power
@@ -236,10 +236,15 @@ class SizingReport(Shown):
     @cached_property
     def arm_criteria(self) -> tuple[Criterion, ...]:
         """Criteria of the whole robot: lowest frequency, position of the tool at rest."""
+        return arm_criteria(self.scene, self.elastic, self.conditions)
+
+    @cached_property
+    def reversals(self) -> tuple[Criterion, ...]:
+        """Reversal error of each joint, in the order of `joints`; none where not asked for."""
         taken = (joint.installed for joint in self.joints)
         gears = [None if a is None else a.candidate.gear for a in taken]
         backlash = [None if gear is None else gear.backlash for gear in gears]
-        return arm_criteria(self.scene, self.elastic, self.conditions, backlash)
+        return reversal_criteria(self.scene, self.elastic, self.conditions, backlash)
 
     @cached_property
     def bus(self) -> BusPower:
@@ -262,13 +267,13 @@ class SizingReport(Shown):
     @property
     def unmet(self) -> tuple[str, ...]:
         """One line for each condition that a brake, the bus or the robot does not meet."""
-        whole = [("robot", self.arm_criteria)]
+        names = [joint.name for joint in self.joints]
+        reversals = [(name, (c,)) for name, c in zip(names, self.reversals, strict=False)]
+        whole = [*reversals, ("robot", self.arm_criteria)]
         if self.catalog is None:
             return _failing(whole)
         wanted = self.standstills if self.conditions.holding_brake != "any" else ()
-        found = [
-            (joint.name, still.criteria) for joint, still in zip(self.joints, wanted, strict=False)
-        ]
+        found = [(name, still.criteria) for name, still in zip(names, wanted, strict=False)]
         return _failing([*found, ("bus", self.bus.criteria), *whole])
 
     def check(self) -> None:

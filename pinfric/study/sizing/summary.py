@@ -12,7 +12,7 @@ from pinfric.study.elastic.summary import ElasticSummary, elastic_summary
 from pinfric.study.retime.fastest import TimedSet
 from pinfric.study.sizing.assess import Assessment
 from pinfric.study.sizing.brake import Standstill
-from pinfric.study.sizing.criterion import Criterion
+from pinfric.study.sizing.criterion import Criterion, Status
 from pinfric.study.sizing.demand import JointDemand
 from pinfric.study.sizing.drivetrain import MotorFigures
 from pinfric.study.sizing.power import BusPower
@@ -92,7 +92,7 @@ class Installed(RatioFigures):
     not_checked: int = quantity("criteria without a figure", heading="not\nchecked")
     margins: dict[str, float | None] = quantity("criterion -> part of the limit that is left")
     criteria: tuple[Criterion, ...] = quantity(
-        "criteria of the drive, and of holding without power"
+        "criteria of the drive, of holding without power, and of the joint's reversal error"
     )
     motor: MotorFigures | None = quantity("demand of the cycle on the motor")
     losses: str = quantity("how the transmission's losses are derived from the catalogue")
@@ -118,6 +118,8 @@ class SizedJoint(JointDemand):
         "the drive in the model; none: no candidates", heading="*"
     )
     fit: str = quantity("number of drives that fit, of all", heading="fit")
+    candidates: int = quantity("number of drives on trial")
+    unjudged: int = quantity("drives that cannot be judged: an indispensable figure is missing")
     choice_without_masses: str | None = quantity(
         "choice if drives had no mass", heading="without the\ndrives' mass"
     )
@@ -131,6 +133,17 @@ class SizedJoint(JointDemand):
     next_smaller: NextSmaller | None = quantity(
         "the lighter drive that misses by the least", heading="*"
     )
+
+
+@described
+class Unchecked:
+    """A criterion that was not checked, and the figure that it lacks."""
+
+    criterion: str = quantity("its name", heading="criterion")
+    joints: tuple[str, ...] = quantity(
+        "joints whose drive it is of; empty: the whole robot", heading="joints"
+    )
+    missing: str = quantity("the figure that is missing", heading="what is missing")
 
 
 @described
@@ -159,6 +172,9 @@ class SizingSummary:
     bus: BusPower = quantity("electrical power of all drives together")
     no_fit: tuple[str, ...] = quantity("joints for which no drive fits")
     unmet: tuple[str, ...] = quantity("conditions that brakes, bus or robot do not meet")
+    unchecked: tuple[Unchecked, ...] = quantity(
+        "criteria of drives, brakes, bus and robot that were not checked, and why"
+    )
     robot_criteria: tuple[Criterion, ...] = quantity("criteria of the whole robot")
     elasticity: ElasticSummary | None = quantity(
         "effects of elastic gears; none: no stiffness known"
@@ -192,12 +208,15 @@ def sizing_summary(
         settled=report.settled,
         drive_mass=report.drive_mass,
         joints=tuple(
-            sized_joint(joint, still)
-            for joint, still in zip(report.joints, report.standstills, strict=True)
+            sized_joint(joint, still, beside)
+            for joint, still, beside in zip(
+                report.joints, report.standstills, _beside(report), strict=True
+            )
         ),
         bus=report.bus,
         no_fit=report.no_fit,
         unmet=report.unmet,
+        unchecked=() if report.catalog is None else unchecked(report),
         robot_criteria=report.arm_criteria,
         elasticity=None if report.elastic is None else elastic_summary(report.elastic),
         fastest=fastest,
@@ -205,8 +224,35 @@ def sizing_summary(
     )
 
 
-def sized_joint(joint: JointSizing, still: Standstill) -> SizedJoint:
-    """Return the summary of one joint's sizing."""
+def unchecked(report: SizingReport) -> tuple[Unchecked, ...]:
+    """Return every criterion that was not checked, with what it lacks, and the joints."""
+    found: dict[tuple[str, str], list[str]] = {}
+    for joint, beside in zip(report.joints, _beside(report), strict=True):
+        if joint.installed is None:
+            because = joint.nothing_because or "no candidate can be judged"
+            found.setdefault(("all of its drive", because), []).append(joint.name)
+            continue
+        for c in (*joint.installed.criteria, *beside):
+            if c.status == Status.NOT_CHECKED:
+                found.setdefault((c.name, c.lacks), []).append(joint.name)
+    for c in (*report.bus.criteria, *report.arm_criteria):
+        if c.status == Status.NOT_CHECKED:
+            found.setdefault((c.name, c.lacks), [])
+    return tuple(Unchecked(name, tuple(of), lacks) for (name, lacks), of in found.items())
+
+
+def _beside(report: SizingReport) -> list[tuple[Criterion, ...]]:
+    """Criteria of each joint beside its drive's own: holding, brake, reversal error."""
+    asked: list[tuple[Criterion, ...]] = [(c,) for c in report.reversals]
+    stills = (still.criteria for still in report.standstills)
+    return [
+        (*still, *more)
+        for still, more in zip(stills, asked or [()] * len(report.joints), strict=True)
+    ]
+
+
+def sized_joint(joint: JointSizing, still: Standstill, beside: tuple[Criterion, ...]) -> SizedJoint:
+    """Return the summary of one joint's sizing; `beside` are criteria other than its drive's."""
     smaller = joint.next_smaller
     return SizedJoint(
         **vars(joint.demand),
@@ -215,9 +261,11 @@ def sized_joint(joint: JointSizing, still: Standstill) -> SizedJoint:
         load_inertia=joint.load_inertia,
         choice=_name(joint.choice),
         fit=f"{sum(a.fits for a in joint.assessments)} of {len(joint.assessments)}",
+        candidates=len(joint.assessments),
+        unjudged=sum(bool(a.missing_figures) and not a.failed for a in joint.assessments),
         choice_without_masses=_name(joint.choice_without_masses),
         choice_frictionless=_name(joint.choice_frictionless),
-        installed=None if joint.installed is None else _installed(joint, joint.installed, still),
+        installed=None if joint.installed is None else _installed(joint, joint.installed, beside),
         standstill=still,
         alternatives=tuple(
             Candidacy(a.candidate.name, a.candidate.mass, a.margin, len(a.not_checked))
@@ -244,15 +292,15 @@ def margins(found: SizingSummary) -> list[Margins]:
         for joint in found.joints
     }
     names = dict.fromkeys(name for column in columns.values() for name in column)
-    last = ("inertia", "gear res", "back", "holding", "brake")
+    last = ("inertia", "gear res", "back", "holding", "brake", "reversal")
     return [
         Margins(name, {joint: own[name] for joint, own in columns.items() if name in own})
         for name in sorted(names, key=lambda name: name.startswith(last))
     ]
 
 
-def _installed(joint: JointSizing, taken: Assessment, still: Standstill) -> Installed:
-    candidate, criteria = taken.candidate, (*taken.criteria, *still.criteria)
+def _installed(joint: JointSizing, taken: Assessment, beside: tuple[Criterion, ...]) -> Installed:
+    candidate, criteria = taken.candidate, (*taken.criteria, *beside)
     compared = sorted((c for c in taken.criteria if c.scaled), key=lambda c: c.margin or 0.0)
     return Installed(
         **vars(ratio_figures(joint, taken)),

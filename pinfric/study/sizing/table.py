@@ -107,6 +107,13 @@ def import_table(table: str | Path, mapping: str | Path | None = None) -> dict[s
     """
     path = Path(table)
     where = Path(mapping) if mapping else mapping_of(path)
+    if path.is_file() and not where.is_file():
+        raise CatalogError(
+            f"there is no file {where}: it says which column of {path.name} is which figure, and "
+            "its unit (`pinfric schema table` has its format); write it, or name it by --columns"
+        )
+    if not path.is_file():
+        raise CatalogError(f"there is no file {path}")
     try:
         wanted: TableMapping = parse(TableMapping, read_yaml(where, CatalogError), str(where))
     except PinfricError as problem:

@@ -203,7 +203,8 @@ def load_sweep(given: SweepFile | Mapping[str, Any] | str | Path) -> tuple[Sweep
     if isinstance(given, Mapping):
         return parse(SweepFile, dict(given), "sweep", SweepError), "sweep"
     path = find_file(given, (".sweep.yaml",), SweepError)
-    entries = parse(SweepFile, read_yaml(path, SweepError), str(path), SweepError)
+    content = read_yaml(path, SweepError, "pinfric_sweep")
+    entries = parse(SweepFile, content, str(path), SweepError)
     if entries.table is not None:
         entries = entries.model_copy(update={"table": str(path.parent / entries.table)})
     return entries, str(path)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from pathlib import Path
 
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
@@ -22,7 +21,6 @@ from pinfric.study.trajectory.trajectory import load_trajectory
 def motion_to_replay(
     scene: Scene,
     name: str | None = None,
-    notice: Callable[[str], object] = lambda _: None,
     log: ReadingOptions = ReadingOptions(),  # noqa: B008
     effort_at: str = "reflected",
 ) -> tuple[InverseResult | Motion, JudgedLog | None]:
@@ -32,7 +30,6 @@ def motion_to_replay(
         scene: the robot.
         name: a saved motion (.npz), a trajectory (log, CSV, way-points; a file or a bundled one),
             whose inverse dynamics are computed, or None: the scene's own simulation.
-        notice: called with each of the trajectory's warnings.
         log: how a log is to be read.
         effort_at: what its efforts are, "reflected", "motor" or "joint" (`judge_log`).
 
@@ -46,8 +43,6 @@ def motion_to_replay(
             raise TrajectoryError(f"there is no file {name}; `Motion.save` writes such files")
         return load_motion(name, scene), None
     trajectory = load_trajectory(name, scene, log)
-    for text in trajectory.warnings:
-        notice(f"{trajectory.source}: {text}")
     result, reading = inverse_dynamics(scene, trajectory), trajectory.reading
     return result, None if reading is None else judge_log(result, reading, effort_at)
 

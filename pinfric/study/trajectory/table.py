@@ -37,6 +37,8 @@ _FEWEST_ROWS = 5
 #: A robot starts and stops at rest: its mean speed in the first step of a move is half the next
 #: one's, or less. Stops at equal distances have this share of the RMS speed at once, or more.
 _AT_SPEED = 0.75
+#: Joints of which a message shows the positions.
+_SHOWN = 8
 #: s; nobody writes stops at shorter steps, and recordings seldom come at longer ones (10 Hz).
 _STOPS_PACE = 0.101
 
@@ -138,9 +140,16 @@ def _coarse_rows(columns: Sequence[JointColumn], t: FloatArray, positions: Float
     return [
         f"rows are too far apart for the motion between them: joint {columns[i].name} moves over "
         f"{moves[i]} rows{why}. Where rows are stops, write them as a way-point file "
-        "(`pinfric_trajectory: 1`, `points:`), which is planned from rest to rest; where they are "
+        f"({_as_points(t, positions)}), which is planned from rest to rest; where they are "
         "samples, give more of them, or .v and .a"
     ]
+
+
+def _as_points(t: FloatArray, positions: FloatArray) -> str:
+    """How a way-point file of these rows begins."""
+    first, second = (", ".join(f"{x:.4g}" for x in row) for row in positions[:2])
+    way = f"{{q: [{first}]}}, {{q: [{second}], duration: {t[1] - t[0]:.4g}}}, "
+    return f"`pinfric_trajectory: 1`, `points: [{way if positions.shape[1] <= _SHOWN else ''}...]`"
 
 
 def _starts_and_ends_at_speed(

@@ -7,6 +7,7 @@ joint has cos and sin there; a mimic follower has nothing, its leader's column m
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,7 +18,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from pinfric.dynamics.inverse.result import runs
-from pinfric.errors import PinfricError, TrajectoryError, choose_from
+from pinfric.errors import PinfricError, PinfricWarning, TrajectoryError, choose_from
 from pinfric.model.arrays import real_numbers
 from pinfric.model.brief import counted, file_name, listed, screen
 from pinfric.model.files import write_file
@@ -297,12 +298,27 @@ def load_trajectory(
         TrajectoryError: everything wrong with the file, in one message. Velocities beyond the
             model's limits are not an error: they stand in `warnings`.
 
+    Warns:
+        PinfricWarning: each of the trajectory's `warnings`: what was guessed, repaired or filtered.
+
     >>> import pinfric as pf
     >>> scene = pf.load_scene("pendulum")
     >>> motion = pf.load_trajectory("pendulum", scene)
     >>> len(motion.t), motion.duration
     (2801, 2.8)
     """
+    found = read_trajectory(path, scene, options)
+    for text in found.warnings:
+        warnings.warn(f"{found.source}: {text}", PinfricWarning, stacklevel=2)
+    return found
+
+
+def read_trajectory(
+    path: str | Path | Log,
+    scene: HasModel,
+    options: ReadingOptions = ReadingOptions(),  # noqa: B008
+) -> Trajectory:
+    """Do what `load_trajectory` does, for callers that pass its `warnings` on themselves."""
     if not (hasattr(scene, "model") and hasattr(scene, "payloads")):
         expect_scene(scene, "load_trajectory")
     if isinstance(path, Log):
@@ -355,24 +371,24 @@ def _from_table(
     if len(named) == len(columns):
         wrong += follower_problems(followers, columns, table.t, table.position)
     refuse(source, wrong)
-    warnings: list[str] = []
+    said: list[str] = []
     with np.errstate(all="ignore"):  # what overflows is found below, by what it comes to
-        v, a = complete_derivatives(named, table, wrong, warnings)
+        v, a = complete_derivatives(named, table, wrong, said)
     refuse(source, wrong or _value_problems(table.t, (("v", v), ("a", a))))
     if isinstance(scene, Scene) and scene.loops:
         derived = filtered or bool(
             np.isnan(table.velocity).any() or np.isnan(table.acceleration).any()
         )
         q, v, a = complete_motion(
-            scene, source, columns, named, table.position, v, a, derived, warnings
+            scene, source, columns, named, table.position, v, a, derived, said
         )
         moved = single_positions(q, [column.nq for column in columns])
         wrong += limit_problems(columns, table.t, moved)
         refuse(source, wrong + follower_problems(followers, columns, table.t, moved))
     else:
         q = configurations(columns, table.position, scene.model.nq)
-    warnings += velocity_warnings(columns, table.t, v)
-    warnings += follower_warnings(followers, table.t, v)
+    said += velocity_warnings(columns, table.t, v)
+    said += follower_warnings(followers, table.t, v)
     return Trajectory(
         t=table.t,
         q=q,
@@ -383,7 +399,7 @@ def _from_table(
         joint_names=tuple(column.name for column in columns),
         source=source,
         joint_nq=tuple(column.nq for column in columns),
-        warnings=tuple(warnings),
+        warnings=tuple(said),
     )
 
 

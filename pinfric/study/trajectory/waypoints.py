@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field
 
 from pinfric.errors import TrajectoryError, choose_from
+from pinfric.model.brief import counted
 from pinfric.model.entry import Entry, NonNegative, Number, Positive, Version, key, parse
 from pinfric.model.yamlfile import read_yaml
 from pinfric.study.trajectory.joint_columns import JointColumn, limit_problems, refuse
@@ -167,7 +168,8 @@ def read_waypoints(path: Path) -> WayPointFile:
     Raises:
         TrajectoryError: unreadable, not YAML, unknown keys, values that cannot be; all at once.
     """
-    return parse(WayPointFile, read_yaml(path, TrajectoryError), str(path), TrajectoryError)
+    content = read_yaml(path, TrajectoryError, "pinfric_trajectory")
+    return parse(WayPointFile, content, str(path), TrajectoryError)
 
 
 def sample_waypoints(
@@ -300,9 +302,15 @@ def _check_points(
         problems.append("ramp: belongs to profile: trapezoidal; a quintic has none")
     if waypoints.points[0].duration is not None:
         problems.append("points[0].duration: the motion starts here; leave it out")
+    wrong = [i for i, point in enumerate(waypoints.points) if len(point.q) != count]
+    if wrong:
+        more = f" ({len(wrong)} such points)" if len(wrong) > 1 else ""
+        problems.append(
+            f"points[{wrong[0]}].q: {counted(len(waypoints.points[wrong[0]].q), 'number')} for "
+            f"{counted(count, 'joint')}{more}; give one per joint, in the order of `joints` (by "
+            "default the scene's), or the scene of this motion"
+        )
     for index, point in enumerate(waypoints.points):
-        if len(point.q) != count:
-            problems.append(f"points[{index}].q: {len(point.q)} numbers for {count} joints")
         for change, names, state in (
             ("detach", point.detach, False),
             ("attach", point.attach, True),

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import pickle
-import threading
-
 import numpy as np
 import pinocchio as pin
 import pytest
 from builders import block, plane_friction, random_friction, random_states, random_tree
 
 import pinfric as pf
-from pinfric.dynamics.forward.workspace import Workspace, workspace
 from pinfric.errors import (
     AmbiguousAcceleration,
     NoConsistentAcceleration,
@@ -58,9 +54,6 @@ def pinned_body(b: float, mu_static: float | None = None) -> pf.Scene:
 class _nothing:  # noqa: N801
     def __enter__(self): ...
     def __exit__(self, *_): ...
-
-
-# ---------------------------------------------------------------- against Pinocchio and inverse
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -185,9 +178,6 @@ def test_mimic_joints_share_one_coordinate():
     assert kinetic < limit
 
 
-# ---------------------------------------------------------------- thresholds
-
-
 @pytest.mark.parametrize("sign", [1, -1])
 def test_a_block_on_an_incline_starts_at_the_static_threshold(sign):
     mu = 0.35
@@ -243,9 +233,6 @@ def test_below_its_stick_velocity_a_joint_sticks():
     assert pf.forward_dynamics(scene, [0.0], [1.001e-3], [0.0]).modes.tolist() == [1]
 
 
-# ---------------------------------------------------------------- Painleve
-
-
 @pytest.mark.parametrize("b", [0.3, 0.9, 1 - 1e-6])
 def test_a_spinning_body_slows_down_by_the_closed_form(b):
     """J a = -b J |(a, v^2)| gives |a| = v^2 b / sqrt(1 - b^2)."""
@@ -291,9 +278,6 @@ def test_a_guide_without_width_refuses_a_roll_moment():
         pf.simulate(scene, [0.0], [1.0], [0.0], 1.0)
 
 
-# ---------------------------------------------------------------- several at rest
-
-
 def many_blocks(n: int, mu: float = 0.3) -> tuple[pf.Scene, np.ndarray]:
     """n independent blocks on planes of rising slope; those above atan(mu) slip."""
     model = pin.Model()
@@ -315,32 +299,6 @@ def test_each_of_many_blocks_slips_where_its_slope_is_too_steep(n):
     assert instant.modes.tolist() == slips.astype(int).tolist()
     expected = np.where(slips, G * (np.sin(angles) - 0.3 * np.cos(angles)), 0.0)
     np.testing.assert_allclose(instant.a, expected, rtol=1e-10)
-
-
-# ---------------------------------------------------------------- use
-
-
-def test_nothing_of_an_instant_changes_with_the_next_call():
-    scene = pf.Scene(model=block(0.5), friction={"slide": plane_friction(0.35, 0.3)})
-    first = pf.forward_dynamics(scene, [0.0], [1.0], [0.0])
-    kept = [np.copy(x) for x in first]
-    pf.forward_dynamics(scene, [0.3], [-2.0], [5.0])
-    for now, then in zip(first, kept, strict=True):
-        np.testing.assert_array_equal(now, then)
-
-
-def test_threads_and_pickles_have_workspaces_of_their_own():
-    scene = pf.Scene(model=block(0.5), friction={"slide": plane_friction(0.35, 0.3)})
-    mine = workspace(scene)
-    assert workspace(scene) is mine
-    other: list[Workspace] = []
-    thread = threading.Thread(target=lambda: other.append(workspace(scene)))
-    thread.start()
-    thread.join()
-    assert other[0] is not mine
-    copied = pickle.loads(pickle.dumps(scene))
-    a = [pf.forward_dynamics(s, [0.0], [1.0], [0.0]).a[0] for s in (scene, copied)]
-    assert a[0] == a[1]
 
 
 def test_payloads_count_where_they_are_attached():

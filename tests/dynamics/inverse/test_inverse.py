@@ -8,15 +8,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from builders import block, plane_friction, random_friction, random_states, random_tree
+from inverse_cases import scene_of
 
 import pinfric as pf
-from pinfric.dynamics.inverse import tree as inverse_tree
-from pinfric.errors import SceneError, StateError
-
-
-def scene_of(seed, joints=6, **more):
-    model = random_tree(seed, joints)
-    return pf.Scene(model=model, friction=random_friction(model, seed), **more)
+from pinfric.errors import StateError
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -52,18 +47,6 @@ def test_random_trees_satisfy_their_own_check(seed):
     q, v, a = random_states(scene.model, seed, 30)
     check = pf.inverse_dynamics(scene, q, v, a).check()
     assert check.passed(1e-12), check
-
-
-def test_check_sees_a_wrong_effort_a_wrong_friction_and_a_wrong_wrench():
-    scene = scene_of(3)
-    result = pf.inverse_dynamics(scene, *random_states(scene.model, 3, 5))
-    error = 1e-6 * result.check().scale
-    for name in ("effort_lower", "effort_upper", "friction_lower", "normal_load", "wrench"):
-        array = getattr(result, name)
-        array[2, 1] += error
-        assert not result.check().passed(1e-9), name
-        array[2, 1] -= error
-    assert result.check().passed(1e-9)
 
 
 @pytest.mark.parametrize(
@@ -178,16 +161,6 @@ def test_a_payload_acts_only_while_it_is_attached():
     np.testing.assert_allclose(by_default.effort_lower[:, 0], 2.0 * (1.0 + 0.5 * 9.81))
 
 
-def test_a_tool_wrench_loads_the_bearings_too():
-    model = block(mass=2.0)
-    model.addFrame(pin.Frame("table", 1, pin.SE3.Identity(), pin.FrameType.BODY))
-    scene = pf.Scene(model=model, friction={"slide": plane_friction(0.5, 0.5)})
-    # pressed down by 100 N and pulled back by 7 N
-    tool = np.array([-7.0, 0.0, -100.0, 0.0, 0.0, 0.0])
-    result = pf.inverse_dynamics(scene, [[0.0]], [[1.0]], [[0.0]], {"table": tool})
-    assert result.effort_upper[0, 0] == pytest.approx(7.0 + 0.5 * (2.0 * 9.81 + 100.0))
-
-
 def test_mimic_followers_give_their_friction_to_the_leader():
     urdf = """<robot name="gripper"><link name="base"/>
       <link name="a"><inertial><mass value="1"/>
@@ -222,115 +195,12 @@ def test_mimic_followers_give_their_friction_to_the_leader():
         assert result.check().passed()
 
 
-def test_an_open_chain_never_iterates(monkeypatch):
-    scene = scene_of(7)
-    passes = []
-    original = inverse_tree.reactions
-    monkeypatch.setattr(
-        inverse_tree, "reactions", lambda *args: (passes.append(1), original(*args))[1]
-    )
-    result = pf.inverse_dynamics(scene, *random_states(scene.model, 7, 100))
-    assert len(passes) == 1  # one batch, looked at once
-    assert (result.iterations == 0).all()
-    assert (result.contraction == 0).all()
-
-
-def test_constant_friction_computes_no_reactions(monkeypatch):
-    model = random_tree(6)
-    scene = pf.Scene(
-        model=model, friction={"joint_2": {"coulomb": {"static": 2.0, "kinetic": 1.0}}}
-    )
-    monkeypatch.setattr(inverse_tree, "reactions", lambda *_: pytest.fail("twin was called"))
-    q, v, a = random_states(model, 6, 4)
-    result = pf.inverse_dynamics(scene, q, np.abs(v), a)
-    np.testing.assert_allclose((result.effort_lower - result.effort_frictionless)[:, 1], 1.0)
-    assert result.check().passed()
-
-
-def test_stick_intervals_and_dataframe():
-    scene = pf.Scene(model=block(), friction={"slide": plane_friction(0.5, 0.3)})
-    t = np.linspace(0, 1, 11)
-    v = np.where((t > 0.25) & (t < 0.65), 0.0, 1.0)[:, None]
-    result = pf.inverse_dynamics(scene, np.zeros((11, 1)), v, np.zeros((11, 1)), t=t)
-    assert result.stick_intervals() == (pf.StickInterval("slide", t[3], t[6]),)
-    frame = result.to_dataframe()
-    assert frame["t"].tolist() == t.tolist()
-    np.testing.assert_array_equal(frame["slide.effort_upper"], result.effort_upper[:, 0])
-    with pytest.raises(StateError, match="need times"):
-        pf.inverse_dynamics(scene, [[0.0]], [[1.0]], [[0.0]]).stick_intervals()
-
-
 def test_a_scene_survives_pickling():
     scene = scene_of(2)
     q, v, a = random_states(scene.model, 2, 5)
     before = pf.inverse_dynamics(scene, q, v, a)
     after = pf.inverse_dynamics(pickle.loads(pickle.dumps(scene)), q, v, a)
     np.testing.assert_array_equal(before.effort_upper, after.effort_upper)
-
-
-@pytest.mark.parametrize(
-    ("change", "says"),
-    [
-        ({"q": np.zeros((3, 2))}, r"q: shape \(3, 2\); should be \(T, 1\)"),
-        ({"v": np.zeros((2, 1))}, "3, 2, 3 samples"),
-        ({"a": np.array([[0.0], [np.nan], [0.0]])}, "a: sample 1, column 0 is nan"),
-        ({"t": np.array([0.0, 0.2, 0.2])}, "not increasing at sample 2"),
-        ({"threads": 0}, "threads = 0"),
-        ({"chunks": 0}, "chunks = 0"),
-        ({"external": {"table": np.zeros((2, 6))}}, "external"),
-        ({"q": np.zeros((0, 1)), "v": np.zeros((0, 1)), "a": np.zeros((0, 1))}, "no samples"),
-        ({"attached": np.zeros((3, 2), dtype=bool)}, "attached: shape"),
-        ({"q": "abc"}, "q: is not an array of numbers: it holds text"),
-        ({"a": np.zeros((3, 1), dtype=bool)}, "a: is not an array of numbers: it holds true and"),
-        ({"v": np.zeros((3, 1), dtype=complex)}, "v: .* holds complex numbers; give real numbers"),
-        ({"v": [[0.0], [1.0, 2.0], [0.0]]}, "v: is not an array of numbers: .*inhomogeneous"),
-        ({"a": np.array([[0.0], [None], [1]])}, "a: is not an array of numbers: it holds objects"),
-        ({"t": ["0", "1", "2"]}, "t: is not an array of numbers: it holds text"),
-        ({"t": np.arange(3) * 1j}, "t: is not an array of numbers: it holds complex numbers"),
-        ({"attached": [["no"], ["no"], ["yes"]]}, "attached: is not an array of numbers: .* text"),
-        ({"attached": [[0.5], [1], [0]]}, "attached: holds other numbers than 0 and 1"),
-        ({"external": {"table": np.full(6, 1j)}}, r"external\['table'\]: .* complex numbers"),
-        (
-            {"external": np.zeros(6)},
-            "external: should be a mapping of frames to wrenches on them, ",
-        ),
-        ({"chunks": 2.5}, "chunks = 2.5; should be a whole number of at least 1"),
-        ({"chunks": True}, "chunks = True; should be a whole number"),
-        ({"chunks": "2"}, "chunks = '2'; should be a whole number"),
-        ({"threads": 1.5}, "threads = 1.5; should be a whole number"),
-    ],
-)
-def test_wrong_states_are_named(change, says):
-    model = block()
-    model.addFrame(pin.Frame("table", 1, pin.SE3.Identity(), pin.FrameType.BODY))
-    scene = pf.Scene(model=model)
-    given = {"q": np.zeros((3, 1)), "v": np.zeros((3, 1)), "a": np.zeros((3, 1)), **change}
-    with pytest.raises(StateError, match=says) as error:
-        pf.inverse_dynamics(scene, **given)
-    assert "\n" not in str(error.value)
-
-
-def test_numbers_of_numpys_other_types_are_numbers():
-    scene = pf.Scene(model=block())
-    whole, half = np.ones((4, 1), dtype=np.int32), np.full((4, 1), 0.5, dtype=np.float32)
-    expected = pf.inverse_dynamics(scene, np.ones((4, 1)), np.full((4, 1), 0.5), np.ones((4, 1)))
-    parts = list(pf.inverse_dynamics(scene, whole, half, whole, chunks=np.int64(3)))
-    assert [len(part.effort_lower) for part in parts] == [3, 1]
-    np.testing.assert_array_equal(parts[0].effort_lower, expected.effort_lower[:3])
-
-
-def test_directions_off_their_circle_are_normalized_with_a_warning():
-    model = pin.Model()
-    joint = model.addJoint(0, pin.JointModelRUBZ(), pin.SE3.Identity(), "wheel")
-    body = pin.Inertia(1.0, np.array([0.1, 0, 0]), np.eye(3))
-    model.appendBodyToJoint(joint, body, pin.SE3.Identity())
-    model.gravity.linear = np.array([0.0, -9.81, 0.0])
-    scene = pf.Scene(model=model)
-    with pytest.warns(pf.PinfricWarning, match="normalized"):
-        result = pf.inverse_dynamics(scene, [[2.0, 0.0]], [[0.0]], [[0.0]])
-    assert result.effort_lower[0, 0] == pytest.approx(0.981)
-    with pytest.raises(StateError, match="length 0"):
-        pf.inverse_dynamics(scene, [[0.0, 0.0]], [[0.0]], [[0.0]])
 
 
 def test_a_motion_made_for_another_robot_or_other_payloads_is_refused_or_reordered():
@@ -351,29 +221,3 @@ def test_a_motion_made_for_another_robot_or_other_payloads_is_refused_or_reorder
         pf.inverse_dynamics(pf.Scene(model=other, payloads={}), motion)
     with pytest.raises(StateError, match="has its own"):
         pf.inverse_dynamics(there, motion, zero)
-
-
-def test_efforts_beyond_numbers_are_refused():
-    model = block()
-    model.armature = np.array([1e300])
-    with pytest.raises(StateError, match="effort of slide at sample 0 overflows"):
-        pf.inverse_dynamics(pf.Scene(model=model), [[0.0]], [[0.0]], [[1e10]])
-    with pytest.raises(StateError, match=r"v: sample 0, column 0 is 1e.300; should be finite"):
-        pf.inverse_dynamics(pf.Scene(model=block()), [[0.0]], [[1e300]], [[0.0]])
-    with pytest.raises(SceneError, match=r"viscous`: should be at most 1e.12"):
-        pf.Scene(model=model, friction={"slide": {"viscous": 1e200}})
-
-
-def test_a_link_with_a_joints_name_is_the_link():
-    model = block(mass=2.0)
-    model.addFrame(pin.Frame("slide", 1, pin.SE3.Identity(), pin.FrameType.JOINT))
-    lifted = pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.5]))
-    model.addFrame(pin.Frame("slide", 1, lifted, pin.FrameType.BODY))
-    scene = pf.Scene(model=model)
-    push = np.array([10.0, 0, 0, 0, 0, 0])
-    wrench = pf.joint_wrenches(scene, [[0.0]], [[0.0]], [[0.0]], {"slide": push})
-    assert wrench[0, 0, 4] == pytest.approx(-10.0 * 0.5)
-    bare = pf.joint_wrenches(
-        pf.Scene(model=block(mass=2.0)), [[0.0]], [[0.0]], [[0.0]], {"slide": push}
-    )
-    assert bare[0, 0, 0] == pytest.approx(-10.0)

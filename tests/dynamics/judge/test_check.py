@@ -12,19 +12,15 @@ from cases import (
     ball_tripod,
     decelerating_drawer,
     drawer_forces,
-    four_bars_in_a_row,
     jamming_drawer,
     resting_four_bar,
     turning_four_bar,
 )
 from mechanisms import pin_friction
-from scipy.optimize import fsolve
 
 import pinfric as pf
 from pinfric.dynamics.inverse import interval_ends, result
 from pinfric.dynamics.inverse.choices import LOWER, UPPER
-from pinfric.dynamics.judge import states as check_states
-from pinfric.dynamics.judge.search import Loads, all_solutions
 from pinfric.dynamics.samples.outcome import Status
 
 EFFORTS = ("effort_lower", "effort_upper", "motor_torque_lower", "motor_torque_upper")
@@ -46,9 +42,6 @@ def spoiled(found, sample, status, **values):
     for name, value in values.items():
         arrays[name][sample] = value
     return replace(found, **arrays)
-
-
-# ---------------------------------------------------------------- ends
 
 
 @pytest.mark.parametrize("change", [1e-6, -1e-6])
@@ -93,20 +86,6 @@ def test_an_end_that_the_solver_has_not_looked_at_is_noticed(monkeypatch):
     assert found.interval_exact.all()
     assert found.check().ends > 1e-3
     assert not found.check().passed()
-
-
-def test_ten_pins_at_rest_are_searched_where_there_are_too_many_to_enumerate(monkeypatch):
-    case = four_bars_in_a_row(1, radius=0.03)
-    found = case.inverse()
-    assert found.check().passed(1e-11), found.check()
-    monkeypatch.setattr(check_states, "_ENUMERATED", 100)
-    assert found.check().passed(1e-11)
-    assert found.check().undecided == 1
-    found.effort_upper[:] *= 1 - 1e-6
-    assert not found.check().passed()
-
-
-# ---------------------------------------------------------------- statuses
 
 
 NOTHING = dict.fromkeys(
@@ -185,50 +164,6 @@ def test_a_third_solution_is_part_of_the_range_of_friction():
     least = min(abs(solution.friction[3]) for solution in one.solutions(0))
     assert min(abs(one.friction_lower[0, 3]), abs(one.friction_upper[0, 3])) == pytest.approx(least)
     assert one.check().passed(1e-12)
-
-
-# ---------------------------------------------------------------- the search
-
-
-def test_the_search_finds_the_roots_of_quadratic_equations():
-    """z = k + |p + P z| squared: none, one or two roots, all proved to be all."""
-    rng = np.random.default_rng(0)
-    counts = []
-    for _ in range(200):
-        k, p, P = abs(rng.normal()), rng.normal(size=3), 0.8 * rng.normal(size=3)
-        roots = np.roots([1 - P @ P, -2 * (k + p @ P), k**2 - p @ p])
-        roots = np.sort(roots[np.isreal(roots)].real)
-        roots = roots[roots >= k]
-        found = all_solutions(
-            Loads(np.array([k]), np.ones((1, 1)), p[None, None], P[None, None, :, None])
-        )
-        assert found.decided.all()
-        np.testing.assert_allclose(np.sort(found.z[:, 0]), roots, rtol=1e-9)
-        counts.append(len(roots))
-    assert set(counts) == {0, 1, 2}
-
-
-def test_two_roots_close_to_a_line_are_both_found():
-    """Newton's method from the middle of either box ends at the same one."""
-    p = np.array([[[-206.68767, 1.270554, 0.0], [-257.217756, 1.260912, 0.0]]])
-    P = np.array(
-        [
-            [
-                [[7.486386, 14.97529], [0.13411, 0.13411], [0.0, 0.0]],
-                [[9.318053, 18.636251], [0.0, -0.166925], [0.0, 0.0]],
-            ]
-        ]
-    )
-    loads = Loads(np.zeros(2), np.eye(2), p, P)
-    roots = set()
-    for start in np.random.default_rng(0).uniform(5.0, 12.0, size=(200, 2)):
-        z, _, good, _ = fsolve(lambda z: loads.residual(z[None])[0], start, full_output=True)
-        if good == 1 and np.abs(loads.residual(z[None])).max() < 1e-9:
-            roots.add(tuple(np.round(z, 6).tolist()))
-    found = all_solutions(loads)
-    assert found.decided.all()
-    assert {tuple(np.round(z, 6).tolist()) for z in found.z} == roots
-    assert len(roots) == 2
 
 
 @pytest.mark.parametrize("acceleration", [-12.0, -7.5, -2.0, 0.0, 1.0])

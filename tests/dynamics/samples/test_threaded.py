@@ -14,7 +14,6 @@ import pytest
 from builders import random_friction, random_states, random_tree
 
 import pinfric as pf
-from pinfric.dynamics.samples.reversals import reversals
 from pinfric.dynamics.samples.threaded import team
 from pinfric.model.twin import LARGEST
 
@@ -61,15 +60,6 @@ def test_threads_change_no_bit(samples):
         for name in EVERYTHING:
             np.testing.assert_array_equal(getattr(several, name), getattr(one, name), err_msg=name)
     assert one.check().passed(1e-10)
-
-
-def test_a_reversal_between_two_threads_parts_is_seen_once():
-    """Four parts of two samples: the sign changes at every border, and each time slower behind."""
-    velocity = np.array([3.0, 2.0, -1.0, -2.0, 1.0, 2.0, -1.0, -2.0])[:, None]
-    expected = [False, False, True, False, True, False, True, False]
-    for threads in (1, 2, 3, 4):
-        found = reversals(velocity, np.zeros(1), threads)
-        assert found[:, 0].tolist() == expected, threads
 
 
 def test_a_team_leaves_numbas_threads_as_they_were():

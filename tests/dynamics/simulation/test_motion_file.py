@@ -5,13 +5,16 @@ from __future__ import annotations
 import io
 import json
 import random
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from builders import block, plane_friction
+from simulation_cases import slope, swing
 
 import pinfric as pf
 from pinfric.dynamics.simulation.motion import ARRAYS
-from pinfric.errors import SimulationError
+from pinfric.errors import SimulationError, StateError
 
 
 @pytest.fixture(scope="module")
@@ -135,3 +138,48 @@ def test_a_motion_is_written_as_a_whole_or_not_at_all(saved, tmp_path, monkeypat
         motion.save(path)
     assert path.read_bytes() == content
     assert [p.name for p in tmp_path.iterdir()] == ["motion.npz"]
+
+
+@pytest.mark.parametrize("method", ["event", "timestepping", "regularized"])
+def test_a_motion_goes_to_a_file_and_back(method, tmp_path):
+    motion = swing(method)
+    path = motion.save(tmp_path / "swing")
+    assert path == tmp_path / "swing.npz"
+    back = pf.load_motion(path, slope())
+    for name in ("t", "q", "v", "a", "effort", "modes", "friction", "normal_load"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(motion, name))
+    assert back.events == motion.events
+    assert back.stick_intervals() == motion.stick_intervals()
+    assert (back.method, back.status, back.evaluations) == (method, "finished", motion.evaluations)
+    with pytest.raises(StateError, match="read from a file"):
+        back.sample([0.5])
+    assert back.energy().work == pytest.approx(motion.energy().work, rel=1e-3)
+    frame = back.to_dataframe()
+    assert list(frame.columns[:4]) == ["t", "slide.q", "slide.v", "slide.a"]
+    assert "slide.friction" in frame
+
+
+def test_a_file_of_another_scene_is_refused_and_the_difference_named(tmp_path):
+    path = swing().save(tmp_path / "swing.npz")
+    scene = slope()
+    heavier = pf.Scene(model=block(0.0, 3.0), friction=scene.friction)
+    with pytest.raises(SimulationError, match=r"differs in inertias$"):
+        pf.load_motion(path, heavier)
+    slippery = pf.Scene(model=block(), friction={"slide": plane_friction(0.2, 0.1)})
+    with pytest.raises(SimulationError, match=r"differs in friction$"):
+        pf.load_motion(path, slippery)
+    light = block()
+    light.gravity.linear = np.array([0, 0, -1.62])
+    tilted = block(0.1)
+    tilted.gravity = light.gravity
+    other = replace(scene, model=tilted, stick_velocity=1e-3)
+    with pytest.raises(SimulationError, match=r"differs in joints, gravity, stick velocity$"):
+        pf.load_motion(path, other)
+
+
+def test_a_file_that_is_no_motion_is_refused(tmp_path):
+    (tmp_path / "a.npz").write_text("nothing")
+    np.savez(tmp_path / "b.npz", t=np.zeros(3))
+    for name in ("a.npz", "b.npz", "c.npz"):
+        with pytest.raises(SimulationError, match="not a motion"):
+            pf.load_motion(tmp_path / name, slope())

@@ -9,7 +9,6 @@ import pytest
 import pinfric as pf
 from pinfric.errors import PinfricError
 from pinfric.show.figure.efforts import brief_ticks, effort_figure, thinned
-from pinfric.show.report.names import shortened
 from pinfric.show.report.values import digits
 from pinfric.study.summary import summarize
 
@@ -203,16 +202,6 @@ def test_written_image_has_the_colours_it_should_have(tmp_path):
     blue, band = np.array([0x00, 0x72, 0xB2]), np.array([0xA9, 0xCF, 0xE8])
     for colour, at_least in ((blue, 1000), (band, 10_000)):
         assert (np.abs(pixels - colour).max(axis=2) < 3).sum() > at_least
-
-
-def test_long_names_are_cut_around_what_tells_them_apart():
-    names = [f"left_front_gripper_number_{i}_proximal_joint" for i in range(12)]
-    cut = shortened(names, 16)
-    assert len(set(cut)) == 12
-    assert all(len(name) == 16 for name in cut)
-    assert all(f"_{i}_" in name for i, name in enumerate(cut))
-    assert shortened(["short", "names"], 16) == ["short", "names"]
-    assert len(shortened(["x" * 50], 10)[0]) == 10
 
 
 def test_of_more_than_30_drives_those_with_the_largest_efforts_are_drawn():

@@ -235,6 +235,42 @@ def test_page_needs_no_network_and_escapes_names(report):
         assert text in page
 
 
+def test_everything_that_was_not_checked_is_named_with_what_it_lacks(panda):
+    """Each unchecked criterion of drive, brake, bus and robot is in one row, with its joints."""
+    expected = set()
+    for joint, still in zip(panda.joints, panda.standstills, strict=True):
+        for c in (*joint.choice.criteria, *still.criteria):
+            if c.status == "not checked":
+                expected.add((c.name, joint.name))
+    expected |= {(c.name, "") for c in panda.bus.criteria if c.status == "not checked"}
+    summary = sizing_summary(panda)
+    rows = [(row.criterion, name) for row in summary.unchecked for name in row.joints or ("",)]
+    assert set(rows) == expected
+    assert len(rows) == len(expected) > 20
+    assert all(row.missing and "no figure" not in row.missing for row in summary.unchecked)
+    page = sizing_page(panda, "pinfric size panda motion.csv")
+    part = page.partition("Not checked, and why")[2].partition("</section>")[0]
+    assert part.count("<tr") - 1 == len(summary.unchecked)
+    lacks = {row.criterion: row.missing for row in summary.unchecked}
+    assert lacks["supply power"] == "conditions.supply_power"
+    for row in summary.unchecked:
+        assert row.criterion in part
+    assert "<code>pinfric size panda motion.csv</code>" in page
+
+
+def test_nothing_is_said_of_what_was_not_assessed(tmp_path):
+    """No drive is known: no mass of drives, and nothing about what flows back."""
+    scene = turntable()
+    unknown = one_drive(tmp_path, motor={"rotor_inertia": None})
+    report = pf.size(scene, trapezoid(scene), unknown, on_miss="ignore")
+    page = sizing_page(report)
+    assert "<b>–</b><span>drives that fit" in page  # noqa: RUF001
+    assert "fed back: neither" not in page
+    (row,) = sizing_summary(report).unchecked[:1]
+    assert row.criterion == "all of its drive"
+    assert row.missing == "no candidate can be judged"
+
+
 def test_page_says_what_to_install(report, monkeypatch):
     import pinfric.show.sizing_page.page as module
 

@@ -9,12 +9,12 @@ import re
 import numpy as np
 import pinocchio as pin
 import pytest
+from report_cases import FINGERS, printed
 from rich.console import Console
 
 import pinfric as pf
 from pinfric.model.described import in_json
 from pinfric.show.report.inverse import inverse_report
-from pinfric.show.report.names import affixes, least_room, said_short, short_names, shortened
 from pinfric.show.report.sizing import ROUNDING, sizing_report
 from pinfric.show.report.tables import Column, Kind, Table, paragraphs
 from pinfric.show.report.values import digits, span
@@ -23,19 +23,6 @@ from pinfric.study.sizing.summary import sizing_summary
 from pinfric.terminal import show
 
 WIDTHS = (40, 60, 80, 120)
-#: As a humanoid's hands have them, and longer.
-FINGERS = [
-    f"{side}_hand_{finger}_{part}_joint"
-    for side in ("left", "right")
-    for finger in ("thumb", "index", "middle", "ring", "little", "auxiliary")
-    for part in ("abduction", "virtual_1", "proximal_flexion", "virtual_2")
-]
-
-
-def printed(renderables, width):
-    console = Console(file=io.StringIO(), width=width, highlight=False)
-    console.print(*renderables, sep="\n", crop=False)
-    return [line.rstrip() for line in console.file.getvalue().splitlines()]
 
 
 def chain(names):
@@ -194,37 +181,6 @@ def test_brackets_in_a_name_are_no_markup():
     assert [line.split()[0] for line in printed([table], 80)[2:]] == ["arm[0]", "[red]"]
 
 
-def test_names_no_cut_tells_apart_are_folded_whole():
-    names = [f"{'a' * 60}{i}{'z' * 60}" for i in range(3)]
-    assert affixes(names) == ("", "")
-    table = Table("", [Column("joint", Kind.NAME), Column("x")], [(n, "1.5") for n in names])
-    lines = printed([table], 40)
-    assert max(map(len, lines)) <= 40
-    assert "".join(line.split()[0] for line in lines[2:]) == "".join(names)
-
-
-def test_affixes_end_at_separators_and_leave_something():
-    assert affixes(["panda_joint1", "panda_joint2"]) == ("panda_", "")
-    assert affixes(["arm_1_joint", "head_joint"]) == ("", "_joint")
-    assert affixes(["ns/arm/q.pos", "ns/leg/q.pos"]) == ("ns/", "/q.pos")
-    assert affixes(["arm_1_joint", "arm_2_joint"]) == ("", "_joint")  # "1" says too little
-    assert affixes(["a_joint", "a_joint"]) == ("", "")
-    assert affixes(["left", "lever"]) == ("", "")
-    assert affixes(["abc_", "abc_d"]) == ("", "")
-
-
-def test_a_name_cut_in_its_middle_is_one_name_only():
-    room = least_room(FINGERS)
-    for size in (room, room + 3, 40):
-        for short, name in zip(shortened(FINGERS, size), FINGERS, strict=True):
-            assert len(short) <= size
-            pattern = re.escape(short).replace("…", ".+")
-            assert [x for x in FINGERS if re.fullmatch(pattern, x)] == [name]
-    assert any("…" in name for name in shortened(FINGERS, room))
-    assert shortened(["short", "names"], 16) == ["short", "names"]
-    assert len(shortened(["x" * 50], 10)[0]) == 10
-
-
 def test_width_is_the_terminals_of_a_pipe_eighty_and_columns_beats_both(monkeypatch, capsys):
     def none_of_the_streams_is_a_terminal(stream):
         raise OSError
@@ -240,15 +196,6 @@ def test_width_is_the_terminals_of_a_pipe_eighty_and_columns_beats_both(monkeypa
     monkeypatch.setenv("COLUMNS", "60")
     show([wide])
     assert max(map(len, capsys.readouterr().out.splitlines())) <= 60
-
-
-def test_sentences_name_joints_as_tables_do_but_not_in_keys_files_and_quotes():
-    short = short_names(["panda_joint1", "panda_joint10"])
-    line = "panda_joint10, panda_joint1: mu.panda_joint1 of 'panda_joint1' in panda_joint1.csv."
-    said = "joint10, joint1: mu.panda_joint1 of 'panda_joint1' in panda_joint1.csv."
-    assert said_short(line, short) == said
-    assert said_short(line, {}) == line
-    assert said_short("at (panda_joint1).", short) == "at (joint1)."
 
 
 def test_a_report_says_names_in_lines_as_in_its_tables():

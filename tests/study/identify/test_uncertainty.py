@@ -2,16 +2,33 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from identify_cases import (
+    COULOMB,
+    DELAY,
+    EFFICIENCY,
+    MU,
+    NAMES,
+    VISCOUS,
+    excitation,
+    guess,
+    parameter,
+    short,
+)
 
+import pinfric as pf
 from pinfric.study.identify.columns import Rows
-from pinfric.study.identify.laws import BACKWARD, FORWARD, SLOT, SLOTS
+from pinfric.study.identify.laws import FORWARD, SLOT, SLOTS, Law
 from pinfric.study.identify.normal import Fit
-from pinfric.study.identify.rest import break_aways
-from pinfric.study.identify.uncertainty import between_logs
+from pinfric.study.identify.uncertainty import (
+    Uncertainty,
+    between_logs,
+    for_a_further_log,
+)
 
 
 @pytest.mark.parametrize(
@@ -44,32 +61,74 @@ def test_what_blocks_of_one_log_scatter_is_no_difference_between_logs(factors, s
     assert between_logs(found) == pytest.approx([spread], abs=1e-9)
 
 
-@pytest.mark.parametrize("side", ["motor", "joint"])
-@pytest.mark.parametrize("way", [FORWARD, BACKWARD])
-def test_a_gears_loss_is_taken_out_of_what_a_joint_broke_away_at(side, way):
-    """A load of 10 N m, a gear that loses a tenth of it driving and driven, 2 N m of friction."""
-    sign, load, loss = (1.0 if way == FORWARD else -1.0), 10.0, 0.1
-    held, moved = np.minimum(np.arange(200) / 125, 1.0), np.full(75, 0.75)
-    friction = 2.0 * np.tile(np.concatenate((held, moved)), 3)
-    rests = np.tile(np.arange(275) < 200, 3)
-    losing = 1.0 + sign * loss  # the load is lifted forward, let down backward
-    effort = (
-        (load + sign * friction) * losing if side == "joint" else load * losing + sign * friction
-    )
-    slots = (loss * (np.arange(len(SLOTS)) == SLOT[f"gear both, {side} side"]))[None, :]
-    recording = SimpleNamespace(
-        trajectory=SimpleNamespace(t=0.004 * np.arange(825)),
-        step=0.004,
-        rests=rests[:, None],
-        velocity=np.where(rests, 0.0, sign)[:, None],
-        effort=effort[:, None],
-    )
-    found = SimpleNamespace(
-        choice=SimpleNamespace(laws=[SimpleNamespace(load="gear", side=side)]),
-        fit=Fit(np.zeros(10), slots),
-        delay=SimpleNamespace(value=0.0),
-        prepared=[SimpleNamespace(recording=recording, load=np.full((825, 1), load))],
-    )
-    ((key, broke),) = break_aways(found).items()
-    assert key == (0, way)
-    assert broke.mean == pytest.approx(2.0, rel=0.02)
+def test_coefficients_lie_in_their_intervals(found):
+    known = [
+        (parameter(found, "friction", 2, "mu"), MU),
+        (parameter(found, "transmission", 1, "efficiency"), EFFICIENCY),
+    ]
+    for j in range(6):
+        for name, value in (
+            ("coulomb.positive", COULOMB[j][0]),
+            ("viscous", VISCOUS[j]),
+            ("coulomb.negative", COULOMB[j][1]),
+        ):
+            known.append((parameter(found, "friction", j, name), value))
+    inside = [p.low <= value <= p.high for p, value in known]
+    assert np.mean(inside) > 0.8
+    assert all(abs(p.value - value) < 0.15 * abs(value) for p, value in known)
+    # standard errors of samples taken as independent would be three times too small
+    assert parameter(found, "friction", 1, "coulomb.positive").standard_error > 0.1
+
+
+def test_the_posterior_scatters_as_the_intervals_say(found):
+    p = parameter(found, "friction", 1, "coulomb.positive")
+    draws = found.posterior[p.key]
+    assert np.mean((draws > p.low) & (draws < p.high)) == pytest.approx(0.95, abs=0.03)
+    gear = found.posterior[f"transmission.{NAMES[1]}.efficiency"]
+    # a gear that loses more leaves less to Coulomb friction
+    assert np.corrcoef(draws, gear)[0, 1] > 0.3
+
+
+def test_two_logs_say_how_much_friction_differs_between_them():
+    laws = dict.fromkeys(NAMES, Law())
+    other = short(3)
+    warm = replace(other, effort=other.effort - 0.3 * drag(3, 20.0, 100.0), name="warm")
+    found = pf.identify(guess(0), [short(), warm], laws=laws)
+    # a third of joint 6's viscous friction was taken off in one of them, and it is most of it
+    assert 0.05 < found.spread[NAMES[5]] < 0.25
+    assert found.delay == pytest.approx(DELAY, abs=0.0015)
+    assert "delay of the efforts from each log, with standard error: log " in "\n".join(found.notes)
+    viscous = parameter(found, "friction", 5, "viscous")
+    assert viscous.standard_error > 0.8 * found.spread[NAMES[5]] * viscous.value
+
+
+def drag(seed: int, duration: float, rate: float) -> np.ndarray:
+    return excitation(seed, duration, rate).v * np.array(VISCOUS)
+
+
+@pytest.mark.parametrize("logs", [2, 3, 5])
+def test_an_interval_covers_a_further_log(logs):
+    """Coulomb friction of 2 N m, times a factor that scatters by 5 % from log to log."""
+    rng, slot, inside = np.random.default_rng(logs), SLOT[FORWARD], []
+    fit = Fit(np.zeros(10), (np.arange(len(SLOTS)) == slot)[None, :] * 2.0)
+    slots, still = np.zeros((4 * logs, len(SLOTS))), np.zeros(4 * logs)
+    slots[:, slot] = 1.0
+    for _ in range(600):
+        factors = 1.0 + 0.05 * rng.normal(size=logs + 1)
+        effort = 2.0 * np.repeat(factors[:-1] / factors[:-1].mean(), 4)
+        rows = Rows(
+            np.zeros((4 * logs, 10)),
+            slots,
+            effort,
+            np.repeat(np.arange(2 * logs), 2),
+            np.repeat(np.arange(logs), 4),
+            still,
+            still,
+            still,
+        )
+        given = SimpleNamespace(rows=[rows], fit=fit, prepared=[None] * logs)
+        between, count = for_a_further_log(given, np.array([slot]))
+        known = Uncertainty(np.array([slot]), 1e-12 * np.eye(1), between, 20, count, np.zeros(1))
+        _, reach = known.of([slot])
+        inside.append(abs(2.0 * factors[-1] / factors[:-1].mean() - 2.0) <= reach)
+    assert np.mean(inside) == pytest.approx(0.95, abs=0.03)

@@ -350,6 +350,7 @@ def test_a_catalogue_that_extends_the_bundled_one(tmp_path):
     with pytest.warns(pf.PinfricWarning, match=rf"motors\.{name} replaces the bundled entry"):
         own = pf.load_catalog(path)
     assert own.motors[name].source == "invented"
+    assert own.replaced == (f"motors.{name} replaces the bundled entry of that name",)
     assert own.motors[name].nominal_voltage is None
     assert own.motors.keys() == {*bundled.motors, "mine"}
     write_catalog(path, extends="defualt")

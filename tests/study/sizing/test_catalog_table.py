@@ -199,7 +199,7 @@ def test_mappings_that_cannot_be(tmp_path, mapping, text):
 
 
 def test_files_that_cannot_be_read(tmp_path):
-    with pytest.raises(CatalogError, match=r"none\.columns\.yaml"):
+    with pytest.raises(CatalogError, match=r"none.csv"):
         import_table(tmp_path / "none.csv")
     path = table(tmp_path, "")
     with pytest.raises(CatalogError, match="no rows below"):

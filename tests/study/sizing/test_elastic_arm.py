@@ -16,6 +16,7 @@ from pinfric.show.sizing_page.page import sizing_page
 from pinfric.study.sizing.catalog_file import load_catalog
 from pinfric.study.sizing.criterion import Status
 from pinfric.study.sizing.inertia import joint_inertias
+from pinfric.study.sizing.summary import sizing_summary
 
 TAU = 2 * np.pi
 LINES = {"k1": 1e4, "k2": 1.4e4, "k3": 1.6e4, "t1": 3.9, "t2": 12}
@@ -57,6 +58,10 @@ def sized(arm, tmp_path, gear=None, **conditions):
 
 def criterion(report, name):
     return next(c for c in report.arm_criteria if c.name == name)
+
+
+def reversal(report, joint="a"):
+    return report.reversals[report.scene.actuator_names.index(joint)]
 
 
 def test_a_joints_resonance_is_that_with_the_joints_beyond_it(arm, tmp_path):
@@ -112,26 +117,30 @@ def test_reversal_error_of_a_joint_is_its_wind_up_either_way_and_its_backlash(ar
     gear = {"stiffness": 1e4, "backlash": 2e-4}
     report = sized(arm, tmp_path, gear=gear, reversal_error=5.1e-4, backlash=1e-4)
     for name in "ab":
-        found = criterion(report, f"reversal error of {name}")
+        found = reversal(report, name)
         assert found.required == pytest.approx(2 * 1.5 / 1e4 + 2e-4, rel=1e-6)
         assert (found.status, found.unit) == (Status.PASSES, "rad")
         row = next(c for c in report.joint(name).nearest.criteria if c.name == "backlash")
         assert (row.required, row.available, row.status) == (2e-4, 1e-4, Status.FAILS)
     # the maker's hysteresis counts where it is more than the friction winds up
     wide = {**gear, "hysteresis": 6e-4}
-    found = criterion(sized(arm, tmp_path, gear=wide, reversal_error=1e-3), "reversal error of a")
+    found = reversal(sized(arm, tmp_path, gear=wide, reversal_error=1e-3))
     assert found.required == pytest.approx(6e-4 + 2e-4)
 
 
 def test_a_reversal_error_known_in_part_can_only_fail(arm, tmp_path):
     unknown = sized(arm, tmp_path, reversal_error=1e-3, backlash=1e-3)
-    found = criterion(unknown, "reversal error of a")
+    found = reversal(unknown)
     assert (found.status, found.note) == (Status.NOT_CHECKED, "no figure (backlash of the gear)")
     (row,) = (c for c in unknown.joint("a").choice.criteria if c.name == "backlash")
     assert row.status == Status.NOT_CHECKED
-    failing = criterion(sized(arm, tmp_path, reversal_error=1e-4), "reversal error of a")
+    failing = reversal(sized(arm, tmp_path, reversal_error=1e-4))
     assert failing.status == Status.FAILS
     assert failing.required == pytest.approx(3e-4)
+    short = sized(arm, tmp_path, reversal_error=1e-4)
+    assert short.unmet[0].startswith("a: reversal error: needs 0.0003 rad, has 0.0001 rad")
+    (row,) = (row for row in sizing_summary(unknown).unchecked if row.criterion == failing.name)
+    assert (row.joints, row.missing) == (("a", "b"), "backlash of the gear")
     assert not any(c.name == "backlash" for c in sized(arm, tmp_path).joint("a").choice.criteria)
 
 

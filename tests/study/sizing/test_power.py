@@ -10,6 +10,7 @@ from sizing_cases import MOTOR, one_drive, trapezoid, turntable
 import pinfric as pf
 from pinfric.errors import CatalogError
 from pinfric.study.sizing.criterion import Status
+from pinfric.study.sizing.power import _with_prefix, bus_power
 from pinfric.study.summary import ends_by_magnitude
 
 
@@ -137,3 +138,22 @@ def test_a_sag_that_lacks_a_figure_is_not_judged(tmp_path):
     conditions = {"supply_resistance": 0.1}
     bus = pf.size(scene, trapezoid(scene), unknown, conditions=conditions, on_miss="ignore").bus
     assert bus.criteria[2].status == Status.NOT_CHECKED
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [(2.77e4, "27.7 k"), (656.0, "656 "), (999.6, "1 k"), (0.012, "12 m"), (3.4e-5, "34 u")],
+)
+def test_values_of_parts_have_the_prefix_of_their_unit(value, said):
+    assert _with_prefix(value) == said
+
+
+def test_drives_that_feed_nothing_back_do_not_speak_for_others(tmp_path):
+    still = {"coulomb": {"static": 40.0, "kinetic": 40.0}}
+    scene = tables().with_(friction={"table_0": still, "table_1": still})
+    catalog = one_drive(tmp_path)
+    report = pf.size(scene, turning(scene), catalog, on_miss="ignore")
+    assert report.bus.remedy.startswith("no energy is fed back")
+    motors = {joint.name: joint.motor for joint in report.joints} | {"table_1": None}
+    bus = bus_power(motors, report.result.t, report.duty, report.conditions, {})
+    assert bus.remedy == "1 of 2 drives feed nothing back; the others are not known"

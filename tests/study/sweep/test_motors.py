@@ -14,13 +14,14 @@ from sizing_cases import (
     turntable,
     write_catalog,
 )
-from sweep_cases import sweep_of, uniform
+from sweep_cases import run, steps, sweep_of, uniform
 
 import pinfric as pf
 from pinfric.errors import SweepError
 from pinfric.model.described import in_json
 from pinfric.study.sizing.catalog import Catalog
 from pinfric.study.sizing.catalog_file import load_catalog
+from pinfric.study.summary import summarize
 from pinfric.study.sweep.cycle import Study, compute
 from pinfric.study.sweep.file import load_sweep
 from pinfric.study.sweep.motors import motors_on_trial
@@ -29,6 +30,8 @@ from pinfric.study.sweep.summary import sweep_summary
 from pinfric.terminal import as_text
 
 TBM, CSF = "Kollmorgen TBM-6051-A", "Harmonic Drive CSF-17-100"
+
+
 DRIVE = f"{TBM} + {CSF}"
 
 
@@ -305,3 +308,42 @@ def test_verdicts_are_stored_and_travel(tmp_path):
         pf.sweep(
             scene, motion, {**sweep, "conditions": {"life": 1.0}}, processes=1, out=tmp_path / "out"
         )
+
+
+def test_named_drive_brings_its_gear_and_a_named_motor_its_ratings(tmp_path):
+    from sizing_cases import GEAR, MOTOR, turntable, write_catalog
+
+    scene = turntable()
+    t = np.linspace(0, 1, 11)
+    motion = pf.Trajectory.from_arrays(scene, t, t[:, None], np.ones((11, 1)), np.zeros((11, 1)))
+    catalog = str(write_catalog(tmp_path / "catalog.yaml"))
+    (name,) = scene.actuator_names
+    (drive,) = (a.candidate for a in pf.size(scene, motion, catalog).joints[0].assessments)
+    varied = {f"friction.{name}.coulomb": steps(1.0, 2.0, 2)}
+    geared = run(
+        scene,
+        motion,
+        {
+            **sweep_of(sampling="grid", motors={name: {"drive": drive.name}}, **varied),
+            "catalog": catalog,
+        },
+    )
+    trial = geared.trials[0]
+    assert trial.ratio == GEAR["ratio"]
+    assert trial.continuous_torque == MOTOR["continuous_torque"]
+    chosen = dataclasses.replace(
+        scene, actuators=[{"joint": name, "transmission": drive.transmission.model_dump()}]
+    )
+    expected = summarize(pf.inverse_dynamics(chosen, motion))[0].motor_peak
+    assert geared.figure("motor_peak")[0, 0] == pytest.approx(expected, rel=1e-12)
+    bare = run(
+        scene,
+        motion,
+        {
+            **sweep_of(sampling="grid", motors={name: {"motor": "M", "max_speed": 0.5}}, **varied),
+            "catalog": catalog,
+        },
+    )
+    assert bare.trials[0].peak_torque == MOTOR["peak_torque"]
+    assert bare.figure("motor_peak")[0, 0] == bare.figure("peak")[0, 0]
+    assert not bare.sufficing().any()  # 1 rad/s is beyond what the sweep says

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from sweep_cases import sweep_of
+from sweep_cases import BOX, MASS, MU, G, pushed_block, run, steady, sweep_of, uniform
 
 import pinfric as pf
 from pinfric.errors import SweepError
 from pinfric.model.described import in_json
-from pinfric.study.sweep.file import SweepFile
-from pinfric.study.sweep.parameters import apply, resolve
+from pinfric.study.sweep.file import SweepFile, load_sweep
+from pinfric.study.sweep.parameters import apply, draw, resolve
 from pinfric.study.sweep.summary import sweep_summary
 
 
@@ -104,3 +104,130 @@ def test_factors_must_be_above_zero_and_friction_the_same_both_ways(arm):
     directed = scene.with_(friction=friction)
     with pytest.raises(SweepError, match="the hysteresis of elbow_joint moves friction between"):
         pf.sweep(directed, motion, grid(transmission__all__hysteresis=[1.0]), processes=1)
+
+
+SCENE = pf.load_scene("panda_pick_and_place")
+
+
+JOINT = "panda_joint2"
+
+
+def swept(tmp_path, text: str, **more):
+    (tmp_path / "rows.csv").write_text(text)
+    content = {"pinfric_sweep": 1, "samples": 50, "table": str(tmp_path / "rows.csv"), **more}
+    entries, source = load_sweep(content)
+    targets = resolve(SCENE, entries, source)
+    return targets, draw(targets, entries)
+
+
+def test_rows_stay_together_beside_what_is_drawn_alone(tmp_path):
+    text = (
+        f"friction.{JOINT}.mu,friction.{JOINT}.viscous\n"
+        if SCENE.friction[JOINT].viscous
+        else (f"friction.{JOINT}.mu,friction.panda_joint1.mu\n")
+    )
+    targets, values = swept(
+        tmp_path,
+        text + "0.5,5\n1,10\n2,20\n",
+        parameters={"speed": {"uniform": {"low": 0.5, "high": 1.0}}},
+    )
+    assert targets[0].name == "speed"
+    assert (values[:, 2] == 10.0 * values[:, 1]).all()
+    assert set(values[:, 1]) == {0.5, 1.0, 2.0}
+    assert np.abs(np.corrcoef(values[:, 0], values[:, 1])[0, 1]) < 0.5
+
+
+def test_one_direction_and_efficiencies_are_set(tmp_path):
+    both = {"static": 2.0, "kinetic": 1.0}
+    gear = {
+        "ratio": 100,
+        "efficiency": 0.9,
+        "back_efficiency": 0.8,
+        "rotor_inertia": 1e-4,
+        "no_load_torque": {"positive": both, "negative": both},
+    }
+    scene = SCENE.with_(
+        friction={JOINT: {"coulomb": {"positive": both, "negative": both}}},
+        actuators=[
+            {"joint": n, "transmission": gear if n == JOINT else None} for n in SCENE.joint_names
+        ],
+    )
+    names = [
+        f"friction.{JOINT}.coulomb.positive",
+        f"transmission.{JOINT}.efficiency",
+        f"transmission.{JOINT}.no_load_torque.negative",
+        f"transmission.{JOINT}.rotor_inertia",
+    ]
+    (tmp_path / "rows.csv").write_text(",".join(names) + "\n3,0.7,4,5\n")
+    entries, source = load_sweep(
+        {"pinfric_sweep": 1, "samples": 1, "table": str(tmp_path / "rows.csv")}
+    )
+    targets = resolve(scene, entries, source)
+    changed, _ = apply(scene, None, targets, draw(targets, entries)[0])
+    coulomb = changed.friction[JOINT].coulomb
+    assert (coulomb.positive.static, coulomb.negative.static) == (6.0, 2.0)
+    found = next(d for d in changed.drives if d.name == JOINT).transmission
+    assert (found.efficiency, found.back_efficiency, found.rotor_inertia) == (0.7, 0.8, 5e-4)
+    assert (found.no_load_torque.positive.kinetic, found.no_load_torque.negative.kinetic) == (1, 4)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("friction.elbow.mu\n1\n", "friction.elbow.mu: there is no joint"),
+        (f"friction.{JOINT}.mu\n1\nx\n", "row 2 has no finite number"),
+        (f"friction.{JOINT}.mu\n-1\n", "must be 0 or more"),
+        (f"transmission.{JOINT}.efficiency\n1.2\n", "at most 1"),
+        (f"friction.{JOINT}.mu\n", "has no rows"),
+        ("", "cannot be read"),
+    ],
+)
+def test_tables_that_cannot_be_are_refused(tmp_path, text, said):
+    with pytest.raises(SweepError, match=said):
+        swept(tmp_path, text)
+
+
+def test_a_table_is_no_design(tmp_path):
+    with pytest.raises(SweepError, match="drawn at random"):
+        swept(tmp_path, "speed\n1\n", sampling="sobol", samples=8)
+    with pytest.raises(SweepError, match="`parameters` or `table` is missing"):
+        load_sweep({"pinfric_sweep": 1, "samples": 3})
+
+
+def test_effort_follows_friction_and_payload_as_worked_by_hand():
+    scene = pushed_block(payloads={"box": BOX})
+    found = run(
+        scene,
+        steady(scene),
+        sweep_of(friction__all__mu=uniform(0.5, 1.5), payload__box__mass=uniform(0.5, 4.0)),
+    )
+    factor, box = found.values.T
+    effort = factor * MU * (MASS + box) * G
+    np.testing.assert_allclose(found.figure("peak")[:, 0], effort, rtol=1e-12)
+    np.testing.assert_allclose(found.figure("rms")[:, 0], effort, rtol=1e-12)
+    assert found.parameter_names == ("friction.*.mu", "payload.box.mass")
+    assert factor.min() >= 0.5
+    assert box.max() <= 4.0
+    assert factor.mean() == pytest.approx(1.0, abs=0.06)  # 3 standard errors
+
+
+def test_mounting_turns_gravity_and_speed_scales_time():
+    scene = pushed_block()
+    found = run(
+        scene,
+        steady(scene, 0.5, 0.8),
+        sweep_of(
+            20,
+            mounting__pitch=uniform(-0.3, 0.1),
+            mounting__roll=uniform(-0.2, 0.2),
+            speed=uniform(0.5, 2.0),
+        ),
+    )
+    pitch, roll, speed = found.values.T
+    # the base's x axis points down for pitch > 0; roll tilts the plane sideways
+    along = MASS * G * np.sin(pitch)
+    across = MASS * G * np.cos(pitch)  # roll turns it within the plane the friction feels
+    effort = MU * across + MASS * 0.8 * speed**2 - along
+    np.testing.assert_allclose(found.figure("peak")[:, 0], effort, rtol=1e-12)
+    np.testing.assert_allclose(found.figure("speed")[:, 0], 1.3 * speed, rtol=1e-12)
+    assert np.ptp(roll) > 0.1

@@ -7,19 +7,22 @@ import pinocchio as pin
 import pytest
 
 from pinfric.errors import TrajectoryError
-from pinfric.study.trajectory.joint_columns import joint_columns, limit_problems, stated_range
 from pinfric.study.trajectory.trajectory import Trajectory, load_trajectory
 
 LINK = (
     '<link name="{}"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" '
     'iyz="0" izz="1"/></inertial></link>'
 )
+
+
 HAND = """<robot name="hand"><link name="base"/>{links}
 <joint name="left" type="revolute"><parent link="base"/><child link="l"/><axis xyz="1 0 0"/>
 <limit lower="-1" upper="1" effort="1" velocity="2"/></joint>
 <joint name="right" type="revolute"><parent link="base"/><child link="r"/><axis xyz="-1 0 0"/>
 <mimic joint="left" multiplier="10" offset="0.5"/>{limit}</joint>
 </robot>"""
+
+
 LIMIT = '<limit lower="-1" upper="1" effort="1" velocity="3"/>'
 
 
@@ -74,34 +77,3 @@ def test_follower_within_its_limits_is_fine_and_its_speed_a_warning(tmp_path):
 @pytest.mark.parametrize("limit", ['<limit effort="1" velocity="0"/>'])
 def test_follower_without_limits_may_go_anywhere(tmp_path, limit):
     assert motion(tmp_path, hand(tmp_path, limit), [0, 0.9]).t.size == 2
-
-
-@pytest.mark.parametrize(
-    ("given", "stated"),
-    [
-        ((0.0, 0.0), (-np.inf, np.inf)),
-        ((0.2, 0.2), (0.2, 0.2)),
-        ((-1.0, 0.0), (-1.0, 0.0)),
-        ((-np.inf, 1.0), (-np.inf, 1.0)),
-        ((-1.7e308, 1.7e308), (-np.inf, np.inf)),
-    ],
-)
-def test_only_zero_to_zero_is_no_limit(given, stated):
-    assert stated_range(*given) == stated
-    model = pin.Model()
-    low, high = (np.array([x]) for x in given)
-    model.addJoint(
-        0, pin.JointModelRZ(), pin.SE3.Identity(), "a", np.ones(1), np.ones(1), low, high
-    )
-    (column,) = joint_columns(model)
-    assert (column.lower, column.upper) == stated
-
-
-def test_a_range_of_one_position_holds_the_joint_there():
-    model = pin.Model()
-    at = np.array([0.2])
-    model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "a", np.ones(1), np.ones(1), at, at)
-    columns, t = joint_columns(model), np.arange(2.0)
-    assert limit_problems(columns, t, np.full((2, 1), 0.2)) == []
-    (problem,) = limit_problems(columns, t, np.array([[0.2], [0.3]]))
-    assert "joint a: 0.3 rad is above its upper limit 0.2" in problem

@@ -147,7 +147,7 @@ def rows_of(t, *positions):
 def test_rows_that_are_way_points_are_refused_with_both_choices(tmp_path, positions):
     text = message(tmp_path, rows_of(np.arange(float(len(positions))), positions))
     assert "rows are too far apart" in text
-    assert "`points:`" in text
+    assert f"points: [{{q: [0]}}, {{q: [{positions[1]:.4g}], duration: 1}}, ...]`" in text
     assert "give more of them, or .v and .a" in text
 
 
@@ -157,7 +157,7 @@ def test_stops_at_nearly_equal_distances_are_refused_with_both_choices(tmp_path,
     steps = 0.1 * (1.0 + uneven * (-1.0) ** np.arange(rows))
     text = message(tmp_path, rows_of(0.5 * np.arange(rows), np.cumsum(steps)))
     assert f"joint a moves over {rows} rows, and is at speed in the first and the last (0." in text
-    assert "`points:`" in text
+    assert "`points: [{q: [0" in text
     assert "give more of them, or .v and .a" in text
 
 

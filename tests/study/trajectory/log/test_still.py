@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pinocchio as pin
 import pytest
+from builders import chain
+from log_cases import ARM, write_csv
 
 import pinfric as pf
-from pinfric.study.trajectory.log.still import with_resting_ends
+from pinfric.study.trajectory.log.still import find_noisy_holds, with_resting_ends
 
 
 def quintic(t, duration):
@@ -71,3 +74,26 @@ def test_a_joint_that_hardly_moves_follows_the_others():
     assert with_resting_ends(position, 0.01, [3e-5, 3e-5], [[], []]) == [ends, ends]
     assert with_resting_ends(position[:, 1:], 0.01, [3e-5], [[]]) == [[]]
     assert with_resting_ends(position, 0.01, [3e-5, 0.0], [[], []]) == [ends, []]
+
+
+def test_a_slow_motion_is_no_hold():
+    t = np.arange(0, 4, 0.002)
+    noise = 1e-5 * np.random.default_rng(3).normal(size=t.size)
+    creeping, turning = 1e-3 * t, 0.05 * np.cos(t)
+    for q in (creeping, turning):
+        assert find_noisy_holds((q + noise)[:, None], 0.002, [1e-5]) == [[]]
+    assert find_noisy_holds(noise[:, None], 0.002, [1e-5]) == [[(0, t.size - 1)]]
+
+
+def test_a_joint_that_stands_still_in_a_noisy_log_is_held(tmp_path):
+    model = chain(*((name, pin.JointModelRZ(), ARM) for name in ("moves", "stays", "fixed")))
+    scene, rng, t = pf.Scene(model=model), np.random.default_rng(4), np.arange(0, 4, 0.002)
+    q = np.column_stack((np.sin(2 * t), np.full(t.size, 0.7), np.full(t.size, -0.3)))
+    q[:, :2] += 1e-5 * rng.normal(size=(t.size, 2))
+    motion = pf.load_trajectory(write_csv(tmp_path / "a.csv", t, model.names[1:], q), scene)
+    assert not motion.v[:, 1:].any()
+    assert not motion.a[:, 1:].any()
+    t = motion.t
+    np.testing.assert_allclose(motion.v[:, 0], 2 * np.cos(2 * t), atol=2e-3)
+    np.testing.assert_allclose(motion.a[:, 0], -4 * np.sin(2 * t), atol=0.1)  # also at the ends
+    np.testing.assert_allclose(motion.a[300:-300, 0], -4 * np.sin(2 * t)[300:-300], atol=0.02)

@@ -1,0 +1,38 @@
+"""Brakes that hold without power, at a motor's shaft."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import model_validator
+
+from pinfric.model.entry import Entry, Positive, key
+
+
+class HoldingBrake(Entry):
+    """A brake at a motor's shaft that closes when power goes off.
+
+    Closed it acts like dry friction: it holds up to its torque, and opposes motion with it.
+    """
+
+    torque: Annotated[Positive, key("least holding torque", 0.5, "N m")]
+    torque_max: Annotated[
+        Positive | None,
+        key("largest torque, which loads the gear in a stop; left out: `torque`", 0.9, "N m"),
+    ] = None
+    engage_time: Annotated[Positive | None, key("from power-off until it holds", 0.015, "s")] = None
+    stop_energy: Annotated[
+        Positive | None, key("permissible energy of one emergency stop", 150.0, "J")
+    ] = None
+    stops_per_hour: Annotated[
+        Positive | None, key("permissible number of such stops in an hour", 10.0, "1/h")
+    ] = None
+
+    @model_validator(mode="after")
+    def _most_is_more(self) -> HoldingBrake:
+        if self.torque_max is not None and self.torque_max < self.torque:
+            raise ValueError(
+                f"torque_max {self.torque_max:g} N m is less than torque {self.torque:g} N m: "
+                "`torque` is the least that it holds"
+            )
+        return self

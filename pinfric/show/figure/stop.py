@@ -1,0 +1,103 @@
+"""The picture of stops: the worst stop of each axis over time, its speed and its gear's effort."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pinfric.model.described import SPEED, unit_at
+from pinfric.show.figure.panel import panel
+from pinfric.show.figure.style import BLUE, GRID, INK, ORANGE, QUIET, RED, style
+from pinfric.show.report.names import picture_names
+from pinfric.study.stop.motion import StopMotion
+from pinfric.study.stop.search import Stopped
+from pinfric.study.stop.study import StopResult
+from pinfric.study.summary import effort_unit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+#: Drives that the picture shows, those that go farthest first.
+_MOST = 12
+
+
+def stop_figure(result: StopResult) -> Figure:
+    """Draw for each drive the stop in which its joint goes farthest: speed, and its gear's effort.
+
+    Of more than 12 drives those that go farthest are drawn.
+    """
+    from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    order = np.argsort([-axis.travel for axis in result.axes], kind="stable")[:_MOST]
+    drawn = sorted(order.tolist())
+    labels, _ = picture_names([result.axes[d].name for d in drawn], 40)
+    with style():
+        height = 1.6 * len(drawn) + 0.9
+        figure = Figure(figsize=(10.0, height), layout=ConstrainedLayoutEngine(), facecolor="white")
+        panels = figure.subplots(len(drawn), 2, squeeze=False)
+        for row, d, label in zip(panels, drawn, labels, strict=True):
+            draw_stop(row[0], row[1], result, d)
+            row[0].set_title(label, loc="left", fontsize=8.5, color=INK, weight="bold")
+        for axes in panels[-1]:
+            axes.set_xlabel("time from the command, ms", color=QUIET)
+        name = Path(result.scene.source).stem
+        how = f"category {result.settings.category}: each axis in its farthest stop"
+        figure.suptitle(f"{name}, {how}", fontsize=10.5, x=0.01, ha="left", color=INK)
+        handles, texts = panels[0, 0].get_legend_handles_labels()
+        figure.legend(handles, texts, loc="outside lower left", ncols=4, frameon=False)
+    return figure
+
+
+def axis_pictures(result: StopResult, drive: int) -> tuple[Figure, Figure]:
+    """Return the two pictures of one drive's farthest stop: speed, and its gear's effort."""
+    unit = effort_unit(result.scene, drive)
+    speed, upper = panel("time from the command, ms", f"speed, {unit_at(SPEED, unit)}")
+    effort, lower = panel("time from the command, ms", f"effort of the gear, {unit}")
+    draw_stop(upper, lower, result, drive)
+    return speed, effort
+
+
+def draw_stop(upper: Axes, lower: Axes, result: StopResult, drive: int) -> None:
+    """Draw one drive's farthest stop: its joint's speed above, its gear's effort below.
+
+    Args:
+        upper, lower: axes.
+        result: the stops. drive: its number.
+    """
+    found, motion = result.worst_motions[drive]
+    unit = effort_unit(result.scene, drive)
+    reaction = result.settings.reaction_time
+    t = 1e3 * (reaction + motion.t)
+    end = 1e3 * (found.time + 0.1 * max(found.time, 0.01))
+    before = np.linspace(0.0, reaction, 21)
+    given = result.search.cycle
+    times = given.trajectory.t[found.case.sample] + found.case.speed * (before - reaction)
+    rate = found.case.speed * np.interp(times, given.trajectory.t, given.rate[:, drive])
+    upper.plot(1e3 * before, rate, color=BLUE, linestyle=":", linewidth=1.4, label="reaction")
+    upper.plot(t, motion.rate[:, drive], color=BLUE, linewidth=1.6, label="the axis")
+    lower.plot(t, motion.effort[:, drive], color=BLUE, linewidth=1.6)
+    for axes, label in ((upper, f"speed, {unit_at(SPEED, unit)}"), (lower, f"effort, {unit}")):
+        axes.set_xlim(0.0, end)
+        axes.set_ylabel(label, color=QUIET)
+        axes.axhline(0.0, color=GRID, linewidth=0.8, zorder=0)
+        _mark(axes, result, drive, reaction, motion, found)
+
+
+def _mark(
+    axes: Axes,
+    result: StopResult,
+    drive: int,
+    reaction: float,
+    motion: StopMotion,
+    found: Stopped,
+) -> None:
+    """Lines where power goes off and where the brake closes."""
+    off = reaction + motion.power_off
+    axes.axvline(1e3 * off, color=ORANGE, linewidth=1.0, label="power goes off")
+    delay = result.search.machines.of(found.case.kind).delay.get(result.axes[drive].name)
+    if delay is not None:
+        axes.axvline(1e3 * (off + delay), color=RED, linewidth=1.0, label="its brake holds")

@@ -1,0 +1,56 @@
+"""Stops of a cycle, as tables for people."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pinfric.model.brief import counted
+from pinfric.show.report.rows import table_of
+from pinfric.show.report.tables import Report, Table, paragraphs
+from pinfric.show.report.values import digits
+from pinfric.study.sizing.criterion import Status
+from pinfric.study.stop.summary import StopSummary
+
+
+def stop_report(scene: str, found: StopSummary) -> Report:
+    """Return the tables and lines that `pinfric stop` prints, for a rich console.
+
+    Args:
+        scene: its file. found: the stops.
+    """
+    from rich.text import Text
+
+    title = f"{Path(scene).stem} · {Path(found.trajectory).name}: {how(found)}"
+    failing = [Text(f"! {line}", style="bold red") for line in found.unmet]
+    return paragraphs(
+        [verdict(found)],
+        table_of(title, found.axes),
+        grid_table(found),
+        failing,
+        [f"note: {line}" for line in found.notes],
+    )
+
+
+def verdict(found: StopSummary) -> str:
+    """Return in a line how long a stop takes, how far the tool goes, and what is not met."""
+    said = f"every stop ends within {digits(found.time)} s (commanded at {digits(found.command)} s)"
+    if found.path is not None:
+        said += f", the tool's path within {1e3 * found.path:.0f} mm"
+    every = [c for axis in found.axes for c in axis.criteria]
+    unchecked = sum(c.status == Status.NOT_CHECKED for c in every)
+    unmet = counted(len(found.unmet), "criterion", "criteria")
+    met = f"{unmet} not met" if found.unmet else "no criterion fails"
+    return f"{said}; {met}, {unchecked} of {len(every)} not checked"
+
+
+def how(found: StopSummary) -> str:
+    """Return how the robot was stopped, in words."""
+    least, greatest = found.friction
+    friction = "" if least == greatest == 1.0 else f", friction x {least:g} to {greatest:g}"
+    return f"category {found.category}, {digits(1e3 * found.reaction_time)} ms reaction{friction}"
+
+
+def grid_table(found: StopSummary) -> Table | None:
+    """Return stopping times and travels by payload and speed."""
+    title = "by payload and speed, each drive at its worst sample"
+    return table_of(title, found.grid, keys=2)

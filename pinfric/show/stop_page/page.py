@@ -1,0 +1,57 @@
+"""The page of stops: one self-contained HTML file, no network."""
+
+from __future__ import annotations
+
+import datetime
+from pathlib import Path
+from typing import Any
+
+from pinfric.show.figure.panel import svg
+from pinfric.show.figure.stop import axis_pictures
+from pinfric.show.report.envelope import hashes
+from pinfric.show.report.rows import table_of
+from pinfric.show.report.stop import grid_table, how, verdict
+from pinfric.show.sizing_page.page import page_parts
+from pinfric.study.stop.study import StopResult
+from pinfric.study.stop.summary import stop_summary
+
+
+def stop_page(result: StopResult) -> str:
+    """Return the stops of a cycle as one HTML page.
+
+    Args:
+        result: of `stop`.
+
+    Raises:
+        PinfricError: the extra `report` (jinja2) is not installed.
+    """
+    environment = page_parts(result.scene.actuator_names, Path(__file__).parent)
+    found = stop_summary(result)
+    axes: list[dict[str, Any]] = []
+    for d, axis in enumerate(found.axes):
+        speed, effort = axis_pictures(result, d)
+        axes.append(
+            {
+                "name": axis.name,
+                "command": axis.command,
+                "load": axis.load,
+                "speed": svg(speed, f"Speed of {axis.name} in its farthest stop"),
+                "effort": svg(effort, f"Effort of {axis.name}'s gear in its farthest stop"),
+                "criteria": table_of("", axis.criteria),
+            }
+        )
+    robot = result.scene.robot
+    files = [result.scene.source, str(robot.urdf) if robot else "", result.trajectory.source]
+    page: str = environment.get_template("stop.html.j2").render(
+        found=found,
+        scene=Path(result.scene.source).stem,
+        trajectory=Path(result.trajectory.source).name,
+        verdict=verdict(found),
+        how=how(found),
+        worst=table_of("", found.axes),
+        grid=grid_table(found),
+        axes=axes,
+        inputs=hashes(files),
+        date=datetime.date.today().isoformat(),
+    )
+    return page

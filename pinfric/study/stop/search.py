@@ -1,0 +1,293 @@
+"""The worst stops of a cycle: candidates by an estimate, then a search around the worst of them.
+
+Every sample of the cycle may be the moment at which the drives react. A stop takes tens of
+milliseconds to simulate, a cycle has thousands of samples, so not every one is simulated. For each
+axis an estimate orders the samples, as if the axis moved alone and without friction:
+
+    |v| (t_react + t_engage) + I w^2/(2 (|r| T_b - F)),     w = |v| + F t_engage/I,
+
+F what gravity pushes along v, I the inertia at the joint with the rotor. Simulated are the samples
+with the largest estimate, speed and load at rest of each axis, of the largest kinetic energy, and
+some spread evenly; then the neighbours of the worst, nearer and nearer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from pinfric.dynamics.inverse.inverse import inverse_dynamics
+from pinfric.dynamics.inverse.result import InverseResult
+from pinfric.dynamics.samples.closure import working_rates
+from pinfric.dynamics.samples.states import States
+from pinfric.errors import StopError
+from pinfric.study.sizing.inertia import joint_inertias
+from pinfric.study.stop.machines import Kind, Machines
+from pinfric.study.stop.motion import Machine, StopMotion, stop_motion, tool_path
+from pinfric.study.summary import effort_unit
+from pinfric.study.trajectory.trajectory import Trajectory
+
+#: Samples spread evenly over the cycle; part of the cycle to which the search comes.
+_SPREAD, _FINEST = 6, 400
+#: An estimate divides by at least this part of the brake's torque.
+_LEAST_SHARE = 0.1
+#: A torque this small beside the load is rounding.
+_ROUNDING = 1e-9
+
+
+class Case(NamedTuple):
+    """One stop of a study.
+
+    Attributes:
+        kind: the machine.
+        sample: of the cycle, at which the drives react.
+        speed: factor on the cycle's speed.
+    """
+
+    kind: Kind
+    sample: int
+    speed: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Stopped:
+    """What one stop comes to, from its command.
+
+    Attributes:
+        case: which stop.
+        command: time of the cycle at which it was commanded (s).
+        time: until everything is at rest (s). rest: (na,) until each drive's joint is.
+        travel: (na,) largest distance of each drive's joint from where the command met it, rad, m.
+        sag: (na,) with gravity, from power-off on; NaN where the joint moved at power-off.
+        peak: (na,) largest effort that the gear delivers, N m or N.
+        energy: (na,) that the brake took, J.
+        path: way of the tool, m; None: the scene has no tool.
+    """
+
+    case: Case
+    command: float
+    time: float
+    rest: np.ndarray
+    travel: np.ndarray
+    sag: np.ndarray
+    peak: np.ndarray
+    energy: np.ndarray
+    path: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class Cycle:
+    """A cycle as stops need it.
+
+    Attributes:
+        trajectory: of it. reaction: until the drives react, s.
+        rate: (T, na) of the drives' joints. way: (T, na) their way since the start, rad or m.
+        path: (T,) the tool's way since the start; None without a tool.
+        hold: (T, na) effort that holds each joint at rest, by full load or not.
+    """
+
+    trajectory: Trajectory
+    reaction: float
+    rate: np.ndarray
+    way: np.ndarray
+    path: np.ndarray | None
+    hold: dict[bool, np.ndarray]
+
+    @classmethod
+    def of(cls, machines: Machines, trajectory: Trajectory) -> Cycle:
+        """Return a cycle of a scene."""
+        scene, (q, v) = machines.scene, (trajectory.q, trajectory.v)
+        rate = working_rates(scene, q, v)[0]
+        steps = 0.5 * (rate[1:] + rate[:-1]) * np.diff(trajectory.t)[:, None]
+        way = np.concatenate([np.zeros((1, steps.shape[1])), np.cumsum(steps, axis=0)])
+        path, zero, hold = tool_path(scene, (), q), np.zeros_like(v), {}
+        for full in {False, bool(machines.full)}:
+            least = machines.of(Kind(False, float(full))).scene
+            carried = _carried(machines, full, len(q))
+            still = inverse_dynamics(least, q, zero, zero, t=trajectory.t, attached=carried)
+            _check_unbraked(still, "the full load" if full else "nothing")
+            hold[full] = still.effort_frictionless
+        return cls(trajectory, machines.settings.reaction_time, rate, way, path, hold)
+
+    def before(self, sample: int, speed: float) -> tuple[float, np.ndarray, float | None]:
+        """Return time of the command (s), the joints' ways since then (na,), the tool's (m)."""
+        t = self.trajectory.t
+        command = max(float(t[sample]) - speed * self.reaction, float(t[0]))
+        there = np.array([np.interp(command, t, column) for column in self.way.T])
+        path = None
+        if self.path is not None:
+            path = float(self.path[sample] - np.interp(command, t, self.path))
+        return command, self.way[sample] - there, path
+
+
+def _check_unbraked(still: InverseResult, carries: str) -> None:
+    """Refuse a drive without a brake whose joint gravity moves although friction holds it."""
+    scene, t = still.scene, still.t
+    assert t is not None  # a cycle has times
+    for d, drive in enumerate(scene.drives):
+        if drive.transmission is not None and drive.transmission.brake is not None:
+            continue
+        ends = still.motor_torque_lower[:, d], -still.motor_torque_upper[:, d]
+        short = np.maximum(*ends)
+        k = int(np.argmax(short))
+        if short[k] > _ROUNDING * max(np.abs(still.effort_frictionless[:, d]).max(), 1.0):
+            load = abs(float(still.effort_frictionless[k, d]))
+            raise StopError(
+                f"{scene.source}: actuators ({drive.name}): has no brake, and carrying {carries} "
+                f"its load of {load:.3g} {effort_unit(scene, d)} at {t[k]:.3g} s of the cycle is "
+                "more than friction holds; give `transmission.brake: {torque: N m, engage_time: s}`"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """Stops of a cycle, each simulated once.
+
+    Attributes:
+        machines, cycle: what is stopped, and where.
+        found: those simulated.
+        progress: called after each with its number and an estimate of all.
+    """
+
+    machines: Machines
+    cycle: Cycle
+    progress: Callable[[int, int], None]
+    found: dict[Case, Stopped] = field(default_factory=dict)
+
+    def stop(self, case: Case) -> Stopped:
+        """Return one stop."""
+        if case not in self.found:
+            self.found[case] = stopped(self.cycle, case, self.motion(case))
+            self.progress(len(self.found), max(len(self.found), self._expected))
+        return self.found[case]
+
+    @property
+    def _expected(self) -> int:
+        return 60 * len(self.machines.scene.drives) // (1 if self.machines.full else 2)
+
+    def motion(self, case: Case) -> StopMotion:
+        """Return the motion of one stop, simulated anew."""
+        given = self.cycle.trajectory
+        machine = self.machines.of(case.kind)
+        return stop_motion(machine, given.q[case.sample], case.speed * given.v[case.sample])
+
+    @property
+    def kinds(self) -> tuple[Kind, ...]:
+        """The machines at full speed: least and greatest friction, without load and with all."""
+        loads = (0.0, 1.0) if self.machines.full else (0.0,)
+        return tuple(Kind(greatest, load) for greatest in (False, True) for load in loads)
+
+    def run(self) -> None:
+        """Simulate the candidates, then search around the worst of each measure."""
+        for kind in self.kinds:
+            for sample in self.candidates(kind):
+                self.stop(Case(kind, sample))
+        for measure in self.measures():
+            self._refine(measure)
+
+    def candidates(self, kind: Kind) -> list[int]:
+        """Return the samples that are simulated first."""
+        t, rate = self.cycle.trajectory.t, self.cycle.rate
+        chosen = set(np.linspace(0, len(t) - 1, _SPREAD).astype(int).tolist())
+        inertia, score = estimates(self.machines, self.cycle, kind)
+        resting = np.where(rate == 0.0, np.abs(self.cycle.hold[kind.load > 0.0]), -1.0)
+        for order in (score, np.abs(rate), resting):
+            chosen |= set(np.argmax(order, axis=0).tolist())
+        chosen.add(int(np.argmax((inertia * rate**2).sum(axis=1))))
+        return sorted(chosen)
+
+    def measures(self) -> Iterator[Callable[[Stopped], float]]:
+        """Yield what is to be largest: each axis' travel, sag, energy, peak; time and path."""
+
+        def of(name: str, d: int) -> Callable[[Stopped], float]:
+            return lambda stop: float(np.nan_to_num(getattr(stop, name)[d], nan=-np.inf))
+
+        for d in range(len(self.machines.scene.drives)):
+            for name in ("travel", "peak", "energy"):
+                yield of(name, d)
+        yield lambda stop: stop.time
+        if self.cycle.path is not None:
+            yield lambda stop: stop.path or 0.0
+
+    def worst(self, measure: Callable[[Stopped], float]) -> Stopped:
+        """Return the worst of the stops simulated."""
+        return max(self.found.values(), key=measure)
+
+    def _refine(self, measure: Callable[[Stopped], float]) -> None:
+        """Go from the worst sample to its neighbours, in steps that halve."""
+        samples = len(self.cycle.trajectory.t)
+        best, step = self.worst(measure), max(samples // 24, 1)
+        while step >= max(samples // _FINEST, 1):
+            for sample in (best.case.sample - step, best.case.sample + step):
+                if 0 <= sample < samples:
+                    self.stop(best.case._replace(sample=sample))
+            after = self.worst(measure)
+            step = step if measure(after) > measure(best) else step // 2
+            best = after
+
+
+def stopped(cycle: Cycle, case: Case, motion: StopMotion) -> Stopped:
+    """Return what a stop comes to.
+
+    Args:
+        cycle, case: where it began. motion: from there on.
+    """
+    command, reaction, path = cycle.before(case.sample, case.speed)
+    delay = cycle.reaction
+    first = int(motion.t.searchsorted(motion.power_off))
+    moved = motion.rate[first] != 0.0
+    falls = -np.sign(cycle.hold[case.kind.load > 0.0][case.sample])
+    if path is not None:
+        stop = tool_path(motion.scene, (), motion.q)
+        assert stop is not None  # the scene has a tool
+        path += float(stop[-1])
+    at_rest = (motion.rest_time == 0.0) & (reaction == 0.0)
+    return Stopped(
+        case=case,
+        command=command,
+        time=delay + float(motion.rest_time.max()),
+        rest=np.where(at_rest, 0.0, delay + motion.rest_time),
+        travel=np.maximum(np.abs(reaction), np.abs(reaction + motion.travel).max(axis=0)),
+        sag=np.where(moved, np.nan, falls * motion.after_power_off),
+        peak=np.abs(motion.effort).max(axis=0),
+        energy=motion.energy,
+        path=path,
+    )
+
+
+def estimates(machines: Machines, cycle: Cycle, kind: Kind) -> tuple[np.ndarray, np.ndarray]:
+    """Return inertias (T, na) at the joints with rotors, and the estimated travels (T, na).
+
+    Args:
+        machines, cycle: what is stopped. kind: with which load, and whether brakes are greatest.
+    """
+    machine, given = machines.of(kind), cycle.trajectory
+    states = States(
+        given.q, given.v, given.a, None, _carried(machines, kind.load > 0.0, len(given.q))
+    )
+    gears = [drive.transmission for drive in machine.scene.drives]
+    ratio = np.array([abs(drive.ratio) for drive in machine.scene.drives])
+    rotor = np.array([0.0 if gear is None else gear.rotor_inertia for gear in gears])
+    inertia = joint_inertias(machine.scene, states) + ratio**2 * rotor
+    speed, delay = np.abs(cycle.rate), np.array(list(_per_drive(machine, machine.delay)))
+    push = -cycle.hold[kind.load > 0.0] * np.sign(cycle.rate)
+    torque = ratio * np.array(list(_per_drive(machine, machine.drive_torque or machine.torque)))
+    torque = np.where(torque > 0.0, torque, np.abs(push).max() + 1e-9)
+    later = speed + np.maximum(push, 0.0) * delay / inertia
+    left = np.maximum(torque - push, _LEAST_SHARE * torque)
+    return inertia, speed * (cycle.reaction + delay) + inertia * later**2 / (2.0 * left)
+
+
+def _per_drive(machine: Machine, figures: object) -> Iterable[float]:
+    assert hasattr(figures, "get")
+    return (figures.get(drive.name, 0.0) for drive in machine.scene.drives)
+
+
+def _carried(machines: Machines, full: bool, samples: int) -> np.ndarray | None:
+    names = machines.scene.payloads
+    if not names:
+        return None
+    return np.tile([full and name in machines.full for name in names], (samples, 1))

@@ -1,0 +1,26 @@
+"""What the tests of study/accuracy share."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import pytest
+
+import pinfric as pf
+from pinfric.study.accuracy import precision
+from pinfric.study.accuracy.study import accuracy
+
+_FEW_STEPS = (50, 500)
+
+
+def of(runs, method):
+    return [run for run in runs if run.method == method]
+
+
+@cache
+def studied_pendulum():
+    """The whole study of the paper's pendulum; of the slow methods two settings each."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(precision, "STEPS", _FEW_STEPS)
+        patch.setattr(precision, "VELOCITIES", (1e-1, 1e-2))
+        return accuracy(pf.load_scene("pendulum"), rounds=1)

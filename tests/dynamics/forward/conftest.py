@@ -1,0 +1,3 @@
+from study.export.conftest import headers
+
+__all__ = ["headers"]

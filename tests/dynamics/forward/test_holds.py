@@ -1,0 +1,296 @@
+"""Whether friction holds a robot at rest: closed forms, an independent search, thresholds."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from builders import block, plane_friction
+from cases import ball_tripod, resting_four_bar
+from friction_cases import G, near_the_limit, random_chain
+from judges.limits_apart import WORM, least_use, random_mechanism
+from mechanisms import (
+    add_link,
+    bar,
+    four_bar,
+    grounded_model,
+    shifted,
+    spatial_loop,
+)
+from scipy.optimize import minimize
+
+import pinfric as pf
+from pinfric.dynamics.forward.workspace import Workspace
+from pinfric.errors import StateError
+
+
+def best_of_many_starts(scene, q, effort, rng, starts=6):
+    """Least max |x_k| / limit_k by SLSQP on the whole problem; shares nothing with `holding`."""
+    ws = Workspace(scene)
+    ws.assemble(q, np.zeros(scene.model.nv), np.asarray(effort, dtype=float))
+    p, n = ws.problem, len(ws.problem.rate_free)
+    scale = np.abs(p.rate_slope).max()
+
+    def limit(x):
+        force = p.contact[:, 0] + np.tensordot(x, p.contact[:, 1:], (0, 1))
+        load = np.linalg.norm(force, axis=1) * p.mu_stick[p.contact_site]
+        return np.bincount(p.coordinate[p.contact_site], load, n)
+
+    rows = {
+        "type": "eq",
+        "fun": lambda y: (p.rate_free + p.rate_slope @ y[:-1]) / scale,
+        "jac": lambda y: np.column_stack([p.rate_slope / scale, np.zeros(n)]),
+    }
+    inside = {
+        "type": "ineq",
+        "fun": lambda y: np.r_[y[-1] * limit(y[:-1]) - y[:-1], y[-1] * limit(y[:-1]) + y[:-1]],
+    }
+    x0 = -np.linalg.lstsq(p.rate_slope, p.rate_free, rcond=1e-12)[0]
+    free = np.linalg.svd(p.rate_slope)[2][np.linalg.matrix_rank(p.rate_slope, 1e-9 * scale) :]
+    best = np.inf
+    for k in range(starts):
+        x = x0 + (rng.normal(size=len(free)) @ free) * np.abs(x0).max() * (k > 0)
+        start = np.r_[x, (np.abs(x) / limit(x)).max()]
+        found = minimize(
+            lambda y: y[-1],
+            start,
+            jac=lambda y: np.eye(n + 1)[-1],
+            method="SLSQP",
+            constraints=[rows, inside],
+            options={"maxiter": 60},
+        )
+        x = (
+            found.x[:-1]
+            - np.linalg.lstsq(p.rate_slope, p.rate_free + p.rate_slope @ found.x[:-1], rcond=1e-12)[
+                0
+            ]
+        )
+        best = min(best, float((np.abs(x) / limit(x)).max()))
+    return best
+
+
+@pytest.mark.filterwarnings("ignore:.*radius:pinfric.PinfricWarning")
+@pytest.mark.parametrize(("pins", "strong"), [(4, False), (5, False), (6, False), (5, True)])
+def test_no_search_finds_a_stick_where_there_is_none_and_sticks_are_sticks(pins, strong):
+    rng = np.random.default_rng(pins + 10 * strong)
+    held = []
+    for _ in range(25):
+        scene, q = random_chain(rng, pins, strong)
+        balance, push = near_the_limit(rng, scene, q)
+        answer = pf.holds(scene, q, balance + push)
+        held.append(answer.held)
+        if answer.held:  # its own certificate: equilibrium and limits
+            static = np.array([site.law.static.mu for site in scene.sites])
+            assert (np.abs(answer.friction) <= static * answer.normal_load * (1 + 1e-9)).all()
+            instant = pf.forward_dynamics(scene, q, np.zeros(scene.model.nv), balance + push)
+            assert (instant.modes == 0).all()
+            assert (instant.a == 0.0).all()
+        else:
+            assert answer.held is False
+            assert answer.proved or strong
+            assert best_of_many_starts(scene, q, balance + push, rng, 3) > 1.0
+    assert {True, False} <= set(held)
+
+
+@pytest.mark.filterwarnings("ignore::pinfric.PinfricWarning")
+@pytest.mark.parametrize(("seed", "pins", "strong"), [(10_532, 4, False), (12_020, 5, True)])
+def test_what_holds_is_held_where_its_friction_is_no_fixed_point(seed, pins, strong):
+    """Passes that share friction run away there; that says nothing of another friction."""
+    rng = np.random.default_rng(seed)
+    scene, q = random_chain(rng, pins, strong)
+    balance, push = near_the_limit(rng, scene, q)
+    assert pf.holds(scene, q, balance + push).held
+    instant = pf.forward_dynamics(scene, q, np.zeros(scene.model.nv), balance + push)
+    assert (instant.modes == 0).all()
+
+
+def test_a_search_towards_friction_without_bound_comes_back():
+    """Friction of this loop could almost wedge itself; less of it has the least use."""
+    scene, q, _ = spatial_loop("universal", 8, mu=0.2)
+    effort = np.array([1611.1197100341865, 4084.982190410973, 138.01920479405646])
+    for k in range(-10, 11):
+        found = pf.holds(scene, q, effort * (1 + k * 1e-15))
+        assert found.held is False
+        assert found.use == pytest.approx(2.6273818957, rel=1e-9)
+        assert np.abs(found.friction).max() < 6e3
+
+
+@pytest.mark.filterwarnings("ignore:.*radius:pinfric.PinfricWarning")
+def test_three_cuts_one_verdict():
+    seen = set()
+    for seed in range(12):
+        verdicts = []
+        for cut in (4, 2, 1):
+            scene, q = random_chain(np.random.default_rng(seed), 5, seed % 2 == 0, cut)
+            no_push, still = np.zeros(len(scene.drives)), np.zeros(scene.model.nv)
+            found = pf.holds(scene, q, no_push)
+            moved = pf.forward_dynamics(scene, q, still, no_push)
+            assert bool((moved.modes == 0).all()) == found.held
+            verdicts.append(found)
+        assert len({v.held for v in verdicts}) == 1
+        assert [v.use for v in verdicts] == pytest.approx([verdicts[0].use] * 3, rel=1e-6)
+        seen.add(verdicts[0].held)
+    assert seen == {True, False}
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.*radius:pinfric.PinfricWarning")
+@pytest.mark.parametrize("seed", [17, 51])
+def test_a_five_bar_breaks_away_where_no_stick_is_left(seed):
+    """A ramp on states in which a search from one start ends above the limits although one holds.
+
+    The end by bisection of the verdict, the least use of it by SLSQP, and the simulated break-away.
+    """
+    rng = np.random.default_rng(2)
+    for _ in range(seed + 1):
+        scene, q = random_chain(rng, 5)
+        balance, push = near_the_limit(rng, scene, q)
+    low, high = 0.0, 1.0
+    while pf.holds(scene, q, balance + high * push).held:
+        high *= 2.0
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        low, high = (
+            (middle, high) if pf.holds(scene, q, balance + middle * push).held else (low, middle)
+        )
+    assert best_of_many_starts(scene, q, balance + (1 + 1e-3) * low * push, rng) > 1.0
+    still = np.zeros(scene.model.nv)
+    motion = pf.simulate(scene, q, still, lambda t, q, v: balance + low * t * push, 1.05)
+    assert motion.events[0].kind == "slip"
+    assert motion.events[0].time == pytest.approx(1.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("angle", [0.1, 0.3, 0.33, 0.34])
+def test_a_block_on_an_incline_needs_tan_over_mu(angle):
+    scene = pf.Scene(model=block(angle), friction={"slide": plane_friction(0.35, 0.3)})
+    found = pf.holds(scene, [0.0], [0.0])
+    assert found.use == pytest.approx(np.tan(angle) / 0.35, rel=1e-12)
+    assert found.held == (np.tan(angle) <= 0.35)
+    assert found.proved
+    assert found.at_limit == ("slide",)
+
+
+def test_four_pins_of_one_freedom_are_used_alike_and_the_interval_ends_at_use_1():
+    case = resting_four_bar(3)
+    result = case.inverse()
+    for i in range(3):
+        low, high = result.effort_lower[i, 0], result.effort_upper[i, 0]
+        for share, held in ((0.0, True), (0.5, True), (-1e-6, False), (1.0 + 1e-6, False)):
+            found = pf.holds(case.scene, case.q[i], [low + share * (high - low)])
+            assert found.held is held or (share == 0.0 and found.use == pytest.approx(1, abs=1e-8))
+        found = pf.holds(case.scene, case.q[i], [0.3 * low + 0.7 * high])
+        used = np.abs(found.friction) / (0.3 * found.normal_load)
+        assert used == pytest.approx([found.use] * 4, rel=1e-8)
+        assert set(found.at_limit) == set(case.scene.site_names)
+
+
+@pytest.mark.parametrize("decades", [0, 3, 6, 9, 12])
+def test_a_small_limit_counts_beside_a_large_one(decades):
+    """A hoist with a self-locking gear and a pan do not touch: the pan needs 0.05 of 0.03 N m."""
+    model = grounded_model((0.0, 0.0, -G))
+    add_link(model, 0, pin.JointModelPZ(), shifted(0.0), "hoist", bar(10.0**decades, 0.3))
+    add_link(model, 0, pin.JointModelRZ(), shifted(2.0), "pan", bar(1.0, 0.1))
+    gears = {"hoist": WORM, "pan": {"ratio": 1.0}}
+    drives = [{"joint": name, "transmission": gear} for name, gear in gears.items()]
+    friction = {"pan": {"coulomb": {"static": 0.03, "kinetic": 0.03}}}
+    scene = pf.Scene(model=model, friction=friction, actuators=drives)
+    for need, held in ((0.05, False), (0.03 * (1 + 1e-9), False), (0.03 * (1 - 1e-9), True)):
+        found = pf.holds(scene, [0.0, 0.0], motor_torque=[0.0, need])
+        assert found.held is held
+        assert found.proved
+        assert found.use == pytest.approx(need / 0.03, rel=1e-12)
+        assert found.at_limit == ("pan",)
+
+
+def decided_like_the_judge(seed):
+    """Whether a random mechanism holds: pinfric's use is that of the exact program."""
+    case = random_mechanism(seed)
+    found = pf.holds(case.scene, case.q, motor_torque=case.effort)
+    least = least_use(case)
+    assert found.proved
+    assert found.held is (least <= 1.0)
+    assert found.use == pytest.approx(least, rel=1e-8, abs=1e-9)
+    return found.held
+
+
+def test_limits_over_twelve_decades_are_told_apart():
+    """Rings, arms and hoists in one scene, limits of 1e-6 to 1e6 and none; see `limits_apart`."""
+    assert {decided_like_the_judge(seed) for seed in range(12)} == {True, False}
+
+
+@pytest.mark.slow
+def test_limits_over_twelve_decades_are_told_apart_300_times():
+    held = [decided_like_the_judge(seed) for seed in range(300)]
+    assert 80 < sum(held) < 220
+
+
+@pytest.mark.filterwarnings("ignore:.*radius:pinfric.PinfricWarning")
+@pytest.mark.parametrize(("pins", "strong"), [(4, False), (5, True), (6, False)])
+def test_the_unit_of_mass_does_not_matter(pins, strong):
+    """All forces 2^-50 to 2^36 times as large: the same digits (powers of two round nothing)."""
+    rng = np.random.default_rng(pins)
+    scene, q = random_chain(rng, pins, strong)
+    balance, push = near_the_limit(rng, scene, q)
+    one = pf.holds(scene, q, balance + push)
+    for power in (-50, -37, -25, 25, 36):
+        model, unit = scene.model.copy(), 2.0**power
+        for j in range(1, model.njoints):
+            body = model.inertias[j]
+            model.inertias[j] = pin.Inertia(body.mass * unit, body.lever, body.inertia * unit)
+        found = pf.holds(scene.with_(model=model), q, (balance + push) * unit)
+        assert (found.held, found.proved, found.at_limit) == (one.held, one.proved, one.at_limit)
+        assert found.use == pytest.approx(one.use, rel=1e-12)
+        assert found.friction == pytest.approx(one.friction * unit, rel=1e-9)
+
+
+def test_a_joint_without_friction_does_not_rest():
+    """The crank rubs, the rest of a chain hangs free: it swings."""
+    model = grounded_model()
+    arm = add_link(model, 0, pin.JointModelRZ(), pin.SE3.Identity(), "arm", bar(1.0, 0.3))
+    add_link(model, arm, pin.JointModelRZ(), shifted(0.3), "hand", bar(0.5, 0.2))
+    scene = pf.Scene(model=model, friction={"arm": {"coulomb": {"static": 50, "kinetic": 50}}})
+    found = pf.holds(scene, [0.2, 0.1], [0.0, 0.0])
+    assert found.held is False
+    assert found.moving == ("hand",)
+    hanging = pf.holds(scene, [0.2, -np.pi / 2 - 0.2], [0.0, 0.0])
+    assert hanging.held
+    assert hanging.moving == ()
+
+
+def test_what_is_asked_before_does_not_matter():
+    rng = np.random.default_rng(5)
+    scene, q = random_chain(rng, 5)
+    balance, push = near_the_limit(rng, scene, q)
+    first = pf.holds(scene, q, balance + push)
+    for factor in (0.1, 3.0, -1.0):
+        pf.holds(scene, q, balance + factor * push)
+        pf.forward_dynamics(scene, q, np.zeros(scene.model.nv), balance + factor * push)
+    again = pf.holds(scene, q, balance + push)
+    assert again.use == first.use
+    assert (again.friction == first.friction).all()
+
+
+def test_bad_input_is_named():
+    scene, _ = four_bar()
+    with pytest.raises(StateError, match="effort"):
+        pf.holds(scene, np.zeros(3), [0.0, 1.0])
+    with pytest.raises(StateError, match="open"):
+        pf.holds(scene, np.zeros(3), [0.0])
+
+
+def test_wrenches_from_outside_count_where_balls_rest_too():
+    """It holds where forward dynamics stays; what slips is not proved with balls: undecided."""
+    case = ball_tripod()
+    q, still = case.q[0], 0 * case.v[0]
+    result = pf.inverse_dynamics(case.scene, q[None], still[None], still[None])
+    middle = 0.5 * (result.effort_lower[0] + result.effort_upper[0])
+    seen = set()
+    for axis in range(6):
+        for size in (-3.0, 0.01, 3.0):
+            push = {"rocker": size * np.eye(6)[axis]}
+            instant = pf.forward_dynamics(case.scene, q, still, middle, push)
+            found = pf.holds(case.scene, q, middle, push)
+            assert found.held is (True if (instant.modes == 0).all() else None)
+            assert found.proved is bool(found.held)
+            seen.add(found.held)
+    assert seen == {True, None}

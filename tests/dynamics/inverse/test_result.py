@@ -1,0 +1,36 @@
+"""The result: stick intervals, DataFrame, its own check."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from builders import block, plane_friction, random_states
+from inverse_cases import scene_of
+
+import pinfric as pf
+from pinfric.errors import StateError
+
+
+def test_check_sees_a_wrong_effort_a_wrong_friction_and_a_wrong_wrench():
+    scene = scene_of(3)
+    result = pf.inverse_dynamics(scene, *random_states(scene.model, 3, 5))
+    error = 1e-6 * result.check().scale
+    for name in ("effort_lower", "effort_upper", "friction_lower", "normal_load", "wrench"):
+        array = getattr(result, name)
+        array[2, 1] += error
+        assert not result.check().passed(1e-9), name
+        array[2, 1] -= error
+    assert result.check().passed(1e-9)
+
+
+def test_stick_intervals_and_dataframe():
+    scene = pf.Scene(model=block(), friction={"slide": plane_friction(0.5, 0.3)})
+    t = np.linspace(0, 1, 11)
+    v = np.where((t > 0.25) & (t < 0.65), 0.0, 1.0)[:, None]
+    result = pf.inverse_dynamics(scene, np.zeros((11, 1)), v, np.zeros((11, 1)), t=t)
+    assert result.stick_intervals() == (pf.StickInterval("slide", t[3], t[6]),)
+    frame = result.to_dataframe()
+    assert frame["t"].tolist() == t.tolist()
+    np.testing.assert_array_equal(frame["slide.effort_upper"], result.effort_upper[:, 0])
+    with pytest.raises(StateError, match="need times"):
+        pf.inverse_dynamics(scene, [[0.0]], [[1.0]], [[0.0]]).stick_intervals()

@@ -1,0 +1,49 @@
+"""The judge's own search for solutions: roots of quadratic equations."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import fsolve
+
+from pinfric.dynamics.judge.search import Loads, all_solutions
+
+
+def test_the_search_finds_the_roots_of_quadratic_equations():
+    """z = k + |p + P z| squared: none, one or two roots, all proved to be all."""
+    rng = np.random.default_rng(0)
+    counts = []
+    for _ in range(200):
+        k, p, P = abs(rng.normal()), rng.normal(size=3), 0.8 * rng.normal(size=3)
+        roots = np.roots([1 - P @ P, -2 * (k + p @ P), k**2 - p @ p])
+        roots = np.sort(roots[np.isreal(roots)].real)
+        roots = roots[roots >= k]
+        found = all_solutions(
+            Loads(np.array([k]), np.ones((1, 1)), p[None, None], P[None, None, :, None])
+        )
+        assert found.decided.all()
+        np.testing.assert_allclose(np.sort(found.z[:, 0]), roots, rtol=1e-9)
+        counts.append(len(roots))
+    assert set(counts) == {0, 1, 2}
+
+
+def test_two_roots_close_to_a_line_are_both_found():
+    """Newton's method from the middle of either box ends at the same one."""
+    p = np.array([[[-206.68767, 1.270554, 0.0], [-257.217756, 1.260912, 0.0]]])
+    P = np.array(
+        [
+            [
+                [[7.486386, 14.97529], [0.13411, 0.13411], [0.0, 0.0]],
+                [[9.318053, 18.636251], [0.0, -0.166925], [0.0, 0.0]],
+            ]
+        ]
+    )
+    loads = Loads(np.zeros(2), np.eye(2), p, P)
+    roots = set()
+    for start in np.random.default_rng(0).uniform(5.0, 12.0, size=(200, 2)):
+        z, _, good, _ = fsolve(lambda z: loads.residual(z[None])[0], start, full_output=True)
+        if good == 1 and np.abs(loads.residual(z[None])).max() < 1e-9:
+            roots.add(tuple(np.round(z, 6).tolist()))
+    found = all_solutions(loads)
+    assert found.decided.all()
+    assert {tuple(np.round(z, 6).tolist()) for z in found.z} == roots
+    assert len(roots) == 2

@@ -1,0 +1,87 @@
+"""States: what is refused by name, other number types, normalized directions."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from builders import block
+
+import pinfric as pf
+from pinfric.errors import SceneError, StateError
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"q": np.zeros((3, 2))}, r"q: shape \(3, 2\); should be \(T, 1\)"),
+        ({"v": np.zeros((2, 1))}, "3, 2, 3 samples"),
+        ({"a": np.array([[0.0], [np.nan], [0.0]])}, "a: sample 1, column 0 is nan"),
+        ({"t": np.array([0.0, 0.2, 0.2])}, "not increasing at sample 2"),
+        ({"threads": 0}, "threads = 0"),
+        ({"chunks": 0}, "chunks = 0"),
+        ({"external": {"table": np.zeros((2, 6))}}, "external"),
+        ({"q": np.zeros((0, 1)), "v": np.zeros((0, 1)), "a": np.zeros((0, 1))}, "no samples"),
+        ({"attached": np.zeros((3, 2), dtype=bool)}, "attached: shape"),
+        ({"q": "abc"}, "q: is not an array of numbers: it holds text"),
+        ({"a": np.zeros((3, 1), dtype=bool)}, "a: is not an array of numbers: it holds true and"),
+        ({"v": np.zeros((3, 1), dtype=complex)}, "v: .* holds complex numbers; give real numbers"),
+        ({"v": [[0.0], [1.0, 2.0], [0.0]]}, "v: is not an array of numbers: .*inhomogeneous"),
+        ({"a": np.array([[0.0], [None], [1]])}, "a: is not an array of numbers: it holds objects"),
+        ({"t": ["0", "1", "2"]}, "t: is not an array of numbers: it holds text"),
+        ({"t": np.arange(3) * 1j}, "t: is not an array of numbers: it holds complex numbers"),
+        ({"attached": [["no"], ["no"], ["yes"]]}, "attached: is not an array of numbers: .* text"),
+        ({"attached": [[0.5], [1], [0]]}, "attached: holds other numbers than 0 and 1"),
+        ({"external": {"table": np.full(6, 1j)}}, r"external\['table'\]: .* complex numbers"),
+        (
+            {"external": np.zeros(6)},
+            "external: should be a mapping of frames to wrenches on them, ",
+        ),
+        ({"chunks": 2.5}, "chunks = 2.5; should be a whole number of at least 1"),
+        ({"chunks": True}, "chunks = True; should be a whole number"),
+        ({"chunks": "2"}, "chunks = '2'; should be a whole number"),
+        ({"threads": 1.5}, "threads = 1.5; should be a whole number"),
+    ],
+)
+def test_wrong_states_are_named(change, says):
+    model = block()
+    model.addFrame(pin.Frame("table", 1, pin.SE3.Identity(), pin.FrameType.BODY))
+    scene = pf.Scene(model=model)
+    given = {"q": np.zeros((3, 1)), "v": np.zeros((3, 1)), "a": np.zeros((3, 1)), **change}
+    with pytest.raises(StateError, match=says) as error:
+        pf.inverse_dynamics(scene, **given)
+    assert "\n" not in str(error.value)
+
+
+def test_numbers_of_numpys_other_types_are_numbers():
+    scene = pf.Scene(model=block())
+    whole, half = np.ones((4, 1), dtype=np.int32), np.full((4, 1), 0.5, dtype=np.float32)
+    expected = pf.inverse_dynamics(scene, np.ones((4, 1)), np.full((4, 1), 0.5), np.ones((4, 1)))
+    parts = list(pf.inverse_dynamics(scene, whole, half, whole, chunks=np.int64(3)))
+    assert [len(part.effort_lower) for part in parts] == [3, 1]
+    np.testing.assert_array_equal(parts[0].effort_lower, expected.effort_lower[:3])
+
+
+def test_directions_off_their_circle_are_normalized_with_a_warning():
+    model = pin.Model()
+    joint = model.addJoint(0, pin.JointModelRUBZ(), pin.SE3.Identity(), "wheel")
+    body = pin.Inertia(1.0, np.array([0.1, 0, 0]), np.eye(3))
+    model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+    model.gravity.linear = np.array([0.0, -9.81, 0.0])
+    scene = pf.Scene(model=model)
+    with pytest.warns(pf.PinfricWarning, match="normalized"):
+        result = pf.inverse_dynamics(scene, [[2.0, 0.0]], [[0.0]], [[0.0]])
+    assert result.effort_lower[0, 0] == pytest.approx(0.981)
+    with pytest.raises(StateError, match="length 0"):
+        pf.inverse_dynamics(scene, [[0.0, 0.0]], [[0.0]], [[0.0]])
+
+
+def test_efforts_beyond_numbers_are_refused():
+    model = block()
+    model.armature = np.array([1e300])
+    with pytest.raises(StateError, match="effort of slide at sample 0 overflows"):
+        pf.inverse_dynamics(pf.Scene(model=model), [[0.0]], [[0.0]], [[1e10]])
+    with pytest.raises(StateError, match=r"v: sample 0, column 0 is 1e.300; should be finite"):
+        pf.inverse_dynamics(pf.Scene(model=block()), [[0.0]], [[1e300]], [[0.0]])
+    with pytest.raises(SceneError, match=r"viscous`: should be at most 1e.12"):
+        pf.Scene(model=model, friction={"slide": {"viscous": 1e200}})

@@ -1,0 +1,295 @@
+"""What the tests of study/export share."""
+
+from __future__ import annotations
+
+import atexit
+import shutil
+import subprocess
+import tempfile
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from builders import chain, random_friction, random_inertia, random_tree
+
+import pinfric as pf
+from pinfric.dynamics.forward.compensation import CompensationOptions
+from pinfric.study.export.cpp import cpp_files, namespace
+
+
+def moved(scene, speed=5.0, samples=200):
+    """A motion of every joint to and fro, each at its own frequency, with a second at rest."""
+    t = np.linspace(0.0, 3.0, samples)
+    w = speed * (1.0 + 0.37 * np.arange(scene.model.nv))
+    phase = w * np.clip(t[:, None] - 1.0, 0.0, None)
+    v, a = np.sin(phase), w * np.cos(phase) * (t[:, None] > 1.0)
+    still = t <= 1.0
+    q = np.where(still[:, None], 0.0, (1.0 - np.cos(phase)) / w)
+    return pf.Trajectory.from_arrays(scene, t, q, v, a)
+
+
+COMPILER = shutil.which("g++") or shutil.which("clang++") or shutil.which("c++")
+
+
+needs_compiler = pytest.mark.skipif(COMPILER is None, reason="no C++ compiler (g++, clang++, c++)")
+
+
+STRICT = [
+    *("-std=c++17", "-Wall", "-Wextra", "-Werror", "-pedantic", "-Wshadow", "-Wconversion"),
+    *("-Wsign-conversion", "-Wold-style-cast", "-fno-exceptions", "-fno-rtti"),
+]
+
+
+DRIVER = Path(__file__).with_name("study") / "export" / "compensator_driver.cpp"
+
+
+BUNDLED = ("ur10_machine_tending", "ur5_pick_and_place", "panda_pick_and_place", "so101")
+
+
+WHOLE = CompensationOptions(scale=1.0, viscous_scale=1.0)
+
+
+def rich(seed, couples=False, mimic=False):
+    """A branched tree with every kind of friction and gear that a compensator takes."""
+    rng, model = np.random.default_rng(seed), random_tree(seed, 6, sliding=0.3)
+    model.armature = rng.uniform(0.0, 0.3, model.nv)
+    names = list(model.names)[1:]
+    friction = random_friction(model, seed)
+    if mimic:
+        leader = next(j for j in (1, 2, 3) if model.joints[j].nq == 1)
+        follower = next(j for j in (6, 5, 4) if model.joints[j].nq == 1)
+        model = pin.transformJointIntoMimic(model, leader, follower, -0.7, 0.1)
+        names = [n for n in names if n != model.names[follower]]
+    friction[names[0]]["viscous"] = {"coefficient": 0.4, "exponent": 0.6}
+    friction.pop(names[1])  # a joint without friction
+    actuators = [{"joint": name, "transmission": _gear(rng, k)} for k, name in enumerate(names)]
+    if couples:
+        actuators[1]["couples"] = {names[0]: float(rng.normal())}
+        actuators[3]["couples"] = {names[2]: float(rng.normal()), names[1]: 0.7}
+    kind = f"rich_{seed}" + "_coupled" * couples + "_mimic" * mimic
+    return pf.Scene(model, friction=friction, actuators=actuators, source=f"{kind}.yaml")
+
+
+def _gear(rng, k):
+    """Ideal, one number, self-locking, a maker's curve over the load, one over the speed."""
+    ratio = float(rng.choice([-1, 1]) * rng.uniform(20, 100))
+    directed = {
+        "positive": {"static": 0.02, "kinetic": 0.01},
+        "negative": {"static": 0.03, "kinetic": 0.03},
+    }
+    return [
+        None,
+        {
+            "ratio": ratio,
+            "efficiency": 0.8,
+            "back_efficiency": 0.7,
+            "no_load_torque": directed,
+            "motor_viscous": {"coefficient": 0.003, "exponent": 0.7},
+            "rotor_inertia": 2e-4,
+        },
+        {"ratio": ratio, "efficiency": 0.4, "back_efficiency": -0.4, "no_load_torque": 0.02},
+        {
+            "ratio": ratio,
+            "efficiency": {"over_load": [[8, 0.52], [20, 0.70], [34, 0.78]]},
+            "back_efficiency": "same_loss",
+        },
+        {
+            "ratio": ratio,
+            "back_efficiency": 0.6,
+            "efficiency": {"load": 30.0, "over_speed": [[10.0, 0.8], [40.0, 0.75], [100.0, 0.68]]},
+        },
+        {"ratio": ratio, "rotor_inertia": 1e-4},
+    ][k % 6]
+
+
+def worm():
+    """A self-locking hinge whose friction is about as large as its weight, which drives it."""
+    body = pin.Inertia(1.0, np.array([0.6, 0.0, 0.0]), 0.1 * np.eye(3))
+    gear = {"ratio": 40.0, "efficiency": 0.5, "back_efficiency": -0.6}
+    friction = {"hinge": {"coulomb": {"static": 5.0, "kinetic": 5.0}}}
+    actuators = [{"joint": "hinge", "transmission": gear}]
+    model = chain(("hinge", pin.JointModelRY(), body))
+    return pf.Scene(model, friction=friction, actuators=actuators, source="worm.yaml")
+
+
+RICH = [
+    *(rich(seed) for seed in range(4)),
+    rich(4, mimic=True),
+    rich(6, mimic=True),
+    rich(7, couples=True),
+    rich(8, couples=True),
+]
+
+
+def configurations(scene, q):
+    """Pinocchio's q of one number per freedom."""
+    columns = []
+    for joint in list(scene.model.joints)[1:]:
+        if joint.nq == 1:
+            columns.append(q[:, joint.idx_v])
+        elif joint.nq == 2:
+            columns += [np.cos(q[:, joint.idx_v]), np.sin(q[:, joint.idx_v])]
+    return np.column_stack(columns)
+
+
+def sampled(scene, seed, count=300):
+    """States fast and slow, a third of the joints at rest, some below the stick velocity."""
+    rng, nv = np.random.default_rng(seed), scene.model.nv
+    q, v, a = (rng.normal(scale=scale, size=(count, nv)) for scale in (1.5, 1.0, 3.0))
+    v[rng.random(v.shape) < 0.3] = 0.0
+    creeping = rng.random(v.shape) < 0.1
+    v[creeping] = rng.uniform(-1.0, 1.0, creeping.sum()) * 1e-6
+    return q, v, a
+
+
+def header(scene, frames=()):
+    """The header of a scene without limits."""
+    return cpp_files(scene, frames, [np.inf] * len(scene.drives), [], ["a test"]).header
+
+
+class Headers:
+    """Several compensators in one program.
+
+    Args:
+        folder: where it is made.
+        scenes: each with another source.
+        flags: beside STRICT.
+        edit: changes a header's text.
+    """
+
+    def __init__(self, folder, scenes, flags=("-O2",), edit=lambda text: text):
+        self.folder, names = folder, [namespace(scene.source) for scene in scenes]
+        for scene, name in zip(scenes, names, strict=True):
+            text = edit(header(scene, getattr(scene, "frames_wanted", ())))
+            (folder / f"{name}.hpp").write_text(text)
+        includes = "\n".join(f'#include "{name}.hpp"' for name in names)
+        calls = "\n  ".join(
+            f'if (!std::strcmp(arguments[1], "{name}"))\n    good = good && answer<{name}::Robot, '
+            f"{name}::Compensator, {name}::Options, {name}::Instant>(in, out);"
+            for name in names
+        )
+        text = DRIVER.read_text().replace("// @@INCLUDES", includes).replace("// @@SCENES", calls)
+        (folder / "driver.cpp").write_text(text)
+        compiled(folder / "driver.cpp", folder / "driver", *flags)
+
+    def ask(
+        self,
+        scene,
+        q,
+        v,
+        a,
+        v_ref=None,
+        *,
+        error=None,
+        v_now=None,
+        options=WHOLE,
+        payloads=(),
+        wrenches=(),
+    ):
+        """Named columns of what the compensator says of each state.
+
+        Args:
+            q: (n, nv), one number per freedom. v, a: (n, nv) or None, None.
+            v_ref, error, v_now: (n, nv); v_ref by default v.
+            payloads: (frame, mass, com, inertia). wrenches: (frame, wrench).
+        """
+        nv, na, ns = scene.model.nv, len(scene.drives), len(scene.sites)
+        given = [q, v, a, v if v_ref is None else v_ref, error, v_now]
+        rows = [np.zeros_like(q) if x is None else x for x in given]
+        rows.append(np.broadcast_to(options.table(scene).ravel(), (len(q), 6 * na)))
+        counts = [len(payloads), len(wrenches), len(q), *(x is not None for x in (v, error, v_now))]
+        flat = [np.array(counts, dtype=float)]
+        flat += [np.hstack([frame, mass, com, inertia]) for frame, mass, com, inertia in payloads]
+        flat += [np.hstack([frame, wrench]) for frame, wrench in wrenches]
+        np.concatenate([*flat, np.hstack(rows).ravel()]).astype(float).tofile(self.folder / "in")
+        command = [
+            self.folder / "driver",
+            namespace(scene.source),
+            self.folder / "in",
+            self.folder / "out",
+        ]
+        subprocess.run(command, check=True, timeout=60)
+        widths = {
+            "good": 5,
+            "rigid_body": nv,
+            "friction": na,
+            "feed_forward": na,
+            "effort_frictionless": na,
+            "effort_lower": na,
+            "effort_upper": na,
+            "motor_torque_lower": na,
+            "motor_torque_upper": na,
+            "normal_load": ns,
+            "friction_lower": ns,
+            "friction_upper": ns,
+            "sticking": ns,
+            "wrench": 6 * ns,
+        }
+        found = np.fromfile(self.folder / "out").reshape(len(q), sum(widths.values()))
+        parts = np.split(found, np.cumsum(list(widths.values()))[:-1], axis=1)
+        return dict(zip(widths, parts, strict=True))
+
+
+def compiled(source, program, *flags):
+    command = [COMPILER, *STRICT, *flags, "-I", source.parent, source, "-o", program]
+    made = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert made.returncode == 0, made.stderr[:2000]
+
+
+def bundled(name):
+    scene = pf.load_scene(name)
+    return scene
+
+
+def assert_columns(found, expected, name, tolerance=1e-12):
+    """Each column to within that part of its peak; a column that is 0 but for rounding to 1e-12."""
+    peak = np.abs(expected).max(axis=0, initial=0.0)
+    scale = np.maximum(peak, 1e-2 * peak.max(initial=0.0) + 1e-6)
+    worst = (np.abs(found - expected) / scale).max(initial=0.0)
+    assert worst <= tolerance, (name, worst)
+
+
+SETTINGS = [
+    WHOLE,
+    CompensationOptions(),
+    CompensationOptions(scale=0.9, hold_error=0.01, switch_velocity=0.5, limit=3.0),
+    CompensationOptions(scale=1.3, hold_error=0.02, switch_velocity=0.3, power=0.01),
+]
+
+
+def loadable():
+    """A rich tree whose last joint's link may carry a payload."""
+    scene = rich(2)
+    model = scene.model.copy()
+    for joint in range(1, model.njoints):
+        placement = pin.SE3(pin.exp3(np.array([0.3, -0.2, 0.5 * joint])), np.array([0.1, 0.2, 0.0]))
+        model.addFrame(pin.Frame(f"link_{joint}", joint, placement, pin.FrameType.BODY))
+    inertia = random_inertia(np.random.default_rng(7))
+    rows = inertia.inertia[np.triu_indices(3)].tolist()
+    tool = {
+        "link": "link_5",
+        "mass": inertia.mass,
+        "com": inertia.lever.tolist(),
+        "inertia": rows,
+        "attached": False,
+    }
+    return scene.with_(model=model, payloads={"tool": tool}, source="loadable.yaml")
+
+
+@cache
+def exported_ur5():
+    """The arm, its motion, what is exported of them, and inverse dynamics."""
+    scene = pf.load_scene("ur5_pick_and_place")
+    motion = pf.load_trajectory("ur5_pick_and_place.csv", scene)
+    return scene, motion, pf.export(scene, motion), pf.inverse_dynamics(scene, motion)
+
+
+@cache
+def compiled_headers() -> Headers:
+    """The headers of all scenes, compiled once per process."""
+    folder = tempfile.TemporaryDirectory()
+    atexit.register(folder.cleanup)
+    scenes = [worm(), *RICH, *(bundled(name) for name in BUNDLED), loadable()]
+    return Headers(Path(folder.name), scenes)

@@ -1,0 +1,62 @@
+"""The judge of modes names what is wrong with them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from friction_cases import (
+    a_tree,
+    random_problem,
+    solved,
+)
+
+from pinfric.friction.consistency import SHOULD_STICK, site_friction
+from pinfric.friction.law import stick_limits
+from pinfric.friction.modes import Modes
+from pinfric.friction.problem import empty_problem
+from pinfric.friction.rest import solve
+from pinfric.kernels import interpreted
+
+
+@pytest.fixture(autouse=True)
+def _interpreted(monkeypatch):
+    """For tuples of arrays they would be compiled anew, 30 s: forward dynamics takes records.
+
+    That both forms agree is tested in `dynamics/problem/test_instant.py`.
+    """
+    monkeypatch.setattr(interpreted, "PATIENCE", np.inf)
+
+
+def test_judge_names_what_is_wrong():
+    p = random_problem(1, nc=2, strength=0.0)
+    p.coulomb_slip[:], p.coulomb_stick[:] = 1.0, 1.0
+    p.rate_slope[:], p.rate_free[:] = np.eye(2), [5.0, -0.5]
+    (_, obeying), m = solved(p, np.array([True, True]), np.zeros(2))
+    assert obeying == 1  # nothing was open
+    m.at_rest[:] = True
+    assert solve(p, m, a_tree(2)) == (1, 0)
+    assert m.verdict.tolist() == [1, 0]  # pulled forward by 5, held by 1
+    m.stuck[:], m.direction[:] = False, [1.0, 1.0]
+    assert solve(p, m, a_tree(2)) == (1, 0)
+    assert m.verdict.tolist() == [0, SHOULD_STICK]
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_sites_of_which_some_hold_without_limit_share_what_one_coordinate_needs(seed):
+    """Each stays within its limits, infinite ones included; together they are what is needed."""
+    rng = np.random.default_rng(seed)
+    p = empty_problem(
+        np.zeros(5, np.int64), rng.choice([-0.7, 1.0, 2.0], 5), np.arange(5), np.zeros(5)
+    )
+    p.coulomb_stick[:] = rng.uniform(-0.5, 2.0, (5, 1))  # below 0: it must add at least so much
+    p.coulomb_stick[:, 1] += rng.uniform(0.0, 3.0, 5) - 2.0 * p.coulomb_stick[:, 0]
+    p.coulomb_stick[rng.random((5, 2)) < 0.3] = np.inf
+    p.coulomb_stick[0, seed % 2] = np.inf
+    m, lower, upper, phi = Modes.of(1, 5), np.empty(1), np.empty(1), np.full(5, np.nan)
+    stick_limits(p, m.load, lower, upper)
+    m.stuck[:] = True
+    m.friction[:] = np.clip(rng.normal(scale=5.0), lower, upper)
+    site_friction(p, m, lower, upper, phi)
+    assert (phi >= -p.coulomb_stick[:, 0] - 1e-12).all()
+    assert (phi <= p.coulomb_stick[:, 1] + 1e-12).all()
+    assert p.ratio @ phi == pytest.approx(m.friction[0], rel=1e-12, abs=1e-12)

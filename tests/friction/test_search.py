@@ -1,0 +1,141 @@
+"""The search for modes against brute force, and its order of preference."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from friction_cases import (
+    a_tree,
+    plain_limits,
+    plain_loads,
+    plain_solve,
+    random_problem,
+)
+
+from pinfric.friction import search
+from pinfric.friction.consistency import evaluate, judge
+from pinfric.friction.modes import Found, Modes
+from pinfric.friction.rest import solve
+from pinfric.friction.ways import Kinematics
+from pinfric.kernels import interpreted
+
+
+@pytest.fixture(autouse=True)
+def _interpreted(monkeypatch):
+    """For tuples of arrays they would be compiled anew, 30 s: forward dynamics takes records.
+
+    That both forms agree is tested in `dynamics/problem/test_instant.py`.
+    """
+    monkeypatch.setattr(interpreted, "PATIENCE", np.inf)
+
+
+def brute_force(p, at_rest):
+    """Every mode of the coordinates at rest, by SciPy; the consistent ones with fewest slipping."""
+    nc = len(at_rest)
+    free = np.flatnonzero(at_rest)
+    for level in range(len(free) + 1):
+        found = []
+        for choice in itertools.product((0.0, 1.0, -1.0), repeat=len(free)):
+            if np.count_nonzero(choice) != level:
+                continue
+            direction = np.ones(nc)
+            direction[free] = choice
+            stuck = at_rest & (direction == 0)
+            x = plain_solve(p, stuck, direction)
+            if x is None:
+                continue
+            load = plain_loads(p, x)
+            lower, upper = plain_limits(p, load)
+            rate = p.rate_free + p.rate_slope @ x
+            holds = (x >= lower - 1e-9) & (x <= upper + 1e-9)
+            slips = direction * rate >= -1e-9
+            if np.where(stuck, holds, slips | ~at_rest).all():
+                found.append((direction, x))
+        if found:
+            return found
+    return []
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_the_search_finds_what_brute_force_finds(seed):
+    p = random_problem(seed, nc=4, strength=0.1, shared=bool(seed % 2), static=1 + 0.4 * (seed % 3))
+    if seed % 4 == 0:
+        p.rate_free[:] *= 0.1  # more of them stick
+    at_rest = np.ones(4, bool)
+    at_rest[0] = seed % 5 != 0
+    expected = brute_force(p, at_rest)
+    m = Modes.of(4, len(p.ratio))
+    m.at_rest[:], m.direction[:] = at_rest, 1.0
+    status = search.search(p, m, a_tree(len(m.stuck)))
+    assert status == (Found.NONE, Found.SOLVED, Found.AMBIGUOUS)[min(len(expected), 2)]
+    if status == Found.SOLVED:
+        np.testing.assert_array_equal(m.direction, expected[0][0])
+        np.testing.assert_allclose(m.friction, expected[0][1], rtol=1e-7, atol=1e-8)
+
+
+def test_the_random_problems_have_every_number_of_slipping_coordinates():
+    """What the test above covers: from all stick to all slip."""
+    levels = set()
+    for seed in range(40):
+        p = random_problem(seed, strength=0.1, static=1 + 0.4 * (seed % 3))
+        p.rate_free[:] *= 0.1 if seed % 4 == 0 else 1.0
+        m = Modes.of(4, 4)
+        m.at_rest[:] = True
+        if search.search(p, m, a_tree(len(m.stuck))) == Found.SOLVED:
+            levels.add(int(np.count_nonzero(m.direction)))
+    assert levels == {0, 1, 2, 3, 4}
+
+
+@pytest.mark.parametrize("seed", range(15))
+def test_pivoting_beyond_eight_finds_consistent_modes(seed):
+    p = random_problem(seed, nc=10, strength=0.03, static=1.0)
+    m = Modes.of(10, 10)
+    m.at_rest[:] = True
+    assert search.search(p, m, a_tree(len(m.stuck))) == Found.SOLVED
+    evaluate(p, m.friction, m.load, m.rate)
+    assert judge(p, m) == 0
+    if seed < 3:  # static = kinetic and weak coupling: the answer is the only one
+        other = Modes.of(10, 10)
+        other.at_rest[:] = True
+        # enumeration of 3^10 is long: one level below where the pivoting ended
+        level = int(np.count_nonzero(m.direction))
+        kinematics = Kinematics(p, a_tree(10), other.at_rest)
+        for ways in kinematics.ways(list(range(10)), level - 1, {}) if 0 < level < 4 else ():
+            search._stick(other, a_tree(10), ways)
+            assert solve(p, other, a_tree(10))[1] == 0
+
+
+def test_what_is_forced_to_slip_slips_even_where_stick_is_admissible():
+    p = random_problem(1, nc=1, strength=0.0)
+    p.coulomb_slip[:], p.coulomb_stick[:] = 1.0, 1.0
+    p.rate_slope[:], p.rate_free[:], p.rate_scale[:] = 1.0, 1.0, 1.0  # exactly at the limit
+    m = Modes.of(1, 1)
+    m.at_rest[:] = True
+    assert search.search(p, m, a_tree(len(m.stuck))) == Found.SOLVED
+    assert m.stuck[0]
+    assert search.search(p, m, a_tree(len(m.stuck)), {0: 1.0}) == Found.SOLVED
+    assert m.direction[0] == 1.0
+    p.rate_free[:] = 0.5  # the slip would go backward
+    assert search.search(p, m, a_tree(len(m.stuck)), {0: 1.0}) == Found.NONE
+
+
+def test_what_was_sticking_decides_between_equally_few_slipping():
+    p = random_problem(14, nc=3, strength=0.1, static=1.8)
+    at_rest = np.ones(3, bool)
+    choices = [direction.tolist() for direction, _ in brute_force(p, at_rest)]
+    assert choices == [[0, 0, -1], [0, 1, 0], [-1, 0, 0]]
+    m = Modes.of(3, 3)
+    m.at_rest[:] = True
+    assert search.search(p, m, a_tree(len(m.stuck))) == Found.AMBIGUOUS
+    assert (
+        search.search(p, m, a_tree(len(m.stuck)), held=np.array([True, True, False]))
+        == Found.SOLVED
+    )
+    assert m.direction.tolist() == [0, 0, -1]
+    assert (
+        search.search(p, m, a_tree(len(m.stuck)), held=np.array([True, False, False]))
+        == Found.AMBIGUOUS
+    )
+    assert search.search(p, m, a_tree(len(m.stuck)), held=np.ones(3, bool)) == Found.AMBIGUOUS

@@ -1,0 +1,116 @@
+"""Several solutions: all are found, or the search says that it ended."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from friction_cases import (
+    a_tree,
+    plain_loads,
+    plain_slip_friction,
+    random_problem,
+    solved,
+)
+
+from pinfric.friction import search
+from pinfric.friction.modes import Found, Modes
+from pinfric.friction.several import find_all
+from pinfric.kernels import interpreted
+
+
+@pytest.fixture(autouse=True)
+def _interpreted(monkeypatch):
+    """For tuples of arrays they would be compiled anew, 30 s: forward dynamics takes records.
+
+    That both forms agree is tested in `dynamics/problem/test_instant.py`.
+    """
+    monkeypatch.setattr(interpreted, "PATIENCE", np.inf)
+
+
+def strong_problem(seed, along=3, constant=0.0):
+    """Friction strong enough for several solutions; contact forces along so many axes; directions.
+
+    Args:
+        constant: largest friction that no load makes.
+    """
+    rng = np.random.default_rng(seed)
+    p = random_problem(seed, nc=2, strength=float(rng.uniform(0.3, 1.0)))
+    p.constant[:], p.coulomb_slip[:] = 0.0, constant
+    p.contact[:, 0, along:], p.contact[:, 1:, along:] = 0.0, 0.0
+    return p, rng.choice([-1.0, 1.0], 2)
+
+
+def by_signs(p, direction):
+    """All frictions of two slipping coordinates whose contact forces lie on a line: |p| = +-p."""
+    weight = -direction[p.contact_site] * p.mu_slip[p.contact_site]
+    found = []
+    for signs in itertools.product((1.0, -1.0), repeat=len(weight)):
+        A, b = np.eye(2), -direction * p.coulomb_slip[:, 0]
+        for t, sign in enumerate(signs):
+            A[p.contact_site[t]] -= weight[t] * sign * p.contact[t, 1:, 0]
+            b[p.contact_site[t]] += weight[t] * sign * p.contact[t, 0, 0]
+        x = np.linalg.solve(A, b)
+        if (np.array(signs) * (p.contact[:, 0, 0] + p.contact[:, 1:, 0] @ x) >= 0.0).all():
+            found.append(x)
+    return found
+
+
+@pytest.mark.parametrize("seed", [*range(12), 129, 220, 568, 628, 647, 1421])
+def test_no_solution_is_left_out_where_forces_lie_on_a_line(seed):
+    """Up to six; each sign of each force is one linear system, all of which are solved."""
+    p, direction = strong_problem(seed, along=1)
+    expected = by_signs(p, direction)
+    m = Modes.of(2, 2)
+    m.direction[:] = direction
+    found, parts, complete = find_all(p, m.stuck, m.direction)
+    assert complete
+    assert 0 < parts < 1000
+    order = np.lexsort(np.array(expected).reshape(-1, 2).T)
+    np.testing.assert_allclose(
+        np.array(found).reshape(-1, 2)[np.lexsort(np.array(found).reshape(-1, 2).T)],
+        np.array(expected).reshape(-1, 2)[order],
+        rtol=1e-9,
+    )
+    if solved(p, m.stuck, direction)[1].figures[0] >= 1.0:
+        status = search.search(p, m, a_tree(2))
+        assert status == (Found.NONE, Found.SOLVED, Found.AMBIGUOUS)[min(len(expected), 2)]
+
+
+def plane_problem(seed):
+    """Two sliding sites whose forces lie in a plane."""
+    rng = np.random.default_rng(seed)
+    p = random_problem(seed, nc=2, strength=float(rng.uniform(0.1, 0.5)))
+    p.constant[:], p.coulomb_slip[:] = 0.0, rng.uniform(0, 0.3) * (seed % 2)
+    p.contact[:, 0, 2], p.contact[:, 1:, 2] = 0.0, 0.0
+    return p, rng.choice([-1.0, 1.0], 2)
+
+
+@pytest.mark.parametrize("seed", [644, 1039])
+def test_a_second_solution_far_from_the_first_makes_it_ambiguous(seed):
+    """Newton's method from rest, and from far out on every side, comes to one of the two only."""
+    p, direction = plane_problem(seed)
+    (found, _), m = solved(p, np.zeros(2, bool), direction)
+    assert found == 1
+    assert m.figures[0] > 1.0
+    every = find_all(p, m.stuck, m.direction).solutions
+    assert len(every) == 2
+    for x in every:
+        np.testing.assert_allclose(
+            x, plain_slip_friction(p, direction, plain_loads(p, x)), rtol=1e-10
+        )
+    m = Modes.of(2, 2)
+    m.direction[:] = direction
+    assert search.search(p, m, a_tree(2)) == Found.AMBIGUOUS
+
+
+@pytest.mark.parametrize("seed", [644, 1039])
+def test_a_search_for_all_solutions_that_ends_at_its_bound_is_undecided(seed, monkeypatch):
+    p, direction = plane_problem(seed)
+    m = Modes.of(2, 2)
+    m.direction[:] = direction
+    monkeypatch.setattr("pinfric.friction.several.MOST_PARTS", 2)
+    found = find_all(p, m.stuck, m.direction)
+    assert found.complete is False
+    assert search.search(p, m, a_tree(2)) == Found.UNDECIDED

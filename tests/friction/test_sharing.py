@@ -1,0 +1,46 @@
+"""How joints at rest share a load: the least largest use of friction."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+from pinfric.friction.sharing import _along_one, share
+
+
+@pytest.mark.parametrize("started", [False, True])
+@pytest.mark.parametrize("seed", range(20))
+def test_a_load_is_shared_with_the_least_largest_use(seed, started):
+    """Against the linear program min t, A x = b, |x_k| <= t limit_k; from other limits' motion."""
+    rng = np.random.default_rng(seed)
+    r, n = int(rng.integers(1, 4)), int(rng.integers(4, 9))
+    A = np.linalg.qr(rng.normal(size=(n, r)))[0].T
+    b, limit = rng.normal(size=r), rng.uniform(0.2, 2.0, n)
+    other = share(A, b, rng.uniform(0.2, 2.0, n), np.arange(n))[1] if started else None
+    x, _ = share(A, b, limit, np.arange(n), other)
+    np.testing.assert_allclose(A @ x, b, atol=1e-12)
+    beside = np.hstack([np.eye(n), -limit[:, None]])
+    below = np.hstack([-np.eye(n), -limit[:, None]])
+    least = linprog(
+        np.r_[np.zeros(n), 1.0],
+        np.vstack([beside, below]),
+        np.zeros(2 * n),
+        np.hstack([A, np.zeros((r, 1))]),
+        b,
+        (None, None),
+    ).fun
+    assert least * (1 - 1e-9) <= (np.abs(x) / limit).max() <= least * (1 + 1e-3)
+
+
+def test_a_motion_that_loads_other_joints_has_the_friction_of_a_linear_system():
+    """z = direct + gain |z|; with all positive (1 - gain)^-1 direct, without bound: jam."""
+    rng = np.random.default_rng(0)
+    direct, gain, z = rng.uniform(0.5, 1.0, 5), 0.1 * rng.random((5, 5)), np.empty(5)
+    _along_one(direct, gain, np.arange(5), z)
+    np.testing.assert_allclose(z, np.linalg.solve(np.eye(5) - gain, direct), rtol=1e-11)
+    _along_one(direct, gain, np.zeros(5, int), z)  # one joint: |z| / 5 for each column
+    size = np.linalg.norm(z)
+    np.testing.assert_allclose(z, direct + gain.sum(axis=1) * size / 5, rtol=1e-11)
+    _along_one(direct, 2.0 * np.eye(5), np.arange(5), z)
+    np.testing.assert_array_equal(z, direct)

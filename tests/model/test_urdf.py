@@ -1,0 +1,169 @@
+"""URDFs that cannot be, or that other programs take."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from robot_cases import INERTIA, joint, link, urdf
+
+from pinfric.errors import PinfricWarning, RobotError
+from pinfric.model.robot import read_robot
+from pinfric.model.urdf import implausible_body
+
+
+@pytest.mark.parametrize(
+    ("parts", "says"),
+    [
+        ([link("arm", mass="-1"), joint()], r"'arm'.*mass -1 kg is negative"),
+        (
+            [link("arm", inertia=INERTIA.replace('izz="0.1"', 'izz="-0.3"')), joint()],
+            r"the links that joint 'swing' moves have a negative kinetic energy",
+        ),
+        ([link("arm"), joint(axis="0 0 0")], r"'swing' has the axis \[0.0, 0.0, 0.0\]"),
+        ([link("arm"), joint(child="amr")], r"'swing' names link 'amr'.*did you mean 'arm'"),
+        ([link("arm"), joint(), joint(name="again")], "'again'.*tree"),
+        ([link("arm"), joint(), link("loose")], "one root link"),
+        ([link("arm"), joint(axis="0 0")], r"'swing'.*axis xyz='0 0'.*3 finite numbers"),
+        ([link("arm"), joint().replace('lower="-1"', 'lower="3"')], r"'swing': limits lower 3"),
+        ([link("arm"), joint(more='<mimic joint="swing"/>')], "'swing' mimics itself"),
+        ([link("arm"), joint(more='<dynamics friction="x"/>')], "'swing'.*friction='x'"),
+        (
+            [
+                link("arm"),
+                joint(),
+                link("a"),
+                link("b"),
+                joint("r", "a", "b"),
+                joint("s", "b", "a"),
+            ],
+            r"\['a', 'b'\] form a ring",
+        ),
+        ([link("arm"), joint().replace(' xyz="0 0 1"', "")], "'swing' has an <axis> without xyz"),
+        (
+            [
+                link("arm").replace(
+                    "</link>", '<visual><geometry><box size="1 2"/></geometry></visual></link>'
+                ),
+                joint(),
+            ],
+            "'arm': <box size='1 2'> should be 3 finite",
+        ),
+        (
+            [link("arm").replace("</link>", "<visual/></link>"), joint()],
+            "'arm': a <visual> needs a <geometry>, of box, cylinder, sphere, mesh",
+        ),
+        (
+            [
+                link("arm").replace(
+                    "</link>", "<collision><geometry><cone/></geometry></collision></link>"
+                ),
+                joint(),
+            ],
+            "'arm': a <collision> needs a <geometry>",
+        ),
+        (
+            [
+                link("arm").replace(
+                    "</link>", '<visual><geometry><cylinder radius="1"/></geometry></visual></link>'
+                ),
+                joint(),
+            ],
+            "'arm'.*<cylinder> without length",
+        ),
+        ([link("arm"), joint(axis="1e200 1e200 0")], "'swing'.*should be at most 1e.12"),
+        ([link("arm"), joint(axis="1e10 0 0")], "'swing' has the axis"),
+        ([link("arm", mass="1e304"), joint()], "'arm': <mass value='1e304'> should be at most"),
+        ([link("arm").replace('<mass value="1"/>', ""), joint()], "'arm'.*without <mass"),
+        ([link("arm").replace('iyy="0.1"', ""), joint()], "'arm'.*without inertia iyy"),
+        ([link("arm").replace("</link>", "<inertial/></link>"), joint()], "'arm' has 2 <inert"),
+        (
+            [
+                link("arm"),
+                joint(),
+                link("a"),
+                link("b"),
+                joint("m", "arm", "a", more='<mimic joint="swing"/>'),
+                joint("n", "arm", "b", more='<mimic joint="m"/>'),
+            ],
+            "'n' mimics 'm', which mimics",
+        ),
+        (
+            [
+                link("arm"),
+                joint(kind="continuous"),
+                link("a"),
+                joint("m", "arm", "a", more='<mimic joint="swing"/>'),
+            ],
+            "'m' mimics 'swing', a cont",
+        ),
+        ([link("arm", mass="nan"), joint()], r"'arm': <mass value='nan'>"),
+        ([link("arm"), joint(kind="fixed")], "no joint of this robot can move"),
+        ([link("arm"), joint().replace('name="swing" ', "")], "joint number 1 has no name"),
+        ([link("arm"), joint(kind="hinge")], "type 'hinge'; there are: revolute"),
+    ],
+)
+def test_what_no_robot_can_be_is_refused(tmp_path, parts, says):
+    with pytest.raises(RobotError, match=says) as caught:
+        read_robot(urdf(tmp_path, *parts), {})
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("<robot", "not well-formed"),
+        ("", "robot.urdf: is empty"),
+        ("<sdf version='1.6'/>", "root element is <sdf>.*SDF, as Gazebo"),
+        ("<mujoco model='a'/>", "root element is <mujoco>.*MJCF"),
+        ("a: 1", "not well-formed"),
+        ("<robot name='r'/>", "no <link>"),
+    ],
+)
+def test_what_is_no_urdf_is_refused(tmp_path, text, says):
+    file = tmp_path / "robot.urdf"
+    file.write_text(text)
+    with pytest.raises(RobotError, match=says):
+        read_robot(file, {})
+
+
+def test_a_missing_mesh_is_one_warning(tmp_path):
+    mesh = '<visual><geometry><mesh filename="package://no/a.stl"/></geometry></visual>'
+    body = link("arm").replace("</link>", mesh + mesh.replace("a.stl", "b.stl") + "</link>")
+    with pytest.warns(PinfricWarning, match=r"no mesh package://no/a\.stl and 1 more") as caught:
+        robot = read_robot(urdf(tmp_path, body, joint()), {})
+    assert len(caught) == 1
+    assert robot.model.nv == 1
+
+
+@pytest.mark.parametrize(("excess", "said"), [(-0.02, False), (5e-4, False), (0.02, True)])
+def test_the_triangle_inequality_from_both_sides(excess, said):
+    """A plate is at the limit, J_z = J_x + J_y; 0.0005 of it is what three digits round."""
+    flat = np.diag([0.1, 0.1, 0.2 * (1 + excess)])
+    assert (implausible_body(1.0, flat) is not None) == said
+
+
+@pytest.mark.parametrize(
+    ("body", "says"),
+    [
+        (link("arm", inertia=INERTIA.replace('ixx="0.1"', 'ixx="0.3"')), "triangle inequality"),
+        (link("arm", inertia=INERTIA.replace('ixx="0.1"', 'ixx="-0.3"')), "one is negative"),
+        (link("arm", mass="0"), "without a mass"),
+    ],
+)
+def test_bodies_that_other_programs_take_are_one_warning_with_all_their_names(tmp_path, body, says):
+    hand = body.replace('"arm"', '"hand"')
+    parts = body, joint(), hand, joint(name="wrist", parent="arm", child="hand")
+    with pytest.warns(PinfricWarning, match=rf"'arm'.*{says}.*also hand; used") as caught:
+        robot = read_robot(urdf(tmp_path, *parts), {})
+    assert len(caught) == 1
+    as_written = np.array([[0.1]]) * 2  # izz of both about the common axis, no lever
+    M = pin.crba(robot.model, robot.model.createData(), np.zeros(2))
+    np.testing.assert_allclose(M[0, 0], as_written[0, 0], atol=1e-15)
+
+
+def test_links_that_never_move_may_say_what_they_like(tmp_path):
+    weird = link("foot", inertia=INERTIA.replace('ixx="0.1"', 'ixx="9"'))
+    fixed = joint(name="bolt", child="foot", kind="fixed")
+    robot = read_robot(urdf(tmp_path, weird, fixed, link("arm"), joint()), {})
+    assert robot.model.nv == 1

@@ -1,0 +1,3 @@
+from study.accuracy.conftest import pendulum
+
+__all__ = ["pendulum"]

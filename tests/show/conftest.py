@@ -1,0 +1,30 @@
+"""What several files look at, made once per process."""
+
+from functools import cache
+
+import pytest
+from study.export.conftest import headers, ur5
+from study.identify.conftest import found
+from study.retime.conftest import files
+from sweep_cases import swept_panda
+
+import pinfric as pf
+
+__all__ = ["files", "found", "headers", "ur5"]
+
+
+@pytest.fixture
+def panda():
+    return swept_panda()
+
+
+@cache
+def elastic_door():
+    scene = pf.load_scene("ur10_machine_tending")
+    motion = pf.load_trajectory("ur10_machine_tending", scene)
+    return pf.elasticity(pf.inverse_dynamics(scene, motion))
+
+
+@pytest.fixture
+def door():
+    return elastic_door()

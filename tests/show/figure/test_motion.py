@@ -1,0 +1,83 @@
+"""Pictures of simulated motions."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from builders import block, plane_friction
+
+import pinfric as pf
+from pinfric.show.figure.motion import motion_figure
+from pinfric.study.motion_summary import motion_summary
+
+
+def test_the_figure_shades_stick_and_has_a_panel_per_site():
+    scene = pf.Scene(model=block(), friction={"slide": plane_friction(0.5, 0.3)})
+    motion = pf.simulate(scene, [0.0], [1.0], np.zeros(1), 1.0)
+    assert motion.stick_intervals()[0].start == pytest.approx(1.0 / (0.3 * 9.81), rel=1e-6)
+    figure = motion_figure(motion)
+    assert len(figure.axes) == 3
+    shaded = [p for p in figure.axes[2].patches if p.get_alpha()]
+    assert len(shaded) == 1
+    loss = motion_summary(motion).energy.friction_loss
+    assert loss["slide"] == pytest.approx(1.0, rel=1e-6)
+
+
+def many(count, still=3):
+    """A chain of `count` joints: the first rubs a little, the last `still` are held."""
+    model = pin.Model()
+    parent = 0
+    for i in range(count):
+        place = pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.1]))
+        parent = model.addJoint(parent, pin.JointModelRZ(), place, f"finger_{i}_joint")
+        model.appendBodyToJoint(parent, pin.Inertia.FromSphere(0.1, 0.02), pin.SE3.Identity())
+    held = {
+        f"finger_{i}_joint": {"coulomb": {"static": 9.0, "kinetic": 8.0}}
+        for i in range(count - still, count)
+    }
+    held["finger_0_joint"] = {"coulomb": {"static": 1e-4, "kinetic": 1e-4}}
+    scene = pf.Scene(model=model, friction=held)
+    speed = np.append(np.full(count - still, 1.0), np.zeros(still))
+    return pf.simulate(scene, np.zeros(count), speed, np.zeros(count), 0.01)
+
+
+def test_the_figure_of_many_joints_is_one_screen_or_two_and_counts_the_rest():
+    motion = many(40)
+    figure = motion_figure(motion)
+    width, height = figure.get_size_inches() * figure.dpi
+    assert (width, height) == (1650, pytest.approx(3000, abs=300))
+    texts = [text.get_text() for text in figure.texts]
+    drawn = [a.get_text() for axes in figure.axes for a in axes.texts if "finger" in a.get_text()]
+    assert len(drawn) == 16
+    assert drawn == sorted(drawn, key=lambda name: int(name.split("_")[1]))  # as in the model
+    assert not {f"finger_{i}" for i in range(37, 40)} & set(drawn)
+    (line,) = [text for text in texts if "not drawn" in text]
+    assert "3 that never move and 21 that travel less" in line
+    figure.draw_without_rendering()
+
+
+def test_joints_that_never_move_give_way_where_there_are_many():
+    figure = motion_figure(many(20, still=15))
+    assert len(figure.axes) == 3 * 5
+    assert any("not drawn: 15 that never move" in text.get_text() for text in figure.texts)
+    assert len(motion_figure(many(16, still=15)).axes) == 3 * 16
+
+
+def test_a_joint_is_shaded_where_it_sticks_and_nowhere_else():
+    motion = many(5)
+    by_name = {}
+    for row in np.reshape(motion_figure(motion).axes, (-1, 3)):
+        names = [text.get_text() for text in row[0].texts]
+        by_name[names[0]] = [sum(p.get_gid() == "sticking" for p in axes.patches) for axes in row]
+    assert by_name["finger_0"] == [0, 0, 0]
+    assert by_name["finger_4"] == [1, 1, 1]
+
+
+def test_a_loops_joint_has_its_friction_and_says_why_it_has_no_position():
+    motion = pf.run_scene(pf.load_scene("four_bar"), t_end=0.02)
+    figure = motion_figure(motion)
+    *_, last = np.reshape(figure.axes, (-1, 3))
+    assert [text.get_text() for text in last[0].texts] == ["closes a loop", "rocker"]
+    assert len(last[2].lines) == 4
+    figure.draw_without_rendering()

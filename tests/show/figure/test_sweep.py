@@ -1,0 +1,68 @@
+"""Pictures of sweeps."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from sweep_cases import sweep_of, uniform
+
+import pinfric as pf
+from pinfric.show.figure.sweep import sweep_figure
+
+
+def test_figure_shows_what_lies_beyond_the_rating(panda):
+    figure = sweep_figure(panda)
+    figure.draw_without_rendering()
+    axes = figure.axes
+    assert len(axes) == 3 * len(panda.actuator_names)
+    rms = axes[4]  # second row: panda_joint2, second column
+    beyond = panda.figure("motor_rms")[:, 1] > 0.34
+    orange = [
+        bar
+        for bar in rms.patches
+        if bar.get_facecolor()[:3] == pytest.approx((0.902, 0.624, 0), abs=1e-2)
+    ]
+    assert 0 < beyond.sum() < 40
+    assert sum(bar.get_height() for bar in orange) == beyond.sum()
+    assert any(f"{100 * (1 - beyond.mean()):.1f} % within 0.340" in t.get_text() for t in rms.texts)
+    assert any("100.0 % within 9.00" in t.get_text() for t in axes[3].texts)  # far away: not drawn
+    assert axes[3].get_xlim()[1] < 2.0
+
+
+def test_figure_survives_samples_without_solution():
+    scene = pf.load_scene("drawer")
+    motion = pf.load_trajectory("drawer", scene)
+    with pytest.warns(pf.PinfricWarning, match="no solution"):
+        result = pf.sweep(
+            scene,
+            motion,
+            sweep_of(
+                sampling="grid",
+                friction__slide__mu={"choice": {"values": [0.5, 1.0, 2.5]}},
+            ),
+            processes=1,
+        )
+    assert np.count_nonzero(result.solved) == 2
+    figure = sweep_figure(result)
+    figure.draw_without_rendering()
+    assert "(1 without a solution)" in figure.get_suptitle()
+
+
+def test_figure_of_many_drives_has_the_largest_and_counts_the_rest():
+    model = pin.Model()
+    for i in range(20):
+        model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), f"slide_{i}")
+        body = pin.Inertia(1.0 + i, np.zeros(3), 0.1 * np.eye(3))
+        model.appendBodyToJoint(i + 1, body, pin.SE3.Identity())
+    friction = {"coulomb": {"static": 1.0, "kinetic": 1.0}}
+    scene = pf.Scene(model=model, friction={name: friction for name in list(model.names)[1:]})
+    t = np.linspace(0.0, 1.0, 11)
+    ones = np.ones((11, 20))
+    motion = pf.Trajectory.from_arrays(scene, t, t[:, None] * ones, ones, ones)
+    each = uniform(0.9, 1.1, each=True)
+    found = pf.sweep(scene, motion, sweep_of(30, friction__all__coulomb=each), processes=1)
+    figure = sweep_figure(found)
+    labels = [axes.get_ylabel().split("\n")[0] for axes in figure.axes if axes.get_ylabel()]
+    assert labels == [f"slide_{i}" for i in range(4, 20)]
+    assert "4 more, not drawn, need at most" in figure.get_suptitle()
+    drivers = [[text.get_text() for text in axes.get_yticklabels()] for axes in figure.axes[2::3]]
+    assert [names[0] for names in drivers] == ["its coulomb"] * 16

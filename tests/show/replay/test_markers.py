@@ -1,0 +1,49 @@
+"""Markers of drives and jams."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from replay_cases import ROBOTS, page_data
+
+import pinfric as pf
+
+
+def jammed_drawer():
+    scene = pf.load_scene(ROBOTS / "drawer.yaml")
+    guide = {"bearing": {"kind": "guide", "length": 0.3}, "mu": {"static": 0.95, "kinetic": 0.9}}
+    scene = dataclasses.replace(scene, friction={"slide": guide})
+    trajectory = pf.load_trajectory(ROBOTS / "drawer.waypoints.yaml", scene)
+    return scene, pf.inverse_dynamics(scene, trajectory)
+
+
+def test_jammed_motion_is_replayed_as_jammed():
+    scene, result = jammed_drawer()
+    assert np.isnan(result.effort_upper).sum() > 100
+    shown = pf.replay(scene, result)
+    (site,) = page_data(shown)["sites"]
+    assert site["times"]["jammed"] == [[0.0, 1.9]]
+    assert [(i.start, i.end) for i in shown.stick_intervals] == [(0.0, 0.1), (0.9, 1.2), (1.8, 1.9)]
+
+
+def test_force_drive_is_drawn_with_its_tip_where_it_pushes():
+    import meshcat
+    import umsgpack
+
+    from pinfric.show.replay.page import RecordingWindow
+    from pinfric.show.replay.stage import set_stage
+
+    scene, window = pf.load_scene(ROBOTS / "drawer.yaml"), RecordingWindow()
+    set_stage(meshcat.Visualizer(window=window), scene, np.array([[[0, 0, 0, 0, 0, 0, 1.0]]]))
+    placed = {}
+    for command in map(umsgpack.unpackb, window.commands):
+        if command["type"] == "set_transform":
+            placed[command["path"]] = np.reshape(command["matrix"], (4, 4)).T
+    arrow = placed["/meshcat/world/slide/drive push"]
+    head = placed["/meshcat/world/slide/drive push/head"]
+    np.testing.assert_allclose(arrow[:3, 2], [1, 0, 0], atol=1e-6)
+    begin = (arrow @ head @ [0, 0, 0, 1])[:3]  # of the head, which ends at the point
+    assert begin[0] < -0.15
+    np.testing.assert_allclose(begin[1:], [0.2, 0.0], atol=1e-6)
+    assert -0.15 - begin[0] < 0.05

@@ -1,0 +1,66 @@
+"""The robot and its sites in the viewer."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from mechanisms import add_link, bar, four_bar, grounded_model, pin_friction
+
+import pinfric as pf
+from pinfric.show.replay.page import RecordingWindow
+from pinfric.show.replay.stage import SEGMENTS, SIDES, _tube, set_stage
+
+pytestmark = [
+    pytest.mark.filterwarnings("ignore:.*<dynamics>:pinfric.errors.PinfricWarning"),
+    pytest.mark.filterwarnings("ignore:.*loaded without:pinfric.errors.PinfricWarning"),
+    pytest.mark.filterwarnings("ignore:zmq.eventloop:DeprecationWarning"),
+]
+
+
+def boom():
+    """A bar lifted by a cylinder between two points 0.3 m and 0.7 m from its hinge."""
+    model = grounded_model(gravity=(0.0, 0.0, -9.81))
+    add_link(
+        model,
+        0,
+        pin.JointModelRY(),
+        pin.SE3(np.eye(3), np.array([0, 0, 0.5])),
+        "boom",
+        bar(20.0, 1.5),
+    )
+    ends = {"a": {"link": "ground", "xyz": [0.3, 0, 0]}, "b": {"link": "boom", "xyz": [0.7, 0, 0]}}
+    return pf.Scene(
+        model=model,
+        friction={"boom": pin_friction(0.15)},
+        actuators=[{"cylinder": {"name": "lift", **ends}}],
+    )
+
+
+def test_loops_and_cylinders_are_drawn_where_they_act():
+    import meshcat
+
+    closed, _ = four_bar()
+    window = RecordingWindow()
+    rest = np.tile([0, 0, 0, 0, 0, 0, 1.0], (1, 3, 1))
+    staged = set_stage(meshcat.Visualizer(window=window), closed, rest)
+    loop = closed.site_names.index("B")
+    place = staged.markers[loop]
+    frame = closed.linkage.frame_p[0, 1]
+    np.testing.assert_allclose(place.placement.translation, frame)
+    assert closed.joint_names[place.joint - 1] in staged.site_paths[loop]
+    assert staged.site_paths[loop].endswith("site B")
+    lifted = boom()
+    staged = set_stage(meshcat.Visualizer(window=RecordingWindow()), lifted, rest[:, :1])
+    (cylinder,) = staged.cylinders
+    assert cylinder.path == "world/cylinder lift"
+    assert (cylinder.a[0], cylinder.b[0]) == (0, 1)
+    np.testing.assert_array_equal(cylinder.b[1], [0.7, 0, 0])
+
+
+def test_first_faces_of_an_arc_are_its_beginning():
+    tube = _tube(1.0, 0.01, np.deg2rad(90.0))
+    assert len(tube.faces) == 2 * SEGMENTS * SIDES
+    quarter = tube.vertices[tube.faces[: len(tube.faces) // 4]].reshape(-1, 3)
+    angle = np.arctan2(quarter[:, 1], quarter[:, 0])
+    assert np.rad2deg(angle.max()) == pytest.approx(22.5)

@@ -1,0 +1,56 @@
+"""`pinfric retime` as a shell sees it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from envelopes import result_of
+from retime_cases import run
+
+import pinfric as pf
+from pinfric import cli
+
+
+def test_retime_prints_writes_and_its_trajectory_is_one_for_all(files, capsys):
+    assert run("retime", "table.yaml", "way.yaml", "--sensitivity", "--out", "out") == 0
+    out, _ = capsys.readouterr()
+    assert max(map(len, out.splitlines())) <= 80
+    assert "effort" in out
+    assert {f.name for f in Path("out").iterdir()} == {
+        "trajectory.csv",
+        "retime.png",
+        "summary.json",
+    }
+    summary = result_of(Path("out/summary.json").read_text())
+    # 40 N m, 3 of them friction, at 2 kg m^2, up to 3 rad/s
+    up, down = 37.0 / 2.0, 43.0 / 2.0
+    move = 1.5 / 3.0 + 0.5 * 3.0 * (1 / up + 1 / down)
+    assert summary["duration"] == pytest.approx(2 * move + 0.6, rel=1e-4)
+    assert summary["drives"][0]["sensitivity"].keys() == {"effort", "joint speed"}
+    assert run("inverse", "table.yaml", "out/trajectory.csv", "--json") == 0
+    (joint,) = result_of(capsys.readouterr().out)["joints"]
+    assert joint["peak"] == pytest.approx(40.0, rel=1e-3)
+    assert run("retime", "table.yaml", "out/trajectory.csv", "--json", "--smooth", "10") == 0
+    again = result_of(capsys.readouterr().out)
+    assert again["duration"] == pytest.approx(summary["duration"] + 0.02, rel=1e-3)
+    assert again["before"] == pytest.approx(summary["duration"], abs=2e-3)
+
+
+def test_retime_of_what_cannot_be_is_one_line(files, capsys):
+    Path("motors.yaml").write_text("pinfric_motors: 1\ndrives: {table: {peak_torque: 2.0}}\n")
+    assert run("retime", "table.yaml", "way.yaml", "--motors", "motors.yaml") == cli.BAD_INPUT
+    error = capsys.readouterr().err
+    assert "drive 'table' cannot break away: needs 3 N m of its motor, has 2" in error
+    assert error.count("\n") == 1
+    assert run("retime", "four_bar", "way.yaml") == cli.BAD_INPUT
+    assert "retime is for open chains" in capsys.readouterr().err
+    assert run("retime", "table.yaml", "none.yaml") == cli.BAD_INPUT
+
+
+def test_plot_and_summary_of_a_result(files):
+    scene = pf.load_scene("table.yaml")
+    found = pf.retime(scene, "way.yaml", points=60)
+    assert len(found.plot().axes) == 2
+    assert found.summary().loc["table", "effort"] == pytest.approx(1.0, abs=1e-3)
+    assert "table: " in repr(found)

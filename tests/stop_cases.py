@@ -1,0 +1,47 @@
+"""An arm of two axes that tests of stops share."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+import pinfric as pf
+
+ARM = {
+    "masses": (4.0, 2.5),
+    "lengths": (0.6, 0.5),
+    "centres": (0.3, 0.25),
+    "inertias": (0.15, 0.06),
+    "rotors": (1.2e-4, 4e-5),
+    "ratios": (80.0, 50.0),
+    "friction": (3.0, 1.0),
+    "brakes": (0.8, 0.5),
+    "delays": (0.02, 0.045),
+}
+
+
+def arm(gravity=-9.81):
+    """Two bars that turn about horizontal axes, with Coulomb friction."""
+    model = pin.Model()
+    model.gravity.linear = np.array([0.0, 0.0, gravity])
+    parent, offset = 0, pin.SE3.Identity()
+    for k, name in enumerate(("lift", "elbow")):
+        parent = model.addJoint(parent, pin.JointModelRY(), offset, name)
+        body = pin.Inertia(
+            ARM["masses"][k], np.array([ARM["centres"][k], 0, 0]), ARM["inertias"][k] * np.eye(3)
+        )
+        model.appendBodyToJoint(parent, body, pin.SE3.Identity())
+        offset = pin.SE3(np.eye(3), np.array([ARM["lengths"][k], 0.0, 0.0]))
+    model.addBodyFrame("tip", parent, offset, 0)
+    return pf.Scene(
+        model,
+        friction={
+            name: {"coulomb": {"static": F, "kinetic": F}}
+            for name, F in zip(("lift", "elbow"), ARM["friction"], strict=True)
+        },
+        actuators=[
+            {"joint": name, "transmission": {"ratio": r, "rotor_inertia": J}}
+            for name, r, J in zip(("lift", "elbow"), ARM["ratios"], ARM["rotors"], strict=True)
+        ],
+        tool="tip",
+    )

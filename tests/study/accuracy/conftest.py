@@ -1,0 +1,9 @@
+"""What several files look at, made once per process."""
+
+import pytest
+from accuracy_cases import studied_pendulum
+
+
+@pytest.fixture
+def pendulum():
+    return studied_pendulum()

@@ -1,0 +1,48 @@
+"""Influence of a shape in the residual on the coefficients."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from pinfric.study.identify.columns import Rows
+from pinfric.study.identify.influence import influence
+from pinfric.study.identify.laws import FORWARD, SLOT, SLOTS
+from pinfric.study.identify.misfit import Misfit
+from pinfric.study.identify.normal import BlockProducts, Fit, Prior
+from pinfric.study.identify.uncertainty import (
+    gradients,
+)
+
+
+def test_a_shape_leaves_open_what_the_model_takes_of_it_for_its_own():
+    """Of a shape with a wave and a constant, only the wave shows beside Coulomb friction."""
+    rng, s, count = np.random.default_rng(4), 0.3, 80
+    slots, still = np.zeros((count, len(SLOTS))), np.zeros(count)
+    slots[:, SLOT[FORWARD]] = 1.0
+    wave = np.sqrt(2.0) * np.sin(2.0 * np.pi * np.arange(count) / count)
+    effort = 2.0 + s * wave + 1e-3 * rng.normal(size=count)
+    rows = Rows(
+        np.zeros((count, 10)),
+        slots,
+        effort,
+        np.arange(count) // 4,
+        np.zeros(count, dtype=int),
+        still,
+        still,
+        still,
+    )
+    weight, place = np.ones(count), np.array([SLOT[FORWARD]])
+    fit = Fit(np.zeros(10), (np.arange(len(SLOTS)) == place[0])[None, :] * effort.mean())
+    grams = [BlockProducts.of(rows, weight, 20)]
+    prior = Prior(np.zeros(10), np.full(10, np.inf), np.zeros(10))
+    given = SimpleNamespace(
+        rows=[rows], row_weights=[weight], fit=fit, problem=SimpleNamespace(weights=np.ones(1))
+    )
+    shape = Misfit(0, "", s, 1.0, s * np.column_stack((np.ones(count), wave)))
+    alone, _ = influence(grams, np.ones(1), prior, fit, place)
+    unknown = gradients(given, [shape], place)
+    wide, _ = influence(grams, np.ones(1), prior, fit, place, unknown=unknown)
+    assert np.sum(wide**2) == pytest.approx(np.sum(alone**2) + s**2, rel=1e-9)

@@ -1,0 +1,93 @@
+"""Limits of drives: of a motors file, of the catalogue, as `size` judges them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from retime_cases import lifting, straight
+from sizing_cases import GEAR, MOTOR, one_drive, turntable
+
+import pinfric as pf
+from pinfric.study.retime.limits import candidate_limits, read_limits
+from pinfric.study.retime.path import Path
+from pinfric.study.retime.retime import retime
+from pinfric.study.sizing.catalog import Conditions
+from pinfric.study.sizing.catalog_file import load_catalog
+from pinfric.study.sizing.drivetrain import candidates
+
+
+def test_motors_file_with_a_drive_of_the_catalogue(tmp_path):
+    """Its figures at the motor's shaft: a gearmotor's are printed at the output."""
+    text = """pinfric_motors: 1
+conditions: {peak_factor: 1.0, bus_voltage: 24.0}
+drives:
+  j: {drive: CubeMars AK80-64, acceleration: 2.0}
+"""
+    file = tmp_path / "motors.yaml"
+    file.write_text(text)
+    limits = read_limits(lifting(), file)[0]
+    entry = load_catalog().gearmotors["CubeMars AK80-64"]
+    assert limits.acceleration == 2.0
+    assert limits.peak_torque == pytest.approx(entry.peak_torque / entry.ratio)
+    assert limits.no_load_speed == pytest.approx(
+        entry.no_load_speed * entry.ratio * 24.0 / entry.nominal_voltage
+    )
+    found = retime(lifting(), straight(1.0), file)
+    assert found.duration == pytest.approx(np.sqrt(4 * 1.0 / 2.0), rel=1e-3)
+    file.write_text(text.replace("AK80-64", "AK80-6000"))
+    with pytest.raises(
+        pf.RetimeError, match=r"motors.yaml: drives.j: default has no drive .*; the nearest of"
+    ):
+        retime(lifting(), straight(1.0), file)
+    file.write_text("pinfric_motors: 1\nothers: {max_speed: 3.0}\n")
+    with pytest.raises(pf.RetimeError, match=r"motors.yaml: others: nothing limits its torque"):
+        retime(lifting(), straight(1.0), file)
+    file.write_text("pinfric_motors: 1\ndrives: {jay: {peak_torque: 3.0}}\n")
+    with pytest.raises(pf.RetimeError, match=r"motors.yaml: drives: there is no drive 'jay'"):
+        retime(lifting(), straight(1.0), file)
+    file.write_text(text.replace("drives", "motors"))
+    with pytest.raises(pf.PinfricError, match="unknown key `motors`"):
+        retime(lifting(), straight(1.0), file)
+
+
+def table_drive(tmp_path, gear=None, motor=None, **conditions):
+    """A turntable, the drive of `sizing_cases` with figures changed, and its limits."""
+    catalog = one_drive(tmp_path, motor, gear)
+    (candidate,) = candidates(catalog, False)
+    return turntable(), candidate_limits(candidate, Conditions(**conditions)), candidate
+
+
+def test_a_drive_of_the_catalogue_is_limited_as_size_judges_it(tmp_path):
+    """The retimed motion uses all of a limit that `size` finds used up, and heat is one."""
+    scene, limits, candidate = table_drive(tmp_path)
+    assert limits.peak_torque == MOTOR["peak_torque"] / Conditions().peak_factor
+    hot = 1 + 0.0039 * (MOTOR["thermal"]["max_winding"] - 25)
+    stall = 48.0 * MOTOR["torque_constant"] / (MOTOR["resistance"] * hot)
+    assert limits.stall_torque == pytest.approx(stall)
+    path = Path.from_waypoints([[0.0], [2.0], [0.0]])
+    once = retime(scene, path, {"table": candidate}, heat=False)
+    with pytest.warns(pf.PinfricWarning, match="table: this motion, repeated, does not pass"):
+        found = retime(scene, path, {"table": candidate})
+    assert once.duration < found.duration
+    assert found.limiting["table"]["continuous torque"] == 1.0
+    assert found.rms == pytest.approx([1.0], abs=2e-3)
+    by_name = {c.name: c for c in found.criteria["table"]}
+    assert by_name["continuous torque"].margin == pytest.approx(0.0, abs=2e-3)
+    report = pf.size(scene, found.trajectory, one_drive(tmp_path), on_miss="ignore")
+    for mine, theirs in zip(
+        found.criteria["table"], report.joints[0].assessments[0].criteria, strict=True
+    ):
+        assert mine.name == theirs.name
+        if theirs.margin is not None:
+            assert mine.margin == pytest.approx(theirs.margin, rel=1e-9)
+
+
+def test_the_momentary_peak_of_a_gear_is_no_limit_of_a_cycle(tmp_path):
+    gear = {"repeated_peak_torque": None}
+    _, limits, _ = table_drive(tmp_path, gear)
+    assert limits.least("effort") == GEAR["average_torque"]
+    gear |= {"average_torque": None, "rated_torque": None}
+    scene, _, candidate = table_drive(tmp_path, gear)
+    path = Path.from_waypoints([[0.0], [2.0]])
+    with pytest.raises(pf.RetimeError, match=r"M \+ G cannot be checked: .* gear repeated peak"):
+        retime(scene, path, {"table": candidate})

@@ -1,0 +1,101 @@
+"""Percentiles, odds and influences against analytic ones."""
+
+import numpy as np
+import pytest
+from sweep_cases import BOX, MASS, MU, G, pushed_block, run, steady, steps, sweep_of, uniform
+
+
+def test_percentiles_and_odds_are_those_of_the_distribution():
+    scene = pushed_block()
+    rating = 1.2 * MU * MASS * G  # a factor up to 1.2 of 0.5 to 1.5: 70 %
+    motors = {"slide": {"continuous_torque": rating, "max_speed": 1.0}}
+    found = run(
+        scene, steady(scene), sweep_of(2000, motors=motors, friction__all__mu=uniform(0.5, 1.5))
+    )
+    expected = (0.5 + np.array([5, 50, 95, 99]) / 100) * MU * MASS * G
+    np.testing.assert_allclose(found.quantiles("peak")[:, 0], expected, rtol=0.05)
+    (trial,) = found.trials
+    odds = found.probability(found.sufficing(trial))
+    assert odds.value == pytest.approx(0.7, abs=0.035)
+    assert odds.low < odds.value < odds.high
+    assert odds.high - odds.low == pytest.approx(2 * 1.96 * np.sqrt(0.21 / 2000), rel=0.01)
+    assert trial.not_checked(found) == ("peak torque",)
+    assert trial.passes(found)["motor speed"].all()
+
+
+def test_reserve_and_speed_count():
+    scene = pushed_block()
+    effort = MU * MASS * G
+    for motor, suffices in (
+        ({"peak_torque": 1.21 * effort}, True),
+        ({"peak_torque": 1.19 * effort}, False),  # a reserve of 1.2, as `size` has it
+        ({"max_speed": 0.4}, False),
+        ({"continuous_torque": 1.1 * effort, "max_speed": 0.6}, True),
+    ):
+        sweep = sweep_of(motors={"slide": motor}, sampling="grid", friction__all__mu=steps(1, 2, 2))
+        assert run(scene, steady(scene), sweep).sufficing()[0] == suffices, motor
+    less = {
+        **sweep_of(
+            motors={"slide": {"peak_torque": 1.19 * effort}},
+            sampling="grid",
+            friction__all__mu=steps(1, 2, 2),
+        ),
+        "conditions": {"peak_factor": 1.1},
+    }
+    assert run(scene, steady(scene), less).sufficing()[0]
+
+
+def test_correlation_names_what_drives_the_effort():
+    scene = pushed_block(payloads={"box": BOX})
+    found = run(
+        scene,
+        steady(scene),
+        sweep_of(
+            400,
+            friction__all__mu=uniform(0.5, 1.5),
+            payload__box__mass=uniform(0.9, 1.1),
+            speed=uniform(1.0, 2.0),
+            mounting__roll={"choice": {"values": [0.0]}},
+        ),
+    )
+    friction, box, speed, roll = found.rank_correlation("peak")[:, 0]
+    assert friction > 0.98
+    assert abs(speed) < 1.5 * found.correlation_noise  # a steady push does not depend on it
+    assert abs(box) < 0.2
+    assert np.isnan(roll)
+    assert found.rank_correlation("speed")[2, 0] == pytest.approx(1.0)
+
+
+def test_sobol_shares_of_a_product_are_the_analytic_ones():
+    # u = f mu (m + b) g with independent f, b: V = E(f^2) E(w^2) - E(f)^2 E(w)^2, w = m + b
+    scene = pushed_block(payloads={"box": BOX})
+    found = run(
+        scene,
+        steady(scene),
+        sweep_of(
+            512,
+            "sobol",
+            friction__all__mu=uniform(0.2, 1.8),
+            payload__box__mass=uniform(0.5, 6.5),
+            speed=uniform(1.0, 2.0),
+        ),
+    )
+    assert found.samples == 512 * 5
+    var_f, var_w, mean_f, mean_w = 1.6**2 / 12, 3.0, 1.0, MASS + 3.5
+    total = var_f * var_w + var_f * mean_w**2 + var_w * mean_f**2
+    first = np.array([var_f * mean_w**2, var_w * mean_f**2, 0.0]) / total
+    both = var_f * var_w / total
+    (shares,) = found.sobol("rms")
+    np.testing.assert_allclose(shares.first, first, atol=0.008)
+    np.testing.assert_allclose(shares.total, np.add(first, [both, both, 0.0]), atol=0.008)
+    for low, value, high in (
+        (shares.first_low, shares.first, shares.first_high),
+        (shares.total_low, shares.total, shares.total_high),
+    ):
+        assert (low <= value).all()
+        assert (value <= high).all()
+    assert np.isnan(
+        run(scene, steady(scene), sweep_of(4, "sobol", speed=uniform(1.0, 2.0)))
+        .sobol("rms")[0]
+        .first
+    ).all()

@@ -1,0 +1,74 @@
+"""ROS 2 bags, as a folder and as a file."""
+
+import shutil
+
+import numpy as np
+import pytest
+from log_cases import (
+    Q,
+    T,
+    arm,
+)
+
+import pinfric as pf
+from pinfric.errors import TrajectoryError
+from pinfric.study.trajectory.log.reading import ReadingOptions
+
+
+def write_bag(folder, storage, topic="/joint_states", kind="sensor_msgs/msg/JointState"):
+    """A bag of the arm's motion, as ros2 bag record writes it."""
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    types = get_typestore(Stores.LATEST)
+    make, plugin = types.types, getattr(StoragePlugin, storage)
+    with Writer(folder, version=9, storage_plugin=plugin) as writer:
+        connection = writer.add_connection(topic, kind, typestore=types)
+        for t, q in zip(T, Q, strict=True):
+            at = 1_700_000_000_000_000_000 + round(t * 1e9)
+            if kind.endswith("JointState"):
+                stamp = make["builtin_interfaces/msg/Time"](sec=at // 10**9, nanosec=at % 10**9)
+                message = make[kind](
+                    header=make["std_msgs/msg/Header"](stamp=stamp, frame_id=""),
+                    name=["arm_lift", "gripper", "base_turn"],
+                    position=np.array([q[1], 0.0, q[0]]),
+                    velocity=np.array([]),
+                    effort=np.array([1.0, 0.0, 2.0]),
+                )
+            else:
+                message = make[kind](data=float(t))
+            writer.write(connection, at, types.serialize_cdr(message, kind))
+    return folder
+
+
+@pytest.mark.parametrize("storage", ["SQLITE3", "MCAP"])
+def test_bags_as_folder_and_as_file(storage, tmp_path):
+    folder = write_bag(tmp_path / "bag", storage)
+    file = next(p for p in folder.iterdir() if p.suffix in (".db3", ".mcap"))
+    alone = shutil.copy(file, tmp_path / file.name)
+    for path in (folder, file, alone):
+        motion = pf.load_trajectory(path, arm())
+        np.testing.assert_allclose(motion.t, T, atol=1e-9)
+        np.testing.assert_array_equal(motion.q, Q)
+        np.testing.assert_array_equal(motion.reading.effort["base_turn"], 2.0)
+        assert "columns not used: 'gripper', 'gripper/effort'" in motion.warnings
+    renamed = {"arm_lift": "base_turn", "base_turn": "arm_lift"}
+    (tmp_path / "names.yaml").write_text(f"joints: {renamed}")
+    other = pf.load_trajectory(folder, arm(), ReadingOptions(columns=tmp_path / "names.yaml"))
+    np.testing.assert_array_equal(other.q, Q[:, ::-1])
+    np.testing.assert_array_equal(other.reading.effort["arm_lift"], 2.0)
+    cut = tmp_path / f"cut{file.suffix}"
+    cut.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+    with pytest.raises(TrajectoryError, match="the bag is damaged or truncated") as caught:
+        pf.load_trajectory(cut, arm())
+    assert "\n" not in str(caught.value)
+
+
+def test_a_bag_without_joint_states_says_what_it_has(tmp_path):
+    folder = write_bag(tmp_path / "bag", "SQLITE3", "/battery", "std_msgs/msg/Float64")
+    with pytest.raises(
+        TrajectoryError,
+        match=r"no sensor_msgs/msg/JointState; its topics: "
+        r"/battery \(std_msgs/msg/Float64\)",
+    ):
+        pf.load_trajectory(folder, arm())

@@ -1,0 +1,84 @@
+"""Units of a log are recognised by clear evidence; otherwise the choice is put to the person."""
+
+import numpy as np
+import pytest
+from log_cases import (
+    DIALECTS,
+    NAMES,
+    Q,
+    T,
+    arm,
+    load,
+    refused,
+    table,
+)
+
+from pinfric.errors import TrajectoryError
+
+
+def test_units_in_brackets_say_the_quantity(tmp_path):
+    motion = load(tmp_path, DIALECTS["units of all"])
+    np.testing.assert_allclose(motion.reading.effort["base_turn"], 7.0 * Q[:, 0], atol=1e-9)
+    assert not any("not used" in line for line in motion.warnings)
+
+
+def test_degrees_are_recognised_by_the_limits(tmp_path):
+    motion = load(tmp_path, table(("t", *NAMES), T, np.degrees(Q)))
+    assert motion.warnings[0].startswith("angles are in degrees (as radians beyond the limits: ")
+    np.testing.assert_allclose(motion.q, Q, atol=1e-10)
+
+
+def test_mixed_angles_are_refused_with_the_choice(tmp_path):
+    text = table(("t", *NAMES), T, np.degrees(Q[:, 0]), Q[:, 1])
+    assert (
+        "angles look like degrees (base_turn 45.84), but may be radians (arm_lift 0.5)"
+        in refused(tmp_path, text)
+    )
+    assert "--unit deg" in refused(tmp_path, text)
+    assert np.abs(load(tmp_path, text, unit="deg").q[:, 1]).max() < 0.01
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
+def test_time_units_are_recognised_by_the_step(unit, factor, tmp_path):
+    motion = load(tmp_path, table(("timestamp", *NAMES), factor * T, Q))
+    assert motion.warnings == (
+        f"column timestamp is in {unit}: steps of {factor / 200:.6g} are 200 Hz",
+    )
+    np.testing.assert_allclose(motion.t, T, atol=1e-12)
+
+
+def test_steps_that_may_be_either_are_refused(tmp_path):
+    still = table(("time", *NAMES), 5.0 * np.arange(400), np.full((400, 2), 0.5))
+    message = refused(tmp_path, still)
+    assert "steps of 5 may be ms (200 Hz) or s (0.2 Hz); give --time-unit ms or" in message
+    assert load(tmp_path, still, time_unit="s").duration == 1995.0
+    assert load(tmp_path, still, time_unit="ms").duration == pytest.approx(1.995)
+
+
+@pytest.mark.parametrize("name", ["t", "timestamp"])
+def test_milliseconds_of_slow_logs_are_recognised(name, tmp_path):
+    motion = load(tmp_path, table((name, *NAMES), 1e3 * T[::20], Q[::20]))
+    assert motion.warnings == (f"column {name} is in ms: steps of 100 are 10 Hz",)
+    np.testing.assert_allclose(motion.t, T[::20], atol=1e-12)
+
+
+def test_whole_numbers_that_count_by_one_may_be_milliseconds(tmp_path):
+    t = np.arange(2000) / 1000.0
+    q = np.column_stack((0.8 * np.sin(2 * t), 0.3 + 0.2 * np.cos(3 * t)))
+    text = table(("t", *NAMES), np.arange(2000), q)
+    assert "steps of 1 may be ms (1000 Hz) or s (1 Hz); give" in refused(tmp_path, text)
+    np.testing.assert_allclose(load(tmp_path, text, time_unit="ms").t, t)
+
+
+def test_a_clock_of_seconds_stays_one(tmp_path):
+    slow = table(("t", *NAMES), 1.7e9 + 5.0 * np.arange(400), Q)
+    assert load(tmp_path, slow).duration == 1995.0
+
+
+def test_small_angles_in_degrees_are_found_by_their_speed(tmp_path):
+    text = table(("t", *NAMES), T, np.degrees(0.25 * Q))  # 11.5 at most
+    model = arm(lower=-12.5, upper=12.5)
+    with pytest.raises(TrajectoryError, match=r"base_turn 22\.9 rad/s, limit 4\).*--unit deg or"):
+        load(tmp_path, text, scene=model)
+    np.testing.assert_allclose(load(tmp_path, text, scene=model, unit="deg").q, 0.25 * Q)
+    assert load(tmp_path, text, scene=model, unit="rad").q[:, 0].max() > 11.0
