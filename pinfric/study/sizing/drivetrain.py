@@ -395,8 +395,8 @@ def with_brake(candidate: Candidate, name: str, brake: Brake) -> Candidate:
     inertia, transmission = candidate.rotor_inertia, candidate.transmission
     more = brake.rotor_inertia or 0.0
     if transmission is not None:
-        heavier = {"rotor_inertia": transmission.rotor_inertia + more}
-        transmission = transmission.model_copy(update=heavier)
+        held = {"rotor_inertia": transmission.rotor_inertia + more, "brake": brake.holding}
+        transmission = transmission.model_copy(update=held)
     return replace(
         candidate,
         mass=None if candidate.mass is None else candidate.mass + (brake.mass or 0.0),
@@ -556,6 +556,7 @@ def _losses(gear: Gear, ratio: float) -> _Losses:
         "back_efficiency": back,
         "stiffness": gear.stiffness,
         "hysteresis": gear.hysteresis,
+        "momentary_peak": gear.momentary_peak_torque,
     }
     return values, text
 

@@ -73,6 +73,8 @@ from pinfric.study.sizing.elastic_arm import arm_criteria, check_tool, reversal_
 from pinfric.study.sizing.inertia import load_inertias
 from pinfric.study.sizing.limit import Case
 from pinfric.study.sizing.power import BusPower, bus_power
+from pinfric.study.sizing.stopping import chosen_stops
+from pinfric.study.stop.study import StopResult
 from pinfric.study.summary import effort_unit
 from pinfric.study.trajectory.trajectory import Trajectory
 
@@ -244,6 +246,19 @@ class SizingReport(Shown):
         return (*self.assumptions, text) if lacks else self.assumptions
 
     @cached_property
+    def stops(self) -> StopResult | None:
+        """Stops with the chosen drives and their brakes; None: the scene has no `stops`."""
+        return self._stopping[0]
+
+    @cached_property
+    def _stopping(self) -> tuple[StopResult | None, str]:
+        if self.given.stops is None or self.catalog is None or self.no_fit:
+            return None, ""
+        if len(self.duty.repeats) > 1:
+            return None, "stops: judged for one cycle, not for a duty of several"
+        return chosen_stops(self.result, self.standstills, self.catalog.brakes, self.trajectory)
+
+    @cached_property
     def elastic(self) -> Elasticity | None:
         """Effects of the gears' elasticity over the cycle; None if no stiffness is known."""
         return elasticity(self.result) if self.scene.elastic else None
@@ -280,7 +295,7 @@ class SizingReport(Shown):
 
     @property
     def unmet(self) -> tuple[str, ...]:
-        """One line for each condition that a brake, the bus or the robot does not meet."""
+        """One line for each condition that a brake, the bus, a stop or the robot does not meet."""
         names = [joint.name for joint in self.joints]
         reversals = [(name, (c,)) for name, c in zip(names, self.reversals, strict=False)]
         whole = [*reversals, ("robot", self.arm_criteria)]
@@ -288,7 +303,9 @@ class SizingReport(Shown):
             return _failing(whole)
         wanted = self.standstills if self.conditions.holding_brake != "any" else ()
         found = [(name, still.criteria) for name, still in zip(names, wanted, strict=False)]
-        return _failing([*found, ("bus", self.bus.criteria), *whole])
+        stops, why = self._stopping
+        stopping = ((why,) if why else ()) if stops is None else stops.unmet
+        return (*_failing([*found, ("bus", self.bus.criteria), *whole]), *stopping)
 
     def check(self) -> None:
         """Raise if a joint has no drive that fits, or a brake or the bus does not meet a condition.
@@ -416,10 +433,10 @@ class _Sizing:
         return replace(report, joints=tuple(compared))
 
     def _weighs(self, name: str) -> bool:
-        """Whether mass or inertia of a brake is known."""
+        """Whether mass or inertia of a brake is known, or it stops the robot."""
         assert self.catalog is not None  # brakes are from a catalogue
         brake: Brake = self.catalog.brakes[name]
-        return bool(brake.mass or brake.rotor_inertia)
+        return bool(brake.mass or brake.rotor_inertia or self.scene.stops)
 
     def _report(self) -> SizingReport:
         taken: dict[int, Assessment] = {}
