@@ -15,16 +15,8 @@ from pinfric.friction.law import stick_limits
 from pinfric.friction.modes import Modes
 from pinfric.friction.problem import empty_problem
 from pinfric.friction.rest import solve
-from pinfric.kernels import interpreted
 
-
-@pytest.fixture(autouse=True)
-def _interpreted(monkeypatch):
-    """For tuples of arrays they would be compiled anew, 30 s: forward dynamics takes records.
-
-    That both forms agree is tested in `dynamics/problem/test_instant.py`.
-    """
-    monkeypatch.setattr(interpreted, "PATIENCE", np.inf)
+pytestmark = pytest.mark.usefixtures("interpreted_kernels")
 
 
 def test_judge_names_what_is_wrong():

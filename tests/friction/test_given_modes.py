@@ -16,16 +16,8 @@ from friction_cases import (
 from pinfric.friction import given_modes as coupling
 from pinfric.friction.consistency import site_friction
 from pinfric.friction.law import stick_limits
-from pinfric.kernels import interpreted
 
-
-@pytest.fixture(autouse=True)
-def _interpreted(monkeypatch):
-    """For tuples of arrays they would be compiled anew, 30 s: forward dynamics takes records.
-
-    That both forms agree is tested in `dynamics/problem/test_instant.py`.
-    """
-    monkeypatch.setattr(interpreted, "PATIENCE", np.inf)
+pytestmark = pytest.mark.usefixtures("interpreted_kernels")
 
 
 @pytest.mark.parametrize("seed", range(12))
