@@ -171,7 +171,7 @@ def _check_elements(root: ElementTree.Element, urdf: Path) -> None:
 
 
 def _check_geometry(shape: ElementTree.Element, where: str) -> None:
-    body = next(iter(shape.find("geometry") or ()), None)
+    body = shape.find("geometry/*")
     if body is None or body.tag not in _MEASURES:
         kinds = ", ".join(_MEASURES)
         raise RobotError(f"{where}: a <{shape.tag}> needs a <geometry>, of {kinds}")
