@@ -353,7 +353,7 @@ def test_friction_along_a_slide_is_seen_through_the_body_that_slides(browser, tm
 
 
 def test_jammed_joint_has_its_colour_and_no_friction(browser, tmp_path):
-    from test_replay_loops import jammed_drawer  # beside this file
+    from show.replay.test_markers import jammed_drawer
 
     scene, result = jammed_drawer()
     page = Page(browser, pf.replay(scene, result, html=tmp_path / "jammed.html").html)
@@ -388,7 +388,7 @@ def test_gears_that_hold_have_rows(browser, tmp_path):
 
 
 def test_limits_have_rows_that_say_which_one_holds_back(browser, tmp_path):
-    from test_replay import pushed  # beside this file
+    from show.replay.test_replay import pushed
 
     limits = {"j": {"peak_torque": 4.01, "velocity": 2.0}}
     page = Page(browser, pf.replay(*pushed(), html=tmp_path / "limits.html", limits=limits).html)
@@ -524,7 +524,7 @@ def test_robot_without_visuals_is_seen(browser, tmp_path):
 
 
 def test_cylinder_reaches_from_link_to_link(browser, tmp_path):
-    from test_replay import boom  # beside this file
+    from show.replay.test_stage import boom
 
     scene = boom()
     t = np.linspace(0.0, 1.0, 51)[:, None]

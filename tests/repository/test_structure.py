@@ -96,7 +96,7 @@ def test_what_is_large(lines, large):
     assert is_large(function) == large
 
 
-def tested_with() -> set[str]:
+def found_elsewhere() -> set[str]:
     found = set()
     for place, modules in TESTED_WITH.items():
         assert (ROOT / "tests" / place).exists(), place
@@ -114,4 +114,10 @@ def test_the_tests_of_a_module_are_found_by_its_name():
         for module in modules
         if not (ROOT / "tests" / module.with_name(f"test_{module.name}")).exists()
     }
-    assert missing == tested_with()
+    assert missing == found_elsewhere()
+
+
+def test_the_smoke_set_names_tests_that_exist():
+    for line in (ROOT / "tests/smoke.txt").read_text().splitlines():
+        file, _, name = line.partition("::")
+        assert f"def {name}" in (ROOT / file).read_text(encoding="utf-8"), line

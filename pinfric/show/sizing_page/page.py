@@ -334,7 +334,7 @@ def _formula(text: str) -> Any:
         (r"\bcbrt", "∛"),
         (r"\bomega", "ω"),
         (r"\btheta(?=\(|&#39;| =)", "ϑ"),
-        (r"\btau(?= [t=])", "τ"),
+        (r"\btau(?= [t=ϑ])", "τ"),
         (r"\blambda", "λ"),
         (r"\brho\b", "\N{GREEK SMALL LETTER RHO}"),
         (r"\beta", "η"),

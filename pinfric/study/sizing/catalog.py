@@ -210,6 +210,16 @@ class GearMotor(Rated):
         Positive | None, key("of the rotor, at the motor's speed", 5e-05, "kg m^2")
     ] = None
     mass: Annotated[Positive | None, key("of motor and gear", 0.85, "kg")] = None
+    torque_constant: Annotated[
+        Positive | None, key("at the output, per current of the motor", 4.8, "N m/A or N/A")
+    ] = None
+    current: Annotated[
+        Literal["dc", "rms", "peak"],
+        key("kind of current of the torque constant, as of a motor", "rms"),
+    ] = "dc"
+    backlash: Annotated[
+        NonNegative | None, key("of the output, its input held: the whole angle", 0.00087, "rad")
+    ] = None
     friction: Annotated[
         OutputFriction | None, key("at the output", {"base": 0.5, "load_dependent": 0.1})
     ] = None

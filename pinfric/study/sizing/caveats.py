@@ -96,9 +96,8 @@ def caveats(
         "Each motor and gear is a point mass on its joint's parent link, at the joint's origin; "
         "the drive of the first joint stands on the ground.",
         "Every motor is assumed to fit every gear, and every brake every motor; couplings "
-        "and housings have no mass, nor have brakes whose mass the catalogue does not state. "
-        "Brakes are chosen by their holding torque and, if printed, by the energy of a stop; "
-        "the stopping distance is not checked.",
+        "and housings have no mass. "
+        "Brakes are chosen by their holding torque and, if printed, by the energy of a stop.",
         "Output bearings carry the whole wrench of the joint, about the joint's origin, which is "
         "assumed to lie on the output flange; conditions.bearings names another bearing instead.",
         "Magnets are assumed cold: the torque constant does not fall with temperature.",

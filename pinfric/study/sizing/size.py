@@ -165,7 +165,7 @@ class SizingReport(Shown):
         result, result_without_masses: inverse dynamics of `scene` and of `given`.
         duty: the samples of each cycle of the period, and the number of its runs.
         passes: over all joints until no choice changed. settled: no choice changed in the last.
-        notes: assumptions, and what was not checked.
+        assumptions: of the sizing, in sentences.
         unclosed: states that differ between end and start of the cycle; empty if it closes.
     """
 
@@ -180,7 +180,7 @@ class SizingReport(Shown):
     duty: Schedule
     passes: int
     settled: bool
-    notes: tuple[str, ...] = ()
+    assumptions: tuple[str, ...] = ()
     unclosed: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
@@ -230,6 +230,21 @@ class SizingReport(Shown):
         inertias = [catalog.brakes[name].rotor_inertia or 0.0 if name else 0.0 for name in fitted]
         return standstills(self.result, catalog.brakes, self.conditions, inertias)
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Assumptions, and what of the needed brakes is not in the model."""
+        if self.catalog is None:
+            return self.assumptions
+        needed = dict.fromkeys(x.brake for x in self.standstills if x.fitted and x.brake)
+        brakes = {name: self.catalog.brakes[name] for name in needed}
+        unknown = {
+            "mass": [name for name, brake in brakes.items() if brake.mass is None],
+            "inertia": [name for name, brake in brakes.items() if brake.rotor_inertia is None],
+        }
+        lacks = [f"{what} of {', '.join(names)}" for what, names in unknown.items() if names]
+        text = f"Not known of brakes that are needed, and not in the model: {'; '.join(lacks)}."
+        return (*self.assumptions, text) if lacks else self.assumptions
+
     @cached_property
     def stops(self) -> StopResult | None:
         """Stops with the chosen drives and their brakes; None: the scene has no `stops`."""
@@ -257,8 +272,7 @@ class SizingReport(Shown):
     def reversals(self) -> tuple[Criterion, ...]:
         """Reversal error of each joint, in the order of `joints`; none where not asked for."""
         taken = (joint.installed for joint in self.joints)
-        gears = [None if a is None else a.candidate.gear for a in taken]
-        backlash = [None if gear is None else gear.backlash for gear in gears]
+        backlash = [None if a is None else a.candidate.backlash for a in taken]
         return reversal_criteria(self.scene, self.elastic, self.conditions, backlash)
 
     @cached_property
@@ -462,7 +476,7 @@ class _Sizing:
             duty=duty,
             passes=passes,
             settled=settled,
-            notes=caveats(
+            assumptions=caveats(
                 self.scene, self.catalog, self.conditions, gaps, discontinuities(without, duty)
             ),
             unclosed=gaps,

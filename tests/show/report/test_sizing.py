@@ -243,6 +243,7 @@ def test_everything_that_was_not_checked_is_named_with_what_it_lacks(panda):
             if c.status == "not checked":
                 expected.add((c.name, joint.name))
     expected |= {(c.name, "") for c in panda.bus.criteria if c.status == "not checked"}
+    expected.add(("stopping times and distances", ""))
     summary = sizing_summary(panda)
     rows = [(row.criterion, name) for row in summary.unchecked for name in row.joints or ("",)]
     assert set(rows) == expected
@@ -347,6 +348,7 @@ def test_browser_draws_every_figure_without_errors(report, tmp_path):
 
 def test_formulas_replace_whole_words_only():
     assert _formula("int M^2 dt over this joint and theta") == "∫ M² dt over this joint and theta"
+    assert _formula("tau theta' + theta = x") == "τ ϑ&#39; + ϑ = x"
 
 
 @pytest.mark.parametrize(

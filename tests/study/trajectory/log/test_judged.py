@@ -28,7 +28,7 @@ def test_a_real_ur10_beside_its_measured_efforts(tmp_path):
     )
     assert max(motion.reading.noise.values()) < 1e-11
     assert not motion.reading.filtered
-    measured = judge_log(pf.inverse_dynamics(scene, motion), motion.reading, "joint").measured
+    measured = judge_log(pf.inverse_dynamics(scene, motion), motion.reading).measured
     for joint, plain in (("shoulder_lift_joint", 0.33), ("elbow_joint", 0.51)):
         assert measured[joint].relative_error == pytest.approx(plain, abs=0.02)
 
@@ -46,7 +46,7 @@ def test_a_real_panda_is_filtered_to_its_advantage(tmp_path):
     for cutoff in (None, "none"):
         options = ReadingOptions(columns=tmp_path / "names.yaml", cutoff=cutoff)
         motion = pf.load_trajectory(bag, scene, options)
-        measured = judge_log(pf.inverse_dynamics(scene, motion), motion.reading).measured
+        measured = judge_log(pf.inverse_dynamics(scene, motion), motion.reading, "joint").measured
         assert motion.warnings[0].startswith("left out 14 rows that repeat the row before")
         off[cutoff] = np.array([measured[joint].relative_error for joint in motion.joint_names])
     assert (off[None] < [0.894, 0.1, 0.148, 0.141, 0.643, 0.459, 0.236]).all()
