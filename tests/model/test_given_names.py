@@ -24,6 +24,7 @@ CALLS = {
     "load_trajectory": lambda name: pf.load_trajectory("three_link", name),
     "load_motion": lambda name: pf.load_motion("motion.npz", name),
     "size": lambda name: pf.size(name, "three_link"),
+    "stop": lambda name: pf.stop(name, "three_link"),
     "retime": lambda name: pf.retime(name, "three_link"),
     "sweep": lambda name: pf.sweep(name, "three_link", "a.yaml"),
     "identify": lambda name: pf.identify(name, ["a.csv"]),

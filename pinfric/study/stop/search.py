@@ -8,7 +8,8 @@ axis an estimate orders the samples, as if the axis moved alone and without fric
 
 F what gravity pushes along v, I the inertia at the joint with the rotor. Simulated are the samples
 with the largest estimate, speed and load at rest of each axis, of the largest kinetic energy, and
-some spread evenly; then the neighbours of the worst, nearer and nearer.
+some spread evenly, more of them for the gears' peaks; then the neighbours of the worst, nearer and
+nearer.
 """
 
 from __future__ import annotations
@@ -30,8 +31,11 @@ from pinfric.study.stop.motion import Machine, StopMotion, stop_motion, tool_pat
 from pinfric.study.summary import effort_unit
 from pinfric.study.trajectory.trajectory import Trajectory
 
-#: Samples spread evenly over the cycle; part of the cycle to which the search comes.
-_SPREAD, _FINEST = 6, 400
+#: Samples spread evenly over the cycle, of stops with least and with greatest friction: the gears'
+#: peaks depend on which other axis still moves, and no estimate of one axis finds them.
+_SPREAD = (6, 40)
+#: Part of the cycle to which the search comes.
+_FINEST = 400
 #: An estimate divides by at least this part of the brake's torque.
 _LEAST_SHARE = 0.1
 #: A torque this small beside the load is rounding.
@@ -173,7 +177,7 @@ class Search:
 
     @property
     def _expected(self) -> int:
-        return 60 * len(self.machines.scene.drives) // (1 if self.machines.full else 2)
+        return 70 * len(self.machines.scene.drives) // (1 if self.machines.full else 2)
 
     def motion(self, case: Case) -> StopMotion:
         """Return the motion of one stop, simulated anew."""
@@ -198,7 +202,7 @@ class Search:
     def candidates(self, kind: Kind) -> list[int]:
         """Return the samples that are simulated first."""
         t, rate = self.cycle.trajectory.t, self.cycle.rate
-        chosen = set(np.linspace(0, len(t) - 1, _SPREAD).astype(int).tolist())
+        chosen = set(np.linspace(0, len(t) - 1, _SPREAD[kind.greatest]).astype(int).tolist())
         inertia, score = estimates(self.machines, self.cycle, kind)
         resting = np.where(rate == 0.0, np.abs(self.cycle.hold[kind.load > 0.0]), -1.0)
         for order in (score, np.abs(rate), resting):
