@@ -145,7 +145,8 @@ def mention_degrees(scene: Scene, q: np.ndarray) -> None:
         q: (T, nq) positions, rad and m.
     """
     model, beyond = scene.model, None
-    for name, joint in zip(model.names, model.joints, strict=True):
+    joints = zip(list(model.names)[1:], list(model.joints)[1:], strict=True)  # 0 is the world
+    for name, joint in joints:
         if joint.nq != 1 or not joint.shortname().startswith("JointModelR"):
             continue
         i = joint.idx_q

@@ -243,7 +243,7 @@ def unchecked(report: SizingReport) -> tuple[Unchecked, ...]:
             found.setdefault((c.name, c.lacks), [])
     if report.stops is None:
         lacks = "a drive that fits for every joint, and one cycle"
-        lacks = "`stops` of the scene" if report.given.stops is None else lacks
+        lacks = "the key stops of the scene" if report.given.stops is None else lacks
         found["stopping times and distances", lacks] = []
     return tuple(Unchecked(name, tuple(of), lacks) for (name, lacks), of in found.items())
 
