@@ -220,7 +220,10 @@ def _grow(
     blocks: Sequence[Sequence[int]],
     width: int,
 ) -> list[int]:
-    """Widths with what the blocks have to spare: for the keys, then for the rest, left to right."""
+    """Widths with what the blocks have to spare: for the keys, then for the rest, left to right.
+
+    A column of words shrinks where its block would be too wide.
+    """
     widths = list(least)
 
     def spare(block: Sequence[int]) -> int:
@@ -231,7 +234,9 @@ def _grow(
         widths[c] = min(whole[c], widths[c] + max(free, 0))
     for block in blocks:
         for c in block[table.keys :]:
-            widths[c] = min(whole[c], widths[c] + max(spare(block), 0))
+            folds = table.columns[c].kind is Kind.WORDS  # beside a long key into less than is good
+            floor = _widest((table.columns[c].heading,)) if folds else widths[c]
+            widths[c] = min(whole[c], max(widths[c] + spare(block), floor))
     return widths
 
 

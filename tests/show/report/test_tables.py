@@ -131,12 +131,18 @@ def test_sizing_clips_no_number_at_any_width(sized, width):
     rows = cells(lines, "humanoid")
     joints = in_json(sizing_summary(report))["joints"]
     assert len(rows) == len(joints) == 48
+    guides = [d["guide"] for d in joints if d["guide"] is not None]
+    largest = {key: max(guide[key] for guide in guides) for key in guides[0]}
     for row, d in zip(rows, joints, strict=True):
         peak = d["peak"]
         assert d["holding"] is None  # a column of which no joint knows anything is left out
         assert [x for x in row[1:] if x not in ("N", "N m")] == [
             digits(peak),
             digits(d["speed"]),
+            *(
+                digits(d["guide"][key], zero=1e-12 * most) if d["guide"] else "-"
+                for key, most in largest.items()
+            ),
             between(d["rms_least"], d["rms"], peak),
             beside(d["breakaway"], peak) if d["breakaway"] is not None else "-",
             f"{beside(d['peak_frictionless'], peak)}, {beside(d['rms_frictionless'], peak)}",
