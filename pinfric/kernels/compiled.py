@@ -166,7 +166,8 @@ _MISSING: set[Any] = set()
 def say_compiling(again: str = "once") -> None:
     """Print on stderr, once per process, that kernels are compiled; nothing if all are cached."""
     print(
-        f"pinfric: compiling kernels for this machine, {again}: seconds, up to two minutes",
+        f"pinfric: compiling kernels for this machine, {again}: up to two minutes of "
+        "processor time",
         file=sys.stderr,
         flush=True,
     )

@@ -116,7 +116,7 @@ def test_what_compiles_is_said_on_a_pipe_and_once(tmp_path):
     command = "-m", "pinfric", "inverse", "pendulum", "pendulum.waypoints.yaml"
     first, second = python(tmp_path, *command), python(tmp_path, *command)
     assert first.stderr == (
-        "pinfric: compiling kernels for this machine, once: seconds, up to two minutes\n"
+        "pinfric: compiling kernels for this machine, once: up to two minutes of processor time\n"
     )
     assert second.stderr == ""
     assert first.stdout == second.stdout
