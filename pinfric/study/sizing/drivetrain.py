@@ -44,6 +44,7 @@ from pinfric.study.sizing.thermal import (
     COPPER,
     WindingCycle,
     mean_winding_temperature,
+    no_load_heat,
     winding_cycle,
 )
 from pinfric.study.summary import ends_by_magnitude, rms
@@ -91,6 +92,15 @@ class Ratings:
         """Whether the speed-torque line is known."""
         electric = self.torque_constant is not None and self.resistance is not None
         return electric or (self.no_load_speed is not None and self.stall_torque is not None)
+
+    @property
+    def no_load_heat(self) -> float:
+        """Heat of the housing by turning, W s/rad (`thermal.no_load_heat`); 0: not known."""
+        point = self.continuous_torque, self.rated_speed, self.torque_constant, self.resistance
+        torque, speed, k, r = point
+        if torque is None or speed is None or k is None or r is None:
+            return 0.0
+        return no_load_heat(self.thermal, torque / k, r, speed, self.rated_ambient)
 
     def continuous_over(self, speed: np.ndarray) -> np.ndarray:
         """Return the continuous torque (T,), N m, at speeds |speed|: the maker's curve, or flat."""
@@ -588,7 +598,9 @@ def motor_cycle(candidate: Candidate, cycle: DriveCycle, conditions: Conditions)
     lower, upper = lower * cycle.powered, upper * cycle.powered
     worst, least = ends_by_magnitude(lower, upper)
     hold = cycle.holding
-    current, winding, mean_temperature = _temperatures(candidate.ratings, cycle, worst, conditions)
+    current, winding, mean_temperature = _temperatures(
+        candidate.ratings, cycle, worst, speed, conditions
+    )
     power, copper = _electrical(candidate.ratings, worst, speed, current, winding)
     drawn = astuple(power_figures(t, power)) if copper else (None, None, None, None)
     ratings, mean_speed = candidate.ratings, mean(t, np.abs(speed))
@@ -619,7 +631,11 @@ def motor_cycle(candidate: Candidate, cycle: DriveCycle, conditions: Conditions)
 
 
 def _temperatures(
-    ratings: Ratings, cycle: DriveCycle, torque: np.ndarray, conditions: Conditions
+    ratings: Ratings,
+    cycle: DriveCycle,
+    torque: np.ndarray,
+    speed: np.ndarray,
+    conditions: Conditions,
 ) -> tuple[np.ndarray | None, WindingCycle | None, float | None]:
     """Return current, winding temperatures and temperature at the mean heat, where known."""
     if ratings.torque_constant is None:
@@ -628,11 +644,20 @@ def _temperatures(
     thermal, resistance = ratings.thermal, ratings.resistance
     if thermal is None or resistance is None:
         return current, None, None
-    ambient = conditions.ambient
-    at_mean = mean_winding_temperature(cycle.stretched, current, resistance, thermal, ambient)
+    ambient, turning = conditions.ambient, ratings.no_load_heat * np.abs(speed)
+    at_mean = mean_winding_temperature(
+        cycle.stretched,
+        current,
+        resistance,
+        thermal,
+        ambient,
+        no_load=mean(cycle.stretched, turning),
+    )
     if thermal.winding_time is None or thermal.housing_time is None:
         return current, None, at_mean
-    winding = winding_cycle(cycle.t, current, resistance, thermal, ambient, duty=cycle.duty)
+    winding = winding_cycle(
+        cycle.t, current, resistance, thermal, ambient, duty=cycle.duty, no_load=turning
+    )
     return current, winding, at_mean
 
 
