@@ -7,11 +7,11 @@ Each mutant changes one line in memory: a comparison, a sign, a product, a numbe
 it leaves out a statement. Kernels run as plain Python, so nothing is compiled. Tests are collected
 once; everything else happens in forked processes, so that no test sees what another one left:
 
-1. Each test runs alone and unbroken. Those that take long or fail as plain Python are left out; of
-   the others the functions that they call are noted.
-2. For each mutant the tests run that call its function, the fastest first. One that fails counts
-   only if it fails alone, too. Where numba divides by zero, plain Python raises: such a failure
-   alone proves nothing.
+1. The tests of the mutant's own module run. One that fails counts only if it fails alone, too, and
+   passes alone unbroken. Where numba divides by zero, plain Python raises: such a failure alone
+   proves nothing.
+2. If none notices, all other tests run that call its function, the fastest first. For this each
+   test runs once alone and unbroken; those that take long or fail as plain Python are left out.
 
 What survives is printed with its line: it needs a test, or a reason. A mutant is chosen by the text
 of its line, so that the same seed breaks the same lines after changes elsewhere.
@@ -43,7 +43,7 @@ from _pytest.runner import runtestprotocol
 from pinfric.kernels import compiled
 
 ROOT = Path(__file__).parents[1]
-TESTS = ("tests/friction", "tests/dynamics")
+TESTS = ("tests/friction", "tests/dynamics", "tests/judges")
 #: Tests that take longer with kernels as plain Python are left out (s).
 LONGEST = 6
 #: Exceptions that plain Python raises where a compiled kernel computes inf or nan.
@@ -239,7 +239,7 @@ def failures(items: list[pytest.Item], tests: list[int], longest: float) -> Iter
 
         listener = Listen()
         items[test].config.pluginmanager.register(listener)
-        signal.setitimer(signal.ITIMER_REAL, longest)
+        signal.setitimer(signal.ITIMER_REAL, longest, 1.0)  # again: somebody may catch it
         try:
             reports = runtestprotocol(items[test], log=False, nextitem=after)
         finally:
@@ -308,51 +308,86 @@ def first_failure(
     return last
 
 
-def catcher(items: list[pytest.Item], mutant: Mutant, tests: list[int]) -> str:
-    """Return the test that notices a mutant and how; empty if none does."""
-    left, divided = tests, ""
-    while left:
-        found = in_child(first_failure, items, mutant, left, 5.0 * LONGEST)
-        if found is None:
-            break
-        alone = in_child(first_failure, items, mutant, [found.test], 5.0 * LONGEST)
-        if alone is not None:
-            how = f"{alone.kind} in {items[found.test].nodeid}"
-            if alone.kind not in DIVISION:
-                return how
-            divided = f"SURVIVED but for {how}"
-        left = left[left.index(found.test) + 1 :]
-    return divided
+class Search:
+    """In place of pytest's own loop over the tests: break, count and print.
 
+    Args:
+        mutants: what to try.
+        before: the log of an earlier run; the tests that noticed a mutant then are tried first.
+        near: leave it at those tests and at those of the mutant's own module.
+    """
 
-class Mutants:
-    """In place of pytest's own loop over the tests: break, count and print."""
+    def __init__(self, mutants: list[Mutant], before: Path | None, near: bool) -> None:
+        self.mutants, self.near = mutants, near
+        self.before: dict[str, str] = {}
+        for line in before.read_text().splitlines() if before else ():
+            if " | " in line:
+                _, mutant, by = line.split(" | ", 2)
+                self.before[_without_line(mutant)] = by.rpartition("::")[2]
+        self.items: list[pytest.Item] = []
+        self.known: dict[int, Known | None] = {}
 
-    def __init__(self, mutants: list[Mutant]) -> None:
-        self.mutants = mutants
+    def unbroken(self, test: int) -> Known | None:
+        """What a test does unbroken; run once."""
+        if test not in self.known:
+            self.known[test] = in_child(known, self.items, test)
+        return self.known[test]
+
+    def groups(self, mutant: Mutant) -> Iterator[list[int]]:
+        """Tests that may notice a mutant, those that probably do first."""
+        former = self.before.get(_without_line(str(mutant)))
+        numbers = range(len(self.items))
+        yield [i for i in numbers if self.items[i].name == former]
+        module = mutant.file.relative_to(ROOT / "pinfric")
+        own = f"tests/{module.with_name(f'test_{module.name}')}::"
+        yield [i for i in numbers if self.items[i].nodeid.startswith(own)]
+        if not self.near:
+            place = str(mutant.file), mutant.function
+            known = {i: found for i in numbers if (found := self.unbroken(i))}
+            calling = [i for i, found in known.items() if place in found.calls]
+            yield sorted(calling, key=lambda i: known[i].seconds)
+
+    def catcher(self, mutant: Mutant) -> str:
+        """Return the test that notices a mutant and how, or that it survived how many tests."""
+        tried, divided = set[int](), ""
+        for group in self.groups(mutant):
+            left = [i for i in group if i not in tried]
+            tried.update(left)
+            while left:
+                found = in_child(first_failure, self.items, mutant, left, 5.0 * LONGEST)
+                if found is None:
+                    break
+                alone = in_child(first_failure, self.items, mutant, [found.test], 5.0 * LONGEST)
+                if alone is not None and self.unbroken(found.test) is not None:
+                    how = f"{alone.kind} in {self.items[found.test].nodeid}"
+                    if alone.kind not in DIVISION:
+                        return how
+                    divided = f" but for {how}"
+                left = left[left.index(found.test) + 1 :]
+        return f"SURVIVED {len(tried)} tests{divided}"
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
         """Run the tests of every mutant; none of it in this process."""
-        items, writer = session.items, session.config.get_terminal_writer()
-        tests = {i: found for i in range(len(items)) if (found := in_child(known, items, i))}
-        fastest = sorted(tests, key=lambda i: tests[i].seconds)
-        writer.line(f"\n{len(tests)} tests of {len(items)}", flush=True)
+        self.items, writer = session.items, session.config.get_terminal_writer()
         caught: Counter[str] = Counter()
         total: Counter[str] = Counter()
         for number, mutant in enumerate(self.mutants, 1):
-            place = str(mutant.file), mutant.function
-            calling = [i for i in fastest if place in tests[i].calls]
-            by = catcher(items, mutant, calling)
+            by = self.catcher(mutant)
             room = mutant.file.relative_to(ROOT / "pinfric").parts[0]
             total[room] += 1
-            caught[room] += bool(by) and not by.startswith("SURVIVED")
-            by = by or f"SURVIVED {len(calling)} tests"
+            caught[room] += not by.startswith("SURVIVED")
             writer.line(f"{number} | {mutant} | {by}", flush=True)
         for room in total:
             share = 100 * caught[room] / total[room]
             writer.line(f"{room}: {caught[room]} of {total[room]} caught ({share:.0f} %)")
         return True
+
+
+def _without_line(mutant: str) -> str:
+    """A mutant's text without the number of its line, which moves."""
+    place, _, change = mutant.partition(": ")
+    return f"{place.partition(':')[0]}: {change}"
 
 
 def main() -> None:
@@ -362,12 +397,26 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=100, help="lines of each room")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--tests", nargs="*", default=TESTS)
+    parser.add_argument("--before", type=Path, help="log of an earlier run: its tests first")
+    parser.add_argument("--near", action="store_true", help="only these and the module's own")
     given = parser.parse_args()
     interpret_kernels()
     mutants = [one for room in given.rooms for one in chosen(room, given.count, given.seed)]
     os.chdir(ROOT)
-    options = ["-q", "-n", "0", "-m", "not slow", "-W", "ignore::RuntimeWarning"]
-    sys.exit(pytest.main([*options, *given.tests], plugins=[Mutants(mutants)]))
+    options = [
+        "-q",
+        "-n",
+        "0",
+        "-m",
+        "not slow",
+        "-W",
+        "ignore::RuntimeWarning",
+        "-p",
+        "no:cacheprovider",
+    ]
+    sys.exit(
+        pytest.main([*options, *given.tests], plugins=[Search(mutants, given.before, given.near)])
+    )
 
 
 if __name__ == "__main__":

@@ -27,6 +27,20 @@ def test_problems_are_counted_and_cut():
     assert many == "m.csv: 1000 problems: no 0; no 1; no 2; no 3; no 4; and 995 more"
 
 
+@pytest.mark.parametrize(
+    ("name", "allowed", "taken", "says"),
+    [
+        ("swnig", ("swing", "lift"), (), "did you mean 'swing'? there are: swing, lift"),
+        ("zzz", ("swing", "lift"), (), "there are: swing, lift"),
+        ("t21", ("t1", "t2"), ("t1",), "did you mean 't2'? there are: t1, t2"),
+        ("swnig", ("swing",), ("swing",), "there are: swing"),
+        ("swing", (), (), "there are none"),
+    ],
+)
+def test_the_nearest_name_that_is_free_is_offered(name, allowed, taken, says):
+    assert choose_from(name, allowed, taken=taken) == says
+
+
 def test_of_long_lists_the_nearest_three_names_are_said():
     names = [f"joint{i}" for i in range(1000)]
     text = choose_from("jiont7", names)

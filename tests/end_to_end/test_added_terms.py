@@ -173,7 +173,7 @@ def test_they_are_effects_by_their_keys(tmp_path):
     [
         (
             COLLAR.replace("weight", "wieght"),
-            "unknown key `friction.turn.bearing.wieght`; did you mean 'weight'",
+            "unknown key `friction.turn.bearing.wieght`",
         ),
         (COLLAR.replace("weight", "radius"), r"bearing\.radius`; there are: kind, weight"),
         (COLLAR.replace(", weight: 2.0", ""), r"`friction\.turn\.bearing\.weight` is missing"),
@@ -181,11 +181,11 @@ def test_they_are_effects_by_their_keys(tmp_path):
         (POWER_DRAG.replace("0.4", "-1"), r"turn\.power_drag\.coefficient`: .*at least 0"),
         (
             POWER_DRAG.replace("exponent", "exponant"),
-            r"unknown key `friction\.turn\.power_drag\.exponant`; did you mean 'exponent'",
+            r"unknown key `friction\.turn\.power_drag\.exponant`",
         ),
         (
             POWER_DRAG.replace("power_drag", "power_darg"),
-            r"unknown key `friction\.turn\.power_darg`; did you mean 'power_drag'",
+            r"unknown key `friction\.turn\.power_darg`",
         ),
     ],
 )

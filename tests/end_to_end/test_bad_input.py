@@ -76,15 +76,10 @@ FILES = {"arm.urdf": URDF, "arm.yaml": SCENE, "motion.csv": MOTION, "way.yaml": 
 
 SCENE_CASES = [
     case("missing", "arm.yaml", None, None, "arm.yaml", "no file"),
-    case("empty", "arm.yaml", None, "", "arm.yaml", "empty"),
     case("malformed", "arm.yaml", "{kind: pin,", "{kind: pin", "arm.yaml, line", "not valid YAML"),
-    case("a list", "arm.yaml", None, "- 1\n- 2\n", "arm.yaml", "mapping", "list"),
     case("tab", "arm.yaml", "  urdf", "\turdf", "arm.yaml, line 3", "not valid YAML"),
     case("not text", "arm.yaml", None, "\x00\x01", "arm.yaml", "not"),
-    case("key twice", "arm.yaml", "actuators:", "friction:", "arm.yaml, line", "duplicate"),
-    case("other version", "arm.yaml", "pinfric: 1", "pinfric: 2", "arm.yaml", "pinfric", "2"),
     case("no version", "arm.yaml", "pinfric: 1\n", "", "arm.yaml", "pinfric", "missing"),
-    case("unknown key", "arm.yaml", "actuators", "actuator", "arm.yaml", "'actuators'", "actuator"),
     case(
         "unknown deep key",
         "arm.yaml",
@@ -132,29 +127,6 @@ SCENE_CASES = [
         "'elbow'",
         "shoulder",
     ),
-    case("negative radius", "arm.yaml", "0.05", "-0.05", "shoulder.bearing.radius", "-0.05"),
-    case(
-        "negative mu",
-        "arm.yaml",
-        "kinetic: 0.1}\n  ext",
-        "kinetic: -0.1}\n  ext",
-        "shoulder.mu.kinetic",
-        "-0.1",
-    ),
-    case(
-        "static below kinetic",
-        "arm.yaml",
-        "{static: 0.2, kinetic: 0.1}\n  ext",
-        "{static: 0.1, kinetic: 0.2}\n  ext",
-        "shoulder.mu",
-        "0.1",
-        "0.2",
-        "swapped",
-    ),
-    case("zero length", "arm.yaml", "length: 0.10", "length: 0", "shoulder.bearing.length", "0"),
-    case("negative length", "arm.yaml", "length: 0.2", "length: -0.2", "extension.bearing.length"),
-    case("not a number", "arm.yaml", "0.05", "wide", "shoulder.bearing.radius", "wide"),
-    case("infinite", "arm.yaml", "0.05", ".inf", "shoulder.bearing.radius"),
     case(
         "bearing of a slider on a hinge",
         "arm.yaml",
@@ -164,21 +136,8 @@ SCENE_CASES = [
         "guide",
         "turning",
     ),
-    case(
-        "unknown bearing", "arm.yaml", "kind: pin", "kind: pivot", "shoulder.bearing.kind", "pivot"
-    ),
-    case(
-        "bearing without mu",
-        "arm.yaml",
-        "    mu: {static: 0.2, kinetic: 0.1}\n  ext",
-        "  ext",
-        "shoulder",
-        "mu",
-    ),
     case("undriven joint", "arm.yaml", "  - {joint: extension}\n", "", "actuators", "extension"),
     case("driven twice", "arm.yaml", "joint: extension", "joint: shoulder", "shoulder", "twice"),
-    case("zero ratio", "arm.yaml", "ratio: 100", "ratio: 0", "actuators", "ratio"),
-    case("efficiency above 1", "arm.yaml", "efficiency: 0.8", "efficiency: 80", "efficiency", "80"),
     case(
         "loop without sides",
         "arm.yaml",
@@ -195,7 +154,6 @@ SCENE_CASES = [
         "  - {cylinder: {name: boom}}",
         "`actuators[1].cylinder.a` is missing",
     ),
-    case("weightless payload", "arm.yaml", "mass: 1.0", "mass: 0.0", "payloads.box.mass"),
     case(
         "unphysical payload",
         "arm.yaml",
@@ -254,7 +212,6 @@ SCENE_CASES = [
     ),
     case("path of 5000 letters", "arm.yaml", "arm.urdf", "a" * 5000, "arm.yaml", "robot.urdf"),
     case("path of 2000 folders", "arm.yaml", "arm.urdf", "a/" * 2500, "arm.yaml", "robot.urdf"),
-    case("vector of two", "arm.yaml", "com: [0, 0, 0]", "com: [0, 0]", "payloads.box.com"),
     case("missing URDF", "arm.yaml", "arm.urdf", "leg.urdf", "arm.yaml", "robot.urdf", "leg.urdf"),
     case(
         "unknown example robot",

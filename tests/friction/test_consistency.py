@@ -15,16 +15,8 @@ from pinfric.friction.law import stick_limits
 from pinfric.friction.modes import Modes
 from pinfric.friction.problem import empty_problem
 from pinfric.friction.rest import solve
-from pinfric.kernels import interpreted
 
-
-@pytest.fixture(autouse=True)
-def _interpreted(monkeypatch):
-    """For tuples of arrays they would be compiled anew, 30 s: forward dynamics takes records.
-
-    That both forms agree is tested in `dynamics/problem/test_instant.py`.
-    """
-    monkeypatch.setattr(interpreted, "PATIENCE", np.inf)
+pytestmark = pytest.mark.usefixtures("interpreted_kernels")
 
 
 def test_judge_names_what_is_wrong():
@@ -60,3 +52,15 @@ def test_sites_of_which_some_hold_without_limit_share_what_one_coordinate_needs(
     assert (phi >= -p.coulomb_stick[:, 0] - 1e-12).all()
     assert (phi <= p.coulomb_stick[:, 1] + 1e-12).all()
     assert p.ratio @ phi == pytest.approx(m.friction[0], rel=1e-12, abs=1e-12)
+
+
+def test_what_one_coordinate_shares_leaves_the_sites_of_others_alone():
+    """Sites 0 and 1 hold without limit and need 4 together; site 2 of the other slips."""
+    p = empty_problem(np.array([0, 0, 1]), np.ones(3), np.arange(3), np.zeros(3))
+    p.coulomb_stick[:2], p.coulomb_slip[2] = np.inf, 0.7
+    m, lower, upper, phi = Modes.of(2, 3), np.empty(2), np.empty(2), np.full(3, np.nan)
+    stick_limits(p, m.load, lower, upper)
+    m.stuck[:], m.direction[:], m.friction[:] = (True, False), (0.0, 1.0), (4.0, -0.7)
+    site_friction(p, m, lower, upper, phi)
+    assert phi[2] == -0.7
+    assert phi[:2].sum() == pytest.approx(4.0)

@@ -16,16 +16,8 @@ from friction_cases import (
 from pinfric.friction import given_modes as coupling
 from pinfric.friction.consistency import site_friction
 from pinfric.friction.law import stick_limits
-from pinfric.kernels import interpreted
 
-
-@pytest.fixture(autouse=True)
-def _interpreted(monkeypatch):
-    """For tuples of arrays they would be compiled anew, 30 s: forward dynamics takes records.
-
-    That both forms agree is tested in `dynamics/problem/test_instant.py`.
-    """
-    monkeypatch.setattr(interpreted, "PATIENCE", np.inf)
+pytestmark = pytest.mark.usefixtures("interpreted_kernels")
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -100,3 +92,12 @@ def test_a_contact_without_load_has_no_direction_and_no_nan():
     (found, _), m = solved(p, np.zeros(4, bool), np.ones(4))
     assert found == 1
     assert (m.friction == 0).all()
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_passes_of_every_start_count(seed):
+    """Beyond a contraction of 1 there is a start from rest, nz + 1 far out and the guess itself."""
+    p = random_problem(seed, strength=1.5)
+    _, m = solved(p, np.zeros(4, bool), np.ones(4))
+    assert m.figures[0] >= 1.0
+    assert m.figures[1] >= 1 + 4 + 2

@@ -8,16 +8,8 @@ from builders import random_friction, random_tree
 
 import pinfric as pf
 from pinfric.dynamics.judge.plain_laws import plain_normal_load
-from pinfric.kernels import interpreted
 
-
-@pytest.fixture(autouse=True)
-def _interpreted(monkeypatch):
-    """For tuples of arrays they would be compiled anew, 30 s: forward dynamics takes records.
-
-    That both forms agree is tested in `dynamics/problem/test_instant.py`.
-    """
-    monkeypatch.setattr(interpreted, "PATIENCE", np.inf)
+pytestmark = pytest.mark.usefixtures("interpreted_kernels")
 
 
 @pytest.mark.parametrize("seed", range(8))

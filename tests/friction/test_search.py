@@ -19,16 +19,8 @@ from pinfric.friction.consistency import evaluate, judge
 from pinfric.friction.modes import Found, Modes
 from pinfric.friction.rest import solve
 from pinfric.friction.ways import Kinematics
-from pinfric.kernels import interpreted
 
-
-@pytest.fixture(autouse=True)
-def _interpreted(monkeypatch):
-    """For tuples of arrays they would be compiled anew, 30 s: forward dynamics takes records.
-
-    That both forms agree is tested in `dynamics/problem/test_instant.py`.
-    """
-    monkeypatch.setattr(interpreted, "PATIENCE", np.inf)
+pytestmark = pytest.mark.usefixtures("interpreted_kernels")
 
 
 def brute_force(p, at_rest):
@@ -139,3 +131,17 @@ def test_what_was_sticking_decides_between_equally_few_slipping():
         == Found.AMBIGUOUS
     )
     assert search.search(p, m, a_tree(len(m.stuck)), held=np.ones(3, bool)) == Found.AMBIGUOUS
+
+
+def test_a_search_that_runs_out_of_passes_is_followed_to_a_solution_or_undecided(monkeypatch):
+    """Enumeration of 3^7 modes reaches its limit; block pivoting needs a few passes more."""
+    p = random_problem(0, nc=7, strength=0.03, static=1.0)
+    ended = []
+    for passes in (1, 8, 10**6):
+        monkeypatch.setattr(search, "MOST_PASSES", passes)
+        m = Modes.of(7, 7)
+        m.at_rest[:] = True
+        ended.append((search.search(p, m, a_tree(7)), m.direction.tolist()))
+    assert [found for found, _ in ended] == [Found.UNDECIDED, Found.SOLVED, Found.SOLVED]
+    assert ended[1][1] == ended[2][1]
+    assert np.count_nonzero(ended[1][1]) > 1  # beyond what 8 passes enumerate

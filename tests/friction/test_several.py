@@ -17,16 +17,8 @@ from friction_cases import (
 from pinfric.friction import search
 from pinfric.friction.modes import Found, Modes
 from pinfric.friction.several import find_all
-from pinfric.kernels import interpreted
 
-
-@pytest.fixture(autouse=True)
-def _interpreted(monkeypatch):
-    """For tuples of arrays they would be compiled anew, 30 s: forward dynamics takes records.
-
-    That both forms agree is tested in `dynamics/problem/test_instant.py`.
-    """
-    monkeypatch.setattr(interpreted, "PATIENCE", np.inf)
+pytestmark = pytest.mark.usefixtures("interpreted_kernels")
 
 
 def strong_problem(seed, along=3, constant=0.0):

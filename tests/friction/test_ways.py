@@ -13,16 +13,8 @@ from scipy.optimize import linprog
 
 from pinfric.friction.rest import Mechanism
 from pinfric.friction.ways import Kinematics
-from pinfric.kernels import interpreted
 
-
-@pytest.fixture(autouse=True)
-def _interpreted(monkeypatch):
-    """For tuples of arrays they would be compiled anew, 30 s: forward dynamics takes records.
-
-    That both forms agree is tested in `dynamics/problem/test_instant.py`.
-    """
-    monkeypatch.setattr(interpreted, "PATIENCE", np.inf)
+pytestmark = pytest.mark.usefixtures("interpreted_kernels")
 
 
 def a_mechanism(A):

@@ -215,7 +215,7 @@ def test_a_replays_ring_lies_round_the_line_of_the_cylinder():
 @pytest.mark.parametrize(
     ("friction", "says"),
     [
-        ({"rum": SEAL}, "friction: there is no joint 'rum'; did you mean 'ram'"),
+        ({"rum": SEAL}, "friction: there is no joint 'rum'"),
         ({"ram": PIN}, r"friction\.ram\.bearing: a pin does not fit a cylinder; take seal"),
         ({"pivot": SEAL}, r"friction\.pivot\.bearing: a seal does not fit a turning joint"),
     ],

@@ -16,7 +16,7 @@ from pinfric.errors import (
     [
         (
             {"a": {"link": "couplet"}},
-            r"loops\[0\] \(B\)\.a\.link: there is no link 'couplet'; did you",
+            r"loops\[0\] \(B\)\.a\.link: there is no link 'couplet'",
         ),
         ({"name": "A"}, "the name 'A' is taken"),
         ({"axis": [0, 0, 0]}, r"loops\[0\] \(B\)\.axis: .* has no direction"),

@@ -60,7 +60,7 @@ def test_locked_joints_are_gone_and_stay_where_they_were_put(tmp_path):
     assert list(robot.model.names)[1:] == ["swing"]
     frame = robot.model.frames[robot.model.getFrameId("hand")]
     np.testing.assert_allclose(frame.placement.rotation, pin.rpy.rpyToMatrix(0, 0, 0.3), atol=1e-15)
-    with pytest.raises(RobotError, match=r"no joint 'wirst'; did you mean 'wrist'"):
+    with pytest.raises(RobotError, match=r"no joint 'wirst'"):
         read_robot(file, {"wirst": 0.3})
 
 
@@ -105,7 +105,7 @@ def test_the_notice_of_urdf_dynamics_names_four_joints_of_many(tmp_path):
 @pytest.mark.parametrize(
     ("payload", "says"),
     [
-        ("{link: amr, mass: 1, com: [0, 0, 0]}", r"payloads\.box\.link.*did you mean 'arm'"),
+        ("{link: amr, mass: 1, com: [0, 0, 0]}", r"payloads\.box\.link.*'arm'"),
         ("{link: arm, mass: 1, com: [0, 0, 0], inertia: [1, 0, 0, 1, 0, 3]}", "triangle"),
     ],
 )

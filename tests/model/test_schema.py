@@ -29,8 +29,8 @@ def test_the_whole_format_is_read():
 REFUSED = [
     (["friction", "joint_23", "viscus"], 0.1, r"friction\.joint_23\.viscus.*'viscous'"),
     (["friction", "joint_12", "bearing"], {"kind": "pin", "raduis": 0.1}, "raduis`; .*'radius'"),
-    (["lops"], {}, r"unknown key `lops`; did you mean 'loops'"),
-    (["simulation", "motor_torqe"], {}, "did you mean 'motor_torque'"),
+    (["lops"], {}, r"unknown key `lops`"),
+    (["simulation", "motor_torqe"], {}, "'motor_torque'"),
     (["friction", "joint_12", "radius"], 0.1, r"key `friction\.joint_12\.radius`; there are: bear"),
     (["friction", "joint_12", "coulomb"], 5.0, r"12\.coulomb`: should be a mapping.*5\.0$"),
     (["friction", "joint_12", 7], 0.1, r"`friction\.joint_12\[7\]`: keys should be strings"),
@@ -96,7 +96,7 @@ def test_what_cannot_be_is_refused_by_name(path, value, says):
     [
         # the key that was meant is there already, and is not offered
         ("stiffness", {"k1": 1.0, "k2": 2.0, "t1": 1.0, "t21": 3.0}, "`stiffness.t21`; did .*'t2'"),
-        ("stiffness", {"k": 1.0, "k2": 2.0}, "unknown key `stiffness.k`; did you mean 'k3'"),
+        ("stiffness", {"k": 1.0, "k2": 2.0}, "unknown key `stiffness.k`.*'k3'"),
         (
             "no_load_torque",
             {"positive": {"static": 1, "kinetic": 1}, "static": 1},

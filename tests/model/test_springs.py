@@ -116,7 +116,7 @@ def test_hysteresis_needs_a_stiffness_and_a_plausible_unit():
 def test_a_tool_that_is_not_there():
     with pytest.raises(pf.PinfricError, match=r"scene: tool: there is no link 'tol0'"):
         pf.Scene(_pendulum(), tool="tol0")
-    with pytest.raises(pf.PinfricError, match=r"tool: there is no link 'tol0'; did you"):
+    with pytest.raises(pf.PinfricError, match=r"tool: there is no link 'tol0'"):
         pf.load_scene("ur10_machine_tending").with_(tool="tol0")
 
 

@@ -114,7 +114,7 @@ def test_an_effort_function_may_ask_for_forward_dynamics_itself():
         ({"q0": [1j]}, "q0: .*complex"),
         ({"v0": [True]}, "v0: .*true and false"),
         ({"max_events": 2.5}, "max_events = 2.5: should be a whole number"),
-        ({"effort": {"slid": 1.0}}, "no drive 'slid'; did you mean 'slide'"),
+        ({"effort": {"slid": 1.0}}, "no drive 'slid'"),
         ({"effort": {"slide": [1, 2]}}, "should be a number"),
         ({"effort": ([0.0, 0.0], [[0.0], [1.0]])}, "times do not increase at row 1"),
         ({"effort": ([0.0, 1.0], [0.0, 1.0])}, r"values of shape \(2,\)"),

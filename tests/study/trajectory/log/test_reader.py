@@ -133,7 +133,7 @@ def test_all_problems_of_a_csv_in_one_error(tmp_path, monkeypatch):
     )
     text = message(path, arm_scene(box=True))
     for part in (
-        "unknown payload in column 'payload.bax'; did you mean 'box'?",
+        "unknown payload in column 'payload.bax'",
         "column 'c' occurs 2 times",
         "joints without a column: b (columns not used: 'bb', 'a.w')",
         "the header has 7 columns; rows with another number of cells: line 5 (6)",
