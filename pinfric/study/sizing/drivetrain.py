@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import astuple, dataclass, fields, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -628,6 +628,44 @@ def motor_cycle(candidate: Candidate, cycle: DriveCycle, conditions: Conditions)
         else longest_above(cycle.t, worst, limit, cycle.standing, cycle.duty),
     )
     return MotorCycle(lower, upper, speed, current, winding, power, copper, figures)
+
+
+class Floor(NamedTuple):
+    """Least RMS torque at a gear's input for any rotor: means of u^2, 2 u a, a^2 of both ends.
+
+    The worst end of the interval is at no sample less than either end, u + J a, a of the input.
+    """
+
+    ends: tuple[tuple[float, float], tuple[float, float]]
+    inertial: float
+
+    def rms(self, inertia: float) -> float:
+        """Return the least RMS torque, N m, with a rotor of `inertia`, kg m^2."""
+        squares = [u + 2 * inertia * mixed for u, mixed in self.ends]
+        return max(max(squares) + inertia**2 * self.inertial, 0.0) ** 0.5
+
+
+def torque_floor(candidate: Candidate, cycle: DriveCycle) -> Floor:
+    """Return the floor of a gear over a cycle; of a motor behind it only the rotor matters.
+
+    Args:
+        candidate: with a transmission, torques at the motor's shaft. cycle: the joint's samples.
+    """
+    assert candidate.transmission is not None
+    bare = candidate.transmission.model_copy(update={"rotor_inertia": 0.0})
+    bounds = gear_torque_bounds(
+        gear_table([bare], [0.0]),
+        cycle.effort_lower,
+        cycle.effort_upper,
+        cycle.velocity,
+        cycle.acceleration,
+        cycle.at_rest,
+    )
+    t, a = cycle.stretched, candidate.ratio * cycle.acceleration * cycle.powered
+    lower, upper = (
+        (mean(t, u * u), mean(t, u * a)) for u in (bound * cycle.powered for bound in bounds)
+    )
+    return Floor((lower, upper), mean(t, a * a))
 
 
 def _temperatures(
