@@ -13,13 +13,20 @@ from pinfric.study.sizing.bearing import BearingRatings
 from pinfric.study.sizing.catalog import OTHERS, Amplifier, Catalog, Conditions
 from pinfric.study.sizing.criteria import (
     check,
+    continuous_limit,
     failing,
     gear_limits,
     missing_figures,
     motor_limits,
 )
-from pinfric.study.sizing.criterion import Criterion, Status
-from pinfric.study.sizing.drivetrain import Candidate, MotorFigures, motor_cycle
+from pinfric.study.sizing.criterion import Criterion, Status, compare
+from pinfric.study.sizing.drivetrain import (
+    Candidate,
+    Floor,
+    MotorFigures,
+    motor_cycle,
+    torque_floor,
+)
 from pinfric.study.sizing.limit import Case
 
 #: Of candidates that fit, so many are judged before the heavier ones are left out.
@@ -92,8 +99,8 @@ def assess(offers: Sequence[Candidate], case: Case) -> tuple[Assessment, ...]:
 
     Gears that fail whatever the motor are judged first, and motors too slow for a gear or the bus;
     an assessment has only these criteria then. The others are judged from the lightest on, until
-    `ENOUGH` fit. Where none fits, of what was rejected early that is judged in full which may be
-    the nearest miss.
+    `ENOUGH` fit. Of what was rejected early that is judged in full which may be the nearest miss,
+    or the nearest below the lightest that fits.
 
     Args:
         offers: motors and gears. case: the joint.
@@ -107,10 +114,9 @@ def assess(offers: Sequence[Candidate], case: Case) -> tuple[Assessment, ...]:
         else:
             rest += group
     found = _from_the_lightest(rest, case, early)
-    if not any(a.fits for a in found):
-        found += _nearest_of(
-            early, max((a.margin for a in found if a.failed), default=-np.inf), case
-        )
+    most = min((_by_mass(a.candidate) for a in found if a.fits), default=np.inf)
+    short = (a.margin for a in found if a.failed and _by_mass(a.candidate) < most)
+    found += _nearest_of(_lighter(early, most), max(short, default=-np.inf), case)
     there = {a.candidate.name for a in found}
     found += [e.assessment for e in early if e.assessment.candidate.name not in there]
     return tuple(sorted(found, key=_rank))
@@ -132,16 +138,44 @@ def _by_mass(candidate: Candidate) -> float:
     return np.inf if candidate.mass is None else candidate.mass
 
 
+class _Weak:
+    """Motors that cannot carry even the least RMS torque of a cycle, whatever else."""
+
+    def __init__(self, case: Case) -> None:
+        self.case = case
+        self.floors: dict[tuple[str, float], Floor] = {}
+
+    def __call__(self, candidate: Candidate) -> tuple[Criterion, ...]:
+        """Return the criterion of the continuous torque if a candidate is too weak."""
+        ratings, conditions = candidate.ratings, self.case.conditions
+        if candidate.gear_name is None or candidate.transmission is None:
+            return ()
+        if ratings.continuous_curve is not None:
+            return ()
+        limit, note = ratings.continuous_at(conditions)
+        key = candidate.gear_name, candidate.ratio
+        if key not in self.floors:
+            self.floors[key] = torque_floor(candidate, self.case.cycle)
+        least = self.floors[key].rms(candidate.transmission.rotor_inertia) * (1 - 1e-9)
+        if limit is None or least <= limit:
+            return ()
+        row = continuous_limit()
+        texts = "; ".join(x for x in ("at least; the cycle was not looked at further", note) if x)
+        formula = "sqrt(1/T int T_m^2 dt) <= continuous torque at its shaft"
+        source = row.source if isinstance(row.source, str) else ""
+        return (compare(row.name, least, limit, "N m", formula, source, note=texts),)
+
+
 def _from_the_lightest(
     offers: Sequence[Candidate], case: Case, early: list[_Rejected]
 ) -> list[Assessment]:
     """Judge until enough fit; those that their motor's speed or voltage rejects go to `early`."""
     found: list[Assessment] = []
-    fit, last, limits = 0, np.inf, motor_limits()
+    fit, last, limits, weak = 0, np.inf, motor_limits(), _Weak(case)
     for candidate in sorted(offers, key=_by_mass):
         if fit >= ENOUGH and _by_mass(candidate) > last:
             break
-        failed = failing(limits, candidate, case)
+        failed = failing(limits, candidate, case) or weak(candidate)
         if failed:
             early.append(_Rejected([candidate], failed))
             continue
@@ -151,14 +185,24 @@ def _from_the_lightest(
     return found
 
 
+def _lighter(early: Sequence[_Rejected], mass: float) -> list[_Rejected]:
+    """What was rejected early, of candidates below a mass, kg."""
+    kept = ([c for c in e.candidates if _by_mass(c) < mass or mass == np.inf] for e in early)
+    return [_Rejected(c, e.failed) for c, e in zip(kept, early, strict=True) if c]
+
+
 def _nearest_of(early: Sequence[_Rejected], best: float, case: Case) -> list[Assessment]:
     """Judge in full what may fall short by less than `best`; no margin is above its early one."""
     found: list[Assessment] = []
+    limits, weak = motor_limits(), _Weak(case)
     for rejected in sorted(early, key=lambda e: -e.assessment.margin):
         bound = rejected.assessment.margin
         if bound <= best:
             break
         for candidate in rejected.candidates:
+            wrong = failing(limits, candidate, case) or weak(candidate)
+            if min((c.margin or 0.0 for c in wrong), default=np.inf) <= best:
+                continue
             found.append(judged(candidate, case))
             if not found[-1].missing_figures:
                 best = max(best, found[-1].margin)
@@ -177,11 +221,11 @@ def lightest(offers: Sequence[Candidate], case: Case) -> Assessment | None:
         if gear is None or not failing(of_gear, group[0], case)
         for candidate in group
     ]
-    best = None
+    best, weak = None, _Weak(case)
     for candidate in sorted(rest, key=_by_mass):
         if best is not None and _by_mass(candidate) > _by_mass(best.candidate):
             break
-        if failing(of_motor, candidate, case):
+        if failing(of_motor, candidate, case) or weak(candidate):
             continue
         found = judged(candidate, case)
         if found.fits and (best is None or _rank(found) < _rank(best)):

@@ -51,6 +51,11 @@ def motor_limits() -> list[Limit]:
     return [limit for limit in LIMITS if limit.name in names]
 
 
+def continuous_limit() -> Limit:
+    """Return the row of the continuous torque."""
+    return next(limit for limit in MOTOR_LIMITS if limit.name == "continuous torque")
+
+
 def failing(limits: Sequence[Limit], candidate: Candidate, case: Case) -> tuple[Criterion, ...]:
     """Return the criteria of these rows that a candidate fails.
 

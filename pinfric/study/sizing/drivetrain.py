@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import astuple, dataclass, fields, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -44,6 +44,7 @@ from pinfric.study.sizing.thermal import (
     COPPER,
     WindingCycle,
     mean_winding_temperature,
+    no_load_heat,
     winding_cycle,
 )
 from pinfric.study.summary import ends_by_magnitude, rms
@@ -91,6 +92,15 @@ class Ratings:
         """Whether the speed-torque line is known."""
         electric = self.torque_constant is not None and self.resistance is not None
         return electric or (self.no_load_speed is not None and self.stall_torque is not None)
+
+    @property
+    def no_load_heat(self) -> float:
+        """Heat of the housing by turning, W s/rad (`thermal.no_load_heat`); 0: not known."""
+        point = self.continuous_torque, self.rated_speed, self.torque_constant, self.resistance
+        torque, speed, k, r = point
+        if torque is None or speed is None or k is None or r is None:
+            return 0.0
+        return no_load_heat(self.thermal, torque / k, r, speed, self.rated_ambient)
 
     def continuous_over(self, speed: np.ndarray) -> np.ndarray:
         """Return the continuous torque (T,), N m, at speeds |speed|: the maker's curve, or flat."""
@@ -588,7 +598,9 @@ def motor_cycle(candidate: Candidate, cycle: DriveCycle, conditions: Conditions)
     lower, upper = lower * cycle.powered, upper * cycle.powered
     worst, least = ends_by_magnitude(lower, upper)
     hold = cycle.holding
-    current, winding, mean_temperature = _temperatures(candidate.ratings, cycle, worst, conditions)
+    current, winding, mean_temperature = _temperatures(
+        candidate.ratings, cycle, worst, speed, conditions
+    )
     power, copper = _electrical(candidate.ratings, worst, speed, current, winding)
     drawn = astuple(power_figures(t, power)) if copper else (None, None, None, None)
     ratings, mean_speed = candidate.ratings, mean(t, np.abs(speed))
@@ -618,8 +630,50 @@ def motor_cycle(candidate: Candidate, cycle: DriveCycle, conditions: Conditions)
     return MotorCycle(lower, upper, speed, current, winding, power, copper, figures)
 
 
+class Floor(NamedTuple):
+    """Least RMS torque at a gear's input for any rotor: means of u^2, 2 u a, a^2 of both ends.
+
+    The worst end of the interval is at no sample less than either end, u + J a, a of the input.
+    """
+
+    ends: tuple[tuple[float, float], tuple[float, float]]
+    inertial: float
+
+    def rms(self, inertia: float) -> float:
+        """Return the least RMS torque, N m, with a rotor of `inertia`, kg m^2."""
+        squares = [u + 2 * inertia * mixed for u, mixed in self.ends]
+        return max(max(squares) + inertia**2 * self.inertial, 0.0) ** 0.5
+
+
+def torque_floor(candidate: Candidate, cycle: DriveCycle) -> Floor:
+    """Return the floor of a gear over a cycle; of a motor behind it only the rotor matters.
+
+    Args:
+        candidate: with a transmission, torques at the motor's shaft. cycle: the joint's samples.
+    """
+    assert candidate.transmission is not None
+    bare = candidate.transmission.model_copy(update={"rotor_inertia": 0.0})
+    bounds = gear_torque_bounds(
+        gear_table([bare], [0.0]),
+        cycle.effort_lower,
+        cycle.effort_upper,
+        cycle.velocity,
+        cycle.acceleration,
+        cycle.at_rest,
+    )
+    t, a = cycle.stretched, candidate.ratio * cycle.acceleration * cycle.powered
+    lower, upper = (
+        (mean(t, u * u), mean(t, u * a)) for u in (bound * cycle.powered for bound in bounds)
+    )
+    return Floor((lower, upper), mean(t, a * a))
+
+
 def _temperatures(
-    ratings: Ratings, cycle: DriveCycle, torque: np.ndarray, conditions: Conditions
+    ratings: Ratings,
+    cycle: DriveCycle,
+    torque: np.ndarray,
+    speed: np.ndarray,
+    conditions: Conditions,
 ) -> tuple[np.ndarray | None, WindingCycle | None, float | None]:
     """Return current, winding temperatures and temperature at the mean heat, where known."""
     if ratings.torque_constant is None:
@@ -628,11 +682,20 @@ def _temperatures(
     thermal, resistance = ratings.thermal, ratings.resistance
     if thermal is None or resistance is None:
         return current, None, None
-    ambient = conditions.ambient
-    at_mean = mean_winding_temperature(cycle.stretched, current, resistance, thermal, ambient)
+    ambient, turning = conditions.ambient, ratings.no_load_heat * np.abs(speed)
+    at_mean = mean_winding_temperature(
+        cycle.stretched,
+        current,
+        resistance,
+        thermal,
+        ambient,
+        no_load=mean(cycle.stretched, turning),
+    )
     if thermal.winding_time is None or thermal.housing_time is None:
         return current, None, at_mean
-    winding = winding_cycle(cycle.t, current, resistance, thermal, ambient, duty=cycle.duty)
+    winding = winding_cycle(
+        cycle.t, current, resistance, thermal, ambient, duty=cycle.duty, no_load=turning
+    )
     return current, winding, at_mean
 
 

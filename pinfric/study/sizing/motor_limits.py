@@ -149,7 +149,11 @@ def _winding_note(d: Judged) -> str:
         return f"at the mean heat {figures.mean_temperature:.4g} C"
     if np.isinf(rise):
         return "thermal runaway: the loss grows faster with temperature than the cooling"
-    return "" if figures.peak_temperature is None else f"reaches {figures.peak_temperature:.4g} C"
+    if figures.peak_temperature is None:
+        return ""
+    turning = d.ratings.no_load_heat * (d.ratings.rated_speed or 0.0)
+    by_turning = f"; {turning:.3g} W of it by turning at rated speed" if turning > 0 else ""
+    return f"reaches {figures.peak_temperature:.4g} C{by_turning}"
 
 
 def _amplified(current: str) -> Callable[[Judged], float | None]:

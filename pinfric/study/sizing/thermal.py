@@ -1,11 +1,11 @@
 """Winding temperature of a motor over a cycle that repeats for ever: two nodes, exact in time.
 
     C_w dT_w/dt = R (1 + alpha (T_w - T_ref)) i^2 - (T_w - T_h)/R_wh
-    C_h dT_h/dt = (T_w - T_h)/R_wh - (T_h - T_a)/R_ha
+    C_h dT_h/dt = (T_w - T_h)/R_wh - (T_h - T_a)/R_ha + P_0
 
-with C_w = tau_w/R_wh and C_h = tau_h/R_ha (maxon, Key information: thermal behaviour). Heat is
-copper loss only; iron and friction losses, and the fall of the torque constant with the magnets'
-temperature, are left out. The model assumes that the rotor turns: a stalled motor has hot spots.
+with C_w = tau_w/R_wh and C_h = tau_h/R_ha (maxon, Key information: thermal behaviour). P_0 is what
+turning costs (iron and friction; `no_load_heat`). The fall of the torque constant with the magnets'
+temperature is left out. The model assumes that the rotor turns: a stalled motor has hot spots.
 """
 
 from __future__ import annotations
@@ -50,6 +50,7 @@ def winding_cycle(
     ambient: float,
     copper: float = COPPER,
     duty: Schedule | None = None,
+    no_load: np.ndarray | None = None,
 ) -> WindingCycle:
     """Return the temperatures that a repeated cycle settles to.
 
@@ -66,6 +67,7 @@ def winding_cycle(
         ambient: deg C.
         copper: alpha, 1/K.
         duty: which samples are which cycle of a period; None: they are one.
+        no_load: (T,) P_0, W; None: nothing.
 
     Raises:
         ValueError: `thermal` has no time constants, or there is one sample only.
@@ -83,7 +85,9 @@ def winding_cycle(
     conductance = np.array([1 / thermal.winding_housing, 1 / thermal.housing_ambient])
     heat = resistance * mean_square(np.abs(current))
     warm = 1 + copper * (ambient - REFERENCE_TEMPERATURE)
-    maps = _maps(np.diff(t), heat, warm, copper, capacity, conductance)
+    at_housing = np.zeros(len(t)) if no_load is None else no_load
+    between = 0.5 * (at_housing[:-1] + at_housing[1:])
+    maps = _maps(np.diff(t), heat, between, warm, copper, capacity, conductance)
     schedule = duty or once(len(t))
     rise, runaway = _settled(maps, np.array(schedule.starts), schedule.counts)
     if runaway:
@@ -98,13 +102,14 @@ def mean_winding_temperature(
     thermal: Thermal,
     ambient: float,
     copper: float = COPPER,
+    no_load: float = 0.0,
 ) -> float:
     """Return the winding's temperature at the cycle's mean heat, deg C: a floor of its peak.
 
-    T_w = T_a + r P/(1 - alpha r P) (1 + alpha (T_a - T_ref)) with r = R_wh + R_ha and P = R <i^2>;
-    infinite where alpha r P >= 1. For motors whose time constants are not known.
+    T_w = T_a + (r P (1 + alpha (T_a - T_ref)) + R_ha P_0)/(1 - alpha r P) with r = R_wh + R_ha and
+    P = R <i^2>; infinite where alpha r P >= 1. For motors whose time constants are not known.
 
-    Args: as `winding_cycle`.
+    Args: as `winding_cycle`; no_load: the mean of P_0, W.
     """
     resistance_to_ambient = thermal.winding_housing + thermal.housing_ambient
     heat = resistance * _mean_square_over(t, np.abs(current))
@@ -112,7 +117,28 @@ def mean_winding_temperature(
     if copper * gain >= 1:
         return np.inf
     warm = 1 + copper * (ambient - REFERENCE_TEMPERATURE)
-    return ambient + gain * warm / (1 - copper * gain)
+    return ambient + (gain * warm + thermal.housing_ambient * no_load) / (1 - copper * gain)
+
+
+def no_load_heat(
+    thermal: Thermal | None, current: float, resistance: float, speed: float, ambient: float
+) -> float:
+    """Return P_0/omega, W s/rad, by which a motor's nominal point heats it just to its limit.
+
+    Copper alone leaves it cooler: T_max - T_a = r R (1 + alpha (T_max - T_ref)) i^2 + R_ha P_0. So
+    the maker's continuous torque is that at the nominal speed, and slower it may carry more. 0
+    where the limit is not known, or copper alone heats it more.
+
+    Args:
+        thermal: with its limit, or None. current, resistance: at the nominal point, A; ohm at 25 C.
+        speed: nominal, rad/s. ambient: to which the nominal torque refers, deg C.
+    """
+    if thermal is None or thermal.max_winding is None:
+        return 0.0
+    hot = resistance * (1 + COPPER * (thermal.max_winding - REFERENCE_TEMPERATURE))
+    by_copper = (thermal.winding_housing + thermal.housing_ambient) * hot * current**2
+    left = thermal.max_winding - ambient - by_copper
+    return max(left, 0.0) / thermal.housing_ambient / speed
 
 
 def mean_square(x: np.ndarray) -> np.ndarray:
@@ -135,6 +161,7 @@ def _mean_square_over(t: np.ndarray, x: np.ndarray) -> float:
 def _maps(
     step: np.ndarray,
     heat: np.ndarray,
+    no_load: np.ndarray,
     warm: float,
     copper: float,
     capacity: np.ndarray,
@@ -147,7 +174,7 @@ def _maps(
         a01 = conductance[0] / capacity[0]
         a10 = conductance[0] / capacity[1]
         a11 = -(conductance[0] + conductance[1]) / capacity[1]
-        b0 = heat[k] * warm / capacity[0]
+        b0, b1 = heat[k] * warm / capacity[0], no_load[k] / capacity[1]
         middle, half = 0.5 * (a00 + a11), 0.5 * (a00 - a11)
         root = np.sqrt(half * half + a01 * a10)  # > 0: the eigenvalues are real and distinct
         fast, slow = middle - root, middle + root
@@ -164,8 +191,8 @@ def _maps(
             de * q01,
             de * q10,
             e_fast + de * q11,
-            (i_fast + di * q00) * b0,
-            di * q10 * b0,
+            (i_fast + di * q00) * b0 + di * q01 * b1,
+            di * q10 * b0 + (i_fast + di * q11) * b1,
         )
     return maps
 

@@ -50,6 +50,7 @@ UNITS = {
     "ms": ("s", 1e-3),
     "min": ("s", 60.0),
     "h": ("h", 1.0),
+    "1/h": ("1/h", 1.0),
     "N m/rad": ("N m/rad", 1.0),
     "N m/arcmin": ("N m/rad", 10800 / math.pi),
     "rad": ("rad", 1.0),
@@ -68,9 +69,9 @@ UNITS = {
 _OF_UNIT = {
     "N m": "continuous_torque continuous_stall_torque peak_torque stall_torque rated_torque "
     "average_torque repeated_peak_torque momentary_peak_torque no_load_running_torque "
-    "starting_torque back_driving_torque torque bearing.max_moment bearing.static_moment "
-    "bearing.static_roll ratings.max_moment ratings.static_moment ratings.static_roll stiffness.t1 "
-    "stiffness.t2",
+    "starting_torque back_driving_torque torque torque_max bearing.max_moment "
+    "bearing.static_moment bearing.static_roll ratings.max_moment ratings.static_moment "
+    "ratings.static_roll stiffness.t1 stiffness.t2",
     "N": "bearing.max_radial bearing.max_axial bearing.dynamic_rating bearing.static_rating "
     "ratings.max_radial ratings.max_axial ratings.dynamic_rating ratings.static_rating",
     "rad/s": "max_speed no_load_speed rated_speed average_input_speed max_input_speed",
@@ -79,6 +80,7 @@ _OF_UNIT = {
     "V": "nominal_voltage voltage",
     "W": "power",
     "J": "stop_energy",
+    "1/h": "stops_per_hour",
     "ohm": "resistance",
     "A": "continuous_current",
     "N m/A": "torque_constant",

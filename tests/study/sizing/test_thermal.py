@@ -8,7 +8,8 @@ from scipy.linalg import expm
 from sizing_cases import MOTOR
 
 from pinfric.study.sizing.catalog import Thermal
-from pinfric.study.sizing.thermal import mean_winding_temperature, winding_cycle
+from pinfric.study.sizing.catalog_file import load_catalog
+from pinfric.study.sizing.thermal import mean_winding_temperature, no_load_heat, winding_cycle
 
 THERMAL = Thermal(**MOTOR["thermal"])
 R_WH, R_HA, TAU_W, TAU_H = 2.0, 3.0, 20.0, 300.0
@@ -116,3 +117,71 @@ def test_temperature_over_time_needs_time_constants():
     bare = Thermal(winding_housing=1.0, housing_ambient=2.0)
     with pytest.raises(ValueError, match="time constants"):
         winding_cycle(np.arange(3.0), np.ones(3), 1.0, bare, 25.0)
+
+
+def test_heat_of_turning_warms_winding_and_housing_alike():
+    """T_w - T_a = (r P w + R_ha P_0)/(1 - alpha r P); all heat leaves through R_ha."""
+    t, i = np.linspace(0, 7, 100), np.full(100, 3.0)
+    heat, r, warm, turning = RESISTANCE * 9.0, R_WH + R_HA, 1 + ALPHA * (AMBIENT - 25), 4.0
+    rise = (r * heat * warm + R_HA * turning) / (1 - ALPHA * r * heat)
+    found = winding_cycle(t, i, RESISTANCE, THERMAL, AMBIENT, no_load=np.full(100, turning))
+    np.testing.assert_allclose(found.winding, AMBIENT + rise, rtol=1e-9)
+    copper = heat * (warm + ALPHA * rise)
+    np.testing.assert_allclose(found.housing, AMBIENT + R_HA * (copper + turning), rtol=1e-9)
+    at_mean = mean_winding_temperature(t, i, RESISTANCE, THERMAL, AMBIENT, no_load=turning)
+    assert at_mean == pytest.approx(AMBIENT + rise, rel=1e-12)
+
+
+def test_heat_of_turning_that_comes_and_goes():
+    """Two parts of a cycle, one of which turns, against matrix exponentials."""
+    (g1, g2), (c1, c2) = CONDUCTANCE, CAPACITY
+    on, off, current, turning = 15.0, 40.0, 2.0, 6.0
+    p, warm = RESISTANCE * current**2, 1 + ALPHA * (AMBIENT - 25)
+
+    def step(loss, span):
+        rows = [
+            [(ALPHA * p - g1) / c1, g1 / c1, p * warm / c1],
+            [g1 / c2, -(g1 + g2) / c2, loss / c2],
+            [0.0, 0.0, 0.0],
+        ]
+        return expm(np.array(rows) * span)
+
+    first, second = step(turning, on), step(0.0, off)
+    whole = second @ first
+    start = np.append(np.linalg.solve(np.eye(2) - whole[:2, :2], whole[:2, 2]), 1.0)
+    t = np.concatenate([np.linspace(0, on - 1e-9, 300), np.linspace(on, on + off, 300)])
+    loss = np.where(t < on - 5e-10, turning, 0.0)
+    found = winding_cycle(t, np.full(600, current), RESISTANCE, THERMAL, AMBIENT, no_load=loss)
+    assert found.winding[0] - AMBIENT == pytest.approx(start[0], rel=1e-6)
+    assert found.winding[299] - AMBIENT == pytest.approx((first @ start)[0], rel=1e-6)
+
+
+#: maxon: nominal current in print, A; the current at which copper alone heats it to its limit.
+MAXON = [
+    ("RE 50 200 W 578298", 4.58, 4.95),
+    ("EC-i 40 100 W 496661", 2.72, 3.45),
+    ("EC 90 flat 260 W 500267", 4.06, 4.87),
+    ("EC-i 52 180 W 579165", 4.56, 7.78),
+]
+
+
+@pytest.mark.parametrize(("name", "printed", "by_copper"), MAXON)
+def test_maxons_nominal_torque_is_that_at_its_nominal_speed(name, printed, by_copper):
+    """Copper alone would let it carry up to 71 % more; the rest is the loss of turning."""
+    motor = load_catalog().motors[f"maxon {name}"]
+    assert motor.continuous_current == printed
+    thermal, room = motor.thermal, motor.thermal.max_winding - 25
+    hot = motor.resistance * (1 + ALPHA * room)
+    through = thermal.winding_housing + thermal.housing_ambient
+    assert np.sqrt(room / hot / through) == pytest.approx(by_copper, rel=5e-3)
+    current = motor.continuous_torque / motor.torque_constant
+    rate = no_load_heat(thermal, current, motor.resistance, motor.rated_speed, 25.0)
+    assert rate > 0
+    t, i = np.linspace(0, 1, 10), np.full(10, current)
+    turning = np.full(10, rate * motor.rated_speed)
+    found = winding_cycle(t, i, motor.resistance, thermal, 25.0, no_load=turning)
+    assert found.peak == pytest.approx(thermal.max_winding, rel=1e-9)
+    slow = winding_cycle(t, i, motor.resistance, thermal, 25.0)
+    assert slow.peak < thermal.max_winding - 5
+    assert no_load_heat(None, 1.0, 1.0, 1.0, 25.0) == 0.0
+    assert no_load_heat(thermal, 3 * current, motor.resistance, 100.0, 25.0) == 0.0
