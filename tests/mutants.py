@@ -7,7 +7,7 @@ Each mutant changes one line in memory: a comparison, a sign, a product, a numbe
 it leaves out a statement. Kernels run as plain Python, so nothing is compiled. Tests are collected
 once; everything else happens in forked processes, so that no test sees what another one left:
 
-1. The tests of the mutant's own module run. One that fails counts only if it fails alone, too, and
+1. The tests of the mutant's own module run, then those of its folder. One that fails counts only if it fails alone, too, and
    passes alone unbroken. Where numba divides by zero, plain Python raises: such a failure alone
    proves nothing.
 2. If none notices, all other tests run that call its function, the fastest first. For this each
@@ -44,7 +44,7 @@ from pinfric.kernels import compiled
 
 ROOT = Path(__file__).parents[1]
 TESTS = ("tests/friction", "tests/dynamics", "tests/judges")
-#: Tests that take longer with kernels as plain Python are left out (s).
+#: Tests that take longer with kernels as plain Python are left out (s of processor time).
 LONGEST = 6
 #: Exceptions that plain Python raises where a compiled kernel computes inf or nan.
 DIVISION = ("ZeroDivisionError", "OverflowError")
@@ -217,12 +217,16 @@ class Failure(NamedTuple):
 
 
 def failures(items: list[pytest.Item], tests: list[int], longest: float) -> Iterator[Failure]:
-    """Run tests, given by their numbers, in this process; yield those that fail."""
+    """Run tests, given by their numbers, in this process; yield those that fail.
+
+    Args:
+        items: all tests. tests: their numbers. longest: processor time of each test (s).
+    """
 
     def stop(*_: object) -> None:
         raise TimeoutError
 
-    signal.signal(signal.SIGALRM, stop)
+    signal.signal(signal.SIGPROF, stop)
     for test, following in zip(tests, [*tests[1:], None], strict=True):
         after = None if following is None else items[following]
         kinds: list[str] = []
@@ -239,11 +243,11 @@ def failures(items: list[pytest.Item], tests: list[int], longest: float) -> Iter
 
         listener = Listen()
         items[test].config.pluginmanager.register(listener)
-        signal.setitimer(signal.ITIMER_REAL, longest, 1.0)  # again: somebody may catch it
+        signal.setitimer(signal.ITIMER_PROF, longest, 1.0)  # again: somebody may catch it
         try:
             reports = runtestprotocol(items[test], log=False, nextitem=after)
         finally:
-            signal.setitimer(signal.ITIMER_REAL, 0)
+            signal.setitimer(signal.ITIMER_PROF, 0)
             items[test].config.pluginmanager.unregister(listener)
         if any(report.failed for report in reports):
             yield Failure(test, kinds[0] if kinds else "?")
@@ -271,6 +275,11 @@ def known(items: list[pytest.Item], test: int) -> Known | None:
     used = os.times()
     places = {(code.co_filename, code.co_firstlineno) for code in calls}
     return None if failed else Known(used.user + used.system, places)
+
+
+def passes(items: list[pytest.Item], test: int) -> bool:
+    """Whether a test passes alone and unbroken."""
+    return not list(failures(items, [test], 5.0 * LONGEST))
 
 
 def break_line(mutant: Mutant) -> None:
@@ -314,7 +323,7 @@ class Search:
     Args:
         mutants: what to try.
         before: the log of an earlier run; the tests that noticed a mutant then are tried first.
-        near: leave it at those tests and at those of the mutant's own module.
+        near: leave it at those tests and at those of the mutant's own folder.
     """
 
     def __init__(self, mutants: list[Mutant], before: Path | None, near: bool) -> None:
@@ -326,6 +335,7 @@ class Search:
                 self.before[_without_line(mutant)] = by.rpartition("::")[2]
         self.items: list[pytest.Item] = []
         self.known: dict[int, Known | None] = {}
+        self.sound: dict[int, bool] = {}
 
     def unbroken(self, test: int) -> Known | None:
         """What a test does unbroken; run once."""
@@ -333,14 +343,20 @@ class Search:
             self.known[test] = in_child(known, self.items, test)
         return self.known[test]
 
+    def is_sound(self, test: int) -> bool:
+        """Whether a test passes alone and unbroken; run once."""
+        if test not in self.sound:
+            self.sound[test] = bool(in_child(passes, self.items, test))
+        return self.sound[test]
+
     def groups(self, mutant: Mutant) -> Iterator[list[int]]:
         """Tests that may notice a mutant, those that probably do first."""
         former = self.before.get(_without_line(str(mutant)))
         numbers = range(len(self.items))
         yield [i for i in numbers if self.items[i].name == former]
         module = mutant.file.relative_to(ROOT / "pinfric")
-        own = f"tests/{module.with_name(f'test_{module.name}')}::"
-        yield [i for i in numbers if self.items[i].nodeid.startswith(own)]
+        for own in (f"{module.with_name(f'test_{module.name}')}::", f"{module.parent}/"):
+            yield [i for i in numbers if self.items[i].nodeid.startswith(f"tests/{own}")]
         if not self.near:
             place = str(mutant.file), mutant.function
             known = {i: found for i in numbers if (found := self.unbroken(i))}
@@ -351,14 +367,14 @@ class Search:
         """Return the test that notices a mutant and how, or that it survived how many tests."""
         tried, divided = set[int](), ""
         for group in self.groups(mutant):
-            left = [i for i in group if i not in tried]
+            left = [i for i in group if i not in tried and self.sound.get(i, True)]
             tried.update(left)
             while left:
                 found = in_child(first_failure, self.items, mutant, left, 5.0 * LONGEST)
                 if found is None:
                     break
                 alone = in_child(first_failure, self.items, mutant, [found.test], 5.0 * LONGEST)
-                if alone is not None and self.unbroken(found.test) is not None:
+                if alone is not None and self.is_sound(found.test):
                     how = f"{alone.kind} in {self.items[found.test].nodeid}"
                     if alone.kind not in DIVISION:
                         return how
@@ -398,7 +414,9 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--tests", nargs="*", default=TESTS)
     parser.add_argument("--before", type=Path, help="log of an earlier run: its tests first")
-    parser.add_argument("--near", action="store_true", help="only these and the module's own")
+    parser.add_argument(
+        "--near", action="store_true", help="only these and those of the module's folder"
+    )
     given = parser.parse_args()
     interpret_kernels()
     mutants = [one for room in given.rooms for one in chosen(room, given.count, given.seed)]
