@@ -210,6 +210,14 @@ class Transmission(Entry):
     rotor_inertia: Annotated[
         NonNegative, key("of all parts that turn with the motor", 5e-05, "kg m^2")
     ] = 0.0
+    momentary_peak: Annotated[
+        Positive | None,
+        key(
+            "permissible effort of the gear at the joint in a stop or a collision",
+            143.0,
+            "N m or N",
+        ),
+    ] = None
     brake: Annotated[
         HoldingBrake | None,
         key(

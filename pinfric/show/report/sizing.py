@@ -18,6 +18,8 @@ from pinfric.show.report.drives import (
 from pinfric.show.report.elastic import frequency_lines
 from pinfric.show.report.retime import fastest_table
 from pinfric.show.report.rows import table_of
+from pinfric.show.report.stop import axes_table, how
+from pinfric.show.report.stop import verdict as said
 from pinfric.show.report.tables import Report, Table, paragraphs
 from pinfric.show.report.values import digits
 from pinfric.study.elastic.summary import elastic_summary
@@ -25,7 +27,7 @@ from pinfric.study.retime.fastest import TimedSet
 from pinfric.study.sizing.assess import Assessment
 from pinfric.study.sizing.criterion import Status
 from pinfric.study.sizing.size import SizingReport
-from pinfric.study.sizing.summary import sizing_summary
+from pinfric.study.sizing.summary import SizingSummary, sizing_summary
 
 #: Efforts below (N m, N) are rounding.
 ROUNDING = 1e-9
@@ -56,6 +58,8 @@ def sizing_report(report: SizingReport, fastest: Sequence[TimedSet] | None = Non
         mass_table(found),
         smaller_table(found),
         brake_table(found),
+        stop_lines(found),
+        None if found.stops is None else axes_table(found.stops),
         bus_table(report),
         bus_lines(report),
         _changes(report),
@@ -65,6 +69,11 @@ def sizing_report(report: SizingReport, fastest: Sequence[TimedSet] | None = Non
         notes,
         *more,
     )
+
+
+def stop_lines(found: SizingSummary) -> list[str]:
+    """Return how the robot with its drives and brakes stops, in a line; none without `stops`."""
+    return [] if found.stops is None else [f"stops, {how(found.stops)}: {said(found.stops)}"]
 
 
 def elastic_lines(report: SizingReport) -> list[str]:

@@ -24,11 +24,16 @@ def stop_report(scene: str, found: StopSummary) -> Report:
     failing = [Text(f"! {line}", style="bold red") for line in found.unmet]
     return paragraphs(
         [verdict(found)],
-        table_of(title, found.axes),
+        axes_table(found, title),
         grid_table(found),
         failing,
         [f"note: {line}" for line in found.notes],
     )
+
+
+def axes_table(found: StopSummary, title: str = "the worst stops of each axis") -> Table | None:
+    """Return the worst of each drive's joint."""
+    return table_of(title, found.axes)
 
 
 def verdict(found: StopSummary) -> str:
@@ -50,7 +55,8 @@ def how(found: StopSummary) -> str:
     return f"category {found.category}, {digits(1e3 * found.reaction_time)} ms reaction{friction}"
 
 
-def grid_table(found: StopSummary) -> Table | None:
+def grid_table(
+    found: StopSummary, title: str = "by payload and speed, each drive at its worst sample"
+) -> Table | None:
     """Return stopping times and travels by payload and speed."""
-    title = "by payload and speed, each drive at its worst sample"
     return table_of(title, found.grid, keys=2)

@@ -35,8 +35,10 @@ from pinfric.show.report.sizing import (
     passes,
     power_table,
     repetition,
+    stop_lines,
     verdict,
 )
+from pinfric.show.report.stop import axes_table
 from pinfric.show.report.tables import Table
 from pinfric.show.report.values import digits, json_for_script
 from pinfric.show.sizing_page.figures import (
@@ -109,6 +111,8 @@ def sizing_page(report: SizingReport, command: str = "") -> str:
         demand=demand_table(report),
         power=power_table(report),
         brakes=brake_table(found),
+        stops=None if found.stops is None else axes_table(found.stops, ""),
+        stop_lines=stop_lines(found),
         verdict="" if report.catalog is None else verdict(report),
         unchecked=unchecked_table(found, title=""),
         command=command,
@@ -330,7 +334,7 @@ def _formula(text: str) -> Any:
         (r"\bcbrt", "∛"),
         (r"\bomega", "ω"),
         (r"\btheta(?=\(|&#39;| =)", "ϑ"),
-        (r"\btau(?= [t=])", "τ"),
+        (r"\btau(?= [t=ϑ])", "τ"),
         (r"\blambda", "λ"),
         (r"\brho\b", "\N{GREEK SMALL LETTER RHO}"),
         (r"\beta", "η"),

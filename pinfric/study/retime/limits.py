@@ -79,6 +79,13 @@ class DriveLimits(Entry):
         rows = (limit for limit in instant_limits() if limit.need == signal)
         return min((self.bound(limit) for limit in rows), default=math.inf)
 
+    @property
+    def over_time(self) -> tuple[float, str]:
+        """The least bound of the motor's RMS torque, N m, and the name of its row."""
+        rows = [limit for limit in LIMITS if limit.need == "motor RMS torque"]
+        tightest = min(rows, key=self.bound)
+        return self.bound(tightest), tightest.name
+
     def scaled(self, limit: Limit, factor: float) -> DriveLimits:
         """Return the same limits, one of them times a factor."""
         if limit.key:

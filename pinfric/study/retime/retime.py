@@ -56,8 +56,6 @@ _AT_LIMIT = 0.995
 _NEAR_LIMIT = 0.98
 #: Times the points asked for, where fewer find no way along the path.
 _FINER = 1, 4, 16
-#: The row of the table that bounds the mean over the whole cycle.
-_CONTINUOUS = "continuous torque"
 #: Fewest points of a piece; a zone about a reversal, in sample periods.
 _FEWEST, _ZONE = 24, 0.65
 
@@ -166,7 +164,8 @@ class RetimeResult(Shown):
             if near:
                 found[drive.name] = {limit.name: slope(d, limit) for limit in near}
             if self.rms is not None and self.rms[d] > _NEAR_LIMIT:
-                found.setdefault(drive.name, {})[_CONTINUOUS] = slope(d, None)
+                row = p.limits[d].over_time[1]
+                found.setdefault(drive.name, {})[row] = slope(d, None)
         return found
 
     def _moving_time(self, problem: Problem, cycle: Cycle | None) -> float:
@@ -309,7 +308,7 @@ class _Retiming:
         self.check_stops()
         problem, profile, samples = self.solve(points)
         uniform, cycle, use = None, None, None
-        if heat and any(np.isfinite(x.continuous_torque) for x in self.limits):
+        if heat and any(np.isfinite(x.over_time[0]) for x in self.limits):
             profile, uniform, cycle, use = self.cool(problem, profile)
         if smooth or use is not None:
             samples = sample(self.path, profile, self.policy.sample_rate, smooth)
@@ -317,7 +316,8 @@ class _Retiming:
         if use is not None:
             found = replace(found, rms=use, uniform=uniform, cycle=cycle)
             for d in np.flatnonzero(use > _AT_LIMIT):
-                found.limiting.setdefault(self.scene.drives[d].name, {})[_CONTINUOUS] = 1.0
+                limiting = found.limiting.setdefault(self.scene.drives[d].name, {})
+                limiting[self.limits[d].over_time[1]] = 1.0
         return replace(found, notes=tuple(self.notes(found, heat)))
 
     def notes(self, found: RetimeResult, heat: bool) -> Iterator[str]:
@@ -497,7 +497,7 @@ class _Retiming:
 
     def cool(self, problem: Problem, fast: Profile) -> tuple[Profile, float, Cycle, np.ndarray]:
         """Keep continuous torques, as the samples show them; and the uniform motion's duration."""
-        limit = np.array([x.continuous_torque for x in self.limits])
+        limit = np.array([x.over_time[0] for x in self.limits])
         path, n = self.path, len(self.path.pieces)
         piece = np.minimum(np.arange(n + 1), n - 1)
         ends = np.array([path.pieces[p].x[0 if i == p else -1] for i, p in enumerate(piece)])

@@ -64,6 +64,10 @@ KINDS = {
 }
 
 
+#: THK LM Guide, guideline for the static safety factor: without vibrations and impacts; 5 with.
+_GUIDE_SAFETY = 2.0
+
+
 class BearingRatings(Entry):
     """Load ratings of a bearing, or of a screw's nut."""
 
@@ -96,7 +100,9 @@ class BearingRatings(Entry):
     static_roll: Annotated[
         Positive | None, key("of a linear guide, M_a0 about the rail", 820.0, "N m")
     ] = None
-    static_safety: Annotated[Positive, key("required C_0/P_0", 1.5, "1")] = 1.5
+    static_safety: Annotated[
+        Positive, key("required C_0/P_0; left out: 1.5, of a linear guide 2", 1.5, "1")
+    ] = 1.5
     factors: Annotated[
         Factors | None,
         key(
@@ -129,6 +135,12 @@ class BearingRatings(Entry):
     def screw(self) -> bool:
         """Whether it is a screw's nut, which turns `ratio` times as fast as the joint slides."""
         return self.kind == "ball screw"
+
+    @property
+    def least_safety(self) -> float:
+        """The required C_0/P_0: the entry's, else 2 of a guide."""
+        given = "static_safety" in self.model_fields_set or not self.guide
+        return self.static_safety if given else _GUIDE_SAFETY
 
     @property
     def guide(self) -> bool:

@@ -187,7 +187,7 @@ BEARING_LIMITS = [
     ),
     Limit(
         "guide static safety",
-        need=lambda d: d.guide.static_safety,
+        need=lambda d: d.guide.least_safety,
         gives=_guide_safety,
         unit="",
         formula="f_s = 1/(sqrt(2) F/C_0 + M/M_0 + M_a/M_a0)",

@@ -15,6 +15,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from pinfric.errors import CatalogError
+from pinfric.model.brakes import HoldingBrake
 from pinfric.model.entry import Entry, Forms, NonNegative, Number, Positive, Version, key, parse
 from pinfric.model.friction_terms import constant_friction, linear_drag
 from pinfric.model.springs import Stiffness
@@ -209,6 +210,16 @@ class GearMotor(Rated):
         Positive | None, key("of the rotor, at the motor's speed", 5e-05, "kg m^2")
     ] = None
     mass: Annotated[Positive | None, key("of motor and gear", 0.85, "kg")] = None
+    torque_constant: Annotated[
+        Positive | None, key("at the output, per current of the motor", 4.8, "N m/A or N/A")
+    ] = None
+    current: Annotated[
+        Literal["dc", "rms", "peak"],
+        key("kind of current of the torque constant, as of a motor", "rms"),
+    ] = "dc"
+    backlash: Annotated[
+        NonNegative | None, key("of the output, its input held: the whole angle", 0.00087, "rad")
+    ] = None
     friction: Annotated[
         OutputFriction | None, key("at the output", {"base": 0.5, "load_dependent": 0.1})
     ] = None
@@ -471,21 +482,21 @@ class BearingEntry(Sourced):
         }
 
 
-class Brake(Sourced):
+class Brake(HoldingBrake, Sourced):
     """A brake that holds without power, at a motor's shaft."""
 
-    torque: Annotated[Positive, key("holding torque", 0.5, "N m")]
     voltage: Annotated[Positive | None, key("to open it", 24.0, "V")] = None
     power: Annotated[Positive | None, key("while it is open", 7.0, "W")] = None
     release_time: Annotated[Positive | None, key("until it is open", 0.025, "s")] = None
-    engage_time: Annotated[Positive | None, key("until it holds", 0.015, "s")] = None
-    stop_energy: Annotated[
-        Positive | None, key("permissible energy of one emergency stop", 150.0, "J")
-    ] = None
     rotor_inertia: Annotated[
         Positive | None, key("of its parts that turn with the motor", 1e-06, "kg m^2")
     ] = None
     mass: Annotated[Positive | None, key("of the brake", 0.2, "kg")] = None
+
+    @property
+    def holding(self) -> HoldingBrake:
+        """The brake as a transmission of a scene has it."""
+        return HoldingBrake(**{name: getattr(self, name) for name in HoldingBrake.model_fields})
 
 
 class Amplifier(Sourced):

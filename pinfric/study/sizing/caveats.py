@@ -96,7 +96,7 @@ def caveats(
         "Each motor and gear is a point mass on its joint's parent link, at the joint's origin; "
         "the drive of the first joint stands on the ground.",
         "Every motor is assumed to fit every gear, and every brake every motor; couplings "
-        "and housings have no mass, nor have brakes whose mass the catalogue does not state. "
+        "and housings have no mass. "
         "Brakes are chosen by their holding torque and, if printed, by the energy of a stop; "
         "the stopping distance is not checked.",
         "Output bearings carry the whole wrench of the joint, about the joint's origin, which is "

@@ -21,9 +21,10 @@ from pinfric.study.sizing.gear_limits import GEAR_LIMITS
 from pinfric.study.sizing.joint_limits import GEAR_RESONANCE, JOINT_LIMITS
 from pinfric.study.sizing.limit import SETTLES, SIGNALS, Case, Judged, Limit
 from pinfric.study.sizing.motor_limits import MOTOR_LIMITS
+from pinfric.study.sizing.stop_limits import STOP_LIMITS
 
 #: The table.
-LIMITS: list[Limit] = [*MOTOR_LIMITS, *GEAR_LIMITS, *BEARING_LIMITS, *JOINT_LIMITS]
+LIMITS: list[Limit] = [*MOTOR_LIMITS, *GEAR_LIMITS, *BEARING_LIMITS, *JOINT_LIMITS, *STOP_LIMITS]
 
 
 def check(candidate: Candidate, motor: MotorCycle | None, case: Case) -> tuple[Criterion, ...]:

@@ -241,6 +241,7 @@ class Candidate:
             own; None where its ratings are not known.
         guide: of a sliding joint; None where its ratings are not known.
         amplifier: that feeds the motor; None where none is named.
+        backlash: of its output, rad (m), or None.
         brake: name of the brake at the motor's shaft that is in mass and inertia; empty: none.
         stand_ins: figures taken from other products.
         losses: how the transmission's losses follow from the entry, in words.
@@ -267,6 +268,7 @@ class Candidate:
     sources: tuple[str, ...]
     guide: BearingRatings | None = None
     amplifier: Amplifier | None = None
+    backlash: float | None = None
     brake: str = ""
 
     @property
@@ -393,8 +395,8 @@ def with_brake(candidate: Candidate, name: str, brake: Brake) -> Candidate:
     inertia, transmission = candidate.rotor_inertia, candidate.transmission
     more = brake.rotor_inertia or 0.0
     if transmission is not None:
-        heavier = {"rotor_inertia": transmission.rotor_inertia + more}
-        transmission = transmission.model_copy(update=heavier)
+        held = {"rotor_inertia": transmission.rotor_inertia + more, "brake": brake.holding}
+        transmission = transmission.model_copy(update=held)
     return replace(
         candidate,
         mass=None if candidate.mass is None else candidate.mass + (brake.mass or 0.0),
@@ -450,6 +452,7 @@ def motor_with_gear(
         rotor_inertia=inertia,
         back_driving_torque=gear.back_driving_torque,
         bearing=gear.bearing,
+        backlash=gear.backlash,
         stand_ins=tuple(
             f"{figure.replace('_', ' ')}: {whose}"
             for entry in (motor, gear)
@@ -553,6 +556,7 @@ def _losses(gear: Gear, ratio: float) -> _Losses:
         "back_efficiency": back,
         "stiffness": gear.stiffness,
         "hysteresis": gear.hysteresis,
+        "momentary_peak": gear.momentary_peak_torque,
     }
     return values, text
 
@@ -663,7 +667,7 @@ def ratings_of(entry: Motor | GearMotor) -> Ratings:
     if continuous is None and current is not None and k is not None:
         continuous = k * current
         derived.append("continuous torque = torque constant x continuous current")
-    if isinstance(entry, Motor) and k is not None and entry.current != "dc":
+    if k is not None and entry.current != "dc":
         k *= PER_DC_AMPERE[entry.current]
         derived.append(
             f"{PER_DC_AMPERE[entry.current]:.4g} of the torque constant, which is per A "
@@ -723,6 +727,7 @@ def _gearmotor(name: str, entry: GearMotor) -> Candidate:
         rotor_inertia=entry.rotor_inertia,
         back_driving_torque=entry.back_driving_torque,
         bearing=entry.bearing,
+        backlash=entry.backlash,
         stand_ins=tuple(f"{f.replace('_', ' ')}: {whose}" for f, whose in entry.stand_ins.items()),
         losses=losses,
         sources=(f"{name}: {entry.source} ({entry.grade})",),

@@ -109,7 +109,7 @@ JOINT_LIMITS = [
     GEAR_RESONANCE,
     Limit(
         "backlash",
-        need=lambda d: None if d.candidate.gear is None else d.candidate.gear.backlash,
+        need=lambda d: d.candidate.backlash,
         gives=lambda d: d.conditions.backlash,
         unit="place",
         formula="backlash of the gear <= conditions.backlash",

@@ -73,6 +73,8 @@ from pinfric.study.sizing.elastic_arm import arm_criteria, check_tool, reversal_
 from pinfric.study.sizing.inertia import load_inertias
 from pinfric.study.sizing.limit import Case
 from pinfric.study.sizing.power import BusPower, bus_power
+from pinfric.study.sizing.stopping import chosen_stops
+from pinfric.study.stop.study import StopResult
 from pinfric.study.summary import effort_unit
 from pinfric.study.trajectory.trajectory import Trajectory
 
@@ -163,7 +165,7 @@ class SizingReport(Shown):
         result, result_without_masses: inverse dynamics of `scene` and of `given`.
         duty: the samples of each cycle of the period, and the number of its runs.
         passes: over all joints until no choice changed. settled: no choice changed in the last.
-        notes: assumptions, and what was not checked.
+        assumptions: of the sizing, in sentences.
         unclosed: states that differ between end and start of the cycle; empty if it closes.
     """
 
@@ -178,7 +180,7 @@ class SizingReport(Shown):
     duty: Schedule
     passes: int
     settled: bool
-    notes: tuple[str, ...] = ()
+    assumptions: tuple[str, ...] = ()
     unclosed: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
@@ -228,6 +230,34 @@ class SizingReport(Shown):
         inertias = [catalog.brakes[name].rotor_inertia or 0.0 if name else 0.0 for name in fitted]
         return standstills(self.result, catalog.brakes, self.conditions, inertias)
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Assumptions, and what of the needed brakes is not in the model."""
+        if self.catalog is None:
+            return self.assumptions
+        needed = dict.fromkeys(x.brake for x in self.standstills if x.fitted and x.brake)
+        brakes = {name: self.catalog.brakes[name] for name in needed}
+        unknown = {
+            "mass": [name for name, brake in brakes.items() if brake.mass is None],
+            "inertia": [name for name, brake in brakes.items() if brake.rotor_inertia is None],
+        }
+        lacks = [f"{what} of {', '.join(names)}" for what, names in unknown.items() if names]
+        text = f"Not known of brakes that are needed, and not in the model: {'; '.join(lacks)}."
+        return (*self.assumptions, text) if lacks else self.assumptions
+
+    @cached_property
+    def stops(self) -> StopResult | None:
+        """Stops with the chosen drives and their brakes; None: the scene has no `stops`."""
+        return self._stopping[0]
+
+    @cached_property
+    def _stopping(self) -> tuple[StopResult | None, str]:
+        if self.given.stops is None or self.catalog is None or self.no_fit:
+            return None, ""
+        if len(self.duty.repeats) > 1:
+            return None, "stops: judged for one cycle, not for a duty of several"
+        return chosen_stops(self.result, self.standstills, self.catalog.brakes, self.trajectory)
+
     @cached_property
     def elastic(self) -> Elasticity | None:
         """Effects of the gears' elasticity over the cycle; None if no stiffness is known."""
@@ -242,8 +272,7 @@ class SizingReport(Shown):
     def reversals(self) -> tuple[Criterion, ...]:
         """Reversal error of each joint, in the order of `joints`; none where not asked for."""
         taken = (joint.installed for joint in self.joints)
-        gears = [None if a is None else a.candidate.gear for a in taken]
-        backlash = [None if gear is None else gear.backlash for gear in gears]
+        backlash = [None if a is None else a.candidate.backlash for a in taken]
         return reversal_criteria(self.scene, self.elastic, self.conditions, backlash)
 
     @cached_property
@@ -266,7 +295,7 @@ class SizingReport(Shown):
 
     @property
     def unmet(self) -> tuple[str, ...]:
-        """One line for each condition that a brake, the bus or the robot does not meet."""
+        """One line for each condition that a brake, the bus, a stop or the robot does not meet."""
         names = [joint.name for joint in self.joints]
         reversals = [(name, (c,)) for name, c in zip(names, self.reversals, strict=False)]
         whole = [*reversals, ("robot", self.arm_criteria)]
@@ -274,7 +303,9 @@ class SizingReport(Shown):
             return _failing(whole)
         wanted = self.standstills if self.conditions.holding_brake != "any" else ()
         found = [(name, still.criteria) for name, still in zip(names, wanted, strict=False)]
-        return _failing([*found, ("bus", self.bus.criteria), *whole])
+        stops, why = self._stopping
+        stopping = ((why,) if why else ()) if stops is None else stops.unmet
+        return (*_failing([*found, ("bus", self.bus.criteria), *whole]), *stopping)
 
     def check(self) -> None:
         """Raise if a joint has no drive that fits, or a brake or the bus does not meet a condition.
@@ -402,10 +433,10 @@ class _Sizing:
         return replace(report, joints=tuple(compared))
 
     def _weighs(self, name: str) -> bool:
-        """Whether mass or inertia of a brake is known."""
+        """Whether mass or inertia of a brake is known, or it stops the robot."""
         assert self.catalog is not None  # brakes are from a catalogue
         brake: Brake = self.catalog.brakes[name]
-        return bool(brake.mass or brake.rotor_inertia)
+        return bool(brake.mass or brake.rotor_inertia or self.scene.stops)
 
     def _report(self) -> SizingReport:
         taken: dict[int, Assessment] = {}
@@ -445,7 +476,7 @@ class _Sizing:
             duty=duty,
             passes=passes,
             settled=settled,
-            notes=caveats(
+            assumptions=caveats(
                 self.scene, self.catalog, self.conditions, gaps, discontinuities(without, duty)
             ),
             unclosed=gaps,

@@ -18,6 +18,7 @@ from pinfric.study.sizing.drivetrain import MotorFigures
 from pinfric.study.sizing.power import BusPower
 from pinfric.study.sizing.rules import load_factor, optimum_ratio
 from pinfric.study.sizing.size import JointSizing, SizingReport
+from pinfric.study.stop.summary import StopSummary, stop_summary
 from pinfric.study.summary import ends_by_magnitude
 
 #: Criteria that are named of a drive that misses several.
@@ -171,7 +172,8 @@ class SizingSummary:
     joints: tuple[SizedJoint, ...] = quantity("in the order of the scene's drives")
     bus: BusPower = quantity("electrical power of all drives together")
     no_fit: tuple[str, ...] = quantity("joints for which no drive fits")
-    unmet: tuple[str, ...] = quantity("conditions that brakes, bus or robot do not meet")
+    unmet: tuple[str, ...] = quantity("conditions that brakes, bus, stops or robot do not meet")
+    stops: StopSummary | None = quantity("with the chosen drives; none: no `stops` in the scene")
     unchecked: tuple[Unchecked, ...] = quantity(
         "criteria of drives, brakes, bus and robot that were not checked, and why"
     )
@@ -216,6 +218,7 @@ def sizing_summary(
         bus=report.bus,
         no_fit=report.no_fit,
         unmet=report.unmet,
+        stops=None if report.stops is None else stop_summary(report.stops),
         unchecked=() if report.catalog is None else unchecked(report),
         robot_criteria=report.arm_criteria,
         elasticity=None if report.elastic is None else elastic_summary(report.elastic),

@@ -17,6 +17,9 @@ from pinfric.study.summary import effort_unit
 if TYPE_CHECKING:  # it is above this module
     from pinfric.study.stop.study import StopResult
 
+#: A load this small beside the largest of the robot is rounding.
+_ROUNDING = 1e-12
+
 
 @described
 class AxisStop:
@@ -35,7 +38,7 @@ class AxisStop:
     )
     peak: float = quantity("largest effort of the gear at the joint", EFFORT, "gear's\npeak")
     energy: float | None = quantity("most energy of the brake; none: no brake", "J", "brake")
-    criteria: tuple[Criterion, ...] = quantity("of the brake, and of braking under power")
+    criteria: tuple[Criterion, ...] = quantity("of brake, gear, and braking under power")
 
 
 @described
@@ -110,7 +113,11 @@ def axis_stop(search: Search, drive: int) -> AxisStop:
         sag=float(max(sags)) + 0.0 if sags else None,
         peak=peak,
         energy=None if brake is None else energy,
-        criteria=(*_of_brake(search, drive, brake, energy), *_of_power(search, drive, peak)),
+        criteria=(
+            *_of_brake(search, drive, brake, energy),
+            _of_gear(search, drive, peak),
+            *_of_power(search, drive, peak),
+        ),
     )
 
 
@@ -152,7 +159,9 @@ def _of_brake(
     if brake is None:
         return []
     ratio = abs(search.machines.scene.drives[drive].ratio)
-    load = max(float(np.abs(hold[:, drive]).max()) for hold in search.cycle.hold.values()) / ratio
+    holds = np.abs(np.concatenate(list(search.cycle.hold.values())))
+    load = float(holds[:, drive].max()) / ratio
+    load = load if load > _ROUNDING * holds.max() else 0.0
     per_hour = search.machines.settings.per_hour
     torque = compare(
         "brake torque",
@@ -182,6 +191,20 @@ def _of_brake(
         missing,
     )
     return [torque, heat, often]
+
+
+def _of_gear(search: Search, drive: int, peak: float) -> Criterion:
+    """The gear's peak against the peak that it may bear for a moment."""
+    gear = search.machines.scene.drives[drive].transmission
+    return compare(
+        "gear momentary peak torque",
+        peak,
+        None if gear is None else gear.momentary_peak,
+        effort_unit(search.machines.scene, drive),
+        "max |effort| in a stop <= limit for momentary peak torque",
+        "simulated stops, friction and brake at their greatest, a rigid gear",
+        "momentary_peak of the transmission",
+    )
 
 
 def _of_power(search: Search, drive: int, peak: float) -> list[Criterion]:

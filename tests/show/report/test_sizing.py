@@ -347,6 +347,7 @@ def test_browser_draws_every_figure_without_errors(report, tmp_path):
 
 def test_formulas_replace_whole_words_only():
     assert _formula("int M^2 dt over this joint and theta") == "∫ M² dt over this joint and theta"
+    assert _formula("tau theta' + theta = x") == "τ ϑ&#39; + ϑ = x"
 
 
 @pytest.mark.parametrize(

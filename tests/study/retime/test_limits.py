@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from retime_cases import lifting, straight
@@ -11,7 +13,7 @@ import pinfric as pf
 from pinfric.study.retime.limits import candidate_limits, read_limits
 from pinfric.study.retime.path import Path
 from pinfric.study.retime.retime import retime
-from pinfric.study.sizing.catalog import Conditions
+from pinfric.study.sizing.catalog import Amplifier, Conditions
 from pinfric.study.sizing.catalog_file import load_catalog
 from pinfric.study.sizing.drivetrain import candidates
 
@@ -55,6 +57,21 @@ def table_drive(tmp_path, gear=None, motor=None, **conditions):
     catalog = one_drive(tmp_path, motor, gear)
     (candidate,) = candidates(catalog, False)
     return turntable(), candidate_limits(candidate, Conditions(**conditions)), candidate
+
+
+def test_an_amplifiers_continuous_current_is_heat_of_its_own(tmp_path):
+    """Its RMS is used up, and named, where it is less than the motor's continuous torque."""
+    amplifier = Amplifier(
+        source="invented", grade="R", continuous_current=2.0, peak_current=20.0, current="dc"
+    )
+    scene, _, candidate = table_drive(tmp_path)
+    fed = replace(candidate, amplifier=amplifier)
+    path = Path.from_waypoints([[0.0], [2.0], [0.0]])
+    found = retime(scene, path, {"table": fed})
+    assert found.limiting["table"]["amplifier continuous current"] == 1.0
+    by_name = {c.name: c for c in found.criteria["table"]}
+    assert by_name["amplifier continuous current"].margin == pytest.approx(0.0, abs=2e-3)
+    assert by_name["amplifier continuous current"].available == 2.0 * MOTOR["torque_constant"]
 
 
 def test_a_drive_of_the_catalogue_is_limited_as_size_judges_it(tmp_path):

@@ -262,6 +262,9 @@ def test_static_safety_of_a_guide_is_that_of_its_worst_carriage(tmp_path):
         2.38, abs=5e-3
     )
     assert guide_safety(one, GuideLoad(8e3, 0.0, 100.0)) is None
+    # THK: at least 2 without vibrations and impacts
+    assert (one.least_safety, BearingRatings(**CROSSED).least_safety) == (2.0, 1.5)
+    assert BearingRatings(kind="linear guide", static_safety=5.0).least_safety == 5.0
 
 
 def test_what_is_not_known_is_not_checked(tmp_path):

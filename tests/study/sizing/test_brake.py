@@ -239,6 +239,8 @@ def test_mass_and_inertia_of_brakes_are_in_the_drives(tmp_path):
         conditions = {"holding_brake": "required", "inertia_ratio": 1e3}
         reports.append(pf.size(scene, motion, catalog, conditions=conditions, on_miss="ignore"))
     bare, braked = reports
+    said = "Not known of brakes that are needed, and not in the model: mass of B; inertia of B."
+    assert (bare.notes[-1], said in braked.notes) == (said, False)
     drive = [report.joints[0].installed.candidate for report in reports]
     assert drive[1].mass - drive[0].mass == pytest.approx(0.7)
     assert drive[1].brake == "B"

@@ -22,6 +22,7 @@ from sizing_cases import (
     one_drive,
     trapezoid,
     turntable,
+    write_catalog,
 )
 from sweep_cases import sweep_of
 
@@ -30,6 +31,7 @@ from pinfric.errors import CatalogError, SizingError
 from pinfric.model.drives import motor_torque_bounds
 from pinfric.study.retime.limits import read_limits
 from pinfric.study.sizing.catalog import Conditions
+from pinfric.study.sizing.catalog_file import load_catalog
 from pinfric.study.sizing.criteria import LIMITS, add_limit, check
 from pinfric.study.sizing.criterion import Status, compare
 from pinfric.study.sizing.demand import DriveCycle
@@ -532,6 +534,31 @@ def test_an_amplifier_without_figures_is_not_judged(tmp_path):
         amplified(tmp_path, "dc", {"amplifiers": {"others": "B"}})
     with pytest.raises(CatalogError, match=r"conditions.amplifiers: there is no drive 'tabel'"):
         amplified(tmp_path, "dc", {"amplifiers": {"tabel": "A"}})
+
+
+def test_an_amplifier_feeds_a_gearmotor_by_its_constant_at_the_output(tmp_path):
+    actuator = {
+        "source": "invented",
+        "grade": "R",
+        "ratio": 50.0,
+        "continuous_torque": 20.0,
+        "peak_torque": 60.0,
+        "max_speed": 10.0,
+        "rotor_inertia": 5e-5,
+        "mass": 1.0,
+        "torque_constant": 4.0,
+        "current": "rms",
+        "backlash": 1e-4,
+    }
+    amplifier = {"source": "invented", "grade": "R", "peak_current": 6.0}
+    more = {"gearmotors": {"A": actuator}, "amplifiers": {"P": amplifier}}
+    catalog = load_catalog(write_catalog(tmp_path / "c.yaml", {}, {}, **more))
+    scene, conditions = turntable(), {"amplifiers": {"others": "P"}, "backlash": 2e-4}
+    (joint,) = pf.size(scene, trapezoid(scene), catalog, conditions=conditions).joints
+    peak = criterion(joint, "amplifier peak current")
+    assert (peak.available, peak.unit) == (pytest.approx(4.0 * 6.0), "N m")
+    assert peak.required == pytest.approx(UP + 50**2 * 5e-5 * ACCELERATION)
+    assert criterion(joint, "backlash").margin == pytest.approx(0.5)
 
 
 def test_an_amplifier_bounds_a_retimed_motion(tmp_path):

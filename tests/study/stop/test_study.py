@@ -110,13 +110,15 @@ def test_sag_from_rest_is_down(found):
 
 
 def test_criteria_of_the_brake(found):
-    torque, energy, often = found.axes[0].criteria
+    torque, energy, often, gear = found.axes[0].criteria
     hold = max(np.abs(hold[:, 0]).max() for hold in found.search.cycle.hold.values())
     assert torque.required == pytest.approx(hold / 80.0)
     assert torque.available == 0.8
     assert energy.required == found.axes[0].energy
     assert energy.available == 2.0
     assert energy.status == Status.FAILS
+    assert gear.required == found.axes[0].peak
+    assert "momentary_peak of the transmission" in gear.note
     assert often.status == Status.NOT_CHECKED
     assert "stops.per_hour" in often.note
     assert any("brake energy" in line for line in found.unmet)
@@ -243,7 +245,7 @@ def test_the_command_prints_and_writes(files, capsys):
     assert page.count("<svg") == 2
     result = result_of((files / "out" / "summary.json").read_text(encoding="utf-8"))
     assert result["axes"][0]["energy"] > 0.0
-    assert len(result["axes"][0]["criteria"]) == 3
+    assert len(result["axes"][0]["criteria"]) == 4
     json.dumps(result, allow_nan=False)
 
 

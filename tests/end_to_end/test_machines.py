@@ -1,0 +1,59 @@
+"""What is chosen for whole machines with the bundled catalogue, beside the machines themselves."""
+
+from __future__ import annotations
+
+import pytest
+from machines import MACHINES, rows
+
+#: Peak efforts that the makers' URDFs give the joints, N m.
+OWN = {
+    "ur10_machine_tending": [330, 330, 150, 54, 54, 54],
+    "ur5_pick_and_place": [150, 150, 150, 28, 28, 28],
+    "panda_pick_and_place": [87, 87, 87, 87, 12, 12, 12],
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", OWN)
+def test_arms_are_moved_by_strain_wave_gears_of_the_size_of_their_own(name):
+    """The cycle stays below what the joints give; the gears bear about as much as these do."""
+    found = list(rows(name))
+    assert [row.limit for row in found] == OWN[name]
+    assert all(row.choice for row in found)
+    for row in found:
+        assert row.peak < row.limit
+        assert row.bears > row.peak
+    geared = [row for row in found if " + " in row.choice]
+    strain_wave = [row for row in geared if "CSG" in row.choice or "CSF" in row.choice]
+    assert len(strain_wave) >= len(geared) - 1
+    typical = sorted(row.bears / row.limit for row in found)
+    assert 0.3 < typical[len(typical) // 2] < 3
+    light = sorted(row.mass for row in found)
+    assert light[len(light) // 2] < 1.5
+
+
+def test_a_scaras_arms_fit_and_its_quill_does_not():
+    shoulder, elbow, lift = rows("scara")
+    assert "Harmonic Drive" in shoulder.choice
+    assert "Harmonic Drive" in elbow.choice
+    assert lift.choice is None  # 0.47 m/s: no complete screw of the catalogue is so fast
+    assert any("PBSA ball screw" in name for name in lift.unjudged)
+    assert any("Nippon Pulse" in name for name in lift.unjudged)
+
+
+def test_a_bench_gantry_takes_complete_screws():
+    found = list(rows("gantry"))
+    assert all("maxon GP" in row.choice and "ball" in row.choice for row in found)
+    assert sum(row.mass for row in found) < 1.0
+    assert all(any("PBC" in name for name in row.unjudged) for row in found)  # forces unread
+
+
+def test_a_delta_takes_planetary_gears_and_an_excavator_none():
+    for row in rows("delta"):
+        assert "maxon GP" in row.choice or "Beckhoff" in row.choice
+        assert row.bears > row.peak
+        assert row.bears < row.limit
+    for row in rows("excavator"):
+        assert row.choice is None
+        assert "not for cylinders" in row.why
+    assert set(MACHINES) >= {"scara", "gantry"}

@@ -1,0 +1,80 @@
+"""What a gear bears when its brake closes, by hand, and the stops of the chosen drive."""
+
+from __future__ import annotations
+
+import pytest
+from sizing_cases import GEAR, MOTOR, one_drive, trapezoid, turntable
+
+import pinfric as pf
+from pinfric.errors import SizingError
+from pinfric.study.sizing.criterion import Status
+from pinfric.study.sizing.stop_limits import brake_peak
+
+BRAKE = {
+    "source": "invented",
+    "grade": "R",
+    "torque": 0.5,
+    "torque_max": 0.7,
+    "engage_time": 0.02,
+    "stop_energy": 20.0,
+    "rotor_inertia": 1e-5,
+}
+STOPS = {"category": 0, "reaction_time": 0.01, "per_hour": 4}
+#: The rotor at the joint: 100^2 of motor, gear and brake; beside 2 kg m^2 of table.
+HEAVY = 1e4 * (5e-5 + 1e-5 + 1e-5) / 2.0
+
+
+def sized(tmp_path, brake=BRAKE, gear=None, stops=STOPS):
+    scene = turntable().with_(stops=stops)
+    catalog = one_drive(tmp_path, MOTOR, {**GEAR, **(gear or {})}, brakes={"B": brake})
+    required = {"holding_brake": "required"}
+    return pf.size(scene, trapezoid(scene), catalog, conditions=required, on_miss="ignore")
+
+
+def row(report):
+    name = "gear momentary peak torque, brake closing"
+    (found,) = [c for c in report.joints[0].assessments[0].criteria if c.name == name]
+    return found
+
+
+def test_peak_of_a_closing_brake_by_hand(tmp_path):
+    """0.7 N m x 100, and 15 N m of the cycle, on a gear that passes 0.7 of the load on."""
+    found = row(sized(tmp_path))
+    assert found.required == pytest.approx((70.0 + HEAVY * 15.0) / (0.7 + HEAVY), rel=1e-6)
+    assert found.available == 100.0
+    assert found.status == Status.PASSES
+    weak = row(sized(tmp_path, gear={"momentary_peak_torque": 70.0}))
+    assert weak.status == Status.FAILS
+
+
+def test_peak_where_a_gear_would_jam_has_no_bound():
+    assert brake_peak(0.5, 100.0, 1e-5, 2.0, 0.0, -0.2) is None
+    assert brake_peak(0.5, 100.0, 1e-5, 2.0, 0.0, 1.0) == pytest.approx(50.0 / 1.05)
+
+
+def test_stops_of_the_chosen_drive_are_in_the_report(tmp_path):
+    """Friction of the table slows it, too: 0.7 t = -70 - J_r (t - 3)/2 of 71 N m without it."""
+    report = sized(tmp_path)
+    (axis,) = report.stops.axes
+    assert axis.peak == pytest.approx((70.0 - HEAVY * 3.0) / (0.7 + HEAVY), rel=1e-6)
+    by_name = {c.name: c for c in axis.criteria}
+    assert by_name["gear momentary peak torque"].available == 100.0
+    assert by_name["brake energy of a stop"].available == 20.0
+    assert by_name["brake stops in an hour"].status == Status.NOT_CHECKED
+    assert not report.unmet
+
+
+def test_a_stop_that_is_not_met_is_unmet(tmp_path):
+    report = sized(tmp_path, brake={**BRAKE, "stop_energy": None, "stops_per_hour": 2.0})
+    assert any("brake stops in an hour: needs 4" in line for line in report.unmet)
+    with pytest.raises(SizingError, match="brake stops in an hour"):
+        report.check()
+    unknown = sized(tmp_path, brake={**BRAKE, "engage_time": None})
+    assert unknown.stops is None
+    assert any("has no `engage_time`" in line for line in unknown.unmet)
+
+
+def test_without_a_section_on_stops_nothing_is_stopped(tmp_path):
+    report = sized(tmp_path, stops=None)
+    assert report.stops is None
+    assert not report.unmet
