@@ -7,9 +7,9 @@ Each mutant changes one line in memory: a comparison, a sign, a product, a numbe
 it leaves out a statement. Kernels run as plain Python, so nothing is compiled. Tests are collected
 once; everything else happens in forked processes, so that no test sees what another one left:
 
-1. The tests of the mutant's own module run, then those of its folder. One that fails counts only if it fails alone, too, and
-   passes alone unbroken. Where numba divides by zero, plain Python raises: such a failure alone
-   proves nothing.
+1. The tests of the mutant's own module run, then those of its folder. One that fails counts only
+   if it fails alone, too, and passes alone unbroken. Where numba divides by zero, plain Python
+   raises: such a failure alone proves nothing.
 2. If none notices, all other tests run that call its function, the fastest first. For this each
    test runs once alone and unbroken; those that take long or fail as plain Python are left out.
 
