@@ -58,6 +58,7 @@ TESTED_WITH = {
     "study/sizing/test_bearing.py": "study/sizing: bearing_limits",
     "study/sizing/test_catalog.py": "study/sizing: catalog_file doubts",
     "study/sizing/test_catalog_table.py": "study/sizing: table units",
+    "study/sizing/test_stop_limits.py": "study/sizing: stopping",
     "study/stop/test_motion.py": "model: brakes",
     "study/stop/test_study.py": "study/stop: machines search summary; show/report: stop; "
     "show/figure: stop; show/stop_page: page",
