@@ -110,11 +110,7 @@ def site_marker(scene: Scene, site: Site, shapes: Sequence[Shape], size: float) 
 
 def _link_size(joint: int, shapes: Sequence[Shape]) -> float:
     """Diagonal of the box round what is drawn of a joint's link, m; inf where nothing is."""
-    own = [
-        shape.mesh.vertices @ shape.placement.rotation.T + shape.placement.translation
-        for shape in shapes
-        if shape.kind == "visual" and shape.joint == joint
-    ]
+    own = [s.corners() for s in shapes if s.kind == "visual" and s.joint == joint]
     return float(np.linalg.norm(np.ptp(np.concatenate(own), axis=0))) if own else np.inf
 
 

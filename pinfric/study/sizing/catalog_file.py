@@ -93,7 +93,7 @@ def _read(path: Path) -> CatalogFile:
             f"there is no catalogue {brief(str(path))}; "
             f"{choose_from(path, [DEFAULT])}, or a YAML file"
         )
-    return _parsed(read_yaml(path, CatalogError), path)
+    return _parsed(read_yaml(path, CatalogError, "pinfric_catalog"), path)
 
 
 def _parsed(content: dict[str, Any], path: Path) -> CatalogFile:

@@ -97,8 +97,7 @@ def caveats(
         "the drive of the first joint stands on the ground.",
         "Every motor is assumed to fit every gear, and every brake every motor; couplings "
         "and housings have no mass. "
-        "Brakes are chosen by their holding torque and, if printed, by the energy of a stop; "
-        "the stopping distance is not checked.",
+        "Brakes are chosen by their holding torque and, if printed, by the energy of a stop.",
         "Output bearings carry the whole wrench of the joint, about the joint's origin, which is "
         "assumed to lie on the output flange; conditions.bearings names another bearing instead.",
         "Magnets are assumed cold: the torque constant does not fall with temperature.",

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import pinocchio as pin
@@ -22,7 +22,7 @@ from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.samples.closure import working_rates
 from pinfric.dynamics.simulation.motion import INTERRUPTED, Motion
 from pinfric.dynamics.simulation.simulate import simulate
-from pinfric.errors import StopError
+from pinfric.errors import SimulationError, StopError
 from pinfric.model.closure import velocity_names
 from pinfric.model.robot import link_frame
 from pinfric.model.scene import Scene
@@ -32,6 +32,8 @@ from pinfric.study.summary import ends_by_magnitude
 SAMPLE_STEP = 1e-3
 #: A stop that takes longer than this (s) does not end; the first piece that is simulated.
 _LONGEST, _PIECE = 5.0, 0.25
+#: Step (s) of time stepping, which passes what the events of a stop cannot.
+_STEP = 2e-4
 #: Samples of a motion that the drives impose.
 _RAMP_SAMPLES = 201
 
@@ -220,7 +222,8 @@ def _until_rest(
 def _simulate(
     machine: Machine, torques: Mapping[str, float], q: np.ndarray, v: np.ndarray, time: float
 ) -> Motion:
-    motion = simulate(
+    run = partial(
+        simulate,
         machine.closed(torques),
         q,
         v,
@@ -230,6 +233,10 @@ def _simulate(
         sample_step=SAMPLE_STEP,
         progress=False,
     )
+    try:
+        motion = run()
+    except SimulationError:  # changes between stick and slip that accumulate, in linkages
+        motion = run(method="timestepping", dt=_STEP)
     if motion.status == INTERRUPTED:
         raise KeyboardInterrupt
     return motion

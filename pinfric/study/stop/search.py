@@ -13,7 +13,7 @@ some spread evenly; then the neighbours of the worst, nearer and nearer.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -113,14 +113,21 @@ class Cycle:
         return cls(trajectory, machines.settings.reaction_time, rate, way, path, hold)
 
     def before(self, sample: int, speed: float) -> tuple[float, np.ndarray, float | None]:
-        """Return time of the command (s), the joints' ways since then (na,), the tool's (m)."""
+        """Return time of the command (s), the joints' ways since then (na,), the tool's (m).
+
+        Before the first sample the joints are taken to have moved as at it.
+        """
         t = self.trajectory.t
-        command = max(float(t[sample]) - speed * self.reaction, float(t[0]))
+        asked = float(t[sample]) - speed * self.reaction
+        command = max(asked, float(t[0]))
         there = np.array([np.interp(command, t, column) for column in self.way.T])
+        way = self.way[sample] - there + (command - asked) * self.rate[0]
         path = None
         if self.path is not None:
             path = float(self.path[sample] - np.interp(command, t, self.path))
-        return command, self.way[sample] - there, path
+            if command > asked:
+                path += (command - asked) * float(self.path[1] - self.path[0]) / float(t[1] - t[0])
+        return command, way, path
 
 
 def _check_unbraked(still: InverseResult, carries: str) -> None:
@@ -272,18 +279,18 @@ def estimates(machines: Machines, cycle: Cycle, kind: Kind) -> tuple[np.ndarray,
     ratio = np.array([abs(drive.ratio) for drive in machine.scene.drives])
     rotor = np.array([0.0 if gear is None else gear.rotor_inertia for gear in gears])
     inertia = joint_inertias(machine.scene, states) + ratio**2 * rotor
-    speed, delay = np.abs(cycle.rate), np.array(list(_per_drive(machine, machine.delay)))
+    speed, delay = np.abs(cycle.rate), _per_drive(machine, machine.delay)
     push = -cycle.hold[kind.load > 0.0] * np.sign(cycle.rate)
-    torque = ratio * np.array(list(_per_drive(machine, machine.drive_torque or machine.torque)))
+    torque = ratio * _per_drive(machine, machine.drive_torque or machine.torque)
     torque = np.where(torque > 0.0, torque, np.abs(push).max() + 1e-9)
     later = speed + np.maximum(push, 0.0) * delay / inertia
     left = np.maximum(torque - push, _LEAST_SHARE * torque)
     return inertia, speed * (cycle.reaction + delay) + inertia * later**2 / (2.0 * left)
 
 
-def _per_drive(machine: Machine, figures: object) -> Iterable[float]:
-    assert hasattr(figures, "get")
-    return (figures.get(drive.name, 0.0) for drive in machine.scene.drives)
+def _per_drive(machine: Machine, figures: Mapping[str, float]) -> np.ndarray:
+    """(na,) figures of drives by name, 0 where there is none."""
+    return np.array([figures.get(drive.name, 0.0) for drive in machine.scene.drives])
 
 
 def _carried(machines: Machines, full: bool, samples: int) -> np.ndarray | None:

@@ -136,7 +136,10 @@ def _coarse_rows(columns: Sequence[JointColumn], t: FloatArray, positions: Float
     elif at_speed[i]:
         first, last = np.abs(slopes[[0, -1], i])
         unit = columns[i].unit
-        why = f", and is at speed in the first and the last ({first:.3g}, {last:.3g} {unit}/s)"
+        why = (
+            f" at {first:.3g} {unit}/s in the first step and {last:.3g} in the last, but robots "
+            "start and stop at rest"
+        )
     return [
         f"rows are too far apart for the motion between them: joint {columns[i].name} moves over "
         f"{moves[i]} rows{why}. Where rows are stops, write them as a way-point file "

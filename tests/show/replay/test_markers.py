@@ -1,13 +1,18 @@
-"""Markers of drives and jams."""
+"""Markers of drives, jams and small links."""
 
 from __future__ import annotations
 
 import dataclasses
 
 import numpy as np
+import pinocchio as pin
+import pytest
 from replay_cases import ROBOTS, page_data
+from trimesh import creation
 
 import pinfric as pf
+from pinfric.show.replay.markers import site_marker
+from pinfric.show.replay.meshes import Shape
 
 
 def jammed_drawer():
@@ -47,3 +52,17 @@ def test_force_drive_is_drawn_with_its_tip_where_it_pushes():
     assert begin[0] < -0.15
     np.testing.assert_allclose(begin[1:], [0.2, 0.0], atol=1e-6)
     assert -0.15 - begin[0] < 0.05
+
+
+def test_rings_at_small_links_are_small_and_those_at_large_ones_are_not():
+    scene = pf.load_scene(ROBOTS / "pendulum.yaml")
+    friction = {"joint_1": {"coulomb": {"static": 1.0, "kinetic": 1.0}}}
+    (site,) = scene.with_(friction=friction).sites
+    found = {}
+    for extent in (0.06, 0.6):
+        sides = np.full(3, extent / np.sqrt(3.0))  # of a box with this diagonal, off the axis
+        shape = Shape("visual", 1, pin.SE3(np.eye(3), np.ones(3)), creation.box(sides))
+        found[extent] = site_marker(scene, site, [shape], size=1.5)
+    assert found[0.06].radius == pytest.approx(0.4 * 0.06)
+    assert found[0.6].radius == pytest.approx(0.04 * 1.5)
+    assert found[0.06].size < found[0.6].size == 1.5

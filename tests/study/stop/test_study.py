@@ -14,7 +14,7 @@ from pinfric import cli
 from pinfric.errors import StopError, TrajectoryError
 from pinfric.study.sizing.criterion import Status
 from pinfric.study.stop.machines import Kind
-from pinfric.study.stop.search import Case
+from pinfric.study.stop.search import Case, Cycle
 from pinfric.study.stop.study import SHARES
 
 NAMES = ("lift", "elbow")
@@ -99,6 +99,16 @@ def test_the_reaction_goes_on_along_the_motion(found):
     assert path > 0.0
     assert cycle.before(6, 0.5)[1] == pytest.approx(0.5 * way, rel=0.05)
     assert cycle.before(0, 1.0)[0] == 0.0  # before the cycle it is at rest
+
+
+def test_a_motion_that_begins_at_speed_is_taken_to_have_moved_so_before(found):
+    scene, whole = found.scene, swing(found.scene)
+    part = pf.Trajectory.from_arrays(scene, whole.t[6:], whole.q[6:], whole.v[6:], whole.a[6:])
+    cycle = Cycle.of(found.search.machines, part)
+    command, way, path = cycle.before(0, 1.0)
+    assert command == part.t[0]
+    assert way == pytest.approx(0.01 * part.v[0])
+    assert path > 0.0
 
 
 def test_sag_from_rest_is_down(found):

@@ -156,7 +156,7 @@ def test_rows_that_are_way_points_are_refused_with_both_choices(tmp_path, positi
 def test_stops_at_nearly_equal_distances_are_refused_with_both_choices(tmp_path, rows, uneven):
     steps = 0.1 * (1.0 + uneven * (-1.0) ** np.arange(rows))
     text = message(tmp_path, rows_of(0.5 * np.arange(rows), np.cumsum(steps)))
-    assert f"joint a moves over {rows} rows, and is at speed in the first and the last (0." in text
+    assert f"joint a moves over {rows} rows at 0." in text
     assert "`points: [{q: [0" in text
     assert "give more of them, or .v and .a" in text
 

@@ -57,10 +57,10 @@ def place_note(scene: Scene, at: str) -> str:
         )
     low, high = f"{ratios[0]:.5g}", f"{ratios[-1]:.5g}"
     span = f"ratio {low}" if low == high else f"ratios {low} to {high}"
-    others = "; ".join(
-        f"--effort-at {name}: {words}" for name, words in EFFORT_PLACES.items() if name != at
+    others = " or ".join(
+        f"--effort-at {name} ({words})" for name, words in EFFORT_PLACES.items() if name != at
     )
-    return f"the log's efforts are taken as {EFFORT_PLACES[at]} ({span}); {others}"
+    return f"the log's efforts are taken as {EFFORT_PLACES[at]} ({span}); otherwise give {others}"
 
 
 def better_place(at: str, errors: Mapping[str, float]) -> str:

@@ -36,7 +36,7 @@ def test_efforts_fit_where_they_were_logged(result, at):
     assert found.measured[JOINT].relative_error < 1e-12
     (note,) = found.notes
     assert note.count("--effort-at ") == 2
-    assert f"--effort-at {at}:" not in note
+    assert f"--effort-at {at} (" not in note
     assert "(ratio 100)" in note
 
 
