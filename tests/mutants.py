@@ -323,7 +323,7 @@ class Search:
     Args:
         mutants: what to try.
         before: the log of an earlier run; the tests that noticed a mutant then are tried first.
-        near: leave it at those tests and at those of the mutant's own folder.
+        near: leave it at those tests and at those of the mutant's own module.
     """
 
     def __init__(self, mutants: list[Mutant], before: Path | None, near: bool) -> None:
@@ -355,9 +355,11 @@ class Search:
         numbers = range(len(self.items))
         yield [i for i in numbers if self.items[i].name == former]
         module = mutant.file.relative_to(ROOT / "pinfric")
-        for own in (f"{module.with_name(f'test_{module.name}')}::", f"{module.parent}/"):
-            yield [i for i in numbers if self.items[i].nodeid.startswith(f"tests/{own}")]
+        own = f"tests/{module.with_name(f'test_{module.name}')}::"
+        yield [i for i in numbers if self.items[i].nodeid.startswith(own)]
         if not self.near:
+            folder = f"tests/{module.parent}/"
+            yield [i for i in numbers if self.items[i].nodeid.startswith(folder)]
             place = str(mutant.file), mutant.function
             known = {i: found for i in numbers if (found := self.unbroken(i))}
             calling = [i for i, found in known.items() if place in found.calls]
@@ -414,9 +416,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--tests", nargs="*", default=TESTS)
     parser.add_argument("--before", type=Path, help="log of an earlier run: its tests first")
-    parser.add_argument(
-        "--near", action="store_true", help="only these and those of the module's folder"
-    )
+    parser.add_argument("--near", action="store_true", help="only these and the module's own")
     given = parser.parse_args()
     interpret_kernels()
     mutants = [one for room in given.rooms for one in chosen(room, given.count, given.seed)]
