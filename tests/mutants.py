@@ -7,9 +7,9 @@ Each mutant changes one line in memory: a comparison, a sign, a product, a numbe
 it leaves out a statement. Kernels run as plain Python, so nothing is compiled. Tests are collected
 once; everything else happens in forked processes, so that no test sees what another one left:
 
-1. The tests of the mutant's own module run. One that fails counts only if it fails alone, too, and
-   passes alone unbroken. Where numba divides by zero, plain Python raises: such a failure alone
-   proves nothing.
+1. The tests of the mutant's own module run, then those of its folder. One that fails counts only
+   if it fails alone, too, and passes alone unbroken. Where numba divides by zero, plain Python
+   raises: such a failure alone proves nothing.
 2. If none notices, all other tests run that call its function, the fastest first. For this each
    test runs once alone and unbroken; those that take long or fail as plain Python are left out.
 
@@ -44,7 +44,7 @@ from pinfric.kernels import compiled
 
 ROOT = Path(__file__).parents[1]
 TESTS = ("tests/friction", "tests/dynamics", "tests/judges")
-#: Tests that take longer with kernels as plain Python are left out (s).
+#: Tests that take longer with kernels as plain Python are left out (s of processor time).
 LONGEST = 6
 #: Exceptions that plain Python raises where a compiled kernel computes inf or nan.
 DIVISION = ("ZeroDivisionError", "OverflowError")
@@ -217,12 +217,16 @@ class Failure(NamedTuple):
 
 
 def failures(items: list[pytest.Item], tests: list[int], longest: float) -> Iterator[Failure]:
-    """Run tests, given by their numbers, in this process; yield those that fail."""
+    """Run tests, given by their numbers, in this process; yield those that fail.
+
+    Args:
+        items: all tests. tests: their numbers. longest: processor time of each test (s).
+    """
 
     def stop(*_: object) -> None:
         raise TimeoutError
 
-    signal.signal(signal.SIGALRM, stop)
+    signal.signal(signal.SIGPROF, stop)
     for test, following in zip(tests, [*tests[1:], None], strict=True):
         after = None if following is None else items[following]
         kinds: list[str] = []
@@ -239,11 +243,11 @@ def failures(items: list[pytest.Item], tests: list[int], longest: float) -> Iter
 
         listener = Listen()
         items[test].config.pluginmanager.register(listener)
-        signal.setitimer(signal.ITIMER_REAL, longest, 1.0)  # again: somebody may catch it
+        signal.setitimer(signal.ITIMER_PROF, longest, 1.0)  # again: somebody may catch it
         try:
             reports = runtestprotocol(items[test], log=False, nextitem=after)
         finally:
-            signal.setitimer(signal.ITIMER_REAL, 0)
+            signal.setitimer(signal.ITIMER_PROF, 0)
             items[test].config.pluginmanager.unregister(listener)
         if any(report.failed for report in reports):
             yield Failure(test, kinds[0] if kinds else "?")
@@ -271,6 +275,11 @@ def known(items: list[pytest.Item], test: int) -> Known | None:
     used = os.times()
     places = {(code.co_filename, code.co_firstlineno) for code in calls}
     return None if failed else Known(used.user + used.system, places)
+
+
+def passes(items: list[pytest.Item], test: int) -> bool:
+    """Whether a test passes alone and unbroken."""
+    return not list(failures(items, [test], 5.0 * LONGEST))
 
 
 def break_line(mutant: Mutant) -> None:
@@ -326,12 +335,19 @@ class Search:
                 self.before[_without_line(mutant)] = by.rpartition("::")[2]
         self.items: list[pytest.Item] = []
         self.known: dict[int, Known | None] = {}
+        self.sound: dict[int, bool] = {}
 
     def unbroken(self, test: int) -> Known | None:
         """What a test does unbroken; run once."""
         if test not in self.known:
             self.known[test] = in_child(known, self.items, test)
         return self.known[test]
+
+    def is_sound(self, test: int) -> bool:
+        """Whether a test passes alone and unbroken; run once."""
+        if test not in self.sound:
+            self.sound[test] = bool(in_child(passes, self.items, test))
+        return self.sound[test]
 
     def groups(self, mutant: Mutant) -> Iterator[list[int]]:
         """Tests that may notice a mutant, those that probably do first."""
@@ -342,6 +358,8 @@ class Search:
         own = f"tests/{module.with_name(f'test_{module.name}')}::"
         yield [i for i in numbers if self.items[i].nodeid.startswith(own)]
         if not self.near:
+            folder = f"tests/{module.parent}/"
+            yield [i for i in numbers if self.items[i].nodeid.startswith(folder)]
             place = str(mutant.file), mutant.function
             known = {i: found for i in numbers if (found := self.unbroken(i))}
             calling = [i for i, found in known.items() if place in found.calls]
@@ -351,14 +369,14 @@ class Search:
         """Return the test that notices a mutant and how, or that it survived how many tests."""
         tried, divided = set[int](), ""
         for group in self.groups(mutant):
-            left = [i for i in group if i not in tried]
+            left = [i for i in group if i not in tried and self.sound.get(i, True)]
             tried.update(left)
             while left:
                 found = in_child(first_failure, self.items, mutant, left, 5.0 * LONGEST)
                 if found is None:
                     break
                 alone = in_child(first_failure, self.items, mutant, [found.test], 5.0 * LONGEST)
-                if alone is not None and self.unbroken(found.test) is not None:
+                if alone is not None and self.is_sound(found.test):
                     how = f"{alone.kind} in {self.items[found.test].nodeid}"
                     if alone.kind not in DIVISION:
                         return how

@@ -55,7 +55,7 @@ def test_sites_of_which_some_hold_without_limit_share_what_one_coordinate_needs(
 
 
 def test_what_one_coordinate_shares_leaves_the_sites_of_others_alone():
-    """Sites 0 and 1 hold without limit and need 4 together; site 2 of the other slips."""
+    """Sites 0 and 1 hold without limit, 4 together; site 2 of the other coordinate slips."""
     p = empty_problem(np.array([0, 0, 1]), np.ones(3), np.arange(3), np.zeros(3))
     p.coulomb_stick[:2], p.coulomb_slip[2] = np.inf, 0.7
     m, lower, upper, phi = Modes.of(2, 3), np.empty(2), np.empty(2), np.full(3, np.nan)

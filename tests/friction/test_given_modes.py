@@ -16,6 +16,7 @@ from friction_cases import (
 from pinfric.friction import given_modes as coupling
 from pinfric.friction.consistency import site_friction
 from pinfric.friction.law import stick_limits
+from pinfric.kernels import interpreted
 
 pytestmark = pytest.mark.usefixtures("interpreted_kernels")
 
@@ -94,10 +95,41 @@ def test_a_contact_without_load_has_no_direction_and_no_nan():
     assert (m.friction == 0).all()
 
 
+def as_python(kernel):
+    """A kernel as a Python function, be it compiled or not."""
+    return interpreted.plain(kernel) if hasattr(kernel, "py_func") else kernel
+
+
+def solve_as_python(p, **others):
+    """Friction where all four slip, with other functions in place of some; figures; solutions."""
+    function, figures = as_python(coupling.solve_given_modes), np.zeros(2)
+    solutions, guess = np.zeros((coupling.MOST_SOLUTIONS, 4)), np.full(4, np.nan)
+    with pytest.MonkeyPatch.context() as patch:
+        for name, other in others.items():
+            patch.setitem(function.__globals__, name, other)
+        found = function(p, np.zeros(4, bool), np.ones(4), guess, solutions, figures)
+    return solutions[:found], figures
+
+
+@pytest.mark.parametrize("strength", [0.05, 0.8, 1.5])
 @pytest.mark.parametrize("seed", range(6))
-def test_the_passes_of_every_start_count(seed):
-    """Beyond a contraction of 1 there is a start from rest, nz + 1 far out and the guess itself."""
-    p = random_problem(seed, strength=1.5)
-    _, m = solved(p, np.zeros(4, bool), np.ones(4))
-    assert m.figures[0] >= 1.0
-    assert m.figures[1] >= 1 + 4 + 2
+def test_passes_of_every_start_count(seed, strength):
+    """Beyond a contraction of 1 there are nz + 2 starts far out, and one between two solutions."""
+    passes, newton = [], as_python(coupling.newton)
+
+    def counted(reduced, z, sure):
+        passes.append(newton(reduced, z, sure))
+        return passes[-1]
+
+    found, figures = solve_as_python(random_problem(seed, strength=strength), newton=counted)
+    assert figures[1] == sum(number for _, number in passes) > 0
+    if figures[0] >= 1.0:
+        assert len(passes) >= 1 + 4 + 2 + max(len(found) - 1, 0)
+
+
+def test_where_newton_fails_the_fixed_point_finds_the_solution():
+    p = random_problem(3, strength=0.05)
+    expected, _ = solve_as_python(p)
+    found, figures = solve_as_python(p, newton=lambda reduced, z, sure: (np.inf, 3))
+    assert figures[1] > 3
+    np.testing.assert_allclose(found, expected, rtol=1e-11)
