@@ -27,9 +27,7 @@ def test_arms_are_moved_by_strain_wave_gears_of_the_size_of_their_own(name):
     strain_wave = [row for row in geared if "CSG" in row.choice or "CSF" in row.choice]
     assert len(strain_wave) >= len(geared) - 1
     typical = sorted(row.bears / row.limit for row in found)
-    assert 0.3 < typical[len(typical) // 2] < 3
-    light = sorted(row.mass for row in found)
-    assert light[len(light) // 2] < 2.0
+    assert 0.3 < typical[len(typical) // 2] < 3  # of the same order
 
 
 def test_a_scaras_arms_fit_and_its_quill_does_not():
