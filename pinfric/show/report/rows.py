@@ -197,7 +197,8 @@ def text_of(value: Any, display: str = "", zero: float = 0.0) -> str:
     if isinstance(value, list | tuple):
         return ", ".join(map(str, value))
     if display == "%":
-        return f"{100 * value:.0f} %" if math.isfinite(value) else "n/a"
+        text = f"{100 * value:.0f} %" if math.isfinite(value) else "n/a"
+        return text if text != "-0 %" else f"{min(100 * value, -0.01):.1g} %"  # a miss, not a fit
     if display == "percent":  # with what is below one
         return f"{digits(100 * value, 1e-6)} %" if math.isfinite(value) else "n/a"
     if display == "+":

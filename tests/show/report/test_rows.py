@@ -10,7 +10,7 @@ from pinfric.model.described import (
     described,
     quantity,
 )
-from pinfric.show.report.rows import table_of
+from pinfric.show.report.rows import table_of, text_of
 
 
 def test_rows_of_both_kinds_have_their_unit_in_a_column():
@@ -39,3 +39,10 @@ def test_a_range_that_prints_alike_is_one_number(least, most, text):
         high: float = quantity("most", heading="range", cell=between("low", "high"))
 
     assert table_of("", [Row("a", least, most)]).rows == [("a", text)]
+
+
+@pytest.mark.parametrize(
+    ("share", "text"), [(0.124, "12 %"), (0.004, "0 %"), (-0.0042, "-0.4 %"), (-1e-9, "-0.01 %")]
+)
+def test_a_margin_below_zero_never_prints_as_zero(share, text):
+    assert text_of(share, "%") == text
