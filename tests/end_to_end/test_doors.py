@@ -28,6 +28,7 @@ CLASSES = {
     "Elasticity",
     "Identified",
     "SizingReport",
+    "StopResult",
     "Duty",
     "CheckReport",
     "RetimeResult",

@@ -13,7 +13,7 @@ from pinfric.model.brakes import HoldingBrake
 from pinfric.model.drives import Drive
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Actuator, Payload, Stops
-from pinfric.study.stop.motion import Machine
+from pinfric.study.stop.motion import LONGEST, Machine
 from pinfric.study.trajectory.trajectory import Trajectory
 
 #: An effort limit from here on (N m or N) is none: Pinocchio has the largest number.
@@ -99,10 +99,18 @@ def _check(scene: Scene, settings: Stops) -> None:
                 f"{where}: has no `transmission`, and a brake acts at a motor's shaft; give ratio, "
                 "losses, rotor_inertia and brake (a direct drive has `ratio: 1`)"
             )
-        if gear.brake is not None and gear.brake.engage_time is None:
+        if gear.brake is None:
+            continue
+        delay, key = gear.brake.engage_time, f"{where}.transmission.brake"
+        if delay is None:
             raise StopError(
-                f"{where}.transmission.brake: has no `engage_time`; give the time (s) from "
-                "power-off until it holds, as its maker states it"
+                f"{key}: has no `engage_time`; give the time (s) from power-off until it holds, as "
+                "its maker states it"
+            )
+        if delay > LONGEST:
+            raise StopError(
+                f"{key}: engage_time is {delay:g} s; should be at most {LONGEST:g} s (30 ms is "
+                "0.03)"
             )
     if settings.category == 1 and settings.deceleration:
         _check_deceleration(scene, settings)

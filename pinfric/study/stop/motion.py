@@ -31,7 +31,7 @@ from pinfric.study.summary import ends_by_magnitude
 #: Time between samples of a stop, s.
 SAMPLE_STEP = 1e-3
 #: A stop that takes longer than this (s) does not end; the first piece that is simulated.
-_LONGEST, _PIECE = 5.0, 0.25
+LONGEST, _PIECE = 5.0, 0.25
 #: Step (s) of time stepping, which passes what the events of a stop cannot.
 _STEP = 2e-4
 #: Samples of a motion that the drives impose.
@@ -210,7 +210,7 @@ def _until_rest(
 ) -> Iterator[Motion]:
     """Simulate in pieces, each twice as long as the one before, until all is at rest."""
     gone, piece = 0.0, _PIECE
-    while gone < _LONGEST:
+    while gone < LONGEST:
         part = _simulate(machine, torques, q, v, piece)
         yield part
         q, v, gone, piece = part.q[-1], part.v[-1], gone + piece, 2.0 * piece

@@ -94,7 +94,7 @@ def test_rejections_say_why_and_what_is_missing(report):
     (joint,) = in_json(sizing_summary(report))["joints"]
     why = {entry["name"]: entry["why"] for entry in joint["rejected"]}
     assert re.match(
-        r"short-term torque: needs 0\.09\d+ N m, has 0\.05 N m \(short by ", why["weak + G"]
+        r"continuous torque: needs 0\.09\d+ N m, has 0\.05 N m \(short by ", why["weak + G"]
     )
     assert why["no mass + G"] == "mass: not known"
     assert joint["choice"] == "fits <b> + G"

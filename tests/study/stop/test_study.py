@@ -179,6 +179,10 @@ def test_what_is_missing_is_named_with_what_to_give():
             r"\(lift\)\.transmission\.brake: has no `engage_time`; give the time",
         ),
         (
+            without(scene, brake={"torque": 1.0, "engage_time": 30.0}),
+            r"brake: engage_time is 30 s; should be at most 5 s \(30 ms is 0.03\)",
+        ),
+        (
             without(scene, brake=None),
             r"\(lift\): has no brake, and carrying nothing its load of .* N m at .* engage_time: s",
         ),
