@@ -226,7 +226,7 @@ class SizingReport(Shown):
     def standstills(self) -> tuple[Standstill, ...]:
         """Holding of each joint without power, and its brake; in the order of `joints`.
 
-        A robot that says how it is stopped gets brakes whose `engage_time` is known, if there are any.
+        Where the scene says how it is stopped: of brakes with an `engage_time`, if there are any.
         """
         catalog = self.catalog or Catalog("no catalogue")
         fitted = [j.installed.candidate.brake if j.installed else "" for j in self.joints]
