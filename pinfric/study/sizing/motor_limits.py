@@ -129,10 +129,20 @@ def _winding_formula(d: Judged) -> str:
     return "settled cycle of the two-node model: max T_w - T_a"
 
 
+def _lacks_heat(d: Judged) -> str:
+    """Which of the figures that heat follows from are missing."""
+    r = d.ratings
+    electric = {"torque constant": r.torque_constant, "resistance": r.resistance}
+    figures = {"thermal resistances": r.thermal} | electric
+    lacking = [name for name, value in figures.items() if value is None] or list(figures)
+    *first, last = lacking
+    return f"{', '.join(first)} and {last}" if first else last
+
+
 def _winding_missing(d: Judged) -> str:
     figures = d.figures
     if figures is None or figures.mean_temperature is None:
-        return d.missing or "thermal resistances, torque constant and resistance"
+        return d.missing or _lacks_heat(d)
     if figures.peak_temperature is None:
         return "thermal time constants"
     return "permissible winding temperature"

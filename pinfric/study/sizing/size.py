@@ -224,11 +224,16 @@ class SizingReport(Shown):
 
     @cached_property
     def standstills(self) -> tuple[Standstill, ...]:
-        """Holding of each joint without power, and its brake; in the order of `joints`."""
+        """Holding of each joint without power, and its brake; in the order of `joints`.
+
+        Where the scene says how it is stopped: of brakes with an `engage_time`, if there are any.
+        """
         catalog = self.catalog or Catalog("no catalogue")
         fitted = [j.installed.candidate.brake if j.installed else "" for j in self.joints]
         inertias = [catalog.brakes[name].rotor_inertia or 0.0 if name else 0.0 for name in fitted]
-        return standstills(self.result, catalog.brakes, self.conditions, inertias)
+        timed = {n: brake for n, brake in catalog.brakes.items() if brake.engage_time is not None}
+        there = catalog.brakes if self.given.stops is None else timed or catalog.brakes
+        return standstills(self.result, there, self.conditions, inertias)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -249,6 +254,11 @@ class SizingReport(Shown):
     def stops(self) -> StopResult | None:
         """Stops with the chosen drives and their brakes; None: the scene has no `stops`."""
         return self._stopping[0]
+
+    @property
+    def no_stops(self) -> str:
+        """Why the stops that the scene asks for could not be judged; "" where they were."""
+        return self._stopping[1]
 
     @cached_property
     def _stopping(self) -> tuple[StopResult | None, str]:

@@ -31,6 +31,11 @@ def chosen_stops(
         for drive, still in zip(scene.drives, holding, strict=True)
         if still.fitted and still.brake is not None
     }
+    if slow := sorted({n for n in names.values() if brakes[n].engage_time is None}):
+        return None, (
+            f"stops: {', '.join(slow)} of the catalogue has no `engage_time`; give it the time (s) "
+            "from power-off until it holds, as its maker states it"
+        )
     actuators = [_braked(a, brakes, names.get(a.drive_name)) for a in scene.actuators or ()]
     assert states.t is not None  # size refuses a motion without times
     carried = states.attached

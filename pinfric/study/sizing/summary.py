@@ -242,7 +242,7 @@ def unchecked(report: SizingReport) -> tuple[Unchecked, ...]:
         if c.status == Status.NOT_CHECKED:
             found.setdefault((c.name, c.lacks), [])
     if report.stops is None:
-        lacks = "a drive that fits for every joint, and one cycle"
+        lacks = report.no_stops or "a drive that fits for every joint"
         lacks = "the key stops of the scene" if report.given.stops is None else lacks
         found["stopping times and distances", lacks] = []
     return tuple(Unchecked(name, tuple(of), lacks) for (name, lacks), of in found.items())

@@ -11,6 +11,7 @@ impose the motion, v_j - sign(v_j) d_j t, and inverse dynamics gives their effor
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -22,7 +23,7 @@ from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.samples.closure import working_rates
 from pinfric.dynamics.simulation.motion import INTERRUPTED, Motion
 from pinfric.dynamics.simulation.simulate import simulate
-from pinfric.errors import SimulationError, StopError
+from pinfric.errors import PinfricWarning, SimulationError, StopError
 from pinfric.model.closure import velocity_names
 from pinfric.model.robot import link_frame
 from pinfric.model.scene import Scene
@@ -186,9 +187,11 @@ def _imposed(machine: Machine, q: np.ndarray, v: np.ndarray) -> _Rows:
     a = np.where(times[:, None] < ends, -np.sign(v) * d, 0.0)
     configurations = np.array([pin.integrate(model, q, step) for step in way])
     attached = np.tile([n in machine.carried for n in machine.scene.payloads], (len(times), 1))
-    found = inverse_dynamics(
-        machine.scene, configurations, speed, a, attached=attached if attached.size else None
-    )
+    with warnings.catch_warnings():  # a slow stop goes far beyond the limits: these are no degrees
+        warnings.filterwarnings("ignore", "q: joint .* in degrees", PinfricWarning)
+        found = inverse_dynamics(
+            machine.scene, configurations, speed, a, attached=attached if attached.size else None
+        )
     effort = ends_by_magnitude(found.effort_lower, found.effort_upper)[0]
     rate = working_rates(machine.scene, configurations, speed)[0]
     return _Rows(times, configurations, speed, rate, effort)

@@ -78,3 +78,19 @@ def test_without_a_section_on_stops_nothing_is_stopped(tmp_path):
     report = sized(tmp_path, stops=None)
     assert report.stops is None
     assert not report.unmet
+
+
+def test_a_stopped_robot_gets_a_brake_that_is_known_to_close(tmp_path):
+    scene = turntable().with_(stops=STOPS)
+    brakes = {"A": {**BRAKE, "torque": 0.4, "torque_max": 0.6, "engage_time": None}, "B": BRAKE}
+    catalog = one_drive(tmp_path, MOTOR, GEAR, brakes=brakes)
+    required = {"holding_brake": "required"}
+    report = pf.size(scene, trapezoid(scene), catalog, conditions=required, on_miss="ignore")
+    assert report.standstills[0].brake == "B"
+    assert report.no_stops == ""
+
+
+def test_stops_that_a_brake_without_a_time_prevents_say_which_brake(tmp_path):
+    report = sized(tmp_path, brake={**BRAKE, "engage_time": None})
+    assert report.stops is None
+    assert report.no_stops.startswith("stops: B of the catalogue has no `engage_time`; give it")

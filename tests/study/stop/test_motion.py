@@ -110,6 +110,7 @@ def test_sag_counts_from_power_off():
     assert found.power_off == pytest.approx(0.25, rel=1e-12)
     assert found.after_power_off == pytest.approx([-0.00404370], rel=2e-5)
     assert found.travel[-1] == pytest.approx([0.0625 - 0.00404370], rel=1e-6)
+    assert found.q[-1] == pytest.approx([0.0625 - 0.00404370], rel=1e-6)
 
 
 def test_an_imposed_deceleration_costs_what_inverse_dynamics_says():
