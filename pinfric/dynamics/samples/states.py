@@ -155,7 +155,8 @@ def mention_degrees(scene: Scene, q: np.ndarray) -> None:
         if np.radians(low) < lower or np.radians(high) > upper:
             return
         largest = max(abs(low), abs(high))
-        if (low < lower or high > upper) and largest > 2.0 * np.pi and beyond is None:
+        far = largest > max(2.0 * np.pi, _FAR_BEYOND * max(abs(lower), abs(upper)))
+        if far and beyond is None:
             beyond = name, largest, lower, upper
     if beyond is not None:
         name, largest, lower, upper = beyond
@@ -186,6 +187,8 @@ def _samples(name: str, given: Any, width: int) -> np.ndarray:
     return array
 
 
+#: An angle this many times its limit is not one that only passes it.
+_FAR_BEYOND = 3.0
 #: Where the unit vectors of a joint's configuration lie: (offset, length).
 _UNIT_PARTS = {
     "JointModelFreeFlyer": (3, 4),

@@ -51,6 +51,8 @@ PAYLOAD_COLOR = "#1FAF86"
 _SMALLEST, _LARGEST = 0.04, 0.09
 #: The least radius of a ring at a small link, such as a finger's, as a part of that link's size.
 _OF_LINK = 0.4
+#: The smallest ring beside that of a large link: a link may have no extent at all.
+_OF_ROBOT = 0.1
 #: The arcs span at most this angle (rad), seen along the axis.
 ARC = np.deg2rad(160.0)
 
@@ -89,7 +91,8 @@ def site_marker(scene: Scene, site: Site, shapes: Sequence[Shape], size: float) 
     offset = getattr(bearing, "offset", 0.0)  # not every kind has one, nor a radius
     radius = 1.15 * getattr(bearing, "radius", 0.0)
     if site.pair < 0:
-        size = min(size, _OF_LINK / _SMALLEST * _link_size(site.joint + 1, shapes))
+        own = _OF_LINK / _SMALLEST * _link_size(site.joint + 1, shapes)
+        size = float(np.clip(own, _OF_ROBOT * size, size))
     least = _SMALLEST * size
     most = max(_LARGEST * size, min(radius, 3.0 * _LARGEST * size))
     up = turn_between(UP, site.axis)

@@ -27,6 +27,7 @@ def stop_report(scene: str, found: StopSummary) -> Report:
         axes_table(found, title),
         grid_table(found),
         failing,
+        not_checked(found),
         [f"note: {line}" for line in found.notes],
     )
 
@@ -48,6 +49,16 @@ def verdict(found: StopSummary) -> str:
     return f"{said}; {met}, {unchecked} of {len(every)} not checked"
 
 
+def not_checked(found: StopSummary) -> list[str]:
+    """Return a line for each criterion that was not checked: of which axes, and what is missing."""
+    axes: dict[tuple[str, str], list[str]] = {}
+    for axis in found.axes:
+        for criterion in axis.criteria:
+            if criterion.status == Status.NOT_CHECKED:
+                axes.setdefault((criterion.name, criterion.note), []).append(axis.name)
+    return [f"not checked: {name} of {', '.join(of)}: {why}" for (name, why), of in axes.items()]
+
+
 def how(found: StopSummary) -> str:
     """Return how the robot was stopped, in words."""
     least, greatest = found.friction
@@ -56,7 +67,8 @@ def how(found: StopSummary) -> str:
 
 
 def grid_table(
-    found: StopSummary, title: str = "by payload and speed, each drive at its worst sample"
+    found: StopSummary,
+    title: str = "by payload and speed, at the samples of the longest and the farthest stop",
 ) -> Table | None:
     """Return stopping times and travels by payload and speed."""
     return table_of(title, found.grid, keys=2)

@@ -10,7 +10,7 @@ from pinfric.show.figure.panel import svg
 from pinfric.show.figure.stop import axis_pictures
 from pinfric.show.report.envelope import hashes
 from pinfric.show.report.rows import table_of
-from pinfric.show.report.stop import axes_table, grid_table, how, verdict
+from pinfric.show.report.stop import axes_table, grid_table, how, not_checked, verdict
 from pinfric.show.sizing_page.page import page_parts
 from pinfric.study.stop.study import StopResult
 from pinfric.study.stop.summary import stop_summary
@@ -50,6 +50,7 @@ def stop_page(result: StopResult) -> str:
         how=how(found),
         worst=axes_table(found, ""),
         grid=grid_table(found, ""),
+        not_checked=not_checked(found),
         axes=axes,
         inputs=hashes(files),
         date=datetime.date.today().isoformat(),

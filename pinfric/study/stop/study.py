@@ -77,7 +77,7 @@ class StopResult(Shown):
 
     @cached_property
     def grid(self) -> tuple[StopGrid, ...]:
-        """Time and travel of each drive's joint by payload and speed, at its worst sample."""
+        """Time and travel of each drive's joint by payload and speed, the worse of two samples."""
         return tuple(
             row for d in range(len(self.scene.drives)) for row in stop_grid(self.search, d, SHARES)
         )

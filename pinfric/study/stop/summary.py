@@ -28,6 +28,7 @@ class AxisStop:
     name: str = quantity("the drive's", heading="drive", name=True)
     unit: str = quantity('of its efforts, "N m" or "N"', heading="unit")
     time: float = quantity("longest time from the command to rest", "s", "stopping\ntime")
+    time_command: float = quantity("when in the cycle that stop is commanded", "s", "commanded\nat")
     travel: float = quantity("largest distance from where the command met it", PLACE, "travel")
     command: float = quantity("when in the cycle that stop is commanded", "s", "commanded\nat")
     load: str = quantity("payload in that stop", heading="carries")
@@ -66,7 +67,7 @@ class StopSummary:
     path: float | None = quantity("longest way of the tool; none: the scene has no tool", "m")
     path_command: float | None = quantity("when in the cycle that stop is commanded", "s")
     axes: tuple[AxisStop, ...] = quantity("the worst of each drive's joint")
-    grid: tuple[StopGrid, ...] = quantity("by payload and speed, at each joint's worst sample")
+    grid: tuple[StopGrid, ...] = quantity("by payload and speed, at each joint's worst samples")
     stops: int = quantity("number of stops simulated")
     unmet: tuple[str, ...] = quantity("criteria that are not met")
     notes: tuple[str, ...] = quantity("what is assumed, and what is not known")
@@ -97,6 +98,7 @@ def axis_stop(search: Search, drive: int) -> AxisStop:
     """Return the worst of one drive's joint."""
     scene = search.machines.scene
     stops = list(search.found.values())
+    longest = search.worst(lambda stop: float(stop.rest[drive]))
     worst = search.worst(lambda stop: float(stop.travel[drive]))
     sags = [stop.sag[drive] for stop in stops if np.isfinite(stop.sag[drive])]
     gear = scene.drives[drive].transmission
@@ -106,7 +108,8 @@ def axis_stop(search: Search, drive: int) -> AxisStop:
     return AxisStop(
         name=scene.drives[drive].name,
         unit=effort_unit(scene, drive),
-        time=max(float(stop.rest[drive]) for stop in stops),
+        time=float(longest.rest[drive]),
+        time_command=longest.command,
         travel=float(worst.travel[drive]),
         command=worst.command,
         load=load_name(worst.case.kind.load),
@@ -122,17 +125,23 @@ def axis_stop(search: Search, drive: int) -> AxisStop:
 
 
 def stop_grid(search: Search, drive: int, shares: tuple[float, ...]) -> list[StopGrid]:
-    """Return the rows of one drive's joint by payload, at its worst sample; see `StopGrid`.
+    """Return the rows of one drive's joint by payload, the worse of two samples; see `StopGrid`.
+
+    The samples are those of its longest stop and of its farthest.
 
     Args:
         search: with these stops. drive: its number. shares: of speed and payload.
     """
     scene = search.machines.scene
-    worst = search.worst(lambda stop: float(stop.travel[drive])).case
+    longest = search.worst(lambda stop: float(stop.rest[drive]))
+    farthest = search.worst(lambda stop: float(stop.travel[drive]))
+    samples = sorted({longest.case.sample, farthest.case.sample})
     rows = []
     for load in (0.0, *shares) if search.machines.full else (0.0,):
-        stops: dict[str, Stopped] = {
-            f"{100 * speed:.0f}": search.stop(Case(Kind(False, load), worst.sample, speed))
+        stops: dict[str, list[Stopped]] = {
+            f"{100 * speed:.0f}": [
+                search.stop(Case(Kind(False, load), sample, speed)) for sample in samples
+            ]
             for speed in shares
         }
         rows.append(
@@ -140,8 +149,10 @@ def stop_grid(search: Search, drive: int, shares: tuple[float, ...]) -> list[Sto
                 name=scene.drives[drive].name,
                 unit=effort_unit(scene, drive),
                 load=load_name(load),
-                time={key: float(stop.rest[drive]) for key, stop in stops.items()},
-                travel={key: float(stop.travel[drive]) for key, stop in stops.items()},
+                time={k: max(float(one.rest[drive]) for one in own) for k, own in stops.items()},
+                travel={
+                    k: max(float(one.travel[drive]) for one in own) for k, own in stops.items()
+                },
             )
         )
     return rows
