@@ -155,7 +155,7 @@ def mention_degrees(scene: Scene, q: np.ndarray) -> None:
         if np.radians(low) < lower or np.radians(high) > upper:
             return
         largest = max(abs(low), abs(high))
-        far = largest > max(2.0 * np.pi, _FAR_BEYOND * max(abs(lower), abs(upper)))
+        far = largest > 2.0 * np.pi and largest / _FAR_BEYOND > max(abs(lower), abs(upper))
         if far and beyond is None:
             beyond = name, largest, lower, upper
     if beyond is not None:
