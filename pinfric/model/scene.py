@@ -324,7 +324,7 @@ class Scene:
 
     def __repr__(self) -> str:
         model, joints = self.model, self.joint_names
-        mass = sum(inertia.mass for inertia in model.inertias)
+        mass = sum(inertia.mass for inertia in tuple(model.inertias)[1:])  # 0 is the ground
         title = (
             f"{file_name(self.source)}: {counted(len(joints), 'joint')}, {mass:.4g} kg that move"
         )

@@ -170,6 +170,12 @@ def test_a_guess_that_is_replaced_is_no_guess_any_more():
     assert scene.with_(friction={}).assumed is None
 
 
+def test_the_base_is_not_counted_among_what_moves():
+    model = block(mass=2.0)
+    model.inertias[0] = pin.Inertia(7.0, np.zeros(3), np.eye(3))
+    assert "1 joint, 2 kg that move" in repr(pf.Scene(model=model))
+
+
 def test_copies_are_scenes_like_the_first():
     scene = made()
     for again in (pickle.loads(pickle.dumps(scene)), copy.deepcopy(scene), copy.copy(scene)):

@@ -198,8 +198,9 @@ class Solver:
     """Inverse and forward dynamics of one scene, one state at a time, for one thread.
 
     For controllers, optimizers and integrators. Everything that does not depend on the state is
-    prepared when the solver is made, and all kernels are compiled, so no call waits for the
-    compiler. With an empty cache this takes a minute or two, and a line on stderr reports it. The
+    prepared when the solver is made, and the kernels of `inverse` and `forward` are compiled, so
+    neither waits for the compiler (`compensate` does at its first call). With an empty cache this
+    takes a minute or two, and a line on stderr reports it. The
     arrays of a result belong to the solver, and its next call overwrites them: copy those that you
     want to keep. The solver has its own scene: later changes of `scene.model` do not affect it.
 

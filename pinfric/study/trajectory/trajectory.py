@@ -330,6 +330,11 @@ def read_trajectory(
         source, name = Path(path), str(path)
     columns = joint_columns(scene.model, name)
     if isinstance(source, Path) and source.suffix.lower() in (".yaml", ".yml"):
+        if options.unit is not None:
+            raise TrajectoryError(
+                f"{name}: way-points state their own unit: write `unit: {options.unit}` in the "
+                "file in place of --unit"
+            )
         return _from_waypoints(source, scene, columns)
     problems: list[str] = []
 

@@ -7,6 +7,7 @@ from trajectory_cases import arm_scene, message, one_joint_scene, write
 
 from pinfric.errors import TrajectoryError
 from pinfric.study.trajectory.joint_columns import JointColumn
+from pinfric.study.trajectory.log.reading import ReadingOptions
 from pinfric.study.trajectory.trajectory import load_trajectory
 from pinfric.study.trajectory.waypoints import (
     WayPointFile,
@@ -106,6 +107,12 @@ def test_degrees_are_of_angles_only():
     ]
     np.testing.assert_allclose(motions[0].position, motions[1].position, atol=1e-14)
     np.testing.assert_allclose(motions[0].velocity, motions[1].velocity, atol=1e-13)
+
+
+def test_a_logs_unit_does_not_apply_to_waypoints(tmp_path):
+    path = write(tmp_path, "move.yaml", "pinfric_trajectory: 1\npoints: [{q: [0]}, {q: [1]}]\n")
+    with pytest.raises(TrajectoryError, match="write `unit: deg` in the file in place of --unit"):
+        load_trajectory(path, one_joint_scene(), ReadingOptions(unit="deg"))
 
 
 def test_points_that_fit_the_limits_only_in_degrees_are_asked_about():
