@@ -79,6 +79,11 @@ def add_limit(limit: Limit) -> None:
     if isinstance(limit.need, str) and limit.need not in SIGNALS:
         allowed = choose_from(limit.need, list(SIGNALS))
         raise SizingError(f"{where}: need {limit.need!r}: give a function, or a signal; {allowed}")
+    units = {other.unit for other in LIMITS if other.need == limit.need}
+    if isinstance(limit.need, str) and units and limit.unit not in units:
+        raise SizingError(
+            f"{where}: unit {limit.unit!r}: {limit.need!r} is in SI: {choose_from('', list(units))}"
+        )
     if isinstance(limit.gives, str):
         raise SizingError(
             f"{where}: gives {limit.gives!r}: give a function, or a tuple of figures like "

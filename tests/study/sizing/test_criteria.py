@@ -484,6 +484,8 @@ def test_a_limit_added_in_one_row_is_in_size_sweep_and_retime(tmp_path, coupling
         add_limit(dataclasses.replace(coupling, name="typo", need="motor torqe"))
     with pytest.raises(SizingError, match="gives 'peak torq': give a function"):
         add_limit(dataclasses.replace(coupling, name="typo", gives="peak torq"))
+    with pytest.raises(SizingError, match=r"unit 'rpm': 'motor torque' is in SI: .*torque"):
+        add_limit(dataclasses.replace(coupling, name="typo", unit="rpm"))
 
 
 def amplified(tmp_path, current, conditions=None, **figures):
