@@ -18,6 +18,7 @@ from functools import cached_property, partial
 
 import numpy as np
 import pinocchio as pin
+from scipy.integrate import cumulative_trapezoid
 
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.samples.closure import working_rates
@@ -101,8 +102,7 @@ class StopMotion:
     @cached_property
     def travel(self) -> np.ndarray:
         """(T, na) way of each drive's joint, rad or m."""
-        steps = 0.5 * (self.rate[1:] + self.rate[:-1]) * np.diff(self.t)[:, None]
-        return np.concatenate([np.zeros((1, steps.shape[1])), np.cumsum(steps, axis=0)])
+        return np.asarray(cumulative_trapezoid(self.rate, self.t, axis=0, initial=0.0))
 
     @cached_property
     def rest_time(self) -> np.ndarray:

@@ -19,6 +19,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
@@ -105,8 +106,7 @@ class Cycle:
         """Return a cycle of a scene."""
         scene, (q, v) = machines.scene, (trajectory.q, trajectory.v)
         rate = working_rates(scene, q, v)[0]
-        steps = 0.5 * (rate[1:] + rate[:-1]) * np.diff(trajectory.t)[:, None]
-        way = np.concatenate([np.zeros((1, steps.shape[1])), np.cumsum(steps, axis=0)])
+        way = cumulative_trapezoid(rate, trajectory.t, axis=0, initial=0.0)
         path, zero, hold = tool_path(scene, (), q), np.zeros_like(v), {}
         for full in {False, bool(machines.full)}:
             least = machines.of(Kind(False, float(full))).scene
@@ -211,14 +211,10 @@ class Search:
         return sorted(chosen)
 
     def measures(self) -> Iterator[Callable[[Stopped], float]]:
-        """Yield what is to be largest: each axis' travel, sag, energy, peak; time and path."""
-
-        def of(name: str, d: int) -> Callable[[Stopped], float]:
-            return lambda stop: float(np.nan_to_num(getattr(stop, name)[d], nan=-np.inf))
-
+        """Yield what is to be largest: each axis' travel, peak and energy; time and path."""
         for d in range(len(self.machines.scene.drives)):
             for name in ("travel", "peak", "energy"):
-                yield of(name, d)
+                yield figure_of(name, d)
         yield lambda stop: stop.time
         if self.cycle.path is not None:
             yield lambda stop: stop.path or 0.0
@@ -226,6 +222,14 @@ class Search:
     def worst(self, measure: Callable[[Stopped], float]) -> Stopped:
         """Return the worst of the stops simulated."""
         return max(self.found.values(), key=measure)
+
+    def farthest(self, drive: int) -> Stopped:
+        """Return the stop in which a drive's joint goes farthest."""
+        return self.worst(figure_of("travel", drive))
+
+    def longest(self, drive: int) -> Stopped:
+        """Return the stop after which a drive's joint comes to rest last."""
+        return self.worst(figure_of("rest", drive))
 
     def _refine(self, measure: Callable[[Stopped], float]) -> None:
         """Go from the worst sample to its neighbours, in steps that halve."""
@@ -238,6 +242,11 @@ class Search:
             after = self.worst(measure)
             step = step if measure(after) > measure(best) else step // 2
             best = after
+
+
+def figure_of(name: str, drive: int) -> Callable[[Stopped], float]:
+    """Return the function of a stop that gives one drive's value of a field of `Stopped`."""
+    return lambda stop: float(getattr(stop, name)[drive])
 
 
 def stopped(cycle: Cycle, case: Case, motion: StopMotion) -> Stopped:

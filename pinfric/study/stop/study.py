@@ -18,9 +18,9 @@ from pinfric.model.scene import Scene, expect_scene
 from pinfric.model.schema import Stops
 from pinfric.model.upward import Shown
 from pinfric.study.sizing.criterion import Criterion, Status
-from pinfric.study.stop.machines import Kind, Machines, full_load, stop_settings
+from pinfric.study.stop.machines import Machines, full_load, stop_settings
 from pinfric.study.stop.motion import StopMotion
-from pinfric.study.stop.search import Case, Cycle, Search, Stopped
+from pinfric.study.stop.search import Cycle, Search, Stopped
 from pinfric.study.stop.summary import AxisStop, StopGrid, axis_stop, stop_grid
 from pinfric.study.trajectory.trajectory import Trajectory
 
@@ -36,12 +36,14 @@ class StopResult(Shown):
         scene, trajectory: what was stopped.
         settings: how.
         search: all stops that were simulated.
+        grid: time and travel of each drive's joint by payload and speed, the worse of two samples.
     """
 
     scene: Scene
     trajectory: Trajectory
     settings: Stops
     search: Search
+    grid: tuple[StopGrid, ...]
 
     def __repr__(self) -> str:
         worst = self.longest
@@ -76,19 +78,9 @@ class StopResult(Shown):
         return tuple(axis_stop(self.search, d) for d in range(len(self.scene.drives)))
 
     @cached_property
-    def grid(self) -> tuple[StopGrid, ...]:
-        """Time and travel of each drive's joint by payload and speed, the worse of two samples."""
-        return tuple(
-            row for d in range(len(self.scene.drives)) for row in stop_grid(self.search, d, SHARES)
-        )
-
-    @cached_property
     def worst_motions(self) -> tuple[tuple[Stopped, StopMotion], ...]:
         """The stop in which each drive's joint goes farthest, and its motion."""
-        worst = [
-            self.search.worst(lambda stop, d=d: float(stop.travel[d]))  # type: ignore[misc]
-            for d in range(len(self.scene.drives))
-        ]
+        worst = map(self.search.farthest, range(len(self.scene.drives)))
         return tuple((found, self.search.motion(found.case)) for found in worst)
 
     @property
@@ -155,12 +147,8 @@ def stop(
     cycle = Cycle.of(machines, trajectory)
     search = Search(machines, cycle, progress or (lambda done, total: None))
     search.run()
-    for d in range(len(scene.drives)):
-        worst = search.worst(lambda found, d=d: float(found.travel[d])).case  # type: ignore[misc]
-        for load in (0.0, *SHARES) if machines.full else (0.0,):
-            for speed in SHARES:
-                search.stop(Case(Kind(False, load), worst.sample, speed))
-    return StopResult(scene, trajectory, settings, search)
+    grid = [row for d in range(len(scene.drives)) for row in stop_grid(search, d, SHARES)]
+    return StopResult(scene, trajectory, settings, search, tuple(grid))
 
 
 def _notes(result: StopResult) -> list[str]:

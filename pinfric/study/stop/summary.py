@@ -98,8 +98,7 @@ def axis_stop(search: Search, drive: int) -> AxisStop:
     """Return the worst of one drive's joint."""
     scene = search.machines.scene
     stops = list(search.found.values())
-    longest = search.worst(lambda stop: float(stop.rest[drive]))
-    worst = search.worst(lambda stop: float(stop.travel[drive]))
+    longest, worst = search.longest(drive), search.farthest(drive)
     sags = [stop.sag[drive] for stop in stops if np.isfinite(stop.sag[drive])]
     gear = scene.drives[drive].transmission
     brake = None if gear is None else gear.brake
@@ -133,9 +132,8 @@ def stop_grid(search: Search, drive: int, shares: tuple[float, ...]) -> list[Sto
         search: with these stops. drive: its number. shares: of speed and payload.
     """
     scene = search.machines.scene
-    longest = search.worst(lambda stop: float(stop.rest[drive]))
-    farthest = search.worst(lambda stop: float(stop.travel[drive]))
-    samples = sorted({longest.case.sample, farthest.case.sample})
+    worst = search.longest(drive), search.farthest(drive)
+    samples = sorted({found.case.sample for found in worst})
     rows = []
     for load in (0.0, *shares) if search.machines.full else (0.0,):
         stops: dict[str, list[Stopped]] = {
