@@ -52,7 +52,7 @@ TESTED_WITH = {
     "study/trajectory/log/test_columns.py": "study/trajectory/log: frame",
     "study/identify/test_recordings.py": "study/trajectory/log: arrays thinning",
     "kernels/test_interpreted.py": "study: warm_up",
-    "study/sizing/test_criteria.py": "study/sizing: assess criterion drivetrain gear_limits "
+    "study/sizing/test_criteria.py": "study/sizing: criterion drivetrain gear_limits "
     "joint_limits limit motor_limits",
     "study/sizing/test_sizing.py": "study/sizing: caveats demand inertia size summary",
     "study/sizing/test_bearing.py": "study/sizing: bearing_limits",

@@ -18,6 +18,7 @@ _ROUNDING = 1e-9
 _INSTALLED = tuple(f"installed.{name}" for name in ("mass", "margin", "tightest", "not_checked"))
 _CHOICE = ("name", "choice", *_INSTALLED, "fit")
 _SMALLER = ("name", "next_smaller.name", "next_smaller.mass", "next_smaller.short_by")
+_UNJUDGED = ("name", *(f"unjudged.{name}" for name in ("name", "mass", "lacks", "count")))
 _STILL = tuple(f"standstill.{name}" for name in ("effort", "shaft", "use", "brake", "margin"))
 
 
@@ -51,6 +52,12 @@ def smaller_table(found: SizingSummary) -> Table | None:
     """Return the shortfalls of the next smaller drives; None if no joint has one."""
     rows = [joint for joint in found.joints if joint.next_smaller is not None]
     return table_of("the next smaller drives", rows, only=_SMALLER)
+
+
+def unjudged_table(found: SizingSummary) -> Table | None:
+    """Return the lightest drives that lack a figure; None if all lighter ones could be judged."""
+    rows = [joint for joint in found.joints if joint.unjudged is not None]
+    return table_of("lighter drives that cannot be judged", rows, only=_UNJUDGED)
 
 
 def brake_table(found: SizingSummary) -> Table | None:

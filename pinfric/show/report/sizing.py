@@ -14,6 +14,7 @@ from pinfric.show.report.drives import (
     smaller_table,
     turn,
     unchecked_table,
+    unjudged_table,
 )
 from pinfric.show.report.elastic import frequency_lines
 from pinfric.show.report.retime import fastest_table
@@ -57,6 +58,7 @@ def sizing_report(report: SizingReport, fastest: Sequence[TimedSet] | None = Non
         choice_table(found),
         mass_table(found),
         smaller_table(found),
+        unjudged_table(found),
         brake_table(found),
         stop_lines(found),
         None if found.stops is None else axes_table(found.stops),

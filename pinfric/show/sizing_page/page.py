@@ -23,6 +23,7 @@ from pinfric.show.report.drives import (
     choice_table,
     turn,
     unchecked_table,
+    unjudged_table,
 )
 from pinfric.show.report.envelope import hashes
 from pinfric.show.report.html import Marked, html_of, mark
@@ -115,6 +116,7 @@ def sizing_page(report: SizingReport, command: str = "") -> str:
         stop_lines=stop_lines(found),
         verdict="" if report.catalog is None else verdict(report),
         unchecked=unchecked_table(found, title=""),
+        unjudged=unjudged_table(found),
         command=command,
         date=datetime.date.today().isoformat(),
         inputs=hashes(_inputs(report)),

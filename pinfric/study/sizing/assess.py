@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,11 +12,13 @@ from pinfric.errors import CatalogError, choose_from
 from pinfric.study.sizing.bearing import BearingRatings
 from pinfric.study.sizing.catalog import OTHERS, Amplifier, Catalog, Conditions
 from pinfric.study.sizing.criteria import (
+    Gap,
     check,
     continuous_limit,
+    deciding,
     failing,
+    gaps,
     gear_limits,
-    missing_figures,
     motor_limits,
 )
 from pinfric.study.sizing.criterion import Criterion, Status, compare
@@ -41,11 +43,13 @@ class Assessment:
         candidate: motor and gear.
         criteria: in the order of the report.
         motor: what the cycle asks of the motor; None where figures are missing.
+        decides: criteria by which another candidate for the joint fails alone -> its name.
     """
 
     candidate: Candidate
     criteria: tuple[Criterion, ...]
     motor: MotorFigures | None
+    decides: Mapping[str, str] = field(default_factory=dict)
 
     @cached_property
     def failed(self) -> tuple[Criterion, ...]:
@@ -59,14 +63,25 @@ class Assessment:
         return tuple(c for c in self.criteria if c.status == Status.NOT_CHECKED)
 
     @cached_property
+    def gaps(self) -> tuple[Gap, ...]:
+        """What of it must be judged and cannot be."""
+        return gaps(self.criteria, self.decides)
+
+    @property
     def missing_figures(self) -> tuple[str, ...]:
         """Why it cannot be judged, even though it fails nothing."""
         unknown = ("mass: not known",) if self.candidate.mass is None else ()
-        return missing_figures(self.criteria) + unknown
+        return (*(gap.why for gap in self.gaps), *unknown)
+
+    @property
+    def lacks(self) -> tuple[str, ...]:
+        """The figures without which it cannot be judged."""
+        unknown = ("mass",) if self.candidate.mass is None else ()
+        return tuple(dict.fromkeys((*(gap.figures for gap in self.gaps), *unknown)))
 
     @property
     def fits(self) -> bool:
-        """It fails no criterion, and the indispensable ones were checked."""
+        """It fails no criterion; those that are indispensable or decide were checked."""
         return not self.failed and not self.missing_figures
 
     @cached_property
@@ -102,6 +117,9 @@ def assess(offers: Sequence[Candidate], case: Case) -> tuple[Assessment, ...]:
     `ENOUGH` fit. Of what was rejected early that is judged in full which may be the nearest miss,
     or the nearest below the lightest that fits.
 
+    A criterion by which one of them fails alone decides at this joint: no other fits without it
+    (`deciding`), or a drive whose stiffness is not printed would win where a stiffer one fails.
+
     Args:
         offers: motors and gears. case: the joint.
     """
@@ -113,10 +131,11 @@ def assess(offers: Sequence[Candidate], case: Case) -> tuple[Assessment, ...]:
             early.append(_Rejected(group, failed))
         else:
             rest += group
-    found = _from_the_lightest(rest, case, early)
+    found, decides = _from_the_lightest(rest, case, early)
     most = min((_by_mass(a.candidate) for a in found if a.fits), default=np.inf)
     short = (a.margin for a in found if a.failed and _by_mass(a.candidate) < most)
-    found += _nearest_of(_lighter(early, most), max(short, default=-np.inf), case)
+    lighter = _lighter(early, most)
+    found += _nearest_of(lighter, max(short, default=-np.inf), case, decides)
     there = {a.candidate.name for a in found}
     found += [e.assessment for e in early if e.assessment.candidate.name not in there]
     return tuple(sorted(found, key=_rank))
@@ -168,10 +187,14 @@ class _Weak:
 
 def _from_the_lightest(
     offers: Sequence[Candidate], case: Case, early: list[_Rejected]
-) -> list[Assessment]:
-    """Judge until enough fit; those that their motor's speed or voltage rejects go to `early`."""
+) -> tuple[list[Assessment], dict[str, str]]:
+    """Judge until enough fit; those that their motor's speed or voltage rejects go to `early`.
+
+    Second: the criteria that decide (`deciding`).
+    """
     found: list[Assessment] = []
     fit, last, limits, weak = 0, np.inf, motor_limits(), _Weak(case)
+    decides = _deciding((), early)
     for candidate in sorted(offers, key=_by_mass):
         if fit >= ENOUGH and _by_mass(candidate) > last:
             break
@@ -179,10 +202,21 @@ def _from_the_lightest(
         if failed:
             early.append(_Rejected([candidate], failed))
             continue
-        found.append(judged(candidate, case))
-        if found[-1].fits:
+        found.append(judged(candidate, case, decides))
+        if more := _deciding(found[-1:], ()).keys() - decides:
+            decides = decides | {name: candidate.name for name in more}
+            found = [replace(a, decides=decides) for a in found]
+            fitting = [_by_mass(a.candidate) for a in found if a.fits]
+            fit, last = len(fitting), max(fitting, default=np.inf)
+        elif found[-1].fits:
             fit, last = fit + 1, _by_mass(candidate)
-    return found
+    return found, decides
+
+
+def _deciding(found: Sequence[Assessment], early: Sequence[_Rejected]) -> dict[str, str]:
+    """The criteria by which one of these fails alone, as far as it was judged -> its name."""
+    rejected = [e.assessment for e in early]
+    return deciding((a.candidate.name, a.failed) for a in (*found, *rejected))
 
 
 def _lighter(early: Sequence[_Rejected], mass: float) -> list[_Rejected]:
@@ -191,7 +225,9 @@ def _lighter(early: Sequence[_Rejected], mass: float) -> list[_Rejected]:
     return [_Rejected(c, e.failed) for c, e in zip(kept, early, strict=True) if c]
 
 
-def _nearest_of(early: Sequence[_Rejected], best: float, case: Case) -> list[Assessment]:
+def _nearest_of(
+    early: Sequence[_Rejected], best: float, case: Case, decides: Mapping[str, str]
+) -> list[Assessment]:
     """Judge in full what may fall short by less than `best`; no margin is above its early one."""
     found: list[Assessment] = []
     limits, weak = motor_limits(), _Weak(case)
@@ -203,7 +239,7 @@ def _nearest_of(early: Sequence[_Rejected], best: float, case: Case) -> list[Ass
             wrong = failing(limits, candidate, case) or weak(candidate)
             if min((c.margin or 0.0 for c in wrong), default=np.inf) <= best:
                 continue
-            found.append(judged(candidate, case))
+            found.append(judged(candidate, case, decides))
             if not found[-1].missing_figures:
                 best = max(best, found[-1].margin)
             if best >= bound:
@@ -211,8 +247,14 @@ def _nearest_of(early: Sequence[_Rejected], best: float, case: Case) -> list[Ass
     return found
 
 
-def lightest(offers: Sequence[Candidate], case: Case) -> Assessment | None:
-    """Return the first of `assess` if it fits, without a look at what is heavier; else None."""
+def lightest(
+    offers: Sequence[Candidate], case: Case, decides: Mapping[str, str]
+) -> Assessment | None:
+    """Return the first of `assess` if it fits, without a look at what is heavier; else None.
+
+    Args:
+        offers: motors and gears. case: the joint. decides: see `Assessment`, of the same joint.
+    """
     of_gear, of_motor = gear_limits(), motor_limits()
     groups = _by_gear([c for c in offers if c.mass is not None])
     rest = [
@@ -227,7 +269,7 @@ def lightest(offers: Sequence[Candidate], case: Case) -> Assessment | None:
             break
         if failing(of_motor, candidate, case) or weak(candidate):
             continue
-        found = judged(candidate, case)
+        found = judged(candidate, case, decides)
         if found.fits and (best is None or _rank(found) < _rank(best)):
             best = found
     return best
@@ -282,18 +324,24 @@ def own_amplifier(catalog: Catalog, conditions: Conditions, joint: str) -> Ampli
 def nearest_miss(assessments: Sequence[Assessment]) -> Assessment | None:
     """Return the rejected candidate whose worst criterion is short by least, or None."""
     failing = [a for a in assessments if a.failed]
-    judged = [a for a in failing if not a.missing_figures] or failing
-    return max(judged, key=lambda a: a.margin, default=None)
+    in_full = [a for a in failing if a.motor is not None and not a.missing_figures]
+    return max(in_full or failing, key=lambda a: a.margin, default=None)
 
 
-def judged(candidate: Candidate, case: Case) -> Assessment:
-    """Return one candidate with its criteria."""
+def judged(
+    candidate: Candidate, case: Case, decides: Mapping[str, str] | None = None
+) -> Assessment:
+    """Return one candidate with its criteria.
+
+    Args:
+        candidate: motor and gear. case: the joint. decides: see `Assessment`.
+    """
     motor = None
     if candidate.transmission is not None:
         motor = motor_cycle(candidate, case.cycle, case.conditions)
     criteria = check(candidate, motor, case)
     # the samples are not kept: long motions x many candidates would fill the memory
-    return Assessment(candidate, criteria, None if motor is None else motor.figures)
+    return Assessment(candidate, criteria, None if motor is None else motor.figures, decides or {})
 
 
 def _rank(assessment: Assessment) -> tuple[int, float, float, int, str]:

@@ -149,8 +149,14 @@ _ROWS: dict[str, tuple[Any, ...]] = {
         "it never turns under load",
     ),
 }
-#: Of a screw its ratings do: its load is the gear's.
-_SCREWS_LOAD = ("axial force", "static safety")
+_LIFE = "life L10"
+
+
+def _settled(what: str, name: str) -> tuple[str, ...]:
+    """What a row settles (`Limit.settles`): of a screw load and life are the gear's."""
+    if name == _LIFE:
+        return ("gear's life",) if what == "screw" else ("bearing's life",)
+    return ("gear's load",) if what == "screw" and name in ("axial force", "static safety") else ()
 
 
 def _rated(what: str, carried: Callable[[Judged], bool], names: Iterable[str]) -> list[Limit]:
@@ -164,10 +170,11 @@ def _rated(what: str, carried: Callable[[Judged], bool], names: Iterable[str]) -
             formula,
             _rule,
             missing,
-            _life_note if name == "life L10" else "",
+            _life_note if name == _LIFE else "",
             applies=lambda d: carried(d) and d.candidate.bearing is not None,
             endless=endless,
-            settles=("gear's load",) if what == "screw" and name in _SCREWS_LOAD else (),
+            settles=_settled(what, name),
+            optional=name == _LIFE,
         )
         for name, (need, gives, unit, formula, missing, endless) in _ROWS.items()
         if name in names

@@ -543,13 +543,14 @@ class Conditions(Entry):
         Positive, key("largest permitted J_load/(ratio^2 (J_motor + J_gear input))", 10.0, "1")
     ] = 10.0
     life: Annotated[
-        Positive,
+        Positive | None,
         key(
-            "L10 of gears and bearings; by default a strain wave gear's at rated torque and speed",
+            "L10 that gears and bearings must reach, for example a strain wave gear's at rated "
+            "torque and speed; left out: printed, not judged",
             10000.0,
             "h",
         ),
-    ] = 10_000.0
+    ] = None
     shock: Annotated[
         Number,
         Field(ge=1),

@@ -11,7 +11,8 @@ each instant of a motion by the rows whose need is one of `SIGNALS`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 from pinfric.errors import SizingError, choose_from
 from pinfric.study.sizing.bearing_limits import BEARING_LIMITS
@@ -92,20 +93,63 @@ def add_limit(limit: Limit) -> None:
     LIMITS.append(limit)
 
 
-def missing_figures(criteria: Sequence[Criterion]) -> tuple[str, ...]:
-    """Return why a drive cannot be checked: each need of `SETTLES` without a value, and why.
+class Gap(NamedTuple):
+    """Something of a drive that must be judged and cannot be.
+
+    Attributes:
+        what: what must be judged. rows: the criteria that would do, all without a figure.
+        other: the drive that makes it indispensable, as it fails by this alone; "" for `SETTLES`.
+    """
+
+    what: str
+    rows: tuple[Criterion, ...]
+    other: str = ""
+
+    @property
+    def figures(self) -> str:
+        """What is missing, in words."""
+        return " or ".join(dict.fromkeys(row.lacks for row in self.rows))
+
+    @property
+    def why(self) -> str:
+        """What cannot be judged, for lack of which figure."""
+        if self.other:
+            return f"{self.what}: {self.rows[0].note}; {self.other} fails by it alone"
+        lacks = " or ".join(f"{row.name}: {row.note}" for row in self.rows)
+        return f"its {self.what.replace(chr(39) + 's', '')} cannot be checked: {lacks}"
+
+
+def gaps(criteria: Sequence[Criterion], decides: Mapping[str, str]) -> tuple[Gap, ...]:
+    """Return why a drive cannot be judged: what of `SETTLES` and of what decides has no value.
 
     Args:
-        criteria: of `check`.
+        criteria: of `check`. decides: of `deciding`, at its joint.
     """
     unchecked = {c.name: c for c in criteria if c.status == Status.NOT_CHECKED}
-    names, reasons = {c.name for c in criteria}, []
+    names, found, settled = {c.name for c in criteria}, [], set[str]()
     for thing in SETTLES:
         rows = [limit.name for limit in LIMITS if thing in limit.settles and limit.name in names]
         if rows and all(name in unchecked for name in rows):
-            lacks = " or ".join(f"{name}: {unchecked[name].note}" for name in rows)
-            reasons.append(f"its {thing.replace(chr(39) + 's', '')} cannot be checked: {lacks}")
-    return tuple(reasons)
+            found.append(Gap(thing, tuple(unchecked[name] for name in rows)))
+        settled.update(rows)  # one row stands for the others; if none was checked it is said above
+    open_ = [name for name in decides if name in unchecked and name not in settled]
+    return (*found, *(Gap(name, (unchecked[name],), decides[name]) for name in open_))
+
+
+def deciding(failed: Iterable[tuple[str, Sequence[Criterion]]]) -> dict[str, str]:
+    """Return the criteria by which one of several drives fails alone, and the first such drive.
+
+    A bus voltage far above the nominal one is a question, no limit: it decides nothing.
+
+    Args:
+        failed: name and failed criteria of each drive.
+    """
+    alone = ((criteria[0].name, drive) for drive, criteria in failed if len(criteria) == 1)
+    found: dict[str, str] = {}
+    for name, drive in alone:
+        if name != "bus voltage":
+            found.setdefault(name, drive)
+    return found
 
 
 def instant_limits() -> tuple[Limit, ...]:

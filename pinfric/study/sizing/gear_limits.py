@@ -52,6 +52,8 @@ def _momentary_peaks(d: Judged) -> float | None:
 
 
 def _gear_life(d: Judged) -> float | None:
+    if d.candidate.gear is None:  # a gearmotor: its maker prints no life
+        return None
     life, speed, torque = d.gear.nominal_life, d.gear.rated_speed, d.gear.rated_torque
     if life is None or speed is None or torque is None:
         return None
@@ -295,8 +297,9 @@ GEAR_LIMITS = [
         formula="L10 = L50/5, L50 = L_n (n_N/n_in,av)(T_N/T_av)^3",
         source="Harmonic Drive engineering data 1021387 12/2018, p. 32, equations 32.2, 32.3",
         missing="nominal life, rated speed or rated torque",
-        applies=_has_gear,
         endless="the joint never moves",
+        settles=("gear's life",),
+        optional=True,
     ),
     *(
         Limit(name, need, gives, unit, formula, source, missing, note, applies=applies, settles=of)

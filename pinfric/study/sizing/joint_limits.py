@@ -116,6 +116,7 @@ JOINT_LIMITS = [
         source="maker's figures",
         missing="backlash of the gear",
         applies=lambda d: d.conditions.backlash is not None,
+        settles=("gear's backlash",),
     ),
     Limit(
         "back-driving",
@@ -124,6 +125,7 @@ JOINT_LIMITS = [
         unit="",
         formula="",
         source="",
+        settles=("back-driving",),
         verdict=_back_driving,
     ),
 ]

@@ -146,6 +146,8 @@ SIGNALS: dict[str, Callable[[Judged], float | None]] = {
 SETTLES = (
     *("heat", "motor's peak", "motor's speed"),
     *("gear's load", "gear's speed", "screw's buckling"),
+    # of what the conditions ask for
+    *("gear's life", "bearing's life", "gear's backlash", "back-driving"),
 )
 
 
@@ -181,6 +183,8 @@ class Limit:
         endless: what is said where an infinite figure is available; it passes without a number.
         settles: what of the drive it settles, of `SETTLES`.
         key: the key of a motor file that gives it by number; empty: none does.
+        optional: it is judged where the conditions ask for it only: where the need is None it is
+            not required.
         verdict: in place of the comparison, where there are no two numbers.
     """
 
@@ -197,6 +201,7 @@ class Limit:
     endless: str = ""
     settles: tuple[str, ...] = ()
     key: str = ""
+    optional: bool = False
     verdict: Callable[[Judged], Criterion] | None = None
 
     def required(self, d: Judged) -> float | None:
@@ -240,6 +245,9 @@ class Limit:
         own["place"] = "m" if d.candidate.linear else "rad"
         unit = own.get(self.unit, self.unit)
         required = self.required(d)
+        if self.optional and required is None:
+            status = Status.NOT_REQUIRED
+            return Criterion(self.name, status, None, found, unit, None, formula, source, note)
         if self.endless and found is not None and np.isinf(found):
             passes = Status.PASSES
             return Criterion(

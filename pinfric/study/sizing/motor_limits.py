@@ -344,6 +344,7 @@ MOTOR_LIMITS = [
         source="maxon, Key information: thermal behaviour (two nodes), copper +0.39 %/K",
         missing=_winding_missing,
         note=_winding_note,
+        settles=("heat",),
     ),
     Limit(
         "amplifier currents",

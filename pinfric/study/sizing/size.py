@@ -137,6 +137,16 @@ class JointSizing:
         return nearest_miss([a for a in self.assessments if (a.candidate.mass or most) < most])
 
     @property
+    def unjudged(self) -> tuple[Assessment, ...]:
+        """The drives lighter than the choice that fail nothing but cannot be judged; or all."""
+        most = np.inf if self.choice is None else self.choice.candidate.mass or np.inf
+        return tuple(
+            a
+            for a in self.assessments
+            if a.missing_figures and not a.failed and (a.candidate.mass or 0.0) < most
+        )
+
+    @property
     def no_fit(self) -> str:
         """State that no drive fits, and the shortfall of the nearest one; otherwise empty."""
         if self.choice is not None or (not self.assessments and not self.nothing_because):
@@ -577,11 +587,12 @@ class _Sizing:
     def _compared(self, i: int, joint: JointSizing) -> JointSizing:
         """The joint, with what would have been chosen without masses, and without friction."""
         motor, offers = None, self._offers(i, joint.demand)
+        decides = next((a.decides for a in joint.assessments if a.decides), {})
         if joint.installed is not None and joint.installed.motor is not None:
             motor = motor_cycle(joint.installed.candidate, joint.cycle, self.conditions)
         cycle = joint.cycle.without_friction()
         bare = gear_demand_frictionless(joint.demand, cycle)
-        frictionless = lightest(offers, self._case(i, bare, cycle, joint.load_inertia))
+        frictionless = lightest(offers, self._case(i, bare, cycle, joint.load_inertia), decides)
         alone_key = i, (), self.beyond.get(i, 0.0)
         if alone_key in self.judged:  # no drive weighs on it
             demand, choice = self.judged[alone_key].demand, self.judged[alone_key].choice
@@ -589,7 +600,7 @@ class _Sizing:
             result, inertias = self._solve((), {})
             alone, inertia = self._cycle(i, result, inertias)
             demand = joint_demand(result, i, alone)
-            choice = lightest(offers, self._case(i, demand, alone, inertia))
+            choice = lightest(offers, self._case(i, demand, alone, inertia), decides)
         return replace(
             joint,
             demand_without_masses=demand,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -55,6 +55,19 @@ class NextSmaller(Rejection):
     short_by: str = quantity(
         "the criteria that it misses by most, each with the shortfall",
         heading="would fit,\nbut is short by",
+    )
+
+
+@described
+class Unjudged(Rejection):
+    """Of the drives that fail nothing but cannot be judged the lightest that lacks the least."""
+
+    name: str = quantity("motor and gear", heading="cannot be judged")
+    why: str = quantity("what cannot be judged, and why it must be")
+    lacks: str = quantity("the figures that are missing", heading="for lack of")
+    mass: float | None = quantity("none: not known", "kg", "mass")
+    count: int = quantity(
+        "number of such drives below the mass of the choice, or of all", heading="how\nmany"
     )
 
 
@@ -120,7 +133,9 @@ class SizedJoint(JointDemand):
     )
     fit: str = quantity("number of drives that fit, of all", heading="fit")
     candidates: int = quantity("number of drives on trial")
-    unjudged: int = quantity("drives that cannot be judged: an indispensable figure is missing")
+    unjudged: Unjudged | None = quantity(
+        "drives below the choice's mass that cannot be judged; none: there are none", heading="*"
+    )
     choice_without_masses: str | None = quantity(
         "choice if drives had no mass", heading="without the\ndrives' mass"
     )
@@ -269,7 +284,7 @@ def sized_joint(joint: JointSizing, still: Standstill, beside: tuple[Criterion, 
         choice=_name(joint.choice),
         fit=f"{sum(a.fits for a in joint.assessments)} of {len(joint.assessments)}",
         candidates=len(joint.assessments),
-        unjudged=sum(bool(a.missing_figures) and not a.failed for a in joint.assessments),
+        unjudged=_lightest(joint.unjudged),
         choice_without_masses=_name(joint.choice_without_masses),
         choice_frictionless=_name(joint.choice_frictionless),
         installed=None if joint.installed is None else _installed(joint, joint.installed, beside),
@@ -283,6 +298,14 @@ def sized_joint(joint: JointSizing, still: Standstill, beside: tuple[Criterion, 
         nearest_miss=joint.no_fit or None,
         next_smaller=None if smaller is None else _next_smaller(smaller),
     )
+
+
+def _lightest(unjudged: Sequence[Assessment]) -> Unjudged | None:
+    if not unjudged:
+        return None
+    first = min(unjudged, key=lambda a: (len(a.lacks), a.candidate.mass or 0.0))
+    name, lacks = first.candidate.name, "; ".join(first.lacks)
+    return Unjudged(name, first.why, lacks, first.candidate.mass, len(unjudged))
 
 
 def _next_smaller(smaller: Assessment) -> NextSmaller:

@@ -256,7 +256,6 @@ def test_missing_figure_is_never_a_pass(tmp_path):
     for figure, name in (
         ("average_torque", "gear average torque"),
         ("stiffness", "gear resonance"),
-        ("nominal_life", "gear life L10"),
         ("average_input_speed", "gear average input speed"),
     ):
         found = criterion(sized(tmp_path, gear={figure: None}), name)
@@ -295,7 +294,7 @@ def test_without_a_figure_for_the_motor_torque_nothing_is_chosen(tmp_path):
         {"gear": {"efficiency": None, "back_efficiency": None}},
         {"gear": {"input_inertia": None}},
         {"motor": {"rotor_inertia": None}},
-        {"motor": {"continuous_torque": None}},
+        {"motor": {"continuous_torque": None, "thermal": None}},
         {"motor": {"mass": None}},
     ):
         with pytest.warns(pf.PinfricWarning, match="no candidate can be checked"):

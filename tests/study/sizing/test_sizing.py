@@ -419,7 +419,8 @@ def test_the_lightest_is_found_without_a_look_at_what_is_heavier(panda, factor):
     demand = replace(joint.demand, peak=factor * joint.demand.peak)
     twice = [*offers, *(replace(c, name=f"{c.name} again") for c in offers)]  # of one mass
     case = Case(demand, cycle, joint.load_inertia, False, panda.conditions)
-    ranked, found = assess(twice, case), lightest(twice, case)
+    ranked = assess(twice, case)
+    found = lightest(twice, case, ranked[0].decides)
     assert (found is None) == (not ranked[0].fits) == (factor == 100.0)
     assert found is None or found.candidate.name == ranked[0].candidate.name
 

@@ -115,7 +115,8 @@ def test_masses_of_drives_and_payload_count_as_in_size(panda, one_of_all):
             sampling="grid",
             motors={name: {"drive": DRIVE} for name in scene.actuator_names},
             payload__box__mass={"choice": {"values": [1.0, 3.0]}},
-        ),
+        )
+        | {"conditions": {"life": 10_000.0}},
         processes=1,
     )
     failing = set()
@@ -124,7 +125,9 @@ def test_masses_of_drives_and_payload_count_as_in_size(panda, one_of_all):
         box["inertia"] = [x * mass / box["mass"] for x in box["inertia"]]
         box["mass"] = mass
         changed = dataclasses.replace(scene, payloads={"box": box})
-        report = pf.size(changed, motion, one_of_all, on_miss="ignore")
+        report = pf.size(
+            changed, motion, one_of_all, conditions={"life": 10_000.0}, on_miss="ignore"
+        )
         for joint in report.joints:
             (assessment,) = joint.assessments
             failing |= agrees(found, row, assessment, joint.name)
@@ -135,7 +138,7 @@ def test_masses_of_drives_and_payload_count_as_in_size(panda, one_of_all):
 
 @pytest.mark.parametrize("own", [{}, {"bearings": {"table": "own"}}])
 def test_what_bearings_carry_counts_as_in_size(tmp_path, own):
-    scene = turntable()
+    asked, scene = own | {"life": 10_000.0}, turntable()
     motion = trapezoid(scene)
     small = {
         "kind": "crossed roller",
@@ -152,10 +155,12 @@ def test_what_bearings_carry_counts_as_in_size(tmp_path, own):
         motors={"table": {"drive": "M + G"}},
         speed={"choice": {"values": [0.8, 1.0]}},
     )
-    sweep |= {"catalog": str(tmp_path / "catalog.yaml"), "conditions": own}
+    sweep |= {"catalog": str(tmp_path / "catalog.yaml"), "conditions": asked}
     found = pf.sweep(scene, motion, sweep, processes=1)
     for row, (speed,) in enumerate(found.values):
-        report = pf.size(scene, motion.with_speed(speed), catalog, on_miss="ignore", conditions=own)
+        report = pf.size(
+            scene, motion.with_speed(speed), catalog, on_miss="ignore", conditions=asked
+        )
         failed = agrees(found, row, report.joints[0].assessments[0], "table")
         assert ("bearing axial force" in failed) == bool(own)
         assert "bearing life L10" in failed
@@ -251,7 +256,8 @@ def test_missing_figures_are_named_and_given_ones_take_precedence(tmp_path):
         motion,
         table_sweep(
             tmp_path, gear={"average_torque": None}, drive={"continuous_torque": 0.01}, **one
-        ),
+        )
+        | {"conditions": {"life": 100.0}},
         processes=1,
     )
     (trial,) = found.trials
