@@ -41,7 +41,6 @@ from pinfric.study.sizing.assess import (
 from pinfric.study.sizing.brake import Standstill, standstills
 from pinfric.study.sizing.catalog import (
     OTHERS,
-    Brake,
     Catalog,
     Conditions,
     parse_conditions,
@@ -84,6 +83,8 @@ _MOST_PASSES = 10
 _MOST_ROUNDS = 4
 #: Drives in the model: (index, mass in kg) of each.
 _Load = tuple[tuple[int, float | None], ...]
+#: What a joint's sizing depends on: its number, the drives beyond it and how they yield, its brake.
+_Key = tuple[int, _Load, float, str | None]
 #: Joints nearer to the base than this are base axes for the resonance rule.
 BASE_AXES = 3
 
@@ -418,7 +419,7 @@ class _Sizing:
         self.scene, self.catalog = without_drives(scene, every), catalog
         self.conditions, self.progress = conditions, progress
         self.solved: dict[_Load, tuple[InverseResult, np.ndarray]] = {}
-        self.judged: dict[tuple[int, _Load, float], JointSizing] = {}
+        self.judged: dict[_Key, JointSizing] = {}
         self.offered: dict[tuple[str | None, ...], tuple[Candidate, ...]] = {}
         self.brakes: dict[int, str] = {}
         self.hold: np.ndarray | None = None
@@ -427,26 +428,18 @@ class _Sizing:
     def run(self) -> SizingReport:
         """Size with the brakes that the drives turn out to need, until these do not change."""
         report = self._report()
-        there = () if self.catalog is None else self.catalog.brakes
-        for _ in range(_MOST_ROUNDS if any(self._weighs(name) for name in there) else 0):
+        for _ in range(_MOST_ROUNDS):
             brakes = {
                 i: still.brake
                 for i, still in enumerate(report.standstills)
-                if still.fitted and still.brake is not None and self._weighs(still.brake)
+                if still.fitted and still.brake is not None
             }
             if brakes == self.brakes:
                 break
             self.brakes = brakes
-            self.judged.clear()
             report = self._report()
         compared = (self._compared(i, joint) for i, joint in enumerate(report.joints))
         return replace(report, joints=tuple(compared))
-
-    def _weighs(self, name: str) -> bool:
-        """Whether mass or inertia of a brake is known, or it stops the robot."""
-        assert self.catalog is not None  # brakes are from a catalogue
-        brake: Brake = self.catalog.brakes[name]
-        return bool(brake.mass or brake.rotor_inertia or self.scene.stops)
 
     def _report(self) -> SizingReport:
         taken: dict[int, Assessment] = {}
@@ -498,7 +491,7 @@ class _Sizing:
         load = tuple(sorted((k, a.candidate.mass) for k, a in beyond.items()))
         solved = self._solve(load, beyond)
         self.beyond[i] = yielding(self.scene, i, _softest(beyond), solved[1])
-        key = i, load, self.beyond[i]
+        key = i, load, self.beyond[i], self.brakes.get(i)
         if key not in self.judged:
             self.judged[key] = self._judge(i, *solved)
         return self.judged[key]
@@ -582,7 +575,7 @@ class _Sizing:
         cycle = joint.cycle.without_friction()
         bare = gear_demand_frictionless(joint.demand, cycle)
         frictionless = lightest(offers, self._case(i, bare, cycle, joint.load_inertia))
-        alone_key = i, (), self.beyond.get(i, 0.0)
+        alone_key = i, (), self.beyond.get(i, 0.0), self.brakes.get(i)
         if alone_key in self.judged:  # no drive weighs on it
             demand, choice = self.judged[alone_key].demand, self.judged[alone_key].choice
         else:
