@@ -168,6 +168,8 @@ class SizingReport(Shown):
         passes: over all joints until no choice changed. settled: no choice changed in the last.
         assumptions: of the sizing, in sentences.
         unclosed: states that differ between end and start of the cycle; empty if it closes.
+        stops: with the chosen drives and their brakes; None: none, or the scene has no `stops`.
+        no_stops: why the stops that the scene asks for could not be judged; "" where they were.
     """
 
     scene: Scene
@@ -183,6 +185,8 @@ class SizingReport(Shown):
     settled: bool
     assumptions: tuple[str, ...] = ()
     unclosed: tuple[str, ...] = ()
+    stops: StopResult | None = None
+    no_stops: str = ""
 
     def __repr__(self) -> str:
         names = [joint.name for joint in self.joints]
@@ -252,24 +256,6 @@ class SizingReport(Shown):
         return (*self.assumptions, text) if lacks else self.assumptions
 
     @cached_property
-    def stops(self) -> StopResult | None:
-        """Stops with the chosen drives and their brakes; None: the scene has no `stops`."""
-        return self._stopping[0]
-
-    @property
-    def no_stops(self) -> str:
-        """Why the stops that the scene asks for could not be judged; "" where they were."""
-        return self._stopping[1]
-
-    @cached_property
-    def _stopping(self) -> tuple[StopResult | None, str]:
-        if self.given.stops is None or self.catalog is None or self.no_fit:
-            return None, ""
-        if len(self.duty.repeats) > 1:
-            return None, "stops: judged for one cycle, not for a duty of several"
-        return chosen_stops(self.result, self.standstills, self.catalog.brakes, self.trajectory)
-
-    @cached_property
     def elastic(self) -> Elasticity | None:
         """Effects of the gears' elasticity over the cycle; None if no stiffness is known."""
         return elasticity(self.result) if self.scene.elastic else None
@@ -314,8 +300,8 @@ class SizingReport(Shown):
             return _failing(whole)
         wanted = self.standstills if self.conditions.holding_brake != "any" else ()
         found = [(name, still.criteria) for name, still in zip(names, wanted, strict=False)]
-        stops, why = self._stopping
-        stopping = ((why,) if why else ()) if stops is None else stops.unmet
+        why = (self.no_stops,) if self.no_stops else ()
+        stopping = why if self.stops is None else self.stops.unmet
         return (*_failing([*found, ("bus", self.bus.criteria), *whole]), *stopping)
 
     def check(self) -> None:
@@ -438,8 +424,19 @@ class _Sizing:
                 break
             self.brakes = brakes
             report = self._report()
-        compared = (self._compared(i, joint) for i, joint in enumerate(report.joints))
-        return replace(report, joints=tuple(compared))
+        compared = tuple(self._compared(i, joint) for i, joint in enumerate(report.joints))
+        stops, why = self._stopped(report)
+        return replace(report, joints=compared, stops=stops, no_stops=why)
+
+    def _stopped(self, report: SizingReport) -> tuple[StopResult | None, str]:
+        """The stops with the chosen drives and brakes, or why there are none."""
+        if self.scene.stops is None or self.catalog is None or report.no_fit:
+            return None, ""
+        if len(report.duty.repeats) > 1:
+            return None, "stops: judged for one cycle, not for a duty of several"
+        self.progress("stops of the chosen drives")
+        brakes = self.catalog.brakes
+        return chosen_stops(report.result, report.standstills, brakes, report.trajectory)
 
     def _report(self) -> SizingReport:
         taken: dict[int, Assessment] = {}

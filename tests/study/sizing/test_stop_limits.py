@@ -25,11 +25,12 @@ STOPS = {"category": 0, "reaction_time": 0.01, "per_hour": 4}
 HEAVY = 1e4 * (5e-5 + 1e-5 + 1e-5) / 2.0
 
 
-def sized(tmp_path, brake=BRAKE, gear=None, stops=STOPS):
+def sized(tmp_path, brake=BRAKE, gear=None, stops=STOPS, **given):
     scene = turntable().with_(stops=stops)
     catalog = one_drive(tmp_path, MOTOR, {**GEAR, **(gear or {})}, brakes={"B": brake})
     required = {"holding_brake": "required"}
-    return pf.size(scene, trapezoid(scene), catalog, conditions=required, on_miss="ignore")
+    given = {"conditions": required, "on_miss": "ignore", **given}
+    return pf.size(scene, trapezoid(scene), catalog, **given)
 
 
 def row(report):
@@ -115,6 +116,15 @@ def test_stops_of_the_chosen_drive_are_in_the_report(tmp_path):
     assert by_name["brake energy of a stop"].available == 20.0
     assert by_name["brake stops in an hour"].status == Status.NOT_CHECKED
     assert not report.unmet
+
+
+def test_the_stops_are_computed_while_it_sizes(tmp_path, monkeypatch):
+    steps = []
+    report = sized(tmp_path, progress=steps.append)
+    assert steps[-1] == "stops of the chosen drives"
+    monkeypatch.setattr("pinfric.study.stop.search.stop_motion", None)  # nothing is stopped later
+    assert report.unmet == ()
+    assert report.stops.longest.time > 0.0
 
 
 def test_a_stop_that_is_not_met_is_unmet(tmp_path):
