@@ -1,9 +1,10 @@
-"""An arm of two axes that tests of stops share."""
+"""One axis and an arm of two that tests of stops share."""
 
 from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
+from builders import chain
 
 import pinfric as pf
 
@@ -45,3 +46,19 @@ def arm(gravity=-9.81):
         ],
         tool="tip",
     )
+
+
+def axis(joint, body, friction, gravity, **gear):
+    """A scene of one joint with Coulomb friction; its gear has no losses unless given."""
+    dry = {"axis": {"coulomb": {"static": friction, "kinetic": friction}}} if friction else {}
+    return pf.Scene(
+        chain(("axis", joint, body), gravity=gravity),
+        friction=dry,
+        actuators=[{"joint": "axis", "transmission": gear}],
+    )
+
+
+def turntable(friction=0.0, **losses):
+    """1 kg m^2 about the vertical, behind a rotor of 1 kg m^2 at the joint: 100^2 x 1e-4."""
+    body = pin.Inertia(1.0, np.zeros(3), np.eye(3))
+    return axis(pin.JointModelRZ(), body, friction, 0.0, ratio=100.0, rotor_inertia=1e-4, **losses)

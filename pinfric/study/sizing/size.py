@@ -41,7 +41,6 @@ from pinfric.study.sizing.assess import (
 from pinfric.study.sizing.brake import Standstill, standstills
 from pinfric.study.sizing.catalog import (
     OTHERS,
-    Brake,
     Catalog,
     Conditions,
     parse_conditions,
@@ -84,6 +83,8 @@ _MOST_PASSES = 10
 _MOST_ROUNDS = 4
 #: Drives in the model: (index, mass in kg) of each.
 _Load = tuple[tuple[int, float | None], ...]
+#: What a joint's sizing depends on: its number, the drives beyond it and how they yield, its brake.
+_Key = tuple[int, _Load, float, str | None]
 #: Joints nearer to the base than this are base axes for the resonance rule.
 BASE_AXES = 3
 
@@ -177,6 +178,8 @@ class SizingReport(Shown):
         passes: over all joints until no choice changed. settled: no choice changed in the last.
         assumptions: of the sizing, in sentences.
         unclosed: states that differ between end and start of the cycle; empty if it closes.
+        stops: with the chosen drives and their brakes; None: none, or the scene has no `stops`.
+        no_stops: why the stops that the scene asks for could not be judged; "" where they were.
     """
 
     scene: Scene
@@ -192,6 +195,8 @@ class SizingReport(Shown):
     settled: bool
     assumptions: tuple[str, ...] = ()
     unclosed: tuple[str, ...] = ()
+    stops: StopResult | None = None
+    no_stops: str = ""
 
     def __repr__(self) -> str:
         names = [joint.name for joint in self.joints]
@@ -261,24 +266,6 @@ class SizingReport(Shown):
         return (*self.assumptions, text) if lacks else self.assumptions
 
     @cached_property
-    def stops(self) -> StopResult | None:
-        """Stops with the chosen drives and their brakes; None: the scene has no `stops`."""
-        return self._stopping[0]
-
-    @property
-    def no_stops(self) -> str:
-        """Why the stops that the scene asks for could not be judged; "" where they were."""
-        return self._stopping[1]
-
-    @cached_property
-    def _stopping(self) -> tuple[StopResult | None, str]:
-        if self.given.stops is None or self.catalog is None or self.no_fit:
-            return None, ""
-        if len(self.duty.repeats) > 1:
-            return None, "stops: judged for one cycle, not for a duty of several"
-        return chosen_stops(self.result, self.standstills, self.catalog.brakes, self.trajectory)
-
-    @cached_property
     def elastic(self) -> Elasticity | None:
         """Effects of the gears' elasticity over the cycle; None if no stiffness is known."""
         return elasticity(self.result) if self.scene.elastic else None
@@ -323,8 +310,8 @@ class SizingReport(Shown):
             return _failing(whole)
         wanted = self.standstills if self.conditions.holding_brake != "any" else ()
         found = [(name, still.criteria) for name, still in zip(names, wanted, strict=False)]
-        stops, why = self._stopping
-        stopping = ((why,) if why else ()) if stops is None else stops.unmet
+        why = (self.no_stops,) if self.no_stops else ()
+        stopping = why if self.stops is None else self.stops.unmet
         return (*_failing([*found, ("bus", self.bus.criteria), *whole]), *stopping)
 
     def check(self) -> None:
@@ -428,7 +415,7 @@ class _Sizing:
         self.scene, self.catalog = without_drives(scene, every), catalog
         self.conditions, self.progress = conditions, progress
         self.solved: dict[_Load, tuple[InverseResult, np.ndarray]] = {}
-        self.judged: dict[tuple[int, _Load, float], JointSizing] = {}
+        self.judged: dict[_Key, JointSizing] = {}
         self.offered: dict[tuple[str | None, ...], tuple[Candidate, ...]] = {}
         self.brakes: dict[int, str] = {}
         self.hold: np.ndarray | None = None
@@ -437,26 +424,29 @@ class _Sizing:
     def run(self) -> SizingReport:
         """Size with the brakes that the drives turn out to need, until these do not change."""
         report = self._report()
-        there = () if self.catalog is None else self.catalog.brakes
-        for _ in range(_MOST_ROUNDS if any(self._weighs(name) for name in there) else 0):
+        for _ in range(_MOST_ROUNDS):
             brakes = {
                 i: still.brake
                 for i, still in enumerate(report.standstills)
-                if still.fitted and still.brake is not None and self._weighs(still.brake)
+                if still.fitted and still.brake is not None
             }
             if brakes == self.brakes:
                 break
             self.brakes = brakes
-            self.judged.clear()
             report = self._report()
-        compared = (self._compared(i, joint) for i, joint in enumerate(report.joints))
-        return replace(report, joints=tuple(compared))
+        compared = tuple(self._compared(i, joint) for i, joint in enumerate(report.joints))
+        stops, why = self._stopped(report)
+        return replace(report, joints=compared, stops=stops, no_stops=why)
 
-    def _weighs(self, name: str) -> bool:
-        """Whether mass or inertia of a brake is known, or it stops the robot."""
-        assert self.catalog is not None  # brakes are from a catalogue
-        brake: Brake = self.catalog.brakes[name]
-        return bool(brake.mass or brake.rotor_inertia or self.scene.stops)
+    def _stopped(self, report: SizingReport) -> tuple[StopResult | None, str]:
+        """The stops with the chosen drives and brakes, or why there are none."""
+        if self.scene.stops is None or self.catalog is None or report.no_fit:
+            return None, ""
+        if len(report.duty.repeats) > 1:
+            return None, "stops: judged for one cycle, not for a duty of several"
+        self.progress("stops of the chosen drives")
+        brakes = self.catalog.brakes
+        return chosen_stops(report.result, report.standstills, brakes, report.trajectory)
 
     def _report(self) -> SizingReport:
         taken: dict[int, Assessment] = {}
@@ -508,7 +498,7 @@ class _Sizing:
         load = tuple(sorted((k, a.candidate.mass) for k, a in beyond.items()))
         solved = self._solve(load, beyond)
         self.beyond[i] = yielding(self.scene, i, _softest(beyond), solved[1])
-        key = i, load, self.beyond[i]
+        key = i, load, self.beyond[i], self.brakes.get(i)
         if key not in self.judged:
             self.judged[key] = self._judge(i, *solved)
         return self.judged[key]
@@ -593,7 +583,7 @@ class _Sizing:
         cycle = joint.cycle.without_friction()
         bare = gear_demand_frictionless(joint.demand, cycle)
         frictionless = lightest(offers, self._case(i, bare, cycle, joint.load_inertia), decides)
-        alone_key = i, (), self.beyond.get(i, 0.0)
+        alone_key = i, (), self.beyond.get(i, 0.0), self.brakes.get(i)
         if alone_key in self.judged:  # no drive weighs on it
             demand, choice = self.judged[alone_key].demand, self.judged[alone_key].choice
         else:

@@ -40,21 +40,34 @@ def _brake_peak(d: Judged) -> float | None:
 
 
 def _braked(d: Judged) -> bool:
-    gear = d.candidate.transmission
-    return d.candidate.gear is not None and gear is not None and gear.brake is not None
+    """Whether a gear lies between the drive's brake and the joint."""
+    return d.candidate.brake != "" and (d.candidate.gear is not None or d.candidate.ratio != 1.0)
+
+
+def _momentary_peak(d: Judged) -> float | None:
+    return None if d.candidate.gear is None else d.gear.momentary_peak_torque
+
+
+def _missing(d: Judged) -> str:
+    """What the row lacks, in words; a gear whose catalogue prints no limit first."""
+    if d.candidate.gear is None:
+        return "momentary peak of the gear in the gearmotor"
+    if d.gear.momentary_peak_torque is None:
+        return "momentary peak"
+    if d.candidate.transmission is None:
+        return d.missing
+    return "inertia of the load" if not d.case.load_inertia else "a bound: the driven gear jams"
 
 
 STOP_LIMITS = [
     Limit(
         "gear momentary peak torque, brake closing",
         need=_brake_peak,
-        gives=("gear.momentary_peak_torque",),
+        gives=_momentary_peak,
         unit="effort",
         formula="(|r| T_b + J_r G/J_L)/(eta_b + J_r/J_L) <= limit for momentary peak torque",
         source="statics and dynamics of one axis, the gear rigid; pinfric stop simulates all",
-        missing=lambda d: (
-            "momentary peak" if d.gear.momentary_peak_torque is None else "inertia of the load"
-        ),
+        missing=_missing,
         applies=_braked,
     )
 ]

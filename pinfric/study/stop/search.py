@@ -7,9 +7,9 @@ axis an estimate orders the samples, as if the axis moved alone and without fric
     |v| (t_react + t_engage) + I w^2/(2 (|r| T_b - F)),     w = |v| + F t_engage/I,
 
 F what gravity pushes along v, I the inertia at the joint with the rotor. Simulated are the samples
-with the largest estimate, speed and load at rest of each axis, of the largest kinetic energy, and
-some spread evenly, more of them for the gears' peaks; then the neighbours of the worst, nearer and
-nearer.
+with the largest estimate, speed and load at rest of each axis, where the estimate comes nearest to
+a limit of its joint, with the largest kinetic energy, and some spread evenly, more of them for the
+gears' peaks; then the neighbours of the worst, nearer and nearer.
 """
 
 from __future__ import annotations
@@ -26,8 +26,10 @@ from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.closure import working_rates
 from pinfric.dynamics.samples.states import States
 from pinfric.errors import StopError
+from pinfric.model.scene import Scene
+from pinfric.study.sizing.demand import driven_joint
 from pinfric.study.sizing.inertia import joint_inertias
-from pinfric.study.stop.machines import Kind, Machines
+from pinfric.study.stop.machines import UNLIMITED, Kind, Machines
 from pinfric.study.stop.motion import Machine, StopMotion, stop_motion, tool_path
 from pinfric.study.summary import effort_unit
 from pinfric.study.trajectory.trajectory import Trajectory
@@ -69,6 +71,8 @@ class Stopped:
         sag: (na,) with gravity, from power-off on; NaN where the joint moved at power-off.
         peak: (na,) largest effort that the gear delivers, N m or N.
         energy: (na,) that the brake took, J.
+        beyond: (na, 2) farthest past the lower and the upper limit of each drive's joint, rad or m;
+            negative: what is left; minus infinity where there is no limit.
         path: way of the tool, m; None: the scene has no tool.
     """
 
@@ -80,6 +84,7 @@ class Stopped:
     sag: np.ndarray
     peak: np.ndarray
     energy: np.ndarray
+    beyond: np.ndarray
     path: float | None
 
 
@@ -92,6 +97,8 @@ class Cycle:
         rate: (T, na) of the drives' joints. way: (T, na) their way since the start, rad or m.
         path: (T,) the tool's way since the start; None without a tool.
         hold: (T, na) effort that holds each joint at rest, by full load or not.
+        place: (na,) number in q of each drive's joint. limits: (na, 2) its lower and upper limit,
+            rad or m; infinite where it has none, or no single number.
     """
 
     trajectory: Trajectory
@@ -100,6 +107,8 @@ class Cycle:
     way: np.ndarray
     path: np.ndarray | None
     hold: dict[bool, np.ndarray]
+    place: np.ndarray
+    limits: np.ndarray
 
     @classmethod
     def of(cls, machines: Machines, trajectory: Trajectory) -> Cycle:
@@ -114,7 +123,8 @@ class Cycle:
             still = inverse_dynamics(least, q, zero, zero, t=trajectory.t, attached=carried)
             _check_unbraked(still, "the full load" if full else "nothing")
             hold[full] = still.effort_frictionless
-        return cls(trajectory, machines.settings.reaction_time, rate, way, path, hold)
+        reaction, limits = machines.settings.reaction_time, position_limits(scene)
+        return cls(trajectory, reaction, rate, way, path, hold, *limits)
 
     def before(self, sample: int, speed: float) -> tuple[float, np.ndarray, float | None]:
         """Return time of the command (s), the joints' ways since then (na,), the tool's (m).
@@ -132,6 +142,24 @@ class Cycle:
             if command > asked:
                 path += (command - asked) * float(self.path[1] - self.path[0]) / float(t[1] - t[0])
         return command, way, path
+
+
+def position_limits(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """Return `Cycle.place` and `Cycle.limits` of a scene."""
+    model, count = scene.model, len(scene.drives)
+    place, limits = np.zeros(count, dtype=int), np.tile([-np.inf, np.inf], (count, 1))
+    for d in range(count):
+        joint = driven_joint(scene, d)
+        if joint is not None and model.joints[joint].nq == 1:
+            i = place[d] = model.joints[joint].idx_q
+            ends = np.array([model.lowerPositionLimit[i], model.upperPositionLimit[i]])
+            limits[d] = np.where(np.abs(ends) < UNLIMITED, ends, limits[d])
+    return place, limits
+
+
+def past(limits: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Return (..., 2) how far places (...) are past the lower and the upper of limits (..., 2)."""
+    return np.stack([limits[..., 0] - q, q - limits[..., 1]], axis=-1)
 
 
 def _check_unbraked(still: InverseResult, carries: str) -> None:
@@ -207,14 +235,21 @@ class Search:
         resting = np.where(rate == 0.0, np.abs(self.cycle.hold[kind.load > 0.0]), -1.0)
         for order in (score, np.abs(rate), resting):
             chosen |= set(np.argmax(order, axis=0).tolist())
+        ends = self.cycle.trajectory.q[:, self.cycle.place] + np.sign(rate) * score
+        nearest = past(self.cycle.limits, ends).max(axis=-1)
+        chosen |= set(np.argmax(nearest, axis=0)[self.limited].tolist())
         chosen.add(int(np.argmax((inertia * rate**2).sum(axis=1))))
         return sorted(chosen)
 
     def measures(self) -> Iterator[Callable[[Stopped], float]]:
-        """Yield what is to be largest: each axis' travel, peak and energy; time and path."""
+        """Yield what is to be largest: each axis' travel, peak, energy and place; time and path."""
         for d in range(len(self.machines.scene.drives)):
             for name in ("travel", "peak", "energy"):
                 yield figure_of(name, d)
+        for d in np.flatnonzero(self.limited).tolist():
+            left = -beyond_of(d)(self.nearest(d))
+            if left < self.farthest(d).travel[d]:  # else no stop comes near
+                yield beyond_of(d)
         yield lambda stop: stop.time
         if self.cycle.path is not None:
             yield lambda stop: stop.path or 0.0
@@ -230,6 +265,15 @@ class Search:
     def longest(self, drive: int) -> Stopped:
         """Return the stop after which a drive's joint comes to rest last."""
         return self.worst(figure_of("rest", drive))
+
+    def nearest(self, drive: int) -> Stopped:
+        """Return the stop in which a drive's joint comes nearest to a limit, or farthest past."""
+        return self.worst(beyond_of(drive))
+
+    @property
+    def limited(self) -> np.ndarray:
+        """(na,) which drives' joints have a limit."""
+        return np.isfinite(self.cycle.limits).any(axis=1)
 
     def _refine(self, measure: Callable[[Stopped], float]) -> None:
         """Go from the worst sample to its neighbours, in steps that halve."""
@@ -247,6 +291,11 @@ class Search:
 def figure_of(name: str, drive: int) -> Callable[[Stopped], float]:
     """Return the function of a stop that gives one drive's value of a field of `Stopped`."""
     return lambda stop: float(getattr(stop, name)[drive])
+
+
+def beyond_of(drive: int) -> Callable[[Stopped], float]:
+    """Return the function of a stop that says how far a drive's joint is past its limits."""
+    return lambda stop: float(stop.beyond[drive].max())
 
 
 def stopped(cycle: Cycle, case: Case, motion: StopMotion) -> Stopped:
@@ -274,6 +323,7 @@ def stopped(cycle: Cycle, case: Case, motion: StopMotion) -> Stopped:
         sag=np.where(moved, np.nan, falls * motion.after_power_off),
         peak=np.abs(motion.effort).max(axis=0),
         energy=motion.energy,
+        beyond=past(cycle.limits, motion.q[:, cycle.place]).max(axis=0),
         path=path,
     )
 

@@ -92,7 +92,7 @@ class StopResult(Shown):
     def unmet(self) -> tuple[str, ...]:
         """A line for each criterion that is not met."""
         return tuple(
-            f"{axis.name}: {c.why}"
+            f"{axis.name}: {c.why}" + (f"; {c.note}" if c.note not in c.why else "")
             for axis in self.axes
             for c in axis.criteria
             if c.status == Status.FAILS

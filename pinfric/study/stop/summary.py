@@ -17,6 +17,8 @@ from pinfric.study.summary import effort_unit
 if TYPE_CHECKING:  # it is above this module
     from pinfric.study.stop.study import StopResult
 
+#: A joint beyond its limit by less than this (rad or m) is still at it, to rounding.
+_TOUCHES = 1e-6
 #: A load this small beside the largest of the robot is rounding.
 _ROUNDING = 1e-12
 
@@ -39,7 +41,7 @@ class AxisStop:
     )
     peak: float = quantity("largest effort of the gear at the joint", EFFORT, "gear's\npeak")
     energy: float | None = quantity("most energy of the brake; none: no brake", "J", "brake")
-    criteria: tuple[Criterion, ...] = quantity("of brake, gear, and braking under power")
+    criteria: tuple[Criterion, ...] = quantity("of brake, gear, braking under power, and place")
 
 
 @described
@@ -119,6 +121,7 @@ def axis_stop(search: Search, drive: int) -> AxisStop:
             *_of_brake(search, drive, brake, energy),
             _of_gear(search, drive, peak),
             *_of_power(search, drive, peak),
+            *_of_place(search, drive),
         ),
     )
 
@@ -231,5 +234,37 @@ def _of_power(search: Search, drive: int, peak: float) -> list[Criterion]:
             "max |effort| at the deceleration <= effort limit",
             "inverse dynamics; the URDF's limit",
             "effort limit of the URDF",
+        )
+    ]
+
+
+def _of_place(search: Search, drive: int) -> list[Criterion]:
+    """Whether a joint stays within its limits, in the stop that comes nearest to one."""
+    cycle, worst = search.cycle, search.nearest(drive)
+    side = int(np.argmax(worst.beyond[drive]))
+    beyond, limit = float(worst.beyond[drive, side]), float(cycle.limits[drive, side])
+    if not search.limited[drive]:
+        return []
+    sample = worst.case.sample
+    way = cycle.before(sample, worst.case.speed)[1][drive]
+    place = float(cycle.trajectory.q[sample, cycle.place[drive]] - way)
+    room = (limit - place) * (1 if side else -1)
+    unit = "m" if effort_unit(search.machines.scene, drive) == "N" else "rad"
+    passes = f" by {beyond:.3g} {unit}" if beyond > _TOUCHES else ""
+    note = (
+        f"{'passes' if passes else 'nearest to'} its {'upper' if side else 'lower'} limit of "
+        f"{limit:.4g} {unit}{passes}, commanded at {worst.command:.3g} s (sample {sample}), "
+        f"carrying {load_name(worst.case.kind.load)}"
+    )
+    need = max(room + beyond, 0.0) if passes else min(max(room + beyond, 0.0), room)
+    return [
+        compare(
+            "position limit",
+            need,
+            room,
+            unit,
+            "way in a stop towards the limit <= distance to it at the command",
+            "simulated stops; the URDF's limit",
+            note=note,
         )
     ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from sizing_cases import GEAR, MOTOR, one_drive, trapezoid, turntable
+from sizing_cases import GEAR, MOTOR, one_drive, trapezoid, turntable, write_catalog
 
 import pinfric as pf
 from pinfric.errors import SizingError
@@ -19,21 +19,22 @@ BRAKE = {
     "stop_energy": 20.0,
     "rotor_inertia": 1e-5,
 }
+NAME = "gear momentary peak torque, brake closing"
 STOPS = {"category": 0, "reaction_time": 0.01, "per_hour": 4}
 #: The rotor at the joint: 100^2 of motor, gear and brake; beside 2 kg m^2 of table.
 HEAVY = 1e4 * (5e-5 + 1e-5 + 1e-5) / 2.0
 
 
-def sized(tmp_path, brake=BRAKE, gear=None, stops=STOPS):
+def sized(tmp_path, brake=BRAKE, gear=None, stops=STOPS, **given):
     scene = turntable().with_(stops=stops)
     catalog = one_drive(tmp_path, MOTOR, {**GEAR, **(gear or {})}, brakes={"B": brake})
     required = {"holding_brake": "required"}
-    return pf.size(scene, trapezoid(scene), catalog, conditions=required, on_miss="ignore")
+    given = {"conditions": required, "on_miss": "ignore", **given}
+    return pf.size(scene, trapezoid(scene), catalog, **given)
 
 
 def row(report):
-    name = "gear momentary peak torque, brake closing"
-    (found,) = [c for c in report.joints[0].assessments[0].criteria if c.name == name]
+    (found,) = [c for c in report.joints[0].assessments[0].criteria if c.name == NAME]
     return found
 
 
@@ -45,6 +46,59 @@ def test_peak_of_a_closing_brake_by_hand(tmp_path):
     assert found.status == Status.PASSES
     weak = row(sized(tmp_path, gear={"momentary_peak_torque": 70.0}))
     assert weak.status == Status.FAILS
+
+
+def test_a_brake_of_unknown_mass_and_inertia_loads_its_gear_too(tmp_path):
+    """0.5 N m x 100, J_r of motor and gear alone; the scene does not say how it is stopped."""
+    bare = {"source": "invented", "grade": "R", "torque": 0.5}
+    report = sized(tmp_path, brake=bare, stops=None)
+    heavy = 1e4 * (5e-5 + 1e-5) / 2.0
+    assert row(report).required == pytest.approx((50.0 + heavy * 15.0) / (0.7 + heavy), rel=1e-6)
+    assert report.joints[0].installed.candidate.brake == "B"
+    assert "not in the model: mass of B; inertia of B." in report.notes[-1]
+
+
+@pytest.mark.parametrize(
+    ("gear", "lacks"),
+    [
+        ({"momentary_peak_torque": None}, "momentary peak"),
+        ({"efficiency": None}, "efficiency of the gear"),
+        ({"back_efficiency": -0.5}, "a bound: the driven gear jams"),
+    ],
+)
+def test_what_the_peak_of_a_closing_brake_lacks_is_said(tmp_path, gear, lacks):
+    """Beside G, which fits and so gives the brake its load."""
+    other = {k: v for k, v in {**GEAR, **gear}.items() if v is not None}
+    path = write_catalog(tmp_path / "c.yaml", gears={"G": GEAR, "H": other}, brakes={"B": BRAKE})
+    scene, required = turntable(), {"holding_brake": "required"}
+    report = pf.size(scene, trapezoid(scene), path, conditions=required, on_miss="ignore")
+    (drive,) = [a for a in report.joints[0].assessments if a.candidate.gear_name == "H"]
+    (found,) = [c for c in drive.criteria if c.name == NAME]
+    assert (found.status, found.lacks) == (Status.NOT_CHECKED, lacks)
+
+
+def test_the_gear_in_a_gearmotor_has_no_figure_and_a_direct_drive_no_gear(tmp_path):
+    entry = {
+        "source": "invented",
+        "grade": "R",
+        "continuous_torque": 40.0,
+        "peak_torque": 90.0,
+        "rotor_inertia": 5e-5,
+        "mass": 1.0,
+        "max_speed": 6.0,
+    }
+    drives = {"A": {**entry, "ratio": 100.0}, "D": {**entry, "ratio": 1.0}}
+    path = write_catalog(
+        tmp_path / "c.yaml", motors={}, gears={}, gearmotors=drives, brakes={"B": BRAKE}
+    )
+    scene = turntable()
+    required = {"holding_brake": "required"}
+    report = pf.size(scene, trapezoid(scene), path, conditions=required, on_miss="ignore")
+    lacks = {
+        a.candidate.name: [c.lacks for c in a.criteria if c.name == NAME]
+        for a in report.joints[0].assessments
+    }
+    assert lacks == {"A": ["momentary peak of the gear in the gearmotor"], "D": []}
 
 
 def test_peak_where_a_gear_would_jam_has_no_bound():
@@ -62,6 +116,15 @@ def test_stops_of_the_chosen_drive_are_in_the_report(tmp_path):
     assert by_name["brake energy of a stop"].available == 20.0
     assert by_name["brake stops in an hour"].status == Status.NOT_CHECKED
     assert not report.unmet
+
+
+def test_the_stops_are_computed_while_it_sizes(tmp_path, monkeypatch):
+    steps = []
+    report = sized(tmp_path, progress=steps.append)
+    assert steps[-1] == "stops of the chosen drives"
+    monkeypatch.setattr("pinfric.study.stop.search.stop_motion", None)  # nothing is stopped later
+    assert report.unmet == ()
+    assert report.stops.longest.time > 0.0
 
 
 def test_a_stop_that_is_not_met_is_unmet(tmp_path):

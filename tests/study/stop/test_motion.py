@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import chain
-from stop_cases import ARM, arm
+from stop_cases import ARM, arm, axis, turntable
 
 import pinfric as pf
 from pinfric.errors import StopError
@@ -23,22 +22,6 @@ def machine(scene, torque, delay, drive_torque=0.0, deceleration=None):
         drive_torque={"axis": drive_torque} if drive_torque else {},
         deceleration=None if deceleration is None else np.array([deceleration]),
     )
-
-
-def axis(joint, body, friction, gravity, **gear):
-    """A scene of one joint with Coulomb friction; its gear has no losses unless given."""
-    dry = {"axis": {"coulomb": {"static": friction, "kinetic": friction}}} if friction else {}
-    return pf.Scene(
-        chain(("axis", joint, body), gravity=gravity),
-        friction=dry,
-        actuators=[{"joint": "axis", "transmission": gear}],
-    )
-
-
-def turntable(friction=0.0, **losses):
-    """1 kg m^2 about the vertical, behind a rotor of 1 kg m^2 at the joint: 100^2 x 1e-4."""
-    body = pin.Inertia(1.0, np.zeros(3), np.eye(3))
-    return axis(pin.JointModelRZ(), body, friction, 0.0, ratio=100.0, rotor_inertia=1e-4, **losses)
 
 
 def lift(friction=20.0):

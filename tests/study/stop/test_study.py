@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 from envelopes import result_of
-from stop_cases import ARM, arm
+from stop_cases import ARM, arm, turntable
 
 import pinfric as pf
 from pinfric import cli
@@ -54,6 +54,9 @@ def swing(scene, samples=25, time=1.0):
 @pytest.fixture(scope="module")
 def found():
     scene = braked()
+    model = scene.model.copy()
+    model.lowerPositionLimit, model.upperPositionLimit = np.array([[-1.2, -1.6], [0.15, 0.2]])
+    scene = scene.with_(model=model)
     return pf.stop(scene, swing(scene))
 
 
@@ -68,6 +71,9 @@ def test_the_worst_is_that_of_every_sample(found):
             most = max(getattr(stop, name)[d] for stop in every)
             assert getattr(axis, figure) == pytest.approx(most, rel=0.01)
         assert axis.time == pytest.approx(max(stop.rest[d] for stop in every), rel=0.01)
+        nearest = found.search.nearest(d).beyond[d].max()
+        most = max(stop.beyond[d].max() for stop in every)
+        assert nearest == pytest.approx(most, abs=0.01 * axis.travel)
     assert found.longest.time == pytest.approx(max(stop.time for stop in every), rel=0.01)
     assert found.farthest.path == pytest.approx(max(stop.path for stop in every), rel=0.01)
 
@@ -120,7 +126,7 @@ def test_sag_from_rest_is_down(found):
 
 
 def test_criteria_of_the_brake(found):
-    torque, energy, often, gear = found.axes[0].criteria
+    torque, energy, often, gear, _ = found.axes[0].criteria
     hold = max(np.abs(hold[:, 0]).max() for hold in found.search.cycle.hold.values())
     assert torque.required == pytest.approx(hold / 80.0)
     assert torque.available == 0.8
@@ -157,6 +163,49 @@ def test_category_1_by_the_efforts_limits():
     assert (strong.settings.category, weak.settings.category) == (1, 0)
     with pytest.raises(StopError, match=r"\(lift\): the URDF has no effort limit.*deceleration"):
         pf.stop(scene, swing(scene, 5))
+
+
+#: Of a motion at 1 rad/s for 1 s, stopped in 0.07 rad or, under power at 4 rad/s^2, in 0.135 rad.
+LIMITED = {
+    "far enough": (1.0, {"category": 0}, (-1.0, 1.08), (0.07, 0.09), ""),
+    "upper": (
+        1.0,
+        {"category": 0},
+        (-1.0, 1.02),
+        (0.07, 0.03),
+        "upper limit of 1.02 rad by 0.04",
+    ),
+    "lower": (
+        -1.0,
+        {"category": 0},
+        (-1.02, 1.0),
+        (0.07, 0.03),
+        "lower limit of -1.02 rad by 0.04",
+    ),
+    "category 1": (
+        *(1.0, {"category": 1, "deceleration": {"axis": 4.0}}, (-1.0, 1.1)),
+        *((0.135, 0.11), "its upper limit of 1.1 rad by 0.025"),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", LIMITED)
+def test_a_stop_past_a_joints_limit_by_hand(name):
+    """The worst is that of the last sample; the reaction of 0.01 s lies before it."""
+    speed, stops, limits, (way, room), said = LIMITED[name]
+    table = turntable(brake={"torque": 0.5, "engage_time": 0.04})
+    model = table.model.copy()
+    model.lowerPositionLimit, model.upperPositionLimit = np.array([[x] for x in limits])
+    scene = table.with_(model=model, stops={"reaction_time": 0.01, **stops})
+    t = np.linspace(0.0, 1.0, 101)
+    rate, still = np.full((101, 1), speed), np.zeros((101, 1))
+    found = pf.stop(scene, pf.Trajectory.from_arrays(scene, t, speed * t[:, None], rate, still))
+    (limit,) = (c for c in found.criteria if c.name == "position limit")
+    assert limit.required == pytest.approx(way, rel=2e-5)
+    assert limit.available == pytest.approx(room, rel=1e-9)
+    assert [said in line for line in found.unmet] == ([True] if said else [])
+    if said:
+        assert "commanded at 0.99 s (sample 100), carrying nothing" in found.unmet[0]
 
 
 def without(scene, **change):
@@ -259,7 +308,7 @@ def test_the_command_prints_and_writes(files, capsys):
     assert page.count("<svg") == 2
     result = result_of((files / "out" / "summary.json").read_text(encoding="utf-8"))
     assert result["axes"][0]["energy"] > 0.0
-    assert len(result["axes"][0]["criteria"]) == 4
+    assert len(result["axes"][0]["criteria"]) == 5
     json.dumps(result, allow_nan=False)
 
 
