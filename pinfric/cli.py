@@ -281,7 +281,8 @@ def size(
     given = [weighted(text) for text in cycle or ()]
     if (trajectory_name is None) != bool(given) or (fastest and given):
         raise typer.BadParameter(
-            "give one TRAJECTORY, or one --cycle for each of several (not with --fastest)",
+            "give one TRAJECTORY, as in `pinfric size SCENE TRAJECTORY`, or one --cycle for each "
+            "of several (not with --fastest)",
             param_hint="--cycle",
         )
     given = given or [(str(trajectory_name), 1.0)]
@@ -298,7 +299,7 @@ def size(
     with working(f"sizing {len(scene.drives)} drives"):
         report = size_drives(scene, duty, catalog, on_miss="ignore")
     if report.catalog is not None:
-        read.append(report.catalog.source)
+        read.extend(report.catalog.files)
     sets, files = _fastest(report, trajectory) if fastest else (None, {})
     found = sizing_summary(report, sets)
     cycles_given = [trajectory_name] if trajectory_name else [f"--cycle={x}" for x in cycle or ()]

@@ -22,7 +22,10 @@ _FILES = frozenset((".csv", ".html", ".json", ".png", ".urdf", ".xml", ".yaml", 
 
 
 def file_hash(file: str | Path) -> str:
-    """Return the SHA-256 of a file, in hexadecimal."""
+    """Return the SHA-256 of a file, or of the data files of a folder, in hexadecimal."""
+    if Path(file).is_dir():
+        lines = [f"{file_hash(path)} {path.name}" for path in sorted(Path(file).glob("*.[cy]*"))]
+        return hashlib.sha256("\n".join(lines).encode()).hexdigest()
     with Path(file).open("rb") as opened:
         return hashlib.file_digest(opened, "sha256").hexdigest()
 

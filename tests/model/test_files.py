@@ -8,7 +8,7 @@ import stat
 import pytest
 
 from pinfric.errors import PinfricError
-from pinfric.model.files import check_writable, write_file, write_folder
+from pinfric.model.files import check_writable, file_hash, write_file, write_folder
 
 
 def texts(folder):
@@ -98,3 +98,15 @@ def test_a_device_stays_a_device(tmp_path):
     assert os.read(reader, 100) == b"through"
     os.close(reader)
     assert stat.S_ISFIFO((tmp_path / "pipe").stat().st_mode)
+
+
+def test_the_hash_of_a_folder_is_of_the_names_and_contents_of_its_data_files(tmp_path):
+    (tmp_path / "a.csv").write_text("1")
+    (tmp_path / "b.yaml").write_text("2")
+    first = file_hash(tmp_path)
+    (tmp_path / "c.txt").write_text("no data")
+    assert file_hash(tmp_path) == first
+    (tmp_path / "a.csv").write_text("3")
+    second = file_hash(tmp_path)
+    (tmp_path / "b.yaml").rename(tmp_path / "d.yaml")
+    assert len({first, second, file_hash(tmp_path)}) == 3

@@ -38,8 +38,10 @@ def envelope(
 
 
 def hashes(inputs: Iterable[str | Path]) -> dict[str, str]:
-    """Return the SHA-256 of each input that is a file."""
-    files = [path for name in dict.fromkeys(map(str, inputs)) if (path := Path(name)).is_file()]
+    """Return the SHA-256 of each input that is a file, or a folder of data files."""
+    files = [
+        path for name in dict.fromkeys(map(str, inputs)) if name and (path := Path(name)).exists()
+    ]
     return {str(file): file_hash(file) for file in files}
 
 

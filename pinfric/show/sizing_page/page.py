@@ -134,7 +134,7 @@ def _inputs(report: SizingReport) -> list[str]:
     """The files behind a sizing: scene, URDF, trajectory, catalogue."""
     robot = report.given.robot
     files = [report.given.source, str(robot.urdf) if robot else "", report.trajectory]
-    return files + ([] if report.catalog is None else [report.catalog.source])
+    return files + ([] if report.catalog is None else [*report.catalog.files])
 
 
 def _needed(module: str) -> Any:

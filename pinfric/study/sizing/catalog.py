@@ -735,6 +735,7 @@ class Catalog:
         motors, gears, gearmotors, bearings, brakes, amplifiers: name -> entry.
         conditions: what the file demands of the drives.
         replaced: entries of the file that stand in place of bundled ones, in words.
+        files: that it was read from; of the bundled entries their folder.
     """
 
     source: str
@@ -746,6 +747,7 @@ class Catalog:
     amplifiers: Mapping[str, Amplifier] = field(default_factory=dict)
     conditions: Conditions = field(default_factory=Conditions)
     replaced: tuple[str, ...] = ()
+    files: tuple[str, ...] = ()
 
 
 def parse_conditions(

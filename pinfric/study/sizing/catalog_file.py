@@ -43,7 +43,7 @@ def load_catalog(name: str | Path = DEFAULT) -> Catalog:
             bundled one of its name.
     """
     if str(name) == DEFAULT and not os.path.isfile(name):
-        catalog = _merged(DEFAULT, _bundled())
+        catalog = replace(_merged(DEFAULT, _bundled()), files=(str(_FOLDER),))
     else:
         file = _read(Path(name))
         if file.extends is None and not any(getattr(file, section) for section in _SECTIONS):
@@ -53,7 +53,8 @@ def load_catalog(name: str | Path = DEFAULT) -> Catalog:
             )
         bundled = _bundled() if file.extends else ()
         replaced = tuple(_replaced(bundled, file))
-        catalog = replace(_merged(str(name), [*bundled, file]), replaced=replaced)
+        files = (*([str(_FOLDER)] if bundled else []), str(name))
+        catalog = replace(_merged(str(name), [*bundled, file]), replaced=replaced, files=files)
         for text in replaced:
             warnings.warn(f"{name}: {text}", PinfricWarning, stacklevel=2)
     for where, text in doubts(catalog):

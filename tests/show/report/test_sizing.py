@@ -257,6 +257,8 @@ def test_everything_that_was_not_checked_is_named_with_what_it_lacks(panda):
     for row in summary.unchecked:
         assert row.criterion in part
     assert "<code>pinfric size panda motion.csv</code>" in page
+    assert "payload box, 2.00 kg" in page
+    assert re.search(r"pinfric/catalog <span class=\"hash\">SHA-256 [0-9a-f]{64}<", page)
 
 
 def test_nothing_is_said_of_what_was_not_assessed(tmp_path):
