@@ -281,8 +281,7 @@ def size(
     given = [weighted(text) for text in cycle or ()]
     if (trajectory_name is None) != bool(given) or (fastest and given):
         raise typer.BadParameter(
-            "give one TRAJECTORY, as in `pinfric size SCENE TRAJECTORY`, or one --cycle for each "
-            "of several (not with --fastest)",
+            "give one TRAJECTORY after SCENE, or --cycle for each of several (not with --fastest)",
             param_hint="--cycle",
         )
     given = given or [(str(trajectory_name), 1.0)]

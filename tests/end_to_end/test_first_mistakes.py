@@ -62,7 +62,7 @@ COMMANDS = [
     ("invers pendulum pendulum", "Did you mean 'inverse'?"),
     ("simulate pendulum --dt 1e-3", "is for timestepping; event takes rtol, atol"),
     (f"simulate {UR10}", "has no `simulation` section; add one with start, effort and t_end"),
-    ("size pendulum", "give one TRAJECTORY, as in `pinfric size SCENE TRAJECTORY`, or one --cycle"),
+    ("size pendulum", "give one TRAJECTORY after SCENE, or --cycle for each of several"),
     ("size pendulum --cycle stops.csv:x", "should be FILE:SHARE, with a number behind the colon"),
     ("size pendulum pendulum --catalog mu.yaml", "is a scene, not a catalogue; --motors"),
     (f"retime {UR10} {UR10} --motors default:EC", "the nearest of "),

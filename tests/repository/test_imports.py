@@ -199,7 +199,7 @@ def patched(tree):
 #: Modules looked up by a name: the package's own table; an extra that may not be installed.
 LOOKED_UP = {
     "pinfric": ["import_module(_PUBLIC[name])"],
-    "pinfric.show.sizing_page.page": ["import_module(module)"],
+    "pinfric.show.report.page": ["import_module(module)"],
 }
 
 

@@ -36,7 +36,7 @@ TESTED_WITH = {
     "show/identification_page/test_page.py": "show/identification_page: figures",
     "show/figure/test_efforts.py": "show/figure: style",
     "show/report/test_retime.py": "show/figure: retime; study/retime: summary",
-    "show/report/test_sizing.py": "show/report: bill drives; show/sizing_page: figures page",
+    "show/report/test_sizing.py": "show/report: bill drives page; show/sizing_page: figures page",
     "show/report/test_elastic.py": "study/elastic: summary",
     "show/report/test_motion.py": "study: motion_summary",
     "show/report/test_sweep.py": "study/sweep: summary",

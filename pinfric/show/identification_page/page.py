@@ -10,10 +10,10 @@ from typing import Any
 from pinfric.show.figure.panel import svg
 from pinfric.show.identification_page.figures import over_time, residual_clouds
 from pinfric.show.report.html import Marked, mark
+from pinfric.show.report.page import page_environment
 from pinfric.show.report.rows import table_of
 from pinfric.show.report.tables import Table
 from pinfric.show.report.values import digits
-from pinfric.show.sizing_page.page import page_parts
 from pinfric.study.identify.identify import Identified
 from pinfric.study.identify.parameters import Parameter
 from pinfric.study.identify.summary import (
@@ -40,7 +40,7 @@ def identification_page(found: Identified) -> str:
     Raises:
         PinfricError: the extra `report` (jinja2) is not installed.
     """
-    environment = page_parts(found.scene.joint_names, Path(__file__).parent)
+    environment = page_environment(found.scene.joint_names, Path(__file__).parent)
     summary = identify_summary(found)
     time = over_time(found)
     joints: list[dict[str, Any]] = []

@@ -11,10 +11,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from pinfric import __version__
-from pinfric.errors import PinfricError
 from pinfric.show.figure.panel import svg
 from pinfric.show.report.drives import (
     brake_table,
@@ -26,11 +22,11 @@ from pinfric.show.report.drives import (
     unjudged_table,
 )
 from pinfric.show.report.envelope import hashes
-from pinfric.show.report.html import Marked, html_of, mark
-from pinfric.show.report.names import affixes, left_out, said_short, short_names, without
+from pinfric.show.report.html import Marked, mark
+from pinfric.show.report.names import short_names
+from pinfric.show.report.page import NO_FIGURE, figure, needed, page_environment, percent
 from pinfric.show.report.rows import table_of
 from pinfric.show.report.sizing import (
-    ROUNDING,
     demand_table,
     elastic_lines,
     passes,
@@ -41,7 +37,7 @@ from pinfric.show.report.sizing import (
 )
 from pinfric.show.report.stop import axes_table
 from pinfric.show.report.tables import Table
-from pinfric.show.report.values import digits, json_for_script
+from pinfric.show.report.values import json_for_script
 from pinfric.show.sizing_page.figures import (
     effort_over_time,
     mass_against_margin,
@@ -59,14 +55,10 @@ from pinfric.study.sizing.summary import (
     sizing_summary,
 )
 
-#: What stands where there is no figure.
-_NONE = "\N{EN DASH}"
 #: Rejected candidates are listed nearest first; beyond this many only counted.
 _MOST_REJECTED = 100
 #: Margins below are called tight.
 _TIGHT = 0.1
-#: Margins below are of something infinite, or of a limit of nothing.
-_BEYOND = -1e6
 
 
 def sizing_page(report: SizingReport, command: str = "") -> str:
@@ -80,8 +72,8 @@ def sizing_page(report: SizingReport, command: str = "") -> str:
         PinfricError: the extra `report` (jinja2, plotly) is not installed.
     """
     environment, plotly = (
-        page_parts(report.scene.actuator_names),
-        _needed("plotly.offline").get_plotlyjs(),
+        page_environment(report.scene.actuator_names, Path(__file__).parent),
+        needed("plotly.offline").get_plotlyjs(),
     )
     environment.filters.update(formula=_formula)
     figures: dict[str, Any] = {}
@@ -137,15 +129,6 @@ def _inputs(report: SizingReport) -> list[str]:
     return files + ([] if report.catalog is None else [*report.catalog.files])
 
 
-def _needed(module: str) -> Any:
-    try:
-        return import_module(module)
-    except ImportError:
-        raise PinfricError(
-            f"a page needs {module.partition('.')[0]}: pip install 'pinfric[report]'"
-        ) from None
-
-
 def _joint_view(
     joint: JointSizing, report: SizingReport, found: SizedJoint, figures: dict[str, Any], k: int
 ) -> dict[str, Any]:
@@ -186,7 +169,7 @@ def _choices(found: SizingSummary) -> Table | None:
 
     def other(choice: str | None, joint: SizedJoint, rms: float) -> str:
         same = choice is not None and choice == joint.choice
-        return f"{'the same' if same else choice or 'none'}; RMS {_digits(rms)} {joint.unit}"
+        return f"{'the same' if same else choice or 'none'}; RMS {figure(rms)} {joint.unit}"
 
     cells = {
         "installed.margin": lambda joint: _margin(joint.installed and joint.installed.margin),
@@ -203,8 +186,8 @@ def _choices(found: SizingSummary) -> Table | None:
 def _margin(margin: float | None) -> Marked:
     """A margin on the ground that says how it ended."""
     if margin is None:
-        return Marked(_NONE)
-    return mark("bad" if margin < 0 else "tight" if margin < _TIGHT else "ok", _percent(margin))
+        return Marked(NO_FIGURE)
+    return mark("bad" if margin < 0 else "tight" if margin < _TIGHT else "ok", percent(margin))
 
 
 def _ended(c: Criterion) -> Marked:
@@ -232,8 +215,8 @@ def _criteria(criteria: Sequence[Criterion]) -> Table | None:
         return Marked(f'<span class="quiet">{escape(c.source)}</span>{note}')
 
     cells: dict[str, Callable[[Criterion], str]] = {
-        "required": lambda c: _digits(c.required),
-        "available": lambda c: _digits(c.available),
+        "required": lambda c: figure(c.required),
+        "available": lambda c: figure(c.available),
         "margin": margin,
         "formula": lambda c: Marked(_formula(c.formula)),
         "source": remarks,
@@ -263,67 +246,6 @@ def _sources(report: SizingReport) -> list[str]:
         for line in joint.installed.candidate.sources
     )
     return list(dict.fromkeys(lines))
-
-
-def page_parts(names: Sequence[str], *folders: Path) -> Any:
-    """Return jinja2's environment for a page, with filters that show values and names.
-
-    Args:
-        names: of joints and drives; what all begin and end with is left out, and said once.
-        folders: of templates, beside this one with the style.
-
-    Raises:
-        PinfricError: the extra `report` (jinja2, plotly) is not installed.
-    """
-    jinja2 = _needed("jinja2")
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader([*folders, Path(__file__).parent]),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=jinja2.StrictUndefined,
-    )
-    ends = affixes(names)
-    short = dict(zip(names, without(names, *ends), strict=True))
-    environment.filters.update(
-        digits=_digits,
-        percent=_percent,
-        table=lambda table: _table(table, *ends),
-        short=lambda text: _said(said_short(text, short)),
-    )
-    environment.globals.update(left_out=left_out(*ends), version=__version__)
-    return environment
-
-
-def _table(table: Table | None, front: str, back: str) -> Any:
-    if table is None:
-        return ""
-    return import_module("markupsafe").Markup(html_of(table.without(front, back)))
-
-
-def _said(text: str) -> Any:
-    """Text as HTML, with what stands in `backticks` as code."""
-    markup = import_module("markupsafe")
-    return markup.Markup(re.sub("`([^`]+)`", r"<code>\1</code>", str(markup.escape(text))))
-
-
-def _digits(x: float | None) -> str:
-    if x is None:
-        return _NONE
-    if np.isinf(x):
-        return "\N{INFINITY}"
-    return digits(x) if abs(x) > ROUNDING else "0"
-
-
-def _percent(x: float | None) -> str:
-    if x is None:
-        return _NONE
-    if x <= _BEYOND:
-        return "beyond any limit"
-    if x <= -10:
-        return f"{1 - x:.3g} times the limit"
-    near = abs(x) < 0.005 or abs(x - 0.1) < 0.005  # of failing, of what is called tight
-    return f"{100 * x:.{1 if near and x else 0}f} %".replace("-", "\N{MINUS SIGN}")
 
 
 def _formula(text: str) -> Any:

@@ -9,9 +9,9 @@ from typing import Any
 from pinfric.show.figure.panel import svg
 from pinfric.show.figure.stop import axis_pictures
 from pinfric.show.report.envelope import hashes
+from pinfric.show.report.page import page_environment
 from pinfric.show.report.rows import table_of
 from pinfric.show.report.stop import axes_table, grid_table, how, not_checked, verdict
-from pinfric.show.sizing_page.page import page_parts
 from pinfric.study.stop.study import StopResult
 from pinfric.study.stop.summary import stop_summary
 
@@ -25,7 +25,7 @@ def stop_page(result: StopResult) -> str:
     Raises:
         PinfricError: the extra `report` (jinja2) is not installed.
     """
-    environment = page_parts(result.scene.actuator_names, Path(__file__).parent)
+    environment = page_environment(result.scene.actuator_names, Path(__file__).parent)
     found = stop_summary(result)
     axes: list[dict[str, Any]] = []
     for d, axis in enumerate(found.axes):

@@ -17,9 +17,10 @@ from sizing_cases import MOTOR, one_drive, trapezoid, turntable, write_catalog
 
 import pinfric as pf
 from pinfric.model.described import in_json
+from pinfric.show.report.page import percent
 from pinfric.show.report.sizing import passes, sizing_report
 from pinfric.show.sizing_page.figures import torque_speed
-from pinfric.show.sizing_page.page import _formula, _percent, sizing_page
+from pinfric.show.sizing_page.page import _formula, sizing_page
 from pinfric.study.sizing.assess import pareto_front
 from pinfric.study.sizing.catalog_file import load_catalog
 from pinfric.study.sizing.summary import sizing_summary
@@ -275,7 +276,7 @@ def test_nothing_is_said_of_what_was_not_assessed(tmp_path):
 
 
 def test_page_says_what_to_install(report, monkeypatch):
-    import pinfric.show.sizing_page.page as module
+    import pinfric.show.report.page as module
 
     def missing(name):
         raise ImportError(name)
@@ -358,4 +359,4 @@ def test_formulas_replace_whole_words_only():
     [(0.123, "12 %"), (-0.0027, "\N{MINUS SIGN}0.3 %"), (0.0996, "10.0 %"), (0.0, "0 %")],
 )
 def test_a_margin_near_a_limit_has_a_decimal(margin, says):
-    assert _percent(margin) == says
+    assert percent(margin) == says
