@@ -424,8 +424,9 @@ class Stops(Entry):
     """How the robot is stopped, input of `pinfric stop`: what no file of the robot says.
 
     The categories are those of IEC 60204-1. 0: after `reaction_time` power goes off, and the brakes
-    close after their `engage_time`. 1: after `reaction_time` every axis is braked under power, with
-    its `deceleration`, or without any with the URDF's effort limit; at rest power goes off.
+    close after their `engage_time`. 1: after `reaction_time` the robot is braked under power, along
+    its path or each axis by itself, with their `deceleration`; without any each axis by itself with
+    the URDF's effort limit. At rest power goes off.
     """
 
     category: Annotated[Literal[0, 1], key("of IEC 60204-1", 0)]
@@ -435,11 +436,19 @@ class Stops(Entry):
     deceleration: Annotated[
         dict[str, Positive],
         key(
-            "of category 1, by drive; empty: as fast as the URDF's effort limits allow",
+            "of category 1, the most of each drive; empty: what the URDF's effort limits allow",
             {"joint_1": 6.0, "joint_2": 4.0},
             "rad/s^2 or m/s^2",
         ),
     ] = Field(default_factory=dict)
+    along_path: Annotated[
+        bool,
+        key(
+            "whether `deceleration` slows the robot on its path, all axes together; else each axis "
+            "stops by itself, and the tool leaves the path",
+            True,
+        ),
+    ] = True
     friction: Annotated[
         tuple[NonNegative, NonNegative],
         key("least and greatest factor on all friction and gear losses", [0.7, 1.3], "1"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -55,6 +56,11 @@ class Machines:
         if kind not in self._made:
             self._made[kind] = _machine(self, kind)
         return self._made[kind]
+
+    @cached_property
+    def deceleration(self) -> np.ndarray | None:
+        """(nv,) of a motion that the drives impose, rad/s^2 or m/s^2; None: they impose none."""
+        return _deceleration(self.scene, self.settings)
 
 
 def stop_settings(scene: Scene, category: int | None) -> Stops:
@@ -126,8 +132,8 @@ def _check_deceleration(scene: Scene, settings: Stops) -> None:
         raise StopError(f"{where}: has no value for {', '.join(missing)}; give one for each drive")
     if not scene.one_drive_each:
         raise StopError(
-            f"{where}: needs an open chain with one drive on each joint: elsewhere the joints do "
-            "not decelerate independently; leave it out to brake by the effort limits"
+            f"{where}: needs an open chain with one drive on each joint: elsewhere drives and "
+            "joints do not slow down one by one; leave it out to brake by the effort limits"
         )
 
 
@@ -143,7 +149,7 @@ def _machine(machines: Machines, kind: Kind) -> Machine:
         },
         delay={name: float(brake.engage_time or 0.0) for name, brake in brakes.items()},
         drive_torque=dict(_limits(scene)) if _by_limits(settings) else {},
-        deceleration=_deceleration(scene, settings),
+        deceleration=machines.deceleration,
     )
 
 

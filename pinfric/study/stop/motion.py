@@ -28,6 +28,7 @@ from pinfric.errors import PinfricWarning, SimulationError, StopError
 from pinfric.model.closure import velocity_names
 from pinfric.model.robot import link_frame
 from pinfric.model.scene import Scene
+from pinfric.study.stop.path import Slowed
 from pinfric.study.summary import ends_by_magnitude
 
 #: Time between samples of a stop, s.
@@ -117,12 +118,15 @@ class StopMotion:
         return np.asarray(self.travel[-1] - self.travel[first])
 
 
-def stop_motion(machine: Machine, q: np.ndarray, v: np.ndarray) -> StopMotion:
+def stop_motion(
+    machine: Machine, q: np.ndarray, v: np.ndarray, slowed: Slowed | None = None
+) -> StopMotion:
     """Return the stop from a state.
 
     Args:
         machine: what stops.
         q, v: (nq,), (nv,) at which the drives react.
+        slowed: the motion that the drives impose until rest; None: of the machine's deceleration.
 
     Raises:
         StopError: a joint does not come to rest; names it and what to give.
@@ -130,7 +134,7 @@ def stop_motion(machine: Machine, q: np.ndarray, v: np.ndarray) -> StopMotion:
     rows: list[_Rows] = []
     braked: list[Motion] = []
     if machine.deceleration is not None:
-        rows = [_imposed(machine, q, v)]
+        rows = [_imposed(machine, slowed or _ramps(machine, q, v))]
     elif machine.drive_torque:
         braked = list(_until_rest(machine, machine.drive_torque, q, v, "braked under power"))
         rows = _in_a_row(braked, 0.0)
@@ -174,7 +178,7 @@ def _in_a_row(parts: Sequence[Motion], begin: float) -> list[_Rows]:
     return rows
 
 
-def _imposed(machine: Machine, q: np.ndarray, v: np.ndarray) -> _Rows:
+def _ramps(machine: Machine, q: np.ndarray, v: np.ndarray) -> Slowed:
     """Every joint with its own constant deceleration until it is at rest."""
     model, d = machine.scene.loaded_model(machine.carried), machine.deceleration
     assert d is not None
@@ -185,16 +189,20 @@ def _imposed(machine: Machine, q: np.ndarray, v: np.ndarray) -> _Rows:
     speed[times[:, None] >= ends] = 0.0
     way = v * gone - 0.5 * np.sign(v) * d * gone**2
     a = np.where(times[:, None] < ends, -np.sign(v) * d, 0.0)
-    configurations = np.array([pin.integrate(model, q, step) for step in way])
-    attached = np.tile([n in machine.carried for n in machine.scene.payloads], (len(times), 1))
+    return Slowed(times, np.array([pin.integrate(model, q, step) for step in way]), speed, a)
+
+
+def _imposed(machine: Machine, given: Slowed) -> _Rows:
+    """A motion that the drives impose, with the efforts that it takes."""
+    attached = np.tile([n in machine.carried for n in machine.scene.payloads], (len(given.t), 1))
     with warnings.catch_warnings():  # a slow stop goes far beyond the limits: these are no degrees
         warnings.filterwarnings("ignore", "q: joint .* in degrees", PinfricWarning)
         found = inverse_dynamics(
-            machine.scene, configurations, speed, a, attached=attached if attached.size else None
+            machine.scene, given.q, given.v, given.a, attached=attached if attached.size else None
         )
     effort = ends_by_magnitude(found.effort_lower, found.effort_upper)[0]
-    rate = working_rates(machine.scene, configurations, speed)[0]
-    return _Rows(times, configurations, speed, rate, effort)
+    rate = working_rates(machine.scene, given.q, given.v)[0]
+    return _Rows(given.t, given.q, given.v, rate, effort)
 
 
 def _without_power(machine: Machine, q: np.ndarray, v: np.ndarray) -> list[Motion]:

@@ -6,16 +6,18 @@ axis an estimate orders the samples, as if the axis moved alone and without fric
 
     |v| (t_react + t_engage) + I w^2/(2 (|r| T_b - F)),     w = |v| + F t_engage/I,
 
-F what gravity pushes along v, I the inertia at the joint with the rotor. Simulated are the samples
-with the largest estimate, speed and load at rest of each axis, where the estimate comes nearest to
-a limit of its joint, with the largest kinetic energy, and some spread evenly, more of them for the
-gears' peaks; then the neighbours of the worst, nearer and nearer.
+F what gravity pushes along v, I the inertia at the joint with the rotor; of a stated deceleration d
+|v| (t_react + |v|/(2 d)), along the path with the longest |v|/d of all axes. Simulated are the
+samples with the largest estimate, speed and load at rest of each axis, where the estimate comes
+nearest to a limit of its joint, with the largest kinetic energy, and some spread evenly, more of
+them for the gears' peaks; then the neighbours of the worst, nearer and nearer.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -31,6 +33,7 @@ from pinfric.study.sizing.demand import driven_joint
 from pinfric.study.sizing.inertia import joint_inertias
 from pinfric.study.stop.machines import UNLIMITED, Kind, Machines
 from pinfric.study.stop.motion import Machine, StopMotion, stop_motion, tool_path
+from pinfric.study.stop.path import CyclePath
 from pinfric.study.summary import effort_unit
 from pinfric.study.trajectory.trajectory import Trajectory
 
@@ -209,9 +212,17 @@ class Search:
 
     def motion(self, case: Case) -> StopMotion:
         """Return the motion of one stop, simulated anew."""
-        given = self.cycle.trajectory
-        machine = self.machines.of(case.kind)
-        return stop_motion(machine, given.q[case.sample], case.speed * given.v[case.sample])
+        given, d = self.cycle.trajectory, self.machines.deceleration
+        slowed = None
+        if d is not None and self.machines.settings.along_path:
+            slowed = self.path.slowed(case.sample, case.speed, d)
+        machine, v = self.machines.of(case.kind), case.speed * given.v[case.sample]
+        return stop_motion(machine, given.q[case.sample], v, slowed)
+
+    @cached_property
+    def path(self) -> CyclePath:
+        """The cycle between its samples."""
+        return CyclePath(self.machines.scene.model, self.cycle.trajectory)
 
     @property
     def kinds(self) -> tuple[Kind, ...]:
@@ -334,7 +345,7 @@ def estimates(machines: Machines, cycle: Cycle, kind: Kind) -> tuple[np.ndarray,
     Args:
         machines, cycle: what is stopped. kind: with which load, and whether brakes are greatest.
     """
-    machine, given = machines.of(kind), cycle.trajectory
+    machine, given, d = machines.of(kind), cycle.trajectory, machines.deceleration
     states = States(
         given.q, given.v, given.a, None, _carried(machines, kind.load > 0.0, len(given.q))
     )
@@ -348,6 +359,11 @@ def estimates(machines: Machines, cycle: Cycle, kind: Kind) -> tuple[np.ndarray,
     torque = np.where(torque > 0.0, torque, np.abs(push).max() + 1e-9)
     later = speed + np.maximum(push, 0.0) * delay / inertia
     left = np.maximum(torque - push, _LEAST_SHARE * torque)
+    if d is not None:  # the drives impose the motion
+        ramp = speed / np.array([d[drive.velocity_index] for drive in machine.scene.drives])
+        if machines.settings.along_path:
+            ramp = ramp.max(axis=1, keepdims=True)
+        return inertia, speed * (cycle.reaction + ramp / 2.0)
     return inertia, speed * (cycle.reaction + delay) + inertia * later**2 / (2.0 * left)
 
 

@@ -120,9 +120,10 @@ def stop(
     """Return the worst stops of a cycle: times, ways, the tool's path, loads of brakes and gears.
 
     From any sample of the cycle the drives react, `reaction_time` after the command. Category 0:
-    power goes off, each brake closes after its `engage_time`. Category 1: every axis is braked
-    under power until it is at rest, then power goes off. The stop is simulated with the scene's
-    friction and gears; a closed brake is dry friction at the motor's shaft (`pinfric.study.stop`).
+    power goes off, each brake closes after its `engage_time`. Category 1: the robot is braked
+    under power until it is at rest, on its path or each axis by itself, then power goes off. The
+    stop is simulated with the scene's friction and gears; a closed brake is dry friction at the
+    motor's shaft (`pinfric.study.stop`).
 
     Args:
         scene: with a `stops` section, transmissions, and brakes where gravity acts.
@@ -163,6 +164,13 @@ def _notes(result: StopResult) -> list[str]:
         )
     if same:
         lines.append(f"{', '.join(same)}: gears' peaks by `torque`, `torque_max` is not known")
+    if settings.category == 1:
+        along = settings.along_path and settings.deceleration
+        lines.append(
+            "braked along the path: all axes stop together"
+            if along
+            else "each axis brakes by itself, so the tool leaves its path"
+        )
     if none:
         lines.append(f"{', '.join(none)}: without a brake, stopped by friction")
     if scene.tool is None:

@@ -143,14 +143,39 @@ def test_criteria_of_the_brake(found):
 
 
 def test_category_1_brakes_under_power_and_spares_the_brake():
-    scene = braked(load=False, category=1, deceleration={"lift": 8.0, "elbow": 10.0})
+    decelerated = {"category": 1, "deceleration": {"lift": 8.0, "elbow": 10.0}}
+    scene = braked(load=False, **decelerated, along_path=False)
     found = pf.stop(scene, swing(scene, 9))
+    assert "each axis brakes by itself, so the tool leaves its path" in found.notes
     assert max(axis.energy for axis in found.axes) < 0.1
     for axis, d, v in zip(found.axes, (8.0, 10.0), (np.pi, 1.4 * np.pi), strict=True):
         assert axis.travel == pytest.approx(v**2 / 2 / d + 0.01 * v, rel=0.03)
         (limit,) = (c for c in axis.criteria if c.name == "effort of braking")
         assert limit.required == axis.peak
         assert limit.status == Status.NOT_CHECKED
+
+
+def test_category_1_stays_on_the_path_unless_each_axis_stops_by_itself():
+    """The swing is straight in the joints, lift = -0.9 - elbow/1.4: so is every stop."""
+    decelerated = {"category": 1, "deceleration": {"lift": 8.0, "elbow": 10.0}}
+    scene = braked(load=False, **decelerated)
+    motion = swing(scene, 201)
+    found = pf.stop(scene, motion)
+    for _, one in found.worst_motions:
+        under_power = one.t <= one.power_off
+        lift, elbow = one.q[under_power].T
+        assert lift == pytest.approx(-0.9 - elbow / 1.4, abs=1e-4)
+        assert one.v[one.t < one.power_off].all()  # all axes stop together
+        last = one.q[under_power][-1]
+        nearest = np.abs(motion.q - last).sum(axis=1).min()
+        assert nearest < 0.02  # where the cycle comes through
+    alone = pf.stop(scene.with_(stops=scene.stops.model_copy(update={"along_path": False})), motion)
+    left = [
+        np.abs(one.q[:, 0] + 0.9 + one.q[:, 1] / 1.4)[one.t <= one.power_off].max()
+        for _, one in alone.worst_motions
+    ]
+    assert min(left) > 0.05
+    assert any("all axes stop together" in line for line in found.notes)
 
 
 def test_category_1_by_the_efforts_limits():
