@@ -267,8 +267,9 @@ def test_the_interval_encloses_a_third_solution(cut):
     """Wide rough pins: three frictions obey the laws, none of them at a limit of another."""
     friction = pin_friction(2.0, 0.1)
     case = turning_four_bar(60, cut=cut, rate=6.0, acceleration=3.0, friction=friction)
-    result = dataclasses.replace(case, t=None).inverse()
-    for sample in range(30, 34):
+    here = slice(29, 35)
+    result = Case(case.scene, case.q[here], case.v[here], case.a[here]).inverse()
+    for sample in range(1, 5):
         efforts = [solution.effort[0] for solution in result.solutions(sample)]
         assert len(efforts) == 3
         assert result.effort_lower[sample, 0] == pytest.approx(min(efforts), rel=1e-9)
