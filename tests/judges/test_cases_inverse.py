@@ -235,7 +235,7 @@ def test_a_crank_at_a_thousand_and_a_million_radians_per_second(rate):
 # Safeguard: dependent joints follow from the closure, sample by sample. Without (their own noise
 # left in): LoopMotionError.
 def test_a_noisy_measured_crank():
-    case = measured_four_bar()
+    case = measured_four_bar(120)
     result = case.inverse()
     assert (result.status == Status.CONVERGED).all()
     assert is_sound(result)
