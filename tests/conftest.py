@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import os
+
+if "PYTEST_XDIST_WORKER" in os.environ:  # a process per core: threads of BLAS only wait there
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import pinfric  # noqa: F401  # isort: skip
 
 import pytest

@@ -31,6 +31,7 @@ from pathlib import Path
 from time import perf_counter
 
 from mutations import NUMBERS, Mutator
+from sizing_cases import GEAR, MOTOR
 
 ROOT = Path(__file__).parents[1]
 ROBOTS = ROOT / "robots"
@@ -137,50 +138,7 @@ SWEEP = {
     },
     "motors": {"shoulder": {"continuous_torque": 0.4, "peak_torque": 1.0, "max_speed": 400.0}},
 }
-CATALOG = {
-    "pinfric_catalog": 1,
-    "motors": {
-        "M": {
-            "source": "invented",
-            "grade": "R",
-            "continuous_torque": 0.5,
-            "peak_torque": 2.0,
-            "torque_constant": 0.1,
-            "resistance": 0.8,
-            "rotor_inertia": 5e-5,
-            "mass": 0.6,
-            "max_speed": 600.0,
-            "thermal": {
-                "winding_housing": 2.0,
-                "housing_ambient": 3.0,
-                "winding_time": 20.0,
-                "housing_time": 300.0,
-                "max_winding": 125.0,
-            },
-        }
-    },
-    "gears": {
-        "G": {
-            "source": "invented",
-            "grade": "R",
-            "ratio": 100.0,
-            "rated_torque": 30.0,
-            "average_torque": 40.0,
-            "repeated_peak_torque": 60.0,
-            "momentary_peak_torque": 100.0,
-            "rated_speed": 200.0,
-            "average_input_speed": 300.0,
-            "max_input_speed": 700.0,
-            "input_inertia": 1e-5,
-            "mass": 0.9,
-            "nominal_life": 35000.0,
-            "efficiency": 0.8,
-            "back_efficiency": 0.7,
-            "stiffness": 1e4,
-            "back_driving_torque": 3.0,
-        }
-    },
-}
+CATALOG = {"pinfric_catalog": 1, "motors": {"M": MOTOR}, "gears": {"G": GEAR}}
 STL = (
     "solid part\n"
     + "".join(

@@ -180,6 +180,22 @@ def kr300(path: Path) -> tuple[pf.Scene, pf.Log]:
     return pf.Scene(model=model), pf.Log(0.004 * np.arange(len(q)), np.deg2rad(q), effort)
 
 
+def with_static(static: float, **more: object) -> pf.Scene:
+    """The robot with so many times its Coulomb friction at rest, and more terms of its joints."""
+    scene, friction = truth(), {}
+    for name, entry in scene.friction.items():
+        coulomb = {
+            way: {"static": static * one.kinetic, "kinetic": one.kinetic}
+            for way, one in (
+                ("positive", entry.coulomb.positive),
+                ("negative", entry.coulomb.negative),
+            )
+        }
+        others = {key: x for key, x in entry if x is not None and key != "coulomb"}
+        friction[name] = others | {"coulomb": coulomb} | more
+    return scene.with_(friction=friction)
+
+
 def slow_departures(
     joints: tuple[int, ...], static: float, rate: float = 100.0, rise: float = 1.2
 ) -> pf.Log:
@@ -187,17 +203,7 @@ def slow_departures(
 
     They take `rise` s of a hold of 1.2 s for that.
     """
-    scene = truth()
-    for name, entry in scene.friction.items():
-        ways = {
-            way: {"static": static * both.kinetic, "kinetic": both.kinetic}
-            for way, both in (
-                ("positive", entry.coulomb.positive),
-                ("negative", entry.coulomb.negative),
-            )
-        }
-        other = {key: x for key, x in entry if x is not None and key != "coulomb"}
-        scene = scene.with_(friction=scene.friction | {name: other | {"coulomb": ways}})
+    scene = with_static(static)
     here, q, push = np.array([0.3, -1.0, 1.1, -0.4, 0.5, 0.2]), [], []
     s = np.arange(1, int(2.5 * rate) + 1) / (2.5 * rate)
     for joint, way in [(j, way) for _ in range(3) for j in joints for way in (1.0, -1.0)]:

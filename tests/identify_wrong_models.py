@@ -24,6 +24,7 @@ from identify_cases import (
     logged,
     motor_effort,
     truth,
+    with_static,
 )
 from scipy.signal import lfilter
 
@@ -45,19 +46,7 @@ FILTER, PLAY, OFFSET, PAYLOAD = 5.0, 4e-3, 0.3, 3.0
 @cache
 def stribeck_truth(velocity: float = FALL) -> pf.Scene:
     """The robot with friction that falls from rest to motion."""
-    scene = truth()
-    friction = {}
-    for name, entry in scene.friction.items():
-        coulomb = {
-            way: {"static": STATIC * one.kinetic, "kinetic": one.kinetic}
-            for way, one in (
-                ("positive", entry.coulomb.positive),
-                ("negative", entry.coulomb.negative),
-            )
-        }
-        others = {key: x for key, x in entry if x is not None and key != "coulomb"}
-        friction[name] = others | {"coulomb": coulomb, "stribeck": {"velocity": velocity}}
-    return scene.with_(friction=friction)
+    return with_static(STATIC, stribeck={"velocity": velocity})
 
 
 def coulomb(v: np.ndarray) -> np.ndarray:

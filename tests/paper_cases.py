@@ -8,6 +8,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
+import pinfric as pf
 from pinfric.paper.bodies import (
     GROUND,
     Actuator,
@@ -18,7 +19,7 @@ from pinfric.paper.bodies import (
     RevoluteJoint,
     TranslationalJoint,
 )
-from pinfric.paper.examples import pendulum
+from pinfric.paper.examples import pendulum, three_link
 
 #: Which joints of a random tree are translational, by its seed.
 SLIDING = ((), (1,), (0, 2), (0, 1, 2, 3), (0, 3, 4))
@@ -72,3 +73,23 @@ def push_in_closed_form(angle, rate, acceleration, coefficient) -> float:
         xtol=1e-14,
         rtol=1e-15,
     )
+
+
+def three_pins(static=(0.4, 0.35, 0.2)):
+    """The paper's robot with friction in every joint, for both."""
+    mechanism = three_link().mechanism
+    pins = [
+        PinFriction(0.05, 0.12, static=static[0], kinetic=0.25),
+        PinFriction(0.08, 0.10, static=static[1], kinetic=0.30),
+        PinFriction(0.03, None, static=static[2], kinetic=0.2),
+    ]
+    joints = [replace(j, friction=f) for j, f in zip(mechanism.joints, pins, strict=True)]
+    scene = pf.load_scene("three_link")
+    friction = {}
+    for name, f in zip(scene.joint_names, pins, strict=True):
+        bearing = {"kind": "pin", "radius": f.radius}
+        if f.length is not None:
+            bearing["length"] = f.length
+        friction[name] = {"bearing": bearing, "mu": {"static": f.static, "kinetic": f.kinetic}}
+    scene = pf.Scene(model=scene.model, friction=friction)
+    return scene, replace(mechanism, joints=tuple(joints))

@@ -31,6 +31,10 @@ COMMANDS = {
 }
 
 
+#: Other commands, at other moments of their imports.
+LATER = (("size", 0.3), ("replay", 0.9), ("paper", 1.2))
+
+
 def begin(name, folder, preexec=None, **environment):
     return subprocess.Popen(
         [sys.executable, "-m", "pinfric", *COMMANDS[name]],
@@ -68,7 +72,11 @@ def expect_the_end(process):
 
 @pytest.mark.parametrize(
     ("name", "delay"),
-    [("simulate", 0.1), ("size", 0.3), ("inverse", 0.6), ("replay", 0.9), ("paper", 1.2)],
+    [
+        ("simulate", 0.1),
+        ("inverse", 0.6),
+        *(pytest.param(*c, marks=pytest.mark.slow) for c in LATER),
+    ],
 )
 def test_ctrl_c_while_modules_are_imported(name, delay, tmp_path):
     process = begin(name, tmp_path)
@@ -77,7 +85,7 @@ def test_ctrl_c_while_modules_are_imported(name, delay, tmp_path):
     expect_the_end(process)
 
 
-@pytest.mark.parametrize("delay", [2.0, 4.0])
+@pytest.mark.parametrize("delay", [2.0, pytest.param(4.0, marks=pytest.mark.slow)])
 def test_ctrl_c_while_kernels_are_compiled(delay, tmp_path):
     process = begin("simulate", tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "empty"))
     time.sleep(delay)

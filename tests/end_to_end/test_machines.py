@@ -46,6 +46,7 @@ def test_a_bench_gantry_takes_complete_screws():
     assert all(any("PBC" in name for name in row.unjudged) for row in found)  # forces unread
 
 
+@pytest.mark.slow
 def test_a_delta_takes_planetary_gears_and_an_excavator_none():
     for row in rows("delta"):
         assert "maxon GP" in row.choice or "Beckhoff" in row.choice

@@ -6,13 +6,11 @@ full pivoting and the fixed-point loop over (16) and (17).
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
+from paper_cases import three_pins
 
 import pinfric as pf
-from pinfric.paper.bodies import PinFriction
 from pinfric.paper.examples import pendulum, three_link
 from pinfric.paper.inverse import inverse
 
@@ -78,24 +76,5 @@ def test_three_link_robot(seed):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_three_link_robot_with_friction_in_every_joint(seed):
-    mechanism = three_link().mechanism
-    pins = [
-        PinFriction(0.05, 0.12, static=0.4, kinetic=0.25),
-        PinFriction(0.08, 0.10, static=0.35, kinetic=0.30),
-        PinFriction(0.03, None, static=0.2, kinetic=0.2),
-    ]
-    joints = [
-        dataclasses.replace(joint, friction=friction)
-        for joint, friction in zip(mechanism.joints, pins, strict=True)
-    ]
-    mechanism = dataclasses.replace(mechanism, joints=tuple(joints))
-    scene = pf.load_scene("three_link")
-    friction = {}
-    for name, friction_of_pin in zip(scene.joint_names, pins, strict=True):
-        bearing = {"kind": "pin", "radius": friction_of_pin.radius}
-        if friction_of_pin.length is not None:
-            bearing["length"] = friction_of_pin.length
-        mu = {"static": friction_of_pin.static, "kinetic": friction_of_pin.kinetic}
-        friction[name] = {"bearing": bearing, "mu": mu}
-    scene = pf.Scene(model=scene.model, friction=friction)
+    scene, mechanism = three_pins()
     assert_equal_formulations(scene, mechanism, motions(3, 10 + seed), [0, 1, 2])

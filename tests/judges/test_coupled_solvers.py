@@ -10,6 +10,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from benchmarks import coupled as module
 from benchmarks.coupled import (
     SHARES,
     TOLERANCES,
@@ -19,7 +20,7 @@ from benchmarks.coupled import (
     solve,
     table,
 )
-from cases import drawer_forces, jamming_drawer, turning_four_bar
+from cases import Case, drawer_forces, jamming_drawer, turning_four_bar
 
 import pinfric as pf
 
@@ -28,6 +29,14 @@ WEIGHT, LEVER = 4.0 * 9.81, 2 * 0.3 / 0.3  # m g, 2 e / L
 
 def of(rows, solver, share=None):
     return [r for r in rows if r.solver == solver and (share is None or r.share == share)]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _timed_once():
+    """Each solve runs once: what they take is measured by `python tests/benchmarks/coupled.py`."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "_TIMED_PASSES", 1)
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -101,7 +110,9 @@ def test_both_solvers_find_the_push_of_the_closed_form(newton, mu):
 
 def test_a_four_bar_jams_beyond_its_certificate():
     """Contraction 1 is a bound there: the jam comes 14 to 29 % later."""
-    rows = coupled(turning_four_bar(40).inverse(), rounds=1)
+    case, near = turning_four_bar(40), slice(34, 39)  # of the turn, where it jams first
+    case = Case(case.scene, *(x[near] for x in (case.q, case.v, case.a, case.t)))
+    rows = coupled(case.inverse(), rounds=1)
     for row in rows:
         assert not row.problem
         assert 1.10 * row.share < row.contraction < 1.35 * row.share
@@ -112,8 +123,6 @@ def test_a_four_bar_jams_beyond_its_certificate():
 
 
 def test_passes_without_end_are_rows_with_a_reason(monkeypatch):
-    from benchmarks import coupled as module
-
     monkeypatch.setitem(module.MOST_PASSES, "fixed point", 100)
     rows = coupled(jamming_drawer(0.3).inverse(), rounds=1)
     failed = [row for row in rows if row.problem]

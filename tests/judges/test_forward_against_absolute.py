@@ -5,41 +5,16 @@ The judge shares no code: eq. (3) with multipliers, constraint addition-deletion
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pinocchio as pin
 import pytest
+from paper_cases import three_pins
 
 import pinfric as pf
 from pinfric.errors import AccelerationError
 from pinfric.paper import examples
-from pinfric.paper.bodies import PinFriction
-from pinfric.paper.examples import three_link
 from pinfric.paper.forward import NoConsistentFriction, forward
 from pinfric.paper.simulate import simulate
-
-
-def three_pins(static=(0.4, 0.35, 0.2)):
-    """The paper's robot with friction in every joint, for both."""
-    mechanism = three_link().mechanism
-    pins = [
-        PinFriction(0.05, 0.12, static=static[0], kinetic=0.25),
-        PinFriction(0.08, 0.10, static=static[1], kinetic=0.30),
-        PinFriction(0.03, None, static=static[2], kinetic=0.2),
-    ]
-    joints = [
-        dataclasses.replace(j, friction=f) for j, f in zip(mechanism.joints, pins, strict=True)
-    ]
-    scene = pf.load_scene("three_link")
-    friction = {}
-    for name, f in zip(scene.joint_names, pins, strict=True):
-        bearing = {"kind": "pin", "radius": f.radius}
-        if f.length is not None:
-            bearing["length"] = f.length
-        friction[name] = {"bearing": bearing, "mu": {"static": f.static, "kinetic": f.kinetic}}
-    scene = pf.Scene(model=scene.model, friction=friction)
-    return scene, dataclasses.replace(mechanism, joints=tuple(joints))
 
 
 def gravity_torque(scene, q):

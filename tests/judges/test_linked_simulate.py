@@ -56,8 +56,9 @@ def residuals(motion):
 
 # Safeguard: what the integration leaves open is closed after every step and in every sample.
 # Without (`obey` returns what it is given): gaps of 0.06 m, 0.21 m and 0.09 m after 100 s.
+@pytest.mark.parametrize("seconds", [10.0, pytest.param(100.0, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("method", METHODS)
-def test_loops_stay_closed_for_a_hundred_seconds(method):
+def test_loops_stay_closed_for_a_hundred_seconds(method, seconds):
     """Gaps stay below 1e-10 m; the four-bar swings without friction."""
     scene, _ = four_bar(friction={})
     q = scene.close(np.array([-1.2, 1.0, 1.5]), ["O"])
@@ -66,7 +67,7 @@ def test_loops_stay_closed_for_a_hundred_seconds(method):
         "timestepping": {"dt": 0.02},
         "regularized": {"rtol": 1e-2, "atol": 1e-4},
     }[method]
-    motion = pf.simulate(scene, q, np.zeros(3), [0.0], 100.0, method, sample_step=1.0, **options)
+    motion = pf.simulate(scene, q, np.zeros(3), [0.0], seconds, method, sample_step=0.5, **options)
     gap, rate, _ = residuals(motion)
     assert gap < 1e-10
     assert rate < 1e-10
@@ -265,13 +266,13 @@ def test_one_freedom_breaks_away_at_once_although_nothing_loads_its_pins():
 # mechanism at rest. Without: no acceleration is found at the first dead centre.
 def test_a_boxer_runs_through_its_dead_centres():
     case = boxer(cylinders=2, angle=-0.5, rate=10.0)
-    motion = pf.simulate(case.scene, case.q[0], case.v[0], [0.8], 1.0)
+    motion = pf.simulate(case.scene, case.q[0], case.v[0], [0.8], 0.6)
     energy = motion.energy()
     assert motion.status == "finished"
     assert abs(energy.residual) < 1e-5 * energy.work
     turns = [event.time for event in motion.events if event.name == "piston_1"]
     others = [event.time for event in motion.events if event.name == "piston_2"]
-    assert len(turns) >= 3
+    assert len(turns) >= 2
     assert turns == pytest.approx(others, abs=1e-6)
 
 

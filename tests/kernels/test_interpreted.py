@@ -201,6 +201,7 @@ def test_interpreted_and_compiled_agree(tmp_path):
     np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-12 * np.abs(b).max())
 
 
+@pytest.mark.slow
 def test_a_first_simulation_does_not_wait_for_compilers(tmp_path):
     scene = ROOT / "robots/three_link.yaml"
     before = resource.getrusage(resource.RUSAGE_CHILDREN)

@@ -6,13 +6,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from builders import random_inertia, random_states, random_tree
+from robot_cases import each_robot
 
 import pinfric as pf
 from pinfric.errors import RobotError
 from pinfric.model.robot import example_robot_data
 from pinfric.model.twin import LARGEST, make_twin
-
-URDFS = sorted(example_robot_data().rglob("*.urdf"))
 
 
 def plain_wrenches(model, q, v, a):
@@ -40,7 +39,7 @@ def test_a_robot_too_large_to_open_is_asked_joint_by_joint():
     assert_twin_equals_data_f(random_tree(2, joints=60))
 
 
-@pytest.mark.parametrize("urdf", URDFS, ids=lambda p: p.stem)
+@pytest.mark.parametrize("urdf", each_robot())
 def test_wrenches_equal_data_f_on_every_robot(urdf):
     root_joints = [None, pin.JointModelFreeFlyer(), pin.JointModelPlanar()]
     checked = 0
@@ -60,7 +59,7 @@ def test_wrenches_equal_data_f_on_every_robot(urdf):
 
 def test_most_robots_load_and_mimic_joints_are_among_them():
     loads = mimics = 0
-    for urdf in URDFS:
+    for urdf in example_robot_data().rglob("*.urdf"):
         try:
             model = pin.buildModelFromUrdf(str(urdf), mimic=True)
         except (ValueError, RuntimeError):

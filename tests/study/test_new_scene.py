@@ -9,14 +9,14 @@ import warnings
 import numpy as np
 import pytest
 import yaml
+from robot_cases import each_robot
 
 import pinfric as pf
 from pinfric.errors import PinfricError, PinfricWarning, RobotError, SceneError
-from pinfric.model.robot import example_robot_data, locate_urdf, read_robot
+from pinfric.model.robot import locate_urdf, read_robot
 from pinfric.study.new_scene import new_scene, new_waypoints, write_new
 
 pytestmark = pytest.mark.filterwarnings("ignore::pinfric.errors.PinfricWarning")
-URDFS = sorted(example_robot_data().rglob("*.urdf"))
 #: No joint that moves, or no valid URDF: `test_example_robots`.
 REFUSED = {"quadrotor_base", "iris_simple", "ur3", "bluevolta", "falcon"}
 ARM = """<robot name="arm">
@@ -43,7 +43,7 @@ def entries(urdf, folder=None):
     return yaml.safe_load(new_scene(urdf, folder))
 
 
-@pytest.mark.parametrize("urdf", URDFS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("urdf", each_robot())
 def test_every_robot_that_loads_gets_a_scene_that_runs(urdf, tmp_path):
     try:
         read_robot(urdf, {})

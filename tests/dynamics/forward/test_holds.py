@@ -70,11 +70,12 @@ def best_of_many_starts(scene, q, effort, rng, starts=6):
 
 
 @pytest.mark.filterwarnings("ignore:.*radius:pinfric.PinfricWarning")
+@pytest.mark.parametrize("count", [8, pytest.param(25, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("pins", "strong"), [(4, False), (5, False), (6, False), (5, True)])
-def test_no_search_finds_a_stick_where_there_is_none_and_sticks_are_sticks(pins, strong):
+def test_no_search_finds_a_stick_where_there_is_none_and_sticks_are_sticks(pins, strong, count):
     rng = np.random.default_rng(pins + 10 * strong)
     held = []
-    for _ in range(25):
+    for _ in range(count):
         scene, q = random_chain(rng, pins, strong)
         balance, push = near_the_limit(rng, scene, q)
         answer = pf.holds(scene, q, balance + push)
@@ -116,9 +117,10 @@ def test_a_search_towards_friction_without_bound_comes_back():
 
 
 @pytest.mark.filterwarnings("ignore:.*radius:pinfric.PinfricWarning")
-def test_three_cuts_one_verdict():
+@pytest.mark.parametrize("count", [4, pytest.param(12, marks=pytest.mark.slow)])
+def test_three_cuts_one_verdict(count):
     seen = set()
-    for seed in range(12):
+    for seed in range(count):
         verdicts = []
         for cut in (4, 2, 1):
             scene, q = random_chain(np.random.default_rng(seed), 5, seed % 2 == 0, cut)

@@ -13,7 +13,7 @@ from cases import Case, ball_tripod, four_bars_in_a_row, resting_four_bar, turni
 from mechanisms import add_link, bar, grounded_model, pin_friction, shifted, two_ball_loops
 
 import pinfric as pf
-from pinfric.dynamics.inverse import choices, interval_ends
+from pinfric.dynamics.inverse import choices, interval_ends, linkage
 from pinfric.dynamics.inverse.interval_ends import MOST_PASSES, Solver
 from pinfric.dynamics.inverse.solutions import one_sample
 from pinfric.dynamics.samples.outcome import Status
@@ -267,8 +267,9 @@ def test_the_interval_encloses_a_third_solution(cut):
     """Wide rough pins: three frictions obey the laws, none of them at a limit of another."""
     friction = pin_friction(2.0, 0.1)
     case = turning_four_bar(60, cut=cut, rate=6.0, acceleration=3.0, friction=friction)
-    result = dataclasses.replace(case, t=None).inverse()
-    for sample in range(30, 34):
+    here = slice(29, 35)
+    result = Case(case.scene, case.q[here], case.v[here], case.a[here]).inverse()
+    for sample in range(1, 5):
         efforts = [solution.effort[0] for solution in result.solutions(sample)]
         assert len(efforts) == 3
         assert result.effort_lower[sample, 0] == pytest.approx(min(efforts), rel=1e-9)
@@ -276,22 +277,28 @@ def test_the_interval_encloses_a_third_solution(cut):
     assert result.check().passed(1e-9)
 
 
-def test_the_search_for_ends_stops_at_its_bound_and_says_so():
+@pytest.mark.parametrize("most", [2_000, pytest.param(MOST_PASSES, marks=pytest.mark.slow)])
+def test_the_search_for_ends_stops_at_its_bound_and_says_so(most, monkeypatch):
     """Three balls at rest whose friction turns for ever where loads grow with it, contraction 2.5.
 
-    Drawn among random states of the delta robot; without the bound 10 s, and 180 s below.
+    Drawn among random states of the delta robot. The package's own bound takes half a minute.
     """
+    for module in (interval_ends, linkage):
+        monkeypatch.setattr(module, "MOST_PASSES", most)
     scene, rng = pf.load_scene("delta"), np.random.default_rng(1)
     start, still = scene.start_configuration, np.zeros((1, scene.model.nv))
     q = [start + rng.normal(scale=0.8, size=len(start)) for _ in range(12)][-1]
-    with pytest.warns(pf.PinfricWarning, match=r"sample 0: undecided.*100000 passes .*reduce `mu`"):
+    with pytest.warns(
+        pf.PinfricWarning, match=rf"sample 0: undecided.*{most} passes .*reduce `mu`"
+    ):
         found = pf.inverse_dynamics(scene, scene.close(q)[None], still, still)
     assert found.status[0] == Status.NOT_CONVERGED
     assert np.isnan(found.effort_lower).all()
-    assert MOST_PASSES < found.iterations[0] < 1.1 * MOST_PASSES
+    assert most < found.iterations[0] < most + 10_000  # what the turns of one candidate take
     assert found.check().undecided == 1
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*undecided")
 @pytest.mark.parametrize("seed", [0, 4])
 def test_a_sample_that_jams_is_not_searched_on(seed):

@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from builders import block, plane_friction, random_friction, random_states, random_tree
+from cases import turning_four_bar
 from inverse_cases import scene_of
 
 import pinfric as pf
@@ -221,3 +222,30 @@ def test_a_motion_made_for_another_robot_or_other_payloads_is_refused_or_reorder
         pf.inverse_dynamics(pf.Scene(model=other, payloads={}), motion)
     with pytest.raises(StateError, match="has its own"):
         pf.inverse_dynamics(there, motion, zero)
+
+
+@pytest.mark.parametrize("chunks", [None, 7])
+def test_states_without_times_know_nothing_of_their_neighbours(chunks):
+    """At random speeds nothing rests, and another order changes nothing."""
+    model = random_tree(4)
+    scene = pf.Scene(model=model, friction=random_friction(model, 4))
+    states = random_states(model, 4, 100)
+    order = np.random.default_rng(0).permutation(100)
+
+    def ends(q, v, a):
+        parts = list(pf.inverse_dynamics(scene, q, v, a, chunks=chunks or 100))
+        return [
+            np.concatenate([getattr(part, f"effort_{end}") for part in parts])
+            for end in ("lower", "upper")
+        ]
+
+    lower, upper = ends(*states)
+    np.testing.assert_array_equal(lower, upper)
+    np.testing.assert_allclose(upper[order], ends(*(x[order] for x in states))[1], atol=1e-9)
+
+
+def test_states_of_a_loop_without_times_know_nothing_of_their_neighbours():
+    case = turning_four_bar(40)
+    sign = np.where(np.arange(40) % 2, -1.0, 1.0)[:, None]  # a v v' stays: the loop still closes
+    result = pf.inverse_dynamics(case.scene, case.q, sign * case.v, case.a)
+    np.testing.assert_array_equal(result.effort_lower, result.effort_upper)

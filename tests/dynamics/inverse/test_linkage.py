@@ -46,11 +46,11 @@ ROBOTS = Path(__file__).parents[3] / "robots"
 @pytest.mark.parametrize("kind", ["planar_pin", "revolute"])
 @pytest.mark.parametrize("rate", [6.28, -6.28, 1e3])
 def test_four_bar_against_newton_and_euler_bar_by_bar(kind, rate):
-    case = turning_four_bar(150, "B", kind, rate)
+    case = turning_four_bar(60, "B", kind, rate)
     result = case.inverse()
     expected = [crank_torque(FourBar(), angle, rate, 3.0) for angle in case.known["angles"]]
     slides = ~result.reversal.any(axis=1) & ~result.sticking.any(axis=1)
-    assert slides.sum() > 140
+    assert slides.sum() > 55
     torque = np.array([torque for torque, _, _ in expected])
     scale = max(1.0, (rate / 6.28) ** 2)  # inertia forces grow with the speed squared
     for effort in (result.effort_lower[:, 0], result.effort_upper[:, 0]):
@@ -136,7 +136,7 @@ def test_every_cut_of_the_four_bar_gives_the_same_efforts(kind, gravity, bearing
     }
     results = {}
     for cut in FOUR_BAR:
-        case = turning_four_bar(40, cut, kind, gravity=gravity, friction=friction)
+        case = turning_four_bar(16, cut, kind, gravity=gravity, friction=friction)
         results[cut] = result = case.inverse()
         assert result.redundant == (kind == "revolute")
         assert result.check().passed(1e-12)
