@@ -91,9 +91,9 @@ def test_the_bundled_catalogue_is_wide():
 def test_maxons_figures_agree_with_each_other():
     """A digit that is mistyped shows: stall torque = k U/R, k n0 = U, and a balance of power.
 
-    At the nominal point friction and iron lose U I - R I^2 - M omega. That is more than nothing, and
-    less than at no load, where the motor turns faster: U I0 - R I0^2 with R I0 = U - k n0, k less
-    the 0.5 % to which three printed digits are rounded. M = k (I - I0) holds of ironless motors only.
+    At the nominal point friction and iron lose U I - R I^2 - M omega. That is more than nothing,
+    and less than at no load, where the motor turns faster: U I0 - R I0^2 with R I0 = U - k n0, k
+    less the 0.5 % to which three printed digits are rounded. Only without iron M is k (I - I0).
     """
     motors = {n: m for n, m in pf.load_catalog().motors.items() if " W " in n}
     assert len(motors) == 29
