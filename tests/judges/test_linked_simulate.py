@@ -276,6 +276,22 @@ def test_a_boxer_runs_through_its_dead_centres():
     assert turns == pytest.approx(others, abs=1e-6)
 
 
+# Safeguard: a ball stops about all its axes, or turns on. Without: brakes stop a delta that moves
+# straight up, two of a ball's axes stop at once and the third later, and energy() cannot close the
+# loop that stands.
+def test_a_ball_stops_about_all_its_axes_at_once():
+    plain = pf.load_scene("delta")
+    up = pf.load_trajectory("delta", plain)
+    sample = int(np.argmax(up.v[:90, -1]))
+    scene = plain.with_(closed_brakes=dict.fromkeys(plain.actuator_names, 1.5))
+    q, v = up.q[sample], up.v[sample]
+    motion = pf.simulate(scene, q, v, motor_torque=np.zeros(3), t_end=0.05, attached=())
+    assert not motion.v[-1].any()
+    energy = motion.energy()
+    assert energy.change < -0.1
+    assert abs(energy.residual) < 1e-9 * abs(energy.change)
+
+
 def test_energy_of_mimic_joints_is_balanced():
     scene = mimic_scene()
     motion = pf.simulate(scene, [0.0], [2.0], [0.5], 0.4)

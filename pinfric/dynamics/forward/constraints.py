@@ -167,7 +167,11 @@ class Constraints:
         allowed = _STOP * least if np.isfinite(least) else 0.0
         if np.abs(slower - v).max(initial=0.0) > allowed:
             return v, stopped & ~t.ball
-        still = np.abs(after) <= 1e-3 * np.minimum(t.stick_velocity, 1.0)
-        moved = np.abs(before - after) > 0.0
-        fixed = np.linalg.norm(D, axis=1) == 0.0
+        speed, change, lever = np.abs(after), np.abs(before - after), np.linalg.norm(D, axis=1)
+        for first in np.unique(t.block[t.ball]):  # a ball stops about all its axes, or turns on
+            axes = slice(first, first + 3)
+            for sizes in (speed, change, lever):
+                sizes[axes] = np.linalg.norm(sizes[axes])
+        still = speed <= 1e-3 * np.minimum(t.stick_velocity, 1.0)
+        moved, fixed = change > 0.0, lever == 0.0
         return slower, stopped | (still & moved & t.dry & ~fixed)

@@ -156,6 +156,8 @@ def _rounded(result: InverseResult, effort: np.ndarray) -> np.ndarray:
 class Stop(NamedTuple):
     """A brake that closes at speed: load and speed at the motor's shaft, sample by sample.
 
+    It preselects a brake: each axis alone, without friction. `pinfric.stop` simulates all axes.
+
     Attributes:
         inertia: (T,) kg m^2. speed: (T,) rad/s. load: (T,) |T_load|, N m.
     """
@@ -168,10 +170,27 @@ class Stop(NamedTuple):
         """Return the energy of the hardest stop, J; infinite if the brake cannot hold the load."""
         if not brake.torque > self.load.max():
             return np.inf
-        inertia = self.inertia + (brake.rotor_inertia or 0.0)
-        speed = self.speed + self.load * (brake.engage_time or 0.0) / inertia
-        share = brake.torque / (brake.torque - self.load)
-        return float((inertia * speed**2 / 2 * share).max())
+        inertia, delay = self.inertia + (brake.rotor_inertia or 0.0), brake.engage_time or 0.0
+        way = closing_way(inertia, self.speed, self.load, delay, brake.torque - self.load)
+        return float(brake.torque * way.max())
+
+
+def closing_way(
+    inertia: np.ndarray,
+    speed: np.ndarray,
+    push: np.ndarray,
+    delay: float | np.ndarray,
+    left: np.ndarray,
+) -> np.ndarray:
+    """Return the way of one axis from when its brake closes: J w^2/(2 left), w = |v| + push t/J.
+
+    Args:
+        inertia: J, kg m^2 (kg). speed: |v| at power-off, rad/s (m/s).
+        push: torque or force along v until then, N m (N); what is against v counts as 0.
+        delay: t until it closes, s. left: what the brake has beyond the load, N m (N).
+    """
+    closing = speed + np.maximum(push, 0.0) * delay / inertia
+    return np.asarray(inertia * closing**2 / (2.0 * left))
 
 
 def _hardest(still: InverseResult, i: int) -> int:

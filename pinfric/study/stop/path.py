@@ -86,9 +86,9 @@ class CyclePath:
         tau = np.append(tau[: last + 1], tau[last] + square[last] * needs[last] / 2.0)
         t = np.append(0.0, np.cumsum(2.0 * np.diff(tau) / (sigma[1:] + sigma[:-1])))
         q, rate, bend = self.at(tau)
-        with np.errstate(divide="ignore"):
-            slowing = np.append(-1.0 / needs[: last + 1], 0.0)
-        a = bend * sigma[:, None] ** 2 + np.nan_to_num(rate * slowing[:, None])
+        slowing = np.zeros(len(tau))  # where nothing moves it stops at once, without slowing
+        np.divide(-1.0, needs[: last + 1], out=slowing[:-1], where=needs[: last + 1] > 0.0)
+        a = bend * sigma[:, None] ** 2 + rate * slowing[:, None]
         return Slowed(t, q, rate * sigma[:, None], a)
 
     def at(self, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

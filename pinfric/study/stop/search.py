@@ -29,6 +29,7 @@ from pinfric.dynamics.samples.closure import working_rates
 from pinfric.dynamics.samples.states import States
 from pinfric.errors import StopError
 from pinfric.model.scene import Scene
+from pinfric.study.sizing.brake import closing_way
 from pinfric.study.sizing.demand import driven_joint
 from pinfric.study.sizing.inertia import joint_inertias
 from pinfric.study.stop.machines import UNLIMITED, Kind, Machines
@@ -357,14 +358,14 @@ def estimates(machines: Machines, cycle: Cycle, kind: Kind) -> tuple[np.ndarray,
     push = -cycle.hold[kind.load > 0.0] * np.sign(cycle.rate)
     torque = ratio * _per_drive(machine, machine.drive_torque or machine.torque)
     torque = np.where(torque > 0.0, torque, np.abs(push).max() + 1e-9)
-    later = speed + np.maximum(push, 0.0) * delay / inertia
     left = np.maximum(torque - push, _LEAST_SHARE * torque)
     if d is not None:  # the drives impose the motion
         ramp = speed / np.array([d[drive.velocity_index] for drive in machine.scene.drives])
         if machines.settings.along_path:
             ramp = ramp.max(axis=1, keepdims=True)
         return inertia, speed * (cycle.reaction + ramp / 2.0)
-    return inertia, speed * (cycle.reaction + delay) + inertia * later**2 / (2.0 * left)
+    way = closing_way(inertia, speed, push, delay, left)
+    return inertia, speed * (cycle.reaction + delay) + way
 
 
 def _per_drive(machine: Machine, figures: Mapping[str, float]) -> np.ndarray:

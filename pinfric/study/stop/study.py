@@ -171,6 +171,11 @@ def _notes(result: StopResult) -> list[str]:
             if along
             else "each axis brakes by itself, so the tool leaves its path"
         )
+        if along and result.trajectory.v[-1].any():
+            lines.append(
+                "the trajectory ends at speed: stops that pass its end go straight on in the "
+                "joints; give a longer trajectory"
+            )
     if none:
         lines.append(f"{', '.join(none)}: without a brake, stopped by friction")
     if scene.tool is None:

@@ -72,3 +72,22 @@ def test_what_rests_stays():
     path = at_constant_speed(turntable(), 0.0)
     found = path.slowed(4, 1.0, np.array([4.0]))
     assert (found.t.tolist(), found.v.tolist()) == ([0.0], [[0.0]])
+
+
+def test_a_motion_that_ends_at_rest_is_not_passed():
+    """On a ramp p' = 1 - 8 tau, slowed by 4: sigma^2 = 1 + ln p', so it stops where p' is 1/e.
+
+    The way is (1 - 1/e^2)/16, the time int_0^1 e^(x^2) dx/(4 e) = 1.4626517/(4 e).
+    """
+    t = np.linspace(0.0, 0.125, 126)
+    t = np.append(t, [0.2, 0.3])
+    v = np.maximum(1.0 - 8.0 * t, 0.0)[:, None]
+    q = np.where(t <= 0.125, t - 4 * t**2, 0.0625)[:, None]
+    a = np.where(t < 0.125, -8.0, 0.0)[:, None]
+    scene = turntable()
+    path = CyclePath(scene.model, pf.Trajectory.from_arrays(scene, t, q, v, a))
+    with np.errstate(all="raise"):
+        found = path.slowed(0, 1.0, np.array([4.0]))
+    assert found.q[-1] == pytest.approx([(1 - np.exp(-2)) / 16], rel=0.01)
+    assert found.t[-1] == pytest.approx(1.4626517 / 4 / np.e, rel=0.01)
+    assert not found.v[-1].any()

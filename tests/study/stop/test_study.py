@@ -229,6 +229,8 @@ def test_a_stop_past_a_joints_limit_by_hand(name):
     assert limit.required == pytest.approx(way, rel=2e-5)
     assert limit.available == pytest.approx(room, rel=1e-9)
     assert [said in line for line in found.unmet] == ([True] if said else [])
+    past_the_end = any("the trajectory ends at speed" in line for line in found.notes)
+    assert past_the_end == (name == "category 1")
     if said:
         assert "commanded at 0.99 s (sample 100), carrying nothing" in found.unmet[0]
 
