@@ -124,6 +124,25 @@ def test_a_second_solution_far_from_the_first_makes_it_ambiguous(seed):
     assert search.search(p, m, a_tree(2)) == Found.AMBIGUOUS
 
 
+@pytest.mark.parametrize("seed", [613, 644, 1039])
+def test_of_two_solutions_in_the_same_modes_those_that_move_so_count(seed):
+    """Efforts such that the first, then the second solution starts in the direction of its slip."""
+    p, direction = plane_problem(seed)
+    every = find_all(p, np.zeros(2, bool), direction).solutions
+    for x in every:
+        p.rate_free[:] = 0.1 * direction - p.rate_slope @ x
+        p.rate_scale[:] = np.abs(p.rate_free)
+        rates = [p.rate_free + p.rate_slope @ other for other in every]
+        expected = [rate for rate in rates if (direction * rate >= 0.0).all()]
+        m = Modes.of(2, 2)
+        m.at_rest[:] = True
+        status = search.search(p, m, a_tree(2), dict(enumerate(direction)))
+        assert status == (Found.NONE, Found.SOLVED, Found.AMBIGUOUS)[len(expected)]
+        if status == Found.SOLVED:
+            np.testing.assert_allclose(m.rate, expected[0], rtol=1e-6)
+            np.testing.assert_allclose(m.load, plain_loads(p, m.friction), rtol=1e-12)
+
+
 @pytest.mark.parametrize("seed", [*range(8), 613, 644, 1039])
 def test_no_solution_is_left_out_where_forces_turn_in_a_plane(seed):
     """Whatever SciPy finds from 60 starts on every scale is among them."""
