@@ -7,6 +7,7 @@ import pinocchio as pin
 from mechanisms import (
     add_link,
     bar,
+    four_bar,
     grounded_model,
     pin_friction,
 )
@@ -42,6 +43,19 @@ def random_problem(seed, nc=4, strength=0.15, shared=False, static=1.2) -> Probl
     p.coulomb_stick[:] = static * p.coulomb_slip
     p.drag[:] = 0.0
     return p
+
+
+def strong_problem(seed, along=3, constant=0.0):
+    """Friction strong enough for several solutions; contact forces along so many axes; directions.
+
+    Args:
+        constant: largest friction that no load makes.
+    """
+    rng = np.random.default_rng(seed)
+    p = random_problem(seed, nc=2, strength=float(rng.uniform(0.3, 1.0)))
+    p.constant[:], p.coulomb_slip[:] = 0.0, constant
+    p.contact[:, 0, along:], p.contact[:, 1:, along:] = 0.0, 0.0
+    return p, rng.choice([-1.0, 1.0], 2)
 
 
 def plain_loads(p, x):
@@ -179,3 +193,43 @@ def resting_six_bar(seed):
     every = np.arange(len(ws.problem.rate_free))
     balance = Balance.of_rates(ws.problem, ws.mechanism.factor, every)
     return make_rest(ws.problem, every, balance)[0], ws
+
+
+def two_that_share(rng, contact=1.0):
+    """Problem and factor of two joints that share one freedom, and load each other in planes."""
+    ws = Workspace(four_bar()[0])
+    p = ws.problem._replace(
+        rate_free=np.zeros(2),
+        rate_slope=np.zeros((2, 2)),
+        rate_scale=np.ones(2),
+        contact=np.concatenate(
+            [rng.normal(size=(2, 1, 3)), contact * rng.normal(size=(2, 2, 3))], axis=1
+        )
+        * [1, 1, 0],
+        contact_site=np.arange(2),
+        constant=np.zeros(2),
+        coordinate=np.arange(2),
+        ratio=np.ones(2),
+        mu_stick=rng.uniform(0.1, 0.6, 2),
+        coulomb_stick=np.zeros((2, 2)),
+        mu_slip=np.zeros(2),
+        coulomb_slip=np.zeros((2, 2)),
+        drag=np.zeros(2),
+    )
+    factor = rng.normal(size=(1, 2))
+    p.rate_slope[:] = factor.T @ factor
+    p.rate_free[:] = factor[0] * rng.uniform(0.0, 1.5)
+    return p, factor
+
+
+def grid_use(p, factor, reaches, count=20001):
+    """The least use of two joints that share one freedom, along the line of equilibria."""
+    x0 = -np.linalg.lstsq(p.rate_slope, p.rate_free, rcond=1e-9)[0]
+    along, least = np.array([-factor[0, 1], factor[0, 0]]) / np.linalg.norm(factor), np.inf
+    for reach in reaches:
+        x = x0 + np.linspace(-reach, reach, count)[:, None] * along
+        force = p.contact[:, 0] + np.einsum("nc,tce->nte", x, p.contact[:, 1:])
+        limit = p.mu_stick * np.linalg.norm(force, axis=2)
+        limit = limit + np.where(x > 0.0, p.coulomb_stick[:, 1], p.coulomb_stick[:, 0])
+        least = min(least, float((np.abs(x) / limit).max(axis=1).min()))
+    return least

@@ -2,18 +2,21 @@
 
     python tests/mutants.py                        100 lines each of `friction` and `dynamics`
     python tests/mutants.py --count 20 --seed 3 friction
+    python tests/mutants.py --near friction        by the tests in `tests/friction/` alone
 
 Each mutant changes one line in memory: a comparison, a sign, a product, a number, a condition, or
 it leaves out a statement. Kernels run as plain Python, so nothing is compiled. Tests are collected
 once; everything else happens in forked processes, so that no test sees what another one left:
 
-1. The tests of the mutant's own module run, then those of its folder. One that fails counts only
-   if it fails alone, too, and passes alone unbroken. Where numba divides by zero, plain Python
-   raises: such a failure alone proves nothing.
-2. If none notices, all other tests run that call its function, the fastest first. For this each
-   test runs once alone and unbroken; those that take long or fail as plain Python are left out.
+1. The tests of the mutant's own module run, then those of its folder that call its function. One
+   that fails counts only if it fails alone, too, and passes alone unbroken. Where numba divides by
+   zero, plain Python raises: such a failure alone proves nothing.
+2. If none notices, all other tests run that call its function, one case of each first, until they
+   have taken `--patience` seconds. What a test calls, and how long it takes, is found by one case
+   of it, alone and unbroken; a test that takes long or fails as plain Python is left out.
 
-What survives is printed with its line: it needs a test, or a reason. A mutant is chosen by the text
+What survives is printed with its line: it needs a test, or a reason. Reasons are in
+`mutants_judged.txt`; a mutant with one is not run and counts apart. A mutant is chosen by the text
 of its line, so that the same seed breaks the same lines after changes elsewhere.
 """
 
@@ -23,10 +26,12 @@ import argparse
 import ast
 import gc
 import hashlib
+import json
 import os
 import pickle
 import signal
 import sys
+import threading
 from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -44,6 +49,8 @@ from pinfric.kernels import compiled
 
 ROOT = Path(__file__).parents[1]
 TESTS = ("tests/friction", "tests/dynamics", "tests/judges")
+#: Mutants that no test can notice, or none should: `file function: line: change | reason`.
+JUDGED = ROOT / "tests/mutants_judged.txt"
 #: Tests that take longer with kernels as plain Python are left out (s of processor time).
 LONGEST = 6
 #: Exceptions that plain Python raises where a compiled kernel computes inf or nan.
@@ -69,17 +76,30 @@ class Mutant(NamedTuple):
 
     file: Path
     function: int  # line of the outermost function (of its first decorator)
+    name: str  # of that function, a method's with its class
     line: int
     start: int
     end: int
     text: str
 
-    def __str__(self) -> str:
+    @property
+    def place(self) -> str:
+        """File and function."""
+        return f"{self.file.relative_to(ROOT)} {self.name}"
+
+    @property
+    def key(self) -> str:
+        """What is changed where; without the number of the line, which moves."""
         whole = self.file.read_bytes()
         before = whole[self.start : self.end].decode().strip()
-        line = whole.decode().splitlines()[self.line - 1].strip()
-        place = f"{self.file.relative_to(ROOT)}:{self.line}"
-        return f"{place}: {line!r}: {before[:40]!r} -> {self.text.strip()[:40]!r}"
+        lines = [line.strip() for line in whole.decode().splitlines()]
+        line = lines[self.line - 1]
+        same = lines[self.function - 1 : self.line].count(line)
+        again = f" (no. {same})" if same > 1 else ""
+        return f"{self.place}: {line!r}{again}: {before[:40]!r} -> {self.text.strip()[:40]!r}"
+
+    def __str__(self) -> str:
+        return f"line {self.line} of {self.key}"
 
     def broken(self) -> bytes:
         """The source with the change."""
@@ -119,7 +139,8 @@ def changes(node: ast.AST, source: bytes, at: list[int]) -> list[tuple[int, int,
         case ast.Constant(value=bool()):
             return [(*place(node), str(not node.value))]
         case ast.Constant(value=int() | float()):
-            return [(*place(node), repr(node.value + 1))]
+            more = node.value + 1
+            return [(*place(node), repr(more if more != node.value else 2.0 * node.value))]
         case ast.If():
             return [(*place(node.test), f"not ({ast.unparse(node.test)})")]
         case ast.AugAssign() | ast.Expr(value=ast.Call()) | ast.Break() | ast.Continue():
@@ -135,27 +156,33 @@ def mutants_of(file: Path) -> dict[int, list[Mutant]]:
     at = [sum(map(len, lines[:i])) for i in range(len(lines))]
     found: dict[int, list[Mutant]] = {}
 
-    def visit(node: ast.AST, function: int) -> None:
+    def visit(node: ast.AST, function: int, name: str) -> None:
         if isinstance(node, ast.Raise | ast.JoinedStr | ast.arguments):
             return
+        if not function and isinstance(node, ast.ClassDef | ast.FunctionDef):
+            name = f"{name}.{node.name}" if name else node.name
         if not function and isinstance(node, ast.FunctionDef):
             function = min([node.lineno, *(one.lineno for one in node.decorator_list)])
         for start, end, new in changes(node, source, at) if function else ():
-            mutant = Mutant(file, function, source[:start].count(b"\n") + 1, start, end, new)
-            found.setdefault(mutant.line, []).append(mutant)
-        for name, value in ast.iter_fields(node):
-            if name not in ("annotation", "returns", "decorator_list"):
+            line = source[:start].count(b"\n") + 1
+            found.setdefault(line, []).append(Mutant(file, function, name, line, start, end, new))
+        for field, value in ast.iter_fields(node):
+            if field not in ("annotation", "returns", "decorator_list"):
                 for child in value if isinstance(value, list) else [value]:
                     if isinstance(child, ast.AST):
-                        visit(child, function)
+                        visit(child, function, name)
 
     for statement in ast.parse(source).body:
-        visit(statement, 0)
+        visit(statement, 0, "")
     return found
 
 
-def chosen(room: str, count: int, seed: int) -> list[Mutant]:
-    """Return mutants on as many lines of a room: those whose text has the smallest digests."""
+def chosen(room: str, count: int, seed: int, skip: int = 0) -> list[Mutant]:
+    """Return mutants on as many lines of a room: those whose text has the smallest digests.
+
+    Args:
+        room: folder. count, seed: how many, and of which choice. skip: leave out the first ones.
+    """
 
     def digest(mutant: Mutant, *more: object) -> bytes:
         line = mutant.file.read_text().splitlines()[mutant.line - 1].strip()
@@ -167,8 +194,8 @@ def chosen(room: str, count: int, seed: int) -> list[Mutant]:
     lines.sort(key=lambda mutants: digest(mutants[0]))
     return [
         min(mutants, key=lambda mutant: digest(mutant, mutant.text, i))
-        for i, mutants in enumerate(lines[:count])
-    ]
+        for i, mutants in enumerate(lines[: skip + count])
+    ][skip:]
 
 
 def interpret_kernels() -> None:
@@ -254,27 +281,31 @@ def failures(items: list[pytest.Item], tests: list[int], longest: float) -> Iter
 
 
 class Known(NamedTuple):
-    """What one test does unbroken: its time (s) and the functions it calls (file, line)."""
+    """What one test does unbroken: its time (s), inf if it fails or takes long; what it calls."""
 
     seconds: float
-    calls: set[tuple[str, int]]
+    calls: list[str]  # `Mutant.place`
 
 
-def known(items: list[pytest.Item], test: int) -> Known | None:
-    """Run one test, unbroken; None if it fails or takes long."""
+def known(items: list[pytest.Item], test: int) -> Known:
+    """Run one test, unbroken."""
     calls: set[CodeType] = set()
 
     def note(frame: Any, *_: object) -> None:
         calls.add(frame.f_code)
 
+    threading.settrace(note)
     sys.settrace(note)
     try:
         failed = list(failures(items, [test], LONGEST))
     finally:
         sys.settrace(None)
+    if failed:
+        return Known(np.inf, [])
     used = os.times()
-    places = {(code.co_filename, code.co_firstlineno) for code in calls}
-    return None if failed else Known(used.user + used.system, places)
+    ours = {code for code in calls if code.co_filename.startswith(str(ROOT / "pinfric"))}
+    places = {f"{Path(code.co_filename).relative_to(ROOT)} {code.co_qualname}" for code in ours}
+    return Known(used.user + used.system, sorted(places))
 
 
 def passes(items: list[pytest.Item], test: int) -> bool:
@@ -322,54 +353,88 @@ class Search:
 
     Args:
         mutants: what to try.
-        before: the log of an earlier run; the tests that noticed a mutant then are tried first.
-        near: leave it at those tests and at those of the mutant's own module.
+        given: the command's options.
     """
 
-    def __init__(self, mutants: list[Mutant], before: Path | None, near: bool) -> None:
-        self.mutants, self.near = mutants, near
+    def __init__(self, mutants: list[Mutant], given: argparse.Namespace) -> None:
+        self.mutants, self.near, self.patience = mutants, given.near, given.patience
         self.before: dict[str, str] = {}
-        for line in before.read_text().splitlines() if before else ():
+        for line in given.before.read_text().splitlines() if given.before else ():
             if " | " in line:
                 _, mutant, by = line.split(" | ", 2)
-                self.before[_without_line(mutant)] = by.rpartition("::")[2]
+                self.before[mutant.partition(" of ")[2]] = by.rpartition("::")[2]
+        self.judged = {} if given.all else judged()
         self.items: list[pytest.Item] = []
-        self.known: dict[int, Known | None] = {}
-        self.sound: dict[int, bool] = {}
+        self.map: Path | None = given.map
+        self.known: dict[str, Known] = {}
+        self.sound: dict[str, bool] = {}
+        if self.map and self.map.exists():
+            former, self.sound = json.loads(self.map.read_text())
+            self.known = {name: Known(*one) for name, one in former.items()}
 
-    def unbroken(self, test: int) -> Known | None:
-        """What a test does unbroken; run once."""
-        if test not in self.known:
-            self.known[test] = in_child(known, self.items, test)
-        return self.known[test]
+    def unbroken(self, test: int) -> Known:
+        """What a test does unbroken, by the first of its cases; run once."""
+        name = self.items[test].nodeid.partition("[")[0]
+        if name not in self.known:
+            died = Known(np.inf, [])
+            self.known[name] = in_child(known, self.items, test) or died
+            self.keep()
+        return self.known[name]
 
     def is_sound(self, test: int) -> bool:
         """Whether a test passes alone and unbroken; run once."""
-        if test not in self.sound:
-            self.sound[test] = bool(in_child(passes, self.items, test))
-        return self.sound[test]
+        name = self.items[test].nodeid
+        if name not in self.sound:
+            self.sound[name] = bool(in_child(passes, self.items, test))
+            self.keep()
+        return self.sound[name]
+
+    def keep(self) -> None:
+        """Write what is known of tests for the next run."""
+        if self.map:
+            self.map.write_text(json.dumps((self.known, self.sound)))
+
+    def may_count(self, test: int) -> bool:
+        """Whether a test is not known to fail alone and unbroken."""
+        return self.sound.get(self.items[test].nodeid, True)
+
+    def calling(self, tests: list[int], mutant: Mutant) -> list[int]:
+        """Those tests that call a mutant's function, one case of each first, the fastest first."""
+        cases: Counter[str] = Counter()
+        order: dict[int, tuple[int, float]] = {}
+        for i in tests:
+            seconds, calls = self.unbroken(i)
+            if mutant.place in calls:
+                name = self.items[i].nodeid.partition("[")[0]
+                order[i] = cases[name], seconds
+                cases[name] += 1
+        return sorted(order, key=lambda i: order[i])
 
     def groups(self, mutant: Mutant) -> Iterator[list[int]]:
         """Tests that may notice a mutant, those that probably do first."""
-        former = self.before.get(_without_line(str(mutant)))
+        former = self.before.get(mutant.key)
         numbers = range(len(self.items))
         yield [i for i in numbers if self.items[i].name == former]
         module = mutant.file.relative_to(ROOT / "pinfric")
         own = f"tests/{module.with_name(f'test_{module.name}')}::"
-        yield [i for i in numbers if self.items[i].nodeid.startswith(own)]
+        mine = [i for i in numbers if self.items[i].nodeid.startswith(own)]
+        first = self.calling(mine, mutant)
+        yield first + [i for i in mine if i not in first]
+        folder = f"tests/{module.parent}/"
+        yield self.calling([i for i in numbers if self.items[i].nodeid.startswith(folder)], mutant)
         if not self.near:
-            folder = f"tests/{module.parent}/"
-            yield [i for i in numbers if self.items[i].nodeid.startswith(folder)]
-            place = str(mutant.file), mutant.function
-            known = {i: found for i in numbers if (found := self.unbroken(i))}
-            calling = [i for i, found in known.items() if place in found.calls]
-            yield sorted(calling, key=lambda i: known[i].seconds)
+            others, seconds = self.calling(list(numbers), mutant), 0.0
+            for end, i in enumerate(others):
+                if (seconds := seconds + self.unbroken(i).seconds) > self.patience:
+                    others = others[:end]
+                    break
+            yield others
 
     def catcher(self, mutant: Mutant) -> str:
         """Return the test that notices a mutant and how, or that it survived how many tests."""
         tried, divided = set[int](), ""
         for group in self.groups(mutant):
-            left = [i for i in group if i not in tried and self.sound.get(i, True)]
+            left = [i for i in group if i not in tried and self.may_count(i)]
             tried.update(left)
             while left:
                 found = in_child(first_failure, self.items, mutant, left, 5.0 * LONGEST)
@@ -388,24 +453,27 @@ class Search:
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
         """Run the tests of every mutant; none of it in this process."""
         self.items, writer = session.items, session.config.get_terminal_writer()
-        caught: Counter[str] = Counter()
-        total: Counter[str] = Counter()
+        counts: dict[str, Counter[str]] = {}
         for number, mutant in enumerate(self.mutants, 1):
-            by = self.catcher(mutant)
             room = mutant.file.relative_to(ROOT / "pinfric").parts[0]
-            total[room] += 1
-            caught[room] += not by.startswith("SURVIVED")
+            count = counts.setdefault(room, Counter())
+            reason = self.judged.get(mutant.key)
+            by = f"JUDGED {reason}" if reason else self.catcher(mutant)
+            end = by.partition(" ")[0]
+            count[end if end in ("JUDGED", "SURVIVED") else "CAUGHT"] += 1
             writer.line(f"{number} | {mutant} | {by}", flush=True)
-        for room in total:
-            share = 100 * caught[room] / total[room]
-            writer.line(f"{room}: {caught[room]} of {total[room]} caught ({share:.0f} %)")
+        for room, count in counts.items():
+            tried, caught = count.total() - count["JUDGED"], count["CAUGHT"]
+            share = f" ({100 * caught / tried:.0f} %)" if tried else ""
+            apart = f"; {count['JUDGED']} judged by hand, not run" if count["JUDGED"] else ""
+            writer.line(f"{room}: {caught} of {tried} caught{share}{apart}")
         return True
 
 
-def _without_line(mutant: str) -> str:
-    """A mutant's text without the number of its line, which moves."""
-    place, _, change = mutant.partition(": ")
-    return f"{place.partition(':')[0]}: {change}"
+def judged() -> dict[str, str]:
+    """Return the reasons why no test notices some mutants, by `Mutant.key`."""
+    lines = JUDGED.read_text().splitlines()
+    return dict(line.split(" | ", 1) for line in lines if line and not line.startswith("#"))
 
 
 def main() -> None:
@@ -414,12 +482,18 @@ def main() -> None:
     parser.add_argument("rooms", nargs="*", default=["friction", "dynamics"])
     parser.add_argument("--count", type=int, default=100, help="lines of each room")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--skip", type=int, default=0, help="leave out the first lines")
     parser.add_argument("--tests", nargs="*", default=TESTS)
     parser.add_argument("--before", type=Path, help="log of an earlier run: its tests first")
-    parser.add_argument("--near", action="store_true", help="only these and the module's own")
+    parser.add_argument("--near", action="store_true", help="only these and those of the folder")
+    parser.add_argument("--patience", type=float, default=60, help="for all others (s)")
+    parser.add_argument("--map", type=Path, help="file: what tests call, kept between runs")
+    parser.add_argument("--all", action="store_true", help="run what was judged by hand, too")
     given = parser.parse_args()
     interpret_kernels()
-    mutants = [one for room in given.rooms for one in chosen(room, given.count, given.seed)]
+    mutants = [
+        one for room in given.rooms for one in chosen(room, given.count, given.seed, given.skip)
+    ]
     os.chdir(ROOT)
     options = [
         "-q",
@@ -432,9 +506,7 @@ def main() -> None:
         "-p",
         "no:cacheprovider",
     ]
-    sys.exit(
-        pytest.main([*options, *given.tests], plugins=[Search(mutants, given.before, given.near)])
-    )
+    sys.exit(pytest.main([*options, *given.tests], plugins=[Search(mutants, given)]))
 
 
 if __name__ == "__main__":

@@ -3,14 +3,26 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from friction_cases import resting_six_bar
 
 from pinfric.friction.branching import bound_force
 
 
-def test_a_force_is_below_its_bound_wherever_it_points_into_its_sector():
+def with_forces(rest, contact):
+    """A rest with other contact forces (nf, 1 + dz, 3), bounded by their reach."""
+    spread = rest.reach @ np.abs(contact[:, 1:])
+    low, high = contact[:, 0] - spread, contact[:, 0] + spread
+    return rest._replace(contact=contact, low=low, high=high)
+
+
+@pytest.mark.parametrize("turns", [False, True])
+def test_a_force_is_below_its_bound_wherever_it_points_into_its_sector(turns):
+    """Forces of a six-bar, which nearly keep their directions, or such that turn all around."""
     rest, _ = resting_six_bar(0)
     rng, dz = np.random.default_rng(1), rest.N.shape[1]
+    if turns:
+        rest = with_forces(rest, rng.normal(size=rest.contact.shape) * [1.0, 1.0, 0.0])
     line, sides = np.empty(dz + 1), np.empty((2, dz + 1))
     inside = outside = 0
     for i in np.flatnonzero(~rest.on_a_line):
@@ -32,3 +44,29 @@ def test_a_force_is_below_its_bound_wherever_it_points_into_its_sector():
                     assert size <= bound * (1 + 1e-12)
                     assert half < 0.0 or bound <= size / np.cos(half) * (1 + 1e-12)
     assert min(inside, outside) > 100
+
+
+def test_a_force_that_may_point_anywhere_has_a_bound_that_its_largest_meets():
+    """Between -high and high the bound is the length of high, whatever the friction."""
+    rest, _ = resting_six_bar(0)
+    rng, dz = np.random.default_rng(2), rest.N.shape[1]
+    contact = rng.normal(size=rest.contact.shape) * [1.0, 1.0, 0.0]
+    contact[:, 0] = 0.0
+    rest, line = with_forces(rest, contact), np.empty(dz + 1)
+    for i in range(len(contact)):
+        assert bound_force(rest, i, 0.0, -1.0, line, np.empty((2, dz + 1))) == 0
+        np.testing.assert_allclose(line[:-1], 0.0, atol=1e-12)
+        assert line[-1] == pytest.approx(np.linalg.norm(rest.high[i]), rel=1e-12)
+
+
+def test_a_force_on_a_line_is_its_own_bound():
+    rest, _ = resting_six_bar(0)
+    rng, dz = np.random.default_rng(3), rest.N.shape[1]
+    rest = with_forces(rest, rng.normal(size=rest.contact.shape) * [1.0, 0.0, 0.0])
+    line, sides = np.empty(dz + 1), np.empty((2, dz + 1))
+    for i, centre in ((0, 0.0), (1, np.pi), (2, 0.0), (3, np.pi)):
+        assert bound_force(rest, i, centre, 0.0, line, sides) == 1
+        for z in rng.uniform(-1.0, 1.0, (50, dz)) * rest.reach:
+            force = rest.contact[i, 0, 0] + z @ rest.contact[i, 1:, 0]
+            assert (sides[0, :-1] @ z + sides[0, -1] <= 0.0) == (force * np.cos(centre) >= 0.0)
+            assert line[:-1] @ z + line[-1] == pytest.approx(force * np.cos(centre), abs=1e-9)

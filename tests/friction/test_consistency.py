@@ -33,6 +33,17 @@ def test_judge_names_what_is_wrong():
     assert m.verdict.tolist() == [0, SHOULD_STICK]
 
 
+def test_what_nothing_acts_on_and_nothing_holds_sticks():
+    """Zero friction is within limits of zero: at rest without loads everything stays at rest."""
+    p = random_problem(0, nc=2, strength=0.0)
+    p.rate_free[:] = p.rate_scale[:] = 0.0
+    p.coulomb_slip[:] = p.coulomb_stick[:] = 0.0
+    (_, _), m = solved(p, np.array([True, True]), np.zeros(2))
+    m.at_rest[:] = True
+    assert solve(p, m, a_tree(2)) == (1, 1)
+    assert m.verdict.tolist() == [0, 0]
+
+
 @pytest.mark.parametrize("seed", range(40))
 def test_sites_of_which_some_hold_without_limit_share_what_one_coordinate_needs(seed):
     """Each stays within its limits, infinite ones included; together they are what is needed."""

@@ -21,12 +21,16 @@ def test_a_factor_is_cholesky_s(n):
     assert not factorize(singular)
 
 
+@pytest.mark.parametrize("zeros", [False, True])
 @pytest.mark.parametrize("seed", range(12))
-def test_full_pivoting_finds_rank_and_solution(seed):
+def test_full_pivoting_finds_rank_and_solution(seed, zeros):
     rng = np.random.default_rng(seed)
     rows, unknowns, rank = int(rng.integers(1, 7)), int(rng.integers(1, 7)), 0
     rank = int(rng.integers(0, min(rows, unknowns) + 1))
     A = rng.normal(size=(rows, rank)) @ rng.normal(size=(rank, unknowns))
+    if zeros:  # where the next row or column has no pivot
+        A *= rng.random(A.shape) < 0.4
+        rank = int(np.linalg.matrix_rank(A))
     y = rng.normal(size=(unknowns, 2))
     work, order = np.hstack([A, A @ y]), np.empty(unknowns, dtype=np.int64)
     assert eliminate_full_pivot(work, unknowns, order, 0.0) == rank
@@ -55,6 +59,17 @@ def test_solve_dense_is_a_linear_solver(n):
         return
     assert dense.solve_dense(A.copy(), X)
     np.testing.assert_allclose(X, np.linalg.solve(A, B), rtol=1e-11)
+
+
+def test_solve_dense_subtracts_rows_that_are_subtracted_once():
+    """A_ij = min(i, j): every factor of the elimination is 1, and A^-1 has the rows -1, 2, -1."""
+    n = 5
+    A = np.minimum.outer(np.arange(1.0, n + 1), np.arange(1.0, n + 1))
+    inverse = 2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    inverse[-1, -1] = 1.0
+    X = np.eye(n)
+    assert dense.solve_dense(A, X)
+    np.testing.assert_array_equal(X, inverse)
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -11,6 +11,7 @@ from friction_cases import (
     plain_solve,
     random_problem,
     solved,
+    strong_problem,
 )
 
 from pinfric.friction import given_modes as coupling
@@ -100,31 +101,68 @@ def as_python(kernel):
     return interpreted.plain(kernel) if hasattr(kernel, "py_func") else kernel
 
 
-def solve_as_python(p, **others):
-    """Friction where all four slip, with other functions in place of some; figures; solutions."""
-    function, figures = as_python(coupling.solve_given_modes), np.zeros(2)
-    solutions, guess = np.zeros((coupling.MOST_SOLUTIONS, 4)), np.full(4, np.nan)
+def solve_as_python(p, direction=1.0, **others):
+    """Friction where all slip, with other functions in place of some; figures; solutions."""
+    function, figures, nc = as_python(coupling.solve_given_modes), np.zeros(2), len(p.rate_free)
+    solutions, guess = np.zeros((coupling.MOST_SOLUTIONS, nc)), np.full(nc, np.nan)
     with pytest.MonkeyPatch.context() as patch:
         for name, other in others.items():
             patch.setitem(function.__globals__, name, other)
-        found = function(p, np.zeros(4, bool), np.ones(4), guess, solutions, figures)
+        found = function(p, np.zeros(nc, bool), direction * np.ones(nc), guess, solutions, figures)
     return solutions[:found], figures
 
 
-@pytest.mark.parametrize("strength", [0.05, 0.8, 1.5])
+@pytest.mark.parametrize("strength", [0.05, 0.8, 1.5, None])
 @pytest.mark.parametrize("seed", range(6))
 def test_passes_of_every_start_count(seed, strength):
     """Beyond a contraction of 1 there are nz + 2 starts far out, and one between two solutions."""
     passes, newton = [], as_python(coupling.newton)
+    if strength is None:  # several solutions
+        p, direction = strong_problem((129, 220, 568, 628, 647, 1421)[seed], along=1)
+    else:
+        p, direction = random_problem(seed, strength=strength), 1.0
 
     def counted(reduced, z, sure):
         passes.append(newton(reduced, z, sure))
         return passes[-1]
 
-    found, figures = solve_as_python(random_problem(seed, strength=strength), newton=counted)
+    found, figures = solve_as_python(p, direction, newton=counted)
     assert figures[1] == sum(number for _, number in passes) > 0
-    if figures[0] >= 1.0:
+    if strength is None:
+        assert len(passes) > 1 + 2 + 2
+    elif figures[0] >= 1.0:
         assert len(passes) >= 1 + 4 + 2 + max(len(found) - 1, 0)
+
+
+@pytest.mark.parametrize("times", [1e-3, 1e9])
+@pytest.mark.parametrize("seed", [129, 220, 568, 628, 647, 1421])
+def test_solutions_grow_with_the_loads(seed, times):
+    """A thousandth or 1e9 times every force: as many solutions, each so many times as large."""
+    p, direction = strong_problem(seed, along=1)
+    found, _ = solve_as_python(p, direction)
+    p.contact[:, 0] *= times
+    more, _ = solve_as_python(p, direction)
+    order, other = np.lexsort(found.T), np.lexsort(more.T)
+    np.testing.assert_allclose(more[other], times * found[order], rtol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_solution_is_refined_to_rounding_only_where_it_is_near(seed):
+    """A part in 1e8 beside the solution is so near; where loads double friction none is."""
+    p = random_problem(seed, strength=0.05)
+    (exact,), _ = solve_as_python(p)
+    nz, reduced = coupling.reduce_problem(p, np.zeros(4, bool), np.ones(4))
+    z = exact[np.argsort(reduced.unknown)] * (1.0 + 1e-8 * np.array([1.0, -1.0, 2.0, -0.5]))
+    before = np.full((nz, nz), np.nan)
+    del before  # what a new array of this size may hold
+    assert coupling.settles(reduced, z)
+    np.testing.assert_allclose(z, exact[np.argsort(reduced.unknown)], rtol=1e-13)
+    # z = 1 + |z|: the difference is small beside its terms far out, and no solution exists
+    p = random_problem(seed, nc=1)
+    p.contact[:], p.mu_slip[:], p.coulomb_slip[:], p.constant[:] = 0.0, 1.0, 1.0, 0.0
+    p.contact[0, 1, 0] = 1.0
+    _, reduced = coupling.reduce_problem(p, np.zeros(1, bool), -np.ones(1))
+    assert not coupling.settles(reduced, np.array([1e15]))
 
 
 def test_where_newton_fails_the_fixed_point_finds_the_solution():

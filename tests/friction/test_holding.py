@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from mechanisms import (
-    four_bar,
-)
+import pytest
+from friction_cases import grid_use, two_that_share
 
-from pinfric.dynamics.forward.workspace import Workspace
 from pinfric.friction.holding import decide
 
 
@@ -24,52 +22,34 @@ def test_use_is_the_least_where_a_search_ends_above_it():
     assert better > 0
 
 
-def two_that_share(rng, contact=1.0):
-    """Problem and factor of two joints that share one freedom, and load each other in planes."""
-    ws = Workspace(four_bar()[0])
-    p = ws.problem._replace(
-        rate_free=np.zeros(2),
-        rate_slope=np.zeros((2, 2)),
-        rate_scale=np.ones(2),
-        contact=np.concatenate(
-            [rng.normal(size=(2, 1, 3)), contact * rng.normal(size=(2, 2, 3))], axis=1
-        )
-        * [1, 1, 0],
-        contact_site=np.arange(2),
-        constant=np.zeros(2),
-        coordinate=np.arange(2),
-        ratio=np.ones(2),
-        mu_stick=rng.uniform(0.1, 0.6, 2),
-        coulomb_stick=np.zeros((2, 2)),
-        mu_slip=np.zeros(2),
-        coulomb_slip=np.zeros((2, 2)),
-        drag=np.zeros(2),
-    )
-    factor = rng.normal(size=(1, 2))
-    p.rate_slope[:] = factor.T @ factor
-    p.rate_free[:] = factor[0] * rng.uniform(0.0, 1.5)
-    return p, factor
+def test_a_verdict_says_what_is_proved():
+    """One joint alone has one friction; rates that no friction takes away cannot be held."""
+    rng = np.random.default_rng(1)
+    p, factor = two_that_share(rng)
+    for first in (1e-2, 1e2):
+        p.rate_free[:] = first * factor[0]
+        x = -p.rate_free[0] / p.rate_slope[0, 0]
+        limit = p.mu_stick[0] * np.linalg.norm(p.contact[0, 0] + x * p.contact[0, 1])
+        alone = decide(p, factor, np.array([True, False]))
+        np.testing.assert_allclose(alone.friction, [x, 0.0], rtol=1e-9)
+        assert abs(alone.use * limit / abs(x) - 1.0) < 1e-9
+        assert (alone.held, alone.proved, alone.least) == (abs(x) <= limit, True, True)
+    p.rate_free[:] = [factor[0, 1], -factor[0, 0]]  # not a motion that the two share
+    never = decide(p, factor, np.ones(2, dtype=bool))
+    assert (never.held, never.use, never.proved, never.least) == (False, np.inf, True, True)
 
 
-def grid_use(p, factor, reaches, count=20001):
-    """The least use of two joints that share one freedom, along the line of equilibria."""
-    x0 = -np.linalg.lstsq(p.rate_slope, p.rate_free, rcond=1e-9)[0]
-    along, least = np.array([-factor[0, 1], factor[0, 0]]) / np.linalg.norm(factor), np.inf
-    for reach in reaches:
-        x = x0 + np.linspace(-reach, reach, count)[:, None] * along
-        force = p.contact[:, 0] + np.einsum("nc,tce->nte", x, p.contact[:, 1:])
-        limit = p.mu_stick * np.linalg.norm(force, axis=2)
-        least = min(least, float((np.abs(x) / limit).max(axis=1).min()))
-    return least
-
-
-def test_the_verdict_is_that_of_a_grid():
+@pytest.mark.parametrize("one_way", [False, True])
+def test_the_verdict_is_that_of_a_grid(one_way):
     """Two joints share one freedom: along the line of equilibria every friction is tried."""
     rng = np.random.default_rng(0)
     seen = set()
     for _ in range(40):
         p, factor = two_that_share(rng)
-        answer, least = decide(p, factor, np.ones(2, dtype=bool)), grid_use(p, factor, (1.0, 30.0))
+        if one_way:  # the first holds whatever pushes it in one of its ways
+            p.coulomb_stick[0, int(rng.integers(2))] = np.inf
+        answer = decide(p, factor, np.ones(2, dtype=bool))
+        least = grid_use(p, factor, (1.0, 30.0, 1e3) if one_way else (1.0, 30.0))
         seen.add(answer.held)
         assert answer.held == (least <= 1.0) or abs(least - 1.0) < 1e-3
         if answer.held:

@@ -13,11 +13,12 @@ from friction_cases import (
     plain_solve,
     random_problem,
 )
+from scipy.optimize import brentq, lsq_linear
 
 from pinfric.friction import search
 from pinfric.friction.consistency import evaluate, judge
 from pinfric.friction.modes import Found, Modes
-from pinfric.friction.rest import solve
+from pinfric.friction.rest import Mechanism, solve
 from pinfric.friction.ways import Kinematics
 
 pytestmark = pytest.mark.usefixtures("interpreted_kernels")
@@ -97,6 +98,55 @@ def test_pivoting_beyond_eight_finds_consistent_modes(seed):
         for ways in kinematics.ways(list(range(10)), level - 1, {}) if 0 < level < 4 else ():
             search._stick(other, a_tree(10), ways)
             assert solve(p, other, a_tree(10))[1] == 0
+
+
+@pytest.mark.parametrize("seed", [6, 47, 56, 66, 77, 85])
+def test_where_changing_all_at_once_turns_in_a_circle_the_solution_is_found(seed):
+    """Against the bounded least squares whose solution it is: constant limits, rates S x + r."""
+    rng = np.random.default_rng(seed)
+    A = rng.normal(size=(10, 5))
+    S, r = A @ A.T + 1e-3 * np.eye(10), 3.0 * rng.normal(size=10)
+    p = random_problem(seed, nc=10, strength=0.0)
+    limit = rng.uniform(0.05, 1.0, 10)
+    p.rate_slope[:], p.rate_free[:], p.rate_scale[:] = S, r, np.abs(r)
+    p.coulomb_stick[:] = p.coulomb_slip[:] = limit[:, None]
+    m = Modes.of(10, 10)
+    m.at_rest[:] = True
+    assert search.search(p, m, a_tree(10)) == Found.SOLVED
+    L = np.linalg.cholesky(S)
+    least = lsq_linear(L.T, -np.linalg.solve(L, r), (-limit, limit), method="bvls", tol=1e-14)
+    np.testing.assert_allclose(m.friction, least.x, atol=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_ball_slips_against_the_effort_on_it(seed, monkeypatch):
+    """Least 1/2 x S x + r x in the sphere |x| <= L: x = -(S + g 1)^-1 r, |x| = L or g = 0."""
+    rng = np.random.default_rng(seed)
+    A, r = rng.normal(size=(3, 3)) + 2.0 * np.eye(3), rng.normal(size=3)
+    S = A.T @ A
+
+    def beside(g):
+        return -np.linalg.solve(S + g * np.eye(3), r)
+
+    held, solves, plain = float(np.linalg.norm(beside(0.0))), [], search.solve
+    monkeypatch.setattr(search, "solve", lambda *given: solves.append(1) or plain(*given))
+    p = random_problem(seed, nc=3, strength=0.0)
+    p.rate_slope[:], p.rate_free[:], p.rate_scale[:] = S, r, np.abs(r)
+    ball, none = np.ones(3, bool), np.zeros(3, bool)
+    for limit in (1.1 * held, 0.9 * held, 0.01 * held):
+        p.coulomb_stick[:] = p.coulomb_slip[:] = limit
+        m = Modes.of(3, 3)
+        m.at_rest[:] = True
+        mechanism = Mechanism(True, A, np.zeros(3, int), ball, none, np.zeros(3))
+        assert search.search(p, m, mechanism) == Found.SOLVED
+        g = 0.0
+        if limit < held:
+            g = brentq(
+                lambda g, limit: np.linalg.norm(beside(g)) - limit, 0.0, 1e9, (limit,), 1e-14
+            )
+        np.testing.assert_allclose(m.friction, beside(g), atol=1e-6 * limit)
+        assert len(solves) < 30  # it stops where the ball turns no more
+        solves.clear()
 
 
 def test_what_is_forced_to_slip_slips_even_where_stick_is_admissible():

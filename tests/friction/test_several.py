@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 from friction_cases import (
     a_tree,
+    plain_limits,
     plain_loads,
     plain_slip_friction,
     random_problem,
     solved,
+    strong_problem,
 )
+from scipy.optimize import root
 
 from pinfric.friction import search
 from pinfric.friction.modes import Found, Modes
@@ -21,21 +24,8 @@ from pinfric.friction.several import find_all
 pytestmark = pytest.mark.usefixtures("interpreted_kernels")
 
 
-def strong_problem(seed, along=3, constant=0.0):
-    """Friction strong enough for several solutions; contact forces along so many axes; directions.
-
-    Args:
-        constant: largest friction that no load makes.
-    """
-    rng = np.random.default_rng(seed)
-    p = random_problem(seed, nc=2, strength=float(rng.uniform(0.3, 1.0)))
-    p.constant[:], p.coulomb_slip[:] = 0.0, constant
-    p.contact[:, 0, along:], p.contact[:, 1:, along:] = 0.0, 0.0
-    return p, rng.choice([-1.0, 1.0], 2)
-
-
 def by_signs(p, direction):
-    """All frictions of two slipping coordinates whose contact forces lie on a line: |p| = +-p."""
+    """All frictions of two coordinates whose contact forces lie on a line: |p| = +-p; 0 sticks."""
     weight = -direction[p.contact_site] * p.mu_slip[p.contact_site]
     found = []
     for signs in itertools.product((1.0, -1.0), repeat=len(weight)):
@@ -43,6 +33,8 @@ def by_signs(p, direction):
         for t, sign in enumerate(signs):
             A[p.contact_site[t]] -= weight[t] * sign * p.contact[t, 1:, 0]
             b[p.contact_site[t]] += weight[t] * sign * p.contact[t, 0, 0]
+        sticks = direction == 0.0
+        A[sticks], b[sticks] = p.rate_slope[sticks], -p.rate_free[sticks]
         x = np.linalg.solve(A, b)
         if (np.array(signs) * (p.contact[:, 0, 0] + p.contact[:, 1:, 0] @ x) >= 0.0).all():
             found.append(x)
@@ -70,6 +62,41 @@ def test_no_solution_is_left_out_where_forces_lie_on_a_line(seed):
         assert status == (Found.NONE, Found.SOLVED, Found.AMBIGUOUS)[min(len(expected), 2)]
 
 
+def accelerations(p):
+    """Distinct rates of two coordinates at rest, forces on lines, with the fewest that slip."""
+    for level in range(3):
+        rates: list[np.ndarray] = []
+        for direction in itertools.product((0.0, 1.0, -1.0), repeat=2):
+            way = np.array(direction)
+            if np.count_nonzero(way) != level:
+                continue
+            for x in by_signs(p, way):
+                rate = p.rate_free + p.rate_slope @ x
+                lower, upper = plain_limits(p, plain_loads(p, x))
+                sticks = (x >= lower - 1e-9) & (x <= upper + 1e-9)
+                obeys = np.where(way == 0.0, sticks, way * rate >= -1e-9).all()
+                if obeys and not any(np.allclose(rate, other, atol=1e-6) for other in rates):
+                    rates.append(rate)
+        if rates:
+            return rates
+    return []
+
+
+@pytest.mark.parametrize("seed", [*range(12), 129, 220, 568, 628, 647, 1421])
+def test_of_several_solutions_those_that_start_against_their_friction_count(seed):
+    """Both coordinates rest: every sign of every force in every mode is one linear system."""
+    p, _ = strong_problem(seed, along=1)
+    p.rate_scale[:] = np.abs(p.rate_free)
+    expected = accelerations(p)
+    m = Modes.of(2, 2)
+    m.at_rest[:] = True
+    status = search.search(p, m, a_tree(2))
+    assert status == (Found.NONE, Found.SOLVED, Found.AMBIGUOUS)[min(len(expected), 2)]
+    if status == Found.SOLVED:
+        np.testing.assert_allclose(m.rate, expected[0], atol=1e-8)
+        np.testing.assert_allclose(m.load, plain_loads(p, m.friction), rtol=1e-12)
+
+
 def plane_problem(seed):
     """Two sliding sites whose forces lie in a plane."""
     rng = np.random.default_rng(seed)
@@ -95,6 +122,44 @@ def test_a_second_solution_far_from_the_first_makes_it_ambiguous(seed):
     m = Modes.of(2, 2)
     m.direction[:] = direction
     assert search.search(p, m, a_tree(2)) == Found.AMBIGUOUS
+
+
+@pytest.mark.parametrize("seed", [613, 644, 1039])
+def test_of_two_solutions_in_the_same_modes_those_that_move_so_count(seed):
+    """Efforts such that the first, then the second solution starts in the direction of its slip."""
+    p, direction = plane_problem(seed)
+    every = find_all(p, np.zeros(2, bool), direction).solutions
+    for x in every:
+        p.rate_free[:] = 0.1 * direction - p.rate_slope @ x
+        p.rate_scale[:] = np.abs(p.rate_free)
+        rates = [p.rate_free + p.rate_slope @ other for other in every]
+        expected = [rate for rate in rates if (direction * rate >= 0.0).all()]
+        m = Modes.of(2, 2)
+        m.at_rest[:] = True
+        status = search.search(p, m, a_tree(2), dict(enumerate(direction)))
+        assert status == (Found.NONE, Found.SOLVED, Found.AMBIGUOUS)[len(expected)]
+        if status == Found.SOLVED:
+            np.testing.assert_allclose(m.rate, expected[0], rtol=1e-6)
+            np.testing.assert_allclose(m.load, plain_loads(p, m.friction), rtol=1e-12)
+
+
+@pytest.mark.parametrize("seed", [*range(8), 613, 644, 1039])
+def test_no_solution_is_left_out_where_forces_turn_in_a_plane(seed):
+    """Whatever SciPy finds from 60 starts on every scale is among them."""
+    p, direction = plane_problem(seed)
+    every = find_all(p, np.zeros(2, bool), direction)
+    assert every.complete
+    rng = np.random.default_rng(seed)
+
+    def left(x):
+        return x - plain_slip_friction(p, direction, plain_loads(p, x))
+
+    for _ in range(60):
+        found = root(left, rng.normal(size=2) * 10.0 ** rng.uniform(-1, 3), tol=1e-13)
+        if np.abs(left(found.x)).max() < 1e-10 * np.abs(found.x).max():
+            assert any(np.allclose(found.x, x, rtol=1e-6) for x in every.solutions)
+    for x in every.solutions:
+        np.testing.assert_allclose(left(x), 0.0, atol=1e-9 * np.abs(x).max())
 
 
 @pytest.mark.parametrize("seed", [644, 1039])

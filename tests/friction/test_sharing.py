@@ -44,3 +44,6 @@ def test_a_motion_that_loads_other_joints_has_the_friction_of_a_linear_system():
     np.testing.assert_allclose(z, direct + gain.sum(axis=1) * size / 5, rtol=1e-11)
     _along_one(direct, 2.0 * np.eye(5), np.arange(5), z)
     np.testing.assert_array_equal(z, direct)
+    small = 1e-9 * direct  # in small units it is the same
+    _along_one(small, gain, np.arange(5), z)
+    np.testing.assert_allclose(z, np.linalg.solve(np.eye(5) - gain, small), rtol=1e-11)

@@ -24,9 +24,22 @@ def a_mechanism(A):
 
 
 @pytest.mark.parametrize("moves", [False, True])
-@pytest.mark.parametrize(("freedoms", "seed"), [(1, 0), (2, 1), (2, 2), (3, 3), (3, 4)])
-def test_the_ways_to_slip_are_those_that_linear_programs_allow(freedoms, seed, moves):
-    """All 3^5 signs of r = c + A^T w by HiGHS; c where other joints move along."""
+@pytest.mark.parametrize(
+    ("freedoms", "seed", "forced"),
+    [
+        (1, 0, {}),
+        (2, 1, {}),
+        (2, 2, {}),
+        (3, 3, {}),
+        (3, 4, {}),
+        (1, 0, {3: -1.0}),
+        (2, 1, {0: 1.0, 4: 1.0}),
+        (3, 3, {3: -1.0}),
+        (3, 3, {0: 1.0, 4: 1.0}),
+    ],
+)
+def test_the_ways_to_slip_are_those_that_linear_programs_allow(freedoms, seed, moves, forced):
+    """All signs of r = c + A^T w by HiGHS; c where other joints move along; some slip anyhow."""
     rng = np.random.default_rng(seed)
     A = rng.normal(size=(freedoms, 5))
     if seed in (2, 4):
@@ -37,28 +50,31 @@ def test_the_ways_to_slip_are_those_that_linear_programs_allow(freedoms, seed, m
     p.rate_scale[:] = np.abs(p.rate_free) + 1.0
     at_rest = np.ones(5, bool)
     kinematics = Kinematics(p, a_mechanism(A), at_rest)
-    for level in range(6):
+    others = [i for i in range(5) if i not in forced]
+    weak = np.array([forced.get(i, 0.0) for i in range(5)])
+    for level in range(len(others) + 1):
         yielded = [
             tuple(ways.get(i, 0.0) for i in range(5))
-            for ways in kinematics.ways(list(range(5)), level, {})
+            for ways in kinematics.ways(others, level, forced)
         ]
         assert len(set(yielded)) == len(yielded)
         for signs in itertools.product((0.0, 1.0, -1.0), repeat=5):
-            if np.count_nonzero(signs) == level:
-                assert (signs in yielded) == _is_a_way(A, c, np.array(signs)), signs
+            if np.count_nonzero(signs) == level and not any(signs[i] for i in forced):
+                assert (signs in yielded) == _is_a_way(A, c, np.array(signs), weak), signs
 
 
-def _is_a_way(A, c, signs):
-    """Whether some w makes every rate of a sign at least 1e-6, and the others zero."""
+def _is_a_way(A, c, signs, weak):
+    """Whether some w makes rates of a sign at least 1e-6, the weak ones 0 or more, others zero."""
     rate = np.column_stack([A.T, np.zeros(len(c))])
-    slips, sticks = signs != 0.0, signs == 0.0
-    upper = np.column_stack([-signs[slips, None] * A.T[slips], np.ones(slips.sum())])
+    slips, sticks = (signs + weak) != 0.0, (signs == 0.0) & (weak == 0.0)
+    way = (signs + weak)[slips]
+    upper = np.column_stack([-way[:, None] * A.T[slips], (signs != 0.0)[slips]])
     found = linprog(
         np.r_[np.zeros(len(A)), -1.0],
         upper,
-        (signs * c)[slips],
+        way * c[slips],
         rate[sticks],
         -c[sticks],
         bounds=[(-1e3, 1e3)] * len(A) + [(0.0, 1.0)],
     )
-    return bool(found.status == 0 and (not slips.any() or found.x[-1] > 1e-6))
+    return bool(found.status == 0 and (not signs.any() or found.x[-1] > 1e-6))
