@@ -159,7 +159,7 @@ class Headers:
         edit: changes a header's text.
     """
 
-    def __init__(self, folder, scenes, flags=("-O1",), edit=lambda text: text):
+    def __init__(self, folder, scenes, flags=("-O2",), edit=lambda text: text):
         self.folder, names = folder, [namespace(scene.source) for scene in scenes]
         for scene, name in zip(scenes, names, strict=True):
             text = edit(header(scene, getattr(scene, "frames_wanted", ())))
