@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import os
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -235,23 +236,31 @@ def test_the_judge_is_independent():
             assert known or one.name in judge | {"pinfric.errors"}, one
 
 
-def test_every_public_name_can_be_had():
-    code = "import pinfric as pf; [getattr(pf, n) for n in pf.__all__]; print(*dir(pf))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert "inverse_dynamics" in done.stdout.split()
+#: What is done in one process, one after the other -> what is not loaded by then.
+STEPS = {
+    "import pinfric as pf": {"numpy", "pinocchio", "numba", "scipy", "pandas"},
+    "solver = pf.load_scene('pendulum').solver()\nassert type(solver) is pf.Solver": set(),
+    "scene = pf.load_scene('panda_pick_and_place')\n"
+    "motion = pf.load_trajectory('panda_pick_and_place.csv', scene)\n"
+    "pf.inverse_dynamics(scene, motion)": {"trimesh", "scipy.optimize", "matplotlib", "pandas"},
+    "scene = pf.load_scene('three_link')\n"
+    "result = pf.inverse_dynamics(scene, pf.load_trajectory('three_link', scene))\n"
+    "pf.replay(scene, result, html='page.html')": {"matplotlib.pyplot", "pinocchio.visualize"},
+    "for name in pf.__all__: getattr(pf, name)\nassert 'inverse_dynamics' in dir(pf)": set(),
+}
 
 
-def test_reading_a_robot_and_a_motion_loads_no_reader_of_meshes_and_no_optimiser():
-    code = (
-        "import sys, pinfric as pf; s = pf.load_scene('panda_pick_and_place')\n"
-        "pf.inverse_dynamics(s, pf.load_trajectory('panda_pick_and_place.csv', s))\n"
-        "print(*sys.modules)"
+def test_nothing_is_loaded_before_it_is_used(tmp_path):
+    """Not even the rest of the package: its public names are there all the same."""
+    tell = "\nimport sys; print(*sys.modules)\n"
+    done = subprocess.run(
+        [sys.executable, "-c", tell.join([*STEPS, ""])],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(PACKAGE.parent)},
+        capture_output=True,
+        text=True,
+        check=True,
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert not {"trimesh", "scipy.optimize", "matplotlib", "pandas"} & set(done.stdout.split())
-
-
-def test_importing_pinfric_loads_nothing_heavy():
-    code = "import pinfric, sys; print(*{m.split('.')[0] for m in sys.modules})"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert not {"numpy", "pinocchio", "numba", "scipy", "pandas"} & set(done.stdout.split())
+    for absent, loaded in zip(STEPS.values(), done.stdout.splitlines(), strict=True):
+        assert not absent & set(loaded.split()), absent
+    assert "pinfric.show.replay.page" in loaded.split()

@@ -16,6 +16,7 @@ from sweep_cases import pushed_block, steady, sweep_of, uniform
 import pinfric as pf
 from pinfric.errors import StateError
 from pinfric.model.described import in_json
+from pinfric.study.accuracy import precision
 from pinfric.study.accuracy.study import accuracy
 from pinfric.study.explain import explain
 from pinfric.study.inverse_summary import inverse_summary
@@ -235,7 +236,9 @@ def test_examples_in_docstrings_run(name):
         assert doctest.DocTestRunner().run(part).failed == 0
 
 
-def test_checks_explanations_and_accuracy_show_themselves_in_a_notebook():
+def test_checks_explanations_and_accuracy_show_themselves_in_a_notebook(monkeypatch):
+    monkeypatch.setattr(precision, "STEPS", (50, 500))
+    monkeypatch.setattr(precision, "VELOCITIES", (1e-1, 1e-2))
     shown = pf.check("panda_pick_and_place")._repr_html_()
     assert '<th class="l">what</th>' in shown
     assert "warning" in shown

@@ -382,15 +382,6 @@ def test_a_scene_without_friction_and_one_without_joints():
     assert empty.inverse(*np.zeros((3, 0))).effort_lower.shape == (0,)
 
 
-def test_a_scene_makes_its_solver_after_importing_the_package_alone():
-    code = (
-        "import pinfric as pf; solver = pf.load_scene('pendulum').solver(); "
-        "print(type(solver) is pf.Solver, solver.inverse([0.0], [1.0], [0.0]).effort_lower)"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.startswith("True")
-
-
 IN_A_LOOP = """
 import sys
 from pathlib import Path

@@ -105,11 +105,8 @@ def test_an_effort_function_may_ask_for_forward_dynamics_itself():
         ({"v0": []}, "v0: shape"),
         ({"effort": [np.nan]}, "effort: holds NaN"),
         ({"effort": [0.0, 1.0]}, r"effort: shape \(2,\); should be \(1,\), one for each of slide"),
-        (
-            {"effort": "full"},
-            "effort: is not an array of numbers: it holds text; give real numbers, ",
-        ),
-        ({"effort": [1j]}, "effort: is not an array of numbers: it holds complex numbers"),
+        ({"effort": "full"}, "effort: is not an array"),
+        ({"effort": [1j]}, "effort: is not an array"),
         ({"effort": lambda t, q, v: [1j]}, "returned no numbers at t = 0 s: .*complex"),
         ({"q0": [1j]}, "q0: .*complex"),
         ({"v0": [True]}, "v0: .*true and false"),

@@ -102,7 +102,7 @@ def test_out_has_picture_csv_and_summary(drawer, tmp_path, capsys):
     ("arguments", "expected"),
     [
         (["no_such_scene"], "no_such_scene"),
-        (["ur5_pick_and_place"], "has no `simulation` section; give it one, or name a trajectory"),
+        (["ur5_pick_and_place"], "`simulation`"),
         (["pendulum", "no_such_motion.csv"], "no_such_motion.csv"),
         (["pendulum", "ur5_pick_and_place.csv"], "shoulder_pan_joint"),
         (["pendulum", "--method", "event"], "--method"),

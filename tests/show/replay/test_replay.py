@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from replay_cases import ROBOTS, arm
+from replay_cases import arm
 
 import pinfric as pf
 from pinfric.errors import PinfricError, PinfricWarning, StateError
@@ -111,20 +109,6 @@ def test_command_takes_a_trajectory_a_saved_motion_or_the_scenes_simulation(
     assert str(tmp_path / "out.html") in first
     assert "no display" in second
     assert len(replay_lines(shown, opened=True)) == 1
-
-
-def test_replay_does_not_load_plotting_or_a_server(tmp_path):
-    code = (
-        "import sys, warnings, pinfric as pf\n"
-        f"s = pf.load_scene(r'{ROBOTS / 'three_link.yaml'}')\n"
-        f"t = pf.load_trajectory(r'{ROBOTS / 'three_link.waypoints.yaml'}', s)\n"
-        f"pf.replay(s, pf.inverse_dynamics(s, t), html=r'{tmp_path / 'o.html'}')\n"
-        "print(*sys.modules)"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert "pinfric.show.replay.page" in done.stdout
-    assert "matplotlib.pyplot" not in done.stdout
-    assert "pinocchio.visualize" not in done.stdout
 
 
 def test_result_without_times_is_refused(three_link):

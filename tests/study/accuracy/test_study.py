@@ -62,7 +62,9 @@ def test_a_failure_is_a_row():
 
 
 def test_neither_simulation_nor_trajectory_is_an_error():
-    with pytest.raises(SceneError, match="simulation"):
+    with pytest.raises(
+        SceneError, match="has no `simulation` section; give it one, or name a trajectory"
+    ):
         accuracy(pf.load_scene("ur5_pick_and_place"))
 
 

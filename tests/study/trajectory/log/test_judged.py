@@ -76,21 +76,16 @@ def judged(truth, rate, kind, tmp_path):
     return motion, peaks(result), np.array(list(uncertain.values()))
 
 
-#: Twice as fast is as hard: the rate's own kinds are enough where time is short.
-RATES = [
-    pytest.param(
-        rate,
-        kind,
-        marks=[pytest.mark.slow]
-        if rate == 1000 and kind not in ("16 bit", "stamps jitter")
-        else [],
-    )
-    for rate in (500, 1000)
-    for kind in KINDS
-]
+#: Of these are another rate and jumps of acceleration in fast tests, too; slow ones have all.
+FEW = ("16 bit", "stalls", "stamps jitter")
 
 
-@pytest.mark.parametrize(("rate", "kind"), RATES)
+def kinds(rate, few):
+    slow = {kind: few and kind not in FEW for kind in KINDS}
+    return [pytest.param(rate, k, marks=[pytest.mark.slow] * slow[k]) for k in KINDS]
+
+
+@pytest.mark.parametrize(("rate", "kind"), kinds(500, False) + kinds(1000, True))
 def test_peak_efforts_and_holds_of_a_noisy_pick_and_place(smooth, rate, kind, tmp_path):
     motion, peak, uncertain = judged(smooth, rate, kind, tmp_path)
     allowed = 0.015 if kind == "16 bit" or "jitter" in kind else 0.01
@@ -105,9 +100,9 @@ def test_peak_efforts_and_holds_of_a_noisy_pick_and_place(smooth, rate, kind, tm
             assert here.end == pytest.approx(there.end, abs=2.5 / rate)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_jumps_of_acceleration_are_blurred_but_not_silently(jerky, kind, tmp_path):
-    motion, peak, uncertain = judged(jerky, 500, kind, tmp_path)
+@pytest.mark.parametrize(("rate", "kind"), kinds(500, True))
+def test_jumps_of_acceleration_are_blurred_but_not_silently(jerky, rate, kind, tmp_path):
+    motion, peak, uncertain = judged(jerky, rate, kind, tmp_path)
     off = np.abs(peak - jerky.peak)[LOADED]
     assert (off <= 0.04 * jerky.peak[LOADED]).all(), off / jerky.peak[LOADED]
     assert (off <= uncertain[LOADED]).all(), (off, uncertain[LOADED])
