@@ -356,7 +356,7 @@ class Compensator {
       detail::clear(out, Robot::drives);
       return false;
     }
-    double load[sites_size];
+    double load[sites_size] = {};
     write_loads(q, found, load);
     return compensate(found.effort, load, v_ref, error, v_now, options, out);
   }
