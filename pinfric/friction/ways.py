@@ -19,6 +19,8 @@ from pinfric.friction.sharing import RANK
 
 #: A rate this small beside the terms of its sum counts as zero.
 _ROUNDING = 1e-7
+#: A rate of a mechanism that stands, with all |w| <= 1, below this is none.
+_STILL = 1e-3 * RANK
 #: Accelerations looked at, so many times those without friction; and of a mechanism that stands.
 _FAR = 1e9
 
@@ -110,7 +112,7 @@ class Kinematics:
         self, rows: dict[int, tuple[np.ndarray, float]], weakly: Ways, ways: Ways
     ) -> bool:
         """Whether joints can move in these ways at once; those of the others may stand, too."""
-        every = {**weakly, **ways}
+        every = {**ways, **weakly}
         size = next(iter(rows.values()))[0].size if rows else 0
         if not every:
             return True
@@ -124,8 +126,7 @@ class Kinematics:
         if not self.stands:
             reach = _FAR * (np.abs(h).max() + self.rounding)
             return bool(least_violation(G, h, s, len(h), reach, np.empty(size)) <= self.rounding)
-        strict = len(weakly)
-        s[:strict] = RANK
-        if len(every) == strict:
+        if not ways:
             return True
+        h[len(ways) :], s[len(ways) :] = -_STILL, _STILL  # G z <= _STILL (1 + m), never below 0
         return bool(least_violation(G, h, s, len(h), 1.0, np.empty(size)) < -RANK)

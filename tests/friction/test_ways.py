@@ -36,6 +36,11 @@ def a_mechanism(A):
         (2, 1, {0: 1.0, 4: 1.0}),
         (3, 3, {3: -1.0}),
         (3, 3, {0: 1.0, 4: 1.0}),
+        # one that must slip is locked by one that sticks, or by another that must slip
+        (2, 2, {0: 1.0, 4: 1.0}),
+        (3, 4, {0: 1.0, 4: 1.0}),
+        (3, 4, {0: 1.0, 1: 1.0}),
+        (3, 4, {0: -1.0, 1: 1.0, 2: 1.0}),
     ],
 )
 def test_the_ways_to_slip_are_those_that_linear_programs_allow(freedoms, seed, moves, forced):
