@@ -15,7 +15,7 @@ and F_b at the output; without these the same loss is taken both ways: eta_b = 2
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import astuple, dataclass, fields, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -396,25 +396,27 @@ def candidates(
             yield replace(made, **parts) if parts else made
 
 
-def with_brake(candidate: Candidate, name: str, brake: Brake) -> Candidate:
-    """Return a drive with a brake at its motor's shaft: their masses and inertias add up.
+def with_brake(offers: Iterable[Candidate], name: str, brake: Brake) -> Iterator[Candidate]:
+    """Yield drives with a brake at their motors' shafts: masses and inertias add up.
 
     Args:
-        candidate: motor and gear. name: of the brake. brake: what is not known of it counts as 0.
+        offers: motors and gears. name: of the brake. brake: what is not known of it counts as 0.
     """
-    inertia, transmission = candidate.rotor_inertia, candidate.transmission
-    more = brake.rotor_inertia or 0.0
-    if transmission is not None:
-        held = {"rotor_inertia": transmission.rotor_inertia + more, "brake": brake.holding}
-        transmission = transmission.model_copy(update=held)
-    return replace(
-        candidate,
-        mass=None if candidate.mass is None else candidate.mass + (brake.mass or 0.0),
-        rotor_inertia=None if inertia is None else inertia + more,
-        transmission=transmission,
-        brake=name,
-        sources=(*candidate.sources, f"{name}: {brake.source} ({brake.grade})"),
-    )
+    holding, source = brake.holding, f"{name}: {brake.source} ({brake.grade})"
+    mass, more = brake.mass or 0.0, brake.rotor_inertia or 0.0
+    for candidate in offers:
+        inertia, transmission = candidate.rotor_inertia, candidate.transmission
+        if transmission is not None:
+            held = {"rotor_inertia": transmission.rotor_inertia + more, "brake": holding}
+            transmission = transmission.model_copy(update=held)
+        yield replace(
+            candidate,
+            mass=None if candidate.mass is None else candidate.mass + mass,
+            rotor_inertia=None if inertia is None else inertia + more,
+            transmission=transmission,
+            brake=name,
+            sources=(*candidate.sources, source),
+        )
 
 
 def motor_with_gear(

@@ -11,7 +11,7 @@ and their share in other joints' inertias, are left out (for ratio r: 1/r of it)
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -530,19 +530,20 @@ class _Sizing:
         return cycle, float(inertias[i]) if tree else None
 
     def _offers(self, i: int, demand: GearDemand) -> tuple[Candidate, ...]:
-        """The candidates of the catalogue for a joint."""
+        """The candidates of the catalogue for a joint, with its brake."""
         if self.catalog is None or driven_joint(self.scene, i) is None:
             return ()
         conditions, brake = self.conditions, self.brakes.get(i)
         own = [given.get(demand.name) for given in (conditions.bearings, conditions.amplifiers)]
-        key = demand.unit, *own, brake
-        if key not in self.offered:
+        bare = demand.unit, *own, None
+        if bare not in self.offered:
             linear = demand.unit == "N"
             parts = own_parts(self.catalog, conditions, demand.name, linear)
-            offers: Iterable[Candidate] = candidates(self.catalog, linear, parts)
-            if brake is not None:
-                offers = (with_brake(c, brake, self.catalog.brakes[brake]) for c in offers)
-            self.offered[key] = tuple(offers)
+            self.offered[bare] = tuple(candidates(self.catalog, linear, parts))
+        key = *bare[:-1], brake
+        if brake is not None and key not in self.offered:
+            braked = with_brake(self.offered[bare], brake, self.catalog.brakes[brake])
+            self.offered[key] = tuple(braked)
         return self.offered[key]
 
     def _judge(self, i: int, result: InverseResult, inertias: np.ndarray) -> JointSizing:
