@@ -154,6 +154,14 @@ def block(angle: float = 0.0, mass: float = 2.0) -> pin.Model:
     return model
 
 
+def guided(offset: float, angle: float = 0.3) -> pf.Scene:
+    """A block on a guide that has a length and no width; its mass is `offset` (m) beside it."""
+    model = block(angle)
+    model.inertias[1] = pin.Inertia(2.0, np.array([0, offset, 0]), 0.01 * np.eye(3))
+    guide = {"bearing": {"kind": "guide", "length": 0.2}, "mu": {"static": 0.1, "kinetic": 0.1}}
+    return pf.Scene(model=model, friction={"slide": guide})
+
+
 #: Friction of a block on a plane: mu |N|, N m or N independent of where the load acts.
 def plane_friction(static: float, kinetic: float, **more: object) -> dict:
     """Friction entry whose load is the force across the joint."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import block, plane_friction, random_friction, random_states, random_tree
+from builders import block, guided, plane_friction, random_friction, random_states, random_tree
 
 import pinfric as pf
 from pinfric.errors import (
@@ -13,7 +13,6 @@ from pinfric.errors import (
     NoConsistentAcceleration,
     RollMomentError,
     SceneError,
-    SimulationError,
     StateError,
 )
 
@@ -249,6 +248,23 @@ def test_beyond_the_critical_radius_no_acceleration_is_consistent(b):
     assert error.value.time is None
 
 
+def test_of_two_joints_the_error_names_the_one_that_moves():
+    """The other one rests, though more friction is at it."""
+    model = pinned_body(1.5).model.copy()
+    joint = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "rest")
+    body = pin.Inertia(9.0, np.array([1.0, 0, 0]), np.zeros((3, 3)))
+    model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+    bearing = {"kind": "pin", "radius": 0.1}
+    for order in (["pin", "rest"], ["rest", "pin"]):
+        strong = {"bearing": bearing, "mu": {"static": 1.9, "kinetic": 1.9}}
+        entries = {"pin": {**strong, "mu": {"static": 15.0, "kinetic": 15.0}}, "rest": strong}
+        with pytest.warns(pf.PinfricWarning):
+            scene = pf.Scene(model=model, friction={name: entries[name] for name in order})
+        with pytest.raises(NoConsistentAcceleration) as error:
+            pf.forward_dynamics(scene, [0.4, 0.0], [2.0, 0.0], [0.0, 0.0])
+        assert error.value.site == "pin"
+
+
 def test_beyond_it_a_torque_has_no_solution_or_two_from_a_threshold_on():
     """b |(a, v^2)| + a = u/J: none below v^2 sqrt(b^2 - 1), two above."""
     b, v = 1.5, 2.0
@@ -268,14 +284,8 @@ def test_at_rest_a_body_without_load_is_held_by_the_load_of_its_own_drive():
 
 
 def test_a_guide_without_width_refuses_a_roll_moment():
-    model = block(0.3)
-    model.inertias[1] = pin.Inertia(2.0, np.array([0, 0.1, 0]), 0.01 * np.eye(3))
-    guide = {"bearing": {"kind": "guide", "length": 0.2}, "mu": {"static": 0.1, "kinetic": 0.1}}
-    scene = pf.Scene(model=model, friction={"slide": guide})
     with pytest.raises(RollMomentError):
-        pf.forward_dynamics(scene, [0.0], [1.0], [0.0])
-    with pytest.raises(SimulationError, match=r"t = 0 s: friction\.slide.*width"):
-        pf.simulate(scene, [0.0], [1.0], [0.0], 1.0)
+        pf.forward_dynamics(guided(0.1), [0.0], [1.0], [0.0])
 
 
 def many_blocks(n: int, mu: float = 0.3) -> tuple[pf.Scene, np.ndarray]:

@@ -259,6 +259,34 @@ def test_a_joint_without_friction_does_not_rest():
     assert hanging.moving == ()
 
 
+@pytest.mark.parametrize("push", [1e-12, 1.0, 1e12])
+def test_a_joint_without_friction_moves_however_weakly_it_is_pushed(push):
+    model = grounded_model()
+    for name in ("block", "free"):
+        add_link(model, 0, pin.JointModelPX(), pin.SE3.Identity(), name, bar(1.0, 0.1))
+    scene = pf.Scene(model=model, friction={"block": plane_friction(0.5, 0.5)})
+    assert pf.holds(scene, [0.0, 0.0], [0.0, push]).moving == ("free",)
+    assert pf.holds(scene, [0.0, 0.0], [0.0, 0.0]).held
+
+
+@pytest.mark.parametrize("degrees", [0, 20, 45, 60, 80])
+def test_what_is_balanced_to_rounding_is_held_by_the_least_friction(degrees):
+    """A ton at 3 m: the effort that balances it is known to 1e-11 N m at best."""
+    model = pin.Model()
+    joint = model.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "arm")
+    body = pin.Inertia(1000.0, np.array([3.0, 0, 0]), np.zeros((3, 3)))
+    model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+    scene = pf.Scene(
+        model=model, friction={"arm": {"coulomb": {"static": 1e-14, "kinetic": 1e-14}}}
+    )
+    q = np.array([np.radians(degrees)])
+    balance = -1000.0 * 9.81 * 3.0 * np.cos(q)
+    for effort in (balance * (1 - 4e-16), balance, balance * (1 + 4e-16)):
+        assert pf.holds(scene, q, effort).held
+    for effort in (balance - 1e-6, balance + 1e-6):
+        assert pf.holds(scene, q, effort).held is False
+
+
 def test_what_is_asked_before_does_not_matter():
     rng = np.random.default_rng(5)
     scene, q = random_chain(rng, 5)

@@ -82,6 +82,17 @@ def test_velocities_and_accelerations_that_violate_a_loop_are_refused_with_the_a
     pf.inverse_dynamics(case.scene, case.q, case.v * (1 + 1e-9), case.a)
 
 
+@pytest.mark.parametrize("speed", [1e-2, 1.0, 100.0])
+def test_what_the_velocities_may_violate_grows_with_the_speed(speed):
+    case = turning_four_bar(10)
+    v, a = case.v * speed, case.a * speed**2
+    v[3, 2] += 1e-7 * np.abs(v).max()
+    pf.inverse_dynamics(case.scene, case.q, v, a)
+    v[3, 2] += 1e-4 * np.abs(v).max()
+    with pytest.raises(LoopMotionError, match="by the velocities at sample 3"):
+        pf.inverse_dynamics(case.scene, case.q, v, a)
+
+
 def test_the_sample_named_is_that_of_the_whole_motion():
     case = turning_four_bar(1500)
     v = case.v.copy()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pinfric.dynamics.simulation.crossing import first_crossing
+from pinfric.dynamics.simulation.crossing import first_crossing, root
 
 
 @pytest.mark.parametrize(
@@ -34,3 +34,18 @@ def test_first_crossing(guard, expected):
         assert found is None
     else:
         assert found == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("before", "after"), [(1e-3, -1.0), (0.3, -0.3), (0.5, -1e-9), (2.0, -0.1)]
+)
+def test_the_root_of_a_jump_is_its_far_side(before, after):
+    """There what fired is below zero; a stick or slip that is tried there goes on."""
+    for place in np.random.default_rng(0).uniform(0.1, 0.9, 20):
+
+        def guard(t, place=place):
+            return before if t < place else after
+
+        found = root(guard, 0.0, 1.0)
+        assert guard(found) == after
+        assert found - place < 1e-14

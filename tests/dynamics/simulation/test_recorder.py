@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from builders import guided
 from simulation_cases import SHORT, G, slope, swing
 
 import pinfric as pf
+from pinfric.errors import SimulationError
 
 
 @pytest.mark.parametrize("method", ["event", "timestepping", "regularized"])
@@ -64,3 +66,10 @@ def test_samples_come_at_their_times_and_at_events():
     assert (np.diff(motion.t) > 0).all()
     stepped = swing("timestepping", dt=1e-3, sample_step=0.1)
     np.testing.assert_allclose(stepped.t, regular, atol=1e-12)
+
+
+@pytest.mark.parametrize("method", ["event", "timestepping", "regularized"])
+def test_a_roll_moment_on_a_guide_without_width_is_refused(method):
+    with pytest.raises(SimulationError, match=r"t = 0 s: friction\.slide.*width"):
+        pf.simulate(guided(0.1), [0.0], [1.0], [0.0], 1.0, method)
+    assert pf.simulate(guided(0.0), [0.0], [1.0], [0.0], 0.1, method).status == "finished"

@@ -9,6 +9,7 @@ from builders import block
 from simulation_cases import SHORT, G, slope
 
 import pinfric as pf
+from pinfric.dynamics.simulation.system import difference
 from pinfric.errors import SimulationError, StateError
 
 
@@ -126,6 +127,8 @@ def test_an_effort_function_may_ask_for_forward_dynamics_itself():
         ({"t_end": 1e155}, r"t_end = 1e.155 s: should be at most 1e.10 s"),
         ({"method": "timestepping", "dt": 1e-11}, "steps; at most 1e.09 are possible"),
         ({"rtol": 1e-300}, "rtol = 1e-300"),
+        ({"rtol": 1.1}, r"rtol = 1\.1.*at most 1"),
+        ({"atol": 1.1}, r"atol = 1\.1.*at most 1"),
         ({"t_end": "1"}, "t_end = '1'"),
         ({"dt": 0.0}, "dt = 0.0: should be a positive number"),
         ({"dt": -1e-3}, "dt"),
@@ -141,6 +144,10 @@ def test_bad_input(change, message):
         pf.simulate(slope(), **{**good, **change})
 
 
+def test_tolerances_of_1_are_allowed():
+    assert pf.simulate(slope(), [0.0], [0.0], [0.0], 0.1, rtol=1, atol=1).q[-1, 0] == 0.0
+
+
 @pytest.mark.parametrize("method", ["event", "timestepping", "regularized"])
 def test_an_effort_that_raises_says_what_and_when(method):
     def effort(t, q, v):
@@ -154,6 +161,16 @@ def test_an_effort_that_raises_says_what_and_when(method):
     assert reached.status == "failed"
     assert 0.45 < reached.t[-1] < 0.52
     assert isinstance(error.value.__cause__, ZeroDivisionError)
+
+
+@pytest.mark.parametrize("angle", [1e-12, 1e-9, -3e-8, 2.0])
+def test_the_difference_of_angles_keeps_small_ones(angle):
+    model = pin.Model()
+    model.addJoint(0, pin.JointModelRUBZ(), pin.SE3.Identity(), "turn")
+    model.addJoint(1, pin.JointModelRZ(), pin.SE3.Identity(), "lift")
+    start = np.array([1.0, 0.0, 0.0])
+    end = np.array([np.cos(angle), np.sin(angle), angle])
+    np.testing.assert_allclose(difference(model, start, end), angle, rtol=1e-12)
 
 
 def test_a_configuration_off_its_manifold_is_normalized_with_a_warning():
