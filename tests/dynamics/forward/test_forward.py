@@ -248,23 +248,6 @@ def test_beyond_the_critical_radius_no_acceleration_is_consistent(b):
     assert error.value.time is None
 
 
-def test_of_two_joints_the_error_names_the_one_that_moves():
-    """The other one rests, though more friction is at it."""
-    model = pinned_body(1.5).model.copy()
-    joint = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "rest")
-    body = pin.Inertia(9.0, np.array([1.0, 0, 0]), np.zeros((3, 3)))
-    model.appendBodyToJoint(joint, body, pin.SE3.Identity())
-    bearing = {"kind": "pin", "radius": 0.1}
-    for order in (["pin", "rest"], ["rest", "pin"]):
-        strong = {"bearing": bearing, "mu": {"static": 1.9, "kinetic": 1.9}}
-        entries = {"pin": {**strong, "mu": {"static": 15.0, "kinetic": 15.0}}, "rest": strong}
-        with pytest.warns(pf.PinfricWarning):
-            scene = pf.Scene(model=model, friction={name: entries[name] for name in order})
-        with pytest.raises(NoConsistentAcceleration) as error:
-            pf.forward_dynamics(scene, [0.4, 0.0], [2.0, 0.0], [0.0, 0.0])
-        assert error.value.site == "pin"
-
-
 def test_beyond_it_a_torque_has_no_solution_or_two_from_a_threshold_on():
     """b |(a, v^2)| + a = u/J: none below v^2 sqrt(b^2 - 1), two above."""
     b, v = 1.5, 2.0

@@ -77,7 +77,10 @@ def test_beyond_the_threshold_the_spinning_body_cannot_even_start():
 
 
 def test_a_motion_that_runs_into_an_inconsistency_says_when_and_keeps_what_it_had():
-    """A driven slider carries the pinned mass inward: b = mu R m l / (J + m l^2) grows to 1."""
+    """A driven slider carries the pinned mass inward: b = mu R m l / (J + m l^2) grows to 1.
+
+    Another body rests on a pin of its own, which the error must not name.
+    """
     model = pin.Model()
     model.gravity.linear = np.zeros(3)
     joint = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "pin")
@@ -88,21 +91,24 @@ def test_a_motion_that_runs_into_an_inconsistency_says_when_and_keeps_what_it_ha
     model.appendBodyToJoint(
         slide, pin.Inertia(1.0, np.zeros(3), np.zeros((3, 3))), pin.SE3.Identity()
     )
+    rest = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "rest")
+    beside = pin.Inertia(1.0, np.array([0.3, 0, 0]), 0.01 * np.eye(3))
+    model.appendBodyToJoint(rest, beside, pin.SE3.Identity())
     mu_radius = 2.2
-    friction = {
-        "pin": {
-            "bearing": {"kind": "pin", "radius": mu_radius / 2.0},
-            "mu": {"static": 2.0, "kinetic": 2.0},
-        }
+    entry = {
+        "bearing": {"kind": "pin", "radius": mu_radius / 2.0},
+        "mu": {"static": 2.0, "kinetic": 2.0},
     }
+    friction = {"rest": entry, "pin": entry}
     with pytest.warns(pf.PinfricWarning, match="radius"):
         scene = pf.Scene(model=model, friction=friction)
 
     def hold(t, q, v):  # the slider moves inward steadily whatever the centrifugal force
-        return np.array([0.0, -(v[0] ** 2) * q[1]])
+        return np.array([0.0, -(v[0] ** 2) * q[1], 0.0])
 
     with pytest.raises(NoConsistentAcceleration) as error:
-        pf.simulate(scene, [0.0, 2.0], [1e-3, -0.1], hold, 20.0)
+        pf.simulate(scene, [0.0, 2.0, 0.0], [1e-3, -0.1, 0.0], hold, 20.0)
+    assert error.value.site == "pin"
     reached = error.value.motion
     assert reached.status == "failed"
     assert 4.0 < reached.t[-1] <= error.value.time < 5.0

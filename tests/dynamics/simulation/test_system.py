@@ -163,14 +163,16 @@ def test_an_effort_that_raises_says_what_and_when(method):
     assert isinstance(error.value.__cause__, ZeroDivisionError)
 
 
-@pytest.mark.parametrize("angle", [1e-12, 1e-9, -3e-8, 2.0])
+@pytest.mark.parametrize("angle", [1e-12, 1e-9, -7e-9, 2.0])
 def test_the_difference_of_angles_keeps_small_ones(angle):
+    """Pinocchio's does not, for 1 % of the angles from which it starts."""
     model = pin.Model()
     model.addJoint(0, pin.JointModelRUBZ(), pin.SE3.Identity(), "turn")
     model.addJoint(1, pin.JointModelRZ(), pin.SE3.Identity(), "lift")
-    start = np.array([1.0, 0.0, 0.0])
-    end = np.array([np.cos(angle), np.sin(angle), angle])
-    np.testing.assert_allclose(difference(model, start, end), angle, rtol=1e-12)
+    for first in np.random.default_rng(0).uniform(-np.pi, np.pi, 1000):
+        start = np.array([np.cos(first), np.sin(first), 0.0])
+        end = np.array([np.cos(first + angle), np.sin(first + angle), angle])
+        np.testing.assert_allclose(difference(model, start, end), angle, atol=1e-15)
 
 
 def test_a_configuration_off_its_manifold_is_normalized_with_a_warning():
