@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from builders import block, plane_friction
+from mechanisms import FIVE_BAR, five_bar
 from simulation_cases import Belt
 
 import pinfric as pf
+from pinfric.dynamics.samples.closure import consistent_motion
 
 
 def test_timestepping_is_first_order():
@@ -43,3 +46,19 @@ def test_timestepping_is_stable_at_any_step():
     motion = pf.simulate(scene, [0.0], [5.0], [0.0], 100.0, "timestepping", dt=10.0)
     assert (motion.v[1:] == 0).all()
     assert np.isfinite(motion.q).all()
+
+
+@pytest.mark.parametrize("speed", [0.0, 0.5])
+def test_a_loop_s_pin_that_sticks_keeps_its_angle(speed):
+    """From the start, or from where it stops; two arms of two bars meet in it."""
+    weak, strong = ({"coulomb": {"static": f, "kinetic": 0.8 * f}} for f in (0.02, 0.5))
+    friction = dict.fromkeys(FIVE_BAR, weak) | {"B": strong}
+    scene, q = five_bar("B", friction, gravity=(0.0, 0.0, 0.0))
+    v = consistent_motion(scene, q[None], ["O", "D"], [[speed, 0.0]], [[0.0, 0.0]])[0][0]
+    motion = pf.simulate(scene, q, v, [0.2, 0.15], 0.2, "timestepping", dt=2e-3)
+    sticks = motion.modes[:, scene.site_names.index("B")] == 0
+    assert sticks[0] == (speed == 0.0)
+    assert sticks[50:].all()
+    assert scene.joint_names == ("O", "A", "D", "C")
+    assert np.ptp(motion.q[sticks] @ [1.0, 1.0, -1.0, -1.0]) < 1e-14
+    assert (np.ptp(motion.q[sticks], axis=0) > 0.01).all()
