@@ -27,7 +27,8 @@ class Choices(NamedTuple):
 
     Attributes:
         options: (n, ns) number of frictions a site may have: 1 where it slides or has no dry
-            friction, 2 where it sticks, 3 beside a reversal.
+            friction, 2 where it sticks, 3 beside a reversal; there 2 for a ball whose friction at
+            rest may be the one that it slides with.
         code: (n, ns) what it is in the state that wrenches are given for.
         direction: (n, ne) along which its friction acts: 1, or a ball's unit vector.
         way: (4, n, ns) sign of its velocity, 1 for a ball; 1 and -1 at the limits, else 0.
@@ -123,6 +124,16 @@ def _write_choices(
                 law.mu[code, i, s] = now.static_mu + (now.drag_mu if creeps else 0.0)
                 static = now.static_forward if code == LOWER else now.static_backward
                 law.coulomb[code, i, s] = static + (drag if creeps else 0.0)
+            if ball[s] and law.options[i, s] == 3 and _is_within(law, i, s):
+                law.options[i, s] = 2
+
+
+@kernel
+def _is_within(law: Choices, i: int, s: int) -> bool:
+    """Whether a ball that slides has friction that it may have at rest, too, whatever the load."""
+    return law.mu[SLIDES, i, s] <= law.mu[UPPER, i, s] and (
+        law.coulomb[SLIDES, i, s] <= law.coulomb[UPPER, i, s]
+    )
 
 
 @kernel

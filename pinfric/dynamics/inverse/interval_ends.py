@@ -12,6 +12,7 @@ candidates took `MOST_PASSES` in total, it is `NOT_CONVERGED`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
@@ -273,19 +274,18 @@ class Solver:
             choosing = np.flatnonzero((pattern > 1) & ~free)
             free_here = np.flatnonzero((pattern > 1) & free)
             balls = np.intersect1d(choosing, self._balls)
-            others = np.setdiff1d(choosing, balls)
-            count = int(np.prod(pattern[others].astype(float)))
+            options = [_options(int(pattern[s]), s in balls) for s in choosing]
+            count = math.prod(map(len, options))
             if count > ENUMERATED:
-                self._flip(answer, samples, pattern, others, free_here, balls)
+                self._flip(answer, samples, choosing, options, free_here, balls)
                 answer.exact[samples] = False
                 continue
-            every = list(product(*(_options(pattern[s]) for s in others)))
-            combinations = np.array(every, dtype=np.int64).reshape(count, len(others))
-            for part in _slices(len(samples), max(1, _AT_ONCE // len(combinations))):
-                sample = np.repeat(samples[part], len(combinations))
+            combinations = np.array(list(product(*options)), dtype=np.int64)
+            for part in _slices(len(samples), max(1, _AT_ONCE // count)):
+                sample = np.repeat(samples[part], count)
                 code = self.law.code[sample]
                 code[:, free_here] = NONE
-                code[:, others] = np.tile(combinations, (len(samples[part]), 1))
+                code[:, choosing] = np.tile(combinations, (len(samples[part]), 1))
                 if len(balls):
                     for drive, side in np.ndindex(answer.lower.shape[1], 2):
                         self._evaluate(answer, sample, code, free_here, balls, drive, side)
@@ -336,15 +336,14 @@ class Solver:
             answer: widened.
             sample, code: (m,), (m, ns).
             free: sites that each end picks the friction of.
-            balls: sites whose direction is turned towards one end: `drive`, `side` (0 lower).
+            balls: sites whose direction is turned towards one end: `drive`, `side` (0 lower);
+                where they slide it stays.
         """
         value = np.full(len(sample), -np.inf if side else np.inf)
         here = np.flatnonzero(self._goes_on(answer, sample))
         if not len(here):
             return value
-        code = code[here]
-        code[:, balls] = UPPER
-        c = self.candidates(sample[here], code)
+        c = self.candidates(sample[here], code[here])
         if len(balls):
             self._turn(answer, c, balls, drive, side)
         self._note(answer, c)
@@ -408,8 +407,9 @@ class Solver:
         for s in balls:
             part = slice(plan.sites.first_entry[s], plan.sites.first_entry[s] + 3)
             size = np.linalg.norm(g[:, part], axis=1, keepdims=True)
+            turns = (size > 0) & (c.code[:, [s]] == UPPER)
             direction[:, part] = np.where(
-                size > 0, g[:, part] / np.maximum(size, 1e-300), direction[:, part]
+                turns, g[:, part] / np.maximum(size, 1e-300), direction[:, part]
             )
         return direction
 
@@ -417,21 +417,21 @@ class Solver:
         self,
         answer: Answer,
         samples: np.ndarray,
-        pattern: np.ndarray,
         choosing: np.ndarray,
+        options: list[tuple[int, ...]],
         free: np.ndarray,
         balls: np.ndarray,
     ) -> None:
         """Search each end by changing one site's friction at a time, while that helps."""
-        columns = self.plan.sites.first_entry[choosing]
-        flips = np.array([(s, option) for s in choosing for option in _options(pattern[s])])
+        columns, turns = self.plan.sites.first_entry[choosing], np.isin(choosing, balls)
+        flips = np.array([(s, o) for s, some in zip(choosing, options, strict=True) for o in some])
         for drive, side in np.ndindex(answer.lower.shape[1], 2):
             sign = 1.0 if side else -1.0
             code = self.law.code[samples]
             code[:, free] = NONE
             # from where it would be if no load depended on friction
             grows = sign * self.maps.effort[samples, drive][:, 1 + columns] > 0
-            code[:, choosing] = np.where(grows, UPPER, LOWER)
+            code[:, choosing] = np.where(grows | turns, UPPER, LOWER)
             best = self._evaluate(answer, samples, code, free, balls, drive, side)
             active = np.arange(len(samples))
             while len(active := active[self._goes_on(answer, samples[active])]):
@@ -455,8 +455,9 @@ class Solver:
                 active = active[better]
 
 
-def _options(choices: int) -> tuple[int, ...]:
-    return (LOWER, UPPER, SLIDES)[: int(choices)]
+def _options(choices: int, is_ball: bool) -> tuple[int, ...]:
+    """Codes among which an end chooses at a site; a ball's limit is one, turned any way."""
+    return (UPPER, SLIDES)[: choices - 1] if is_ball else (LOWER, UPPER, SLIDES)[:choices]
 
 
 def _slices(total: int, size: int) -> Iterator[slice]:

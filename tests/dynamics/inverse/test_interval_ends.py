@@ -10,12 +10,21 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from cases import Case, ball_tripod, four_bars_in_a_row, resting_four_bar, turning_four_bar
-from mechanisms import add_link, bar, grounded_model, pin_friction, shifted, two_ball_loops
+from mechanisms import (
+    add_link,
+    bar,
+    four_bar,
+    grounded_model,
+    pin_friction,
+    shifted,
+    two_ball_loops,
+)
 
 import pinfric as pf
 from pinfric.dynamics.inverse import choices, interval_ends, linkage
 from pinfric.dynamics.inverse.interval_ends import MOST_PASSES, Solver
 from pinfric.dynamics.inverse.solutions import one_sample
+from pinfric.dynamics.samples.closure import consistent_motion
 from pinfric.dynamics.samples.outcome import Status
 
 # ---------------------------------------------------------------- without drives
@@ -307,3 +316,57 @@ def test_a_sample_that_jams_is_not_searched_on(seed):
     found = pf.inverse_dynamics(scene, q[None], still, still)
     assert found.status[0] in (Status.JAMMED, Status.NOT_CONVERGED)
     assert found.iterations[0] < 1.1 * MOST_PASSES
+
+
+# ---------------------------------------------------------------- loads that friction does not move
+
+
+@pytest.mark.parametrize("loop", [False, True])
+def test_a_block_at_rest_or_turning_round_has_its_own_interval_beside_a_loop_or_alone(loop):
+    """At rest -2 <= phi <= 6 N; at 0.1 m/s it slides with -(1 + 30 * 0.1) N, beyond that."""
+    if loop:
+        scene, _ = four_bar()
+        model, loops, q = scene.model.copy(), scene.loops, scene.close(resting_four_bar(1).q[0])
+    else:
+        model, loops, q = grounded_model(), (), np.zeros(0)
+    add_link(model, 0, pin.JointModelPX(), pin.SE3.Identity(), "slide", bar(2.0, 0.0))
+    friction = {
+        "coulomb": {
+            "positive": {"static": 2.0, "kinetic": 1.0},
+            "negative": {"static": 6.0, "kinetic": 5.0},
+        },
+        "viscous": 30.0,
+    }
+    drives = [{"joint": name} for name in (["O"] if loop else []) + ["slide"]]
+    scene = pf.Scene(model=model, loops=loops, friction={"slide": friction}, actuators=drives)
+    v, a = np.zeros((2, 4, model.nv))
+    v[:, -1], a[:, -1] = [0.3, 0.1, -0.2, 0.0], 0.5
+    result = pf.inverse_dynamics(scene, np.tile([*q, 0.0], (4, 1)), v, a, t=np.arange(4.0))
+    assert result.reversal[:, 0].tolist() == [False, True, False, False]
+    np.testing.assert_allclose(result.effort_lower[:, -1], 1.0 + np.array([10, -6, -11, -6]))
+    np.testing.assert_allclose(result.effort_upper[:, -1], 1.0 + np.array([10, 4, -11, 2]))
+    assert result.check().passed(1e-12)
+
+
+# ---------------------------------------------------------------- balls that turn round
+
+
+@pytest.mark.parametrize("enumerated", [256, 1])
+@pytest.mark.parametrize("viscous", [0.0, 0.3, 5.0, 50.0])
+def test_a_ball_that_turns_round_rests_or_slides(viscous, enumerated, monkeypatch):
+    """Its viscous friction may exceed what holds it at rest."""
+    monkeypatch.setattr(interval_ends, "ENUMERATED", enumerated)
+    case = ball_tripod()
+    ball = {**case.scene.friction["ball"].model_dump(exclude_none=True), "viscous": viscous}
+    scene = case.scene.with_(friction={"ball": ball, "rocker": pin_friction(0.3, 0.02)})
+    rates = np.array([3.0, 1.0, -1.0, -2.0])[:, None] * case.v[1, [0, 3]]
+    q = np.tile(case.q[1], (4, 1))
+    v, a = consistent_motion(scene, q, ["arm", "rod"], rates, np.ones((4, 2)))
+    result = pf.inverse_dynamics(scene, q, v, a, t=np.arange(4.0))
+    # of two samples of equal speed beside a reversal the first counts
+    assert result.reversal.tolist() == [[False] * 2, [True] * 2, [False] * 2, [False] * 2]
+    assert result.check().passed(1e-12)
+    assert (result.effort_upper[1] > result.effort_lower[1] + 0.1).all()
+    slides = pf.inverse_dynamics(scene, q, v, a)
+    assert (slides.effort_lower[1] >= result.effort_lower[1] - 1e-12).all()
+    assert (slides.effort_upper[1] <= result.effort_upper[1] + 1e-12).all()

@@ -81,7 +81,7 @@ def test_ends_that_the_solver_itself_gets_wrong_are_noticed(monkeypatch, case, f
 
 def test_an_end_that_the_solver_has_not_looked_at_is_noticed(monkeypatch):
     """A crank's friction changes no load, all other pins are left at their lower limits."""
-    monkeypatch.setattr(interval_ends, "_options", lambda choices: (LOWER,) * int(choices))
+    monkeypatch.setattr(interval_ends, "_options", lambda choices, _: (LOWER,) * choices)
     found = resting_four_bar(2).inverse()
     assert found.interval_exact.all()
     assert found.check().ends > 1e-3
