@@ -213,7 +213,6 @@ class EventIntegration(Integration):
     ) -> tuple[float, np.ndarray] | None:
         """First time in a step at which guards fire, and which do."""
         assert callable(polynomial)
-        self._guards_at_end = np.zeros(0)
         if not self.ws.plan.coordinates.dry.any():
             self._guards_at_end = np.zeros(self.nc)
             return None

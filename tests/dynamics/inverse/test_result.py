@@ -34,3 +34,9 @@ def test_stick_intervals_and_dataframe():
     np.testing.assert_array_equal(frame["slide.effort_upper"], result.effort_upper[:, 0])
     with pytest.raises(StateError, match="need times"):
         pf.inverse_dynamics(scene, [[0.0]], [[1.0]], [[0.0]]).stick_intervals()
+
+
+def test_repr_has_peaks_below_one():
+    scene = pf.Scene(model=block(), friction={"slide": plane_friction(0.5, 0.3)})
+    small = pf.inverse_dynamics(scene, [[0.0]] * 2, [[1.0]] * 2, [[-0.3 * 9.81], [-2.8]])
+    assert "peaks     1: slide 0.286 (N m or N)" in repr(small)

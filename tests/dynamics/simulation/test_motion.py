@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from builders import block, random_states, random_tree
-from simulation_cases import swing
+from simulation_cases import slope, swing
 
 import pinfric as pf
 from pinfric.dynamics.simulation.motion import Dense, mechanical_energy
@@ -129,3 +129,11 @@ def test_the_energy_with_a_mimic_joint_is_that_of_the_joints_apart(seed):
     wanted = pin.computeKineticEnergy(model, data, *apart)
     wanted += pin.computePotentialEnergy(model, data, apart[0])
     assert mechanical_energy(mimic, mimic.createData(), q, v) == pytest.approx(wanted, rel=1e-12)
+
+
+def test_repr_names_events_and_sticks_or_says_that_there_are_none():
+    swinging = repr(swing())
+    assert "events  3 slips, 2 sticks\n" in swinging
+    assert "sticks  3: slide 0-0.1782 s, " in swinging  # 9 sin(4 t) = 0.3 * 2 * 9.81
+    falling = repr(pf.simulate(slope(0.5), [0.0], [1.0], [0.0], 0.1))
+    assert "sticks  none\n  events  none\n" in falling
