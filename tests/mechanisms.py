@@ -59,9 +59,9 @@ def bar(mass, length, start=0.0, width=0.02):
     return pin.Inertia(mass, np.array([start + length / 2, 0.0, 0.0]), inertia)
 
 
-def shifted(x):
-    """Placement at x on the parent's x axis."""
-    return pin.SE3(np.eye(3), np.array([x, 0.0, 0.0]))
+def shifted(x, z=0.0):
+    """Placement at x and z of the parent."""
+    return pin.SE3(np.eye(3), np.array([x, 0.0, z]))
 
 
 def pin_friction(mu, radius=0.01, static=None, **more):
@@ -72,7 +72,7 @@ def pin_friction(mu, radius=0.01, static=None, **more):
     }
 
 
-def ring_of_bars(pins, place, masses, cut, kind, gravity):
+def ring_of_bars(pins, place, masses, cut, kind, gravity, level=None):
     """Bars pinned to each other and, the first and last, to the ground; cut at one of the pins.
 
     Args:
@@ -80,6 +80,7 @@ def ring_of_bars(pins, place, masses, cut, kind, gravity):
         place: (pin, bar) -> where the pin lies on the bar, from the bar's own start, along its x.
         masses: of the bars; each reaches from 0 to the farther of its two pins.
         cut, kind: which pin is the loop, and the loop's kind.
+        level: bar -> its height along the pins' axes, else 0.
 
     Returns:
         model, loop, and a function from the bars' angles (..., n) to q or their rates to v.
@@ -88,11 +89,12 @@ def ring_of_bars(pins, place, masses, cut, kind, gravity):
     at = names.index(cut)
     order = names[:at] + names[:at:-1]
     ids, origin, parent_of = {"ground": 0}, {"ground": 0.0}, {}
+    z = {"ground": 0.0, **dict.fromkeys(masses, 0.0), **(level or {})}
     for name in order:
         first, second = pins[name]
         parent, child = (first, second) if first in ids else (second, first)
         parent_of[name] = parent, child
-        placement = shifted(place[name, parent] - origin[parent])
+        placement = shifted(place[name, parent] - origin[parent], z[child] - z[parent])
         joint = model.addJoint(ids[parent], pin.JointModelRZ(), placement, name)
         origin[child] = place[name, child]  # the child's frame sits at this pin
         length = max(x for (_, bar_), x in place.items() if bar_ == child)
@@ -102,7 +104,9 @@ def ring_of_bars(pins, place, masses, cut, kind, gravity):
         ids[child] = joint
     loop = {"name": cut, "kind": kind}
     for side, link in zip("ab", pins[cut], strict=True):
-        loop[side] = {"link": link, "xyz": [place[cut, link] - origin[link], 0.0, 0.0]}
+        # the frames of both sides meet at the height of the second bar
+        height = z[pins[cut][1]] - z[link]
+        loop[side] = {"link": link, "xyz": [place[cut, link] - origin[link], 0.0, height]}
     bars = list(masses)
     column = {name: model.joints[model.getJointId(name)].idx_v for name in order}
 
@@ -125,17 +129,19 @@ def four_bar(
     gravity=(0.0, -9.81, 0.0),
     static=None,
     friction=None,
+    level=None,
     **more,
 ):
     """A four-bar, cut at one of its pins; joints are called by their pins O, A, B, C.
 
     Args:
+        level: see `ring_of_bars`.
         friction: of every pin, else that of `mu` and `static`; or a mapping by pin.
 
     Returns:
         scene, and a function from the bars' angles (..., 3) to q or their rates to v.
     """
-    model, loop, joints = ring_of_bars(FOUR_BAR, _PLACE, MASSES, cut, kind, gravity)
+    model, loop, joints = ring_of_bars(FOUR_BAR, _PLACE, MASSES, cut, kind, gravity, level)
     entry = pin_friction(mu, static=static) if friction is None else friction
     each = entry if set(entry) <= set("OABC") else dict.fromkeys("OABC", entry)
     scene = pf.Scene(model=model, friction=each, actuators=[{"joint": "O"}], loops=[loop], **more)
