@@ -48,7 +48,13 @@ from _pytest.runner import runtestprotocol
 from pinfric.kernels import compiled
 
 ROOT = Path(__file__).parents[1]
-TESTS = ("tests/friction", "tests/dynamics", "tests/judges")
+#: The last has what calls `dynamics/inverse/superposed.py`.
+TESTS = (
+    "tests/friction",
+    "tests/dynamics",
+    "tests/judges",
+    "tests/study/sweep/test_superposition.py",
+)
 #: Mutants that no test can notice, or none should: `file function: line: change | reason`.
 JUDGED = ROOT / "tests/mutants_judged.txt"
 #: Tests that take longer with kernels as plain Python are left out (s of processor time).

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from scipy.optimize import fsolve
 
-from pinfric.dynamics.judge.search import Loads, all_solutions
+from pinfric.dynamics.judge.search import Loads, _Reduced, _settled, all_solutions
 
 
 def test_the_search_finds_the_roots_of_quadratic_equations():
@@ -24,6 +25,17 @@ def test_the_search_finds_the_roots_of_quadratic_equations():
         np.testing.assert_allclose(np.sort(found.z[:, 0]), roots, rtol=1e-9)
         counts.append(len(roots))
     assert set(counts) == {0, 1, 2}
+
+
+@pytest.mark.parametrize("offset", [-0.5, -0.1, 0.0, 0.3])
+def test_a_box_with_one_root_shrinks_to_it(offset):
+    """z = 1 + |(1, 0, 0.2) + (0.5, 0.3, 0) z|, from boxes about the root and beside it."""
+    p, P = np.array([1.0, 0.0, 0.2]), np.array([0.5, 0.3, 0.0])
+    here = _Reduced.of(Loads(np.ones(1), np.ones((1, 1)), p[None, None], P[None, None, :, None]))
+    root = max(np.roots([1 - P @ P, -2 * (1 + p @ P), 1 - p @ p]).real)
+    radius = np.array([[0.4]])
+    y = here.c + (root - 1.0) * here.M[:, 0]
+    np.testing.assert_allclose(_settled(here, y + offset * radius, radius)[0], y, rtol=1e-12)
 
 
 def test_two_roots_close_to_a_line_are_both_found():
