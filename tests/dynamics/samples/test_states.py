@@ -83,8 +83,8 @@ def test_efforts_beyond_numbers_are_refused():
         pf.inverse_dynamics(pf.Scene(model=model), [[0.0]], [[0.0]], [[1e10]])
     model.armature = np.array([1e290])
     drive = {"joint": "slide", "transmission": {"ratio": 1e-12}}
+    geared = pf.Scene(model=model, actuators=[drive])
     with pytest.raises(StateError, match="effort of slide at sample 1 overflows"):  # the motor's
-        geared = pf.Scene(model=model, actuators=[drive])
         pf.inverse_dynamics(geared, np.zeros((2, 1)), np.zeros((2, 1)), [[0.0], [1e10]])
     with pytest.raises(StateError, match=r"v: sample 0, column 0 is 1e.300; should be finite"):
         pf.inverse_dynamics(pf.Scene(model=block()), [[0.0]], [[1e300]], [[0.0]])
