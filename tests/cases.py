@@ -312,6 +312,17 @@ def ball_tripod(mu=0.3, radius=0.02):
     return Case(scene, q, v, a)
 
 
+def reversing_ball(viscous):
+    """The same place four times at rates 3, 1, -1, -2: of equal speeds the first marks the turn."""
+    case = ball_tripod()
+    ball = {**case.scene.friction["ball"].model_dump(exclude_none=True), "viscous": viscous}
+    scene = case.scene.with_(friction={"ball": ball, "rocker": pin_friction(0.3, 0.02)})
+    rates = np.array([3.0, 1.0, -1.0, -2.0])[:, None] * case.v[1, [0, 3]]
+    q = np.tile(case.q[1], (4, 1))
+    v, a = consistent_motion(scene, q, ["arm", "rod"], rates, np.ones((4, 2)))
+    return Case(scene, q, v, a, np.arange(4.0))
+
+
 def painleve_rod(mu, angle, mass=1.0, length=0.6, speed=1.0, g=9.81):
     """A uniform rod hinged to a massless slider on a rough guide, pushed along by it (Painleve).
 

@@ -9,7 +9,14 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from cases import Case, ball_tripod, four_bars_in_a_row, resting_four_bar, turning_four_bar
+from cases import (
+    Case,
+    ball_tripod,
+    four_bars_in_a_row,
+    resting_four_bar,
+    reversing_ball,
+    turning_four_bar,
+)
 from mechanisms import (
     add_link,
     bar,
@@ -24,7 +31,6 @@ import pinfric as pf
 from pinfric.dynamics.inverse import choices, interval_ends, linkage
 from pinfric.dynamics.inverse.interval_ends import MOST_PASSES, Solver
 from pinfric.dynamics.inverse.solutions import one_sample
-from pinfric.dynamics.samples.closure import consistent_motion
 from pinfric.dynamics.samples.outcome import Status
 
 # ---------------------------------------------------------------- without drives
@@ -356,17 +362,11 @@ def test_a_block_at_rest_or_turning_round_has_its_own_interval_beside_a_loop_or_
 def test_a_ball_that_turns_round_rests_or_slides(viscous, enumerated, monkeypatch):
     """Its viscous friction may exceed what holds it at rest."""
     monkeypatch.setattr(interval_ends, "ENUMERATED", enumerated)
-    case = ball_tripod()
-    ball = {**case.scene.friction["ball"].model_dump(exclude_none=True), "viscous": viscous}
-    scene = case.scene.with_(friction={"ball": ball, "rocker": pin_friction(0.3, 0.02)})
-    rates = np.array([3.0, 1.0, -1.0, -2.0])[:, None] * case.v[1, [0, 3]]
-    q = np.tile(case.q[1], (4, 1))
-    v, a = consistent_motion(scene, q, ["arm", "rod"], rates, np.ones((4, 2)))
-    result = pf.inverse_dynamics(scene, q, v, a, t=np.arange(4.0))
-    # of two samples of equal speed beside a reversal the first counts
+    case = reversing_ball(viscous)
+    result = case.inverse()
     assert result.reversal.tolist() == [[False] * 2, [True] * 2, [False] * 2, [False] * 2]
     assert result.check().passed(1e-12)
     assert (result.effort_upper[1] > result.effort_lower[1] + 0.1).all()
-    slides = pf.inverse_dynamics(scene, q, v, a)
+    slides = pf.inverse_dynamics(case.scene, case.q, case.v, case.a)
     assert (slides.effort_lower[1] >= result.effort_lower[1] - 1e-12).all()
     assert (slides.effort_upper[1] <= result.effort_upper[1] + 1e-12).all()

@@ -14,6 +14,7 @@ from cases import (
     drawer_forces,
     jamming_drawer,
     resting_four_bar,
+    reversing_ball,
     turning_four_bar,
 )
 from mechanisms import pin_friction
@@ -85,6 +86,15 @@ def test_an_end_that_the_solver_has_not_looked_at_is_noticed(monkeypatch):
     found = resting_four_bar(2).inverse()
     assert found.interval_exact.all()
     assert found.check().ends > 1e-3
+    assert not found.check().passed()
+
+
+def test_a_ball_that_never_slides_where_it_turns_round_is_noticed(monkeypatch):
+    """Sliding costs more there than what holds it at rest."""
+    assert reversing_ball(5.0).inverse().check().passed()
+    monkeypatch.setattr(interval_ends, "_options", lambda choices, ball: (UPPER, LOWER)[: 2 - ball])
+    found = reversing_ball(5.0).inverse()
+    assert found.check().ends > 1.0
     assert not found.check().passed()
 
 
