@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from friction_cases import resting_six_bar
 
-from pinfric.friction.branching import bound_force
+from pinfric.friction.branching import Program, bound_force, write_program
 
 
 def with_forces(rest, contact):
@@ -70,3 +70,29 @@ def test_a_force_on_a_line_is_its_own_bound():
             force = rest.contact[i, 0, 0] + z @ rest.contact[i, 1:, 0]
             assert (sides[0, :-1] @ z + sides[0, -1] <= 0.0) == (force * np.cos(centre) >= 0.0)
             assert line[:-1] @ z + line[-1] == pytest.approx(force * np.cos(centre), abs=1e-9)
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_a_limit_on_one_side_only_leaves_the_other_row_empty(side):
+    """Self-locking gears have such limits; what loads the joint counts on the side that has one."""
+    rest, _ = resting_six_bar(0)
+    n, dz, nf = *rest.N.shape, len(rest.owner)
+    limits = np.full((2, n), 2.0)
+    limits[side, 0] = np.inf
+    rest = rest._replace(above=limits[0], below=limits[1])
+    assert (rest.owner == 0).any()
+    rows = 4 * n + 2 * nf
+    program = Program(
+        np.full((rows, dz), np.nan),
+        *np.zeros((2, rows)),
+        np.zeros((nf, dz + 1)),
+        np.ones(n),
+        0.5,
+        0.5,
+    )
+    write_program(rest, program, np.zeros(nf), np.full(nf, -1.0))
+    assert (program.G[side] == 0.0).all()
+    assert program.h[side] == -3.0  # m is at least -1.5
+    loads = sum(program.bound[i] for i in np.flatnonzero(rest.owner == 0))
+    sign = 2.0 * side - 1.0
+    np.testing.assert_allclose(program.G[1 - side], sign * rest.N[0] - 0.5 * loads[:-1])
