@@ -13,7 +13,7 @@ PACKAGE = ROOT / "pinfric"
 #: Modules that only pass on or hold data, and steps of one computation that have no result of
 #: their own: the file that tests the whole -> the modules.
 TESTED_WITH = {
-    "dynamics/forward/test_forward.py": "dynamics/forward: constraints failures",
+    "dynamics/forward/test_forward.py": "dynamics/forward: failures",
     "judges/test_gears.py": "dynamics/forward: self_locking margins",
     "dynamics/problem/test_instant.py": "dynamics/problem: accelerations affine gearing machine "
     "plan rates supply wrenches",
