@@ -317,14 +317,20 @@ def _source_stamp(function: Callable[..., Any]) -> tuple[Any, ...]:
     stamp: list[Any] = []
     for name in sorted(reached):
         names = reached[name]
-        file = Path(names["__file__"]).stat()
+        file = names["__file__"]
         constants = [
             (key, value)
             for key, value in sorted(names.items())
             if isinstance(value, int | float) and not key.startswith("__")
         ]
-        stamp.append((name, file.st_mtime, file.st_size, constants))
+        stamp.append((name, _content(file, Path(file).stat().st_mtime_ns), constants))
     return tuple(stamp)
+
+
+@cache
+def _content(file: str, changed_at: int) -> bytes:
+    """The digest of a source file, so that kernels of a clone or a kept cache are found."""
+    return _digest(Path(file).read_bytes())
 
 
 class _CheckedFile(IndexDataCacheFile):

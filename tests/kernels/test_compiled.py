@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import runpy
+import shutil
 import subprocess
 import sys
 import warnings
@@ -86,6 +87,18 @@ def test_a_damaged_cache_is_said_and_compiled_anew(suffix, damage, tmp_path, mon
     assert (answer, hits) == (42.0, 0)
     assert f"{file}: a compiled kernel in numba's cache is damaged" in said
     assert run(tmp_path) == (42.0, 1, "")  # mended
+
+
+def test_a_copy_with_its_cache_compiles_nothing(tmp_path):
+    """As a second clone, an installation or a restored CI cache: other folder, other dates."""
+    first, second = tmp_path / "first", tmp_path / "second"
+    first.mkdir()
+    (first / "kernel_of_a_test.py").write_text(KERNEL)
+    assert run(first) == (42.0, 0, "")
+    shutil.copytree(first, second, copy_function=shutil.copyfile)
+    assert run(second) == (42.0, 1, "")
+    (second / "kernel_of_a_test.py").write_text(KERNEL.replace("2.0", "3.0"))
+    assert run(second)[:2] == (63.0, 0)
 
 
 @pytest.mark.parametrize(("decorator", "count"), [("njit", 4), ("kernel", 1)])
