@@ -51,7 +51,10 @@ class Sourced(Entry):
     dimensions: Annotated[str, key("in words", "60 mm x 88 mm")] = ""
     stand_ins: Annotated[
         dict[str, str],
-        key("values taken from another product, and which", {"stiffness": "the next smaller size"}),
+        key(
+            "values taken from another product, and which, or from a rule",
+            {"stiffness": "the next smaller size"},
+        ),
     ] = Field(default_factory=dict)
 
     @model_validator(mode="after")
@@ -144,8 +147,19 @@ class Motor(Rated):
     rotor_inertia: Annotated[Positive | None, key("of the rotor", 3e-05, "kg m^2")] = None
     mass: Annotated[Positive | None, key("of the motor", 0.6, "kg")] = None
     max_speed: Annotated[Positive | None, key("permissible", 600.0, "rad/s")] = None
+    mounting: Annotated[
+        Literal["frameless", "shaft", "flange"] | None,
+        key(
+            "what it comes as: rotor and stator only, or a housing with a shaft, without or with "
+            "the square flange of servo motors",
+            "frameless",
+        ),
+    ] = None
     nominal_voltage: Annotated[
         Positive | None, key("for which the speeds and the stall torque are given", 48.0, "V")
+    ] = None
+    max_voltage: Annotated[
+        Positive | None, key("highest that its winding's insulation permits", 60.0, "V")
     ] = None
     no_load_speed: Annotated[
         Positive | None, key("at nominal voltage without load", 550.0, "rad/s")
@@ -217,6 +231,10 @@ class GearMotor(Rated):
         Literal["dc", "rms", "peak"],
         key("kind of current of the torque constant, as of a motor", "rms"),
     ] = "dc"
+    stiffness: Annotated[
+        Stiffness | None,
+        key("of the output, its rotor held, N/m of a linear one; as of a gear", 16000, "N m/rad"),
+    ] = None
     backlash: Annotated[
         NonNegative | None, key("of the output, its input held: the whole angle", 0.00087, "rad")
     ] = None
@@ -315,6 +333,23 @@ class Gear(Sourced):
     ] = None
     average_input_speed: Annotated[Positive | None, key("limit of the mean", 366.0, "rad/s")] = None
     max_input_speed: Annotated[Positive | None, key("limit", 680.0, "rad/s")] = None
+    input: Annotated[
+        Literal["bore", "hollow", "clamp", "shaft", "pinion"] | None,
+        key(
+            "what takes the motor: a bored hub, as of a wave generator, for the shaft of a motor "
+            "or of the joint; a hollow shaft; a hub that clamps a motor's shaft; a shaft of its "
+            "own for a coupling; a pinion that its maker puts on the shaft of his `motors`",
+            "clamp",
+        ),
+    ] = None
+    motors: Annotated[
+        tuple[Text, ...],
+        key(
+            "the only motors that it goes with, by how their names begin; empty: any that fits "
+            "its `input`",
+            ["maxon EC-i 40", "maxon EC 45 flat"],
+        ),
+    ] = ()
     input_inertia: Annotated[
         NonNegative | None, key("of all that turns with the input", 1.9e-05, "kg m^2")
     ] = None
@@ -485,6 +520,10 @@ class BearingEntry(Sourced):
 class Brake(HoldingBrake, Sourced):
     """A brake that holds without power, at a motor's shaft."""
 
+    sold: Annotated[
+        Text | None,
+        key("`alone`, or the motors that it is built into, by how their names begin", "alone"),
+    ] = None
     voltage: Annotated[Positive | None, key("to open it", 24.0, "V")] = None
     power: Annotated[Positive | None, key("while it is open", 7.0, "W")] = None
     release_time: Annotated[Positive | None, key("until it is open", 0.025, "s")] = None

@@ -51,6 +51,9 @@ _TEXTS = (
     "screw.supports",
     "current",
     "resistance_of",
+    "mounting",
+    "input",
+    "sold",
 )
 _NUMBER = re.compile(r"([-+]?[.,]?\d[\d.,']*(?:[eE][-+]?\d+)?)\s*(.*)")
 

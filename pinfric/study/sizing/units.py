@@ -77,7 +77,7 @@ _OF_UNIT = {
     "rad/s": "max_speed no_load_speed rated_speed average_input_speed max_input_speed",
     "kg m^2": "rotor_inertia input_inertia",
     "kg": "mass",
-    "V": "nominal_voltage voltage",
+    "V": "nominal_voltage max_voltage voltage",
     "W": "power",
     "J": "stop_energy",
     "1/h": "stops_per_hour",

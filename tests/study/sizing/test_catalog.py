@@ -59,7 +59,10 @@ def test_every_figure_has_maker_and_document_and_a_grade(section, name):
         assert re.search("retyp|second|third|distributor|public|identified|pasted", entry.source)
     for figure, product in entry.stand_ins.items():
         assert getattr(entry, figure) is not None
-        assert product.split()[0] in ("Harmonic", "Schaeffler", "ZeroErr", "maxon", "ball")
+        if figure in ("mounting", "input", "motors"):
+            assert product.startswith("by rule: ")
+        else:
+            assert product.split()[0] in ("Harmonic", "Schaeffler", "ZeroErr", "maxon", "ball")
 
 
 def test_the_bundled_catalogue_is_wide():
@@ -166,6 +169,22 @@ def test_brakes_have_the_torques_of_their_own_rows():
         assert brakes[f"Yaskawa SGMGV-{model}"].torque == torque
     assert brakes["Mitsubishi HC-MF 23, 43"].stop_energy == 22.0
     assert brakes["Siemens 1FK2-05"].torque == 5  # dynamic; 8 N m static
+
+
+def test_every_bundled_entry_says_what_fits_it():
+    """Kits have no shaft; maxon's pinions fit maxon's motors; 13 of 84 brakes are sold alone."""
+    catalog = pf.load_catalog()
+    assert all(
+        m.mounting and g.input for m in catalog.motors.values() for g in catalog.gears.values()
+    )
+    kits = {n for n, m in catalog.motors.items() if m.mounting == "frameless"}
+    assert kits == {n for n, m in catalog.motors.items() if "frameless" in m.note}
+    assert {g.motors for n, g in catalog.gears.items() if n.startswith("maxon")} == {("maxon",)}
+    assert {g.input for g in catalog.gears.values() if g.kind == "strain wave"} == {"bore"}
+    alone = [n for n, b in catalog.brakes.items() if b.sold == "alone"]
+    assert len(alone) == 13
+    assert all(n.startswith("Kendrion") for n in alone)
+    assert all(n.startswith(b.sold) for n, b in catalog.brakes.items() if n not in alone)
 
 
 def test_bearing_gives_a_scene_its_levers():
