@@ -20,6 +20,7 @@ from pinfric.model.schema import Payload
 from pinfric.model.urdf import (
     Mimic,
     UrdfDynamics,
+    bodies,
     check_urdf,
     dynamics,
     followers,
@@ -35,6 +36,9 @@ _ROUNDING = 1e-12
 #: Poses at which a robot with negative moments of inertia is tested, and as many near the worst.
 _POSES = 300
 
+
+#: Share of a joint's inertia by which its sum here and Pinocchio's may differ: rounding.
+_SAME_BODY = 1e-9
 
 #: Prefix of a bundled robot's name.
 BUNDLED = "example-robot-data:"
@@ -139,6 +143,7 @@ def _build(root: ElementTree.Element, urdf: Path, locked: Mapping[str, float]) -
             f"others ({sorted(mimics.keys() - positions.keys())}): lock all of them or none"
         )
     model = _pinocchio_model(root, urdf, mimic)
+    _check_bodies(model, root, urdf)
     if positions:
         reference = pin.neutral(model)
         for name, position in positions.items():
@@ -275,6 +280,37 @@ def _leaders_first(root: ElementTree.Element) -> pin.Model:
         if frame.type in (pin.FrameType.JOINT, pin.FrameType.FIXED_JOINT):
             frame.name = frame.name[2:]
     return model
+
+
+def _check_bodies(model: pin.Model, root: ElementTree.Element, urdf: Path) -> None:
+    """Check that the model's joints carry the bodies of the document: urdfdom drops some silently.
+
+    Each joint's 6 x 6 inertia about its origin is compared with the sum of its links'.
+    """
+    written, links = np.zeros((model.njoints, 6, 6)), [list[str]() for _ in range(model.njoints)]
+    origins = {link.get("name"): link.find("inertial/origin") for link in root.findall("link")}
+    for name, (mass, inertia) in bodies(root).items():
+        frame = model.frames[model.getFrameId(name, pin.FrameType.BODY)]
+        origin = origins[name]
+        com, rpy = (
+            [float(x) for x in ("0 0 0" if origin is None else origin.get(part, "0 0 0")).split()]
+            for part in ("xyz", "rpy")
+        )
+        axes, arm = pin.rpy.rpyToMatrix(*rpy), pin.skew(np.array(com))
+        about_origin = axes @ inertia @ axes.T - mass * arm @ arm
+        body = np.block([[mass * np.eye(3), -mass * arm], [mass * arm, about_origin]])
+        place = frame.placement
+        body = place.toDualActionMatrix() @ body @ place.toActionMatrixInverse()
+        written[frame.parentJoint] += body
+        links[frame.parentJoint].append(name)
+    for joint in range(1, model.njoints):
+        read, size = model.inertias[joint].matrix(), np.abs(written[joint]).max()
+        if not np.abs(read - written[joint]).max() <= _SAME_BODY * size:
+            raise RobotError(
+                f"{urdf}: Pinocchio reads another mass or inertia of link "
+                f"{' or '.join(map(repr, links[joint])) or model.names[joint]} ({read[0, 0]:g} kg) "
+                f"than is written ({written[joint, 0, 0]:g} kg); write its numbers plainly"
+            )
 
 
 class _silent_stderr:  # noqa: N801 - used like a function

@@ -10,6 +10,8 @@ import io
 import logging
 import math
 import os
+import re
+import sys
 import warnings
 import xml.etree.ElementTree as ElementTree
 from collections import Counter
@@ -52,9 +54,9 @@ class Mimic(NamedTuple):
 def check_urdf(root: ElementTree.Element, urdf: Path) -> None:
     """Check the links and joints of a URDF; its meshes are not read.
 
-    A robot without a name gets one in `root`. Mimic tags of unknown joints are removed from it, and
-    physically impossible inertias are kept, each with one `PinfricWarning`, because other programs
-    accept both.
+    A robot without a name gets one in `root`, and numbers are written there as every reader takes
+    them. Mimic tags of unknown joints are removed from it, and physically impossible inertias are
+    kept, each with one `PinfricWarning`, because other programs accept both.
 
     Args:
         root: as `read_xml` returns it.
@@ -211,28 +213,53 @@ _NUMBERS = {
 }
 
 
+#: The numbers that every reader of URDFs takes, and infinity. Python's `float` takes more, and
+#: urdfdom drops the whole <inertial> of a number that it does not take, without an error.
+_SPELLING = re.compile(r"[+-]?((\d+\.?\d*|\.\d+)(e[+-]?\d+)?|inf(inity)?)", re.A | re.I)
+_BLANKS = " \t\r\n"
+
+
 def _check_numbers(element: ElementTree.Element, where: str) -> None:
+    """Check the numbers of an element's parts, and write them as urdfdom reads them.
+
+    One blank stands between two numbers, and an infinite limit is the largest float, which is
+    Pinocchio's word for none.
+    """
     for part in element.iter():
         for attribute, count in _NUMBERS.get(part.tag, {}).items():
             text = part.get(attribute)
             if text is None:
                 continue
-            values = [_number(word) for word in text.split()]
-            # no limit is often written as an infinite one
-            finite = part.tag == "limit" or all(math.isfinite(v) for v in values if v is not None)
+            words = re.split(f"[{_BLANKS}]+", text.strip(_BLANKS))
+            values = [_number(word) for word in words]
+            limit = part.tag == "limit"
+            finite = limit or all(math.isfinite(v) for v in values if v is not None)
             shown = f"{where}: <{part.tag} {attribute}={brief(text)}>"
             if len(values) != count or None in values or not finite:
-                wanted = "a finite number" if count == 1 else f"{count} finite numbers"
-                raise RobotError(f"{shown} should be {wanted}")
-            if part.tag != "limit" and any(abs(v) > LARGEST for v in values if v is not None):
+                kind = "number" if limit else "finite number"
+                wanted = f"a {kind}" if count == 1 else f"{count} {kind}s"
+                raise RobotError(f"{shown} should be {wanted}, as 2, 0.5 or 1e-3")
+            if not limit and any(abs(v) > LARGEST for v in values if v is not None):
                 raise RobotError(f"{shown} should be at most {LARGEST:g} in magnitude")
+            if any(map(_vanishes, words)):
+                raise RobotError(f"{shown} should be 0, or at least 1e-307 in magnitude")
+            part.set(attribute, " ".join(map(_spelled, words)))
 
 
 def _number(word: str) -> float | None:
-    try:
-        return float(word)
-    except ValueError:
-        return None
+    return float(word) if _SPELLING.fullmatch(word) else None
+
+
+def _vanishes(word: str) -> bool:
+    """Whether readers may take a number for zero that is not."""
+    return abs(float(word)) < sys.float_info.min and bool(
+        re.search("[1-9]", word.lower().split("e")[0])
+    )
+
+
+def _spelled(word: str) -> str:
+    value = float(word)
+    return word if math.isfinite(value) else repr(math.copysign(sys.float_info.max, value))
 
 
 def _check_tree(root: ElementTree.Element, urdf: Path) -> None:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 import pinocchio as pin
 import pytest
 from robot_cases import INERTIA, joint, link, urdf
 
 from pinfric.errors import PinfricWarning, RobotError
+from pinfric.model import robot
 from pinfric.model.robot import read_robot
 from pinfric.model.urdf import implausible_body
+from pinfric.study.trajectory.joint_columns import stated_limit, stated_range
 
 
 @pytest.mark.parametrize(
@@ -167,3 +171,72 @@ def test_links_that_never_move_may_say_what_they_like(tmp_path):
     fixed = joint(name="bolt", child="foot", kind="fixed")
     robot = read_robot(urdf(tmp_path, weird, fixed, link("arm"), joint()), {})
     assert robot.model.nv == 1
+
+
+def number_text(mass="2", ixx="0.1", xyz="0.1 0.2 0.3"):
+    body = link("arm", mass, INERTIA.replace('ixx="0.1"', f'ixx="{ixx}"'))
+    body = body.replace("<inertial>", f'<inertial><origin xyz="{xyz}"/>')
+    return body.replace("\t", "&#9;").replace("\n", "&#10;").replace("\r", "&#13;")
+
+
+@pytest.mark.parametrize(
+    "spelling",
+    ["0.2", "+0.2", ".2", "2e-1", "+2.E-01", " 0.2 ", "0.2\t", "\n0.2", "0.2\r", "000.2e0"],
+)
+def test_numbers_are_read_as_they_are_spelled(tmp_path, spelling):
+    file = urdf(tmp_path, number_text(spelling, spelling, f"{spelling} 1\t2"), joint())
+    body = read_robot(file, {}).model.inertias[1]
+    assert body.mass == 0.2
+    np.testing.assert_allclose(body.lever, [0.2, 1.0, 2.0], rtol=1e-15)
+    np.testing.assert_allclose(body.inertia, np.diag([0.2, 0.1, 0.1]), atol=1e-15)
+
+
+NO_NUMBERS = [
+    *("2\N{NO-BREAK SPACE}", "\N{NO-BREAK SPACE}2", "2\N{THIN SPACE}", "2\N{IDEOGRAPHIC SPACE}"),
+    *("1_0", "0_0.1", "\N{FULLWIDTH DIGIT TWO}", "\N{DEVANAGARI DIGIT TWO}", "2\N{NEXT LINE}"),
+    *("2f", "2d0", "0x2", "2,5", "2e", "+ 2", "++2", "", ".", "inf", "nan", "1e400"),
+    *("1e-400", "-1e-310", "0.1e-9999", "0." + 400 * "0" + "1"),
+]
+
+
+@pytest.mark.parametrize("spelling", NO_NUMBERS)
+@pytest.mark.parametrize("place", ["mass", "ixx", "xyz"])
+def test_numbers_that_urdfdom_drops_with_the_whole_body_are_refused(tmp_path, place, spelling):
+    text = number_text(**{place: spelling if place != "xyz" else f"0 {spelling} 0"})
+    with pytest.raises(
+        RobotError, match=r"link 'arm': <(mass|inertia|origin) .* should be"
+    ) as told:
+        read_robot(urdf(tmp_path, text, joint()), {})
+    assert "\n" not in str(told.value)
+
+
+def test_words_beside_numbers_are_refused_in_joints_too(tmp_path):
+    for broken in (joint(axis="0\N{NO-BREAK SPACE}0 1"), joint().replace('"5"', '"5_0"')):
+        with pytest.raises(RobotError, match=r"joint 'swing': <.* should be"):
+            read_robot(urdf(tmp_path, link("arm"), broken), {})
+
+
+@pytest.mark.parametrize("limitless", ["inf", "INFINITY", "+Inf", "1e400"])
+def test_an_infinite_limit_is_none(tmp_path, limitless):
+    swing = joint().replace('"5"', f'"{limitless}"').replace('velocity="2"', 'velocity="inf"')
+    model = read_robot(urdf(tmp_path, link("arm"), swing.replace('"-1"', '"-inf"')), {}).model
+    assert stated_limit(model.effortLimit[0]) == stated_limit(model.velocityLimit[0]) == np.inf
+    assert stated_range(model.lowerPositionLimit[0], model.upperPositionLimit[0]) == (-np.inf, 1.0)
+    with pytest.raises(RobotError, match="effort='nan'> should be a number"):
+        read_robot(urdf(tmp_path, link("arm"), joint().replace('"5"', '"nan"')), {})
+
+
+def test_a_body_that_the_model_lost_is_an_error(tmp_path, monkeypatch):
+    """As urdfdom does where it cannot read a number: the other links stay."""
+    built = robot._from_xml
+
+    def losing(root, mimic):
+        root = copy.deepcopy(root)
+        root.find("link[@name='hand']").clear()
+        root.find("link[3]").set("name", "hand")
+        return built(root, mimic)
+
+    monkeypatch.setattr(robot, "_from_xml", losing)
+    hand = [link("hand"), joint("grip", "arm", "hand", "fixed")]
+    with pytest.raises(RobotError, match=r"'arm' or 'hand' \(1 kg\) than is written \(2 kg\)"):
+        read_robot(urdf(tmp_path, link("arm"), joint(), *hand), {})

@@ -12,6 +12,8 @@ from pinfric.study.check.findings import ANGLES, LENGTHS, Finding, Severity, in_
 from pinfric.study.check.joint_loads import joint_loads
 from pinfric.study.check.robot import RobotFacts
 
+#: An infinite limit is written as the largest float: none is meant.
+_UNLIMITED = 1e300
 #: A turning joint rarely has a limit beyond so many rad; as degrees it would be at most that.
 _MOST_ANGLE, _MOST_DEGREES = 20.0, 720.0
 #: A sliding joint rarely goes so many m, nor so many times as far as the robot reaches.
@@ -75,7 +77,7 @@ def _limits(joint: Any, reach: float) -> Iterator[Finding]:
     if limit is None:
         return
     low, high = limit.lower or 0.0, limit.upper or 0.0
-    widest = max(abs(low), abs(high))
+    widest = max(abs(end) for end in (low, high, 0.0) if abs(end) < _UNLIMITED)
     if joint.type in ("revolute", "prismatic") and low == high == 0.0:
         yield Finding(
             Severity.WARNING,

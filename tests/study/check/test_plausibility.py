@@ -208,3 +208,10 @@ def test_new_writes_the_urdfs_ratios_and_dynamics_and_lists_doubts_once(tmp_path
         scene = pf.load_scene(tmp_path / "out/arm.yaml")
     assert scene.drives[0].transmission.ratio == 120
     assert scene.drives[1].transmission is None
+
+
+def test_limits_that_are_infinite_are_no_finding(tmp_path):
+    """Revolute and sliding; before, Pinocchio refused the file."""
+    file = arm(tmp_path, low="-inf", high="inf")
+    file.write_text(file.read_text().replace('type="revolute"', 'type="prismatic"', 1))
+    assert [f for f in pf.check(file).findings if "range" in f.kind] == []
