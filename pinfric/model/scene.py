@@ -96,6 +96,16 @@ class SiteTables(NamedTuple):
     ratio: np.ndarray
 
 
+def payload_names(attached: Iterable[str] | None) -> tuple[str, ...] | None:
+    """Return the names of the payloads carried, which may be one name or a generator, as a tuple.
+
+    None, the payloads attached by default, stays None.
+    """
+    if attached is None:
+        return None
+    return (attached,) if isinstance(attached, str) else tuple(attached)
+
+
 def expect_scene(scene: object, where: str) -> None:
     """Refuse anything that is not a `Scene`, such as a file's name.
 
@@ -534,7 +544,7 @@ class Scene:
     def _variant(self, attached: Iterable[str] | None) -> tuple[pin.Model, Twin]:
         self.check_unchanged()
         default = (name for name, payload in self.payloads.items() if payload.attached)
-        given = [attached] if isinstance(attached, str) else list(attached or ())
+        given = payload_names(attached) or ()
         if not all(isinstance(name, str) for name in given):
             raise SceneError(
                 f"{self.source}: attached: should be names of payloads "

@@ -40,7 +40,7 @@ from pinfric.model.bearings import Contacts
 from pinfric.model.drives import Gears, write_motor_torques
 from pinfric.model.laws import Laws
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION
-from pinfric.model.scene import Scene, expect_scene
+from pinfric.model.scene import Scene, expect_scene, payload_names
 from pinfric.model.twin import project
 
 
@@ -218,7 +218,7 @@ class Solver:
     def __init__(self, scene: Scene, attached: Iterable[str] | None = None) -> None:
         expect_scene(scene, "Solver")
         self.scene = scene.with_()
-        self._carried = None if attached is None else tuple(attached)
+        self._carried = payload_names(attached)
         self._motors: Workspace | None = None
         self._at_once = self.scene.one_drive_each
         with compiling():

@@ -54,7 +54,7 @@ from pinfric.friction.search import (
 )
 from pinfric.kernels.compiled import KernelArgument, compile_for, compiling
 from pinfric.model.closure import guesses
-from pinfric.model.scene import Scene
+from pinfric.model.scene import Scene, payload_names
 
 #: An effort (N m or N) that no joint at rest can hold.
 _OVERWHELMING = 1e8
@@ -507,6 +507,7 @@ def workspace(
     if attached is None and _LAST.scene() is scene and _LAST.motors == motors:
         scene.check_unchanged()
         return _LAST.found
+    attached = payload_names(attached)  # read twice below
     twin = scene.twin(attached)
     key = "motors" if motors else "forward", threading.get_ident()
     if key not in twin.pools or twin.pools[key].scene is not scene:

@@ -267,8 +267,13 @@ class Motion(Shown):
         return pd.DataFrame(columns)
 
     def save(self, path: str | Path) -> Path:
-        """Write an npz file that `load_motion` reads back, with a digest of the scene's parts."""
-        path = Path(path).with_suffix(".npz")
+        """Write an npz file that `load_motion` reads back, with a digest of the scene's parts.
+
+        A name that does not end in `.npz` gets this ending. Returns the file's path.
+        """
+        path = Path(path)
+        if path.suffix != ".npz":
+            path = path.with_name(f"{path.name}.npz")
         about = {
             "format": FORMAT,
             "method": self.method,

@@ -141,7 +141,7 @@ def _problems(scene: Scene, about: _About, arrays: dict[str, Any]) -> list[str]:
         for name in about.carried or ()
         if name not in scene.payloads
     ]
-    named = {*scene.site_names, *scene.joint_names}
+    named = {*scene.site_names, *scene.joint_names, *scene.actuator_names}
     problems += [
         f"an event names {brief(event[1])}, which is not there"
         for event in about.events

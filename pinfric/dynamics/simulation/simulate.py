@@ -24,7 +24,7 @@ from pinfric.dynamics.simulation.system import Settings, System
 from pinfric.dynamics.simulation.timestepping import step_through
 from pinfric.errors import AccelerationError, SimulationError, StateError, choose_from
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, LONGEST_TIME, SMALLEST, impossible
-from pinfric.model.scene import Scene, expect_scene
+from pinfric.model.scene import Scene, expect_scene, payload_names
 
 #: A run that takes longer than this (s) shows its progress on a terminal.
 _PATIENCE = 2.0
@@ -126,7 +126,7 @@ def simulate(
         longest = _longest_step(made, method, settings.t_end)
         settings = replace(settings, max_step=longest, look=settings.t_end / 250)
     applied = applied_wrenches(scene, external, 1)
-    carried = None if attached is None else tuple(attached)
+    carried = payload_names(attached)
     system = System(Workspace(scene, carried, made.given == "motor_torque"), made, applied)
     record = Recorder(scene, system, method, settings.sample_step, carried)
     with _Progress(progress, settings.t_end) as record.progress:

@@ -304,6 +304,16 @@ def test_payloads_count_where_they_are_attached():
     without = pf.forward_dynamics(scene, [0.0], [0.0], [6.0], attached=[]).a[0]
     assert with_box == pytest.approx(G * np.sin(0.5) + 6 / 3)
     assert without == pytest.approx(G * np.sin(0.5) + 6 / 2)
+    # a generator can be read once; the second call would use the workspace that it left behind
+    bare = pf.Scene(model=model, payloads={"box": payload | {"attached": False}})
+    for attached in ((name for name in ["box"]), ["box"], "box"):
+        assert pf.forward_dynamics(bare, [0.0], [0.0], [6.0], attached=attached).a[0] == with_box
+        solver = bare.solver(attached if attached != "box" else iter(["box"]))
+    assert solver.forward([0.0], [0.0], [6.0]).a[0] == with_box
+    assert bare.solver("box").forward([0.0], [0.0], [6.0]).a[0] == with_box
+    moved = pf.simulate(bare, [0.0], [0.0], [6.0], 0.1, attached=iter(["box"]))
+    assert moved.a[-1, 0] == pytest.approx(with_box)
+    assert moved.carried == ("box",)
 
 
 @pytest.mark.parametrize(

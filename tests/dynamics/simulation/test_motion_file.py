@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from builders import block, plane_friction
+from judges.test_gears import LOSSY, hoist
 from simulation_cases import slope, swing
 
 import pinfric as pf
@@ -157,6 +158,23 @@ def test_a_motion_goes_to_a_file_and_back(method, tmp_path):
     frame = back.to_dataframe()
     assert list(frame.columns[:4]) == ["t", "slide.q", "slide.v", "slide.a"]
     assert "slide.friction" in frame
+
+
+def test_names_with_dots_stay_whole(saved, tmp_path):
+    """Two speeds of a sweep are two files."""
+    _, motion, _ = saved
+    for name in ("speed_0.5", "speed_0.25.npz"):
+        assert motion.save(tmp_path / name).name == f"{name.removesuffix('.npz')}.npz"
+    assert {p.name for p in tmp_path.iterdir()} == {"speed_0.5.npz", "speed_0.25.npz"}
+
+
+def test_a_file_with_an_event_of_a_drive_is_read(tmp_path):
+    """A gear on a joint without friction sticks; its event has the name of the drive."""
+    scene = hoist(LOSSY)
+    scene = scene.with_(actuators=[{**scene.actuators[0].model_dump(), "name": "winch"}])
+    motion = pf.simulate(scene, [0.0], [0.1], t_end=0.3, motor_torque=[-2.0])
+    assert {event.name for event in motion.events} == {"winch"}
+    assert_same(pf.load_motion(motion.save(tmp_path / "hoist"), scene), motion)
 
 
 def test_a_file_of_another_scene_is_refused_and_the_difference_named(tmp_path):
