@@ -645,6 +645,10 @@ def new(
     show(doubts(report))
     for file in files:
         print_line(f"wrote {file}")
+    print_line(
+        "do the links' masses hold the motors and gears? `robot.masses` says so, a guess: `size` "
+        "adds what they do not hold"
+    )
     command = "inverse" if len(files) > 1 else "explain"
     print_line(f"try: pinfric {command} {' '.join(map(str, files))}")
 

@@ -63,6 +63,7 @@ ARM_SCENE = {
         "urdf": "arm.urdf",
         "gravity": [0.0, 0.0, -9.81],
         "urdf_dynamics": "use",
+        "masses": {"shoulder": "with_drives", "others": "without_drives"},
         "payloads": {
             "box": {
                 "link": "ram",

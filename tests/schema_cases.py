@@ -21,6 +21,7 @@ WHOLE = {
             }
         },
         "urdf_dynamics": "ignore",
+        "masses": "with_drives",
     },
     "friction": {
         "joint_12": {

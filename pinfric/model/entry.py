@@ -84,8 +84,8 @@ class Forms:
     """Several ways to write one value, distinguished by type, and mappings by their keys.
 
     Args:
-        forms: entries for mappings, a tuple for lists, a `Literal` for words; the first one is
-            used for values that fit no form.
+        forms: entries or one `dict` for mappings, a tuple for lists, a `Literal` for words; the
+            first one is used for values that fit no form.
     """
 
     def __init__(self, *forms: Any) -> None:
@@ -117,7 +117,8 @@ def _written_as(form: Any) -> str:
     kind = form if isinstance(form, type) else get_origin(form) or type(form)
     if isinstance(kind, type) and issubclass(kind, BaseModel):
         return kind.__name__
-    return {list: "list", tuple: "list", str: "word", Literal: "word"}.get(kind, "number")
+    kinds = {list: "list", tuple: "list", str: "word", Literal: "word", dict: "mapping"}
+    return kinds.get(kind, "number")
 
 
 class Entry(BaseModel):

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, get_args
 
 import numpy as np
 import pinocchio as pin
@@ -35,11 +35,13 @@ from pinfric.model.robot import (
     with_payloads,
 )
 from pinfric.model.schema import (
+    OTHERS,
     Actuator,
     Assumed,
     Friction,
     Loop,
     LoopTolerance,
+    MassesHold,
     Payload,
     Simulation,
     Stops,
@@ -146,6 +148,8 @@ class Scene:
         loop_tolerance: largest errors of parallel or perpendicular axes along loops, and of the
             loops' frames, that are corrected (`alignment`).
         tool: link whose frame is the tool's, for its position error due to elastic gears.
+        masses: "with_drives" or "without_drives": whether the links' masses hold the drives; or by
+            drive, and for `others`; None: not known.
         assumed: which entries are guesses.
         stops: input of `pinfric stop`.
         closed_brakes: drive -> torque (N m) of a closed brake at its motor's shaft: dry friction
@@ -170,6 +174,7 @@ class Scene:
     redundancy_length: float = 0.1
     loop_tolerance: LoopTolerance = field(default_factory=LoopTolerance)
     tool: str | None = None
+    masses: str | Mapping[str, str] | None = None
     assumed: Assumed | None = None
     stops: Stops | None = None
     closed_brakes: Mapping[str, float] = field(default_factory=dict)
@@ -222,6 +227,7 @@ class Scene:
         # errors are raised now, not at first use
         _ = self._made_of, self.linkage, self.sites, self.drives, self.twin()
         self._check_brakes()
+        self._check_masses()
         set_(self, "mobility", self._mobility(doubts))
 
     def _mobility(self, doubts: Mapping[str, str]) -> Mobility:
@@ -516,6 +522,22 @@ class Scene:
                 )
             if not 0.0 <= torque <= LARGEST:
                 raise SceneError(f"{where}.{name}: {torque!r}; should be a torque (N m), 0 or more")
+
+    def _check_masses(self) -> None:
+        where, words = f"{self.source}: robot.masses", get_args(MassesHold)
+        given = self.masses if isinstance(self.masses, Mapping) else {OTHERS: self.masses}
+        for name, word in given.items():
+            if name not in (known := (*self.actuator_names, OTHERS)):
+                raise SceneError(f"{where}: there is no drive {name!r}; {choose_from(name, known)}")
+            if word not in words and self.masses is not None:
+                raise SceneError(f"{where}: should be {' or '.join(words)}, found {word!r}")
+
+    @property
+    def masses_hold(self) -> tuple[bool | None, ...]:
+        """Whether the links' masses hold each drive, in the order of `drives`; None: not known."""
+        given = self.masses if isinstance(self.masses, Mapping) else {OTHERS: self.masses}
+        found = (given.get(name, given.get(OTHERS)) for name in self.actuator_names)
+        return tuple(None if word is None else word == "with_drives" for word in found)
 
     @property
     def elastic(self) -> tuple[int, ...]:

@@ -63,6 +63,7 @@ def load_scene(path: str | Path) -> Scene:
         loop_tolerance=entries.loop_tolerance,
         redundancy_length=entries.redundancy.length,
         tool=entries.tool,
+        masses=entries.robot.masses,
         assumed=entries.assumed,
         stops=entries.stops,
     )
@@ -74,8 +75,11 @@ def guesses_line(assumed: Assumed) -> str:
     for place in assumed.values:
         entry, _, key = place.rpartition(".")
         places.setdefault(entry, []).append(key)
+    whole = [f"{entry}.{key}" for entry in ("robot",) for key in places.pop(entry, [])]
     count = Counter(", ".join(keys) for keys in places.values())
-    of = "; ".join(f"{keys} of {counted(number, 'joint')}" for keys, number in count.items())
+    of = "; ".join(
+        [*whole, *(f"{keys} of {counted(number, 'joint')}" for keys, number in count.items())]
+    )
     return (
         f"{len(assumed.values)} entries are guesses of `{assumed.by}` ({of}); `assumed` lists "
         "them: replace them by data sheets or by what you identify"

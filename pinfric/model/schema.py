@@ -63,6 +63,12 @@ class Payload(Entry):
     ] = True
 
 
+#: Whether the masses of the links hold a drive: its motor, gear and brake.
+MassesHold = Literal["with_drives", "without_drives"]
+#: In place of a drive's name: all drives that are not named.
+OTHERS = "others"
+
+
 class RobotEntry(Entry):
     """The URDF, gravity, locked joints and payloads."""
 
@@ -90,6 +96,15 @@ class RobotEntry(Entry):
         Literal["ignore", "use"],
         key("whether to take the URDF's <dynamics> as `coulomb` and `viscous`", "use"),
     ] = "ignore"
+    masses: Annotated[
+        dict[str, MassesHold] | MassesHold | None,
+        Forms(dict[str, MassesHold], MassesHold),
+        key(
+            "whether the links' masses hold the drives (motors, gears, brakes), or which drives, "
+            "and `others`; `size` adds the mass of those they do not hold",
+            "with_drives",
+        ),
+    ] = None
 
 
 def _added_term(named: tuple[str, Any] | str) -> FrictionTerm | None:
@@ -566,6 +581,11 @@ class SceneFile(Entry):
     @model_validator(mode="after")
     def _guesses_are_there(self) -> SceneFile:
         for place in self.assumed.values if self.assumed else ():
+            if place == "robot.masses" and self.robot.masses is None:
+                raise ValueError(
+                    "`assumed.values` has `robot.masses`, which this scene does not have; delete "
+                    "its line"
+                )
             if not place.startswith("friction."):
                 continue
             joint, _, name = place.removeprefix("friction.").rpartition(".")

@@ -9,6 +9,7 @@ from robot_cases import joint, link, scene, urdf
 
 import pinfric as pf
 from pinfric.errors import PinfricWarning, RobotError, SceneError
+from pinfric.model.scene_file import bundled_folder
 
 
 @pytest.mark.parametrize(
@@ -62,3 +63,36 @@ def test_reductions_of_the_urdf_are_mentioned_until_actuators_name_them(tmp_path
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         pf.load_scene(scene(tmp_path, named))
+
+
+def test_a_scene_says_whose_masses_the_links_have():
+    """Of all drives, by drive, or not at all; of UR's URDF, whose 32.7 kg are a whole UR10."""
+    arm = pf.load_scene("ur10_machine_tending")
+    assert arm.masses_hold == (True,) * 6
+    assert pf.load_scene("scara").masses_hold == (False,) * 3
+    by_drive = arm.with_(masses={"elbow_joint": "without_drives", "others": "with_drives"})
+    assert by_drive.masses_hold == (True, True, False, True, True, True)
+    only = arm.with_(masses={"elbow_joint": "without_drives"})
+    assert only.masses_hold == (None, None, False, None, None, None)
+    assert arm.with_(masses=None).masses_hold == (None,) * 6
+    for wrong, says in (
+        ({"elbow": "with_drives"}, "masses: there is no drive 'elbow'; did you mean 'elbow_joint'"),
+        ("with", "masses: should be with_drives or without_drives, found 'with'"),
+        ({"others": None}, "found None"),
+    ):
+        with pytest.raises(SceneError, match=says):
+            arm.with_(masses=wrong)
+
+
+def test_a_scene_that_says_otherwise_whose_masses_it_has_is_refused(tmp_path):
+    urdf(tmp_path, link("arm"), joint())
+    file = scene(tmp_path, "robot: {urdf: robot.urdf, masses: with_drive}")
+    with pytest.raises(SceneError, match=r"`robot\.masses`: should be 'with_drives' or 'wi"):
+        pf.load_scene(file)
+
+
+def test_bundled_scenes_say_whose_masses_they_have():
+    files = [f for f in bundled_folder().glob("*.yaml") if "." not in f.stem]
+    assert len(files) == 13
+    for file in files:
+        assert None not in pf.load_scene(file).masses_hold, file

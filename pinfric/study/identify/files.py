@@ -103,6 +103,8 @@ def scene_text(found: Findings, robot: Robot, folder: Path) -> str:
     section: dict[str, Any] = {"urdf": urdf, "gravity": scene.model.gravity.linear.tolist()}
     if robot.locked:
         section["locked"] = dict(robot.locked)
+    if scene.masses is not None:
+        section["masses"] = scene.masses
     if scene.payloads:
         section["payloads"] = {name: _dump(payload) for name, payload in scene.payloads.items()}
     content: dict[str, Any] = {

@@ -18,6 +18,7 @@ from pinfric.errors import CatalogError
 from pinfric.model.brakes import HoldingBrake
 from pinfric.model.entry import Entry, Forms, NonNegative, Number, Positive, Version, key, parse
 from pinfric.model.friction_terms import constant_friction, linear_drag
+from pinfric.model.schema import OTHERS as OTHERS
 from pinfric.model.springs import Stiffness
 from pinfric.model.transmission import (
     BackDriving,
@@ -28,8 +29,6 @@ from pinfric.model.transmission import (
 )
 from pinfric.study.sizing.bearing import BearingRatings
 
-#: In place of a drive's name: all drives that are not named.
-OTHERS = "others"
 #: Ambient temperature to which makers refer resistances and ratings, degrees Celsius.
 REFERENCE_TEMPERATURE = 25.0
 
