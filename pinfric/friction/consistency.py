@@ -135,11 +135,11 @@ def _judge_resting(problem: Problem, modes: Modes) -> int:
             terms += abs(problem.rate_slope[c, d] * modes.friction[d])
         if modes.stuck[c]:
             slack = ROUNDING * (limit_width(lower[c], upper[c]) + terms / problem.rate_slope[c, c])
-            if x > upper[c] + slack:
-                verdict[c] = -1
-            elif x < lower[c] - slack:
+            if x < lower[c] - slack:
                 verdict[c] = 1
-        elif modes.direction[c] * modes.rate[c] < -ROUNDING * terms:
+            elif not x <= upper[c] + slack:  # nor does what is not a number obey
+                verdict[c] = -1
+        elif not modes.direction[c] * modes.rate[c] >= -ROUNDING * terms:
             verdict[c] = SHOULD_STICK
         wrong += verdict[c] != 0
     return wrong

@@ -225,7 +225,9 @@ def _enumerate(
                 consistent = [one for one in consistent if one.stuck[stay].all()] or consistent
             if consistent:
                 modes.take(consistent[0])
-                query.settle()  # others were tried since
+                solutions, _ = query.settle()  # others were tried since
+                if solutions <= 0 or not _same(modes, consistent[0]):
+                    return Found.UNDECIDED
                 return Found.SOLVED if len(consistent) == 1 else Found.AMBIGUOUS
     return status
 

@@ -195,3 +195,34 @@ def test_a_search_that_runs_out_of_passes_is_followed_to_a_solution_or_undecided
     assert [found for found, _ in ended] == [Found.UNDECIDED, Found.SOLVED, Found.SOLVED]
     assert ended[1][1] == ended[2][1]
     assert np.count_nonzero(ended[1][1]) > 1  # beyond what 8 passes enumerate
+
+
+@pytest.mark.parametrize("worth", [(-1, 0), (0, 0)])
+def test_an_answer_that_does_not_come_again_is_none(worth):
+    """With gears each mode has lines of its own: the modes kept are solved again at the end.
+
+    Whether that gave anything was not asked.
+    """
+    p = random_problem(3, nc=2, strength=0.05, static=1.0)
+    m, mechanism = Modes.of(2, 2), a_tree(2)
+    m.at_rest[:] = True
+    tried = {}
+
+    def settle(falls):
+        key = m.direction.tobytes()
+        tried[key] = tried.get(key, 0) + 1
+        if tried[key] == 1:
+            return solve(p, m, mechanism)
+        m.friction[:] = np.nan
+        return worth
+
+    lines = search.Lines(settle, np.ones((2, 2), dtype=bool), 0)
+    assert search.search(p, m, mechanism, lines=lines) == Found.UNDECIDED
+
+
+def test_what_is_not_a_number_obeys_no_law():
+    p = random_problem(3, nc=2, strength=0.05)
+    m = Modes.of(2, 2)
+    m.at_rest[:], m.stuck[:], m.friction[:] = True, [True, False], np.nan
+    evaluate(p, m.friction, m.load, m.rate)
+    assert judge(p, m) == 2

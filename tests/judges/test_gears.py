@@ -11,12 +11,16 @@ from builders import geared_arm, random_states, random_tree
 from judges.gear_enumeration import Arm, fewest, judge, locking_arm, random_arm, random_state
 
 import pinfric as pf
+from pinfric.dynamics.forward.workspace import Workspace
 from pinfric.errors import (
     AmbiguousAcceleration,
     GearJam,
+    NoConsistentAcceleration,
     SceneError,
     StateError,
+    UndecidedAcceleration,
 )
+from pinfric.friction.modes import Found
 from pinfric.model.friction_terms import CoulombFriction
 
 G = 9.81
@@ -195,6 +199,59 @@ def test_worms_side_by_side_are_lowered_at_once(count):
     still, torque = np.zeros(count), np.full(count, -30.0 / 50)
     found = pf.forward_dynamics(scene, still, still, motor_torque=torque)
     np.testing.assert_allclose(found.a, -9.38 / 3, rtol=1e-12)
+
+
+@pytest.mark.parametrize("count", [8, 9, 12])
+@pytest.mark.parametrize("lowered", [0, 2])
+def test_one_of_many_joints_at_rest_slips_whatever_else_rests(count, lowered):
+    """Pushed with 10: t = 0.8 10 = 8, 1 kg, friction 1: a = 7. Worms: as those side by side above.
+
+    Beyond eight joints at rest the loads of gears that slip were written over what was found.
+    """
+    model = pin.Model()
+    for k in range(count):
+        kind = pin.JointModelPZ() if k < lowered else pin.JointModelPX()
+        joint = model.addJoint(0, kind, pin.SE3.Identity(), f"slide_{k}")
+        mass = 10.0 if k < lowered else 1.0
+        body = pin.Inertia(mass, np.zeros(3), 0.01 * np.eye(3))
+        model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+    names = tuple(model.names)[1:]
+    lossy = {"ratio": 1.0, "efficiency": 0.8, "back_efficiency": 0.7}
+    worm = {**WORM, "rotor_inertia": 5.0 / 50**2}
+    actuators = [
+        {"joint": name, "transmission": worm if k < lowered else lossy}
+        for k, name in enumerate(names)
+    ]
+    coulomb = {"coulomb": {"static": 1.0, "kinetic": 1.0}}
+    scene = pf.Scene(
+        model=model, friction=dict.fromkeys(names[lowered:], coulomb), actuators=actuators
+    )
+    still, torque, wanted = np.zeros(count), np.zeros(count), np.zeros(count)
+    torque[:lowered], wanted[:lowered] = -30.0 / 50, -9.38 / 3
+    torque[lowered], wanted[lowered] = 10.0, 7.0
+    found = pf.forward_dynamics(scene, still, still, motor_torque=torque)
+    np.testing.assert_allclose(found.a, wanted, rtol=1e-12)
+    assert found.friction[0] == pytest.approx(-1.0)
+    for method in ("event", "timestepping"):
+        motion = pf.simulate(scene, still, still, None, 0.1, method, motor_torque=torque)
+        np.testing.assert_allclose(motion.v[-1], 0.1 * wanted, rtol=1e-9)
+
+
+def test_a_gear_that_may_jam_does_not_hide_how_the_search_ended():
+    """Only where no acceleration was found is the jam itself the finding; else it is added."""
+    worm = {**WORM, "rotor_inertia": (2.0 - 1e-9) / 50**2}
+    ws = Workspace(hoist(worm), motors=True)
+    still, down = np.zeros(1), np.array([-0.1])
+    ws.assemble(still, down, np.array([-0.2 * 98.1 - 1.0]))
+    for found, kind in (
+        (Found.NONE, GearJam),
+        (Found.AMBIGUOUS, AmbiguousAcceleration),
+        (Found.UNDECIDED, UndecidedAcceleration),
+        (Found.NOT_CONVERGED, NoConsistentAcceleration),
+    ):
+        error = ws.failures.failure(found, ws.state)
+        assert type(error) is kind
+        assert "above 0.0008 kg m^2" in str(error)
 
 
 @pytest.mark.parametrize("first", range(0, 300, 50))

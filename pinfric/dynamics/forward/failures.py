@@ -88,7 +88,8 @@ class Failures:
 
     def failure(self, found: Found, state: State) -> AccelerationError:
         """Return the error with the reason and the joint for which no acceleration was found."""
-        if jam := self._jam(state):
+        jam = self._jam(state)
+        if jam and found == Found.NONE:
             return jam
         contraction, resting = self._modes.figures[0], int(self._modes.at_rest.sum())
         finding: type[AccelerationError] = NoConsistentAcceleration
@@ -112,6 +113,8 @@ class Failures:
             )
         elif resting > MOST_ENUMERATED:
             reason += f"; with more than {MOST_ENUMERATED} joints at rest not every mode is tried"
+        if jam:
+            reason += f"; joint {jam.site!r}: {jam.reason}"
         return finding(*self._as_given(state), self._worst_site(), reason, given=self._given)
 
     def _as_given(self, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

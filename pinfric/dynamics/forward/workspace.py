@@ -297,8 +297,9 @@ class Workspace:
             self.couple()
         start, found = m.copy(), attempt(self._lines(delivered))
         if len(self.mechanism.joints(start.at_rest)) > MOST_ENUMERATED:
-            for loads in gears.let_fall(start, delivered):
-                if found in (Found.SOLVED, Found.UNDECIDED):
+            others = gears.let_fall(start, delivered)  # each step of it overwrites what was found
+            while found not in (Found.SOLVED, Found.UNDECIDED):
+                if (loads := next(others, None)) is None:
                     break
                 found = attempt(self._lines(loads))
                 falls = start.at_rest & ~m.at_rest

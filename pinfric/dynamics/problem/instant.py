@@ -148,7 +148,7 @@ def accelerations_under_friction(machine: Machine, a: np.ndarray) -> None:
             part = a_map[i, 1 + c] * x[c]
             total += part
             terms += abs(part)
-        a[i] = total if abs(total) > share * terms else 0.0
+        a[i] = 0.0 if abs(total) <= share * terms else total  # what is not a number stays
 
 
 @kernel

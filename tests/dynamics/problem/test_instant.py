@@ -135,3 +135,11 @@ def test_what_pinocchio_holds_is_seen_without_a_copy_and_else_copied(joints, mon
         np.testing.assert_array_equal(live.supply.force[j], data.f[j].vector)
         full = data.oYcrb[j].inertia
         np.testing.assert_array_equal(live.supply.inertia[j], full[np.tril_indices(3)])
+
+
+def test_friction_that_is_not_a_number_gives_no_acceleration():
+    ws = Workspace(tree(1))
+    q, v, u = (x[0] for x in random_states(ws.scene.model, 1, 1))
+    ws.solve(q, v, u)
+    ws.modes.stuck[:], ws.modes.friction[:] = True, np.nan
+    assert np.isnan(ws.accelerations()).all()
