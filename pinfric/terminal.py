@@ -8,6 +8,7 @@ from __future__ import annotations
 import inspect
 import json
 import os
+import re
 import sys
 import time
 import warnings
@@ -31,6 +32,9 @@ if TYPE_CHECKING:
 
 #: Exit code where the reader of our output left.
 NO_READER = 141
+
+#: What matplotlib warns of where a font has no such letter.
+_NO_LETTER = re.compile(r"Glyph \d+ .*missing from")
 
 #: The warnings of this run and the files that it read, for its JSON.
 noticed: list[str] = []
@@ -236,8 +240,9 @@ def progress(what: str) -> Iterator[Callable[[int, int], None]]:
 
 
 def as_text(content: Mapping[str, Any]) -> str:
-    """Return a dictionary as the JSON that is printed and written."""
-    return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
+    """Return a dictionary as the JSON that is printed and written; bytes of no UTF-8 escaped."""
+    text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
+    return re.sub("[\ud800-\udfff]", lambda half: f"\\u{ord(half[0]):04x}", text)
 
 
 def print_line(text: str) -> None:
@@ -293,6 +298,11 @@ def warnings_as_notices() -> Iterator[None]:
         ) -> None:
             if issubclass(category, PinfricWarning):
                 notice(str(message))
+            elif _NO_LETTER.match(str(message)):  # matplotlib's, once per letter
+                notice(
+                    "the pictures show boxes for letters of names that no font here has; install "
+                    "one that has them, such as Noto Sans CJK"
+                )
             else:
                 as_python_does(message, category, filename, lineno, file, line)
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -258,3 +260,29 @@ def test_sweep_into_the_folder_of_another_is_refused(files, capsys):
     (files / "s.yaml").write_text(SWEEP.replace("seed: 1", "seed: 2"))
     assert run("sweep", "arm.yaml", "way.yaml", "s.yaml", "--out", "out") == 2
     assert "holds samples of another sweep (different: sweep)" in capsys.readouterr().err
+
+
+def test_names_that_are_not_utf_8_hold_results(files, capsys):
+    """Of JSON, Parquet and pictures; before, Arrow and JSON ended in an internal error."""
+    folder = files / os.fsdecode(b"robot \xff")
+    folder.mkdir()
+    for name in ("arm.urdf", "arm.yaml", "way.yaml"):
+        shutil.copy(files / name, folder)
+    scene, way = str(folder / "arm.yaml"), str(folder / "way.yaml")
+    assert run("inverse", scene, way, "--out", str(folder / "found")) == 0
+    written = json.loads((folder / "found/summary.json").read_text(encoding="utf-8"))
+    assert written["scene"] == scene
+    (files / "vary.yaml").write_text(SWEEP)
+    assert run("sweep", "arm.yaml", "way.yaml", "vary.yaml", "--out", str(folder / "vary")) == 0
+    assert (folder / "vary/samples.parquet").stat().st_size > 0
+    assert "internal" not in capsys.readouterr().err
+
+
+def test_a_name_without_letters_in_any_font_is_one_line(files, capsys):
+    for name in ("arm.urdf", "arm.yaml"):
+        text = (files / name).read_text().replace("shoulder", "\U00012000\U00012001")
+        (files / name).write_text(text)
+    assert run("inverse", "arm.yaml", "way.yaml", "--out", "found") == 0
+    said = capsys.readouterr().err
+    assert "Glyph" not in said
+    assert said.count("the pictures show boxes for letters of names that no font here has") == 1

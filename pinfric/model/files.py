@@ -12,7 +12,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from pinfric.errors import PinfricError
-from pinfric.model.yamlfile import brief_path
+from pinfric.model.yamlfile import brief, brief_path
 
 #: Writes a whole file to the path it is given.
 Writer = Callable[[Path], object]
@@ -66,6 +66,12 @@ def write_folder(folder: str | Path, writers: Mapping[str, Writer]) -> list[Path
             _put_in_place(unfinished, folder, list(writers))
     except OSError as problem:
         raise PinfricError(f"{folder}: cannot be written: {problem.strerror or problem}") from None
+    except UnicodeEncodeError as problem:
+        found = brief(problem.object[max(0, problem.start - 40) : problem.end])
+        raise PinfricError(
+            f"{folder}: cannot be written: a file's name in it is not in UTF-8 ({found}); rename "
+            "that file or its folder"
+        ) from None
     finally:
         for new in made:
             if new.is_dir() and not any(new.iterdir()):

@@ -113,6 +113,8 @@ def find_file(path: str | Path, suffixes: tuple[str, ...], error: type[Exception
     if not str(path):  # as a path it would be the current folder
         raise error(f"the name of the {error.__name__.removesuffix('Error').lower()} is empty")
     path = Path(path)
+    if path.name.encode(errors="replace") != os.fsencode(path.name):  # titles show it
+        raise error(f"{path}: its name is not in UTF-8; rename it")
     try:
         if path.exists() and not path.is_dir():  # also a pipe: <(...)
             return path

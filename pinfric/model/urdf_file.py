@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 import xml.etree.ElementTree as ElementTree
+from importlib.util import find_spec
 from pathlib import Path
 
-from pinfric.errors import RobotError
+from pinfric.errors import RobotError, cut
+from pinfric.model.yamlfile import bounded
 
 #: What other robot files begin with, and how to get a URDF from them.
 _OTHERS = {
@@ -15,6 +19,8 @@ _OTHERS = {
     "mujocoinclude": "MJCF, as MuJoCo writes it",
     "COLLADA": "a Collada mesh",
 }
+#: Seconds within which xacro expands: the largest robots take one.
+_PATIENCE = 20
 #: What a robot without a name is called.
 NAMELESS = "robot"
 
@@ -39,7 +45,7 @@ def read_xml(urdf: Path) -> ElementTree.Element:
 
 def _parsed(urdf: Path) -> ElementTree.Element:
     try:
-        content = urdf.read_bytes()
+        content = bounded(urdf, RobotError)
     except OSError as problem:
         raise RobotError(f"{urdf}: cannot be read: {problem.strerror}") from None
     if not content.strip():
@@ -62,22 +68,48 @@ def _is_xacro(root: ElementTree.Element) -> bool:
     return False
 
 
+#: Expands the xacro file that is its argument, on stdout; on stderr why it does not. What an
+#: expression raises may quote any file that it read, so only the name of an unknown symbol is told.
+_EXPAND = """
+import resource, sys
+for kind, most in (resource.RLIMIT_AS, 2**32), (resource.RLIMIT_CPU, int(sys.argv[3])):
+    resource.setrlimit(kind, (most, most))
+from xacrodoc import XacroDoc, packages
+try:
+    packages.walk_up_from(sys.argv[1])
+    # included, not read: only so do its own includes count from its folder
+    made = XacroDoc.from_includes([sys.argv[1]], name=sys.argv[2], resolve_packages=False)
+    sys.stdout.buffer.write(made.to_urdf_string().encode())
+except Exception as problem:
+    inner, text = problem, str(problem)
+    while getattr(inner, "exc", None) is not None:
+        inner = inner.exc
+    before, within, expression = text.partition("when evaluating")
+    if within and "is not defined" not in before:
+        text = f"{type(inner).__name__} {within}{expression}"
+    sys.exit(text or type(problem).__name__)
+"""
+
+
 def _expanded(urdf: Path, root: ElementTree.Element) -> ElementTree.Element:
-    try:
-        from xacrodoc import XacroDoc, packages
-    except ImportError:
+    """Expand in a process of its own: an expression may take any time and memory."""
+    if find_spec("xacrodoc") is None:
         raise RobotError(
             f"{urdf}: is xacro: install the extra (pip install 'pinfric[xacro]'), or expand it "
             f"yourself (xacro {urdf.name} > robot.urdf)"
-        ) from None
-    path = urdf.resolve()
-    try:
-        packages.walk_up_from(path)
-        # included, not read: only so do its own includes count from its folder
-        document = XacroDoc.from_includes(
-            [str(path)], name=root.get("name") or NAMELESS, resolve_packages=False
         )
-        return ElementTree.fromstring(document.to_urdf_string())
-    except Exception as problem:  # of xacro, its expressions, its includes, its packages
-        reason = " ".join(str(problem).split()) or type(problem).__name__
-        raise RobotError(f"{urdf}: is xacro and does not expand: {reason}") from None
+    failed = f"{urdf}: is xacro and does not expand"
+    given = [str(urdf.resolve()), root.get("name") or NAMELESS, str(_PATIENCE)]
+    try:
+        ended = subprocess.run(
+            [sys.executable, "-P", "-c", _EXPAND, *given], capture_output=True, timeout=_PATIENCE
+        )
+    except subprocess.TimeoutExpired:
+        raise RobotError(f"{failed} in {_PATIENCE} s") from None
+    if ended.returncode:
+        said = " ".join(ended.stderr.decode(errors="replace").split())
+        raise RobotError(f"{failed}: {cut(said, 300) or 'its process was killed'}")
+    try:
+        return ElementTree.fromstring(ended.stdout)
+    except ElementTree.ParseError as problem:
+        raise RobotError(f"{failed}: its result is not well-formed XML ({problem})") from None

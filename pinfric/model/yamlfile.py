@@ -24,6 +24,8 @@ FORMATS = {
 }
 #: Letters of a value that a message repeats: enough to find it in the file.
 _SHOWN = 80
+#: Bytes of a file that is read as a whole, 64 MiB; a large catalogue has a tenth.
+_LARGEST_FILE = 2**26
 #: Aliases may repeat what they point to this often; ten levels of ten make 10^10 nodes of a page.
 _MOST_REPEATS = 100
 
@@ -39,7 +41,7 @@ def read_yaml(path: Path, error: type[PinfricError], kind: str = "") -> dict[str
     from ruamel.yaml.error import YAMLError
 
     try:
-        content = _load(path.read_text(encoding="utf-8"))
+        content = _load(bounded(path, error).decode("utf-8"))
     except FileNotFoundError:
         raise error(f"there is no file {brief_path(path)}") from None
     except OSError as problem:
@@ -67,6 +69,20 @@ def read_yaml(path: Path, error: type[PinfricError], kind: str = "") -> dict[str
         options = "--motors takes a motors file, --catalog a catalogue"
         hint = order if {kind, other} <= set(list(FORMATS)[:3]) else options
         raise error(f"{path}: is a {FORMATS[other]}, not a {FORMATS[kind]}; {hint}")
+    return content
+
+
+def bounded(path: Path, error: type[PinfricError], most: int = _LARGEST_FILE) -> bytes:
+    """Return a file's bytes, at most so many.
+
+    Raises:
+        PinfricError: `error`: it is larger than any that is meant, as a device without end is.
+        OSError: it cannot be read.
+    """
+    with path.open("rb") as file:
+        content = file.read(most + 1)
+    if len(content) > most:
+        raise error(f"{brief_path(path)}: is larger than {most / 2**20:.0f} MiB")
     return content
 
 

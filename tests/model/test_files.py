@@ -110,3 +110,9 @@ def test_the_hash_of_a_folder_is_of_the_names_and_contents_of_its_data_files(tmp
     second = file_hash(tmp_path)
     (tmp_path / "b.yaml").rename(tmp_path / "d.yaml")
     assert len({first, second, file_hash(tmp_path)}) == 3
+
+
+def test_text_with_a_name_that_is_not_utf_8_is_refused(tmp_path):
+    with pytest.raises(PinfricError, match=r"a file's name in it is not in UTF-8 \('.*\\udcff'\)"):
+        write_folder(tmp_path / "a", {"x": lambda path: path.write_text("a\udcff", "utf-8")})
+    assert list(tmp_path.iterdir()) == []

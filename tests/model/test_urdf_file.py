@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-
 import pytest
 
 import pinfric as pf
@@ -55,15 +53,38 @@ def test_xacro_that_does_not_expand_says_why(arm, capfd):
     assert capfd.readouterr() == ("", "")
 
 
+def test_xacro_that_never_ends_is_stopped(arm, monkeypatch):
+    pytest.importorskip("xacrodoc")
+    monkeypatch.setattr("pinfric.model.urdf_file._PATIENCE", 2)
+    arm.write_text(ARM.replace("${pi}", "${9**9**9}"))
+    with pytest.raises(RobotError, match=r"arm\.urdf\.xacro: is xacro and does not expand"):
+        read_robot(arm, {})
+    arm.write_text(ARM.replace("${pi}", "${len('x' * 10**11)}"))
+    with pytest.raises(RobotError, match="does not expand: MemoryError when evaluating"):
+        read_robot(arm, {})
+
+
+@pytest.mark.parametrize("wrong", ["xacro.load_yaml('other')", "int(xacro.load_yaml('list')[0])"])
+def test_errors_of_xacro_do_not_quote_other_files(arm, wrong):
+    pytest.importorskip("xacrodoc")
+    (arm.parent / "other").write_text("root: [secret: x: y")
+    (arm.parent / "list").write_text("[secret]")
+    arm.write_text(ARM.replace("${pi}", f"${{{wrong}}}"))
+    with pytest.raises(RobotError, match=r"does not expand: .*Error when evaluating") as told:
+        read_robot(arm, {})
+    assert "secret" not in str(told.value)
+    assert "\n" not in str(told.value)
+
+
 def test_xacro_without_its_extra_says_how_to_expand_it(arm, monkeypatch):
-    monkeypatch.setitem(sys.modules, "xacrodoc", None)
+    monkeypatch.setattr("pinfric.model.urdf_file.find_spec", lambda name: None)
     says = r"is xacro: install.*pinfric\[xacro\].*xacro arm\.urdf\.xacro > robot\.urdf"
     with pytest.raises(RobotError, match=says):
         read_robot(arm, {})
 
 
 def test_what_xacro_has_expanded_needs_no_extra(tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "xacrodoc", None)
+    monkeypatch.setattr("pinfric.model.urdf_file.find_spec", lambda name: None)
     file = tmp_path / "robot.urdf"
     file.write_text(f'<robot name="r" {NAMESPACE}><link name="base"/></robot>')
     assert read_xml(file).get("name") == "r"

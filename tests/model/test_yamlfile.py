@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from pinfric.errors import SceneError
@@ -112,3 +114,8 @@ def test_what_is_written_is_read_back_with_comments_beside_it(tmp_path):
     assert "    mu: {static: 0.25, kinetic: 5.0e-05} # per load\n" in text
     assert "'#2' # the second\n" in text
     assert yaml_line(["a: b", 6e-5, None, [1e300]]) == "['a: b', 6.0e-05, null, [1.0e+300]]"
+
+
+def test_a_file_without_end_is_refused():
+    with pytest.raises(SceneError, match=r"^/dev/zero: is larger than 64 MiB$"):
+        read_yaml(Path("/dev/zero"), SceneError)

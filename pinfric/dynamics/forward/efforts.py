@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import inspect
+import io
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,7 +17,7 @@ from pinfric.model.arrays import real_numbers
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, impossible
 from pinfric.model.scene import Scene
 from pinfric.model.schema import SineEffort, TableEffort
-from pinfric.model.yamlfile import brief, brief_path
+from pinfric.model.yamlfile import bounded, brief, brief_path
 
 EffortFunction = Callable[[float, np.ndarray, np.ndarray], Any]
 
@@ -217,8 +218,8 @@ def _csv_column(scene: Scene, table: str, name: str, given: str) -> Effort:
     path = Path(scene.source).parent / table
     where = f"{scene.source}: simulation.{given}.{name}.table: {brief_path(path)}"
     try:
-        with path.open(newline="") as file:
-            rows = [row for row in csv.reader(file) if row and not row[0].startswith("#")]
+        file = io.StringIO(bounded(path, SimulationError).decode("utf-8"), newline="")
+        rows = [row for row in csv.reader(file) if row and not row[0].startswith("#")]
     except (OSError, ValueError, csv.Error) as problem:  # also a name that no file system takes
         reason = getattr(problem, "strerror", None) or brief(str(problem))
         raise SimulationError(f"{where}: cannot be read: {reason}") from None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import zipfile
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -15,7 +16,10 @@ from pinfric.errors import SimulationError, problems_line
 from pinfric.model.entry import Entry, parse
 from pinfric.model.magnitudes import impossible
 from pinfric.model.scene import Scene, expect_scene
-from pinfric.model.yamlfile import brief, brief_path
+from pinfric.model.yamlfile import bounded, brief, brief_path
+
+#: Bytes of a motion and of its arrays, 1 GiB.
+_LARGEST = 2**30
 
 
 class _About(Entry):
@@ -78,12 +82,15 @@ def load_motion(path: str | Path, scene: Scene) -> Motion:
 
 def _contents(path: Path, where: str) -> tuple[Any, dict[str, Any]]:
     try:
-        content = path.read_bytes()
+        content = bounded(path, SimulationError, _LARGEST)
     except OSError as problem:
         raise SimulationError(
             f"{where}: is not a motion that can be read: {problem.strerror or problem}"
         ) from None
     try:
+        with zipfile.ZipFile(io.BytesIO(content)) as parts:
+            if sum(part.file_size for part in parts.infolist()) > _LARGEST:
+                raise ValueError(f"more than {_LARGEST / 2**20:.0f} MiB")
         with np.load(io.BytesIO(content), allow_pickle=False) as file:
             about = json.loads(str(file["about"]))
             wanted = [*ARRAYS, *(["motor_torque"] if "motor_torque" in file else [])]

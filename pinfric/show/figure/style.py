@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import AbstractContextManager
+from functools import cache
 
 #: Colours of text: what is read first, what is read second; of grids.
 INK, QUIET, GRID = "#222222", "#6B6B6B", "#E6E6E6"
@@ -12,6 +13,18 @@ SKY, YELLOW, PURPLE = "#56B4E9", "#F0E442", "#CC79A7"
 BAND, PALE_RED = "#A9CFE8", "#F2B38B"
 
 
+#: Fonts that have the Chinese, Japanese and Korean letters that DejaVu lacks.
+_FALLBACK = ("Noto Sans CJK JP", "Noto Sans CJK SC", "WenQuanYi Micro Hei", "IPAGothic")
+
+
+@cache
+def _others() -> list[str]:
+    """Those of the fallback that are here: matplotlib logs a line of each that is not."""
+    from matplotlib.font_manager import get_font_names
+
+    return sorted(set(_FALLBACK) & set(get_font_names()), key=_FALLBACK.index)
+
+
 def style() -> AbstractContextManager[None]:
     """Let matplotlib draw as all pictures do; places are ours, whatever layout a user has on."""
     from matplotlib import rc_context
@@ -19,7 +32,7 @@ def style() -> AbstractContextManager[None]:
     return rc_context(
         {
             "font.size": 8.5,
-            "font.family": "DejaVu Sans",
+            "font.family": ["DejaVu Sans", *_others()],
             "axes.edgecolor": QUIET,
             "axes.spines.top": False,
             "axes.spines.right": False,

@@ -17,7 +17,7 @@ from pydantic import Field, model_validator
 from pinfric.errors import CatalogError, PinfricError, choose_from
 from pinfric.model.entry import Entry, Forms, key, parse
 from pinfric.model.files import write_file
-from pinfric.model.yamlfile import brief, read_yaml, yaml_text
+from pinfric.model.yamlfile import bounded, brief, read_yaml, yaml_text
 from pinfric.study.sizing.catalog import (
     BearingEntry,
     Brake,
@@ -166,7 +166,7 @@ def _rows(
 ) -> Iterator[tuple[int, dict[str, str], bool]]:
     """Yield (line, column -> text, whether commas are decimal) of each row that is not blank."""
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = bounded(path, CatalogError).decode("utf-8-sig")
     except (OSError, UnicodeDecodeError) as problem:
         reason = getattr(problem, "strerror", None) or "is not UTF-8 text; save it as CSV UTF-8"
         raise CatalogError(f"{path}: cannot be read: {reason}") from None

@@ -178,7 +178,8 @@ class Store:
         )
         part = path.with_name(f".{path.name}.part")
         try:
-            pq.write_table(table, part, write_page_checksum=True)
+            with part.open("wb") as opened:  # Arrow takes no name that is not in UTF-8
+                pq.write_table(table, opened, write_page_checksum=True)
             os.replace(part, path)
         except OSError as problem:
             part.unlink(missing_ok=True)
@@ -240,7 +241,8 @@ def _contents(file: Path) -> tuple[dict[str, str], dict[str, Any]]:
     """
     import pyarrow.parquet as pq
 
-    table = pq.read_table(file, page_checksum_verification=True)
+    with file.open("rb") as opened:
+        table = pq.read_table(opened, page_checksum_verification=True)
     about = table.schema.metadata or {}
     columns = {
         name: table.column(name).to_numpy(zero_copy_only=False) for name in table.column_names

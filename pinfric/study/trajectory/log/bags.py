@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinfric.errors import TrajectoryError
+from pinfric.model.yamlfile import brief
 from pinfric.study.trajectory.joint_columns import listing
-from pinfric.study.trajectory.log.frame import OpenedLog, arrays_log
+from pinfric.study.trajectory.log.frame import OpenedLog, arrays_log, check_size
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 #: Endings of the quantities' columns, as the reader names them, and the messages' fields.
@@ -74,7 +75,7 @@ def open_bag(path: Path, joint_names: Sequence[str]) -> OpenedLog:
         with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
             topics = [f"{c.topic} ({c.msgtype})" for c in reader.connections]
             topic = _chosen_topic(path, reader, topics, joint_names)
-            times, groups = _joint_states(reader, topic)
+            times, groups = _joint_states(path, reader, topic)
     except TrajectoryError:
         raise
     except Exception as problem:  # SQLite's, struct's, zstd's, ...: whatever a cut file ends in
@@ -121,18 +122,30 @@ def _chosen_topic(path: Path, reader: Any, topics: list[str], joint_names: Seque
 
 
 def _joint_states(
-    reader: Any, topic: str
+    path: Path, reader: Any, topic: str
 ) -> tuple[NDArray[np.int64], dict[tuple[str, ...], _Messages]]:
-    """Return a topic's times (ns) and its messages by the joints that they name."""
+    """Return a topic's times (ns) and its messages by the joints that they name, at least one."""
     headers, received = array("q"), array("q")
     groups: dict[tuple[str, ...], _Messages] = {}
     states = [c for c in reader.connections if c.topic == topic and c.msgcount]
-    for number, (_, at, raw) in enumerate(reader.messages(connections=states)):
+    check_size(path, sum(c.msgcount for c in states))
+    for _, at, raw in reader.messages(connections=states):
         message = reader.deserialize(raw, JOINT_STATE)
+        names = tuple(message.name)
+        if not names:
+            continue
+        if len(set(names)) < len(names):
+            twice = next(name for name in names if names.count(name) > 1)
+            raise TrajectoryError(
+                f"{path}: topic {topic}: a message names joint {brief(twice)} twice; which of its "
+                "values counts, cannot be known"
+            )
         stamp = message.header.stamp
         headers.append(stamp.sec * 1_000_000_000 + stamp.nanosec)
         received.append(at)
-        groups.setdefault(tuple(message.name), _Messages()).add(number, message)
+        groups.setdefault(names, _Messages()).add(len(received) - 1, message)
+    if not groups:
+        raise TrajectoryError(f"{path}: no message of topic {topic} names a joint")
     own = np.array(headers, dtype=np.int64)
     steps = np.count_nonzero(np.diff(own))
     return (own if steps > 0.9 * (own.size - 1) else np.array(received, dtype=np.int64)), groups

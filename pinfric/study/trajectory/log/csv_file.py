@@ -13,10 +13,11 @@ import gzip
 import math
 import re
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TextIO, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,14 @@ from pinfric.errors import TrajectoryError
 from pinfric.model.brief import counted
 from pinfric.model.yamlfile import brief_path
 from pinfric.study.trajectory.joint_columns import listing
-from pinfric.study.trajectory.log.frame import EXACT, LogFrame, OpenedLog, RawRows, usable_rows
+from pinfric.study.trajectory.log.frame import (
+    EXACT,
+    LogFrame,
+    OpenedLog,
+    RawRows,
+    check_size,
+    usable_rows,
+)
 
 FloatArray = NDArray[np.float64]
 
@@ -33,8 +41,8 @@ FloatArray = NDArray[np.float64]
 _ROWS_FOR_DIGITS = 500
 #: Characters at a file's start that say how it is written; rows that pandas reads at a time.
 _HEAD, _PART = 2**16, 2**16
-#: Bytes of a small file.
-_SMALL = 2**20
+#: Bytes of a small file; bytes of a line that is none.
+_SMALL, _LONG = 2**20, 2**20
 #: Columns that tables of joint states number: `name_0`, `position[0]`.
 _NUMBERED = re.compile(r"^(.*?)[_\[.]?(\d+)\]?$")
 
@@ -74,8 +82,9 @@ def open_csv(path: Path) -> OpenedLog:
     """Open a CSV file, gzipped where it ends in .gz; of its rows only the first are read yet.
 
     Raises:
-        TrajectoryError: unreadable, not text, empty, or lines that cannot be split.
+        TrajectoryError: unreadable, not text, empty, too large, or lines that cannot be split.
     """
+    _check_size(path)
     table = _table(path, _numbered_lines(path, _HEAD))
     if table.is_named:
         table = _sorted_by_names(_table(path, _numbered_lines(path)))
@@ -90,6 +99,36 @@ def open_csv(path: Path) -> OpenedLog:
 
     first = _cells(table.rows[0], table.separator)
     return OpenedLog(table.header, read, first, notes=table.notes)
+
+
+def _opened(path: Path, mode: str) -> Any:
+    text = None if "b" in mode else "utf-8-sig"
+    return (gzip.open if path.suffix.lower() == ".gz" else open)(path, mode, encoding=text)
+
+
+@contextmanager
+def _unreadable_said(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except UnicodeDecodeError:
+        raise TrajectoryError(f"{path}: is not a text file in UTF-8") from None
+    except (OSError, EOFError, zlib.error) as problem:
+        reason = getattr(problem, "strerror", None) or str(problem)
+        raise TrajectoryError(f"{brief_path(path)}: cannot be read: {reason}") from None
+
+
+def _check_size(path: Path) -> None:
+    """Refuse what would fill the memory, before any of it is kept: see `check_size`."""
+    lines = size = 0
+    with _unreadable_said(path), _opened(path, "rb") as file:
+        while part := file.read(_LONG):
+            ends = max(part.count(b"\n"), part.count(b"\r"))
+            if not ends and len(part) == _LONG:
+                raise TrajectoryError(
+                    f"{path}: line {lines + 1} has more than {_LONG:,} bytes; is this a table?"
+                )
+            lines, size = lines + ends, size + len(part)
+            check_size(path, lines, inflated=size if path.suffix.lower() == ".gz" else 0)
 
 
 def _read_in_parts(table: _Table, names: Sequence[str]) -> RawRows | None:
@@ -199,15 +238,8 @@ def _numbered_lines(path: Path, most: int = -1) -> list[tuple[int, str]]:
     no rows. A comment right above the numbers is their header if it has as many names
     (`np.savetxt`).
     """
-    opened = gzip.open if path.suffix.lower() == ".gz" else open
-    try:
-        with cast(TextIO, opened(path, "rt", encoding="utf-8-sig")) as file:
-            text = file.read(most)
-    except UnicodeDecodeError:
-        raise TrajectoryError(f"{path}: is not a text file in UTF-8") from None
-    except (OSError, EOFError, zlib.error) as problem:
-        reason = getattr(problem, "strerror", None) or str(problem)
-        raise TrajectoryError(f"{brief_path(path)}: cannot be read: {reason}") from None
+    with _unreadable_said(path), _opened(path, "rt") as file:
+        text: str = file.read(most)
     is_part = len(text) == most
     text = text[: text.rfind("\n") + 1] if is_part else text
     filled = [(n, line) for n, line in enumerate(text.split("\n"), 1) if line.strip()]

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import struct
+import zlib
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -10,14 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinfric.errors import TrajectoryError
-from pinfric.study.trajectory.log.frame import FEWEST, OpenedLog, arrays_log
+from pinfric.study.trajectory.log.frame import FEWEST, MOST_BYTES, OpenedLog, arrays_log, check_size
+
+#: Bytes that are decompressed at a time.
+_PART = 2**20
 
 
 def open_parquet(path: Path) -> OpenedLog:
-    """Open a Parquet file; a column of time stamps counts as whole ns.
+    """Open a Parquet file; time stamps, of any zone, and durations count as whole ns.
 
     Raises:
-        TrajectoryError: damaged, no table, or pyarrow is missing.
+        TrajectoryError: damaged, too large, no rows, names twice, or pyarrow is missing.
     """
     try:
         import pyarrow.parquet as parquet
@@ -26,31 +32,63 @@ def open_parquet(path: Path) -> OpenedLog:
             f"{path}: Parquet needs pyarrow: pip install 'pinfric[logs]'"
         ) from None
     try:
-        frame = parquet.read_table(path).to_pandas()
+        with path.open("rb") as opened, parquet.ParquetFile(opened) as file:
+            kinds = {field.name: _arrow_type(field.type) for field in file.schema_arrow}
+            twice = len(kinds) < len(file.schema_arrow)
+            used = [name for name, kind in kinds.items() if kind is not None]
+            rows = file.metadata.num_rows
+            check_size(path, rows, len(used))
+            columns = {
+                name: _arrow_numbers(file.read([name]).column(name).cast(kinds[name]), kinds[name])
+                for name in (() if twice else used)
+            }
     except (OSError, ValueError, KeyError) as problem:  # pyarrow's errors are ValueErrors, OSErrors
         reason = " ".join(str(problem).split())[:200]
         raise TrajectoryError(f"{path}: cannot be read as a Parquet file: {reason}") from None
-    frame = frame.reset_index() if frame.index.name else frame
-    columns: dict[str, NDArray[Any]] = {}
-    units = {}
-    for name in frame.columns:
-        values = frame[name]
-        if values.dtype.kind == "M":
-            columns[str(name)] = values.to_numpy().astype("datetime64[ns]").astype(np.int64)
-            units[str(name)] = "ns"
-        elif values.dtype.kind in "iufb":
-            columns[str(name)] = values.to_numpy()
+    if twice:
+        raise TrajectoryError(f"{path}: two columns have the same name; names must differ")
+    if not rows:
+        raise TrajectoryError(f"{path}: has no rows")
+    units = {name: "ns" for name in used if str(kinds[name]).endswith("[ns]")}
     return arrays_log(columns, units)
+
+
+def _arrow_type(kind: Any) -> Any:
+    """The type to which a column of numbers or times is cast; None: it has neither."""
+    import pyarrow as pa
+
+    if pa.types.is_timestamp(kind):
+        return pa.timestamp("ns")
+    if pa.types.is_duration(kind):
+        return pa.duration("ns")
+    if pa.types.is_decimal(kind):
+        return pa.float64()
+    plain = pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind)
+    return kind if plain else None
+
+
+def _arrow_numbers(column: Any, kind: Any) -> NDArray[Any]:
+    """A column's numbers; NaN where there is none, times then from the first one on."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    if str(kind).endswith("[ns]"):
+        column = column.cast(pa.int64())
+        if column.null_count:  # a float would round the ns since 1970
+            column = pc.subtract(column, pc.min(column))
+    values: NDArray[Any] = column.to_numpy()
+    return values
 
 
 def open_matlab(path: Path) -> OpenedLog:
     """Open a MATLAB file; rows or columns of arrays are named `struct.field_1` and on.
 
     Raises:
-        TrajectoryError: damaged, of a version that SciPy does not read, no arrays.
+        TrajectoryError: damaged, of a version that SciPy does not read, too large, no arrays.
     """
     from scipy.io import loadmat
 
+    check_size(path, 0, inflated=_inflated(path))
     try:
         content = loadmat(path, squeeze_me=True, struct_as_record=False)
     except NotImplementedError:
@@ -71,6 +109,20 @@ def open_matlab(path: Path) -> OpenedLog:
     if not columns:
         raise TrajectoryError(f"{path}: holds no arrays of numbers")
     return arrays_log(columns, {}, recorded=True)
+
+
+def _inflated(path: Path) -> int:
+    """The bytes in a MATLAB file's compressed variables, counted until they are too many."""
+    size, compressed = 0, 15
+    with suppress(OSError, struct.error, zlib.error), path.open("rb") as file:  # said by SciPy
+        order = ">" if file.read(128)[-2:] == b"MI" else "<"
+        while (head := file.read(8)) and size <= MOST_BYTES:
+            kind, length = struct.unpack(f"{order}II", head)
+            rest, inflate = file.read(length), zlib.decompressobj()
+            while kind == compressed and rest and size <= MOST_BYTES:
+                size += len(inflate.decompress(rest, _PART))
+                rest = inflate.unconsumed_tail
+    return size
 
 
 def _matlab_arrays(prefix: str, content: Mapping[str, Any]) -> Iterator[tuple[str, NDArray[Any]]]:

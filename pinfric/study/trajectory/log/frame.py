@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pinfric.errors import TrajectoryError
 from pinfric.model.yamlfile import brief
 from pinfric.study.trajectory.joint_columns import listing
 
@@ -18,8 +20,28 @@ FloatArray = NDArray[np.float64]
 BAD_SHARE = 0.01
 #: Fewer rows than this are a table that somebody wrote: no row may be bad, none is judged.
 FEWEST = 20
+#: Rows of a file, and their numbers: more would fill the memory, and a small compressed file can
+#: hold any number of them.
+MOST_ROWS, MOST_CELLS = 5_000_000, 250_000_000
+#: Bytes that a compressed file may hold.
+MOST_BYTES = 2**30
 #: Whole numbers beyond this lose their last digits as floats.
 EXACT = 2.0**53
+
+
+def check_size(path: Path, rows: int, columns: int = 1, inflated: int = 0) -> None:
+    """Refuse a file with more rows, cells or decompressed bytes than fit.
+
+    Raises:
+        TrajectoryError: it has.
+    """
+    for found, most, what in (
+        (rows, MOST_ROWS, "rows"),
+        (rows * columns, MOST_CELLS, "numbers"),
+        (inflated, MOST_BYTES, "decompressed bytes"),
+    ):
+        if found > most:
+            raise TrajectoryError(f"{path}: has more than {most:,} {what}; split it")
 
 
 @dataclass(frozen=True)
