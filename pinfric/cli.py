@@ -653,6 +653,18 @@ def new(
     print_line(f"try: pinfric {command} {' '.join(map(str, files))}")
 
 
+@app.command(short_help="List the bundled robots whose friction was measured.")
+def robots() -> None:
+    """List the bundled robots whose friction was measured: to which speed, on which side, by whom.
+
+    A name is a SCENE of all commands: `pinfric export ur5e --to mjcf`. The header of its file says
+    what is not known and what contradicts it.
+    """
+    from pinfric.show.report.robots import robots_report
+
+    show(robots_report())
+
+
 @app.command(short_help="Print the JSON schema of a file's format, for editors.")
 def schema(
     name: Annotated[

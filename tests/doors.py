@@ -107,6 +107,7 @@ COMMANDS = {
     "identify": ["pendulum", "log.csv", "--effort-at", "joint"],
     "replay": ["three_link", "way.yaml"],
     "new": ["robots/three_link.urdf", "--out", "new"],
+    "robots": [],
     "schema": ["scene"],
     "check": ["three_link"],
     "explain": ["three_link", "way.yaml"],

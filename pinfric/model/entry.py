@@ -78,6 +78,7 @@ Version = Annotated[Literal[1], BeforeValidator(strict_number)]
 #: Words in every plausibility warning of an entry; callers may search for them.
 USUALLY = "usually at most"
 Vector3 = tuple[Number, Number, Number]
+Text = Annotated[str, Field(min_length=1)]
 
 
 class Forms:

@@ -42,6 +42,7 @@ from pinfric.model.schema import (
     Loop,
     LoopTolerance,
     MassesHold,
+    Measured,
     Payload,
     Simulation,
     Stops,
@@ -151,6 +152,7 @@ class Scene:
         masses: "with_drives" or "without_drives": whether the links' masses hold the drives; or by
             drive, and for `others`; None: not known.
         assumed: which entries are guesses.
+        measured: where its friction was measured; other friction in `with_` drops it.
         stops: input of `pinfric stop`.
         closed_brakes: drive -> torque (N m) of a closed brake at its motor's shaft: dry friction
             there, in forward dynamics with torques of motors given.
@@ -176,6 +178,7 @@ class Scene:
     tool: str | None = None
     masses: str | Mapping[str, str] | None = None
     assumed: Assumed | None = None
+    measured: Measured | None = None
     stops: Stops | None = None
     closed_brakes: Mapping[str, float] = field(default_factory=dict)
     mobility: Mobility = field(init=False, repr=False)
@@ -214,6 +217,7 @@ class Scene:
         set_(self, "loops", tuple(loops))
         kinds: dict[str, type[Any]] = {
             "loop_tolerance": LoopTolerance,
+            "measured": Measured,
             "simulation": Simulation,
             "stops": Stops,
         }
@@ -297,10 +301,14 @@ class Scene:
         except SceneError as problem:  # not the file is wrong, but what was given
             wrong = str(problem).removeprefix(f"{self.source}: ")
             raise SceneError(f"with_ of {file_name(self.source)}: {wrong}") from None
-        if self.assumed is None or "friction" not in changes or "assumed" in changes:
+        if "friction" not in changes:
             return changed
-        left = guesses_left(self.assumed, self.friction, changed.friction)
-        return replace(changed, assumed=left)
+        now: dict[str, Any] = {}
+        if self.assumed is not None and "assumed" not in changes:
+            now["assumed"] = guesses_left(self.assumed, self.friction, changed.friction)
+        if self.measured is not None and "measured" not in changes:
+            now["measured"] = self.measured if changed.friction == self.friction else None
+        return replace(changed, **now) if now else changed
 
     def solver(self, attached: Iterable[str] | None = None) -> Solver:
         """Return a solver for one state at a time, for controllers and optimizers; see `Solver`.
@@ -368,6 +376,7 @@ class Scene:
                     [f"{payload.mass:.4g} kg" for payload in self.payloads.values()],
                 ),
                 "loops": listed([loop.name for loop in self.loops]),
+                "measured": self.measured.summary() if self.measured else "",
                 "gravity": ", ".join(f"{x:.4g}" for x in model.gravity.linear) + " m/s^2",
                 "stick": f"{self.stick_velocity:g} rad/s or m/s",
             },

@@ -18,7 +18,7 @@ from pinfric.model.friction_terms import constant_friction, linear_drag
 from pinfric.model.hysteresis import excessive_friction
 from pinfric.model.robot import Robot, locate_urdf, mention_reductions, read_robot
 from pinfric.model.scene import Scene
-from pinfric.model.schema import Assumed, Friction, SceneFile
+from pinfric.model.schema import Assumed, Friction, Measured, SceneFile
 from pinfric.model.yamlfile import read_yaml
 
 
@@ -65,6 +65,7 @@ def load_scene(path: str | Path) -> Scene:
         tool=entries.tool,
         masses=entries.robot.masses,
         assumed=entries.assumed,
+        measured=entries.measured,
         stops=entries.stops,
     )
 
@@ -104,6 +105,16 @@ def bundled_folder() -> Path:
     """Return the folder of the scenes that are part of pinfric."""
     installed = Path(__file__).parents[1] / "robots"
     return installed if installed.is_dir() else Path(__file__).parents[2] / "robots"
+
+
+def measured_scenes() -> dict[str, Measured]:
+    """Return where the friction of bundled robots was measured, by the scenes' names."""
+    found = {}
+    for file in sorted(bundled_folder().glob("*.yaml")):
+        content = read_yaml(file, SceneError) if file.name.count(".") == 1 else {}
+        if measured := content.get("measured"):
+            found[file.stem] = parse(Measured, measured, str(file), at=("measured",))
+    return found
 
 
 def find_file(path: str | Path, suffixes: tuple[str, ...], error: type[Exception]) -> Path:

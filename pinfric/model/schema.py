@@ -28,6 +28,7 @@ from pinfric.model.entry import (
     NonNegative,
     Number,
     Positive,
+    Text,
     Vector3,
     Version,
     key,
@@ -485,6 +486,71 @@ class Stops(Entry):
         return self
 
 
+#: Least and greatest value of something measured.
+Range = tuple[NonNegative, NonNegative]
+
+
+class Measured(Entry):
+    """Where the scene's friction was measured, and how well it is documented.
+
+    measured: {robot: UR10e, speed: [0, 1.0], side: motor, source: "log and commit", grade: A}
+
+    Grades: A: the logs or the maker's test record are public; B: the method is stated, the logs are
+    not public; C: neither. Laws of friction do not extrapolate: motions beyond `speed` are warned
+    of.
+    """
+
+    robot: Annotated[Text, key("maker and type of the one measured", "Universal Robots UR10e")]
+    speed: Annotated[
+        Annotated[dict[str, Range] | Range, Forms(dict[str, Range], Range)] | None,
+        key(
+            "least and greatest, of all joints or by joint; without it: not published",
+            [0, 1.0],
+            "rad/s or m/s",
+        ),
+    ] = None
+    temperature: Annotated[
+        tuple[Number, Number] | None, key("of the joints, least and greatest", [42, 46], "deg C")
+    ] = None
+    side: Annotated[
+        Literal["joint", "motor", "joint torque sensor"],
+        key(
+            "where torque was measured; `motor`: from its current, with the gear's losses", "motor"
+        ),
+    ]
+    source: Annotated[
+        Text, key("publication or repository with its commit", "arXiv 2502.11940, table 2")
+    ]
+    licence: Annotated[Text | None, key("of the figures", "BSD-3-Clause")] = None
+    grade: Annotated[Literal["A", "B", "C"], key("how well it is documented", "A")]
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Measured:
+        by_joint = self.speed if isinstance(self.speed, dict) else {"": self.speed}
+        ranges = {f"speed {name}".strip(): pair for name, pair in by_joint.items()}
+        for name, pair in (ranges | {"temperature": self.temperature}).items():
+            if pair is not None and pair[0] > pair[1]:
+                raise ValueError(f"`{name}` {list(pair)}: the least comes first; swap them")
+        return self
+
+    @property
+    def speeds(self) -> list[Range]:
+        """The published ranges of speed, of all joints or one each."""
+        pairs = self.speed.values() if isinstance(self.speed, dict) else [self.speed]
+        return [pair for pair in pairs if pair is not None]
+
+    def summary(self) -> str:
+        """Return it in a line."""
+        tops = " or ".join(sorted({f"{top:g}" for _, top in self.speeds}))
+        to = f"to {tops} rad/s or m/s" if tops else "speeds not published"
+        return f"{self.robot}, {to}, at the {self.side}, grade {self.grade}: {self.source}"
+
+    def top_speed(self, joint: str) -> float | None:
+        """Return the greatest measured speed of a joint (rad/s or m/s); None: not published."""
+        pair = self.speed.get(joint) if isinstance(self.speed, dict) else self.speed
+        return None if pair is None else pair[1]
+
+
 class Assumed(Entry):
     """Which entries of a scene are guesses. Delete the line of an entry that you replace."""
 
@@ -565,6 +631,13 @@ class SceneFile(Entry):
     stops: Annotated[
         Stops | None, key("input of `pinfric stop`", {"category": 0, "reaction_time": 0.02})
     ] = None
+    measured: Annotated[
+        Measured | None,
+        key(
+            "where its friction was measured",
+            {"robot": "UR10e", "side": "motor", "source": "its paper", "grade": "A"},
+        ),
+    ] = None
     assumed: Annotated[
         Assumed | None,
         key(
@@ -577,6 +650,17 @@ class SceneFile(Entry):
             },
         ),
     ] = None
+
+    @model_validator(mode="after")
+    def _measured_joints_have_friction(self) -> SceneFile:
+        speed = self.measured.speed if self.measured else None
+        for joint in speed if isinstance(speed, dict) else ():
+            if joint not in self.friction:
+                raise ValueError(
+                    f"`measured.speed` has {joint!r}, which has no friction here; "
+                    f"{choose_from(joint, list(self.friction))}"
+                )
+        return self
 
     @model_validator(mode="after")
     def _guesses_are_there(self) -> SceneFile:

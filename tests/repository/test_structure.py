@@ -42,6 +42,7 @@ TESTED_WITH = {
     "show/report/test_sweep.py": "study/sweep: summary",
     "show/replay/test_page.py": "show/replay: drawn",
     "model/test_described.py": "show/report: envelope html",
+    "end_to_end/test_robots.py": "show/report: robots",
     "study/test_explain.py": "show/report: explain; study: timing variants",
     "test_cli.py": "show/report: inverse; study: inverse_summary",
     "study/check/test_plausibility.py": "study/check: findings joint_loads joints",

@@ -19,7 +19,13 @@ from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.inverse.tree import solve_tree
 from pinfric.dynamics.inverse.undriven import check_shares
 from pinfric.dynamics.samples.reactions import applied_wrenches, slices
-from pinfric.dynamics.samples.states import MotionLike, States, attached_columns, mention_degrees
+from pinfric.dynamics.samples.states import (
+    MotionLike,
+    States,
+    attached_columns,
+    mention_degrees,
+    mention_unmeasured,
+)
 from pinfric.errors import StateError
 from pinfric.model.arrays import whole_number
 from pinfric.model.scene import Scene, expect_scene
@@ -92,7 +98,8 @@ def inverse_dynamics(
         UndrivenMotionError: a joint without a drive needs one.
 
     Warns:
-        PinfricWarning: angles that are within the joints' limits only in degrees.
+        PinfricWarning: angles that are within the joints' limits only in degrees; joints faster
+            than the friction of the scene was measured.
 
     >>> import pinfric as pf
     >>> scene = pf.load_scene("pendulum")
@@ -130,4 +137,5 @@ def _states(scene: Scene, q: Any, v: Any, a: Any, t: Any, attached: Any) -> Stat
         raise StateError("inverse_dynamics needs q, v and a, or one motion that has all of them")
     states = States.of(scene, q, v, a, t, attached)
     mention_degrees(scene, states.q)
+    mention_unmeasured(scene, states.v)
     return states

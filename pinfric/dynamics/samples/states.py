@@ -169,6 +169,33 @@ def mention_degrees(scene: Scene, q: np.ndarray) -> None:
         )
 
 
+def mention_unmeasured(scene: Scene, v: np.ndarray) -> None:
+    """Warn, once for a motion, where joints are faster than their friction was measured.
+
+    Args:
+        scene: its `measured` has the speeds.
+        v: (T, nv) rad/s and m/s.
+    """
+    if scene.measured is None:
+        return
+    beyond = []
+    for site in scene.sites:
+        top = scene.measured.top_speed(site.name)
+        if top is None or site.velocity_index < 0:
+            continue
+        fastest = np.abs(site.ratio * v[:, site.velocity_index]).max(initial=0.0)
+        if fastest > top * (1.0 + 1e-9):
+            beyond.append(f"{site.name} {fastest:.3g} (measured to {top:g})")
+    if beyond:
+        warnings.warn(
+            f"{scene.source}: faster than friction was measured, rad/s or m/s: "
+            f"{', '.join(beyond)}; laws of friction do not extrapolate: slow the motion down, or "
+            "measure there",
+            PinfricWarning,
+            stacklevel=4,
+        )
+
+
 def _samples(name: str, given: Any, width: int) -> np.ndarray:
     array = np.atleast_2d(real_numbers(name, given))
     if array.ndim != 2 or array.shape[1] != width:

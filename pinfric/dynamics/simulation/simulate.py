@@ -15,7 +15,7 @@ from pinfric.dynamics.forward.forward import vector
 from pinfric.dynamics.forward.workspace import Workspace
 from pinfric.dynamics.samples.closure import check_closed
 from pinfric.dynamics.samples.reactions import applied_wrenches
-from pinfric.dynamics.samples.states import States
+from pinfric.dynamics.samples.states import States, mention_unmeasured
 from pinfric.dynamics.simulation.event import EventIntegration
 from pinfric.dynamics.simulation.motion import FAILED, FINISHED, INTERRUPTED, Motion
 from pinfric.dynamics.simulation.recorder import Recorder
@@ -191,7 +191,9 @@ def _run(
         if record.rows:
             problem.motion = record.motion(FAILED, str(problem))
         raise
-    return record.motion(FINISHED, f"reached t_end = {settings.t_end:g} s")
+    motion = record.motion(FINISHED, f"reached t_end = {settings.t_end:g} s")
+    mention_unmeasured(motion.scene, motion.v)
+    return motion
 
 
 def _settings(

@@ -16,7 +16,17 @@ from pydantic import Field, model_validator
 
 from pinfric.errors import CatalogError
 from pinfric.model.brakes import HoldingBrake
-from pinfric.model.entry import Entry, Forms, NonNegative, Number, Positive, Version, key, parse
+from pinfric.model.entry import (
+    Entry,
+    Forms,
+    NonNegative,
+    Number,
+    Positive,
+    Text,
+    Version,
+    key,
+    parse,
+)
 from pinfric.model.friction_terms import constant_friction, linear_drag
 from pinfric.model.schema import OTHERS as OTHERS
 from pinfric.model.springs import Stiffness
@@ -31,8 +41,6 @@ from pinfric.study.sizing.bearing import BearingRatings
 
 #: Ambient temperature to which makers refer resistances and ratings, degrees Celsius.
 REFERENCE_TEMPERATURE = 25.0
-
-Text = Annotated[str, Field(min_length=1)]
 
 
 class Sourced(Entry):
