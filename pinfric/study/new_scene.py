@@ -41,8 +41,8 @@ _SHEAR, _BEARING_OVER_SHAFT = 20e6, 1.5
 #: The first move lasts no longer (s).
 _LONGEST = 10.0
 #: Coulomb friction of strain wave and planetary gears, bearings and seals as part of what the joint
-#: must stand, and viscous friction at the velocity limit. Identified on a UR10e (Innopolis University):
-#: 3.3 to 5 %, and 13 to 22 %.
+#: must stand, and viscous friction at the velocity limit. Identified on a UR10e (Innopolis
+#: University): 3.3 to 5 %, and 13 to 22 %.
 _COULOMB, _VISCOUS = 0.05, 0.2
 #: Static over kinetic friction; a joint's fastest turn or slide where the URDF does not say (rad/s,
 #: m/s).
