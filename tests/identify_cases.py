@@ -13,6 +13,9 @@ import pinocchio as pin
 import pinfric as pf
 from pinfric.study.identify.identify import Identified
 
+#: Other people's logs.
+LOGS = Path(__file__).parents[2] / "shared" / "data"
+
 #: s by which measured efforts lag behind, share of an effort's RMS that is white noise, and that
 #: hangs together over `MEMORY` s; counts of an encoder over a turn.
 DELAY, NOISE, MEMORY, COUNTS = 0.004, 0.02, 0.2, 2**18
@@ -261,3 +264,31 @@ def identified_arm() -> Identified:
     with tempfile.TemporaryDirectory() as folder:
         path = csv_log(Path(folder) / "arm.csv", 0, torn=(500, 700))
         return pf.identify(guess(0), path, held_out=[log(7, 20.0, 125.0, name="other")])
+
+
+@cache
+def identified_ur10() -> Identified:
+    """A UR10, identified once per process from a log of its own."""
+    urdf = "example-robot-data:ur_description/urdf/ur10_robot.urdf"
+    with tempfile.TemporaryDirectory() as folder:
+        scene = Path(folder) / "ur10.yaml"
+        scene.write_text(f"pinfric: 1\nrobot: {{urdf: '{urdf}'}}\n")
+        return pf.identify(pf.load_scene(scene), LOGS / "ur10" / "ur10_exciting_trajectory.db3")
+
+
+def whole_friction(found: Identified, name: str, speed: float) -> np.ndarray:
+    """Draws of a joint's Coulomb and viscous friction at a speed, mean of both ways, N m."""
+    law, drive = found.laws[name], found.scene.drives[found.scene.joint_names.index(name)]
+    motor = law.side == "motor"  # torques at the motor's shaft, and its speed
+    section, dry, wet = (
+        ("transmission", "no_load_torque", "motor_viscous")
+        if motor
+        else ("friction", "coulomb", "viscous")
+    )
+    ratio, none = abs(drive.ratio) if motor else 1.0, np.zeros(1)
+    total = found.posterior.get(f"{section}.{name}.{wet}", none) * (ratio * speed) ** (
+        law.exponent or 0.0
+    )
+    for way in ("positive", "negative"):
+        total = total + 0.5 * found.posterior.get(f"{section}.{name}.{dry}.{way}", none)
+    return ratio * total

@@ -3,7 +3,8 @@
     r = Z b + noise,    Z: shapes over angle, speed, effort, time, and of the fitted effort's slope
 
 Columns of the model are taken out of Z and r first, so only what no coefficient can describe is
-left. Whether b differs from zero is tested with spans of time as samples,
+left, along those principal directions between Z and the model that this leaves. Whether b differs
+from zero is tested with spans of time as samples,
 
     T = s^T (sum of s_i s_i^T)^-1 s,    s_i = Z_i^T W r_i,   s their sum
 
@@ -42,8 +43,9 @@ _HARMONICS = tuple(range(1, 13))
 #: be equal, and the effort's sensor off.
 _UNEVEN = 0.15
 DIRECTIONS = [SLOT[FORWARD], SLOT[BACKWARD]]
-#: Columns of a shape are dropped if the model's columns leave less than this share of them.
-_DESCRIBED = 0.05
+#: Directions of a shape do not show if the model's columns leave less than this share of their
+#: square. Hats over the speed make Coulomb friction, and their sum with it could be anything.
+_DESCRIBED = 0.1
 
 
 @dataclass(frozen=True)
@@ -56,6 +58,7 @@ class Misfit:
         size: RMS of the shape, N m or N.
         share: of the residual's mean square.
         columns: (n, m) the shape's, of the joint's rows, each of one standard deviation.
+        shown: the first so many of the columns show beside the model.
     """
 
     joint: int
@@ -63,6 +66,7 @@ class Misfit:
     size: float
     share: float
     columns: FloatArray
+    shown: int
 
 
 @dataclass(frozen=True)
@@ -127,10 +131,8 @@ def _of_joint(found: Estimate, joint: int, track: _Track) -> Iterator[Misfit]:
         rest = left - basis @ (basis.T @ left)
         best: Misfit | None = None
         for over, columns in shapes:
-            own = orthonormal(columns * weight[:, None])
-            beside = own - basis @ (basis.T @ own)
-            clear = orthonormal(beside[:, np.linalg.norm(beside, axis=0) > _DESCRIBED])
-            m = clear.shape[1]
+            own, beside = _beyond(orthonormal(columns * weight[:, None]), basis)
+            clear, m = beside / np.linalg.norm(beside, axis=0), beside.shape[1]
             if m == 0 or spans < 2 * m + 2:
                 continue
             part = float(np.sum((clear.T @ rest) ** 2))
@@ -141,11 +143,25 @@ def _of_joint(found: Estimate, joint: int, track: _Track) -> Iterator[Misfit]:
             np.add.at(sums, span, clear * rest[:, None])
             if chance(sums) < _CHANCE:
                 spread = float(np.sqrt(part / np.sum(beside**2))) / weight[:, None]
-                best = Misfit(joint, over, float(np.sqrt(part / rest.size)), share, spread * own)
+                best = Misfit(joint, over, float(np.sqrt(part / rest.size)), share, spread * own, m)
         if best is None:
             return
         yield best
         model = np.column_stack((model, best.columns * weight[:, None]))
+
+
+def _beyond(own: FloatArray, basis: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return a shape's principal directions, (n, k), and what those the model lacks leave, (n, m).
+
+    The first m of the k directions are those.
+
+    Args:
+        own: (n, k) orthonormal columns of the shape.
+        basis: (n, p) orthonormal columns of the model.
+    """
+    beside = own - basis @ (basis.T @ own)
+    left, vectors = np.linalg.eigh(-beside.T @ beside)
+    return own @ vectors, beside @ vectors[:, -left > _DESCRIBED]
 
 
 def chance(sums: FloatArray) -> float:

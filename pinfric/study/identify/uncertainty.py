@@ -10,7 +10,7 @@ differ by a factor on each joint's friction, mostly due to temperature.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,11 +112,12 @@ class Uncertainty:
 def uncertainty(found: Estimate, shapes: Sequence[Misfit] = ()) -> Uncertainty:
     """Return the coefficients' covariance, within logs, by the URDF's errors, and between logs.
 
-        (H + F)^-1 (sum over blocks of s s^T + P S P + G^T G) (H + F)^-T + b b^T
+        (H + F)^-1 (sum over blocks of s s^T + P S P + G^T G) (H + F)^-T + sum over joints of b b^T
 
     The first part is derived in `influence`: s is a block's part of the gradient, S the variance of
     the URDF's parameters, G the gradients of what the model may have absorbed of the residuals'
-    shapes, of unknown sign. b is the change of the coefficients when these shapes join the model.
+    shapes, of unknown sign. b is the change of the coefficients when a joint's shapes join the
+    model: what one joint lacks tells nothing of what another one does.
 
     Args:
         found: the estimate.
@@ -135,7 +136,9 @@ def uncertainty(found: Estimate, shapes: Sequence[Misfit] = ()) -> Uncertainty:
     )
     moved = moved[:, moved.shape[1] - place.size :]
     within = moved.T @ moved
-    for off in (*([bias(found, shapes, place)] if shapes else ()), *_one_sided(found, place)):
+    seen = [replace(one, columns=one.columns[:, : one.shown]) for one in shapes]
+    of_joints = [[one for one in seen if one.joint == j] for j in {one.joint for one in shapes}]
+    for off in (*(bias(found, own, place) for own in of_joints), *_one_sided(found, place)):
         within += np.outer(off, off)
     between, logs = for_a_further_log(found, place)
     return Uncertainty(place, within, between, count - 1, logs, between_logs(found))
@@ -164,14 +167,14 @@ def gradients(found: Estimate, shapes: Sequence[Misfit], place: NDArray[np.int64
 
 
 def bias(found: Estimate, shapes: Sequence[Misfit], place: NDArray[np.int64]) -> FloatArray:
-    """Return (n,) changes of the coefficients when the shapes join the model.
+    """Return (n,) changes of the coefficients when one joint's shapes join the model.
 
         [H  G^T    ] [dz]   [0      ]
         [G  Z^T W Z] [b ] = [Z^T W r],    G: `gradients`, r: residuals
 
     Args:
         found: the estimate.
-        shapes: of its residuals.
+        shapes: of one joint's residual.
         place: (n,) of the coefficients above zero among (nj K,).
     """
     problem, p = found.problem, found.fit.theta.size
@@ -180,15 +183,11 @@ def bias(found: Estimate, shapes: Sequence[Misfit], place: NDArray[np.int64]) ->
     left = np.block([[every.rigid, cross], [cross.T, every.slots[np.ix_(place, place)]]])
     if not problem.prior.kept:
         left[:p, :p] += np.diag(every.rows * problem.prior.weight)
-    joints = np.repeat([one.joint for one in shapes], [one.columns.shape[1] for one in shapes])
-    own, right = np.zeros((joints.size, joints.size)), np.zeros(joints.size)
-    for j in np.unique(joints).tolist():
-        columns = np.hstack([one.columns for one in shapes if one.joint == j])
-        weighed, at = columns * _row_weights(found, j), joints == j
-        own[np.ix_(at, at)] = columns.T @ weighed
-        right[at] = weighed.T @ residuals(found.rows[j], found.fit, j)
-    left = np.block([[left, beside.T], [beside, own]])
-    right = np.append(np.zeros(p + place.size), right)
+    joint, columns = shapes[0].joint, np.hstack([one.columns for one in shapes])
+    weighed = columns * _row_weights(found, joint)
+    left = np.block([[left, beside.T], [beside, columns.T @ weighed]])
+    off = weighed.T @ residuals(found.rows[joint], found.fit, joint)
+    right = np.append(np.zeros(p + place.size), off)
     if problem.prior.kept:
         left, right, p = left[p:, p:], right[p:], 0
     size = np.sqrt(np.maximum(np.diag(left), 1e-300))

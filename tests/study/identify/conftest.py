@@ -1,7 +1,7 @@
-"""The identified arm that several files look at."""
+"""Identified robots that several files look at."""
 
 import pytest
-from identify_cases import identified_arm
+from identify_cases import LOGS, identified_arm, identified_ur10
 
 from pinfric.study.identify.identify import Identified
 
@@ -9,3 +9,10 @@ from pinfric.study.identify.identify import Identified
 @pytest.fixture
 def found() -> Identified:
     return identified_arm()
+
+
+@pytest.fixture
+def ur10() -> Identified:
+    if not LOGS.is_dir():
+        pytest.skip("other people's logs are not in the repository")
+    return identified_ur10()

@@ -1,12 +1,12 @@
 """Laws of joints: the smallest that is as good on held-out blocks."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from identify_cases import (
     DELAY,
+    LOGS,
     NAMES,
     RATIO,
     VISCOUS,
@@ -21,9 +21,6 @@ import pinfric as pf
 from pinfric.errors import IdentificationError
 from pinfric.study.identify.choice import free_errors, held_out_parts, simplest_adequate_law
 from pinfric.study.identify.laws import Law
-
-LOGS = Path(__file__).parents[4] / "shared" / "data"
-
 
 #: What a UR10's held-out errors may be beside those of Coulomb and viscous friction.
 UR10 = (0.70, 0.52, 0.75, 0.82, 1.05, 1.10)
@@ -84,16 +81,10 @@ def test_every_part_that_is_held_out_leaves_something_to_fit():
     assert held_out_parts(each, each // 2)[::2].tolist() == [0, 1, 2, 3, 4, 5]
 
 
-@pytest.mark.skipif(not LOGS.is_dir(), reason="other people's logs are not in the repository")
-def test_a_ur10_is_told_better_than_by_coulomb_and_viscous_friction(tmp_path):
-    urdf = "example-robot-data:ur_description/urdf/ur10_robot.urdf"
-    (tmp_path / "ur10.yaml").write_text(f"pinfric: 1\nrobot: {{urdf: '{urdf}'}}\n")
-    found = pf.identify(
-        pf.load_scene(tmp_path / "ur10.yaml"), LOGS / "ur10" / "ur10_exciting_trajectory.db3"
-    )
-    share = [error.error / error.plain for error in found.errors.values()]
+def test_a_ur10_is_told_better_than_by_coulomb_and_viscous_friction(ur10):
+    share = [error.error / error.plain for error in ur10.errors.values()]
     assert (np.array(share) <= UR10).all(), share
-    lift = tuple(found.laws.values())[1]
+    lift = tuple(ur10.laws.values())[1]
     assert (lift.load, lift.side) == ("gear", "motor")
 
 

@@ -41,7 +41,7 @@ def test_a_shape_leaves_open_what_the_model_takes_of_it_for_its_own():
     given = SimpleNamespace(
         rows=[rows], row_weights=[weight], fit=fit, problem=SimpleNamespace(weights=np.ones(1))
     )
-    shape = Misfit(0, "", s, 1.0, s * np.column_stack((np.ones(count), wave)))
+    shape = Misfit(0, "", s, 1.0, s * np.column_stack((wave, np.ones(count))), 1)
     alone, _ = influence(grams, np.ones(1), prior, fit, place)
     unknown = gradients(given, [shape], place)
     wide, _ = influence(grams, np.ones(1), prior, fit, place, unknown=unknown)

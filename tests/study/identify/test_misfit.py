@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from identify_cases import DELAY, NAMES, guess
+from identify_cases import COULOMB, DELAY, NAMES, VISCOUS, guess, whole_friction
 from identify_wrong_models import found, hits, wrong_log
 
 import pinfric as pf
@@ -92,3 +92,21 @@ def test_the_chance_of_a_shape_is_uniform_where_there_is_none():
 def test_play_is_said_to_be_no_delay():
     assert any("delays of" in line for line in lacks(found("play")))
     assert found("true").delay == pytest.approx(DELAY, abs=1.5e-3)
+
+
+def test_the_whole_friction_is_known_where_its_parts_are_not(ur10):
+    for name in ur10.laws:  # the lift's was 73 %: hats over the speed sum up to Coulomb friction
+        draws = whole_friction(ur10, name, 0.5)
+        assert 0.004 < np.std(draws) / np.mean(draws) < 0.05, name
+
+
+@pytest.mark.slow
+def test_friction_that_a_law_lacks_is_within_what_the_whole_one_states():
+    one, joints = found("stribeck"), []
+    for name, ways, viscous in zip(NAMES, COULOMB, VISCOUS, strict=True):
+        draws = whole_friction(one, name, 0.5)
+        assert abs(np.mean(ways) + 0.5 * viscous - draws.mean()) < 3.0 * draws.std()
+        assert draws.std() < 0.05 * draws.mean()  # 19 to 29 % with hats that sum up to Coulomb's
+        joints.append(draws)
+    # what one joint lacks says nothing of the others
+    assert np.abs(np.corrcoef(joints) - np.eye(len(NAMES))).max() < 0.5
