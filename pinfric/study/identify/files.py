@@ -21,7 +21,7 @@ from pinfric.model.yamlfile import yaml_text
 from pinfric.study.identify.advice import advice_text
 from pinfric.study.identify.findings import Findings
 from pinfric.study.identify.laws import PLAIN
-from pinfric.study.identify.parameters import Parameter, couples, on_motor
+from pinfric.study.identify.parameters import Parameter, on_motor
 from pinfric.study.new_scene import locator
 
 #: Columns of the posterior that a sweep sets as they are; all others are factors on the scene's.
@@ -116,10 +116,9 @@ def scene_text(found: Findings, robot: Robot, folder: Path) -> str:
             if name in scene.friction
         },
         "actuators": [
-            {"joint": drive.name}
-            | ({"couples": couples(scene, drive)} if drive.couples else {})
+            _dump(drive)
             | ({"transmission": _dump(drive.transmission)} if drive.transmission else {})
-            for drive in scene.drives
+            for drive in scene.actuators or ()
         ],
     }
     content["stick"] = {"velocity": scene.stick_velocity}
@@ -129,6 +128,8 @@ def scene_text(found: Findings, robot: Robot, folder: Path) -> str:
         content["assumed"] = scene.assumed.model_dump()
     if scene.simulation is not None:
         content["simulation"] = _simulation(scene.simulation, Path(scene.source).parent)
+    if scene.stops is not None:
+        content["stops"] = scene.stops.model_dump(exclude_unset=True)
     return "\n".join([*_heading(found), yaml_text(content, _comments(found))])
 
 
@@ -170,7 +171,7 @@ def _simulation(simulation: Simulation, folder: Path) -> dict[str, Any]:
 def _comments(found: Findings) -> dict[tuple[str, ...], str]:
     """Comments by the path of keys that they stand beside."""
     comments = {}
-    order = [drive.name for drive in found.scene.drives]
+    order = found.scene.joint_names
     for parameter in found.parameters:
         where: tuple[str, ...] = ("friction", parameter.joint)
         if parameter.section == "transmission":

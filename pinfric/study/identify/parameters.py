@@ -19,8 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinfric.model.described import SPEED, described, quantity, unit_at
-from pinfric.model.drives import Drive
 from pinfric.model.scene import Scene
+from pinfric.model.schema import Actuator
+from pinfric.model.transmission import Transmission
 from pinfric.study.identify.columns import Rows
 from pinfric.study.identify.estimate import Estimate
 from pinfric.study.identify.laws import (
@@ -52,6 +53,8 @@ _STEEP = 0.5
 _SLOWEST = 0.02
 
 
+#: Keys of a transmission that logs of the motor's effort replace.
+_LOSSES = {"efficiency", "back_efficiency", "no_load_torque", "motor_viscous", "rotor_inertia"}
 #: What friction at rest has more than in motion, and the coefficient of that.
 RESTING = {FALL_FORWARD: FORWARD, FALL_BACKWARD: BACKWARD}
 
@@ -75,11 +78,6 @@ class Parameter:
     def key(self) -> str:
         """Its name in sweeps: friction.elbow_joint.coulomb.positive."""
         return f"{self.section}.{self.joint}.{self.name}"
-
-
-def couples(scene: Scene, drive: Drive) -> dict[str, float]:
-    """Return what a drive's `couples` say: other joint -> factor."""
-    return {scene.joint_names[v]: factor for v, factor in drive.couples}
 
 
 def on_motor(law: Law) -> bool:
@@ -225,30 +223,36 @@ def identified_scene(found: Estimate, static: Mapping[tuple[int, str], BreakAway
     """
     scene = found.scene
     friction: dict[str, Any] = dict(scene.friction)
+    given = {one.joint: one for one in scene.actuators or ()}
     actuators = []
-    for j, drive in enumerate(scene.drives):
-        gear: Any = drive.transmission
+    for j, name in enumerate(scene.joint_names):
+        drive = given.get(name) or Actuator(joint=name)
         if j in found.known:
-            friction[scene.joint_names[j]], own = _entries(found, j, static)
-            gear = own or gear
-        actuators.append(
-            {"joint": scene.joint_names[j], "transmission": gear, "couples": couples(scene, drive)}
-        )
+            friction[name], losses = _entries(found, j, static)
+            if found.question.motor:  # an effort measured after the gear says nothing of it
+                gear = _with_losses(drive.transmission, losses)
+                drive = drive.model_copy(update={"transmission": gear})
+        actuators.append(drive)
     friction = {name: entry for name, entry in friction.items() if entry}
     stick = stick_velocity(scene, found.question.recordings)
     return scene.with_(friction=friction, actuators=actuators, stick_velocity=stick)
 
 
+def _with_losses(given: Transmission | None, losses: Mapping[str, Any]) -> Transmission:
+    """A drive's transmission with the losses found; all else of it is what the scene says."""
+    entries: dict[str, Any] = given.model_dump(exclude_unset=True) if given else {"ratio": 1.0}
+    kept = {key: value for key, value in entries.items() if key not in _LOSSES}
+    return Transmission.model_validate({**kept, **losses})
+
+
 def _entries(
     found: Estimate, joint: int, static: Mapping[tuple[int, str], BreakAway]
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """A joint's entry of `friction`, and its drive's transmission, as a scene file has them."""
+    """A joint's entry of `friction`, and the losses of its drive, as a scene file has them."""
     scene, law, fitted = found.scene, found.choice.laws[joint], found.fit.slots[joint]
     friction: dict[str, Any] = {}
     gear: dict[str, Any] = {}
     ratio = abs(scene.drives[joint].ratio)
-    if found.question.motor:  # an effort measured after the gear says nothing of it
-        gear["ratio"] = scene.drives[joint].ratio
     excess = _rest_excess(found.rows[joint], law, fitted)
     dry = law.coulomb and fitted[[SLOT[FORWARD], SLOT[BACKWARD]]].any()
     for slot in (SLOT[INERTIA], *law.slots):
