@@ -810,6 +810,12 @@ def export(
             "--frame", metavar="LINK", help="cpp: a link for payloads and wrenches at run time."
         ),
     ] = None,
+    namespace: Annotated[
+        str,
+        typer.Option(
+            "--namespace", metavar="NAME", help="cpp: of the header and its file; for two arms."
+        ),
+    ] = "",
     as_json: AsJson = False,
     log: Any,
 ) -> None:
@@ -825,7 +831,7 @@ def export(
     from pinfric.show.report.export import export_report
     from pinfric.study.export.export import export as make
 
-    made = make(scene, trajectory, to, frames=frame or ())
+    made = make(scene, trajectory, to, frames=frame or (), namespace=namespace)
     if to == "cpp":
         file = made.write(out or Path())
         say(f"wrote {file} and {', '.join(made.beside)}")

@@ -167,7 +167,9 @@ class Headers:
         includes = "\n".join(f'#include "{name}.hpp"' for name in names)
         calls = "\n  ".join(
             f'if (!std::strcmp(arguments[1], "{name}"))\n    good = good && answer<{name}::Robot, '
-            f"{name}::Compensator, {name}::Options, {name}::Instant>(in, out);"
+            f"{name}::Compensator, {name}::Options, {name}::Instant, {name}::State, "
+            f"{name}::Freedoms, {name}::Drives, "
+            f"{name}::View<double, {name}::Robot::freedoms>>(in, out);"
             for name in names
         )
         text = DRIVER.read_text().replace("// @@INCLUDES", includes).replace("// @@SCENES", calls)
@@ -212,13 +214,17 @@ class Headers:
         ]
         subprocess.run(command, check=True, timeout=60)
         widths = {
-            "good": 5,
+            "good": 6,
             "rigid_body": nv,
             "friction": na,
+            "limited": na,
             "feed_forward": na,
+            "effort": na,
             "effort_frictionless": na,
             "effort_lower": na,
             "effort_upper": na,
+            "joint_effort_lower": na,
+            "joint_effort_upper": na,
             "motor_torque_lower": na,
             "motor_torque_upper": na,
             "normal_load": ns,

@@ -31,6 +31,7 @@ from pinfric.model.drives import Gears, gear_drag, gear_line
 from pinfric.model.laws import Laws, law_at
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, impossible
 from pinfric.model.scene import Scene
+from pinfric.model.twin import PRISMATIC
 
 
 @dataclass(frozen=True)
@@ -210,6 +211,7 @@ def compensate_state(
     v_ref, error, v_now = (motion[name] for name in ("v_ref", "error", "v_now"))
     assert v_ref is not None
     rows, nothing = options.table(scene), np.zeros(len(v_ref))
+    _check_used(scene, rows, error is not None, v_now is not None)
     out = np.empty(len(scene.drives))
     compensate(
         tables,
@@ -223,6 +225,79 @@ def compensate_state(
         out,
     )
     return out
+
+
+def _check_used(scene: Scene, rows: np.ndarray, error: bool, v_now: bool) -> None:
+    """Refuse options that could do nothing: `hold_error` and `power` need what is measured."""
+    holding = rows[3] > 0.0
+    if (holding & (rows[2] == 0.0)).any():
+        raise StateError(f"{scene.source}: CompensationOptions.hold_error: needs a switch_velocity")
+    if holding.any() and not (error and v_now):
+        raise StateError(f"{scene.source}: CompensationOptions.hold_error: needs error and v_now")
+    if not v_now and (rows[5] < np.inf).any():
+        raise StateError(f"{scene.source}: CompensationOptions.power: needs v_now")
+
+
+class Reach(NamedTuple):
+    """Positions and speeds beyond which a state is no robot's: a wrong unit, a broken sensor.
+
+    Attributes:
+        least, greatest: (nv,) rad or m. fastest: (nv,) rad/s or m/s.
+    """
+
+    least: np.ndarray
+    greatest: np.ndarray
+    fastest: np.ndarray
+
+
+#: rad/s^2 (m/s^2); rad (m) of a position error; of positions and speeds without limits.
+LARGEST_ACCELERATION = LARGEST_ERROR = 1e6
+
+
+def reach(scene: Scene) -> Reach:
+    """Return one turn (1 m) beyond each joint's limits, and ten times its greatest speed."""
+    model, nv = scene.model, scene.model.nv
+    found = Reach(np.full(nv, -1e6), np.full(nv, 1e6), np.full(nv, 1e6))
+    for row, joint in enumerate(list(model.joints)[1:]):
+        if joint.nv != 1:
+            continue
+        v, sliding = joint.idx_v, scene.twin().kind[row] == PRISMATIC
+        spare = 1.0 if sliding else 2.0 * np.pi
+        if joint.nq == 1:
+            low, high = (
+                x[joint.idx_q] for x in (model.lowerPositionLimit, model.upperPositionLimit)
+            )
+            found.least[v] = max(np.nan_to_num(low, nan=-1e6) - spare, -1e6)
+            found.greatest[v] = min(np.nan_to_num(high, nan=1e6) + spare, 1e6)
+        if model.velocityLimit[v] > 0.0:
+            found.fastest[v] = 10.0 * min(model.velocityLimit[v], 1e5)
+    return found
+
+
+def check_reach(scene: Scene, bounds: Reach, q: np.ndarray, motion: Mapping[str, Any]) -> None:
+    """Refuse a state that no robot has.
+
+    Args:
+        bounds: `reach`. q: (nq,). motion: v, a, v_ref, error, v_now: (nv,) each, or None.
+
+    Raises:
+        StateError: the joint, its figure and what is allowed.
+    """
+    place = [(joint.idx_q, joint.idx_v) for joint in list(scene.model.joints)[1:] if joint.nq == 1]
+    at, of = np.array(place, dtype=int).reshape(-1, 2).T
+    largest = {"a": LARGEST_ACCELERATION, "error": LARGEST_ERROR}
+    checked = [("q", q[at], bounds.least[of], bounds.greatest[of], of)]
+    for name, given in motion.items():
+        if given is not None:
+            top = np.broadcast_to(largest.get(name, bounds.fastest), given.shape)
+            checked.append((name, given, -top, top, np.arange(given.size)))
+    for name, given, low, high, column in checked:
+        if not ((given >= low) & (given <= high)).all():
+            i = int(np.argmin((given >= low) & (given <= high)))
+            raise StateError(
+                f"{name}: {freedom_names(scene)[column[i]]!r}: {given[i]:g}: should be a number "
+                f"from {low[i]:.4g} to {high[i]:.4g} (rad or m, s); in degrees?"
+            )
 
 
 @kernel

@@ -20,8 +20,11 @@ import numpy as np
 from pinfric.dynamics.forward.compensation import (
     Compensated,
     CompensationOptions,
+    Reach,
+    check_reach,
     compensate_state,
     make_compensated,
+    reach,
 )
 from pinfric.dynamics.forward.forward import Instant, one_of, solution, solve_state, vector
 from pinfric.dynamics.forward.workspace import Workspace, closed_configuration, rehearse
@@ -351,20 +354,18 @@ class Solver:
             (na,) N m or N at the joints, a new array.
 
         Raises:
-            StateError: not real numbers, a wrong shape, a value not finite.
+            StateError: a wrong shape, a value far beyond limits, an option without what it needs.
             PinfricError: loops, drives off the joints, joints without a drive or with several.
         """
-        nv, tables = self._ws.nv, self._compensated
-        still = np.zeros(nv)
+        nv, tables, still = self._ws.nv, self._compensated, np.zeros(self._ws.nv)
         given = {"v": v, "a": a, "v_ref": v_ref, "error": error, "v_now": v_now}
-        motion = {
-            name: None if x is None else vector(name, x, nv, "nv") for name, x in given.items()
-        }
+        motion = {n: None if x is None else vector(n, x, nv, "nv") for n, x in given.items()}
         rate, bend = (still if x is None else x for x in (motion["v"], motion["a"]))
         carried = None
         if self._carried is not None:
             carried = np.array([[name in self._carried for name in self.scene.payloads]])
         q = vector("q", q, self._ws.nq, "nq")
+        check_reach(self.scene, self._reach, q, motion)
         states = States.of(self.scene, q, rate, bend, None, carried)
         if external:
             twin, applied = self._ws.twin, applied_wrenches(self.scene, external, 1)
@@ -380,6 +381,11 @@ class Solver:
         found = compensate_state(self.scene, tables, effort, wrench, displacement, motion, options)
         check_finite(self.scene, (found[None], found[None]), 0)
         return found
+
+    @cached_property
+    def _reach(self) -> Reach:
+        """The states that `compensate` takes."""
+        return reach(self.scene)
 
     @cached_property
     def _compensated(self) -> Compensated:

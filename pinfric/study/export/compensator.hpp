@@ -1,17 +1,34 @@
 // @@TITLE
-#ifndef PINFRIC_SCENE_HPP
+#pragma once
+#ifdef PINFRIC_SCENE_@@HASH
+#pragma message("pinfric: another header of the robot of pinfric_scene, with the same constants: once is enough")
+#else
+#define PINFRIC_SCENE_@@HASH
+#ifdef PINFRIC_SCENE_HPP
+#pragma message("pinfric: two robots share the namespace pinfric_scene: name this one in full, pinfric_scene::constants_@@HASH, or export it with --namespace")
+#endif
 #define PINFRIC_SCENE_HPP
 
 #if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__)
 #error "pinfric: -ffast-math takes away the checks for NaN; compile this header without it"
 #endif
+#ifdef _M_FP_FAST
+#error "pinfric: /fp:fast takes away the checks for NaN; compile this header without it"
+#endif
 
 #include <cmath>
 #include <limits>
 
+// Other constants have another inner namespace, so that no linker takes one robot for another.
 namespace pinfric_scene {
+inline namespace constants_@@HASH {
 
-constexpr double inf = std::numeric_limits<double>::infinity();
+#if defined(__GNUC__)
+__attribute__((used))
+#endif
+inline constexpr char made_of[] = "@@MADE_OF";  // in the program's file: `strings` shows it
+
+inline constexpr double inf = std::numeric_limits<double>::infinity();
 
 // ------------------------------------------------------------------ what the constants mean
 // The axes of a body are those in which the axis of its joint is z. Wrenches are force, then moment.
@@ -58,11 +75,57 @@ struct Frame { int body; double rotation[9], position[3]; };  // in the body's a
 
 // ------------------------------------------------------------------ constants of the robot
 
+inline constexpr double largest = 1e12;  // of masses, lengths, forces
+
 // @@CONSTANTS
 
 // ------------------------------------------------------------------ what a controller sees
 
-// How the compensation behaves; one number per drive.
+// A view of numbers that stand elsewhere: of an array of that length, or of what has data() and
+// size(), as std::array, std::vector and Eigen's vectors have. A call with another length, or with
+// none where numbers are needed, returns false.
+template <class Number, unsigned count>
+class View {
+ public:
+  View() noexcept = default;  // none
+  View(Number (&array)[count]) noexcept : first_(array) {}
+  template <class Array, class = decltype(static_cast<Array*>(nullptr)->data())>
+  View(Array& array) noexcept
+      : first_(array.data()),
+        fits_(static_cast<unsigned long long>(array.size()) == count) {}
+  // Of a pointer to the first of as many numbers as there must be: nothing checks that.
+  static View at(Number* first) noexcept {
+    View view;
+    view.first_ = first;
+    return view;
+  }
+  bool fits() const noexcept { return fits_; }
+  Number* first() const noexcept { return first_; }  // null: none
+
+ private:
+  Number* first_ = nullptr;
+  bool fits_ = true;
+};
+using Freedoms = View<const double, Robot::freedoms>;
+using Drives = View<double, Robot::drives>;
+
+// A state of the robot: one number per freedom, in the order of Robot::freedom_names.
+struct State {
+  Freedoms q;             // positions (rad or m), continuous joints, too
+  Freedoms v, a;          // velocities, accelerations whose load counts; none: the load of gravity
+  Freedoms v_ref;         // velocity whose friction is compensated: desired or measured; none: v
+  Freedoms error, v_now;  // desired less actual position, measured velocity: for hold_error, power
+};
+
+// What a call says of itself.
+struct [[nodiscard]] Outcome {
+  bool good = false;                     // else it wrote zeros
+  bool limited[Robot::drives] = {};      // whether `limit` cut the drive's compensation
+  explicit operator bool() const noexcept { return good; }
+};
+
+// How the compensation behaves; one number per drive. An option that could do nothing is refused:
+// hold_error without State's error and v_now or without switch_velocity, power without v_now.
 struct Options {
   double scale[Robot::drives];            // of dry friction and gear losses: at most 1/(1 + e)
   double viscous_scale[Robot::drives];    // of friction that vanishes at rest
@@ -82,14 +145,17 @@ struct Options {
   }
 };
 
-// All that follows from one state. Efforts are the drives' at the joints (N m or N).
+// All that follows from one state (N m or N). `effort` is what an effort interface takes, as that of
+// ros2_control: the motor's torque seen from the joint, ratio x motor_torque, with rigid body, rotors,
+// friction and gear losses. `delivered` is what passes the gear, without its losses and the rotor.
 struct Instant {
-  double effort_frictionless[Robot::drives];
+  double rigid_body[Robot::drives];
   double wrench[Robot::sites > 0 ? Robot::sites : 1][6];  // parent on child, in the child's frame
   double normal_load[Robot::sites > 0 ? Robot::sites : 1];
   double friction_lower[Robot::sites > 0 ? Robot::sites : 1];  // of the parent on the child
   double friction_upper[Robot::sites > 0 ? Robot::sites : 1];
   bool sticking[Robot::sites > 0 ? Robot::sites : 1];
+  double delivered_lower[Robot::drives], delivered_upper[Robot::drives];
   double effort_lower[Robot::drives], effort_upper[Robot::drives];
   double motor_torque_lower[Robot::drives], motor_torque_upper[Robot::drives];  // N m at the shaft
 };
@@ -118,10 +184,14 @@ inline Vector times(const double* I, const Vector& a) noexcept {  // I: xx xy xz
   return {I[0] * a.x + I[1] * a.y + I[2] * a.z, I[1] * a.x + I[3] * a.y + I[4] * a.z,
           I[2] * a.x + I[4] * a.y + I[5] * a.z};
 }
+// Whether all are numbers of at most that size.
+inline bool within(const double* values, int count, double size) noexcept {
+  bool good = values != nullptr;
+  for (int i = 0; good && i < count; ++i) good = std::fabs(values[i]) <= size;
+  return good;
+}
 inline bool finite(const double* values, int count) noexcept {
-  double zero = 0.0;
-  for (int i = 0; i < count; ++i) zero += values[i] - values[i];  // NaN of NaN and inf
-  return zero == 0.0;
+  return within(values, count, std::numeric_limits<double>::max());
 }
 inline void clear(double* values, int count) noexcept {
   for (int i = 0; i < count; ++i) values[i] = 0.0;
@@ -261,60 +331,54 @@ inline double delivered(int d, const double* effort) noexcept {
 // ------------------------------------------------------------------ the compensator
 
 // Friction and gear losses with the load that the joints carry now. It keeps what it was told
-// (gravity, payload, wrench) and nothing from one call to the next. Arrays have one number per
-// freedom, continuous joints, too (rad, m and per second); `null` stands for zeros where it says so.
-// Each call returns false and writes zeros where something is not finite, or an option is none.
+// (gravity, payload, wrench) and nothing from one call to the next. Each call returns false and
+// writes zeros where a number is not finite or beyond what a robot has, or an option does nothing.
+// A result may be written where a number of the state stands.
 class Compensator {
  public:
   Compensator() noexcept {
     for (int k = 0; k < 3; ++k) gravity_[k] = default_gravity[k];
     for (int b = 0; b < Robot::bodies; ++b) {
-      masses_[b] = {bodies[b].mass, {bodies[b].com[0], bodies[b].com[1], bodies[b].com[2]}, {}};
-      for (int k = 0; k < 6; ++k) masses_[b].inertia[k] = bodies[b].inertia[k];
+      load_body(b);
       detail::clear(outside_[b], 6);
     }
     for (int f = 0; f < frame_slots; ++f) detail::clear(wrench_[f], 6);
   }
 
-  // Gravity in the world's axes (m/s^2). This and the next two not while a loop runs on the object.
-  bool set_gravity(const double* gravity) noexcept {
-    if (!detail::finite(gravity, 3)) return false;
-    for (int k = 0; k < 3; ++k) gravity_[k] = gravity[k];
+  // Gravity in the world's axes (m/s^2). This and the setters below not while a loop runs on the object.
+  [[nodiscard]] bool set_gravity(View<const double, 3> gravity) noexcept {
+    if (!gravity.fits() || !detail::within(gravity.first(), 3, largest)) return false;
+    for (int k = 0; k < 3; ++k) gravity_[k] = gravity.first()[k];
     return true;
   }
 
   // Add a body to a frame of Robot::frames. com: in its axes (m); inertia: about the centre of mass,
   // xx xy xz yy yz zz (kg m^2). The payloads that the scene carries by default are there already.
-  bool add_payload(int frame, double mass, const double* com, const double* inertia) noexcept {
-    if (frame < 0 || frame >= Robot::frame_count || !(mass >= 0.0) || !detail::finite(&mass, 1) ||
-        !detail::finite(com, 3) || !detail::finite(inertia, 6))
-      return false;
-    const Frame& at = frames[frame];
-    Mass& body = masses_[at.body];
-    const double total = body.mass + mass;
-    if (!(total > 0.0)) return true;
-    const detail::Vector centre = detail::turned(at.rotation, {com[0], com[1], com[2]});
-    const double there[3] = {at.position[0] + centre.x, at.position[1] + centre.y,
-                             at.position[2] + centre.z};
-    const double share = body.mass * mass / total;
-    const double apart[3] = {there[0] - body.com[0], there[1] - body.com[1], there[2] - body.com[2]};
-    const double square = apart[0] * apart[0] + apart[1] * apart[1] + apart[2] * apart[2];
-    const double* R = at.rotation;
-    for (int i = 0, k = 0; i < 3; ++i)
-      for (int j = i; j < 3; ++j, ++k) {
-        const detail::Vector row = detail::times(inertia, {R[3 * j], R[3 * j + 1], R[3 * j + 2]});
-        body.inertia[k] += R[3 * i] * row.x + R[3 * i + 1] * row.y + R[3 * i + 2] * row.z +
-                           share * ((i == j ? square : 0.0) - apart[i] * apart[j]);
-      }
-    for (int k = 0; k < 3; ++k) body.com[k] = (body.mass * body.com[k] + mass * there[k]) / total;
-    body.mass = total;
-    return true;
+  // False, and nothing changed, where no body has such a mass and inertia.
+  [[nodiscard]] bool add_payload(int frame, double mass, View<const double, 3> com,
+                                 View<const double, 6> inertia) noexcept {
+    return carry(frame, mass, com, inertia, true);
+  }
+
+  // The same in place of what was added to that frame before.
+  [[nodiscard]] bool set_payload(int frame, double mass, View<const double, 3> com,
+                                 View<const double, 6> inertia) noexcept {
+    return carry(frame, mass, com, inertia, false);
+  }
+
+  // Put down all that was added: what the scene carries by default stays.
+  void clear_payloads() noexcept {
+    for (Mass& payload : carried_) payload = Mass();
+    for (int b = 0; b < Robot::bodies; ++b) load_body(b);
   }
 
   // The wrench on the robot from outside at a frame of Robot::frames, force then moment, in the
   // frame's axes at its origin (N, N m); zeros take it away.
-  bool set_wrench(int frame, const double* wrench) noexcept {
-    if (frame < 0 || frame >= Robot::frame_count || !detail::finite(wrench, 6)) return false;
+  [[nodiscard]] bool set_wrench(int frame, View<const double, 6> given) noexcept {
+    const double* wrench = given.first();
+    if (frame < 0 || frame >= Robot::frame_count || !given.fits() ||
+        !detail::within(wrench, 6, largest))
+      return false;
     const Frame& at = frames[frame];
     const detail::Vector force = detail::turned(at.rotation, {wrench[0], wrench[1], wrench[2]});
     const detail::Vector moment = detail::sum(
@@ -329,69 +393,68 @@ class Compensator {
     return true;
   }
 
-  // M a + h less the wrenches from outside, per freedom (N m or N), without friction. v, a: may be null.
-  bool rigid_body(const double* q, const double* v, const double* a, double* effort) const noexcept {
+  // M a + h less the wrenches from outside, per freedom (N m or N), without friction and rotors.
+  [[nodiscard]] bool rigid_body(const State& state, View<double, Robot::freedoms> out) const noexcept {
     Reactions found;
-    const bool good = react(q, v, a, found);
-    for (int i = 0; i < Robot::freedoms; ++i) effort[i] = good ? found.effort[i] : 0.0;
-    return good;
+    const bool good = react(state, found);
+    for (int i = 0; out.fits() && out.first() && i < Robot::freedoms; ++i)
+      out.first()[i] = good ? found.effort[i] : 0.0;
+    return good && out.fits() && out.first();
   }
 
   // What a motion takes with friction, as pinfric's `Solver.inverse`: intervals where joints stick.
-  // v, a: may be null.
-  bool inverse(const double* q, const double* v, const double* a, Instant& out) const noexcept {
+  [[nodiscard]] bool inverse(const State& state, Instant& out) const noexcept {
     Reactions found;
-    return bound(q, v, a, found, out);
+    return bound(state, found, out);
   }
 
-  // The friction that the drives must overcome, at the joints (N m or N): to be added to a torque.
-  //   q, v, a: state whose load counts; v, a null: the load of gravity.
-  //   v_ref: velocity whose friction is compensated: desired or measured.
-  //   error: desired less actual position, v_now: measured velocity; null: no hold, no power watch.
-  bool friction(const double* q, const double* v, const double* a, const double* v_ref,
-                const double* error, const double* v_now, const Options& options,
-                double* out) const noexcept {
+  // The friction and gear losses that the drives must overcome, at the joints: to be added to the
+  // torque of a controller that has rigid body and rotors (ratio^2 rotor_inertia a) of its own.
+  Outcome friction(const State& state, const Options& options, Drives out) const noexcept {
     Reactions found;
-    if (!react(q, v, a, found)) {
-      detail::clear(out, Robot::drives);
-      return false;
-    }
-    double load[sites_size] = {};
-    write_loads(q, found, load);
-    return compensate(found.effort, load, v_ref, error, v_now, options, out);
+    double load[sites_size] = {}, extra[Robot::drives];
+    const bool good = react(state, found);
+    if (good) write_loads(state.q.first(), found, load);
+    const Outcome outcome = good ? compensate(found.effort, load, state, options, extra) : Outcome();
+    return written(outcome, extra, out);
   }
 
-  // Feed-forward of a desired motion at the motors' shafts (N m), with the interval that it lies in:
-  // rigid body, rotors and `friction` at v. v, a, error, v_now: may be null.
-  bool motor_torque(const double* q, const double* v, const double* a, const double* error,
-                    const double* v_now, const Options& options, double* out,
-                    Instant& instant) const noexcept {
+  // Feed-forward of a motion at the joints, what an effort interface takes: rigid body, rotors and
+  // `friction` at v_ref. Outside the band of switch_velocity, at scale 1 and v_ref = v, it lies in
+  // the interval of `inverse`; inside the band it need not.
+  Outcome effort(const State& state, const Options& options, Drives out) const noexcept {
     Reactions found;
-    if (!bound(q, v, a, found, instant)) {
-      detail::clear(out, Robot::drives);
-      return false;
-    }
-    if (!compensate(found.effort, instant.normal_load, v ? v : zeros(), error, v_now, options,
-                    out)) {
-      instant = Instant();
-      return false;
-    }
-    for (int d = 0; d < Robot::drives; ++d) {
-      const Drive& drive = drives[d];
-      out[d] = (instant.effort_frictionless[d] + out[d]) / drive.ratio +
-               drive.ratio * drive.rotor_inertia * (a ? detail::rate_of(d, a) : 0.0);
-    }
-    return true;
+    double load[sites_size] = {}, whole[Robot::drives];
+    const bool good = react(state, found);
+    if (good) write_loads(state.q.first(), found, load);
+    const Outcome outcome = good ? feed_forward(found, load, state, options, whole) : Outcome();
+    return written(outcome, whole, out);
+  }
+
+  // The same at the motors' shafts (N m), with the interval of the state.
+  Outcome motor_torque(const State& state, const Options& options, Drives out,
+                       Instant& instant) const noexcept {
+    Reactions found;
+    double whole[Robot::drives];
+    Outcome outcome;
+    if (bound(state, found, instant))
+      outcome = feed_forward(found, instant.normal_load, state, options, whole);
+    if (outcome)
+      for (int d = 0; d < Robot::drives; ++d) whole[d] /= drives[d].ratio;
+    outcome = written(outcome, whole, out);
+    if (!outcome) instant = Instant();
+    return outcome;
   }
 
  private:
   static constexpr int sites_size = Robot::sites > 0 ? Robot::sites : 1;
   static constexpr int frame_slots = Robot::frame_count > 0 ? Robot::frame_count : 1;
-  struct Mass { double mass, com[3], inertia[6]; };
+  struct Mass { double mass = 0.0, com[3] = {}, inertia[6] = {}; };  // in the body's axes
   struct Reactions { double wrench[Robot::bodies][6], effort[Robot::freedoms]; };
 
   double gravity_[3];
   Mass masses_[Robot::bodies];
+  Mass carried_[frame_slots];         // what was added to each frame
   double outside_[Robot::bodies][6];  // wrench from outside on each body, at its joint's origin
   double wrench_[frame_slots][6];     // the same of each frame
 
@@ -400,15 +463,103 @@ class Compensator {
     return none;
   }
 
-  // Newton and Euler: motions from the ground outwards, wrenches inwards.
-  bool react(const double* q, const double* v, const double* a, Reactions& out) const noexcept {
+  static const double* or_zeros(const Freedoms& view) noexcept {
+    return view.first() ? view.first() : zeros();
+  }
+
+  // Whether velocities are such as a joint can have.
+  static bool slow_enough(const double* v) noexcept {
+    bool good = true;
+    for (int i = 0; good && i < Robot::freedoms; ++i) good = std::fabs(v[i]) <= greatest_velocity[i];
+    return good;
+  }
+
+  // Write what a call found, or zeros.
+  static Outcome written(Outcome outcome, const double* found, Drives out) noexcept {
+    if (!out.fits() || !out.first()) return Outcome();
+    for (int d = 0; d < Robot::drives; ++d) out.first()[d] = outcome ? found[d] : 0.0;
+    return outcome;
+  }
+
+  // Whether a body has that mass and inertia: no principal moment exceeds the sum of the others,
+  // so tr(J)/2 - J has no negative eigenvalue, but for the rounding of a file.
+  static bool possible(double mass, const double* com, const double* J) noexcept {
+    if (!(mass >= 0.0) || !(mass <= largest) || !detail::within(com, 3, largest) ||
+        !detail::within(J, 6, largest))
+      return false;
+    const double half = 0.5 * (J[0] + J[3] + J[5]), slack = 5e-4 * std::fabs(half) + 5e-10;
+    if (mass == 0.0 && (std::fabs(J[0]) > 1e-9 || std::fabs(J[3]) > 1e-9 || std::fabs(J[5]) > 1e-9))
+      return false;
+    const double x = half - J[0] + slack, y = half - J[3] + slack, z = half - J[5] + slack;
+    if (!(x > 0.0)) return false;  // Cholesky's pivots
+    const double second = y - J[1] * J[1] / x, across = -J[4] - J[1] * J[2] / x;
+    return second > 0.0 && z - J[2] * J[2] / x - across * across / second > 0.0;
+  }
+
+  // Two bodies that are one.
+  static Mass together_with(const Mass& one, const Mass& other) noexcept {
+    Mass both = one;
+    both.mass = one.mass + other.mass;
+    if (!(both.mass > 0.0)) return both;
+    const double share = one.mass * other.mass / both.mass;
+    double apart[3], square = 0.0;
+    for (int k = 0; k < 3; ++k) {
+      apart[k] = other.com[k] - one.com[k];
+      square += apart[k] * apart[k];
+      both.com[k] = (one.mass * one.com[k] + other.mass * other.com[k]) / both.mass;
+    }
+    for (int i = 0, k = 0; i < 3; ++i)
+      for (int j = i; j < 3; ++j, ++k)
+        both.inertia[k] += other.inertia[k] + share * ((i == j ? square : 0.0) - apart[i] * apart[j]);
+    return both;
+  }
+
+  bool carry(int frame, double mass, View<const double, 3> centred, View<const double, 6> moments,
+             bool more) noexcept {
+    const double *com = centred.first(), *inertia = moments.first();
+    if (frame < 0 || frame >= Robot::frame_count || !centred.fits() || !moments.fits() ||
+        !possible(mass, com, inertia))
+      return false;
+    const Frame& at = frames[frame];
+    const double* R = at.rotation;
+    const detail::Vector centre = detail::turned(R, {com[0], com[1], com[2]});
+    Mass payload;
+    payload.mass = mass;
+    payload.com[0] = at.position[0] + centre.x;
+    payload.com[1] = at.position[1] + centre.y;
+    payload.com[2] = at.position[2] + centre.z;
+    for (int i = 0, k = 0; i < 3; ++i)
+      for (int j = i; j < 3; ++j, ++k) {
+        const detail::Vector row = detail::times(inertia, {R[3 * j], R[3 * j + 1], R[3 * j + 2]});
+        payload.inertia[k] = R[3 * i] * row.x + R[3 * i + 1] * row.y + R[3 * i + 2] * row.z;
+      }
+    carried_[frame] = more ? together_with(carried_[frame], payload) : payload;
+    load_body(at.body);
+    return true;
+  }
+
+  // The mass of a body with what it carries.
+  void load_body(int b) noexcept {
+    Mass own;
+    own.mass = bodies[b].mass;
+    for (int k = 0; k < 3; ++k) own.com[k] = bodies[b].com[k];
+    for (int k = 0; k < 6; ++k) own.inertia[k] = bodies[b].inertia[k];
+    for (int f = 0; f < Robot::frame_count; ++f)
+      if (frames[f].body == b) own = together_with(own, carried_[f]);
+    masses_[b] = own;
+  }
+
+  // Newton and Euler: motions from the ground outwards, wrenches inwards. False for a state that no
+  // robot has: not finite, far beyond the joint's limits (degrees in place of radians).
+  bool react(const State& state, Reactions& out) const noexcept {
     using detail::Vector;
     struct Motion { Vector w, dw, a; };  // velocity of turning, its change, acceleration - gravity
-    if (!v) v = zeros();
-    if (!a) a = zeros();
-    if (!detail::finite(q, Robot::freedoms) || !detail::finite(v, Robot::freedoms) ||
-        !detail::finite(a, Robot::freedoms))
+    const double *q = state.q.first(), *v = or_zeros(state.v), *a = or_zeros(state.a);
+    if (!q || !state.q.fits() || !state.v.fits() || !state.a.fits() || !slow_enough(v) ||
+        !detail::within(a, Robot::freedoms, greatest_acceleration))
       return false;
+    for (int i = 0; i < Robot::freedoms; ++i)
+      if (!(q[i] >= least_position[i] && q[i] <= greatest_position[i])) return false;
     double rotation[Robot::bodies][9];
     Vector position[Robot::bodies];
     Motion motion[Robot::bodies];
@@ -491,13 +642,11 @@ class Compensator {
     }
   }
 
-  bool bound(const double* q, const double* v, const double* a, Reactions& found,
-             Instant& out) const noexcept {
+  bool bound(const State& state, Reactions& found, Instant& out) const noexcept {
     out = Instant();
-    if (!react(q, v, a, found)) return false;
-    if (!v) v = zeros();
-    if (!a) a = zeros();
-    write_loads(q, found, out.normal_load);
+    if (!react(state, found)) return false;
+    const double *v = or_zeros(state.v), *a = or_zeros(state.a);
+    write_loads(state.q.first(), found, out.normal_load);
     double lower[Robot::freedoms], upper[Robot::freedoms];
     for (int i = 0; i < Robot::freedoms; ++i) lower[i] = upper[i] = found.effort[i];
     for (int s = 0; s < Robot::sites; ++s) {
@@ -558,9 +707,11 @@ class Compensator {
       detail::gear_range(d, rate > 0.0 ? 1.0 : -1.0, speed, 0.0, low, high, least, greatest);
     }
     const double motor = r * drive.rotor_inertia * detail::rate_of(d, a) + detail::motor_drag(d, rate) / r;
-    out.effort_frictionless[d] = detail::delivered(d, effort);
-    out.effort_lower[d] = low;
-    out.effort_upper[d] = high;
+    out.rigid_body[d] = detail::delivered(d, effort);
+    out.delivered_lower[d] = low;
+    out.delivered_upper[d] = high;
+    out.effort_lower[d] = least + r * motor;
+    out.effort_upper[d] = greatest + r * motor;
     out.motor_torque_lower[d] = std::fmin(least / r, greatest / r) + motor;
     out.motor_torque_upper[d] = std::fmax(least / r, greatest / r) + motor;
     const double all[3] = {low + high, out.motor_torque_lower[d], out.motor_torque_upper[d]};
@@ -646,41 +797,55 @@ class Compensator {
     return true;
   }
 
-  static bool compensate(const double* effort, const double* load, const double* v_ref,
-                         const double* error, const double* v_now, const Options& options,
-                         double* out) noexcept {
-    detail::clear(out, Robot::drives);
-    if (!detail::finite(v_ref, Robot::freedoms) ||
-        (error && !detail::finite(error, Robot::freedoms)) ||
-        (v_now && !detail::finite(v_now, Robot::freedoms)) || !valid(options))
-      return false;
-    const bool holds = error && v_now;
-    const double* e = error ? error : zeros();
-    const double* now = v_now ? v_now : zeros();
+  // Rigid body, friction and rotors, at the joints.
+  static Outcome feed_forward(const Reactions& found, const double* load, const State& state,
+                              const Options& options, double* out) noexcept {
+    const Outcome outcome = compensate(found.effort, load, state, options, out);
+    const double* a = or_zeros(state.a);
+    for (int d = 0; outcome && d < Robot::drives; ++d) {
+      const Drive& drive = drives[d];
+      out[d] += detail::delivered(d, found.effort) +
+                drive.ratio * drive.ratio * drive.rotor_inertia * detail::rate_of(d, a);
+    }
+    return outcome;
+  }
+
+  static Outcome compensate(const double* effort, const double* load, const State& state,
+                            const Options& options, double* out) noexcept {
+    const double* v_ref = state.v_ref.first() ? state.v_ref.first() : state.v.first();
+    const double *e = or_zeros(state.error), *now = or_zeros(state.v_now);
+    if (!v_ref || !state.v_ref.fits() || !state.error.fits() || !state.v_now.fits() ||
+        !slow_enough(v_ref) || !slow_enough(now) ||
+        !detail::within(e, Robot::freedoms, greatest_error) || !valid(options))
+      return {};
+    const bool moving = state.v_now.first() != nullptr, holds = moving && state.error.first();
     Directions to;
     bool watched = false;
     for (int d = 0; d < Robot::drives; ++d) {
       const double band = options.switch_velocity[d], hold = options.hold_error[d];
+      if ((hold > 0.0 && (!holds || !(band > 0.0))) || (options.power[d] < inf && !moving)) return {};
       direct(v_ref[d], band, e[d], hold, now[d], holds, to.joint[d], to.joint_leaving[d]);
       to.drive[d] = to.joint[d];
       to.drive_leaving[d] = to.joint_leaving[d];
       if (Robot::coupled)
         direct(detail::rate_of(d, v_ref), band, detail::rate_of(d, e), hold, detail::rate_of(d, now),
                holds, to.drive[d], to.drive_leaving[d]);
-      watched |= v_now && options.power[d] < inf;
+      watched |= options.power[d] < inf;
     }
     double dry[Robot::drives], drag[Robot::drives];
     friction_of(effort, load, v_ref, to, dry, drag);
-    double result[Robot::drives];
     for (int d = 0; d < Robot::drives; ++d)
-      result[d] = options.scale[d] * dry[d] + options.viscous_scale[d] * drag[d];
-    if (!detail::finite(result, Robot::drives)) return false;  // before a limit hides it
-    for (int d = 0; d < Robot::drives; ++d)
-      result[d] = std::fmax(-options.limit[d], std::fmin(options.limit[d], result[d]));
-    if (watched) watch_power(effort, load, v_now, options, result);
-    if (!detail::finite(result, Robot::drives)) return false;
-    for (int d = 0; d < Robot::drives; ++d) out[d] = result[d];
-    return true;
+      out[d] = options.scale[d] * dry[d] + options.viscous_scale[d] * drag[d];
+    Outcome outcome;
+    if (!detail::finite(out, Robot::drives)) return outcome;  // before a limit hides it
+    for (int d = 0; d < Robot::drives; ++d) {
+      outcome.limited[d] = std::fabs(out[d]) > options.limit[d];
+      out[d] = std::fmax(-options.limit[d], std::fmin(options.limit[d], out[d]));
+    }
+    if (watched) watch_power(effort, load, now, options, out);
+    if (!detail::finite(out, Robot::drives)) return {};
+    outcome.good = true;
+    return outcome;
   }
 
   // Let the compensation give no more power than friction takes at v_now, and options.power.
@@ -701,6 +866,7 @@ class Compensator {
   }
 };
 
+}  // namespace constants_@@HASH
 }  // namespace pinfric_scene
 
 #endif

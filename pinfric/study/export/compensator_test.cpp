@@ -17,16 +17,24 @@ namespace {
 
 using namespace pinfric_scene;
 
-struct State {
+struct Embedded {
   double q[Robot::freedoms], v[Robot::freedoms], a[Robot::freedoms];
   double least[Robot::drives], greatest[Robot::drives], friction[Robot::drives];
 };
 
-const State states[] = {
+const Embedded states[] = {
 // @@STATES
 };
 
 constexpr double tolerance = 1e-9;  // of each column's peak
+
+State state_of(const double* q, const double* v, const double* a) {
+  State state;
+  state.q = Freedoms::at(q);
+  state.v = Freedoms::at(v);
+  state.a = Freedoms::at(a);
+  return state;
+}
 
 Options whole() {
   Options options;
@@ -52,11 +60,12 @@ int compare() {
   const Options options = whole();
   Difference least[Robot::drives], greatest[Robot::drives], friction[Robot::drives];
   bool good = true;
-  for (const State& state : states) {
+  for (const Embedded& state : states) {
     Instant instant;
     double out[Robot::drives];
-    good &= compensator.inverse(state.q, state.v, state.a, instant);
-    good &= compensator.friction(state.q, state.v, state.a, state.v, nullptr, nullptr, options, out);
+    const State now = state_of(state.q, state.v, state.a);
+    good &= compensator.inverse(now, instant);
+    good &= static_cast<bool>(compensator.friction(now, options, out));
     for (int d = 0; d < Robot::drives; ++d) {
       least[d].add(instant.motor_torque_lower[d], state.least[d]);
       greatest[d].add(instant.motor_torque_upper[d], state.greatest[d]);
@@ -133,10 +142,10 @@ int replay(const char* name) {
       good = good && at[i] < given.size();
       state[i] = good ? number(given[at[i]]) : NAN;
     }
-    const double *q = state, *v = q + Robot::freedoms, *a = v + Robot::freedoms;
+    const State now = state_of(state, state + Robot::freedoms, state + 2 * Robot::freedoms);
     Instant instant;
-    good = good && compensator.motor_torque(q, v, a, nullptr, nullptr, options, motor, instant) &&
-           compensator.friction(q, v, a, v, nullptr, nullptr, options, friction);
+    good = good && compensator.motor_torque(now, options, motor, instant) &&
+           compensator.friction(now, options, friction);
     if (!good) {
       std::fprintf(stderr, "%s: line %d is no state of the robot\n", name, row);
       return 1;

@@ -46,7 +46,11 @@ _POSTERIOR = "posterior.csv"
 
 
 def compensator(
-    scene: Scene, result: InverseResult, frames: Sequence[str], unknown: Mapping[str, float]
+    scene: Scene,
+    result: InverseResult,
+    frames: Sequence[str],
+    unknown: Mapping[str, float],
+    name: str = "",
 ) -> CppFiles:
     """Return the header and its test.
 
@@ -55,9 +59,10 @@ def compensator(
         result: inverse dynamics along the motion, or of states; limits are made from it.
         frames: names of links for payloads and wrenches.
         unknown: drive -> relative uncertainty e of its friction, see `level_uncertainty`.
+        name: of the namespace; empty: see `namespace`.
 
     Raises:
-        PinfricError: see `check_compensated` and `check_frames`.
+        PinfricError: see `check_compensated`, `check_frames` and `namespace`.
     """
     check_compensated(scene)
     check_frames(scene, frames)
@@ -65,7 +70,8 @@ def compensator(
     limits = [float(f"{_SPARE * x:.3g}") if x > 0.0 else np.inf for x in largest]
     frames = tuple(frames) or default_frames(scene)
     states = _embedded(scene, result)
-    return cpp_files(scene, frames, limits, states, _heading(scene, frames, unknown))
+    heading = _heading(scene, frames, unknown, namespace(scene.source, name))
+    return cpp_files(scene, frames, limits, states, heading, name)
 
 
 def compensation(result: InverseResult, end: str) -> np.ndarray:
@@ -174,9 +180,10 @@ def _compensation_at(scene: Scene, states: States) -> np.ndarray:
     )
 
 
-def _heading(scene: Scene, frames: Sequence[str], unknown: Mapping[str, float]) -> list[str]:
+def _heading(
+    scene: Scene, frames: Sequence[str], unknown: Mapping[str, float], name: str
+) -> list[str]:
     """The comment at the top of the header."""
-    name = namespace(scene.source)
     known = [
         f"  {drive}: friction known to {e:.1%} (e, half of the 95 % interval); stable scale at the "
         f"measured velocity 1/(1+e) = {stable_scale(e):.3f}"
@@ -196,6 +203,13 @@ def _heading(scene: Scene, frames: Sequence[str], unknown: Mapping[str, float]) 
         "",
         f"  {name}::Compensator compensator;    // once",
         f"  {name}::Options options;            // scale 0.8; at the desired velocity 1",
-        "  if (compensator.friction(q, v, a, v_desired, nullptr, nullptr, options, friction))",
-        "    ...                               // add friction[] (N m or N at the joints)",
+        f"  {name}::State state;                // arrays of {scene.model.nv} numbers",
+        "  state.q = q; state.v = v; state.a = a;",
+        "  if (compensator.effort(state, options, effort))",
+        "    ...                               // effort[] (N m or N at the joints): rigid body,",
+        "                                      // rotors, friction; friction(...): friction alone",
+        "",
+        "The effort lies in the interval of `inverse` only where no joint is within its band of",
+        "switch_velocity, at scale 1, and no limit cuts it. Stiffness and hysteresis of gears are",
+        "left out: what a spring winds up is not compensated.",
     ]

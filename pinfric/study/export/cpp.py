@@ -10,8 +10,9 @@ of `pinfric.dynamics.forward.compensation`. Axes of bodies are turned so that ea
 
 from __future__ import annotations
 
+import hashlib
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import NamedTuple
@@ -19,16 +20,33 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from pinfric.dynamics.forward.compensation import check_compensated, freedom_names
+from pinfric import __version__
+from pinfric.dynamics.forward.compensation import (
+    LARGEST_ACCELERATION,
+    LARGEST_ERROR,
+    check_compensated,
+    freedom_names,
+    reach,
+)
 from pinfric.dynamics.samples.motor_torques import scene_gears
 from pinfric.errors import PinfricError, choose_from, one_line
 from pinfric.model.bearings import axes_along, contacts
 from pinfric.model.couples import delivery, rate_rows, taking_part
+from pinfric.model.files import file_hash
 from pinfric.model.robot import link_frame
 from pinfric.model.scene import Scene
 from pinfric.model.twin import PRISMATIC
 
 _Z = np.array([0.0, 0.0, 1.0])
+#: Names that C++ and its libraries keep.
+_KEYWORDS = (
+    "alignas|alignof|and|asm|auto|bitand|bitor|bool|break|case|catch|char|class|compl|"
+    "concept|const|constexpr|continue|decltype|default|delete|do|double|else|enum|explicit|"
+    "export|extern|false|float|for|friend|goto|if|inline|int|long|mutable|namespace|new|"
+    "noexcept|not|nullptr|operator|or|private|protected|public|register|requires|return|"
+    "short|signed|sizeof|static|struct|switch|template|this|throw|true|try|typedef|typeid|"
+    "typename|union|unsigned|using|virtual|void|volatile|while|xor|posix|std"
+)
 
 
 class CppFiles(NamedTuple):
@@ -76,6 +94,7 @@ def cpp_files(
     limits: Sequence[float],
     states: Sequence[EmbeddedState],
     lines: Iterable[str],
+    name: str = "",
 ) -> CppFiles:
     """Return the header and its test.
 
@@ -85,23 +104,53 @@ def cpp_files(
         limits: (na,) of the compensation by default (N m or N); infinite: none.
         states: what the test compares.
         lines: the comment at the top of the header.
+        name: of the namespace and the files; empty: see `namespace`.
+
+    Raises:
+        PinfricError: see `check_compensated`, `check_frames` and `namespace`.
     """
     check_compensated(scene)
     check_frames(scene, frames)
     frames = tuple(dict.fromkeys(frames)) or default_frames(scene)
-    name = namespace(scene.source)
+    name = namespace(scene.source, name)
     title = "\n".join(f"// {_comment(line)}".rstrip() for line in lines).removeprefix("// ")
     constants = "\n".join(_constants(scene, frames, limits))
-    header = _text("compensator.hpp").replace("// @@CONSTANTS\n", constants + "\n")
-    header = _named(header.replace("@@TITLE", title), name)
+    header = _named(_text("compensator.hpp").replace("// @@CONSTANTS\n", constants + "\n"), name)
+    digest = hashlib.sha256(header.encode()).hexdigest()[:12]
+    made_of = f"{name}: {_made_of(scene)}, constants and code {digest}"
+    for mark, text in (("HASH", digest), ("MADE_OF", made_of), ("TITLE", title)):
+        header = header.replace(f"@@{mark}", text)
     rows = "\n".join(f"    {{{', '.join(_array(part) for part in state)}}}," for state in states)
     test = _text("compensator_test.cpp").replace("// @@STATES\n", rows + "\n")
     return CppFiles(header, _named(test, name).replace("@@HEADER", f"{name}.hpp"))
 
 
-def namespace(source: str) -> str:
-    """Return the namespace of a scene's header, pinfric_NAME, which is its file's name, too."""
-    return "pinfric_" + re.sub(r"\W", "_", Path(source).stem, flags=re.ASCII)
+def namespace(source: str, name: str = "") -> str:
+    """Return the namespace of a scene's header, which is its file's name, too: pinfric_NAME.
+
+    Args:
+        source: the scene's file. name: the user's; empty: made of the source.
+
+    Raises:
+        PinfricError: a name that C++ does not allow, or keeps for itself.
+    """
+    if not name:
+        stem = re.sub(r"[\W_]+", "_", Path(source).stem, flags=re.ASCII)
+        return f"pinfric_{stem.strip('_')}".rstrip("_")
+    if not re.fullmatch(r"[A-Za-z](_?[A-Za-z0-9])*", name) or re.fullmatch(_KEYWORDS, name):
+        raise PinfricError(
+            f"--namespace {name!r}: should be a name of C++: letters, digits and single "
+            "underscores, a letter first, no keyword"
+        )
+    return name
+
+
+def _made_of(scene: Scene) -> str:
+    """The files of a scene with their hashes, as they stand; a robot made in Python has none."""
+    files = [Path(scene.source), *([] if scene.robot is None else [scene.robot.urdf])]
+    hashes = [f"{file.name} sha256 {file_hash(file)}" for file in files if file.is_file()]
+    said = f"pinfric {__version__}, {', '.join(hashes) or 'a scene made in Python'}"
+    return _comment(said).replace('"', "'")
 
 
 def default_frames(scene: Scene) -> tuple[str, ...]:
@@ -155,6 +204,7 @@ def _constants(scene: Scene, frames: Sequence[str], limits: Sequence[float]) -> 
     drives, lines = _drives(scene)
     placed = _frames(scene, frames, turns)
     P, part = delivery(scene.drives, nv), set(taking_part(scene.drives))
+    least, greatest, fastest = reach(scene)
     counts = {
         "bodies": len(bodies),
         "freedoms": nv,
@@ -179,13 +229,23 @@ def _constants(scene: Scene, frames: Sequence[str], limits: Sequence[float]) -> 
         *_table("Drive", "drives", drives),
         *_table("Line", "lines", lines),
         *_table("Frame", "frames", placed),
-        f"constexpr double armature[] = {_array(scene.model.armature)};",
-        f"constexpr double default_gravity[] = {_array(scene.model.gravity.linear)};",
-        f"constexpr double default_limit[] = {_array(limits)};",
-        f"constexpr double drive_rate[][{nv}] = {_rows(rate_rows(scene.drives, nv))};",
-        f"constexpr double delivery[][{na}] = {_rows(P if P.size else np.eye(na))};",
-        f"constexpr bool together[] = {_array(d in part for d in range(na))};",
+        *_numbers("armature[]", scene.model.armature),
+        *_numbers("default_gravity[]", scene.model.gravity.linear),
+        *_numbers("default_limit[]", limits),
+        *_numbers(f"drive_rate[][{nv}]", rate_rows(scene.drives, nv)),
+        *_numbers(f"delivery[][{na}]", P if P.size else np.eye(na)),
+        f"inline constexpr bool together[] = {_array(d in part for d in range(na))};",
+        "// States beyond these are refused: a turn (m) beyond the limits, ten times the fastest.",
+        *_numbers("least_position[]", least),
+        *_numbers("greatest_position[]", greatest),
+        *_numbers("greatest_velocity[]", fastest),
+        *_numbers("greatest_acceleration", LARGEST_ACCELERATION),
+        *_numbers("greatest_error", LARGEST_ERROR),
     ]
+
+
+def _numbers(name: str, values: object) -> list[str]:
+    return [f"inline constexpr double {name} = {_value(np.asarray(values))};"]
 
 
 def _bodies(scene: Scene, turns: np.ndarray) -> list[tuple[str, str]]:
@@ -281,9 +341,9 @@ def _frames(scene: Scene, names: Sequence[str], turns: np.ndarray) -> list[tuple
 def _table(kind: str, name: str, entries: Sequence[tuple[str, str]]) -> list[str]:
     """One table; an empty one gets an entry that nothing reads, for C++ has no empty arrays."""
     if not entries:
-        return [f"constexpr {kind} {name}[1] = {{}};", ""]
+        return [f"inline constexpr {kind} {name}[1] = {{}};", ""]
     lines = [f"    {text},{f'  // {_comment(label)}' if label else ''}" for label, text in entries]
-    return [f"constexpr {kind} {name}[] = {{", *lines, "};", ""]
+    return [f"inline constexpr {kind} {name}[] = {{", *lines, "};", ""]
 
 
 def _names(name: str, values: Sequence[str]) -> list[str]:
@@ -325,7 +385,5 @@ def _text(name: str) -> str:
 
 
 def _named(text: str, name: str) -> str:
-    replaced: Mapping[str, str] = {"PINFRIC_SCENE": name.upper(), "pinfric_scene": name}
-    for old, new in replaced.items():
-        text = text.replace(old, new)
-    return text
+    guard = f"PINFRIC_{name.upper().removeprefix('PINFRIC_')}"
+    return text.replace("PINFRIC_SCENE", guard).replace("pinfric_scene", name)

@@ -24,7 +24,8 @@ from pinfric.model.upward import Shown
 from pinfric.model.urdf import implausible_body
 from pinfric.study.export.constants import JointConstants, joint_constants
 from pinfric.study.export.controller import compensator, level_uncertainty
-from pinfric.study.export.cpp import check_frames, namespace
+from pinfric.study.export.cpp import check_frames
+from pinfric.study.export.cpp import namespace as header_name
 from pinfric.study.export.isaaclab import isaaclab
 from pinfric.study.export.mjcf import MjcfJoint, mjcf, soft
 from pinfric.study.export.newton import newton
@@ -136,6 +137,7 @@ class Exported(Shown):
         scene: name of its file.
         text: the file.
         beside: name -> text of further files.
+        name: of the file without its suffix; empty: the scene's.
     """
 
     scene: str
@@ -155,6 +157,7 @@ class Exported(Shown):
         default_factory=dict,
     )
     file: str = quantity("path of the written file; empty: not written yet", default="")
+    name: str = ""
 
     def __repr__(self) -> str:
         moved = [joint for joint in self.joints if joint.moving]
@@ -173,8 +176,7 @@ class Exported(Shown):
     @property
     def default_name(self) -> str:
         """Default name of the file."""
-        stem = namespace(self.scene) if self.to == "cpp" else Path(self.scene).stem
-        return f"{stem}{FORMATS[self.to].suffix}"
+        return f"{self.name or Path(self.scene).stem}{FORMATS[self.to].suffix}"
 
     def write(self, path: str | Path) -> Path:
         """Write the file and its companions; each is written completely or not at all.
@@ -202,6 +204,7 @@ def export(
     *,
     frames: Sequence[str] = (),
     posterior: str | Path | None = None,
+    namespace: str = "",
 ) -> Exported:
     """Return the scene for another engine: constants in place of friction, each with its error.
 
@@ -219,6 +222,7 @@ def export(
             payloads and the last of each branch.
         posterior: of "cpp", the table that `identify` wrote; None: `posterior.csv` beside the
             scene's file, if there is one.
+        namespace: of "cpp", the header's, and the name of its file; empty: pinfric_SCENE.
 
     Raises:
         PinfricError: no such format, or one that cannot hold what the scene has; named.
@@ -227,9 +231,11 @@ def export(
     if to not in FORMATS:
         raise PinfricError(f"export: to {to!r}: {choose_from(to, FORMATS)}")
     if to == "cpp":
-        return _for_cpp(scene, trajectory, frames, posterior)
-    if frames or posterior is not None:
-        raise PinfricError(f"export: frames and posterior are for 'cpp' only, not for {to!r}")
+        return _for_cpp(scene, trajectory, frames, posterior, header_name(scene.source, namespace))
+    if frames or namespace or posterior is not None:
+        raise PinfricError(
+            f"export: frames, posterior and namespace are for 'cpp' only, not for {to!r}"
+        )
     columns, form = check_plain_tree(scene), FORMATS[to]
     result, name = _along(scene, trajectory)
     joints, left_out = joint_constants(result, columns, tuple(form.terms)), _left_out(scene, to)
@@ -293,6 +299,7 @@ def _for_cpp(
     trajectory: MotionLike | None,
     frames: Sequence[str],
     posterior: str | Path | None,
+    called: str,
 ) -> Exported:
     """A compensator; its constants are what a controller would have without it."""
     check_compensated(scene)
@@ -302,11 +309,11 @@ def _for_cpp(
     columns = () if coupled else check_plain_tree(scene)
     joints = joint_constants(result, columns, tuple(FORMATS["cpp"].terms))
     unknown = level_uncertainty(scene, result, posterior)
-    files = compensator(scene, result, frames, unknown)
-    beside = {f"{namespace(scene.source)}_test.cpp": files.test}
+    files = compensator(scene, result, frames, unknown, called)
+    beside = {f"{called}_test.cpp": files.test}
     samples = len(result.status)
     made = files.header, beside, unknown
-    return Exported(scene.source, name, "cpp", samples, joints, (), (), *made)
+    return Exported(scene.source, name, "cpp", samples, joints, (), (), *made, name=called)
 
 
 def _mjcf(

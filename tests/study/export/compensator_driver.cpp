@@ -13,7 +13,8 @@ void put(std::vector<double>& out, const double* values, int count) {
 }
 
 // One scene: payloads, wrenches, then states of q, v, a, v_ref, error, v_now; see `Headers.ask`.
-template <class Robot, class Compensator, class Options, class Instant>
+template <class Robot, class Compensator, class Options, class Instant, class State, class View,
+          class Drives, class Efforts>
 bool answer(std::FILE* in, std::FILE* out) {
   double counts[6];  // payloads, wrenches, states, and whether v and a, error, v_now are given
   if (std::fread(counts, sizeof(double), 6, in) != 6) return false;
@@ -22,12 +23,17 @@ bool answer(std::FILE* in, std::FILE* out) {
   for (int i = 0; i < static_cast<int>(counts[0]); ++i) {
     double x[11];
     if (std::fread(x, sizeof(double), 11, in) != 11) return false;
-    if (!compensator.add_payload(static_cast<int>(x[0]), x[1], x + 2, x + 5)) accepted = 0.0;
+    double com[3], inertia[6];
+    std::memcpy(com, x + 2, sizeof com);
+    std::memcpy(inertia, x + 5, sizeof inertia);
+    if (!compensator.add_payload(static_cast<int>(x[0]), x[1], com, inertia)) accepted = 0.0;
   }
   for (int i = 0; i < static_cast<int>(counts[1]); ++i) {
     double x[7];
     if (std::fread(x, sizeof(double), 7, in) != 7) return false;
-    if (!compensator.set_wrench(static_cast<int>(x[0]), x + 1)) accepted = 0.0;
+    double wrench[6];
+    std::memcpy(wrench, x + 1, sizeof wrench);
+    if (!compensator.set_wrench(static_cast<int>(x[0]), wrench)) accepted = 0.0;
   }
   constexpr int nv = Robot::freedoms, na = Robot::drives, ns = Robot::sites;
   std::vector<double> row(std::size_t{6 * nv + 6 * na}), found;
@@ -45,20 +51,37 @@ bool answer(std::FILE* in, std::FILE* out) {
       for (int d = 0; d < na; ++d) fields[f][d] = settings[f * na + d];
     Instant instant, other;
     using Size = std::size_t;  // arrays of a template's sizes: g++ warns of any other
-    double effort[Size{Robot::freedoms}], friction[Size{Robot::drives}], motor[Size{Robot::drives}];
-    double flags[Size{Robot::sites} + 1], good[5];
+    double rigid[Size{Robot::freedoms}], friction[Size{Robot::drives}], motor[Size{Robot::drives}];
+    double effort[Size{Robot::drives}], limited[Size{Robot::drives}];
+    double flags[Size{Robot::sites} + 1], good[6];
+    State state;
+    state.q = View::at(q);
+    state.v = View::at(v);
+    state.a = View::at(a);
+    state.error = View::at(error);
+    state.v_now = View::at(v_now);
+    const std::vector<double> zeros(std::size_t{nv});
     good[0] = accepted;
-    good[1] = compensator.rigid_body(q, v, a, effort);
-    good[2] = compensator.inverse(q, v, a, instant);
-    good[3] = compensator.friction(q, v, a, v_ref, error, v_now, options, friction);
-    good[4] = compensator.motor_torque(q, v, a, error, v_now, options, motor, other);
+    good[1] = compensator.rigid_body(state, Efforts::at(rigid));
+    good[2] = compensator.inverse(state, instant);
+    state.v_ref = View::at(v_ref);
+    const auto outcome = compensator.friction(state, options, Drives::at(friction));
+    good[3] = outcome.good;
+    for (int d = 0; d < na; ++d) limited[d] = outcome.limited[d];
+    good[5] = compensator.effort(state, options, Drives::at(effort)).good;
+    state.v_ref = v ? View::at(v) : View(zeros);
+    good[4] = compensator.motor_torque(state, options, Drives::at(motor), other).good;
     for (int s = 0; s < ns; ++s) flags[s] = instant.sticking[s];
     found.clear();
-    put(found, good, 5);
-    put(found, effort, nv);
+    put(found, good, 6);
+    put(found, rigid, nv);
     put(found, friction, na);
+    put(found, limited, na);
     put(found, motor, na);
-    put(found, instant.effort_frictionless, na);
+    put(found, effort, na);
+    put(found, instant.rigid_body, na);
+    put(found, instant.delivered_lower, na);
+    put(found, instant.delivered_upper, na);
     put(found, instant.effort_lower, na);
     put(found, instant.effort_upper, na);
     put(found, instant.motor_torque_lower, na);

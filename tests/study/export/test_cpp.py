@@ -152,6 +152,12 @@ def test_a_wrench_is_replaced_and_a_payload_added(headers):
         (0, -1.0, [0, 0, 0], [0] * 6),
         (0, np.nan, [0, 0, 0], [0] * 6),
         (0, 1.0, [0, np.inf, 0], [0] * 6),
+        (0, 1.0, [0, 0, 0], [-1.0, 0, 0, 1.0, 0, 1.0]),
+        (0, 1.0, [0, 0, 0], [1.0, 0, 0, 1.0, 0, 2.1]),  # more than a plate
+        (0, 1.0, [0, 0, 0], [1.0, 1.5, 0, 1.0, 0, 1.0]),  # one moment negative
+        (0, 1.0, [0, 0, 0], [1.0, 0.3, 0.3, 1.0, 0.3, 0.2]),
+        (0, 0.0, [0, 0, 0], [1.0, 0, 0, 1.0, 0, 1.0]),  # no mass
+        (0, 1e13, [0, 0, 0], [0] * 6),
     ],
 )
 def test_payloads_that_cannot_be_are_refused_and_change_nothing(headers, payload):
@@ -320,9 +326,10 @@ def test_what_is_not_finite_gives_false_and_zeros(headers, place, wrong):
         not whole,
         0.0,
         not (whole or place in ("error", "v_now")),
+        0.0,
     ]
-    names = ("rigid_body", "friction", "feed_forward", *COMPARED, "sticking", "wrench")
-    for name in names if whole else ("friction",):
+    names = ("rigid_body", "friction", "feed_forward", "effort", *COMPARED, "sticking", "wrench")
+    for name in names if whole else ("friction", "effort"):
         np.testing.assert_array_equal(found[name][1], 0.0)
     arguments = [configurations(scene, q)[1], *(x[1] for x in state[1:])]
     if place in ("q", "v", "a", "v_ref"):
@@ -368,11 +375,14 @@ def test_it_calls_nothing_but_mathematics(tmp_path):
     (tmp_path / f"{name}.hpp").write_text(header(scene))
     (tmp_path / "use.cpp").write_text(
         f'#include "{name}.hpp"\n'
-        f"bool use(const double* q, {name}::Options& o, double* out, {name}::Instant& i) {{\n"
-        f"  {name}::Compensator c;\n  o = {name}::Options();\n"
-        "  return c.set_gravity(q) && c.set_wrench(0, q) && c.add_payload(0, *q, q, q) &&\n"
-        "         c.rigid_body(q, q, q, out) && c.friction(q, q, q, q, q, q, o, out) &&\n"
-        "         c.motor_torque(q, q, q, q, q, o, out, i) && c.inverse(q, q, q, i);\n}\n"
+        f"using namespace {name};\n"
+        "bool use(const double* q, Options& o, double* out, Instant& i) {\n"
+        "  Compensator c;\n  o = Options();\n  double x[3] = {*q, *q, *q}, w[6] = {*q};\n"
+        "  State s;\n  s.q = s.v = s.a = s.v_ref = s.error = s.v_now = Freedoms::at(q);\n"
+        "  c.clear_payloads();\n  const Drives to = Drives::at(out);\n"
+        "  return c.set_gravity(x) && c.set_wrench(0, w) && c.add_payload(0, *q, x, w) &&\n"
+        "         c.set_payload(0, *q, x, w) && c.rigid_body(s, to) && c.friction(s, o, to) &&\n"
+        "         c.effort(s, o, to) && c.motor_torque(s, o, to, i) && c.inverse(s, i);\n}\n"
     )
     for flags in (["-O2"], ["-O0"]):
         command = [COMPILER, *STRICT, *flags, "-c", tmp_path / "use.cpp", "-o", tmp_path / "use.o"]
@@ -400,7 +410,7 @@ def test_it_calls_nothing_but_mathematics(tmp_path):
 
 
 @needs_compiler
-@pytest.mark.parametrize("flag", ["-ffast-math", "-ffinite-math-only"])
+@pytest.mark.parametrize("flag", ["-ffast-math", "-ffinite-math-only", "-D_M_FP_FAST"])
 def test_fast_math_is_an_error(tmp_path, flag):
     (tmp_path / "use.cpp").write_text(header(RICH[0]))
     made = subprocess.run(
@@ -410,7 +420,8 @@ def test_fast_math_is_an_error(tmp_path, flag):
         timeout=60,
     )
     assert made.returncode != 0
-    assert "-ffast-math takes away the checks for NaN" in made.stderr
+    fast = "/fp:fast" if "FP_FAST" in flag else "-ffast-math"
+    assert f"{fast} takes away the checks for NaN" in made.stderr
 
 
 @needs_compiler
