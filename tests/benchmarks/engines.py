@@ -76,7 +76,7 @@ def mujoco_run(scene, soft=False):
 
     text = pf.export(scene).text
     if soft:
-        text = text.replace('solreffriction="0.002 1" solimpfriction="0.999 0.9999"', "")
+        text = text.replace('solreffriction="0.002 1" solimpfriction="0.9999 0.9999"', "")
     model = mujoco.MjModel.from_xml_string(text)
     data = mujoco.MjData(model)
 

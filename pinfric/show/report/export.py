@@ -47,13 +47,19 @@ def _lines(exported: Exported) -> list[str]:
         *(f"not in the file: {line}" for line in exported.left_out),
         *exported.notes,
     ]
+    if still := [joint for joint in exported.joints if joint.unmoved]:
+        shown = ", ".join(f"{x.joint} ({x.fitted_rms:.3g} {x.unit})" for x in still)
+        lines.append(
+            "never moves in this motion, so its constants are of random states, with the armature "
+            f"ratio^2 x rotor inertia (RMS error if that were fitted instead): {shown}"
+        )
     if alike := [joint.joint for joint in exported.joints if not joint.apart]:
         lines.append(f"the motion does not determine each constant of {', '.join(alike)}")
     return lines
 
 
 def _frictionloss(joint: JointConstants) -> str:
-    return digits(joint.frictionloss, 1e-9 * joint.torque_peak) if joint.moving else "never moves"
+    return digits(joint.frictionloss, 1e-9 * joint.torque_peak) if joint.moving else "cannot move"
 
 
 def _still(joint: JointConstants) -> str:

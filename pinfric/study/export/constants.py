@@ -4,17 +4,25 @@ Other engines have one dry friction, one damping and one rotor inertia for a joi
 gives beyond the frictionless robot, r T_m - tau_id, is fitted by them where the joint moves:
 
     r T_m - tau_id = frictionloss sign(v) + damping v + armature a,     all three >= 0
+
+A joint that never moves in the motion is fitted over random states, with the armature r^2 J that
+its rotor has: a motion shows no friction of a joint that it does not move.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.optimize import nnls
 
+from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.motor_torques import drive_stick_velocity
 from pinfric.errors import PinfricError
 from pinfric.model.described import EFFORT, INERTIA, SPEED, described, effort_where, quantity
+from pinfric.model.drives import Drive
+from pinfric.study.random_states import random_states
 from pinfric.study.trajectory.joint_columns import JointColumn
 from pinfric.study.trajectory.log.judged import measured_interval
 
@@ -37,7 +45,14 @@ class JointConstants:
     armature: float = quantity(
         "rotor inertia at the joint beyond the model's own", INERTIA, "armature"
     )
-    moving: int = quantity("samples used for the fit; 0: the joint never moves, no constants")
+    moving: int = quantity("samples used for the fit, in which the joint moves")
+    unmoved: bool = quantity(
+        "whether the joint never moves in the motion: its constants are of random states, and its "
+        "armature is ratio^2 times the rotor inertia"
+    )
+    fitted_rms: float = quantity(
+        "RMS error with a fitted armature in place of the known one; NaN where it is fitted", EFFORT
+    )
     apart: bool = quantity("whether the motion determines each constant")
     error_rms: float = quantity(
         "RMS difference between the torque of the constants and the scene's", EFFORT, "error\nRMS"
@@ -77,7 +92,7 @@ def joint_constants(
         PinfricError: a joint with no drive or several: no torque says what its friction takes.
     """
     scene, found = result.scene, []
-    torque = measured_interval(result, "reflected")
+    along, anywhere = _Sampled.of(result), None
     for column in columns:
         drives = [d for d, x in enumerate(scene.drives) if x.velocity_index == column.index_v]
         if len(drives) != 1:
@@ -85,28 +100,63 @@ def joint_constants(
                 f"{scene.source}: joint {column.name!r} has {len(drives)} drives; constants need "
                 "exactly one: name one under `actuators`, or lock the joint"
             )
-        found.append(_constants(result, drives[0], column, torque, terms))
+        d, still = drives[0], along
+        if unmoved := not along.moving(drives[0]).any():
+            anywhere = anywhere or _Sampled.of(inverse_dynamics(scene, *random_states(scene)))
+            still = anywhere
+        found.append(_constants(still, d, column, terms, unmoved, along.at_rest(d)))
     return tuple(found)
 
 
+class _Sampled(NamedTuple):
+    """Inverse dynamics of samples, with the motors' torques seen from the joints."""
+
+    result: InverseResult
+    lower: np.ndarray
+    upper: np.ndarray
+
+    @classmethod
+    def of(cls, result: InverseResult) -> _Sampled:
+        return cls(result, *measured_interval(result, "reflected"))
+
+    def slow(self, d: int) -> np.ndarray:
+        limit = drive_stick_velocity(self.result.scene, self.result.scene.drives[d])
+        return np.asarray(np.abs(self.result.actuator_velocity[:, d]) <= limit)
+
+    def moving(self, d: int) -> np.ndarray:
+        """(T,) bool; an interval in motion: it passes through rest beside this sample."""
+        return np.asarray(~self.slow(d) & (self.lower[:, d] == self.upper[:, d]))
+
+    def at_rest(self, d: int) -> dict[str, float]:
+        """The torques at rest, less those without friction."""
+        rest = self.slow(d) & (self.result.actuator_acceleration[:, d] == 0.0)
+        load = self.result.effort_frictionless[:, d]
+        return {
+            "rest_lower": float((self.lower[:, d] - load)[rest].min()) if rest.any() else np.nan,
+            "rest_upper": float((self.upper[:, d] - load)[rest].max()) if rest.any() else np.nan,
+        }
+
+
 def _constants(
-    result: InverseResult,
+    samples: _Sampled,
     d: int,
     column: JointColumn,
-    torque: tuple[np.ndarray, np.ndarray],
     terms: tuple[str, ...],
+    unmoved: bool,
+    at_rest: dict[str, float],
 ) -> JointConstants:
-    drive = result.scene.drives[d]
-    lower, upper = (end[:, d] for end in torque)
-    load = result.effort_frictionless[:, d]
+    result, lower, moving = samples.result, samples.lower[:, d], samples.moving(d)
+    drive, load = result.scene.drives[d], result.effort_frictionless[:, d]
     velocity, acceleration = result.actuator_velocity[:, d], result.actuator_acceleration[:, d]
-    slow = np.abs(velocity) <= drive_stick_velocity(result.scene, drive)
-    moving = ~slow & (lower == upper)  # an interval: it passes through rest beside this sample
-    rest = slow & (acceleration == 0.0)
-    there = [float(term in terms) for term in TERMS]
+    there = np.array([float(term in terms) for term in TERMS])
     regressors = np.column_stack([np.sign(velocity), velocity, acceleration])[moving] * there
-    constants, apart = _fit(regressors, (lower - load)[moving])
-    missed = (lower - load)[moving] - regressors @ constants
+    known = np.array([0.0, 0.0, _rotor(drive) * there[2] if unmoved else 0.0])
+    free = there * [1.0, 1.0, 0.0 if unmoved else 1.0]
+    target = (lower - load)[moving]
+    constants, apart = _fit(regressors * free, target - regressors @ known)
+    constants += known
+    missed = target - regressors @ constants
+    better = target - regressors @ _fit(regressors, target)[0]
     worst = np.flatnonzero(moving)[np.abs(missed).argmax()] if moving.any() else None
     return JointConstants(
         joint=column.name,
@@ -114,14 +164,21 @@ def _constants(
         ratio=drive.ratio,
         **dict(zip(TERMS, constants.tolist(), strict=True)),
         moving=int(moving.sum()),
+        unmoved=unmoved,
+        fitted_rms=float(np.sqrt(np.mean(better**2))) if unmoved and moving.any() else np.nan,
         apart=apart,
         **_figures(missed, lower[moving]),
         worst_load=_at(load, worst),
         worst_speed=_at(velocity, worst),
         worst_time=_at(result.t, worst),
-        rest_lower=float((lower - load)[rest].min()) if rest.any() else np.nan,
-        rest_upper=float((upper - load)[rest].max()) if rest.any() else np.nan,
+        **at_rest,
     )
+
+
+def _rotor(drive: Drive) -> float:
+    """r^2 J, the rotor's inertia at the joint (kg m^2 or kg)."""
+    gear = drive.transmission
+    return 0.0 if gear is None else float(gear.ratio**2 * gear.rotor_inertia)
 
 
 def _fit(regressors: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, bool]:

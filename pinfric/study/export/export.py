@@ -262,7 +262,13 @@ def _loads(scene: Scene, result: InverseResult) -> tuple[str, ...]:
         if count:
             often = "all samples" if count == samples else f"{count} of {samples} samples"
             parts.append(f"{name!r} ({payload.mass:g} kg at {payload.link}) in {often}")
-    return (f"fitted with the payload {', '.join(parts)}",) if parts else ()
+    if not parts:
+        return ()
+    return (
+        f"fitted with the payload {', '.join(parts)}; the stated errors hold for an engine whose "
+        "robot carries the same in the same samples: without it there, its torque lacks the "
+        "payload's own as well",
+    )
 
 
 def _soft(scene: Scene, result: InverseResult, joints: Sequence[JointConstants]) -> tuple[str, ...]:
@@ -358,7 +364,15 @@ def joint_line(joint: JointConstants, form: Format) -> str:
     if np.isfinite(joint.rest_lower):
         rest = f"; standing still {joint.rest_lower:.3g} to {joint.rest_upper:.3g} {unit}"
     if not joint.moving:
-        return f"{name}: never moves in this motion and has no constants{rest}"
+        return f"{name}: cannot move and has no constants{rest}"
+    known = ""
+    if joint.unmoved:
+        name = f"{name} (never moves in this motion: constants of random states)"
+        if "armature" in form.terms:
+            known = (
+                f"; the armature is ratio^2 times the rotor inertia, fitting it instead leaves an "
+                f"rms of {joint.fitted_rms:.5g} {unit}"
+            )
     units = {
         "frictionloss": unit,
         "damping": unit_at("N m s/rad or N s/m", unit),
@@ -374,7 +388,8 @@ def joint_line(joint: JointConstants, form: Format) -> str:
         f"{name}: {constants}; error rms {joint.error_rms:.5g}, peak {joint.error_peak:.5g} {unit} "
         f"(at {at}load {load:.3g} {unit}, {joint.worst_speed:.3g} "
         f"{unit_at(SPEED, unit)}) of a torque of rms {joint.torque_rms:.4g}, peak "
-        f"{joint.torque_peak:.4g} {unit}, {counted(joint.moving, 'moving sample')}{rest}{doubt}"
+        f"{joint.torque_peak:.4g} {unit}, {counted(joint.moving, 'moving sample')}{rest}{known}"
+        f"{doubt}"
     )
 
 
@@ -391,6 +406,13 @@ def _left_out(scene: Scene, to: str) -> tuple[str, ...]:
             f"the direction of friction.{name}.{key}: one constant for both directions"
             for key, term in friction.named_terms.items()
             if term.directed
+        ]
+    for drive in scene.drives:
+        gear = drive.transmission
+        lines += [
+            f"the {key} of the gear of {drive.name}: the joint is rigid there"
+            for key in ("stiffness", "hysteresis")
+            if gear is not None and getattr(gear, key) is not None
         ]
     for name, payload in scene.payloads.items():
         if not payload.attached and to in ("mjcf", "urdf", "sdf"):

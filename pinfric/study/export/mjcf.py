@@ -16,9 +16,9 @@ from pinfric.study.export.tree import Body
 
 #: Dry friction of joints as hard and as quick as a step of 1 ms lets MuJoCo have it. By default it
 #: follows a + 100 v, not v: of the wrong sign while a joint brakes.
-HARD_FRICTION = {"solreffriction": "0.002 1", "solimpfriction": "0.999 0.9999"}
+HARD_FRICTION = {"solreffriction": "0.002 1", "solimpfriction": "0.9999 0.9999"}
 #: Of these: b = 2/(d_max x time constant), 1/s, and (1 - d)/d of the constraint's impedance d.
-_PULL, _YIELD = 2.0 / (0.9999 * 0.002), (1.0 - 0.999) / 0.999
+_PULL, _YIELD = 2.0 / (0.9999 * 0.002), (1.0 - 0.9999) / 0.9999
 TIMESTEP = 1e-3
 #: Least mass (kg) and moments of inertia (kg m^2) of a body: MuJoCo refuses links without any.
 _LEAST_MASS, _LEAST_INERTIA = 1e-9, 1e-12

@@ -72,6 +72,14 @@ def test_a_law_by_direction_is_said_to_be_left_out():
     assert made.joints[0].error_peak > 0.9
 
 
+def test_elastic_gears_are_said_to_be_rigid_there():
+    scene = pf.load_scene("ur10_machine_tending")
+    lost = pf.export(scene).left_out
+    assert "the stiffness of the gear of elbow_joint: the joint is rigid there" in lost
+    assert "the hysteresis of the gear of elbow_joint: the joint is rigid there" in lost
+    assert "Stiffness and hysteresis of gears are" in pf.export(scene, to="cpp").text
+
+
 def test_the_object_says_what_it_is(ur5):
     made = ur5[2]
     assert len(repr(made).splitlines()) < 12

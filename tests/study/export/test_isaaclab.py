@@ -57,7 +57,7 @@ def test_the_configuration_holds_the_constants():
         width = 0.5 * (joint.rest_upper - joint.rest_lower)
         assert arm.friction[name] == pytest.approx(max(width, joint.frictionloss))
         assert arm.friction[name] >= arm.dynamic_friction[name]  # PhysX refuses less
-        assert f"# {joint.joint}: " in made.text
+        assert f"# {joint.joint}" in made.text
     assert not any("break-away" in line for line in made.left_out)
     assert any("gear losses" in line for line in made.left_out)
 

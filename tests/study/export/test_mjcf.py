@@ -43,9 +43,8 @@ def test_mujoco_misses_what_the_file_states(ur5):
     scene, motion, made, result = ur5
     carrying = {"part": scene.payloads["part"].model_copy(update={"attached": True})}
     loaded = pf.export(scene.with_(payloads=carrying), motion)
-    assert_same(
-        loaded.joints, made.joints
-    )  # the trajectory says when it is carried, not the default
+    moved = [[j for j in x.joints if not j.unmoved] for x in (loaded, made)]
+    assert_same(*moved)  # the trajectory says when it is carried, not the default
     q = motion.joint_positions()
     free, held = (
         mujoco_inverse(x.text, scene.joint_names, q, motion.v, motion.a) for x in (made, loaded)
@@ -55,7 +54,7 @@ def test_mujoco_misses_what_the_file_states(ur5):
     for d, joint in enumerate(made.joints):
         lower = joint.ratio * result.motor_torque_lower[:, d]
         upper = joint.ratio * result.motor_torque_upper[:, d]
-        line = re.search(rf"<!-- {joint.joint}: .* -->", made.text)[0]
+        line = re.search(rf"<!-- {joint.joint}[: ].* -->", made.text)[0]
         standing = re.search(r"standing still (\S+) to (\S+) N m", line)
         left_out = [float(x) for x in standing.groups()]
         wanted = [
@@ -64,11 +63,12 @@ def test_mujoco_misses_what_the_file_states(ur5):
         ]
         np.testing.assert_allclose(left_out, wanted, rtol=0.01)
         moving = (motion.v[:, d] != 0.0) & (lower == upper)
-        assert joint.moving == moving.sum()
         if joint.joint == "wrist_2_joint":
             assert not moving.any()
-            assert "never moves in this motion and has no constants" in line
+            assert joint.unmoved
+            assert "never moves in this motion: constants of random states" in line
             continue
+        assert joint.moving == moving.sum()
         missed = torque[moving, d] - lower[moving]
         stated = re.search(r"error rms (\S+), peak (\S+) N m", line)
         rms, peak = np.sqrt(np.mean(missed**2)), np.abs(missed).max()
@@ -172,3 +172,28 @@ def test_limits_frames_and_odd_names_are_there():
     np.testing.assert_allclose(model.jnt_actfrcrange[:, 1], scene.model.effortLimit)
     assert model.site("panda_hand_tcp").id >= 0
     assert model.ngeom > 0
+
+
+def test_joints_that_never_move_in_the_motion_are_held():
+    """0.5 N m at the Panda's joint 5, which the motion holds still: friction 0 let it turn."""
+    scene = pf.load_scene("panda_pick_and_place")
+    motion = pf.load_trajectory("panda_pick_and_place.csv", scene)
+    made = pf.export(scene, motion)
+    still = [joint for joint in made.joints if joint.unmoved]
+    assert [joint.joint[-1] for joint in still] == ["3", "5", "7"]
+    random = {joint.joint: joint for joint in pf.export(scene).joints}
+    gears = {drive.name: drive.transmission for drive in scene.drives}
+    for joint in still:
+        gear = gears[joint.joint]
+        assert joint.armature == pytest.approx(gear.ratio**2 * gear.rotor_inertia)
+        assert joint.frictionloss == pytest.approx(random[joint.joint].frictionloss, rel=0.1)
+        assert joint.fitted_rms == pytest.approx(random[joint.joint].error_rms)
+        assert joint.fitted_rms <= joint.error_rms
+        assert f"leaves an rms of {joint.fitted_rms:.5g} N m" in made.text
+    model = mujoco.MjModel.from_xml_string(made.text)
+    model.opt.gravity[:] = 0.0
+    data = mujoco.MjData(model)
+    data.qpos[:] = motion.joint_positions()[0]
+    data.qfrc_applied[4] = 0.5
+    mujoco.mj_step(model, data, 1000)
+    assert abs(data.qvel[4]) < 1e-3

@@ -74,7 +74,7 @@ def test_bounds_and_errors_are_those_of_the_export():
         plain, plain.createData(), q, v, a
     )
     np.testing.assert_allclose(more, [joint.armature for joint in made.joints] * a, atol=1e-9)
-    assert made.text.count("; error rms ") == 5
+    assert made.text.count("; error rms ") == 6
 
 
 def test_a_joint_that_is_not_there_is_named():

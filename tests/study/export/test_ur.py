@@ -21,9 +21,9 @@ def test_the_urscript_gives_the_constants(ur5):
         for joint, v in zip(made.joints, rates, strict=True)
     ]
     np.testing.assert_allclose(torque, wanted, rtol=1e-5)
-    assert torque[4] == 0.0  # it never moves
+    assert torque[4] > 0.1  # it never moves in the motion: of random states
     slowly = np.array(program["pinfric_friction"]([0.001] * 6))
     np.testing.assert_allclose(
         slowly[0], 0.1 * wanted[0] - 0.049 * made.joints[0].damping, rtol=1e-5
     )
-    assert all(f"# {joint.joint}: " in text for joint in made.joints)
+    assert all(f"# {joint.joint}" in text for joint in made.joints)
