@@ -1,5 +1,7 @@
 """Where the command line begins: one Ctrl-C ends it at any time, in one line, with exit code 130.
 
+SIGTERM is Ctrl-C.
+
 It stands before every import that takes time: an interrupt in the middle of one would end in a
 traceback, or be lost where the module is a C++ library that clears what Python raises.
 """
@@ -16,6 +18,13 @@ INTERRUPTED = 130
 _LINE = b"pinfric: error: interrupted\n"
 #: Where LLVM calls back, what Python raises is printed and lost: asked again so much later (s).
 _COMPILER, _AGAIN = f"{os.sep}llvmlite{os.sep}", 0.02
+#: Files whose functions tidy up what is half done, if an interrupt is raised below them.
+_TIDIES = tuple(
+    os.path.join("pinfric", *file)
+    for file in (("model", "files.py"), ("study", "sweep", "run.py"), ("model", "urdf_file.py"))
+)
+#: The module that holds a sweep's processes.
+_LOKY = "joblib.externals.loky.reusable_executor"
 #: On a terminal, first: to the line's begin, clear it, show the cursor that a progress bar hides.
 _TIDY = b"\r\x1b[K\x1b[?25h"
 
@@ -24,34 +33,50 @@ def main() -> NoReturn:
     """Run the command line and exit."""
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:  # as `nohup` and `&` have it
         signal.signal(signal.SIGINT, _interrupt)
-        signal.signal(signal.SIGALRM, _interrupt)
+    for number in (signal.SIGTERM, signal.SIGALRM):
+        signal.signal(number, _interrupt)
     from pinfric.cli import main as run
 
     try:
         run()
-    except SystemExit as ended:
+    except (SystemExit, KeyboardInterrupt) as ended:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is said and written: let Python end
-        if ended.code == INTERRUPTED:
-            _end()
-        raise
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        _end_workers()
+        if isinstance(ended, KeyboardInterrupt):  # when all but the exit was done
+            os.write(2, _LINE)
+        elif ended.code != INTERRUPTED:
+            raise
+        _end()
     raise AssertionError  # `run` ends in an exit code
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
-    """Within an import end at once: nothing is half done there. Else raise, so that all is tidied.
+    """Raise, so that all is tidied; within an import, where nothing is half done, end at once.
 
-    What is written stands in folders that the next run removes; servers end with their reader.
+    Where files are half written, or other processes run, an import goes on, and is asked again.
     """
+    stack = []
     while frame is not None:
-        if _COMPILER in frame.f_code.co_filename:
-            signal.setitimer(signal.ITIMER_REAL, _AGAIN)
-            return
-        if frame.f_code.co_filename.startswith("<frozen importlib"):
-            os.write(2, (_TIDY if os.isatty(2) else b"") + _LINE)
-            os._exit(INTERRUPTED)
+        stack.append((frame.f_code.co_filename, frame.f_code.co_name))
         frame = frame.f_back
-    raise KeyboardInterrupt
+    compiling = any(_COMPILER in file for file, _ in stack)
+    importing = any(file.startswith("<frozen importlib") for file, _ in stack)
+    half_done = any(file.endswith(_TIDIES) and name != "<module>" for file, name in stack)
+    if compiling or (importing and (half_done or _LOKY in sys.modules)):
+        signal.setitimer(signal.ITIMER_REAL, _AGAIN)
+        return
+    if not importing:
+        raise KeyboardInterrupt
+    os.write(2, (_TIDY if os.isatty(2) else b"") + _LINE)
+    os._exit(INTERRUPTED)
+
+
+def _end_workers() -> None:
+    """Kill the processes that a sweep has left waiting for another sweep."""
+    if _LOKY in sys.modules and (executor := sys.modules[_LOKY]._executor) is not None:
+        executor.shutdown(wait=True, kill_workers=True)
 
 
 def _end() -> NoReturn:

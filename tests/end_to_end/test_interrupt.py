@@ -30,6 +30,7 @@ COMMANDS = {
     "two processes": ["sweep", *PANDA, "panda_pick_and_place", "--processes", "2"],
 }
 
+COMMANDS["small sweep"] = [*COMMANDS["two processes"], "--out", "out"]
 
 #: Other commands, at other moments of their imports.
 LATER = (("size", 0.3), ("replay", 0.9), ("paper", 1.2))
@@ -48,24 +49,28 @@ def begin(name, folder, preexec=None, **environment):
     )
 
 
-def expect_the_end(process):
+def expect_the_end(process, send=lambda pid: os.killpg(pid, signal.SIGINT), limit=2.0):
     """Ctrl-C once; the process and all below it end within 2 s, in one line."""
     below = children(process.pid)
     start = time.monotonic()
-    os.killpg(process.pid, signal.SIGINT)
+    send(process.pid)
     try:
         _, error = process.communicate(timeout=10)
     finally:
         if process.poll() is None:
             os.killpg(process.pid, signal.SIGKILL)
             process.communicate()
-    assert time.monotonic() - start < 2.0
+    assert time.monotonic() - start < limit
     assert process.returncode == cli.INTERRUPTED, error
     lines = error.splitlines()
     assert lines[-1] == "pinfric: error: interrupted"
     assert all(line.startswith("pinfric: ") for line in lines), error
-    until = time.monotonic() + 2.0
-    while any(Path(f"/proc/{pid}").exists() for pid in below):
+    expect_gone(below, 2.0)
+
+
+def expect_gone(pids, seconds):
+    until = time.monotonic() + seconds
+    while any(Path(f"/proc/{pid}").exists() for pid in pids):
         assert time.monotonic() < until, "processes are left"
         time.sleep(0.02)
 
@@ -99,6 +104,38 @@ def test_ctrl_c_while_other_processes_work(tmp_path):
     assert not listening(process.pid)  # nobody else on the machine reaches them
     time.sleep(0.3)
     expect_the_end(process)
+
+
+def terminate(pid):
+    os.kill(pid, signal.SIGTERM)
+
+
+@pytest.mark.parametrize(
+    "delay", [0.1, *(pytest.param(d, marks=pytest.mark.slow) for d in (0.0, 0.3, 0.6, 1.0))]
+)
+def test_ctrl_c_after_the_cycles_of_a_sweep(delay, tmp_path):
+    """While its figure is drawn, its modules imported or its files written: before, for ever."""
+    process = begin("small sweep", tmp_path)
+    wait_for(process, (tmp_path / "out/samples.parquet").exists)
+    time.sleep(delay)
+    expect_the_end(process, limit=3.0)
+    assert [p.name for p in (tmp_path / "out").iterdir()] == ["samples.parquet"]
+
+
+def test_a_term_is_a_ctrl_c(tmp_path):
+    process = begin("two processes", tmp_path)
+    wait_for(process, lambda: len(workers(process.pid)) >= 2)
+    expect_the_end(process, terminate, 3.0)
+
+
+def test_processes_end_with_the_one_that_started_them(tmp_path):
+    """Also where it could not tell them."""
+    process = begin("two processes", tmp_path)
+    wait_for(process, lambda: len(workers(process.pid)) >= 2)
+    below = children(process.pid)
+    process.kill()
+    process.communicate()
+    expect_gone(below, 15.0)  # one that has only begun imports pinfric first
 
 
 def wait_for(process, there):

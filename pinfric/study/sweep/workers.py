@@ -1,27 +1,31 @@
 """Compute batches on processes of this machine, or on the workers of a Dask cluster.
 
-joblib hands the batches out: to processes that loky starts (no port is opened, a script needs no
-`__main__` guard), or to a Dask scheduler that runs already. A batch carries all that it needs, so
-that a worker that joins late or takes the place of a lost one computes the same.
+joblib hands the batches out to processes that loky starts (no port is opened, a script needs no
+`__main__` guard); a Dask scheduler that runs already hands them out itself. A worker that joins
+late or takes the place of a lost one computes the same.
 """
 
 from __future__ import annotations
 
 import asyncio
 import ctypes
+import os
 import pickle
 import signal
+import warnings
 from collections.abc import Iterable, Iterator
 from concurrent.futures import CancelledError, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from functools import cache, lru_cache
+from threading import Thread
+from time import perf_counter, sleep
 from typing import Any
 
 import numpy as np
 
 from pinfric import __version__
-from pinfric.errors import PinfricError, SweepError
+from pinfric.errors import PinfricError, PinfricWarning, SweepError
 from pinfric.study.sweep.cycle import Block, Study, compute
 
 #: Connecting takes milliseconds; an address that does not answer is said within 10 s.
@@ -30,6 +34,8 @@ _CONNECT_TIMEOUT = 4
 _NOT_REACHED = (OSError, ValueError, ImportError, TypeError, MemoryError)
 #: Without any finished batch for this long (s), workers are taken to be gone: a batch takes 1 s.
 _PATIENCE = 300
+#: How often one looks whether processes are still there (s).
+_LOOK = 0.5
 #: Processes of this machine are started again so often after one of them was killed.
 _STARTS = 4
 #: glibc's mallopt: M_TRIM_THRESHOLD, M_MMAP_THRESHOLD, and how much is kept or reused (bytes; the
@@ -97,26 +103,89 @@ def compute_on_cluster(
         SweepError: the extra `cluster` is missing, the scheduler cannot be reached or is lost, no
             worker finishes anything, or a batch fails.
     """
-    from joblib import parallel_config
+    from distributed import wait
+    from distributed.comm import CommClosedError
 
-    with _connected(scheduler) as client, parallel_config(backend="dask", client=client):
-        yield from _finished(_packed(study), batches, values, None)
+    with _connected(scheduler) as client, _failures_said():
+        # the result of a task, not scattered: the scheduler makes it again where it is lost
+        shared = client.submit(_same, _packed(study), pure=False)
+        pending = {
+            client.submit(_compute_on_worker, shared, rows, values[rows], pure=False)
+            for rows in batches
+        }
+        seen, finished = set[str](), perf_counter()
+        while pending:
+            try:
+                with client.as_current():
+                    done, pending = wait(pending, _LOOK, "FIRST_COMPLETED")
+            except TimeoutError:
+                done = set()
+                if perf_counter() - finished > _PATIENCE:
+                    raise
+            seen = _told_of_losses(client, seen)
+            for batch in done:
+                finished = perf_counter()
+                try:
+                    block = batch.result()
+                except CommClosedError as problem:
+                    raise CancelledError from problem
+                yield block
+
+
+def _told_of_losses(client: Any, before: set[str]) -> set[str]:
+    """Return the addresses of the workers; warn of those that are no longer there."""
+    try:
+        now = set(client.nthreads())
+    except OSError:  # the scheduler is lost, which its batches say
+        return before
+    for lost in sorted(before - now):
+        text = f"worker {lost} was lost; others compute its batches again"
+        warnings.warn(text, PinfricWarning, stacklevel=5)
+    return now
+
+
+def _same(packed: Packed) -> Packed:
+    return packed
 
 
 def _finished(
-    packed: Packed, batches: Iterable[np.ndarray], values: np.ndarray, processes: int | None
+    packed: Packed, batches: Iterable[np.ndarray], values: np.ndarray, processes: int
 ) -> Iterator[Block]:
     from joblib import Parallel, delayed
 
     one = delayed(_compute_on_worker)
     tasks = (one(packed, rows, values[rows]) for rows in batches)
     run = Parallel(
-        processes, return_as="generator_unordered", batch_size=1, timeout=_PATIENCE, verbose=0
+        processes,
+        return_as="generator_unordered",
+        batch_size=1,
+        timeout=_PATIENCE,
+        verbose=0,
+        initializer=_end_with,
+        initargs=(os.getpid(),),
     )
-    try:
+    with _failures_said():
         with _interrupts_ignored():  # by processes that start now: Ctrl-C is this one's
             blocks = run(tasks)
         yield from blocks
+
+
+def _end_with(parent: int) -> None:
+    """End this process as soon as the one that started it has ended, however that was."""
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            sleep(_LOOK)
+        os._exit(1)
+
+    Thread(target=watch, daemon=True).start()
+
+
+@contextmanager
+def _failures_said() -> Iterator[None]:
+    """Say what a worker or the way to it raises as a `SweepError`."""
+    try:
+        yield
     except (PinfricError, BrokenProcessPool):
         raise
     except TimeoutError:

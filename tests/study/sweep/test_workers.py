@@ -18,7 +18,7 @@ from processes import workers
 from sweep_cases import pushed_block, steady, sweep_of, uniform
 
 import pinfric as pf
-from pinfric.errors import SweepError
+from pinfric.errors import PinfricWarning, SweepError
 
 distributed = pytest.importorskip("distributed")
 pytest.importorskip("pyarrow")
@@ -95,9 +95,10 @@ def test_cluster_that_loses_a_worker_gives_the_undisturbed_result(panda, undistu
         assert len(set(pids)) == 2
         assert os.getpid() not in pids
         progress = KillOne(lambda: pids)
-        found = pf.sweep(
-            *panda, SWEEP, scheduler=cluster.scheduler_address, out=tmp_path, progress=progress
-        )
+        with pytest.warns(PinfricWarning, match=r"^worker tcp://\S+ was lost; others compute"):
+            found = pf.sweep(
+                *panda, SWEEP, scheduler=cluster.scheduler_address, out=tmp_path, progress=progress
+            )
         with distributed.Client(cluster, set_as_default=False) as client:
             client.wait_for_workers(2, timeout=30)
             now = set(client.run(os.getpid).values())
