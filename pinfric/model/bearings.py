@@ -29,7 +29,7 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
 from pinfric.kernels.compiled import kernel
-from pinfric.model.entry import Entry, NonNegative, Number, Positive, key, unlikely
+from pinfric.model.entry import Entry, NonNegative, Number, Positive, key, register, unlikely
 
 #: Rows that take one component of the wrench, z along the joint's axis.
 FX, FY, FZ, MX, MY, MZ = np.eye(6)
@@ -144,9 +144,13 @@ _Kind = TypeVar("_Kind", bound=Bearing)
 
 
 def bearing_kind(cls: type[_Kind]) -> type[_Kind]:
-    """Decorate a class of bearings: scene files can then use its `kind`."""
+    """Decorate a class of bearings: scene files can then use its `kind`.
+
+    Raises:
+        SceneError: another class has this kind; a class that is run again replaces itself.
+    """
     (name,) = get_args(cls.model_fields["kind"].annotation)
-    KINDS[name] = cls
+    register(KINDS, name, cls)
     return cls
 
 

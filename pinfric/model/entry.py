@@ -156,6 +156,22 @@ class Entry(BaseModel):
 _Kind = TypeVar("_Kind", bound=BaseModel)
 
 
+def register(table: dict[str, Any], name: str, cls: type[BaseModel]) -> None:
+    """Write a class under its name in a table that scene files use.
+
+    Raises:
+        SceneError: another class has the name. One that is defined once more, as in a cell of a
+            notebook that is run again, replaces itself.
+    """
+    now = table.setdefault(name, cls)
+    if (now.__module__, now.__qualname__) != (cls.__module__, cls.__qualname__):
+        raise SceneError(
+            f"{cls.__qualname__}: {name!r} is the name of {now.__module__}.{now.__qualname__}, and "
+            f"all scenes use it; choose another name (taken: {', '.join(table)})"
+        )
+    table[name] = cls
+
+
 def place(path: Iterable[int | str]) -> str:
     """Return the path of a key for messages, e.g. actuators[1].transmission.ratio."""
     parts = (f"[{part}]" if isinstance(part, int) else f".{part}" for part in path)

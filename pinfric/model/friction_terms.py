@@ -20,7 +20,7 @@ from typing import Annotated, ClassVar, NamedTuple, Self, TypeVar
 
 from pydantic import AfterValidator, Field, model_validator
 
-from pinfric.model.entry import Entry, Forms, NonNegative, Positive, key
+from pinfric.model.entry import Entry, Forms, NonNegative, Positive, key, register
 
 
 class Strength(NamedTuple):
@@ -113,10 +113,14 @@ _Term = TypeVar("_Term", bound=FrictionTerm)
 
 
 def friction_term(name: str) -> Callable[[type[_Term]], type[_Term]]:
-    """Decorate a class of terms: scene files can then use it as the key `name`."""
+    """Decorate a class of terms: scene files can then use it as the key `name`.
+
+    Raises:
+        SceneError: another class has this name; a class that is run again replaces itself.
+    """
 
     def add(cls: type[_Term]) -> type[_Term]:
-        TERMS[name] = cls
+        register(TERMS, name, cls)
         return cls
 
     return add

@@ -39,7 +39,7 @@ def run_scene(scene: Scene, *, t_end: float | None = None, **options: Any) -> Mo
             f"{scene.source}: has no `simulation` section; add one with start, effort and t_end"
         )
     q0, v0 = start_state(scene)
-    return simulate(scene, q0, v0, None, t_end or scene.simulation.t_end, **options)
+    return simulate(scene, q0, v0, None, t_end, **options)
 
 
 def run_whole(scene: Scene, **options: Any) -> Motion:

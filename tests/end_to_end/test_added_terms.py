@@ -57,6 +57,24 @@ def added():
     del KINDS["collar"], TERMS["power_drag"]
 
 
+def test_a_name_that_exists_is_refused():
+    """Else all scenes would use the new class; a cell of a notebook may be run again."""
+
+    def define(kind):
+        class Other(KINDS[kind]):
+            pass
+
+        return bearing_kind(Other)
+
+    before = KINDS["pin"]
+    with pytest.raises(SceneError, match=r"Other: 'pin' is the name of pinfric.*Pin, .*another"):
+        define("pin")
+    assert KINDS["pin"] is before
+    with pytest.raises(SceneError, match="'power_drag' is the name of"):
+        friction_term("power_drag")(type("Other", (FrictionTerm,), {}))
+    bearing_kind(KINDS["collar"])
+
+
 M, R, J, G = 2.0, 0.3, 0.05, 9.81
 INERTIA = J + M * R * R
 MU, WEIGHT, DRAG, POWER = 0.05, 2.0, 0.4, 0.6
