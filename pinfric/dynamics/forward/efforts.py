@@ -28,16 +28,20 @@ class Effort:
 
     Attributes:
         function: (t, q, v) -> (na,), N m or N at the joints, or N m at the motors' shafts, in the
-            order of `Scene.actuator_names`; or a mapping by drive, see `by_name`.
+            order of `Scene.actuator_names`; or a mapping by drive, see `by_name`. It must be pure
+            unless it is held.
         breakpoints: (n,) times (s) at which it or its slope jumps; integration steps end there.
         finest: time (s) within which it changes little between them; None: unknown.
         given: "effort" or "motor_torque".
+        held: whether it is called only at t = 0 and at the breakpoints, and its value is held
+            between them.
     """
 
     function: EffortFunction
     breakpoints: np.ndarray
     finest: float | None = None
     given: str = "effort"
+    held: bool = False
 
 
 #: Forms of the argument `effort` of `simulate`.
@@ -54,7 +58,7 @@ def make_effort(
 
     Args:
         scene: its drives.
-        effort: an `Effort`; a function (t, q, v) -> (na,), or -> a mapping drive name -> number;
+        effort: an `Effort`; a pure function (t, q, v) -> (na,), or -> a mapping drive -> number;
             (na,) constants; (times (n,), values (n, na)), linear between and constant beyond; a
             mapping drive name -> number, function of t or of (t, q, v), or the scene file's `sine`
             and `table`; None: the scene's own `simulation.effort` or `simulation.motor_torque`.
@@ -99,6 +103,12 @@ def make_effort(
             )
         made = Effort(lambda t, q, v: values, np.zeros(0), np.inf)
     return Effort(made.function, np.union1d(made.breakpoints, own), made.finest, given)
+
+
+def held(effort: Effort, period: float, t_end: float) -> Effort:
+    """Return an effort that is asked once a period (s), as a digital controller computes it."""
+    periods = int(np.ceil(t_end / period - 1e-9))
+    return replace(effort, breakpoints=np.arange(1, periods) * period, finest=np.inf, held=True)
 
 
 def by_name(names: Sequence[str], given: Mapping[str, Any], what: str) -> np.ndarray:

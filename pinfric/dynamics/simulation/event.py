@@ -17,8 +17,8 @@ from pinfric.dynamics.simulation.system import Settings, System, finite
 from pinfric.errors import AccelerationError, SimulationError
 from pinfric.friction.modes import Found
 
-#: Least number of looks at the guards within a step, both ends included.
-_LOOKS = 6
+#: Least number of looks at the guards within a step, both ends included, and in the whole time.
+_LOOKS, _ALL_LOOKS = 6, 250
 #: Instants closer than this, relative to the time, are one.
 _SAME_TIME = 1e-12
 #: So many events within `_CROWDED` of the whole time are an accumulation.
@@ -60,6 +60,7 @@ class EventIntegration(Integration):
         self._allow()
         first_step: float | None = None
         for end in self.ends():
+            self.system.control(self.t, *self.state(self.y))
             if self.t > 0.0 and self.record.rows[-1][0] == self.t:
                 self._sample_now()  # what holds after the breakpoint
             while self.t < end:
@@ -216,7 +217,11 @@ class EventIntegration(Integration):
         if not self.ws.plan.coordinates.dry.any():
             self._guards_at_end = np.zeros(self.nc)
             return None
-        times = np.linspace(start, end, max(_LOOKS, 1 + int((end - start) / self.settings.look)))
+        longest = max(
+            self.settings.t_end, 4 * self.settings.max_step
+        )  # more than the default: fewer
+        looks = 1 + int((end - start) / longest * _ALL_LOOKS)
+        times = np.linspace(start, end, max(_LOOKS, looks))
         values = self._guards(times, np.ascontiguousarray(polynomial(times).T))
         self._guards_at_end = values[-1]
         values, slack = values + self.allowance, self._slack()

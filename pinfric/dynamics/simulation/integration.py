@@ -19,6 +19,7 @@ def begin(
     v = ws.constraints.stop(
         q, v, ws.plan.coordinates.dry & (speed <= ws.plan.coordinates.stick_velocity)
     )[0]
+    system.control(0.0, q, v)
     system.solve(0.0, q, v)
     record.phase(0.0)
     record.sample(0.0, q, v)

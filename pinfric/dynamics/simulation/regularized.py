@@ -42,8 +42,10 @@ class RegularizedIntegration(Integration):
         """Integrate from t = 0; the record holds what happens."""
         settings, nv = self.settings, self.ws.nv
         y, t = self.start(q, v), 0.0
+        self.system.control(0.0, q, v)
         self._sample(0.0, y)
         for end in self.ends():
+            self.system.control(t, *self.state(y))
             while t < end:
                 t, y = self._smooth(t, y, end)
                 if self.chart.is_far(y[:nv]):

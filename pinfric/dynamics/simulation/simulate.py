@@ -10,7 +10,7 @@ from typing import Any, TypedDict, Unpack
 
 import numpy as np
 
-from pinfric.dynamics.forward.efforts import Effort, EffortLike, make_effort
+from pinfric.dynamics.forward.efforts import Effort, EffortLike, held, make_effort
 from pinfric.dynamics.forward.forward import vector
 from pinfric.dynamics.forward.workspace import Workspace
 from pinfric.dynamics.samples.closure import check_closed
@@ -38,9 +38,16 @@ _MOST_SHORT_STEPS = 1e7
 METHODS = ("event", "timestepping", "regularized")
 #: Which of the `Numbers` each method reads.
 _READ = {
-    "event": ("rtol", "atol", "sample_step", "max_step", "max_events"),
-    "timestepping": ("dt", "sample_step"),
-    "regularized": ("rtol", "atol", "sample_step", "max_step", "regularization_velocity"),
+    "event": ("rtol", "atol", "control_period", "sample_step", "max_step", "max_events"),
+    "timestepping": ("dt", "control_period", "sample_step"),
+    "regularized": (
+        "rtol",
+        "atol",
+        "control_period",
+        "sample_step",
+        "max_step",
+        "regularization_velocity",
+    ),
 }
 
 
@@ -50,6 +57,9 @@ class Numbers(TypedDict, total=False):
     Attributes:
         rtol, atol: tolerances of `event` and `regularized` (rad, m, and per second); 1e-8, 1e-10.
         dt: step of `timestepping` (s); 1e-3.
+        control_period: of all methods (s); the effort is asked once at each of t = 0, T, 2T ...
+            before t_end, in this order, and holds until the next: a digital controller. None: it is
+            asked wherever the method needs it. `timestepping` shortens `dt` to divide it.
         sample_step: time between samples of all methods (s); None gives 1001 samples. `event` adds
             one at every event; `timestepping` takes the nearest step.
         max_step: longest step of `event` and `regularized` (s); None gives t_end / 4, or t_end / 50
@@ -61,6 +71,7 @@ class Numbers(TypedDict, total=False):
     rtol: float
     atol: float
     dt: float
+    control_period: float | None
     sample_step: float | None
     max_step: float | None
     regularization_velocity: float
@@ -95,7 +106,9 @@ def simulate(
         q0, v0: (nq,), (nv,) at t = 0; a joint at or below its stick velocity starts at rest.
         effort: a function (t, q, v) -> (na,), constants (na,), (times, values), a mapping by drive
             to numbers or functions, or None for the scene's own; see `efforts.make_effort`. Arrays
-            are in the order of `scene.actuator_names`, not of the list of actuators.
+            are in the order of `scene.actuator_names`, not of the list of actuators. A function
+            must be pure: it is called several times a step, at times that also run back. For a
+            controller with a state (an integral, a filter, a clock) give `control_period`.
         t_end: s; None: the scene's own.
         method: `event`, `timestepping` or `regularized`.
         motor_torque: in place of `effort`, at the motors' shafts (N m), see `forward_dynamics`.
@@ -104,8 +117,8 @@ def simulate(
         attached: names of the payloads carried; None takes those attached by default.
         progress: function of t, called at every step; True shows a bar, False does not; None shows
             one on a terminal if the run takes longer than two seconds.
-        numbers: rtol, atol, dt, sample_step, max_step, regularization_velocity, max_events; see
-            `Numbers`.
+        numbers: rtol, atol, dt, control_period, sample_step, max_step, regularization_velocity,
+            max_events; see `Numbers`.
 
     Raises:
         SimulationError: an invalid argument, an effort function that raises, an integration that
@@ -122,9 +135,13 @@ def simulate(
     """
     settings, (q, v) = _read(scene, method, t_end, numbers), _start(scene, q0, v0)
     made = make_effort(scene, effort, breakpoints, motor_torque)
+    if settings.control_period is not None:
+        if breakpoints is not None:
+            raise SimulationError("breakpoints: efforts jump where a control_period begins only")
+        made = held(made, settings.control_period, settings.t_end)
     if numbers.get("max_step") is None:
         longest = _longest_step(made, method, settings.t_end)
-        settings = replace(settings, max_step=longest, look=settings.t_end / 250)
+        settings = replace(settings, max_step=longest)
     applied = applied_wrenches(scene, external, 1)
     carried = payload_names(attached)
     system = System(Workspace(scene, carried, made.given == "motor_torque"), made, applied)
@@ -203,6 +220,7 @@ def _settings(
     rtol: float = 1e-8,
     atol: float = 1e-10,
     dt: float = 1e-3,
+    control_period: float | None = None,
     sample_step: float | None = None,
     max_step: float | None = None,
     regularization_velocity: float = 1e-3,
@@ -211,7 +229,12 @@ def _settings(
     """Check the numbers, and fill in what depends on the others."""
     if method not in METHODS:
         raise SimulationError(f"method {method!r}: {choose_from(method, METHODS)}")
-    steps = {"dt": dt, "sample_step": sample_step, "max_step": max_step}
+    steps = {
+        "dt": dt,
+        "control_period": control_period,
+        "sample_step": sample_step,
+        "max_step": max_step,
+    }
     others = {"rtol": rtol, "atol": atol, "max_events": max_events}
     others["regularization_velocity"] = regularization_velocity
     for name, value in {"t_end": t_end, **steps, **others}.items():
@@ -220,7 +243,7 @@ def _settings(
         good = isinstance(value, int | float | np.number) and not isinstance(value, bool)
         if not good or not np.isfinite(value) or value <= 0:
             raise SimulationError(f"{name} = {value!r}: should be a positive number")
-        if name in ("t_end", "dt", "sample_step", "max_step") and value < SMALLEST:
+        if name in ("t_end", *steps) and value < SMALLEST:
             raise SimulationError(f"{name} = {value:g} s: should be at least {SMALLEST:g} s")
     if max_events != int(max_events):
         raise SimulationError(f"max_events = {max_events!r}: should be a whole number")
@@ -229,12 +252,16 @@ def _settings(
             f"rtol = {rtol:g}, atol = {atol:g}: should be at most 1, rtol at "
             f"least {_FINEST:g} (rounding)"
         )
-    fixed = {"sample_step": sample_step, "dt": dt if method == "timestepping" else None}
-    for name, step in fixed.items():
-        if step is not None and t_end / step > _MOST_STEPS:
+    fixed = {
+        "sample_step": (sample_step, _MOST_STEPS),
+        "dt": (dt if method == "timestepping" else None, _MOST_STEPS),
+        "control_period": (control_period, _MOST_SHORT_STEPS),
+    }
+    for name, (step, most) in fixed.items():
+        if step is not None and t_end / step > most:
             raise SimulationError(
                 f"t_end = {t_end:g} s at {name} = {step:g} s: {t_end / step:.3g} "
-                f"steps; at most {_MOST_STEPS:g} are possible"
+                f"steps; at most {most:g} are possible"
             )
     _check_steps(method, "max_step =", max_step, t_end)
     if t_end > LONGEST_TIME:
@@ -245,8 +272,8 @@ def _settings(
         rtol=float(rtol),
         atol=float(atol),
         dt=float(dt),
+        control_period=None if control_period is None else float(control_period),
         max_step=t_end if max_step is None else float(max_step),
-        look=t_end,
         sample_step=t_end / 1000 if sample_step is None else float(sample_step),
         regularization_velocity=float(regularization_velocity),
         max_events=int(max_events),

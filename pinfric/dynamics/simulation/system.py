@@ -95,14 +95,14 @@ def difference(model: pin.Model, start: np.ndarray, end: np.ndarray) -> np.ndarr
 
 @dataclass(frozen=True)
 class Settings:
-    """Settings of a simulation; see `simulate`. `look`: longest time between guard checks (s)."""
+    """Settings of a simulation; see `simulate`."""
 
     t_end: float
     rtol: float
     atol: float
     dt: float
+    control_period: float | None
     max_step: float
-    look: float
     sample_step: float
     regularization_velocity: float
     max_events: int
@@ -122,6 +122,7 @@ class System:
         self.evaluations = 0
         self.u = np.zeros(ws.na)
         self._window = -np.inf, np.inf
+        self._held: list[np.ndarray] = []
 
     def within(self, start: float, end: float, jumps: bool) -> None:
         """Evaluate efforts only at times inside (start, end) if there is a breakpoint.
@@ -141,9 +142,24 @@ class System:
         The third says whether a breakpoint ends it, as `within` asks.
         """
         breaks = self.effort.breakpoints
-        ends = [*breaks[(breaks > 0.0) & (breaks < last)].tolist(), last]
-        starts = [0.0, *ends[:-1]]
-        return [(start, end, bool(end in breaks)) for start, end in zip(starts, ends, strict=True)]
+        inside = breaks[(breaks > 0.0) & (breaks < last)].tolist()
+        jumps = [*[True] * len(inside), bool((breaks == last).any())]
+        return list(zip([0.0, *inside], [*inside, last], jumps, strict=True))
+
+    def control(self, t: float, q: np.ndarray, v: np.ndarray) -> None:
+        """Ask an effort that is held between breakpoints for its next value, where one is due.
+
+        Args:
+            t, q, v: s, (nq,), (nv,) at the start or at a breakpoint, in the order of time.
+
+        Raises:
+            SimulationError: see `efforts`.
+        """
+        if self.effort.held and self._period(t) == len(self._held):
+            self._held.append(self._ask(t, t, q.copy(), v.copy()).copy())
+
+    def _period(self, t: float) -> int:
+        return int(self.effort.breakpoints.searchsorted(t, side="right"))
 
     def efforts(self, t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Return the efforts or scaled motor torques (na,) at one state, see `u`.
@@ -152,6 +168,14 @@ class System:
             SimulationError: the function raises, or returns something else than (na,) numbers.
         """
         at = min(max(t, self._window[0]), self._window[1])
+        if self.effort.held:
+            self.u = self._held[min(self._period(at), len(self._held) - 1)]
+        else:
+            self.u = self._ask(at, t, q, v)
+        return self.u
+
+    def _ask(self, at: float, t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Call the function at a time (s) beside the instant t that messages name."""
         try:
             given = self.effort.function(at, q, v)
         except PinfricError:
@@ -175,8 +199,7 @@ class System:
                 f"{self.ws.given}: the function returned shape {u.shape} at t = {t:.9g} s; should "
                 f"be ({self.ws.na},)"
             )
-        self.u = u * self.ws.plan.drives.gears.ratio if self.ws.given == "motor_torque" else u
-        return self.u
+        return u * self.ws.plan.drives.gears.ratio if self.ws.given == "motor_torque" else u
 
     def solve(self, t: float, q: np.ndarray, v: np.ndarray) -> None:
         """Find modes, friction and accelerations in `ws`, modes by the velocities."""

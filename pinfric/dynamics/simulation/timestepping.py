@@ -18,7 +18,7 @@ motion reverses.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pinocchio as pin
@@ -36,21 +36,18 @@ def step_through(
     """Step from t = 0 to the end; the record holds what happens.
 
     Args:
-        system, settings, record: of this simulation; `dt` is shortened to divide `t_end`.
+        system, settings, record: of this simulation; `dt` is shortened to divide `t_end`, or
+            each period of a controller.
         q, v: (nq,), (nv,) at the start.
 
     Raises:
         NoConsistentAcceleration: a step has no solution (friction so large that it jams).
     """
     ws, model = system.ws, system.ws.scene.loaded_model()
-    steps = max(1, int(np.ceil(settings.t_end / settings.dt - 1e-9)))
-    dt = settings.t_end / steps
-    stride = max(1, round(settings.sample_step / dt))
     q, v = begin(system, record, q, v)
-    before = ws.modes.copy()
-    for k in range(steps):
-        t, start = k * dt, q
-        end = (k + 1) * dt if k + 1 < steps else settings.t_end
+    before, done = ws.modes.copy(), 0
+    for t, end, dt in _steps(system, settings):
+        start, done = q, done + 1
         middle = pin.integrate(model, q, 0.5 * dt * v)
         system.assemble(t + 0.5 * dt, middle, v, dt)
         rates = ws.constraints.rates(middle, v)
@@ -64,6 +61,8 @@ def step_through(
         q = pin.integrate(model, middle, 0.5 * dt * v)
         # v obeys the loops at the middle; made to obey them here it would lack half their impulse
         q, at_end = ws.constraints.project(q, v, ws.modes.stuck)
+        if end < settings.t_end:
+            system.control(end, q, at_end)
         if stopped:
             _hold_or_turn(system, end, q, at_end, before)
         ws.constraints.hold_position(q, ws.modes.stuck)
@@ -72,10 +71,20 @@ def step_through(
         record.changes(end if stopped else t, before, turned)
         before = ws.modes.copy()
         record.watch_limits(t, end, _between(model, t, dt, start, q))
-        if (k + 1) % stride == 0 or k + 1 == steps:
+        if done % max(1, round(settings.sample_step / dt)) == 0 or end == settings.t_end:
             system.solve_given_modes(end, q, at_end, before.kept())
             record.sample(end, q, at_end)
         record.progress(end)
+
+
+def _steps(system: System, settings: Settings) -> Iterator[tuple[float, float, float]]:
+    """Yield start, end and length (s) of the steps; none contains a breakpoint of a held effort."""
+    held = system.effort.held
+    for first, last, _ in system.pieces(settings.t_end) if held else [(0.0, settings.t_end, False)]:
+        steps = max(1, int(np.ceil((last - first) / settings.dt - 1e-9)))
+        dt = (last - first) / steps
+        for k in range(steps):
+            yield first + k * dt, first + (k + 1) * dt if k + 1 < steps else last, dt
 
 
 def _between(

@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from builders import block, plane_friction
+from scipy.optimize import brentq
 from simulation_cases import Belt, G
 
 import pinfric as pf
@@ -162,6 +163,31 @@ def test_an_effort_that_switches_every_millisecond():
     assert motion.evaluations < 2750  # 26 a breakpoint, 10 of them samples
     stepped = pf.simulate(scene, [0.0], [1.0], switching, 0.1, "timestepping", dt=1e-4)
     assert stepped.v[-1, 0] == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize(("limit", "spin", "part"), [(20.0, 20.0, 0.2), (40.0, 35.0, 0.1)])
+def test_a_shorter_max_step_is_no_fewer_looks(limit, spin, part):
+    """An unbalanced rotor speeds up on a cart at rest; long steps hold several of its turns."""
+    model = pin.Model()
+    cart = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "cart")
+    model.appendBodyToJoint(cart, pin.Inertia(5.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
+    rotor = model.addJoint(cart, pin.JointModelRZ(), pin.SE3.Identity(), "rotor")
+    body = pin.Inertia(0.2, np.array([0.1, 0.0, 0.0]), 1e-3 * np.eye(3))
+    model.appendBodyToJoint(rotor, body, pin.SE3.Identity())
+    friction = {"cart": {"coulomb": {"static": limit, "kinetic": 0.8 * limit}}}
+    scene, end, torque = pf.Scene(model=model, friction=friction), 4.0, spin * (1e-3 + 0.2 * 0.01)
+
+    def beyond(t):
+        angle = 0.5 * spin * t**2
+        push = 0.2 * 0.1 * ((spin * t) ** 2 * np.cos(angle) + spin * np.sin(angle))
+        return abs(push) - limit
+
+    t = np.linspace(0.0, end, 100_001)
+    i = int(np.argmax(beyond(t) > 0.0))
+    expected = brentq(beyond, t[i - 1], t[i], xtol=1e-14)
+    for max_step in (None, part * end):
+        motion = pf.simulate(scene, [0, 0], [0, 0], [0.0, torque], end, max_step=max_step)
+        assert motion.events[0].time == pytest.approx(expected, abs=1e-9)
 
 
 def test_too_many_events_are_an_error():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import block
+from builders import block, plane_friction
 from simulation_cases import SHORT, G, slope
 
 import pinfric as pf
@@ -130,6 +130,7 @@ def test_an_effort_function_may_ask_for_forward_dynamics_itself():
         ({"rtol": 1.1}, r"rtol = 1\.1.*at most 1"),
         ({"atol": 1.1}, r"atol = 1\.1.*at most 1"),
         ({"t_end": "1"}, "t_end = '1'"),
+        ({"t_end": 0}, "t_end = 0: should be a positive number"),
         ({"dt": 0.0}, "dt = 0.0: should be a positive number"),
         ({"dt": -1e-3}, "dt"),
         ({"rtol": 0.0}, "rtol"),
@@ -161,6 +162,71 @@ def test_an_effort_that_raises_says_what_and_when(method):
     assert reached.status == "failed"
     assert 0.45 < reached.t[-1] < 0.52
     assert isinstance(error.value.__cause__, ZeroDivisionError)
+
+
+class Controller:
+    """A PID of one joint that keeps its integral; it notes its calls and what it returned."""
+
+    def __init__(self, period):
+        self.period, self.integral, self.times, self.efforts = period, 0.0, [], []
+
+    def __call__(self, t, q, v):
+        error = 1.0 - q[0]
+        self.integral += error * self.period
+        self.times.append(t)
+        self.efforts.append(40.0 * error + 25.0 * self.integral - 12.0 * v[0])
+        return [self.efforts[-1]]
+
+
+@pytest.mark.parametrize("method", ["event", "timestepping", "regularized"])
+@pytest.mark.parametrize("period", [1e-3, 0.013])
+def test_a_controller_is_asked_once_a_period_as_in_the_exact_recursion(method, period):
+    """m x'' = u - b x' between the instants: x' goes to u/b by exp(-b T/m), in closed form."""
+    m, end, controller = 2.0, 0.4, Controller(period)
+    b = 0.0 if method == "timestepping" else 5.0  # whose midpoint is exact without drag
+    scene = pf.Scene(model=block(0.0, m), friction={"slide": {"viscous": b}} if b else {})
+    motion = pf.simulate(scene, [0.0], [0.3], controller, end, method, control_period=period)
+    count = int(np.ceil(end / period))
+    np.testing.assert_array_equal(controller.times, np.arange(count) * period)
+    exact, x, v = Controller(period), 0.0, 0.3
+    for k in range(count):
+        u, T = exact(k * period, [x], [v])[0], min(period, end - k * period)
+        if b:
+            slows, left = -np.expm1(-b * T / m) * m / b, np.exp(-b * T / m)
+            x, v = x + u / b * (T - slows) + v * slows, v * left + u / m * slows
+        else:
+            x, v = x + v * T + u / m * T**2 / 2, v + u / m * T
+    tolerance = {"event": 1e-12, "timestepping": 1e-12, "regularized": 1e-6}[method]
+    np.testing.assert_allclose(controller.efforts, exact.efforts, atol=100 * tolerance)
+    assert motion.q[-1, 0] == pytest.approx(x, abs=tolerance)
+    assert motion.v[-1, 0] == pytest.approx(v, abs=10 * tolerance)
+    if method == "event":  # what was held is known afterwards, too
+        assert abs(motion.energy().residual) < 1e-9
+        again = motion.sample([0.5 * period, 1.5 * period])
+        np.testing.assert_array_equal(again.effort[:, 0], controller.efforts[:2])
+    assert len(controller.times) == count
+
+
+def test_what_a_controller_breaks_away_slips_from_the_instant_of_its_period():
+    """An integral grows until the friction of a joint at rest no longer holds."""
+    scene = pf.Scene(model=block(0.0), friction={"slide": plane_friction(0.35, 0.3)})
+    limit, period = 0.35 * 2.0 * 9.81, 0.01
+    for method in ("event", "timestepping"):
+        calls = []
+
+        def integral(t, q, v, calls=calls):
+            calls.append(t)
+            return [3.0 * len(calls) * period * 10.0]
+
+        motion = pf.simulate(scene, [0.0], [0.0], integral, 0.5, method, control_period=period)
+        first = int(np.floor(limit / (30.0 * period)))  # the call whose effort is beyond it
+        assert motion.events[0].time == pytest.approx(first * period, abs=1e-12)
+        assert (motion.q[motion.t <= first * period] == 0.0).all()
+        assert len(calls) == 50
+    with pytest.raises(SimulationError, match="breakpoints: efforts jump"):
+        pf.simulate(scene, [0.0], [0.0], integral, 0.5, control_period=period, breakpoints=[0.1])
+    with pytest.raises(SimulationError, match="control_period = -1: should be a positive"):
+        pf.simulate(scene, [0.0], [0.0], integral, 0.5, control_period=-1)
 
 
 @pytest.mark.parametrize("angle", [1e-12, 1e-9, -7e-9, 2.0])
