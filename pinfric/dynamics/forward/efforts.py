@@ -105,12 +105,6 @@ def make_effort(
     return Effort(made.function, np.union1d(made.breakpoints, own), made.finest, given)
 
 
-def held(effort: Effort, period: float, t_end: float) -> Effort:
-    """Return an effort that is asked once a period (s), as a digital controller computes it."""
-    periods = int(np.ceil(t_end / period - 1e-9))
-    return replace(effort, breakpoints=np.arange(1, periods) * period, finest=np.inf, held=True)
-
-
 def by_name(names: Sequence[str], given: Mapping[str, Any], what: str) -> np.ndarray:
     """Return numbers (na,) given by drive; those left out are 0.
 

@@ -10,7 +10,7 @@ from typing import Any, TypedDict, Unpack
 
 import numpy as np
 
-from pinfric.dynamics.forward.efforts import Effort, EffortLike, held, make_effort
+from pinfric.dynamics.forward.efforts import Effort, EffortLike, make_effort
 from pinfric.dynamics.forward.forward import vector
 from pinfric.dynamics.forward.workspace import Workspace
 from pinfric.dynamics.samples.closure import check_closed
@@ -106,9 +106,8 @@ def simulate(
         q0, v0: (nq,), (nv,) at t = 0; a joint at or below its stick velocity starts at rest.
         effort: a function (t, q, v) -> (na,), constants (na,), (times, values), a mapping by drive
             to numbers or functions, or None for the scene's own; see `efforts.make_effort`. Arrays
-            are in the order of `scene.actuator_names`, not of the list of actuators. A function
-            must be pure: it is called several times a step, at times that also run back. For a
-            controller with a state (an integral, a filter, a clock) give `control_period`.
+            are in the order of `scene.actuator_names`. A function must be pure, for it is called at
+            times that also run back; a controller with a state needs `control_period`.
         t_end: s; None: the scene's own.
         method: `event`, `timestepping` or `regularized`.
         motor_torque: in place of `effort`, at the motors' shafts (N m), see `forward_dynamics`.
@@ -117,8 +116,7 @@ def simulate(
         attached: names of the payloads carried; None takes those attached by default.
         progress: function of t, called at every step; True shows a bar, False does not; None shows
             one on a terminal if the run takes longer than two seconds.
-        numbers: rtol, atol, dt, control_period, sample_step, max_step, regularization_velocity,
-            max_events; see `Numbers`.
+        numbers: control_period, rtol, atol, dt, sample_step, ...; see `Numbers`.
 
     Raises:
         SimulationError: an invalid argument, an effort function that raises, an integration that
@@ -136,12 +134,9 @@ def simulate(
     settings, (q, v) = _read(scene, method, t_end, numbers), _start(scene, q0, v0)
     made = make_effort(scene, effort, breakpoints, motor_torque)
     if settings.control_period is not None:
-        if breakpoints is not None:
-            raise SimulationError("breakpoints: efforts jump where a control_period begins only")
-        made = held(made, settings.control_period, settings.t_end)
+        made = _held(made, settings, breakpoints)
     if numbers.get("max_step") is None:
-        longest = _longest_step(made, method, settings.t_end)
-        settings = replace(settings, max_step=longest)
+        settings = replace(settings, max_step=_longest_step(made, method, settings.t_end))
     applied = applied_wrenches(scene, external, 1)
     carried = payload_names(attached)
     system = System(Workspace(scene, carried, made.given == "motor_torque"), made, applied)
@@ -171,6 +166,19 @@ def _end(scene: Scene, t_end: float | None) -> float:
     if scene.simulation is None:
         raise SimulationError(f"{scene.source}: has no `simulation` section; give t_end (s)")
     return scene.simulation.t_end
+
+
+def _held(effort: Effort, settings: Settings, breakpoints: Sequence[float] | None) -> Effort:
+    """Return the effort of a controller that is asked once a period, as a digital one computes."""
+    period = settings.control_period
+    assert period is not None
+    if breakpoints is not None:
+        raise SimulationError(
+            f"breakpoints: with control_period = {period:g} s efforts jump only where a period "
+            "begins; leave them out"
+        )
+    periods = int(np.ceil(settings.t_end / period - 1e-9))
+    return replace(effort, breakpoints=np.arange(1, periods) * period, finest=np.inf, held=True)
 
 
 def _longest_step(effort: Effort, method: str, t_end: float) -> float:
@@ -252,17 +260,8 @@ def _settings(
             f"rtol = {rtol:g}, atol = {atol:g}: should be at most 1, rtol at "
             f"least {_FINEST:g} (rounding)"
         )
-    fixed = {
-        "sample_step": (sample_step, _MOST_STEPS),
-        "dt": (dt if method == "timestepping" else None, _MOST_STEPS),
-        "control_period": (control_period, _MOST_SHORT_STEPS),
-    }
-    for name, (step, most) in fixed.items():
-        if step is not None and t_end / step > most:
-            raise SimulationError(
-                f"t_end = {t_end:g} s at {name} = {step:g} s: {t_end / step:.3g} "
-                f"steps; at most {most:g} are possible"
-            )
+    fixed = dt if method == "timestepping" else None
+    _check_counts(t_end, sample_step=sample_step, dt=fixed, control_period=control_period)
     _check_steps(method, "max_step =", max_step, t_end)
     if t_end > LONGEST_TIME:
         raise SimulationError(f"t_end = {t_end:g} s: should be at most {LONGEST_TIME:g} s")
@@ -278,6 +277,17 @@ def _settings(
         regularization_velocity=float(regularization_velocity),
         max_events=int(max_events),
     )
+
+
+def _check_counts(t_end: float, **steps: float | None) -> None:
+    """Refuse fixed steps (s) so short that there are too many of them."""
+    for name, step in steps.items():
+        most = _MOST_SHORT_STEPS if name == "control_period" else _MOST_STEPS
+        if step is not None and t_end / step > most:
+            raise SimulationError(
+                f"t_end = {t_end:g} s at {name} = {step:g} s: {t_end / step:.3g} "
+                f"steps; at most {most:g} are possible"
+            )
 
 
 def _start(scene: Scene, q0: Any, v0: Any) -> tuple[np.ndarray, np.ndarray]:
