@@ -13,7 +13,7 @@ from pinfric.dynamics.inverse.linkage_batch import (
     friction_velocities,
     loop_wrenches,
 )
-from pinfric.dynamics.problem.plan import Plan, inverse_plan, make_plan
+from pinfric.dynamics.problem.plan import Plan, drive_tables, inverse_plan
 from pinfric.dynamics.samples.closure import pair_rates
 from pinfric.dynamics.samples.outcome import Solution, SolvedMotion
 from pinfric.dynamics.samples.reactions import Batch
@@ -123,7 +123,7 @@ def _of_open_chain(result: SolvedMotion, sample: int) -> Solution:
         result.friction_lower[sample],
         0.0,
     )
-    sites, drives = result.scene.site_tables, make_plan(result.scene).drives
+    sites, drives = result.scene.site_tables, drive_tables(result.scene)
     total = np.zeros(result.scene.model.nv)
     np.add.at(total, sites.velocity_index, sites.ratio * friction)
     taken = drives.part * total[drives.velocity_index]

@@ -14,7 +14,7 @@ import pinocchio as pin
 
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.inverse.undriven import check_undriven, narrow_friction
-from pinfric.dynamics.problem.plan import make_plan
+from pinfric.dynamics.problem.plan import drive_tables
 from pinfric.dynamics.samples.motion_kernels import TreeSamples, bound_efforts
 from pinfric.dynamics.samples.motor_torques import motor_torques
 from pinfric.dynamics.samples.reactions import (
@@ -202,7 +202,7 @@ def _on_drives(
     scene: Scene, states: States, whole: slice, found: TreeSamples
 ) -> dict[str, np.ndarray]:
     """Map the joints' efforts to their drives; raises the errors of `check_undriven`."""
-    drives, undriven = make_plan(scene).drives, list(scene.mobility.undriven)
+    drives, undriven = drive_tables(scene), list(scene.mobility.undriven)
     lower, upper = found.effort_lower, found.effort_upper
     check_undriven(scene, states, whole, lower[:, undriven], upper[:, undriven])
     narrow_friction(scene, found.effort_frictionless, found.friction_lower, found.friction_upper)

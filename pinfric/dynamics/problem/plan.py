@@ -268,6 +268,16 @@ def inverse_plan(scene: Scene) -> KernelArgument[Plan]:
     return cast("KernelArgument[Plan]", argument)
 
 
+def drive_tables(scene: Scene) -> Drives:
+    """Return the drives of `make_plan`, made at first; they live in the scene's twin."""
+    pools = scene.twin().pools
+    known, drives = pools.get("drive tables", (None, None))
+    if known is not scene:
+        drives = make_plan(scene).drives
+        pools["drive tables"] = scene, drives
+    return cast("Drives", drives)
+
+
 #: What a coordinate's rate is: that of a velocity, of an action, or of a coupled drive; else -1.
 _Key = tuple[int, int, int]
 

@@ -139,8 +139,9 @@ class Trajectory:
             source: name for messages.
 
         Raises:
-            TrajectoryError: shapes, values, limits or names that do not fit; all at once.
+            TrajectoryError: no scene; shapes, values, limits or names that do not fit; all at once.
         """
+        _expect_model(scene, source)
         model, payloads = scene.model, _defaults(scene)
 
         def numbers(name: str, given: ArrayLike) -> FloatArray:
@@ -406,6 +407,14 @@ def _from_table(
         joint_nq=tuple(column.nq for column in columns),
         warnings=tuple(said),
     )
+
+
+def _expect_model(scene: object, source: str) -> None:
+    if not isinstance(getattr(scene, "model", None), pin.Model):
+        raise TrajectoryError(
+            f"{source}: from_arrays(scene, t, q, ...): scene is a {type(scene).__name__}, which "
+            "has no Pinocchio model; give the scene first"
+        )
 
 
 def _defaults(scene: HasModel) -> dict[str, bool]:

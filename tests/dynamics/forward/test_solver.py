@@ -17,6 +17,7 @@ from cases import ball_tripod, drawer_scene, jamming_drawer, resting_four_bar, t
 from mechanisms import crank_rates, cut_slider_crank, four_bar, pin_friction
 
 import pinfric as pf
+from pinfric.dynamics.problem import plan
 from pinfric.dynamics.samples.outcome import Status
 from pinfric.errors import (
     AccelerationError,
@@ -162,6 +163,23 @@ def test_forward_is_that_of_one_instant(scene, q, v, a):
             assert_equal(getattr(found, name), getattr(expected, name), name)
         assert found.status == expected.status
     assert solved > len(q) // 2
+
+
+def test_the_plan_of_a_robot_with_leg_drives_only_is_kept(monkeypatch):
+    """Its base falls freely; the first call makes the plan, which takes hundreds of `pin.rnea`."""
+    legs = random_tree(3, 4, sliding=0.0)
+    model = floating(legs)
+    names = [{"joint": name} for name in list(model.names)[2:]]
+    scene = pf.Scene(model=model, friction=random_friction(legs, 3), actuators=names)
+    q, v = pin.neutral(model), np.zeros(model.nv)
+    a = pin.aba(model, model.createData(), q, v, v)
+    solver, calls = scene.solver(), []
+    first = solver.inverse(q, v, a).effort_lower.copy()
+    friction = solver.inverse(q, v, a).friction_upper
+    monkeypatch.setattr(plan, "_choose_contacts", lambda *given: calls.append(given))
+    np.testing.assert_array_equal(solver.inverse(q, v, a).effort_lower, first)
+    np.testing.assert_allclose(first, -friction, atol=1e-10)
+    assert not calls
 
 
 def test_payloads_are_those_asked_for():

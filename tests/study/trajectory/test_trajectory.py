@@ -12,6 +12,12 @@ from pinfric.errors import TrajectoryError
 from pinfric.study.trajectory.trajectory import Trajectory, load_trajectory
 
 
+def test_arrays_without_a_scene_are_refused_in_one_line():
+    t = np.linspace(0.0, 1.0, 5)
+    with pytest.raises(TrajectoryError, match="scene is a ndarray, which has no Pinocchio model"):
+        Trajectory.from_arrays(t, t, t, t)
+
+
 def test_round_trip_keeps_every_bit(tmp_path):
     yaml = write(
         tmp_path,
