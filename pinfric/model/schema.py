@@ -442,7 +442,7 @@ class Stops(Entry):
     The categories are those of IEC 60204-1. 0: after `reaction_time` power goes off, and the brakes
     close after their `engage_time`. 1: after `reaction_time` the robot is braked under power, along
     its path or each axis by itself, with their `deceleration`; without any each axis by itself with
-    the URDF's effort limit. At rest power goes off.
+    the URDF's effort limit. At rest, or once the brakes have closed, power goes off.
     """
 
     category: Annotated[Literal[0, 1], key("of IEC 60204-1", 0)]
@@ -465,6 +465,14 @@ class Stops(Entry):
             True,
         ),
     ] = True
+    power_until_braked: Annotated[
+        bool,
+        key(
+            "of category 1: whether the drives hold the robot until its brakes have closed; else "
+            "power goes off as soon as it is at rest, and it can sag",
+            True,
+        ),
+    ] = False
     friction: Annotated[
         tuple[NonNegative, NonNegative],
         key("least and greatest factor on all friction and gear losses", [0.7, 1.3], "1"),
@@ -477,6 +485,11 @@ class Stops(Entry):
             raise ValueError(
                 f"`friction` {list(self.friction)}: the first is the least factor, the second the "
                 "greatest; swap them"
+            )
+        if self.power_until_braked and self.category == 0:
+            raise ValueError(
+                "`power_until_braked` is for category 1; in category 0 the drives have no power: "
+                "leave it out, or give `category: 1`"
             )
         if self.deceleration and self.category == 0:
             raise ValueError(

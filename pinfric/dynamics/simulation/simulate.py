@@ -145,6 +145,32 @@ def simulate(
         return _run(method, system, settings, record, q, v)
 
 
+def simulate_constant(
+    ws: Workspace,
+    q0: np.ndarray,
+    v0: np.ndarray,
+    effort: np.ndarray,
+    t_end: float,
+    carried: tuple[str, ...],
+    **numbers: Unpack[Numbers],
+) -> Motion:
+    """Return the motion under constant efforts, by located events, in a workspace of the caller's.
+
+    Of many short motions the workspace takes as long as the motion itself; see `simulate`.
+
+    Args:
+        ws: of the scene with the payloads `carried`; overwritten.
+        q0, v0, effort: (nq,), (nv,), (na,) N m or N, at the shafts if `ws` is of the motors.
+        t_end: s.
+        numbers: of the method `event`.
+    """
+    made = Effort(lambda t, q, v: effort, np.zeros(0), np.inf, ws.given)
+    settings = _settings("event", t_end, **numbers)
+    system = System(ws, made, [])
+    record = Recorder(ws.scene, system, "event", settings.sample_step, carried)
+    return _run("event", system, settings, record, q0, v0)
+
+
 def _read(scene: Scene, method: str, t_end: float | None, numbers: Numbers) -> Settings:
     """Return the settings; refuse unknown options, and those that the method does not use."""
     if unknown := numbers.keys() - Numbers.__annotations__.keys():

@@ -83,8 +83,8 @@ def stop_settings(scene: Scene, category: int | None) -> Stops:
         return given
     if category not in (0, 1):
         raise StopError(f"category {category!r}: should be 0 or 1 (IEC 60204-1)")
-    update = {"category": category, "deceleration": {} if category == 0 else given.deceleration}
-    return given.model_copy(update=update)
+    powered = {} if category == 1 else {"deceleration": {}, "power_until_braked": False}
+    return given.model_copy(update={"category": category, **powered})
 
 
 def full_load(scene: Scene, trajectory: Trajectory) -> tuple[str, ...]:
@@ -150,6 +150,7 @@ def _machine(machines: Machines, kind: Kind) -> Machine:
         delay={name: float(brake.engage_time or 0.0) for name, brake in brakes.items()},
         drive_torque=dict(_limits(scene)) if _by_limits(settings) else {},
         deceleration=machines.deceleration,
+        holds=settings.power_until_braked,
     )
 
 

@@ -1,7 +1,8 @@
 """One stop: the motion from the moment at which the drives react until everything is at rest.
 
     category 0    power off, T_m = 0; each brake closes after its delay
-    category 1    every axis is braked under power; at rest power goes off, brakes close as before
+    category 1    every axis is braked under power; at rest power goes off, brakes close as before,
+                  or, if the drives hold until then, brakes close and power goes off
 
 A closed brake is dry friction T_b at the motor's shaft, so it passes through the gear and its
 losses; so is a drive that brakes with all its effort and then holds. Each phase is one simulation
@@ -14,16 +15,17 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
 from scipy.integrate import cumulative_trapezoid
 
+from pinfric.dynamics.forward.workspace import Workspace
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.samples.closure import working_rates
 from pinfric.dynamics.simulation.motion import INTERRUPTED, Motion
-from pinfric.dynamics.simulation.simulate import simulate
+from pinfric.dynamics.simulation.simulate import simulate, simulate_constant
 from pinfric.errors import PinfricWarning, SimulationError, StopError
 from pinfric.model.closure import velocity_names
 from pinfric.model.robot import link_frame
@@ -31,8 +33,10 @@ from pinfric.model.scene import Scene
 from pinfric.study.stop.path import Slowed
 from pinfric.study.summary import ends_by_magnitude
 
-#: Time between samples of a stop, s.
-SAMPLE_STEP = 1e-3
+#: Longest time between samples of a stop, s; more lie before and after every change.
+_SAMPLE = 1e-3
+#: Tolerances of a stop's simulation (rad, m, and per second).
+_RTOL, _ATOL = 1e-7, 1e-9
 #: A stop that takes longer than this (s) does not end; the first piece that is simulated.
 LONGEST, _PIECE = 5.0, 0.25
 #: Step (s) of time stepping, which passes what the events of a stop cannot.
@@ -53,6 +57,7 @@ class Machine:
         drive_torque: drive -> torque (N m) with which it brakes under power until rest; empty: it
             does not (category 0, or a stated deceleration).
         deceleration: (nv,) of an imposed motion, rad/s^2 or m/s^2; None: none is imposed.
+        holds: whether the drives, under power at rest, hold until all brakes have closed.
     """
 
     scene: Scene
@@ -61,17 +66,18 @@ class Machine:
     delay: Mapping[str, float]
     drive_torque: Mapping[str, float]
     deceleration: np.ndarray | None
+    holds: bool = False
 
     @cached_property
-    def _closed(self) -> dict[tuple[tuple[str, float], ...], Scene]:
+    def _closed(self) -> dict[tuple[tuple[str, float], ...], Workspace]:
         return {}
 
-    def closed(self, torques: Mapping[str, float]) -> Scene:
-        """Return the scene with these torques (N m) holding the shafts."""
+    def closed(self, torques: Mapping[str, float]) -> Workspace:
+        """Return the workspace of the scene with these torques (N m) holding the shafts."""
         which = tuple(sorted(torques.items()))
         if which not in self._closed:
             scene = self.scene.with_(closed_brakes=dict(torques)) if which else self.scene
-            self._closed[which] = scene
+            self._closed[which] = Workspace(scene, self.carried, motors=True)
         return self._closed[which]
 
 
@@ -139,6 +145,8 @@ def stop_motion(
         braked = list(_until_rest(machine, machine.drive_torque, q, v, "braked under power"))
         rows = _in_a_row(braked, 0.0)
         rows[-1] = rows[-1].until_rest()
+    if rows and machine.holds:
+        rows.append(rows[-1].held(max(machine.delay.values(), default=0.0)))
     power_off = float(rows[-1].t[-1]) if rows else 0.0
     if rows:
         q, v = rows[-1].q[-1], np.zeros_like(v)
@@ -166,6 +174,10 @@ class _Rows:
         moves = np.flatnonzero(self.v.any(axis=1))
         n = min(int(moves[-1]) + 2 if moves.size else 1, len(self.t))
         return _Rows(self.t[:n], self.q[:n], self.v[:n], self.rate[:n], self.effort[:n])
+
+    def held(self, time: float) -> _Rows:
+        """Return the last sample, at rest, after so long a time (s)."""
+        return _Rows(self.t[-1:] + time, self.q[-1:], self.v[-1:], self.rate[-1:], self.effort[-1:])
 
 
 def _in_a_row(parts: Sequence[Motion], begin: float) -> list[_Rows]:
@@ -208,8 +220,8 @@ def _imposed(machine: Machine, given: Slowed) -> _Rows:
 def _without_power(machine: Machine, q: np.ndarray, v: np.ndarray) -> list[Motion]:
     """The phases after power-off: one brake after the other closes, then until rest."""
     parts: list[Motion] = []
-    t, closed = 0.0, dict[str, float]()
-    for delay in sorted(set(machine.delay.values())):
+    t, closed = 0.0, dict(machine.torque) if machine.holds else dict[str, float]()
+    for delay in [] if machine.holds else sorted(set(machine.delay.values())):
         parts.append(_simulate(machine, closed, q, v, delay - t))
         q, v, t = parts[-1].q[-1], parts[-1].v[-1], delay
         closed |= {n: machine.torque[n] for n, after in machine.delay.items() if after == delay}
@@ -233,21 +245,24 @@ def _until_rest(
 def _simulate(
     machine: Machine, torques: Mapping[str, float], q: np.ndarray, v: np.ndarray, time: float
 ) -> Motion:
-    run = partial(
-        simulate,
-        machine.closed(torques),
-        q,
-        v,
-        t_end=time,
-        motor_torque=np.zeros(len(machine.scene.drives)),
-        attached=machine.carried,
-        sample_step=SAMPLE_STEP,
-        progress=False,
-    )
+    ws, unpowered = machine.closed(torques), np.zeros(len(machine.scene.drives))
     try:
-        motion = run()
+        motion = simulate_constant(
+            ws, q, v, unpowered, time, machine.carried, rtol=_RTOL, atol=_ATOL, sample_step=_SAMPLE
+        )
     except SimulationError:  # changes between stick and slip that accumulate, in linkages
-        motion = run(method="timestepping", dt=_STEP)
+        motion = simulate(
+            ws.scene,
+            q,
+            v,
+            t_end=time,
+            method="timestepping",
+            motor_torque=unpowered,
+            attached=machine.carried,
+            sample_step=_SAMPLE,
+            progress=False,
+            dt=_STEP,
+        )
     if motion.status == INTERRUPTED:
         raise KeyboardInterrupt
     return motion

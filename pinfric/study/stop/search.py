@@ -9,8 +9,9 @@ axis an estimate orders the samples, as if the axis moved alone and without fric
 F what gravity pushes along v, I the inertia at the joint with the rotor; of a stated deceleration d
 |v| (t_react + |v|/(2 d)), along the path with the longest |v|/d of all axes. Simulated are the
 samples with the largest estimate, speed and load at rest of each axis, where the estimate comes
-nearest to a limit of its joint, with the largest kinetic energy, and some spread evenly, more of
-them for the gears' peaks; then the neighbours of the worst, nearer and nearer.
+nearest to a limit of its joint, with the largest kinetic energy, and 40 spread evenly. What a stop
+comes to has many hills over the cycle: of each measure the three highest among the samples
+simulated are refined, half-way to the neighbours on both sides, until these are next to it.
 """
 
 from __future__ import annotations
@@ -38,9 +39,11 @@ from pinfric.study.stop.path import CyclePath
 from pinfric.study.summary import effort_unit
 from pinfric.study.trajectory.trajectory import Trajectory
 
-#: Samples spread evenly over the cycle, of stops with least and with greatest friction: the gears'
-#: peaks depend on which other axis still moves, and no estimate of one axis finds them.
-_SPREAD = (6, 40)
+#: Samples spread evenly over the cycle: which other axis still moves matters, and no estimate of
+#: one axis finds that.
+_SPREAD = 40
+#: Hills that are refined of each measure; those below this part of the highest are not.
+_HILLS, _LEAST_HILL = 3, 0.5
 #: Part of the cycle to which the search comes.
 _FINEST = 400
 #: An estimate divides by at least this part of the brake's torque.
@@ -209,7 +212,7 @@ class Search:
 
     @property
     def _expected(self) -> int:
-        return 70 * len(self.machines.scene.drives) // (1 if self.machines.full else 2)
+        return len(self.kinds) * (_SPREAD + 14 * len(self.machines.scene.drives))
 
     def motion(self, case: Case) -> StopMotion:
         """Return the motion of one stop, simulated anew."""
@@ -232,17 +235,17 @@ class Search:
         return tuple(Kind(greatest, load) for greatest in (False, True) for load in loads)
 
     def run(self) -> None:
-        """Simulate the candidates, then search around the worst of each measure."""
-        for kind in self.kinds:
-            for sample in self.candidates(kind):
-                self.stop(Case(kind, sample))
-        for measure in self.measures():
-            self._refine(measure)
+        """Simulate the candidates, then refine the highest hills of each measure."""
+        cases = {Case(kind, sample) for kind in self.kinds for sample in self.candidates(kind)}
+        while cases:
+            for case in sorted(cases):
+                self.stop(case)
+            cases = {case for measure in self.measures() for case in self._nearer(measure)}
 
     def candidates(self, kind: Kind) -> list[int]:
         """Return the samples that are simulated first."""
         t, rate = self.cycle.trajectory.t, self.cycle.rate
-        chosen = set(np.linspace(0, len(t) - 1, _SPREAD[kind.greatest]).astype(int).tolist())
+        chosen = set(np.linspace(0, len(t) - 1, _SPREAD).astype(int).tolist())
         inertia, score = estimates(self.machines, self.cycle, kind)
         resting = np.where(rate == 0.0, np.abs(self.cycle.hold[kind.load > 0.0]), -1.0)
         for order in (score, np.abs(rate), resting):
@@ -254,9 +257,9 @@ class Search:
         return sorted(chosen)
 
     def measures(self) -> Iterator[Callable[[Stopped], float]]:
-        """Yield what is to be largest: each axis' travel, peak, energy and place; time and path."""
+        """Yield what is to be largest: of each axis, its time and place, too; time and path."""
         for d in range(len(self.machines.scene.drives)):
-            for name in ("travel", "peak", "energy"):
+            for name in ("rest", "travel", "peak", "energy"):
                 yield figure_of(name, d)
         for d in np.flatnonzero(self.limited).tolist():
             left = -beyond_of(d)(self.nearest(d))
@@ -287,17 +290,28 @@ class Search:
         """(na,) which drives' joints have a limit."""
         return np.isfinite(self.cycle.limits).any(axis=1)
 
-    def _refine(self, measure: Callable[[Stopped], float]) -> None:
-        """Go from the worst sample to its neighbours, in steps that halve."""
-        samples = len(self.cycle.trajectory.t)
-        best, step = self.worst(measure), max(samples // 24, 1)
-        while step >= max(samples // _FINEST, 1):
-            for sample in (best.case.sample - step, best.case.sample + step):
-                if 0 <= sample < samples:
-                    self.stop(best.case._replace(sample=sample))
-            after = self.worst(measure)
-            step = step if measure(after) > measure(best) else step // 2
-            best = after
+    def _nearer(self, measure: Callable[[Stopped], float]) -> Iterator[Case]:
+        """Yield what lies half-way between the highest hills of a measure and their neighbours."""
+        finest = max(len(self.cycle.trajectory.t) // _FINEST, 1)
+        hills: list[tuple[float, Case, list[int]]] = []
+        for kind in self.kinds:
+            own = sorted((s for c, s in self.found.items() if c.kind == kind), key=_sample_of)
+            height = np.pad([measure(stop) for stop in own], 1, constant_values=-np.inf)
+            tops = (height[1:-1] >= height[:-2]) & (height[1:-1] >= height[2:])
+            for i in np.flatnonzero(tops & (height[1:-1] != 0.0)).tolist():
+                around = [_sample_of(stop) for stop in own[max(i - 1, 0) : i + 2]]
+                hills.append((float(height[i + 1]), own[i].case, around))
+        hills.sort(key=lambda hill: -hill[0])
+        highest = hills[0][0] if hills else 0.0
+        for top, case, around in hills[:_HILLS]:
+            if top >= highest - (1.0 - _LEAST_HILL) * abs(highest):
+                for other in around:
+                    if abs(other - case.sample) > finest:
+                        yield case._replace(sample=(other + case.sample) // 2)
+
+
+def _sample_of(stop: Stopped) -> int:
+    return stop.case.sample
 
 
 def figure_of(name: str, drive: int) -> Callable[[Stopped], float]:

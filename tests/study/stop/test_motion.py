@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -94,6 +96,20 @@ def test_sag_counts_from_power_off():
     assert found.after_power_off == pytest.approx([-0.00404370], rel=2e-5)
     assert found.travel[-1] == pytest.approx([0.0625 - 0.00404370], rel=1e-6)
     assert found.q[-1] == pytest.approx([0.0625 - 0.00404370], rel=1e-6)
+
+
+def test_drives_that_hold_until_the_brake_has_closed_let_nothing_sag():
+    """Power goes off 50 ms after rest, as soon as the brake holds; too weak a one slips then."""
+    holding = machine(lift(), 2.0, 0.05, deceleration=2.0)
+    found = stop_motion(replace(holding, holds=True), np.zeros(1), np.array([0.5]))
+    assert found.power_off == pytest.approx(0.25 + 0.05, rel=1e-12)
+    assert found.after_power_off == pytest.approx([0.0], abs=1e-12)
+    assert found.q[-1] == pytest.approx([0.0625], rel=1e-9)
+    assert found.rest_time == pytest.approx([0.25])
+    assert (np.diff(found.t) >= 0.0).all()
+    weak = machine(lift(), 1e-3, 0.05, deceleration=2.0)
+    with pytest.raises(StopError, match="too weak"):
+        stop_motion(replace(weak, holds=True), np.zeros(1), np.array([0.5]))
 
 
 def test_an_imposed_deceleration_costs_what_inverse_dynamics_says():

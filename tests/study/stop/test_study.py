@@ -78,6 +78,27 @@ def test_the_worst_is_that_of_every_sample(found):
     assert found.farthest.path == pytest.approx(max(stop.path for stop in every), rel=0.01)
 
 
+def test_the_worst_of_many_hills_is_found():
+    """Two sines of each axis: following the nearest hill upwards missed 15 % of a travel."""
+    scene, t = braked(load=False), np.linspace(0.0, 4.0, 241)
+    sines = [[(0.25, 1.0, 0.3), (0.12, 2.5, 1.1)], [(0.3, 0.75, 1.7), (0.1, 3.25, 0.2)]]
+    q, v, a = np.zeros((3, len(t), 2))
+    for axis, parts in enumerate(sines):
+        for size, frequency, phase in parts:
+            w = 2 * np.pi * frequency
+            q[:, axis] += size * np.sin(w * t + phase)
+            v[:, axis] += size * w * np.cos(w * t + phase)
+            a[:, axis] -= size * w**2 * np.sin(w * t + phase)
+    found = pf.stop(scene, pf.Trajectory.from_arrays(scene, t, q, v, a))
+    simulated = [stop for stop in found.search.found.values() if stop.case.speed == 1.0]
+    assert len(simulated) < 200  # of 482
+    every = [found.search.stop(Case(Kind(False, 0.0), sample)) for sample in range(len(t))]
+    for name in ("travel", "rest"):
+        most = np.max([getattr(stop, name) for stop in every], axis=0)
+        best = np.max([getattr(stop, name) for stop in simulated], axis=0)
+        assert best == pytest.approx(most, rel=2e-3), name
+
+
 def test_speed_load_and_friction_at_their_worst(found):
     """Least friction goes farther, greatest friction and brakes load the gears more."""
     for case in (Case(Kind(False, 1.0), sample) for sample in (5, 12, 18)):
