@@ -43,6 +43,8 @@ _PUBLIC = {
     "Elasticity": "pinfric.study.elastic.motion",
     "export": "pinfric.study.export.export",
     "Exported": "pinfric.study.export.export",
+    "mujoco_friction": "pinfric.study.export.mujoco_bridge",
+    "MujocoFriction": "pinfric.study.export.mujoco_bridge",
     "identify": "pinfric.study.identify.identify",
     "Identified": "pinfric.study.identify.identify",
     "size": "pinfric.study.sizing.size",
@@ -98,6 +100,8 @@ if TYPE_CHECKING:  # the same names for type checkers, which do not run __getatt
     from pinfric.study.elastic.motion import elasticity as elasticity
     from pinfric.study.export.export import Exported as Exported
     from pinfric.study.export.export import export as export
+    from pinfric.study.export.mujoco_bridge import MujocoFriction as MujocoFriction
+    from pinfric.study.export.mujoco_bridge import mujoco_friction as mujoco_friction
     from pinfric.study.identify.identify import Identified as Identified
     from pinfric.study.identify.identify import identify as identify
     from pinfric.study.retime.path import Path as Path

@@ -82,6 +82,14 @@ elastic = [{"joint": name, "transmission": gear} for name in arm.joint_names]
 pf.elasticity(pf.inverse_dynamics(arm.with_(actuators=elastic), motion())).summary()
 """,
     "export": "pf.export(arm, motion()); pf.export(arm, motion(), 'cpp')",
+    "mujoco_friction": """
+import mujoco
+model = mujoco.MjModel.from_xml_string(pf.export(arm).text)
+friction, data = pf.mujoco_friction(arm, model), mujoco.MjData(model)
+friction.start(data)
+friction.step(data)
+is_number(friction.limit(data), friction.normal_load(data))
+""",
     "size": "pf.size(arm, motion())",
     "load_catalog": "pf.load_catalog('default')",
     "check": "pf.check('robots/three_link.urdf')",
