@@ -110,7 +110,8 @@ def _options(
         bool, typer.Option("--quiet", "-q", help="Print only results and errors, no notices.")
     ] = False,
     verbose: Annotated[
-        bool, typer.Option("--verbose", "-v", help="Also print files read, versions and time.")
+        bool,
+        typer.Option("--verbose", "-v", help="Print more; files read, versions, time."),
     ] = False,
 ) -> None:
     telling.update(quiet=quiet, verbose=verbose)
@@ -268,6 +269,10 @@ def size(
     fastest: Annotated[
         bool, typer.Option("--fastest", help="Also show cycle time against mass of the drives.")
     ] = False,
+    what_if: Annotated[
+        bool,
+        typer.Option("--what-if", help="Also the choice without drives' masses or friction."),
+    ] = False,
     out: OutFolder = None,
     as_json: AsJson = False,
     log: Any,
@@ -278,13 +283,7 @@ def size(
     meets it. --out writes sizing.json, report.html and bom.csv, with --fastest fastest.png. A duty
     of several cycles: --cycle pick.csv:0.7 --cycle wait.csv:0.3, or counts.
     """
-    given = [weighted(text) for text in cycle or ()]
-    if (trajectory_name is None) != bool(given) or (fastest and given):
-        raise typer.BadParameter(
-            "give one TRAJECTORY after SCENE, or --cycle for each of several (not with --fastest)",
-            param_hint="--cycle",
-        )
-    given = given or [(str(trajectory_name), 1.0)]
+    given = _cycles(trajectory_name, cycle, fastest)
     scene, trajectory = load(scene_name, given[0][0], log, out)
     from pinfric.show.report.bill import bill_of_materials
     from pinfric.show.report.sizing import sizing_report
@@ -300,7 +299,7 @@ def size(
     if report.catalog is not None:
         read.extend(report.catalog.files)
     sets, files = _fastest(report, trajectory) if fastest else (None, {})
-    found = sizing_summary(report, sets)
+    found = sizing_summary(report, sets, what_if)
     cycles_given = [trajectory_name] if trajectory_name else [f"--cycle={x}" for x in cycle or ()]
     command = _command_of_size(scene_name, [str(x) for x in cycles_given], on, period, catalog)
     files["report.html"] = lambda path: path.write_text(
@@ -308,9 +307,23 @@ def size(
     )
     if bill := bill_of_materials(report):
         files["bom.csv"] = lambda path: path.write_text(bill, encoding="utf-8")
-    show_it, name = partial(sizing_report, report, sets), "sizing.json"
+    show_it = partial(sizing_report, report, sets, what_if, telling["verbose"])
+    name = "sizing.json"
     answer("size", found, show_it, as_json, out, files, name=name, scene=report.given.source)
     report.check()  # what does not fit is the last line, and the exit code (2)
+
+
+def _cycles(
+    trajectory_name: Any, cycle: list[str] | None, fastest: bool
+) -> list[tuple[str, float]]:
+    """The cycles of a duty, each with its share or count."""
+    given = [weighted(text) for text in cycle or ()]
+    if (trajectory_name is None) != bool(given) or (fastest and given):
+        raise typer.BadParameter(
+            "give one TRAJECTORY after SCENE, or --cycle for each of several (not with --fastest)",
+            param_hint="--cycle",
+        )
+    return given or [(str(trajectory_name), 1.0)]
 
 
 def _command_of_size(

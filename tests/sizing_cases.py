@@ -54,12 +54,16 @@ GEAR = {
     "back_efficiency": 0.7,
     "stiffness": 1e4,
     "back_driving_torque": 3.0,
+    "bearing": {"kind": "crossed roller", "max_moment": 1e5, "max_radial": 1e6, "max_axial": 1e6},
 }
+#: At which makers rate motors: nothing is derated.
+COOL = {"ambient": 25.0}
 
 
 def write_catalog(path, motors=None, gears=None, **more):
     """Write a catalogue file; None takes the one motor, the one gear."""
     content = {"pinfric_catalog": 1, **more}
+    content["conditions"] = COOL | content.get("conditions", {})
     content["motors"] = {"M": MOTOR} if motors is None else motors
     content["gears"] = {"G": GEAR} if gears is None else gears
     path.write_text(yaml.safe_dump(content))

@@ -173,11 +173,11 @@ def test_size_prints_each_joints_demand_and_choice(capsys, tmp_path):
         )
     assert stop.value.code == 0
     joints = result_of(capsys.readouterr().out)["joints"]
-    keys = {"peak", "rms", "breakaway", "holding", "speed", "choice", "installed", "rejected"}
+    keys = {"peak", "rms", "breakaway", "holding", "speed", "choice", "installed", "candidates"}
     assert len(joints) == 7
     assert all(keys <= joint.keys() for joint in joints)
     assert all(len(joint["holding"]) == 2 for joint in joints)
-    assert joints[1]["rejected"][0]["why"]
+    assert joints[1]["next_smaller"]["why"]
     assert {p.name for p in (tmp_path / "out").iterdir()} == {
         "sizing.json",
         "report.html",

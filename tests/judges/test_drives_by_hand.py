@@ -26,13 +26,14 @@ import pinfric as pf
 from pinfric.model.schema import Transmission
 from pinfric.model.springs import StiffnessLines, spring_of
 from pinfric.study.sizing.bearing import BearingRatings, bearing_life, bearing_load, static_load
-from pinfric.study.sizing.catalog import Conditions, Motor, Screw
+from pinfric.study.sizing.catalog import Motor, Screw
 from pinfric.study.sizing.catalog_file import load_catalog
-from pinfric.study.sizing.criteria import check
 from pinfric.study.sizing.criterion import Status
 from pinfric.study.sizing.demand import DriveCycle, GearDemand, average_output_effort
 from pinfric.study.sizing.drivetrain import motor_alone, motor_cycle, ratings_of
 from pinfric.study.sizing.limit import Case
+from pinfric.study.sizing.limits import check
+from pinfric.study.sizing.policy import Conditions
 from pinfric.study.sizing.rules import buckling_load, gear_life, momentary_peaks
 
 G = 9.81

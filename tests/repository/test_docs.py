@@ -27,7 +27,7 @@ from pinfric.model.yamlfile import read_yaml
 from pinfric.study.formats import FORMATS, json_schema
 from pinfric.study.new_scene import write_new
 from pinfric.study.sizing.catalog import Brake, CatalogFile
-from pinfric.study.sizing.criteria import LIMITS
+from pinfric.study.sizing.limits import LIMITS
 from pinfric.study.sweep.distributions import Steps
 
 ROOT = Path(__file__).parents[2]

@@ -53,10 +53,8 @@ TESTED_WITH = {
     "study/trajectory/log/test_columns.py": "study/trajectory/log: frame",
     "study/identify/test_recordings.py": "study/trajectory/log: arrays thinning",
     "kernels/test_interpreted.py": "study: warm_up",
-    "study/sizing/test_criteria.py": "study/sizing: criterion drivetrain gear_limits "
-    "joint_limits limit motor_limits",
+    "study/sizing/test_criteria.py": "study/sizing: criterion drivetrain limit limits",
     "study/sizing/test_sizing.py": "study/sizing: caveats demand inertia size summary",
-    "study/sizing/test_bearing.py": "study/sizing: bearing_limits",
     "study/sizing/test_catalog.py": "study/sizing: catalog_file doubts",
     "study/sizing/test_catalog_table.py": "study/sizing: table units",
     "study/sizing/test_stop_limits.py": "study/sizing: stopping",

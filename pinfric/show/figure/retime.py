@@ -25,7 +25,7 @@ from pinfric.show.report.names import picture_names
 from pinfric.show.report.values import digits
 from pinfric.study.retime.fastest import TimedSet
 from pinfric.study.retime.retime import RetimeResult
-from pinfric.study.sizing.criteria import instant_limits
+from pinfric.study.sizing.limits import instant_limits
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

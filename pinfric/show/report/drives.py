@@ -9,31 +9,37 @@ from pinfric.show.report.rows import NONE, table_of
 from pinfric.show.report.tables import Table
 from pinfric.show.report.values import digits
 from pinfric.study.sizing.power import BusPower
-from pinfric.study.sizing.size import SizingReport
+from pinfric.study.sizing.size import SizingReport, WhatIf
 from pinfric.study.sizing.summary import SizedJoint, SizingSummary, Unchecked
 
 #: N m; torques of brakes below print as 0.
 _ROUNDING = 1e-9
 #: Fields of a joint that say which drive was chosen.
-_INSTALLED = tuple(f"installed.{name}" for name in ("mass", "margin", "tightest", "not_checked"))
-_CHOICE = ("name", "choice", *_INSTALLED, "fit")
+_INSTALLED = ("brake", "mass", "margin", "tightest", "backlash_at_tool")
+_CHOICE = ("name", "choice", *(f"installed.{name}" for name in _INSTALLED))
 _SMALLER = ("name", "next_smaller.name", "next_smaller.mass", "next_smaller.short_by")
-_UNJUDGED = ("name", *(f"unjudged.{name}" for name in ("name", "mass", "lacks", "count")))
 _STILL = tuple(f"standstill.{name}" for name in ("effort", "shaft", "use", "brake", "margin"))
 
 
+#: The same in short.
+_SHORT = ("name", "choice", *(f"installed.{x}" for x in _INSTALLED[1:4]))
+
+
 def choice_table(
-    found: SizingSummary, cells: Mapping[str, Callable[[SizedJoint], str]] | None = None
+    found: SizingSummary,
+    cells: Mapping[str, Callable[[SizedJoint], str]] | None = None,
+    short: bool = False,
 ) -> Table | None:
     """Return the drives that were chosen, of a sizing with a catalogue.
 
     Args:
         found: the sizing.
         cells: fields to show beside the usual ones or in another way, and how.
+        short: leave out brakes and backlash.
     """
     title = f"drives from {found.catalog}, {digits(found.conditions['bus_voltage'])} V"
     own = {"choice": _chosen, **(cells or {})}
-    return table_of(title, found.joints, only={*_CHOICE, *own}, cells=own)
+    return table_of(title, found.joints, only={*(_SHORT if short else _CHOICE), *own}, cells=own)
 
 
 def _chosen(joint: SizedJoint) -> str:
@@ -54,10 +60,39 @@ def smaller_table(found: SizingSummary) -> Table | None:
     return table_of("the next smaller drives", rows, only=_SMALLER)
 
 
-def unjudged_table(found: SizingSummary) -> Table | None:
-    """Return the lightest drives that lack a figure; None if all lighter ones could be judged."""
-    rows = [joint for joint in found.joints if joint.unjudged is not None]
-    return table_of("lighter drives that cannot be judged", rows, only=_UNJUDGED)
+def brake_line(found: SizingSummary) -> list[str]:
+    """Return the brakes of the chosen drives, in a line; none: there are none."""
+    joints: dict[str, list[str]] = {}
+    for joint in found.joints:
+        if joint.installed is not None and joint.installed.brake:
+            joints.setdefault(joint.installed.brake, []).append(joint.name)
+    said = "; ".join(f"{name} ({', '.join(of)})" for name, of in joints.items())
+    return [f"brakes: {said}"] if said else []
+
+
+def ask_table(found: SizingSummary, most: int = 0) -> Table | None:
+    """Return the lighter products that cannot be signed, fewest figures first; None: none.
+
+    Args:
+        found: the sizing. most: rows to show; 0: all.
+    """
+    rows, short = found.ask[: most or None], short_names([joint.name for joint in found.joints])
+    cells = {"joints": lambda row: ", ".join(short[name] for name in row.joints)}
+    more = f"; {len(found.ask) - len(rows)} more" if len(rows) < len(found.ask) else ""
+    return table_of(f"lighter, but a figure is missing: cannot be signed{more}", rows, cells=cells)
+
+
+def what_if_table(found: SizingSummary) -> Table | None:
+    """Return what would be chosen without the drives' mass, and without friction."""
+    same = {joint.name: joint.choice for joint in found.joints}
+
+    def other(name: str) -> Callable[[WhatIf], str]:
+        return lambda row: (
+            "the same" if (drive := getattr(row, name)) == same[row.name] else drive or "none fits"
+        )
+
+    cells = {name: other(name) for name in ("without_masses", "frictionless")}
+    return table_of("what if", found.what_if or (), cells=cells)
 
 
 def brake_table(found: SizingSummary) -> Table | None:

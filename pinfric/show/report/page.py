@@ -33,7 +33,7 @@ def page_environment(names: Sequence[str], *folders: Path) -> Any:
         folders: of templates, beside that of the style.
 
     Raises:
-        PinfricError: the extra `report` (jinja2, plotly) is not installed.
+        PinfricError: the extra `report` (jinja2) is not installed.
     """
     jinja2 = needed("jinja2")
     environment = jinja2.Environment(

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from pathlib import Path
+from typing import Any
 
 from pinfric.show.report.drives import (
+    ask_table,
+    brake_line,
     brake_table,
     bus_lines,
     bus_table,
@@ -14,7 +17,7 @@ from pinfric.show.report.drives import (
     smaller_table,
     turn,
     unchecked_table,
-    unjudged_table,
+    what_if_table,
 )
 from pinfric.show.report.elastic import frequency_lines
 from pinfric.show.report.retime import fastest_table
@@ -25,7 +28,6 @@ from pinfric.show.report.tables import Report, Table, paragraphs
 from pinfric.show.report.values import digits
 from pinfric.study.elastic.summary import elastic_summary
 from pinfric.study.retime.fastest import TimedSet
-from pinfric.study.sizing.assess import Assessment
 from pinfric.study.sizing.criterion import Status
 from pinfric.study.sizing.size import SizingReport
 from pinfric.study.sizing.summary import SizingSummary, sizing_summary
@@ -36,12 +38,23 @@ ROUNDING = 1e-9
 _VISIBLE = 1e-4
 
 
-def sizing_report(report: SizingReport, fastest: Sequence[TimedSet] | None = None) -> Report:
+#: Products to ask for that the short report lists.
+_ASKED = 3
+
+
+def sizing_report(
+    report: SizingReport,
+    fastest: Sequence[TimedSet] | None = None,
+    what_if: bool = False,
+    verbose: bool = True,
+) -> Report:
     """Return the tables and lines that `pinfric size` prints, for a rich console.
 
     Args:
         report: of `size`.
         fastest: sets of drives and their times, where they were asked for.
+        what_if: also what would be chosen without the drives' mass, and without friction.
+        verbose: all of it; else what is chosen, what fails, and what to ask for.
     """
     from rich.text import Text
 
@@ -50,27 +63,61 @@ def sizing_report(report: SizingReport, fastest: Sequence[TimedSet] | None = Non
     if report.catalog is None:
         failing = [Text(f"! {line}", style="bold red") for line in report.unmet]
         return paragraphs(demand_table(report), elastic_lines(report), failing, notes)
-    found = sizing_summary(report)
+    found = sizing_summary(report, what_if=what_if)
     failing = [Text(f"! {line}", style="bold red") for line in (*report.no_fit, *report.unmet)]
+    opening = [verdict(report), *masses_line(report)]
+    if not verbose:
+        return _short(report, found, [*opening, *failing], more)
     return paragraphs(
-        [verdict(report)],
+        opening,
         demand_table(report),
         choice_table(found),
         mass_table(found),
         smaller_table(found),
-        unjudged_table(found),
+        ask_table(found),
         brake_table(found),
         stop_lines(found),
         None if found.stops is None else axes_table(found.stops),
         bus_table(report),
         bus_lines(report),
-        _changes(report),
+        what_if_table(found),
         elastic_lines(report),
         unchecked_table(found),
         failing,
         notes,
         *more,
     )
+
+
+def _short(
+    report: SizingReport, found: SizingSummary, opening: Sequence[Any], more: Sequence[Any]
+) -> Report:
+    """What is chosen, what fails, and what to ask for."""
+    first = [f"note: {line}" for line in report.assumptions[: len(report.unclosed) > 0]]
+    ending = [
+        f"{len(found.unchecked)} kinds of criteria were not checked; they, the demand of each "
+        f"joint, next smaller drives, {len(report.notes)} notes: -v; page to sign, bill of "
+        "materials: --out FOLDER"
+    ]
+    return paragraphs(
+        list(opening),
+        choice_table(found, short=True),
+        [*brake_line(found), *bus_lines(report), *stop_lines(found)],
+        ask_table(found, _ASKED),
+        what_if_table(found),
+        first + ending,
+        *more,
+    )
+
+
+def masses_line(report: SizingReport) -> list[str]:
+    """Return whose masses are in the links, where the scene does not say it; else nothing."""
+    if report.other_mass is None:
+        return []
+    return [
+        "the scene does not say whether its links' masses hold the drives: they are added; with "
+        f"`robot.masses: with_drives` the drives would weigh {digits(report.other_mass)} kg"
+    ]
 
 
 def stop_lines(found: SizingSummary) -> list[str]:
@@ -144,16 +191,10 @@ def verdict(report: SizingReport) -> str:
     nearest = [joint.name for joint in report.joints if joint.choice is None and joint.nearest]
     parts = [f"{len(chosen)} of {len(report.joints)} joints have a drive that fits"]
     if chosen:
-        unchecked, criteria = (
-            sum(map(len, x))
-            for x in zip(*((a.not_checked, a.criteria) for a in chosen), strict=True)
-        )
-        parts += [
-            f"{digits(report.chosen_mass)} kg of drives",
-            f"{unchecked} of their {criteria} criteria not checked",
-        ]
+        count = sum(len(a.not_checked) for a in chosen)
+        parts += [f"{digits(report.chosen_mass)} kg of drives", f"{count} criteria not checked"]
     if nearest:
-        parts.append(f"for {', '.join(nearest)} the nearest miss is in the model")
+        parts.append(f"{', '.join(nearest)}: computed with the closest candidate")
     if report.scene.assumed is not None:
         parts.append(f"{len(report.scene.assumed.values)} entries of the scene are guesses")
     return "; ".join([*parts, passes(report)])
@@ -165,20 +206,3 @@ def passes(report: SizingReport) -> str:
     return (
         f"settled after {count}" if report.settled else f"not settled after {count}: it alternates"
     )
-
-
-def _changes(report: SizingReport) -> list[str]:
-    """What neglecting the drives' own mass, or friction, would have bought."""
-    lines = []
-    for joint in report.joints:
-        for other, text in (
-            (joint.choice_without_masses, "without the drives' mass"),
-            (joint.choice_frictionless, "without friction"),
-        ):
-            if _name(other) != _name(joint.choice):
-                lines.append(f"{joint.name}: {text} it would be {_name(other) or 'none'}")
-    return lines
-
-
-def _name(assessment: Assessment | None) -> str | None:
-    return None if assessment is None else assessment.candidate.name

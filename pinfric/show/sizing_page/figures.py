@@ -1,19 +1,18 @@
-"""The sizing page's figures: pictures, and of the candidates a map to look at with the mouse."""
+"""The pictures of the sizing page."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pinfric.dynamics.inverse.result import runs
 from pinfric.show.figure.efforts import thinned
 from pinfric.show.figure.panel import panel
-from pinfric.show.figure.style import BAND, BLUE, GREEN, GRID, INK, ORANGE, QUIET, RED
-from pinfric.study.sizing.assess import Assessment, pareto_front
-from pinfric.study.sizing.catalog import Conditions
+from pinfric.show.figure.style import BAND, BLUE, GREEN, INK, ORANGE, QUIET, RED
 from pinfric.study.sizing.drivetrain import Ratings
+from pinfric.study.sizing.policy import Conditions
 from pinfric.study.sizing.size import JointSizing, SizingReport
 from pinfric.study.summary import ends_by_magnitude
 
@@ -25,8 +24,6 @@ if TYPE_CHECKING:
 _PIECES = 400
 #: The envelope is cut where it would make the cycle smaller than this part of the picture.
 _MOST_SHRUNK = 8.0
-#: Margins below are drawn at the edge.
-_LEAST_MARGIN = -100.0
 
 
 def torque_speed(joint: JointSizing, report: SizingReport) -> Figure:
@@ -119,7 +116,7 @@ def _drawn(joint: JointSizing, series: Sequence[np.ndarray]) -> np.ndarray:
 def _speed_reach(ratings: Ratings, voltage: float, used: float) -> float:
     """How far the speed axis goes: the envelope's end, unless the cycle uses little of it."""
     ends = [1.25 * used]
-    limit = ratings.speed_limit(voltage)[0]
+    limit = ratings.max_speed or ratings.no_load_speed or ratings.rated_speed
     if limit is not None:
         ends.append(1.05 * limit)
     if ratings.no_load_speed is not None and ratings.nominal_voltage is not None:
@@ -135,7 +132,7 @@ def _draw_envelope(
 ) -> None:
     """What the motor can do: the line of the bus voltage cut by peak torque, and continuously."""
     voltage, (reach, top) = conditions.bus_voltage, ends
-    fastest = ratings.speed_limit(voltage)[0]
+    fastest = ratings.max_speed or ratings.no_load_speed or ratings.rated_speed
     end = reach if fastest is None else min(fastest, reach)
     speed = np.linspace(-end, end, 201)
     limit = ratings.torque_limit(speed, voltage, hot)
@@ -160,51 +157,3 @@ def _draw_envelope(
         if torque is not None and (torque <= 1.3 * top).any():
             axes.plot(x, torque, dash, color=INK, linewidth=1, label=name)
             axes.plot(x, -torque, dash, color=INK, linewidth=1)
-
-
-def mass_against_margin(joint: JointSizing) -> dict[str, Any]:
-    """Return plotly's figure of every judged candidate: mass and least margin, and their front."""
-    judged = [a for a in joint.assessments if not a.missing_figures]
-    fitting = [a for a in judged if a.fits]
-    front = pareto_front(fitting)
-    line = {"color": GREEN, "width": 1, "shape": "hv"}
-    best = {"x": [a.candidate.mass or 0.0 for a in front], "y": [100 * a.margin for a in front]}
-    data = [
-        best | {"mode": "lines", "name": "best trade", "line": line, "hoverinfo": "skip"},
-        _cloud([a for a in judged if not a.fits], "rejected", RED, "circle-open"),
-        _cloud(fitting, "fits", GREEN),
-    ]
-    if joint.installed is not None:
-        name = "choice" if joint.choice is not None else "nearest miss"
-        data.append(_cloud([joint.installed], name, BLUE, "star", size=14))
-    axis = {"gridcolor": GRID, "linecolor": QUIET, "automargin": True, "ticks": "outside"}
-    title = {"text": "mass of motor and gear, kg", "standoff": 8}
-    layout = {
-        "xaxis": axis | {"title": title, "rangemode": "tozero"},
-        "yaxis": axis
-        | {"title": {"text": "least margin, %"}, "range": [1.12 * _LEAST_MARGIN, 112]},
-        "font": {"family": "system-ui, 'DejaVu Sans', sans-serif", "size": 12, "color": INK},
-        "margin": {"l": 56, "r": 12, "t": 28, "b": 44},
-        # below the axis: above the plot the mode bar would cover it
-        "legend": {"orientation": "h", "x": 0, "y": 0, "yref": "container", "yanchor": "bottom"},
-        "plot_bgcolor": "white",
-        "hovermode": "closest",
-    }
-    return {"data": data, "layout": layout}
-
-
-def _cloud(
-    assessments: Sequence[Assessment], name: str, colour: str, symbol: str = "circle", size: int = 8
-) -> dict[str, Any]:
-    return {
-        "mode": "markers",
-        "name": name,
-        "x": [a.candidate.mass for a in assessments],
-        "y": [max(100 * a.margin, _LEAST_MARGIN) for a in assessments],
-        "marker": {"color": colour, "symbol": symbol, "size": size, "line": {"width": 1}},
-        "customdata": [
-            [a.candidate.name, f"{100 * a.margin:.3g}", len(a.not_checked)] for a in assessments
-        ],
-        "hovertemplate": "%{customdata[0]}<br>%{x:.3g} kg, least margin %{customdata[1]} %, "
-        "%{customdata[2]} not checked<extra></extra>",
-    }

@@ -1,4 +1,4 @@
-"""The sizing page: one self-contained HTML file, plotly inlined once, no network."""
+"""The sizing page: one self-contained HTML file, to read, to print and to sign."""
 
 from __future__ import annotations
 
@@ -13,22 +13,25 @@ from typing import Any
 
 from pinfric.show.figure.panel import svg
 from pinfric.show.report.drives import (
+    ask_table,
     brake_table,
     bus_lines,
     bus_table,
     choice_table,
+    smaller_table,
     turn,
     unchecked_table,
-    unjudged_table,
+    what_if_table,
 )
 from pinfric.show.report.envelope import hashes
 from pinfric.show.report.html import Marked, mark
 from pinfric.show.report.names import short_names
-from pinfric.show.report.page import NO_FIGURE, figure, needed, page_environment, percent
+from pinfric.show.report.page import NO_FIGURE, figure, page_environment, percent
 from pinfric.show.report.rows import table_of
 from pinfric.show.report.sizing import (
     demand_table,
     elastic_lines,
+    masses_line,
     passes,
     power_table,
     repetition,
@@ -37,10 +40,8 @@ from pinfric.show.report.sizing import (
 )
 from pinfric.show.report.stop import axes_table
 from pinfric.show.report.tables import Table
-from pinfric.show.report.values import json_for_script
 from pinfric.show.sizing_page.figures import (
     effort_over_time,
-    mass_against_margin,
     power_over_time,
     temperature,
     torque_speed,
@@ -55,8 +56,8 @@ from pinfric.study.sizing.summary import (
     sizing_summary,
 )
 
-#: Rejected candidates are listed nearest first; beyond this many only counted.
-_MOST_REJECTED = 100
+#: Products to ask for on the first screen.
+_ASKED = 4
 #: Margins below are called tight.
 _TIGHT = 0.1
 
@@ -69,18 +70,13 @@ def sizing_page(report: SizingReport, command: str = "") -> str:
         command: that made it, if one did.
 
     Raises:
-        PinfricError: the extra `report` (jinja2, plotly) is not installed.
+        PinfricError: the extra `report` (jinja2) is not installed.
     """
-    environment, plotly = (
-        page_environment(report.scene.actuator_names, Path(__file__).parent),
-        needed("plotly.offline").get_plotlyjs(),
-    )
+    environment = page_environment(report.scene.actuator_names, Path(__file__).parent)
     environment.filters.update(formula=_formula)
-    figures: dict[str, Any] = {}
     found = sizing_summary(report)
     joints = [
-        _joint_view(joint, report, found.joints[k], figures, k)
-        for k, joint in enumerate(report.joints)
+        _joint_view(joint, report, found.joints[k], k) for k, joint in enumerate(report.joints)
     ]
     title = "Power from the bus"
     bus_picture = "" if report.catalog is None else svg(power_over_time(report), title)
@@ -94,7 +90,7 @@ def sizing_page(report: SizingReport, command: str = "") -> str:
         samples=len(t),
         joints=joints,
         found=found,
-        choices=None if report.catalog is None else _choices(found),
+        choices=None if report.catalog is None else choice_table(found, _CELLS),
         matrix=_matrix(found, short_names(report.scene.actuator_names)),
         bus_figures=bus_table(report),
         bus=bus_lines(report),
@@ -108,18 +104,52 @@ def sizing_page(report: SizingReport, command: str = "") -> str:
         stop_lines=stop_lines(found),
         verdict="" if report.catalog is None else verdict(report),
         unchecked=unchecked_table(found, title=""),
-        unjudged=unjudged_table(found),
+        ask=ask_table(found),
+        asked=ask_table(found, _ASKED),
+        smaller=smaller_table(found),
+        what_if=what_if_table(found),
+        masses=masses_line(report),
+        conditions_line=_conditions_line(report),
+        all_conditions=_all_conditions(report),
         command=command,
         date=datetime.date.today().isoformat(),
         inputs=hashes(_inputs(report)),
         passes=passes(report),
         repetition=repetition(report),
         sources=_sources(report),
-        plotly=plotly,
-        figures=json_for_script(figures),
         Status=Status,
     )
     return page
+
+
+def _conditions_line(report: SizingReport) -> str:
+    """What was demanded, in a line."""
+    c = report.conditions
+    payloads = [f"payload {n}, {figure(p.mass)} kg" for n, p in report.given.payloads.items()]
+    arm = f"whole arm {figure(c.lowest_frequency)} Hz" if c.lowest_frequency else "each axis alone"
+    demanded = [
+        *payloads,
+        f"bus {figure(c.bus_voltage)} V",
+        f"ambient {figure(c.ambient)} °C",
+        f"peak torque times {figure(c.peak_factor)}",
+        f"inertia ratio up to {figure(c.inertia_ratio)}",
+        f"{figure(c.resonance_base)} Hz base, {figure(c.resonance_hand)} Hz hand, {arm}",
+        f"brakes {figure(c.brake_factor)} times the load",
+        f"L10 {'not demanded' if c.life is None else f'{figure(c.life)} h'}",
+    ]
+    return "Demanded: " + "; ".join(demanded) + "."
+
+
+def _all_conditions(report: SizingReport) -> str:
+    """Every condition with its value, and which are not the defaults."""
+    default = type(report.conditions)()
+    said = []
+    for name, value in report.conditions:
+        given = "" if value == getattr(default, name) else " (given)"
+        if value is not None and value != {}:
+            shown = f"{value:g}" if isinstance(value, float) else str(value)
+            said.append(f"{name} {shown}{given}")
+    return "; ".join(said)
 
 
 def _inputs(report: SizingReport) -> list[str]:
@@ -130,9 +160,9 @@ def _inputs(report: SizingReport) -> list[str]:
 
 
 def _joint_view(
-    joint: JointSizing, report: SizingReport, found: SizedJoint, figures: dict[str, Any], k: int
+    joint: JointSizing, report: SizingReport, found: SizedJoint, k: int
 ) -> dict[str, Any]:
-    """What the template shows of one joint; its map of candidates is added to `figures`."""
+    """What the template shows of one joint."""
     taken, name = found.installed, found.name
     drawn = [("effort", "Effort at the joint over the cycle", effort_over_time(joint))]
     missing = []
@@ -148,9 +178,6 @@ def _joint_view(
     pictures = [
         (f"{kind}-{k}", title, svg(figure, f"{title} of {name}")) for kind, title, figure in drawn
     ]
-    if joint.assessments:
-        figures[f"trade-{k}"] = mass_against_margin(joint)
-        pictures.append((f"trade-{k}", "Candidates: mass against margin", ""))
     return {
         "found": found,
         "figures": pictures,
@@ -159,28 +186,7 @@ def _joint_view(
         "units": joint.installed.candidate.units if joint.installed is not None else (),
         "at_output": joint.installed is not None and joint.installed.candidate.at_output,
         "fitting": table_of("", found.alternatives),
-        "rejected": table_of("", found.rejected[:_MOST_REJECTED]),
-        "more_rejected": max(len(found.rejected) - _MOST_REJECTED, 0),
     }
-
-
-def _choices(found: SizingSummary) -> Table | None:
-    """The drives, and what they would be without the drives' mass and without friction."""
-
-    def other(choice: str | None, joint: SizedJoint, rms: float) -> str:
-        same = choice is not None and choice == joint.choice
-        return f"{'the same' if same else choice or 'none'}; RMS {figure(rms)} {joint.unit}"
-
-    cells = {
-        "installed.margin": lambda joint: _margin(joint.installed and joint.installed.margin),
-        "choice_without_masses": lambda joint: other(
-            joint.choice_without_masses, joint, joint.rms_without_masses
-        ),
-        "choice_frictionless": lambda joint: other(
-            joint.choice_frictionless, joint, joint.rms_frictionless
-        ),
-    }
-    return choice_table(found, cells)
 
 
 def _margin(margin: float | None) -> Marked:
@@ -190,12 +196,18 @@ def _margin(margin: float | None) -> Marked:
     return mark("bad" if margin < 0 else "tight" if margin < _TIGHT else "ok", percent(margin))
 
 
+#: Cells of the chosen drives that the page shows in its own way.
+_CELLS: dict[str, Callable[[SizedJoint], str]] = {
+    "installed.margin": lambda joint: _margin(joint.installed.margin if joint.installed else None),
+}
+
+
 def _ended(c: Criterion) -> Marked:
     """How a criterion ended, with its margin."""
     if c.status == Status.NOT_CHECKED:
         return mark("none", "not checked", c.note)
     if c.status == Status.NOT_REQUIRED:
-        return mark("free", "free", c.note)
+        return mark("free", "not required", c.note)
     return Marked(f'<span title="{escape(c.why)}">{_margin(c.margin)}</span>')
 
 

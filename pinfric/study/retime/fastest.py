@@ -16,8 +16,9 @@ from pinfric.model.described import described, quantity
 from pinfric.study.retime.limits import candidate_limits
 from pinfric.study.retime.path import Path
 from pinfric.study.retime.retime import RetimeResult, retime
-from pinfric.study.sizing.assess import Assessment
-from pinfric.study.sizing.size import SizingReport, with_masses
+from pinfric.study.sizing.robot import added_masses, geared, with_masses
+from pinfric.study.sizing.shelf import Assessment
+from pinfric.study.sizing.size import SizingReport
 
 #: Drives that are exchanged in a step, and how many heavier ones are tried for each.
 _DRIVES, _HEAVIER = 2, 3
@@ -101,8 +102,8 @@ def _heavier(report: SizingReport, i: int, taken: Assessment) -> list[Assessment
     mass = taken.candidate.mass or 0.0
     ranked = [
         a
-        for a in report.joints[i].assessments
-        if a.fits and a is not taken and (a.candidate.mass or 0.0) >= mass
+        for a in report.joints[i].alternatives
+        if a.candidate.name != taken.candidate.name and (a.candidate.mass or 0.0) >= mass
     ]
     return ranked[:_HEAVIER]
 
@@ -111,8 +112,12 @@ def _tried(
     report: SizingReport, path: Path, taken: Mapping[int, Assessment]
 ) -> tuple[TimedSet, RetimeResult]:
     """One set of drives, their masses in the model."""
-    scene = with_masses(report.given, taken, report.conditions)
-    names = scene.actuator_names
+    given, conditions = report.given, report.conditions
+    masses = {i: a.candidate.mass for i, a in taken.items()}
+    names = given.actuator_names
+    gears = {names[i]: a.candidate.transmission for i, a in taken.items()}
+    heavier = with_masses(given, added_masses(given, conditions, masses))
+    scene = replace(heavier, actuators=geared(given, gears))
     limits = {names[i]: candidate_limits(a.candidate, report.conditions) for i, a in taken.items()}
     with warnings.catch_warnings():  # what was chosen and tried is judged by `size` already
         warnings.simplefilter("ignore", PinfricWarning)

@@ -1,8 +1,8 @@
 """Limits of each drive: motor, gear, joint; from numbers, catalogue or URDF.
 
-The rows of the table of limits (`criteria`) that bound every instant of a motion, of a drive of the
-catalogue with its own figures, else with those of a motor file or of the URDF. The speed-torque
-line is that of a winding as hot as it may be.
+The rows of the table of limits (`sizing.limits`) that bound every instant of a motion: of a drive
+of the catalogue with its own figures, else with those of a motor file or of the URDF. The
+speed-torque line is that of a winding as hot as it may be.
 """
 
 from __future__ import annotations
@@ -23,13 +23,15 @@ from pinfric.model.entry import Entry, Positive, Version, key, parse
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Transmission
 from pinfric.model.yamlfile import brief, read_yaml
-from pinfric.study.sizing.assess import own_amplifier
-from pinfric.study.sizing.catalog import Catalog, Conditions, parse_conditions
+from pinfric.study.sizing.catalog import Catalog
 from pinfric.study.sizing.catalog_file import load_catalog
-from pinfric.study.sizing.criteria import LIMITS, instant_limits
-from pinfric.study.sizing.drivetrain import Candidate, candidates
-from pinfric.study.sizing.limit import SETTLES, Judged, Limit, idle
-from pinfric.study.sizing.size import geared
+from pinfric.study.sizing.drivetrain import Candidate, find_drive
+from pinfric.study.sizing.limit import Limit, idle
+from pinfric.study.sizing.limit import drive as read_drive
+from pinfric.study.sizing.limits import LIMITS, instant_limits
+from pinfric.study.sizing.policy import Conditions, parse_conditions
+from pinfric.study.sizing.robot import geared
+from pinfric.study.sizing.size import own_amplifier
 from pinfric.study.summary import effort_unit
 from pinfric.study.trajectory.joint_columns import stated_limit
 
@@ -75,7 +77,7 @@ class DriveLimits(Entry):
         return self._rows.get(limit.name, math.inf)
 
     def least(self, signal: str) -> float:
-        """Return the least bound of a signal (`criteria.SIGNALS`)."""
+        """Return the least bound of a signal (`limit.SIGNALS`)."""
         rows = (limit for limit in instant_limits() if limit.need == signal)
         return min((self.bound(limit) for limit in rows), default=math.inf)
 
@@ -224,7 +226,7 @@ def candidate_limits(candidate: Candidate, conditions: Conditions) -> DriveLimit
         )
     torque, speed = (1 / ratio, ratio) if candidate.at_output else (1.0, 1.0)
     to_shaft = {"motor torque": torque, "motor RMS torque": torque, "motor speed": speed}
-    judged = Judged(candidate, None, idle(conditions))
+    judged = read_drive(candidate, None, idle(conditions))
     bounds = {
         limit: to_shaft.get(limit.need, 1.0) * limit.bound(judged)
         for limit in LIMITS
@@ -257,13 +259,13 @@ class CatalogLookup:
         """Return the limits of a drive by its name; `where` says in a message who asks."""
         if self.catalog is None:
             self.catalog = load_catalog(self.file)
-        known = {c.name: c for linear in (False, True) for c in candidates(self.catalog, linear)}
-        if name not in known:
+        found = find_drive(self.catalog, name)
+        if isinstance(found, list):
             raise RetimeError(
-                f"{where}: {self.file} has no drive {name!r}; {choose_from(name, known)}"
+                f"{where}: {self.file} has no drive {name!r}; {choose_from(name, found)}"
             )
         conditions = parse_conditions(self.given, self.catalog.conditions)
-        fed = replace(known[name], amplifier=own_amplifier(self.catalog, conditions, joint))
+        fed = replace(found, amplifier=own_amplifier(self.catalog, conditions, joint))
         return candidate_limits(fed, conditions)
 
 
@@ -294,14 +296,23 @@ def _limits(where: str, name: str, entry: Any, lookup: CatalogLookup) -> DriveLi
     return found
 
 
+#: Of each of these rows at least one must bound a drive of the catalogue.
+_MUST = (
+    ("peak torque", "speed-torque line"),
+    ("motor speed", "speed-torque line", "joint speed"),
+    ("gear repeated peak torque", "screw buckling", "effort"),
+    ("gear maximum input speed", "screw critical speed", "joint speed"),
+)
+
+
 def _check_settled(where: str, limits: DriveLimits) -> None:
     """Refuse a drive of the catalogue whose gear or motor nothing limits: it cannot be judged."""
     if limits.from_catalog is None:
         return
     candidate, conditions = limits.from_catalog
-    judged = Judged(candidate, None, idle(conditions))
-    for thing in SETTLES:
-        rows = [limit for limit in instant_limits() if thing in limit.settles]
+    judged = read_drive(candidate, None, idle(conditions))
+    for names_ in _MUST:
+        rows = [limit for limit in instant_limits() if limit.name in names_]
         known = any(math.isfinite(limits.bound(limit)) for limit in rows)
         if known or not any(limit.applies(judged) for limit in rows):
             continue

@@ -20,7 +20,7 @@ from pinfric.study.retime.path import Path
 from pinfric.study.retime.profile import Profile, columns_to_velocities
 from pinfric.study.retime.scan import MOVING, WORST, Scan, box_scan, fastest
 from pinfric.study.retime.tables import Grid, Tables, carried_names
-from pinfric.study.sizing.criteria import instant_limits
+from pinfric.study.sizing.limits import instant_limits
 from pinfric.study.summary import effort_unit, ends_by_magnitude, motor_unit, rests
 from pinfric.study.trajectory.joint_columns import JointColumn, configurations
 

@@ -34,13 +34,14 @@ from pinfric.study.retime.tables import (
     rates_of,
 )
 from pinfric.study.retime.thermal import Cycle, within_continuous
-from pinfric.study.sizing.criteria import check, instant_limits
 from pinfric.study.sizing.criterion import Criterion, Status
 from pinfric.study.sizing.demand import drive_cycle, gear_demand, hold_samples
 from pinfric.study.sizing.drivetrain import motor_cycle
 from pinfric.study.sizing.inertia import load_inertias
 from pinfric.study.sizing.limit import Case, Limit
-from pinfric.study.sizing.size import BASE_AXES, depth
+from pinfric.study.sizing.limits import check, instant_limits
+from pinfric.study.sizing.policy import BASE_AXES
+from pinfric.study.sizing.robot import depth
 from pinfric.study.summary import ends_by_magnitude
 from pinfric.study.summary import rms as root_mean_square
 from pinfric.study.trajectory.joint_columns import JointColumn, configurations, joint_columns
@@ -72,7 +73,7 @@ class RetimeResult(Shown):
             of it for a continuous torque, which holds back the whole cycle.
         excess: the most by which a sample exceeds any limit, as a part of it (`inverse_dynamics`
             judges); 0.001 is 0.1 %.
-        usage: (T, na, `criteria.instant_limits`) which part of each limit each sample uses.
+        usage: (T, na, `limits.instant_limits`) which part of each limit each sample uses.
         problem, profile: the grid with its limits, and the speed on it.
         rms: (na,) part of its continuous torque that each motor uses over the whole cycle; None
             where heat is not judged.

@@ -9,8 +9,8 @@ import numpy as np
 
 from pinfric.model.described import described, quantity
 from pinfric.study.retime.retime import RetimeResult
-from pinfric.study.sizing.criteria import instant_limits
 from pinfric.study.sizing.criterion import Criterion
+from pinfric.study.sizing.limits import instant_limits
 
 
 @described

@@ -235,7 +235,7 @@ def bearing_load(
 
 
 def joint_loads(
-    result: InverseResult, row: int
+    result: InverseResult, row: int, wrench: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     """Return radial and axial force (N) and tilting moment (N m) of a joint's bearing, (T,) each.
 
@@ -243,29 +243,36 @@ def joint_loads(
 
     Args:
         result: of inverse dynamics. row: of a turning joint, in `joint_names`.
+        wrench: (T, 6) that it transmits; None: as in the result.
     """
-    wrench = _along(result, row)
-    if wrench is None:
+    along = _along(result, row, wrench)
+    if along is None:
         return None
-    force, moment = wrench
+    force, moment = along
     return np.hypot(*force.T[:2]), np.abs(force[:, 2]), np.hypot(*moment.T[:2])
 
 
-def guide_load(result: InverseResult, row: int) -> GuideLoad | None:
+def guide_load(
+    result: InverseResult, row: int, wrench: np.ndarray | None = None
+) -> GuideLoad | None:
     """Return the largest loads of a sliding joint's guide, or None; arguments as `joint_loads`."""
-    wrench = _along(result, row)
-    if wrench is None:
+    along = _along(result, row, wrench)
+    if along is None:
         return None
-    force, moment = wrench
+    force, moment = along
     loads = np.hypot(*force.T[:2]), np.hypot(*moment.T[:2]), np.abs(moment[:, 2])
     return GuideLoad(*(float(x.max()) for x in loads))
 
 
-def _along(result: InverseResult, row: int) -> tuple[np.ndarray, np.ndarray] | None:
+def _along(
+    result: InverseResult, row: int, wrench: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray] | None:
     """Force and moment (T, 3) of a joint, the third component along its axis; None: not known."""
     scene = result.scene
     column = next((s for s, site in enumerate(scene.sites) if site.joint == row), None)
-    if result.wrench is not None and column is not None:
+    if wrench is not None:
+        pass
+    elif result.wrench is not None and column is not None:
         wrench = result.wrench[:, column]
     elif scene.loops:
         return None

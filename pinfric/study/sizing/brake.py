@@ -26,10 +26,11 @@ from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.errors import PinfricError
 from pinfric.model.described import EFFORT, derived, described, quantity
-from pinfric.study.sizing.catalog import Brake, Conditions
+from pinfric.study.sizing.catalog import Brake
 from pinfric.study.sizing.criterion import Criterion, Status, compare
 from pinfric.study.sizing.demand import largest
 from pinfric.study.sizing.inertia import joint_inertias
+from pinfric.study.sizing.policy import Conditions
 from pinfric.study.summary import effort_unit, ends_by_magnitude
 
 _SOURCE = "Machine Design, Mechantronics Q & A: Hold it steady (2007): factor 1.5 to 3"
@@ -91,15 +92,15 @@ def standstills(
     result: InverseResult,
     brakes: Mapping[str, Brake],
     conditions: Conditions,
-    fitted: Sequence[float] = (),
+    fitted: Sequence[str] = (),
 ) -> tuple[Standstill, ...]:
     """Return the holding of each drive's joint without power, in the order of the drives.
 
     Args:
         result: of the cycle; its scene has the gears.
         brakes: of the catalogue. conditions: whether a brake is required, and its reserve.
-        fitted: (na,) inertia of brakes at the motors' shafts that the gears of the scene include,
-            kg m^2.
+        fitted: (na,) names of the brakes that the drives of the scene include; "": none. Where it
+            is left out, what each joint would need is said.
     """
     zero, states = np.zeros_like(result.states.v), result.states
     still = inverse_dynamics(result.scene, states.q, zero, zero, attached=states.attached)
@@ -107,9 +108,11 @@ def standstills(
     found = []
     for i, drive in enumerate(result.scene.drives):
         own = None if inertias is None else inertias[:, i]
-        if own is not None and fitted and drive.transmission is not None:
-            own = own - drive.transmission.ratio**2 * fitted[i]  # each brake on trial adds its own
-        found.append(_standstill(result, still, i, own, brakes, conditions))
+        there = fitted[i] if fitted else None
+        if own is not None and there and drive.transmission is not None:
+            inside = brakes[there].rotor_inertia or 0.0  # each brake on trial adds its own
+            own = own - drive.transmission.ratio**2 * inside
+        found.append(_standstill(result, still, i, own, brakes, conditions, there))
     return tuple(found)
 
 
@@ -120,6 +123,7 @@ def _standstill(
     inertia: np.ndarray | None,
     brakes: Mapping[str, Brake],
     conditions: Conditions,
+    fitted: str | None,
 ) -> Standstill:
     least = ends_by_magnitude(still.effort_lower[:, i], still.effort_upper[:, i])[1]
     load, shaft, stop = _rounded(result, still.effort_frictionless[:, i]), None, None
@@ -139,12 +143,12 @@ def _standstill(
         conditions.holding_brake == "where_needed" and not held
     )
     torque = None if shaft is None else conditions.brake_factor * shaft[1]
-    name = _smallest(torque, stop, brakes) if needed or torque != 0.0 else None
+    name = fitted or (_smallest(torque, stop, brakes) if needed or torque != 0.0 else None)
     held_by = _torque(torque, name, brakes, conditions.brake_factor, needed)
     assert result.t is not None  # size refuses a motion without times
     criteria = (_unpowered(use, held), held_by, _energy(stop, name, brakes, needed))
-    fitted, time = name is not None and (needed or not held), float(result.t[pose])
-    return Standstill(effort, shaft, use, held, time, name, fitted, criteria)
+    there = name is not None and (needed or not held) if fitted is None else bool(fitted)
+    return Standstill(effort, shaft, use, held, float(result.t[pose]), name, there, criteria)
 
 
 def _rounded(result: InverseResult, effort: np.ndarray) -> np.ndarray:
@@ -246,7 +250,7 @@ def _unpowered(use: float | None, held: bool | None) -> Criterion:
     )
 
 
-def _ranked(brakes: Mapping[str, Brake]) -> list[str]:
+def ranked(brakes: Mapping[str, Brake]) -> list[str]:
     """By torque, of equal ones the lightest first, then that of least power."""
     unknown = np.inf
     return sorted(
@@ -261,7 +265,7 @@ def _ranked(brakes: Mapping[str, Brake]) -> list[str]:
 
 def _smallest(torque: float | None, stop: Stop | None, brakes: Mapping[str, Brake]) -> str | None:
     """The first brake that bears the torque and, where printed, the energy of a stop."""
-    for name in _ranked(brakes):
+    for name in ranked(brakes):
         most = brakes[name].stop_energy
         stops = stop is None or most is None or stop.energy(brakes[name]) <= most
         if torque is not None and brakes[name].torque >= torque and stops:
@@ -279,7 +283,7 @@ def _torque(
     strongest = max((brake.torque for brake in brakes.values()), default=None)
     missing = "brakes in the catalogue" if wanted is not None else "gear and motor"
     if needed:
-        note = "" if strongest is None else f"{_ranked(brakes)[-1]}, the strongest"
+        note = "" if strongest is None else f"{ranked(brakes)[-1]}, the strongest"
         return compare(_BRAKE, wanted, strongest, "N m", formula, _SOURCE, missing, note)
     note = "no brake of the catalogue holds it" if brakes and wanted else ""
     return Criterion(

@@ -14,7 +14,6 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from pinfric.errors import CatalogError
 from pinfric.model.brakes import HoldingBrake
 from pinfric.model.entry import (
     Entry,
@@ -25,10 +24,8 @@ from pinfric.model.entry import (
     Text,
     Version,
     key,
-    parse,
 )
 from pinfric.model.friction_terms import constant_friction, linear_drag
-from pinfric.model.schema import OTHERS as OTHERS
 from pinfric.model.springs import Stiffness
 from pinfric.model.transmission import (
     BackDriving,
@@ -38,6 +35,7 @@ from pinfric.model.transmission import (
     driving_loss,
 )
 from pinfric.study.sizing.bearing import BearingRatings
+from pinfric.study.sizing.policy import Conditions
 
 #: Ambient temperature to which makers refer resistances and ratings, degrees Celsius.
 REFERENCE_TEMPERATURE = 25.0
@@ -568,161 +566,6 @@ class Amplifier(Sourced):
         return self
 
 
-class Collisions(Entry):
-    """Overloads that a gear must bear in its life."""
-
-    count: Annotated[Positive, key("how many", 100, "1")]
-    duration: Annotated[Positive, key("of each", 0.15, "s")]
-
-
-class Conditions(Entry):
-    """Conditions of operation, with the defaults of common practice."""
-
-    bus_voltage: Annotated[Positive, key("at the motors' terminals", 48.0, "V")] = 48.0
-    ambient: Annotated[Number, key("temperature of the surroundings", 40.0, "deg C")] = (
-        REFERENCE_TEMPERATURE
-    )
-    peak_factor: Annotated[
-        Number, Field(ge=1), key("reserve on the peak torque; 20 to 30 % are usual", 1.2, "1")
-    ] = 1.2
-    inertia_ratio: Annotated[
-        Positive, key("largest permitted J_load/(ratio^2 (J_motor + J_gear input))", 10.0, "1")
-    ] = 10.0
-    life: Annotated[
-        Positive | None,
-        key(
-            "L10 that gears and bearings must reach, for example a strain wave gear's at rated "
-            "torque and speed; left out: printed, not judged",
-            10000.0,
-            "h",
-        ),
-    ] = None
-    shock: Annotated[
-        Number,
-        Field(ge=1),
-        key(
-            "factor on the loads of bearings and screws for their life: 1 to 1.2 smooth, 1.2 to "
-            "1.5 normal, 1.5 to 3 with shocks",
-            1.2,
-            "1",
-        ),
-    ] = 1.2
-    bearings: Annotated[
-        dict[str, str],
-        key(
-            "bearing of the catalogue that carries the joint, instead of that of the gear, "
-            "or guide of a sliding joint; by joint",
-            {"elbow": "THK RB 5013"},
-        ),
-    ] = Field(default_factory=dict)
-    amplifiers: Annotated[
-        dict[str, str],
-        key(
-            "amplifier of the catalogue that feeds the motor, by joint; `others`: of all joints "
-            "that are not named",
-            {"elbow": "EPOS4 50/5", "others": "EPOS4 50/15"},
-        ),
-    ] = Field(default_factory=dict)
-    back_driving: Annotated[
-        Literal["any", "required", "forbidden"],
-        key("whether the load must, must not or may be able to move the motor", "required"),
-    ] = "any"
-    max_winding: Annotated[
-        Number | None,
-        key("for motors without a printed limit; left out: not checked", 155.0, "deg C"),
-    ] = None
-    thermal_time: Annotated[
-        Positive,
-        key(
-            "used if a winding's time constant is not known: overload is averaged over it; "
-            "small motors have 15 to 50 s",
-            20.0,
-            "s",
-        ),
-    ] = 20.0
-    collision_effort: Annotated[
-        dict[str, Positive],
-        key("in a collision or an emergency stop, by joint", {"elbow": 120.0}, "N m or N"),
-    ] = Field(default_factory=dict)
-    collisions: Annotated[
-        Collisions | None,
-        key("number and duration in the gear's life", {"count": 100, "duration": 0.15}),
-    ] = None
-    holding_brake: Annotated[
-        Literal["any", "where_needed", "required"],
-        key(
-            "which joints need a brake: all, those that friction does not hold, or none",
-            "where_needed",
-        ),
-    ] = "any"
-    brake_factor: Annotated[
-        Number, Field(ge=1), key("reserve on the brakes' torque; 1.5 to 3 are usual", 1.5, "1")
-    ] = 1.5
-    bus_limit: Annotated[
-        Positive | None, key("highest permissible bus voltage while motors brake", 56.0, "V")
-    ] = None
-    bus_capacitance: Annotated[Positive | None, key("of the bus", 0.0047, "F")] = None
-    supply_power: Annotated[Positive | None, key("largest power of the supply", 960.0, "W")] = None
-    supply_resistance: Annotated[
-        Positive | None,
-        key("of supply and cables: the bus sags by it times the current", 0.05, "Ohm"),
-    ] = None
-    resonance_base: Annotated[
-        Positive,
-        key("least resonance of the first three joints, each with the joints beyond it", 8.0, "Hz"),
-    ] = 8.0
-    resonance_hand: Annotated[Positive, key("of those beyond", 15.0, "Hz")] = 15.0
-    lowest_frequency: Annotated[
-        Positive | None,
-        key(
-            "required lowest natural frequency of the robot, motors held; left out: not checked",
-            8.0,
-            "Hz",
-        ),
-    ] = None
-    tool_sag: Annotated[
-        Positive | None,
-        key("largest displacement of the scene's `tool` at rest by the load", 0.002, "m"),
-    ] = None
-    tool_interval: Annotated[
-        Positive | None,
-        key("largest half-width of the tool's positions that friction holds at rest", 0.0002, "m"),
-    ] = None
-    tool_reversal: Annotated[
-        Positive | None, key("largest distance after opposite approaches", 0.0002, "m")
-    ] = None
-    backlash: Annotated[
-        Positive | None, key("largest backlash of a joint's gear", 0.0003, "rad or m")
-    ] = None
-    reversal_error: Annotated[
-        Positive | None,
-        key(
-            "largest difference of a joint's positions after opposite approaches: wind-up by "
-            "friction, hysteresis and backlash of its gear",
-            0.0005,
-            "rad or m",
-        ),
-    ] = None
-    mass_in_urdf: Annotated[
-        dict[str, NonNegative],
-        key(
-            "mass of the drive that the URDF's link already includes at the joint's origin, by "
-            "joint; it is subtracted there",
-            {"elbow": 1.4},
-            "kg",
-        ),
-    ] = Field(default_factory=dict)
-
-    @model_validator(mode="after")
-    def _bus_can_rise(self) -> Conditions:
-        if self.bus_limit is not None and self.bus_limit <= self.bus_voltage:
-            raise ValueError(
-                f"bus_limit {self.bus_limit:g} V is not above bus_voltage "
-                f"{self.bus_voltage:g} V: how high may the bus rise?"
-            )
-        return self
-
-
 class CatalogFile(Entry):
     """A whole catalogue file."""
 
@@ -794,21 +637,6 @@ class Catalog:
     conditions: Conditions = field(default_factory=Conditions)
     replaced: tuple[str, ...] = ()
     files: tuple[str, ...] = ()
-
-
-def parse_conditions(
-    given: Conditions | Mapping[str, Any] | None, default: Conditions
-) -> Conditions:
-    """Return `default` with the values of `given` replaced.
-
-    Raises:
-        CatalogError: an unknown condition or a value that cannot be.
-    """
-    if given is None:
-        return default
-    if isinstance(given, Conditions):
-        return given
-    return parse(Conditions, {**default.model_dump(), **given}, "conditions", CatalogError)
 
 
 def _ascending(entry: Sourced, smaller: str, larger: str) -> None:

@@ -17,8 +17,9 @@ from typing import Any
 from pinfric.errors import CatalogError, PinfricWarning, choose_from
 from pinfric.model.entry import parse
 from pinfric.model.yamlfile import brief, read_yaml
-from pinfric.study.sizing.catalog import Catalog, CatalogFile, Conditions
+from pinfric.study.sizing.catalog import Catalog, CatalogFile
 from pinfric.study.sizing.doubts import doubts
+from pinfric.study.sizing.policy import Conditions
 from pinfric.study.sizing.table import import_table, mapping_of
 
 #: The bundled catalogue's name, and its folder.

@@ -10,8 +10,9 @@ import pinocchio as pin
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.states import States
 from pinfric.model.scene import Scene
-from pinfric.study.sizing.catalog import Catalog, Conditions
+from pinfric.study.sizing.catalog import Catalog
 from pinfric.study.sizing.duty import Schedule
+from pinfric.study.sizing.policy import KIT
 
 #: Part of a joint's travel, and of its largest velocity, by which a cycle may miss its start.
 _CLOSES = 1e-3
@@ -77,7 +78,6 @@ def _gaps(scene: Scene, states: States) -> list[str]:
 def caveats(
     scene: Scene,
     catalog: Catalog | None,
-    conditions: Conditions,
     gaps: Sequence[str],
     jumps: Sequence[str] = (),
 ) -> tuple[str, ...]:
@@ -85,7 +85,7 @@ def caveats(
 
     Args:
         scene: the robot as given.
-        catalog, conditions: what was chosen from; None: nothing was.
+        catalog: what was chosen from; None: nothing was.
         gaps: of `unclosed`. jumps: of `discontinuities`.
     """
     opening = _of_the_motion(gaps, jumps)
@@ -93,11 +93,14 @@ def caveats(
         return tuple(opening)
     notes = [
         *opening,
+        _of_masses(scene),
         "Each motor and gear is a point mass on its joint's parent link, at the joint's origin; "
         "the drive of the first joint stands on the ground.",
-        "Every motor is assumed to fit every gear, and every brake every motor; couplings "
-        "and housings have no mass. "
-        "Brakes are chosen by their holding torque and, if printed, by the energy of a stop.",
+        f"Housing, shaft and bearings of a frameless kit are {KIT:.0%} of its mass and its gear's; "
+        "couplings, cables and encoders have none. A gear takes the motors that its maker names, a "
+        "frameless kit goes into a strain wave gear; else a motor with a shaft is taken to fit.",
+        "A joint gets the smallest brake that holds its load without any help of the gear, unless "
+        "friction of the joint alone holds it, or the gear is self-locking.",
         "Output bearings carry the whole wrench of the joint, about the joint's origin, which is "
         "assumed to lie on the output flange; conditions.bearings names another bearing instead.",
         "Magnets are assumed cold: the torque constant does not fall with temperature.",
@@ -111,16 +114,23 @@ def caveats(
             "Guesses of coulomb and viscous include a gear; beside a candidate's own losses they "
             "count twice, on the safe side, unless `includes_drive: true` stands beside them."
         )
-    if not conditions.mass_in_urdf:
-        text = (
-            "The URDF's links are assumed to have no drives; otherwise drives count twice. Give "
-            "the masses that are included in conditions.mass_in_urdf, in a catalogue file "
-            "(`extends: default` keeps the bundled entries)."
-        )
-        notes.insert(1 + len(opening), text)
     if any(drive.transmission is not None for drive in scene.drives):
         notes.append("The scene's transmissions are replaced by the candidates'.")
     return tuple(notes)
+
+
+def _of_masses(scene: Scene) -> str:
+    """Say whose masses are in the links."""
+    held = [
+        name for name, hold in zip(scene.actuator_names, scene.masses_hold, strict=True) if hold
+    ]
+    if len(held) == len(scene.drives):
+        return (
+            "The links' masses hold the drives (`robot.masses`): those chosen replace them and are "
+            "not added; conditions.mass_in_urdf gives what is there, to replace it exactly."
+        )
+    kept = f" but those of {', '.join(held)}, which its links hold" if held else ""
+    return f"The masses of the drives are added to the robot's links{kept} (`robot.masses`)."
 
 
 def _of_the_motion(gaps: Sequence[str], jumps: Sequence[str]) -> list[str]:

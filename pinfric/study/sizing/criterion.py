@@ -9,6 +9,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from enum import StrEnum
 
 import numpy as np
@@ -43,6 +44,9 @@ class Criterion:
     formula: str = quantity("formula of the check", heading="formula")
     source: str = quantity("source of the rule", heading="source and remarks")
     note: str = quantity("remark, or the value that is missing", default="")
+    condition: str = quantity(
+        "the key of the conditions that sets one side, and its default", default=""
+    )
 
     @property
     def lacks(self) -> str:
@@ -70,10 +74,8 @@ class Criterion:
         """Shortfall or reserve relative to the limit; in words if there is no number."""
         if self.margin is None or (self._no_finite_margin and self.note):
             return self.note
-        if self.margin <= LEAST_MARGIN:
-            return f"a factor above {-LEAST_MARGIN:.0e}"
         share = abs(self.margin) * 100
-        return f"{share:.3g} %" if share < 1000 else f"a factor of {1 - self.margin:.3g}"
+        return f"{share:.3g} %" if share < 1000 else "a factor of more than ten"
 
     @property
     def why(self) -> str:
@@ -84,6 +86,7 @@ class Criterion:
             return f"{self.name}: {self.status}" + (f": {self.note}" if self.note else "")
         tail = f"short by {self.shortfall}" if self.margin < 0 else f"{self.shortfall} in reserve"
         unit = f" {self.unit}" if self.unit else ""
+        tail += f"; {self.condition}" if self.margin < 0 and self.condition else ""
         return (
             f"{self.name}: needs {self.required:.4g}{unit}, has {self.available:.4g}{unit} ({tail})"
         )
@@ -98,6 +101,7 @@ def compare(
     source: str,
     missing: str = "",
     note: str = "",
+    condition: str = "",
 ) -> Criterion:
     """Return the criterion required <= available, or "not checked: no figure" where one is None.
 
@@ -105,16 +109,34 @@ def compare(
         name, unit, formula, source, note: of the criterion.
         required, available: numbers >= 0; infinite `required` fails, whatever is available.
         missing: the figure that is missing if one is None.
+        condition: that sets one side, in words.
     """
     if required is None or (available is None and required < np.inf):
         text = f"no figure ({missing})" if missing else "no figure"
         text = f"{text}; {note}" if note else text
         return Criterion(
-            name, Status.NOT_CHECKED, required, available, unit, None, formula, source, text
+            name,
+            Status.NOT_CHECKED,
+            required,
+            available,
+            unit,
+            None,
+            formula,
+            source,
+            text,
+            condition,
         )
     margin = 0.0 if required <= 0 else -np.inf  # where nothing is available
     if available is not None and available > 0:
         margin = 1 - required / available
     margin = max(margin, LEAST_MARGIN)
     status = Status.PASSES if margin >= 0 else Status.FAILS
-    return Criterion(name, status, required, available, unit, float(margin), formula, source, note)
+    found = float(margin)
+    return Criterion(
+        name, status, required, available, unit, found, formula, source, note, condition
+    )
+
+
+def least_margin(criteria: Iterable[Criterion]) -> float:
+    """Return the least margin of what was checked and has a scale; 0 if nothing was."""
+    return min((c.margin for c in criteria if c.margin is not None and c.scaled), default=0.0)

@@ -23,6 +23,7 @@ from pinfric.study.sizing.bearing import (
     joint_loads,
 )
 from pinfric.study.sizing.duty import Schedule, once
+from pinfric.study.sizing.overload import longest_above
 from pinfric.study.summary import effort_unit, ends_by_magnitude, integral, rms
 
 
@@ -159,6 +160,15 @@ class DriveCycle:
         """(T,) this joint stands still, in two samples or more, whatever the others do."""
         return drop_single_samples(np.abs(self.velocity) <= self.stick_velocity)
 
+    def longest_above(self, x: np.ndarray, limit: float, still: bool = False) -> float:
+        """Return the longest time (s) in which |x| (T,) is above a limit (`overload`).
+
+        Args:
+            x: (T,) over the cycle. limit: of |x|. still: only while the joint stands still.
+        """
+        where = self.standing if still else np.ones(len(x), dtype=bool)
+        return longest_above(self.t, x, limit, where, self.duty)
+
     def without_friction(self) -> DriveCycle:
         """Return the same cycle as if the joints had no friction."""
         u = self.effort_frictionless
@@ -223,21 +233,28 @@ def drop_single_samples(still: np.ndarray) -> np.ndarray:
 
 
 def gear_demand(
-    result: InverseResult, actuator: int, cycle: DriveCycle, carried: bool = True
+    result: InverseResult,
+    actuator: int,
+    cycle: DriveCycle,
+    carried: bool = True,
+    wrench: np.ndarray | None = None,
 ) -> GearDemand:
     """Return the figures of one drive that criteria ask for (see `GearDemand`).
 
     Args:
         result: of inverse dynamics. actuator: the drive's column. cycle: its samples.
         carried: whether to say what its bearing carries.
+        wrench: (T, 6) that the joint transmits; None: as in the result.
     """
     t, speed, (worst, _) = cycle.stretched, np.abs(cycle.velocity), cycle.ends
     unit, bearing, guide = effort_unit(result.scene, actuator), None, None
+    joint = driven_joint(result.scene, actuator)
     if carried and unit == "N":
-        joint = driven_joint(result.scene, actuator)
-        bearing, guide = screw_load(cycle), None if joint is None else guide_load(result, joint - 1)
-    elif carried:
-        bearing = carried_load(result, actuator, cycle)
+        bearing = screw_load(cycle)
+        guide = None if joint is None else guide_load(result, joint - 1, wrench)
+    elif carried and joint is not None:
+        across = joint_loads(result, joint - 1, wrench)
+        bearing = None if across is None else bearing_load(t, cycle.velocity, *across)
     return GearDemand(
         name=result.scene.drives[actuator].name,
         unit=unit,
@@ -282,18 +299,6 @@ def driven_joint(scene: Scene, actuator: int) -> int | None:
     moved = scene.drives[actuator].velocity_index
     joints = list(enumerate(scene.model.joints))[1:]
     return next((i for i, joint in joints if joint.nv == 1 and joint.idx_v == moved), None)
-
-
-def carried_load(result: InverseResult, actuator: int, cycle: DriveCycle) -> BearingLoad | None:
-    """Return the loads of the bearing of a drive's turning joint.
-
-    None for a cylinder, one of a joint's several directions, and where the wrench is not known.
-
-    Args: as `gear_demand`.
-    """
-    joint = driven_joint(result.scene, actuator)
-    loads = None if joint is None else joint_loads(result, joint - 1)
-    return None if loads is None else bearing_load(cycle.stretched, cycle.velocity, *loads)
 
 
 def _travel(result: InverseResult, actuator: int) -> float | None:

@@ -15,31 +15,37 @@ and F_b at the output; without these the same loss is taken both ways: eta_b = 2
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import astuple, dataclass, fields, replace
-from functools import cached_property
-from typing import Any, NamedTuple
+from functools import partial
+from typing import Any
 
 import numpy as np
 
 from pinfric.model.described import described, quantity
-from pinfric.model.drives import Gears, gear_table, gear_torque_bounds
+from pinfric.model.drives import gear_table, gear_torque_bounds
 from pinfric.model.friction_terms import constant_friction, linear_drag
-from pinfric.model.transmission import MakersEfficiency, Transmission, load_part
+from pinfric.model.transmission import (
+    MakersEfficiency,
+    Transmission,
+    driven_efficiency,
+    load_part,
+)
 from pinfric.study.sizing.bearing import BearingRatings
 from pinfric.study.sizing.catalog import (
     REFERENCE_TEMPERATURE,
     Amplifier,
     Brake,
     Catalog,
-    Conditions,
     Gear,
     GearMotor,
     Motor,
+    Sourced,
     Thermal,
 )
 from pinfric.study.sizing.demand import DriveCycle, largest, mean, power_figures
-from pinfric.study.sizing.overload import heat_lag, longest_above, settled_heat
+from pinfric.study.sizing.overload import heat_lag, settled_heat
+from pinfric.study.sizing.policy import BRAKE_PEAK, KIT, Conditions, frameless
 from pinfric.study.sizing.thermal import (
     COPPER,
     WindingCycle,
@@ -62,7 +68,7 @@ class Ratings:
         continuous_curve: points (rad/s, N m) of the continuous torque over speed.
         continuous_stall_torque: N m, for ever at a standstill.
         torque_constant: N m/A. resistance: ohm at 25 C; both of the equivalent DC motor.
-        nominal_voltage: V.
+        nominal_voltage, max_voltage: V.
         no_load_speed, rated_speed: rad/s at the nominal voltage. max_speed: rad/s.
         thermal: of the winding. thermal_time: of the whole motor, s.
         rated_ambient: to which the continuous ratings refer, deg C.
@@ -80,6 +86,7 @@ class Ratings:
     rated_speed: float | None = None
     max_speed: float | None = None
     thermal: Thermal | None = None
+    max_voltage: float | None = None
     continuous_curve: tuple[tuple[float, float], ...] | None = None
     continuous_stall_torque: float | None = None
     thermal_time: float | None = None
@@ -113,8 +120,8 @@ class Ratings:
         """Return the part of the continuous ratings left at the ambient temperature, and a remark.
 
         By the maker's curve, else sqrt((T_max - T_a)/(T_max - T_rated)): copper loss, in proportion
-        to the torque's square, is led off in proportion to T_max - T_a. None where neither is
-        known. No rating grows in the cold.
+        to the torque's square, is led off in proportion to T_max - T_a. None beyond the end of the
+        maker's curve. No rating grows in the cold.
 
         Args:
             conditions: ambient temperature, and T_max of motors whose maker prints none.
@@ -132,11 +139,6 @@ class Ratings:
         if ambient <= rated:
             return 1.0, ""
         hottest = self.max_winding(conditions)
-        if hottest is None:
-            return None, (
-                f"rated at {rated:g} C, not at {ambient:g} C: the permissible winding temperature "
-                "is not known (conditions.max_winding)"
-            )
         if ambient >= hottest:
             return 0.0, too_hot(ambient, hottest)
         share = ((hottest - ambient) / (hottest - rated)) ** 0.5
@@ -160,29 +162,15 @@ class Ratings:
         share, torque = self.derating(conditions)[0], self.continuous_stall_torque
         return None if torque is None or share is None else share * torque
 
-    def max_winding(self, conditions: Conditions) -> float | None:
+    def max_winding(self, conditions: Conditions) -> float:
         """Return the permissible winding temperature: the maker's, else the conditions', deg C."""
         if self.thermal is not None and self.thermal.max_winding is not None:
             return self.thermal.max_winding
         return conditions.max_winding
 
     def hottest(self, conditions: Conditions) -> float:
-        """Return resistance at the permissible winding temperature over that at 25 C, else 1."""
-        limit = self.max_winding(conditions)
-        return 1.0 if limit is None else 1 + COPPER * (limit - REFERENCE_TEMPERATURE)
-
-    def speed_limit(self, bus_voltage: float) -> tuple[float | None, str]:
-        """Return the largest permitted speed (rad/s, or None) and what it is, in words.
-
-        The maker's limit; without one, and without a speed-torque line, the rated speed, which
-        grows with the voltage.
-        """
-        if self.max_speed is not None:
-            return self.max_speed, "maker's limit"
-        if self.has_line or self.rated_speed is None or self.nominal_voltage is None:
-            return None, ""
-        text = "rated speed at the bus voltage: neither a limit nor a no-load speed is printed"
-        return self.rated_speed * bus_voltage / self.nominal_voltage, text
+        """Return resistance at the permissible winding temperature over that at 25 C."""
+        return 1 + COPPER * (self.max_winding(conditions) - REFERENCE_TEMPERATURE)
 
     def voltage(self, torque: np.ndarray, speed: np.ndarray, hot: float = 1.0) -> np.ndarray:
         """Return the voltage that torque and speed take: |R T/k + k omega| (T,), V.
@@ -253,6 +241,7 @@ class Candidate:
         amplifier: that feeds the motor; None where none is named.
         backlash: of its output, rad (m), or None.
         brake: name of the brake at the motor's shaft that is in mass and inertia; empty: none.
+        brake_peak: its largest torque, N m. brake_note: what of it is not known, in words.
         stand_ins: figures taken from other products.
         losses: how the transmission's losses follow from the entry, in words.
         sources: of motor and gear, with their grades.
@@ -280,16 +269,13 @@ class Candidate:
     amplifier: Amplifier | None = None
     backlash: float | None = None
     brake: str = ""
+    brake_peak: float | None = None
+    brake_note: str = ""
 
     @property
     def carried(self) -> bool:
         """Whether the ratings of what carries the joint are known."""
         return self.bearing is not None or self.guide is not None
-
-    @cached_property
-    def gears(self) -> Gears:
-        """The transmission as arrays for kernels; where it stands still, a cycle says."""
-        return gear_table([self.transmission], [0.0])
 
     @property
     def units(self) -> tuple[str, str]:
@@ -371,52 +357,99 @@ class MotorCycle:
     figures: MotorFigures
 
 
-def candidates(
-    catalog: Catalog, linear: bool, parts: Mapping[str, Any] | None = None
-) -> Iterator[Candidate]:
-    """Yield every motor with every gear and ratio, then the gearmotors.
+def drives_of(catalog: Catalog, linear: bool) -> Iterator[tuple[str, Callable[[], Candidate]]]:
+    """Yield the name of every motor with every gear and ratio that fit, and of gearmotors.
+
+    With each goes a function that makes the drive.
 
     Args:
-        catalog: what there is; any motor is taken to fit any gear.
-        linear: for a sliding joint: only gears and gearmotors with a linear output.
-        parts: the joint's own, by their fields of a candidate, in place of the drive's.
+        catalog: what there is. linear: for a sliding joint: only what has a linear output.
     """
-    ratings = {name: ratings_of(motor) for name, motor in catalog.motors.items()}
     for gear_name, gear in catalog.gears.items():
         if (gear.output == "linear") != linear:
             continue
         for ratio in gear.ratios:
-            losses = _losses(gear, ratio)
             for name, motor in catalog.motors.items():
-                made = motor_with_gear(name, motor, gear_name, gear, ratio, ratings[name], losses)
-                yield replace(made, **parts) if parts else made
+                made = partial(motor_with_gear, name, motor, gear_name, gear, ratio)
+                yield drive_name(name, gear_name, gear, ratio), made
     for name, gearmotor in catalog.gearmotors.items():
         if (gearmotor.output == "linear") == linear:
-            made = _gearmotor(name, gearmotor)
-            yield replace(made, **parts) if parts else made
+            yield name, partial(gearmotor_drive, name, gearmotor)
 
 
-def with_brake(offers: Iterable[Candidate], name: str, brake: Brake) -> Iterator[Candidate]:
-    """Yield drives with a brake at their motors' shafts: masses and inertias add up.
+def find_drive(catalog: Catalog, name: str, linear: bool | None = None) -> Candidate | list[str]:
+    """Return the drive of a name ("motor + gear"), or all names where there is none.
 
     Args:
-        offers: motors and gears. name: of the brake. brake: what is not known of it counts as 0.
+        catalog: what there is. name: as `size` prints it. linear: kind of its output; None: any.
     """
-    holding, source = brake.holding, f"{name}: {brake.source} ({brake.grade})"
+    kinds = (False, True) if linear is None else (linear,)
+    made = {found: make for kind in kinds for found, make in drives_of(catalog, kind)}
+    return made[name]() if name in made else list(made)
+
+
+def drive_name(motor: str, gear: str, entry: Gear, ratio: float) -> str:
+    """Return the name of a motor behind a gear."""
+    return f"{motor} + {gear}" + (f", i = {ratio:g}" if len(entry.ratios) > 1 else "")
+
+
+def with_brake(candidate: Candidate, name: str, brake: Brake) -> Candidate:
+    """Return a drive with a brake at its motor's shaft: masses and inertias add up.
+
+    Args:
+        candidate: motor and gear. name: of the brake. brake: its mass and inertia count as 0 where
+            they are not printed, its largest torque as twice its least one.
+    """
     mass, more = brake.mass or 0.0, brake.rotor_inertia or 0.0
-    for candidate in offers:
-        inertia, transmission = candidate.rotor_inertia, candidate.transmission
-        if transmission is not None:
-            held = {"rotor_inertia": transmission.rotor_inertia + more, "brake": holding}
-            transmission = transmission.model_copy(update=held)
-        yield replace(
-            candidate,
-            mass=None if candidate.mass is None else candidate.mass + mass,
-            rotor_inertia=None if inertia is None else inertia + more,
-            transmission=transmission,
-            brake=name,
-            sources=(*candidate.sources, source),
+    transmission, inertia = candidate.transmission, candidate.rotor_inertia
+    if transmission is not None:
+        held = {"rotor_inertia": transmission.rotor_inertia + more, "brake": brake.holding}
+        transmission = transmission.model_copy(update=held)
+    unknown = [
+        f"{what} taken as {taken}"
+        for what, value, taken in (
+            ("largest torque", brake.torque_max, f"{BRAKE_PEAK:g} x {brake.torque:g} N m"),
+            ("mass", brake.mass, "0"),
+            ("inertia", brake.rotor_inertia, "0"),
         )
+        if value is None
+    ]
+    return replace(
+        candidate,
+        mass=None if candidate.mass is None else candidate.mass + mass,
+        rotor_inertia=None if inertia is None else inertia + more,
+        transmission=transmission,
+        brake=name,
+        brake_peak=brake.torque_max or BRAKE_PEAK * brake.torque,
+        brake_note=f"{name}: {', '.join(unknown)}" if unknown else name,
+        sources=(*candidate.sources, f"{name}: {brake.source} ({brake.grade})"),
+    )
+
+
+def shock_efficiency(candidate: Candidate) -> float:
+    """Return eta_b of a gear that a brake stops: the least of what its figures say.
+
+    Both the ratio of the torques that start it and 2 - 1/eta are models; the smaller makes the
+    larger shock.
+    """
+    gear = candidate.transmission
+    assert gear is not None
+    back, eta = driven_efficiency(gear), gear.efficiency
+    return min(back, 2 - 1 / eta) if isinstance(eta, float) else back
+
+
+def amplifier_torque(candidate: Candidate, current: str) -> tuple[float | None, str]:
+    """Return the torque (N m) of one of the amplifier's currents, and the current in words.
+
+    Args:
+        candidate: with an amplifier or without. current: "peak_current" or "continuous_current".
+    """
+    amplifier, k = candidate.amplifier, candidate.ratings.torque_constant
+    most = None if amplifier is None else getattr(amplifier, current)
+    if amplifier is None or most is None:
+        return None, ""
+    text = f"{most:g} A {amplifier.current}"
+    return (None if k is None else float(k * most / PER_DC_AMPERE[amplifier.current])), text
 
 
 def motor_with_gear(
@@ -447,9 +480,10 @@ def motor_with_gear(
     values, text = losses or _losses(gear, ratio)
     known = gear.efficiency is not None and not missing
     transmission = Transmission.model_construct(**values, rotor_inertia=inertia) if known else None
-    several = f", i = {ratio:g}" if len(gear.ratios) > 1 else ""
+    mass = None if motor.mass is None or gear.mass is None else motor.mass + gear.mass
+    kit = frameless(motor) and mass is not None
     return Candidate(
-        name=f"{motor_name} + {gear_name}{several}",
+        name=drive_name(motor_name, gear_name, gear, ratio),
         motor=motor_name,
         gear_name=gear_name,
         ratio=ratio,
@@ -459,16 +493,16 @@ def motor_with_gear(
         gear=gear,
         transmission=transmission,
         missing=tuple(missing),
-        mass=None if motor.mass is None or gear.mass is None else motor.mass + gear.mass,
+        mass=mass * (1 + KIT) if kit and mass is not None else mass,
         price=None if motor.price is None or gear.price is None else motor.price + gear.price,
         rotor_inertia=inertia,
         back_driving_torque=gear.back_driving_torque,
         bearing=gear.bearing,
         backlash=gear.backlash,
-        stand_ins=tuple(
-            f"{figure.replace('_', ' ')}: {whose}"
-            for entry in (motor, gear)
-            for figure, whose in entry.stand_ins.items()
+        stand_ins=(
+            *_stand_ins(motor),
+            *_stand_ins(gear),
+            *([f"housing, shaft, bearings of a frameless kit: {KIT:.0%} of its mass"] * kit),
         ),
         losses=text,
         sources=(
@@ -573,7 +607,30 @@ def _losses(gear: Gear, ratio: float) -> _Losses:
     return values, text
 
 
-def motor_cycle(candidate: Candidate, cycle: DriveCycle, conditions: Conditions) -> MotorCycle:
+def input_torques(candidate: Candidate, cycle: DriveCycle) -> tuple[np.ndarray, np.ndarray]:
+    """Return both ends (T,) of the torque at a gear's input, N m, without any rotor.
+
+    Args:
+        candidate: with a transmission. cycle: the joint's samples.
+    """
+    assert candidate.transmission is not None
+    bare = candidate.transmission.model_copy(update={"rotor_inertia": 0.0})
+    return gear_torque_bounds(
+        gear_table([bare], [0.0]),
+        cycle.effort_lower,
+        cycle.effort_upper,
+        cycle.velocity,
+        cycle.acceleration,
+        cycle.at_rest,
+    )
+
+
+def motor_cycle(
+    candidate: Candidate,
+    cycle: DriveCycle,
+    conditions: Conditions,
+    bare: tuple[np.ndarray, np.ndarray] | None = None,
+) -> MotorCycle:
     """Return the demand of the cycle on a candidate's motor.
 
     T_m = [lower(t), upper(t)]/r + r viscous v + r J a (`motor_torque_bounds`); i = T_m/k;
@@ -583,17 +640,12 @@ def motor_cycle(candidate: Candidate, cycle: DriveCycle, conditions: Conditions)
         candidate: with a transmission.
         cycle: the joint's samples.
         conditions: ambient temperature.
+        bare: `input_torques`, where they are there already.
     """
     assert candidate.transmission is not None
     t = cycle.stretched
-    lower, upper = gear_torque_bounds(
-        candidate.gears,
-        cycle.effort_lower,
-        cycle.effort_upper,
-        cycle.velocity,
-        cycle.acceleration,
-        cycle.at_rest,
-    )
+    rotor = candidate.ratio * candidate.transmission.rotor_inertia * cycle.acceleration
+    lower, upper = (end + rotor for end in bare or input_torques(candidate, cycle))
     speed = candidate.ratio * cycle.velocity
     if candidate.at_output:
         lower, upper, speed = lower * candidate.ratio, upper * candidate.ratio, cycle.velocity
@@ -627,47 +679,9 @@ def motor_cycle(candidate: Candidate, cycle: DriveCycle, conditions: Conditions)
         short_term=settled_heat(cycle.t, worst, lag, cycle.duty),
         overloaded_standstill=None
         if limit is None
-        else longest_above(cycle.t, worst, limit, cycle.standing, cycle.duty),
+        else cycle.longest_above(worst, limit, still=True),
     )
     return MotorCycle(lower, upper, speed, current, winding, power, copper, figures)
-
-
-class Floor(NamedTuple):
-    """Least RMS torque at a gear's input for any rotor: means of u^2, 2 u a, a^2 of both ends.
-
-    The worst end of the interval is at no sample less than either end, u + J a, a of the input.
-    """
-
-    ends: tuple[tuple[float, float], tuple[float, float]]
-    inertial: float
-
-    def rms(self, inertia: float) -> float:
-        """Return the least RMS torque, N m, with a rotor of `inertia`, kg m^2."""
-        squares = [u + 2 * inertia * mixed for u, mixed in self.ends]
-        return max(max(squares) + inertia**2 * self.inertial, 0.0) ** 0.5
-
-
-def torque_floor(candidate: Candidate, cycle: DriveCycle) -> Floor:
-    """Return the floor of a gear over a cycle; of a motor behind it only the rotor matters.
-
-    Args:
-        candidate: with a transmission, torques at the motor's shaft. cycle: the joint's samples.
-    """
-    assert candidate.transmission is not None
-    bare = candidate.transmission.model_copy(update={"rotor_inertia": 0.0})
-    bounds = gear_torque_bounds(
-        gear_table([bare], [0.0]),
-        cycle.effort_lower,
-        cycle.effort_upper,
-        cycle.velocity,
-        cycle.acceleration,
-        cycle.at_rest,
-    )
-    t, a = cycle.stretched, candidate.ratio * cycle.acceleration * cycle.powered
-    lower, upper = (
-        (mean(t, u * u), mean(t, u * a)) for u in (bound * cycle.powered for bound in bounds)
-    )
-    return Floor((lower, upper), mean(t, a * a))
 
 
 def _temperatures(
@@ -760,7 +774,12 @@ def ratings_of(entry: Motor | GearMotor) -> Ratings:
     )
 
 
-def _gearmotor(name: str, entry: GearMotor) -> Candidate:
+def _stand_ins(entry: Sourced) -> tuple[str, ...]:
+    return tuple(f"{f.replace('_', ' ')}: {whose}" for f, whose in entry.stand_ins.items())
+
+
+def gearmotor_drive(name: str, entry: GearMotor) -> Candidate:
+    """Return a gearmotor: torques and speeds at its output."""
     missing = ("rotor inertia",) if entry.rotor_inertia is None else ()
     friction = entry.friction
     values: dict[str, Any] = {
@@ -768,6 +787,7 @@ def _gearmotor(name: str, entry: GearMotor) -> Candidate:
         "efficiency": 1.0,
         "back_efficiency": 1.0,
         "rotor_inertia": entry.rotor_inertia or 0.0,
+        "stiffness": entry.stiffness,
     }
     losses = "included in the maker's ratings at the output"
     if friction is not None:  # at the output: effort (1 + l) + base + viscous v
@@ -793,7 +813,7 @@ def _gearmotor(name: str, entry: GearMotor) -> Candidate:
         back_driving_torque=entry.back_driving_torque,
         bearing=entry.bearing,
         backlash=entry.backlash,
-        stand_ins=tuple(f"{f.replace('_', ' ')}: {whose}" for f, whose in entry.stand_ins.items()),
+        stand_ins=_stand_ins(entry),
         losses=losses,
         sources=(f"{name}: {entry.source} ({entry.grade})",),
     )

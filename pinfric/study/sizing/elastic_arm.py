@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from pinfric.errors import CatalogError
 from pinfric.model.scene import Scene
 from pinfric.study.elastic.motion import Elasticity, ToolPlace
-from pinfric.study.sizing.catalog import Conditions
 from pinfric.study.sizing.criterion import Criterion, compare
+from pinfric.study.sizing.policy import Conditions
 from pinfric.study.summary import effort_unit
 
 _SOURCE = "pinfric: wind-up of the gears at rest, first order"

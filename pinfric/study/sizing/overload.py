@@ -20,8 +20,9 @@ from typing import NamedTuple
 import numpy as np
 
 from pinfric.kernels.compiled import kernel
-from pinfric.study.sizing.catalog import Conditions, Thermal
+from pinfric.study.sizing.catalog import Thermal
 from pinfric.study.sizing.duty import Schedule, once
+from pinfric.study.sizing.policy import Conditions
 
 
 class Lag(NamedTuple):

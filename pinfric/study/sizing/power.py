@@ -20,11 +20,11 @@ import numpy as np
 
 from pinfric.dynamics.inverse.result import runs
 from pinfric.model.described import derived, described, quantity
-from pinfric.study.sizing.catalog import Conditions
 from pinfric.study.sizing.criterion import Criterion, Status, compare
 from pinfric.study.sizing.demand import power_figures
 from pinfric.study.sizing.drivetrain import MotorCycle
 from pinfric.study.sizing.duty import Schedule
+from pinfric.study.sizing.policy import Conditions
 from pinfric.study.summary import rms
 
 _BRAKING = "braking energy"

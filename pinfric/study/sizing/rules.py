@@ -6,7 +6,6 @@ import numpy as np
 
 from pinfric.study.sizing.catalog import Nut, Screw
 from pinfric.study.sizing.demand import DriveCycle
-from pinfric.study.summary import rms
 
 
 def momentary_peaks(speed: float, duration: float) -> float:
@@ -102,37 +101,4 @@ def gear_life(
 
 def resonance(stiffness: float, inertia: float) -> float:
     """Return f = sqrt(K/J)/(2 pi), Hz, of a load J (kg m^2) behind a gear K (N m/rad)."""
-    return float(np.sqrt(stiffness / inertia) / (2 * np.pi))
-
-
-def optimum_ratio(cycle: DriveCycle, effort: np.ndarray, rotor_inertia: float) -> float:
-    """Return the ratio of least RMS motor torque: r^2 = rms(T*)/(J_rotor rms(a)).
-
-    From T_m,rms^2 = rms(T*)^2/r^2 + 2 J mean(T* a) + r^2 J^2 rms(a)^2, gear losses left out;
-    infinite where the joint never accelerates.
-
-    Args:
-        cycle: the joint's samples.
-        effort: (T,) T*, N m. rotor_inertia: J at the motor's shaft, kg m^2.
-
-    Source: Giberti, Cinquemani, Legnani: choice of motor and ratio by accelerating factor.
-    """
-    moving = rms(cycle.stretched, cycle.acceleration)
-    inertial = rotor_inertia * moving  # a product of two positive numbers may still be 0
-    return float(np.sqrt(rms(cycle.stretched, effort) / inertial)) if inertial > 0 else np.inf
-
-
-def load_factor(cycle: DriveCycle, effort: np.ndarray) -> float:
-    """Return beta = 2 (rms(a) rms(T*) + mean(a T*)), W/s: what the load asks of T_N^2/J_rotor.
-
-    A motor can do it with some ratio if its accelerating factor T_N^2/J_rotor >= beta/eta.
-
-    Args:
-        cycle: the joint's samples.
-        effort: (T,) T*, N m.
-
-    Source: Giberti, Cinquemani, Legnani: choice of motor and ratio by accelerating factor.
-    """
-    a, t = cycle.acceleration, cycle.stretched
-    mixed = float(np.trapezoid(a * effort, t) / (t[-1] - t[0]))
-    return 2 * (rms(t, a) * rms(t, effort) + mixed)
+    return np.sqrt(stiffness / inertia) / (2 * np.pi)

@@ -11,40 +11,27 @@ and their share in other joints' inertias, are left out (for ratio r: 1/r of it)
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-import pinocchio as pin
 
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.states import MotionLike
 from pinfric.errors import CatalogError, PinfricWarning, SizingError, choose_from
 from pinfric.model.brief import counted, file_name, listed, screen
+from pinfric.model.described import described, quantity
 from pinfric.model.scene import Scene, expect_scene
-from pinfric.model.schema import Actuator, Transmission
-from pinfric.model.springs import softest
 from pinfric.model.upward import Shown
-from pinfric.model.urdf import implausible_body
 from pinfric.study.elastic.motion import Elasticity, elasticity
-from pinfric.study.sizing.assess import (
-    Assessment,
-    assess,
-    lightest,
-    nearest_miss,
-    own_parts,
-)
-from pinfric.study.sizing.brake import Standstill, standstills
-from pinfric.study.sizing.catalog import (
-    OTHERS,
-    Catalog,
-    Conditions,
-    parse_conditions,
-)
+from pinfric.study.sizing.bearing import BearingRatings
+from pinfric.study.sizing.brake import Standstill, ranked, standstills
+from pinfric.study.sizing.branch import Arm, stiff_enough
+from pinfric.study.sizing.catalog import Amplifier, Catalog
 from pinfric.study.sizing.catalog_file import load_catalog
 from pinfric.study.sizing.caveats import caveats, discontinuities, unclosed
 from pinfric.study.sizing.criterion import Criterion, Status
@@ -53,45 +40,39 @@ from pinfric.study.sizing.demand import (
     GearDemand,
     JointDemand,
     average_output_effort,
-    drive_cycle,
     driven_joint,
-    hold_samples,
     joint_demand,
     screw_load,
 )
-from pinfric.study.sizing.drivetrain import (
-    Candidate,
-    MotorCycle,
-    candidates,
-    line_voltage,
-    motor_cycle,
-    with_brake,
-)
+from pinfric.study.sizing.drivetrain import MotorCycle, line_voltage, motor_cycle
 from pinfric.study.sizing.duty import Duty, Schedule, once
 from pinfric.study.sizing.elastic_arm import arm_criteria, check_tool, reversal_criteria
-from pinfric.study.sizing.inertia import load_inertias
-from pinfric.study.sizing.limit import Case
+from pinfric.study.sizing.policy import OTHERS, Conditions, parse_conditions
 from pinfric.study.sizing.power import BusPower, bus_power
+from pinfric.study.sizing.robot import (
+    Robot,
+    added_masses,
+    carried,
+    geared,
+    tip_to_base,
+    without_drives,
+)
+from pinfric.study.sizing.shelf import Ask, Assessment, Parts, Search, Shelf, stiffness_of
 from pinfric.study.sizing.stopping import chosen_stops
 from pinfric.study.stop.study import StopResult
 from pinfric.study.summary import effort_unit
-from pinfric.study.trajectory.trajectory import Trajectory
 
-#: Passes over all joints before an alternating choice is given up; a serial chain needs two.
-_MOST_PASSES = 10
-#: Rounds in which brakes are put in; their masses change little.
-_MOST_ROUNDS = 4
-#: Drives in the model: (index, mass in kg) of each.
-_Load = tuple[tuple[int, float | None], ...]
-#: What a joint's sizing depends on: its number, the drives beyond it and how they yield, its brake.
-_Key = tuple[int, _Load, float, str | None]
-#: Joints nearer to the base than this are base axes for the resonance rule.
-BASE_AXES = 3
+#: Passes over all joints before an alternating choice is given up; two are usual.
+_MOST_PASSES = 12
+#: Passes after which a choice that comes back is banned.
+_PATIENCE = 4
+#: Drives that fit, of which a report tells.
+_ENOUGH = 12
 
 
 @dataclass(frozen=True)
 class JointSizing:
-    """One joint's demand, candidates and choice.
+    """One joint's demand and choice.
 
     Attributes:
         demand, cycle: with the mass of all chosen drives in the model.
@@ -99,12 +80,10 @@ class JointSizing:
         load_inertia: largest inertia about the joint over the cycle, kg m^2 (kg); None where
             closed loops couple the joints.
         motor: the shaft of the drive taken, sample by sample; None without one.
-        assessments: every candidate, ranked (`assess`); empty without a catalogue.
         choice: the lightest that fits; None if none fits.
-        nearest: if none fits, the candidate with the smallest shortfall.
-        choice_without_masses: the choice without the drives' mass.
-        choice_frictionless: the choice without friction in the joints.
+        nearest: if none fits, the candidate with the smallest shortfall, none beyond -1000 %.
         nothing_because: why there are no candidates, if a catalogue was given; otherwise empty.
+        search: of the drives that were looked at.
     """
 
     demand: JointDemand
@@ -112,12 +91,10 @@ class JointSizing:
     demand_without_masses: JointDemand
     load_inertia: float | None
     motor: MotorCycle | None = None
-    assessments: tuple[Assessment, ...] = ()
     choice: Assessment | None = None
     nearest: Assessment | None = None
-    choice_without_masses: Assessment | None = None
-    choice_frictionless: Assessment | None = None
     nothing_because: str = ""
+    search: Search | None = field(default=None, repr=False, compare=False)
 
     @property
     def name(self) -> str:
@@ -130,37 +107,89 @@ class JointSizing:
         return self.choice or self.nearest
 
     @property
+    def candidates(self) -> int:
+        """Number of drives of the catalogue whose parts go together."""
+        return 0 if self.search is None else self.search.shelf.count
+
+    @cached_property
+    def alternatives(self) -> tuple[Assessment, ...]:
+        """The lightest drives that fit, the choice left out."""
+        found = [] if self.search is None or self.choice is None else self.search.fitting(_ENOUGH)
+        mine = self.choice and self.choice.candidate.name
+        return tuple(a for a in found if a.candidate.name != mine)
+
+    @cached_property
     def next_smaller(self) -> Assessment | None:
         """The drive lighter than the choice with the smallest shortfall."""
-        if self.choice is None or self.choice.candidate.mass is None:
+        if self.search is None or self.choice is None:
             return None
-        most = self.choice.candidate.mass
-        return nearest_miss([a for a in self.assessments if (a.candidate.mass or most) < most])
+        return self.search.nearest(below=self.choice.candidate.mass or np.inf)
 
-    @property
-    def unjudged(self) -> tuple[Assessment, ...]:
-        """The drives lighter than the choice that fail nothing but cannot be judged; or all."""
-        most = np.inf if self.choice is None else self.choice.candidate.mass or np.inf
+    @cached_property
+    def ask(self) -> tuple[Ask, ...]:
+        """Products lighter than the choice that might do but cannot be signed."""
+        if self.search is None:
+            return ()
+        mass = None if self.choice is None else self.choice.candidate.mass
+        return self.search.ask(np.inf if mass is None else mass)
+
+    @cached_property
+    def assessments(self) -> tuple[Assessment, ...]:
+        """The drives judged in full: those that fit by mass, then margin; others, nearest first.
+
+        Of a small catalogue all; else the lightest that fit, the next smaller or the nearest.
+        """
+        if self.search is None:
+            return ()
+        beside = (self.installed, *self.alternatives, self.next_smaller, *self.search.all_of_few())
+        found = {a.candidate.name: a for a in reversed(beside) if a is not None}
+        order = {a.candidate.name: k for k, a in enumerate((self.choice, *self.alternatives)) if a}
         return tuple(
-            a
-            for a in self.assessments
-            if a.missing_figures and not a.failed and (a.candidate.mass or 0.0) < most
+            sorted(
+                found.values(),
+                key=lambda a: (
+                    order.get(a.candidate.name, len(order)),
+                    bool(a.lacks or a.unknown),
+                    -a.margin,
+                    a.candidate.name,
+                ),
+            )
         )
 
     @property
     def no_fit(self) -> str:
         """State that no drive fits, and the shortfall of the nearest one; otherwise empty."""
-        if self.choice is not None or (not self.assessments and not self.nothing_because):
+        if self.choice is not None or (self.search is None and not self.nothing_because):
             return ""
-        if not self.assessments:
+        if self.search is None or not self.candidates:
             return f"{self.name}: no candidates: {self.nothing_because}"
-        if self.nearest is None:
-            first = self.assessments[0]
-            return f"{self.name}: no candidate can be checked; {first.candidate.name}: {first.why}"
-        return (
-            f"{self.name}: none of {len(self.assessments)} candidates fits; the nearest miss "
-            f"is {self.nearest.candidate.name}: {self.nearest.why}"
-        )
+        none = f"{self.name}: none of {counted(self.candidates, 'candidate')} fits"
+        if self.nearest is not None:
+            return f"{none}; the nearest miss is {self.nearest.candidate.name}: {self.nearest.why}"
+        if self.ask:
+            first = self.ask[0]
+            return (
+                f"{none}; {first.name} cannot be signed: ask its maker for "
+                f"{', '.join(first.figures)}"
+            )
+        closest = self.search.nearest(worst=-np.inf)
+        if closest is None:
+            return "; ".join([none, *(f"{a.candidate.name} {a.why}" for a in self.assessments[:1])])
+        why = f"{closest.candidate.name}: {closest.failed[0].why}"
+        return f"{none}; all miss by more than a factor of ten: {why}"
+
+
+@described
+class WhatIf:
+    """What would be chosen for a joint without the drives' mass, or without friction."""
+
+    name: str = quantity("the drive's", heading="joint", name=True)
+    without_masses: str | None = quantity(
+        "choice if drives had no mass", heading="without the\ndrives' mass"
+    )
+    frictionless: str | None = quantity(
+        "choice if joints had no friction", heading="without\nfriction"
+    )
 
 
 @dataclass(frozen=True)
@@ -176,10 +205,13 @@ class SizingReport(Shown):
         result, result_without_masses: inverse dynamics of `scene` and of `given`.
         duty: the samples of each cycle of the period, and the number of its runs.
         passes: over all joints until no choice changed. settled: no choice changed in the last.
+        other_mass: where the scene does not say whether its links hold the drives: mass of the
+            drives that would be chosen if they do, kg; None: it says, or there are none.
         assumptions: of the sizing, in sentences.
         unclosed: states that differ between end and start of the cycle; empty if it closes.
         stops: with the chosen drives and their brakes; None: none, or the scene has no `stops`.
         no_stops: why the stops that the scene asks for could not be judged; "" where they were.
+        what_if: returns for each joint what would be chosen without masses and without friction.
     """
 
     scene: Scene
@@ -193,10 +225,12 @@ class SizingReport(Shown):
     duty: Schedule
     passes: int
     settled: bool
+    other_mass: float | None = None
     assumptions: tuple[str, ...] = ()
     unclosed: tuple[str, ...] = ()
     stops: StopResult | None = None
     no_stops: str = ""
+    what_if: Callable[[], tuple[WhatIf, ...]] = field(default=tuple, repr=False, compare=False)
 
     def __repr__(self) -> str:
         names = [joint.name for joint in self.joints]
@@ -227,7 +261,7 @@ class SizingReport(Shown):
 
     @property
     def drive_mass(self) -> float:
-        """Mass of all drives in the model, kg."""
+        """Mass of all drives taken, kg."""
         taken = (joint.installed for joint in self.joints)
         return sum(a.candidate.mass or 0.0 for a in taken if a is not None)
 
@@ -239,31 +273,25 @@ class SizingReport(Shown):
 
     @cached_property
     def standstills(self) -> tuple[Standstill, ...]:
-        """Holding of each joint without power, and its brake; in the order of `joints`.
-
-        Where the scene says how it is stopped: of brakes with an `engage_time`, if there are any.
-        """
+        """Holding of each joint without power, and its brake; in the order of `joints`."""
         catalog = self.catalog or Catalog("no catalogue")
         fitted = [j.installed.candidate.brake if j.installed else "" for j in self.joints]
-        inertias = [catalog.brakes[name].rotor_inertia or 0.0 if name else 0.0 for name in fitted]
-        timed = {n: brake for n, brake in catalog.brakes.items() if brake.engage_time is not None}
-        there = catalog.brakes if self.given.stops is None else timed or catalog.brakes
-        return standstills(self.result, there, self.conditions, inertias)
+        there = dict(brakes_of(catalog, self.given))
+        return standstills(
+            self.result, there, self.conditions, fitted if self.catalog is not None else ()
+        )
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Assumptions, and what of the needed brakes is not in the model."""
-        if self.catalog is None:
-            return self.assumptions
-        needed = dict.fromkeys(x.brake for x in self.standstills if x.fitted and x.brake)
-        brakes = {name: self.catalog.brakes[name] for name in needed}
-        unknown = {
-            "mass": [name for name, brake in brakes.items() if brake.mass is None],
-            "inertia": [name for name, brake in brakes.items() if brake.rotor_inertia is None],
-        }
-        lacks = [f"{what} of {', '.join(names)}" for what, names in unknown.items() if names]
-        text = f"Not known of brakes that are needed, and not in the model: {'; '.join(lacks)}."
-        return (*self.assumptions, text) if lacks else self.assumptions
+        """Assumptions, and what of the needed brakes is not known."""
+        taken = (joint.installed for joint in self.joints)
+        brakes = dict.fromkeys(
+            a.candidate.brake_note
+            for a in taken
+            if a is not None and ": " in a.candidate.brake_note
+        )
+        text = f"Not printed of brakes: {'; '.join(brakes)}."
+        return (*self.assumptions, text) if brakes else self.assumptions
 
     @cached_property
     def elastic(self) -> Elasticity | None:
@@ -273,11 +301,15 @@ class SizingReport(Shown):
     @cached_property
     def arm_criteria(self) -> tuple[Criterion, ...]:
         """Criteria of the whole robot: lowest frequency, position of the tool at rest."""
-        return arm_criteria(self.scene, self.elastic, self.conditions)
+        asked = any(getattr(self.conditions, key) is not None for key in _OF_ROBOT)
+        found = self.elastic if asked else None
+        return arm_criteria(self.scene, found, self.conditions) if asked else ()
 
     @cached_property
     def reversals(self) -> tuple[Criterion, ...]:
         """Reversal error of each joint, in the order of `joints`; none where not asked for."""
+        if self.conditions.reversal_error is None:
+            return ()
         taken = (joint.installed for joint in self.joints)
         backlash = [None if a is None else a.candidate.backlash for a in taken]
         return reversal_criteria(self.scene, self.elastic, self.conditions, backlash)
@@ -336,6 +368,10 @@ class SizingReport(Shown):
         raise SizingError(f"there is no drive {name!r}; {choose_from(name, names)}")
 
 
+#: Conditions of the whole robot.
+_OF_ROBOT = ("lowest_frequency", "tool_sag", "tool_interval", "tool_reversal")
+
+
 def size(
     scene: Scene,
     trajectory: MotionLike | Duty,
@@ -348,13 +384,14 @@ def size(
     """Return the demand of a repeated cycle on each drive, and the drives of a catalogue that fit.
 
     For every joint, from its effort interval (paper eq. 16, 17; at rest 21, 22): peak, RMS, power,
-    holding and break-away effort. With a catalogue: every motor with every gear, checked by
-    `criteria.check`; the lightest that fits is chosen, tip to base, with the chosen drives' mass
-    in the model.
+    holding and break-away effort. With a catalogue: of every motor with every gear that it goes
+    with, the lightest that meets all `limits.LIMITS` and of which every figure of `policy.NEEDS` is
+    known, tip to base, with the chosen drives' mass in the model; with `lowest_frequency` the
+    lightest set that swings no slower.
 
     Args:
-        scene: the robot with its friction. Its links are assumed to have no drives, except for
-            `conditions.mass_in_urdf`. The candidates replace its transmissions.
+        scene: the robot with its friction. Its `robot.masses` says whether the links hold the
+            drives; if not, these are added. The candidates replace its transmissions.
         trajectory: one cycle, with times; it is repeated without a pause. If it does not end as
             it began, `SizingReport.unclosed` and a note say so. Several cycles: as a `Duty`.
         catalog: a `Catalog`, a file, "default" for the bundled one, or None for the demand only.
@@ -385,8 +422,7 @@ def size(
     for joint in wanted.bearings:
         linear = effort_unit(scene, scene.actuator_names.index(joint)) == "N"
         own_parts(catalog or Catalog("no catalogue"), wanted, joint, linear)
-    sizing = _Sizing(scene, trajectory, catalog, wanted, progress or (lambda _: None))
-    report = sizing.run()
+    report = _Sizing(scene, trajectory, catalog, wanted, progress or (lambda _: None)).run()
     if on_miss == "raise":
         report.check()
     for text in (*report.no_fit, *report.unmet) if on_miss == "warn" else ():
@@ -395,7 +431,7 @@ def size(
 
 
 class _Sizing:
-    """One run of `size`: keeps results that were computed already."""
+    """One run of `size`."""
 
     def __init__(
         self,
@@ -405,38 +441,64 @@ class _Sizing:
         conditions: Conditions,
         progress: Callable[[str], object],
     ) -> None:
-        self.trajectory: MotionLike
-        self.duty = None
+        self.motion: MotionLike
+        duty = None
         if isinstance(trajectory, Duty):
-            self.trajectory, self.duty = trajectory.motion(), trajectory.schedule()
+            self.motion, duty = trajectory.motion(), trajectory.schedule()
         else:
-            self.trajectory = trajectory
+            self.motion = trajectory
         every = [drive.name for drive in scene.drives] if catalog is not None else ()
         self.scene, self.catalog = without_drives(scene, every), catalog
         self.conditions, self.progress = conditions, progress
-        self.solved: dict[_Load, tuple[InverseResult, np.ndarray]] = {}
-        self.judged: dict[_Key, JointSizing] = {}
-        self.offered: dict[tuple[str | None, ...], tuple[Candidate, ...]] = {}
-        self.brakes: dict[int, str] = {}
-        self.hold: np.ndarray | None = None
-        self.beyond: dict[int, float] = {}
+        self.robot = Robot(self.scene, self.motion, duty, conditions)
+        self.duty = duty or once(len(self.robot.result.states.q))
+        self.shelves: dict[bool, Shelf] = {}
+        self.banned: dict[int, set[str]] = {}
 
     def run(self) -> SizingReport:
-        """Size with the brakes that the drives turn out to need, until these do not change."""
-        report = self._report()
-        for _ in range(_MOST_ROUNDS):
-            brakes = {
-                i: still.brake
-                for i, still in enumerate(report.standstills)
-                if still.fitted and still.brake is not None
-            }
-            if brakes == self.brakes:
-                break
-            self.brakes = brakes
-            report = self._report()
-        compared = tuple(self._compared(i, joint) for i, joint in enumerate(report.joints))
+        """Choose until no choice changes, and report."""
+        taken, passes, settled = self._choose()
+        for_all = self.robot.last
+        joints = tuple(self._joint(i, taken) for i in range(len(self.scene.drives)))
+        equipped = self.scene
+        if taken:
+            gears = {self.scene.drives[i].name: a.candidate.transmission for i, a in taken.items()}
+            equipped = replace(for_all.scene, actuators=geared(self.scene, gears))
+        without = self.robot.base.result
+        gaps = unclosed(without, self.duty)
+        report = SizingReport(
+            scene=equipped,
+            given=self.scene,
+            catalog=self.catalog,
+            conditions=self.conditions,
+            trajectory=str(getattr(self.motion, "source", "motion")),
+            joints=joints,
+            result=inverse_dynamics(equipped, self.motion) if taken else without,
+            result_without_masses=without,
+            duty=self.duty,
+            passes=passes,
+            settled=settled,
+            assumptions=caveats(
+                self.scene, self.catalog, gaps, discontinuities(without, self.duty)
+            ),
+            unclosed=gaps,
+            what_if=self._what_if,
+        )
         stops, why = self._stopped(report)
-        return replace(report, joints=compared, stops=stops, no_stops=why)
+        return replace(report, stops=stops, no_stops=why, other_mass=self._other_mass(taken))
+
+    def _other_mass(self, taken: Mapping[int, Assessment]) -> float | None:
+        """Mass of the drives if the links hold them, where the scene does not say it."""
+        open_ = [i for i, hold in enumerate(self.scene.masses_hold) if hold is None and i in taken]
+        if not any(carried(self.scene, i) for i in open_):
+            return None
+        settled, mass = self.robot.last, 0.0
+        for i in taken:
+            search = self._search(i, {})
+            lightest = None if search is None else search.lightest()
+            mass += 0.0 if lightest is None else lightest.candidate.mass or 0.0
+        self.robot.last = settled
+        return mass
 
     def _stopped(self, report: SizingReport) -> tuple[StopResult | None, str]:
         """The stops with the chosen drives and brakes, or why there are none."""
@@ -448,123 +510,137 @@ class _Sizing:
         brakes = self.catalog.brakes
         return chosen_stops(report.result, report.standstills, brakes, report.trajectory)
 
-    def _report(self) -> SizingReport:
-        taken: dict[int, Assessment] = {}
-        drives = range(len(self.scene.drives))
-        tip_to_base = sorted(drives, key=lambda i: -depth(self.scene, i))
-        passes, settled = 0, self.catalog is None
-        while self.catalog is not None and not settled and passes < _MOST_PASSES:
-            passes += 1
-            before = _names(taken)
-            for i in tip_to_base:
-                self.progress(f"pass {passes}: {self.scene.drives[i].name}")
-                assessment = self.joint(i, taken).installed
-                if assessment is not None:
-                    taken[i] = assessment
-            settled = _names(taken) == before
-        if not settled:
-            warnings.warn(
-                f"the choice of drives still alternates after {passes} passes",
-                PinfricWarning,
-                stacklevel=3,
-            )
-        joints = tuple(self.joint(i, taken) for i in drives)
-        chosen = {i: j.installed for i, j in enumerate(joints) if j.installed is not None}
-        equipped = with_masses(self.scene, chosen, self.conditions) if chosen else self.scene
-        without, _ = self._solve((), {})
-        duty = self.duty or once(len(without.states.q))
-        gaps = unclosed(without, duty)
-        return SizingReport(
-            scene=equipped,
-            given=self.scene,
-            catalog=self.catalog,
-            conditions=self.conditions,
-            trajectory=str(getattr(self.trajectory, "source", "motion")),
-            joints=joints,
-            result=inverse_dynamics(equipped, self.trajectory) if chosen else without,
-            result_without_masses=without,
-            duty=duty,
-            passes=passes,
-            settled=settled,
-            assumptions=caveats(
-                self.scene, self.catalog, self.conditions, gaps, discontinuities(without, duty)
-            ),
-            unclosed=gaps,
-        )
+    def _added(self, taken: Mapping[int, Assessment]) -> dict[int, float]:
+        """The masses that the drives add to the robot's links."""
+        masses = {i: a.candidate.mass for i, a in taken.items()}
+        return added_masses(self.scene, self.conditions, masses)
 
-    def joint(self, i: int, taken: Mapping[int, Assessment]) -> JointSizing:
-        """Judge all candidates for one joint, with the drives beyond it in the model."""
-        beyond = {k: a for k, a in taken.items() if _loads(self.scene, k, i)}
-        load = tuple(sorted((k, a.candidate.mass) for k, a in beyond.items()))
-        solved = self._solve(load, beyond)
-        self.beyond[i] = yielding(self.scene, i, _softest(beyond), solved[1])
-        key = i, load, self.beyond[i], self.brakes.get(i)
-        if key not in self.judged:
-            self.judged[key] = self._judge(i, *solved)
-        return self.judged[key]
-
-    def _case(self, i: int, demand: GearDemand, cycle: DriveCycle, inertia: float | None) -> Case:
-        """The data by which a joint's candidates are checked."""
-        hand = depth(self.scene, i) > BASE_AXES
-        return Case(demand, cycle, inertia, hand, self.conditions, self.beyond.get(i, 0.0))
-
-    def _solve(
-        self, load: _Load, taken: Mapping[int, Assessment]
-    ) -> tuple[InverseResult, np.ndarray]:
-        """Inverse dynamics and load inertias with these drives' masses in the model."""
-        if load not in self.solved:
-            self.solved.clear()  # joints of one load follow each other: older ones are done
-            scene = with_masses(self.scene, taken, self.conditions, drives=False)
-            result = inverse_dynamics(scene, self.trajectory)
-            self.solved[load] = result, load_inertias(result)
-        return self.solved[load]
-
-    def _cycle(
-        self, i: int, result: InverseResult, inertias: np.ndarray
-    ) -> tuple[DriveCycle, float | None]:
-        """A drive's samples, and the inertia about its joint."""
-        if self.hold is None:
-            self.hold = holds(self.scene, self.trajectory, result.states.v)
-        tree = driven_joint(self.scene, i) is not None and not self.scene.loops
-        cycle = drive_cycle(result, i, self.hold, self.duty)
-        return cycle, float(inertias[i]) if tree else None
-
-    def _offers(self, i: int, demand: GearDemand) -> tuple[Candidate, ...]:
-        """The candidates of the catalogue for a joint, with its brake."""
+    def _search(self, i: int, masses: Mapping[int, float], friction: bool = True) -> Search | None:
+        """The drives of the catalogue at a joint; None: it takes none."""
         if self.catalog is None or driven_joint(self.scene, i) is None:
-            return ()
-        conditions, brake = self.conditions, self.brakes.get(i)
-        own = [given.get(demand.name) for given in (conditions.bearings, conditions.amplifiers)]
-        bare = demand.unit, *own, None
-        if bare not in self.offered:
-            linear = demand.unit == "N"
-            parts = own_parts(self.catalog, conditions, demand.name, linear)
-            self.offered[bare] = tuple(candidates(self.catalog, linear, parts))
-        key = *bare[:-1], brake
-        if brake is not None and key not in self.offered:
-            braked = with_brake(self.offered[bare], brake, self.catalog.brakes[brake])
-            self.offered[key] = tuple(braked)
-        return self.offered[key]
+            return None
+        name, linear = self.scene.drives[i].name, effort_unit(self.scene, i) == "N"
+        if linear not in self.shelves:
+            self.shelves[linear] = Shelf(self.catalog, self.conditions, linear)
+        case = self.robot.case(i, masses)
+        if not friction:
+            cycle = case.cycle.without_friction()
+            case = case._replace(demand=gear_demand_frictionless(case.demand, cycle), cycle=cycle)
+        own = own_parts(self.catalog, self.conditions, name, linear)
+        parts = Parts(own, brakes_of(self.catalog, self.scene), frozenset(self.banned.get(i, ())))
+        return Search(self.shelves[linear], case, parts)
 
-    def _judge(self, i: int, result: InverseResult, inertias: np.ndarray) -> JointSizing:
-        cycle, inertia = self._cycle(i, result, inertias)
-        demand = joint_demand(result, i, cycle)
-        ranked = assess(self._offers(i, demand), self._case(i, demand, cycle, inertia))
-        choice = ranked[0] if ranked and ranked[0].fits else None
-        because = "" if ranked else self._no_candidates(i, demand.unit)
-        nearest = None if choice else nearest_miss(ranked)
+    def _choose(self) -> tuple[dict[int, Assessment], int, bool]:
+        """The drives taken, the number of passes, and whether the last one changed nothing."""
+        taken: dict[int, Assessment] = {}
+        if self.catalog is None:
+            return taken, 0, True
+        seen: list[dict[int, str]] = []
+        for passes in range(1, _MOST_PASSES + 1):
+            before = _names(taken)
+            searches: dict[int, Search] = {}
+            for i in tip_to_base(self.scene):
+                self.progress(f"pass {passes}: {self.scene.drives[i].name}")
+                search = self._search(i, self._added(taken))
+                if search is None:
+                    continue
+                searches[i] = search
+                found = search.lightest() or search.nearest()
+                taken.pop(i, None)
+                if found is not None:
+                    taken[i] = found
+            if self.conditions.lowest_frequency is not None:
+                taken = self._together(taken, searches)
+            exact = {k: m for k, m in self._added(taken).items() if m and carried(self.scene, k)}
+            if _names(taken) == before and (self.robot.exact or self.robot.last.masses == exact):
+                return taken, passes, True
+            self.robot.solve(self._added(taken))
+            self._ban(seen, _names(taken), taken)
+        warnings.warn(
+            f"the choice of drives still alternates after {_MOST_PASSES} passes",
+            PinfricWarning,
+            stacklevel=4,
+        )
+        return taken, _MOST_PASSES, False
+
+    def _ban(
+        self, seen: list[dict[int, str]], now: dict[int, str], taken: Mapping[int, Assessment]
+    ) -> None:
+        """Ban the lightest of what alternates at the outermost joint where a choice comes back."""
+        if len(seen) >= _PATIENCE and now in seen[:-1]:
+            for i in tip_to_base(self.scene):
+                names = {other.get(i) for other in seen[seen.index(now) :]} | {now.get(i)}
+                if len(names) > 1 and i in taken:
+                    self.banned.setdefault(i, set()).add(taken[i].candidate.name)
+                    break
+        seen.append(now)
+
+    def _together(
+        self, taken: dict[int, Assessment], searches: Mapping[int, Search]
+    ) -> dict[int, Assessment]:
+        """The lightest set that swings no slower than `lowest_frequency`; else each by itself."""
+        wanted = self.conditions.lowest_frequency
+        turning = [i for i in sorted(searches) if not searches[i].shelf.linear]
+        fronts = [searches[i].front() for i in turning]
+        if wanted is None or self.scene.loops or not turning or not all(fronts):
+            return taken
+        self.progress(f"drives that swing at {wanted:g} Hz together")
+        arm = self.arm(turning, {i: m for i, m in self._added(taken).items() if i not in turning})
+        table = []
+        for i, front in zip(turning, fronts, strict=True):
+            added = [self._added({i: a}).get(i, 0.0) for a in front]
+            table.append(
+                [
+                    (
+                        a.candidate.mass or 0.0,
+                        stiffness_of(a),
+                        more if carried(self.scene, i) else 0.0,
+                    )
+                    for a, more in zip(front, added, strict=True)
+                ]
+            )
+        picked, _ = stiff_enough(arm, table)
+        if picked is None:
+            return taken
+        return taken | {i: front[p] for i, front, p in zip(turning, fronts, picked, strict=True)}
+
+    def arm(self, turning: Sequence[int], others: Mapping[int, float]) -> Arm:
+        """Return the arm that swings on the gears of some drives, at every pose of the cycle."""
+        states = self.robot.base.result.states
+        poses = np.flatnonzero(np.append(True, (states.q[1:] != states.q[:-1]).any(axis=1)))
+        own = [self.scene.drives[i].velocity_index for i in turning]
+        still = self.robot.mass_matrices(others, poses)
+        per_mass = np.zeros((len(turning), len(poses), len(own), len(own)))
+        for k, i in enumerate(turning):
+            if carried(self.scene, i):
+                more = self.robot.mass_matrices({**others, i: 1.0}, poses) - still
+                per_mass[k] = more[:, own][:, :, own]
+        assert self.conditions.lowest_frequency is not None
+        return Arm(still[:, own][:, :, own], per_mass, self.conditions.lowest_frequency)
+
+    def _joint(self, i: int, taken: Mapping[int, Assessment]) -> JointSizing:
+        """The joint with all chosen drives in the model."""
+        masses, found = self._added(taken), taken.get(i)
+        case, search = self.robot.case(i, masses), self._search(i, masses)
+        demand = joint_demand(self.robot.result, i, case.cycle)
+        base = self.robot.base.result
+        alone = joint_demand(base, i, self.robot.cycle(i)) if masses else demand
+        motor = None
+        if found is not None and found.motor is not None:
+            motor = motor_cycle(found.candidate, case.cycle, self.conditions)
         return JointSizing(
             demand,
-            cycle,
-            demand,
-            inertia,
-            assessments=ranked,
-            choice=choice,
-            nearest=nearest,
-            nothing_because=because,
+            case.cycle,
+            alone,
+            case.load_inertia,
+            motor,
+            choice=found if found is not None and found.fits else None,
+            nearest=found if found is not None and not found.fits else None,
+            nothing_because="" if search and search.shelf.count else self._no_candidates(i),
+            search=search,
         )
 
-    def _no_candidates(self, i: int, unit: str) -> str:
+    def _no_candidates(self, i: int) -> str:
         """Why there are no candidates; empty without a catalogue."""
         if self.catalog is None:
             return ""
@@ -572,172 +648,95 @@ class _Sizing:
             return "motors and gears are for joints with one axis, not for cylinders and forces"
         if not self.catalog.motors and not self.catalog.gearmotors:
             return f"{self.catalog.source} has no motors"
-        output = "linear" if unit == "N" else "rotary"
+        output = "linear" if effort_unit(self.scene, i) == "N" else "rotary"
         return f"{self.catalog.source} has no gear with a {output} output"
 
-    def _compared(self, i: int, joint: JointSizing) -> JointSizing:
-        """The joint, with what would have been chosen without masses, and without friction."""
-        motor, offers = None, self._offers(i, joint.demand)
-        decides = next((a.decides for a in joint.assessments if a.decides), {})
-        if joint.installed is not None and joint.installed.motor is not None:
-            motor = motor_cycle(joint.installed.candidate, joint.cycle, self.conditions)
-        cycle = joint.cycle.without_friction()
-        bare = gear_demand_frictionless(joint.demand, cycle)
-        frictionless = lightest(offers, self._case(i, bare, cycle, joint.load_inertia), decides)
-        alone_key = i, (), self.beyond.get(i, 0.0), self.brakes.get(i)
-        if alone_key in self.judged:  # no drive weighs on it
-            demand, choice = self.judged[alone_key].demand, self.judged[alone_key].choice
-        else:
-            result, inertias = self._solve((), {})
-            alone, inertia = self._cycle(i, result, inertias)
-            demand = joint_demand(result, i, alone)
-            choice = lightest(offers, self._case(i, demand, alone, inertia), decides)
-        return replace(
-            joint,
-            demand_without_masses=demand,
-            motor=motor,
-            choice_frictionless=frictionless,
-            choice_without_masses=choice,
+    def _what_if(self) -> tuple[WhatIf, ...]:
+        """What would have been chosen without the drives' mass, and without friction."""
+        settled, found = self.robot.last, []
+        for i, drive in enumerate(self.scene.drives):
+            names: list[str | None] = []
+            for masses, friction in (({}, True), (settled.masses, False)):
+                self.robot.solve(masses)
+                search = self._search(i, masses, friction)
+                lightest = None if search is None else search.lightest()
+                names.append(None if lightest is None else lightest.candidate.name)
+            found.append(WhatIf(drive.name, *names))
+        self.robot.last = settled
+        return tuple(found)
+
+
+def brakes_of(catalog: Catalog, scene: Scene) -> list[tuple[str, Any]]:
+    """Return the brakes that a robot may have, the smallest first.
+
+    Where the scene says how it is stopped: those with an `engage_time`, if there are any.
+    """
+    timed = {n: brake for n, brake in catalog.brakes.items() if brake.engage_time is not None}
+    there = catalog.brakes if scene.stops is None else timed or catalog.brakes
+    return [(name, there[name]) for name in ranked(there)]
+
+
+def own_parts(
+    catalog: Catalog, conditions: Conditions, joint: str, linear: bool
+) -> dict[str, BearingRatings | Amplifier]:
+    """Return what the conditions give to a joint, by its field of a candidate.
+
+    Raises:
+        CatalogError: the catalogue does not have it, or not its ratings; it does not fit the joint.
+    """
+    amplifier, name = own_amplifier(catalog, conditions, joint), conditions.bearings.get(joint)
+    parts: dict[str, BearingRatings | Amplifier] = {}
+    if amplifier is not None:
+        parts["amplifier"] = amplifier
+    if name is None:
+        return parts
+    where, entry = f"conditions.bearings.{joint}: ", catalog.bearings.get(name)
+    if entry is None or entry.ratings is None:
+        rated = [known for known, other in catalog.bearings.items() if other.ratings is not None]
+        what = "has no `ratings`" if name in catalog.bearings else "is not in the catalogue"
+        raise CatalogError(f"{where}the bearing {name!r} {what}; {choose_from(name, rated)}")
+    if entry.ratings.guide != linear or entry.ratings.screw:
+        joint_kind = "sliding joint takes a `linear guide`" if linear else "turning joint a bearing"
+        nut = "; a screw's nut is its gear's `bearing`" if entry.ratings.screw else ""
+        raise CatalogError(f"{where}{name!r} is a {entry.ratings.kind}; a {joint_kind}{nut}")
+    source = entry.ratings.source or entry.source
+    ratings = entry.ratings.model_copy(update={"source": source})
+    return parts | {"guide" if linear else "bearing": ratings}
+
+
+def own_amplifier(catalog: Catalog, conditions: Conditions, joint: str) -> Amplifier | None:
+    """Return the amplifier that the conditions give to a joint's motor, or None.
+
+    Raises:
+        CatalogError: the catalogue does not have it.
+    """
+    key = joint if joint in conditions.amplifiers else OTHERS
+    name = conditions.amplifiers.get(key)
+    if name is None:
+        return None
+    if name not in catalog.amplifiers:
+        raise CatalogError(
+            f"conditions.amplifiers.{key}: there is no amplifier {name!r} in the catalogue; "
+            f"{choose_from(name, catalog.amplifiers)}"
         )
+    return catalog.amplifiers[name]
 
 
-def holds(scene: Scene, trajectory: MotionLike, v: np.ndarray) -> np.ndarray:
-    """Return (T,) which samples hold: those the trajectory knows (v = a = 0), else by velocity."""
-    mask = np.zeros(len(v), dtype=bool)
-    for hold in trajectory.holds() if isinstance(trajectory, Trajectory) else ():
-        mask[hold.first : hold.last + 1] = True
-    return mask if mask.any() else hold_samples(scene, v)  # a log is never at rest exactly
-
-
-def gear_demand_frictionless(demand: JointDemand, cycle: DriveCycle) -> GearDemand:
+def gear_demand_frictionless(demand: GearDemand, cycle: DriveCycle) -> GearDemand:
     """Return the figures that criteria ask for, of the same cycle without friction.
 
     Args:
-        demand: with friction.
-        cycle: `DriveCycle.without_friction`.
+        demand: with friction. cycle: `DriveCycle.without_friction`.
     """
-    cubic = average_output_effort(cycle.stretched, cycle.effort_frictionless, cycle.velocity)
-    carried = screw_load(cycle) if demand.unit == "N" else demand.bearing
+    worst = cycle.ends[0]
     return GearDemand(
-        demand.name,
-        demand.unit,
-        demand.peak_frictionless,
-        demand.speed,
-        demand.mean_speed,
-        cubic,
-        carried,
-        demand.travel,
-        demand.guide,
+        **{name: getattr(demand, name) for name in GearDemand.__dataclass_fields__}
+        | {
+            "peak": float(np.abs(worst).max()),
+            "mean_cubic": average_output_effort(cycle.stretched, worst, cycle.velocity),
+            "bearing": screw_load(cycle) if demand.unit == "N" else demand.bearing,
+        }
     )
-
-
-def yielding(
-    scene: Scene, actuator: int, softest: Mapping[int, float], inertias: np.ndarray
-) -> float:
-    """Return the sum of J/K_1 over the elastic drives beyond a joint, s^2 (`Case.beyond`).
-
-    Args:
-        scene: the robot. actuator: the joint's column.
-        softest: column -> K_1 of the drives whose gears' stiffness is known, N m/rad.
-        inertias: (na,) of `load_inertias`.
-    """
-    there = {k: K for k, K in softest.items() if _loads(scene, k, actuator)}
-    return sum(float(inertias[k]) / K for k, K in there.items())
-
-
-def _softest(taken: Mapping[int, Assessment]) -> dict[int, float]:
-    """K_1 of the drives' gears, as far as it is known."""
-    gears = {k: assessment.candidate.gear for k, assessment in taken.items()}
-    return {k: softest(g.stiffness) for k, g in gears.items() if g and g.stiffness is not None}
-
-
-def with_masses(
-    scene: Scene, taken: Mapping[int, Assessment], conditions: Conditions, drives: bool = True
-) -> Scene:
-    """The scene with the drives' mass on their joints' parent links, and their transmissions."""
-    model = scene.model.copy()
-    changed = False
-    for i, drive in enumerate(scene.drives):
-        joint = driven_joint(scene, i)
-        if joint is None or model.parents[joint] == 0:
-            continue
-        if i not in taken:
-            continue
-        mass = (taken[i].candidate.mass or 0.0) - conditions.mass_in_urdf.get(drive.name, 0.0)
-        place = pin.SE3(np.eye(3), model.jointPlacements[joint].translation)
-        parent = model.parents[joint]
-        point = pin.Inertia(mass, np.zeros(3), np.zeros((3, 3)))
-        before = implausible_body(model.inertias[parent].mass, model.inertias[parent].inertia)
-        model.appendBodyToJoint(parent, point, place)
-        body = model.inertias[parent]
-        problem = implausible_body(body.mass, body.inertia)
-        if problem and (body.mass < 0 or not before):  # else the URDF's own, warned of on loading
-            raise SizingError(
-                f"conditions.mass_in_urdf.{drive.name}: without {-mass:g} kg, the link that "
-                f"carries this drive is not a possible body: {problem}"
-            )
-        changed = True
-    actuators: Sequence[Actuator] | None = scene.actuators
-    if drives and taken:
-        chosen = {scene.drives[i].name: a.candidate.transmission for i, a in taken.items()}
-        actuators = geared(scene, chosen)
-    elif not changed:
-        return scene
-    return replace(scene, model=model, actuators=actuators)
-
-
-def without_drives(scene: Scene, names: Collection[str]) -> Scene:
-    """Return the scene with no losses of the named drives in their joints' friction.
-
-    Args:
-        scene: where `includes_drive` says of friction that it holds them, its Coulomb and viscous
-            parts become 0.
-        names: of the drives that others replace.
-    """
-    changed = {
-        name: entry.model_copy(
-            update={
-                key: term.scaled(0.0)
-                for key, term in entry
-                if key in ("coulomb", "viscous") and term
-            }
-        )
-        for name, entry in scene.friction.items()
-        if name in names and entry.includes_drive
-    }
-    return replace(scene, friction={**scene.friction, **changed}) if changed else scene
-
-
-def geared(scene: Scene, gears: Mapping[str, Transmission | None]) -> list[Actuator]:
-    """Return the scene's actuators, those of the named drives with other transmissions."""
-    given = scene.actuators
-    if given is None:
-        given = [Actuator(joint=drive.name) for drive in scene.drives]
-    return [
-        a.model_copy(update={"transmission": gears[a.drive_name]}) if a.drive_name in gears else a
-        for a in given
-    ]
-
-
-def _loads(scene: Scene, drive: int, actuator: int) -> bool:
-    """Whether a drive's mass acts on another joint: the link that holds it hangs on that joint."""
-    held, joint = driven_joint(scene, drive), driven_joint(scene, actuator)
-    if drive == actuator or held is None:
-        return False
-    if scene.loops or joint is None:
-        return True
-    link = int(scene.model.parents[held])
-    while link > joint:  # a parent's index is less than its child's
-        link = int(scene.model.parents[link])
-    return link == joint
-
-
-def depth(scene: Scene, actuator: int) -> int:
-    """Return how many joints lie between the ground and the joint's child, its own included."""
-    joint, count = driven_joint(scene, actuator), 0
-    while joint:
-        joint, count = int(scene.model.parents[joint]), count + 1
-    return count
 
 
 def _failing(found: Sequence[tuple[str, tuple[Criterion, ...]]]) -> tuple[str, ...]:

@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from pinfric.model.described import EFFORT, INERTIA, described, quantity
+from pinfric.model.mass_matrix import frame_jacobians
+from pinfric.model.robot import link_frame
+from pinfric.model.scene import Scene
 from pinfric.study.elastic.summary import ElasticSummary, elastic_summary
 from pinfric.study.retime.fastest import TimedSet
-from pinfric.study.sizing.assess import Assessment
 from pinfric.study.sizing.brake import Standstill
 from pinfric.study.sizing.criterion import Criterion, Status
 from pinfric.study.sizing.demand import JointDemand
 from pinfric.study.sizing.drivetrain import MotorFigures
 from pinfric.study.sizing.power import BusPower
-from pinfric.study.sizing.rules import load_factor, optimum_ratio
-from pinfric.study.sizing.size import JointSizing, SizingReport
+from pinfric.study.sizing.shelf import Assessment
+from pinfric.study.sizing.size import JointSizing, SizingReport, WhatIf
 from pinfric.study.stop.summary import StopSummary, stop_summary
-from pinfric.study.summary import ends_by_magnitude
 
 #: Criteria that are named of a drive that misses several.
 _MOST_MISSES = 3
@@ -59,16 +60,13 @@ class NextSmaller(Rejection):
 
 
 @described
-class Unjudged(Rejection):
-    """Of the drives that fail nothing but cannot be judged the lightest that lacks the least."""
+class ToAsk:
+    """A product that might do, lighter than the choice, but cannot be signed."""
 
-    name: str = quantity("motor and gear", heading="cannot be judged")
-    why: str = quantity("what cannot be judged, and why it must be")
-    lacks: str = quantity("the figures that are missing", heading="for lack of")
-    mass: float | None = quantity("none: not known", "kg", "mass")
-    count: int = quantity(
-        "number of such drives below the mass of the choice, or of all", heading="how\nmany"
-    )
+    name: str = quantity("gear or motor", heading="product")
+    figures: str = quantity("that its maker must be asked for", heading="ask its maker for")
+    mass: float | None = quantity("with its lightest partner; none: not known", "kg")
+    joints: tuple[str, ...] = quantity("at which it might do", heading="joints")
 
 
 @described
@@ -80,37 +78,34 @@ class Margins:
 
 
 @described
-class RatioFigures:
-    """Quality of a drive's ratio."""
-
-    optimum_ratio: float | None = quantity(
-        "ratio of least RMS motor torque; none: a value is missing, or the joint never accelerates"
-    )
-    load_factor: float | None = quantity("Giberti's beta, required by the load", "W/s")
-    accelerating_factor: float | None = quantity("T_N^2/J_rotor of the motor", "W/s")
-
-
-@described
-class Installed(RatioFigures):
+class Installed:
     """The drive in the model: the choice or, if none fits, the nearest miss."""
 
     judged: str = quantity("its name")
     mass: float | None = quantity("none: not known", "kg", "mass")
     ratio: float = quantity("motor turns per joint turn", "1 or rad/m")
+    brake: str = quantity('at the motor\'s shaft; "": none', heading="brake")
     margin: float = quantity(
         "the least of all criteria", heading="least\nmargin", cell="{margin:%}"
     )
     tightest: str | None = quantity(
         "the criterion of the least margin; none: none was checked", heading="tightest\ncriterion"
     )
-    not_checked: int = quantity("criteria without a figure", heading="not\nchecked")
+    backlash: float | None = quantity("of its gear at the joint; none: not printed", "rad or m")
+    backlash_at_tool: float | None = quantity(
+        "what that is at the tool, at the farthest pose; none: not known, or no `tool`",
+        "m",
+        "backlash\nat the tool",
+        "{backlash_at_tool:mm}",
+    )
+    not_checked: int = quantity("criteria without a figure")
     margins: dict[str, float | None] = quantity("criterion -> part of the limit that is left")
     criteria: tuple[Criterion, ...] = quantity(
         "criteria of the drive, of holding without power, and of the joint's reversal error"
     )
     motor: MotorFigures | None = quantity("demand of the cycle on the motor")
     losses: str = quantity("how the transmission's losses are derived from the catalogue")
-    stand_ins: tuple[str, ...] = quantity("figures taken from other products")
+    stand_ins: tuple[str, ...] = quantity("figures taken from other products, or from rules")
     sources: tuple[str, ...] = quantity("of motor and gear, with their grades")
 
 
@@ -131,20 +126,9 @@ class SizedJoint(JointDemand):
     installed: Installed | None = quantity(
         "the drive in the model; none: no candidates", heading="*"
     )
-    fit: str = quantity("number of drives that fit, of all", heading="fit")
-    candidates: int = quantity("number of drives on trial")
-    unjudged: Unjudged | None = quantity(
-        "drives below the choice's mass that cannot be judged; none: there are none", heading="*"
-    )
-    choice_without_masses: str | None = quantity(
-        "choice if drives had no mass", heading="without the\ndrives' mass"
-    )
-    choice_frictionless: str | None = quantity(
-        "choice if joints had no friction", heading="without\nfriction"
-    )
+    candidates: int = quantity("drives of the catalogue whose parts go together")
     standstill: Standstill = quantity("holding without power", heading="*")
     alternatives: tuple[Candidacy, ...] = quantity("other drives that fit")
-    rejected: tuple[Rejection, ...] = quantity("drives that do not")
     nearest_miss: str | None = quantity("if none fits: by how much the nearest misses")
     next_smaller: NextSmaller | None = quantity(
         "the lighter drive that misses by the least", heading="*"
@@ -186,6 +170,15 @@ class SizingSummary:
     drive_mass: float = quantity("mass of all drives in the model", "kg")
     joints: tuple[SizedJoint, ...] = quantity("in the order of the scene's drives")
     bus: BusPower = quantity("electrical power of all drives together")
+    other_mass: float | None = quantity(
+        "mass of the drives if the links' masses hold them; none: the scene says it", "kg"
+    )
+    ask: tuple[ToAsk, ...] = quantity(
+        "lighter products that cannot be signed, fewest figures first"
+    )
+    what_if: tuple[WhatIf, ...] | None = quantity(
+        "choices without the drives' mass, and without friction; none: not asked for"
+    )
     no_fit: tuple[str, ...] = quantity("joints for which no drive fits")
     unmet: tuple[str, ...] = quantity("conditions that brakes, bus, stops or robot do not meet")
     stops: StopSummary | None = quantity("with the chosen drives; none: no `stops` in the scene")
@@ -201,13 +194,14 @@ class SizingSummary:
 
 
 def sizing_summary(
-    report: SizingReport, fastest: tuple[TimedSet, ...] | None = None
+    report: SizingReport, fastest: tuple[TimedSet, ...] | None = None, what_if: bool = False
 ) -> SizingSummary:
     """Return the summary of a sizing.
 
     Args:
         report: of `size`.
         fastest: sets of drives and their times, where they were asked for.
+        what_if: also say what would be chosen without the drives' mass, and without friction.
     """
     t, duty = report.result.t, report.duty
     assert t is not None  # size refuses a motion without times
@@ -225,12 +219,15 @@ def sizing_summary(
         settled=report.settled,
         drive_mass=report.drive_mass,
         joints=tuple(
-            sized_joint(joint, still, beside)
-            for joint, still, beside in zip(
-                report.joints, report.standstills, _beside(report), strict=True
+            sized_joint(joint, still, beside, lever)
+            for joint, still, beside, lever in zip(
+                report.joints, report.standstills, _beside(report), levers(report), strict=True
             )
         ),
         bus=report.bus,
+        other_mass=report.other_mass,
+        ask=to_ask(report),
+        what_if=report.what_if() if what_if else None,
         no_fit=report.no_fit,
         unmet=report.unmet,
         stops=None if report.stops is None else stop_summary(report.stops),
@@ -273,8 +270,42 @@ def _beside(report: SizingReport) -> list[tuple[Criterion, ...]]:
     ]
 
 
-def sized_joint(joint: JointSizing, still: Standstill, beside: tuple[Criterion, ...]) -> SizedJoint:
-    """Return the summary of one joint's sizing; `beside` are criteria other than its drive's."""
+def levers(report: SizingReport) -> np.ndarray:
+    """Return (na,) how far the tool moves per rad (m) of each joint, at most; NaN: not known."""
+    scene, q = report.scene, report.result.states.q
+    if scene.tool is None or scene.loops:
+        return np.full(len(scene.drives), np.nan)
+    J = frame_jacobians(scene.twin(), q, link_frame(scene.model, scene.tool))[:, :3]
+    moved = np.linalg.norm(J @ rate_columns(scene), axis=1)
+    return np.asarray(moved.max(axis=0))
+
+
+def rate_columns(scene: Scene) -> np.ndarray:
+    """Return (nv, na) the velocities of the model per unit rate of each drive."""
+    columns = np.zeros((scene.model.nv, len(scene.drives)))
+    for i, drive in enumerate(scene.drives):
+        columns[drive.velocity_index, i] = 1.0
+    return columns
+
+
+def to_ask(report: SizingReport) -> tuple[ToAsk, ...]:
+    """Return the products that might do at some joint but lack figures, fewest figures first."""
+    found: dict[str, list[str]] = {}
+    asked = {ask.name: ask for joint in report.joints for ask in joint.ask}
+    for joint in report.joints:
+        for ask in joint.ask:
+            found.setdefault(ask.name, []).append(joint.name)
+    order = sorted(asked.values(), key=lambda a: (len(a.figures), -len(found[a.name]), a.name))
+    return tuple(ToAsk(a.name, ", ".join(a.figures), a.mass, tuple(found[a.name])) for a in order)
+
+
+def sized_joint(
+    joint: JointSizing, still: Standstill, beside: tuple[Criterion, ...], lever: float
+) -> SizedJoint:
+    """Return the summary of one joint's sizing; `beside` are criteria other than its drive's.
+
+    `lever` is how far the tool moves per rad (m) of the joint, at most.
+    """
     smaller = joint.next_smaller
     return SizedJoint(
         **vars(joint.demand),
@@ -282,30 +313,16 @@ def sized_joint(joint: JointSizing, still: Standstill, beside: tuple[Criterion, 
         rms_without_masses=joint.demand_without_masses.rms,
         load_inertia=joint.load_inertia,
         choice=_name(joint.choice),
-        fit=f"{sum(a.fits for a in joint.assessments)} of {len(joint.assessments)}",
-        candidates=len(joint.assessments),
-        unjudged=_lightest(joint.unjudged),
-        choice_without_masses=_name(joint.choice_without_masses),
-        choice_frictionless=_name(joint.choice_frictionless),
-        installed=None if joint.installed is None else _installed(joint, joint.installed, beside),
+        candidates=joint.candidates,
+        installed=None if joint.installed is None else _installed(joint.installed, beside, lever),
         standstill=still,
         alternatives=tuple(
             Candidacy(a.candidate.name, a.candidate.mass, a.margin, len(a.not_checked))
-            for a in joint.assessments
-            if a.fits and a is not joint.choice
+            for a in joint.alternatives
         ),
-        rejected=tuple(Rejection(a.candidate.name, a.why) for a in joint.assessments if not a.fits),
         nearest_miss=joint.no_fit or None,
         next_smaller=None if smaller is None else _next_smaller(smaller),
     )
-
-
-def _lightest(unjudged: Sequence[Assessment]) -> Unjudged | None:
-    if not unjudged:
-        return None
-    first = min(unjudged, key=lambda a: (len(a.lacks), a.candidate.mass or 0.0))
-    name, lacks = first.candidate.name, "; ".join(first.lacks)
-    return Unjudged(name, first.why, lacks, first.candidate.mass, len(unjudged))
 
 
 def _next_smaller(smaller: Assessment) -> NextSmaller:
@@ -329,14 +346,17 @@ def margins(found: SizingSummary) -> list[Margins]:
     ]
 
 
-def _installed(joint: JointSizing, taken: Assessment, beside: tuple[Criterion, ...]) -> Installed:
+def _installed(taken: Assessment, beside: tuple[Criterion, ...], lever: float) -> Installed:
     candidate, criteria = taken.candidate, (*taken.criteria, *beside)
     compared = sorted((c for c in taken.criteria if c.scaled), key=lambda c: c.margin or 0.0)
+    gap = candidate.backlash
     return Installed(
-        **vars(ratio_figures(joint, taken)),
         judged=candidate.name,
         mass=candidate.mass,
         ratio=candidate.ratio,
+        brake=candidate.brake,
+        backlash=gap,
+        backlash_at_tool=None if gap is None or np.isnan(lever) else gap * lever,
         not_checked=len(taken.not_checked),
         margin=taken.margin,
         tightest=next((c.name for c in compared), None),
@@ -347,20 +367,6 @@ def _installed(joint: JointSizing, taken: Assessment, beside: tuple[Criterion, .
         stand_ins=candidate.stand_ins,
         sources=candidate.sources,
     )
-
-
-def ratio_figures(joint: JointSizing, taken: Assessment) -> RatioFigures:
-    """Return the quality of a drive's ratio: the best one, Giberti's factors of motor and load."""
-    candidate, inertia = taken.candidate, taken.candidate.rotor_inertia
-    worst = ends_by_magnitude(joint.cycle.effort_lower, joint.cycle.effort_upper)[0]
-    torque = candidate.ratings.continuous_torque
-    if torque is not None and candidate.at_output:
-        torque /= candidate.ratio
-    alpha = None if torque is None or inertia is None else torque**2 / inertia
-    best = None if inertia is None else optimum_ratio(joint.cycle, worst, inertia)
-    if best is not None and not np.isfinite(best):
-        best = None  # a joint that never accelerates gains by any ratio
-    return RatioFigures(best, load_factor(joint.cycle, worst), alpha)
 
 
 def _name(assessment: Assessment | None) -> str | None:

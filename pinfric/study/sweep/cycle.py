@@ -20,15 +20,14 @@ from pinfric.model.drives import Drive
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Transmission
 from pinfric.study.elastic.motion import elasticity
-from pinfric.study.sizing.assess import Assessment
-from pinfric.study.sizing.catalog import Conditions
-from pinfric.study.sizing.criteria import check
-from pinfric.study.sizing.criterion import Status
+from pinfric.study.sizing.criterion import Status, least_margin
 from pinfric.study.sizing.demand import drive_cycle, gear_demand
 from pinfric.study.sizing.drivetrain import Candidate, motor_cycle
 from pinfric.study.sizing.inertia import load_inertias
 from pinfric.study.sizing.limit import Case
-from pinfric.study.sizing.size import holds, yielding
+from pinfric.study.sizing.limits import check
+from pinfric.study.sizing.policy import Conditions
+from pinfric.study.sizing.robot import holds
 from pinfric.study.summary import column_rms, ends_by_magnitude
 from pinfric.study.sweep.parameters import ELASTIC, Target, apply
 from pinfric.study.sweep.superposition import Solved, Superposition
@@ -67,7 +66,6 @@ class Judge:
         actuator: int,
         holding: np.ndarray,
         inertia: float | None,
-        beyond: float,
     ) -> tuple[float, list[int]]:
         """Return the least margin over one cycle, and the result of each of `criteria`.
 
@@ -75,7 +73,6 @@ class Judge:
             result: of the cycle. actuator: the drive's column.
             holding: (T,) the samples of the holds.
             inertia: largest about the joint over the cycle, kg m^2 (kg); None: not known.
-            beyond: of the elastic drives beyond it, `size.yielding`.
         """
         drive = result.scene.drives[actuator]
         assert isinstance(drive, Drive)
@@ -85,11 +82,10 @@ class Judge:
         cycle = drive_cycle(result, actuator, holding)
         demand = gear_demand(result, actuator, cycle, carried=candidate.carried)
         motor = motor_cycle(candidate, cycle, self.conditions)
-        case = Case(demand, cycle, inertia, self.hand, self.conditions, beyond)
+        case = Case(demand, cycle, inertia, self.hand, self.conditions)
         found = check(candidate, motor, case)
         codes = {c.name: _CODES.get(c.status, MET) for c in found}
-        margin = Assessment(candidate, found, motor.figures).margin
-        return margin, [codes[name] for name in self.criteria]
+        return least_margin(found), [codes[name] for name in self.criteria]
 
 
 class JudgedTransmission(Transmission):
@@ -259,18 +255,12 @@ def _verdicts(
     margins, verdicts = np.ones(len(result.scene.drives)), list[int]()
     # a path at another speed holds where it held
     holding = holds(result.scene, study.trajectory, result.states.v) if study.judges else None
-    soft = {
-        d: float(spring.stiffness[0])
-        for d in result.scene.elastic
-        if (spring := result.scene.drives[d].spring) is not None
-    }
     for i, judge in study.judges.items():
         assert holding is not None
         margin, codes = np.nan, [NOT_CHECKED] * len(judge.criteria)
         if np.isfinite(result.effort_lower[:, i] + result.effort_upper[:, i]).all():
             inertia = None if inertias is None else float(inertias[i])
-            beyond = 0.0 if inertias is None else yielding(result.scene, i, soft, inertias)
-            margin, codes = judge.verdict(result, i, holding, inertia, beyond)
+            margin, codes = judge.verdict(result, i, holding, inertia)
         margins[i] = margin
         verdicts += codes
     return margins, np.array(verdicts, dtype=np.int8)

@@ -24,7 +24,7 @@ from pinfric.errors import SweepError
 from pinfric.model.entry import Entry, Number, Positive, Version, key, parse
 from pinfric.model.scene_file import find_file
 from pinfric.model.yamlfile import read_yaml
-from pinfric.study.sizing.catalog import Conditions
+from pinfric.study.sizing.policy import Conditions
 from pinfric.study.sweep.distributions import (
     Choice,
     Distribution,

@@ -18,27 +18,27 @@ from pinfric.errors import CatalogError, SizingError, SweepError, choose_from, p
 from pinfric.model.drives import Drive
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Transmission
-from pinfric.study.sizing.assess import Assessment, own_parts
-from pinfric.study.sizing.catalog import Catalog, Conditions
+from pinfric.study.sizing.catalog import Catalog
 from pinfric.study.sizing.catalog_file import load_catalog
-from pinfric.study.sizing.criteria import LIMITS, check
 from pinfric.study.sizing.criterion import Status
 from pinfric.study.sizing.drivetrain import (
     Candidate,
     Ratings,
-    candidates,
+    find_drive,
     motor_alone,
     ratings_of,
 )
-from pinfric.study.sizing.limit import Judged, idle
-from pinfric.study.sizing.size import (
-    BASE_AXES,
-    check_names,
+from pinfric.study.sizing.limit import Drives, drive, idle
+from pinfric.study.sizing.limits import LIMITS, check
+from pinfric.study.sizing.policy import BASE_AXES, Conditions
+from pinfric.study.sizing.robot import (
+    added_masses,
     depth,
     geared,
     with_masses,
     without_drives,
 )
+from pinfric.study.sizing.size import check_names, own_parts
 from pinfric.study.summary import effort_unit
 from pinfric.study.sweep.cycle import Judge, JudgedTransmission
 from pinfric.study.sweep.file import MotorOnTrial, SweepFile
@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 
     from pinfric.study.sweep.result import SweepResult
 
-#: Signal of the table (`criteria.SIGNALS`) -> the figure of a sweep that is its need.
+#: Signal of the table (`limit.SIGNALS`) -> the figure of a sweep that is its need.
 _NEEDS = {"motor torque": "motor_peak", "motor RMS torque": "motor_rms", "motor speed": "speed"}
 
 
@@ -173,9 +173,8 @@ def _equipped(
     scene: Scene, judges: Mapping[int, Judge], conditions: Conditions, source: str
 ) -> Scene:
     """The scene with the drives' masses, as `size` puts them there, and their transmissions."""
-    taken = {i: Assessment(judge.candidate, (), None) for i, judge in judges.items()}
     # a drive whose mass is not known changes nothing: what the URDF has may be as good
-    weighed = {i: a for i, a in taken.items() if a.candidate.mass is not None}
+    masses = {i: judge.candidate.mass for i, judge in judges.items()}
     gears: dict[str, Transmission] = {}
     for i, judge in judges.items():
         transmission = judge.candidate.transmission
@@ -185,7 +184,7 @@ def _equipped(
         )
     try:
         bare = without_drives(scene, gears)
-        heavier = with_masses(bare, weighed, conditions, drives=False)
+        heavier = with_masses(bare, added_masses(bare, conditions, masses))
         return dataclasses.replace(heavier, actuators=geared(heavier, gears))
     except SizingError as problem:
         raise SweepError(f"{source}: {problem}") from None
@@ -212,7 +211,7 @@ def _trial(
     if "continuous_torque" in own:
         own["continuous_curve"] = None
     ratings = dataclasses.replace(candidate.ratings, **own)
-    judged = Judged(dataclasses.replace(candidate, ratings=ratings), None, idle(conditions, hand))
+    judged = drive(dataclasses.replace(candidate, ratings=ratings), None, idle(conditions, hand))
     bounds = _bounds(judged, scale)
     checks: tuple[str, ...] = ()
     transmission = candidate.transmission or getattr(scene.drives[actuator], "transmission", None)
@@ -264,7 +263,7 @@ def _rated(
     return motor_alone(entry.motor, ratings_of(catalog.motors[entry.motor]))
 
 
-def _bounds(judged: Judged, scale: float) -> dict[str, Bound]:
+def _bounds(judged: Drives, scale: float) -> dict[str, Bound]:
     """The rows of the table that a motor by itself is held against, at the motor's shaft.
 
     Args:
@@ -274,23 +273,27 @@ def _bounds(judged: Judged, scale: float) -> dict[str, Bound]:
     for limit in LIMITS:
         if isinstance(limit.need, str) and limit.need in _NEEDS and limit.applies(judged):
             factor = scale if limit.need == "motor speed" else 1 / scale
-            available = _times(limit.available(judged)[0], factor)
-            bounds[limit.name] = Bound(limit.need, available, limit.reserve(judged.conditions))
+            available = _times(_known(float(limit.available(judged))), factor)
+            bounds[limit.name] = Bound(limit.need, available, limit.factor(judged.conditions))
     return bounds
+
+
+def _known(figure: float) -> float | None:
+    return None if np.isnan(figure) else figure
 
 
 def _times(figure: float | None, factor: float) -> float | None:
     return None if figure is None else factor * figure
 
 
-def _required(judged: Judged) -> tuple[str, ...]:
+def _required(judged: Drives) -> tuple[str, ...]:
     """The names of the criteria that are required of a drive, found on one that does nothing."""
     found = check(judged.candidate, None, judged.case)
     return tuple(c.name for c in found if c.status != Status.NOT_REQUIRED)
 
 
 def _candidate(catalog: Catalog, name: str, linear: bool, parts: Mapping[str, Any]) -> Candidate:
-    there = {candidate.name: candidate for candidate in candidates(catalog, linear, parts)}
-    if name not in there:
-        raise SweepError(f"the catalogue has no drive {name!r}; {choose_from(name, there)}")
-    return there[name]
+    found = find_drive(catalog, name, linear)
+    if isinstance(found, list):
+        raise SweepError(f"the catalogue has no drive {name!r}; {choose_from(name, found)}")
+    return dataclasses.replace(found, **parts)

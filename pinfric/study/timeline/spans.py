@@ -16,7 +16,7 @@ from pinfric.dynamics.simulation.motion import Motion
 from pinfric.model.scene import Scene
 from pinfric.study.retime.limits import DriveLimits
 from pinfric.study.retime.problem import usage
-from pinfric.study.sizing.criteria import instant_limits
+from pinfric.study.sizing.limits import instant_limits
 from pinfric.study.trajectory.log.judged import JudgedLog, measured_interval
 
 #: A simulated site this near its stick limit is about to break away.

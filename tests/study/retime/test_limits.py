@@ -13,9 +13,10 @@ import pinfric as pf
 from pinfric.study.retime.limits import candidate_limits, read_limits
 from pinfric.study.retime.path import Path
 from pinfric.study.retime.retime import retime
-from pinfric.study.sizing.catalog import Amplifier, Conditions
+from pinfric.study.sizing.catalog import Amplifier
 from pinfric.study.sizing.catalog_file import load_catalog
-from pinfric.study.sizing.drivetrain import candidates
+from pinfric.study.sizing.drivetrain import drives_of
+from pinfric.study.sizing.policy import Conditions
 
 
 def test_motors_file_with_a_drive_of_the_catalogue(tmp_path):
@@ -55,7 +56,8 @@ drives:
 def table_drive(tmp_path, gear=None, motor=None, **conditions):
     """A turntable, the drive of `sizing_cases` with figures changed, and its limits."""
     catalog = one_drive(tmp_path, motor, gear)
-    (candidate,) = candidates(catalog, False)
+    ((_, make),) = drives_of(catalog, False)
+    candidate = make()
     return turntable(), candidate_limits(candidate, Conditions(**conditions)), candidate
 
 
@@ -90,7 +92,8 @@ def test_a_drive_of_the_catalogue_is_limited_as_size_judges_it(tmp_path):
     assert found.rms == pytest.approx([1.0], abs=2e-3)
     by_name = {c.name: c for c in found.criteria["table"]}
     assert by_name["continuous torque"].margin == pytest.approx(0.0, abs=2e-3)
-    report = pf.size(scene, found.trajectory, one_drive(tmp_path), on_miss="ignore")
+    asked = {"conditions": Conditions(), "on_miss": "ignore"}
+    report = pf.size(scene, found.trajectory, one_drive(tmp_path), **asked)
     for mine, theirs in zip(
         found.criteria["table"], report.joints[0].assessments[0].criteria, strict=True
     ):

@@ -12,8 +12,9 @@ from sizing_cases import COULOMB, one_drive, trapezoid, turntable
 import pinfric as pf
 from pinfric.errors import SizingError
 from pinfric.study.sizing.brake import Stop, standstills
-from pinfric.study.sizing.catalog import Brake, Conditions
+from pinfric.study.sizing.catalog import Brake
 from pinfric.study.sizing.criterion import Status
+from pinfric.study.sizing.policy import Conditions
 
 MASS, LENGTH, G = 2.0, 0.6, 9.81
 MU, RADIUS = 0.3, (0.05, 0.7)  # of the pins' friction circles: the second joint's is large
@@ -116,7 +117,13 @@ def test_a_brake_bears_a_payload_where_it_is_carried_and_only_there():
 
 def brakes(*torques):
     return {
-        f"B{torque:g}": {"source": "invented", "grade": "R", "torque": torque, "voltage": 24.0}
+        f"B{torque:g}": {
+            "source": "invented",
+            "grade": "R",
+            "torque": torque,
+            "torque_max": torque,
+            "voltage": 24.0,
+        }
         for torque in torques
     }
 
@@ -230,17 +237,17 @@ def test_mass_and_inertia_of_brakes_are_in_the_drives(tmp_path):
     q = np.outer(0.5 * np.sin(2 * np.pi * t), [1.0, 0.3])
     motion = pf.Trajectory.from_arrays(scene, t, q)
     brake = {"source": "invented", "grade": "R", "torque": 50.0, "engage_time": 0.01}
-    strong = dict.fromkeys(
-        ("rated_torque", "average_torque", "repeated_peak_torque", "momentary_peak_torque"), 900.0
-    )
+    strong = dict.fromkeys(("rated_torque", "average_torque", "repeated_peak_torque"), 900.0)
+    strong["momentary_peak_torque"] = 3e4
     reports = []
     for more in ({}, {"mass": 0.7, "rotor_inertia": 4e-5}):
         catalog = one_drive(tmp_path, gear=strong, brakes={"B": {**brake, **more}})
         conditions = {"holding_brake": "required", "inertia_ratio": 1e3}
         reports.append(pf.size(scene, motion, catalog, conditions=conditions, on_miss="ignore"))
     bare, braked = reports
-    said = "Not known of brakes that are needed, and not in the model: mass of B; inertia of B."
-    assert (bare.notes[-1], said in braked.notes) == (said, False)
+    largest = "Not printed of brakes: B: largest torque taken as 2 x 50 N m"
+    assert bare.notes[-1] == f"{largest}, mass taken as 0, inertia taken as 0."
+    assert braked.notes[-1] == f"{largest}."
     drive = [report.joints[0].installed.candidate for report in reports]
     assert drive[1].mass - drive[0].mass == pytest.approx(0.7)
     assert drive[1].brake == "B"

@@ -12,8 +12,8 @@ from sizing_cases import GEAR, MOTOR, one_drive, write_catalog
 
 import pinfric as pf
 from pinfric.errors import CatalogError
-from pinfric.study.sizing.catalog import Conditions, parse_conditions
 from pinfric.study.sizing.drivetrain import gear_transmission
+from pinfric.study.sizing.policy import Conditions, parse_conditions
 
 
 def test_bundled_catalogue_has_the_figures_of_its_sources_and_no_doubts():
@@ -368,7 +368,7 @@ def test_a_catalogue_that_extends_the_bundled_one(tmp_path):
         bundled.gearmotors,
         bundled.bearings,
     )
-    assert (mine.conditions.bus_voltage, mine.conditions.ambient) == (24.0, 25.0)
+    assert (mine.conditions.bus_voltage, mine.conditions.ambient) == (24.0, 40.0)
     assert mine.conditions.mass_in_urdf == {"joint_2": 1.5}
     assert bundled.conditions == Conditions()
     # of the same name the file's entry is taken, whole

@@ -64,30 +64,20 @@ def reversal(report, joint="a"):
     return report.reversals[report.scene.actuator_names.index(joint)]
 
 
-def test_a_joints_resonance_is_that_with_the_joints_beyond_it(arm, tmp_path):
-    """Of a: Dunkerley over both joints, below the lowest frequency; of b, the last: its own."""
+def test_a_joints_resonance_is_that_with_all_others_rigid(arm, tmp_path):
+    """f = sqrt(K/J)/(2 pi) of each joint; that of the whole arm is lower, and said, too."""
     report = sized(arm, tmp_path)
-    a, b = (
-        next(c for c in joint.choice.criteria if c.name == "gear resonance")
-        for joint in report.joints
-    )
-    J_a, J_b = (joint.load_inertia for joint in report.joints)
-    K = GEAR["stiffness"]
-    assert b.available == pytest.approx(np.sqrt(K / J_b) / TAU)
-    assert a.available == pytest.approx(np.sqrt(K / (J_a + J_b)) / TAU)
-    alone = np.sqrt(K / J_a) / TAU
-    assert a.note == f"lower bound (Dunkerley); with all other joints rigid {alone:.3g} Hz"
-    assert a.available < report.elastic.frequency.min() < alone
-    assert not b.note
-
-
-def test_the_rule_judges_by_the_lower_bound(arm, tmp_path):
-    report = sized(arm, tmp_path)
-    first = next(c for c in report.joint("a").choice.criteria if c.name == "gear resonance")
-    alone = np.sqrt(GEAR["stiffness"] / report.joint("a").load_inertia) / TAU
-    between = 0.5 * (first.available + alone)  # the old rule lets it pass
-    judged = sized(arm, tmp_path, resonance_base=between)
+    for joint in report.joints:
+        found = next(c for c in joint.choice.criteria if c.name == "gear resonance")
+        assert found.available == pytest.approx(
+            np.sqrt(GEAR["stiffness"] / joint.load_inertia) / TAU
+        )
+    first = next(c for c in report.joints[0].choice.criteria if c.name == "gear resonance")
+    assert report.elastic.frequency.min() < first.available
+    judged = sized(arm, tmp_path, resonance_base=1.01 * first.available)
     assert [c.name for c in judged.joint("a").nearest.failed] == ["gear resonance"]
+    assert "conditions.resonance_base = " in judged.no_fit[0]
+    assert "default 8)" in judged.no_fit[0]
 
 
 def test_lowest_frequency_and_tool_of_the_chosen_gears(arm, tmp_path):

@@ -9,10 +9,11 @@ from hypothesis import strategies as st
 from sizing_cases import MOTOR, hour_with_a_stall, one_drive
 
 import pinfric as pf
-from pinfric.study.sizing.catalog import Conditions, Thermal
+from pinfric.study.sizing.catalog import Thermal
 from pinfric.study.sizing.criterion import Status
 from pinfric.study.sizing.duty import Schedule
 from pinfric.study.sizing.overload import Lag, heat_lag, longest_above, settled_heat
+from pinfric.study.sizing.policy import Conditions
 
 EVER = np.ones(100, dtype=bool)
 
@@ -108,7 +109,7 @@ def test_a_motor_stalled_five_minutes_of_an_hour_does_not_pass(tmp_path, thermal
     scene, hour, drive = hour_with_a_stall()
     if not thermal:
         drive["motor"]["thermal"] = None
-    with pytest.warns(pf.PinfricWarning, match="none of 1 candidates fits"):
+    with pytest.warns(pf.PinfricWarning, match="none of 1 candidate fits"):
         (joint,) = pf.size(scene, hour, one_drive(tmp_path, **drive)).joints
     found = {c.name: c for c in joint.assessments[0].criteria}
     assert found["continuous torque"].required == pytest.approx(0.722 * 0.5, rel=0.01)

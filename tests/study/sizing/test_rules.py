@@ -74,9 +74,7 @@ def test_a_screw_without_a_length_is_not_judged(tmp_path):
     }
     unknown = lifted(tmp_path, entry, 10.0)
     assert unknown.choice is None
-    speed, force = unknown.assessments[0].missing_figures
-    assert "screw critical speed: no figure (screw: root diameter, length and supports)" in speed
-    assert force.startswith("its screw buckling cannot be checked: screw buckling: no figure (sc")
+    assert unknown.assessments[0].lacks == ("maximum input speed", "stroke")
     # a complete unit: its maker rates it for its stroke
     unit = {**entry, "max_input_speed": 700.0, "rated_torque": 300.0, "stroke": 0.25}
     whole = lifted(tmp_path, unit, 10.0)
@@ -119,9 +117,7 @@ def test_pressure_and_pv_of_a_plastic_nut(tmp_path):
         "screw": {"root_diameter": 0.0085, "length": 0.3, "supports": "fixed-supported"},
     }
     bare = lifted(tmp_path, entry, 5.0)
-    assert any(
-        "its gear load cannot be checked" in why for why in bare.assessments[0].missing_figures
-    )
+    assert bare.assessments[0].lacks == ("permissible force",)
     nut = {"diameter": d, "contact_area": area, "max_pressure": 1e6, "max_pv": 2e5}
     joint = lifted(tmp_path, {**entry, "nut": nut}, 5.0)
     t = np.linspace(0.0, 2.0, 201)
@@ -133,7 +129,7 @@ def test_pressure_and_pv_of_a_plastic_nut(tmp_path):
     assert found["nut PV value"].required == pytest.approx(pv, rel=1e-6)
     assert found["nut PV value"].margin == pytest.approx(1 - pv / 2e5, rel=1e-6)
     assert "screw loads" not in found  # a nut that slides has no rolling elements
-    assert not joint.assessments[0].missing_figures
+    assert not joint.assessments[0].lacks
     unknown = lifted(tmp_path, {**entry, "nut": {"diameter": d, "contact_area": area}}, 5.0)
     notes = {c.name: c.note for c in unknown.assessments[0].not_checked}
     assert notes["nut PV value"] == "no figure (nut: diameter, contact_area and max_pv)"

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from sizing_cases import GEAR, MOTOR, one_drive, trapezoid, turntable, write_catalog
 
 import pinfric as pf
 from pinfric.errors import SizingError
 from pinfric.study.sizing.criterion import Status
-from pinfric.study.sizing.stop_limits import brake_peak
+from pinfric.study.sizing.limits import brake_peak
 
 BRAKE = {
     "source": "invented",
@@ -49,20 +50,18 @@ def test_peak_of_a_closing_brake_by_hand(tmp_path):
 
 
 def test_a_brake_of_unknown_mass_and_inertia_loads_its_gear_too(tmp_path):
-    """0.5 N m x 100, J_r of motor and gear alone; the scene does not say how it is stopped."""
+    """Twice 0.5 N m x 100, J_r of motor and gear alone; the scene does not say how it stops."""
     bare = {"source": "invented", "grade": "R", "torque": 0.5}
     report = sized(tmp_path, brake=bare, stops=None)
     heavy = 1e4 * (5e-5 + 1e-5) / 2.0
-    assert row(report).required == pytest.approx((50.0 + heavy * 15.0) / (0.7 + heavy), rel=1e-6)
+    assert row(report).required == pytest.approx((100.0 + heavy * 15.0) / (0.7 + heavy), rel=1e-6)
     assert report.joints[0].installed.candidate.brake == "B"
-    assert "not in the model: mass of B; inertia of B." in report.notes[-1]
+    assert "B: largest torque taken as 2 x 0.5 N m, mass taken as 0" in report.notes[-1]
 
 
 @pytest.mark.parametrize(
     ("gear", "lacks"),
     [
-        ({"momentary_peak_torque": None}, "momentary peak"),
-        ({"efficiency": None}, "efficiency of the gear"),
         ({"back_efficiency": -0.5}, "a bound: the driven gear jams"),
     ],
 )
@@ -101,8 +100,15 @@ def test_the_gear_in_a_gearmotor_has_no_figure_and_a_direct_drive_no_gear(tmp_pa
     assert lacks == {"A": ["momentary peak of the gear in the gearmotor"], "D": []}
 
 
+def test_another_peak_stands_in_for_a_momentary_one(tmp_path):
+    """Of a planetary gear T2Not is T2B where it is not printed, and the report says so."""
+    found = row(sized(tmp_path, gear={"momentary_peak_torque": None}))
+    assert (found.available, found.status) == (60.0, Status.FAILS)
+    assert found.note.endswith("the repeated peak torque: no higher limit is known")
+
+
 def test_peak_where_a_gear_would_jam_has_no_bound():
-    assert brake_peak(0.5, 100.0, 1e-5, 2.0, 0.0, -0.2) is None
+    assert np.isnan(brake_peak(0.5, 100.0, 1e-5, 2.0, 0.0, -0.2))
     assert brake_peak(0.5, 100.0, 1e-5, 2.0, 0.0, 1.0) == pytest.approx(50.0 / 1.05)
 
 
