@@ -52,6 +52,9 @@ NoLoadTorque = Annotated[
 #: Allowed difference of the curves over load and over speed where they meet.
 _APART = 0.02
 
+#: rad, 4 arcmin: the hysteresis loss that makers state of their smallest strain wave gears.
+_LARGEST_HYSTERESIS = 1.2e-3
+
 
 class Temperature(Entry):
     """Effect of the temperature on the part of a loss that grows with the speed: a factor on d.
@@ -301,7 +304,9 @@ class Transmission(Entry):
                 "rotor_inertia", self.rotor_inertia, 0.1, "kg m^2", "kg cm^2 entered?"
             )
         yield from unlikely("ratio", abs(self.ratio), 1000.0, "")
-        yield from unlikely("hysteresis", self.hysteresis, 0.01, "rad", "arcmin entered?")
+        yield from unlikely(
+            "hysteresis", self.hysteresis, _LARGEST_HYSTERESIS, "rad", "arcmin or degrees entered?"
+        )
 
 
 class LoadLoss(NamedTuple):

@@ -102,6 +102,8 @@ def test_check_asks_about_frequencies_that_no_robot_has(factor, hertz, tmp_path)
     if hertz:
         assert "lowest natural frequency" in found[0].found
         assert (float(found[0].found.split()[3]) < 3.0) == (hertz < 3.0)
+        said = " ".join(map(str, dataclasses.astuple(found[0])))
+        assert ("too small" if hertz < 3.0 else "too large: stiffness in N mm/rad") in said
 
 
 def test_without_stiffness_check_finds_nothing_new():
@@ -109,3 +111,11 @@ def test_without_stiffness_check_finds_nothing_new():
     assert not scene.elastic
     assert not [f for f in pf.check(scene.source).findings if f.kind in ("hysteresis", "frequency")]
     assert dataclasses.replace(scene).tool is None
+
+
+@pytest.mark.parametrize(("arcmin", "unlikely"), [(4.0, False), (5.0, True), (11.0, True)])
+def test_more_hysteresis_than_any_maker_states_is_asked_about(arcmin, unlikely):
+    """11 arcmin passed in silence: the warning began at 34."""
+    gear = actuator(arcmin * ARCMIN).transmission
+    said = [line for line in gear.questions() if "hysteresis" in line]
+    assert bool(said) == unlikely

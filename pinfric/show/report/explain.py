@@ -59,4 +59,9 @@ def elastic_lines(effect: ElasticEffect) -> list[str]:
             f"  tool at rest: sags by up to {digits(1e3 * effect.sag)} mm; friction can hold it "
             f"within ±{digits(1e3 * effect.interval)} mm"
         )
+    if effect.corrected:
+        lines.append(
+            f"  encoder at the joint of {', '.join(effect.corrected)}: the controller corrects "
+            "their wind-up, which is not in the sag and the range"
+        )
     return lines

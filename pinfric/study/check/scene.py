@@ -275,13 +275,16 @@ def _elastic_gears(scene: Scene) -> Iterator[Finding]:
     frequency = unloaded_frequency(scene)
     low, high = _FREQUENCIES
     if not low <= frequency <= high:  # also NaN
+        small = "too small: stiffness in N m/arcmin, or in N m/deg, entered as N m/rad?"
+        large = (
+            "too large: stiffness in N mm/rad entered as N m/rad, or converted from arcmin twice?"
+        )
         yield Finding(
             Severity.WARNING,
             "frequency",
             "actuators[].transmission.stiffness",
             f"lowest natural frequency {frequency:.3g} Hz, motors held",
-            f"robots have {low:g} to {high:g} Hz: stiffness in N m/arcmin, or in N m/deg, entered "
-            "as N m/rad?",
+            f"robots have {low:g} to {high:g} Hz: {large if frequency > high else small}",
             excess=max(low / frequency, frequency / high),
         )
 

@@ -33,6 +33,9 @@ class ElasticEffect:
         default=None,
     )
     drive: str = quantity("that drive", default="")
+    corrected: tuple[str, ...] = quantity(
+        "drives with the encoder at the joint, whose wind-up the controller corrects", default=()
+    )
     sag: float | None = quantity("largest sag of the tool at rest", "m", default=None)
     interval: float | None = quantity(
         "largest half-width of the tool's positions at rest; none: no tool or no rest",
@@ -47,10 +50,13 @@ def elastic_effect(result: InverseResult) -> ElasticEffect | None:
     Args:
         result: of inverse dynamics; without times only the frequency is known.
     """
-    if not result.scene.elastic:
+    scene = result.scene
+    if not scene.elastic:
         return None
+    drives = [scene.drives[d] for d in scene.elastic]
+    corrected = tuple(drive.name for drive in drives if drive.encoder == "joint")
     if result.t is None or len(result.t) < 3:
-        return ElasticEffect(unloaded_frequency(result.scene))
+        return ElasticEffect(unloaded_frequency(scene), corrected=corrected)
     found = elasticity(result)
     tools = [rest.tool for rest in found.rests if rest.tool is not None]
     share, drive = _motor_share(result)
@@ -59,6 +65,7 @@ def elastic_effect(result: InverseResult) -> ElasticEffect | None:
         bandwidth=bandwidth(result.t, result.states.a),
         motor_share=share,
         drive=drive,
+        corrected=corrected,
         sag=max((tool.sag_distance for tool in tools), default=None),
         interval=max((tool.farthest for tool in tools), default=None),
     )

@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import fnmatch
 import math
+import warnings
 from collections.abc import Iterable, Sequence
 from copy import copy
 from dataclasses import dataclass
@@ -31,7 +32,7 @@ import numpy as np
 import pandas as pd
 import pinocchio as pin
 
-from pinfric.errors import SweepError, choose_from, problems_line
+from pinfric.errors import PinfricWarning, SweepError, choose_from, problems_line
 from pinfric.model.friction_terms import TERMS, CoulombFriction
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Actuator, Friction, Payload
@@ -120,7 +121,31 @@ def resolve(scene: Scene, sweep: SweepFile, source: str) -> tuple[Target, ...]:
     problems += [f"`parameters`: {column} is given twice" for column in sorted(twice)]
     if problems:
         raise SweepError(problems_line(source, problems))
+    for target in targets:
+        if target.key == "hysteresis":
+            _warn_of_full_springs(scene, target)
     return tuple(targets)
+
+
+def _warn_of_full_springs(scene: Scene, target: Target) -> None:
+    """Say from which factor on no more friction can move behind a gear's spring."""
+    top = target.distribution.support[1]
+    top = top if np.isfinite(top) else float(target.distribution.quantile(np.array([0.999]))[0])
+    for actuator in scene.actuators or ():
+        gear, entry = actuator.transmission, scene.friction.get(actuator.joint or "")
+        if actuator.drive_name not in target.names or gear is None or entry is None:
+            continue
+        lost, coulomb = gear.no_load_torque, entry.coulomb
+        assert isinstance(coulomb, CoulombFriction)  # `_check_split`
+        there = lost.static if isinstance(lost, CoulombFriction) else 0.0
+        most = 1.0 + abs(gear.ratio) * there / coulomb.static if coulomb.static else np.inf
+        if top > most * (1.0 + 1e-9):
+            warnings.warn(
+                f"{target.name}: factors above {most:.3g} change nothing at {actuator.drive_name}: "
+                "its no_load_torque has no more friction that could act behind the spring",
+                PinfricWarning,
+                stacklevel=2,
+            )
 
 
 def _table_targets(scene: Scene, table: str | None, problems: list[str]) -> list[Target]:

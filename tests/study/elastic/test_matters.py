@@ -8,6 +8,7 @@ from envelopes import result_of
 
 import pinfric as pf
 from pinfric import cli
+from pinfric.show.report.explain import elastic_lines
 from pinfric.study.elastic.matters import bandwidth, elastic_effect
 from pinfric.study.explain import explain
 
@@ -57,3 +58,16 @@ def test_explain_says_it_only_of_elastic_scenes(capsys):
         found = result_of(capsys.readouterr().out)
         assert (found["elastic"] is not None) == elastic
     assert explain(scene).elastic.bandwidth is None
+
+
+def test_explain_says_whose_wind_up_the_controller_corrects():
+    """Sag and range were 0 without a word."""
+    scene = pf.load_scene("ur10_machine_tending")
+    motion = pf.load_trajectory("ur10_machine_tending", scene)
+    at_joint = [a.model_copy(update={"encoder": "joint"}) for a in scene.actuators]
+    for given, names in ((scene, ()), (scene.with_(actuators=at_joint), scene.actuator_names)):
+        found = elastic_effect(pf.inverse_dynamics(given, motion))
+        assert found.corrected == tuple(names)
+        lines = " ".join(elastic_lines(found))
+        assert ("the controller corrects their wind-up" in lines) == bool(names)
+    assert found.sag == 0.0

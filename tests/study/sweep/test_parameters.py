@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 from sweep_cases import BOX, MASS, MU, G, pushed_block, run, steady, sweep_of, uniform
@@ -62,6 +64,16 @@ def test_hysteresis_moves_friction_across_the_spring(arm):
     elbow = varied.actuators[2].transmission
     assert varied.friction["elbow_joint"].coulomb.static == pytest.approx(4.5 + 101 * 0.0149)
     assert elbow.no_load_torque.static == pytest.approx(0.0, abs=1e-15)
+
+
+def test_factors_that_can_move_no_more_friction_are_said(arm):
+    scene, _ = arm
+    with pytest.warns(pf.PinfricWarning, match=r"factors above 1.33\d* change nothing at elbow"):
+        resolve(scene, SweepFile.model_validate(grid(transmission__all__hysteresis=[3.0])), "s")
+    usual = grid(transmission__elbow_joint__hysteresis=[0.5, 1.3])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        resolve(scene, SweepFile.model_validate(usual), "s")
 
 
 def test_less_hysteresis_narrows_the_interval_and_leaves_the_motors(arm, tmp_path):
