@@ -1,13 +1,14 @@
-"""Mutated scenes, URDFs, trajectories, motions, sweeps and catalogues against the command line.
+"""Mutated scenes, URDFs, logs, way-points, motions, sweeps and catalogues against the command line.
 
     python tests/fuzz.py --count 10000 --seed 1      all of it; 30 minutes of one core
     python tests/fuzz.py --case 4711 --keep DIR      one case again, its files kept
 
-Each case mutates one input of one command and must end in exit 0 with numbers that are numbers,
-or in exit 2 and one line on stderr that names the place. Everything else is a finding: exit 70, an
-exception, a number that is none, Python's own warnings, a hang, the death of the interpreter
-(cases run in a process of their own, which tells the case it dies of). A case depends on its seed
-alone.
+First every file and command runs without a mutation and must end in exit 0, which also compiles
+the kernels. Each case mutates one input of one command and must end in exit 0 with numbers that are
+numbers, or in exit 2 and one line on stderr that names the place. Everything else is a finding:
+exit 70, an exception, a number that is none, Python's own warnings, a hang, the death of the
+interpreter (cases run in a process of their own, which tells the case it dies of). A case depends
+on its seed alone.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import dataclasses
+import gzip
 import io
 import json
 import math
@@ -30,7 +32,7 @@ from collections import Counter
 from pathlib import Path
 from time import perf_counter
 
-from mutations import NUMBERS, Mutator
+from mutations import NAMES, NUMBERS, Mutator
 from sizing_cases import GEAR, MOTOR
 
 ROOT = Path(__file__).parents[1]
@@ -112,9 +114,18 @@ ARM_SCENE = {
     },
 }
 ARM_CSV = "t,shoulder,extension,payload.box\n" + "".join(
-    f"{0.1 * i:.1f},{0.3 * math.sin(0.5 * i):.4f},{0.2 + 0.02 * i:.3f},{int(i > 5)}\n"
-    for i in range(12)
+    f"{0.02 * i:.2f},{0.3 * math.sin(0.1 * i):.6f},{0.2 + 0.1 * math.sin(0.07 * i):.6f},"
+    f"{int(i > 30)}\n"
+    for i in range(60)
 )
+LOG = [[float(cell) for cell in line.split(",")] for line in ARM_CSV.splitlines()[1:]]
+LOG_COLUMNS = dict(zip(("t", "shoulder", "extension"), zip(*LOG, strict=True), strict=False))
+LOG_MESSAGES = [
+    (1_700_000_000_000_000_000 + round(1e9 * t), ("shoulder", "extension"), places)
+    for t, *places, _ in LOG
+]
+#: Forms of the arm's log, by the ending of its file.
+LOGS = ("csv", "csv.gz", "parquet", "db3", "mcap")
 ARM_WAY = {
     "pinfric_trajectory": 1,
     "profile": "quintic",
@@ -165,6 +176,43 @@ def yaml_text(tree):
     return yaml.safe_dump(tree, allow_unicode=True, sort_keys=False)
 
 
+def bag(rows, ending):
+    """The file of a bag of joint states: (time in ns, names, positions)."""
+    import numpy as np
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    types, kind = get_typestore(Stores.LATEST), "sensor_msgs/msg/JointState"
+    make, none = types.types, np.array([])
+    plugin = StoragePlugin.MCAP if ending == "mcap" else StoragePlugin.SQLITE3
+    with tempfile.TemporaryDirectory() as folder:
+        with Writer(Path(folder) / "bag", version=9, storage_plugin=plugin) as writer:
+            topic = writer.add_connection("/joint_states", kind, typestore=types)
+            for at, names, places in rows:
+                stamp = make["builtin_interfaces/msg/Time"](sec=at // 10**9, nanosec=at % 10**9)
+                header = make["std_msgs/msg/Header"](stamp=stamp, frame_id="")
+                message = make[kind](header, list(names), np.array(places, float), none, none)
+                writer.write(topic, at, types.serialize_cdr(message, kind))
+        return next((Path(folder) / "bag").glob(f"*.{ending}")).read_bytes()
+
+
+def log_file(ending, mutate=None):
+    """The arm's log in one of its forms; mutated by a Mutator."""
+    import pyarrow as pa
+    import pyarrow.parquet as parquet
+
+    if ending.startswith("csv"):
+        content = (mutate.table(ARM_CSV) if mutate else ARM_CSV).encode("utf-8", "surrogatepass")
+        content = gzip.compress(content, mtime=0) if ending == "csv.gz" else content
+        wounded = mutate and ending == "csv.gz" and mutate.chance.random() < 0.2
+        return mutate.damaged(content) if wounded else content
+    if ending == "parquet":
+        made = io.BytesIO()
+        parquet.write_table(pa.table(LOG_COLUMNS), made)
+        return mutate.parquet(LOG_COLUMNS) if mutate else made.getvalue()
+    return bag(mutate.messages(LOG_MESSAGES) if mutate else LOG_MESSAGES, ending)
+
+
 @contextlib.contextmanager
 def _quiet():
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
@@ -206,20 +254,37 @@ class Maker:
         self.robots["arm"] = (ARM_SCENE, ARM_URDF, ARM_WAY)
         self.motions = {name: saved_motion(name) for name in ("pendulum", "four_bar")}
 
-    def case(self, seed):
-        mutate = Mutator(seed)
-        chance = mutate.chance
-        what = chance.choices(
-            ("scene", "trajectory", "urdf", "motion", "sweep", "catalog", "mesh", "options"),
-            (30, 22, 22, 8, 7, 5, 2, 4),
-        )[0]
-        name = chance.choice((*self.robots, "arm", "arm"))
-        if what in ("sweep", "mesh"):
-            name = "arm"
-        elif what == "catalog":
-            name = chance.choice(("pendulum", "three_link"))
-        elif what == "motion":
-            name = chance.choice(list(self.motions))
+    def bases(self):
+        """Cases without a mutation: every file that is mutated, and every command that reads it."""
+        chance = Mutator(0).chance
+        for name in self.robots:
+            motions = ["way.yaml", *(f"motion.{e}" for e in LOGS if name == "arm")]
+            for motion in motions:
+                yield Case(self._files(name, motion), ["inverse", f"{name}.yaml", motion], name)
+            commands = self._commands(chance, name, "way.yaml")
+            commands["explain"] = ["explain", f"{name}.yaml", "way.yaml"]
+            chosen = ["explain", "replay", "new", "check"]
+            chosen += ["simulate"] if "simulation" in self.robots[name][0] else []
+            chosen += ["sweep"] if name == "arm" else []
+            for command in chosen:
+                yield Case(self._files(name, "way.yaml"), commands[command], name)
+            if name in ("pendulum", "three_link"):
+                sized = [*commands["size"], "--catalog", "catalog.yaml"]
+                yield Case(self._files(name, "way.yaml"), sized, name)
+            if name in self.motions:
+                files = self._files(name, "way.yaml") | {"motion.npz": self.motions[name]}
+                replay = ["replay", f"{name}.yaml", "motion.npz", "--html", "page.html"]
+                yield Case(files, replay, name)
+
+    def check_bases(self):
+        """Run them, which also compiles the kernels: no case waits for these."""
+        for case in self.bases():
+            with tempfile.TemporaryDirectory(prefix="fuzz-") as folder:
+                found, detail, _ = run_case(case, Path(folder))
+            what = f"{' '.join(case.arguments)}, not mutated: {found}: {detail}"
+            assert found == "exit 0", what
+
+    def _files(self, name, motion):
         scene, urdf, way = self.robots[name]
         texts = {
             f"{name}.yaml": yaml_text(scene),
@@ -228,45 +293,80 @@ class Maker:
             "catalog.yaml": yaml_text(CATALOG),
         }
         if name == "arm":
-            texts |= {"motion.csv": ARM_CSV, "sweep.yaml": yaml_text(SWEEP), "part.stl": STL}
-        motion = "motion.csv" if name == "arm" and chance.random() < 0.6 else "way.yaml"
-        arguments, mutated = self._command(chance, what, name, motion), what
-        trees = {
-            f"{name}.yaml": scene,
-            "way.yaml": way,
-            "sweep.yaml": SWEEP,
-            "catalog.yaml": CATALOG,
-        }
+            texts |= {"sweep.yaml": yaml_text(SWEEP), "part.stl": STL}
+        files = {name: text.encode() for name, text in texts.items()}
+        if motion.startswith("motion."):
+            files[motion] = log_file(motion.removeprefix("motion."))
+        return files
+
+    def case(self, seed):
+        mutate = Mutator(seed)
+        chance = mutate.chance
+        what = chance.choices(
+            (
+                "scene",
+                "trajectory",
+                "urdf",
+                "motion",
+                "sweep",
+                "catalog",
+                "mesh",
+                "options",
+                "names",
+            ),
+            (30, 30, 24, 8, 7, 5, 2, 4, 4),
+        )[0]
+        name = chance.choice((*self.robots, "arm", "arm"))
+        if what in ("sweep", "mesh", "names") or (what == "trajectory" and chance.random() < 0.5):
+            name = "arm"
+        elif what == "catalog":
+            name = chance.choice(("pendulum", "three_link"))
+        elif what == "motion":
+            name = chance.choice(list(self.motions))
+        scene, _, way = self.robots[name]
+        motion = f"motion.{chance.choice(LOGS)}" if name == "arm" else "way.yaml"
+        motion = "way.yaml" if chance.random() < 0.3 else motion
+        files = self._files(name, motion)
+        arguments = self._command(chance, what, name, motion)
+        if what == "motion":
+            files["motion.npz"] = mutate.archive(self.motions[name])
+        elif what == "trajectory" and motion != "way.yaml":
+            files[motion] = log_file(motion.removeprefix("motion."), mutate)
+        elif what == "names":
+            old, new = chance.choice(("shoulder", "ram", "box")), chance.choice(NAMES)
+            for file in (f"{name}.yaml", f"{name}.urdf", "sweep.yaml", "motion.csv"):
+                if file in files:
+                    files[file] = files[file].replace(old.encode(), new.encode())
         file = {
             "scene": f"{name}.yaml",
-            "trajectory": motion,
+            "trajectory": "way.yaml" if motion == "way.yaml" else None,
             "urdf": f"{name}.urdf",
             "sweep": "sweep.yaml",
             "catalog": "catalog.yaml",
             "mesh": "part.stl",
         }.get(what)
-        if file is not None and file.endswith(".yaml"):
-            if chance.random() < 0.25:
-                texts[file] = mutate.text(texts[file])
-            else:
-                texts[file] = yaml_text(mutate.tree(trees[file]))
-        elif file == "motion.csv":
-            texts[file] = mutate.table(texts[file])
-        elif file is not None:
-            texts[file] = (mutate.xml if what == "urdf" else mutate.text)(texts[file])
-        files = {k: v.encode("utf-8", "surrogatepass") for k, v in texts.items()}
-        if what == "motion":
-            files["motion.npz"] = mutate.archive(self.motions[name])
-        elif file is not None and chance.random() < 0.03:
-            content = bytearray(files[file])
-            content[chance.randrange(len(content) or 1) : 1] = chance.randbytes(3)
-            files[file] = bytes(content)
-        return Case(files, arguments, f"{mutated} of {name}")
+        if file is not None:
+            trees = {f"{name}.yaml": scene, "way.yaml": way}
+            trees |= {"sweep.yaml": SWEEP, "catalog.yaml": CATALOG}
+            files[file] = self._mutated(mutate, files[file].decode(), trees.get(file), what)
+        return Case(files, arguments, f"{what} of {name}")
 
-    def _command(self, chance, what, name, motion):
+    @staticmethod
+    def _mutated(mutate, text, tree, what):
+        chance = mutate.chance
+        if tree is not None and chance.random() >= 0.25:
+            text = yaml_text(mutate.tree(tree))
+        else:
+            text = (mutate.xml if what == "urdf" else mutate.text)(text)
+        content = bytearray(text.encode("utf-8", "surrogatepass"))
+        if chance.random() < 0.03:
+            content[chance.randrange(len(content) or 1) : 1] = chance.randbytes(3)
+        return bytes(content)
+
+    @staticmethod
+    def _commands(chance, name, motion):
         scene = f"{name}.yaml"
-        simulated = "simulation" in self.robots[name][0]
-        commands = {
+        return {
             "inverse": ["inverse", scene, motion],
             "explain": ["explain", scene, *chance.choice(([], [motion]))],
             "size": ["size", scene, motion],
@@ -283,6 +383,10 @@ class Maker:
             "new": ["new", f"{name}.urdf", "--out", "new"],
             "check": ["check", chance.choice((scene, f"{name}.urdf"))],
         }
+
+    def _command(self, chance, what, name, motion):
+        commands, scene = self._commands(chance, name, motion), f"{name}.yaml"
+        simulated = "simulation" in self.robots[name][0]
         if what == "catalog" or chance.random() < 0.5:
             commands["size"] += ["--catalog", "catalog.yaml"]
         weights = {
@@ -437,6 +541,11 @@ def work():
         maker = Maker()
     answers = os.fdopen(os.dup(1), "w", buffering=1)
     os.dup2(2, 1)  # what is printed late is no answer
+    try:
+        maker.check_bases()
+    except AssertionError as problem:
+        answers.write(f"{problem}\n")
+        return
     answers.write("ready\n")
     for line in sys.stdin:
         seed = int(line)
@@ -465,7 +574,8 @@ class Worker:
             cwd=ROOT,
             env={**os.environ, "PYTHONPATH": str(ROOT)},
         )
-        assert self._answer(120.0) == "ready\n", "the worker does not start"
+        answer = self._answer(1800.0)
+        assert answer == "ready\n", answer or "the worker does not start"
 
     def _answer(self, limit):
         ready, _, _ = select.select([self.process.stdout], [], [], limit)

@@ -22,6 +22,34 @@ NUMBERS = [
     *("nan", "inf", "-inf", "1e300", "-1e300", "1e155", "1e308", "1e20", "1e-300"),
     *("0", "-1", "-0.0", "1e6", "0x10", "1,5", "1_0", "1e", "½", "x", "true", "--1"),
     *("", " ", "1 2 3", "9" * 400, "\x00"),
+    *(
+        "2\u00a0",
+        "\u20092",
+        "\uff12",
+        "\u0967",
+        "2\t",
+        "+2.",
+        "0_0.1",
+        "2f",
+        "2d0",
+        "1e-400",
+        "1e400",
+    ),
+]
+#: Names of joints and links, wherever they stand.
+NAMES = [
+    "关节",
+    "\U00012000",
+    "a b",
+    "a.v",
+    "t",
+    "\u202e",
+    "é" * 300,
+    "1",
+    "-",
+    "#x",
+    "a/b",
+    "a,b",
 ]
 
 
@@ -176,16 +204,82 @@ class Mutator:
                 del rows[row]
         return "\n".join(",".join(cells) for cells in rows) + "\n"
 
+    def damaged(self, content):
+        """Bytes with bits flipped, or cut."""
+        chance, content = self.chance, bytearray(content)
+        for _ in range(chance.choice((1, 1, 3, 20))):
+            content[chance.randrange(len(content))] ^= 1 << chance.randrange(8)
+        return bytes(content[: chance.choice((None, None, chance.randrange(len(content))))])
+
+    def parquet(self, columns):
+        """A Parquet file of columns, of another type, with holes, or with other names."""
+        import decimal
+
+        import pyarrow as pa
+        import pyarrow.parquet as parquet
+
+        chance, columns = self.chance, dict(columns)
+        name = chance.choice(list(columns))
+        values = columns[name]
+        whole = [round(1e9 * x) for x in values]
+        changed = chance.choice(
+            (
+                lambda: pa.array([decimal.Decimal(f"{x:.6f}") for x in values]),
+                lambda: pa.array(whole, pa.duration("ns")),
+                lambda: pa.array(whole, pa.timestamp("ns", "Asia/Tokyo")),
+                lambda: pa.array([None if chance.random() < 0.02 else x for x in values]),
+                lambda: pa.array([str(x) for x in values]),
+                lambda: pa.array([[x] for x in values]),
+                lambda: pa.array(values, pa.float32()),
+                lambda: pa.array([x * self.factor() for x in values]),
+                lambda: pa.array([chance.choice((float("nan"), x)) for x in values]),
+                lambda: pa.array(values).dictionary_encode(),
+            )
+        )()
+        columns[name] = changed
+        names = list(columns)
+        if chance.random() < 0.2:
+            names[chance.randrange(len(names))] = chance.choice([*names, *NAMES])
+        table = pa.table(list(columns.values()), names=names)
+        if chance.random() < 0.1:
+            table = table.slice(0, chance.choice((0, 1, 5)))
+        if chance.random() < 0.2:
+            odd = chance.choice((b"{}", b"x", b'{"index_columns": ["gone"]}', b"\xff"))
+            table = table.replace_schema_metadata({b"pandas": odd})
+        made = io.BytesIO()
+        parquet.write_table(table, made)
+        return self.damaged(made.getvalue()) if chance.random() < 0.2 else made.getvalue()
+
+    def messages(self, rows):
+        """(time in ns, names, positions) of joint states, some of them wrong."""
+        chance = self.chance
+        rows = [(at, list(names), list(places)) for at, names, places in rows]
+        for _ in range(chance.choice((1, 1, 3, 30))):
+            at, names, places = rows[chance.randrange(len(rows))]
+            kind = chance.randrange(7)
+            if kind == 0:
+                names.clear()
+            elif kind == 1 and names:
+                names[0] = chance.choice([*names, *NAMES])
+            elif kind == 2 and places:
+                places.pop()
+            elif kind == 3 and places:
+                places[0] *= self.factor()
+            elif kind == 4 and places:
+                places[0] = float("nan")
+            elif kind == 5:
+                rows[chance.randrange(len(rows))] = (at, names, places)
+            else:
+                places.clear()
+        return rows
+
     def archive(self, content):
         """An npz with bits flipped, or with arrays of other shapes and values."""
         import numpy as np
 
         chance = self.chance
         if chance.random() < 0.5:
-            damaged = bytearray(content)
-            for _ in range(chance.choice((1, 1, 3, 20))):
-                damaged[chance.randrange(len(damaged))] ^= 1 << chance.randrange(8)
-            return bytes(damaged[: chance.choice((None, None, chance.randrange(len(damaged))))])
+            return self.damaged(content)
         with np.load(io.BytesIO(content)) as file:
             entries = {name: file[name] for name in file.files}
         name = chance.choice(list(entries))

@@ -77,3 +77,13 @@ def test_a_case_depends_on_its_seed_alone():
     again = [maker.case(seed) for seed in reversed(range(20))][::-1]
     assert first == again
     assert len({tuple(sorted(case.files.items())) for case in first}) == 20
+
+
+def test_a_base_that_is_refused_is_said():
+    """Before, an unmutated log was refused: no mutation of logs was ever read."""
+    maker = fuzz.Maker()
+    read = {case.arguments[2] for case in maker.bases() if case.arguments[0] == "inverse"}
+    assert read >= {f"motion.{ending}" for ending in fuzz.LOGS}
+    maker.robots = {"arm": ({}, *maker.robots["arm"][1:])}
+    with pytest.raises(AssertionError, match="not mutated: exit 2: "):
+        maker.check_bases()
