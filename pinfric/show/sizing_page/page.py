@@ -56,8 +56,6 @@ from pinfric.study.sizing.summary import (
     sizing_summary,
 )
 
-#: Products to ask for on the first screen.
-_ASKED = 4
 #: Margins below are called tight.
 _TIGHT = 0.1
 
@@ -105,7 +103,6 @@ def sizing_page(report: SizingReport, command: str = "") -> str:
         verdict="" if report.catalog is None else verdict(report),
         unchecked=unchecked_table(found, title=""),
         ask=ask_table(found),
-        asked=ask_table(found, _ASKED),
         smaller=smaller_table(found),
         what_if=what_if_table(found),
         masses=masses_line(report),
