@@ -18,6 +18,8 @@ class Found(IntEnum):
     NOT_CONVERGED = 3
     #: The search has reached its limit.
     UNDECIDED = 4
+    #: There is one, which a shaft with a little compliance would leave.
+    UNSTABLE = 5
 
 
 class Modes(NamedTuple):

@@ -13,7 +13,8 @@ A search ends after `MOST_PASSES` passes of its solves; it is then `UNDECIDED`.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -39,20 +40,35 @@ _CHANGES, _FOR_EACH = 60, 20
 _TURNED, _NEARLY, _FARTHER = 1e-8, 0.03, 30.0
 
 
-@dataclass(frozen=True)
+class Answer(NamedTuple):
+    """A solution that obeys the laws.
+
+    Attributes:
+        modes: with its friction.
+        stable: whether a shaft with a little compliance would stay at it.
+        delivered: (na,) efforts that say which line each gear is on.
+    """
+
+    modes: Modes
+    stable: bool = True
+    delivered: np.ndarray | None = None
+
+
+@dataclass
 class Lines:
     """How a problem depends on its modes if drives have gears.
 
     Attributes:
-        settle: solves the modes as they are, as `rest.solve` does, with so many self-locking gears
-            on lines that fall.
-        may_slip: (2, nc) bool, whether coordinates may slip from rest forward, backward.
-        falls: how many gears may be on lines that fall.
+        settle: solves the modes as they are, as `rest.solve` does.
+        take: makes an answer the present one.
+        found: the answers that the last `settle` found, if gears may have several; else empty.
+        many: how many answers, of the last search, and how many of them are stable.
     """
 
-    settle: Callable[[int], tuple[int, int]]
-    may_slip: np.ndarray
-    falls: int
+    settle: Callable[[], tuple[int, int]]
+    take: Callable[[Answer], None]
+    found: list[Answer] = field(default_factory=list)
+    many: tuple[int, int] = (1, 1)
 
 
 class _Query:
@@ -60,8 +76,7 @@ class _Query:
 
     Attributes:
         problem, modes, mechanism: see `search`.
-        lines: what gears do; without gears all may slip, and modes are solved by `rest.solve`.
-        falls: how many gears are on lines that fall at present.
+        lines: what gears do; without gears modes are solved by `rest.solve`.
         left: passes.
         every: whether all solutions of given modes are wanted, where there may be several.
         unsure: whether the search for all solutions of some modes reached its limit.
@@ -75,27 +90,41 @@ class _Query:
         lines: Lines | None,
         every: bool,
     ) -> None:
-        self.every, self.falls, self.left, self.unsure = every, 0, MOST_PASSES, False
+        self.every, self.left, self.unsure = every, MOST_PASSES, False
         self.problem, self.modes, self.mechanism = problem, modes, mechanism
-        everywhere = np.ones((2, len(modes.stuck)), dtype=bool)
-        self.lines = lines or Lines(lambda _: solve(problem, modes, mechanism), everywhere, 0)
+        self.lines = lines or Lines(lambda: solve(problem, modes, mechanism), self._take)
 
-    def may(self, ways: Mapping[int, float]) -> bool:
-        """Whether joints may slip in these ways: coordinate -> direction."""
-        return all(self.lines.may_slip[int(way < 0.0), c] for c, way in ways.items())
-
-    def settle(self) -> tuple[int, int]:
-        """Solve the modes as they are; see `rest.solve`."""
-        return self.lines.settle(self.falls)
+    def _take(self, answer: Answer) -> None:
+        """Make an answer the present one, where there are no gears."""
+        self.modes.take(answer.modes)
+        self.lines.settle()
 
     def solve(self) -> tuple[int, int]:
         """Solve the modes as they are, all solutions of them if wanted; see `rest.solve`."""
-        found = self.settle()
+        found = self.lines.settle()
         shared = np.isnan(self.modes.figures[0])
         self.left -= max(3 * self.mechanism.closed, int(self.modes.figures[1]) if shared else 1)
         if self.every and self.modes.figures[0] >= 1.0:
             return self._all(found)
         return found
+
+    def end(self, solutions: int, obeying: int) -> Found:
+        """Return how the search ends with the modes just solved; the answer is the present one."""
+        if self.lines.found:
+            return self.choose(list(self.lines.found))
+        return outcome(solutions, obeying)
+
+    def choose(self, answers: list[Answer]) -> Found:
+        """Make the answer the present one: of several the only stable one."""
+        stable = [answer for answer in answers if answer.stable]
+        self.lines.many = len(answers), len(stable)
+        best = (stable or answers)[0]
+        self.lines.take(best)  # others were tried since
+        if not _same(Answer(self.modes), best):
+            return Found.UNDECIDED
+        if len(stable) == 1:
+            return Found.SOLVED
+        return Found.AMBIGUOUS if len(answers) > 1 else Found.UNSTABLE
 
     def _all(self, found: tuple[int, int]) -> tuple[int, int]:
         """Look for solutions that Newton's method has missed; see `solve`."""
@@ -170,7 +199,7 @@ def _search_open(query: _Query, forced: dict[int, float], held: np.ndarray | Non
     modes, mechanism = query.modes, query.mechanism
     rests, together = modes.at_rest, mechanism.is_dependent(modes.at_rest)
     if not rests.any():
-        return outcome(*query.solve())
+        return query.end(*query.solve())
     if len(mechanism.joints(rests)) > MOST_ENUMERATED:
         _stick(modes, mechanism, forced)
         return _follow(query, set(forced))
@@ -213,28 +242,21 @@ def _enumerate(
     kinematics = Kinematics(query.problem, mechanism, modes.at_rest.copy())
     for level in range(fewest, len(others) + 1):
         ways = [forced | more for more in kinematics.ways(others, level, forced)]
-        ways = [each for each in ways if query.may(each)]
-        for falls in range(min(query.lines.falls, level + len(forced)) + 1):
-            query.falls = falls
-            found, consistent = _try_all(query, ways)
-            status = found if found == Found.NOT_CONVERGED else status
-            if found in (Found.UNDECIDED, Found.AMBIGUOUS):
-                return found
-            if len(consistent) > 1 and held is not None:
-                stay = held & ~np.isin(np.arange(len(held)), list(forced))
-                consistent = [one for one in consistent if one.stuck[stay].all()] or consistent
-            if consistent:
-                modes.take(consistent[0])
-                solutions, _ = query.settle()  # others were tried since
-                if solutions <= 0 or not _same(modes, consistent[0]):
-                    return Found.UNDECIDED
-                return Found.SOLVED if len(consistent) == 1 else Found.AMBIGUOUS
+        found, consistent = _try_all(query, ways)
+        status = found if found == Found.NOT_CONVERGED else status
+        if found in (Found.UNDECIDED, Found.AMBIGUOUS):
+            return found
+        if len(consistent) > 1 and held is not None:
+            stay = held & ~np.isin(np.arange(len(held)), list(forced))
+            consistent = [one for one in consistent if one.modes.stuck[stay].all()] or consistent
+        if consistent:
+            return query.choose(consistent)
     return status
 
 
-def _try_all(query: _Query, every: list[dict[int, float]]) -> tuple[Found, list[Modes]]:
+def _try_all(query: _Query, every: list[dict[int, float]]) -> tuple[Found, list[Answer]]:
     """Return the different solutions that obey, joints slipping in each of the ways given."""
-    modes, consistent, status = query.modes, list[Modes](), Found.NONE
+    modes, consistent, status = query.modes, list[Answer](), Found.NONE
     for ways in every:
         if query.left <= 0:
             return Found.UNDECIDED, []
@@ -242,10 +264,12 @@ def _try_all(query: _Query, every: list[dict[int, float]]) -> tuple[Found, list[
         solutions, obeying = _settle(query)
         if solutions < 0:
             status = Found.NOT_CONVERGED
-        if obeying > 1:
+        answers = list(query.lines.found)
+        if obeying > 1 and not answers:
             return Found.AMBIGUOUS, []
-        if obeying == 1 and not any(_same(modes, other) for other in consistent):
-            consistent.append(modes.copy())
+        for answer in answers or [Answer(modes.copy())] * (obeying == 1):
+            if not any(_same(answer, other) for other in consistent):
+                consistent.append(answer)
     return status, consistent
 
 
@@ -275,11 +299,18 @@ def _moves_against(problem: Problem, modes: Modes, part: float) -> bool:
     return bool((against > part * terms).any())
 
 
-def _same(one: Modes, other: Modes) -> bool:
+def _same(one: Answer, other: Answer) -> bool:
     """Return whether two solutions are one acceleration (what is at its limit slips at rate 0)."""
-    difference = np.abs(one.friction - other.friction).max(initial=0.0)
-    size = max(np.abs(one.friction).max(initial=0.0), np.abs(other.friction).max(initial=0.0))
-    return bool(difference <= _SAME * size)
+    for x, y in (
+        (one.modes.friction, other.modes.friction),
+        (one.delivered, other.delivered),
+    ):
+        if x is None or y is None:
+            continue
+        size = max(np.abs(x).max(initial=0.0), np.abs(y).max(initial=0.0))
+        if not np.abs(x - y).max(initial=0.0) <= _SAME * size:
+            return False
+    return True
 
 
 def outcome(solutions: int, obeying: int) -> Found:
@@ -307,6 +338,12 @@ class _Patience:
             return True
         self.left -= 1
         return self.left >= 0
+
+
+def given(problem: Problem, modes: Modes, mechanism: Mechanism, lines: Lines) -> Found:
+    """Solve the modes as they are; of several answers that gears leave the only stable one."""
+    query = _Query(problem, modes, mechanism, lines, every=False)
+    return query.end(*query.solve())
 
 
 def follow(
@@ -342,7 +379,7 @@ def _follow(query: _Query, fixed: set[int]) -> Found:
         if _turn_balls(problem, modes, mechanism) > _TURNED:
             continue
         if obeying or not modes.verdict.any():
-            return outcome(solutions, max(obeying, 1))
+            return query.end(solutions, max(obeying, 1))
         wrong = [int(c) for c in np.flatnonzero(modes.verdict) if c not in fixed]
         if not wrong:
             return Found.NONE  # what must slip would not

@@ -258,32 +258,67 @@ def gear_drag(gears: Gears, d: int, velocity: float) -> float:
 
 
 @kernel
-def gear_slips(
-    gears: Gears, d: int, direction: float, static: bool, given: float
-) -> tuple[float, float]:
-    """Return the efforts between which a gear at rest slips: upper(t) < u, or lower(t) > u.
+def held_efforts(gears: Gears, d: int, given: float, found: np.ndarray) -> int:
+    """Write the intervals of efforts that a gear at rest holds, lower(t) <= u <= upper(t).
+
+    One, unless the gear is self-locking at some loads: then it holds little and much, and slips
+    between.
 
     Args:
-        gears, d, direction, static: see `gear_line`.
+        gears, d: see `gear_line`.
         given: u = r T_m (N m or N at the joint).
+        found: (n, 2), overwritten; n above the number of the gear's lines.
 
     Returns:
-        (least, greatest); (inf, -inf) if it slips at no effort, as self-locking gears may.
+        How many intervals.
     """
+    slips, count = np.empty((found.shape[0], 2)), 0
+    for direction in (1.0, -1.0):
+        start, before = -np.inf, count
+        while start < np.inf:
+            slope, offset, first, last = gear_line(gears, d, direction, 0.0, True, start)
+            rise, spare = direction * slope, direction * (given - offset)
+            low, high = first, last
+            if rise > 0.0:
+                high = min(last, spare / rise)
+            elif rise < 0.0:
+                low = max(first, spare / rise)
+            elif spare <= 0.0:
+                high = first
+            start = last
+            if low >= high:
+                continue
+            if count > before and slips[count - 1, 1] == low and spare > rise * low:
+                slips[count - 1, 1] = high
+                continue
+            slips[count, 0], slips[count, 1] = low, high
+            count += 1
+    least, held = -np.inf, 0
+    for _ in range(count):  # those of both directions in order
+        k = np.argmin(slips[:count, 0])
+        if slips[k, 0] >= least and slips[k, 0] > -np.inf:
+            found[held, 0], found[held, 1] = least, slips[k, 0]
+            held += 1
+        least = slips[k, 1]
+        slips[k, 0] = np.inf
+    if least < np.inf:
+        found[held, 0], found[held, 1] = least, np.inf
+        held += 1
+    return held
+
+
+@kernel
+def slope_range(gears: Gears, d: int, speed: float) -> tuple[float, float]:
+    """Return the least and the greatest slope of a gear's lines at a speed (rad/s or m/s)."""
     least, greatest = np.inf, -np.inf
-    start = -np.inf
-    while start < np.inf:
-        slope, offset, first, last = gear_line(gears, d, direction, 0.0, static, start)
-        rise, spare = direction * slope, direction * (given - offset)
-        if rise > 0.0:
-            low, high = first, min(last, spare / rise)
-        elif rise < 0.0:
-            low, high = max(first, spare / rise), last
-        else:
-            low, high = first, last if spare > 0.0 else first
-        if low < high:
-            least, greatest = min(least, low), max(greatest, high)
-        start = last
+    for way in (0, 1):
+        factor = gears.constant[d, way]
+        if gears.rise[d, way] > 0.0:
+            w = abs(gears.ratio[d]) * speed
+            factor += gears.rise[d, way] * power_of(w, gears.exponent[d, way])
+        for k in range(gears.first[d, way], gears.last[d, way]):
+            slope = 1.0 + (factor if way == 0 else -factor) * gears.slope[k]
+            least, greatest = min(least, slope), max(greatest, slope)
     return least, greatest
 
 
@@ -388,42 +423,29 @@ def gear_torque_bounds(
 
 
 def gear_jam(
-    gears: Gears,
-    moves: np.ndarray,
-    speed: np.ndarray,
-    inertia: np.ndarray,
-    rates: np.ndarray,
-    fixed: np.ndarray,
+    back: np.ndarray, inertia: np.ndarray, coupling: np.ndarray
 ) -> tuple[int, float, float] | None:
     """Return the self-locking gear that jams; None if motor torques determine the acceleration.
 
     They do if and only if diag(eta_b) + I^1/2 W I^1/2 is positive definite, with W = S M^-1 S^T of
-    the moving drives and I = r^2 J_rotor; for one joint: r^2 J > -eta_b M.
+    the moving drives and I = r^2 J_rotor; for one joint: I > -eta_b M.
 
     Args:
-        gears: `gear_table`.
-        moves: (na,) bool.
-        speed: (na,) of the joints (rad/s or m/s).
-        inertia: (nv, nv) M without rotors.
-        rates: (na, nv) S, the rate of each drive per unit velocity.
-        fixed: (n, nv) motions that loops and sticking joints prevent.
+        back: (n,) least slope eta_b of each drive that moves, see `least_slopes`.
+        inertia: (n,) I (kg m^2 or kg).
+        coupling: (n, n) W, M without rotors.
 
     Returns:
-        (drive, the least eigenvalue, the rotor inertia (kg m^2) above which it does not jam).
+        (which, the least eigenvalue, the I above which it does not jam).
     """
-    S = rates[moves]
-    of_rates, of_fixed = np.linalg.solve(inertia, S.T), np.linalg.solve(inertia, fixed.T)
-    W = S @ of_rates - (S @ of_fixed) @ np.linalg.pinv(fixed @ of_fixed) @ (fixed @ of_rates)
-    back, square = least_slopes(gears, speed)[moves], gears.ratio[moves] ** 2
-    root = np.sqrt(square * gears.rotor_inertia[moves])
-    E = np.diag(back) + root[:, None] * W * root
+    root = np.sqrt(inertia)
+    E = np.diag(back) + root[:, None] * coupling * root
     size, axes = np.linalg.eigh(E)
     if size[0] > 0.0:
         return None
     worst = int(np.argmax(np.where(back <= 0.0, np.abs(axes[:, 0]), -1.0)))
     others = np.arange(len(back)) != worst
     others &= np.diag(E) > 0.0
-    coupling = root[others] * W[worst, others]
-    left = W[worst, worst] - coupling @ np.linalg.pinv(E[np.ix_(others, others)]) @ coupling
-    enough = -back[worst] / (square[worst] * left) if left > 0.0 else np.inf
-    return int(np.flatnonzero(moves)[worst]), float(size[0]), float(enough)
+    across = root[others] * coupling[worst, others]
+    left = coupling[worst, worst] - across @ np.linalg.pinv(E[np.ix_(others, others)]) @ across
+    return worst, float(size[0]), float(-back[worst] / left if left > 0.0 else np.inf)

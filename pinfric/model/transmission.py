@@ -254,7 +254,7 @@ class Transmission(Entry):
         not_vanishing(abs(self.ratio))
         if self.hysteresis is not None and self.stiffness is None:
             raise ValueError("`hysteresis` needs `stiffness`: it limits friction behind the spring")
-        driving_loss(self)  # refuses efficiencies that cannot be
+        driving = driving_loss(self)  # refuses efficiencies that cannot be
         if self.efficiency != 1 and self.back_efficiency is None:
             equal = (
                 "take `same_loss`"
@@ -266,6 +266,7 @@ class Transmission(Entry):
                 f" print; equal losses both ways {equal}"
             )
         _check_back_driving(self)
+        _check_lead(driving, driven_loss(self))
         return self
 
     def with_losses(self, factor: float) -> Transmission:
@@ -468,6 +469,21 @@ def _rising(loss: LoadLoss) -> LoadLoss:
             )
             raise ValueError(f"`over_load`: from {start:g} on {why}; smooth the curve")
     return loss
+
+
+def _check_lead(driving: LoadLoss, driven: LoadLoss) -> None:
+    """Refuse eta_b <= -1/eta: F rises on average, (1/eta + eta_b)/2 > 0, in every gear that turns.
+
+    Of a screw 1/eta + eta_b = sin 2L / (tan L cos(L + R) cos(L - R)): positive for L + R < 90 deg.
+    """
+    forth, back = (loss.constant * max(loss.slopes) for loss in (driving, driven))
+    if back >= 2.0 + forth:
+        raise ValueError(
+            f"`back_efficiency` {1.0 - back:.4g} is at or below -1/efficiency = "
+            f"{-1.0 - forth:.4g}: lead and friction angle of such a screw are 90 degrees or more "
+            "together, so not even its motor turns it; give the torques that start the gear "
+            "(`starting_torque`, `back_driving_torque`), or a greater number"
+        )
 
 
 def _check_back_driving(gear: Transmission) -> None:

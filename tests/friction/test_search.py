@@ -208,7 +208,7 @@ def test_an_answer_that_does_not_come_again_is_none(worth):
     m.at_rest[:] = True
     tried = {}
 
-    def settle(falls):
+    def settle():
         key = m.direction.tobytes()
         tried[key] = tried.get(key, 0) + 1
         if tried[key] == 1:
@@ -216,7 +216,11 @@ def test_an_answer_that_does_not_come_again_is_none(worth):
         m.friction[:] = np.nan
         return worth
 
-    lines = search.Lines(settle, np.ones((2, 2), dtype=bool), 0)
+    def take(answer):
+        m.take(answer.modes)
+        settle()
+
+    lines = search.Lines(settle, take)
     assert search.search(p, m, mechanism, lines=lines) == Found.UNDECIDED
 
 

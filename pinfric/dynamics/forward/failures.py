@@ -7,6 +7,7 @@ from typing import NoReturn
 
 import numpy as np
 
+from pinfric.dynamics.forward.self_locking import LockingGears
 from pinfric.dynamics.problem.accelerations import NOT_FINITE, TOGGLE
 from pinfric.dynamics.problem.machine import Machine
 from pinfric.dynamics.samples.reactions import AppliedWrench
@@ -22,8 +23,7 @@ from pinfric.errors import (
     UndecidedAcceleration,
 )
 from pinfric.friction.modes import Found
-from pinfric.friction.search import MOST_ENUMERATED, MOST_PASSES
-from pinfric.model.drives import gear_jam, self_locking_gears
+from pinfric.friction.search import MOST_ENUMERATED, MOST_PASSES, Lines
 from pinfric.model.scene import Scene
 
 #: What an instant is asked for: q (nq,), v (nv,), effort (na,) as drives are given it, r T_m where
@@ -34,11 +34,13 @@ State = tuple[np.ndarray, np.ndarray, np.ndarray, list[AppliedWrench] | None, fl
 class Failures:
     """The errors of a workspace's scene."""
 
-    def __init__(self, scene: Scene, machine: Machine, given: str) -> None:
+    def __init__(
+        self, scene: Scene, machine: Machine, given: str, locking: LockingGears, lines: Lines
+    ) -> None:
         """Take the scene, its tables and buffers; `given` is "effort" or "motor_torque"."""
         self._scene, self._machine, self._given = scene, machine, given
+        self._locking, self._lines = locking, lines
         self._plan, self._modes, plan = machine.plan, machine.modes, machine.plan
-        self._locking = np.flatnonzero(self_locking_gears(plan.drives.gears))
         self._guides = [
             (int(s), scene.sites[s].axis.tolist(), float(plan.sites.roll_lever[s]))
             for s in plan.sites.guides
@@ -88,8 +90,8 @@ class Failures:
 
     def failure(self, found: Found, state: State) -> AccelerationError:
         """Return the error with the reason and the joint for which no acceleration was found."""
-        jam = self._jam(state)
-        if jam and found == Found.NONE:
+        jam = self._jam(found, state)
+        if jam and found in (Found.NONE, Found.UNSTABLE):
             return jam
         contraction, resting = self._modes.figures[0], int(self._modes.at_rest.sum())
         finding: type[AccelerationError] = NoConsistentAcceleration
@@ -98,7 +100,10 @@ class Failures:
             reason = f"the loads grow with the friction they cause (contraction {contraction:.4g})"
         if found == Found.AMBIGUOUS:
             finding = AmbiguousAcceleration
-            if not contraction >= 1.0:
+            many, stable = self._lines.many
+            if many > 1 and stable != many:
+                reason = f"{many}, {stable or 'none'} of them stable"
+            elif not contraction >= 1.0:
                 reason = (
                     "static friction is above kinetic, so one set of joints may break away "
                     "and the others hold, or another set of as many"
@@ -122,35 +127,28 @@ class Failures:
         ratio = self._plan.drives.gears.ratio if self._given == "motor_torque" else 1.0
         return state[0].copy(), state[1].copy(), state[2] / ratio
 
-    def check_jam(self, state: State) -> None:
-        """Refuse a solution in which a self-locking gear with too light a rotor moves.
-
-        Raises:
-            GearJam: see `gear_jam`.
-        """
-        if jam := self._jam(state):
-            raise jam
-
-    def _jam(self, state: State) -> GearJam | None:
-        """The error for a moving self-locking gear that may have no acceleration, or several."""
-        drives, stuck, S = self._plan.drives, self._modes.stuck, self._machine.kinematics.S
-        moves = np.array([c < 0 or not stuck[c] for c in drives.gear_coordinate], dtype=bool)
-        if not moves[self._locking].any():
+    def _jam(self, found: Found, state: State) -> GearJam | None:
+        """The error for moving self-locking gears without an answer, or a single stable one."""
+        m = self._modes
+        jam = self._locking.jam(state[1])
+        if jam is None and m.at_rest.any():  # they move with all that may slip, if at all
+            kept = m.stuck.copy()
+            m.stuck[m.at_rest] = False
+            jam = self._locking.jam(state[1])
+            m.stuck[:] = kept
+        if jam is None:
             return None
-        closure, lines, k = self._plan.closure, self._machine.lines, self._machine.kinematics
-        rises = lines.slope > 0.0
-        rotors = np.where(rises, lines.reflected / np.where(rises, lines.slope, 1.0), 0.0)
-        inertia = self._machine.maps.M - (S * rotors[:, None]).T @ S
-        fixed = np.concatenate([k.J[0, closure.off_joint : closure.solved], k.D[stuck]])
-        found = gear_jam(drives.gears, moves, np.abs(S @ state[1]), inertia, S, fixed)
-        if found is None:
-            return None
-        d, eigenvalue, enough = found
+        d, eigenvalue, enough = jam
         reason = (
-            f"E + I^1/2 M^-1 I^1/2 has the eigenvalue {eigenvalue:.3g}: no acceleration "
-            f"obeys the gear's law, or several do; a rotor inertia above {enough:.6g} kg m^2 "
-            "would do, or a gear that does not lock"
+            f"E + I^1/2 M^-1 I^1/2 has the eigenvalue {eigenvalue:.3g}; there would be one answer "
+            f"with a rotor inertia above {enough:.6g} kg m^2, or with a gear that does not lock"
         )
+        if self._plan.drives.gears.rotor_inertia[d] == 0.0:
+            reason = f"its rotor has no inertia; {reason}"
+        if found == Found.UNSTABLE:
+            reason = f"the one acceleration that obeys its law is unstable; {reason}"
+        elif found == Found.NONE:
+            reason = f"no acceleration obeys its law; {reason}"
         return GearJam(
             *self._as_given(state), self._scene.drives[d].name, reason, given=self._given
         )

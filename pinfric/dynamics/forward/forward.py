@@ -44,6 +44,9 @@ class Instant(NamedTuple):
         iterations: passes of the coupled solve.
         effort: (na,) efforts of the drives at the joints (N m or N): as given, or the motors'
             torques after the losses of the gears.
+        driving: (na,) int8, of gears that move: 1 where the motor drives, -1 where the load does.
+        answers: how many accelerations obey the laws (`self_locking.py`); of several this is the
+            only stable one.
     """
 
     a: np.ndarray
@@ -56,6 +59,8 @@ class Instant(NamedTuple):
     status: Status
     iterations: int
     effort: np.ndarray
+    driving: np.ndarray
+    answers: int
 
     def __repr__(self) -> str:
         def some(x: np.ndarray) -> str:
@@ -73,6 +78,7 @@ class Instant(NamedTuple):
                 "multipliers": some(self.multipliers) if self.multipliers.size else "",
                 "wrench": f"{self.wrench.shape} array",
                 "contraction": f"{self.contraction:.4g}",
+                "answers": f"{self.answers}, this is the stable one" if self.answers > 1 else "",
             },
         )
 
@@ -107,7 +113,8 @@ def forward_dynamics(
 
     Raises:
         SceneError: motor torques with a drive without transmission.
-        GearJam: a self-locking gear with too light a rotor moves.
+        GearJam: a self-locking gear has too light a rotor: no acceleration obeys its law, or one
+            that is unstable.
         StateError: neither or both of effort and motor_torque; a wrong shape, a value not finite; a
             loop that is open or that the velocities violate (`LoopMotionError`), a toggle
             (`ToggleError`).
@@ -183,6 +190,8 @@ def solution(ws: Workspace) -> Instant:
         Status.CONVERGED,
         int(passes),
         ws.effort,
+        ws.machine.solution.driving,
+        ws.lines.many[0],
     )
 
 
@@ -201,6 +210,8 @@ def instant(ws: Workspace) -> Instant:
         Status.CONVERGED,
         int(passes),
         ws.effort.copy(),
+        ws.machine.solution.driving.copy(),
+        ws.lines.many[0],
     )
 
 

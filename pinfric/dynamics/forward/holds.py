@@ -129,11 +129,15 @@ def _decide_all(
     `held` is False, and proved, only if it is so for every way.
     """
     verdicts, shown = [], True
-    for every in ws.locking.ways_to_hold(ws.couple):
+    for efforts in ws.locking.ways_to_hold():
+        ws.machine.lines.delivered[:] = efforts
+        ws.couple()
         verdicts.append(_decide(ws, q, effort, applied))
         if verdicts[-1].held:
             return verdicts[-1]
-        shown = shown and every and verdicts[-1].held is False
+        shown = shown and verdicts[-1].held is False
+    if not verdicts:  # too many
+        verdicts, shown = [_decide(ws, q, effort, applied)], False
     return replace(
         verdicts[0],
         held=False if shown else None,

@@ -1,26 +1,39 @@
-"""Self-locking gears at rest: the loads that they can hold, and those at which they slip.
+"""Self-locking gears: whether the motors' torques determine the motion, and all answers if not.
 
-If motor and load push a self-locking gear in the same direction, it holds small and large loads and
-slips at loads between. It then slips on lines that fall. The usual search does not find these,
-because it assumes that slip opposes the push. So the ways in which such gears hold and slip are
-tried one after the other.
+While one moves, u - I s' = F(t) with F as in `drives`. The accelerations follow from it for every
+motor torque if and only if
+
+    diag(least slope) + I^1/2 W I^1/2,    W = S M^-1 S^T without what sticks
+
+is positive definite. Otherwise every line of every gear is tried. A solution is stable, one at
+which a shaft with a little compliance would stay, if the matrix is positive definite with the
+slopes of the solution's own lines.
+
+At rest such a gear may hold little and much load and slip between: several intervals.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from itertools import combinations, compress, product
+from collections.abc import Iterator
+from itertools import product
 
 import numpy as np
 
-from pinfric.dynamics.problem.gearing import MUCH
 from pinfric.dynamics.problem.machine import Machine
-from pinfric.friction.consistency import SHOULD_STICK
-from pinfric.friction.modes import Modes
-from pinfric.model.drives import gear_slips, self_locking_gears
+from pinfric.friction.dense import affine
+from pinfric.model.drives import (
+    gear_jam,
+    gear_line,
+    held_efforts,
+    least_slopes,
+    self_locking_gears,
+)
 
-#: Largest number of gears for which all ways to hold, or to slip on falling lines, are tried.
-_MOST = 6
+#: Up to so many choices of what gears hold, and of lines, are tried; of lines where bearings follow
+#: their loads.
+_MOST_HOLDS, _MOST_LINES, _MOST_LOADED = 64, 200_000, 4096
+#: A gear's effort beyond a line by this share of all efforts may be rounding.
+_ROUNDING = 1e-9
 
 
 class LockingGears:
@@ -35,102 +48,75 @@ class LockingGears:
         drives = machine.plan.drives
         self.gears = np.flatnonzero(self_locking_gears(drives.gears))
         self._table, self._coordinate = drives.gears, drives.gear_coordinate
-        self._lines, self._modes = machine.lines, machine.modes
-        self._falling: tuple[int, ...] = ()
+        self._machine, self._lines, self._modes = machine, machine.lines, machine.modes
 
-    def may_slip(self) -> np.ndarray:
-        """Return in which directions coordinates may slip from rest: bool (2, nc), forward first.
+    def jam(self, v: np.ndarray) -> tuple[int, float, float] | None:
+        """Return what `gear_jam` says of the gears in motion at v (nv,); None if no answer is in
+        doubt."""
+        moves = self._moves()
+        if not moves[self.gears].any():
+            return None
+        w, speed = self._lines, np.abs(self._machine.kinematics.S @ v)
+        share = np.where(w.way == 0.0, 1.0, np.abs(w.way))
+        back = 1.0 + share * (least_slopes(self._table, speed) - 1.0)
+        inertia = w.reflected[moves]
+        found = gear_jam(back[moves], inertia, self._coupling(moves))
+        if found is None:
+            return None
+        d = int(np.flatnonzero(moves)[found[0]])
+        return d, found[1], found[2] / self._table.ratio[d] ** 2
 
-        The problem must be coupled. A self-locking gear slips only the way its motor pushes it.
-        """
-        found = np.ones((2, len(self._modes.stuck)), dtype=bool)
-        for d, c in self._at_rest():
-            for side, direction in enumerate((1.0, -1.0)):
-                low, high = gear_slips(self._table, d, direction, False, self._lines.arriving[d])
-                found[side, c] &= low < high
-        return found
+    def choices(self, v: np.ndarray, given: np.ndarray) -> Iterator[tuple[np.ndarray, bool]]:
+        """Yield efforts (na,) on every choice of lines that may fit, and whether it is stable.
 
-    def settle(
-        self, solve: Callable[[], tuple[int, int]], delivered: np.ndarray, falls: int
-    ) -> tuple[int, int]:
-        """Solve the present modes with a given number of gears slipping on lines that fall.
-
-        Args:
-            solve: solves the modes from the lines that are written, as `rest.solve` does.
-            delivered: (na,) the loads around which gears are asked first what they hold.
-            falls: how many.
-
-        Returns:
-            see `rest.solve`: of the first choice of gears that obeys, else of the last.
-        """
-        m, rests, found = self._modes, self._modes.at_rest.copy(), (0, 0)
-        able = [
-            d
-            for d, c in self._at_rest()
-            if not m.stuck[c]
-            and self._may_wedge(d)
-            and m.direction[c] * self._lines.arriving[d] > 0.0
-        ]
-        for falling in combinations(able, falls):
-            self._choose_lines(delivered, falling)
-            found = solve()
-            if found[0] > 0 and self._hold_otherwise():
-                found = solve()
-            m.at_rest[:] = rests
-            there = self._coordinate[list(falling)]
-            against = there[m.direction[there] * m.rate[there] < 0.0]
-            m.verdict[against] = SHOULD_STICK
-            if found[1] and not against.size:
-                return found
-            found = min(found[0], 1), 0
-        return found
-
-    def take_fallen(self) -> None:
-        """Treat gears that slip on falling lines as moving, so that no other lines are tried."""
-        self._modes.at_rest[self._coordinate[list(self._falling)]] = False
-
-    def let_fall(self, start: Modes, delivered: np.ndarray) -> Iterator[np.ndarray]:
-        """Yield loads (na,) with more and more gears at rest that slip on falling lines.
+        The present modes must be solved, on any lines. Where no friction follows loads all is
+        linear, and lines that do not fit are left out.
 
         Args:
-            start: the modes to begin with; those that fall are regarded as moving.
-            delivered: see `settle`.
+            v: (nv,). given: (na,) r T_m (N m or N at the joint).
         """
-        m = self._modes
-        m.take(start)
-        wedged = [(d, c) for d, c in self._at_rest() if self._may_wedge(d)][:_MOST]
-        for falls in range(1, len(wedged) + 1):
-            for falling in combinations(wedged, falls):
-                m.take(start)
-                loads = delivered.copy()
-                for d, c in falling:
-                    m.at_rest[c] = m.stuck[c] = False
-                    m.direction[c] = np.sign(self._lines.arriving[d])
-                    loads[d] = -m.direction[c] * self._much
-                yield loads
+        moves = np.flatnonzero(self._moves())
+        every = [self._lines_of(int(d), v) for d in moves]
+        w, m, p = self._lines, self._modes, self._machine.problem
+        slides = ~m.stuck[p.coordinate[p.contact_site]]
+        loaded = bool((p.mu_slip[p.contact_site] * slides).any())
+        number = int(np.prod([len(lines) for lines in every]))
+        if number > (_MOST_LOADED if loaded else _MOST_LINES):
+            return
+        table = np.array(list(product(*every)))
+        inertia, W, t = w.reflected[moves], self._coupling(self._moves()), np.empty(len(given))
+        affine(self._machine.maps.delivered, m.friction, t)
+        A = inertia[:, None] * W + np.eye(len(moves)) * table[:, :, 0][:, None, :]
+        fits = np.ones(len(table), dtype=bool)
+        if not loaded and np.isfinite(t).all():
+            rotors = (given - w.offset - w.slope * t)[moves] - inertia * (W @ t[moves])
+            right = (given - w.spent)[moves] - table[:, :, 1] - rotors
+            fits = np.linalg.det(A) != 0.0
+            found = np.full(right.shape, np.nan)
+            found[fits] = np.linalg.solve(A[fits], right[fits][:, :, None])[:, :, 0]
+            slack = _ROUNDING * (np.abs(found).max(axis=1) + np.abs(given).max())[:, None]
+            inside = (table[:, :, 2] - slack <= found) & (found <= table[:, :, 3] + slack)
+            fits = inside.all(axis=1)
+        root = np.sqrt(inertia)
+        for lines in table[fits]:
+            least = np.linalg.eigvalsh(np.diag(lines[:, 0]) + root[:, None] * W * root)[0]
+            efforts = w.delivered.copy()
+            efforts[moves] = [_inside(low, high) for low, high in lines[:, 2:]]
+            yield efforts, bool(least > 0.0)
 
-    def ways_to_hold(self, couple: Callable[[], None]) -> Iterator[bool]:
-        """Yield with each choice of loads that these gears hold; then the first again.
-
-        Args:
-            couple: writes the coupled problem, with other lines of gears.
-
-        What is yielded: whether these are all choices that there are.
-        """
-        c_of, delivered = self._coordinate, self._lines.delivered.copy()
-        sticks = (c_of[self.gears] >= 0) & self._modes.stuck[c_of[self.gears]]
-        wedged = [d for d in self.gears[sticks].tolist() if self._may_wedge(d)]
-        every = len(wedged) <= _MOST
-        wedged = wedged[:_MOST]
-        yield every
-        for choice in list(product((False, True), repeat=len(wedged)))[1:]:
-            self._lines.delivered[:] = delivered
-            for d in compress(wedged, choice):
-                self._take_other_side(d)
-            couple()
-            yield every
-        self._lines.delivered[:] = delivered
-        couple()
+    def ways_to_hold(self) -> Iterator[np.ndarray]:
+        """Yield efforts (na,), one for each choice of the loads that gears at rest hold."""
+        sticks = self._coordinate >= 0
+        sticks[sticks] = self._modes.stuck[self._coordinate[sticks]]
+        every = [(int(d), self._held(int(d))) for d in self.gears if sticks[d]]
+        every = [(d, ends) for d, ends in every if len(ends) > 1]
+        if np.prod([len(ends) for _, ends in every]) > _MOST_HOLDS:
+            return
+        efforts = self._lines.delivered.copy()
+        for choice in product(*(ends for _, ends in every)):
+            for (d, _), (low, high) in zip(every, choice, strict=True):
+                efforts[d] = _inside(low, high)
+            yield efforts.copy()
 
     def by_coordinate(self, rests: np.ndarray) -> list[list[int]]:
         """Return these gears where coordinates rest (nc,), those on one coordinate together."""
@@ -141,38 +127,50 @@ class LockingGears:
                 found.setdefault(c, []).append(d)
         return list(found.values())
 
-    @property
-    def _much(self) -> float:
-        return float(MUCH * self._lines.all_forces[0])
+    def _moves(self) -> np.ndarray:
+        """(na,) bool: drives that do not stick, with or without a gear."""
+        stuck = np.append(self._modes.stuck, False)
+        return np.asarray(~stuck[self._coordinate])
 
-    def _at_rest(self) -> list[tuple[int, int]]:
-        """These gears, and their coordinates, whose modes are sought."""
-        c_of, rests = self._coordinate, self._modes.at_rest
-        return [(int(d), int(c_of[d])) for d in self.gears if c_of[d] >= 0 and rests[c_of[d]]]
+    def _coupling(self, moves: np.ndarray) -> np.ndarray:
+        """W = S M^-1 S^T of the drives in motion, M without rotors, what sticks or closes fixed."""
+        k, w, closure = self._machine.kinematics, self._lines, self._machine.plan.closure
+        rises = w.slope > 0.0
+        rotors = np.where(rises, w.reflected / np.where(rises, w.slope, 1.0), 0.0)
+        inertia = self._machine.maps.M - (k.S * rotors[:, None]).T @ k.S
+        S, J = k.S[moves], k.J[0, closure.off_joint : closure.solved]
+        fixed = np.concatenate([J, k.D[self._modes.stuck]])
+        of_rates, of_fixed = np.linalg.solve(inertia, S.T), np.linalg.solve(inertia, fixed.T)
+        left = (
+            (S @ of_fixed) @ np.linalg.pinv(fixed @ of_fixed, hermitian=True) @ (fixed @ of_rates)
+        )
+        return np.asarray(S @ of_rates - left)
 
-    def _may_wedge(self, d: int) -> bool:
-        """Whether motor and load may push a gear at rest in the same direction."""
-        return bool(np.isfinite(self._lines.held[d]).any())
+    def _lines_of(self, d: int, v: np.ndarray) -> list[tuple[float, float, float, float]]:
+        """(slope, offset, least, greatest effort) of every line of a gear in motion."""
+        way, lines, start = self._lines.way[d], list[tuple[float, float, float, float]](), -np.inf
+        if way == 0.0:
+            return [(1.0, 0.0, -np.inf, np.inf)]
+        speed = abs(float(self._machine.kinematics.S[d] @ v))
+        while start < np.inf:
+            slope, offset, low, start = gear_line(
+                self._table, d, float(np.sign(way)), speed, False, start
+            )
+            lines.append((1.0 + abs(way) * (slope - 1.0), abs(way) * offset, low, start))
+        return lines
 
-    def _choose_lines(self, delivered: np.ndarray, falling: tuple[int, ...]) -> None:
-        """Write the first lines: of gears that stick by given loads, of others by how they slip."""
-        m, lines, at_rest = self._modes, self._lines, self._at_rest()
-        lines.delivered[self.gears] = delivered[self.gears]
-        for d, c in at_rest:
-            if not m.stuck[c]:
-                lines.delivered[d] = m.direction[c] * (-self._much if d in falling else self._much)
-        m.at_rest[self._coordinate[list(falling)]] = False  # no other line is taken in its place
-        self._falling = falling
+    def _held(self, d: int) -> list[tuple[float, float]]:
+        """The intervals of efforts that a gear at rest holds."""
+        first, last = self._table.first[d], self._table.last[d]
+        found = np.empty((2 * int((last - first).sum()) + 1, 2))
+        count = held_efforts(self._table, d, float(self._lines.arriving[d]), found)
+        return [(float(low), float(high)) for low, high in found[:count]]
 
-    def _hold_otherwise(self) -> bool:
-        """Let gears that break their law hold the load on the other side; return whether any do."""
-        m = self._modes
-        tried = [d for d, c in self._at_rest() if m.stuck[c] and m.verdict[c]]
-        tried = [d for d in tried if self._may_wedge(d)]
-        for d in tried:
-            self._take_other_side(d)
-        return bool(tried)
 
-    def _take_other_side(self, d: int) -> None:
-        """Let a gear hold the load beyond those at which it slips, on the other side."""
-        self._lines.delivered[d] = self._much if self._lines.held[d, 0] == -np.inf else -self._much
+def _inside(low: float, high: float) -> float:
+    """An effort well between two, of which one or both may be infinite."""
+    if np.isinf(low) and np.isinf(high):
+        return 0.0
+    if np.isinf(low):
+        return high - 1.0 - abs(high)
+    return low + 1.0 + abs(low) if np.isinf(high) else 0.5 * (low + high)

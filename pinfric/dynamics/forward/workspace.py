@@ -45,13 +45,8 @@ from pinfric.friction.minimax import least_violation
 from pinfric.friction.modes import Found, GivenModes, Modes
 from pinfric.friction.problem import Problem
 from pinfric.friction.rest import Mechanism, solve
-from pinfric.friction.search import (
-    MOST_ENUMERATED,
-    Lines,
-    follow,
-    outcome,
-    search,
-)
+from pinfric.friction.search import MOST_ENUMERATED, Answer, Lines, follow, outcome, search
+from pinfric.friction.search import given as given_modes
 from pinfric.kernels.compiled import KernelArgument, compile_for, compiling
 from pinfric.model.closure import guesses
 from pinfric.model.scene import Scene, payload_names
@@ -60,6 +55,8 @@ from pinfric.model.scene import Scene, payload_names
 _OVERWHELMING = 1e8
 #: Eigenvalues of slopes are rounding below this many times the largest.
 _ROUNDING = 1e-13
+#: Changes of what gears at rest hold, with one line of those in motion.
+_HOLDS = 4
 
 
 class Workspace:
@@ -132,7 +129,8 @@ class Workspace:
         self._locks = bool(self.locking.gears.size)
         self.constraints = Constraints(scene, self.supplier, self._argument)
         self.margins = Margins(self._argument, self.mechanism, self.locking)
-        self.failures = Failures(scene, m, self.given)
+        self.lines = Lines(self._settle, self._take)
+        self.failures = Failures(scene, m, self.given, self.locking, self.lines)
 
     @property
     def argument(self) -> Machine:
@@ -169,12 +167,12 @@ class Workspace:
             AccelerationError: there is none, there are several, or the search found none.
         """
         solutions, obeying, resting = self._try(q, v, effort, applied, FREE)
-        several = self.modes.figures[0] >= 1.0  # one was found; there may be others
+        # one was found; there may be others
+        several = self.modes.figures[0] >= 1.0 or not self._is_sure()
         if obeying == 1 and not several:
-            if self._locks:
-                self.failures.check_jam(self.state)
             return
-        found = self.search() if resting or several else outcome(solutions, obeying)
+        tries = resting or several or self._geared
+        found = self.search() if tries else outcome(solutions, obeying)
         if found != Found.SOLVED:
             raise self.failures.failure(found, self.state)
         self.finish()
@@ -197,12 +195,10 @@ class Workspace:
         turned = TURNED if self.mechanism.balls and given.balls_turn else GIVEN
         solutions, obeying, resting = self._try(q, v, effort, applied, turned)
         found = outcome(solutions, obeying)
-        if resting < 0:
-            found = outcome(*self._settle())
+        if resting < 0 or not self._is_sure() or (self._geared and found != Found.SOLVED):
+            found = given_modes(self.problem, self.modes, self.mechanism, self.lines)
             if found == Found.SOLVED:
                 self.finish()
-        elif found == Found.SOLVED and self._locks:
-            self.failures.check_jam(self.state)
         if found != Found.SOLVED:
             raise self.failures.failure(found, self.state)
         self._kept = self._key(q, v, effort, applied) if self.locked else None
@@ -224,7 +220,7 @@ class Workspace:
         choice: int,
     ) -> tuple[int, int, int]:
         """(solutions, how many obey, how many rest); -1 rest: modes were given and not tried."""
-        self._kept = None
+        self._kept, self.lines.many = None, (1, 1)
         self.state = q, v, effort, applied, 0.0
         self.supplier.at(q, v, applied)
         refused, solutions, obeying, resting = solve_instant(
@@ -272,6 +268,8 @@ class Workspace:
             return
         here = self.modes.stuck | self.modes.at_rest
         size, axes = np.linalg.eigh(self.problem.rate_slope[np.ix_(here, here)])
+        order = np.argsort(np.abs(size))  # beside a gear on a line that falls one may be negative
+        size, axes = np.abs(size)[order], axes[:, order]
         size[size < _ROUNDING * size.max(initial=0.0)] = 0.0
         rows = min(len(size), len(self.mechanism.factor))  # as many as freedoms, the largest
         self.mechanism.factor = np.zeros_like(self.mechanism.factor)
@@ -281,61 +279,108 @@ class Workspace:
         self, forced: Mapping[int, float] | None = None, held: np.ndarray | None = None
     ) -> Found:
         """Search the modes of what is at rest; see `friction/search.py`."""
-        found = self._try_lines(
-            lambda lines: search(self.problem, self.modes, self.mechanism, forced, held, lines)
-        )
+        found = search(self.problem, self.modes, self.mechanism, forced, held, self._lines)
         if found == Found.SOLVED and self.closed:
             self._leave_dead_centres()
         return found
 
-    def _try_lines(self, attempt: Callable[[Lines | None], Found]) -> Found:
-        """Search with gears on the lines that fit: where not all modes are tried, in turn."""
-        if not self._geared:
-            return attempt(None)
-        m, gears, delivered = self.modes, self.locking, self.machine.lines.delivered.copy()
-        if gears.gears.size:
-            self.couple()
-        start, found = m.copy(), attempt(self._lines(delivered))
-        if len(self.mechanism.joints(start.at_rest)) > MOST_ENUMERATED:
-            others = gears.let_fall(start, delivered)  # each step of it overwrites what was found
-            while found not in (Found.SOLVED, Found.UNDECIDED):
-                if (loads := next(others, None)) is None:
-                    break
-                found = attempt(self._lines(loads))
-                falls = start.at_rest & ~m.at_rest
-                if (m.direction[falls] * m.rate[falls] < 0.0).any():
-                    found = Found.NONE
-        gears.take_fallen()
-        return found
-
-    def _lines(self, delivered: np.ndarray) -> Lines:
-        """What gears do while modes are sought; first they hold around loads (na,)."""
-        gears = self.locking
-        return Lines(
-            lambda falls: gears.settle(self._settle, delivered, falls),
-            gears.may_slip(),
-            len(gears.gears),
-        )
+    def _is_sure(self) -> bool:
+        """Whether there is one answer in the present modes, on whatever lines of gears."""
+        return not self._locks or self.locking.jam(self.state[1]) is None
 
     def _settle(self) -> tuple[int, int]:
-        """Solve the modes as they are, every gear on the line that fits; see `rest.solve`."""
-        if not self._geared:
-            return solve(self.problem, self.modes, self.mechanism)
+        """Solve the modes as they are, every gear on the line that fits; see `rest.solve`.
+
+        Where several lines may fit, on all of them: `lines.found` are then the answers.
+        """
+        self.lines.found.clear()
+        found, obeying = self._refit()
+        if found == -1 or not self._is_sure():
+            return self._every_line()
+        if not obeying and self.closed and self._locks:
+            return self._hold()
+        return found, obeying
+
+    def _refit(self) -> tuple[int, int]:
+        """Solve the modes on lines that are left for others until they fit."""
         q, v, effort, _, step = self.state
         if not self.closed:
             refused, found, obeying, _ = solve_instant(self.argument, q, v, effort, SETTLED, step)
             if refused:
                 self.failures.refuse(refused, self.state)
             return found, obeying
-        c = self.plan.drives.gear_coordinate
-        way = np.where(self.modes.stuck[c], 0.0, self.modes.direction[c])
-        self.machine.lines.way[c >= 0] = way[c >= 0]
+        lines = self.machine.lines
         for passes in range(MOST_LINES):
+            lines.chord[0] = passes > FEW_PASSES and passes % 2 == 1
+            self._face()
             self.couple()
+            lines.chord[0] = False
             found, obeying = solve(self.problem, self.modes, self.mechanism)
-            if found <= 0 or not refit(self.argument, passes >= FEW_PASSES):
+            if found <= 0 or not refit(self.argument, False):
                 return found, obeying
         return -1, 0
+
+    def _face(self) -> None:
+        """Let each gear follow the lines of its coordinate's mode."""
+        c, m = self.plan.drives.gear_coordinate, self.modes
+        way = np.where(m.stuck[c], 0.0, m.direction[c])
+        self.machine.lines.way[c >= 0] = way[c >= 0]
+
+    def _every_line(self) -> tuple[int, int]:
+        """Solve the modes with gears in motion on every line that may fit; see `_settle`."""
+        m, delivered, answers, solved = self.modes, self.machine.lines.delivered, [], []
+        _, v, given, _, _ = self.state
+        for efforts, stable in self.locking.choices(v, given):
+            delivered[:] = efforts
+            found, obeying = self._hold()
+            if found > 0:
+                answer = Answer(m.copy(), stable, delivered.copy())
+                solved.append(answer)
+                answers += [answer] * (obeying > 0)
+        if solved:
+            self._take(max(answers or solved, key=lambda answer: answer.stable))
+        self.lines.found[:] = answers
+        return len(solved), len(answers)
+
+    def _hold(self) -> tuple[int, int]:
+        """Solve the modes with gears in motion on their present lines, and those at rest as fits.
+
+        (0, 0) where a gear leaves its line.
+        """
+        self._face()
+        for _ in range(_HOLDS):
+            found, obeying, wrong = self._try_lines()
+            if wrong < 0:
+                return 0, 0
+            if found <= 0 or not wrong:
+                break
+        if self.closed and not obeying:
+            ways = list(self.locking.ways_to_hold())
+            for efforts in ways if len(ways) > 1 else ():
+                self.machine.lines.delivered[:] = efforts
+                found, obeying, wrong = self._try_lines()
+                if found > 0 and obeying and wrong >= 0:
+                    break
+        return max(found, 0), obeying
+
+    def _try_lines(self) -> tuple[int, int, int]:
+        """(solutions, how many obey, how many gears do not fit), see `refit`."""
+        self.couple()
+        found, obeying = solve(self.problem, self.modes, self.mechanism)
+        return found, obeying, refit(self.argument, True) if found > 0 else 0
+
+    def _take(self, answer: Answer) -> None:
+        """Make an answer the present one."""
+        self.modes.take(answer.modes)
+        if answer.delivered is None:
+            self._settle()
+        else:
+            self.machine.lines.delivered[:] = answer.delivered
+            self._hold()
+
+    @property
+    def _lines(self) -> Lines | None:
+        return self.lines if self._geared else None
 
     def couple(self) -> None:
         """Write the coupled problem of the present state once more, with other lines of gears."""
@@ -373,9 +418,7 @@ class Workspace:
 
     def search_step(self) -> Found:
         """Search the modes at the end of a time step, from those in `modes`, else all of them."""
-        return self._try_lines(
-            lambda lines: _follow_or_search(self.problem, self.modes, self.mechanism, lines)
-        )
+        return _follow_or_search(self.problem, self.modes, self.mechanism, self._lines)
 
     @property
     def place_modes(self) -> np.ndarray:
@@ -393,8 +436,6 @@ class Workspace:
     def finish(self) -> None:
         """Write a, multipliers, wrenches and each site's friction from the solution in `modes`."""
         finish(self.argument)
-        if self._locks:
-            self.failures.check_jam(self.state)
         self.locked = self.closed and self.mechanism.is_locked(self.modes.stuck)
         if self.locked:
             self.a[:] = 0.0

@@ -20,24 +20,21 @@ from pinfric.dynamics.problem.machine import Machine
 from pinfric.friction.dense import affine
 from pinfric.friction.law import site_limits
 from pinfric.kernels.compiled import kernel
-from pinfric.model.drives import Gears, gear_drag, gear_line, gear_range, gear_slips
+from pinfric.model.drives import Gears, gear_drag, gear_line, gear_range, held_efforts, slope_range
 
 #: An effort beyond its line by this fraction of the terms of its sum is rounding.
 _ROUNDING = 1e-12
-#: A friction of this many times all forces is impossible: used where a gear cannot slip.
-_NEVER = 1e9
-#: A load of this many times all forces is on the outermost line of a gear.
-MUCH = 1e6
-#: Passes in which all gears change their lines, and after which none was found.
-FEW_PASSES, MOST_PASSES = 6, 100
+#: Passes of Newton's method; with every second one a chord; after which none was found.
+FEW_PASSES, MOST_PASSES = 6, 200
 
 
 @kernel
 def write_lines(machine: Machine, v: np.ndarray, given: np.ndarray, step: float) -> None:
     """Write the line that each gear follows, and the efforts that it holds at rest.
 
-    Around `lines.delivered`, in the direction `lines.way`; 0 is a gear without losses, which is
-    also taken where a line that falls would have to hold what may be at rest.
+    Around `lines.delivered`, in the direction `lines.way`; 0 is a gear without losses. With
+    `lines.chord` it is the line of the mean slope through the gear's law there: such lines lead to
+    the solution whatever they start from, if there is one for all motor torques (`gear_jam`).
 
     Args:
         machine: its `lines`, but for `way` and `delivered`, and laws of the gears' entries are
@@ -58,82 +55,72 @@ def write_lines(machine: Machine, v: np.ndarray, given: np.ndarray, step: float)
         inertia = gears.ratio[d] * gears.ratio[d] * gears.rotor_inertia[d]
         if step > 0.0 and rate != 0.0:
             inertia += step * max(0.5 * gears.power[d], 1.0) * drag / rate  # as `_add_drag` does
-        way, spent = w.way[d], drag + inertia * bend
-        w.reflected[d], w.slope[d], w.offset[d] = inertia, 1.0, spent
-        w.ends[d, 0], w.ends[d, 1] = -np.inf, np.inf
-        if way != 0.0:
-            sign, share = (1.0 if way > 0.0 else -1.0), abs(way)
-            slope, offset, w.ends[d, 0], w.ends[d, 1] = gear_line(
-                gears, d, sign, abs(rate), False, w.delivered[d]
-            )
-            if slope <= 0.0 and (modes.stuck[c] or modes.at_rest[c]):
-                way = 0.0
-                if not modes.stuck[c]:  # no solution: other lines are not tried in turn for ever
-                    w.ends[d, 0], w.ends[d, 1] = -np.inf, np.inf
-            else:
-                w.slope[d] = 1.0 + share * (slope - 1.0)
-                w.offset[d] += share * offset
-        if c >= 0 and not (modes.stuck[c] or modes.at_rest[c]):
-            p.coulomb_slip[e, 0] = p.coulomb_slip[e, 1] = 0.0
-        elif c >= 0:
-            at_rest = given[d] - spent
+        w.reflected[d], w.slope[d], w.spent[d] = inertia, 1.0, drag + inertia * bend
+        w.ends[d, 0], w.ends[d, 1], w.offset[d] = -np.inf, np.inf, w.spent[d]
+        if w.way[d] != 0.0:
+            _follow_line(machine, d, abs(rate))
+        if c < 0:
+            continue
+        for side in (0, 1):  # in motion the line contains all losses
+            p.coulomb_slip[e, side] = p.coulomb_stick[e, side] = 0.0
+        if modes.stuck[c]:
+            at_rest = given[d] - w.spent[d]
             if step > 0.0:
                 at_rest += inertia * rate / step
-            _write_limits(machine, d, e, way, at_rest, at_rest + spent)
+            _write_limits(machine, d, e, at_rest)
 
 
 @kernel
-def _write_limits(
-    machine: Machine, d: int, e: int, way: float, arriving: float, given: float
-) -> None:
-    """Write the law of a gear's entry: between which t it holds, where a line is used already.
+def _follow_line(machine: Machine, d: int, speed: float) -> None:
+    """Write the line of a gear that moves at a speed; with a share of its losses if regularized."""
+    gears, w, t = machine.plan.drives.gears, machine.lines, machine.lines.delivered[d]
+    sign, share = (1.0 if w.way[d] > 0.0 else -1.0), abs(w.way[d])
+    slope, offset, w.ends[d, 0], w.ends[d, 1] = gear_line(gears, d, sign, speed, False, t)
+    if w.chord[0]:
+        least, greatest = slope_range(gears, d, speed)
+        mean = 0.5 * (least + greatest)
+        if mean > 0.0 and greatest > least:
+            slope, offset = mean, offset + (slope - mean) * t
+            w.ends[d, 0], w.ends[d, 1] = np.inf, -np.inf  # to be left for a line of the gear's own
+    w.slope[d] = 1.0 + share * (slope - 1.0)
+    w.offset[d] += share * offset
+
+
+@kernel
+def _write_limits(machine: Machine, d: int, e: int, arriving: float) -> None:
+    """Write between which efforts a gear's entry holds, beside the gear without losses.
 
     Args:
         machine, d, e: the gear and its entry.
-        way: the direction of the line in use, 0 for the one without losses.
         arriving: what arrives while it rests.
-        given: the same, with what `lines.offset` takes off.
     """
     gears, w, p = machine.plan.drives.gears, machine.lines, machine.problem
-    never = _NEVER * (w.all_forces[0] + abs(arriving) + 1e-300)
+    t = w.delivered[d]
     w.arriving[d] = arriving
-    w.held[d, 0], w.held[d, 1] = held(gears, d, arriving, True, w.delivered[d])
-    least, greatest = held(gears, d, arriving, False, w.delivered[d])
-    on_line = (given - w.offset[d]) / w.slope[d] if w.slope[d] > 0.0 else 0.0
-    if way == 0.0:  # what the gear holds without friction of its own, as near as it can
-        on_line = min(max(on_line, w.held[d, 0]), w.held[d, 1])
-        w.offset[d] = given - on_line
-    p.coulomb_stick[e, 0] = on_line - w.held[d, 0]
-    p.coulomb_stick[e, 1] = w.held[d, 1] - on_line
-    forward = on_line - least if least > -np.inf else never
-    backward = greatest - on_line if greatest < np.inf else never
-    wedged = (least == -np.inf and arriving >= 0.0) or (greatest == np.inf and arriving <= 0.0)
-    if wedged or (way == 0.0 and w.way[d] != 0.0):
-        forward = backward = never  # from here it slips along a line that falls only
-    p.coulomb_slip[e, 0] = 0.0 if way > 0.0 else forward
-    p.coulomb_slip[e, 1] = 0.0 if way < 0.0 else backward
+    w.held[d, 0], w.held[d, 1] = held(gears, d, arriving, t, t)
+    # what the gear holds without friction of its own, as near as it can
+    alone = min(max(arriving, w.held[d, 0]), w.held[d, 1])
+    w.offset[d] = arriving + w.spent[d] - alone
+    p.coulomb_stick[e, 0], p.coulomb_stick[e, 1] = alone - w.held[d, 0], w.held[d, 1] - alone
 
 
 @kernel
-def held(gears: Gears, d: int, arriving: float, static: bool, near: float) -> tuple[float, float]:
-    """Return the interval of efforts that a gear at rest holds: around one, or nearest to it.
+def held(gears: Gears, d: int, arriving: float, low: float, high: float) -> tuple[float, float]:
+    """Return the interval of efforts that a gear at rest holds: the one for efforts low to high.
 
-    If load and motor push the same way, a self-locking gear slips only between two efforts.
+    Of several the one that most of these efforts are in, else the nearest.
 
     Args:
-        gears, d, static: see `drives.gear_slips`.
-        arriving, near: N m or N at the joint.
+        gears, d: see `drives.held_efforts`.
+        arriving, low, high: N m or N at the joint.
     """
-    least, greatest = -np.inf, np.inf
-    for direction in (1.0, -1.0):
-        low, high = gear_slips(gears, d, direction, static, arriving)
-        if low >= high:
-            continue
-        if near - low < high - near:
-            greatest = min(greatest, low)
-        else:
-            least = max(least, high)
-    return least, greatest
+    lines = gears.last[d, 0] - gears.first[d, 0] + gears.last[d, 1] - gears.first[d, 1]
+    found, best, chosen = np.empty((2 * lines + 1, 2)), -np.inf, 0
+    for k in range(held_efforts(gears, d, arriving, found)):
+        inside = min(high, found[k, 1]) - max(low, found[k, 0])
+        if inside > best:
+            best, chosen = inside, k
+    return found[chosen, 0], found[chosen, 1]
 
 
 @kernel
@@ -198,15 +185,20 @@ def face_gears(machine: Machine) -> None:
 
 
 @kernel
-def refit(machine: Machine, cautious: bool) -> int:
+def refit(machine: Machine, chosen: bool) -> int:
     """Compare the lines with the solution; where one does not fit, choose another.
 
+    What a gear at rest holds is chosen such that the bearings beside it have the most room; one
+    that slips does so the way its law is broken, which with a self-locking gear may be against
+    the load.
+
     Args:
-        machine: `lines.delivered` and `lines.way` are written.
-        cautious: change the first that does not fit only, which ends for certain (Murty's rule).
+        machine: `lines.delivered` and `modes.verdict` are written.
+        chosen: whether the gears' lines are to be tried, and not left: only what gears at rest
+            hold changes.
 
     Returns:
-        How many do not fit.
+        How many do not fit; -1 if a gear in motion leaves a line that is to be tried.
     """
     w, drives, modes, wrong = machine.lines, machine.plan.drives, machine.modes, 0
     x, delivered = modes.friction, machine.maps.delivered
@@ -219,22 +211,36 @@ def refit(machine: Machine, cautious: bool) -> int:
         for k in range(x.size):
             total += delivered[d, 1 + k] * x[k]
             terms += abs(delivered[d, 1 + k] * x[k])
-        way = w.way[d]
-        if modes.stuck[c]:
-            total += x[c]
-            least, greatest = held(drives.gears, d, w.arriving[d], True, total)
-            nearest = least == w.held[d, 0] and greatest == w.held[d, 1]
-            chosen = abs(w.delivered[d]) >= MUCH * w.all_forces[0]  # the side is to be tried
-            fits = nearest or (chosen and modes.verdict[c] == 0)
-        else:
-            way = modes.direction[c]
+        if not modes.stuck[c]:
             beyond = max(w.ends[d, 0] - total, total - w.ends[d, 1])
-            fits = way == w.way[d] and beyond <= _ROUNDING * terms
-        if not fits:
+            if not beyond <= _ROUNDING * terms:
+                if chosen:
+                    return -1
+                wrong += 1
+            w.delivered[d] = total
+            continue
+        below, above = _beside(machine, d)
+        total += x[c]
+        least, greatest = held(drives.gears, d, w.arriving[d], total - above, total - below)
+        if least != w.held[d, 0] or greatest != w.held[d, 1]:
             wrong += 1
-        if fits or wrong == 1 or not cautious:
-            w.way[d], w.delivered[d] = way, total
+            w.delivered[d] = min(max(total, least), greatest)
+        elif modes.verdict[c] != 0 and not machine.plan.closure.dependent:
+            backward, forward = gear_margins(machine, d)
+            if min(backward, forward) < 0.0:
+                modes.verdict[c] = -1 if backward < forward else 1
     return wrong
+
+
+@kernel
+def _beside(machine: Machine, d: int) -> tuple[float, float]:
+    """Return the least and the greatest friction of all that rests beside a gear."""
+    p, drives, least, greatest = machine.problem, machine.plan.drives, 0.0, 0.0
+    for e in range(p.coordinate.size):
+        if p.coordinate[e] == drives.gear_coordinate[d] and e != drives.gear_entry[d]:
+            ends = site_limits(p, machine.modes.load, e)
+            least, greatest = least + ends[0], greatest + ends[1]
+    return least, greatest
 
 
 @kernel
@@ -249,17 +255,13 @@ def gear_margins(machine: Machine, d: int) -> tuple[float, float]:
         machine: solved, what the gear drives sticks.
         d: the gear.
     """
-    drives, p, arriving = machine.plan.drives, machine.problem, machine.lines.arriving[d]
+    drives, arriving = machine.plan.drives, machine.lines.arriving[d]
     gears, c, x = drives.gears, drives.gear_coordinate[d], machine.modes.friction
     delivered = machine.maps.delivered
     needed = delivered[d, 0] + x[c]
     for k in range(x.size):
         needed += delivered[d, 1 + k] * x[k]
-    least = greatest = 0.0
-    for e in range(p.coordinate.size):
-        if p.coordinate[e] == c and e != drives.gear_entry[d]:
-            ends = site_limits(p, machine.modes.load, e)
-            least, greatest = least + ends[0], greatest + ends[1]
+    least, greatest = _beside(machine, d)
     if not greatest - least < np.inf:  # another gear holds it, whatever the load
         return np.inf, np.inf
     low, high = needed - greatest, needed - least
@@ -275,5 +277,8 @@ def write_efforts(machine: Machine) -> None:
     affine(machine.maps.delivered, machine.modes.friction, found.effort)
     for d in range(drives.gear_entry.size):
         e, c = drives.gear_entry[d], drives.gear_coordinate[d]
+        found.driving[d] = 0
         if e >= 0 and machine.modes.stuck[c]:
             found.effort[d] += found.entry_phi[e]
+        elif e >= 0:
+            found.driving[d] = np.sign(machine.lines.way[d] * found.effort[d])

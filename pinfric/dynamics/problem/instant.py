@@ -51,7 +51,6 @@ def prepare(machine: Machine, v: np.ndarray, effort: np.ndarray, step: float) ->
     """Write kinematics, rates and laws of a state, which gears do not change; see `assemble`."""
     move(machine, v)
     write_laws(machine, step)
-    machine.lines.all_forces[0] = np.abs(machine.supply.h).sum() + np.abs(effort).sum()
 
 
 @kernel
@@ -249,7 +248,9 @@ def solve_instant(
         _guess_lines(machine, v, effort)
     found = obeying = 0
     for passes in range(MOST_PASSES):
+        machine.lines.chord[0] = passes > FEW_PASSES and passes % 2 == 1
         outcome = couple(machine, q, v, effort, step)
+        machine.lines.chord[0] = False
         if outcome != 0:
             return outcome, 0, 0, 0
         if closure.dependent:
@@ -257,7 +258,7 @@ def solve_instant(
                 if m.stuck[c]:
                     return NOT_TRIED, 0, 0, resting
         found, obeying = try_modes(machine.problem, m)
-        if found <= 0 or refit(machine, passes >= FEW_PASSES) == 0:
+        if found <= 0 or refit(machine, False) == 0:
             break
         if passes == MOST_PASSES - 1:
             found, obeying = -1, 0

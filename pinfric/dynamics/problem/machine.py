@@ -132,24 +132,26 @@ class GearLines(NamedTuple):
     Attributes:
         way: (na,) direction of the line that each gear follows; 0: without loss.
         delivered: (na,) the effort around which lines are chosen.
+        chord: (1,) bool, whether lines of the mean slope are taken.
         slope, offset, reflected: (na,) of the lines, with drag, and the rotors' inertia; 1, 0, 0
             where efforts are given.
+        spent: (na,) part of the offset that is no loss of the gear: drag, inertia.
         ends, held: (na, 2) efforts between which each line holds, and which the gear holds at rest.
         arriving: (na,) what arrives at each gear at rest: r T_m, less drag and inertia.
         locking: (1,) int, how many lines do not rise.
-        all_forces: (1,) sum of all |h|, |given|.
     """
 
     way: np.ndarray
     delivered: np.ndarray
+    chord: np.ndarray
     slope: np.ndarray
     offset: np.ndarray
     reflected: np.ndarray
+    spent: np.ndarray
     ends: np.ndarray
     held: np.ndarray
     arriving: np.ndarray
     locking: np.ndarray
-    all_forces: np.ndarray
 
 
 class Solution(NamedTuple):
@@ -157,6 +159,7 @@ class Solution(NamedTuple):
 
     Attributes:
         a, effort: (nv,), (na,) accelerations, and efforts of the drives.
+        driving: (na,) int8, of gears that move: 1 where the motor drives, -1 where the load does.
         multiplier: (nl,) forces that close loops.
         least, most: (nc,) static limits of the friction x.
         phi, load, wrench: (ns,), (ns,), (ns, 6) friction, load and wrench of each site.
@@ -166,6 +169,7 @@ class Solution(NamedTuple):
 
     a: np.ndarray
     effort: np.ndarray
+    driving: np.ndarray
     multiplier: np.ndarray
     least: np.ndarray
     most: np.ndarray
@@ -217,7 +221,8 @@ def make_machine(twin: Twin, plan: Plan, supply: Supply) -> Machine:
         plan.contacts.owner,
         np.concatenate([plan.sites.constant[plan.entries.site], np.zeros(len(geared))]),
     )
-    lines = {name: np.zeros(na) for name in ("way", "delivered", "offset", "reflected", "arriving")}
+    zero = ("way", "delivered", "offset", "reflected", "spent", "arriving")
+    lines = {name: np.zeros(na) for name in zero}
     return Machine(
         plan=plan,
         tree=tree,
@@ -225,11 +230,11 @@ def make_machine(twin: Twin, plan: Plan, supply: Supply) -> Machine:
         kinematics=_make_kinematics(plan, nv, nj, len(tree.freedom_velocity)),
         maps=_make_maps(plan, nv, na, nc),
         lines=GearLines(
+            chord=np.zeros(1, dtype=bool),
             slope=np.ones(na),
             ends=np.zeros((na, 2)),
             held=np.zeros((na, 2)),
             locking=np.zeros(1, dtype=np.int64),
-            all_forces=np.zeros(1),
             **lines,
         ),
         solution=_make_solution(plan, nv, na, len(problem.coordinate)),
@@ -292,6 +297,7 @@ def _make_solution(plan: Plan, nv: int, na: int, ne: int) -> Solution:
     return Solution(
         a=np.zeros(nv),
         effort=np.zeros(na),
+        driving=np.zeros(na, dtype=np.int8),
         multiplier=np.zeros(plan.closure.multipliers),
         least=np.zeros(nc),
         most=np.zeros(nc),

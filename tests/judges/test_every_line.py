@@ -1,0 +1,183 @@
+"""Gears against every mode times every line: random machines, closed forms, a compliant shaft."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from judges.every_line import Gear, Loss, System, answers
+from judges.geared_states import KINDS, compare, plain_gear
+from judges.test_gears import WORM, hoist
+from scipy.integrate import solve_ivp
+
+import pinfric as pf
+from pinfric.errors import GearJam
+from pinfric.model.drives import gear_table, held_efforts
+from pinfric.model.transmission import Transmission
+
+pytestmark = pytest.mark.filterwarnings("ignore::pinfric.errors.PinfricWarning")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("seeds", [range(12), pytest.param(range(100), marks=pytest.mark.slow)])
+def test_forward_dynamics_says_what_every_line_says(kind, seeds):
+    """One stable answer of all that slip least: it; else a refusal."""
+    outcomes = {seed: compare(kind, seed)[0] for seed in seeds}
+    assert not {seed: says for seed, says in outcomes.items() if "WRONG" in says}
+    assert sum("same" in says for says in outcomes.values()) >= len(seeds) // 3
+
+
+# ---------------------------------------------------------------- one worm, by hand
+
+#: M = 10, h = 98.1, eta 0.4, eta_b -0.2, n 1, and I = 1: below -eta_b M = 2.
+LIGHT = {**WORM, "rotor_inertia": 1.0 / 50**2}
+MASS, LOAD = 10.0, 98.1
+
+
+def lowered(u: float) -> dict[float, tuple[float, float]]:
+    """Slope -> (a, t) of the worm that sinks: t = M a + h, u - I a = slope t - n, on its side."""
+    found = {}
+    for slope in (1 / 0.4, -0.2):
+        a = (u + 1.0 - slope * LOAD) / (1.0 + slope * MASS)
+        t = MASS * a + LOAD
+        if (t < 0.0) == (slope > 0.0):
+            found[slope] = a, t
+    return found
+
+
+@pytest.mark.parametrize("u", [-15.0, -20.0, -40.0])
+def test_of_two_answers_a_light_worm_has_the_stable_one(u):
+    """Its motor pushes the load; where the load drives a little more effort stops the rotor."""
+    by_hand = lowered(u)
+    assert len(by_hand) == 2
+    found = pf.forward_dynamics(hoist(LIGHT), [0.0], [-0.1], motor_torque=[u / 50])
+    assert (found.a[0], found.effort[0]) == pytest.approx(by_hand[1 / 0.4], rel=1e-12)
+    assert (found.answers, found.driving.tolist()) == (2, [1])
+    assert "2, this is the stable one" in repr(found)
+
+
+def test_a_worm_that_wedges_is_refused_with_the_rotor_that_it_needs():
+    """No answer above u = -I g - n."""
+    assert not lowered(-10.0)
+    with pytest.raises(GearJam, match=r"'lift': no acceleration .* above 0.0008 kg m\^2"):
+        pf.forward_dynamics(hoist(LIGHT), [0.0], [-0.1], motor_torque=[-10.0 / 50])
+    bare = {**WORM, "rotor_inertia": 0.0}
+    with pytest.raises(GearJam, match=r"'lift': .*its rotor has no inertia"):
+        pf.forward_dynamics(hoist(bare), [0.0], [-0.1], motor_torque=[0.0])
+
+
+def compliant(u: float, t: float, stiffness: float = 1e6) -> tuple[float, float]:
+    """Effort and rotor speed 20 ms after a worm with a shaft that yields had the effort t.
+
+    I w' = u - F_-(t) while w < 0, else 0;  M v' = t - h;  t = k x + c x',  x' = w - v.
+    """
+    damping = 0.5 * np.sqrt(stiffness)
+
+    def rates(_, y):
+        x, w, v = y
+        t = stiffness * x + damping * (w - v)
+        turns = (u - (min(t / 0.4, -0.2 * t) - 1.0)) / 1.0
+        return [w - v, turns if w < 0.0 or turns < 0.0 else 0.0, (t - LOAD) / MASS]
+
+    def stops(_, y):
+        return y[1]
+
+    stops.terminal, stops.direction = True, 1.0
+    path = solve_ivp(
+        rates,
+        (0.0, 20e-3),
+        [t / stiffness, -0.1, -0.1],
+        "LSODA",
+        events=stops,
+        rtol=1e-9,
+        atol=1e-12,
+    )
+    x, w, v = path.y[:, -1]
+    return stiffness * x + damping * (w - v), w
+
+
+@pytest.mark.parametrize("u", [-15.0, -20.0])
+def test_a_shaft_that_yields_settles_at_the_stable_answer_or_wedges(u):
+    """From an effort below the unstable answer's; from above it, or without any, it stops."""
+    by_hand = lowered(u)
+    (_, stable), (_, unstable) = by_hand[1 / 0.4], by_hand[-0.2]
+    for share in (-0.3, 0.0, 0.5, 0.9):
+        t, w = compliant(u, share * unstable)
+        assert t == pytest.approx(stable, abs=0.02 * unstable)
+        assert w < -0.05
+    assert compliant(u, 1.3 * unstable)[1] == pytest.approx(0.0, abs=1e-9)
+    for t in (0.0, 50.0):
+        assert compliant(-5.0, t)[1] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_worm_lifts_holds_is_lowered_and_wedges():
+    """Event by event: up with (I + M/eta) a = u - n - h/eta, down with u + n - h/eta."""
+    row = 1.0 + MASS / 0.4
+    up, brake = (256.25 - 1.0 - LOAD / 0.4) / row, (200.0 - 1.0 - LOAD / 0.4) / row
+    stop = 0.2 - 0.2 * up / brake
+    down, slower = (-25.0 + 1.0 - LOAD / 0.4) / row, (-12.0 + 1.0 - LOAD / 0.4) / row
+    times = np.array([0.2, 0.5, 0.6, 0.7])
+
+    def torque(t, q, v):
+        return [
+            np.array([256.25, 200.0, -25.0, -12.0, -5.0])[np.searchsorted(times, t, "right")] / 50
+        ]
+
+    def run(t_end):
+        return pf.simulate(
+            hoist(LIGHT), [0.0], [0.0], t_end=t_end, motor_torque=torque, breakpoints=times
+        )
+
+    found = run(0.7)
+    v = [np.interp(t, found.t, found.v[:, 0]) for t in (0.1, 0.3, 0.55, 0.65)]
+    by_hand = [0.1 * up, 0.0, 0.05 * down, 0.1 * down + 0.05 * slower]
+    assert v == pytest.approx(by_hand, abs=1e-6)
+    top = 0.02 * up - 0.5 * (0.2 * up) ** 2 / brake
+    assert np.interp(0.4, found.t, found.q[:, 0]) == pytest.approx(top, abs=1e-9)
+    assert stop == pytest.approx(next(e.time for e in found.events if e.kind == "stick"), abs=1e-9)
+    with pytest.raises(GearJam, match=r"t = 0\.7 s"):
+        run(0.8)
+
+
+# ---------------------------------------------------------------- what a gear at rest holds
+
+
+def test_a_gear_that_locks_at_small_loads_holds_islands():
+    """L rises by 2 t up to 10, then by 0.2: F_- = t - L falls from 0 to -10, then rises by 0.8.
+
+    So F_- <= -5 from t = 5 to 16.25, an island, and from -5/3 down, as far as F_+ >= -5: -28.75.
+    """
+    curve = {"over_load": [[10.0, 1 / 3], [60.0, 60 / 90]]}
+    entry = {"ratio": 1.0, "efficiency": curve, "back_efficiency": "same_loss"}
+    gears = gear_table([Transmission(**entry)], [0.0])
+    room = np.empty((20, 2))
+    for u in np.linspace(-40.0, 40.0, 81) + 0.123:
+        count = held_efforts(gears, 0, u, room)
+        np.testing.assert_allclose(room[:count], plain_gear(entry).held(u), rtol=1e-12)
+    count = held_efforts(gears, 0, -5.0, room)
+    np.testing.assert_allclose(room[:count], [[-28.75, -5.0 / 3.0], [5.0, 16.25]])
+
+
+def test_the_judge_finds_both_answers_of_a_worm_and_which_lasts():
+    gear = Gear(Loss(((0.0, 0.0),), 1.5), Loss(((0.0, 0.0),), 1.2), (1.0, 1.0), (1.0, 1.0), 1.0)
+    one, none = np.eye(1), np.zeros((0, 1))
+    system = System(
+        10.0 * one, np.array([LOAD]), none, np.zeros(0), one, np.zeros(1), np.array([-0.1]),
+        np.array([-15.0]), [gear], none, np.zeros(0), np.zeros(0), [],
+    )  # fmt: skip
+    found = sorted((float(a[0]), stable) for a, _, stable in answers(system))
+    by_hand = sorted(((a, slope > 0.0) for slope, (a, _) in lowered(-15.0).items()))
+    assert [stable for _, stable in found] == [stable for _, stable in by_hand]
+    np.testing.assert_allclose([a for a, _ in found], [a for a, _ in by_hand], rtol=1e-12)
+
+
+# ---------------------------------------------------------------- bad input
+
+
+def test_a_back_efficiency_that_no_gear_has_is_refused():
+    with pytest.raises(
+        ValueError, match=r"-3 is at or below -1/efficiency = -2: lead and friction"
+    ):
+        Transmission(ratio=50.0, efficiency=0.5, back_efficiency=-3.0)
+    with pytest.raises(ValueError, match="at or below"):
+        Transmission(ratio=50.0, efficiency=0.5, back_efficiency=-2.0)
+    Transmission(ratio=50.0, efficiency=0.5, back_efficiency=-1.99)
