@@ -32,6 +32,9 @@ _FEWEST = 50
 _CONSTANT = 1e-9
 #: The columns of friction and rotor that every drive may have.
 _OWN = [SLOT[name] for name in (FORWARD, BACKWARD, "speed^1", INERTIA)]
+#: Logged efforts may exceed a URDF's limit, which is often a continuous one, by this factor; dry
+#: friction is a smaller share of it. From the second on a URDF means that there is none, N m or N.
+_OVER_LIMIT, _MOST_FRICTION, _NO_LIMIT = 1.5, 0.5, 1e6
 #: How far the rigid efforts of two logs of one robot may differ, as a share.
 _ONE_ROBOT = 0.3
 
@@ -86,6 +89,44 @@ def check_efforts(scene: Scene, rows: Sequence[Rows], given: Collection[str]) ->
         ]
     if problems:
         raise IdentificationError(problems_line(scene.source, problems))
+
+
+def check_limits(
+    scene: Scene, rows: Sequence[Rows], fit: Fit, names: str, given: Collection[str]
+) -> None:
+    """Refuse efforts and friction that no drive of this robot can have: a wrong unit.
+
+    Args:
+        scene: the robot; its URDF limits efforts.
+        rows: of each joint.
+        fit: with Coulomb and viscous friction.
+        names: of the logs.
+        given: joints whose unit a person has confirmed.
+
+    Raises:
+        IdentificationError: by joint, all in one message.
+    """
+    problems, limits = [], np.asarray(scene.model.effortLimit, dtype=np.float64)
+    for j, (joint, own) in enumerate(zip(scene.joint_names, rows, strict=True)):
+        if joint in given or own.effort.size < _FEWEST or not 0.0 < limits[j] < _NO_LIMIT:
+            continue
+        most = float(np.quantile(np.abs(own.effort), 0.99))
+        dry = 0.5 * float(fit.slots[j, [SLOT[FORWARD], SLOT[BACKWARD]]].sum())
+        what = (
+            f"efforts reach {most:.3g}"
+            if most > _OVER_LIMIT * limits[j]
+            else f"Coulomb friction would be {dry:.3g}"
+            if dry > _MOST_FRICTION * limits[j]
+            else ""
+        )
+        if what:
+            problems.append(
+                f"joint {joint}: its {what}, but the URDF limits it to {limits[j]:g} N m (N): is "
+                f"the effort in N mm, or in A? Give the factor to N m by --gain {joint}=FACTOR "
+                f"({joint}=1 if it is in N m, and the URDF's limit is wrong)"
+            )
+    if problems:
+        raise IdentificationError(problems_line(names, problems))
 
 
 def _carries(rows: Sequence[Rows], theta: FloatArray, factors: Mapping[int, float]) -> bool:

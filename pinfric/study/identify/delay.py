@@ -33,8 +33,6 @@ FloatArray = NDArray[np.float64]
 
 #: s: delays that can be, and their standard deviation before anything was logged.
 _LEAST, _MOST, _USUAL = -0.03, 0.1, 0.02
-#: Standard errors within which joints' delays agree.
-_ALIKE = 2.0
 #: A joint is named if its delay differs from the common one by more standard errors than this.
 _DIFFERS = 4.0
 #: s: with a larger standard error, a delay is not determined.
@@ -86,11 +84,11 @@ def common_delay(logs: Sequence[LogDelay]) -> Delay:
     """Return the mean of logs' delays weighted by their information.
 
     Args:
-        logs: of each; a standard error is infinite where nothing slides.
+        logs: of each; a standard error is infinite where nothing slides, or where the search ended
+            at a bound.
     """
-    mean, error = pooled(
-        [(one.value, one.standard_error) for one in logs if np.isfinite(one.standard_error)]
-    )
+    known = [(one.value, one.standard_error) for one in logs if np.isfinite(one.standard_error)]
+    mean, error = pooled(known) if known else (0.0, np.inf)
     seen = sorted({j for one in logs for j in one.joints})
     joints = {j: pooled([one.joints[j] for one in logs if j in one.joints]) for j in seen}
     return Delay(
@@ -163,7 +161,7 @@ def log_delay(
         row_weights, weights = weighted(rows, fit)
         slopes = [_slope(one, fit, j, prior.center.size) for j in range(len(slots))]
     if not _LEAST < delay < _MOST:
-        return LogDelay(delay, _USUAL)
+        return LogDelay(delay, np.inf)  # its search ended at a bound
     rows, nj = _with_slopes(one, delay, slopes, apart=True), len(slots)
     fit, errors = _changes(
         rows, row_weights, weights, slots, _with_delays(prior, one, delay, nj), nj
@@ -176,7 +174,7 @@ def log_delay(
 def disagreement(value: float, joints: Collection[tuple[float, float]]) -> float:
     """Return the factor, at least 1, by which joints differ more than their errors say.
 
-    It is the median of the differences in standard errors, weighted by each joint's information: a
+    It is the RMS of the differences in standard errors, weighted by each joint's information: a
     light wrist that hardly leaves presliding has little weight.
 
     Args:
@@ -184,11 +182,8 @@ def disagreement(value: float, joints: Collection[tuple[float, float]]) -> float
         joints: (value, standard error) of each, s.
     """
     values, errors = np.array(list(joints)).T
-    away = np.abs(values - value) / errors
-    order = np.argsort(away)
-    known = np.cumsum((errors**-2)[order])
-    middle = float(away[order][np.searchsorted(known, 0.5 * known[-1])])
-    return max(1.0, middle / _ALIKE)
+    away = (values - value) / errors
+    return max(1.0, float(np.sqrt(np.average(away**2, weights=errors**-2))))
 
 
 def _changes(

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pinfric.errors import IdentificationError
 from pinfric.model.couples import mixed
 from pinfric.model.scene import Scene
-from pinfric.study.identify.checks import check_efforts
+from pinfric.study.identify.checks import check_efforts, check_limits
 from pinfric.study.identify.choice import (
     MARGIN,
     Choice,
@@ -222,6 +222,8 @@ def _first_pass(question: Question, prepared: list[Prepared]) -> Estimate:
     plain = [(PLAIN,)] * scene.model.nv
     first = _fitted(question, tuple(loaded), Delay(0.0, np.inf, ()), plain)
     check_efforts(scene, first.rows, question.gains)
+    logs = ", ".join(one.name for one in question.recordings)
+    check_limits(scene, first.rows, first.fit, logs, question.gains)
     slots, first = first.problem.slots(first.choice.laws), _without_rows(first)
     return _fitted(question, first.prepared, _delay(first, slots), plain, first)
 

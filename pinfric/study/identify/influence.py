@@ -31,6 +31,8 @@ FloatArray = NDArray[np.float64]
 #: Share of a block that is left out. Less than 1: where one block alone shows a coefficient, the
 #: matrix must not be singular.
 _LEFT_OUT = 0.99
+#: Where no row tells a coefficient from others it is as uncertain as its own size.
+_RIDGE = 1e-10
 
 
 def of_joint(
@@ -61,7 +63,8 @@ def influence(
         M = S (H + F)^-T,    the covariance is M^T M
 
     The rows of S are the blocks' gradients less their mean, P times the deviation of the prior's
-    center, and gradients of what is unknown. For each block's own gradient H has that block's part
+    center, gradients of what is unknown, and each coefficient times a small ridge that decides what
+    no row tells. For each block's own gradient H has that block's part
     left out, because with few short blocks each one pulls the fit to itself.
 
     Args:
@@ -74,7 +77,8 @@ def influence(
         unknown: (m, p + n) gradients of what the model lacks, of one standard deviation each.
 
     Returns:
-        (blocks + p + m, p + n), or (blocks + m, n) where theta is kept; how many blocks have rows.
+        (blocks + p + m + n, p + n), or (blocks + m + n, n) where theta is kept; how many blocks
+        have rows.
     """
     p, n, blocks = fit.theta.size, place.size, grams[0].count.size
     hessian, scores = np.zeros((p + n, p + n)) + feedback, np.zeros((blocks, p + n))
@@ -93,11 +97,25 @@ def influence(
         strength = sum(float(one.count.sum()) for one in grams) * prior.weight
         hessian[:p, :p] += np.diag(strength)
         drawn = np.vstack((np.eye(p, p + n) * (strength * prior.deviation)[:, None], drawn))
+    return _moved(hessian, scores, own_parts, drawn, fit.slots.ravel()[place])
+
+
+def _moved(
+    hessian: FloatArray,
+    scores: FloatArray,
+    own_parts: FloatArray,
+    drawn: FloatArray,
+    values: FloatArray,
+) -> tuple[FloatArray, int]:
+    """Changes of the estimate by blocks and by all else, (., size); how many blocks have rows."""
     used = (scores != 0.0).any(axis=1)
     scores, own_parts, count = scores[used], own_parts[used], int(used.sum())
     scores = (scores - scores.mean(axis=0)) * np.sqrt((count - 1.0) / count)
-    size = np.sqrt(np.diag(hessian))
+    size = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
     scaled, parts = (x / np.outer(size, size) for x in (hessian, own_parts))
+    scaled = scaled + _RIDGE * np.eye(size.size)
+    itself = np.append(np.zeros(size.size - values.size), values)
+    drawn = np.vstack((drawn, np.diag(_RIDGE * itself * size**2)[size.size - values.size :]))
     without = scaled - _LEFT_OUT * parts
     moved = np.linalg.solve(without, (scores / size)[:, :, None])[:, :, 0]
     known = np.linalg.solve(scaled, (drawn / size).T).T

@@ -157,12 +157,14 @@ def _of_logs(found: Estimate) -> list[str]:
             "between logs of one robot it changed by 1 to 10 %"
         )
     if not delay.determined:
+        why = f"standard error {1e3 * delay.standard_error:.1f} ms"
+        if np.isinf(delay.standard_error):
+            why = "its search ended at a bound: the model lacks something"
         lines.append(
-            "the delay of the efforts is not determined (standard error "
-            f"{1e3 * delay.standard_error:.1f} ms) and is set to 0: log faster "
-            "motion"
+            f"the delay of the efforts is not determined ({why}) and is set to 0: log faster motion"
         )
-    if others := other_delays(delay):
+    # of a joint that the model does not explain, a delay says nothing
+    if others := {j: x for j, x in other_delays(delay).items() if j in found.known}:
         names = found.scene.joint_names
         each = [
             f"{names[j]} {1e3 * value:.1f} +- {1e3 * error:.1f} ms"

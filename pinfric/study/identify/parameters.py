@@ -37,7 +37,7 @@ from pinfric.study.identify.laws import (
     SPEEDS,
     Law,
 )
-from pinfric.study.identify.recordings import stick_velocity
+from pinfric.study.identify.recordings import STILL, stick_velocity
 from pinfric.study.identify.rest import BreakAway
 from pinfric.study.identify.uncertainty import Uncertainty
 from pinfric.study.summary import effort_unit
@@ -47,7 +47,8 @@ FloatArray = NDArray[np.float64]
 #: A standard error of more than this share of a coefficient leaves it undetermined.
 _VAGUE = 0.5
 #: With exponents up to this one friction at rest is what the slowest logged sliding shows: the
-#: law's own Coulomb friction is extrapolated down a steep curve that no log has seen.
+#: law's own Coulomb friction is extrapolated down a steep curve that no log has seen. With larger
+#: ones below 1 it is friction at the slowest speed that counts as sliding.
 _STEEP = 0.5
 #: Quantile of the logged speeds that counts as the slowest.
 _SLOWEST = 0.02
@@ -292,9 +293,11 @@ def _entries(
 
 def _rest_excess(rows: Rows, law: Law, slots: FloatArray) -> float:
     """By how much friction at rest exceeds the law's Coulomb friction: k v^p, v the slowest."""
-    if law.exponent is None or law.exponent > _STEEP:
+    if law.exponent is None or law.exponent >= 1.0:
         return 0.0
-    slowest = float(np.quantile(np.abs(rows.velocity), _SLOWEST))
+    slowest = STILL
+    if law.exponent <= _STEEP:
+        slowest = float(np.quantile(np.abs(rows.velocity), _SLOWEST))
     return float(slots[SLOT[law.speed]]) * slowest**law.exponent
 
 

@@ -1,4 +1,4 @@
-"""Angles whose zero is wrong by a quarter or half turn: search for a better zero.
+"""Angles whose zero is wrong by a quarter or half turn, or by a little: search for a better zero.
 
 Links that a fit is free to choose take up much of a wrong zero near the end of a robot. So masses
 need not move far, and held-out errors stay small; but the right zero leaves less.
@@ -20,10 +20,10 @@ from pinfric.study.identify.laws import INERTIA, SLOT
 
 FloatArray = NDArray[np.float64]
 
-_TURNS = (0.5 * np.pi, -0.5 * np.pi, np.pi)
+_TURNS = (0.5 * np.pi, -0.5 * np.pi, np.pi, 0.2, -0.2)
 #: Samples of all logs that are compared; s over which residuals are autocorrelated.
 _SAMPLES, _SPAN = 800, 1.5
-#: Standard errors by which another zero must be better: three zeros of each joint are tried. Right
+#: Standard errors by which another zero must be better: five zeros of each joint are tried. Right
 #: zeros stayed at or below 2.2 in six real and synthetic logs.
 _CLEARLY = 3.5
 #: Joints with parallel axes explain the same: named are those with this share of the best gain.

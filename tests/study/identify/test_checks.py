@@ -97,3 +97,13 @@ def test_an_unknown_payload_is_no_factor_on_efforts():
     for joints in ([1], range(6)):
         with pytest.raises(IdentificationError, match="shoulder_lift_joint: its effort is 2"):
             check("true", np.where(np.isin(np.arange(6), joints), 2.0, 1.0))
+
+
+@pytest.mark.parametrize("factor", [10.0, 1000.0])
+def test_efforts_of_a_wrist_beyond_its_limit_are_refused(factor):
+    """Before, N mm gave Coulomb friction of thousands of N m at a joint with a limit of 28."""
+    scale = np.where(np.arange(6) == 5, factor, 1.0)  # no weight tells its unit
+    given = replace(short(), effort=short().effort * scale)
+    laws = dict.fromkeys(NAMES, Law())
+    with pytest.raises(IdentificationError, match=f"joint {NAMES[5]}: its .* limits it to 28"):
+        pf.identify(guess(0), given, laws=laws)

@@ -17,6 +17,14 @@ def test_logs_that_differ_in_their_delay_by_more_than_they_know_leave_it_open():
     assert (far.value, far.determined) == (0.0, False)
 
 
+def test_a_search_that_ends_at_its_bound_determines_no_delay():
+    """Before, it was printed as -30 +- 20 ms."""
+    alone = common_delay([LogDelay(-0.03, np.inf)])
+    assert (alone.value, alone.determined) == (0.0, False)
+    both = common_delay([LogDelay(-0.03, np.inf), LogDelay(0.004, 1e-3)])
+    assert (both.value, both.standard_error) == (0.004, 1e-3)
+
+
 def test_a_delay_of_its_own_is_named():
     alike = {0: (0.004, 1e-3), 1: (0.005, 1e-3), 2: (0.003, 2e-3)}
     assert other_delays(Delay(0.004, 1e-3, (), alike)) == {}

@@ -1,5 +1,7 @@
 """Coefficients under the keys of a scene."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from identify_cases import (
@@ -13,7 +15,8 @@ from identify_cases import (
 
 import pinfric as pf
 from pinfric.study.identify.files import posterior_text
-from pinfric.study.identify.laws import Law
+from pinfric.study.identify.laws import SLOT, SLOTS, Law
+from pinfric.study.identify.parameters import _rest_excess
 
 
 def test_a_joint_that_moves_one_way_has_the_same_friction_the_other_way():
@@ -36,3 +39,14 @@ def test_a_joint_that_moves_one_way_has_the_same_friction_the_other_way():
     assert (found.posterior[ways[0]] == found.posterior[ways[1]]).all()
     assert np.ptp(found.posterior[ways[0]]) > 0.0
     assert ways[1] in posterior_text(found).splitlines()[0].split(",")
+
+
+@pytest.mark.parametrize(
+    ("exponent", "speed"), [(None, 0.0), (1.0, 0.0), (0.8, 0.01), (0.67, 0.01), (0.33, 0.1)]
+)
+def test_friction_that_rises_steeply_from_rest_holds_what_slow_sliding_shows(exponent, speed):
+    """Before, exponents above a half had none: 97.1 % of a lift's holds were inside, not 98.5 %."""
+    law, rows = Law(exponent=exponent), SimpleNamespace(velocity=np.full(9, 0.1))
+    slots = 20.0 * (np.arange(len(SLOTS)) == SLOT.get(law.speed, -1))
+    expected = 20.0 * speed ** (exponent or 1.0)
+    assert _rest_excess(rows, law, slots) == pytest.approx(expected, rel=1e-12)

@@ -131,6 +131,7 @@ class Columns:
 
     time: str = ""
     time_unit: str | None = None
+    by_header: bool = False
     nanoseconds: str | None = None
     position: dict[str, Use] = field(default_factory=dict)
     velocity: dict[str, Use] = field(default_factory=dict)
@@ -403,6 +404,7 @@ def _settle(
         unit = re.search(r"(?:[\[(_ /])(deg|rad)(?:rees|ians)?(?:/s|_s)?[\])]?$", chosen[0], re.I)
         known = unit[1].lower() if unit and quantity != "effort" else None
         getattr(found, quantity)[joint] = Use(chosen[0], unit=known)
+        found.by_header |= known is not None and quantity == "position"
         if quantity in ("velocity", "acceleration") and not exact:
             found.planned = False
 

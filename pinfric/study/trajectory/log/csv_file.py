@@ -43,6 +43,10 @@ _ROWS_FOR_DIGITS = 500
 _HEAD, _PART = 2**16, 2**16
 #: Bytes of a small file; bytes of a line that is none.
 _SMALL, _LONG = 2**20, 2**20
+#: A stamp of ISO 8601 with its zone: 2026-11-22T10:00:00.25+01:00.
+_ISO = re.compile(
+    r"^(\d{4}-\d\d-\d\d)[T ](\d\d:\d\d:\d\d(?:[.,]\d{1,9})?)(?:Z|([+-])(\d\d):?(\d\d))?$"
+)
 #: Columns that tables of joint states number: `name_0`, `position[0]`.
 _NUMBERED = re.compile(r"^(.*?)[_\[.]?(\d+)\]?$")
 
@@ -98,7 +102,9 @@ def open_csv(path: Path) -> OpenedLog:
         return usable_rows(found, problems)
 
     first = _cells(table.rows[0], table.separator)
-    return OpenedLog(table.header, read, first, notes=table.notes)
+    clocks = dict(zip(table.header, first, strict=False))
+    units = {name: "ns" for name, cell in clocks.items() if _stamp(cell) is not None}
+    return OpenedLog(table.header, read, first, notes=table.notes, units=units)
 
 
 def _opened(path: Path, mode: str) -> Any:
@@ -189,6 +195,10 @@ def _read_by_line(table: _Table, names: Sequence[str]) -> RawRows:
         else:
             torn.append(f"line {table.lines[index]} ({len(row)})")
             last = index
+    clocks = [i for i in range(len(names)) if cells and _stamp(cells[0][i]) is not None]
+    for row in cells:
+        for i in clocks:
+            row[i] = row[i] if (stamp := _stamp(row[i])) is None else str(stamp)
     found = [[_number(cell) for cell in row] for row in cells]
     shape = len(cells), len(names)
     unreadable = np.array([[x is None for x in row] for row in found], dtype=bool).reshape(shape)
@@ -222,6 +232,23 @@ def _significant_digits(number: str) -> int:
     mantissa = re.split("[eE]", number, maxsplit=1)[0]
     mantissa = mantissa.removesuffix(".0")
     return len(re.sub(r"\D", "", mantissa).lstrip("0"))
+
+
+def _stamp(cell: str) -> int | None:
+    """Whole ns since 1970 of an ISO 8601 stamp, of any zone; None: it is none."""
+    match = _ISO.match(cell.strip().strip('"'))
+    if match is None:
+        return None
+    try:
+        found = int(
+            np.datetime64(f"{match[1]}T{match[2].replace(',', '.')}", "ns").astype(np.int64)
+        )
+    except ValueError:  # no such day
+        return None
+    if not match[3]:
+        return found
+    ahead = int(match[4]) * 3600 + int(match[5]) * 60
+    return found - (1 if match[3] == "+" else -1) * ahead * 10**9
 
 
 def _number(cell: str) -> float | None:

@@ -136,6 +136,7 @@ def settle(
     options: ReadingOptions,
     problems: list[str],
     recorded: bool = False,
+    logged: FloatArray | None = None,
 ) -> Settled:
     """Return the motion behind a file's rows; a planned one unchanged.
 
@@ -146,6 +147,8 @@ def settle(
         problems: gaps in what must be filtered are appended here.
         recorded: the file holds measurements; they are put on regular times, with or without noise,
             because filters expect that.
+        logged: (rows, nj) measured velocities, rad/s or m/s, NaN where there are none: they tell
+            when rows were taken.
     """
     fresh, rows, notes = _fresh_rows(plan)
     names = [column.name for column in columns]
@@ -168,7 +171,7 @@ def settle(
         if (np.diff(plain.table.t) <= 0.0).any():
             problems.append("time must increase, and is not regular enough to be repaired")
         return plain
-    sampled = _on_regular_time(plain, timing)
+    sampled = _on_regular_time(plain, timing, None if logged is None else logged[rows])
     noisy = noisy_joints(sampled.position, timing.step, plain.table.resolution, sampled.t)
     if not any(noisy) and not isinstance(options.cutoff, float):
         even = sampled.even
@@ -245,18 +248,19 @@ def _rows_of(table: TrajectoryTable, rows: NDArray[np.int64]) -> TrajectoryTable
     )
 
 
-def _on_regular_time(plain: Settled, timing: Timing) -> _Sampled:
+def _on_regular_time(plain: Settled, timing: Timing, logged: FloatArray | None = None) -> _Sampled:
     """Return the samples on regular time.
 
     Either the stamps jitter and the rows were taken regularly, or the stamps are right. Taken is
-    what leaves less noise in the positions. Stamps that wander are taken as right.
+    what fits the logged velocities better; without any, what leaves less noise in the positions.
+    Stamps that wander are taken as right.
     """
     table, stamps = plain.table, plain.table.t
     if not timing.irregular:
         return _Sampled(plain, timing.step, table.position)
     reading = replace(plain.reading, jitter=timing.jitter)
     regular = timing.taken
-    if regular is None or _stamps_are_better(table.position, stamps, regular):
+    if regular is None or _stamps_are_better(table.position, stamps, regular, logged):
         return _by_stamps(plain, timing, reading)
     assert timing.number is not None
     whole = np.arange(timing.count, dtype=np.float64)
@@ -280,9 +284,24 @@ def _on_regular_time(plain: Settled, timing: Timing) -> _Sampled:
     return _Sampled(even, timing.step, table.position, regular if lost.size else None)
 
 
-def _stamps_are_better(position: FloatArray, stamps: FloatArray, regular: FloatArray) -> bool:
-    """Whether positions have clearly less noise at the stamps than at regular times."""
-    return not (np.diff(stamps) <= 0.0).any() and _less_noise(position, stamps, regular)
+def _stamps_are_better(
+    position: FloatArray, stamps: FloatArray, regular: FloatArray, logged: FloatArray | None
+) -> bool:
+    """Whether the stamps fit clearly better than regular times: velocities, else positions."""
+    if (np.diff(stamps) <= 0.0).any():
+        return False
+    if logged is not None and logged.any() and np.isfinite(logged).all():
+        by_stamps, by_rows = (_off(position, at, logged) for at in (stamps, regular))
+        return by_stamps < _CLEARLY * by_rows
+    return _less_noise(position, stamps, regular)
+
+
+def _off(position: FloatArray, t: FloatArray, velocity: FloatArray) -> float:
+    """RMS by which velocities miss the slopes of the positions between rows, rad/s or m/s."""
+    steps, total = np.diff(t), 0.0
+    for q, v in zip(position.T, velocity.T, strict=True):  # one by one: long logs fill the memory
+        total += float(np.mean((np.diff(q) / steps - 0.5 * (v[1:] + v[:-1])) ** 2))
+    return float(np.sqrt(total))
 
 
 def _by_stamps(plain: Settled, timing: Timing, reading: Reading) -> _Sampled:

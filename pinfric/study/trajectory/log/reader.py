@@ -17,6 +17,7 @@ from pinfric.study.trajectory.log.arrays import Log
 from pinfric.study.trajectory.log.bags import is_bag, open_bag
 from pinfric.study.trajectory.log.columns import PAYLOAD, Columns, Use, find_columns, read_mapping
 from pinfric.study.trajectory.log.csv_file import open_csv
+from pinfric.study.trajectory.log.efforts import mended_effort
 from pinfric.study.trajectory.log.files import open_matlab, open_parquet
 from pinfric.study.trajectory.log.frame import LogFrame, OpenedLog
 from pinfric.study.trajectory.log.motion import Settled, settle, unwrapped
@@ -26,7 +27,9 @@ from pinfric.study.trajectory.log.thinning import Thinning
 from pinfric.study.trajectory.log.units import (
     angle_unit,
     fast_angles,
+    frozen_angles,
     is_clock,
+    slow_angles,
     time_factor,
     unwrapped_steps,
 )
@@ -145,6 +148,8 @@ def _in_si(
     uses = [found.position[column.name] for column in named]
     raw = _quantity(cells, {name: Use(use.column) for name, use in found.position.items()}, named)
     known = [use.unit for use in uses]
+    if found.by_header and options.unit:  # a person knows better than a header
+        known = [None] * len(known)
     factors = angle_unit(named, raw, known, options.unit, problems, notes)
     del raw
     position = _quantity(cells, found.position, named, factors)
@@ -157,7 +162,12 @@ def _in_si(
     own_plan = found.planned and bool(found.velocity)
     if not problems and not own_plan and set(factors) == {1.0}:
         problems += fast_angles(named, t[kept], position[taken], known, options.unit)
+    if not problems and found.by_header and not options.unit:
+        problems += slow_angles(named, t[kept], position[taken], factors)
     position = unwrapped(named, position[taken], notes)
+    lines = [cells.lines[i] for i in kept] if kept.size < t.size else cells.lines
+    if not problems and not own_plan:
+        problems += frozen_angles(named, t[kept], position, lines)
     velocity, acceleration = (
         _quantity(cells, part, named, factors)[taken]
         for part in (found.velocity, found.acceleration)
@@ -167,6 +177,9 @@ def _in_si(
         t[kept], position, velocity, acceleration, attached, resolution * np.abs(factors)
     )
     effort = _quantity(cells, found.effort, named)[taken]
+    for i, column in enumerate(named):
+        if column.name in found.effort:
+            effort[:, i] = mended_effort(column.name, effort[:, i], lines, problems, notes)
     return _Measured(plan, effort, cells.dropped + len(cells.values) - kept.size)
 
 
@@ -183,11 +196,13 @@ def _settled(
     plan = rows.plan
     if problems:
         return named, plan, Reading(plan.t.size)
+    logged = plan.velocity if found.velocity else None
     if log.recorded or not found.planned:
         notes += _compared(named, plan)
         nothing = np.broadcast_to(np.nan, plan.position.shape)
         plan = replace(plan, velocity=nothing, acceleration=nothing)
-    settled = settle(named, plan, options, problems, log.recorded or bool(found.effort))
+    recorded = log.recorded or bool(found.effort)
+    settled = settle(named, plan, options, problems, recorded, logged)
     if settled.reading.filtered and np.isfinite(plan.velocity).any():
         notes.append(
             "velocities in the file are not used: they are derived from filtered positions"

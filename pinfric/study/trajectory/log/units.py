@@ -25,6 +25,10 @@ _SMALL = 0.02
 _TOO_FAST, _FASTEST_JOINT = 3.0, 30.0
 #: rad/s or m/s: no recording has no joint faster than this.
 _CREEP = 0.01
+#: Share of its velocity limit that some joint of a recording exceeds.
+_CRAWL = 0.02
+#: Rows for which a frozen encoder stands still.
+_FROZEN = 10
 #: s since 1970, of the years 2001 to 2096: what a clock shows.
 _EPOCH = (1e9, 4e9)
 
@@ -170,16 +174,11 @@ def fast_angles(
         position: (T, nj) rad or m, taken as radians where nobody said otherwise.
         known, given: as in `angle_unit`.
     """
-    steps = np.diff(t)
-    if given is not None or t.size < FEWEST or not (steps > 0.0).all():
+    if given is not None:
         return []
-    apart, speeds = np.maximum(steps, np.mean(steps)), []
-    for q in position.T:  # one after another: a long log fills much of the memory
-        # rows that were written at once say nothing about speeds
-        speeds.append(float(np.quantile(unwrapped_steps(q) / apart, 0.99)))
     fast = [
         f"{column.name} {speed:.3g} rad/s, limit {column.velocity_limit:.3g}"
-        for column, speed, unit in zip(columns, speeds, known, strict=True)
+        for column, speed, unit in zip(columns, _speeds(t, position), known, strict=False)
         if column.unit == "rad" and unit is None and speed > _TOO_FAST * column.velocity_limit
     ]
     if not fast:
@@ -188,3 +187,70 @@ def fast_angles(
         f"too fast for a joint ({listing(fast)}): the angles may be in degrees; give "
         "--unit deg or --unit rad"
     ]
+
+
+def slow_angles(
+    columns: Sequence[JointColumn], t: FloatArray, position: FloatArray, factors: Sequence[float]
+) -> list[str]:
+    """Return one line where a header says degrees, with which all joints hardly move.
+
+    Args:
+        columns: (nj,) the joints.
+        t: (T,) s.
+        position: (T, nj) rad or m, by the header.
+        factors: (nj,) rad per unit that the header means.
+    """
+    degree = ANGLE_UNITS["deg"]
+    shares = [
+        speed / column.velocity_limit
+        for column, speed, factor in zip(columns, _speeds(t, position), factors, strict=False)
+        if factor == degree
+    ]
+    most = max(shares, default=0.0)
+    if not _CRAWL * degree < most < _CRAWL:
+        return []
+    return [
+        f"the header says degrees, but then no joint exceeds {100 * most:.2g} % of its velocity "
+        f"limit; as radians {100 * most / degree:.3g} %: give --unit deg or --unit rad"
+    ]
+
+
+def frozen_angles(
+    columns: Sequence[JointColumn], t: FloatArray, position: FloatArray, lines: Sequence[int]
+) -> list[str]:
+    """Return a line for each joint whose angle stands still and then leaps to where it is.
+
+    Args:
+        columns: (nj,) the joints.
+        t: (T,) s.
+        position: (T, nj) rad or m, unwrapped.
+        lines: (T,) where the rows stand in the file.
+    """
+    steps, found = np.diff(t), []
+    if t.size < FEWEST or not (steps > 0.0).all():
+        return []
+    for column, q in zip(columns, position.T, strict=True):
+        ways = np.abs(np.diff(q))
+        limit = column.velocity_limit if np.isfinite(column.velocity_limit) else _FASTEST_JOINT
+        far = ways > _TOO_FAST * limit * np.maximum(steps, np.median(steps))
+        for i in np.flatnonzero(far).tolist():
+            first = i - int(np.argmax(ways[:i][::-1] > 0.0)) if ways[:i].any() else 0
+            if i - first >= _FROZEN:
+                found.append(
+                    f"joint {column.name}: its angle stands still from {t[first]:.6g} to "
+                    f"{t[i]:.6g} s and then jumps by {ways[i]:.3g} {column.unit} in line "
+                    f"{lines[i + 1]}, which no joint can: its encoder was frozen; leave that time "
+                    "out, and split the log there"
+                )
+                break
+    return found
+
+
+def _speeds(t: FloatArray, position: FloatArray) -> list[float]:
+    """The speed of each joint that one row of a hundred exceeds; () where times say nothing."""
+    steps = np.diff(t)
+    if t.size < FEWEST or not (steps > 0.0).all():
+        return []
+    apart = np.maximum(steps, np.mean(steps))  # rows written at once say nothing about speeds
+    # one joint after another: a long log fills much of the memory
+    return [float(np.quantile(unwrapped_steps(q) / apart, 0.99)) for q in position.T]

@@ -126,3 +126,15 @@ def test_what_is_wrong_in_a_long_file_is_said_as_of_any_other(row, named, tmp_pa
     path.write_text("\n".join(["t,a,b", *lines]))
     found = csv_file.open_csv(path).read(("t", "b"), [])
     assert (found.dropped, found.why, len(found.values)) == (1, named, 3999)
+
+
+@pytest.mark.parametrize("zone", ["", "Z", "+01:00"])
+def test_stamps_of_iso_8601_are_times(zone, tmp_path):
+    stamps = np.datetime64("2026-11-22T10:00:00", "ns") + np.rint(T * 1e9).astype(np.int64)
+    rows = [
+        f"{stamp}{zone}," + ",".join(f"{x:.12g}" for x in q)
+        for stamp, q in zip(stamps, Q, strict=True)
+    ]
+    motion = load(tmp_path, "\n".join([",".join(("time", *NAMES)), *rows]) + "\n")
+    np.testing.assert_allclose(motion.t, T, atol=1e-9)
+    np.testing.assert_allclose(motion.q, Q, atol=1e-11)

@@ -20,6 +20,7 @@ from log_cases import (
 
 import pinfric as pf
 from pinfric.study.trajectory.log.judged import judge_log
+from pinfric.study.trajectory.log.motion import _stamps_are_better
 from pinfric.study.trajectory.log.reading import ReadingOptions
 from pinfric.study.trajectory.waypoints import quintic
 
@@ -149,3 +150,13 @@ def test_noisy_logs_of_all_joints_of_a_loop_are_closed(name, tmp_path):
     open_loop = write_csv(tmp_path / "log.csv", plan.t[:300], plan.joint_names, q[:300])
     with pytest.raises(pf.PinfricError, match=r"is open at sample 0, by 0\.0"):
         pf.inverse_dynamics(scene, pf.load_trajectory(open_loop, scene))
+
+
+def test_logged_velocities_tell_when_rows_were_taken():
+    rng, regular = np.random.default_rng(3), np.arange(400) / 200.0
+    stamps = regular + 1e-3 * rng.uniform(-1.0, 1.0, 400)
+    for taken in (stamps, regular):
+        q, v = np.sin(3.0 * taken)[:, None], 3.0 * np.cos(3.0 * taken)[:, None]
+        noise = 5e-5 * rng.normal(size=q.shape)
+        found = _stamps_are_better(q + noise, stamps, regular, v)
+        assert found == (taken is stamps)

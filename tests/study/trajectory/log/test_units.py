@@ -82,3 +82,20 @@ def test_small_angles_in_degrees_are_found_by_their_speed(tmp_path):
         load(tmp_path, text, scene=model)
     np.testing.assert_allclose(load(tmp_path, text, scene=model, unit="deg").q, 0.25 * Q)
     assert load(tmp_path, text, scene=model, unit="rad").q[:, 0].max() > 11.0
+
+
+def test_a_header_of_degrees_over_radians_is_asked_about(tmp_path):
+    text = table(("t", *(f"{name} [deg]" for name in NAMES)), T, Q)
+    said = refused(tmp_path, text)
+    assert "the header says degrees, but then no joint exceeds" in said
+    assert "give --unit deg or --unit rad" in said
+    np.testing.assert_allclose(load(tmp_path, text, unit="rad").q, Q, atol=1e-10)
+
+
+def test_a_frozen_encoder_is_named_by_its_jump(tmp_path):
+    frozen, at = Q.copy(), np.arange(120, 280)
+    frozen[at, 0] = frozen[at[0], 0]
+    said = refused(tmp_path, table(("t", *NAMES), T, frozen))
+    assert "joint base_turn: its angle stands still from" in said
+    assert f"in line {at[-1] + 3}" in said
+    assert "its encoder was frozen" in said
