@@ -233,6 +233,21 @@ class Scene:
         self._check_brakes()
         self._check_masses()
         set_(self, "mobility", self._mobility(doubts))
+        self._mention_driven_base()
+
+    def _mention_driven_base(self) -> None:
+        """Warn that a floating base is driven where `actuators` are left out."""
+        if self.actuators is not None:
+            return
+        for name, joint in zip(self.joint_names, tuple(self.model.joints)[1:], strict=True):
+            if joint.shortname() == "JointModelFreeFlyer":
+                text = (
+                    f"{self.source}: without `actuators` the floating base {name!r} gets six ideal "
+                    "drives; if nothing drives it, give actuators=[{'joint': name} for name in "
+                    f"model.names[1:] if name != {name!r}]"
+                )
+                # of one place: Python's filter shows it once, not at every `with_`
+                warnings.warn(text, PinfricWarning, stacklevel=1)
 
     def _mobility(self, doubts: Mapping[str, str]) -> Mobility:
         if self.linkage is None:

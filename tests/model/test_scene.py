@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import pickle
+import warnings
 
 import numpy as np
 import pinocchio as pin
@@ -112,6 +113,23 @@ def test_friction_and_payloads_cannot_be_assigned():
     for entries in (scene.friction, scene.payloads):
         with pytest.raises(TypeError):
             entries["slide"] = None
+
+
+def test_a_base_that_floats_is_not_driven_without_a_word():
+    model = pin.Model()
+    base = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
+    leg = model.addJoint(base, pin.JointModelRY(), pin.SE3.Identity(), "leg")
+    for joint in (base, leg):
+        model.appendBodyToJoint(joint, pin.Inertia.Random(), pin.SE3.Identity())
+    with pytest.warns(pf.PinfricWarning, match=r"base 'base' gets six.*actuators=(.*)$") as caught:
+        pf.Scene(model=model)
+    (said,) = caught
+    offered = str(said.message).partition("actuators=")[2]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        scene = pf.Scene(model=model, actuators=eval(offered))  # what the line says to write
+        assert scene.actuator_names == ("leg",)
+        pf.Scene(model=block())  # a joint on the ground may be driven
 
 
 def test_with_gives_a_changed_scene_and_leaves_the_first():

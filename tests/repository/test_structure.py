@@ -23,7 +23,7 @@ TESTED_WITH = {
     "study/sweep/test_superposition.py": "dynamics/inverse: superposed; study/sweep: tables",
     "dynamics/judge/test_check.py": "dynamics/judge: balance linkage pairs plain_laws",
     "dynamics/inverse/test_inverse.py": "dynamics/samples: motion_kernels motor_torques outcome",
-    "dynamics/simulation/test_simulate.py": "dynamics/simulation: integration; study: scene_run",
+    "dynamics/simulation/test_simulate.py": "dynamics/simulation: integration",
     "dynamics/simulation/test_system.py": "dynamics/forward: efforts",
     "friction/test_holding.py": "friction: balance",
     "friction/test_given_modes.py": "friction: modes problem",

@@ -35,7 +35,7 @@ from pinfric.dynamics.problem.rates import is_normalized
 from pinfric.dynamics.samples.motion_kernels import TreeSamples, bound_within
 from pinfric.dynamics.samples.motor_torques import scene_gears
 from pinfric.dynamics.samples.outcome import Status
-from pinfric.dynamics.samples.reactions import applied_wrenches, state_wrenches
+from pinfric.dynamics.samples.reactions import AppliedWrench, applied_wrenches
 from pinfric.dynamics.samples.states import States, unit_parts
 from pinfric.errors import PinfricError
 from pinfric.kernels.compiled import compile_for, compiling, kernel, record
@@ -44,7 +44,6 @@ from pinfric.model.drives import Gears, write_motor_torques
 from pinfric.model.laws import Laws
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION
 from pinfric.model.scene import Scene, expect_scene, payload_names
-from pinfric.model.twin import project
 
 
 class InverseInstant(NamedTuple):
@@ -242,21 +241,30 @@ class Solver:
             compile_for(rub, self._argument)
             return
         q, a = closed_configuration(self.scene), np.zeros(self._ws.nv)
-        for speed in (0.0, 1.0):
+        push = [AppliedWrench(0, np.zeros((1, 6)))]
+        for speed, applied in ((0.0, []), (1.0, []), (1.0, push)):
             with suppress(PinfricError):  # a motion that its loops or drives do not allow
-                self._inverse_of_batch(q, a + speed, a)
+                self._inverse_of_batch(q, a + speed, a, applied)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Solver, (self.scene, self._carried)  # another process makes buffers of its own
 
-    def inverse(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> InverseInstant:
+    def inverse(
+        self,
+        q: np.ndarray,
+        v: np.ndarray,
+        a: np.ndarray,
+        *,
+        external: Mapping[str, np.ndarray] | None = None,
+    ) -> InverseInstant:
         """Return the efforts of a motion with friction: intervals where joints stick.
 
-        u = M a + h - D phi (paper eq. 16, 17; at rest eq. 21, 22); as `inverse_dynamics` of one
-        state without times.
+        u = M a + h - J_ext^T f_ext - D phi (paper eq. 16, 17; at rest eq. 21, 22); as
+        `inverse_dynamics` of one state without times.
 
         Args:
             q, v, a: (nq,), (nv,), (nv,) in rad, m and per second.
+            external: frame name -> (6,) wrench on it, in its axes at its origin (N, N m).
 
         Returns:
             Views that the next call overwrites; if efforts are NaN, `status` gives the reason.
@@ -265,29 +273,33 @@ class Solver:
             StateError: not real numbers, a wrong shape, a value not finite.
             RollMomentError: a guide without width is loaded by a moment about its axis.
             LoopMotionError: a loop is open, or the motion violates it.
-            SceneError, UndrivenMotionError: redundant or missing drives (`inverse_dynamics`).
+            SceneError, UndrivenMotionError: redundant or missing drives (`inverse_dynamics`); an
+                unknown frame.
         """
+        applied = [] if external is None else applied_wrenches(self.scene, external, 1)
         if not self._at_once:
-            return self._inverse_of_batch(q, v, a)
+            return self._inverse_of_batch(q, v, a, applied)
         self._q[:] = vector("q", q, self._q.size, "nq")
         self._v[:] = vector("v", v, self._v.size, "nv")
         self._a[:] = vector("a", a, self._a.size, "nv")
-        self._ws.supplier.balance(self._q, self._v, self._a)
+        self._ws.supplier.balance(self._q, self._v, self._a, applied)
         while not rub(self._argument):
             self._mend()
-            self._ws.supplier.balance(self._q, self._v, self._a)
+            self._ws.supplier.balance(self._q, self._v, self._a, applied)
         self._ws.failures.check_roll_moments(self._found.wrench)
         return self._found
 
-    def _inverse_of_batch(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> InverseInstant:
+    def _inverse_of_batch(
+        self, q: np.ndarray, v: np.ndarray, a: np.ndarray, applied: list[AppliedWrench]
+    ) -> InverseInstant:
         attached = None
         if self._carried is not None:
             attached = np.array([[name in self._carried for name in self.scene.payloads]])
         states = States.of(self.scene, q, v, a, None, attached)
         check_shares(self.scene)
         solve = solve_tree if self.scene.linkage is None else solve_linkage
-        found = solve(self.scene, states, [], slice(0, 1), 1)
-        if found.wrench is None:  # nothing in the scene depends on reactions
+        found = solve(self.scene, states, applied, slice(0, 1), 1)
+        if found.wrench is None:  # nothing depends on reactions, and nothing is applied
             self._ws.supplier.balance(states.q[0], states.v[0], states.a[0])
             wrench = self._ws.supplier.supply.force[1 + self._ws.plan.sites.joint]
             found = replace(found, wrench=wrench[None])
@@ -301,16 +313,18 @@ class Solver:
         effort: np.ndarray | Mapping[str, float] | None = None,
         *,
         motor_torque: np.ndarray | Mapping[str, float] | None = None,
+        external: Mapping[str, np.ndarray] | None = None,
     ) -> Instant:
         """Return the accelerations, modes and friction that efforts cause.
 
-        a = M^-1 (u - h + D phi) (paper eq. 3, 20, 21); as `forward_dynamics`.
+        a = M^-1 (u - h + J_ext^T f_ext + D phi) (paper eq. 3, 20, 21); as `forward_dynamics`.
 
         Args:
             q, v: (nq,), (nv,) in rad, m and per second.
             effort: (na,) what the drives deliver at the joints (N m or N), in the order of
                 `scene.actuator_names`, or a mapping drive name -> number.
             motor_torque: like `effort` and in its place, at the motors' shafts (N m).
+            external: frame name -> (6,) wrench on it, in its axes at its origin (N, N m).
 
         Returns:
             Views that the next call overwrites.
@@ -321,7 +335,8 @@ class Solver:
         ws, given = self._ws, one_of("Solver.forward", effort, motor_torque)
         if effort is None:
             self._motors = ws = self._motors or Workspace(self.scene, self._carried, motors=True)
-        solve_state(ws, q, v, given)
+        applied = None if external is None else applied_wrenches(self.scene, external, 1)
+        solve_state(ws, q, v, given, applied)
         return solution(ws)
 
     def compensate(
@@ -367,16 +382,10 @@ class Solver:
         q = vector("q", q, self._ws.nq, "nq")
         check_reach(self.scene, self._reach, q, motion)
         states = States.of(self.scene, q, rate, bend, None, carried)
-        if external:
-            twin, applied = self._ws.twin, applied_wrenches(self.scene, external, 1)
-            wrench = state_wrenches(self.scene, states, applied)
-            effort = np.empty((1, nv))
-            project(wrench, twin.embedding, twin.armature, states.a, effort)
-            wrench, effort = wrench[:, tables.joint], effort[0]
-        else:
-            self._ws.supplier.balance(states.q[0], states.v[0], states.a[0])
-            supply = self._ws.supplier.supply
-            wrench, effort = supply.force[1 + tables.joint][None], supply.h
+        applied = applied_wrenches(self.scene, external, 1)
+        self._ws.supplier.balance(states.q[0], states.v[0], states.a[0], applied)
+        supply = self._ws.supplier.supply
+        wrench, effort = supply.force[1 + tables.joint][None], supply.h
         displacement = self._ws.twin.displacements(tables.joint, states.q)
         found = compensate_state(self.scene, tables, effort, wrench, displacement, motion, options)
         check_finite(self.scene, (found[None], found[None]), 0)

@@ -52,15 +52,18 @@ class Supplier:
         pin.rnea(self.model, self.data, q, v, self._zero)
         if self._copies:
             self._copy()
-        if applied:
-            for wrench in applied:
-                self._subtract(wrench.joint, wrench.wrench[0])
+        for wrench in applied or ():
+            self._subtract(wrench.joint, wrench.wrench[0])
 
-    def balance(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> None:
+    def balance(
+        self, q: np.ndarray, v: np.ndarray, a: np.ndarray, applied: Sequence[AppliedWrench] = ()
+    ) -> None:
         """Compute the wrenches and, in `h`, the efforts of a motion without friction."""
         pin.rnea(self.model, self.data, q, v, a)
         if self._copies:
             self._copy()
+        for wrench in applied:
+            self._subtract(wrench.joint, wrench.wrench[0])
 
     def move(self, q: np.ndarray, v: np.ndarray) -> None:
         """Compute poses and velocities only."""

@@ -182,6 +182,117 @@ def test_the_plan_of_a_robot_with_leg_drives_only_is_kept(monkeypatch):
     assert not calls
 
 
+@pytest.mark.parametrize(("scene", "q", "v", "a"), EVERY, ids=IDS)
+def test_wrenches_from_outside_are_those_of_batches(scene, q, v, a):
+    """On the first and the last link; the next call without them knows nothing of them."""
+    force = 3.0 * np.random.default_rng(8).normal(size=(2, 6))
+    if scene.linkage is not None:  # its guides have no width: no moment about their axis
+        force[:, 3:] = 0.0
+    external = dict(zip((scene.joint_names[0], scene.joint_names[-1]), force, strict=False))
+    batch, alone = (pf.inverse_dynamics(scene, q, v, a, given) for given in (external, None))
+    solver, solved = scene.solver(), 0
+    for i in range(len(q)):
+        for expected, given in ((batch, external), (alone, None)):
+            found = solver.inverse(q[i], v[i], a[i], external=given)
+            for name in FIGURES:
+                assert_equal(getattr(found, name), getattr(expected, name)[i], name)
+        effort = 0.7 * batch.effort_lower[i] + 0.3 * batch.effort_upper[i] + 0.1
+        try:
+            expected = pf.forward_dynamics(scene, q[i], v[i], effort, external)
+        except AccelerationError:
+            continue
+        found, solved = solver.forward(q[i], v[i], effort, external=external), solved + 1
+        for name in ("a", "modes", "friction", "multipliers", "normal_load", "wrench"):
+            assert_equal(getattr(found, name), getattr(expected, name), name)
+    assert solved > len(q) // 2
+    assert np.abs(batch.effort_lower - alone.effort_lower).max() > 1e-3
+
+
+def solo12(friction):
+    """A quadruped on a floating base that nothing drives, with drives at its legs."""
+    urdf = example_robot_data() / "solo_description/robots/solo12.urdf"
+    model = pin.buildModelFromUrdf(str(urdf), pin.JointModelFreeFlyer())
+    legs = list(model.names)[2:]
+    return pf.Scene(
+        model=model,
+        friction=dict.fromkeys(legs, friction) if friction else {},
+        actuators=[{"joint": name} for name in legs],
+    )
+
+
+def standing(model, speed, seed):
+    """A state (q, v, a) on four feet, the wrenches at the feet, and Pinocchio's list of them."""
+    rng, data = np.random.default_rng(seed), model.createData()
+    bent = np.r_[0.1 * rng.normal(size=6), np.tile([0.1, 0.8, -1.6], 4)]
+    q = pin.integrate(model, pin.neutral(model), bent + 0.05 * rng.normal(size=model.nv))
+    v, a = speed * rng.normal(size=model.nv), 2.0 * rng.normal(size=model.nv)
+    feet = [model.frames[model.getFrameId(f"{leg}_FOOT")] for leg in ("FL", "FR", "HL", "HR")]
+    base = pin.rnea(model, data, q, v, a)[:6]
+    J = [
+        pin.computeFrameJacobian(model, data, q, model.getFrameId(foot.name), pin.LOCAL)[:, :6]
+        for foot in feet
+    ]
+    wrenches = np.linalg.lstsq(np.vstack(J).T, base, rcond=None)[0].reshape(4, 6)
+    on_joints = [pin.Force.Zero() for _ in range(model.njoints)]
+    for foot, wrench in zip(feet, wrenches, strict=True):
+        on_joints[foot.parentJoint] += foot.placement.act(pin.Force(wrench))
+    given = {foot.name: wrench for foot, wrench in zip(feet, wrenches, strict=True)}
+    return (q, v, a), given, on_joints
+
+
+def test_a_quadruped_stands_on_its_feet_as_pinocchio_has_it():
+    scene = solo12(None)
+    model, solver = scene.model, scene.solver()
+    data = model.createData()
+    for seed in range(4):
+        (q, v, a), feet, on_joints = standing(model, 1.0, seed)
+        expected = pin.rnea(model, data, q, v, a, on_joints)
+        np.testing.assert_allclose(expected[:6], 0.0, atol=1e-12)
+        found = solver.inverse(q, v, a, external=feet)
+        for effort in (found.effort_lower, found.effort_upper, found.effort_frictionless):
+            np.testing.assert_allclose(effort, expected[6:], atol=1e-11)
+        np.testing.assert_allclose(
+            solver.forward(q, v, expected[6:], external=feet).a, a, atol=1e-8
+        )
+    with pytest.raises(pf.PinfricError, match="root_joint"):  # nothing holds its base
+        solver.inverse(q, v, a)
+
+
+@pytest.mark.parametrize("speed", [0.0, 1.0])
+def test_a_quadruped_with_friction_stands_on_its_feet_as_in_batches(speed):
+    pins = {"kind": "pin", "radius": 0.02, "length": 0.05}
+    scene = solo12({"bearing": pins, "mu": {"static": 0.2, "kinetic": 0.15}})
+    solver = scene.solver()
+    for seed in range(3):
+        (q, v, a), feet, _ = standing(scene.model, speed, seed)
+        batch, found = (
+            pf.inverse_dynamics(scene, q, v, a, feet),
+            solver.inverse(q, v, a, external=feet),
+        )
+        assert batch.sticking.all() == (speed == 0.0)
+        for name in FIGURES:
+            assert_equal(getattr(found, name), getattr(batch, name)[0], name)
+        effort = found.effort_lower.copy()
+        expected = pf.forward_dynamics(scene, q, v, effort, feet)
+        ahead = solver.forward(q, v, effort, external=feet)
+        for name in ("a", "modes", "friction", "normal_load", "wrench"):
+            assert_equal(getattr(ahead, name), getattr(expected, name), name)
+        if speed:
+            np.testing.assert_allclose(ahead.a, a, atol=1e-7)
+
+
+@pytest.mark.parametrize("method", ["inverse", "forward"])
+def test_a_wrench_on_no_frame_is_refused(method):
+    scene, (q, *_), (v, *_), (a, *_) = EVERY[0]
+    call = getattr(scene.solver(), method)
+    with pytest.raises(SceneError, match="there is no frame 'foot'"):
+        call(q, v, a, external={"foot": np.ones(6)})
+    with pytest.raises(StateError, match=r"shape \(3,\)"):
+        call(q, v, a, external={scene.joint_names[0]: np.ones(3)})
+    with pytest.raises(StateError, match="should be a mapping"):
+        call(q, v, a, external=np.ones(6))
+
+
 def test_payloads_are_those_asked_for():
     scene = panda()
     (q,), (v,), (a,) = random_states(scene.model, 3, 1)
