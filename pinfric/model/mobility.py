@@ -11,6 +11,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
+from scipy.linalg import null_space
 
 from pinfric.errors import SceneError
 from pinfric.model.closure import (
@@ -19,6 +21,7 @@ from pinfric.model.closure import (
     closed_configurations,
     full_pivot,
     loop_state,
+    velocity_names,
 )
 from pinfric.model.drives import Drive
 from pinfric.model.loops import Linkage, loop_place
@@ -106,3 +109,21 @@ def mobility_of_linkage(
                 d for d, others in enumerate(without) if full_pivot(others, scale)[0] == rank
             ]
     return Mobility(freedoms, tuple(undriven), tuple(redundant))
+
+
+def lightest_joint(model: pin.Model, mass: np.ndarray, closed: np.ndarray) -> str:
+    """Return the name of the velocity with the largest part in the lightest motion.
+
+    The eigenvector of the least eigenvalue of N^T M N, with M scaled to a diagonal of ones, and N
+    the motions that loops allow.
+
+    Args:
+        model: of the robot.
+        mass: (nv, nv) M, singular.
+        closed: (m, nv) rows of the loops; an open chain has none.
+    """
+    own = np.diag(mass)
+    scale = 1.0 / np.sqrt(np.where(own > 0.0, own, 1.0))
+    N = null_space(closed * scale) if len(closed) else np.eye(len(mass))
+    motion = N @ np.linalg.eigh(N.T @ (scale[:, None] * mass * scale) @ N)[1][:, 0]
+    return velocity_names(model)[int(np.argmax(np.abs(motion)))]

@@ -361,6 +361,9 @@ class Scene:
         """The model as it was given."""
         return self.model.copy()
 
+    def __hash__(self) -> int:  # equal scenes have equal ones; mappings and models have none
+        return hash((self.source, self.joint_names, frozenset(self.friction), self.stick_velocity))
+
     def __repr__(self) -> str:
         model, joints = self.model, self.joint_names
         mass = sum(inertia.mass for inertia in tuple(model.inertias)[1:])  # 0 is the ground

@@ -11,6 +11,8 @@ import html
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
 
+from pinfric.errors import StateError
+
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
@@ -53,9 +55,15 @@ class Shown:
         table: pd.DataFrame = _FUNCTIONS["summary"](self)
         return table
 
-    def _repr_html_(self) -> str:
-        """Return the result's table for a notebook: the figures with a heading, with units."""
-        table = self.summary()
+    def _repr_html_(self) -> str | None:
+        """Return the result's table for a notebook: the figures with a heading, with units.
+
+        None, for which notebooks show `repr`, of what has no table: a result without times.
+        """
+        try:
+            table = self.summary()
+        except StateError:
+            return None
         title = html.escape(repr(self).partition("\n")[0])
         shown: str = table.attrs.get("html") or table.to_html(
             float_format="{:.4g}".format, na_rep=""

@@ -132,6 +132,14 @@ def test_a_base_that_floats_is_not_driven_without_a_word():
         pf.Scene(model=block())  # a joint on the ground may be driven
 
 
+def test_scenes_are_keys_as_they_are_equal():
+    scene, same, other = made(), made(), made(stick_velocity=1e-3)
+    assert scene == same
+    assert hash(scene) == hash(same)
+    assert {scene: 1, other: 2}[same] == 1
+    assert len({scene, same, other}) == 2
+
+
 def test_with_gives_a_changed_scene_and_leaves_the_first():
     scene = made()
     moon = scene.with_(gravity=[0, 0, -1.62])

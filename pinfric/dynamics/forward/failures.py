@@ -24,6 +24,7 @@ from pinfric.errors import (
 )
 from pinfric.friction.modes import Found
 from pinfric.friction.search import MOST_ENUMERATED, MOST_PASSES, Lines
+from pinfric.model.mobility import lightest_joint
 from pinfric.model.scene import Scene
 
 #: What an instant is asked for: q (nq,), v (nv,), effort (na,) as drives are given it, r T_m where
@@ -85,8 +86,13 @@ class Failures:
             )
         raise SceneError(
             f"{self._scene.source}: the mass matrix is not positive definite at this state: a "
-            "joint moves no mass; give its link an inertia, or lock it"
+            f"joint moves no mass ({self._lightest()}); give its link an inertia, or lock it"
         )
+
+    def _lightest(self) -> str:
+        k, closure = self._machine.kinematics, self._plan.closure
+        rows = k.J[0, closure.off_joint : closure.off_joint + closure.multipliers]
+        return lightest_joint(self._scene.model, self._machine.maps.M, rows)
 
     def failure(self, found: Found, state: State) -> AccelerationError:
         """Return the error with the reason and the joint for which no acceleration was found."""

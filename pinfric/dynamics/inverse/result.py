@@ -66,7 +66,9 @@ class InverseResult(SolvedMotion, Shown):  # noqa: D101 (that of its fields)
                 "peaks": f"{listed(self.actuator_names, peaks)} (N m or N)" if peaks else "",
                 "friction": friction if sticks else "none",
                 "status": ", ".join(f"{count} {name}" for name, count in ended if count),
-                "more": ".summary() .plot() .to_dataframe() .stick_intervals() .check()",
+                "more": ".to_dataframe() .check()"
+                if self.t is None
+                else ".summary() .plot() .to_dataframe() .stick_intervals() .check()",
             },
         )
 

@@ -22,6 +22,7 @@ from pinfric.errors import PinfricError, StateError
 from pinfric.model.closure import action_maps, closure_jacobian, loop_state
 from pinfric.model.couples import delivery, rate_rows, taking_part
 from pinfric.model.mass_matrix import frame_jacobians, link_poses, mass_matrices
+from pinfric.model.mobility import lightest_joint
 from pinfric.model.robot import link_frame
 from pinfric.model.scene import Scene
 from pinfric.model.twin import Twin
@@ -191,9 +192,17 @@ def elasticity(result: InverseResult) -> Elasticity:
         return _elasticity(result)
     except np.linalg.LinAlgError:
         raise StateError(
-            f"{scene.source}: a joint moves no mass, so there is no natural frequency; give its "
-            "link a mass"
+            f"{scene.source}: a joint moves no mass ({_lightest(result)}), so there is no natural "
+            "frequency; give its link a mass"
         ) from None
+
+
+def _lightest(result: InverseResult) -> str:
+    """The joint with the largest part in the lightest motion of any sample."""
+    scene, every = result.scene, np.arange(len(result.states.q))
+    mass, closed = _masses(result, every), _rows(scene, result.states.q)[1]
+    sample = int(np.argmin(np.linalg.eigvalsh(mass)[:, 0]))
+    return lightest_joint(scene.model, mass[sample], closed[sample])
 
 
 def _elasticity(result: InverseResult) -> Elasticity:

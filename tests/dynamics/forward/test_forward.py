@@ -341,8 +341,20 @@ def test_bad_input(q, v, u, message, friction):
 def test_a_joint_that_moves_no_mass_is_an_error():
     model = pin.Model()
     model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "slide")
-    with pytest.raises(SceneError, match="moves no mass"):
+    with pytest.raises(SceneError, match=r"moves no mass \(slide\)"):
         pf.forward_dynamics(pf.Scene(model=model), [0.0], [0.0], [1.0])
+
+
+def test_the_joint_that_moves_no_mass_is_named_among_others():
+    model, parent = pin.Model(), 0
+    heavy = pin.Inertia.FromSphere(1.0, 0.1)
+    bodies = [heavy, heavy, pin.Inertia.Zero()]
+    away = pin.SE3(np.eye(3), np.array([0.3, 0.0, 0.0]))
+    for name, body in zip(("first", "second", "third"), bodies, strict=True):
+        parent = model.addJoint(parent, pin.JointModelRZ(), away, name)
+        model.appendBodyToJoint(parent, body, away)
+    with pytest.raises(SceneError, match=r"moves no mass \(third\)"):
+        pf.forward_dynamics(pf.Scene(model=model), np.zeros(3), np.zeros(3), np.ones(3))
 
 
 @pytest.mark.parametrize(

@@ -36,6 +36,16 @@ def test_stick_intervals_and_dataframe():
         pf.inverse_dynamics(scene, [[0.0]], [[1.0]], [[0.0]]).stick_intervals()
 
 
+def test_repr_offers_what_a_result_without_times_can_do():
+    """Its `summary()` raises: no offer of it, and no table in a notebook."""
+    result = pf.inverse_dynamics(pf.load_scene("pendulum"), [[0.1]], [[1.0]], [[0.0]])
+    offers = [word for word in repr(result).split() if word.startswith(".")]
+    assert offers == [".to_dataframe()", ".check()"]
+    for offer in offers:
+        getattr(result, offer[1:-2])()
+    assert result._repr_html_() is None
+
+
 def test_repr_has_peaks_below_one():
     scene = pf.Scene(model=block(), friction={"slide": plane_friction(0.5, 0.3)})
     small = pf.inverse_dynamics(scene, [[0.0]] * 2, [[1.0]] * 2, [[-0.3 * 9.81], [-2.8]])
