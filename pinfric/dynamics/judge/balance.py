@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
 
 from pinfric.dynamics.judge.pairs import Pair, Sample, pair_friction
 from pinfric.dynamics.judge.plain_laws import plain_displacement, plain_load_terms
@@ -147,6 +148,26 @@ def _drives(sample: Sample) -> _Columns:
         rows.append(row)
         acting.append(at)
     return _Columns(np.array(rows).reshape(-1, sample.model.nv), acting)
+
+
+def drive_rates(sample: Sample) -> tuple[np.ndarray, np.ndarray]:
+    """Return (na,) rate of what each drive moves, by duality S v, and its derivative.
+
+    S of drives on joints is constant; else four differences along the motion give dS/dt.
+    """
+    scene, (q, v, a), model = sample.scene, sample.motion, sample.model
+    S = _drives(sample).effort
+    fastest = float(np.abs(v).max(initial=0.0))
+    if fastest == 0.0 or all(drive.velocity_index >= 0 for drive in scene.drives):
+        return S @ v, S @ a
+    assert scene.linkage is not None
+    h = 1e-3 * min(1.0, scene.linkage.size) / fastest
+    slope = np.zeros(len(S))
+    for steps, weight in ((1, 8), (-1, -8), (2, -1), (-2, 1)):
+        at = pin.integrate(model, q, steps * h * v)
+        moved = Sample.of(sample.result, model, model.createData(), sample.i, at)
+        slope += weight * (_drives(moved).effort @ (v + steps * h * a)) / (12.0 * h)
+    return S @ v, slope
 
 
 def _multipliers(sample: Sample) -> _Columns:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from pinfric.dynamics.judge.linkage import Verdict, judge_linkage
+from pinfric.dynamics.judge.linkage import Verdict, judge_linkage, wrong_rates
 from pinfric.dynamics.judge.plain_laws import plain_displacement, plain_friction, plain_normal_load
 from pinfric.dynamics.samples.outcome import Solution, SolvedMotion, Status
 
@@ -22,8 +22,9 @@ from pinfric.dynamics.samples.outcome import Solution, SolvedMotion, Status
 class Check:
     """Largest residuals over all samples, and the number of wrong statuses.
 
-    Efforts, friction, normal loads, wrenches and the status are judged. Motor torques and
-    `sticking` are not; they follow from these by the gears' losses and the velocities.
+    All fields are judged, except `reversal` (taken as given: it depends on samples beside those of
+    the result), `iterations`, `redundant`, the size of motor torques (they follow from efforts by
+    the gears' losses), and accelerations of drives off the joints.
 
     Attributes:
         equilibrium: |M a + h - J^T f_ext - u - D phi| at both ends of every interval (N m or N).
@@ -32,10 +33,13 @@ class Check:
         ends: how far the intervals' ends are from those that the judge finds (N m or N).
         wrong_status: number of samples whose `Status` the judge contradicts: jammed although a
             state of friction obeys the laws, converged although none does, or several do.
+        wrong_fields: number of samples with another false field: a number where there is no
+            solution, none where there is one, rates of drives, `sticking`, `contraction` below a
+            spectral radius or above its bound, `interval_exact` without or in spite of a reason.
         undecided: number of samples where the judge's search is not complete: its states of
             friction are confirmed, but there may be others.
         scale: largest effort in the result, to compare the residuals with.
-        sample: the sample of the largest of these residuals, or the first of a wrong status.
+        sample: the sample of the largest of these residuals, or the first that is wrong.
     """
 
     equilibrium: float
@@ -43,14 +47,16 @@ class Check:
     wrench: float
     ends: float
     wrong_status: int
+    wrong_fields: int
     undecided: int
     scale: float
     sample: int
 
     def passed(self, relative: float = 1e-9) -> bool:
-        """Return whether every residual is below `relative` times the scale, every status right."""
+        """Return whether every residual is below `relative` times the scale, nothing wrong."""
         worst = np.max([self.equilibrium, self.friction_law, self.wrench, self.ends])
-        return bool(worst <= relative * max(self.scale, 1e-300)) and not self.wrong_status
+        small = bool(worst <= relative * max(self.scale, 1e-300))
+        return small and not self.wrong_status and not self.wrong_fields
 
 
 def check_result(result: SolvedMotion, solutions: Callable[[int], tuple[Solution, ...]]) -> Check:
@@ -73,7 +79,9 @@ def check_result(result: SolvedMotion, solutions: Callable[[int], tuple[Solution
             else:
                 verdicts.append(judge_linkage(result, solutions, model, data, i))
     residuals = np.array([verdict[:4] for verdict in verdicts]).reshape(-1, 4)
-    wrong = np.array([verdict.wrong_status for verdict in verdicts], dtype=bool)
+    status = np.array([verdict.wrong_status for verdict in verdicts], dtype=bool)
+    fields = np.array([verdict.wrong_field for verdict in verdicts], dtype=bool)
+    wrong = status | fields
     each = np.where(wrong, np.inf, np.nan_to_num(residuals, nan=np.inf).max(axis=1, initial=0.0))
     equilibrium, friction_law, wrench, ends = residuals.max(axis=0, initial=0.0).tolist()
     return Check(
@@ -81,7 +89,8 @@ def check_result(result: SolvedMotion, solutions: Callable[[int], tuple[Solution
         friction_law,
         wrench,
         ends,
-        wrong_status=int(wrong.sum()),
+        wrong_status=int(status.sum()),
+        wrong_fields=int(fields.sum()),
         undecided=sum(verdict.undecided for verdict in verdicts),
         scale=max([scale, *(verdict.scale for verdict in verdicts)]),
         sample=int(np.argmax(each)) if len(each) else 0,
@@ -125,7 +134,12 @@ def _judge_tree(result: SolvedMotion, model: pin.Model, data: pin.Data, i: int) 
             [law, *np.abs(result.friction_lower[i] - low), *np.abs(result.friction_upper[i] - high)]
         )
     )
-    drives = _drive_matrix(result, len(total))
+    S = _drive_matrix(result, len(total))
+    root = np.sqrt([drive.share or 1.0 for drive in scene.drives])[:, None]
+    drives = root * np.linalg.pinv((root * S).T)  # of all u with S^T u = tau least u^2 / share
+    velocity = [
+        np.atleast_1d(site.ratio * states.v[i, site.velocity_index]) for site in scene.sites
+    ]
     u, (taken, left) = drives @ total, _ends(drives @ D, low, high)
     ends = np.concatenate([u - taken - result.effort_lower[i], u - left - result.effort_upper[i]])
     frictionless = np.abs(u - result.effort_frictionless[i]).max(initial=0)
@@ -136,6 +150,10 @@ def _judge_tree(result: SolvedMotion, model: pin.Model, data: pin.Data, i: int) 
         ends=float(np.abs(ends).max(initial=0)),
         scale=float(np.abs(wrenches).max(initial=0)),
         wrong_status=bool(result.status[i] != Status.CONVERGED),  # there is always one state
+        wrong_field=result.contraction[i] != 0.0
+        or not result.interval_exact[i]
+        or bool(np.isnan([result.motor_torque_lower[i], result.motor_torque_upper[i]]).any())
+        or wrong_rates(result, i, velocity, (S @ states.v[i], S @ states.a[i])),
     )
 
 
@@ -166,10 +184,9 @@ def _ends(D: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray,
 
 
 def _drive_matrix(result: SolvedMotion, nv: int) -> np.ndarray:
-    """(na, nv) that gives drives' efforts: of all u with S^T u = tau the least u^2 / share."""
-    drives = result.scene.drives
-    S, root = np.zeros((len(drives), nv)), np.sqrt([drive.share or 1.0 for drive in drives])
-    for d, drive in enumerate(drives):
+    """(na, nv) S: how much of each drive's effort acts along each coordinate."""
+    S = np.zeros((len(result.scene.drives), nv))
+    for d, drive in enumerate(result.scene.drives):
         S[d, drive.velocity_index] = 1.0
         S[d, [v for v, _ in drive.couples]] = [factor for _, factor in drive.couples]
-    return np.asarray(root[:, None] * np.linalg.pinv((root[:, None] * S).T))
+    return S

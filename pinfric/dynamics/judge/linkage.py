@@ -14,20 +14,25 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from pinfric.dynamics.judge.balance import Balance, balance
+from pinfric.dynamics.judge.balance import Balance, balance, drive_rates
 from pinfric.dynamics.judge.pairs import Pair, Sample, pair_friction
 from pinfric.dynamics.judge.plain_laws import plain_displacement, plain_friction, plain_normal_load
-from pinfric.dynamics.judge.states import Enumeration, States, site_laws
+from pinfric.dynamics.judge.states import Enumeration, SiteLaw, States, site_laws
 from pinfric.dynamics.samples.outcome import Solution, SolvedMotion, Status
 from pinfric.model.scene import Scene
 
+#: Rates differ by rounding only, relative to the motion; differences and spectral radii by more.
+_RATES, _DERIVATIVE, _RADIUS = 1e-9, 1e-6, 1e-6
+#: With so many choices of one sample the solver's interval may be that of a search.
+_MANY = 256
 #: A status "singular" is wrong if no singular value that counts is as small as this.
 _REGULAR = 1e-6
-#: Fields that must be finite if there is a solution.
+#: Fields that are finite if there is a solution, and NaN if there is none.
 _ARRAYS = (
     "effort_lower",
     "effort_upper",
-    "effort_frictionless",
+    "motor_torque_lower",
+    "motor_torque_upper",
     "normal_load",
     "friction_lower",
     "friction_upper",
@@ -44,6 +49,7 @@ class Verdict(NamedTuple):
         scale: the largest effort.
         wrong_status: the judge finds another status.
         undecided: its search stopped before it was complete.
+        wrong_field: a field without a residual is false, see `check.Check`.
     """
 
     equilibrium: float = 0.0
@@ -53,6 +59,7 @@ class Verdict(NamedTuple):
     scale: float = 0.0
     wrong_status: bool = False
     undecided: bool = False
+    wrong_field: bool = False
 
 
 def judge_linkage(
@@ -72,22 +79,35 @@ def judge_linkage(
     """
     status, sample = Status(int(result.status[i])), Sample.of(result, model, data, i)
     maps = balance(sample)
-    if status in (Status.SINGULAR, Status.NOT_CONVERGED):
-        wrong = status == Status.SINGULAR and maps.regular > _REGULAR
-        return Verdict(wrong_status=wrong, undecided=status == Status.NOT_CONVERGED)
     laws = site_laws(sample, max(1.0, float(np.abs(maps.contact[:, :, 0]).max(initial=0.0))))
+    failed = status not in (Status.CONVERGED, Status.AMBIGUOUS)
+    velocity = [sample.velocity(site) for site in result.scene.sites]
+    false = wrong_rates(result, i, velocity, drive_rates(sample))
+    false |= _wrong_certificates(sample, maps, laws, status)
+    false |= any((np.isnan(getattr(result, name)[i]) != failed).any() for name in _ARRAYS)
+    if status == Status.SINGULAR:
+        false |= not np.isnan(result.effort_frictionless[i]).all()
+        return Verdict(wrong_status=maps.regular > _REGULAR, wrong_field=false)
+    frictionless = _apart(result.effort_frictionless[i], maps.effort[:, 0])
+    if status == Status.NOT_CONVERGED:
+        return Verdict(frictionless, scale=maps.scale, undecided=True, wrong_field=false)
     states = Enumeration(maps, laws).run()
     wrong, undecided = not states.possible(status), not states.certain
-    if status == Status.JAMMED:
-        return Verdict(wrong_status=wrong, undecided=undecided)
-    if any(np.isnan(getattr(result, name)[i]).any() for name in _ARRAYS):
-        return Verdict(np.inf, wrong_status=wrong, undecided=undecided)
+    if failed or false:
+        return Verdict(
+            frictionless,
+            scale=maps.scale,
+            wrong_status=wrong,
+            undecided=undecided,
+            wrong_field=false,
+        )
     chooses = any(len(law.options) > 1 for law in laws)
     if chooses or status == Status.AMBIGUOUS:
         found = solutions(i)
         wrong |= not chooses and states.certain and len(found) != states.most
-        apart, law = _ends(sample, states, found, any(law.sphere for law in laws))
-        law = max(law, _reference(sample, maps, states)) if chooses else law
+        searched = _many(laws) or any(law.sphere for law in laws)
+        apart, law = _ends(sample, states, found, searched)
+        law = max(law, _reference(sample, maps, states)) if chooses or states.certain else law
     else:
         found, law = (_reported(sample),), 0.0
         apart = max(
@@ -96,7 +116,6 @@ def judge_linkage(
         )
     rows = [_residuals(sample, one) for one in found]
     worst = np.array([*rows, np.zeros(3)]).max(axis=0)
-    frictionless = _apart(result.effort_frictionless[i], maps.effort[:, 0])
     equilibrium = float(np.max([worst[0], maps.missed, frictionless]))
     scale = max([maps.scale, *(float(np.abs(one.effort).max(initial=0.0)) for one in found)])
     return Verdict(
@@ -104,12 +123,72 @@ def judge_linkage(
     )
 
 
+def wrong_rates(
+    result: SolvedMotion, i: int, velocity: list[np.ndarray], rates: tuple[np.ndarray, np.ndarray]
+) -> bool:
+    """Return whether the drives' rates, or which sites stick, are not those of the motion.
+
+    Args:
+        result, i: one sample.
+        velocity: of each site.
+        rates: (na,), (na,) of what each drive moves, and its derivative.
+    """
+    scene, v, a = result.scene, result.states.v[i], result.states.a[i]
+    size = 1.0 if scene.linkage is None else min(1.0, scene.linkage.size)
+    fastest = float(np.abs(v).max(initial=0.0))
+    stick = np.array([site.law.stick_velocity for site in scene.sites])
+    beyond = np.array([np.linalg.norm(one) for one in velocity]) - stick
+    clear = np.abs(beyond) > _RATES * fastest
+    if (clear & ((beyond <= 0.0) != result.sticking[i])).any():
+        return True
+    most = _DERIVATIVE * (float(np.abs(a).max(initial=0.0)) + fastest**2 / size)
+    return not (
+        _apart(result.actuator_velocity[i], rates[0]) <= _RATES * fastest
+        and _apart(result.actuator_acceleration[i], rates[1]) <= most
+    )
+
+
+def _many(laws: list[SiteLaw]) -> bool:
+    return bool(np.prod([float(len(law.options)) for law in laws]) > _MANY)
+
+
+def _wrong_certificates(sample: Sample, maps: Balance, laws: list[SiteLaw], status: Status) -> bool:
+    """Whether `contraction` or `interval_exact` is false.
+
+    The contraction bounds the spectral radius of A_kj = |gain_k| Lip(load_k along friction j) from
+    above, no worse than the largest sum of a row does.
+    """
+    contraction = sample.result.contraction[sample.i]
+    exact = bool(sample.result.interval_exact[sample.i])
+    if status == Status.SINGULAR:
+        return exact or contraction != 0.0
+    ns, spheres = len(laws), any(law.sphere for law in laws)
+    slope = np.zeros((ns, ns))
+    for j, law in enumerate(laws):
+        forces = maps.contact[:, :, 1:][:, :, maps.entry_site == j]
+        along = (
+            np.linalg.svd(forces, compute_uv=False)[:, 0]
+            if law.sphere
+            else (np.linalg.norm(forces @ law.direction, axis=1))
+        )
+        slope[:, j] = np.bincount(maps.owner, along, ns)
+    every = np.array([np.abs(law.options[:, 1]).max() for law in laws])
+    still = np.array([abs(law.still[1]) for law in laws])
+    tried = status == Status.CONVERGED and not spheres and not _many(laws)
+    least = np.linalg.eigvals((every if tried else still).reshape(-1, 1) * slope)
+    most = (1.0 + _RADIUS) * float((every * slope.sum(axis=1)).max(initial=0.0))
+    radius = float(np.abs(least).max(initial=0.0)) - _RADIUS * most
+    rests = bool(sample.scene.mobility.undriven) and any(len(law.options) > 1 for law in laws)
+    certain = status == Status.CONVERGED and not spheres and not rests
+    return not radius <= contraction <= most or (exact != certain and (exact or not _many(laws)))
+
+
 def _apart(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.abs(a - b).max(initial=0.0))
 
 
 def _ends(
-    sample: Sample, states: States, solutions: tuple[Solution, ...], spheres: bool
+    sample: Sample, states: States, solutions: tuple[Solution, ...], searched: bool
 ) -> tuple[float, float]:
     """How far the reported ends of efforts and frictions are from those that the judge has found.
 
@@ -127,7 +206,7 @@ def _ends(
         efforts = np.array([one.effort for one in solutions])
         attained = max(_apart(lower, efforts.min(axis=0)), _apart(upper, efforts.max(axis=0)))
         apart = float(np.fmax.reduce(inside, initial=attained))
-    if not states.certain or spheres or not result.interval_exact[i]:
+    if not states.certain or searched:
         return apart, 0.0
     return apart, max(
         _apart(result.friction_lower[i], states.friction_lower),

@@ -66,9 +66,16 @@ class Sample:
     pairs: dict[str, Pair]
 
     @classmethod
-    def of(cls, result: SolvedMotion, model: pin.Model, data: pin.Data, i: int) -> Sample:
-        """Place everything at the sample's configuration."""
-        pin.computeJointJacobians(model, data, result.states.q[i])
+    def of(
+        cls,
+        result: SolvedMotion,
+        model: pin.Model,
+        data: pin.Data,
+        i: int,
+        q: np.ndarray | None = None,
+    ) -> Sample:
+        """Place everything at the sample's configuration, or at another q (nq,)."""
+        pin.computeJointJacobians(model, data, result.states.q[i] if q is None else q)
         return cls(result, i, model, data, _pairs(result.scene, model, data))
 
     @property

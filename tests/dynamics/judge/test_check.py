@@ -15,6 +15,7 @@ from cases import (
     jamming_drawer,
     resting_four_bar,
     reversing_ball,
+    rocker_driven_four_bar,
     turning_four_bar,
 )
 from mechanisms import pin_friction
@@ -186,3 +187,59 @@ def test_drawers_end_as_their_closed_form_says(mu, acceleration):
     assert found.status[0] == right
     check = found.check()
     assert (check.wrong_status, check.undecided, check.passed(1e-8)) == (0, 0, True)
+
+
+#: What is falsified, and to what.
+FALSE = {
+    **dict.fromkeys(
+        (*NOTHING, "effort_frictionless"), lambda x: np.where(np.isnan(x), 1.0, np.nan)
+    ),
+    "actuator_velocity": lambda x: x + 1e-6,
+    "actuator_acceleration": lambda x: x + 1e-3,
+    "contraction": lambda x: 0.5 * x if x else x + 0.1,
+    "interval_exact": np.logical_not,
+    "sticking": np.logical_not,
+}
+
+
+def toggle():
+    """A force along the fixed direction in which the link's end cannot move."""
+    return rocker_driven_four_bar(np.zeros(1))
+
+
+def moving_block():
+    scene = pf.Scene(model=block(), friction={"slide": plane_friction(0.5, 0.3)})
+    return Case(scene, *np.ones((3, 1, 1)))
+
+
+@pytest.mark.parametrize("name", FALSE)
+@pytest.mark.parametrize(
+    "case",
+    [
+        jamming_drawer(0.6, 1.0),
+        toggle(),
+        decelerating_drawer(),
+        turning_four_bar(3),
+        resting_four_bar(2),
+        moving_block(),
+    ],
+    ids=["jammed", "singular", "ambiguous", "turning", "resting", "tree"],
+)
+def test_a_false_field_is_noticed(case, name):
+    found = case.inverse()
+    assert found.check().passed(1e-11), found.check()
+    values = getattr(found, name)
+    if values is None or not values[0].size:
+        return
+    values = values.copy()  # some are the motion's own arrays
+    values[0] = FALSE[name](values[0])
+    check = replace(found, **{name: values}).check()
+    assert (check.passed(), check.sample) == (False, 0)
+
+
+@pytest.mark.parametrize("name", ["friction_lower", "friction_upper", "wrench", "normal_load"])
+def test_a_field_of_an_ambiguous_sample_that_is_a_millionth_off_is_noticed(name):
+    found = decelerating_drawer().inverse()
+    assert found.status[0] == Status.AMBIGUOUS
+    getattr(found, name)[0] *= 1.0 + 1e-6
+    assert not found.check().passed()
