@@ -62,9 +62,10 @@ class Balance(NamedTuple):
         Args:
             problem: `Problem`.
             factor: (d, nc) A of rate_slope = A^T A.
-            members: (n,) the coordinates; no zero columns of the factor.
+            members: (n,) the coordinates.
         """
         size = np.linalg.norm(factor[:, members], axis=0)  # rates of one joint, in its own unit
+        size[size == 0.0] = 1.0  # at its dead centre: of friction that changes loads alone
         _, values, right = np.linalg.svd(factor[:, members] / size, full_matrices=False)
         rank = int((values > RANK * values[:1]).sum())
         right, values = right[:rank], values[:rank, None]

@@ -56,10 +56,11 @@ def decide(
         problem: `Problem`; friction of moving coordinates must not depend on loads.
         factor: (d, nc) A of rate_slope = A^T A.
         at_rest: (nc,) bool, the coordinates with dry friction that rest.
-        balance: equilibrium of the friction of those that could move; None: rates of zero.
+        balance: equilibrium of their friction; None: rates of zero. At its dead centre a joint has
+            a zero column, but its friction changes loads, and so what others hold.
         least: whether to find the least use, to `LEAST`, not only a friction that holds.
     """
-    resting = can_move(factor, at_rest)
+    resting = np.flatnonzero(at_rest)
     balance = balance or Balance.of_rates(problem, factor, resting)
     if balance is None:
         return Verdict(False, np.inf, np.full(len(at_rest), np.nan), True, True)
@@ -85,11 +86,6 @@ def decide(
         z, found = near, float(descend(wide, near))
         return verdict(True, True)
     return verdict(False if outcome == 0 else None, outcome == 0 and certain)
-
-
-def can_move(factor: np.ndarray, at_rest: np.ndarray) -> np.ndarray:
-    """Return which coordinates of those at rest (nc,) could move at all."""
-    return np.flatnonzero(at_rest & factor.any(axis=0))
 
 
 def _least(narrow: Rest, wide: Rest, z: np.ndarray, use: float) -> tuple[float, bool]:

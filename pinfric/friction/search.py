@@ -23,7 +23,7 @@ from pinfric.friction.modes import Found, Modes
 from pinfric.friction.problem import Problem
 from pinfric.friction.rest import Mechanism, solve
 from pinfric.friction.several import find_all
-from pinfric.friction.sharing import RANK
+from pinfric.friction.sharing import FITS, RANK
 from pinfric.friction.ways import Kinematics
 
 #: Up to this number of joints at rest all modes are tried: 3^8 = 6561 solves.
@@ -191,7 +191,8 @@ def _led(problem: Problem, modes: Modes, mechanism: Mechanism) -> np.ndarray:
     """(nc,) bool: coordinates that move together with those not at rest."""
     A = mechanism.normalized()
     led = (np.abs(A.T @ A[:, ~modes.at_rest]) > RANK).any(axis=1)
-    return np.asarray(led | (~A.any(axis=0) & (problem.rate_free != 0.0)))
+    moves = np.abs(problem.rate_free) > FITS * problem.rate_scale  # not by rounding
+    return np.asarray(led | (~A.any(axis=0) & moves))
 
 
 def _search_open(query: _Query, forced: dict[int, float], held: np.ndarray | None) -> Found:

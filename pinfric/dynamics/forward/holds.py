@@ -14,7 +14,7 @@ from pinfric.dynamics.samples.reactions import AppliedWrench, applied_wrenches
 from pinfric.errors import AccelerationError
 from pinfric.friction.balance import RANK, Balance
 from pinfric.friction.consistency import evaluate
-from pinfric.friction.holding import Verdict, can_move, decide
+from pinfric.friction.holding import Verdict, decide
 from pinfric.model.scene import Scene, expect_scene
 
 #: Joints with at least this fraction of the largest use reach their limits together.
@@ -153,8 +153,7 @@ def _decide(
     if not dry.any():
         return Verdict(True, 0.0, np.zeros(len(dry)), True, True)
     if not ws.mechanism.balls:
-        resting = can_move(ws.mechanism.factor, dry)
-        return decide(ws.problem, ws.mechanism.factor, dry, _statics(ws, resting), least=True)
+        return decide(ws.problem, ws.mechanism.factor, dry, _statics(ws, dry), least=True)
     # a ball's limit is a sphere: its friction is found as in forward dynamics, without a proof
     try:
         ws.solve(q, np.zeros(ws.nv), effort, applied)
@@ -176,11 +175,13 @@ def _statics(ws: Workspace, resting: np.ndarray) -> Balance:
     small limit. If some motions Z B are not held at all, it contains their inertia.
     """
     w, D = ws.machine.maps, ws.machine.kinematics.D[resting]
+    dead = ~ws.mechanism.factor[:, resting].any(axis=0)
     d = int(w.freedoms[0])
     Z = w.Z[:, :d] if ws.closed else np.eye(ws.nv)
     rows, need, terms = Z.T @ D.T, -Z.T @ w.push, np.abs(Z.T) @ _terms(ws)
+    rows[:, dead] = 0.0
     size = np.linalg.norm(rows, axis=0)
-    left, values, _ = np.linalg.svd(rows / size)
+    left, values, _ = np.linalg.svd(rows / np.where(dead, 1.0, size))
     rank = int((values > RANK * values[:1]).sum())
     if rank == d:
         return Balance(rows, need, terms)

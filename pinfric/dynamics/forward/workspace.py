@@ -166,16 +166,28 @@ class Workspace:
             ToggleError: the loops allow more degrees of freedom here than elsewhere.
             AccelerationError: there is none, there are several, or the search found none.
         """
+        if self._locks:
+            self._forget()
         solutions, obeying, resting = self._try(q, v, effort, applied, FREE)
         # one was found; there may be others
         several = self.modes.figures[0] >= 1.0 or not self._is_sure()
         if obeying == 1 and not several:
             return
         tries = resting or several or self._geared
+        if tries:
+            self._forget()
         found = self.search() if tries else outcome(solutions, obeying)
         if found != Found.SOLVED:
             raise self.failures.failure(found, self.state)
         self.finish()
+
+    def _forget(self) -> None:
+        """Forget the last solution, a guess of the next one.
+
+        Where there may be several it would decide which is found: the state alone has to.
+        """
+        self.modes.friction[:1] = np.nan
+        self.modes.load[:] = self.machine.lines.delivered[:] = 0.0
 
     def solve_given_modes(
         self,

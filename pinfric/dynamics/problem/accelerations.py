@@ -187,13 +187,15 @@ def _write_problem_rates(machine: Machine, v: np.ndarray, step: float) -> None:
     locking = machine.lines.locking[0] > 0
     nc, nv = D.shape
     scale = step if step > 0.0 else 1.0
-    root = np.sqrt(scale)
+    root, dead = np.sqrt(scale), np.zeros(nc, np.bool_)
+    if k.tilt.size > 0:  # there are pairs, along which coordinates may depend on each other
+        _find_dead_centres(machine, dead)
     for c in range(nc):
         total, offset, size = 0.0, 0.0, 0.0
         for i in range(nv):
             size += scale * terms[i] * abs(a_map[i, 1 + c])
             if D[c, i] != 0.0:
-                total += D[c, i] * a_map[i, 0]
+                total += D[c, i] * (w.a_closure[i] if dead[c] else a_map[i, 0])
                 if step > 0.0:
                     offset += D[c, i] * v[i]
                     size += abs(D[c, i] * v[i])
@@ -203,8 +205,6 @@ def _write_problem_rates(machine: Machine, v: np.ndarray, step: float) -> None:
         rate_free[c], rate_scale[c] = scale * total + offset, size
         for f in range(d):
             factor[f, c] *= root
-    if k.tilt.size > 0:  # there are pairs, along which coordinates may depend on each other
-        _find_dead_centres(machine)
     for c in range(nc):
         for e in range(c + 1):
             total = 0.0
@@ -217,8 +217,8 @@ def _write_problem_rates(machine: Machine, v: np.ndarray, step: float) -> None:
 
 
 @kernel
-def _find_dead_centres(machine: Machine) -> None:
-    """Mark joints that stand still while the mechanism moves; their slope is set to 0."""
+def _find_dead_centres(machine: Machine, dead: np.ndarray) -> None:
+    """Mark joints that stand still while the mechanism moves, in `dead` (nc,); their slope is 0."""
     D, w, size_of = machine.kinematics.D, machine.maps, machine.plan.coordinates.direction_size
     Z, factor, d = w.Z, w.factor, w.freedoms[0]
     nc, nv = D.shape
@@ -236,7 +236,8 @@ def _find_dead_centres(machine: Machine) -> None:
         for i in range(nv):
             size = max(size, abs(D[c, i]))
         w.idle[c] = share <= _IDLE * size * most
-        if share <= _DEAD * size * most:
+        dead[c] = share <= _DEAD * size * most
+        if dead[c]:
             for f in range(d):
                 factor[f, c] = 0.0
 

@@ -33,3 +33,17 @@ def test_threads_and_pickles_have_workspaces_of_their_own():
     copied = pickle.loads(pickle.dumps(scene))
     a = [pf.forward_dynamics(s, [0.0], [1.0], [0.0]).a[0] for s in (scene, copied)]
     assert a[0] == a[1]
+
+
+def test_the_last_solution_is_no_guess_where_there_may_be_several(monkeypatch):
+    """Newton's method found another of them from it; a search starts from the state alone."""
+    scene = pf.Scene(model=block(0.5), friction={"slide": plane_friction(0.35, 0.3)})
+    ws, guesses = Workspace(scene), []
+    seek = Workspace.search
+    monkeypatch.setattr(
+        Workspace, "search", lambda ws: (guesses.append(ws.modes.friction[0]), seek(ws))[1]
+    )
+    ws.solve(np.zeros(1), np.ones(1), np.zeros(1))
+    ws.solve(np.zeros(1), np.zeros(1), np.full(1, 20.0))
+    assert np.isnan(guesses).all()
+    assert len(guesses) == 1
