@@ -19,6 +19,7 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeVar, Union
 
 import numpy as np
 from pydantic import (
+    AfterValidator,
     Field,
     GetJsonSchemaHandler,
     ModelWrapValidatorHandler,
@@ -33,6 +34,19 @@ from pinfric.model.entry import Entry, NonNegative, Number, Positive, key, regis
 
 #: Rows that take one component of the wrench, z along the joint's axis.
 FX, FY, FZ, MX, MY, MZ = np.eye(6)
+#: m; above the largest bearings that were built.
+_LARGEST_RADIUS = 15.0
+
+
+def _buildable(value: float) -> float:
+    if value > _LARGEST_RADIUS:
+        raise ValueError(
+            f"should be at most {_LARGEST_RADIUS:g} m, found {value:g}; check the unit"
+        )
+    return value
+
+
+Radius = Annotated[NonNegative, AfterValidator(_buildable)]
 
 
 class LoadTerms(NamedTuple):
@@ -172,13 +186,13 @@ class Pin(Bearing):
     sizes = ("radius", "thrust_radius", "length")
 
     kind: Annotated[Literal["pin"], key("a plain bearing", "pin")]
-    radius: Annotated[NonNegative, key("of the sliding surface", 0.05, "m")]
+    radius: Annotated[Radius, key("of the sliding surface", 0.05, "m")]
     length: Annotated[
         Positive | None,
         key("distance of the ends, which carry bending; without it no bending", 0.1, "m"),
     ] = None
     thrust_radius: Annotated[
-        NonNegative, key("mean radius of the face that carries the axial force", 0.04, "m")
+        Radius, key("mean radius of the face that carries the axial force", 0.04, "m")
     ] = 0.0
     preload: Annotated[NonNegative, key("contact force without any load", 50.0, "N")] = 0.0
     offset: Annotated[
@@ -322,7 +336,7 @@ class Ball(Bearing):
     sizes = ("radius",)
 
     kind: Annotated[Literal["ball"], key("a ball joint", "ball")]
-    radius: Annotated[NonNegative, key("of the ball", 0.01, "m")]
+    radius: Annotated[Radius, key("of the ball", 0.01, "m")]
     preload: Annotated[NonNegative, key("contact force without any load", 20.0, "N")] = 0.0
 
     def terms(self) -> LoadTerms:

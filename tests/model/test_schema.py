@@ -110,6 +110,13 @@ def test_what_is_given_already_cannot_have_been_meant(where, entry, says):
         parse(Transmission, {"ratio": 10, where: entry}, "x")
 
 
+@pytest.mark.parametrize(("kind", "size"), [("ball", "radius"), ("pin", "thrust_radius")])
+def test_a_bearing_larger_than_any_is_refused(kind, size):
+    """20 mm, written as 20."""
+    with pytest.raises(SceneError, match=rf"`{size}`: should be at most 15 m, found 20; check the"):
+        parse(Bearing, {"kind": kind, "radius": 0.1, size: 20.0}, "scene.yaml")
+
+
 def test_all_problems_come_at_once():
     content = with_change(["friction", "joint_12", "viscous"], -1)
     content["stick"]["velocity"] = -1
@@ -122,8 +129,8 @@ def test_all_problems_come_at_once():
     [
         (
             Bearing,
-            {"kind": "pin", "radius": 80.0},
-            "scene.yaml: radius = 80 m: usually at most 1 m; check the unit",
+            {"kind": "pin", "radius": 8.0},
+            "scene.yaml: radius = 8 m: usually at most 1 m; check the unit",
         ),
         (
             Friction,
@@ -137,8 +144,8 @@ def test_all_problems_come_at_once():
         ),
         (
             SceneFile,
-            with_change(["friction", "joint_12", "bearing", "radius"], 80.0),
-            "scene.yaml: friction.joint_12.bearing.radius = 80 m: usually at most 1 m; "
+            with_change(["friction", "joint_12", "bearing", "radius"], 8.0),
+            "scene.yaml: friction.joint_12.bearing.radius = 8 m: usually at most 1 m; "
             "check the unit",
         ),
         (
