@@ -66,6 +66,6 @@ def swept_panda():
         40,
         payload__box__mass=uniform(1.0, 3.0),
         friction__all__coulomb=uniform(0.5, 2.0, each=True),
-        motors={"panda_joint2": {"continuous_torque": 0.34, "peak_torque": 9.0}},
+        motors={"panda_joint2": {"continuous_torque": 0.3772, "peak_torque": 9.0}},
     )
     return pf.sweep(scene, motion, varied, processes=1)

@@ -26,6 +26,7 @@ CLASSES = {
     "ReadingOptions",
     "Exported",
     "Elasticity",
+    "MujocoFriction",
     "Identified",
     "SizingReport",
     "StopResult",

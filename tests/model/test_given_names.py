@@ -29,6 +29,7 @@ CALLS = {
     "sweep": lambda name: pf.sweep(name, "three_link", "a.yaml"),
     "identify": lambda name: pf.identify(name, ["a.csv"]),
     "export": lambda name: pf.export(name),
+    "mujoco_friction": lambda name: pf.mujoco_friction(name, None),
     "replay": lambda name: pf.replay(name, "three_link"),
 }
 

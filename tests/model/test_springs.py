@@ -109,7 +109,7 @@ def test_hysteresis_needs_a_stiffness_and_a_plausible_unit():
     with pytest.raises(ValueError, match="needs `stiffness`"):
         Transmission(ratio=100.0, hysteresis=3e-4)
     gear = {"ratio": 100.0, "stiffness": 1e4, "hysteresis": 1.0}
-    with pytest.warns(pf.PinfricWarning, match=r"hysteresis = 1 rad: usually at most 0.01 rad"):
+    with pytest.warns(pf.PinfricWarning, match=r"hysteresis = 1 rad: usually at most 0.0012 rad"):
         pf.Scene(_pendulum(), actuators=[{"joint": "pin", "transmission": gear}])
 
 

@@ -114,7 +114,10 @@ def _spread(axes: Axes, result: SweepResult, i: int, name: str) -> None:
 def _rating(trial: Trial | None, name: str) -> float | None:
     if trial is None:
         return None
-    return trial.peak_torque if name.endswith("peak") else trial.continuous_torque
+    if name.endswith("peak"):
+        return trial.peak_torque
+    bound = trial.bounds.get("continuous torque")  # at the ambient temperature of the conditions
+    return trial.continuous_torque if bound is None else bound.available
 
 
 def _name_rating(
