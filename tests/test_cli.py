@@ -148,7 +148,7 @@ def test_bundled_robots_have_one_line_per_joint_at_80_columns(
 
 
 def test_warning_is_one_line_on_stderr_and_in_the_json(files, capsys):
-    (files / "arm.yaml").write_text(SCENE.replace("0.05", "50"))  # mm for m
+    (files / "arm.yaml").write_text(SCENE.replace("0.05", "5"))  # cm for m
     assert run("inverse", "arm.yaml", "way.yaml", "--json") == 0
     out, err = capsys.readouterr()
     assert err.startswith("pinfric: warning: ")

@@ -89,8 +89,9 @@ def test_a_damaged_cache_is_said_and_compiled_anew(suffix, damage, tmp_path, mon
     assert run(tmp_path) == (42.0, 1, "")  # mended
 
 
-def test_a_copy_with_its_cache_compiles_nothing(tmp_path):
+def test_a_copy_with_its_cache_compiles_nothing(tmp_path, monkeypatch):
     """As a second clone, an installation or a restored CI cache: other folder, other dates."""
+    monkeypatch.setattr("numba.config.CACHE_DIR", "")  # beside the kernels, whatever the caller set
     first, second = tmp_path / "first", tmp_path / "second"
     first.mkdir()
     (first / "kernel_of_a_test.py").write_text(KERNEL)

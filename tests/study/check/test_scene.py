@@ -15,9 +15,9 @@ from pinfric.study.check.findings import Severity
     ("changes", "place", "says"),
     [
         (
-            {"friction": "{bearing: {kind: pin, radius: 20}, mu: {static: 0.2, kinetic: 0.1}}"},
+            {"friction": "{bearing: {kind: pin, radius: 12}, mu: {static: 0.2, kinetic: 0.1}}"},
             "friction.swing.bearing.radius",
-            r"links it joins are 0\.406 m large.*mm: 0\.02 m",
+            r"links it joins are 0\.406 m large.*mm: 0\.012 m",
         ),
         (
             {
