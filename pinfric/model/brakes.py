@@ -8,6 +8,9 @@ from pydantic import model_validator
 
 from pinfric.model.entry import Entry, Positive, key
 
+#: Of a brake whose largest torque is not printed: times its least holding torque.
+BRAKE_PEAK = 2.0
+
 
 class HoldingBrake(Entry):
     """A brake at a motor's shaft that closes when power goes off.
@@ -18,7 +21,7 @@ class HoldingBrake(Entry):
     torque: Annotated[Positive, key("least holding torque", 0.5, "N m")]
     torque_max: Annotated[
         Positive | None,
-        key("largest torque, which loads the gear in a stop; left out: `torque`", 0.9, "N m"),
+        key("largest torque, which loads the gear in a stop; left out: twice `torque`", 0.9, "N m"),
     ] = None
     engage_time: Annotated[Positive | None, key("from power-off until it holds", 0.015, "s")] = None
     stop_energy: Annotated[
@@ -27,6 +30,11 @@ class HoldingBrake(Entry):
     stops_per_hour: Annotated[
         Positive | None, key("permissible number of such stops in an hour", 10.0, "1/h")
     ] = None
+
+    @property
+    def greatest(self) -> float:
+        """The largest torque, N m: `torque_max`, or 2 times `torque` where it is not known."""
+        return self.torque_max or BRAKE_PEAK * self.torque
 
     @model_validator(mode="after")
     def _most_is_more(self) -> HoldingBrake:

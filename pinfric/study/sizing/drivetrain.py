@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 
+from pinfric.model.brakes import BRAKE_PEAK
 from pinfric.model.described import described, quantity
 from pinfric.model.drives import gear_table, gear_torque_bounds
 from pinfric.model.friction_terms import constant_friction, linear_drag
@@ -45,7 +46,7 @@ from pinfric.study.sizing.catalog import (
 )
 from pinfric.study.sizing.demand import DriveCycle, largest, mean, power_figures
 from pinfric.study.sizing.overload import heat_lag, settled_heat
-from pinfric.study.sizing.policy import BRAKE_PEAK, KIT, Conditions, frameless
+from pinfric.study.sizing.policy import KIT, Conditions, frameless
 from pinfric.study.sizing.thermal import (
     COPPER,
     WindingCycle,
@@ -420,7 +421,7 @@ def with_brake(candidate: Candidate, name: str, brake: Brake) -> Candidate:
         rotor_inertia=None if inertia is None else inertia + more,
         transmission=transmission,
         brake=name,
-        brake_peak=brake.torque_max or BRAKE_PEAK * brake.torque,
+        brake_peak=brake.greatest,
         brake_note=f"{name}: {', '.join(unknown)}" if unknown else name,
         sources=(*candidate.sources, f"{name}: {brake.source} ({brake.grade})"),
     )

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 EXTRA_LOW_VOLTAGE = 60.0
 #: Above that: a bus beyond this many times the nominal voltage is likelier a slip than a choice.
 MOST_OVERVOLTAGE = 1.5
-#: Of a brake whose largest torque is not printed: times its least holding torque.
-BRAKE_PEAK = 2.0
 #: Of motor and gear: housing, shaft and bearings of a frameless kit (12 to 32 % in MyActuator's
 #: EPS-RH 14 to 32 beside the same gears and motors as kits).
 KIT = 0.25

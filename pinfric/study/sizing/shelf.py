@@ -51,7 +51,6 @@ from pinfric.study.sizing.limit import (
 )
 from pinfric.study.sizing.limits import LIMITS, criteria
 from pinfric.study.sizing.policy import (
-    BRAKE_PEAK,
     KIT,
     Conditions,
     fits,
@@ -433,7 +432,7 @@ class Search:
         held = [row.brake[1] if row.brake else None for row in rows]
         more = np.array([(x.rotor_inertia or 0.0) if x else 0.0 for x in held])[:, None]
         heavier = np.array([(x.mass or 0.0) if x else 0.0 for x in held])[:, None]
-        torque = [(x.torque_max or BRAKE_PEAK * x.torque) if x else np.nan for x in held]
+        torque = [x.greatest if x else np.nan for x in held]
         J = block.inertia[gears] + more
         motor = block.motor
         if block.at_output:

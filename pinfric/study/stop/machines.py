@@ -144,7 +144,7 @@ def _machine(machines: Machines, kind: Kind) -> Machine:
         scene=_with(scene, settings.friction[kind.greatest], kind.load),
         carried=machines.full if kind.load > 0.0 else (),
         torque={
-            name: (brake.torque_max or brake.torque) if kind.greatest else brake.torque
+            name: brake.greatest if kind.greatest else brake.torque
             for name, brake in brakes.items()
         },
         delay={name: float(brake.engage_time or 0.0) for name, brake in brakes.items()},

@@ -13,6 +13,7 @@ from functools import cached_property
 from pathlib import Path
 
 from pinfric.errors import StopError, TrajectoryError
+from pinfric.model.brakes import BRAKE_PEAK
 from pinfric.model.brief import file_name, screen
 from pinfric.model.scene import Scene, expect_scene
 from pinfric.model.schema import Stops
@@ -156,14 +157,17 @@ def _notes(result: StopResult) -> list[str]:
     scene, settings = result.scene, result.settings
     brakes = {d.name: d.transmission.brake for d in scene.drives if d.transmission is not None}
     none = [name for name, brake in brakes.items() if brake is None]
-    same = [n for n, b in brakes.items() if b is not None and b.torque_max is None]
+    taken = [n for n, b in brakes.items() if b is not None and b.torque_max is None]
     lines = []
     if settings.friction == (1.0, 1.0):
         lines.append(
             "friction as the scene has it; `stops.friction` takes its least and greatest factor"
         )
-    if same:
-        lines.append(f"{', '.join(same)}: gears' peaks by `torque`, `torque_max` is not known")
+    if taken:
+        lines.append(
+            f"{', '.join(taken)}: gears' peaks by {BRAKE_PEAK:g} x `torque`, since the brake's "
+            "`torque_max` is not known"
+        )
     if settings.category == 1:
         along = settings.along_path and settings.deceleration
         lines.append(

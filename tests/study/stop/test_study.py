@@ -146,6 +146,23 @@ def test_sag_from_rest_is_down(found):
     assert np.isnan(moving.sag).all()
 
 
+def test_a_brake_whose_largest_torque_is_not_known_is_taken_as_twice_as_strong():
+    """`braked` states twice the least torque, so leaving it out changes no peak of a gear."""
+    stated = braked(load=False)
+    drives = [
+        {"joint": d.name, "transmission": d.transmission.model_dump(exclude_unset=True)}
+        for d in stated.drives
+    ]
+    for drive in drives:
+        del drive["transmission"]["brake"]["torque_max"]
+    silent = stated.with_(actuators=drives)
+    case = Case(Kind(True, 0.0), 6)
+    known, taken = (pf.stop(scene, swing(scene, 13)) for scene in (stated, silent))
+    np.testing.assert_array_equal(taken.search.stop(case).peak, known.search.stop(case).peak)
+    assert "lift, elbow: gears' peaks by 2 x `torque`" in " ".join(taken.notes)
+    assert not any("gears' peaks" in note for note in known.notes)
+
+
 def test_criteria_of_the_brake(found):
     torque, energy, often, gear, _ = found.axes[0].criteria
     hold = max(np.abs(hold[:, 0]).max() for hold in found.search.cycle.hold.values())
