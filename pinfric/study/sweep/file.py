@@ -87,7 +87,8 @@ class MotorOnTrial(Entry):
     Ratings at the motor's shaft (of an ideal drive: at the joint, N m or N). `motor`: ratings from
     the catalogue, with the scene's transmission. `drive`: a motor with its gear, by the name
     that `pinfric size` prints, checked by all its criteria; its transmission replaces the scene's,
-    and its mass is added to the model. Ratings given here take precedence.
+    and its mass is added to the links unless `robot.masses` says that they hold it. Ratings given
+    here take precedence.
     """
 
     motor: Annotated[str | None, key("of the catalogue, by name", "CubeMars AK80-64")] = None

@@ -77,7 +77,7 @@ class Trial:
         ratio: motor turns per joint turn, 1 for an ideal drive.
         peak_factor: reserve on the peak torque.
         checks: the criteria of `size` it is held against; empty where only ratings are compared.
-        mass: kg of a catalogue's drive, in the model; None where not known.
+        mass: kg of a catalogue's drive; None where not known.
         bounds: name -> the rows that a motor by itself is held against.
     """
 

@@ -72,7 +72,7 @@ class MotorOnTrial:
     max_speed: float | None = quantity("its rating; none: not checked", "rad/s")
     ratio: float = quantity("motor turns per joint turn, 1 for an ideal drive")
     peak_factor: float = quantity("reserve on the peak torque")
-    mass: float | None = quantity("of a catalogue's drive, in the model; none: not known", "kg")
+    mass: float | None = quantity("of a catalogue's drive; none: not known", "kg")
     criteria_of_size: bool = quantity("whether all criteria of `size` are checked, or ratings only")
     suffices: Probability = quantity("share of samples in which it suffices", heading="suffices")
     criteria: Mapping[str, Probability] = quantity(
