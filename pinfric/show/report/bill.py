@@ -8,6 +8,7 @@ from collections.abc import Iterator
 
 from pinfric.study.sizing.brake import Standstill
 from pinfric.study.sizing.catalog import Catalog, Sourced
+from pinfric.study.sizing.policy import KIT, frameless
 from pinfric.study.sizing.size import JointSizing, SizingReport
 
 _COLUMNS = (
@@ -22,14 +23,16 @@ _COLUMNS = (
     "source",
     "grade",
 )
+_KIT_SOURCE = f"estimate: {100 * KIT:g} % of motor and gear"
 
 
 def bill_of_materials(report: SizingReport) -> str:
     """Return the parts of the chosen drives as CSV; empty where none was chosen.
 
     Columns: part, quantity, joints, mass of one and of all (kg), price of one and of all (in the
-    catalogue's currency), dimensions, source, its grade; what is not known stays empty. Joints for
-    which nothing fits are left out.
+    catalogue's currency), dimensions, source, its grade; what is not known stays empty. Housing,
+    shaft and bearings of a frameless kit are one line, so that the masses add up to those of the
+    drives. Joints for which nothing fits are left out.
 
     Args:
         report: of `size`.
@@ -37,7 +40,7 @@ def bill_of_materials(report: SizingReport) -> str:
     if report.catalog is None:
         return ""
     joints: dict[str, list[str]] = {}
-    entries: dict[str, Sourced] = {}
+    entries: dict[str, Sourced | float] = {}
     for joint, still in zip(report.joints, report.standstills, strict=True):
         for name, entry in _parts(report.catalog, report, joint, still):
             joints.setdefault(name, []).append(joint.name)
@@ -48,19 +51,17 @@ def bill_of_materials(report: SizingReport) -> str:
     writer = csv.writer(file, lineterminator="\n")
     writer.writerow(_COLUMNS)
     for name, entry in entries.items():
-        count, mass = len(joints[name]), getattr(entry, "mass", None)
-        costs = [
-            x for one in (mass, entry.price) for x in (one, None if one is None else count * one)
-        ]
+        count, part = len(joints[name]), entry if isinstance(entry, Sourced) else None
+        mass = getattr(part, "mass", None) if part else entry
+        prices = (mass, part.price if part else None)
+        costs = [x for one in prices for x in (one, None if one is None else count * one)]
         writer.writerow(
             [
                 name,
                 count,
                 " ".join(joints[name]),
                 *("" if x is None else f"{x:.6g}" for x in costs),
-                entry.dimensions,
-                entry.source,
-                entry.grade,
+                *((part.dimensions, part.source, part.grade) if part else ("", _KIT_SOURCE, "")),
             ]
         )
     return file.getvalue()
@@ -68,18 +69,23 @@ def bill_of_materials(report: SizingReport) -> str:
 
 def _parts(
     catalog: Catalog, report: SizingReport, joint: JointSizing, still: Standstill
-) -> Iterator[tuple[str, Sourced]]:
-    """The parts of one joint's choice, by name: motor and gear or gearmotor, brake, own bearing."""
+) -> Iterator[tuple[str, Sourced | float]]:
+    """The parts of one joint's choice: motor and gear or gearmotor, kit, brake, own bearing.
+
+    By name, with its entry; what makes a drive of a frameless kit has a mass (kg) only.
+    """
     if joint.choice is None:
         return
     drive = joint.choice.candidate
     if drive.gear_name is None:
         yield drive.motor, catalog.gearmotors[drive.motor]
     else:
-        yield drive.motor, catalog.motors[drive.motor]
-        gear = catalog.gears[drive.gear_name]
+        motor, gear = catalog.motors[drive.motor], catalog.gears[drive.gear_name]
+        yield drive.motor, motor
         ratio = f", i = {drive.ratio:g}" if len(gear.ratios) > 1 else ""
         yield drive.gear_name + ratio, gear
+        if frameless(motor) and motor.mass is not None and gear.mass is not None:
+            yield f"housing, shaft, bearings: {drive.name}", KIT * (motor.mass + gear.mass)
     if still.brake and still.fitted:
         yield still.brake, catalog.brakes[still.brake]
     if own := report.conditions.bearings.get(joint.name):

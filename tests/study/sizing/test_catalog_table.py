@@ -271,6 +271,22 @@ def test_bill_of_materials_counts_parts_over_joints(tmp_path):
     assert bill_of_materials(pf.size(scene, trapezoid(scene))) == ""
 
 
+def test_bill_of_materials_of_a_frameless_kit_adds_up_to_the_drive(tmp_path):
+    path = write_catalog(
+        tmp_path / "c.yaml",
+        {"K": {**MOTOR, "mounting": "frameless"}},
+        {"G": {**GEAR, "kind": "strain wave", "mass": 0.9}},
+    )
+    scene = turntable()
+    report = pf.size(scene, trapezoid(scene), path)
+    rows = list(csv.DictReader(io.StringIO(bill_of_materials(report))))
+    assert [row["mass_kg"] for row in rows] == ["0.6", "0.9", "0.375"]
+    assert rows[2]["source"] == "estimate: 25 % of motor and gear"
+    assert sum(float(row["mass_total_kg"]) for row in rows) == pytest.approx(
+        report.joints[0].choice.candidate.mass
+    )
+
+
 def test_command_line_imports_and_sizes_with_it(tmp_path, capsys):
     path = table(tmp_path, "M 1,224,900,44,6000,390,1.35,7.17,312.5,,\n")
     with pytest.raises(SystemExit) as ended:
