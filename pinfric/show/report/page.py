@@ -15,14 +15,12 @@ from pinfric.errors import PinfricError
 from pinfric.show.report.html import html_of
 from pinfric.show.report.names import affixes, left_out, said_short, without
 from pinfric.show.report.tables import Table
-from pinfric.show.report.values import digits
+from pinfric.show.report.values import digits, percentage
 
 #: What stands where there is no figure.
 NO_FIGURE = "\N{EN DASH}"
 #: Values that print as 0: rounding.
 _ROUNDING = 1e-9
-#: Margins below are of something infinite, or of a limit of nothing.
-_BEYOND = -1e6
 
 
 def page_environment(names: Sequence[str], *folders: Path) -> Any:
@@ -77,15 +75,8 @@ def figure(x: float | None) -> str:
 
 
 def percent(x: float | None) -> str:
-    """Return a margin in percent, in words where it has no scale, a dash for None."""
-    if x is None:
-        return NO_FIGURE
-    if x <= _BEYOND:
-        return "beyond any limit"
-    if x <= -10:
-        return f"{1 - x:.3g} times the limit"
-    near = abs(x) < 0.005 or abs(x - 0.1) < 0.005  # of failing, of what is called tight
-    return f"{100 * x:.{1 if near and x else 0}f} %".replace("-", "\N{MINUS SIGN}")
+    """Return a margin as tables print it, with a true minus sign, a dash for None."""
+    return NO_FIGURE if x is None else percentage(x).replace("-", "\N{MINUS SIGN}")
 
 
 def needed(module: str) -> Any:

@@ -8,6 +8,9 @@ from typing import Any
 
 from pinfric.model.described import in_json
 
+#: Margins below are of something infinite, or of a limit of nothing.
+_BEYOND = -1e6
+
 
 def digits(x: float, zero: float = 0.0) -> str:
     """Return x with three significant digits, a whole number below 1e5 in full; "n/a" for NaN.
@@ -37,6 +40,22 @@ def power_of_ten(x: float, decimals: int) -> str:
 def signed(x: float, zero: float = 0.0) -> str:
     """Return `digits` of x with its sign, + also."""
     return f"{'+' if x > 0 else '-' if x < 0 else ''}{digits(abs(x), zero)}"
+
+
+def percentage(x: float) -> str:
+    """Return a share or a margin in percent; a miss of many times the limit in words.
+
+    One digit after the point near 0, where a margin fails, and near 10 %, where it is tight.
+    """
+    if x <= _BEYOND:
+        return "beyond any limit"
+    if not math.isfinite(x):
+        return "n/a"
+    if x <= -10:
+        return f"{1 - x:.3g} times the limit"
+    near = abs(x) < 0.005 or abs(x - 0.1) < 0.005
+    text = f"{100 * x:.{1 if near and x else 0}f} %"
+    return text if text != "-0.0 %" else f"{min(100 * x, -0.01):.1g} %"  # a miss, not a fit
 
 
 def rough(x: float) -> str:

@@ -92,7 +92,9 @@ class JointDemand(GearDemand):
         EFFORT,
         "break-\naway",
     )
-    breakaway_friction: float | None = quantity("the friction in it", EFFORT, "of it\nfriction")
+    breakaway_friction: float | None = quantity(
+        "the friction in it", EFFORT, "friction at\nbreak-away"
+    )
     duty: float = quantity(
         "share of the time in which the joint moves", heading="moves", cell="{duty:%}"
     )
