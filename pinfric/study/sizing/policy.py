@@ -227,15 +227,16 @@ _OF_GEARS = (
 _SPEED = Need("maximum input speed", ("max_input_speed", "average_input_speed", "rated_speed"))
 _FASTEST = Need("largest speed", ("max_speed", "no_load_speed", "rated_speed"))
 _STIFF, _BEARING = Need("stiffness", ("stiffness",)), Need("output bearing", ("bearing",))
+_OF_MOTORS = (
+    Need("mass", ("mass",)),
+    Need("rotor inertia", ("rotor_inertia",)),
+    Need("continuous torque", ("continuous_torque",)),
+    Need("peak torque", ("peak_torque", "stall_torque")),
+    _FASTEST,
+)
 #: Kind -> what must be known of it.
 NEEDS: dict[str, tuple[Need, ...]] = {
-    "motor": (
-        Need("mass", ("mass",)),
-        Need("rotor inertia", ("rotor_inertia",)),
-        Need("continuous torque", ("continuous_torque",)),
-        Need("peak torque", ("peak_torque", "stall_torque")),
-        _FASTEST,
-    ),
+    "motor": _OF_MOTORS,
     "strain wave": (
         *_OF_GEARS,
         *_TORQUES,
@@ -251,15 +252,7 @@ NEEDS: dict[str, tuple[Need, ...]] = {
         Need(_SPEED.figure, (*_SPEED.keys, "screw")),
         Need("stroke", ("stroke", "screw")),
     ),
-    "gearmotor": (
-        Need("mass", ("mass",)),
-        Need("rotor inertia", ("rotor_inertia",)),
-        Need("continuous torque", ("continuous_torque",)),
-        Need("peak torque", ("peak_torque", "stall_torque")),
-        _FASTEST,
-        _STIFF,
-        _BEARING,
-    ),
+    "gearmotor": (*_OF_MOTORS, _STIFF, _BEARING),
     "linear motor": (
         Need("mass", ("mass",)),
         Need("moving mass", ("rotor_inertia",)),
