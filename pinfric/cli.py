@@ -266,9 +266,6 @@ def size(
             "--catalog", metavar="FILE", help="Catalogue file, or `default` (the bundled one)."
         ),
     ] = None,
-    fastest: Annotated[
-        bool, typer.Option("--fastest", help="Also show cycle time against mass of the drives.")
-    ] = False,
     what_if: Annotated[
         bool,
         typer.Option("--what-if", help="Also the choice without drives' masses or friction."),
@@ -280,10 +277,10 @@ def size(
     """Size the drives for a cycle that repeats.
 
     Without a catalogue: what each joint demands. With one: the lightest motor and gear that
-    meets it. --out writes sizing.json, report.html and bom.csv, with --fastest fastest.png. A duty
-    of several cycles: --cycle pick.csv:0.7 --cycle wait.csv:0.3, or counts.
+    meets it. --out writes sizing.json, report.html and bom.csv. A duty of several
+    cycles: --cycle pick.csv:0.7 --cycle wait.csv:0.3, or counts.
     """
-    given = _cycles(trajectory_name, cycle, fastest)
+    given = _cycles(trajectory_name, cycle)
     scene, trajectory = load(scene_name, given[0][0], log, out)
     from pinfric.show.report.bill import bill_of_materials
     from pinfric.show.report.sizing import sizing_report
@@ -298,29 +295,25 @@ def size(
         report = size_drives(scene, duty, catalog, on_miss="ignore")
     if report.catalog is not None:
         read.extend(report.catalog.files)
-    sets, files = _fastest(report, trajectory) if fastest else (None, {})
-    found = sizing_summary(report, sets, what_if)
+    found = sizing_summary(report, what_if)
     cycles_given = [trajectory_name] if trajectory_name else [f"--cycle={x}" for x in cycle or ()]
     command = _command_of_size(scene_name, [str(x) for x in cycles_given], on, period, catalog)
-    files["report.html"] = lambda path: path.write_text(
-        sizing_page(report, command), encoding="utf-8"
-    )
+    page = partial(sizing_page, report, command)
+    files: Files = {"report.html": lambda path: path.write_text(page(), encoding="utf-8")}
     if bill := bill_of_materials(report):
         files["bom.csv"] = lambda path: path.write_text(bill, encoding="utf-8")
-    show_it = partial(sizing_report, report, sets, what_if, telling["verbose"])
+    show_it = partial(sizing_report, report, what_if, telling["verbose"])
     name = "sizing.json"
     answer("size", found, show_it, as_json, out, files, name=name, scene=report.given.source)
     report.check()  # what does not fit is the last line, and the exit code (2)
 
 
-def _cycles(
-    trajectory_name: Any, cycle: list[str] | None, fastest: bool
-) -> list[tuple[str, float]]:
+def _cycles(trajectory_name: Any, cycle: list[str] | None) -> list[tuple[str, float]]:
     """The cycles of a duty, each with its share or count."""
     given = [weighted(text) for text in cycle or ()]
-    if (trajectory_name is None) != bool(given) or (fastest and given):
+    if (trajectory_name is None) != bool(given):
         raise typer.BadParameter(
-            "give one TRAJECTORY after SCENE, or --cycle for each of several (not with --fastest)",
+            "give one TRAJECTORY after SCENE, or --cycle for each of several",
             param_hint="--cycle",
         )
     return given or [(str(trajectory_name), 1.0)]
@@ -361,18 +354,6 @@ def catalog(
     load_catalog(file)  # questions units that are unlikely
     ((section, entries),) = ((k, v) for k, v in content.items() if k != "pinfric_catalog")
     say(f"wrote {file}: {counted(len(entries), section.removesuffix('s'))}")
-
-
-def _fastest(report: Any, trajectory: Any) -> tuple[Any, Files]:
-    """What `size --fastest` finds and draws."""
-    from pinfric.show.figure.retime import fastest_figure
-    from pinfric.study.retime.fastest import fastest_sets
-    from pinfric.study.retime.path import Path as Way
-
-    with working("retiming with other drives"):
-        sets = fastest_sets(report, Way.from_trajectory(trajectory))
-    title = f"{Path(report.given.source).stem} · {Path(trajectory.source).name}"
-    return sets, {"fastest.png": fastest_figure(sets, title).savefig}
 
 
 @app.command(short_help="Find the worst stops of a cycle: times, ways, brakes, gears.")
@@ -429,9 +410,6 @@ def retime(
     smooth: Annotated[
         float, typer.Option(min=0.0, metavar="MS", help="Ramp accelerations over this time.")
     ] = 0.0,
-    sensitivity: Annotated[
-        bool, typer.Option("--sensitivity", help="Show the gain from 1 % more of each limit.")
-    ] = False,
     out: OutFolder = None,
     as_json: AsJson = False,
 ) -> None:
@@ -449,9 +427,8 @@ def retime(
 
     with working("retiming"):
         result = find_fastest(scene, path_name, motors, heat=heat, smooth=1e-3 * smooth)
-        slopes = result.sensitivity() if sensitivity else None
     read.extend([result.problem.path.source, motors or ""])
-    found = retime_summary(result, slopes)
+    found = retime_summary(result)
     files: Files = {
         "trajectory.csv": result.trajectory.to_csv,
         "retime.png": lambda path: retime_figure(result).savefig(path),

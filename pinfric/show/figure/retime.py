@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,7 +22,6 @@ from pinfric.show.figure.style import (
 )
 from pinfric.show.report.names import picture_names
 from pinfric.show.report.values import digits
-from pinfric.study.retime.fastest import TimedSet
 from pinfric.study.retime.retime import RetimeResult
 from pinfric.study.sizing.limits import instant_limits
 
@@ -75,63 +73,6 @@ def retime_figure(result: RetimeResult) -> Figure:
         )
         figure.text(0.02, 1 - 0.55 / total, text, color=QUIET)
         _legend(figure, used)
-    return figure
-
-
-def fastest_figure(sets: Sequence[TimedSet], title: str) -> Figure:
-    """Draw cycle time over the mass of the drives: all sets tried, and the best ones.
-
-    Args:
-        sets: of `fastest.fastest_sets`.
-        title: of the scene and its path.
-    """
-    from matplotlib.figure import Figure
-
-    with style():
-        figure = Figure(figsize=(8.0, 5.0), dpi=150, facecolor="white")
-        axes = figure.add_axes((0.09, 0.11, 0.88, 0.74))
-        best = [x for x in sets if x.best]
-        others = [x for x in sets if not x.best]
-        most = 1.25 * max(x.duration for x in best)  # far slower ones would squeeze the rest
-        shown = [x for x in others if x.duration <= most]
-        axes.plot(
-            [x.mass for x in shown],
-            [x.duration for x in shown],
-            "o",
-            color=QUIET,
-            alpha=0.5,
-            label="tried",
-        )
-        axes.step(
-            [x.mass for x in best],
-            [x.duration for x in best],
-            "o-",
-            where="post",
-            color=_SPEED,
-            label="no lighter set is as fast",
-        )
-        for x in best:
-            axes.annotate(
-                x.held_by,
-                (x.mass, x.duration),
-                xytext=(5, 4),
-                fontsize=7,
-                textcoords="offset points",
-                color=INK,
-            )
-        axes.margins(x=0.12, y=0.12)
-        axes.set_xlabel("mass of all drives (kg)")
-        axes.set_ylabel("cycle time (s)")
-        figure.legend(loc="lower right", bbox_to_anchor=(0.98, 0.86), frameon=False, ncols=2)
-        left = len(others) - len(shown)
-        figure.text(0.02, 0.94, title, fontsize=12, fontweight="bold", color=INK)
-        figure.text(
-            0.02,
-            0.895,
-            "cycle time with other drives, and the limit of each"
-            + f"; {left} slower ones not drawn" * (left > 0),
-            color=QUIET,
-        )
     return figure
 
 

@@ -51,17 +51,20 @@ def bill_of_materials(report: SizingReport) -> str:
     writer = csv.writer(file, lineterminator="\n")
     writer.writerow(_COLUMNS)
     for name, entry in entries.items():
-        count, part = len(joints[name]), entry if isinstance(entry, Sourced) else None
-        mass = getattr(part, "mass", None) if part else entry
-        prices = (mass, part.price if part else None)
-        costs = [x for one in prices for x in (one, None if one is None else count * one)]
+        count = len(joints[name])
+        if isinstance(entry, Sourced):
+            mass, price = getattr(entry, "mass", None), entry.price
+            about = [entry.dimensions, entry.source, entry.grade]
+        else:
+            mass, price, about = entry, None, ["", _KIT_SOURCE, ""]
+        costs = [x for one in (mass, price) for x in (one, None if one is None else count * one)]
         writer.writerow(
             [
                 name,
                 count,
                 " ".join(joints[name]),
                 *("" if x is None else f"{x:.6g}" for x in costs),
-                *((part.dimensions, part.source, part.grade) if part else ("", _KIT_SOURCE, "")),
+                *about,
             ]
         )
     return file.getvalue()

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from pathlib import Path
 
 from pinfric.show.report.rows import NONE, table_of
-from pinfric.show.report.tables import Report, Table, paragraphs
+from pinfric.show.report.tables import Report, paragraphs
 from pinfric.show.report.values import digits
-from pinfric.study.retime.fastest import TimedSet
 from pinfric.study.retime.retime import RetimeResult
-from pinfric.study.retime.summary import DriveUse, Move, RetimeSummary, Sensitivity
+from pinfric.study.retime.summary import DriveUse, Move, RetimeSummary
 
 
 def retime_report(result: RetimeResult, found: RetimeSummary) -> Report:
@@ -37,14 +35,7 @@ def retime_report(result: RetimeResult, found: RetimeSummary) -> Report:
         cells={"use": _nearest, "limiting": _limiting, "rms": _continuous},
         without=[] if result.rms is not None else ["rms"],
     )
-    slopes = [
-        Sensitivity(drive.name, kind, value)
-        for drive in found.drives
-        for kind, value in (drive.sensitivity or {}).items()
-    ]
-    slopes.sort(key=lambda row: row.change)
-    by_limit = table_of("time moving, for 1 % more of a limit", slopes)
-    return paragraphs(title, table_of("moves", moves), drives, by_limit, _lines(result))
+    return paragraphs(title, table_of("moves", moves), drives, _lines(result))
 
 
 def _limiting(drive: DriveUse) -> str:
@@ -59,22 +50,6 @@ def _nearest(drive: DriveUse) -> str:
 
 def _continuous(drive: DriveUse) -> str:
     return NONE if drive.rms is None else percent(drive.rms)
-
-
-def fastest_table(sets: Sequence[TimedSet]) -> Table | None:
-    """Return the sets of drives for which no other set is both lighter and faster.
-
-    Args:
-        sets: of `fastest.fastest_sets`.
-    """
-    best = [x for x in sets if x.best]
-
-    def changed(now: TimedSet) -> str:
-        first = best[0].drives
-        return "; ".join(f"{j}: {name}" for j, name in now.drives.items() if first[j] != name)
-
-    title = f"fastest motion along the path, {len(sets)} sets of drives tried"
-    return table_of(title, best, keys=2, cells={"drives": changed})
 
 
 def _lines(result: RetimeResult) -> list[str]:

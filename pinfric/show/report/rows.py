@@ -117,7 +117,7 @@ def value_at(row: Any, path: str) -> Any:
 def shown_unit(found: Quantity, rows: Sequence[Any]) -> str:
     """Return the unit of a column's cells; empty where the rows' own differ, or none is shown."""
     spec = next((s for _, n, s, _ in Formatter().parse(found.cell) if n and s), "")
-    if spec in DISPLAYS or spec in ("%", "percent"):
+    if spec in DISPLAYS or spec in ("%", "percent", "margin"):
         return spec if spec in DISPLAYS else ""
     units = {unit_of(row, found.unit) for row in rows}
     by_row = found.unit == EFFORT or found.unit.startswith("in ")
@@ -179,7 +179,7 @@ def text_of(value: Any, display: str = "", zero: float = 0.0) -> str:
     Args:
         value: a number, words, a pair of least and worst, None.
         display: its unit for people, of `DISPLAYS` or "%", of a small
-            share "percent"; "+": with its sign; "decade": 3.7e-5;
+            share "percent", of what is left of a limit "margin"; "+": with its sign; "decade": 3.7e-5;
             or a format of Python: ".2f".
         zero: what is not larger prints as 0.
     """
@@ -197,6 +197,8 @@ def text_of(value: Any, display: str = "", zero: float = 0.0) -> str:
     if isinstance(value, list | tuple):
         return ", ".join(map(str, value))
     if display == "%":
+        return f"{100 * value:.0f} %" if math.isfinite(value) else "n/a"
+    if display == "margin":
         return percentage(value)
     if display == "percent":  # with what is below one
         return f"{digits(100 * value, 1e-6)} %" if math.isfinite(value) else "n/a"

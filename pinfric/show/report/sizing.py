@@ -20,14 +20,12 @@ from pinfric.show.report.drives import (
     what_if_table,
 )
 from pinfric.show.report.elastic import frequency_lines
-from pinfric.show.report.retime import fastest_table
 from pinfric.show.report.rows import table_of
 from pinfric.show.report.stop import axes_table, how
 from pinfric.show.report.stop import verdict as said
 from pinfric.show.report.tables import Report, Table, paragraphs
 from pinfric.show.report.values import digits
 from pinfric.study.elastic.summary import elastic_summary
-from pinfric.study.retime.fastest import TimedSet
 from pinfric.study.sizing.criterion import Status
 from pinfric.study.sizing.size import SizingReport
 from pinfric.study.sizing.summary import SizingSummary, sizing_summary
@@ -44,7 +42,6 @@ _ASKED = 3
 
 def sizing_report(
     report: SizingReport,
-    fastest: Sequence[TimedSet] | None = None,
     what_if: bool = False,
     verbose: bool = True,
 ) -> Report:
@@ -52,13 +49,11 @@ def sizing_report(
 
     Args:
         report: of `size`.
-        fastest: sets of drives and their times, where they were asked for.
         what_if: also what would be chosen without the drives' mass, and without friction.
         verbose: all of it; else what is chosen, what fails, and what to ask for.
     """
     from rich.text import Text
 
-    more = [fastest_table(fastest)] if fastest else []
     notes = [f"note: {line}" for line in report.notes]
     if report.catalog is None:
         failing = [Text(f"! {line}", style="bold red") for line in report.unmet]
@@ -67,7 +62,7 @@ def sizing_report(
     failing = [Text(f"! {line}", style="bold red") for line in (*report.no_fit, *report.unmet)]
     opening = [verdict(report), *masses_line(report)]
     if not verbose:
-        return _short(report, found, [*opening, *failing], more)
+        return _short(report, found, [*opening, *failing])
     return paragraphs(
         opening,
         demand_table(report),
@@ -85,13 +80,10 @@ def sizing_report(
         unchecked_table(found),
         failing,
         notes,
-        *more,
     )
 
 
-def _short(
-    report: SizingReport, found: SizingSummary, opening: Sequence[Any], more: Sequence[Any]
-) -> Report:
+def _short(report: SizingReport, found: SizingSummary, opening: Sequence[Any]) -> Report:
     """What is chosen, what fails, and what to ask for."""
     first = [f"note: {line}" for line in report.assumptions[: len(report.unclosed) > 0]]
     ending = [
@@ -106,7 +98,6 @@ def _short(
         ask_table(found, _ASKED),
         what_if_table(found),
         first + ending,
-        *more,
     )
 
 

@@ -88,14 +88,6 @@ class DriveLimits(Entry):
         tightest = min(rows, key=self.bound)
         return self.bound(tightest), tightest.name
 
-    def scaled(self, limit: Limit, factor: float) -> DriveLimits:
-        """Return the same limits, one of them times a factor."""
-        if limit.key:
-            return self.model_copy(update={limit.key: factor * self.bound(limit)})
-        changed = self.model_copy()
-        changed._rows = {**self._rows, limit.name: factor * self.bound(limit)}
-        return changed
-
     @property
     def driven(self) -> bool:
         """Whether its torque is limited; otherwise the motion has no limit."""

@@ -38,7 +38,7 @@ from pinfric.study.sizing.criterion import Criterion, Status
 from pinfric.study.sizing.demand import drive_cycle, gear_demand, hold_samples
 from pinfric.study.sizing.drivetrain import motor_cycle
 from pinfric.study.sizing.inertia import load_inertias
-from pinfric.study.sizing.limit import Case, Limit
+from pinfric.study.sizing.limit import Case
 from pinfric.study.sizing.limits import check, instant_limits
 from pinfric.study.sizing.policy import BASE_AXES
 from pinfric.study.sizing.robot import depth
@@ -53,8 +53,6 @@ _INSIDE = np.array([0.02, 0.25, 0.5, 0.75, 0.98])
 _ROUNDS = 10
 #: A limit of which more than this part is used holds the motion back.
 _AT_LIMIT = 0.995
-#: What comes nearer than this may do so, on another grid.
-_NEAR_LIMIT = 0.98
 #: Times the points asked for, where fewer find no way along the path.
 _FINER = 1, 4, 16
 #: Fewest points of a piece; a zone about a reversal, in sample periods.
@@ -79,7 +77,6 @@ class RetimeResult(Shown):
             where heat is not judged.
         uniform: s, how long the motion would take if it were slowed down as a whole until these
             torques are kept; None as `rms`.
-        cycle: what the continuous torques count beside the moves; None as `rms`.
         smooth: s, of the moving mean; each move takes so much longer by it.
         criteria: drive -> what `size` says of a drive of the catalogue that does this motion.
         notes: what is exceeded or was not judged, in sentences.
@@ -96,7 +93,6 @@ class RetimeResult(Shown):
     profile: Profile
     rms: np.ndarray | None = None
     uniform: float | None = None
-    cycle: Cycle | None = None
     smooth: float = 0.0
     criteria: Mapping[str, tuple[Criterion, ...]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
@@ -113,7 +109,7 @@ class RetimeResult(Shown):
                     [f"{100 * share:.0f} % of the time" for _, _, share in most],
                 ),
                 "excess": f"{100 * self.excess:.3g} % over any limit",
-                "more": ".trajectory .limiting .sensitivity() .plot()",
+                "more": ".trajectory .limiting .plot()",
             },
         )
 
@@ -132,48 +128,6 @@ class RetimeResult(Shown):
         most = 100.0 * max(float(self.profile.x.max()), 1e-9)
         limit_curve(box_scan(self.problem.scan()), most, found)
         return found
-
-    def sensitivity(self, change: float = 0.01) -> dict[str, dict[str, float]]:
-        """Return d ln T/d ln limit of the moving time T, drive -> limit, on the same grid.
-
-        Central differences; only limits of which nearly all is used at some time are tried, the
-        others are 0. Of the speed-torque line the stall torque is changed.
-
-        Args:
-            change: relative change of a limit.
-        """
-
-        rows = instant_limits()
-
-        def slope(d: int, limit: Limit | None) -> float:
-            times = []
-            for factor in (1.0 + change, 1.0 - change):
-                problem, cycle = p, self.cycle
-                if limit is not None:
-                    problem = p.with_limits(d, p.limits[d].scaled(limit, factor))
-                elif cycle is not None:
-                    torques = cycle.limit.copy()
-                    torques[d] *= factor
-                    cycle = replace(cycle, limit=torques)
-                times.append(self._moving_time(problem, cycle))
-            return float(np.log(times[0] / times[1]) / np.log((1 + change) / (1 - change)))
-
-        found: dict[str, dict[str, float]] = {}
-        p, most = self.problem, self.usage.max(axis=0, initial=0.0)
-        for d, drive in enumerate(p.scene.drives):
-            near = [limit for k, limit in enumerate(rows) if most[d, k] > _NEAR_LIMIT]
-            if near:
-                found[drive.name] = {limit.name: slope(d, limit) for limit in near}
-            if self.rms is not None and self.rms[d] > _NEAR_LIMIT:
-                row = p.limits[d].over_time[1]
-                found.setdefault(drive.name, {})[row] = slope(d, None)
-        return found
-
-    def _moving_time(self, problem: Problem, cycle: Cycle | None) -> float:
-        profile = problem.solve()
-        if cycle is not None:
-            profile, _ = within_continuous(problem, profile, cycle)
-        return float(profile.duration.sum())
 
 
 def retime(
@@ -308,14 +262,14 @@ class _Retiming:
         """Do what `retime` does; arguments see there."""
         self.check_stops()
         problem, profile, samples = self.solve(points)
-        uniform, cycle, use = None, None, None
+        uniform, use = None, None
         if heat and any(np.isfinite(x.over_time[0]) for x in self.limits):
-            profile, uniform, cycle, use = self.cool(problem, profile)
+            profile, uniform, use = self.cool(problem, profile)
         if smooth or use is not None:
             samples = sample(self.path, profile, self.policy.sample_rate, smooth)
         found = self.result(problem, profile, samples, smooth)
         if use is not None:
-            found = replace(found, rms=use, uniform=uniform, cycle=cycle)
+            found = replace(found, rms=use, uniform=uniform)
             for d in np.flatnonzero(use > _AT_LIMIT):
                 limiting = found.limiting.setdefault(self.scene.drives[d].name, {})
                 limiting[self.limits[d].over_time[1]] = 1.0
@@ -496,7 +450,7 @@ class _Retiming:
             f"{self.path.source} retimed",
         )
 
-    def cool(self, problem: Problem, fast: Profile) -> tuple[Profile, float, Cycle, np.ndarray]:
+    def cool(self, problem: Problem, fast: Profile) -> tuple[Profile, float, np.ndarray]:
         """Keep continuous torques, as the samples show them; and the uniform motion's duration."""
         limit = np.array([x.over_time[0] for x in self.limits])
         path, n = self.path, len(self.path.pieces)
@@ -515,7 +469,7 @@ class _Retiming:
             if use.max() <= 1.0 + 0.5 * self.policy.tolerance:
                 break
             asked = asked / np.maximum(use, 1.0)
-        return profile, uniform + float(stay.sum()), cycle, use
+        return profile, uniform + float(stay.sum()), use
 
     def result(
         self, problem: Problem, profile: Profile, samples: Samples, smooth: float

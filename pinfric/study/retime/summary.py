@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -34,9 +33,6 @@ class DriveUse:
     criteria: tuple[Criterion, ...] = quantity(
         "criteria of `size` for a drive of the catalogue, this motion repeated"
     )
-    sensitivity: dict[str, float] | None = quantity(
-        "limit -> d ln T/d ln limit of the moving time T; none: not asked for"
-    )
 
 
 @described
@@ -47,19 +43,6 @@ class Move:
     duration: float = quantity("its time", "s", "takes")
     hold_before: float = quantity("hold before the move", "s", "after a\nhold of")
     hold_after: float = quantity("hold after the move", "s", "before a\nhold of")
-
-
-@described
-class Sensitivity:
-    """Gain from more of one limit."""
-
-    drive: str = quantity("its name", heading="drive", name=True)
-    limit: str = quantity("which", heading="limit")
-    change: float = quantity(
-        "change of the moving time, in percent, for 1 % more of the limit",
-        heading="change",
-        cell="{change:+.3f} %",
-    )
 
 
 @described
@@ -84,14 +67,11 @@ class RetimeSummary:
     notes: tuple[str, ...] = quantity("limits that are exceeded or were not checked")
 
 
-def retime_summary(
-    result: RetimeResult, sensitivity: Mapping[str, Mapping[str, float]] | None = None
-) -> RetimeSummary:
+def retime_summary(result: RetimeResult) -> RetimeSummary:
     """Return the summary of retiming.
 
     Args:
         result: of `retime`.
-        sensitivity: drive -> limit -> d ln T/d ln limit, where that was asked for.
     """
     problem, most = result.problem, result.usage.max(axis=0, initial=0.0)
     # limits that no drive of this robot has would be columns of zeros
@@ -109,7 +89,6 @@ def retime_summary(
             limiting=result.limiting.get(drive.name, {}),
             rms=None if result.rms is None else float(result.rms[d]),
             criteria=result.criteria.get(drive.name, ()),
-            sensitivity=None if sensitivity is None else dict(sensitivity.get(drive.name, {})),
         )
         for d, (drive, limits) in enumerate(zip(problem.scene.drives, problem.limits, strict=True))
     ]

@@ -82,7 +82,7 @@ class Standstill:
         return next(c for c in self.criteria if c.name == _BRAKE)
 
     @property
-    @derived(heading="margin", cell="{margin:%}")
+    @derived(heading="margin", cell="{margin:margin}")
     def margin(self) -> float | None:
         """What the brake has left of its torque; none: not known, or none is needed."""
         return self.torque.margin

@@ -39,7 +39,7 @@ class Criterion:
     available: float | None = quantity("what the drive has; none: not known", "in unit", "has")
     unit: str = quantity("of both", heading="unit")
     margin: float | None = quantity(
-        "1 - required/available; none: not checked", heading="margin", cell="{margin:%}"
+        "1 - required/available; none: not checked", heading="margin", cell="{margin:margin}"
     )
     formula: str = quantity("formula of the check", heading="formula")
     source: str = quantity("source of the rule", heading="source and remarks")

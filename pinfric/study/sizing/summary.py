@@ -12,7 +12,6 @@ from pinfric.model.mass_matrix import frame_jacobians
 from pinfric.model.robot import link_frame
 from pinfric.model.scene import Scene
 from pinfric.study.elastic.summary import ElasticSummary, elastic_summary
-from pinfric.study.retime.fastest import TimedSet
 from pinfric.study.sizing.brake import Standstill
 from pinfric.study.sizing.criterion import Criterion, Status
 from pinfric.study.sizing.demand import JointDemand
@@ -33,7 +32,7 @@ class Candidacy:
     name: str = quantity("motor and gear", heading="drive")
     mass: float | None = quantity("none: not known", "kg", "mass")
     margin: float = quantity(
-        "the least of all criteria", heading="least\nmargin", cell="{margin:%}"
+        "the least of all criteria", heading="least\nmargin", cell="{margin:margin}"
     )
     not_checked: int = quantity("criteria without a figure", heading="not\nchecked")
 
@@ -86,7 +85,7 @@ class Installed:
     ratio: float = quantity("motor turns per joint turn", "1 or rad/m")
     brake: str = quantity('at the motor\'s shaft; "": none', heading="brake")
     margin: float = quantity(
-        "the least of all criteria", heading="least\nmargin", cell="{margin:%}"
+        "the least of all criteria", heading="least\nmargin", cell="{margin:margin}"
     )
     tightest: str | None = quantity(
         "the criterion of the least margin; none: none was checked", heading="tightest\ncriterion"
@@ -189,18 +188,14 @@ class SizingSummary:
     elasticity: ElasticSummary | None = quantity(
         "effects of elastic gears; none: no stiffness known"
     )
-    fastest: tuple[TimedSet, ...] | None = quantity("mass against time; none: not asked for")
     notes: tuple[str, ...] = quantity("assumptions, and what was not checked")
 
 
-def sizing_summary(
-    report: SizingReport, fastest: tuple[TimedSet, ...] | None = None, what_if: bool = False
-) -> SizingSummary:
+def sizing_summary(report: SizingReport, what_if: bool = False) -> SizingSummary:
     """Return the summary of a sizing.
 
     Args:
         report: of `size`.
-        fastest: sets of drives and their times, where they were asked for.
         what_if: also say what would be chosen without the drives' mass, and without friction.
     """
     t, duty = report.result.t, report.duty
@@ -234,7 +229,6 @@ def sizing_summary(
         unchecked=() if report.catalog is None else unchecked(report),
         robot_criteria=report.arm_criteria,
         elasticity=None if report.elastic is None else elastic_summary(report.elastic),
-        fastest=fastest,
         notes=report.notes,
     )
 

@@ -13,7 +13,7 @@ from pinfric import cli
 
 
 def test_retime_prints_writes_and_its_trajectory_is_one_for_all(files, capsys):
-    assert run("retime", "table.yaml", "way.yaml", "--sensitivity", "--out", "out") == 0
+    assert run("retime", "table.yaml", "way.yaml", "--out", "out") == 0
     out, _ = capsys.readouterr()
     assert max(map(len, out.splitlines())) <= 80
     assert "effort" in out
@@ -27,7 +27,6 @@ def test_retime_prints_writes_and_its_trajectory_is_one_for_all(files, capsys):
     up, down = 37.0 / 2.0, 43.0 / 2.0
     move = 1.5 / 3.0 + 0.5 * 3.0 * (1 / up + 1 / down)
     assert summary["duration"] == pytest.approx(2 * move + 0.6, rel=1e-4)
-    assert summary["drives"][0]["sensitivity"].keys() == {"effort", "joint speed"}
     assert run("inverse", "table.yaml", "out/trajectory.csv", "--json") == 0
     (joint,) = result_of(capsys.readouterr().out)["joints"]
     assert joint["peak"] == pytest.approx(40.0, rel=1e-3)

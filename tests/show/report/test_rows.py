@@ -46,4 +46,4 @@ def test_a_range_that_prints_alike_is_one_number(least, most, text):
     [(0.124, "12 %"), (0.004, "0.4 %"), (0.0, "0 %"), (-0.0042, "-0.4 %"), (-1e-9, "-0.01 %")],
 )
 def test_a_margin_below_zero_never_prints_as_zero(share, text):
-    assert text_of(share, "%") == text
+    assert text_of(share, "margin") == text

@@ -18,7 +18,7 @@ from pinfric.model.described import in_json
 from pinfric.show.report.inverse import inverse_report
 from pinfric.show.report.sizing import ROUNDING, sizing_report
 from pinfric.show.report.tables import Column, Kind, Table, paragraphs
-from pinfric.show.report.values import digits, percentage, span
+from pinfric.show.report.values import digits, span
 from pinfric.study.inverse_summary import inverse_summary
 from pinfric.study.sizing.catalog_file import load_catalog
 from pinfric.study.sizing.summary import sizing_summary
@@ -122,7 +122,7 @@ def test_every_figure_of_48_joints_is_printed_whole_beside_a_name_that_is_one_jo
             span(joint["rms_least"], joint["rms"], zero),
             f"{digits(joint['peak_frictionless'], zero)}, "
             f"{digits(joint['rms_frictionless'], zero)}",
-            percentage(joint["friction_share"]),
+            f"{100 * joint['friction_share']:.0f} %",
             digits(joint["stick_time"]),
             digits(joint["max_interval"], zero),
         ]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from pathlib import Path as File
 
 import numpy as np
 import pytest
@@ -111,3 +113,13 @@ def test_the_momentary_peak_of_a_gear_is_no_limit_of_a_cycle(tmp_path):
     path = Path.from_waypoints([[0.0], [2.0]])
     with pytest.raises(pf.RetimeError, match=r"M \+ G cannot be checked: .* gear repeated peak"):
         retime(scene, path, {"table": candidate})
+
+
+def test_motors_file_in_the_guide_fits_the_panda(tmp_path):
+    page = (File(__file__).parents[3] / "notebooks/guide/retime.md").read_text(encoding="utf-8")
+    (example,) = re.findall(r"^```yaml\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)
+    (tmp_path / "motors.yaml").write_text(example)
+    scene = pf.load_scene("panda_pick_and_place")
+    found = pf.retime(scene, "panda_pick_and_place.csv", tmp_path / "motors.yaml", points=100)
+    assert found.excess < 1e-3
+    assert found.duration < found.before

@@ -156,13 +156,6 @@ def test_holds_payloads_and_moves():
     assert (np.abs(again.effort_upper) < 1.001 * scene.model.effortLimit).all()
 
 
-def test_sensitivity():
-    """T = sqrt(2 D/a) twice: T ~ torque^-1/2."""
-    scene = one_joint(inertia=2.0, transmission={"ratio": 50.0, "rotor_inertia": 5e-4})
-    found = retime(scene, straight(3.0), {"j": {"peak_torque": 0.1}})
-    assert found.sensitivity() == {"j": {"peak torque": pytest.approx(-0.5, abs=1e-3)}}
-
-
 def test_smoothing_beyond_a_limit_is_a_warning():
     with pytest.warns(pf.PinfricWarning, match=r"smoothing over 200 ms exceeds the .* of [ab] by"):
         found = retime(planar(), WAVE, MOTORS, smooth=0.2)

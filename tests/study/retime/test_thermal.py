@@ -10,14 +10,6 @@ import pinfric as pf
 from pinfric.study.retime.retime import retime
 
 
-def test_sensitivity_to_a_continuous_torque():
-    """T ~ c^-1/2 of a pure inertia that only its continuous torque limits."""
-    limits = {"j": {"peak_torque": 50.0, "continuous_torque": 1.0}}
-    found = retime(one_joint(inertia=2.0), straight(3.0), limits, points=60)
-    slopes = found.sensitivity(0.05)
-    assert slopes == {"j": {"continuous torque": pytest.approx(-0.5, abs=0.01)}}
-
-
 def test_continuous_torque_of_a_pure_inertia():
     """The optimum sqrt(2 sqrt(3) D J/c) is 7 % faster than the whole motion slowed down."""
     D, c, J = 3.0, 1.0, 2.0
