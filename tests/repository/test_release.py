@@ -52,3 +52,9 @@ def test_workflows_try_what_is_supported():
             *PROJECT["optional-dependencies"],
             "docs",
         }
+
+
+def test_the_smoke_set_names_tests_that_exist():
+    for line in (ROOT / "tests/smoke.txt").read_text().splitlines():
+        file, _, name = line.partition("::")
+        assert f"def {name}" in (ROOT / file).read_text(encoding="utf-8"), line

@@ -61,7 +61,7 @@ def closure_basis(
 
 
 @kernel
-def _reduce(machine: Machine, given: np.ndarray, d: int, closed: bool) -> bool:
+def _reduce(machine: Machine, given: np.ndarray, d: int, closed: bool) -> bool:  # noqa: C901
     """Write accelerations and the factor A of D a_slope = A^T A; False: M is singular.
 
     Args:

@@ -179,8 +179,8 @@ def text_of(value: Any, display: str = "", zero: float = 0.0) -> str:
     Args:
         value: a number, words, a pair of least and worst, None.
         display: its unit for people, of `DISPLAYS` or "%", of a small
-            share "percent", of what is left of a limit "margin"; "+": with its sign; "decade": 3.7e-5;
-            or a format of Python: ".2f".
+            share "percent", of what is left of a limit "margin"; "+": with its sign;
+            "decade": 3.7e-5; or a format of Python: ".2f".
         zero: what is not larger prints as 0.
     """
     if value is None:
