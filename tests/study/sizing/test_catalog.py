@@ -13,7 +13,7 @@ from sizing_cases import GEAR, MOTOR, one_drive, write_catalog
 import pinfric as pf
 from pinfric.errors import CatalogError
 from pinfric.study.sizing.drivetrain import gear_transmission
-from pinfric.study.sizing.policy import Conditions, parse_conditions
+from pinfric.study.sizing.policy import Conditions, lacks, parse_conditions
 
 
 def test_bundled_catalogue_has_the_figures_of_its_sources_and_no_doubts():
@@ -34,7 +34,7 @@ def test_bundled_catalogue_has_the_figures_of_its_sources_and_no_doubts():
     assert (thermal.winding_time, thermal.housing_time, thermal.max_winding) == (52.6, 281, 125)
 
 
-SECTIONS = ("motors", "gears", "gearmotors", "bearings", "brakes")
+SECTIONS = ("motors", "gears", "gearmotors", "bearings", "brakes", "amplifiers")
 BUNDLED = [(section, name) for section in SECTIONS for name in getattr(pf.load_catalog(), section)]
 #: What finds a figure again: a page, a number of a document or part, a table, a dated page.
 PLACE = re.compile(
@@ -67,7 +67,7 @@ def test_every_figure_has_maker_and_document_and_a_grade(section, name):
 
 def test_the_bundled_catalogue_is_wide():
     catalog = pf.load_catalog()
-    assert [len(getattr(catalog, section)) for section in SECTIONS] == [98, 204, 33, 53, 84]
+    assert [len(getattr(catalog, section)) for section in SECTIONS] == [98, 204, 33, 53, 84, 10]
     power = [
         m.continuous_torque * m.rated_speed
         for m in catalog.motors.values()
@@ -169,6 +169,28 @@ def test_brakes_have_the_torques_of_their_own_rows():
         assert brakes[f"Yaskawa SGMGV-{model}"].torque == torque
     assert brakes["Mitsubishi HC-MF 23, 43"].stop_energy == 22.0
     assert brakes["Siemens 1FK2-05"].torque == 5  # dynamic; 8 N m static
+
+
+def test_amplifiers_have_the_currents_of_their_names():
+    """The 50/5 of maxon give 5 A; KEBA's peak is 200 % of the rated current for 30 s."""
+    amplifiers = pf.load_catalog().amplifiers
+    for name, a in amplifiers.items():
+        if name.startswith("maxon"):
+            assert (a.continuous_current, a.current) == (float(name.split("/")[1]), "peak")
+        elif name.startswith("KEBA"):
+            assert (a.peak_current, a.peak_time) == (2 * a.continuous_current, 30.0)
+        else:
+            assert (a.peak_time, a.current) == (None, "rms")
+            assert 1.8 < a.peak_current / a.continuous_current <= 2.0, name
+
+
+@pytest.mark.parametrize("ratio", [80, 100])
+def test_strain_wave_gears_whose_efficiency_has_a_stand_in_can_be_signed(ratio):
+    gears = pf.load_catalog().gears
+    sizes = [17, 20, 25, 32, 40, 45, 50, 58, 65]
+    for size in sizes:
+        assert lacks("strain wave", gears[f"Harmonic Drive CSG-{size}-{ratio}"]) == (), size
+    assert lacks("strain wave", gears["Harmonic Drive CSG-14-80"]) == ("efficiency",)
 
 
 def test_every_bundled_entry_says_what_fits_it():
@@ -388,7 +410,7 @@ def test_a_catalogue_that_extends_the_bundled_one(tmp_path):
 def test_catalogues_are_part_of_the_package():
     folder = Path(pf.__file__).parent / "catalog"
     names = {path.name for path in folder.iterdir()}
-    assert {"motors.yaml", "gears.yaml", "bearings.yaml", "brakes.csv"} <= names
+    assert {"motors.yaml", "gears.yaml", "bearings.yaml", "brakes.csv", "amplifiers.yaml"} <= names
     for path in folder.glob("*.csv"):
         assert f"{path.stem}.columns.yaml" in names
     for path in folder.glob("*.yaml"):
