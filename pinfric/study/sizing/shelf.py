@@ -374,6 +374,12 @@ class Search:
                 least = np.fmin(least, limit.margin(d))
         return least[:, 0]
 
+    def _of_entry(self, bare: Candidate) -> float:
+        """The least margin of the rows that read a gear's entry; infinite where none is known."""
+        d = drive(bare, None, self.case)
+        margins = (limit.margin(d) for limit in LIMITS if limit.stage == "entry")
+        return min((float(x) for x in margins if not np.isnan(x)), default=np.inf)
+
     def _row(self, b: int, g: int) -> _Row:
         """A gear with its losses, its brake, and the margin of the rows that read its entry."""
         if (b, g) in self._rows:
@@ -392,11 +398,8 @@ class Search:
             *(mean(t, p * q) for p, q in ((m, m), (m, a), (a, a), (h, h), (h, m), (h, a))),
             *(value for k in (x, y, z) for value in (m[k], h[k], a[k], speed[k])),
         )
-        d = drive(bare, None, case)
-        margins = (limit.margin(d) for limit in LIMITS if limit.stage == "entry")
-        known = [float(x) for x in margins if not np.isnan(x)]
-        brake = self._brake(bare)
-        row = _Row(ends, brake, numbers, min(known, default=np.inf), shock_efficiency(bare))
+        margin, brake = self._of_entry(bare), self._brake(bare)
+        row = _Row(ends, brake, numbers, margin, shock_efficiency(bare))
         self._rows[b, g] = row
         return row
 
@@ -614,7 +617,9 @@ class Search:
             for g, name in enumerate(block.names):
                 figures = self._gear_lacks(block, g)
                 mass = float(np.nanmin(block.mass[g])) if np.isfinite(block.mass[g]).any() else None
-                if figures and self._gear_margins[b][g] >= 0 and not (mass and mass >= below):
+                if not figures or self._gear_margins[b][g] < 0 or (mass and mass >= below):
+                    continue
+                if self._of_entry(replace(block.bare(g), **self.parts.own)) >= 0:
                     found.setdefault(name, Ask(name, figures, mass))
             if block.at_output:
                 continue

@@ -184,6 +184,38 @@ def test_amplifiers_have_the_currents_of_their_names():
             assert 1.8 < a.peak_current / a.continuous_current <= 2.0, name
 
 
+#: Diameter of a gearhead (mm) -> where its maker states the radial load (m from the flange).
+AT_FLANGE = {"22": 0.010, "32": 0.010, "42": 0.012, "52": 0.012, "62": 0.024, "81": 0.024}
+
+
+def test_maxons_gearheads_have_the_loads_of_their_own_rows():
+    """A row too far would show: with more stages the radial load of a type never falls."""
+    gears = {n: g for n, g in pf.load_catalog().gears.items() if n.startswith("maxon GP")}
+    heads = {n: g for n, g in gears.items() if g.kind == "planetary"}
+    assert len(heads) == 30
+    types = {name.split(" i=")[0] for name in heads}
+    for kind in types:
+        stages = [g for n, g in heads.items() if n.split(" i=")[0] == kind]
+        radial = [g.bearing.max_radial for g in stages]
+        assert radial == sorted(radial), kind
+        arm = AT_FLANGE[kind.split()[2]]
+        assert [g.bearing.max_moment for g in stages] == pytest.approx([arm * f for f in radial])
+        assert lacks("other gear", stages[0]) == ("stiffness",)
+    printed = {
+        "GP 22 HP i=198": (110, 100),
+        "GP 32 C i=246": (220, 120),
+        "GP 42 C i=3.5": (120, 150),
+        "GP 52 C i=150": (900, 200),
+        "GP 42 HD i=150": (720, 250),
+        "GP 62 A i=71": (570, 120),
+        "GP 81 A i=3.7": (400, 80),
+        "GPX 32 UP i=243": (250, 110),
+    }
+    for name, loads in printed.items():
+        bearing = heads[f"maxon {name}"].bearing
+        assert (bearing.max_radial, bearing.max_axial) == loads, name
+
+
 @pytest.mark.parametrize("ratio", [80, 100])
 def test_strain_wave_gears_whose_efficiency_has_a_stand_in_can_be_signed(ratio):
     gears = pf.load_catalog().gears

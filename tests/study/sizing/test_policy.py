@@ -50,6 +50,18 @@ def test_a_drive_that_lacks_a_figure_cannot_be_signed(tmp_path, part, figure, as
     assert asked in joint.no_fit
 
 
+def test_a_gear_that_fails_by_what_is_known_is_not_asked_for(tmp_path):
+    """A turntable's weight rests on the gear: of two that lack the stiffness one bears it."""
+    unknown = {k: v for k, v in GEAR.items() if k != "stiffness"} | {"mass": 0.5}
+    weak = {**unknown, "bearing": {**GEAR["bearing"], "max_axial": 0.1}}
+    gears = {"known": GEAR, "unknown": unknown, "weak": weak}
+    catalog = load_catalog(write_catalog(tmp_path / "catalog.yaml", gears=gears))
+    scene = turntable()
+    (joint,) = pf.size(scene, trapezoid(scene), catalog, on_miss="ignore").joints
+    assert joint.choice.candidate.gear_name == "known"
+    assert [ask.name for ask in joint.ask] == ["unknown"]
+
+
 def test_what_stands_in_is_the_lower_limit_and_said(tmp_path):
     """Of other gears T2N for the mean and T2B; of a motor its stall torque for the peak."""
     bare = dict.fromkeys(("average_torque", "repeated_peak_torque", "momentary_peak_torque"))
