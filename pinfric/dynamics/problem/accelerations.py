@@ -22,8 +22,9 @@ from pinfric.kernels.compiled import kernel
 NOT_FINITE, SINGULAR, TOGGLE = 1, 2, 3
 #: A joint with a share in the mechanism's motion below this is at its dead centre.
 _IDLE = 1e-4
-#: A share below this counts as zero.
-_DEAD = 1e-13
+#: A share below this counts as zero, as singular values do (`balance.RANK`): rates divided by it
+#: would be rounding.
+_DEAD = 1e-9
 
 
 @kernel

@@ -91,6 +91,10 @@ def _relate_frames(machine: Machine) -> None:
     k, w, gravity = machine.supply, machine.kinematics, machine.tree.gravity
     R, p, velocity, acceleration = w.R, w.p, w.velocity, w.acceleration
     v, a = k.velocity[1:], k.acceleration[1:]
+    moves = 0.0  # at rest nothing accelerates: gravity would leave its rounding
+    for j in range(R.shape[1]):
+        for r in range(6):
+            moves += abs(v[j, r])
     for j in range(R.shape[1]):
         for r in range(3):
             p[0, j, r] = k.p[1 + j, r]
@@ -104,8 +108,10 @@ def _relate_frames(machine: Machine) -> None:
             x, y, z = R[0, j, r, 0], R[0, j, r, 1], R[0, j, r, 2]
             velocity[0, j, r] = x * v[j, 0] + y * v[j, 1] + z * v[j, 2]
             velocity[0, j, 3 + r] = x * v[j, 3] + y * v[j, 4] + z * v[j, 5]
-            acceleration[0, j, r] = x * ax + y * ay + z * az + gravity[r]
-            acceleration[0, j, 3 + r] = x * a[j, 3] + y * a[j, 4] + z * a[j, 5]
+            acceleration[0, j, r] = acceleration[0, j, 3 + r] = 0.0
+            if moves > 0.0:
+                acceleration[0, j, r] = x * ax + y * ay + z * az + gravity[r]
+                acceleration[0, j, 3 + r] = x * a[j, 3] + y * a[j, 4] + z * a[j, 5]
     relate_pairs(
         p,
         R,

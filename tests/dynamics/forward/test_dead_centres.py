@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from mechanisms import GROUND, LENGTHS, four_bar
 
 import pinfric as pf
 
@@ -43,3 +44,42 @@ def test_inverse_holds_forward_and_simulate_agree_about_what_a_crank_holds(offse
         if share in (0.005, 0.995) and offset != 1e-9:  # there loops do not close again
             motion = pf.simulate(scene, q, still, effort, 0.02)
             np.testing.assert_allclose(motion.q[-1], q, rtol=0.0, atol=1e-10)
+
+
+def bars_at(offset: float, stretched: bool, way: int) -> np.ndarray:
+    """The bars' angles of a four-bar whose crank and coupler are so far (rad) from one line."""
+    crank, coupler, rocker = LENGTHS.values()
+    reach = coupler + crank if stretched else coupler - crank
+    along = (reach**2 + GROUND**2 - rocker**2) / (2.0 * reach * GROUND)
+    angle = way * np.arccos(along) + (0.0 if stretched else np.pi) + offset
+    pin = crank * np.array([np.cos(angle), np.sin(angle)])
+    gap = np.array([GROUND, 0.0]) - pin
+    far = np.hypot(*gap)
+    turn = np.arccos((coupler**2 + far**2 - rocker**2) / (2.0 * coupler * far))
+    second = np.arctan2(gap[1], gap[0]) + way * turn
+    end = pin + coupler * np.array([np.cos(second), np.sin(second)]) - [GROUND, 0.0]
+    return np.array([angle, second, np.arctan2(end[1], end[0])])
+
+
+SLOW = [pytest.param(10.0**-k, marks=pytest.mark.slow) for k in (9, 8, 7, 6, 5, 4)]
+
+
+@pytest.mark.parametrize("offset", [0.0, 1e-12, 1e-11, 1e-10, 1e-3, *SLOW])
+@pytest.mark.parametrize("mu", [0.3, pytest.param(0.6, marks=pytest.mark.slow), 1.0])
+def test_inverse_holds_forward_and_simulate_agree_about_what_a_four_bar_holds(offset, mu):
+    """The rocker's pin rests at its dead centre; its rate was rounding, taken for a motion."""
+    still = np.zeros(3)
+    for cut, stretched, way in ((c, s, w) for c in "BC" for s in (True, False) for w in (1, -1)):
+        scene, joints = four_bar(cut=cut, mu=mu)
+        q = scene.close(joints(bars_at(offset, stretched, way)), ["O"])
+        wanted = pf.inverse_dynamics(scene, q[None], still[None], still[None])
+        lower, upper = wanted.effort_lower[0, 0], wanted.effort_upper[0, 0]
+        for share in (-0.05, -0.005, 0.005, 0.5, 0.995, 1.005, 1.05):
+            effort, inside = [lower + share * (upper - lower)], 0.0 < share < 1.0
+            hold = pf.holds(scene, q, effort)
+            assert (hold.held, hold.proved) == (inside, True)
+            found = pf.forward_dynamics(scene, q, still, effort)
+            assert (found.a == 0.0).all() == inside
+            if share in (0.005, 1.05):
+                motion = pf.simulate(scene, q, still, effort, 0.01)
+                assert (np.abs(motion.q[-1] - q).max() < 1e-10) == inside
