@@ -56,19 +56,28 @@ class Answer(NamedTuple):
 
 @dataclass
 class Lines:
-    """How a problem depends on its modes if drives have gears.
+    """How a problem depends on its modes if drives have gears, and what the last search counted.
 
     Attributes:
-        settle: solves the modes as they are, as `rest.solve` does.
-        take: makes an answer the present one.
+        settle: solves the modes as they are, as `rest.solve` does, which it is without gears.
+        take: makes an answer the present one; None without gears.
         found: the answers that the last `settle` found, if gears may have several; else empty.
         many: how many answers, of the last search, and how many of them are stable.
+        tried: in how many modes it looked for them.
+        unsure: whether gears allow more choices than are tried, so that there may be others.
     """
 
-    settle: Callable[[], tuple[int, int]]
-    take: Callable[[Answer], None]
+    settle: Callable[[], tuple[int, int]] | None = None
+    take: Callable[[Answer], None] | None = None
     found: list[Answer] = field(default_factory=list)
     many: tuple[int, int] = (1, 1)
+    tried: int = 1
+    unsure: bool = False
+
+    def count(self, solutions: int, obeying: int) -> Found:
+        """Return how a search of a single mode ends, from what `rest.solve` returns."""
+        self.many, self.tried = (obeying, obeying), 1
+        return outcome(solutions, obeying)
 
 
 class _Query:
@@ -76,7 +85,7 @@ class _Query:
 
     Attributes:
         problem, modes, mechanism: see `search`.
-        lines: what gears do; without gears modes are solved by `rest.solve`.
+        lines: what gears do, and what is counted.
         left: passes.
         every: whether all solutions of given modes are wanted, where there may be several.
         unsure: whether the search for all solutions of some modes reached its limit.
@@ -92,16 +101,26 @@ class _Query:
     ) -> None:
         self.every, self.left, self.unsure = every, MOST_PASSES, False
         self.problem, self.modes, self.mechanism = problem, modes, mechanism
-        self.lines = lines or Lines(lambda: solve(problem, modes, mechanism), self._take)
+        self.lines = lines or Lines()
+        self.lines.many, self.lines.tried, self.lines.unsure = (0, 0), 0, False
+
+    def settle(self) -> tuple[int, int]:
+        """Solve the modes as they are; see `rest.solve`."""
+        if self.lines.settle:
+            return self.lines.settle()
+        return solve(self.problem, self.modes, self.mechanism)
 
     def _take(self, answer: Answer) -> None:
-        """Make an answer the present one, where there are no gears."""
-        self.modes.take(answer.modes)
-        self.lines.settle()
+        """Make an answer the present one."""
+        if self.lines.take:
+            self.lines.take(answer)
+        else:
+            self.modes.take(answer.modes)
+            self.settle()
 
     def solve(self) -> tuple[int, int]:
         """Solve the modes as they are, all solutions of them if wanted; see `rest.solve`."""
-        found = self.lines.settle()
+        found = self.settle()
         shared = np.isnan(self.modes.figures[0])
         self.left -= max(3 * self.mechanism.closed, int(self.modes.figures[1]) if shared else 1)
         if self.every and self.modes.figures[0] >= 1.0:
@@ -112,14 +131,20 @@ class _Query:
         """Return how the search ends with the modes just solved; the answer is the present one."""
         if self.lines.found:
             return self.choose(list(self.lines.found))
-        return outcome(solutions, obeying)
+        self.lines.many = obeying, obeying
+        return self.sure(outcome(solutions, obeying))
+
+    def sure(self, found: Found) -> Found:
+        """Return how the search ends, where what it may have missed would change that."""
+        unsure = self.unsure or self.lines.unsure
+        return Found.UNDECIDED if found in (Found.SOLVED, Found.NONE) and unsure else found
 
     def choose(self, answers: list[Answer]) -> Found:
         """Make the answer the present one: of several the only stable one."""
         stable = [answer for answer in answers if answer.stable]
         self.lines.many = len(answers), len(stable)
         best = (stable or answers)[0]
-        self.lines.take(best)  # others were tried since
+        self._take(best)  # others were tried since
         if not _same(Answer(self.modes), best):
             return Found.UNDECIDED
         if len(stable) == 1:
@@ -184,7 +209,7 @@ def search(
             break
         modes.at_rest[:] = at_rest
         modes.direction[passing] = np.sign(modes.rate[passing])
-    return Found.UNDECIDED if found == Found.SOLVED and query.unsure else found
+    return query.sure(found)
 
 
 def _led(problem: Problem, modes: Modes, mechanism: Mechanism) -> np.ndarray:
@@ -200,6 +225,7 @@ def _search_open(query: _Query, forced: dict[int, float], held: np.ndarray | Non
     modes, mechanism = query.modes, query.mechanism
     rests, together = modes.at_rest, mechanism.is_dependent(modes.at_rest)
     if not rests.any():
+        query.lines.tried += 1
         return query.end(*query.solve())
     if len(mechanism.joints(rests)) > MOST_ENUMERATED:
         _stick(modes, mechanism, forced)
@@ -262,11 +288,13 @@ def _try_all(query: _Query, every: list[dict[int, float]]) -> tuple[Found, list[
         if query.left <= 0:
             return Found.UNDECIDED, []
         _stick(modes, query.mechanism, ways)
+        query.lines.tried += 1
         solutions, obeying = _settle(query)
         if solutions < 0:
             status = Found.NOT_CONVERGED
         answers = list(query.lines.found)
         if obeying > 1 and not answers:
+            query.lines.many = obeying, obeying
             return Found.AMBIGUOUS, []
         for answer in answers or [Answer(modes.copy())] * (obeying == 1):
             if not any(_same(answer, other) for other in consistent):
@@ -344,6 +372,7 @@ class _Patience:
 def given(problem: Problem, modes: Modes, mechanism: Mechanism, lines: Lines) -> Found:
     """Solve the modes as they are; of several answers that gears leave the only stable one."""
     query = _Query(problem, modes, mechanism, lines, every=False)
+    query.lines.tried += 1
     return query.end(*query.solve())
 
 
@@ -374,6 +403,7 @@ def _follow(query: _Query, fixed: set[int]) -> Found:
     for _ in range(_CHANGES + _FOR_EACH * len(modes.stuck)):
         if query.left <= 0:
             return Found.UNDECIDED
+        query.lines.tried += 1
         solutions, obeying = query.solve()
         if solutions <= 0:
             return outcome(solutions, 0)

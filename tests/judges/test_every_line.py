@@ -10,7 +10,8 @@ from judges.test_gears import WORM, hoist
 from scipy.integrate import solve_ivp
 
 import pinfric as pf
-from pinfric.errors import GearJam
+from pinfric.dynamics.forward import self_locking
+from pinfric.errors import GearJam, UndecidedAcceleration
 from pinfric.model.drives import gear_table, held_efforts
 from pinfric.model.transmission import Transmission
 
@@ -63,6 +64,13 @@ def test_a_worm_that_wedges_is_refused_with_the_rotor_that_it_needs():
     bare = {**WORM, "rotor_inertia": 0.0}
     with pytest.raises(GearJam, match=r"'lift': .*its rotor has no inertia"):
         pf.forward_dynamics(hoist(bare), [0.0], [-0.1], motor_torque=[0.0])
+
+
+def test_more_lines_than_are_tried_leave_it_undecided(monkeypatch):
+    """It said that no acceleration obeys, where one does."""
+    monkeypatch.setattr(self_locking, "_MOST_LINES", 1)
+    with pytest.raises(UndecidedAcceleration, match=r"0 in \d modes? tried; .* lines"):
+        pf.forward_dynamics(hoist(LIGHT), [0.0], [-0.1], motor_torque=[-15.0 / 50])
 
 
 def compliant(u: float, t: float, stiffness: float = 1e6) -> tuple[float, float]:

@@ -101,26 +101,38 @@ class Failures:
             return jam
         contraction, resting = self._modes.figures[0], int(self._modes.at_rest.sum())
         finding: type[AccelerationError] = NoConsistentAcceleration
-        reason = "neither sticking nor slipping either way is consistent"
+        (many, stable), tried = self._lines.many, self._lines.tried
+        counted = f"{many} in {tried} mode{'s' * (tried != 1)} tried"
+        reason = f"{counted}; neither sticking nor slipping either way is consistent"
         if contraction >= 1.0:
-            reason = f"the loads grow with the friction they cause (contraction {contraction:.4g})"
+            reason = (
+                f"{counted}; the loads grow with the friction they cause (contraction "
+                f"{contraction:.4g}); below 1 there would be one: less friction, smaller radii or "
+                "more inertia"
+            )
         if found == Found.AMBIGUOUS:
             finding = AmbiguousAcceleration
-            many, stable = self._lines.many
             if many > 1 and stable != many:
-                reason = f"{many}, {stable or 'none'} of them stable"
+                reason = f"{counted}, {stable or 'none'} of them stable"
             elif not contraction >= 1.0:
                 reason = (
-                    "static friction is above kinetic, so one set of joints may break away "
-                    "and the others hold, or another set of as many"
+                    f"{counted}; static friction is above kinetic, so one set of joints may break "
+                    "away and the others hold, or another set of as many; the motion before this "
+                    "state, or method 'timestepping' of simulate, would decide"
                 )
         elif found == Found.NOT_CONVERGED:
             reason = f"the coupled solve does not reach its tolerance (contraction {contraction})"
+        elif found == Found.UNDECIDED and self._lines.unsure:
+            finding = UndecidedAcceleration
+            reason = (
+                f"{counted}; self-locking gears in motion allow more choices of lines than are "
+                "tried; fewer of them, or curves of fewer points, would decide"
+            )
         elif found == Found.UNDECIDED:
             finding = UndecidedAcceleration
             reason = (
-                f"{resting} coordinates at rest, {MOST_PASSES} passes; remove friction from joints "
-                "where it does not matter, or start from a state in motion"
+                f"{resting} coordinates at rest, {tried} modes in {MOST_PASSES} passes; remove "
+                "friction from joints where it does not matter, or start from a state in motion"
             )
         elif resting > MOST_ENUMERATED:
             reason += f"; with more than {MOST_ENUMERATED} joints at rest not every mode is tried"
@@ -154,7 +166,8 @@ class Failures:
         if found == Found.UNSTABLE:
             reason = f"the one acceleration that obeys its law is unstable; {reason}"
         elif found == Found.NONE:
-            reason = f"no acceleration obeys its law; {reason}"
+            tried = self._lines.tried
+            reason = f"no acceleration obeys its law ({tried} modes tried); {reason}"
         return GearJam(
             *self._as_given(state), self._scene.drives[d].name, reason, given=self._given
         )

@@ -131,7 +131,8 @@ def forward_dynamics(
     expect_scene(scene, "forward_dynamics")
     given = one_of("forward_dynamics", effort, motor_torque)
     ws = workspace(scene, attached, motors=effort is None)
-    solve_state(ws, q, v, given, applied_wrenches(scene, external, 1) if external else None)
+    applied = None if external is None else applied_wrenches(scene, external, 1)
+    solve_state(ws, q, v, given, applied)
     return instant(ws)
 
 

@@ -96,7 +96,7 @@ def holds(
     ws = Workspace(scene, attached, motors=effort is None)
     q, v = vector("q", q, ws.nq, "nq"), np.zeros(ws.nv)
     u = drive_vector(ws, given)
-    applied = applied_wrenches(scene, external, 1) if external else None
+    applied = None if external is None else applied_wrenches(scene, external, 1)
     if scene.loops and np.isfinite(q).all():
         check_closed(scene, q, v, slack=1e3)
     modes = ws.modes

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import product
+from math import prod
 
 import numpy as np
 
@@ -41,6 +42,7 @@ class LockingGears:
 
     Attributes:
         gears: (n,) which drives they are.
+        exceeded: whether there were more choices of lines than are tried; set back by its user.
     """
 
     def __init__(self, machine: Machine) -> None:
@@ -49,6 +51,7 @@ class LockingGears:
         self.gears = np.flatnonzero(self_locking_gears(drives.gears))
         self._table, self._coordinate = drives.gears, drives.gear_coordinate
         self._machine, self._lines, self._modes = machine, machine.lines, machine.modes
+        self.exceeded = False
 
     def jam(self, v: np.ndarray) -> tuple[int, float, float] | None:
         """Return what `gear_jam` says of the gears in motion at v (nv,); None if no answer is in
@@ -80,8 +83,8 @@ class LockingGears:
         w, m, p = self._lines, self._modes, self._machine.problem
         slides = ~m.stuck[p.coordinate[p.contact_site]]
         loaded = bool((p.mu_slip[p.contact_site] * slides).any())
-        number = int(np.prod([len(lines) for lines in every]))
-        if number > (_MOST_LOADED if loaded else _MOST_LINES):
+        if prod(len(lines) for lines in every) > (_MOST_LOADED if loaded else _MOST_LINES):
+            self.exceeded = True
             return
         table = np.array(list(product(*every)))
         inertia, W, t = w.reflected[moves], self._coupling(self._moves()), np.empty(len(given))

@@ -45,7 +45,7 @@ from pinfric.friction.minimax import least_violation
 from pinfric.friction.modes import Found, GivenModes, Modes
 from pinfric.friction.problem import Problem
 from pinfric.friction.rest import Mechanism, solve
-from pinfric.friction.search import MOST_ENUMERATED, Answer, Lines, follow, outcome, search
+from pinfric.friction.search import MOST_ENUMERATED, Answer, Lines, follow, search
 from pinfric.friction.search import given as given_modes
 from pinfric.kernels.compiled import KernelArgument, compile_for, compiling
 from pinfric.model.closure import guesses
@@ -129,7 +129,7 @@ class Workspace:
         self._locks = bool(self.locking.gears.size)
         self.constraints = Constraints(scene, self.supplier, self._argument)
         self.margins = Margins(self._argument, self.mechanism, self.locking)
-        self.lines = Lines(self._settle, self._take)
+        self.lines = Lines(self._settle, self._take) if self._geared else Lines()
         self.failures = Failures(scene, m, self.given, self.locking, self.lines)
 
     @property
@@ -176,7 +176,7 @@ class Workspace:
         tries = resting or several or self._geared
         if tries:
             self._forget()
-        found = self.search() if tries else outcome(solutions, obeying)
+        found = self.search() if tries else self.lines.count(solutions, obeying)
         if found != Found.SOLVED:
             raise self.failures.failure(found, self.state)
         self.finish()
@@ -206,7 +206,7 @@ class Workspace:
             return  # nothing moves and nothing has changed
         turned = TURNED if self.mechanism.balls and given.balls_turn else GIVEN
         solutions, obeying, resting = self._try(q, v, effort, applied, turned)
-        found = outcome(solutions, obeying)
+        found = self.lines.count(solutions, obeying)
         if resting < 0 or not self._is_sure() or (self._geared and found != Found.SOLVED):
             found = given_modes(self.problem, self.modes, self.mechanism, self.lines)
             if found == Found.SOLVED:
@@ -232,7 +232,7 @@ class Workspace:
         choice: int,
     ) -> tuple[int, int, int]:
         """(solutions, how many obey, how many rest); -1 rest: modes were given and not tried."""
-        self._kept, self.lines.many = None, (1, 1)
+        self._kept, self.lines.many, self.lines.tried = None, (1, 1), 1
         self.state = q, v, effort, applied, 0.0
         self.supplier.at(q, v, applied)
         refused, solutions, obeying, resting = solve_instant(
@@ -291,7 +291,7 @@ class Workspace:
         self, forced: Mapping[int, float] | None = None, held: np.ndarray | None = None
     ) -> Found:
         """Search the modes of what is at rest; see `friction/search.py`."""
-        found = search(self.problem, self.modes, self.mechanism, forced, held, self._lines)
+        found = search(self.problem, self.modes, self.mechanism, forced, held, self.lines)
         if found == Found.SOLVED and self.closed:
             self._leave_dead_centres()
         return found
@@ -349,6 +349,8 @@ class Workspace:
                 answer = Answer(m.copy(), stable, delivered.copy())
                 solved.append(answer)
                 answers += [answer] * (obeying > 0)
+        self.lines.unsure |= self.locking.exceeded
+        self.locking.exceeded = False
         if solved:
             self._take(max(answers or solved, key=lambda answer: answer.stable))
         self.lines.found[:] = answers
@@ -390,10 +392,6 @@ class Workspace:
             self.machine.lines.delivered[:] = answer.delivered
             self._hold()
 
-    @property
-    def _lines(self) -> Lines | None:
-        return self.lines if self._geared else None
-
     def couple(self) -> None:
         """Write the coupled problem of the present state once more, with other lines of gears."""
         q, v, effort, _, step = self.state
@@ -430,7 +428,7 @@ class Workspace:
 
     def search_step(self) -> Found:
         """Search the modes at the end of a time step, from those in `modes`, else all of them."""
-        return _follow_or_search(self.problem, self.modes, self.mechanism, self._lines)
+        return _follow_or_search(self.problem, self.modes, self.mechanism, self.lines)
 
     @property
     def place_modes(self) -> np.ndarray:
@@ -453,9 +451,7 @@ class Workspace:
             self.a[:] = 0.0
 
 
-def _follow_or_search(
-    problem: Problem, modes: Modes, mechanism: Mechanism, lines: Lines | None
-) -> Found:
+def _follow_or_search(problem: Problem, modes: Modes, mechanism: Mechanism, lines: Lines) -> Found:
     """Follow the modes; in a mechanism then start from all stick; if both fail, try all modes."""
     start = modes.copy()
     found = follow(problem, modes, mechanism, lines)

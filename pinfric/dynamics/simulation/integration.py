@@ -6,19 +6,23 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from pinfric.dynamics.forward.workspace import Workspace
 from pinfric.dynamics.simulation.recorder import Recorder
 from pinfric.dynamics.simulation.system import Chart, Settings, System, difference
+
+
+def standing(ws: Workspace, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Return velocities (nv,) set to exactly 0 where coordinates stick."""
+    speed = ws.mechanism.speeds(ws.constraints.rates(q, v))
+    slow = ws.plan.coordinates.dry & (speed <= ws.plan.coordinates.stick_velocity)
+    return ws.constraints.stop(q, v, slow)[0]
 
 
 def begin(
     system: System, record: Recorder, q: np.ndarray, v: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Record t = 0; return the state with velocities set to exactly 0 where coordinates stick."""
-    ws = system.ws
-    speed = ws.mechanism.speeds(ws.constraints.rates(q, v))
-    v = ws.constraints.stop(
-        q, v, ws.plan.coordinates.dry & (speed <= ws.plan.coordinates.stick_velocity)
-    )[0]
+    ws, v = system.ws, standing(system.ws, q, v)
     system.control(0.0, q, v)
     system.solve(0.0, q, v)
     record.phase(0.0)

@@ -24,9 +24,10 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.dynamics.forward.workspace import Workspace
-from pinfric.dynamics.simulation.integration import begin
+from pinfric.dynamics.simulation.integration import begin, standing
 from pinfric.dynamics.simulation.recorder import Recorder
 from pinfric.dynamics.simulation.system import Settings, System
+from pinfric.errors import AccelerationError
 from pinfric.friction.modes import Found, Modes
 
 
@@ -44,7 +45,10 @@ def step_through(
         NoConsistentAcceleration: a step has no solution (friction so large that it jams).
     """
     ws, model = system.ws, system.ws.scene.loaded_model()
-    q, v = begin(system, record, q, v)
+    try:
+        q, v = begin(system, record, q, v)
+    except AccelerationError as problem:
+        v = _begin_with_a_step(system, settings, record, (q, v), problem)
     before, done = ws.modes.copy(), 0
     for t, end, dt in _steps(system, settings):
         start, done = q, done + 1
@@ -75,6 +79,35 @@ def step_through(
             system.solve_given_modes(end, q, at_end, before.kept())
             record.sample(end, q, at_end)
         record.progress(end)
+
+
+def _begin_with_a_step(
+    system: System,
+    settings: Settings,
+    record: Recorder,
+    state: tuple[np.ndarray, np.ndarray],
+    problem: AccelerationError,
+) -> np.ndarray:
+    """Record t = 0 where there is no acceleration, or several; return v, see `begin`.
+
+    A step needs none: friction is what it is at the end of the first step.
+
+    Raises:
+        AccelerationError: the problem, where a step has no solution either.
+    """
+    ws, q = system.ws, state[0]
+    v, modes = standing(ws, *state), ws.modes
+    rates = ws.constraints.rates(q, v)
+    modes.stuck[:] = ws.plan.coordinates.dry & (ws.mechanism.speeds(rates) == 0.0)
+    modes.direction[:] = np.where(modes.stuck, 0.0, np.sign(rates))
+    modes.direction[:] = ws.mechanism.slip_direction(modes, rates)
+    system.assemble(0.0, q, v, next(_steps(system, settings))[2])
+    if _solve_step(ws, rates, modes.copy()) != Found.SOLVED:
+        raise problem
+    ws.finish()
+    record.phase(0.0)
+    record.sample(0.0, q, v)
+    return v
 
 
 def _steps(system: System, settings: Settings) -> Iterator[tuple[float, float, float]]:
