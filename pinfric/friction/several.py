@@ -62,10 +62,10 @@ def find_all(problem: Problem, stuck: np.ndarray, direction: np.ndarray) -> Fric
     return Frictions(solutions, parts, complete)
 
 
-def from_many_starts(reduced: Reduced, direction: np.ndarray) -> np.ndarray:
-    """Return the frictions (n, nc) that Newton's method finds from many starts on every scale.
+def from_many_starts(reduced: Reduced, direction: np.ndarray) -> tuple[np.ndarray, int]:
+    """Return the frictions (n, nc) that Newton's method finds from many starts, and its passes.
 
-    A search that proves nothing; it takes milliseconds. The same friction may come several times.
+    Starts are on every scale. It proves nothing, and the same friction may come several times.
 
     Args:
         reduced: `Reduced`.
@@ -77,13 +77,14 @@ def from_many_starts(reduced: Reduced, direction: np.ndarray) -> np.ndarray:
     way = np.ones(nz)
     for c in np.flatnonzero(unknown >= 0):
         way[unknown[c]] = -direction[c]
-    found = []
+    found, spent = [], 0
     for start in range(_STARTS if nz else 1):
         z = way * (scale or 1.0) * 10.0 ** rng.uniform(-4, 5, size=nz) * (start > 0)
-        error = newton(reduced, z, False)[0] if nz else 0.0
+        error, passes = newton(reduced, z, False) if nz else (0.0, 0)
+        spent += passes
         if error <= _RESIDUAL:
             found.append(X[:, 0] + X[:, 1:] @ z)
-    return np.array(found).reshape(len(found), len(X))
+    return np.array(found).reshape(len(found), len(X)), spent
 
 
 def distinct(found: np.ndarray) -> list[np.ndarray]:

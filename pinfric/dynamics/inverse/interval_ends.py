@@ -165,12 +165,21 @@ class Solver:
     def _complete(self, c: Candidates) -> None:
         """Look for more solutions of candidates whose contraction allows them: from many starts.
 
-        Of `_MOST_SEARCHED` candidates at most: it takes milliseconds each.
+        Of `_MOST_SEARCHED` candidates at most, and of a sample until it comes to its bound: it
+        takes milliseconds each.
         """
         doubtful = (c.figures[:, 0] >= 1.0) & (c.found < 2)
+        spent = np.bincount(c.sample, c.figures[:, 1])
         for i in np.flatnonzero(doubtful)[:_MOST_SEARCHED].tolist():
+            if spent[c.sample[i]] > MOST_PASSES:
+                continue
             nz, reduced, way = self.reduced(Candidates(*(field[i : i + 1] for field in c)))
-            every = distinct(from_many_starts(reduced, way))[:MOST_SOLUTIONS] if nz > 0 else []
+            if nz <= 0:
+                continue
+            found, passes = from_many_starts(reduced, way)
+            c.figures[i, 1] += passes
+            spent[c.sample[i]] += passes
+            every = distinct(found)[:MOST_SOLUTIONS]
             if len(every) > c.found[i]:
                 c.x[i, : len(every)], c.found[i] = every, len(every)
 

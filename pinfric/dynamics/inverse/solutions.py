@@ -86,7 +86,7 @@ def find_jamming_site(result: SolvedMotion, sample: int) -> str | None:
 def _search(solver: Solver) -> np.ndarray:
     """Newton from many starts on every scale; (number found, ne) friction coordinates."""
     plan, law = solver.plan, solver.law
-    x = from_many_starts(reduced_problem(solver), law.way[SLIDES, 0])
+    x, _ = from_many_starts(reduced_problem(solver), law.way[SLIDES, 0])
     x = x.reshape(len(x), len(plan.sites.first_entry))
     return np.asarray(x[:, plan.entries.site] * law.direction[0])
 
