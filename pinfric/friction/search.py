@@ -136,8 +136,9 @@ class _Query:
 
     def sure(self, found: Found) -> Found:
         """Return how the search ends, where what it may have missed would change that."""
-        unsure = self.unsure or self.lines.unsure
-        return Found.UNDECIDED if found in (Found.SOLVED, Found.NONE) and unsure else found
+        unsure = self.lines.unsure and found == Found.NONE
+        unsure |= found == Found.SOLVED and (self.unsure or self.lines.unsure)
+        return Found.UNDECIDED if unsure else found
 
     def choose(self, answers: list[Answer]) -> Found:
         """Make the answer the present one: of several the only stable one."""
