@@ -58,7 +58,7 @@ class Chart:
 
     def coordinates(self, q: np.ndarray) -> np.ndarray:
         """Return xi (nv,) of q."""
-        return q.copy() if self.plain else np.asarray(pin.difference(self.model, self.base, q))
+        return q.copy() if self.plain else difference(self.model, self.base, q)
 
     def rate(self, xi: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Return d xi / dt (nv,) at velocity v."""
@@ -87,7 +87,7 @@ def difference(model: pin.Model, start: np.ndarray, end: np.ndarray) -> np.ndarr
         return np.asarray(end - start)
     out = np.asarray(pin.difference(model, start, end))
     for joint in model.joints[1:]:
-        if joint.nq == 2:  # continuous: Pinocchio's loses angles below 1e-8
+        if joint.nq == 2:  # continuous: Pinocchio's loses 1e-8 next to 0 and to pi
             (c, s), (d, e) = start[joint.idx_q :][:2], end[joint.idx_q :][:2]
             out[joint.idx_v] = np.arctan2(c * e - s * d, c * d + s * e)
     return out
