@@ -39,7 +39,8 @@ from pinfric.friction.several import distinct, from_many_starts
 
 #: Choices of one sample that are all looked at: 2^8.
 ENUMERATED = 256
-#: Passes of Newton's method for one sample, all its candidates together: about a second.
+#: Passes of Newton's method for one sample, all its candidates together: about a second. The last
+#: call begins below it, and its searches from many starts may take as many again.
 MOST_PASSES = 100_000
 #: Statuses without efforts: nothing more is looked for.
 _FAILED = (Status.JAMMED, Status.NOT_CONVERGED, Status.SINGULAR)

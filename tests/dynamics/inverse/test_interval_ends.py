@@ -296,7 +296,7 @@ def test_the_interval_encloses_a_third_solution(cut):
 def test_the_search_for_ends_stops_at_its_bound_and_says_so(most, monkeypatch):
     """Three balls at rest whose friction turns for ever where loads grow with it, contraction 2.5.
 
-    Drawn among random states of the delta robot. The package's own bound takes half a minute.
+    Drawn among random states of the delta robot.
     """
     for module in (interval_ends, linkage):
         monkeypatch.setattr(module, "MOST_PASSES", most)
@@ -309,7 +309,8 @@ def test_the_search_for_ends_stops_at_its_bound_and_says_so(most, monkeypatch):
         found = pf.inverse_dynamics(scene, scene.close(q)[None], still, still)
     assert found.status[0] == Status.NOT_CONVERGED
     assert np.isnan(found.effort_lower).all()
-    assert most < found.iterations[0] < most + 10_000  # what the turns of one candidate take
+    # the last call's searches from many starts end at the bound, its turns take what one takes
+    assert most < found.iterations[0] < 2 * most + 10_000
     assert found.check().undecided == 1
 
 
