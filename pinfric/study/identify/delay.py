@@ -11,7 +11,7 @@ a warm robot must not look like a delay.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -38,6 +38,8 @@ _DIFFERS = 4.0
 #: s: with a larger standard error, a delay is not determined.
 _VAGUE = 2.5e-3
 _ROUNDS = 4
+#: Huber's limit, in standard errors, and E[psi^2] of a normal variable with it; his steps.
+_HUBER, _HUBER_SQUARE, _HUBER_ROUNDS = 1.345, 0.7102, 50
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,7 @@ class LogDelay:
     """Delay of one log's efforts, s.
 
     Attributes:
-        value, standard_error: of all joints together, their spread included.
+        value, standard_error: of the joints together, their spread included.
         joints: joint -> (value, standard error) of those that slide in it.
     """
 
@@ -100,19 +102,40 @@ def common_delay(logs: Sequence[LogDelay]) -> Delay:
 
 
 def pooled(found: Sequence[tuple[float, float]]) -> tuple[float, float]:
-    """Return the weighted mean of values, and its standard error, which holds their spread.
+    """Return the mean of values whose errors may be too small, and its standard error.
 
-        mean = sum of x/e^2 / sum of 1/e^2,    error^2 = max(1, Q/(n - 1)) / sum of 1/e^2
+        r = (x - mean)/sqrt(e^2 + scatter^2),    sum of psi(r)/sqrt(e^2 + scatter^2) = 0
+        scatter = the least with  sum of psi(r)^2 <= (n - 1) E[psi^2]
+        error = 1/sqrt(sum of 1/(e^2 + (k scatter)^2)),  k = t(n - 1, 97.5 %)/1.96
 
-    Q is the sum of ((x - mean)/e)^2 (Birge 1932).
+    with psi(r) = r within 1.345, else 1.345 sign(r) (Huber, Robust statistics, 1981, ch. 6:
+    proposal 2). So one value with a wrong error neither draws the mean nor blows up its error.
 
     Args:
         found: (value, standard error) of each.
     """
+    from scipy.special import stdtrit
+
     values, errors = np.array(found).T
-    mean = float(np.average(values, weights=errors**-2))
-    excess = float(np.sum(((values - mean) / errors) ** 2)) / max(len(values) - 1, 1)
-    return mean, float(np.sqrt(max(excess, 1.0) / np.sum(errors**-2)))
+
+    def located(scatter: float) -> tuple[float, float]:
+        size = np.hypot(errors, scatter)
+        mean = float(np.average(values, weights=size**-2))
+        for _ in range(_HUBER_ROUNDS):
+            away = np.abs(values - mean) / size
+            weights = np.minimum(1.0, _HUBER / np.maximum(away, _HUBER)) / size**2
+            mean = float(np.average(values, weights=weights))
+        clipped = np.minimum(np.abs(values - mean) / size, _HUBER)
+        return mean, float(clipped @ clipped) - _HUBER_SQUARE * (len(values) - 1)
+
+    mean, beyond = located(0.0)
+    scatter = 0.0
+    if beyond > 1e-9:
+        tried = np.geomspace(1e-2 * errors.min(), 10.0 * np.ptp(values) + errors.max(), 100)
+        scatter = next(float(s) for s in tried if located(float(s))[1] <= 0.0)
+        mean, _ = located(scatter)
+    wider = float(stdtrit(max(len(values) - 1, 1), 0.975)) / 1.96  # few values: Student's
+    return mean, float(np.sum(np.hypot(errors, wider * scatter) ** -2.0) ** -0.5)
 
 
 def other_delays(delay: Delay) -> dict[int, tuple[float, float]]:
@@ -146,18 +169,15 @@ def log_delay(
     """
     if not one.slides.any():
         return LogDelay(start, np.inf)
-    delay, error, slopes = start, _USUAL, [np.zeros(one.kept.size) for _ in slots]
+    delay, slopes = start, [np.zeros(one.kept.size) for _ in slots]
     row_weights: tuple[FloatArray, ...] = ()
     weights = np.ones(len(slots))
     for _ in range(_ROUNDS):
         rows = _with_slopes(one, delay, slopes, apart=False)
         if not row_weights:
             row_weights = tuple(np.ones(own.effort.size) for own in rows)
-        fit, errors = _changes(
-            rows, row_weights, weights, slots, _with_delays(prior, one, delay, 1), 1
-        )
-        delay, error = delay + float(fit.theta[-1]), float(errors[0])
-        delay = float(np.clip(delay, _LEAST, _MOST))
+        fit, _ = _changes(rows, row_weights, weights, slots, _with_delays(prior, one, delay, 1), 1)
+        delay = float(np.clip(delay + fit.theta[-1], _LEAST, _MOST))
         row_weights, weights = weighted(rows, fit)
         slopes = [_slope(one, fit, j, prior.center.size) for j in range(len(slots))]
     if not _LEAST < delay < _MOST:
@@ -168,22 +188,7 @@ def log_delay(
     )
     values = delay + fit.theta[-nj:]
     joints = {j: (float(values[j]), float(errors[j])) for j in range(nj) if rows[j].effort.size}
-    return LogDelay(delay, error * disagreement(delay, joints.values()), joints)
-
-
-def disagreement(value: float, joints: Collection[tuple[float, float]]) -> float:
-    """Return the factor, at least 1, by which joints differ more than their errors say.
-
-    It is the RMS of the differences in standard errors, weighted by each joint's information: a
-    light wrist that hardly leaves presliding has little weight.
-
-    Args:
-        value: of all joints, s.
-        joints: (value, standard error) of each, s.
-    """
-    values, errors = np.array(list(joints)).T
-    away = (values - value) / errors
-    return max(1.0, float(np.sqrt(np.average(away**2, weights=errors**-2))))
+    return LogDelay(*pooled(list(joints.values())), joints)
 
 
 def _changes(
