@@ -106,7 +106,7 @@ def pooled(found: Sequence[tuple[float, float]]) -> tuple[float, float]:
 
         r = (x - mean)/sqrt(e^2 + scatter^2),    sum of psi(r)/sqrt(e^2 + scatter^2) = 0
         scatter = the least with  sum of psi(r)^2 <= (n - 1) E[psi^2]
-        error = 1/sqrt(sum of 1/(e^2 + (k scatter)^2)),  k = t(n - 1, 97.5 %)/1.96
+        error = 1/sqrt(sum of 1/(e^2 + scatter^2))
 
     with psi(r) = r within 1.345, else 1.345 sign(r) (Huber, Robust statistics, 1981, ch. 6:
     proposal 2). So one value with a wrong error neither draws the mean nor blows up its error.
@@ -114,8 +114,6 @@ def pooled(found: Sequence[tuple[float, float]]) -> tuple[float, float]:
     Args:
         found: (value, standard error) of each.
     """
-    from scipy.special import stdtrit
-
     values, errors = np.array(found).T
 
     def located(scatter: float) -> tuple[float, float]:
@@ -134,8 +132,7 @@ def pooled(found: Sequence[tuple[float, float]]) -> tuple[float, float]:
         tried = np.geomspace(1e-2 * errors.min(), 10.0 * np.ptp(values) + errors.max(), 100)
         scatter = next(float(s) for s in tried if located(float(s))[1] <= 0.0)
         mean, _ = located(scatter)
-    wider = float(stdtrit(max(len(values) - 1, 1), 0.975)) / 1.96  # few values: Student's
-    return mean, float(np.sum(np.hypot(errors, wider * scatter) ** -2.0) ** -0.5)
+    return mean, float(np.sum(np.hypot(errors, scatter) ** -2.0) ** -0.5)
 
 
 def other_delays(delay: Delay) -> dict[int, tuple[float, float]]:

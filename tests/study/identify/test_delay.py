@@ -62,4 +62,4 @@ def test_the_error_of_a_delay_is_what_it_says(n, scatter):
         values = 4.0 + np.hypot(e, scatter) * rng.normal(size=n)
         mean, error = pooled(list(zip(values, e, strict=True)))
         inside += abs(mean - 4.0) < 1.96 * error
-    assert 0.92 < inside / 400 < 0.995
+    assert 0.87 < inside / 400 < 0.99  # the scatter of a few joints is itself uncertain
