@@ -44,6 +44,7 @@ class InverseSummary:
     stick_intervals: tuple[StickInterval, ...] = quantity("when joints stick")
     payloads: Mapping[str, tuple[Span, ...]] = quantity("when each payload is carried")
     status: Mapping[str, int] = quantity("status -> number of samples")
+    too_narrow: int = quantity("number of samples whose intervals may be too narrow")
     input: LogSummary | None = quantity("how the log was read; none: the motion is not a log")
     elasticity: ElasticSummary | None = quantity("effects of elastic gears; none: all are rigid")
 
@@ -90,6 +91,7 @@ def inverse_summary(
             for name, spans in payload_phases(result).items()
         },
         status={status.name.lower(): int((result.status == status).sum()) for status in Status},
+        too_narrow=int(result.interval_searched.sum()),
         input=None if log is None else log_summary(log),
         elasticity=None if elastic is None else elastic_summary(elastic),
     )

@@ -107,12 +107,12 @@ def test_four_bar_with_mu_from_0_to_10():
     assert widths == sorted(widths)
 
 
-# Safeguard: beyond eight sticking sites single flips, marked. Without the mark: interval_exact says
-# True of a search.
+# Safeguard: up to twelve sticking sites every corner. Without (single flips beyond eight): ends of
+# other chains of ten pins are up to 30 % too narrow (`test_pin_chains.py`).
 def test_ten_sites_that_stick_at_once():
     result = four_bars_in_a_row().inverse()
     assert result.sticking.sum(axis=1).tolist() == [10] * 5
-    assert not result.interval_exact.any()
+    assert result.interval_exact.all()
     assert (result.effort_lower < result.effort_frictionless).all()
     assert (result.effort_frictionless < result.effort_upper).all()
     assert is_sound(result)

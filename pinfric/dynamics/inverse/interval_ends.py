@@ -4,10 +4,11 @@ Everything except the friction law is affine in friction (`effort_maps.Maps`), s
 small coupled problem (`given_modes`). Sites that stick, or reverse next to a sample, have several
 possible frictions; the ends of efforts are where each site is at one of its limits. A *candidate*
 is a sample with one such choice; the kernel solves lists of them. Up to `ENUMERATED` choices of a
-sample all are candidates. Beyond that, one site at a time is switched to its other limit while the
-effort still grows. The limit of a ball is a sphere: its friction is turned until it points in the
-direction in which the effort grows fastest. The search of a sample ends if it jams; if its
-candidates took `MOST_PASSES` in total, it is `NOT_CONVERGED`.
+sample all are candidates. Beyond that, branch and bound finds the ends (`sign_bounds`). Where it
+cannot, or a choice may have several solutions, one site at a time is switched to its other limit
+while the effort still grows: the sample is `searched`. The limit of a ball is a sphere: its
+friction is turned until it points in the direction in which the effort grows fastest. The search of
+a sample ends if it jams; if its candidates took `MOST_PASSES` in total, it is `NOT_CONVERGED`.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,14 +33,16 @@ from pinfric.dynamics.inverse.choices import (
     solve_list,
 )
 from pinfric.dynamics.inverse.effort_maps import Maps
+from pinfric.dynamics.inverse.sign_bounds import Limits, contracts, slope_bounds
 from pinfric.dynamics.problem.plan import Plan
 from pinfric.dynamics.samples.outcome import Status
 from pinfric.friction.given_modes import MOST_SOLUTIONS, Reduced, reduce_problem
 from pinfric.friction.problem import empty_problem
 from pinfric.friction.several import distinct, from_many_starts
 
-#: Choices of one sample that are all looked at: 2^8.
-ENUMERATED = 256
+#: Choices of one sample that are all looked at: 2^12, with a ball 2^8. Its nodes of branch and
+#: bound, those of all ends together.
+ENUMERATED, ENUMERATED_BALLS, NODES = 4096, 256, 4096
 #: Passes of Newton's method for one sample, all its candidates together: about a second. The last
 #: call begins below it, and its searches from many starts may take as many again.
 MOST_PASSES = 100_000
@@ -50,6 +54,8 @@ _MOST_SEARCHED = 100
 _AT_ONCE = 1 << 14
 #: Turns of a ball's friction until it stays, and what counts as staying.
 _TURNS, _STAYS = 60, 1e-12
+#: Code of a site in a node of branch and bound that is anywhere between its limits.
+_BETWEEN = -1
 
 
 @dataclass(frozen=True)
@@ -62,7 +68,7 @@ class Answer:
         load: (n, ns) in that state.
         friction_lower, friction_upper: (n, ns) over all candidates.
         status: (n,) int8. iterations: (n,) int32. contraction: (n,), the largest.
-        exact: (n,) bool: the ends are certain, not only the best of a search.
+        searched: (n,) bool: the ends are the best of single flips, so they may be too narrow.
         ends: (n, na, 2, ne) friction at each end of each effort.
     """
 
@@ -75,7 +81,7 @@ class Answer:
     status: np.ndarray
     iterations: np.ndarray
     contraction: np.ndarray
-    exact: np.ndarray
+    searched: np.ndarray
     ends: np.ndarray
 
     @classmethod
@@ -93,9 +99,20 @@ class Answer:
             np.zeros(n, dtype=np.int8),
             np.zeros(n, dtype=np.int32),
             np.zeros(n),
-            np.ones(n, dtype=bool),
+            np.zeros(n, dtype=bool),
             np.full((n, na, 2, ne), nan),
         )
+
+
+class _Merged(NamedTuple):
+    """One sample as a function of the friction of each site.
+
+    Attributes:
+        effort: (na, ns). contact: (nt, 1 + ns, 3), the first column without friction.
+    """
+
+    effort: np.ndarray
+    contact: np.ndarray
 
 
 class Solver:
@@ -126,8 +143,7 @@ class Solver:
         open_ = good[(self.law.options[good] > 1).any(axis=1)]
         if len(open_):
             self._find_ends(answer, open_)
-        ambiguous = answer.status == Status.AMBIGUOUS
-        failed = ~ambiguous & (answer.status != Status.CONVERGED)
+        failed = ~np.isin(answer.status, (Status.CONVERGED, Status.AMBIGUOUS))
         for array in (
             answer.lower,
             answer.upper,
@@ -138,7 +154,7 @@ class Solver:
             answer.ends,
         ):
             array[failed] = np.nan
-        answer.exact[failed | ambiguous] = False
+        answer.searched[failed] = False
         return answer
 
     def candidates(
@@ -286,22 +302,125 @@ class Solver:
             balls = np.intersect1d(choosing, self._balls)
             options = [_options(int(pattern[s]), s in balls) for s in choosing]
             count = math.prod(map(len, options))
-            if count > ENUMERATED:
+            if count <= (ENUMERATED_BALLS if len(balls) else ENUMERATED):
+                samples = self._enumerate(answer, samples, choosing, options, free_here, balls)
+            elif not len(balls) and (pattern[choosing] == 2).all():
+                samples = self._branch(answer, samples, choosing, free_here)
+            if len(samples):
                 self._flip(answer, samples, choosing, options, free_here, balls)
-                answer.exact[samples] = False
-                continue
-            combinations = np.array(list(product(*options)), dtype=np.int64)
-            for part in _slices(len(samples), max(1, _AT_ONCE // count)):
-                sample = np.repeat(samples[part], count)
+            answer.searched[samples] = True
+
+    def _enumerate(
+        self,
+        answer: Answer,
+        samples: np.ndarray,
+        choosing: np.ndarray,
+        options: list[tuple[int, ...]],
+        free: np.ndarray,
+        balls: np.ndarray,
+    ) -> np.ndarray:
+        """Solve all combinations of limits; return the samples of which it would take too long.
+
+        These have many combinations, each of which may have several solutions.
+        """
+        combinations, left = np.array(list(product(*options)), dtype=np.int64), [np.arange(0)]
+        for part in _slices(len(samples), max(1, _AT_ONCE // len(combinations))):
+            active = samples[part]
+            for block in _slices(len(combinations), ENUMERATED_BALLS):
+                chosen = combinations[block]
+                sample = np.repeat(active, len(chosen))
                 code = self.law.code[sample]
-                code[:, free_here] = NONE
-                code[:, choosing] = np.tile(combinations, (len(samples[part]), 1))
+                code[:, free] = NONE
+                code[:, choosing] = np.tile(chosen, (len(active), 1))
                 if len(balls):
                     for drive, side in np.ndindex(answer.lower.shape[1], 2):
-                        self._evaluate(answer, sample, code, free_here, balls, drive, side)
+                        self._evaluate(answer, sample, code, free, balls, drive, side)
                 else:
-                    self._evaluate(answer, sample, code, free_here, balls, -1, 0)
-            answer.exact[samples] &= not len(balls)
+                    self._evaluate(answer, sample, code, free, balls, -1, 0)
+                if len(combinations) > ENUMERATED_BALLS:
+                    several = answer.contraction[active] >= 1.0
+                    left.append(active[several])
+                    active = active[~several]
+        return np.concatenate(left)
+
+    def _branch(
+        self, answer: Answer, samples: np.ndarray, choosing: np.ndarray, free: np.ndarray
+    ) -> np.ndarray:
+        """Find the ends by branch and bound on signs; return the samples in which it gives up.
+
+        A node is a sample in which some sites are at a limit and the others anywhere between. Its
+        guess has these at the limits that `slope_bounds` suggests. What another choice may gain is
+        bounded, too: where it may, the node is split at the site that may gain most.
+        """
+        left = []
+        for sample in samples.tolist():
+            root = self.law.code[sample].copy()
+            root[free], root[choosing] = NONE, _BETWEEN
+            merged = self._merged(sample)
+            ends = np.vstack([merged.effort, np.eye(len(root))[choosing]])
+            owner = self.plan.contacts.site[self._rows]
+            solved = 0 if contracts(merged.contact, owner, self._limits(sample, root)) else NODES
+            for target in np.concatenate([ends, -ends]):
+                nodes, best = root[None], -np.inf
+                while len(nodes) and solved < NODES:
+                    judged = [self._judge(sample, merged, node, target) for node in nodes]
+                    c = self.candidates(
+                        np.full(len(nodes), sample), np.array([guess for guess, _ in judged])
+                    )
+                    gains = np.array([gain for _, gain in judged])
+                    self._note(answer, c)
+                    solved = NODES if (c.found != 1).any() else solved + len(nodes)
+                    self._widen(answer, c, free, -1, 0)
+                    value = c.x[:, 0] @ target
+                    best = max(best, float(value.max()))
+                    most = value + gains.sum(axis=1)
+                    open_ = most > best + 1e-12 * max(abs(best), np.abs(value).max())
+                    nodes = _split(nodes[open_], c.code[open_], gains[open_])
+            if solved >= NODES:
+                left.append(sample)
+        return np.array(left, dtype=np.int64)
+
+    def _merged(self, sample: int) -> _Merged:
+        """Efforts and varying contact forces of one sample as functions of each site's friction."""
+        along, ns = self.law.direction[sample], len(self.plan.sites.joint)
+        to_site = np.zeros((len(along), ns))
+        to_site[np.arange(len(along)), self.plan.entries.site] = along
+        contact, effort = self.maps.contact[sample, self._rows], self.maps.effort[sample]
+        slopes = np.einsum("tje,js->tse", contact[:, 1:], to_site)
+        return _Merged(effort[:, 1:] @ to_site, np.concatenate([contact[:, :1], slopes], axis=1))
+
+    def _judge(
+        self, sample: int, merged: _Merged, node: np.ndarray, target: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the guess of a node, (ns,) codes, and (ns,) the most that each other limit gains.
+
+        Args:
+            sample, merged: see `_merged`.
+            node: (ns,) codes.
+            target: (ns,) change with each friction of what shall be great.
+        """
+        least, greatest, width = slope_bounds(
+            merged.contact,
+            self.plan.contacts.site[self._rows],
+            self.law.constant[sample],
+            self._limits(sample, node),
+            target,
+        )
+        between = node == _BETWEEN
+        up = least + greatest > 0.0
+        guess = np.where(between, np.where(up, UPPER, LOWER), node)
+        gain = width * np.maximum(np.where(up, -least, greatest), 0.0)
+        return guess, np.where(between, gain, 0.0)
+
+    def _limits(self, sample: int, node: np.ndarray) -> Limits:
+        """Friction of each site of a node as a function of its load."""
+        between, sites, limits = node == _BETWEEN, np.arange(len(node)), []
+        for code in (np.where(between, LOWER, node), np.where(between, UPPER, node)):
+            way = self.law.way[code, sample, sites]
+            limits += [
+                -way * table[code, sample, sites] for table in (self.law.mu, self.law.coulomb)
+            ]
+        return Limits(*limits)
 
     def _free(self) -> np.ndarray:
         """(ns,) sites whose friction changes no load, their own included: each end picks theirs."""
@@ -468,6 +587,14 @@ class Solver:
 def _options(choices: int, is_ball: bool) -> tuple[int, ...]:
     """Codes among which an end chooses at a site; a ball's limit is one, turned any way."""
     return (UPPER, SLIDES)[: choices - 1] if is_ball else (LOWER, UPPER, SLIDES)[:choices]
+
+
+def _split(nodes: np.ndarray, guesses: np.ndarray, gains: np.ndarray) -> np.ndarray:
+    """Return two nodes of each: one site at its lower limit, and at its upper one."""
+    fixed = np.where(gains > 0.0, nodes, guesses)  # where nothing is to gain, the guess is right
+    halves, site = np.repeat(fixed, 2, axis=0), np.repeat(np.argmax(gains, axis=1), 2)
+    halves[np.arange(len(halves)), site] = np.tile([LOWER, UPPER], len(nodes))
+    return halves
 
 
 def _slices(total: int, size: int) -> Iterator[slice]:

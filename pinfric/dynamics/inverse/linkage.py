@@ -46,7 +46,7 @@ _KEPT = (
     "status",
     "iterations",
     "contraction",
-    "exact",
+    "searched",
 )
 
 
@@ -69,11 +69,14 @@ def solve_linkage(
         scene, argument, states, applied, whole, velocity, reversal, threads
     )
     _warn_of_bound(scene, answer, whole.start)
+    _warn_of_search(scene, answer, whole.start)
+    sticking = site_speeds(plan, velocity) <= plan.sites.laws.stick_velocity
+    free = (sticking | reversal) & plan.sites.laws.dry  # friction is an interval
+    # friction at rest must balance what has no drive, too: what it can do is less
+    uncertain = free if scene.mobility.undriven else free[:, plan.sites.entry_count == 3]
+    exact = (answer.status == Status.CONVERGED) & ~answer.searched & ~uncertain.any(axis=1)
     check_roll_moments(scene, wrench, whole.start)
     rates_of_drives = actuator_rates(scene, states, rates, around)
-    if scene.mobility.undriven:  # friction at rest must balance it, too: what it can do is less
-        rests = reversal | (site_speeds(plan, velocity) <= plan.sites.laws.stick_velocity)
-        answer.exact[(rests & plan.sites.laws.dry).any(axis=1)] = False
     na, undriven = len(scene.drives), answer.lower[:, len(scene.drives) :]
     check_undriven(scene, states, whole, undriven, answer.upper[:, na:])
     efforts = answer.lower[:, :na], answer.upper[:, :na]
@@ -87,7 +90,7 @@ def solve_linkage(
         effort_frictionless=frictionless[:, :na],
         motor_torque_lower=torques[0],
         motor_torque_upper=torques[1],
-        sticking=site_speeds(plan, velocity) <= plan.sites.laws.stick_velocity,
+        sticking=sticking,
         reversal=reversal,
         normal_load=answer.load,
         friction_lower=answer.friction_lower,
@@ -97,7 +100,8 @@ def solve_linkage(
         contraction=answer.contraction,
         status=answer.status,
         multipliers=multipliers,
-        interval_exact=answer.exact,
+        interval_exact=exact,
+        interval_searched=answer.searched,
         redundant=plan.closure.multipliers > scene.model.nv - plan.closure.freedoms,
         actuator_velocity=rates_of_drives[0][inner],
         actuator_acceleration=rates_of_drives[1][inner],
@@ -158,6 +162,21 @@ def _warn_of_bound(scene: Scene, answer: Answer, first: int) -> None:
         f"ends of efforts did not finish within {MOST_PASSES} passes "
         f"(loads grow with the friction they cause, contraction {contraction:.3g}); remove "
         "friction from joints where it does not matter, reduce `mu`, or give a state in motion",
+        PinfricWarning,
+        stacklevel=4,
+    )
+
+
+def _warn_of_search(scene: Scene, answer: Answer, first: int) -> None:
+    """Warn of the samples whose ends come from a search."""
+    samples = np.flatnonzero(answer.searched)
+    if not len(samples):
+        return
+    more = f" and {len(samples) - 1} more" if len(samples) > 1 else ""
+    warnings.warn(
+        f"{scene.source}: sample {first + samples[0]}{more}: the intervals of the efforts may be "
+        "too narrow: so many joints at rest load each other that the ends are the best of a "
+        "search; remove friction from joints where it does not matter, or give a state in motion",
         PinfricWarning,
         stacklevel=4,
     )

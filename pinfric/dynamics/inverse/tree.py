@@ -107,6 +107,7 @@ def solve_tree(
         status=np.zeros(T, dtype=np.int8),
         multipliers=None,
         interval_exact=np.ones(T, dtype=bool),
+        interval_searched=np.zeros(T, dtype=bool),
         redundant=False,
         actuator_velocity=v[states.inside(whole)],
         actuator_acceleration=a[states.inside(whole)],

@@ -35,7 +35,8 @@ class Check:
             state of friction obeys the laws, converged although none does, or several do.
         wrong_fields: number of samples with another false field: a number where there is no
             solution, none where there is one, rates of drives, `sticking`, `contraction` below a
-            spectral radius or above its bound, `interval_exact` without or in spite of a reason.
+            spectral radius or above its bound, `interval_exact` or `interval_searched` without or
+            in spite of a reason.
         undecided: number of samples where the judge's search is not complete: its states of
             friction are confirmed, but there may be others.
         scale: largest effort in the result, to compare the residuals with.
@@ -152,6 +153,7 @@ def _judge_tree(result: SolvedMotion, model: pin.Model, data: pin.Data, i: int) 
         wrong_status=bool(result.status[i] != Status.CONVERGED),  # there is always one state
         wrong_field=result.contraction[i] != 0.0
         or not result.interval_exact[i]
+        or bool(result.interval_searched[i])
         or bool(np.isnan([result.motor_torque_lower[i], result.motor_torque_upper[i]]).any())
         or wrong_rates(result, i, velocity, (S @ states.v[i], S @ states.a[i])),
     )

@@ -23,8 +23,9 @@ from pinfric.model.scene import Scene
 
 #: Rates differ by rounding only, relative to the motion; differences and spectral radii by more.
 _RATES, _DERIVATIVE, _RADIUS = 1e-9, 1e-6, 1e-6
-#: With so many choices of one sample the solver's interval may be that of a search.
-_MANY = 256
+#: With so many choices of one sample, with a ball fewer, the solver's interval may be that of a
+#: search; so it may beyond the second if a choice may have several solutions.
+_MANY, _SOME = 4096, 256
 #: A status "singular" is wrong if no singular value that counts is as small as this.
 _REGULAR = 1e-6
 #: Fields that are finite if there is a solution, and NaN if there is none.
@@ -105,8 +106,8 @@ def judge_linkage(
     if chooses or status == Status.AMBIGUOUS:
         found = solutions(i)
         wrong |= not chooses and states.certain and len(found) != states.most
-        searched = _many(laws) or any(law.sphere for law in laws)
-        apart, law = _ends(sample, states, found, searched)
+        searched = result.interval_searched[i] or any(law.sphere for law in laws)
+        apart, law = _ends(sample, states, found, bool(searched))
         law = max(law, _reference(sample, maps, states)) if chooses or states.certain else law
     else:
         found, law = (_reported(sample),), 0.0
@@ -148,20 +149,17 @@ def wrong_rates(
     )
 
 
-def _many(laws: list[SiteLaw]) -> bool:
-    return bool(np.prod([float(len(law.options)) for law in laws]) > _MANY)
-
-
 def _wrong_certificates(sample: Sample, maps: Balance, laws: list[SiteLaw], status: Status) -> bool:
-    """Whether `contraction` or `interval_exact` is false.
+    """Whether `contraction`, `interval_exact` or `interval_searched` is false.
 
     The contraction bounds the spectral radius of A_kj = |gain_k| Lip(load_k along friction j) from
     above, no worse than the largest sum of a row does.
     """
     contraction = sample.result.contraction[sample.i]
     exact = bool(sample.result.interval_exact[sample.i])
+    searched = bool(sample.result.interval_searched[sample.i])
     if status == Status.SINGULAR:
-        return exact or contraction != 0.0
+        return exact or searched or contraction != 0.0
     ns, spheres = len(laws), any(law.sphere for law in laws)
     slope = np.zeros((ns, ns))
     for j, law in enumerate(laws):
@@ -174,13 +172,15 @@ def _wrong_certificates(sample: Sample, maps: Balance, laws: list[SiteLaw], stat
         slope[:, j] = np.bincount(maps.owner, along, ns)
     every = np.array([np.abs(law.options[:, 1]).max() for law in laws])
     still = np.array([abs(law.still[1]) for law in laws])
-    tried = status == Status.CONVERGED and not spheres and not _many(laws)
+    choices = np.prod([float(len(law.options)) for law in laws])
+    tried = status == Status.CONVERGED and not spheres and choices <= _MANY
     least = np.linalg.eigvals((every if tried else still).reshape(-1, 1) * slope)
     most = (1.0 + _RADIUS) * float((every * slope.sum(axis=1)).max(initial=0.0))
     radius = float(np.abs(least).max(initial=0.0)) - _RADIUS * most
     rests = bool(sample.scene.mobility.undriven) and any(len(law.options) > 1 for law in laws)
-    certain = status == Status.CONVERGED and not spheres and not rests
-    return not radius <= contraction <= most or (exact != certain and (exact or not _many(laws)))
+    certain = status == Status.CONVERGED and not spheres and not rests and not searched
+    may_search = choices > _MANY or (choices > _SOME and (spheres or contraction >= 1.0))
+    return not radius <= contraction <= most or exact != certain or (searched and not may_search)
 
 
 def _apart(a: np.ndarray, b: np.ndarray) -> float:

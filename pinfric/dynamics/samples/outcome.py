@@ -72,10 +72,12 @@ class SolvedMotion:
         status: (T,) `Status`.
         multipliers: (T, number of loops, 6) force and moment of side a on side b of each loop, in
             frame b, friction and drives at the loop's joint left out; None without loops.
-        interval_exact: (T,) the ends are certain; False where more sites stick than are enumerated
-            (a search by single flips), a coupled ball sticks, or a sample has several solutions;
-            and, with loops, cylinders or forces, where something sticks and a joint has no drive:
-            there they are bounds, since friction balances that joint, too.
+        interval_exact: (T,) the ends are certain; False where they were searched, a coupled ball
+            sticks, or a sample has several solutions; and, with loops, cylinders or forces, where
+            something sticks and a joint has no drive: there they are bounds, since friction
+            balances that joint, too.
+        interval_searched: (T,) so many sites stick that the ends are the best of a search: they may
+            be too narrow.
         redundant: the loops have redundant constraints; of all reactions those with the least sum
             of |F|^2 + |M/l|^2 over all joints are returned.
         actuator_velocity, actuator_acceleration: (T, na) of what each drive moves (rad/s or m/s,
@@ -104,6 +106,7 @@ class SolvedMotion:
     status: np.ndarray
     multipliers: np.ndarray | None
     interval_exact: np.ndarray
+    interval_searched: np.ndarray
     redundant: bool
     actuator_velocity: np.ndarray
     actuator_acceleration: np.ndarray

@@ -18,6 +18,7 @@ import pinocchio as pin
 
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
+from pinfric.dynamics.samples.outcome import Status
 from pinfric.dynamics.samples.reactions import state_wrenches
 from pinfric.dynamics.samples.states import MotionLike, States
 from pinfric.errors import SizingError
@@ -65,6 +66,7 @@ class _Solved:
         self.masses = dict(masses)
         self.scene = with_masses(robot.scene, masses)
         self.result = inverse_dynamics(self.scene, robot.motion)
+        _check_known(self.result)
         states = self.result.states
         zero = np.zeros_like(states.v)
         still = inverse_dynamics(self.scene, states.q, zero, zero, attached=states.attached)
@@ -76,6 +78,27 @@ class _Solved:
     def wrench(self) -> np.ndarray:
         """(T, nj, 6) of the joints."""
         return state_wrenches(self.scene, self.result.states, self.result.external)
+
+
+def _check_known(result: InverseResult) -> None:
+    """Refuse a cycle whose efforts are not known.
+
+    Raises:
+        SizingError: at one sample there are none, or their interval may be too narrow.
+    """
+    unknown = np.isnan(result.effort_lower).any(axis=1)
+    samples = np.flatnonzero(unknown | result.interval_searched)
+    if not len(samples):
+        return
+    i = int(samples[0])
+    what = (
+        f"has no efforts ({Status(int(result.status[i])).name.lower()}): change the motion there"
+        if unknown[i]
+        else "has intervals of efforts at rest that may be too narrow (so many joints load each "
+        "other that the ends are the best of a search): remove friction from joints where it does "
+        "not matter"
+    )
+    raise SizingError(f"{result.scene.source}: sample {i} of {len(unknown)} {what}")
 
 
 class Robot:

@@ -213,15 +213,18 @@ def test_inside_the_interval_at_rest_sliding_solutions_tend_to_its_ends():
 
 
 def test_single_flips_find_what_enumeration_finds(monkeypatch):
-    """Ten pins at rest: beyond eight the search says so; with the limit raised, the truth."""
+    """Ten pins at rest: with neither enumeration nor branch and bound the result says so."""
     case = four_bars_in_a_row(radius=0.03)
-    searched = case.inverse()
-    assert searched.sticking.all()
-    assert searched.sticking.shape[1] == 10
-    assert not searched.interval_exact.any()
-    monkeypatch.setattr(interval_ends, "ENUMERATED", 1 << 10)
     exact = case.inverse()
+    assert exact.sticking.all()
+    assert exact.sticking.shape[1] == 10
     assert exact.interval_exact.all()
+    monkeypatch.setattr(interval_ends, "ENUMERATED", 1 << 9)
+    monkeypatch.setattr(interval_ends, "NODES", 0)
+    with pytest.warns(pf.PinfricWarning, match="may be too narrow"):
+        searched = case.inverse()
+    assert searched.interval_searched.all()
+    assert not searched.interval_exact.any()
     np.testing.assert_allclose(searched.effort_lower, exact.effort_lower, rtol=1e-12)
     np.testing.assert_allclose(searched.effort_upper, exact.effort_upper, rtol=1e-12)
     assert (exact.effort_upper - exact.effort_lower > 0.01).all()
@@ -231,7 +234,9 @@ def test_flips_alone_agree_with_enumeration_on_the_four_bar(monkeypatch):
     case = resting_four_bar(40, friction=pin_friction(0.5, 0.03))
     exact = case.inverse()
     monkeypatch.setattr(interval_ends, "ENUMERATED", 1)
-    searched = case.inverse()
+    monkeypatch.setattr(interval_ends, "NODES", 0)
+    with pytest.warns(pf.PinfricWarning, match="may be too narrow"):
+        searched = case.inverse()
     np.testing.assert_allclose(searched.effort_lower, exact.effort_lower, rtol=1e-12)
     np.testing.assert_allclose(searched.effort_upper, exact.effort_upper, rtol=1e-12)
 

@@ -198,6 +198,7 @@ FALSE = {
     "actuator_acceleration": lambda x: x + 1e-3,
     "contraction": lambda x: 0.5 * x if x else x + 0.1,
     "interval_exact": np.logical_not,
+    "interval_searched": np.logical_not,
     "sticking": np.logical_not,
 }
 

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from cases import jamming_drawer, resting_four_bar
 
 import pinfric as pf
+from pinfric.dynamics.inverse import interval_ends
 from pinfric.dynamics.samples.reactions import state_wrenches
+from pinfric.errors import SizingError
 from pinfric.study.sizing.inertia import joint_inertias
 from pinfric.study.sizing.policy import Conditions
 from pinfric.study.sizing.robot import Robot, added_masses, loads, tip_to_base, with_masses
@@ -70,3 +73,25 @@ def test_the_scene_says_which_masses_are_added(arm):
     exact = Conditions(mass_in_urdf={"elbow_joint": 1.5})  # replaces what the link holds
     assert added_masses(held, exact, masses) == {2: 0.5}
     assert added_masses(scene.with_(masses=None), conditions, masses) == masses
+
+
+def test_a_cycle_whose_intervals_may_be_too_narrow_is_refused(monkeypatch):
+    case = resting_four_bar(5)
+    motion = pf.Trajectory.from_arrays(
+        case.scene, np.linspace(0, 1, 5), np.repeat(case.q[:1], 5, axis=0)
+    )
+    monkeypatch.setattr(interval_ends, "ENUMERATED", 1)
+    monkeypatch.setattr(interval_ends, "NODES", 0)
+    with (
+        pytest.warns(pf.PinfricWarning, match="may be too narrow"),
+        pytest.raises(SizingError, match=r"sample 0 of 5 has intervals .* may be too narrow"),
+    ):
+        Robot(case.scene, motion, None, Conditions())
+
+
+def test_a_cycle_that_jams_is_refused():
+    case = jamming_drawer(0.6, 1.0)
+    t, q = np.array([0.0, 0.1]), np.array([[0.0], [0.105]])
+    motion = pf.Trajectory.from_arrays(case.scene, t, q, q + 1.0, 0 * q + 1.0)
+    with pytest.raises(SizingError, match=r"sample 0 of 2 has no efforts \(jammed\)"):
+        Robot(case.scene, motion, None, Conditions())
