@@ -5,7 +5,8 @@
 Motor torques are those that hold the first pose without friction, and two sines per joint of up to
 twice its limit at rest: joints stick about half the time. Printed are, for steps of 1 and 0.25 ms,
 median and greatest of the worst joint's error at the end, and the share of joint time with another
-stick state; the same with the constants of `pf.export`; and the time of a step.
+stick state; the same with the constants of `pf.export`; and the time of a step. With `--motions 0`
+only times are measured.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import pinfric as pf  # isort: skip - before Pinocchio loads: it sets how thread
 import mujoco
 import numpy as np
 import pinocchio as pin
+from mujoco.rollout import rollout
 
 SECONDS, SAMPLE = 2.0, 1e-3
 
@@ -59,12 +61,13 @@ SCENES = {
 
 
 def made(scene, dt):
-    """The exported model without stops and limits of torque."""
-    model = mujoco.MjModel.from_xml_string(pf.export(scene).text)
-    model.opt.timestep = dt
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_LIMIT
-    model.jnt_actfrclimited[:] = 0
-    return model
+    """The exported model, as an MjSpec, without stops and limits of torque."""
+    spec = mujoco.MjSpec.from_string(pf.export(scene).text)
+    spec.option.timestep = dt
+    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_LIMIT
+    for joint in spec.joints:
+        joint.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE
+    return spec
 
 
 def random_motion(scene, seed):
@@ -104,8 +107,8 @@ def reference(scene, q, torque):
 
 def bridged(scene, dt, q, torque):
     """The same in MuJoCo."""
-    model = made(scene, dt)
-    friction, data = pf.mujoco_friction(scene, model), mujoco.MjData(model)
+    friction = pf.mujoco_friction(scene, made(scene, dt))
+    data = mujoco.MjData(friction.model)
     data.qpos[friction.dofs] = q
     data.ctrl[:] = torque(0.0)
     friction.start(data)
@@ -120,7 +123,7 @@ def bridged(scene, dt, q, torque):
 
 def constant(scene, dt, q, torque):
     """The same with the constants that `pf.export` writes."""
-    model = made(scene, dt)
+    model = made(scene, dt).compile()
     data = mujoco.MjData(model)
     data.qpos[:] = q
     for k in range(round(SECONDS / dt)):
@@ -145,18 +148,36 @@ def compare(scene, motions, steps=(1e-3, 2.5e-4)):
     return np.array(errors), np.array(missed)
 
 
-def cost(scene, count=2000):
-    """Time of `mj_step` and of `MujocoFriction.step` (us)."""
-    model = made(scene, 1e-3)
-    friction, data = pf.mujoco_friction(scene, model), mujoco.MjData(model)
+def cost(scene, count=2000, rounds=9):
+    """Times of a step (us): `mj_step` in `rollout`, the same with the callback, `step` in Python.
+
+    The first two take turns; each is the median of all rounds.
+    """
+    friction = pf.mujoco_friction(scene, made(scene, 1e-3))
+    model, kind = friction.model, mujoco.mjtState.mjSTATE_FULLPHYSICS
+    data, state = mujoco.MjData(model), np.empty(mujoco.mj_stateSize(model, kind))
+    mujoco.mj_getState(model, data, state, kind)
     friction.start(data)
-    found = []
-    for step in (lambda: mujoco.mj_step(model, data), lambda: friction.step(data)):
-        start = time.perf_counter()
+
+    def rolled():
+        rollout(model, mujoco.MjData(model), state, nstep=count)
+
+    def callback():
+        with friction.installed():
+            rolled()
+
+    def steps():
         for _ in range(count):
-            step()
-        found.append(1e6 * (time.perf_counter() - start) / count)
-    return found
+            friction.step(data)
+
+    callback()  # compiled once
+    times = np.empty((rounds, 3))
+    for row in times:
+        for k, run in enumerate((rolled, callback, steps)):
+            start = time.perf_counter()
+            run()
+            row[k] = 1e6 * (time.perf_counter() - start) / count
+    return np.median(times, axis=0)
 
 
 def main():
@@ -165,18 +186,25 @@ def main():
     parser.add_argument("--motions", type=int, default=10)
     parser.add_argument("--only", choices=SCENES)
     given = parser.parse_args()
-    print("end, rad or m: median (max); mismatch of stick state; us a step: mj_step, with friction")
+    print(
+        "end, rad or m: median (max); mismatch of stick state; us a step: mj_step, with the "
+        "callback (ratio), step in Python"
+    )
     for name, make in SCENES.items():
         if given.only in (None, name):
             scene = make()
-            errors, missed = compare(scene, given.motions)
-            cells = [f"{np.median(column):.2g} ({column.max():.2g})" for column in errors.T]
-            share = " ".join(f"{100 * x:.3f}%" for x in missed.mean(axis=0))
-            plain, ours = cost(scene)
+            if given.motions:
+                errors, missed = compare(scene, given.motions)
+                cells = [f"{np.median(column):.2g} ({column.max():.2g})" for column in errors.T]
+                share = " ".join(f"{100 * x:.3f}%" for x in missed.mean(axis=0))
+                print(
+                    f"{name:12} constants {cells[0]}  1 ms {cells[1]}  0.25 ms {cells[2]}  "
+                    f"mismatch {share}",
+                    flush=True,
+                )
+            plain, called, ours = cost(scene)
             print(
-                f"{name:12} constants {cells[0]}  1 ms {cells[1]}  0.25 ms {cells[2]}  "
-                f"mismatch {share}  {plain:.1f} {ours:.1f}",
-                flush=True,
+                f"{name:12} {plain:.1f} {called:.1f} ({called / plain:.2f}) {ours:.1f}", flush=True
             )
 
 

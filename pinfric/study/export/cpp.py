@@ -115,13 +115,13 @@ def cpp_files(
     name = namespace(scene.source, name)
     title = "\n".join(f"// {_comment(line)}".rstrip() for line in lines).removeprefix("// ")
     constants = "\n".join(_constants(scene, frames, limits))
-    header = _named(_text("compensator.hpp").replace("// @@CONSTANTS\n", constants + "\n"), name)
+    header = _named(template("compensator.hpp").replace("// @@CONSTANTS\n", constants + "\n"), name)
     digest = hashlib.sha256(header.encode()).hexdigest()[:12]
     made_of = f"{name}: {_made_of(scene)}, constants and code {digest}"
     for mark, text in (("HASH", digest), ("MADE_OF", made_of), ("TITLE", title)):
         header = header.replace(f"@@{mark}", text)
     rows = "\n".join(f"    {{{', '.join(_array(part) for part in state)}}}," for state in states)
-    test = _text("compensator_test.cpp").replace("// @@STATES\n", rows + "\n")
+    test = template("compensator_test.cpp").replace("// @@STATES\n", rows + "\n")
     return CppFiles(header, _named(test, name).replace("@@HEADER", f"{name}.hpp"))
 
 
@@ -380,7 +380,8 @@ def _rows(table: np.ndarray) -> str:
     return f"{{{', '.join(_array(row) for row in table)}}}"
 
 
-def _text(name: str) -> str:
+def template(name: str) -> str:
+    """Return a C++ text that is the same for every robot, by its file's name."""
     return (resources.files("pinfric.study.export") / name).read_text(encoding="utf-8")
 
 

@@ -16,6 +16,8 @@ of low efficiency zigzag. Where that is not above 0 the gear jams, which is refu
 from __future__ import annotations
 
 import copy
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
 
@@ -30,6 +32,7 @@ from pinfric.model.bearings import normal_loads
 from pinfric.model.drives import Gears, gear_drag, gear_line
 from pinfric.model.laws import Laws, law_at
 from pinfric.model.scene import Scene, expect_scene
+from pinfric.study.export.mujoco_callback import Callback, jams, with_memory
 from pinfric.study.export.tree import bodies
 
 #: Least friction limit (N m or N): MuJoCo has no row for a joint without any.
@@ -71,6 +74,8 @@ class MujocoFriction:
         self._site = np.full(len(tree), -1)
         self._site[self._tables.velocity_index] = np.arange(len(scene.sites))
         self._timestep = float(model.opt.timestep)
+        self._callback: Callback | None = None
+        self._calls = False  # whether it is installed
         self._write_constants()
         with compiling():
             self.start(mujoco.MjData(model))
@@ -104,7 +109,7 @@ class MujocoFriction:
         for _ in range(2):  # the second: with the friction of what moves
             self._mujoco.mj_forward(self.model, data)
             self._mujoco.mj_rnePostConstraint(self.model, data)
-            direction = np.where(resting, -self._force(data), data.qvel[self.dofs])
+            direction = np.where(resting, -self._last(data)[0], data.qvel[self.dofs])
             old = self.model.dof_frictionloss[self.dofs]
             limits = self._limits(data, resting, direction, np.where(resting, old, np.nan))
             self.model.dof_frictionloss[self.dofs] = np.where(resting, _HELD, limits)
@@ -131,22 +136,47 @@ class MujocoFriction:
         data.qvel[:] = before  # reactions belong to the state at which they were solved
         mujoco.mj_rnePostConstraint(model, data)
         data.qvel[:] = after
-        sticks, rate = self.sticking(data), after[self.dofs]
+        model.dof_frictionloss[self.dofs] = self._next(data)
+
+    def _next(self, data: Any) -> np.ndarray:
+        """(nv,) limits after a step whose reactions are known."""
+        (force, used), rate = self._last(data), data.qvel[self.dofs]
+        sticks = _sticking(force, used)
         fast = ~sticks & (np.abs(rate) > self._gears.stick_velocity)
-        direction = np.where(fast, rate, -self._force(data))
-        old = model.dof_frictionloss[self.dofs]
-        model.dof_frictionloss[self.dofs] = self._limits(data, sticks, direction, old)
+        return self._limits(data, sticks, np.where(fast, rate, -force), used)
+
+    @contextmanager
+    def installed(self) -> Iterator[None]:
+        """Let MuJoCo call friction by itself, compiled: in `mj_step` and in `mujoco.rollout`.
+
+        `model` must come of an MjSpec. MuJoCo then calls for every `MjData` of `model` and of its
+        copies, in several threads, too; `start` and `step` are not needed. A motion begins as by
+        `start` wherever a state does not follow from the step before, so at each rollout's start.
+
+        Raises:
+            PinfricError: no C++ compiler; no MjSpec was given; another control or sensor callback
+                is set; at the end of the `with`: a gear jammed, or the time step was changed.
+
+        Source: MuJoCo documentation, API reference: physics callbacks.
+        """
+        if self._callback is None:
+            places = self._joint, self._own, self._share
+            constants = {"LEAST": _LEAST, "HELD": _HELD}
+            self._callback = Callback(self._mujoco, self.scene, self.model, places, constants)
+        with self._callback.installed():
+            self._calls = True
+            try:
+                yield
+            finally:
+                self._calls = False
 
     def sticking(self, data: Any) -> np.ndarray:
         """Return (nv,) bool, whether each joint stuck in the last step."""
-        used = np.zeros(self.model.nv)
-        rows = self._rows(data)
-        used[data.efc_id[rows]] = data.efc_frictionloss[rows]
-        return np.asarray(np.abs(self._force(data)) < (1.0 - 1e-12) * used[self.dofs])
+        return _sticking(*self._last(data))
 
     def limit(self, data: Any) -> np.ndarray:
         """Return (nv,) the friction limits of the next step (N m or N)."""
-        return np.array(self.model.dof_frictionloss[self.dofs])
+        return self._next(data) if self._calls else self.model.dof_frictionloss[self.dofs].copy()
 
     def normal_load(self, data: Any) -> np.ndarray:
         """Return (ns,) the normal loads of the scene's joints with friction (N m or N)."""
@@ -166,16 +196,17 @@ class MujocoFriction:
         write_wrenches(data.cfrc_int, *places, self._body, self._root, out)
         return out
 
-    def _rows(self, data: Any) -> slice:
-        kind = self._mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF
-        count = int((data.efc_type[data.ne : data.ne + data.nf] == kind).sum())
-        return slice(data.ne, data.ne + count)
-
-    def _force(self, data: Any) -> np.ndarray:
-        """(nv,) friction of the last step, on the child along the joint (N m or N)."""
-        force, rows = np.zeros(self.model.nv), self._rows(data)
-        force[data.efc_id[rows]] = data.efc_force[rows]
-        return np.asarray(force[self.dofs])
+    def _last(self, data: Any) -> tuple[np.ndarray, np.ndarray]:
+        """(nv,) friction of the last step, on the child along the joint, and its limits."""
+        force, used = np.zeros(self.model.nv), np.zeros(self.model.nv)
+        start, end = data.ne, data.ne + data.nf
+        of = data.efc_id[start:end]
+        if self.model.ntendon:  # their friction comes after that of joints
+            kind = self._mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF
+            of = of[data.efc_type[start:end] == kind]
+        end = start + of.size
+        force[of], used[of] = data.efc_force[start:end], data.efc_frictionloss[start:end]
+        return force[self.dofs], used[self.dofs]
 
     def _stops(self, data: Any) -> np.ndarray:
         """(nv,) what acts beside the drive: stops and springs at the joints (N m or N)."""
@@ -210,12 +241,12 @@ class MujocoFriction:
             out,
         )
         if d >= 0:
-            raise PinfricError(
-                f"{self.scene.source}: the self-locking gear of {self.scene.drives[d].name!r} jams "
-                f"at t = {data.time:.4g} s: the rotor is too light for friction to determine the "
-                "motion; give it more rotor_inertia"
-            )
+            raise jams(self.scene, d, f"at t = {data.time:.4g} s")
         return out
+
+
+def _sticking(force: np.ndarray, used: np.ndarray) -> np.ndarray:
+    return np.asarray(np.abs(force) < (1.0 - 1e-12) * used)
 
 
 @kernel
@@ -312,7 +343,8 @@ def mujoco_friction(scene: Scene, model: Any) -> MujocoFriction:
     Args:
         scene: an open chain with a drive at each joint.
         model: mujoco.MjModel of the same robot, with the payloads that the scene carries by
-            default: joints of the same names, axes and frames, as `pf.export(scene)` writes it.
+            default: joints of the same names, axes and frames, as `pf.export(scene)` writes it;
+            or a mujoco.MjSpec of it, which `installed` needs.
 
     Raises:
         PinfricError: MuJoCo is not installed; loops, cylinders, coupled or mimic joints; a model
@@ -323,6 +355,9 @@ def mujoco_friction(scene: Scene, model: Any) -> MujocoFriction:
     """
     expect_scene(scene, "mujoco_friction")
     check_compensated(scene)
+    mujoco = _mujoco()
+    if isinstance(model, mujoco.MjSpec):
+        model = with_memory(mujoco, model, len(scene.joint_names))
     return MujocoFriction(scene, model)
 
 

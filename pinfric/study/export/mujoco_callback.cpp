@@ -1,0 +1,210 @@
+// The friction of `pf.mujoco_friction` as callbacks of MuJoCo: the law of mujoco_bridge.py, with the
+// constants and laws of the header. The user sensor `memory` is called last in a step, when forces
+// are known, and keeps what the next step needs; the control callback of the next step sets its
+// limits. All that changes stands in mjData, so that threads with data of their own do not meet.
+#include "pinfric_scene.hpp"
+
+#include <mujoco/mujoco.h>
+
+#include <atomic>
+#include <cstdint>
+#include <vector>
+
+namespace {
+
+using namespace pinfric_scene;
+
+constexpr int joints = Robot::drives;
+constexpr double least = @@LEAST, held = @@HELD;
+
+struct Place {
+  int joint, body, root, dof, position;
+  double own, share;  // armature of the link (kg m^2 or kg), M/(M + J)
+};
+struct Last {  // of one joint in the last step; the memory is time, and one of these per joint
+  double used, force, beside, acceleration, warm, q, v, wrench[6];
+};
+static_assert(sizeof(Last) == @@LAST * sizeof(double), "the sensor's size counts on it");
+
+Place places[joints];
+std::vector<int> joint_of;  // of each degree of freedom; -1: not the robot's
+int memory = 0;
+double timestep = 0.0;
+std::uint64_t model_signature = 0;
+std::atomic<int> jammed{-1};
+std::atomic<bool> changed{false};  // the time step
+
+int friction_rows(const mjData* d) {
+  int end = d->ne;
+  while (end < d->ne + d->nf && d->efc_type[end] == mjCNSTR_FRICTION_DOF) ++end;
+  return end;
+}
+
+// MuJoCo's solver reads the copies of its islands where there are any.
+void write(mjData* d, const double* limit) {
+  for (int row = d->ne, end = friction_rows(d); row < end; ++row) {
+    const int j = joint_of[static_cast<unsigned>(d->efc_id[row])];
+    if (j < 0) continue;
+    d->efc_frictionloss[row] = limit[j];
+    if (d->nisland > 0 && d->efc_island[row] >= 0)
+      d->iefc_frictionloss[d->map_efc2iefc[row]] = limit[j];
+  }
+}
+
+// What a solved step says of its friction.
+void read(const mjModel* m, mjData* d, Last* last) {
+  mj_rnePostConstraint(m, d);
+  for (int j = 0; j < joints; ++j) {
+    const Place& at = places[j];
+    const mjtNum *wrench = d->cfrc_int + 6 * at.body, *R = d->xmat + 9 * at.body;
+    const mjtNum *com = d->subtree_com + 3 * at.root, *place = d->xpos + 3 * at.body;
+    const detail::Vector force = {wrench[3], wrench[4], wrench[5]};
+    const detail::Vector arm = {com[0] - place[0], com[1] - place[1], com[2] - place[2]};
+    const detail::Vector moment =
+        detail::sum({wrench[0], wrench[1], wrench[2]}, detail::cross(arm, force));
+    const double* turn = bodies[j].turn;
+    const detail::Vector f = detail::turned(turn, detail::turned_back(R, force));
+    const detail::Vector n = detail::turned(turn, detail::turned_back(R, moment));
+    last[j] = {0.0, 0.0, d->qfrc_spring[at.dof], d->qacc[at.dof], d->qacc_warmstart[at.dof],
+               d->qpos[at.position], d->qvel[at.dof], {f.x, f.y, f.z, n.x, n.y, n.z}};
+  }
+  for (int row = d->ne, end = friction_rows(d); row < end; ++row) {
+    const int j = joint_of[static_cast<unsigned>(d->efc_id[row])];
+    if (j < 0) continue;
+    last[j].used = d->efc_frictionloss[row];
+    last[j].force = d->efc_force[row];
+  }
+  for (int row = d->ne + d->nf; d->nl && row < d->nefc; ++row) {
+    if (d->efc_type[row] != mjCNSTR_LIMIT_JOINT) continue;
+    const int id = d->efc_id[row], j = joint_of[static_cast<unsigned>(m->jnt_dofadr[id])];
+    if (j < 0) continue;
+    const bool below = 2.0 * d->qpos[places[j].position] < m->jnt_range[2 * id] + m->jnt_range[2 * id + 1];
+    last[j].beside += below ? d->efc_force[row] : -d->efc_force[row];
+  }
+}
+
+// The limit of one joint in the next step.
+double limit_of(int j, const Last& last, double q, double velocity, double direction, bool sticks,
+                bool damped) {
+  const Place& at = places[j];
+  const double way = direction < 0.0 ? -1.0 : 1.0, v = sticks ? 0.0 : velocity, speed = std::fabs(v);
+  const double tau =
+      last.wrench[bodies[j].turns ? 5 : 2] + at.own * last.acceleration - last.beside;
+  const int side = way > 0.0 ? 0 : 1;
+  double dry = 0.0, drag = 0.0, viscous = 0.0;
+  for (const Site& site : sites) {
+    if (Robot::sites == 0 || site.body != j) continue;
+    const double c = detail::normal_load(site, last.wrench, q);
+    if (sticks) {
+      dry = site.mu_static * c + site.coulomb_static[side];
+    } else {
+      const detail::Moving now = detail::friction_at(site, std::fmax(speed, 1e-300));
+      dry = now.mu * c + now.coulomb[side];
+      drag = now.drag_mu * c + now.drag[side];
+      viscous = site.viscous * v;
+    }
+  }
+  const double leaving = sticks ? 1.0 : 0.0, t = tau + way * (dry + drag) + viscous;
+  const detail::GearLine line = detail::gear_line(j, way, speed, leaving, t);
+  double found = way * (line.slope * t + line.offset - tau - viscous);
+  if (drives[j].power != 1.0) found += std::fabs(detail::motor_drag(j, v));
+  if (sticks) {  // a self-locking gear may need more for the load that friction lets it bear
+    const double other = tau - way * dry;
+    found = std::fmax(found, way * (detail::gear_value(j, way, 0.0, 1.0, other) - tau));
+  } else if (damped) {
+    const double gain = 1.0 + (line.slope - 1.0) * at.share;
+    if (gain > 0.0)
+      found = last.used + (found - last.used) / gain;
+    else
+      jammed = j;
+  }
+  return std::fmax(found, least);
+}
+
+// The limits of a motion that begins here: joints at or below their stick velocity rest.
+void start(const mjModel* m, mjData* d, double* limit) {
+  bool rests[joints];
+  for (int j = 0; j < joints; ++j) {
+    rests[j] = std::fabs(d->qvel[places[j].dof]) <= drives[j].stick_velocity;
+    limit[j] = rests[j] ? held : least;
+  }
+  Last last[joints];
+  for (int pass = 0; pass < 2; ++pass) {  // the second: with the friction of what moves
+    write(d, limit);
+    mj_fwdActuation(m, d);
+    mj_fwdAcceleration(m, d);
+    mj_fwdConstraint(m, d);
+    read(m, d, last);
+    for (int j = 0; j < joints; ++j) {
+      const double v = d->qvel[places[j].dof], q = d->qpos[places[j].position];
+      const double found = limit_of(j, last[j], q, v, rests[j] ? -last[j].force : v, rests[j], false);
+      limit[j] = rests[j] && pass == 0 ? held : found;
+    }
+  }
+}
+
+// Whether the step in `memory` led to this state (1), was taken at it (0), or neither (-1).
+// A rollout begins without a warm start, so none goes on where another one happened to end.
+int steps_since(const mjModel* m, const mjData* d, const mjtNum* kept, const Last* last) {
+  const int steps = d->time == kept[0] ? 0 : 1;
+  if (!(last[0].used > 0.0) || (steps == 1 && d->time != kept[0] + m->opt.timestep)) return -1;
+  bool warm = false;
+  for (int j = 0; j < joints; ++j) {
+    const Place& at = places[j];
+    const double q = d->qpos[at.position], v = d->qvel[at.dof], start = d->qacc_warmstart[at.dof];
+    warm = warm || start != 0.0;
+    if (steps == 0 && (q != last[j].q || v != last[j].v || start != last[j].warm)) return -1;
+    const double far = std::fabs(q - (last[j].q + m->opt.timestep * v));
+    if (steps == 1 && (start != d->qacc[at.dof] || far > 1e-12 * (1.0 + std::fabs(q)))) return -1;
+  }
+  return warm ? steps : -1;
+}
+
+}  // namespace
+
+extern "C" {
+
+// joint, own, share: one per drive. memory_at: the sensor's first number.
+void pinfric_set(const mjModel* m, const int* joint, const double* own, const double* share,
+                 int memory_at) {
+  joint_of.assign(static_cast<unsigned>(m->nv), -1);
+  for (int j = 0; j < joints; ++j) {
+    const int id = joint[j], body = m->jnt_bodyid[id], dof = m->jnt_dofadr[id];
+    places[j] = {id, body, m->body_rootid[body], dof, m->jnt_qposadr[id], own[j], share[j]};
+    joint_of[static_cast<unsigned>(dof)] = j;
+  }
+  memory = memory_at;
+  timestep = m->opt.timestep;
+  model_signature = m->signature;
+  jammed = -1;
+  changed = false;
+}
+
+// The drive that jammed since, or -1; -2: the time step is another.
+int pinfric_failed() { return changed ? -2 : jammed.load(); }
+
+void pinfric_control(const mjModel* m, mjData* d) {
+  if (m->signature != model_signature) return;  // callbacks are global: another model
+  if (m->opt.timestep != timestep) changed = true;
+  const mjtNum* kept = d->sensordata + memory;
+  const Last* last = reinterpret_cast<const Last*>(kept + 1);
+  double limit[joints];
+  const int steps = steps_since(m, d, kept, last);
+  if (steps < 0) start(m, d, limit);
+  for (int j = 0; steps >= 0 && j < joints; ++j) {
+    const double v = d->qvel[places[j].dof], q = d->qpos[places[j].position];
+    const bool sticks = std::fabs(last[j].force) < (1.0 - 1e-12) * last[j].used;
+    const bool fast = !sticks && std::fabs(v) > drives[j].stick_velocity;
+    limit[j] = steps == 0 ? last[j].used
+                          : limit_of(j, last[j], q, v, fast ? v : -last[j].force, sticks, true);
+  }
+  write(d, limit);
+}
+
+void pinfric_sensor(const mjModel* m, mjData* d, int stage) {
+  if (stage != mjSTAGE_ACC || m->signature != model_signature) return;
+  d->sensordata[memory] = d->time;
+  read(m, d, reinterpret_cast<Last*>(d->sensordata + memory + 1));
+}
+
+}  // extern "C"

@@ -1,0 +1,260 @@
+"""The compiled friction that MuJoCo calls: it is that of `step`, in rollouts and threads, too."""
+
+from __future__ import annotations
+
+import shutil
+from contextlib import nullcontext
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+from builders import chain
+from export_cases import needs_compiler
+from mujoco.rollout import rollout
+from mujoco_bridge import loaded, made, random_motion, slider
+
+import pinfric as pf
+from pinfric.errors import PinfricError
+
+PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
+
+
+def arm():
+    return loaded(pf.load_scene("ur10_machine_tending").with_(payloads={}), "tool0", 5.0)
+
+
+def bar():
+    """A bar with a pin that a motor lowers on a floor, and with a stop."""
+    body = pin.Inertia(3.0, np.array([0.5, 0.0, 0.0]), 0.1 * np.eye(3))
+    model = chain(("hinge", pin.JointModelRY(), body))
+    model.jointPlacements[1] = pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.15]))
+    model.armature[:] = 0.1
+    model.lowerPositionLimit[:], model.upperPositionLimit[:] = -0.4, 1.0
+    model.addFrame(pin.Frame("bar", 1, pin.SE3.Identity(), pin.FrameType.BODY))
+    friction = {
+        "hinge": {
+            "bearing": {"kind": "pin", "radius": 0.02},
+            "mu": {"static": 0.3, "kinetic": 0.2},
+            "stribeck": {"velocity": 0.1},
+            "viscous": {"coefficient": 0.2, "exponent": 0.7},
+        }
+    }
+    gear = {
+        "ratio": 50.0,
+        "efficiency": {"over_load": [[5, 0.5], [20, 0.7]]},
+        "back_efficiency": "same_loss",
+        "rotor_inertia": 1e-4,
+        "motor_viscous": {"coefficient": 0.003, "exponent": 0.7},
+    }
+    actuators = [{"joint": "hinge", "transmission": gear}]
+    return pf.Scene(model, friction=friction, actuators=actuators, source="bar.yaml")
+
+
+def bar_on_a_floor(dt=1e-3):
+    spec = mujoco.MjSpec.from_string(pf.export(bar()).text)
+    spec.option.timestep = dt
+    plane, sphere = mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_SPHERE
+    spec.worldbody.add_geom(type=plane, size=[1, 1, 0.1])
+    spec.bodies[1].add_geom(type=sphere, size=[0.05, 0, 0], pos=[1, 0, 0], mass=0)
+    return spec
+
+
+def to_the_floor_and_the_stop(t):
+    return np.array([-1.5 * np.sin(8.0 * t) if t < 0.5 else -0.3])
+
+
+def without_islands(spec):
+    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
+    return spec
+
+
+def a_motion_of(scene, spec, seed=0):
+    """The friction, its first state, and the torques of 1 s."""
+    friction = pf.mujoco_friction(scene, spec)
+    q, torque = random_motion(scene, seed)
+    if scene.source == "bar.yaml":
+        q, torque = np.zeros(1), to_the_floor_and_the_stop
+    data = mujoco.MjData(friction.model)
+    data.qpos[friction.dofs] = q
+    state = np.empty(mujoco.mj_stateSize(friction.model, PHYSICS))
+    mujoco.mj_getState(friction.model, data, state, PHYSICS)
+    dt = friction.model.opt.timestep
+    return friction, state, np.array([torque((k + 0.5) * dt) for k in range(1000)])
+
+
+def begun(friction, state, control):
+    data = mujoco.MjData(friction.model)
+    mujoco.mj_setState(friction.model, data, state, PHYSICS)
+    data.ctrl[:] = control
+    return data
+
+
+CASES = {
+    "arm": lambda: (arm(), made(arm(), 1e-3)),
+    "arm without islands": lambda: (arm(), without_islands(made(arm(), 1e-3))),
+    "slider": lambda: (slider(), made(slider(), 1e-3)),
+    "bar, floor and stop": lambda: (bar(), bar_on_a_floor()),
+}
+
+
+@needs_compiler
+@pytest.mark.parametrize("case", CASES)
+def test_the_callback_is_the_step(case):
+    """The same positions and stick states, step by step, and each limit is that of Python's law."""
+    friction, state, controls = a_motion_of(*CASES[case]())
+    data = begun(friction, state, controls[0])
+    friction.start(data)
+    places, stuck, hits = [], [], np.zeros(2, dtype=bool)
+    for control in controls:
+        data.ctrl[:] = control
+        friction.step(data)
+        places.append(data.qpos.copy())
+        stuck.append(friction.sticking(data))
+        hits |= data.ncon > 0, data.nl > 0
+    assert hits.all() == ("floor" in case)
+    assert 0.01 < np.mean(stuck) < 0.95 or case == "slider"
+    data = begun(friction, state, controls[0])
+    expected = None
+    with friction.installed():
+        for k, control in enumerate(controls):
+            data.ctrl[:] = control
+            mujoco.mj_step(friction.model, data)
+            np.testing.assert_allclose(data.qpos, places[k], rtol=0, atol=1e-12)
+            np.testing.assert_array_equal(friction.sticking(data), stuck[k])
+            if expected is not None:
+                used = data.efc_frictionloss[np.isin(data.efc_id, friction.dofs)][: len(expected)]
+                np.testing.assert_allclose(used, expected, rtol=1e-12)
+            expected = friction.limit(data)
+
+
+@needs_compiler
+def test_rollouts_in_threads_are_loops():
+    """Whatever data a rollout gets: the one before, of other torques, leaves nothing there."""
+    friction, state, controls = a_motion_of(*CASES["arm"]())
+    several = np.array([controls[:300] * share for share in np.linspace(0.5, 1.5, 9)])
+    wanted = []
+    for control in several:
+        data = begun(friction, state, control[0])
+        friction.start(data)
+        for now in control:
+            data.ctrl[:] = now
+            friction.step(data)
+        wanted.append(data.qpos.copy())
+    model, nq = friction.model, friction.model.nq
+    with friction.installed():
+        pool = [mujoco.MjData(model) for _ in range(3)]
+        for _ in range(2):  # data that were used before, too
+            found, _ = rollout(model, pool, np.tile(state, (9, 1)), several, chunk_size=1)
+            np.testing.assert_allclose(found[:, -1, 1 : 1 + nq], wanted, rtol=0, atol=1e-12)
+        short, _ = rollout(model, pool[0], np.tile(state, (9, 1)), several[:, :1])
+        np.testing.assert_array_equal(short[:, 0], found[:, 0])
+
+
+@needs_compiler
+def test_forward_between_steps_changes_nothing():
+    friction, state, controls = a_motion_of(*CASES["arm"]())
+    ends = []
+    for calls in (0, 2):
+        data = begun(friction, state, controls[0])
+        with friction.installed():
+            for control in controls[:400]:
+                data.ctrl[:] = control
+                mujoco.mj_step(friction.model, data)
+                for _ in range(calls):
+                    mujoco.mj_forward(friction.model, data)
+        ends.append(data.qpos.copy())
+    np.testing.assert_allclose(ends[0], ends[1], rtol=0, atol=1e-9)
+
+
+@needs_compiler
+def test_other_models_are_left_alone():
+    """Callbacks are global: a model of another robot keeps its constants."""
+    friction, other = pf.mujoco_friction(bar(), bar_on_a_floor()), made(arm(), 1e-3).compile()
+    ends = []
+    for installed in (False, True):
+        data = mujoco.MjData(other)
+        with friction.installed() if installed else nullcontext():
+            for _ in range(100):
+                mujoco.mj_step(other, data)
+        ends.append(data.qpos.copy())
+    np.testing.assert_array_equal(*ends)
+
+
+@needs_compiler
+def test_another_callback_is_refused_and_ours_is_taken_away():
+    friction = pf.mujoco_friction(slider(), made(slider(), 1e-3))
+    for name in ("control", "sensor"):
+        place = getattr(mujoco, f"set_mjcb_{name}")
+        place(lambda *_: None)
+        try:
+            with pytest.raises(PinfricError, match=f"another mjcb_{name} is set"):
+                friction.installed().__enter__()
+        finally:
+            place(None)
+    with (
+        pytest.raises(PinfricError, match="another mjcb_control is set"),
+        friction.installed(),
+        friction.installed(),
+    ):
+        pass
+    with pytest.raises(ZeroDivisionError), friction.installed():
+        1 / 0  # noqa: B018
+    assert mujoco.get_mjcb_control() is None
+    assert mujoco.get_mjcb_sensor() is None
+
+
+@needs_compiler
+def test_models_that_do_not_call_it_are_refused():
+    plain = mujoco.MjModel.from_xml_string(pf.export(slider()).text)
+    with pytest.raises(PinfricError, match=r"no sensor 'pinfric_friction'.* mujoco\.MjSpec"):
+        pf.mujoco_friction(slider(), plain).installed().__enter__()
+    friction = pf.mujoco_friction(slider(), made(slider(), 1e-3))
+    for flag in ("ACTUATION", "SENSOR"):
+        bit = getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}")
+        friction.model.opt.disableflags |= bit
+        with pytest.raises(PinfricError, match=f"flag {flag.lower()} is disabled"):
+            friction.installed().__enter__()
+        friction.model.opt.disableflags ^= bit
+
+
+def test_without_a_compiler_it_says_so(monkeypatch):
+    friction = pf.mujoco_friction(slider(), made(slider(), 1e-3))
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    with pytest.raises(PinfricError, match=r"needs a C\+\+ compiler \(g\+\+, clang\+\+, c\+\+\)"):
+        friction.installed().__enter__()
+
+
+def worm():
+    body = pin.Inertia(5.0, np.array([0.3, 0.0, 0.0]), 0.1 * np.eye(3))
+    gear = {"ratio": 50.0, "efficiency": 0.3, "back_efficiency": -0.8, "rotor_inertia": 1e-7}
+    model = chain(("hinge", pin.JointModelRY(), body))
+    model.addFrame(pin.Frame("bar", 1, pin.SE3.Identity(), pin.FrameType.BODY))
+    friction = {"hinge": {"coulomb": {"static": 1.0, "kinetic": 0.8}}}
+    actuators = [{"joint": "hinge", "transmission": gear}]
+    return pf.Scene(model, friction=friction, actuators=actuators, source="worm.yaml")
+
+
+def run(friction, data, count):
+    with friction.installed():
+        for _ in range(count):
+            mujoco.mj_step(friction.model, data)
+
+
+def change_the_step(friction):
+    with friction.installed():
+        friction.model.opt.timestep = 5e-4
+        mujoco.mj_step(friction.model, mujoco.MjData(friction.model))
+
+
+@needs_compiler
+def test_what_fails_within_is_said_at_the_end():
+    """No exception can leave a thread of MuJoCo."""
+    friction = pf.mujoco_friction(worm(), made(worm(), 1e-3))
+    data = mujoco.MjData(friction.model)
+    data.qvel[0] = 1.0
+    with pytest.raises(PinfricError, match=r"gear of 'hinge' jams .* more rotor_inertia"):
+        run(friction, data, 3)
+    run(friction, mujoco.MjData(friction.model), 1)  # forgotten
+    with pytest.raises(PinfricError, match="the time step was changed"):
+        change_the_step(friction)
