@@ -7,7 +7,7 @@ equations of every bar; a corner has sign sigma_k at pin k, and phi_k = sigma_k 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -29,7 +29,7 @@ class PinChain:
         close_at: (nl, 2) its place (m).
         mass: (nb,) kg. center: (nb, 2) centres of mass (m).
         drives: bars whose pin is driven.
-        mu, radius: of every pin.
+        mu, radius: of every pin. dry: (np,) its friction without load (N m).
     """
 
     parent: np.ndarray
@@ -41,6 +41,21 @@ class PinChain:
     drives: tuple[int, ...]
     mu: float
     radius: np.ndarray
+    dry: np.ndarray
+
+    @property
+    def gravity(self) -> np.ndarray:
+        """(2,) m/s^2."""
+        return GRAVITY
+
+    def with_radius(self, radius: np.ndarray) -> PinChain:
+        """Return the same with pins of other radii (np,)."""
+        return replace(self, radius=radius)
+
+    def joined(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the two bars (np, 2) that each pin joins, -1 the ground, and its place (np, 2)."""
+        bars = np.column_stack([np.arange(len(self.parent)), self.parent])
+        return np.vstack([bars, self.close]), np.vstack([self.place, self.close_at])
 
     def scene(self) -> pf.Scene:
         """The same as a scene of pinfric."""
@@ -58,22 +73,25 @@ class PinChain:
             ids.append(
                 add_link(model, ids[1 + parent], pin.JointModelRZ(), placement, f"p{b}", body)
             )
-            friction[f"p{b}"] = pin_friction(self.mu, self.radius[b])
+            friction[f"p{b}"] = self._friction(b)
         for k, (bars, there) in enumerate(zip(self.close, self.close_at, strict=True)):
             sides = {
                 side: {"link": "ground" if bar < 0 else f"p{bar}", "xyz": [*(there - at(bar)), 0.0]}
                 for side, bar in zip("ab", bars, strict=True)
             }
             loops.append({"name": f"c{k}", "kind": "planar_pin", **sides})
-            friction[f"c{k}"] = pin_friction(self.mu, self.radius[len(self.parent) + k])
+            friction[f"c{k}"] = self._friction(len(self.parent) + k)
         actuators = [{"joint": f"p{b}"} for b in self.drives]
         return pf.Scene(model=model, friction=friction, loops=loops, actuators=actuators)
+
+    def _friction(self, k: int) -> dict:
+        dry = {"static": self.dry[k], "kinetic": self.dry[k]}
+        return {**pin_friction(self.mu, self.radius[k]), "coulomb": dry}
 
     def balance(self) -> tuple[np.ndarray, np.ndarray]:
         """Return forces (np, 2, 1 + np) and torques (na, 1 + np) as maps of (1, phi)."""
         nb, pins = len(self.parent), len(self.radius)
-        bars = np.vstack([np.column_stack([np.arange(nb), self.parent]), self.close])
-        where = np.vstack([self.place, self.close_at])
+        bars, where = self.joined()
         A = np.zeros((3 * nb, 2 * pins + len(self.drives)))
         right = np.zeros((3 * nb, 1 + pins))
         for b in range(nb):
@@ -114,7 +132,7 @@ class PinChain:
         phi, limit = np.zeros_like(sign), self.mu * self.radius
         for _ in range(3000):
             now = forces[:, :, 0] + np.einsum("tek,nk->nte", forces[:, :, 1:], phi)
-            new = sign * limit * np.linalg.norm(now, axis=2)
+            new = sign * (limit * np.linalg.norm(now, axis=2) + self.dry)
             change, phi = np.abs(new - phi).max(), new
             if change <= 1e-15 * np.abs(phi).max():
                 break
@@ -157,7 +175,7 @@ def random_chain(seed: int, loops: tuple[int, ...], mu: float, most: float = 0.9
         radius = rng.uniform(0.3, 1.0, pins)
         mass = rng.uniform(0.2, 3.0, nb)
         arrays = map(np.array, (parent, place, close, close_at))
-        one = PinChain(*arrays, mass, center, drives, mu, 0.06 * radius)
+        one = PinChain(*arrays, mass, center, drives, mu, 0.06 * radius, np.zeros(pins))
         try:
             worst = one.contraction()
         except np.linalg.LinAlgError:
@@ -167,9 +185,27 @@ def random_chain(seed: int, loops: tuple[int, ...], mu: float, most: float = 0.9
         scale = min(1.0, most * rng.uniform(0.3, 1.0) / worst)
         if scale < 0.05:
             continue
-        return PinChain(*arrays_of(one), scale * one.radius)
+        return _depth_first(one.with_radius(scale * one.radius))
 
 
-def arrays_of(one: PinChain) -> tuple:
-    """All fields of a chain but the last."""
-    return tuple(vars(one).values())[:-1]
+def _depth_first(chain: PinChain) -> PinChain:
+    """Return the same with its bars in the order that Pinocchio's mass matrix needs."""
+    order: list[int] = []
+    pending = [-1]
+    while pending:
+        order.append(pending.pop())
+        pending += np.flatnonzero(chain.parent == order[-1])[::-1].tolist()
+    old = np.array(order[1:])
+    new = np.append(np.argsort(old), -1)  # of the old number, the ground last
+    pins = np.append(old, np.arange(len(old), len(chain.radius)))
+    return replace(
+        chain,
+        parent=new[chain.parent[old]],
+        place=chain.place[old],
+        close=new[chain.close],
+        mass=chain.mass[old],
+        center=chain.center[old],
+        drives=tuple(sorted(int(new[b]) for b in chain.drives)),
+        radius=chain.radius[pins],
+        dry=chain.dry[pins],
+    )
