@@ -171,8 +171,9 @@ class EventIntegration(Integration):
                 record.step_t.append(start)
             record.step_t.append(end)
             record.steps.append((polynomial, self.chart, self.ws.constraints.standing))
-        for t in record.due(start, end):
-            q, v = self.state(polynomial(t))
+        due = record.due(start, end)
+        for t, y in zip(due, polynomial(due).T, strict=True):
+            q, v = self.state(y)
             if self.linked and not (self.ws.locked and not v.any()):
                 q, v = self.ws.constraints.project(q, v, self.given.stuck)
             self.system.solve_given_modes(t, q, v, self.given)
