@@ -9,7 +9,7 @@ from pinfric.dynamics.samples.outcome import Status
 from pinfric.model.described import EFFORT, described, quantity
 from pinfric.study.elastic.motion import Elasticity
 from pinfric.study.elastic.summary import ElasticSummary, elastic_summary
-from pinfric.study.summary import ActuatorSummary, payload_phases, summarize
+from pinfric.study.summary import ActuatorSummary, beyond_limits, payload_phases, summarize
 from pinfric.study.trajectory.log.judged import JudgedLog, LogSummary, log_summary
 
 
@@ -45,6 +45,7 @@ class InverseSummary:
     payloads: Mapping[str, tuple[Span, ...]] = quantity("when each payload is carried")
     status: Mapping[str, int] = quantity("status -> number of samples")
     too_narrow: int = quantity("number of samples whose intervals may be too narrow")
+    beyond_limits: tuple[str, ...] = quantity("efforts beyond the URDF's limits, in words")
     input: LogSummary | None = quantity("how the log was read; none: the motion is not a log")
     elasticity: ElasticSummary | None = quantity("effects of elastic gears; none: all are rigid")
 
@@ -92,6 +93,7 @@ def inverse_summary(
         },
         status={status.name.lower(): int((result.status == status).sum()) for status in Status},
         too_narrow=int(result.interval_searched.sum()),
+        beyond_limits=beyond_limits(result),
         input=None if log is None else log_summary(log),
         elasticity=None if elastic is None else elastic_summary(elastic),
     )

@@ -11,6 +11,7 @@ from pinfric.model.described import EFFORT, MOTOR, SPEED, between, described, qu
 from pinfric.model.loops import OffJointDrive
 from pinfric.model.scene import Scene
 from pinfric.model.twin import PRISMATIC
+from pinfric.study.trajectory.joint_columns import stated_limit
 
 
 @described
@@ -115,6 +116,20 @@ def _summarize(result: InverseResult, t: np.ndarray, i: int) -> ActuatorSummary:
         motor_rms=rms(t, motor_worst),
         motor_rms_least=rms(t, motor_least),
     )
+
+
+def beyond_limits(result: InverseResult) -> tuple[str, ...]:
+    """Return in words the drives of joints whose efforts pass the limit that the URDF states."""
+    limits, found = np.asarray(result.scene.model.effortLimit, dtype=np.float64), []
+    for i, drive in enumerate(result.scene.drives):
+        if drive.velocity_index < 0:
+            continue
+        limit = stated_limit(float(limits[drive.velocity_index]))
+        ends = np.abs([result.effort_lower[:, i], result.effort_upper[:, i]])
+        peak, unit = float(np.fmax.reduce(ends, axis=None)), effort_unit(result.scene, i)
+        if peak > limit:
+            found.append(f"{drive.name} needs {peak:.3g} {unit}; the URDF allows {limit:g} {unit}")
+    return tuple(found)
 
 
 #: What is smaller than this beside the largest effort or reaction is rounding of the dynamics.

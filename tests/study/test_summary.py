@@ -13,6 +13,7 @@ import pinfric as pf
 from pinfric.errors import StateError
 from pinfric.study.summary import (
     ActuatorSummary,
+    beyond_limits,
     effort_unit,
     payload_phases,
     rms,
@@ -126,6 +127,18 @@ def test_units_follow_the_joint():
     assert (s.unit, s.motor_unit) == ("N", "N m")
     planar = turntable(joint=pin.JointModelPlanar())
     assert [effort_unit(planar, i) for i in range(3)] == ["N", "N", "N m"]
+
+
+@pytest.mark.parametrize("limit", [0.0, 3.0, 5.0])
+def test_efforts_beyond_the_limit_of_the_urdf_are_named(limit):
+    """Inertia 2 and friction 2 at 1 rad/s^2 take 4 N m; a limit of 0 states none."""
+    model = turntable().model.copy()
+    model.effortLimit[:] = limit
+    scene = pf.Scene(model=model, **DRY)
+    one = np.ones((2, 1))
+    result = pf.inverse_dynamics(scene, one, one, one, t=np.arange(2.0))
+    said = beyond_limits(result)
+    assert said == (("table needs 4 N m; the URDF allows 3 N m",) if limit == 3.0 else ())
 
 
 def test_drive_sticks_with_its_mimic_follower():

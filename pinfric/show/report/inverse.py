@@ -109,6 +109,7 @@ def _footer(result: InverseResult, found: InverseSummary) -> list[str]:
     failed = np.flatnonzero(result.status != Status.CONVERGED)
     if failed.size:
         lines.append(f"{counted(failed.size, 'sample')} without a solution, the first {failed[0]}")
+    lines += [f"beyond its limit: {text}" for text in found.beyond_limits]
     if found.too_narrow:
         lines.append(f"{counted(found.too_narrow, 'sample')} whose intervals may be too narrow")
     if sites:

@@ -29,6 +29,7 @@ from pinfric.study.elastic.summary import elastic_summary
 from pinfric.study.sizing.criterion import Status
 from pinfric.study.sizing.size import SizingReport
 from pinfric.study.sizing.summary import SizingSummary, sizing_summary
+from pinfric.study.summary import beyond_limits
 
 #: Efforts below (N m, N) are rounding.
 ROUNDING = 1e-9
@@ -85,7 +86,8 @@ def sizing_report(
 
 def _short(report: SizingReport, found: SizingSummary, opening: Sequence[Any]) -> Report:
     """What is chosen, what fails, and what to ask for."""
-    first = [f"note: {line}" for line in report.assumptions[: len(report.unclosed) > 0]]
+    first = [f"beyond its limit: {line}" for line in beyond_limits(report.result_without_masses)]
+    first += [f"note: {line}" for line in report.assumptions[: len(report.unclosed) > 0]]
     ending = [
         f"{len(found.unchecked)} kinds of criteria were not checked; they, the demand of each "
         f"joint, next smaller drives, {len(report.notes)} notes: -v; page to sign, bill of "

@@ -80,15 +80,21 @@ def caveats(
     catalog: Catalog | None,
     gaps: Sequence[str],
     jumps: Sequence[str] = (),
+    beyond: Sequence[str] = (),
 ) -> tuple[str, ...]:
     """Return the assumptions of a sizing, in sentences.
 
     Args:
         scene: the robot as given.
         catalog: what was chosen from; None: nothing was.
-        gaps: of `unclosed`. jumps: of `discontinuities`.
+        gaps: of `unclosed`. jumps: of `discontinuities`. beyond: of `beyond_limits`.
     """
     opening = _of_the_motion(gaps, jumps)
+    if beyond:
+        opening.append(
+            f"Beyond its limit: {'; '.join(beyond)}: is the limit that of the motion's robot, and "
+            "are its masses, payloads and times right?"
+        )
     if catalog is None:
         return tuple(opening)
     notes = [

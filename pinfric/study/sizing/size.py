@@ -60,7 +60,7 @@ from pinfric.study.sizing.robot import (
 from pinfric.study.sizing.shelf import Ask, Assessment, Parts, Search, Shelf, stiffness_of
 from pinfric.study.sizing.stopping import chosen_stops
 from pinfric.study.stop.study import StopResult
-from pinfric.study.summary import effort_unit
+from pinfric.study.summary import beyond_limits, effort_unit
 
 #: Passes over all joints before an alternating choice is given up; two are usual.
 _MOST_PASSES = 12
@@ -479,7 +479,11 @@ class _Sizing:
             passes=passes,
             settled=settled,
             assumptions=caveats(
-                self.scene, self.catalog, gaps, discontinuities(without, self.duty)
+                self.scene,
+                self.catalog,
+                gaps,
+                discontinuities(without, self.duty),
+                beyond_limits(without),
             ),
             unclosed=gaps,
             what_if=self._what_if,
