@@ -266,6 +266,12 @@ def size(
             "--catalog", metavar="FILE", help="Catalogue file, or `default` (the bundled one)."
         ),
     ] = None,
+    condition: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--condition", metavar="KEY=VALUE", help="A condition in place of the catalogue's."
+        ),
+    ] = None,
     what_if: Annotated[
         bool,
         typer.Option("--what-if", help="Also the choice without drives' masses or friction."),
@@ -291,13 +297,17 @@ def size(
 
     cycles = [trajectory, *(load_motion_of(scene, name, log) for name, _ in given[1:])]
     duty = Duty(tuple((c, share) for c, (_, share) in zip(cycles, given, strict=True)), on, period)
+    conditions = pairs(condition, "--condition", _number_or_name)
     with working(f"sizing {len(scene.drives)} drives"):
-        report = size_drives(scene, duty, catalog, on_miss="ignore")
+        report = size_drives(scene, duty, catalog, conditions=conditions, on_miss="ignore")
     if report.catalog is not None:
         read.extend(report.catalog.files)
     found = sizing_summary(report, what_if)
     cycles_given = [trajectory_name] if trajectory_name else [f"--cycle={x}" for x in cycle or ()]
-    command = _command_of_size(scene_name, [str(x) for x in cycles_given], on, period, catalog)
+    chosen = [f"--catalog={catalog}"] * bool(catalog) + [
+        f"--condition={x}" for x in condition or ()
+    ]
+    command = _command_of_size(scene_name, [str(x) for x in cycles_given], on, period, chosen)
     page = partial(sizing_page, report, command)
     files: Files = {"report.html": lambda path: path.write_text(page(), encoding="utf-8")}
     if bill := bill_of_materials(report):
@@ -319,12 +329,19 @@ def _cycles(trajectory_name: Any, cycle: list[str] | None) -> list[tuple[str, fl
     return given or [(str(trajectory_name), 1.0)]
 
 
+def _number_or_name(text: str) -> float | str:
+    """The value of a condition: `4` or `required`."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
 def _command_of_size(
-    scene: str, cycles: list[str], on: float, period: float, catalog: str | None
+    scene: str, cycles: list[str], on: float, period: float, chosen: list[str]
 ) -> str:
     """The command as its page shows it."""
     duty = [f"--on={on:g}", f"--period={period:g}"] if on != 1.0 else []
-    chosen = [f"--catalog={catalog}"] if catalog else []
     return shlex.join(["pinfric", "size", scene, *cycles, *duty, *chosen])
 
 

@@ -185,6 +185,24 @@ def test_size_prints_each_joints_demand_and_choice(capsys, tmp_path):
     }
 
 
+def test_size_takes_conditions(capsys, tmp_path):
+    size = ("size", "pendulum", "pendulum", "--catalog", "default", "--json")
+    asked = ("--condition", "peak_factor=1.7", "--condition", "holding_brake=required")
+    assert run(*size, *asked, "--out", str(tmp_path / "out")) == 0
+    (joint,) = result_of(capsys.readouterr().out)["joints"]
+    assert joint["installed"]["brake"]
+    (peak,) = (c for c in joint["installed"]["criteria"] if c["name"] == "peak torque")
+    assert run(*size) == 0
+    (joint,) = result_of(capsys.readouterr().out)["joints"]
+    (usual,) = (c for c in joint["installed"]["criteria"] if c["name"] == "peak torque")
+    assert peak["required"] == pytest.approx(usual["required"] * 1.7 / 1.2)
+    assert "--condition=peak_factor=1.7" in (tmp_path / "out/report.html").read_text()
+    assert run(*size, "--condition", "peak_factor") == cli.BAD_INPUT
+    assert "'peak_factor': should be NAME=VALUE" in capsys.readouterr().err
+    assert run(*size, "--condition", "peak=2") == cli.BAD_INPUT
+    assert "conditions: unknown key `peak`" in capsys.readouterr().err
+
+
 def test_size_takes_several_cycles_and_refuses_shares_that_do_not_add_up(files, capsys):
     size = ("size", "arm.yaml", "--cycle", "way.yaml:0.7", "--cycle", "way.yaml:")
     assert run(*size[:-1], "way.yaml:0.3", "--period", "100", "--on", "0.5", "--json") == 0
