@@ -52,7 +52,8 @@ NoLoadTorque = Annotated[
 #: Allowed difference of the curves over load and over speed where they meet.
 _APART = 0.02
 
-#: rad, 4 arcmin: the hysteresis loss that makers state of their smallest strain wave gears.
+#: rad, 4 arcmin: our choice, a third above the largest hysteresis loss that we read of a maker,
+#: "< 3 arcmin" at ratio 30 (Harmonic Drive, CHA engineering data 1018854; from 50 on "< 1").
 _LARGEST_HYSTERESIS = 1.2e-3
 
 

@@ -27,10 +27,17 @@ int main() {
   const Compensator compensator;
   const Options options;
   Instant instant;
+  bool good = true;
+  std::vector<State> moving(states);
+  for (int i = 0; i < states; ++i) {
+    moving[i].q = Freedoms::at(q[i].data());
+    moving[i].v = Freedoms::at(v[i].data());
+    moving[i].a = Freedoms::at(a[i].data());
+  }
   double out[Robot::drives], sum = 0.0, worst = 0.0;
   for (int i = 0; i < states; ++i) {
     pinocchio::rnea(model, data, q[i], v[i], a[i]);
-    compensator.rigid_body(q[i].data(), v[i].data(), a[i].data(), out);
+    good = compensator.rigid_body(moving[i], out) && good;
     for (int k = 0; k < n; ++k) worst = std::max(worst, std::fabs(out[k] - data.tau[k]));
   }
   std::vector<double> times[2];
@@ -41,8 +48,7 @@ int main() {
         if (which == 0) {
           sum += pinocchio::rnea(model, data, q[i], v[i], a[i])[0];
         } else {
-          compensator.motor_torque(q[i].data(), v[i].data(), a[i].data(), nullptr, nullptr, options,
-                                   out, instant);
+          good = compensator.motor_torque(moving[i], options, out, instant) && good;
           sum += out[0];
         }
       }
@@ -53,5 +59,5 @@ int main() {
   const double rnea = times[0][rounds / 2], ours = times[1][rounds / 2];
   std::printf("rnea %.3f us, motor_torque %.3f us, ratio %.2f; rigid bodies differ by %.1g (%g)\n", rnea,
               ours, ours / rnea, worst, sum > 1e300 ? sum : 0.0);
-  return 0;
+  return good ? 0 : 1;
 }

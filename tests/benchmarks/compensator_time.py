@@ -1,9 +1,9 @@
 """The compensator's `motor_torque` beside Pinocchio's C++ `rnea`, compiled alike, timed in one run.
 
-    python tests/benchmarks/compensator_time.py --eigen FOLDER
+    python tests/benchmarks/compensator_time.py [--eigen FOLDER]
 
-Pinocchio's headers are those of the wheel `pin`; Eigen's come with `pip install cmeel-eigen` or a
-system's package: FOLDER holds `Eigen/Core`. Batches of 500 states, medians of 41 rounds.
+Pinocchio's headers are those of the wheel `pin`; Eigen's come with the extra `bench` (cmeel-eigen)
+or a system's package: FOLDER holds `Eigen/Core`. Batches of 500 states, medians of 41 rounds.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from pinfric.model.robot import example_robot_data
 from pinfric.study.export.cpp import cpp_files, namespace
 
 PREFIX = next(p for p in Path(pin.__file__).parents if p.name == "cmeel.prefix")
+EIGEN = PREFIX / "include" / "eigen3"
 #: Pinocchio's list of joints is longer than Boost's lists are by default; as its CMake target sets.
 DEFINED = [
     *("-DBOOST_MPL_LIMIT_LIST_SIZE=30", "-DBOOST_MPL_LIMIT_VECTOR_SIZE=30"),
@@ -106,7 +107,7 @@ def compiled(scene, folder, flags, eigen):
 def main():
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--eigen", type=Path, default=PREFIX / "include" / "eigen3")
+    parser.add_argument("--eigen", type=Path, default=EIGEN)
     eigen = parser.parse_args().eigen
     for label, flags in FLAGS.items():
         for scene in arms():

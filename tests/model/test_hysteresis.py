@@ -113,9 +113,9 @@ def test_without_stiffness_check_finds_nothing_new():
     assert dataclasses.replace(scene).tool is None
 
 
-@pytest.mark.parametrize(("arcmin", "unlikely"), [(4.0, False), (5.0, True), (11.0, True)])
-def test_more_hysteresis_than_any_maker_states_is_asked_about(arcmin, unlikely):
-    """11 arcmin passed in silence: the warning began at 34."""
+@pytest.mark.parametrize(("arcmin", "unlikely"), [(3.0, False), (5.0, True), (11.0, True)])
+def test_more_hysteresis_than_makers_state_is_asked_about(arcmin, unlikely):
+    """Ratio 30: below 3 arcmin. 11 passed in silence: the warning began at 34."""
     gear = actuator(arcmin * ARCMIN).transmission
     said = [line for line in gear.questions() if "hysteresis" in line]
     assert bool(said) == unlikely

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 
+import compensator_time
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -541,3 +542,11 @@ def test_what_cannot_be_compensated_is_named(scene, message, frames):
     if not frames:
         with pytest.raises(PinfricError, match=message):
             made.solver().compensate(*np.zeros((4, made.model.nv)))
+
+
+@pytest.mark.slow
+@needs_compiler
+@pytest.mark.skipif(not compensator_time.EIGEN.is_dir(), reason="no Eigen (extra bench)")
+def test_the_program_that_times_it_compiles(tmp_path):
+    scene = bundled("ur10_machine_tending")
+    compensator_time.compiled(scene, tmp_path, ["-fsyntax-only"], compensator_time.EIGEN)
