@@ -358,6 +358,11 @@ def mujoco_friction(scene: Scene, model: Any) -> MujocoFriction:
     mujoco = _mujoco()
     if isinstance(model, mujoco.MjSpec):
         model = with_memory(mujoco, model, len(scene.joint_names))
+    if not isinstance(model, mujoco.MjModel):
+        raise PinfricError(
+            f"mujoco_friction: model is a {type(model).__name__}, not a mujoco.MjModel or MjSpec: "
+            "give mujoco.MjModel.from_xml_string(pf.export(scene).text)"
+        )
     return MujocoFriction(scene, model)
 
 
@@ -386,8 +391,32 @@ def _joints(mujoco: Any, scene: Scene, model: Any) -> list[int]:
                 f"{scene.source}: joint {name!r} is of another kind in the MuJoCo model: "
                 f"{kind(model.jnt_type[j]).name}, not {wanted.name}"
             )
+        if not np.allclose(model.jnt_axis[j], body.axis, rtol=0.0, atol=_SAME_POSE):
+            raise PinfricError(
+                f"{scene.source}: the axis of joint {name!r} is {model.jnt_axis[j].tolist()} in "
+                f"the MuJoCo model and {body.axis.tolist()} in the scene"
+            )
         found.append(j)
+    _check_nothing_between(scene, model, found)
     return found
+
+
+def _check_nothing_between(scene: Scene, model: Any, found: list[int]) -> None:
+    """Refuse further joints in the robot; a cart under it may have its own."""
+    for j, body in zip(found, bodies(scene), strict=True):
+        above = int(model.jnt_bodyid[found[body.parent]]) if body.parent >= 0 else None
+        at = int(model.jnt_bodyid[j])
+        while True:
+            first, count = model.body_jntadr[at], model.body_jntnum[at]
+            for more in {*range(first, first + count)} - {j}:
+                raise PinfricError(
+                    f"{scene.source}: the MuJoCo model has the joint {model.joint(more).name!r} "
+                    f"beside or above {body.joint.name!r}, which the scene has not: its robot is "
+                    "another"
+                )
+            at = int(model.body_parentid[at])
+            if above is None or at in (above, 0):
+                break
 
 
 def _check_solver(
@@ -400,8 +429,17 @@ def _check_solver(
             "mujoco_friction: the integrator RK4 solves friction four times a step; "
             "take implicitfast"
         )
-    if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS:
-        raise PinfricError("mujoco_friction: the model's flag frictionloss is disabled; enable it")
+    if not model.opt.timestep > 0.0:
+        raise PinfricError(
+            f"mujoco_friction: the model's time step is {model.opt.timestep:g} s; give one above 0"
+        )
+    bits = mujoco.mjtDisableBit
+    for bit, flag in (
+        (bits.mjDSBL_FRICTIONLOSS, "frictionloss"),
+        (bits.mjDSBL_CONSTRAINT, "constraint"),
+    ):
+        if model.opt.disableflags & bit:
+            raise PinfricError(f"mujoco_friction: the model's flag {flag} is disabled; enable it")
     for e in range(model.neq):
         pair = (int(model.eq_obj1id[e]), int(model.eq_obj2id[e]))
         if model.eq_type[e] == mujoco.mjtEq.mjEQ_JOINT and (hit := name.keys() & {*pair}):
@@ -416,6 +454,18 @@ def _check_solver(
                 f"mujoco_friction: a fixed tendon acts on joint {name[joint]!r}: its torque would "
                 "count as the gear's"
             )
+    sprung = np.array(model.tendon_stiffness != 0.0)
+    sprung |= getattr(model, "tendon_stiffnesspoly", sprung[:, None]).any(axis=1)
+    data, lengths = mujoco.MjData(model), []
+    for place in np.random.default_rng(0).uniform(-1.0, 1.0, (2, len(joints))):
+        data.qpos[model.jnt_qposadr[joints]] = place
+        mujoco.mj_fwdPosition(model, data)
+        lengths.append(data.ten_length.copy())
+    for k in np.flatnonzero(sprung & (lengths[0] != lengths[1])):
+        raise PinfricError(
+            f"mujoco_friction: tendon {model.tendon(k).name!r} pulls the robot with a spring, "
+            "whose force would count twice: use a limit of its length"
+        )
     for d in scene.drives:
         if d.couples:
             raise PinfricError(
@@ -433,7 +483,7 @@ def _check_same_robot(mujoco: Any, friction: MujocoFriction, tree: Any) -> None:
     scene, plain = friction.scene, copy.deepcopy(friction.model)
     bits = mujoco.mjtDisableBit
     plain.opt.disableflags |= bits.mjDSBL_CONSTRAINT | bits.mjDSBL_ACTUATION
-    plain.dof_armature[:] = 0.0
+    plain.dof_armature[:] = plain.tendon_stiffness[:] = plain.tendon_damping[:] = 0.0
     data, pins = mujoco.MjData(plain), scene.loaded_model()
     of, rng = pins.createData(), np.random.default_rng(0)
     for _ in range(3):
@@ -446,11 +496,20 @@ def _check_same_robot(mujoco: Any, friction: MujocoFriction, tree: Any) -> None:
         mujoco.mj_rnePostConstraint(plain, data)
         full = _configuration(pins, q)
         pin.rnea(pins, of, full, v, a)
+        pin.updateGlobalPlacements(pins, of)
         found = friction.wrench(data)
         for row, body in enumerate(tree):
             here, above = friction._body[row], friction._body[body.parent]
             turn, place = data.xmat[here].reshape(3, 3), data.xpos[here]
-            if body.parent >= 0:
+            if body.parent < 0:
+                down = scene.model.gravity.linear
+                apart = turn.T @ down - of.oMi[row + 1].rotation.T @ down
+                if np.abs(apart).max() > _SAME_POSE * np.abs(down).max():
+                    raise PinfricError(
+                        f"{scene.source}: gravity has another direction at joint "
+                        f"{body.joint.name!r} in the MuJoCo model: its base is turned"
+                    )
+            else:
                 base = data.xmat[above].reshape(3, 3)
                 turn, place = base.T @ turn, base.T @ (place - data.xpos[above])
                 apart = of.liMi[row + 1].rotation.T @ turn
@@ -463,7 +522,7 @@ def _check_same_robot(mujoco: Any, friction: MujocoFriction, tree: Any) -> None:
                         "scene has it (axis, place, zero or order of joints); `pf.export(scene)` "
                         "writes a model that fits"
                     )
-        for row, body in enumerate(tree):
+        for row, body in reversed(list(enumerate(tree))):
             wanted = of.f[row + 1].vector
             missed = np.abs(found[row] - wanted).max()
             if missed > _SAME_WRENCH * max(np.abs(wanted).max(), 1.0):

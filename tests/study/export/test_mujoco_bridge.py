@@ -223,13 +223,27 @@ def test_a_gear_that_jams_is_refused():
 
 def test_a_model_of_another_robot_is_named():
     scene = arm()
-    with pytest.raises(PinfricError, match=r"masses beyond joint 'shoulder_pan_joint' .* payload"):
+    with pytest.raises(PinfricError, match=r"masses beyond joint 'wrist_3_joint' .* payload"):
         pf.mujoco_friction(scene, model_of(arm(5.0)))
     with pytest.raises(PinfricError, match=r"no joint 'elbow_joint'"):
         pf.mujoco_friction(scene, model_of(scene, edit={"elbow_joint": "elbow"}))
     turned = {'name="elbow_joint" axis="0.0 1.0 0.0"': 'name="elbow_joint" axis="0.0 1.0 0.1"'}
-    with pytest.raises(PinfricError, match="joint 'elbow_joint' is another in the MuJoCo model"):
+    with pytest.raises(PinfricError, match="the axis of joint 'elbow_joint' is"):
         pf.mujoco_friction(scene, model_of(scene, edit=turned))
+    shifted = {'pos="0.0 -0.1719 0.612"': 'pos="0.0 -0.1719 0.613"'}
+    with pytest.raises(PinfricError, match="joint 'elbow_joint' is another in the MuJoCo model"):
+        pf.mujoco_friction(scene, model_of(scene, edit=shifted))
+    first = {
+        'name="shoulder_pan_joint" axis="0.0 0.0 1.0"': 'name="shoulder_pan_joint" axis="0 0 -1"'
+    }
+    with pytest.raises(PinfricError, match="the axis of joint 'shoulder_pan_joint' is"):
+        pf.mujoco_friction(scene, model_of(scene, edit=first))
+    between = {'<joint name="elbow_joint"': '<joint name="more"/><joint name="elbow_joint"'}
+    with pytest.raises(PinfricError, match="has the joint 'more' beside or above 'elbow_joint'"):
+        pf.mujoco_friction(scene, model_of(scene, edit=between))
+    tilted = {'pos="0.0 0.0 0.1273" quat="1.0 0.0': 'pos="0.0 0.0 0.1273" quat="1.0 0.01'}
+    with pytest.raises(PinfricError, match="gravity has another direction at joint 'shoulder_pan"):
+        pf.mujoco_friction(scene, model_of(scene, edit=tilted))
     slid = {'axis="0.0 1.0 0.0" type="hinge"': 'axis="0.0 1.0 0.0" type="slide"'}
     with pytest.raises(PinfricError, match="is of another kind"):
         pf.mujoco_friction(scene, model_of(scene, edit=slid))
@@ -242,6 +256,10 @@ def test_a_model_of_another_robot_is_named():
     ("edit", "message"),
     [
         ({'integrator="implicitfast"': 'integrator="RK4"'}, "RK4"),
+        (
+            {"<worldbody>": '<option><flag constraint="disable"/></option><worldbody>'},
+            "flag constraint is disabled",
+        ),
         (
             {"<actuator>": '<equality><joint joint1="elbow_joint"/></equality><actuator>'},
             "an equality acts on joint 'elbow_joint'",
@@ -258,6 +276,81 @@ def test_a_model_of_another_robot_is_named():
 def test_what_would_change_friction_is_refused(edit, message):
     with pytest.raises(PinfricError, match=message):
         pf.mujoco_friction(arm(), model_of(arm(), edit=edit))
+
+
+ROPE = '<tendon><spatial name="rope" {}><site site="wall"/><site site="tool"/></spatial></tendon>'
+
+
+def tied(more, sites=False):
+    """The arm's model with something that holds its last link."""
+    text = pf.export(arm()).text.replace("<actuator>", more + "<actuator>")
+    if sites:
+        start = text.index('<joint name="wrist_3_joint"')
+        text = text[:start] + '<site name="tool" pos="0 0 0.1"/>' + text[start:]
+        text = text.replace("<worldbody>", '<worldbody><site name="wall" pos="1 1 1"/>')
+    return mujoco.MjModel.from_xml_string(text)
+
+
+HOLDS = {
+    "connect": ('<connect body1="wrist_3_link" body2="world" anchor="0 0 0.05"/>', False),
+    "weld": ('<weld body1="wrist_3_link" body2="upper_arm_link"/>', False),
+    "rope": (ROPE.format('limited="true" range="0 0.5"'), True),
+}
+
+
+@pytest.mark.parametrize("kind", HOLDS)
+def test_what_holds_a_link_loads_its_joints(kind):
+    """What passes each joint is the torque on it: what acts on links is no torque of a drive."""
+    more, sites = HOLDS[kind]
+    model = tied(more if sites else f"<equality>{more}</equality>", sites)
+    friction, data = pf.mujoco_friction(arm(), model), mujoco.MjData(model)
+    data.qpos[:] = [0.3, -1.2, 1.5, -0.4, 0.8, 0.1]
+    friction.start(data)
+    for _ in range(10):
+        friction.step(data)
+    limit = model.dof_frictionloss.copy()
+    mujoco.mj_forward(model, data)
+    mujoco.mj_rnePostConstraint(model, data)
+    rows = data.efc_type == mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF
+    torque = np.zeros(6)
+    torque[data.efc_id[rows]] = data.efc_force[rows]
+    beside = np.abs(data.qfrc_constraint - torque).max()
+    torque += data.qfrc_actuator + data.qfrc_damper - model.dof_armature * data.qacc
+    axes = np.array([model.jnt_axis[j] for j in range(6)])
+    passing = (friction.wrench(data)[:, 3:] * axes).sum(axis=1)
+    np.testing.assert_allclose(passing, torque, atol=1e-10)
+    assert beside > 5.0
+    assert (np.abs(data.efc_force[rows]) <= limit[data.efc_id[rows]] + 1e-9).all()
+
+
+def test_a_spring_between_wall_and_tool_is_refused():
+    with pytest.raises(PinfricError, match="tendon 'rope' pulls the robot with a spring"):
+        pf.mujoco_friction(arm(), tied(ROPE.format('stiffness="500"'), True))
+
+
+@pytest.mark.parametrize("model", [None, "<mujoco/>"])
+def test_what_is_no_model_is_refused(model):
+    with pytest.raises(PinfricError, match=r"model is a (NoneType|str), not a mujoco\.MjModel"):
+        pf.mujoco_friction(slider(), model)
+
+
+def test_a_time_step_of_nothing_is_refused():
+    model = model_of(slider())
+    model.opt.timestep = 0.0
+    with pytest.raises(PinfricError, match="time step is 0 s; give one above 0"):
+        pf.mujoco_friction(slider(), model)
+
+
+def test_a_robot_may_stand_on_a_cart():
+    """Joints under the base are no concern of its friction."""
+    cart = '<worldbody><body><freejoint/><geom size="0.3" mass="50"/>'
+    edit = {"<worldbody>": cart, "</worldbody>": "</body></worldbody>"}
+    friction = pf.mujoco_friction(arm(), model_of(arm(), edit=edit))
+    data = mujoco.MjData(friction.model)
+    friction.start(data)
+    friction.step(data)
+    assert friction.model.nv == 12
+    assert (friction.limit(data) > 0.1).all()
 
 
 def test_scenes_that_it_cannot_hold_are_refused():
