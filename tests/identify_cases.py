@@ -291,4 +291,14 @@ def whole_friction(found: Identified, name: str, speed: float) -> np.ndarray:
     )
     for way in ("positive", "negative"):
         total = total + 0.5 * found.posterior.get(f"{section}.{name}.{dry}.{way}", none)
-    return ratio * total
+    return ratio * total + excess(found.scene, name, speed)
+
+
+def excess(scene: pf.Scene, name: str, speed: float) -> float:
+    """What is left at a speed of the excess of a joint's friction at rest, mean of both ways."""
+    entry = scene.friction.get(name)
+    if entry is None or entry.stribeck is None or entry.coulomb is None:
+        return 0.0
+    ways = entry.coulomb.positive, entry.coulomb.negative
+    left = np.exp(-((speed / entry.stribeck.velocity) ** entry.stribeck.exponent))
+    return 0.5 * float(left) * sum(way.static - way.kinetic for way in ways)

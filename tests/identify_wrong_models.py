@@ -44,9 +44,9 @@ FILTER, PLAY, OFFSET, PAYLOAD = 5.0, 4e-3, 0.3, 3.0
 
 
 @cache
-def stribeck_truth(velocity: float = FALL) -> pf.Scene:
+def stribeck_truth(velocity: float = FALL, exponent: float = 2.0) -> pf.Scene:
     """The robot with friction that falls from rest to motion."""
-    return with_static(STATIC, stribeck={"velocity": velocity})
+    return with_static(STATIC, stribeck={"velocity": velocity, "exponent": exponent})
 
 
 def coulomb(v: np.ndarray) -> np.ndarray:
@@ -57,6 +57,26 @@ def coulomb(v: np.ndarray) -> np.ndarray:
 
 def _stribeck(seed: int, motion: Motion) -> Simulated:
     return motion, motor_effort(stribeck_truth(), motion)
+
+
+def _slow_stribeck(seed: int, motion: Motion) -> Simulated:
+    """Friction that falls as exp(-|v|/v_s)."""
+    return motion, motor_effort(stribeck_truth(exponent=1.0), motion)
+
+
+def _warm_up(seed: int, motion: Motion) -> Simulated:
+    """Friction that falls by a share while the robot warms up; its mean over time is the truth."""
+    cooling = np.exp(-3.0 * motion.t / motion.t[-1])
+    share = WARM_UP * (cooling - cooling.mean())[:, None]
+    change = share * (coulomb(motion.v) + motion.v * VISCOUS)
+    return motion, motor_effort(truth(), motion) + change
+
+
+def _late(seed: int, motion: Motion) -> Simulated:
+    """Efforts that lag behind by more than usual."""
+    effort = motor_effort(truth(), motion)
+    late = [np.interp(motion.t - LATE, motion.t, y) for y in effort.T]
+    return motion, np.column_stack(late)
 
 
 def _by_angle(seed: int, motion: Motion) -> Simulated:
@@ -113,16 +133,22 @@ def _payload(seed: int, motion: Motion) -> Simulated:
     return motion, effort
 
 
+#: Share of friction that is lost as a robot warms up; s of a further delay.
+WARM_UP, LATE = 0.2, 0.02
+
 #: Name -> what a seed makes of a motion.
 CASES: dict[str, Callable[[int, Motion], Simulated]] = {
     "true": lambda seed, motion: (motion, motor_effort(truth(), motion)),
     "stribeck": _stribeck,
+    "stribeck 1": _slow_stribeck,
     "position": _by_angle,
     "motor turn": _by_motor_turn,
     "filter": _filtered,
     "play": _play,
     "offset": _offset,
     "payload": _payload,
+    "warm-up": _warm_up,
+    "delay": _late,
 }
 
 

@@ -6,8 +6,10 @@ Each seed is a UR5 as tests/identify_cases.py makes it: 60 s at 250 Hz, 18 bits,
 and autocorrelated noise of 2 %, efforts 4 ms late, masses wrong by 20 %. The cases are the true
 model and those of tests/identify_wrong_models.py; "no bearing" leaves the elbow's bearing out of
 the scene. For each case the table has the coverage of the 95 % intervals, the seeds that report
-lack of fit, the largest error of the delay, the largest error on an unseen motion, and by how much
-errors on logs that nothing was fitted to exceed those reported of held-out blocks.
+lack of fit, the largest error of the delay, the largest error on an unseen motion, by how much
+errors on logs that nothing was fitted to exceed those reported of held-out blocks, and for the
+whole friction at 0.5 rad/s of the joints without hidden loads its stated deviation and its true
+error (RMS over joints and seeds).
 """
 
 from __future__ import annotations
@@ -28,18 +30,25 @@ from identify_cases import (
     DELAY,
     EFFICIENCY,
     MU,
+    NAMES,
     VISCOUS,
+    excess,
     excitation,
     guess,
     motor_effort,
     truth,
+    whole_friction,
 )
-from identify_wrong_models import CASES, FALL, STATIC, stribeck_truth, wrong_log
+from identify_wrong_models import CASES, FALL, LATE, STATIC, stribeck_truth, wrong_log
 
 import pinfric as pf
 from pinfric.errors import IdentificationError
 from pinfric.study.identify.identify import Identified
 
+#: Friction that falls from rest to motion: case -> exponent of the speed.
+STRIBECK = {"stribeck": 2.0, "stribeck 1": 1.0}
+#: Joints whose friction does not depend on the load, and the speed at which it is compared, rad/s.
+UNLOADED, SPEED = (0, 3, 4, 5), 0.5
 #: The scene lacks what the robot has: the bearing of the elbow.
 NO_BEARING = "no bearing"
 
@@ -57,6 +66,7 @@ class Outcome:
         outside: keys of the intervals that do not hold it.
         beyond: error on a log that no step has seen over that on held-out blocks, whose loads,
             delay and weights are those of all blocks; mean of the joints, each by its effort.
+        whole: (2, joints) stated deviation and true error of the whole friction, as shares of it.
     """
 
     inside: int
@@ -67,6 +77,7 @@ class Outcome:
     seconds: float
     outside: tuple[str, ...]
     beyond: float
+    whole: np.ndarray
 
 
 def hidden(case: str) -> dict[str, tuple[float, float]]:
@@ -75,10 +86,10 @@ def hidden(case: str) -> dict[str, tuple[float, float]]:
     for name, ways, viscous in zip(names, COULOMB, VISCOUS, strict=True):
         for way, value in zip(("positive", "negative"), ways, strict=True):
             known[f"friction.{name}.coulomb.{way}"] = value, value
-            if case == "stribeck":
+            if case in STRIBECK:
                 known[f"friction.{name}.coulomb.{way}.static"] = STATIC * value, STATIC * value
         known[f"friction.{name}.viscous"] = viscous, viscous
-        if case == "stribeck":
+        if case in STRIBECK:
             known[f"friction.{name}.stribeck.velocity"] = FALL, FALL
     equal = 1.0 / (2.0 - BACK_EFFICIENCY)
     known[f"friction.{names[2]}.mu"] = MU, MU
@@ -107,7 +118,8 @@ def outcome(case: str, seed: int) -> Outcome | None:
         if p.key in known
     }
     motion = excitation(99, 20.0, 100.0)
-    true = motor_effort(stribeck_truth() if case == "stribeck" else truth(), motion)
+    robot = stribeck_truth(exponent=STRIBECK[case]) if case in STRIBECK else truth()
+    true = motor_effort(robot, motion)
     off = true - motor_effort(found.scene, motion)
     error = np.sqrt(np.mean(off**2, axis=0) / np.mean(true**2, axis=0))
     outside = tuple(key for key, hit in hits.items() if not hit)
@@ -120,13 +132,24 @@ def outcome(case: str, seed: int) -> Outcome | None:
     return Outcome(
         sum(hits.values()),
         len(hits),
-        found.delay - DELAY,
+        found.delay - DELAY - LATE * (case == "delay"),
         error,
         misfits(found),
         seconds,
         outside,
         float(np.mean(shares[:, 1] / shares[:, 0])),
+        whole(found, robot),
     )
+
+
+def whole(found: Identified, robot: pf.Scene) -> np.ndarray:
+    """Return stated deviations and true errors (2, joints) of friction, as shares of it."""
+    result = []
+    for j in UNLOADED:
+        true = np.mean(COULOMB[j]) + VISCOUS[j] * SPEED + excess(robot, NAMES[j], SPEED)
+        draws = whole_friction(found, NAMES[j], SPEED)
+        result.append((float(np.std(draws)) / true, float(np.mean(draws)) / true - 1.0))
+    return np.array(result).T
 
 
 def misfits(found: Identified) -> int:
@@ -134,9 +157,17 @@ def misfits(found: Identified) -> int:
     return sum(line.startswith("lack of fit") for line in found.notes)
 
 
+def rms(x: object) -> float:
+    """Return the root of a mean square."""
+    return float(np.sqrt(np.mean(np.square(x))))
+
+
 def study(cases: list[str], seeds: range) -> Iterator[str]:
     """Yield the table's lines."""
-    yield "case       coverage  lack of fit  delay off  unseen motion off  unseen log/blocks  time"
+    yield (
+        "case       coverage  lack of fit  delay off  unseen motion off  unseen log/blocks  time  "
+        "friction: stated, true"
+    )
     for case in cases:
         every, refused = [], 0
         for seed in seeds:
@@ -148,7 +179,8 @@ def study(cases: list[str], seeds: range) -> Iterator[str]:
             print(
                 f"  {case} {seed}: {one.inside}/{one.known}, {one.misfits} misfits, delay "
                 f"{1e3 * one.delay:+.2f} ms, unseen {one.unseen.max():.2%} at joint "
-                f"{1 + one.unseen.argmax()}; {' '.join(one.outside)}",
+                f"{1 + one.unseen.argmax()}, friction {100 * rms(one.whole[0]):.2f} % stated, "
+                f"{100 * rms(one.whole[1]):.2f} % off; {' '.join(one.outside)}",
                 file=sys.stderr,
                 flush=True,
             )
@@ -161,7 +193,8 @@ def study(cases: list[str], seeds: range) -> Iterator[str]:
             f"{1e3 * max(abs(o.delay) for o in every):7.2f} ms "
             f"{max(o.unseen.max() for o in every):18.2%} "
             f"{np.mean([o.beyond for o in every]):12.3f} "
-            f"{np.median([o.seconds for o in every]):14.1f} s"
+            f"{np.median([o.seconds for o in every]):14.1f} s  "
+            f"{rms([o.whole[0] for o in every]):6.2%} {rms([o.whole[1] for o in every]):6.2%}"
             f"{f', {refused} refused' * bool(refused)}"
         )
 

@@ -401,7 +401,7 @@ def reloaded(found: Estimate, one: Prepared) -> Prepared:
         for name, p in SPEEDS.items():
             inner[:, j] += values[SLOT[name]] * sign * np.abs(v[:, j]) ** p
         if found.falls and (fall := found.falls[j]) is not None:
-            inner[:, j] += falling(v[:, j], fall.velocity) * (
+            inner[:, j] += falling(v[:, j], fall.velocity, fall.exponent) * (
                 values[SLOT[FALL_FORWARD]] * (sign > 0.0)
                 - values[SLOT[FALL_BACKWARD]] * (sign < 0.0)
             )

@@ -107,6 +107,12 @@ def _misfits(found: Estimate, shapes: Sequence[Misfit]) -> list[str]:
             f"{abs(half):.2g} {unit} in the effort sensor would explain it; intervals are "
             "widened to contain both"
         )
+    lines += [
+        f"{found.scene.joint_names[j]}: friction falls from rest to motion as well with the "
+        f"exponent {fall.other.exponent:g} as with {fall.exponent:g}; intervals contain both"
+        for j, fall in enumerate(found.falls)
+        if fall is not None and fall.other is not None and found.choice.laws[j].stribeck
+    ]
     return lines
 
 

@@ -282,7 +282,7 @@ def _entries(
     if law.stribeck and fitted[[SLOT[name] for name in RESTING]].any():
         fall = found.falls[joint]
         assert fall is not None  # its law has one
-        friction["stribeck"] = {"velocity": _rounded(fall.velocity)}
+        friction["stribeck"] = {"velocity": _rounded(fall.velocity), "exponent": fall.exponent}
     if law.load == "gear" and law.both_ways:
         gear["back_efficiency"] = "same_loss"
     # behind a gear whose losses grow with this friction, it is the joint's own

@@ -1,9 +1,9 @@
 """Stribeck friction of one joint: friction that falls from rest to motion, and at which speed.
 
-    friction = ... + e+ s(v) [v > 0] - e- s(v) [v < 0],    s = exp(-(v/v_s)^2)
+    friction = ... + e+ s(v) [v > 0] - e- s(v) [v < 0],    s = exp(-(|v|/v_s)^n),  n = 1 or 2
 
-e+ and e- are coefficients like all others. The model is not linear in the speed v_s, so the v_s
-that leaves the least residual is searched; the covariance has a column for it, d/d(log v_s).
+e+ and e- are coefficients like all others. The model is not linear in n and the speed v_s, so those
+that leave the least residual are searched; the covariance has a column for v_s, d/d(log v_s).
 """
 
 from __future__ import annotations
@@ -30,6 +30,11 @@ FloatArray = NDArray[np.float64]
 _LEAST_GAIN = 0.04
 #: Speeds that are tried, from the slowest logged sliding to half the fastest.
 _TRIED = 12
+#: n that are tried.
+_EXPONENTS = (1.0, 2.0)
+#: Exponents fit alike whose residuals' sums of squares differ by less than this share: with known
+#: truth it was 1.4 % at most where the wrong one left less.
+_ALIKE = 0.02
 #: How far log v_s is searched about the best speed tried.
 _AROUND = 1.0
 _FALLS = [SLOT[FALL_FORWARD], SLOT[FALL_BACKWARD]]
@@ -41,12 +46,16 @@ class Fall:
 
     Attributes:
         velocity: v_s, at which 1/e of the excess is left, rad/s or m/s.
+        exponent: n.
         forward, backward: the excess at rest, N m or N, about which d/d(log v_s) is taken.
+        other: the best fall with another exponent, where it fits as well.
     """
 
     velocity: float
+    exponent: float
     forward: float
     backward: float
+    other: Fall | None = None
 
 
 def find_fall(
@@ -78,32 +87,49 @@ def find_fall(
         values: FloatArray = np.linalg.lstsq(own, rest, rcond=1e-8)[0].astype(float)
         return float(np.sum((own @ values) ** 2)) * bool(values.min() > 0.0), values
 
-    def passed(log_velocity: float) -> FloatArray:
-        parts = [
-            _ways(one.recording.velocity[:, joint], float(np.exp(log_velocity))) for one in prepared
-        ]
-        return np.concatenate(
-            [
-                _low_passed(one, part)[one.slides[:, joint]]
-                for one, part in zip(prepared, parts, strict=True)
-            ]
-        )
-
     low, high = np.log(np.quantile(speed, (0.01, 0.98)) * (1.0, 0.5))
     tried = np.linspace(low, high, _TRIED)
-    # first without the low pass, which changes little away from rest
-    gains = [fitted(_ways(rows.velocity, float(np.exp(x))))[0] for x in tried]
-    if max(gains) < _LEAST_GAIN * float(rest @ rest):
+    found: list[tuple[float, Fall]] = []
+    for n in _EXPONENTS:
+        # first without the low pass, which changes little away from rest
+        gains = [fitted(_ways(rows.velocity, float(np.exp(x)), n))[0] for x in tried]
+        if max(gains) < _LEAST_GAIN * float(rest @ rest):
+            continue
+        middle = tried[int(np.argmax(gains))]
+        ends = max(middle - _AROUND, low - _AROUND), min(middle + _AROUND, high)
+        best = float(
+            minimize_scalar(
+                lambda x, n=n: -fitted(_passed(prepared, joint, float(np.exp(x)), n))[0],
+                bounds=ends,
+                method="bounded",
+                options={"xatol": 5e-3},
+            ).x
+        )
+        velocity = float(np.exp(best))
+        gain, values = fitted(_passed(prepared, joint, velocity, n))
+        if gain > 0.0:
+            found.append((gain, Fall(velocity, n, *values.tolist())))
+    if not found:
         return None
-    middle = tried[int(np.argmax(gains))]
-    ends = max(middle - _AROUND, low - _AROUND), min(middle + _AROUND, high)
-    found = float(
-        minimize_scalar(
-            lambda x: -fitted(passed(x))[0], bounds=ends, method="bounded", options={"xatol": 5e-3}
-        ).x
+    (gain, fall), *others = sorted(found, key=lambda one: -one[0])
+    alike = [other for own, other in others if gain - own < _ALIKE * (float(rest @ rest) - gain)]
+    return replace(fall, other=alike[0]) if alike else fall
+
+
+def beside_other(prepared: Sequence[Prepared], joint: int, fall: Fall) -> FloatArray:
+    """Return (n,) by how much more friction `fall.other` is than `fall`, of a joint's rows.
+
+    Args:
+        prepared: the logs.
+        joint: which one.
+        fall: of its friction, with another one that fits as well.
+    """
+    assert fall.other is not None
+    now, other = (
+        _passed(prepared, joint, one.velocity, one.exponent) @ [one.forward, one.backward]
+        for one in (fall, fall.other)
     )
-    gain, values = fitted(passed(found))
-    return Fall(float(np.exp(found)), *values.tolist()) if gain > 0.0 else None
+    return np.asarray(other - now)
 
 
 def with_falls(prepared: Prepared, falls: tuple[Fall | None, ...]) -> Prepared:
@@ -120,16 +146,30 @@ def with_falls(prepared: Prepared, falls: tuple[Fall | None, ...]) -> Prepared:
             slots[:, j, at] = 0.0
             continue
         v = recording.velocity[:, j]
-        ways = _ways(v, fall.velocity)
-        slope = 2.0 * (v / fall.velocity) ** 2 * (ways @ [fall.forward, fall.backward])
+        n, ways = fall.exponent, _ways(v, fall.velocity, fall.exponent)
+        slope = n * np.abs(v / fall.velocity) ** n * (ways @ [fall.forward, fall.backward])
         slots[:, j, at] = _low_passed(prepared, np.column_stack((ways, slope)))
     return replace(prepared, slots=slots)
 
 
-def _ways(v: FloatArray, velocity: float) -> FloatArray:
+def _ways(v: FloatArray, velocity: float, exponent: float) -> FloatArray:
     """Columns (n, 2) of what is left of the excess, forward and backward."""
-    left = falling(v, velocity)
+    left = falling(v, velocity, exponent)
     return np.column_stack((left * (v > 0.0), -left * (v < 0.0)))
+
+
+def _passed(
+    prepared: Sequence[Prepared], joint: int, velocity: float, exponent: float
+) -> FloatArray:
+    """Columns (n, 2) of a joint's rows in all logs."""
+    return np.concatenate(
+        [
+            _low_passed(one, _ways(one.recording.velocity[:, joint], velocity, exponent))[
+                one.slides[:, joint]
+            ]
+            for one in prepared
+        ]
+    )
 
 
 def _low_passed(prepared: Prepared, columns: FloatArray) -> FloatArray:
@@ -139,11 +179,12 @@ def _low_passed(prepared: Prepared, columns: FloatArray) -> FloatArray:
     return np.asarray(columns[prepared.kept])
 
 
-def falling(v: FloatArray, velocity: float) -> FloatArray:
-    """Return exp(-(v/v_s)^2), what is left of the excess at rest.
+def falling(v: FloatArray, velocity: float, exponent: float) -> FloatArray:
+    """Return exp(-(|v|/v_s)^n), what is left of the excess at rest.
 
     Args:
         v: speeds, rad/s or m/s.
         velocity: v_s, rad/s or m/s.
+        exponent: n.
     """
-    return np.exp(-((v / velocity) ** 2))
+    return np.exp(-(np.abs(v / velocity) ** exponent))

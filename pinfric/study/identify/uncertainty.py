@@ -34,6 +34,7 @@ from pinfric.study.identify.laws import (
 )
 from pinfric.study.identify.misfit import DIRECTIONS, Misfit, uneven
 from pinfric.study.identify.normal import Normal, above_zero, residuals
+from pinfric.study.identify.stribeck import beside_other
 
 FloatArray = NDArray[np.float64]
 
@@ -138,7 +139,8 @@ def uncertainty(found: Estimate, shapes: Sequence[Misfit] = ()) -> Uncertainty:
     within = moved.T @ moved
     seen = [replace(one, columns=one.columns[:, : one.shown]) for one in shapes]
     of_joints = [[one for one in seen if one.joint == j] for j in {one.joint for one in shapes}]
-    for off in (*(bias(found, own, place) for own in of_joints), *_one_sided(found, place)):
+    biases = [bias(found, own, place) for own in of_joints]
+    for off in (*biases, *_one_sided(found, place), *_other_falls(found, place)):
         within += np.outer(off, off)
     between, logs = for_a_further_log(found, place)
     return Uncertainty(place, within, between, count - 1, logs, between_logs(found))
@@ -178,11 +180,7 @@ def bias(found: Estimate, shapes: Sequence[Misfit], place: NDArray[np.int64]) ->
         place: (n,) of the coefficients above zero among (nj K,).
     """
     problem, p = found.problem, found.fit.theta.size
-    every = Normal.of(problem.grams, np.ones(problem.folds.size, dtype=bool), problem.weights)
-    cross, beside = every.cross[:, place], gradients(found, shapes, place)
-    left = np.block([[every.rigid, cross], [cross.T, every.slots[np.ix_(place, place)]]])
-    if not problem.prior.kept:
-        left[:p, :p] += np.diag(every.rows * problem.prior.weight)
+    left, beside = _left(found, place), gradients(found, shapes, place)
     joint, columns = shapes[0].joint, np.hstack([one.columns for one in shapes])
     weighed = columns * _row_weights(found, joint)
     left = np.block([[left, beside.T], [beside, columns.T @ weighed]])
@@ -190,9 +188,54 @@ def bias(found: Estimate, shapes: Sequence[Misfit], place: NDArray[np.int64]) ->
     right = np.append(np.zeros(p + place.size), off)
     if problem.prior.kept:
         left, right, p = left[p:, p:], right[p:], 0
+    return _solved(left, right)[p : p + place.size]
+
+
+def _left(found: Estimate, place: NDArray[np.int64]) -> FloatArray:
+    """(p + n, p + n) the left side of the estimate's normal equations."""
+    problem, p = found.problem, found.fit.theta.size
+    every = Normal.of(problem.grams, np.ones(problem.folds.size, dtype=bool), problem.weights)
+    cross = every.cross[:, place]
+    left = np.block([[every.rigid, cross], [cross.T, every.slots[np.ix_(place, place)]]])
+    if not problem.prior.kept:
+        left[:p, :p] += np.diag(every.rows * problem.prior.weight)
+    return left
+
+
+def _solved(left: FloatArray, right: FloatArray) -> FloatArray:
     size = np.sqrt(np.maximum(np.diag(left), 1e-300))
     scaled = left / np.outer(size, size) + _RIDGE * np.eye(size.size)
-    return np.asarray((np.linalg.solve(scaled, right / size) / size)[p : p + place.size])
+    return np.asarray(np.linalg.solve(scaled, right / size) / size)
+
+
+def _other_falls(found: Estimate, place: NDArray[np.int64]) -> Iterator[FloatArray]:
+    """Yield (n,) half the changes of the coefficients with another fall that fits as well.
+
+    Half, so that an interval of two standard deviations reaches the other fall's coefficients.
+    """
+    K, p = len(SLOTS), found.fit.theta.size
+    for j, fall in enumerate(found.falls):
+        if fall is None or fall.other is None or not found.choice.laws[j].stribeck:
+            continue
+        other = fall.other
+        direct = {
+            FALL_FORWARD: other.forward - fall.forward,
+            FALL_BACKWARD: other.backward - fall.backward,
+            FALL_SPEED: float(np.log(other.velocity / fall.velocity)),
+        }
+        own = [j * K + SLOT[name] for name in direct]
+        rest, off = place[~np.isin(place, own)], np.zeros(place.size)
+        to, columns = of_joint(rest, j, p)
+        rows, right = found.rows[j], np.zeros(p + rest.size)
+        more = beside_other(found.prepared, j, fall)[:, None] * _row_weights(found, j)
+        right[to] = -(np.hstack((rows.rigid, rows.slots))[:, columns].T @ more)[:, 0]
+        left = _left(found, rest)
+        if found.problem.prior.kept:
+            left, right = left[p:, p:], right[p:]
+        off[~np.isin(place, own)] = _solved(left, right)[right.size - rest.size :]
+        for at, change in zip(own, direct.values(), strict=True):
+            off[place == at] = change
+        yield 0.5 * off
 
 
 def _one_sided(found: Estimate, place: NDArray[np.int64]) -> Iterator[FloatArray]:
