@@ -18,6 +18,9 @@ INTERRUPTED = 130
 _LINE = b"pinfric: error: interrupted\n"
 #: Where LLVM calls back, what Python raises is printed and lost: asked again so much later (s).
 _COMPILER, _AGAIN = f"{os.sep}llvmlite{os.sep}", 0.02
+#: Other C code that calls back may clear it without a word (NumPy, in an array's subclass): raised
+#: again so much later (s), unless it is being handled.
+_LOST = 0.5
 #: Files whose functions tidy up what is half done, if an interrupt is raised below them.
 _TIDIES = tuple(
     os.path.join("pinfric", *file)
@@ -68,9 +71,19 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
         signal.setitimer(signal.ITIMER_REAL, _AGAIN)
         return
     if not importing:
+        signal.setitimer(signal.ITIMER_REAL, _LOST)
+        if _is_handled(sys.exc_info()[1]):
+            return
         raise KeyboardInterrupt
     os.write(2, (_TIDY if os.isatty(2) else b"") + _LINE)
     os._exit(INTERRUPTED)
+
+
+def _is_handled(error: BaseException | None) -> bool:
+    """Whether the code that runs tidies up after an interrupt."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__context__
+    return error is not None
 
 
 def _end_workers() -> None:

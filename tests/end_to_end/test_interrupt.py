@@ -162,6 +162,21 @@ def test_the_code_is_one():
     assert pinfric.__main__.INTERRUPTED == cli.INTERRUPTED
 
 
+@pytest.fixture
+def handlers():
+    """The command line's, with a Ctrl-C after 0.05 s."""
+    before = {
+        number: signal.signal(number, pinfric.__main__._interrupt)
+        for number in (signal.SIGINT, signal.SIGALRM)
+    }
+    threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGINT)).start()
+    yield
+    signal.setitimer(signal.ITIMER_REAL, 0.0)
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+@pytest.mark.usefixtures("handlers")
 def test_ctrl_c_where_the_compiler_calls_back_is_kept_until_it_returns():
     """There an exception is printed and lost; the compiler then fails for want of its answer."""
     left = []
@@ -172,16 +187,40 @@ def test_ctrl_c_where_the_compiler_calls_back_is_kept_until_it_returns():
         exec(code, {"now": time.monotonic, "left": left})
         time.sleep(1.0)
 
-    before = {
-        number: signal.signal(number, pinfric.__main__._interrupt)
-        for number in (signal.SIGINT, signal.SIGALRM)
-    }
-    try:
-        threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGINT)).start()
-        with pytest.raises(KeyboardInterrupt):
-            compile_and_wait()
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        for number, handler in before.items():
-            signal.signal(number, handler)
+    with pytest.raises(KeyboardInterrupt):
+        compile_and_wait()
     assert left == [True]
+
+
+@pytest.mark.usefixtures("handlers")
+def test_ctrl_c_that_a_library_clears_is_raised_again():
+    lost = []
+
+    def call_back_and_wait():
+        try:  # as C code does that takes any error for "not supported"
+            time.sleep(0.2)
+        except KeyboardInterrupt:
+            lost.append(True)
+        time.sleep(2.0)
+
+    start = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        call_back_and_wait()
+    assert lost == [True]
+    assert time.monotonic() - start < 1.5
+
+
+@pytest.mark.usefixtures("handlers")
+def test_ctrl_c_is_not_raised_again_while_it_is_handled():
+    done = []
+
+    def tidy_up():
+        try:
+            time.sleep(0.2)
+        finally:
+            time.sleep(0.8)
+            done.append(True)
+
+    with pytest.raises(KeyboardInterrupt):
+        tidy_up()
+    assert done == [True]
