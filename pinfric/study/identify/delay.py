@@ -32,7 +32,7 @@ from pinfric.study.identify.normal import (
 FloatArray = NDArray[np.float64]
 
 #: s: delays that can be, and their standard deviation before anything was logged.
-_LEAST, _MOST, USUAL = -0.03, 0.1, 0.02
+_LEAST, _MOST, _USUAL = -0.03, 0.1, 0.02
 #: A joint is named if its delay differs from the common one by more standard errors than this.
 _DIFFERS = 4.0
 #: s: with a larger standard error, a delay is not determined.
@@ -176,7 +176,7 @@ def log_delay(
         fit, _ = _changes(rows, row_weights, weights, slots, _with_delays(prior, one, delay, 1), 1)
         delay = float(np.clip(delay + fit.theta[-1], _LEAST, _MOST))
         row_weights, weights = weighted(rows, fit)
-        slopes = [effort_slope(one, fit, j) for j in range(len(slots))]
+        slopes = [_slope(one, fit, j, prior.center.size) for j in range(len(slots))]
     if not _LEAST < delay < _MOST:
         return LogDelay(delay, np.inf)  # its search ended at a bound
     rows, nj = _with_slopes(one, delay, slopes, apart=True), len(slots)
@@ -214,8 +214,8 @@ def _changes(
 def _with_delays(links: Prior, one: Prepared, delay: float, count: int) -> Prior:
     """The prior of the links' parameters, and of `count` changes of the delay behind them."""
     # what is known of delays counts like rows of unit variance
-    strength = 1.0 / (USUAL**2 * float(one.slides.sum()))
-    known = np.full(count, -delay), np.full(count, strength), np.full(count, USUAL)
+    strength = 1.0 / (_USUAL**2 * float(one.slides.sum()))
+    known = np.full(count, -delay), np.full(count, strength), np.full(count, _USUAL)
     own = links.center, links.weight, links.deviation
     return Prior(*(np.append(x, last) for x, last in zip(own, known, strict=True)))
 
@@ -234,20 +234,10 @@ def _with_slopes(
     return result
 
 
-def effort_slope(one: Prepared, fit: Fit, joint: int) -> FloatArray:
-    """Return the derivative by time of a joint's fitted effort: the logged one's is that of noise.
-
-    Args:
-        one: a log's columns.
-        fit: coefficients; behind the links' parameters it may have others.
-        joint: its number.
-
-    Returns:
-        (n,) of all the log's rows, N m/s or N/s.
-    """
+def _slope(one: Prepared, fit: Fit, joint: int, links: int) -> FloatArray:
+    """Derivative by time of one joint's fitted effort: the logged one's would be that of noise."""
     from scipy.interpolate import CubicSpline
 
-    theta = fit.theta[: one.rigid.shape[2]]
-    fitted = one.rigid[:, joint] @ theta + one.slots[:, joint] @ fit.slots[joint]
+    fitted = one.rigid[:, joint] @ fit.theta[:links] + one.slots[:, joint] @ fit.slots[joint]
     t = one.recording.trajectory.t[one.kept]
     return np.asarray(CubicSpline(t, fitted)(t, 1))

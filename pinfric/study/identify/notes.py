@@ -167,8 +167,7 @@ def _of_logs(found: Estimate) -> list[str]:
         if np.isinf(delay.standard_error):
             why = "its search ended at a bound: the model lacks something"
         lines.append(
-            f"the delay of the efforts is not determined ({why}) and is set to 0, which "
-            "intervals allow for: log faster motion"
+            f"the delay of the efforts is not determined ({why}) and is set to 0: log faster motion"
         )
     # of a joint that the model does not explain, a delay says nothing
     if others := {j: x for j, x in other_delays(delay).items() if j in found.known}:

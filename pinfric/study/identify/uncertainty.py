@@ -9,7 +9,7 @@ differ by a factor on each joint's friction, mostly due to temperature.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.study.identify.columns import Prepared, bearings_only
-from pinfric.study.identify.delay import USUAL, effort_slope
 from pinfric.study.identify.estimate import Estimate
 from pinfric.study.identify.inertias import with_parameters
 from pinfric.study.identify.influence import influence, of_joint
@@ -141,8 +140,7 @@ def uncertainty(found: Estimate, shapes: Sequence[Misfit] = ()) -> Uncertainty:
     seen = [replace(one, columns=one.columns[:, : one.shown]) for one in shapes]
     of_joints = [[one for one in seen if one.joint == j] for j in {one.joint for one in shapes}]
     biases = [bias(found, own, place) for own in of_joints]
-    delayed = _other_delay(found, place)
-    for off in (*biases, *_one_sided(found, place), *_other_falls(found, place), delayed):
+    for off in (*biases, *_one_sided(found, place), *_other_falls(found, place)):
         within += np.outer(off, off)
     between, logs = for_a_further_log(found, place)
     return Uncertainty(place, within, between, count - 1, logs, between_logs(found))
@@ -215,6 +213,7 @@ def _other_falls(found: Estimate, place: NDArray[np.int64]) -> Iterator[FloatArr
 
     Half, so that an interval of two standard deviations reaches the other fall's coefficients.
     """
+    K, p = len(SLOTS), found.fit.theta.size
     for j, fall in enumerate(found.falls):
         if fall is None or fall.other is None or not found.choice.laws[j].stribeck:
             continue
@@ -224,39 +223,19 @@ def _other_falls(found: Estimate, place: NDArray[np.int64]) -> Iterator[FloatArr
             FALL_BACKWARD: other.backward - fall.backward,
             FALL_SPEED: float(np.log(other.velocity / fall.velocity)),
         }
-        own = [j * len(SLOTS) + SLOT[name] for name in direct]
-        kept, off = ~np.isin(place, own), np.zeros(place.size)
-        more = beside_other(found.prepared, j, fall)
-        off[kept] = -_with_more_effort(found, place[kept], {j: more})
+        own = [j * K + SLOT[name] for name in direct]
+        rest, off = place[~np.isin(place, own)], np.zeros(place.size)
+        to, columns = of_joint(rest, j, p)
+        rows, right = found.rows[j], np.zeros(p + rest.size)
+        more = beside_other(found.prepared, j, fall)[:, None] * _row_weights(found, j)
+        right[to] = -(np.hstack((rows.rigid, rows.slots))[:, columns].T @ more)[:, 0]
+        left = _left(found, rest)
+        if found.problem.prior.kept:
+            left, right = left[p:, p:], right[p:]
+        off[~np.isin(place, own)] = _solved(left, right)[right.size - rest.size :]
         for at, change in zip(own, direct.values(), strict=True):
             off[place == at] = change
         yield 0.5 * off
-
-
-def _other_delay(found: Estimate, place: NDArray[np.int64]) -> FloatArray:
-    """(n,) changes of the coefficients with a delay of one standard deviation more."""
-    slopes = {
-        j: np.concatenate(
-            [effort_slope(one, found.fit, j)[one.slides[:, j]] for one in found.prepared]
-        )
-        for j in range(len(found.rows))
-    }
-    return min(found.delay.standard_error, USUAL) * _with_more_effort(found, place, slopes)
-
-
-def _with_more_effort(
-    found: Estimate, place: NDArray[np.int64], more: Mapping[int, FloatArray]
-) -> FloatArray:
-    """(n,) changes of the coefficients when rows of joints have so much more effort."""
-    p, left = found.fit.theta.size, _left(found, place)
-    right = np.zeros(p + place.size)
-    for j, own in more.items():
-        to, columns = of_joint(place, j, p)
-        rows = np.hstack((found.rows[j].rigid, found.rows[j].slots))[:, columns]
-        right[to] += rows.T @ (own * _row_weights(found, j)[:, 0])
-    if found.problem.prior.kept:
-        left, right, p = left[p:, p:], right[p:], 0
-    return _solved(left, right)[p:]
 
 
 def _one_sided(found: Estimate, place: NDArray[np.int64]) -> Iterator[FloatArray]:

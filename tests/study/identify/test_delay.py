@@ -4,13 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from identify_cases import DELAY, NAMES, guess, log
 
-import pinfric as pf
-from pinfric.study.identify import estimate
 from pinfric.study.identify.delay import Delay, LogDelay, common_delay, other_delays, pooled
-from pinfric.study.identify.laws import Law
-from pinfric.study.identify.uncertainty import Uncertainty, uncertainty
 
 
 def test_logs_that_differ_in_their_delay_by_more_than_they_know_leave_it_open():
@@ -68,26 +63,3 @@ def test_the_error_of_a_delay_is_what_it_says(n, scatter):
         mean, error = pooled(list(zip(values, e, strict=True)))
         inside += abs(mean - 4.0) < 1.96 * error
     assert 0.87 < inside / 400 < 0.99  # the scatter of a few joints is itself uncertain
-
-
-@pytest.mark.slow
-def test_a_delay_that_is_not_determined_widens_the_other_intervals(monkeypatch):
-    """By as much as the coefficients change where it is taken as 0."""
-    laws = dict.fromkeys(NAMES, Law())
-
-    def known(delay: Delay) -> tuple[np.ndarray, Uncertainty]:
-        with monkeypatch.context() as patch:
-            patch.setattr(estimate, "common_delay", lambda logs: delay)
-            found = pf.identify(guess(0), log(0, 30.0, 125.0), laws=laws)
-        return found.estimate.fit.slots, uncertainty(found.estimate)
-
-    (right, sure), (off, unsure) = known(Delay(DELAY, 0.0, ())), known(Delay(0.0, DELAY, ()))
-    place = unsure.place
-    assert place.tolist() == sure.place.tolist()
-    moved = (right - off).ravel()[place]
-    wider = np.sqrt(np.maximum(np.diag(unsure.within) - np.diag(sure.within), 0.0))
-    large = np.abs(moved) > 0.5 * np.sqrt(np.diag(sure.within))
-    assert large.sum() > 3
-    share = wider[large] / np.abs(moved[large])
-    assert np.median(share) == pytest.approx(1.0, abs=0.3)
-    assert share.min() > 0.5  # two standard deviations reach each of them
