@@ -11,6 +11,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+from contextlib import suppress
 from types import FrameType
 from typing import NoReturn
 
@@ -28,6 +29,8 @@ _TIDIES = tuple(
 )
 #: The module that holds a sweep's processes.
 _LOKY = "joblib.externals.loky.reusable_executor"
+#: Signals that came.
+_asked: list[int] = []
 #: On a terminal, first: to the line's begin, clear it, show the cursor that a progress bar hides.
 _TIDY = b"\r\x1b[K\x1b[?25h"
 
@@ -47,7 +50,8 @@ def main() -> NoReturn:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is said and written: let Python end
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         _end_workers()
-        if isinstance(ended, KeyboardInterrupt):  # when all but the exit was done
+        # when all but the exit was done; or where it made a library fail that just started
+        if isinstance(ended, KeyboardInterrupt) or (_asked and ended.code not in (0, INTERRUPTED)):
             os.write(2, _LINE)
         elif ended.code != INTERRUPTED:
             raise
@@ -60,6 +64,7 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
 
     Where files are half written, or other processes run, an import goes on, and is asked again.
     """
+    _asked.append(number)
     stack = []
     while frame is not None:
         stack.append((frame.f_code.co_filename, frame.f_code.co_name))
@@ -89,7 +94,8 @@ def _is_handled(error: BaseException | None) -> bool:
 def _end_workers() -> None:
     """Kill the processes that a sweep has left waiting for another sweep."""
     if _LOKY in sys.modules and (executor := sys.modules[_LOKY]._executor) is not None:
-        executor.shutdown(wait=True, kill_workers=True)
+        with suppress(RuntimeError):  # its thread was to start when the interrupt came
+            executor.shutdown(wait=True, kill_workers=True)
 
 
 def _end() -> NoReturn:
