@@ -170,6 +170,8 @@ def bearing_kind(cls: type[_Kind]) -> type[_Kind]:
 
 @cache
 def _any_of(*kinds: type[Bearing]) -> TypeAdapter[Bearing]:
+    for kind in kinds:
+        kind.model_rebuild()  # pydantic before 2.13 cannot write a class that is still deferred
     union: Any = Annotated[Union[kinds], Field(discriminator="kind")]  # noqa: UP007 - any number
     return TypeAdapter(union)
 
