@@ -6,8 +6,8 @@ import inspect
 import re
 from typing import Any
 
+from pinfric.formats import json_schema
 from pinfric.model.yamlfile import yaml_line
-from pinfric.study.formats import json_schema
 
 CODE = re.compile(r"(`[^`\n]+`)")
 _NAME = {

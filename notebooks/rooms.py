@@ -21,7 +21,15 @@ ROOMS = {
         "bodies, equations, inverse, forward, simulate: only NumPy and SciPy",
     ),
     "show": ("tables, figures, pages, replays", ""),
-    "study": ("tasks of users: files, cycles, drives, logs", ""),
+    "front": ("begins a scene; names the files that users write", "new_scene, formats"),
+    "tasks": (
+        "what users ask, one folder a question",
+        "sizing, retiming, sweeps, identification, exporting, checking, accuracy",
+    ),
+    "drives": (
+        "catalogues, conditions, limits, stops, elastic gears; motions and logs",
+        "stops, elastic, drives, motions",
+    ),
     "dynamics": ("writes friction problems of states and reads their solutions", ""),
     "friction": (
         "solves friction problems, with proofs; independent of the robot",
@@ -36,7 +44,24 @@ ROOMS = {
         "compiled, interpreted",
     ),
 }
-FRONT = {"cli": "cli", "terminal": "cli", "__main__": "cli"}
+#: Where a folder or a file of the package belongs, if it is not a room of that name.
+PARTS = {
+    **dict.fromkeys(("terminal", "__main__"), "cli"),
+    **dict.fromkeys(("new_scene", "formats"), "front"),
+    **dict.fromkeys(
+        (
+            "sizing",
+            "retiming",
+            "sweeps",
+            "identification",
+            "exporting",
+            "checking",
+            "accuracy",
+        ),
+        "tasks",
+    ),
+    **dict.fromkeys(("stops", "elastic", "motions"), "drives"),
+}
 #: One state through the program: function, its module, what it does.
 STEPS = {
     "inverse dynamics": (
@@ -69,7 +94,7 @@ STYLE = (
 def room_of(module: str) -> str:
     """Return the room of a module of the package, given by its path or its name."""
     part = module.removeprefix("pinfric.").split(".")[0]
-    return FRONT.get(part, part)
+    return PARTS.get(part, part)
 
 
 def imports() -> set[tuple[str, str]]:

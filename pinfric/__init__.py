@@ -28,41 +28,41 @@ _PUBLIC = {
     "Solver": "pinfric.dynamics.forward.solver",
     "InverseInstant": "pinfric.dynamics.forward.solver",
     "CompensationOptions": "pinfric.dynamics.forward.compensation",
-    "warm_up": "pinfric.study.warm_up",
+    "warm_up": "pinfric.dynamics.warm_up",
     "holds": "pinfric.dynamics.forward.holds",
     "StaticHold": "pinfric.dynamics.forward.holds",
     "simulate": "pinfric.dynamics.simulation.simulate",
     "Motion": "pinfric.dynamics.simulation.motion",
     "load_motion": "pinfric.dynamics.simulation.motion_file",
-    "run_scene": "pinfric.study.scene_run",
-    "Trajectory": "pinfric.study.trajectory.trajectory",
-    "load_trajectory": "pinfric.study.trajectory.trajectory",
-    "Log": "pinfric.study.trajectory.log.arrays",
-    "ReadingOptions": "pinfric.study.trajectory.log.reading",
-    "elasticity": "pinfric.study.elastic.motion",
-    "Elasticity": "pinfric.study.elastic.motion",
-    "export": "pinfric.study.export.export",
-    "Exported": "pinfric.study.export.export",
-    "mujoco_friction": "pinfric.study.export.mujoco_bridge",
-    "MujocoFriction": "pinfric.study.export.mujoco_bridge",
-    "identify": "pinfric.study.identify.identify",
-    "Identified": "pinfric.study.identify.identify",
-    "size": "pinfric.study.sizing.size",
-    "SizingReport": "pinfric.study.sizing.size",
-    "Duty": "pinfric.study.sizing.duty",
-    "load_catalog": "pinfric.study.sizing.catalog_file",
-    "check": "pinfric.study.check.plausibility",
-    "CheckReport": "pinfric.study.check.findings",
+    "run_scene": "pinfric.dynamics.simulation.scene_run",
+    "Trajectory": "pinfric.motions.trajectory",
+    "load_trajectory": "pinfric.motions.trajectory",
+    "Log": "pinfric.motions.log.arrays",
+    "ReadingOptions": "pinfric.motions.log.reading",
+    "elasticity": "pinfric.elastic.motion",
+    "Elasticity": "pinfric.elastic.motion",
+    "export": "pinfric.exporting.export",
+    "Exported": "pinfric.exporting.export",
+    "mujoco_friction": "pinfric.exporting.mujoco_bridge",
+    "MujocoFriction": "pinfric.exporting.mujoco_bridge",
+    "identify": "pinfric.identification.identify",
+    "Identified": "pinfric.identification.identify",
+    "size": "pinfric.sizing.size",
+    "SizingReport": "pinfric.sizing.size",
+    "Duty": "pinfric.drives.duty",
+    "load_catalog": "pinfric.drives.catalog_file",
+    "check": "pinfric.checking.plausibility",
+    "CheckReport": "pinfric.checking.findings",
     "plot": "pinfric.show.views",
     "summary": "pinfric.show.views",
-    "retime": "pinfric.study.retime.retime",
-    "RetimeResult": "pinfric.study.retime.retime",
-    "Path": "pinfric.study.retime.path",
+    "retime": "pinfric.retiming.retime",
+    "RetimeResult": "pinfric.retiming.retime",
+    "Path": "pinfric.retiming.path",
     "RetimeError": "pinfric.errors",
-    "stop": "pinfric.study.stop.study",
-    "StopResult": "pinfric.study.stop.study",
-    "sweep": "pinfric.study.sweep.run",
-    "SweepResult": "pinfric.study.sweep.result",
+    "stop": "pinfric.stops.study",
+    "StopResult": "pinfric.stops.study",
+    "sweep": "pinfric.sweeps.run",
+    "SweepResult": "pinfric.sweeps.result",
     "replay": "pinfric.show.replay.replay",
     "PinfricError": "pinfric.errors",
     "PinfricWarning": "pinfric.errors",
@@ -71,6 +71,10 @@ _PUBLIC = {
 __all__ = [*_PUBLIC, "__version__"]
 
 if TYPE_CHECKING:  # the same names for type checkers, which do not run __getattr__
+    from pinfric.checking.findings import CheckReport as CheckReport
+    from pinfric.checking.plausibility import check as check
+    from pinfric.drives.catalog_file import load_catalog as load_catalog
+    from pinfric.drives.duty import Duty as Duty
     from pinfric.dynamics.forward.compensation import CompensationOptions as CompensationOptions
     from pinfric.dynamics.forward.forward import Instant as Instant
     from pinfric.dynamics.forward.forward import forward_dynamics as forward_dynamics
@@ -85,42 +89,38 @@ if TYPE_CHECKING:  # the same names for type checkers, which do not run __getatt
     from pinfric.dynamics.samples.reactions import joint_wrenches as joint_wrenches
     from pinfric.dynamics.simulation.motion import Motion as Motion
     from pinfric.dynamics.simulation.motion_file import load_motion as load_motion
+    from pinfric.dynamics.simulation.scene_run import run_scene as run_scene
     from pinfric.dynamics.simulation.simulate import simulate as simulate
+    from pinfric.dynamics.warm_up import warm_up as warm_up
+    from pinfric.elastic.motion import Elasticity as Elasticity
+    from pinfric.elastic.motion import elasticity as elasticity
     from pinfric.errors import PinfricError as PinfricError
     from pinfric.errors import PinfricWarning as PinfricWarning
     from pinfric.errors import RetimeError as RetimeError
+    from pinfric.exporting.export import Exported as Exported
+    from pinfric.exporting.export import export as export
+    from pinfric.exporting.mujoco_bridge import MujocoFriction as MujocoFriction
+    from pinfric.exporting.mujoco_bridge import mujoco_friction as mujoco_friction
+    from pinfric.identification.identify import Identified as Identified
+    from pinfric.identification.identify import identify as identify
     from pinfric.model.scene import Scene as Scene
     from pinfric.model.scene_file import load_scene as load_scene
+    from pinfric.motions.log.arrays import Log as Log
+    from pinfric.motions.log.reading import ReadingOptions as ReadingOptions
+    from pinfric.motions.trajectory import Trajectory as Trajectory
+    from pinfric.motions.trajectory import load_trajectory as load_trajectory
+    from pinfric.retiming.path import Path as Path
+    from pinfric.retiming.retime import RetimeResult as RetimeResult
+    from pinfric.retiming.retime import retime as retime
     from pinfric.show.replay.replay import replay as replay
     from pinfric.show.views import plot as plot
     from pinfric.show.views import summary as summary
-    from pinfric.study.check.findings import CheckReport as CheckReport
-    from pinfric.study.check.plausibility import check as check
-    from pinfric.study.elastic.motion import Elasticity as Elasticity
-    from pinfric.study.elastic.motion import elasticity as elasticity
-    from pinfric.study.export.export import Exported as Exported
-    from pinfric.study.export.export import export as export
-    from pinfric.study.export.mujoco_bridge import MujocoFriction as MujocoFriction
-    from pinfric.study.export.mujoco_bridge import mujoco_friction as mujoco_friction
-    from pinfric.study.identify.identify import Identified as Identified
-    from pinfric.study.identify.identify import identify as identify
-    from pinfric.study.retime.path import Path as Path
-    from pinfric.study.retime.retime import RetimeResult as RetimeResult
-    from pinfric.study.retime.retime import retime as retime
-    from pinfric.study.scene_run import run_scene as run_scene
-    from pinfric.study.sizing.catalog_file import load_catalog as load_catalog
-    from pinfric.study.sizing.duty import Duty as Duty
-    from pinfric.study.sizing.size import SizingReport as SizingReport
-    from pinfric.study.sizing.size import size as size
-    from pinfric.study.stop.study import StopResult as StopResult
-    from pinfric.study.stop.study import stop as stop
-    from pinfric.study.sweep.result import SweepResult as SweepResult
-    from pinfric.study.sweep.run import sweep as sweep
-    from pinfric.study.trajectory.log.arrays import Log as Log
-    from pinfric.study.trajectory.log.reading import ReadingOptions as ReadingOptions
-    from pinfric.study.trajectory.trajectory import Trajectory as Trajectory
-    from pinfric.study.trajectory.trajectory import load_trajectory as load_trajectory
-    from pinfric.study.warm_up import warm_up as warm_up
+    from pinfric.sizing.size import SizingReport as SizingReport
+    from pinfric.sizing.size import size as size
+    from pinfric.stops.study import StopResult as StopResult
+    from pinfric.stops.study import stop as stop
+    from pinfric.sweeps.result import SweepResult as SweepResult
+    from pinfric.sweeps.run import sweep as sweep
 
 
 def __getattr__(name: str) -> Any:

@@ -25,7 +25,7 @@ _LOST = 0.5
 #: Files whose functions tidy up what is half done, if an interrupt is raised below them.
 _TIDIES = tuple(
     os.path.join("pinfric", *file)
-    for file in (("model", "files.py"), ("study", "sweep", "run.py"), ("model", "urdf_file.py"))
+    for file in (("model", "files.py"), ("sweeps", "run.py"), ("model", "urdf_file.py"))
 )
 #: The module that holds a sweep's processes.
 _LOKY = "joblib.externals.loky.reusable_executor"

@@ -141,13 +141,13 @@ def inverse(
     """
     scene, trajectory = load(scene_name, trajectory_name, log, out)
     from pinfric.dynamics.inverse.inverse import inverse_dynamics
+    from pinfric.elastic.motion import elasticity
+    from pinfric.motions.log.judged import judge_log
     from pinfric.show.figure.efforts import effort_figure
     from pinfric.show.figure.elastic import tool_figure
     from pinfric.show.figure.measured import measured_figure
+    from pinfric.show.inverse_summary import inverse_summary
     from pinfric.show.report.inverse import inverse_report
-    from pinfric.study.elastic.motion import elasticity
-    from pinfric.study.inverse_summary import inverse_summary
-    from pinfric.study.trajectory.log.judged import judge_log
 
     name = Path(trajectory.source).name
     with working(f"inverse dynamics of {len(trajectory.t)} samples"):
@@ -192,10 +192,10 @@ def simulate(
     summary.json.
     """
     scene, _ = load(scene_name, out=out)
+    from pinfric.dynamics.simulation.scene_run import run_scene
     from pinfric.show.figure.motion import motion_figure
+    from pinfric.show.motion_summary import motion_summary
     from pinfric.show.report.motion import motion_report
-    from pinfric.study.motion_summary import motion_summary
-    from pinfric.study.scene_run import run_scene
 
     numbers = {"rtol": rtol, "atol": None if rtol is None else 1e-2 * rtol, "dt": dt}
     given = {name: value for name, value in numbers.items() if value is not None}
@@ -288,12 +288,12 @@ def size(
     """
     given = _cycles(trajectory_name, cycle)
     scene, trajectory = load(scene_name, given[0][0], log, out)
+    from pinfric.drives.duty import Duty
     from pinfric.show.report.bill import bill_of_materials
     from pinfric.show.report.sizing import sizing_report
     from pinfric.show.sizing_page.page import sizing_page
-    from pinfric.study.sizing.duty import Duty
-    from pinfric.study.sizing.size import size as size_drives
-    from pinfric.study.sizing.summary import sizing_summary
+    from pinfric.sizing.size import size as size_drives
+    from pinfric.sizing.summary import sizing_summary
 
     cycles = [trajectory, *(load_motion_of(scene, name, log) for name, _ in given[1:])]
     duty = Duty(tuple((c, share) for c, (_, share) in zip(cycles, given, strict=True)), on, period)
@@ -359,10 +359,10 @@ def catalog(
     ] = None,
 ) -> None:
     """Make a catalogue for `size` from a table of motors, gears or gearmotors."""
+    from pinfric.drives.catalog_file import load_catalog
+    from pinfric.drives.table import import_table, write_catalog
     from pinfric.model.brief import counted
     from pinfric.model.files import check_writable
-    from pinfric.study.sizing.catalog_file import load_catalog
-    from pinfric.study.sizing.table import import_table, write_catalog
 
     file = out or table.with_suffix(".yaml")
     check_writable(file.parent, [file.name])
@@ -395,8 +395,8 @@ def stop(
     from pinfric.show.figure.stop import stop_figure
     from pinfric.show.report.stop import stop_report
     from pinfric.show.stop_page.page import stop_page
-    from pinfric.study.stop.study import stop as find_stops
-    from pinfric.study.stop.summary import stop_summary
+    from pinfric.stops.study import stop as find_stops
+    from pinfric.stops.summary import stop_summary
 
     with progress("stops") as report:
         result = find_stops(scene, trajectory, category=category, progress=report)
@@ -437,10 +437,10 @@ def retime(
     summary.json.
     """
     scene, _ = load(scene_name, out=out)
+    from pinfric.retiming.retime import retime as find_fastest
+    from pinfric.retiming.summary import retime_summary
     from pinfric.show.figure.retime import retime_figure
     from pinfric.show.report.retime import retime_report
-    from pinfric.study.retime.retime import retime as find_fastest
-    from pinfric.study.retime.summary import retime_summary
 
     with working("retiming"):
         result = find_fastest(scene, path_name, motors, heat=heat, smooth=1e-3 * smooth)
@@ -486,8 +486,8 @@ def sweep(
     scene, trajectory = load(scene_name, trajectory_name, log, out)
     from pinfric.show.figure.sweep import sweep_figure
     from pinfric.show.report.sweep import sweep_report
-    from pinfric.study.sweep.run import sweep as run_sweep
-    from pinfric.study.sweep.summary import sweep_summary
+    from pinfric.sweeps.run import sweep as run_sweep
+    from pinfric.sweeps.summary import sweep_summary
 
     with progress("cycles") as report:
         result = run_sweep(
@@ -544,11 +544,11 @@ def identify(
     advice.waypoints.yaml.
     """
     scene, _ = load(scene_name, out=out)
+    from pinfric.identification.files import identified_files
+    from pinfric.identification.identify import identify as find
+    from pinfric.identification.summary import identify_summary
     from pinfric.show.identification_page.page import identification_page
     from pinfric.show.report.identify import identify_report
-    from pinfric.study.identify.files import identified_files
-    from pinfric.study.identify.identify import identify as find
-    from pinfric.study.identify.summary import identify_summary
 
     with progress("steps") as report:
         found = find(
@@ -604,7 +604,7 @@ def replay(
     from pinfric.model.scene_file import load_scene
     from pinfric.show.replay.replay import replay as make_replay
     from pinfric.show.replay.replay import replay_lines, replay_summary
-    from pinfric.study.timeline.motion import motion_to_replay
+    from pinfric.show.timeline.motion import motion_to_replay
 
     scene = load_scene(scene_name)
     html = _page(html, scene.source)
@@ -641,9 +641,9 @@ def new(
     ] = Path(),
 ) -> None:
     """Write a starting scene and a first motion for a URDF; every guess is marked."""
+    from pinfric.checking.plausibility import check as judge
+    from pinfric.new_scene import write_new
     from pinfric.show.report.check import doubts
-    from pinfric.study.check.plausibility import check as judge
-    from pinfric.study.new_scene import write_new
 
     with working("reading the robot and its meshes"), warnings.catch_warnings():
         warnings.simplefilter("ignore", PinfricWarning)  # what they say is among the doubts
@@ -691,7 +691,7 @@ def schema(
 
         show(result_schema(result_classes()))
         return
-    from pinfric.study.formats import json_schema
+    from pinfric.formats import json_schema
 
     show(json_schema(name))
 
@@ -707,8 +707,8 @@ def check(
     as_json: AsJson = False,
 ) -> None:
     """List implausible values of a robot or a scene, and the units that would explain them."""
+    from pinfric.checking.plausibility import check as judge
     from pinfric.show.report.check import check_report
-    from pinfric.study.check.plausibility import check as judge
 
     with working("reading the robot and its meshes"):
         report = judge(source)
@@ -725,8 +725,8 @@ def warm_up(scene_name: SceneName) -> None:
     Takes a minute or two with an empty cache, seconds if everything is compiled already.
     """
     scene, _ = load(scene_name)
+    from pinfric.dynamics.warm_up import warm_up as prepare
     from pinfric.show.report.values import digits
-    from pinfric.study.warm_up import warm_up as prepare
 
     with working("compiling"):
         seconds = prepare(scene)
@@ -751,9 +751,9 @@ def accuracy(
     --out writes accuracy.png, accuracy.csv and summary.json.
     """
     scene, trajectory = load(scene_name, trajectory_name, log, out)
+    from pinfric.accuracy.study import accuracy as study
     from pinfric.show.accuracy.figure import accuracy_figure
     from pinfric.show.accuracy.report import accuracy_frame, accuracy_report
-    from pinfric.study.accuracy.study import accuracy as study
 
     with working("measuring, half a minute or more; minutes with closed loops"):
         found = study(scene, trajectory)
@@ -779,8 +779,8 @@ def explain(
 ) -> None:
     """List the effects in a scene, the keys that cause them, and what each costs and changes."""
     scene, trajectory = load(scene_name, trajectory_name, log)
+    from pinfric.accuracy.explain import explain as measure
     from pinfric.show.report.explain import explain_report
-    from pinfric.study.explain import explain as measure
 
     with working("measuring"):
         found = measure(scene, trajectory)
@@ -835,8 +835,8 @@ def export(
     scene, trajectory = load(scene_name, trajectory_name, log)
     from dataclasses import replace
 
+    from pinfric.exporting.export import export as make
     from pinfric.show.report.export import export_report
-    from pinfric.study.export.export import export as make
 
     made = make(scene, trajectory, to, frames=frame or (), namespace=namespace)
     if to == "cpp":
@@ -864,19 +864,19 @@ def _export_file(made: Any, scene: Any, out: Path | None) -> Path:
 
 def result_classes() -> dict[str, list[type]]:
     """Return the described classes of what each command's `--json` holds as its result."""
+    from pinfric.accuracy.explain import Explanation
+    from pinfric.accuracy.study import Accuracy
+    from pinfric.checking.findings import CheckReport
+    from pinfric.exporting.export import Exported
+    from pinfric.identification.summary import IdentifySummary
     from pinfric.paper.reproduction import Examples, LiteralExamples
+    from pinfric.retiming.summary import RetimeSummary
+    from pinfric.show.inverse_summary import InverseSummary
+    from pinfric.show.motion_summary import MotionSummary
     from pinfric.show.replay.replay import ReplaySummary
-    from pinfric.study.accuracy.study import Accuracy
-    from pinfric.study.check.findings import CheckReport
-    from pinfric.study.explain import Explanation
-    from pinfric.study.export.export import Exported
-    from pinfric.study.identify.summary import IdentifySummary
-    from pinfric.study.inverse_summary import InverseSummary
-    from pinfric.study.motion_summary import MotionSummary
-    from pinfric.study.retime.summary import RetimeSummary
-    from pinfric.study.sizing.summary import SizingSummary
-    from pinfric.study.stop.summary import StopSummary
-    from pinfric.study.sweep.summary import SweepSummary
+    from pinfric.sizing.summary import SizingSummary
+    from pinfric.stops.summary import StopSummary
+    from pinfric.sweeps.summary import SweepSummary
 
     return {
         "inverse": [InverseSummary],

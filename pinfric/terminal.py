@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
     from pinfric.model.files import Writer
     from pinfric.model.scene import Scene
-    from pinfric.study.trajectory.log.reading import ReadingOptions
-    from pinfric.study.trajectory.trajectory import Trajectory
+    from pinfric.motions.log.reading import ReadingOptions
+    from pinfric.motions.trajectory import Trajectory
 
 #: Exit code where the reader of our output left.
 NO_READER = 141
@@ -76,7 +76,7 @@ def takes_logs(command: Callable[..., None]) -> Callable[..., None]:
     """Give a command the options that say how a log is read, as its argument `log`."""
 
     def with_options(**arguments: Any) -> None:
-        from pinfric.study.trajectory.log.reading import ReadingOptions
+        from pinfric.motions.log.reading import ReadingOptions
 
         given = {name: arguments.pop(name) for name in _LOG_OPTIONS}
         command(**arguments, log=ReadingOptions(**given))
@@ -119,7 +119,7 @@ def load(
 
 def load_motion_of(scene: Scene, trajectory_name: str, log: ReadingOptions) -> Trajectory:
     """Read a trajectory of a scene; its warnings are notices (`warnings_as_notices`)."""
-    from pinfric.study.trajectory.trajectory import load_trajectory
+    from pinfric.motions.trajectory import load_trajectory
 
     trajectory = load_trajectory(trajectory_name, scene, log)
     read.append(trajectory.source)

@@ -1,4 +1,4 @@
-"""What the tests of study/accuracy share."""
+"""What the tests of accuracy share."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from functools import cache
 import pytest
 
 import pinfric as pf
-from pinfric.study.accuracy import precision
-from pinfric.study.accuracy.study import accuracy
+from pinfric.accuracy import precision
+from pinfric.accuracy.study import accuracy
 
 _FEW_STEPS = (50, 500)
 

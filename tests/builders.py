@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 import pinfric as pf
-from pinfric.study.trajectory.waypoints import quintic
+from pinfric.motions.waypoints import quintic
 
 _ALIGNED = [pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ]
 _SLIDING = [pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ]

@@ -1,8 +1,8 @@
-"""What the tests of study/check share."""
+"""What the tests of checking share."""
 
 from __future__ import annotations
 
-from pinfric.study.check.findings import Severity
+from pinfric.checking.findings import Severity
 
 
 def errors(report):

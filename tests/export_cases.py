@@ -1,4 +1,4 @@
-"""What the tests of study/export share."""
+"""What the tests of exporting share."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from builders import chain, random_friction, random_inertia, random_tree
 
 import pinfric as pf
 from pinfric.dynamics.forward.compensation import CompensationOptions
-from pinfric.study.export.cpp import cpp_files, namespace
+from pinfric.exporting.cpp import cpp_files, namespace
 
 
 def moved(scene, speed=5.0, samples=200):
@@ -42,7 +42,7 @@ STRICT = [
 ]
 
 
-DRIVER = Path(__file__).with_name("study") / "export" / "compensator_driver.cpp"
+DRIVER = Path(__file__).with_name("exporting") / "compensator_driver.cpp"
 
 
 BUNDLED = ("ur10_machine_tending", "ur5_pick_and_place", "panda_pick_and_place", "so101")

@@ -246,7 +246,7 @@ class Maker:
     BUNDLED = ("pendulum", "three_link", "drawer", "four_bar", "slider_crank", "excavator")
 
     def __init__(self):
-        from pinfric.study.trajectory import waypoints
+        from pinfric.motions import waypoints
 
         # a hold of days is computed, in minutes and not in a case's seconds: refused sooner here
         waypoints._MAX_SAMPLES = MAX_SAMPLES

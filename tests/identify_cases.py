@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 import pinfric as pf
-from pinfric.study.identify.identify import Identified
+from pinfric.identification.identify import Identified
 
 #: Other people's logs.
 LOGS = Path(__file__).parents[2] / "shared" / "data"

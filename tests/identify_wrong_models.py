@@ -29,8 +29,8 @@ from identify_cases import (
 from scipy.signal import lfilter
 
 import pinfric as pf
-from pinfric.study.identify.identify import Identified
-from pinfric.study.identify.laws import Law
+from pinfric.identification.identify import Identified
+from pinfric.identification.laws import Law
 
 #: A motion as encoders show it, and what the motors deliver, (T, 6) N m.
 Simulated = tuple[Motion, np.ndarray]

@@ -1,4 +1,4 @@
-"""What the tests of study/trajectory/log share."""
+"""What the tests of motions/log share."""
 
 import numpy as np
 import pinocchio as pin
@@ -7,7 +7,7 @@ from builders import chain
 
 import pinfric as pf
 from pinfric.errors import TrajectoryError
-from pinfric.study.trajectory.log.reading import ReadingOptions
+from pinfric.motions.log.reading import ReadingOptions
 
 T = np.arange(400) / 200.0
 

@@ -53,7 +53,7 @@ TESTS = (
     "tests/friction",
     "tests/dynamics",
     "tests/judges",
-    "tests/study/sweep/test_superposition.py",
+    "tests/sweeps/test_superposition.py",
 )
 #: Mutants that no test can notice, or none should: `file function: line: change | reason`.
 JUDGED = ROOT / "tests/mutants_judged.txt"

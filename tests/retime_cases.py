@@ -1,4 +1,4 @@
-"""What the tests of study/retime share."""
+"""What the tests of retiming share."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from builders import chain
 
 import pinfric as pf
 from pinfric import cli
-from pinfric.study.retime.path import Path
+from pinfric.retiming.path import Path
 
 
 def one_joint(inertia=2.0, friction=None, transmission=None):

@@ -7,7 +7,7 @@ import pinocchio as pin
 import yaml
 
 import pinfric as pf
-from pinfric.study.sizing.catalog_file import load_catalog
+from pinfric.drives.catalog_file import load_catalog
 
 INERTIA = 2.0  # kg m^2 about the vertical axis: gravity never acts on the drive
 COULOMB = 3.0  # N m, at rest as in motion

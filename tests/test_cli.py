@@ -262,7 +262,7 @@ def test_sweep_prints_tables_and_writes_samples_figure_and_summary(files, capsys
 def test_sweep_that_cannot_be_is_one_line_and_exit_code_2(
     files, capsys, monkeypatch, change, arguments, words
 ):
-    monkeypatch.setattr("pinfric.study.sweep.workers._CONNECT_TIMEOUT", 0.5)
+    monkeypatch.setattr("pinfric.sweeps.workers._CONNECT_TIMEOUT", 0.5)
     (files / "s.yaml").write_text(SWEEP.replace(*change, 1))
     assert run("sweep", "arm.yaml", "way.yaml", "s.yaml", *arguments) == cli.BAD_INPUT == 2
     printed = capsys.readouterr()

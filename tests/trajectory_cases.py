@@ -1,4 +1,4 @@
-"""What the tests of study/trajectory share."""
+"""What the tests of motions share."""
 
 from pathlib import Path
 from types import SimpleNamespace
@@ -8,7 +8,7 @@ import pytest
 from builders import chain
 
 from pinfric.errors import PinfricError, TrajectoryError
-from pinfric.study.trajectory.trajectory import load_trajectory
+from pinfric.motions.trajectory import load_trajectory
 
 
 def arm_scene(**attached):

@@ -70,6 +70,17 @@ def example_robot_data() -> Path:
     return Path(pin.__file__).parents[4] / "share/example-robot-data/robots"
 
 
+def locator(urdf: Path, folder: str | Path | None) -> str:
+    """How a scene in `folder` names the URDF."""
+    full = urdf.resolve()
+    bundled = example_robot_data().resolve()
+    if full.is_relative_to(bundled):
+        return f"example-robot-data:{full.relative_to(bundled).as_posix()}"
+    if folder is None:
+        return str(full)
+    return Path(os.path.relpath(full, Path(folder).resolve())).as_posix()
+
+
 def locate_urdf(locator: str, relative_to: Path) -> Path:
     """Resolve a scene's `robot.urdf`: a path, or `example-robot-data:<path below its robots>`."""
     if locator.startswith(BUNDLED):

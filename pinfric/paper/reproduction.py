@@ -18,17 +18,17 @@ from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult, StickInterval
 from pinfric.dynamics.samples.reactions import joint_wrenches
 from pinfric.dynamics.simulation.motion import Motion
+from pinfric.dynamics.simulation.scene_run import run_whole
 from pinfric.model.described import derived, described, quantity
 from pinfric.model.scene import Scene
 from pinfric.model.scene_file import load_scene
+from pinfric.motions.joint_columns import joint_columns, single_positions
+from pinfric.motions.trajectory import load_trajectory
 from pinfric.paper.bodies import Mechanism
 from pinfric.paper.examples import Case, pendulum, slider_crank, three_link
 from pinfric.paper.forward import NoConsistentFriction
 from pinfric.paper.inverse import inverse
 from pinfric.paper.simulate import simulate
-from pinfric.study.scene_run import run_whole
-from pinfric.study.trajectory.joint_columns import joint_columns, single_positions
-from pinfric.study.trajectory.trajectory import load_trajectory
 
 #: Samples per second at which the forward motion is handed to inverse dynamics.
 SAMPLE_RATE = 2000

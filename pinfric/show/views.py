@@ -12,10 +12,20 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
+from pinfric.accuracy.explain import Explanation
+from pinfric.accuracy.study import Accuracy
+from pinfric.checking.findings import CheckReport
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.simulation.motion import Motion
+from pinfric.elastic.motion import Elasticity
+from pinfric.elastic.summary import WindUp, elastic_summary
 from pinfric.errors import StateError
+from pinfric.exporting.export import Exported
+from pinfric.identification.identify import Identified, beside_measured
 from pinfric.model.described import quantities
+from pinfric.motions.summary import summarize
+from pinfric.retiming.retime import RetimeResult
+from pinfric.retiming.summary import retime_summary
 from pinfric.show.accuracy.figure import accuracy_figure
 from pinfric.show.accuracy.report import accuracy_frame, accuracy_report
 from pinfric.show.figure.efforts import effort_figure
@@ -25,24 +35,14 @@ from pinfric.show.figure.motion import motion_figure
 from pinfric.show.figure.retime import retime_figure
 from pinfric.show.figure.stop import stop_figure
 from pinfric.show.figure.sweep import sweep_figure
+from pinfric.show.motion_summary import drive_work
 from pinfric.show.report.html import html_of
 from pinfric.show.report.rows import flat, table_of
 from pinfric.show.report.tables import Table
-from pinfric.study.accuracy.study import Accuracy
-from pinfric.study.check.findings import CheckReport
-from pinfric.study.elastic.motion import Elasticity
-from pinfric.study.elastic.summary import WindUp, elastic_summary
-from pinfric.study.explain import Explanation
-from pinfric.study.export.export import Exported
-from pinfric.study.identify.identify import Identified, beside_measured
-from pinfric.study.motion_summary import drive_work
-from pinfric.study.retime.retime import RetimeResult
-from pinfric.study.retime.summary import retime_summary
-from pinfric.study.sizing.size import SizingReport
-from pinfric.study.stop.study import StopResult
-from pinfric.study.summary import summarize
-from pinfric.study.sweep.cycle import DEMANDS
-from pinfric.study.sweep.result import SweepResult
+from pinfric.sizing.size import SizingReport
+from pinfric.stops.study import StopResult
+from pinfric.sweeps.cycle import DEMANDS
+from pinfric.sweeps.result import SweepResult
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

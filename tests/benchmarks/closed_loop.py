@@ -17,8 +17,8 @@ import numpy as np
 import pinocchio as pin
 
 import pinfric as pf
-from pinfric.study.export.constants import joint_constants
-from pinfric.study.trajectory.joint_columns import joint_columns
+from pinfric.exporting.constants import joint_constants
+from pinfric.motions.joint_columns import joint_columns
 
 COULOMB = np.array([12.5, 13.3, 5.0, 2.0, 2.7, 2.3])
 VISCOUS = np.array([21.3, 20.2, 10.4, 3.6, 2.5, 3.0])

@@ -18,8 +18,8 @@ import numpy as np
 import pinocchio as pin
 
 import pinfric as pf
+from pinfric.exporting.cpp import cpp_files, namespace
 from pinfric.model.robot import example_robot_data
-from pinfric.study.export.cpp import cpp_files, namespace
 
 PREFIX = next(p for p in Path(pin.__file__).parents if p.name == "cmeel.prefix")
 EIGEN = PREFIX / "include" / "eigen3"

@@ -23,6 +23,7 @@ import numpy as np
 from rich.console import Console
 
 import pinfric as pf
+from pinfric.accuracy.timing import interleaved
 from pinfric.dynamics.inverse.choices import SLIDES
 from pinfric.dynamics.inverse.interval_ends import Solver
 from pinfric.dynamics.inverse.result import InverseResult
@@ -33,7 +34,6 @@ from pinfric.model.described import described, quantity
 from pinfric.show.report.rows import text_of
 from pinfric.show.report.tables import Column, Kind, Table
 from pinfric.show.report.values import digits, power_of_ten
-from pinfric.study.timing import interleaved
 
 #: Coefficients of friction as shares of those at which the mechanism jams.
 SHARES = (0.2, 0.6, 0.9, 0.98, 0.9998)

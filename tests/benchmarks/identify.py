@@ -43,7 +43,7 @@ from identify_wrong_models import CASES, FALL, LATE, STATIC, stribeck_truth, wro
 
 import pinfric as pf
 from pinfric.errors import IdentificationError
-from pinfric.study.identify.identify import Identified
+from pinfric.identification.identify import Identified
 
 #: Friction that falls from rest to motion: case -> exponent of the speed.
 STRIBECK = {"stribeck": 2.0, "stribeck 1": 1.0}

@@ -22,7 +22,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from identify_cases import excitation, guess, logged, motor_effort, truth
 
 import pinfric as pf
-from pinfric.study.identify.recordings import read_recordings
+from pinfric.identification.recordings import read_recordings
 
 RATE = 500.0
 

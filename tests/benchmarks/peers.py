@@ -18,12 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from pinfric.dynamics.forward.efforts import make_effort
-from pinfric.dynamics.inverse.result import StickInterval, runs
-from pinfric.errors import PinfricError
-from pinfric.model.scene import Scene
-from pinfric.model.schema import SineEffort, TableEffort
-from pinfric.study.accuracy.precision import (
+from pinfric.accuracy.precision import (
     Contestant,
     Run,
     Track,
@@ -32,11 +27,16 @@ from pinfric.study.accuracy.precision import (
     judge_of,
     reference,
 )
-from pinfric.study.export.mjcf import MjcfJoint, mjcf
-from pinfric.study.export.tree import Body, bodies
-from pinfric.study.scene_run import start_state
-from pinfric.study.trajectory.joint_columns import configurations, single_positions
-from pinfric.study.variants import with_constant_friction
+from pinfric.accuracy.variants import with_constant_friction
+from pinfric.dynamics.forward.efforts import make_effort
+from pinfric.dynamics.inverse.result import StickInterval, runs
+from pinfric.dynamics.simulation.scene_run import start_state
+from pinfric.errors import PinfricError
+from pinfric.exporting.mjcf import MjcfJoint, mjcf
+from pinfric.exporting.tree import Body, bodies
+from pinfric.model.scene import Scene
+from pinfric.model.schema import SineEffort, TableEffort
+from pinfric.motions.joint_columns import configurations, single_positions
 
 #: Speeds (rad/s or m/s) below which a peer's joint may count as at rest, for none of them stands
 #: still; of these the one is taken that serves the peer best.

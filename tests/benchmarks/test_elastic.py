@@ -8,7 +8,7 @@ from __future__ import annotations
 from test_inverse import interleaved
 
 import pinfric as pf
-from pinfric.study.elastic.motion import elasticity, trajectory_frequencies
+from pinfric.elastic.motion import elasticity, trajectory_frequencies
 
 ROUNDS = 60
 

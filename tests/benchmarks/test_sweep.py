@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 import pinfric as pf
-from pinfric.study.sweep.cycle import Study, compute, cycle_figures
-from pinfric.study.sweep.file import load_sweep
-from pinfric.study.sweep.motors import motors_on_trial
-from pinfric.study.sweep.parameters import draw, resolve
+from pinfric.sweeps.cycle import Study, compute, cycle_figures
+from pinfric.sweeps.file import load_sweep
+from pinfric.sweeps.motors import motors_on_trial
+from pinfric.sweeps.parameters import draw, resolve
 
 SWEEP = {
     "pinfric_sweep": 1,

@@ -8,11 +8,11 @@ from measure import median_seconds
 
 import pinfric as pf  # measure first: it sets how kernels are compiled
 from pinfric.model.effects import with_effects
-from pinfric.study.retime.limits import read_limits
-from pinfric.study.retime.path import Path
-from pinfric.study.retime.problem import Policy
-from pinfric.study.retime.retime import _Retiming
-from pinfric.study.trajectory.joint_columns import joint_columns
+from pinfric.motions.joint_columns import joint_columns
+from pinfric.retiming.limits import read_limits
+from pinfric.retiming.path import Path
+from pinfric.retiming.problem import Policy
+from pinfric.retiming.retime import _Retiming
 
 toppra = pytest.importorskip("toppra")
 POINTS = 1001

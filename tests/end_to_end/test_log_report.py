@@ -91,8 +91,8 @@ def test_units_that_there_are_not(log, capsys):
 
 def test_the_figure_says_how_far_efforts_are_known(log):
     import pinfric as pf
+    from pinfric.motions.log.judged import judge_log
     from pinfric.show.figure.efforts import effort_figure
-    from pinfric.study.trajectory.log.judged import judge_log
 
     scene = pf.load_scene("ur10.yaml")
     motion = pf.load_trajectory(log, scene)

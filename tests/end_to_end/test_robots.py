@@ -10,7 +10,7 @@ import pytest
 import pinfric as pf
 from pinfric import cli
 from pinfric.model.robot import with_payloads
-from pinfric.study.trajectory.log.judged import judge_log
+from pinfric.motions.log.judged import judge_log
 
 ROBOTS = Path(__file__).parents[2] / "robots"
 LOGS = Path(__file__).parents[3] / "shared" / "data" / "ur10"

@@ -33,7 +33,7 @@ from mechanisms import pin_friction
 
 import pinfric as pf
 from pinfric.dynamics.samples.outcome import Status
-from pinfric.study.summary import summarize
+from pinfric.motions.summary import summarize
 
 SOLVED = {Status.CONVERGED, Status.AMBIGUOUS}
 

@@ -12,11 +12,11 @@ from builders import gantry, random_friction, random_states, random_tree
 from scipy.optimize import linprog
 
 import pinfric as pf
+from pinfric.accuracy.explain import explain
+from pinfric.drives.inertia import load_inertias
 from pinfric.errors import PinfricError, SceneError
 from pinfric.model.couples import rate_rows
-from pinfric.study.explain import explain
-from pinfric.study.sizing.inertia import load_inertias
-from pinfric.study.summary import rests, sites_on
+from pinfric.motions.summary import rests, sites_on
 
 _LOSSY = {
     "ratio": -30.0,

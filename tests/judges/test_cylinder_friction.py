@@ -11,7 +11,7 @@ from pinfric.errors import SceneError
 from pinfric.model.effects import with_effects
 from pinfric.show.replay.markers import site_marker
 from pinfric.show.replay.shapes import robot_shapes
-from pinfric.study.timeline.frames import site_rates
+from pinfric.show.timeline.frames import site_rates
 
 M, ARM, INERTIA, G = 40.0, 0.8, 6.0, 9.81
 A, B = np.array([0.1, 0.0, -0.5]), np.array([0.6, 0.0, 0.0])

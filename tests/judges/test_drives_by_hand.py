@@ -23,18 +23,18 @@ import pytest
 from sizing_cases import write_catalog
 
 import pinfric as pf
+from pinfric.drives.bearing import BearingRatings, bearing_life, bearing_load, static_load
+from pinfric.drives.catalog import Motor, Screw
+from pinfric.drives.catalog_file import load_catalog
+from pinfric.drives.criterion import Status
+from pinfric.drives.demand import DriveCycle, GearDemand, average_output_effort
+from pinfric.drives.drivetrain import motor_alone, motor_cycle, ratings_of
+from pinfric.drives.limit import Case
+from pinfric.drives.limits import check
+from pinfric.drives.policy import Conditions
+from pinfric.drives.rules import buckling_load, gear_life, momentary_peaks
 from pinfric.model.schema import Transmission
 from pinfric.model.springs import StiffnessLines, spring_of
-from pinfric.study.sizing.bearing import BearingRatings, bearing_life, bearing_load, static_load
-from pinfric.study.sizing.catalog import Motor, Screw
-from pinfric.study.sizing.catalog_file import load_catalog
-from pinfric.study.sizing.criterion import Status
-from pinfric.study.sizing.demand import DriveCycle, GearDemand, average_output_effort
-from pinfric.study.sizing.drivetrain import motor_alone, motor_cycle, ratings_of
-from pinfric.study.sizing.limit import Case
-from pinfric.study.sizing.limits import check
-from pinfric.study.sizing.policy import Conditions
-from pinfric.study.sizing.rules import buckling_load, gear_life, momentary_peaks
 
 G = 9.81
 #: s; a jump of the acceleration stands between two samples this close.

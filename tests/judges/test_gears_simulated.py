@@ -18,7 +18,7 @@ from pinfric.dynamics.forward import holds as holds_module
 from pinfric.errors import SimulationError, StateError
 from pinfric.friction.holding import Verdict
 from pinfric.model.described import in_json
-from pinfric.study.motion_summary import motion_summary
+from pinfric.show.motion_summary import motion_summary
 
 RATIO = -50.0
 

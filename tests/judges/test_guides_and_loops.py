@@ -10,6 +10,7 @@ import pytest
 
 import pinfric as pf
 from pinfric.errors import PinfricError
+from pinfric.motions.joint_columns import joint_columns, single_positions
 from pinfric.paper.bodies import (
     GROUND,
     Actuator,
@@ -26,7 +27,6 @@ from pinfric.paper.examples import slider_crank
 from pinfric.paper.forward import forward
 from pinfric.paper.inverse import inverse
 from pinfric.paper.simulate import simulate
-from pinfric.study.trajectory.joint_columns import joint_columns, single_positions
 
 X, Z = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 ORIGIN = (0.0, 0.0, 0.0)

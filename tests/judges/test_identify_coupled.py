@@ -9,7 +9,7 @@ import pytest
 
 import pinfric as pf
 from pinfric.errors import IdentificationError
-from pinfric.study.identify.laws import Law
+from pinfric.identification.laws import Law
 
 _URDF = """<robot name="wrist"><link name="base"/>
 <link name="first"><inertial><origin xyz="0.3 0 0"/><mass value="4"/>

@@ -27,6 +27,7 @@ from mechanisms import four_bar, two_ball_loops
 
 import pinfric as pf
 from pinfric.dynamics.samples.closure import consistent_motion
+from pinfric.dynamics.simulation.scene_run import start_state
 from pinfric.errors import (
     LoopMotionError,
     NoConsistentAcceleration,
@@ -37,7 +38,6 @@ from pinfric.errors import (
 from pinfric.friction import search
 from pinfric.friction.modes import Found
 from pinfric.friction.sharing import share
-from pinfric.study.scene_run import start_state
 
 MOVING = {
     "four-bar": lambda: turning_four_bar(6),

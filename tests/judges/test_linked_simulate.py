@@ -12,9 +12,9 @@ from mechanisms import add_link, bar, four_bar, grounded_model, shifted
 
 import pinfric as pf
 from pinfric.dynamics.samples.closure import consistent_motion
+from pinfric.dynamics.simulation.scene_run import run_scene, start_state
 from pinfric.errors import LoopMotionError, SceneError
 from pinfric.model.closure import loop_state
-from pinfric.study.scene_run import run_scene, start_state
 
 METHODS = {"event": {}, "timestepping": {"dt": 2e-3}, "regularized": {"rtol": 1e-5, "atol": 1e-7}}
 

@@ -8,9 +8,9 @@ import pytest
 from benchmarks import peers
 
 import pinfric as pf
+from pinfric.accuracy import precision
 from pinfric.errors import PinfricError
 from pinfric.model.schema import Simulation
-from pinfric.study.accuracy import precision
 
 
 def of(runs, method):

@@ -8,8 +8,8 @@ from builders import gantry
 
 import pinfric as pf
 from pinfric.errors import RetimeError
-from pinfric.study.retime.path import Path
-from pinfric.study.retime.retime import retime
+from pinfric.retiming.path import Path
+from pinfric.retiming.retime import retime
 
 _GEAR = {
     "ratio": 40.0,

@@ -18,8 +18,8 @@ from judges.test_linked_simulate import parallelogram_scene, swing
 from mechanisms import pin_friction
 
 import pinfric as pf
+from pinfric.dynamics.simulation.scene_run import start_state
 from pinfric.errors import NoConsistentAcceleration
-from pinfric.study.scene_run import start_state
 
 EPS = 1e-15
 

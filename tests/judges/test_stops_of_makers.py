@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 import pinfric as pf
-from pinfric.study.stop.motion import Machine, stop_motion
+from pinfric.stops.motion import Machine, stop_motion
 
 #: Universal Robots UR10/CB3 user manual, 1.6.2 (2009-2020, p. 14): speed of the tool, m/s, and
 #: longest stopping time of the safety system, s; arm extended horizontally, 10 kg, category 0 or 1.

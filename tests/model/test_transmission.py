@@ -7,12 +7,12 @@ import math
 import numpy as np
 import pytest
 
+from pinfric.drives.catalog_file import load_catalog
+from pinfric.drives.drivetrain import gear_transmission
 from pinfric.errors import PinfricWarning, SceneError
 from pinfric.model.drives import gear_drag, gear_line, gear_table, motor_torque_bounds
 from pinfric.model.entry import parse
 from pinfric.model.transmission import Transmission, driven_loss, driving_loss
-from pinfric.study.sizing.catalog_file import load_catalog
-from pinfric.study.sizing.drivetrain import gear_transmission
 
 RPM = math.pi / 30.0
 #: CSD-20/25-100 at rated load, as its catalogue's curves were read (500 to 3500 rpm, by deg C).

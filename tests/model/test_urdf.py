@@ -13,7 +13,7 @@ from pinfric.errors import PinfricWarning, RobotError
 from pinfric.model import robot
 from pinfric.model.robot import read_robot
 from pinfric.model.urdf import implausible_body
-from pinfric.study.trajectory.joint_columns import stated_limit, stated_range
+from pinfric.motions.joint_columns import stated_limit, stated_range
 
 
 @pytest.mark.parametrize(

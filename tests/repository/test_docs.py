@@ -19,16 +19,16 @@ from pydantic import Field, TypeAdapter
 
 import pinfric as pf
 from pinfric import cli
+from pinfric.drives.catalog import Brake, CatalogFile
+from pinfric.drives.limits import LIMITS
 from pinfric.errors import PinfricError
+from pinfric.formats import FORMATS, json_schema
 from pinfric.model.bearings import KINDS, Bearing
 from pinfric.model.entry import Entry, Forms
 from pinfric.model.friction_terms import Stribeck
 from pinfric.model.yamlfile import read_yaml
-from pinfric.study.formats import FORMATS, json_schema
-from pinfric.study.new_scene import write_new
-from pinfric.study.sizing.catalog import Brake, CatalogFile
-from pinfric.study.sizing.limits import LIMITS
-from pinfric.study.sweep.distributions import Steps
+from pinfric.new_scene import write_new
+from pinfric.sweeps.distributions import Steps
 
 ROOT = Path(__file__).parents[2]
 PAGES = ROOT / "notebooks"

@@ -3,9 +3,9 @@
 from functools import cache
 
 import pytest
-from study.export.conftest import headers, ur5
-from study.identify.conftest import found
-from study.retime.conftest import files
+from exporting.conftest import headers, ur5
+from identification.conftest import found
+from retiming.conftest import files
 from sweep_cases import swept_panda
 
 import pinfric as pf

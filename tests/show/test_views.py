@@ -14,13 +14,13 @@ from matplotlib.figure import Figure
 from sweep_cases import pushed_block, steady, sweep_of, uniform
 
 import pinfric as pf
+from pinfric.accuracy import precision
+from pinfric.accuracy.explain import explain
+from pinfric.accuracy.study import accuracy
 from pinfric.errors import StateError
 from pinfric.model.described import in_json
-from pinfric.study.accuracy import precision
-from pinfric.study.accuracy.study import accuracy
-from pinfric.study.explain import explain
-from pinfric.study.inverse_summary import inverse_summary
-from pinfric.study.sweep.summary import sweep_summary
+from pinfric.show.inverse_summary import inverse_summary
+from pinfric.sweeps.summary import sweep_summary
 
 LONG = "a_very_long_name_of_a_joint_that_some_exporter_made_up_from_the_path_of_its_part"
 

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pinfric.accuracy.ladder import Rung
+from pinfric.accuracy.precision import Run
+from pinfric.accuracy.sampling import Sampled
+from pinfric.accuracy.study import Accuracy
 from pinfric.show.figure.style import BAND, BLUE, GREEN, GRID, INK, QUIET, RED
-from pinfric.study.accuracy.ladder import Rung
-from pinfric.study.accuracy.precision import Run
-from pinfric.study.accuracy.sampling import Sampled
-from pinfric.study.accuracy.study import Accuracy
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

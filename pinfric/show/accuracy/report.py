@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pinfric.accuracy.ladder import Rung
+from pinfric.accuracy.precision import Run
+from pinfric.accuracy.sampling import Sampled
+from pinfric.accuracy.study import Accuracy
 from pinfric.model.described import quantities
 from pinfric.show.report.rows import cell, table_of, text_of
 from pinfric.show.report.tables import Report, Table, paragraphs
 from pinfric.show.report.values import digits
-from pinfric.study.accuracy.ladder import Rung
-from pinfric.study.accuracy.precision import Run
-from pinfric.study.accuracy.sampling import Sampled
-from pinfric.study.accuracy.study import Accuracy
 
 if TYPE_CHECKING:
     import pandas as pd

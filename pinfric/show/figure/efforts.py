@@ -15,11 +15,8 @@ import numpy as np
 
 from pinfric.dynamics.inverse.result import InverseResult, runs
 from pinfric.errors import StateError, choose_from
-from pinfric.show.figure.style import BAND, BLUE, GREEN, GRID, INK, ORANGE, QUIET, style
-from pinfric.show.report.inverse import log_lines
-from pinfric.show.report.names import picture_names, shortened
-from pinfric.show.report.values import digits, span
-from pinfric.study.summary import (
+from pinfric.motions.log.judged import JudgedLog
+from pinfric.motions.summary import (
     ActuatorSummary,
     ends_by_magnitude,
     payload_phases,
@@ -28,7 +25,10 @@ from pinfric.study.summary import (
     sites_on,
     summarize,
 )
-from pinfric.study.trajectory.log.judged import JudgedLog
+from pinfric.show.figure.style import BAND, BLUE, GREEN, GRID, INK, ORANGE, QUIET, style
+from pinfric.show.report.inverse import log_lines
+from pinfric.show.report.names import picture_names, shortened
+from pinfric.show.report.values import digits, span
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pinfric.elastic.motion import Elasticity, Rest, ToolPlace
+from pinfric.elastic.places import outline
 from pinfric.errors import StateError
 from pinfric.show.figure.style import BLUE, GREEN, GRID, INK, QUIET, RED, style
 from pinfric.show.report.values import digits
-from pinfric.study.elastic.motion import Elasticity, Rest, ToolPlace
-from pinfric.study.elastic.places import outline
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,12 +8,12 @@ import numpy as np
 
 from pinfric.dynamics.inverse.result import InverseResult, runs
 from pinfric.errors import StateError
+from pinfric.motions.log.effort_place import EFFORT_PLACES
+from pinfric.motions.log.judged import JudgedLog, measured_interval
+from pinfric.motions.summary import effort_unit, rests
 from pinfric.show.figure.efforts import brief_ticks, thinned
 from pinfric.show.figure.style import BAND, BLUE, ORANGE, PALE_RED, QUIET, style
 from pinfric.show.report.names import picture_names
-from pinfric.study.summary import effort_unit, rests
-from pinfric.study.trajectory.log.effort_place import EFFORT_PLACES
-from pinfric.study.trajectory.log.judged import JudgedLog, measured_interval
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

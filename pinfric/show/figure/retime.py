@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pinfric.drives.limits import instant_limits
+from pinfric.retiming.retime import RetimeResult
 from pinfric.show.figure.style import (
     BLUE,
     GREEN,
@@ -22,8 +24,6 @@ from pinfric.show.figure.style import (
 )
 from pinfric.show.report.names import picture_names
 from pinfric.show.report.values import digits
-from pinfric.study.retime.retime import RetimeResult
-from pinfric.study.sizing.limits import instant_limits
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

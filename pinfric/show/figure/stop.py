@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinfric.model.described import SPEED, unit_at
+from pinfric.motions.summary import effort_unit
 from pinfric.show.figure.panel import panel
 from pinfric.show.figure.style import BLUE, GRID, INK, ORANGE, QUIET, RED, style
 from pinfric.show.report.names import picture_names
-from pinfric.study.stop.motion import StopMotion
-from pinfric.study.stop.search import Stopped
-from pinfric.study.stop.study import StopResult
-from pinfric.study.summary import effort_unit
+from pinfric.stops.motion import StopMotion
+from pinfric.stops.search import Stopped
+from pinfric.stops.study import StopResult
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

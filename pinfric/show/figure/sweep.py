@@ -12,8 +12,8 @@ from pinfric.show.figure.style import BLUE, GRID, INK, ORANGE, QUIET, RED, style
 from pinfric.show.report.names import least_room, picture_names, shortened
 from pinfric.show.report.sweep import measure, own, percent, shaft
 from pinfric.show.report.values import digits
-from pinfric.study.sweep.motors import Trial
-from pinfric.study.sweep.result import SweepResult
+from pinfric.sweeps.motors import Trial
+from pinfric.sweeps.result import SweepResult
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pinfric.identification.identify import Identified, beside_measured, left_over, running_mean
 from pinfric.model.described import SPEED, unit_at
+from pinfric.motions.summary import effort_unit
 from pinfric.show.figure.measured import draw_measured
 from pinfric.show.figure.panel import panel
 from pinfric.show.figure.style import BLUE, RED
-from pinfric.study.identify.identify import Identified, beside_measured, left_over, running_mean
-from pinfric.study.summary import effort_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

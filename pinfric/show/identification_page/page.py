@@ -7,16 +7,9 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from pinfric.show.figure.panel import svg
-from pinfric.show.identification_page.figures import over_time, residual_clouds
-from pinfric.show.report.html import Marked, mark
-from pinfric.show.report.page import page_environment
-from pinfric.show.report.rows import table_of
-from pinfric.show.report.tables import Table
-from pinfric.show.report.values import digits
-from pinfric.study.identify.identify import Identified
-from pinfric.study.identify.parameters import Parameter
-from pinfric.study.identify.summary import (
+from pinfric.identification.identify import Identified
+from pinfric.identification.parameters import Parameter
+from pinfric.identification.summary import (
     Considered,
     IdentifySummary,
     MoreKnown,
@@ -26,6 +19,13 @@ from pinfric.study.identify.summary import (
     more_known,
     predicted,
 )
+from pinfric.show.figure.panel import svg
+from pinfric.show.identification_page.figures import over_time, residual_clouds
+from pinfric.show.report.html import Marked, mark
+from pinfric.show.report.page import page_environment
+from pinfric.show.report.rows import table_of
+from pinfric.show.report.tables import Table
+from pinfric.show.report.values import digits
 
 #: Coefficients whose standard errors are listed for each advised recording.
 _WORST = 12

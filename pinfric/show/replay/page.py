@@ -26,7 +26,7 @@ from pinfric.show.replay import markers, stage
 from pinfric.show.replay.stage import Stage
 from pinfric.show.report.names import affixes, without
 from pinfric.show.report.values import json_for_script
-from pinfric.study.timeline.frames import Frames
+from pinfric.show.timeline.frames import Frames
 
 
 class RecordingWindow:

@@ -15,11 +15,11 @@ from pinfric.errors import StateError
 from pinfric.model.described import described, quantity
 from pinfric.model.files import write_file
 from pinfric.model.scene import Scene, expect_scene
+from pinfric.motions.log.judged import JudgedLog
+from pinfric.retiming.limits import LimitsLike
 from pinfric.show.replay.page import replay_html
-from pinfric.study.retime.limits import LimitsLike
-from pinfric.study.timeline.frames import RATE, make_frames
-from pinfric.study.timeline.motion import check_same_scene, with_drives
-from pinfric.study.trajectory.log.judged import JudgedLog
+from pinfric.show.timeline.frames import RATE, make_frames
+from pinfric.show.timeline.motion import check_same_scene, with_drives
 
 
 @dataclass(frozen=True)

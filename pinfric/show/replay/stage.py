@@ -26,7 +26,7 @@ from pinfric.show.replay.drawn import Surface, Track
 from pinfric.show.replay.markers import ARC, COLORS, FORCE_COLOR, PAYLOAD_COLOR, Marker
 from pinfric.show.replay.meshes import Shape
 from pinfric.show.replay.shapes import UP, box_mesh, linkage_frame, robot_shapes
-from pinfric.study.timeline.frames import Frames
+from pinfric.show.timeline.frames import Frames
 
 _LINE_COLOR = "#5D6B78"
 #: Of cylinders and of forces that drive.

@@ -6,10 +6,10 @@ import csv
 import io
 from collections.abc import Iterator
 
-from pinfric.study.sizing.brake import Standstill
-from pinfric.study.sizing.catalog import Catalog, Sourced
-from pinfric.study.sizing.policy import KIT, frameless
-from pinfric.study.sizing.size import JointSizing, SizingReport
+from pinfric.drives.brake import Standstill
+from pinfric.drives.catalog import Catalog, Sourced
+from pinfric.drives.policy import KIT, frameless
+from pinfric.sizing.size import JointSizing, SizingReport
 
 _COLUMNS = (
     "part",

@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pinfric.checking.findings import CheckReport, Finding, Severity
 from pinfric.model.brief import counted
-from pinfric.study.check.findings import CheckReport, Finding, Severity
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from pinfric.drives.power import BusPower
 from pinfric.show.report.names import short_names
 from pinfric.show.report.rows import NONE, table_of
 from pinfric.show.report.tables import Table
 from pinfric.show.report.values import digits
-from pinfric.study.sizing.power import BusPower
-from pinfric.study.sizing.size import SizingReport, WhatIf
-from pinfric.study.sizing.summary import SizedJoint, SizingSummary, Unchecked
+from pinfric.sizing.size import SizingReport, WhatIf
+from pinfric.sizing.summary import SizedJoint, SizingSummary, Unchecked
 
 #: N m; torques of brakes below print as 0.
 _ROUNDING = 1e-9

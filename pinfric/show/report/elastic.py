@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from pinfric.elastic.summary import ElasticSummary
 from pinfric.show.report.names import short_names
 from pinfric.show.report.rows import table_of
 from pinfric.show.report.tables import Table
 from pinfric.show.report.values import digits, span
-from pinfric.study.elastic.summary import ElasticSummary
 
 #: Below it a wind-up or a displacement is rounding (rad, m).
 _ZERO = 1e-12

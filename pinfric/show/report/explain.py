@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+from pinfric.accuracy.explain import Explanation
+from pinfric.elastic.matters import ElasticEffect
 from pinfric.show.report.rows import table_of
 from pinfric.show.report.tables import Report, paragraphs
 from pinfric.show.report.values import digits
-from pinfric.study.elastic.matters import ElasticEffect
-from pinfric.study.explain import Explanation
 
 #: Fields that say which effects a scene calls for.
 _CALLED = ("name", "on", "why")

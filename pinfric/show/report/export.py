@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from pinfric.exporting.constants import TERMS, JointConstants
+from pinfric.exporting.controller import stable_scale
+from pinfric.exporting.export import FORMATS, Exported
 from pinfric.model.brief import file_name
 from pinfric.show.report.rows import table_of
 from pinfric.show.report.tables import Report, paragraphs
 from pinfric.show.report.values import digits
-from pinfric.study.export.constants import TERMS, JointConstants
-from pinfric.study.export.controller import stable_scale
-from pinfric.study.export.export import FORMATS, Exported
 
 
 def export_report(exported: Exported) -> Report:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from pinfric.identification.identify import Identified
+from pinfric.identification.parameters import Parameter
+from pinfric.identification.summary import IdentifySummary, predicted
 from pinfric.show.report.rows import table_of
 from pinfric.show.report.tables import Report, paragraphs
 from pinfric.show.report.values import digits
-from pinfric.study.identify.identify import Identified
-from pinfric.study.identify.parameters import Parameter
-from pinfric.study.identify.summary import IdentifySummary, predicted
 
 #: What stands on the page and in JSON only.
 _PAGE = ("rest.largest", "rest.share", "spread_between_logs")

@@ -10,14 +10,14 @@ import numpy as np
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.outcome import Status
 from pinfric.model.brief import counted
+from pinfric.motions.log.effort_place import EFFORT_PLACES
+from pinfric.motions.log.judged import JudgedLog
+from pinfric.motions.summary import ROUNDING, ActuatorSummary, rounding
+from pinfric.show.inverse_summary import InverseSummary
 from pinfric.show.report.elastic import elasticity_parts
 from pinfric.show.report.rows import table_of
 from pinfric.show.report.tables import Report, Table, paragraphs
 from pinfric.show.report.values import digits, rough
-from pinfric.study.inverse_summary import InverseSummary
-from pinfric.study.summary import ROUNDING, ActuatorSummary, rounding
-from pinfric.study.trajectory.log.effort_place import EFFORT_PLACES
-from pinfric.study.trajectory.log.judged import JudgedLog
 
 #: Fields of the table of motors.
 _SHAFT = ("name", "motor_unit", "motor_peak", "motor_rms")

@@ -8,10 +8,10 @@ from typing import Any
 
 from pinfric.dynamics.simulation.motion import FINISHED, Event, Motion
 from pinfric.model.brief import counted
+from pinfric.show.motion_summary import EnergySummary, MotionSummary
 from pinfric.show.report.rows import table_of
 from pinfric.show.report.tables import Column, Kind, Report, Table, paragraphs
 from pinfric.show.report.values import digits
-from pinfric.study.motion_summary import EnergySummary, MotionSummary
 
 #: Of more stick intervals, events or sites than this the first, or the largest, are printed.
 _MOST_ROWS = 12

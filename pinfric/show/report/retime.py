@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+from pinfric.retiming.retime import RetimeResult
+from pinfric.retiming.summary import DriveUse, Move, RetimeSummary
 from pinfric.show.report.rows import NONE, table_of
 from pinfric.show.report.tables import Report, paragraphs
 from pinfric.show.report.values import digits
-from pinfric.study.retime.retime import RetimeResult
-from pinfric.study.retime.summary import DriveUse, Move, RetimeSummary
 
 
 def retime_report(result: RetimeResult, found: RetimeSummary) -> Report:

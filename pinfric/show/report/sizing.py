@@ -6,6 +6,9 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
+from pinfric.drives.criterion import Status
+from pinfric.elastic.summary import elastic_summary
+from pinfric.motions.summary import beyond_limits
 from pinfric.show.report.drives import (
     ask_table,
     brake_line,
@@ -25,11 +28,8 @@ from pinfric.show.report.stop import axes_table, how
 from pinfric.show.report.stop import verdict as said
 from pinfric.show.report.tables import Report, Table, paragraphs
 from pinfric.show.report.values import digits
-from pinfric.study.elastic.summary import elastic_summary
-from pinfric.study.sizing.criterion import Status
-from pinfric.study.sizing.size import SizingReport
-from pinfric.study.sizing.summary import SizingSummary, sizing_summary
-from pinfric.study.summary import beyond_limits
+from pinfric.sizing.size import SizingReport
+from pinfric.sizing.summary import SizingSummary, sizing_summary
 
 #: Efforts below (N m, N) are rounding.
 ROUNDING = 1e-9

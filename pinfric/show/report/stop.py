@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from pinfric.drives.criterion import Status
 from pinfric.model.brief import counted
 from pinfric.show.report.rows import table_of
 from pinfric.show.report.tables import Report, Table, paragraphs
 from pinfric.show.report.values import digits
-from pinfric.study.sizing.criterion import Status
-from pinfric.study.stop.summary import StopSummary
+from pinfric.stops.summary import StopSummary
 
 
 def stop_report(scene: str, found: StopSummary) -> Report:

@@ -12,8 +12,8 @@ import numpy as np
 from pinfric.show.report.rows import table_of
 from pinfric.show.report.tables import Column, Kind, Report, Table, paragraphs
 from pinfric.show.report.values import digits
-from pinfric.study.sweep.result import Probability, SweepResult
-from pinfric.study.sweep.summary import MotorOnTrial, SweepSummary
+from pinfric.sweeps.result import Probability, SweepResult
+from pinfric.sweeps.summary import MotorOnTrial, SweepSummary
 
 #: So small a share of the samples is rounding.
 _NONE = 1e-9

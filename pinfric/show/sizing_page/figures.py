@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pinfric.drives.drivetrain import Ratings
+from pinfric.drives.policy import Conditions
 from pinfric.dynamics.inverse.result import runs
+from pinfric.motions.summary import ends_by_magnitude
 from pinfric.show.figure.efforts import thinned
 from pinfric.show.figure.panel import panel
 from pinfric.show.figure.style import BAND, BLUE, GREEN, INK, ORANGE, QUIET, RED
-from pinfric.study.sizing.drivetrain import Ratings
-from pinfric.study.sizing.policy import Conditions
-from pinfric.study.sizing.size import JointSizing, SizingReport
-from pinfric.study.summary import ends_by_magnitude
+from pinfric.sizing.size import JointSizing, SizingReport
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

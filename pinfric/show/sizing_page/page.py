@@ -11,6 +11,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from pinfric.drives.criterion import Criterion, Status
 from pinfric.show.figure.panel import svg
 from pinfric.show.report.drives import (
     ask_table,
@@ -46,9 +47,8 @@ from pinfric.show.sizing_page.figures import (
     temperature,
     torque_speed,
 )
-from pinfric.study.sizing.criterion import Criterion, Status
-from pinfric.study.sizing.size import JointSizing, SizingReport
-from pinfric.study.sizing.summary import (
+from pinfric.sizing.size import JointSizing, SizingReport
+from pinfric.sizing.summary import (
     Margins,
     SizedJoint,
     SizingSummary,

@@ -12,8 +12,8 @@ from pinfric.show.report.envelope import hashes
 from pinfric.show.report.page import page_environment
 from pinfric.show.report.rows import table_of
 from pinfric.show.report.stop import axes_table, grid_table, how, not_checked, verdict
-from pinfric.study.stop.study import StopResult
-from pinfric.study.stop.summary import stop_summary
+from pinfric.stops.study import StopResult
+from pinfric.stops.summary import stop_summary
 
 
 def stop_page(result: StopResult) -> str:

@@ -1,3 +1,3 @@
-from study.export.conftest import headers
+from exporting.conftest import headers
 
 __all__ = ["headers"]

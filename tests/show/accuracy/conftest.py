@@ -1,3 +1,3 @@
-from study.accuracy.conftest import pendulum
+from accuracy.conftest import pendulum
 
 __all__ = ["pendulum"]

@@ -11,10 +11,10 @@ from envelopes import result_of
 
 import pinfric as pf
 from pinfric import cli
+from pinfric.accuracy import precision
+from pinfric.accuracy.precision import Run
+from pinfric.accuracy.study import Accuracy
 from pinfric.show.accuracy.figure import accuracy_figure
-from pinfric.study.accuracy import precision
-from pinfric.study.accuracy.precision import Run
-from pinfric.study.accuracy.study import Accuracy
 
 ROBOTS = Path(__file__).parents[3] / "robots"
 
@@ -119,7 +119,7 @@ def test_bad_input_is_a_message_and_exit_code_2(arguments, expected, capsys):
 
 def test_a_folder_that_cannot_be_written_is_a_message(monkeypatch, capsys):
     nothing = Accuracy(pf.load_scene("pendulum"), "none", (), (), (), ())
-    monkeypatch.setattr("pinfric.study.accuracy.study.accuracy", lambda *_, **__: nothing)
+    monkeypatch.setattr("pinfric.accuracy.study.accuracy", lambda *_, **__: nothing)
     assert run("pendulum", "--out", "/proc/nowhere") == 2
     out, err = capsys.readouterr()
     assert (out, len(err.splitlines())) == ("", 1)

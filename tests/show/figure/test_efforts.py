@@ -8,9 +8,9 @@ import pytest
 
 import pinfric as pf
 from pinfric.errors import PinfricError
+from pinfric.motions.summary import summarize
 from pinfric.show.figure.efforts import brief_ticks, effort_figure, thinned
 from pinfric.show.report.values import digits
-from pinfric.study.summary import summarize
 
 DRY = {"coulomb": {"static": 3.0, "kinetic": 2.0}}
 

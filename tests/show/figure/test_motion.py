@@ -9,7 +9,7 @@ from builders import block, plane_friction
 
 import pinfric as pf
 from pinfric.show.figure.motion import motion_figure
-from pinfric.study.motion_summary import motion_summary
+from pinfric.show.motion_summary import motion_summary
 
 
 def test_the_figure_shades_stick_and_has_a_panel_per_site():

@@ -12,15 +12,15 @@ from replay_cases import arm
 import pinfric as pf
 from pinfric.errors import PinfricError, PinfricWarning, StateError
 from pinfric.model.described import in_json
+from pinfric.retiming.limits import read_limits
 from pinfric.show.replay.replay import (
     Replay,
     open_page,
     replay_lines,
     replay_summary,
 )
-from pinfric.study.retime.limits import read_limits
-from pinfric.study.timeline.frames import make_frames
-from pinfric.study.timeline.motion import motion_to_replay
+from pinfric.show.timeline.frames import make_frames
+from pinfric.show.timeline.motion import motion_to_replay
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore:.*<dynamics>:pinfric.errors.PinfricWarning"),

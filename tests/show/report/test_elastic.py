@@ -11,10 +11,10 @@ from matplotlib import image
 
 import pinfric as pf
 from pinfric import cli
+from pinfric.elastic.summary import elastic_summary
 from pinfric.model.described import in_json
+from pinfric.show.inverse_summary import inverse_summary
 from pinfric.show.report.inverse import inverse_report
-from pinfric.study.elastic.summary import elastic_summary
-from pinfric.study.inverse_summary import inverse_summary
 
 
 def run(*arguments):
@@ -45,7 +45,7 @@ def test_rigid_scenes_print_and_write_what_they_did(tmp_path, capsys, monkeypatc
     def never(*_):
         raise AssertionError("nothing here is elastic")
 
-    monkeypatch.setattr("pinfric.study.elastic.motion.elasticity", never)  # no time, too
+    monkeypatch.setattr("pinfric.elastic.motion.elasticity", never)  # no time, too
     run("inverse", "pendulum", "pendulum", "--out", str(tmp_path), "--json")
     content = result_of(capsys.readouterr().out)
     assert content["elasticity"] is None

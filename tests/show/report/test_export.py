@@ -12,8 +12,8 @@ from export_cases import (
 
 import pinfric as pf
 from pinfric.cli import main
+from pinfric.exporting.constants import TERMS
 from pinfric.show.report.export import export_report
-from pinfric.study.export.constants import TERMS
 
 ROBOTS = Path(__file__).parents[3] / "robots"
 

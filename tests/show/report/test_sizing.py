@@ -15,13 +15,13 @@ from rich.console import Console
 from sizing_cases import MOTOR, one_drive, trapezoid, turntable, write_catalog
 
 import pinfric as pf
+from pinfric.drives.catalog_file import load_catalog
 from pinfric.model.described import in_json
 from pinfric.show.report.page import percent
 from pinfric.show.report.sizing import passes, sizing_report
 from pinfric.show.sizing_page.figures import torque_speed
 from pinfric.show.sizing_page.page import _formula, sizing_page
-from pinfric.study.sizing.catalog_file import load_catalog
-from pinfric.study.sizing.summary import sizing_summary
+from pinfric.sizing.summary import sizing_summary
 
 BROWSER = next(
     (

@@ -10,7 +10,7 @@ from pinfric.model.described import in_json
 from pinfric.show.figure.sweep import sweep_figure
 from pinfric.show.report.sweep import sweep_report
 from pinfric.show.report.values import digits
-from pinfric.study.sweep.summary import sweep_summary
+from pinfric.sweeps.summary import sweep_summary
 from pinfric.terminal import as_text, show
 
 

@@ -14,14 +14,14 @@ from report_cases import FINGERS, printed
 from rich.console import Console
 
 import pinfric as pf
+from pinfric.drives.catalog_file import load_catalog
 from pinfric.model.described import in_json
+from pinfric.show.inverse_summary import inverse_summary
 from pinfric.show.report.inverse import inverse_report
 from pinfric.show.report.sizing import ROUNDING, sizing_report
 from pinfric.show.report.tables import Column, Kind, Table, paragraphs
 from pinfric.show.report.values import digits, span
-from pinfric.study.inverse_summary import inverse_summary
-from pinfric.study.sizing.catalog_file import load_catalog
-from pinfric.study.sizing.summary import sizing_summary
+from pinfric.sizing.summary import sizing_summary
 from pinfric.terminal import show
 
 WIDTHS = (40, 60, 80, 120)

@@ -1,0 +1,250 @@
+"""Implausible values of a robot's joints, and parts of a URDF that need a decision."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+from pinfric.checking.findings import ANGLES, LENGTHS, Finding, Severity, in_unit, likely_unit
+from pinfric.checking.joint_loads import joint_loads
+from pinfric.checking.robot import RobotFacts
+from pinfric.model.robot import Robot
+from pinfric.model.urdf import reductions
+
+#: An infinite limit is written as the largest float: none is meant.
+_UNLIMITED = 1e300
+#: A turning joint rarely has a limit beyond so many rad; as degrees it would be at most that.
+_MOST_ANGLE, _MOST_DEGREES = 20.0, 720.0
+#: A sliding joint rarely goes so many m, nor so many times as far as the robot reaches.
+_MOST_TRAVEL, _TRAVEL_OVER_REACH = 5.0, 3.0
+#: Few joints turn faster than so many rad/s, or slide faster than so many m/s.
+_FASTEST, _FASTEST_SLIDING = 60.0, 20.0
+#: Roll, pitch and yaw are within a turn.
+_TURN = 2.0 * math.pi + 0.01
+_MOVING = ("revolute", "continuous", "prismatic", "planar")
+
+
+def joint_findings(facts: RobotFacts, robot: Robot | None) -> Iterator[Finding]:
+    """Yield findings joint by joint, then those on the URDF's drives and friction.
+
+    Args:
+        facts: the URDF, measured.
+        robot: the URDF, loaded; None where it does not load.
+    """
+    for joint in facts.document.joints:
+        yield from _placement(joint, facts)
+        if joint.type in _MOVING:
+            yield from _limits(joint, facts.reach)
+            yield from _axis(joint, facts)
+            yield from _masses(joint, facts)
+            yield from _friction(joint)
+    for name, leader in facts.lost.items():
+        yield Finding(
+            Severity.WARNING,
+            "mimic",
+            f"joint {name}",
+            f"mimics {leader}",
+            "which does not exist; the joint gets its own drive",
+        )
+    if robot is not None:
+        yield from _efforts(robot)
+        yield from _dynamics(robot)
+        yield from _gears(robot)
+    yield from _transmissions(facts)
+
+
+def _placement(joint: Any, facts: RobotFacts) -> Iterator[Finding]:
+    """Roll, pitch and yaw, as they are written: the document has only their matrix."""
+    origin = facts.elements[joint.name].find("origin")
+    rpy = [] if origin is None else [float(x) for x in origin.get("rpy", "").split()]
+    worst = max(map(abs, rpy), default=0.0)
+    if worst > _TURN:
+        unit = likely_unit(ANGLES, lambda size: size * worst <= _TURN)
+        yield Finding(
+            Severity.ERROR if unit else Severity.WARNING,
+            "rpy",
+            f"joint {joint.name}",
+            f"origin rpy {' '.join(f'{x:g}' for x in rpy)} rad",
+            "more than a turn",
+            in_unit(unit, "rad", worst),
+            worst / _TURN,
+        )
+
+
+def _limits(joint: Any, reach: float) -> Iterator[Finding]:
+    limit, place = joint.limit, f"joint {joint.name}"
+    if limit is None:
+        return
+    low, high = limit.lower or 0.0, limit.upper or 0.0
+    widest = max(abs(end) for end in (low, high, 0.0) if abs(end) < _UNLIMITED)
+    if joint.type in ("revolute", "prismatic") and low == high == 0.0:
+        yield Finding(
+            Severity.WARNING,
+            "no range",
+            place,
+            "limits 0 to 0",
+            "it could not move; read as a joint without limits",
+        )
+    elif joint.type in ("revolute", "prismatic") and low == high:
+        yield Finding(
+            Severity.NOTE, "no range", place, f"limits {low:g} to {high:g}", "it cannot move"
+        )
+    elif joint.type == "revolute" and _MOST_ANGLE < widest <= _MOST_DEGREES:
+        yield Finding(
+            Severity.ERROR,
+            "range",
+            place,
+            f"limits {low:g} to {high:g} rad",
+            f"{widest / (2 * math.pi):.3g} turns",
+            f"if they are in degrees: {math.radians(low):.3g} to {math.radians(high):.3g} rad",
+            widest / _MOST_ANGLE,
+        )
+    elif joint.type == "prismatic" and widest > max(_MOST_TRAVEL, _TRAVEL_OVER_REACH * reach):
+        unit = likely_unit(LENGTHS, lambda size: size * widest < 0.2 * _MOST_TRAVEL)
+        yield Finding(
+            Severity.ERROR if unit else Severity.WARNING,
+            "range",
+            place,
+            f"limits {low:g} to {high:g} m",
+            f"the robot reaches {reach:.3g} m",
+            in_unit(unit, "m", widest),
+            widest / _MOST_TRAVEL,
+        )
+    speed, sliding = limit.velocity or 0.0, joint.type == "prismatic"
+    fastest = _FASTEST_SLIDING if sliding else _FASTEST
+    if fastest < speed < math.inf:
+        unit = None if sliding else likely_unit(ANGLES, lambda size: speed <= _MOST_DEGREES)
+        yield Finding(
+            Severity.NOTE,
+            "speed",
+            place,
+            f"velocity limit {speed:g} {'m' if sliding else 'rad'}/s",
+            "a placeholder?" if sliding else f"{speed * 30 / math.pi:.3g} revolutions per minute",
+            in_unit(unit, "rad/s", speed).replace("degrees", "degrees per second"),
+            speed / fastest,
+        )
+
+
+def _axis(joint: Any, facts: RobotFacts) -> Iterator[Finding]:
+    if facts.elements[joint.name].find("axis") is None:
+        yield Finding(
+            Severity.WARNING,
+            "axis",
+            f"joint {joint.name}",
+            "no <axis>",
+            "read as 1 0 0, its x axis",
+        )
+
+
+def _masses(joint: Any, facts: RobotFacts) -> Iterator[Finding]:
+    masses = facts.masses
+    if facts.moved_mass(joint) == 0.0:
+        yield Finding(
+            Severity.WARNING,
+            "no mass",
+            f"joint {joint.name}",
+            "moves no mass",
+            "its friction has no load; it cannot be simulated",
+        )
+    elif all(masses[link] == 0.0 for link in facts.fixed_to(joint.child)):
+        shaped = any(link in facts.shapes for link in facts.fixed_to(joint.child))
+        yield Finding(
+            Severity.WARNING if shaped else Severity.NOTE,
+            "massless link",
+            f"link {joint.child}",
+            "has shapes and no mass" if shaped else "has no mass",
+            f"it moves with joint {joint.name}",
+        )
+
+
+def _friction(joint: Any) -> Iterator[Finding]:
+    """Friction above what the drive can give: it would never move."""
+    given, limit = joint.dynamics, joint.limit
+    effort = 0.0 if limit is None else limit.effort or 0.0
+    friction = 0.0 if given is None else float(given.friction or 0)
+    if 0.0 < effort < friction:
+        unit = "N" if joint.type == "prismatic" else "N m"
+        yield Finding(
+            Severity.WARNING,
+            "friction",
+            f"joint {joint.name}",
+            f"<dynamics> friction {friction:g} {unit}",
+            f"its effort limit is {effort:g} {unit}",
+            excess=friction / effort,
+        )
+
+
+def _efforts(robot: Robot) -> Iterator[Finding]:
+    for load in joint_loads(robot.model):
+        if load.remark:
+            yield Finding(
+                Severity.NOTE,
+                "effort limit",
+                f"joint {load.name}",
+                load.remark,
+                f"`pinfric new` sizes its bearing for {load.why}",
+            )
+        elif load.degrees == 1 and load.leader is None and "its effort limit" not in load.why:
+            yield Finding(
+                Severity.NOTE,
+                "no effort limit",
+                f"joint {load.name}",
+                "no effort limit",
+                f"`pinfric new` sizes its bearing for {load.why}",
+            )
+
+
+def _dynamics(robot: Robot) -> Iterator[Finding]:
+    movable = set(robot.model.names)
+    given = {
+        name: d
+        for name, d in robot.dynamics.items()
+        if name in movable and (d.friction or d.damping)
+    }
+    if given:
+        name, first = next(iter(given.items()))
+        more = f" and {len(given) - 1} more" if len(given) > 1 else ""
+        yield Finding(
+            Severity.NOTE,
+            "dynamics",
+            "robot",
+            f"<dynamics> of {name} (friction {first.friction:g}, damping {first.damping:g}){more}",
+            "`pinfric new` notes it beside its guesses; `urdf_dynamics: use` in a scene uses it",
+        )
+
+
+def _transmissions(facts: RobotFacts) -> Iterator[Finding]:
+    joints = {joint.name for joint in facts.document.joints}
+    found = reductions(facts.root)
+    for name, ratio in found.items():
+        if name not in joints:
+            yield Finding(
+                Severity.WARNING,
+                "transmission",
+                f"joint {name}",
+                "a <transmission> names it",
+                "there is no such joint",
+            )
+        elif not math.isfinite(ratio) or ratio == 0.0:
+            yield Finding(
+                Severity.WARNING,
+                "transmission",
+                f"joint {name}",
+                f"<mechanicalReduction> {ratio:g}",
+                "connects nothing",
+            )
+
+
+def _gears(robot: Robot) -> Iterator[Finding]:
+    gears = robot.gears
+    if gears:
+        shown = ", ".join(f"{name} {ratio:g}" for name, ratio in list(gears.items())[:3])
+        more = f" and {len(gears) - 3} more" if len(gears) > 3 else ""
+        yield Finding(
+            Severity.NOTE,
+            "reductions",
+            "robot",
+            f"<transmission> gives {shown}{more}",
+            "`pinfric new` writes these ratios, without losses or rotor inertia: a URDF has none",
+        )

@@ -1,0 +1,255 @@
+"""Implausible values of a robot's links: masses, centres of mass, inertias, shapes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from pinfric.checking.findings import (
+    INERTIAS,
+    LENGTHS,
+    MASSES,
+    Finding,
+    Severity,
+    in_unit,
+    likely_unit,
+)
+from pinfric.checking.robot import BEYOND, LinkFacts, RobotFacts
+from pinfric.model.urdf import implausible_body
+
+#: A robot reaches no farther than this (m), and its joints are no closer than that.
+_FARTHEST, _NEAREST = 50.0, 5e-3
+#: kg per cubic metre of reach: robots have 1 to 60. Less in kg, or fewer links, may be compact.
+_HEAVIEST, _COMPACT, _FEW = 1000.0, 100.0, 3
+#: A shape so many times the robot's reach is in another unit.
+_SHAPE_OVER_REACH = 20.0
+#: Outside its shapes by this part of their diagonal, and by so many m: shapes are simplified.
+_OUTSIDE, _LEAST_OUTSIDE = 0.25, 0.02
+#: Radius of gyration over the distance to the farthest corner (1 if all mass were there), and
+#: over the diagonal (0.2 to 0.35 for half of all links): less is a point, not a body.
+_WIDE, _NARROW = 1.5, 0.02
+#: Between these a link's radius of gyration over its diagonal is as usual.
+_USUAL = (0.05, 0.8)
+#: kg/m^3 of the box around the shapes: denser than solid tungsten, lighter than any foam.
+_DENSEST, _LIGHTEST = 20000.0, 5.0
+#: A link that is fixed to heavier ones matters from this part of them on; as a point of mass
+#: it may be one of them.
+_SHARE, _MAIN = 0.05, 0.5
+
+
+def link_findings(facts: RobotFacts) -> Iterator[Finding]:
+    """Yield findings on the whole robot, then link by link."""
+    whole = list(_whole_robot(facts))
+    yield from whole
+    yield from _fixed_mass(facts)
+    if any(finding.kind == "lengths" for finding in whole):
+        return  # every link's size would be judged by the wrong length
+    heavy = any(finding.kind == "masses" for finding in whole)
+    for link in facts.links:
+        if problem := implausible_body(link.mass, link.inertia):
+            yield Finding(
+                Severity.WARNING, "impossible inertia", f"link {link.name}", problem, "", excess=3.0
+            )
+        if link.has_shapes and (finding := _shape(link, facts.reach)):
+            yield finding
+        elif link.mass > 0 and (link.has_shapes or facts.reach > 0):
+            found = [_com(link), _large_inertia(link), _small_inertia(link)]
+            found += [_density(link)] if link.has_shapes and not heavy else []
+            yield from (finding for finding in found if finding is not None)
+
+
+def _whole_robot(facts: RobotFacts) -> Iterator[Finding]:
+    reach = facts.reach
+    if reach > _FARTHEST:
+        unit = likely_unit(LENGTHS, lambda size: 0.05 < size * reach < 20.0)
+        yield Finding(
+            Severity.ERROR,
+            "lengths",
+            "robot",
+            f"its joints reach {reach:.3g} m",
+            "no robot is so large; all lengths look wrong",
+            in_unit(unit, "m", reach),
+            reach / _FARTHEST,
+        )
+    elif 0.0 < reach < _NEAREST:
+        yield Finding(
+            Severity.WARNING,
+            "lengths",
+            "robot",
+            f"its joints reach {reach:.3g} m",
+            "so small a robot is rare; are all lengths 1000 times too small?",
+            excess=_NEAREST / reach,
+        )
+    if reach <= _FARTHEST and (finding := _masses(facts)):
+        yield finding
+
+
+def _masses(facts: RobotFacts) -> Finding | None:
+    """All masses at once: by the density of most links, or by the size of the robot."""
+    mass = sum(link.mass for link in facts.links)
+    shaped = [link for link in facts.links if link.has_shapes and link.mass > 0]
+    if shaped:
+        excess = float(np.median([_box_density(link) for link in shaped])) / _DENSEST
+        why = f"most links would have {excess * _DENSEST:.2g} kg/m^3 (steel: 7850)"
+    elif len(facts.links) >= _FEW and mass > _COMPACT:
+        excess = mass / (_HEAVIEST * max(facts.reach, _NEAREST) ** 3)
+        why = f"too much for a robot that reaches {facts.reach:.3g} m"
+    else:
+        return None
+    if excess <= 1.0:
+        return None
+    unit = likely_unit(MASSES, lambda size: size * excess < 0.5)
+    return Finding(
+        Severity.ERROR,
+        "masses",
+        "robot",
+        f"moving mass {mass:.4g} kg",
+        why,
+        in_unit(unit, "kg", mass),
+        excess,
+    )
+
+
+def _fixed_mass(facts: RobotFacts) -> Iterator[Finding]:
+    fixed = facts.fixed_mass
+    if fixed:
+        first, *others = fixed
+        more = f" and {len(others)} more" if others else ""
+        yield Finding(
+            Severity.NOTE,
+            "fixed mass",
+            "robot",
+            f"{sum(fixed.values()):.3g} kg never move (link {first}{more})",
+            "fixed to the ground, they load no joint",
+        )
+
+
+def _shape(link: LinkFacts, reach: float) -> Finding | None:
+    """A mesh in millimetres, as CAD systems export them."""
+    size = link.extent.diagonal
+    if reach <= 0 or size < max(_SHAPE_OVER_REACH * reach, 2.0):
+        return None
+    unit = likely_unit(LENGTHS, lambda factor: factor * size < 3.0 * reach)
+    hint = f"in {unit.name} (scale {unit.size:g}) {unit.size * size:.3g} m" if unit else ""
+    return Finding(
+        Severity.WARNING,
+        "shape",
+        f"link {link.name}",
+        f"its shapes are {size:.3g} m large",
+        f"the whole robot reaches {reach:.3g} m",
+        hint,
+        size / (_SHAPE_OVER_REACH * reach),
+    )
+
+
+def _com(link: LinkFacts) -> Finding | None:
+    box = link.extent
+    outside, allowed = box.distance(link.com), max(_OUTSIDE * box.diagonal, _LEAST_OUTSIDE)
+    if outside <= allowed or link.mass_share < _SHARE:
+        return None
+    unit = likely_unit(LENGTHS, lambda size: box.distance(size * link.com) <= 0.1 * allowed)
+    unit = unit if outside > 3.0 * box.diagonal else None
+    away = float(np.linalg.norm(link.com))
+    where = f"{away:.3g} m from the link's origin" if away else "at the link's origin"
+    where += "" if link.com_given else ", as no <origin> is given"
+    size = (
+        f"its shapes are {box.diagonal:.3g} m large"
+        if link.has_shapes
+        else (f"{box.high[0]:.3g} m are {BEYOND:g} times the robot's reach")
+    )
+    return Finding(
+        Severity.ERROR if unit else Severity.WARNING,
+        "centre of mass",
+        f"link {link.name}",
+        f"centre of mass {where}",
+        f"{outside:.3g} m outside: {size}",
+        in_unit(unit, "m", away),
+        outside / allowed,
+    )
+
+
+def _large_inertia(link: LinkFacts) -> Finding | None:
+    """The radius of gyration sqrt(J/m) against the distance to the farthest corner."""
+    moment, radius, farthest = _gyration(link)
+    if radius <= _WIDE * farthest or link.inertia_share < _SHARE:
+        return None
+    size = link.extent.diagonal
+    unit = (
+        likely_unit(
+            INERTIAS, lambda factor: _USUAL[0] < radius * math.sqrt(factor) / size < _USUAL[1]
+        )
+        if radius > 30.0 * farthest
+        else None
+    )
+    return Finding(
+        Severity.ERROR if unit and link.has_shapes else Severity.WARNING,
+        "large inertia",
+        f"link {link.name}",
+        f"inertia {moment:.3g} kg m^2 for {link.mass:.3g} kg",
+        f"radius of gyration {radius:.3g} m, but {_extends(link, farthest)}",
+        in_unit(unit, "kg m^2", moment),
+        radius / (_WIDE * farthest),
+    )
+
+
+def _small_inertia(link: LinkFacts) -> Finding | None:
+    moment, radius, farthest = _gyration(link)
+    least = _NARROW * link.extent.diagonal
+    if not link.has_shapes or radius >= least or link.mass_share < _MAIN:
+        return None
+    return Finding(
+        Severity.WARNING,
+        "small inertia",
+        f"link {link.name}",
+        f"inertia {moment if moment > 1e-12 else 0:.3g} kg m^2 for {link.mass:.3g} kg",
+        f"a point mass, but {_extends(link, farthest)}",
+        excess=min(least / (radius + 1e-9), 10),
+    )
+
+
+def _gyration(link: LinkFacts) -> tuple[float, float, float]:
+    """Largest moment (kg m^2), its radius of gyration, and how far the link extends (m)."""
+    moment = max(float(np.linalg.eigvalsh(link.inertia)[2]), 0.0)
+    inside = np.clip(link.com, link.extent.low, link.extent.high)
+    return moment, math.sqrt(moment / link.mass), link.extent.farthest(inside)
+
+
+def _extends(link: LinkFacts, farthest: float) -> str:
+    if link.has_shapes:
+        return f"its shapes end {farthest:.3g} m from there"
+    return f"the robot reaches {link.extent.high[0] / BEYOND:.3g} m"
+
+
+def _density(link: LinkFacts) -> Finding | None:
+    density = _box_density(link)
+    found = f"{link.mass:.3g} kg in a box of {1e6 * link.mass / density:.3g} cm^3"
+    if link.mass_share < _SHARE:
+        return None
+    if density > _DENSEST:
+        unit = likely_unit(MASSES, lambda g: 50.0 < g * density < 3000.0)
+        return Finding(
+            Severity.WARNING,
+            "dense",
+            f"link {link.name}",
+            found,
+            f"{density:.3g} kg/m^3 (tungsten: 19300, steel: 7850)",
+            in_unit(unit, "kg", link.mass),
+            density / _DENSEST,
+        )
+    if density < _LIGHTEST:
+        return Finding(
+            Severity.WARNING,
+            "light",
+            f"link {link.name}",
+            found,
+            f"{density:.2g} kg/m^3 (water: 1000, air: 1.2)",
+            excess=_LIGHTEST / density,
+        )
+    return None
+
+
+def _box_density(link: LinkFacts) -> float:
+    """Mass over the volume of the box around the shapes (kg/m^3): less than the material's."""
+    return float(link.mass / np.prod(np.maximum(link.extent.size, 1e-3)))

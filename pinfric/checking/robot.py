@@ -1,0 +1,220 @@
+"""A URDF as the checks see it: its links with their sizes, masses, and what carries them."""
+
+from __future__ import annotations
+
+import warnings
+import xml.etree.ElementTree as ElementTree
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pinfric.checking.link_extent import Extent, link_extents, place_of
+from pinfric.errors import PinfricWarning
+from pinfric.model.robot import mesh_folders
+from pinfric.model.urdf import (
+    bodies,
+    check_urdf,
+    lost_leaders,
+    missing_meshes,
+    read_document,
+    still_links,
+)
+from pinfric.model.urdf_file import read_xml
+
+#: Shapes smaller than this part of the robot's reach stand in for something.
+_STAND_IN = 0.01
+
+
+#: No link, payload or centre of mass is so many times as far away as the robot reaches. (The reach
+#: ends at the last joint: the last link may be longer than all before it.)
+BEYOND = 3.0
+
+
+@dataclass(frozen=True)
+class LinkFacts:
+    """One link that moves.
+
+    Attributes:
+        name: the link's.
+        mass: kg.
+        inertia: (3, 3) kg m^2 about the centre of mass.
+        com: (3,) m, in the link's frame.
+        com_given: False where the URDF has no <origin> and it is the link's origin.
+        extent: the box of its shapes; without shapes a cube of `BEYOND` times the robot's reach.
+        has_shapes: whether `extent` is that of shapes.
+        mass_share, inertia_share: its part of the links it is fixed to; 1 where it is alone.
+    """
+
+    name: str
+    mass: float
+    inertia: np.ndarray
+    com: np.ndarray
+    com_given: bool
+    extent: Extent
+    has_shapes: bool
+    mass_share: float
+    inertia_share: float
+
+
+@dataclass(frozen=True)
+class RobotFacts:
+    """A URDF, read and measured.
+
+    Attributes:
+        urdf: the file.
+        root: its XML.
+        document: the same as yourdfpy reads it (`read_document`).
+        nameless: the file gives the robot no name.
+        lost: joint -> the leader that is not there.
+        missing, unread: meshes that are not there; those that cannot be read -> why.
+        extents: link -> box of its shapes.
+    """
+
+    urdf: Path
+    root: ElementTree.Element
+    document: Any
+    nameless: bool
+    lost: dict[str, str]
+    missing: list[str]
+    unread: dict[str, str]
+    extents: dict[str, Extent]
+
+    @classmethod
+    def of(cls, urdf: Path) -> RobotFacts:
+        """Read a URDF and its meshes; what loading warns of is among the facts.
+
+        Raises:
+            RobotError: see `read_document`.
+        """
+        root = read_xml(urdf)
+        lost, nameless = lost_leaders(root), not root.get("name")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", PinfricWarning)
+            check_urdf(root, urdf)
+        document = read_document(root, urdf)
+        folders = mesh_folders(urdf)
+        extents, unread = link_extents(document, urdf, folders)
+        return cls(
+            urdf,
+            root,
+            document,
+            nameless,
+            lost,
+            missing_meshes(root, urdf, folders),
+            unread,
+            extents,
+        )
+
+    @cached_property
+    def elements(self) -> dict[str, ElementTree.Element]:
+        """Joint -> its XML: what the document does not keep."""
+        return {str(joint.get("name")): joint for joint in self.root.findall("joint")}
+
+    @cached_property
+    def reach(self) -> float:
+        """The longest way from the root along the joints' origins, m."""
+        below: dict[str, list[Any]] = {}
+        for joint in self.document.joints:
+            below.setdefault(joint.parent, []).append(joint)
+        far = {
+            link: 0.0
+            for link in {link.name for link in self.document.links}
+            - {joint.child for joint in self.document.joints}
+        }
+        ahead = list(far)
+        while ahead:
+            link = ahead.pop()
+            for joint in below.get(link, ()):
+                far[joint.child] = far[link] + float(np.linalg.norm(place_of(joint.origin)[:3, 3]))
+                ahead.append(joint.child)
+        return max(far.values())
+
+    @cached_property
+    def still(self) -> set[str]:
+        """Links that never move."""
+        return still_links(self.root)
+
+    @cached_property
+    def fixed_mass(self) -> dict[str, float]:
+        """Link that never moves -> its mass, where it has one."""
+        return {name: m for name, m in self.masses.items() if name in self.still and m > 0}
+
+    @cached_property
+    def bodies(self) -> dict[str, tuple[float, np.ndarray]]:
+        """Link -> its mass and inertia, zeros where it has none."""
+        nothing = {link.name: (0.0, np.zeros((3, 3))) for link in self.document.links}
+        return nothing | bodies(self.root)
+
+    @property
+    def masses(self) -> dict[str, float]:
+        """Link -> its mass, kg."""
+        return {name: mass for name, (mass, _) in self.bodies.items()}
+
+    @cached_property
+    def shapes(self) -> dict[str, Extent]:
+        """Link -> box of its shapes, where they are no stand-in."""
+        least = _STAND_IN * self.reach
+        return {name: box for name, box in self.extents.items() if box.diagonal >= least}
+
+    @cached_property
+    def links(self) -> tuple[LinkFacts, ...]:
+        """The links that move and have an inertial."""
+        whole: dict[str, np.ndarray] = {}  # body -> its links' masses and moments, summed
+        for name, (mass, inertia) in self.bodies.items():
+            both = np.array([mass, np.trace(inertia)])
+            whole[self._body(name)] = whole.get(self._body(name), np.zeros(2)) + both
+        found = []
+        for link in self.document.links:
+            if link.inertial is None or link.name in self.still:
+                continue
+            mass, inertia = self.bodies[link.name]
+            total = whole[self._body(link.name)]
+            shares = np.divide([mass, np.trace(inertia)], total, np.zeros(2), where=total > 0)
+            at = link.inertial.origin
+            shapes = self.shapes.get(link.name)
+            found.append(
+                LinkFacts(
+                    link.name,
+                    mass,
+                    inertia,
+                    place_of(at)[:3, 3],
+                    at is not None,
+                    shapes or self._around(),
+                    shapes is not None,
+                    *map(float, shares),
+                )
+            )
+        return tuple(found)
+
+    def moved_mass(self, joint: Any) -> float:
+        """Return the mass beyond a joint, kg."""
+        masses = self.masses
+        beyond, ahead = 0.0, [joint.child]
+        while ahead:
+            link = ahead.pop()
+            beyond += masses[link]
+            ahead += [below.child for below in self.document.joints if below.parent == link]
+        return beyond
+
+    def fixed_to(self, link: str) -> list[str]:
+        """Return all links that move with a link as one body."""
+        return [x.name for x in self.document.links if self._body(x.name) == self._body(link)]
+
+    def _body(self, link: str) -> str:
+        """The link that stands for all those fixed to each other."""
+        above = self._fixed_above
+        while link in above:
+            link = above[link]
+        return link
+
+    @cached_property
+    def _fixed_above(self) -> dict[str, str]:
+        return {j.child: j.parent for j in self.document.joints if j.type == "fixed"}
+
+    def _around(self) -> Extent:
+        """Where a link without shapes surely ends: its length is not known, only the others'."""
+        half = np.full(3, BEYOND * self.reach)
+        return Extent(-half, half)

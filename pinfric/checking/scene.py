@@ -1,0 +1,318 @@
+"""Implausible values of a scene: bearings, coefficients, payloads, drives, positions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.checking.findings import (
+    ANGLES,
+    LENGTHS,
+    MASSES,
+    Finding,
+    Severity,
+    in_unit,
+    likely_unit,
+)
+from pinfric.checking.robot import BEYOND, RobotFacts
+from pinfric.elastic.motion import unloaded_frequency
+from pinfric.model.entry import USUALLY
+from pinfric.model.friction_terms import CoulombFriction
+from pinfric.model.hysteresis import excessive_friction
+from pinfric.model.robot import payload_inertia
+from pinfric.model.scene import Scene, Site
+from pinfric.model.transmission import Transmission, driving_loss
+
+#: A bearing's radius over half the diagonal of the larger of the links it joins.
+_BEARING_OVER_LINK = 1.0
+#: Coefficients of rolling bearings are near 0.002, of plain ones between 0.03 and 0.6.
+_ROLLING, _PLAIN = 0.03, 1.0
+#: A payload is rarely heavier than so many times the robot that carries it.
+_PAYLOAD = 2.0
+#: A rotor's inertia at its joint over the largest inertia that any joint moves.
+_ROTOR = 30.0
+#: Hz between which the lowest natural frequencies of robots lie.
+_FREQUENCIES = 3.0, 200.0
+
+
+def scene_findings(
+    scene: Scene, facts: RobotFacts | None, said: Sequence[str]
+) -> Iterator[Finding]:
+    """Yield findings on a scene without its robot.
+
+    Args:
+        scene: as loaded.
+        facts: its URDF, measured; None for a robot made in Python.
+        said: what loading warned of.
+    """
+    for text in said:
+        if USUALLY in text:  # the schema's own questions
+            yield Finding(Severity.WARNING, "question", "scene", text, "")
+    for site in scene.sites:
+        yield from _bearing(site, scene, facts)
+        yield from _coefficients(site, scene)
+    yield from _payloads(scene, facts)
+    yield from _positions(scene, facts)
+    yield from _drives(scene)
+    yield from _elastic_gears(scene)
+
+
+def _bearing(site: Site, scene: Scene, facts: RobotFacts | None) -> Iterator[Finding]:
+    """A bearing larger than the links it joins."""
+    bearing = site.friction.bearing
+    if bearing is None or facts is None or site.pair >= 0:
+        return
+    joint = next(j for j in facts.document.joints if j.name == site.name)
+    links = {*facts.fixed_to(joint.parent), *facts.fixed_to(joint.child)}
+    sizes = [facts.extents[link].diagonal for link in links if link in facts.extents]
+    largest = max(sizes, default=2.0 * BEYOND * facts.reach)
+    for key in bearing.sizes:
+        value = getattr(bearing, key)
+        most = _BEARING_OVER_LINK * largest * (0.5 if "radius" in key else 1.0)
+        if value is None or most <= 0 or value <= most:
+            continue
+        unit = likely_unit(LENGTHS, _below(value, most))
+        yield Finding(
+            Severity.WARNING,
+            "bearing",
+            f"friction.{site.name}.bearing.{key}",
+            f"{value:g} m",
+            f"the links it joins are {largest:.3g} m large",
+            in_unit(unit, "m", value),
+            value / most,
+        )
+
+
+def _coefficients(site: Site, scene: Scene) -> Iterator[Finding]:
+    friction, place = site.friction, f"friction.{site.name}"
+    rolling = friction.bearing is not None and friction.bearing.rolling
+    if friction.mu is not None:
+        most = _ROLLING if rolling else _PLAIN
+        what = (
+            "rolling bearings have 0.001 to 0.005"
+            if rolling
+            else ("plain bearings have 0.03 to 0.6")
+        )
+        if friction.mu.static > most:
+            yield Finding(
+                Severity.WARNING,
+                "coefficient",
+                f"{place}.mu.static",
+                f"{friction.mu.static:g}",
+                what,
+                excess=friction.mu.static / most,
+            )
+    effort, speed = _limits_of(site, scene)
+    unit = "N" if site.sliding else "N m"
+    if isinstance(friction.coulomb, CoulombFriction) and friction.coulomb.static > effort:
+        yield Finding(
+            Severity.WARNING,
+            "coulomb",
+            f"{place}.coulomb",
+            f"{friction.coulomb.static:g} {unit}",
+            f"the joint's effort limit is {effort:g} {unit}: it could not break away",
+            excess=friction.coulomb.static / effort,
+        )
+    if math.isfinite(speed) and (viscous := friction.viscous) is not None:
+        drag = viscous.coefficient * speed**viscous.exponent
+        if drag > effort:
+            per = "s/m" if site.sliding else "s/rad"
+            per = per if viscous.exponent == 1 else f"({per})^{viscous.exponent:g}"
+            yield Finding(
+                Severity.WARNING,
+                "viscous",
+                f"{place}.viscous",
+                f"{viscous.coefficient:g} {unit} {per}",
+                f"{drag:.3g} {unit} at the joint's speed limit, more than its effort limit "
+                f"{effort:g} {unit}",
+                excess=drag / effort,
+            )
+    if friction.stribeck is not None and friction.stribeck.velocity > speed:
+        yield Finding(
+            Severity.NOTE,
+            "stribeck",
+            f"{place}.stribeck.velocity",
+            f"{friction.stribeck.velocity:g}",
+            f"above the joint's speed limit {speed:g}: friction never falls to the kinetic value",
+        )
+
+
+def _limits_of(site: Site, scene: Scene) -> tuple[float, float]:
+    """Effort and speed limit of a site's joint, infinite where none is given."""
+    if site.velocity_index < 0 or site.ratio != 1.0:
+        return math.inf, math.inf
+    effort = float(scene.model.effortLimit[site.velocity_index])
+    speed = float(scene.model.velocityLimit[site.velocity_index])
+    return effort if 0 < effort < 1e300 else math.inf, speed if 0 < speed < 1e300 else math.inf
+
+
+def _payloads(scene: Scene, facts: RobotFacts | None) -> Iterator[Finding]:
+    moving = sum(inertia.mass for inertia in tuple(scene.model.inertias)[1:])
+    reach = facts.reach if facts is not None else 0.0
+    for name, payload in scene.payloads.items():
+        place = f"robot.payloads.{name}"
+        if payload.mass > _PAYLOAD * moving > 0:
+            unit = likely_unit(MASSES, _below(payload.mass, 0.5 * moving))
+            yield Finding(
+                Severity.WARNING,
+                "payload",
+                f"{place}.mass",
+                f"{payload.mass:g} kg",
+                f"{moving:.3g} kg of the robot move",
+                in_unit(unit, "kg", payload.mass),
+                payload.mass / (_PAYLOAD * moving),
+            )
+        away = float(np.linalg.norm(payload.com))
+        if reach > 0 and away > max(BEYOND * reach, 0.3):
+            unit = likely_unit(LENGTHS, _below(away, 0.5 * reach))
+            yield Finding(
+                Severity.WARNING,
+                "payload",
+                f"{place}.com",
+                f"{away:.3g} m from its link",
+                f"the robot reaches {reach:.3g} m",
+                in_unit(unit, "m", away),
+                away / reach,
+            )
+        moment = float(np.linalg.eigvalsh(payload_inertia(payload).inertia)[2])
+        radius = math.sqrt(max(moment, 0.0) / payload.mass)
+        if reach > 0 and radius > max(BEYOND * reach, 0.3):
+            yield Finding(
+                Severity.WARNING,
+                "payload",
+                f"{place}.inertia",
+                f"{moment:.3g} kg m^2 for {payload.mass:g} kg",
+                f"radius of gyration {radius:.3g} m; the robot reaches {reach:.3g} m",
+                excess=radius / reach,
+            )
+
+
+def _positions(scene: Scene, facts: RobotFacts | None) -> Iterator[Finding]:
+    """Locked and starting positions against the joints' limits."""
+    if facts is None:
+        return
+    start = scene.simulation.start.q if scene.simulation is not None else {}
+    locked = {} if scene.robot is None else scene.robot.locked
+    joints = {joint.name: joint for joint in facts.document.joints}
+    for section, given in (("robot.locked", locked), ("simulation.start.q", start)):
+        for name, position in given.items():
+            joint = joints.get(name)
+            if joint is None or joint.type == "continuous" or joint.limit is None:
+                continue
+            low, high = joint.limit.lower or 0.0, joint.limit.upper or 0.0
+            if low == high == 0.0 or low - 1e-6 <= position <= high + 1e-6:
+                continue
+            sliding = joint.type == "prismatic"
+            far = abs(position) > 2.0 * max(abs(low), abs(high))
+            units = (LENGTHS if sliding else ANGLES) if far else ()
+            unit = likely_unit(units, _below(position, 1.01 * max(abs(low), abs(high))))
+            si = "m" if sliding else "rad"
+            yield Finding(
+                Severity.WARNING,
+                "position",
+                f"{section}.{name}",
+                f"{position:g} {si}",
+                f"outside its limits {low:g} to {high:g} {si}",
+                in_unit(unit, si, position),
+            )
+
+
+def _drives(scene: Scene) -> Iterator[Finding]:
+    """Transmissions against the URDF's ratio, the joint's limit and what the joint moves."""
+    model = scene.model
+    M = pin.crba(model, model.createData(), scene.start_configuration)
+    moved = float(M.diagonal().max())
+    ratios = scene.robot.reductions if scene.robot is not None else {}
+    for i, actuator in enumerate(scene.actuators or ()):
+        transmission, joint = actuator.transmission, actuator.joint
+        if transmission is None or joint not in scene.joint_names:
+            continue
+        place = f"actuators[{i}].transmission"
+        stated = ratios.get(joint)
+        if (
+            stated is not None
+            and abs(stated) not in (0.0, 1.0)
+            and not math.isclose(abs(stated), abs(transmission.ratio), rel_tol=1e-3)
+        ):
+            yield Finding(
+                Severity.WARNING,
+                "ratio",
+                f"{place}.ratio",
+                f"{transmission.ratio:g} at joint {joint}",
+                f"the URDF's <transmission> says {stated:g}",
+            )
+        index = model.joints[model.getJointId(joint)].idx_v
+        yield from _losses(transmission, place, joint, float(model.effortLimit[index]))
+        rotor = transmission.rotor_inertia * transmission.ratio**2
+        if moved > 0 and rotor > _ROTOR * moved:
+            yield Finding(
+                Severity.WARNING,
+                "rotor",
+                f"{place}.rotor_inertia",
+                f"{transmission.rotor_inertia:g} kg m^2 at joint {joint}",
+                f"{rotor:.3g} kg m^2 at the joint; no joint moves more than {moved:.3g} kg m^2",
+                f"if it is in kg cm^2: {1e-4 * transmission.rotor_inertia:.3g} kg m^2",
+                rotor / (_ROTOR * moved),
+            )
+
+
+def _elastic_gears(scene: Scene) -> Iterator[Finding]:
+    """Hysteresis against friction, and a lowest frequency that no robot has."""
+    for excess in excessive_friction(scene.friction, scene.actuators):
+        yield Finding(
+            Severity.WARNING,
+            "hysteresis",
+            excess.place,
+            excess.text,
+            "",
+            excess=excess.implied / excess.stated,
+        )
+    if not scene.elastic:
+        return
+    frequency = unloaded_frequency(scene)
+    low, high = _FREQUENCIES
+    if not low <= frequency <= high:  # also NaN
+        small = "too small: stiffness in N m/arcmin, or in N m/deg, entered as N m/rad?"
+        large = (
+            "too large: stiffness in N mm/rad entered as N m/rad, or converted from arcmin twice?"
+        )
+        yield Finding(
+            Severity.WARNING,
+            "frequency",
+            "actuators[].transmission.stiffness",
+            f"lowest natural frequency {frequency:.3g} Hz, motors held",
+            f"robots have {low:g} to {high:g} Hz: {large if frequency > high else small}",
+            excess=max(low / frequency, frequency / high),
+        )
+
+
+def _losses(transmission: Transmission, place: str, joint: str, effort: float) -> Iterator[Finding]:
+    if (fit := driving_loss(transmission)).error > 0:
+        yield Finding(
+            Severity.NOTE,
+            "efficiency",
+            f"{place}.efficiency.over_speed",
+            f"fitted by a loss {fit.constant:.3g} + {fit.rise:.3g} w^{fit.exponent:.3g}",
+            f"error of the efficiencies at most {100 * fit.error:.2g} percentage points",
+        )
+    if transmission.no_load_torque is None:
+        return
+    static = max(transmission.no_load_torque.at_rest())
+    lost = static * abs(transmission.ratio)
+    if 0 < effort < lost:
+        yield Finding(
+            Severity.WARNING,
+            "no-load torque",
+            f"{place}.no_load_torque",
+            f"{static:g} N m",
+            f"{lost:.3g} at joint {joint}, whose effort limit is {effort:.4g}",
+            excess=lost / effort,
+        )
+
+
+def _below(value: float, most: float) -> Callable[[float], bool]:
+    """Whether a value in a unit of some size stays below `most`."""
+    return lambda size: size * abs(value) < most

@@ -1,0 +1,1 @@
+"""Motors, gears, bearings and brakes: catalogues, conditions, limits, and what a cycle demands."""

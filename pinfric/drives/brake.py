@@ -1,0 +1,321 @@
+"""Joints that hold without power, and the brakes that hold and stop the others.
+
+Power may fail anywhere along a cycle. At every pose of it, at rest and with the payloads carried
+there, statics leaves the effort that holds a joint an interval: friction in joints and gears may
+help or oppose, as its history left it. Friction does not push: without its help a brake at the
+motor's shaft bears the load alone, |load|/ratio. Without a brake a joint stays where friction alone
+bears the load.
+
+A brake that closes at speed takes the energy of a stop, friction left out and the load driving,
+
+    E = J omega_1^2/2 T_b/(T_b - |T_load|),      omega_1 = |omega| + |T_load| t_engage/J,
+
+with J of rotor, brake and load at the shaft: for t_engage the load accelerates, then T_b - |T_load|
+slows it down.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from pinfric.drives.catalog import Brake
+from pinfric.drives.criterion import Criterion, Status, compare
+from pinfric.drives.demand import largest
+from pinfric.drives.inertia import joint_inertias
+from pinfric.drives.policy import Conditions
+from pinfric.dynamics.forward.holds import holds
+from pinfric.dynamics.inverse.inverse import inverse_dynamics
+from pinfric.dynamics.inverse.result import InverseResult
+from pinfric.errors import PinfricError
+from pinfric.model.described import EFFORT, derived, described, quantity
+from pinfric.motions.summary import effort_unit, ends_by_magnitude
+
+_SOURCE = "Machine Design, Mechantronics Q & A: Hold it steady (2007): factor 1.5 to 3"
+_STATICS = (
+    "limits of static friction (pinfric.holds) at the worst pose; Harmonic "
+    "Drive: do not rely on the back-driving torque to hold a load"
+)
+#: Of the robot's largest effort: what is smaller is rounding of its motion or of its masses.
+_NOTHING = 1e-6
+_HOLDING, _BRAKE, _STOP = "holding without power", "holding brake", "brake stop energy"
+
+
+@described
+class Standstill:
+    """Holding of a joint when power fails, worst case along the cycle.
+
+    Attributes:
+        criteria: holding without power, the brake's torque, and its energy in a stop.
+    """
+
+    effort: tuple[float, float] = quantity(
+        "(smallest, largest) holding effort at the joint: with the full help of friction, or none",
+        EFFORT,
+        "at the\njoint",
+    )
+    shaft: tuple[float, float] | None = quantity(
+        "the same at the motor's shaft, with gear losses; none without a transmission",
+        "N m",
+        "at the\nmotor",
+    )
+    use: float | None = quantity(
+        "largest used part of the static friction limits of joint and gear, without power, all "
+        "other joints held; none: it moves, or is not known",
+        heading="without\nbrake",
+    )
+    held: bool | None = quantity("whether friction alone holds it there; none: not known")
+    time: float = quantity("time of that pose in the cycle", "s")
+    brake: str | None = quantity(
+        "smallest brake of the catalogue that holds `shaft`, if any", heading="smallest brake"
+    )
+    fitted: bool = quantity(
+        "whether the drive has that brake: one is required, or friction alone does not hold it"
+    )
+    criteria: tuple[Criterion, ...]
+
+    @property
+    def torque(self) -> Criterion:
+        """The brake's torque against the load."""
+        return next(c for c in self.criteria if c.name == _BRAKE)
+
+    @property
+    @derived(heading="margin", cell="{margin:margin}")
+    def margin(self) -> float | None:
+        """What the brake has left of its torque; none: not known, or none is needed."""
+        return self.torque.margin
+
+
+def standstills(
+    result: InverseResult,
+    brakes: Mapping[str, Brake],
+    conditions: Conditions,
+    fitted: Sequence[str] = (),
+) -> tuple[Standstill, ...]:
+    """Return the holding of each drive's joint without power, in the order of the drives.
+
+    Args:
+        result: of the cycle; its scene has the gears.
+        brakes: of the catalogue. conditions: whether a brake is required, and its reserve.
+        fitted: (na,) names of the brakes that the drives of the scene include; "": none. Where it
+            is left out, what each joint would need is said.
+    """
+    zero, states = np.zeros_like(result.states.v), result.states
+    still = inverse_dynamics(result.scene, states.q, zero, zero, attached=states.attached)
+    inertias = None if result.scene.loops else joint_inertias(result.scene, states)
+    found = []
+    for i, drive in enumerate(result.scene.drives):
+        own = None if inertias is None else inertias[:, i]
+        there = fitted[i] if fitted else None
+        if own is not None and there and drive.transmission is not None:
+            inside = brakes[there].rotor_inertia or 0.0  # each brake on trial adds its own
+            own = own - drive.transmission.ratio**2 * inside
+        found.append(_standstill(result, still, i, own, brakes, conditions, there))
+    return tuple(found)
+
+
+def _standstill(
+    result: InverseResult,
+    still: InverseResult,
+    i: int,
+    inertia: np.ndarray | None,
+    brakes: Mapping[str, Brake],
+    conditions: Conditions,
+    fitted: str | None,
+) -> Standstill:
+    least = ends_by_magnitude(still.effort_lower[:, i], still.effort_upper[:, i])[1]
+    load, shaft, stop = _rounded(result, still.effort_frictionless[:, i]), None, None
+    effort = largest(_rounded(result, least)), largest(load)
+    gear = still.scene.drives[i].transmission
+    slides = effort_unit(still.scene, i) == "N"
+    if gear is not None and not (slides and gear.ratio == 1.0):  # a linear motor has no shaft
+        least = ends_by_magnitude(still.motor_torque_lower[:, i], still.motor_torque_upper[:, i])[1]
+        shaft = largest(_rounded(result, least)), largest(load) / abs(gear.ratio)
+        if inertia is not None:
+            speed = gear.ratio * result.actuator_velocity[:, i]
+            at_shaft = inertia / gear.ratio**2 + gear.rotor_inertia
+            stop = Stop(at_shaft, np.abs(speed), np.abs(load / gear.ratio))
+    pose = _hardest(still, i)
+    use, held = _use(still, i, pose, load[pose])
+    needed = conditions.holding_brake == "required" or (
+        conditions.holding_brake == "where_needed" and not held
+    )
+    torque = None if shaft is None else conditions.brake_factor * shaft[1]
+    name = fitted or (_smallest(torque, stop, brakes) if needed or torque != 0.0 else None)
+    held_by = _torque(torque, name, brakes, conditions.brake_factor, needed)
+    assert result.t is not None  # size refuses a motion without times
+    criteria = (_unpowered(use, held), held_by, _energy(stop, name, brakes, needed))
+    there = name is not None and (needed or not held) if fitted is None else bool(fitted)
+    return Standstill(effort, shaft, use, held, float(result.t[pose]), name, there, criteria)
+
+
+def _rounded(result: InverseResult, effort: np.ndarray) -> np.ndarray:
+    """Efforts with 0 in place of what is below the rounding of the cycle's own."""
+    most = max(largest(result.effort_lower), largest(result.effort_upper))
+    return np.where(np.abs(effort) <= _NOTHING * most, 0.0, effort)
+
+
+class Stop(NamedTuple):
+    """A brake that closes at speed: load and speed at the motor's shaft, sample by sample.
+
+    It preselects a brake: each axis alone, without friction. `pinfric.stop` simulates all axes.
+
+    Attributes:
+        inertia: (T,) kg m^2. speed: (T,) rad/s. load: (T,) |T_load|, N m.
+    """
+
+    inertia: np.ndarray
+    speed: np.ndarray
+    load: np.ndarray
+
+    def energy(self, brake: Brake) -> float:
+        """Return the energy of the hardest stop, J; infinite if the brake cannot hold the load."""
+        if not brake.torque > self.load.max():
+            return np.inf
+        inertia, delay = self.inertia + (brake.rotor_inertia or 0.0), brake.engage_time or 0.0
+        way = closing_way(inertia, self.speed, self.load, delay, brake.torque - self.load)
+        return float(brake.torque * way.max())
+
+
+def closing_way(
+    inertia: np.ndarray,
+    speed: np.ndarray,
+    push: np.ndarray,
+    delay: float | np.ndarray,
+    left: np.ndarray,
+) -> np.ndarray:
+    """Return the way of one axis from when its brake closes: J w^2/(2 left), w = |v| + push t/J.
+
+    Args:
+        inertia: J, kg m^2 (kg). speed: |v| at power-off, rad/s (m/s).
+        push: torque or force along v until then, N m (N); what is against v counts as 0.
+        delay: t until it closes, s. left: what the brake has beyond the load, N m (N).
+    """
+    closing = speed + np.maximum(push, 0.0) * delay / inertia
+    return np.asarray(inertia * closing**2 / (2.0 * left))
+
+
+def _hardest(still: InverseResult, i: int) -> int:
+    """The pose at which friction must bear most of what it can: load over limit is greatest."""
+    lower, upper = still.motor_torque_lower[:, i], still.motor_torque_upper[:, i]
+    gear = still.scene.drives[i].transmission
+    load = still.effort_frictionless[:, i] / (1.0 if gear is None else gear.ratio)
+    limit = np.where(load > 0, load - lower, upper - load)
+    return int(np.argmax(np.abs(load) / np.maximum(limit, 1e-12 * max(largest(load), 1.0))))
+
+
+def _use(still: InverseResult, i: int, pose: int, load: float) -> tuple[float | None, bool | None]:
+    """Return the part of its friction that a joint takes, the others held, and whether it holds."""
+    ends = still.motor_torque_lower[pose, i], still.motor_torque_upper[pose, i]
+    if not still.scene.loops:  # in an open chain each joint's statics is its own
+        if load == 0.0:
+            return 0.0, True
+        if not ends[0] <= 0.0 <= ends[1]:
+            return None, False
+    scene, effort = still.scene, still.effort_frictionless[pose].copy()
+    effort[i] = 0.0
+    carried = still.states.attached
+    attached = (
+        None
+        if carried is None
+        else [name for name, on in zip(scene.payloads, carried[pose], strict=True) if on]
+    )
+    given = {"effort": effort}
+    ratios = [None if d.transmission is None else d.transmission.ratio for d in scene.drives]
+    if None not in ratios:
+        given = {"motor_torque": effort / np.array(ratios, dtype=float)}
+    try:
+        found = holds(scene, still.states.q[pose], attached=attached, **given)
+    except PinfricError:
+        return None, None
+    return (found.use if found.held else None), found.held
+
+
+def _unpowered(use: float | None, held: bool | None) -> Criterion:
+    formula = "static friction needed / its limit <= 1, power off and all other joints held"
+    if held is not False:
+        return compare(_HOLDING, use, 1.0, "", formula, _STATICS, "a unique static solution")
+    return Criterion(
+        _HOLDING,
+        Status.NOT_REQUIRED,
+        None,
+        1.0,
+        "",
+        None,
+        formula,
+        _STATICS,
+        "it moves: friction alone does not hold it",
+    )
+
+
+def ranked(brakes: Mapping[str, Brake]) -> list[str]:
+    """By torque, of equal ones the lightest first, then that of least power."""
+    unknown = np.inf
+    return sorted(
+        brakes,
+        key=lambda name: (
+            brakes[name].torque,
+            brakes[name].mass or unknown,
+            brakes[name].power or unknown,
+        ),
+    )
+
+
+def _smallest(torque: float | None, stop: Stop | None, brakes: Mapping[str, Brake]) -> str | None:
+    """The first brake that bears the torque and, where printed, the energy of a stop."""
+    for name in ranked(brakes):
+        most = brakes[name].stop_energy
+        stops = stop is None or most is None or stop.energy(brakes[name]) <= most
+        if torque is not None and brakes[name].torque >= torque and stops:
+            return name
+    return None
+
+
+def _torque(
+    wanted: float | None, name: str | None, brakes: Mapping[str, Brake], factor: float, needed: bool
+) -> Criterion:
+    formula = f"{factor:g} max |load|/ratio at rest, without friction <= torque of the brake"
+    if name is not None:
+        note = f"{name}: {_described(brakes[name])}"
+        return compare(_BRAKE, wanted, brakes[name].torque, "N m", formula, _SOURCE, note=note)
+    strongest = max((brake.torque for brake in brakes.values()), default=None)
+    missing = "brakes in the catalogue" if wanted is not None else "gear and motor"
+    if needed:
+        note = "" if strongest is None else f"{ranked(brakes)[-1]}, the strongest"
+        return compare(_BRAKE, wanted, strongest, "N m", formula, _SOURCE, missing, note)
+    note = "no brake of the catalogue holds it" if brakes and wanted else ""
+    return Criterion(
+        _BRAKE, Status.NOT_REQUIRED, wanted, strongest, "N m", None, formula, _SOURCE, note
+    )
+
+
+def _energy(
+    stop: Stop | None, name: str | None, brakes: Mapping[str, Brake], needed: bool
+) -> Criterion:
+    formula = "max J omega_1^2/2 T_b/(T_b - |T_load|), omega_1 = |omega| + |T_load| t_engage/J"
+    source = "energy balance of a stop under constant load; friction would help"
+    brake = None if name is None else brakes[name]
+    energy = None if stop is None or brake is None else stop.energy(brake)
+    allowed = None if brake is None else brake.stop_energy
+    if needed or allowed is not None:
+        missing = (
+            "inertia at the shaft, or a brake" if energy is None else "stop energy of the brake"
+        )
+        note = "" if brake is None or brake.engage_time else "assumed to close at once"
+        return compare(_STOP, energy, allowed, "J", formula, source, missing, note)
+    return Criterion(_STOP, Status.NOT_REQUIRED, energy, None, "J", None, formula, source, "")
+
+
+def _described(brake: Brake) -> str:
+    parts = [f"{brake.torque:g} N m"]
+    for value, text in (
+        (brake.voltage, "{:g} V"),
+        (brake.power, "{:g} W"),
+        (brake.release_time, "opens in {:g} s"),
+        (brake.engage_time, "closes in {:g} s"),
+        (brake.stop_energy, "{:g} J a stop"),
+    ):
+        parts += [text.format(value)] if value is not None else []
+    return ", ".join(parts) + f" ({brake.grade}: {brake.source})"

@@ -1,0 +1,645 @@
+"""Catalogues of motors, gears, gearmotors, bearings, brakes, amplifiers: makers' figures, sources.
+
+A figure that is missing stays missing: every criterion that needs it says so (`criteria`). SI units
+throughout, temperatures in degrees Celsius; `grade` R is a figure read at the maker's own document,
+T one retyped by a third party.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from pinfric.drives.bearing import BearingRatings
+from pinfric.drives.policy import Conditions
+from pinfric.model.brakes import HoldingBrake
+from pinfric.model.entry import (
+    Entry,
+    Forms,
+    NonNegative,
+    Number,
+    Positive,
+    Text,
+    Version,
+    key,
+)
+from pinfric.model.friction_terms import constant_friction, linear_drag
+from pinfric.model.springs import Stiffness
+from pinfric.model.transmission import (
+    BackDriving,
+    Efficiency,
+    MakersEfficiency,
+    Transmission,
+    driving_loss,
+)
+
+#: Ambient temperature to which makers refer resistances and ratings, degrees Celsius.
+REFERENCE_TEMPERATURE = 25.0
+
+
+class Sourced(Entry):
+    """Source of an entry's figures."""
+
+    source: Annotated[Text, key("maker's document and page", "a maker's catalogue, p. 197")]
+    grade: Annotated[
+        Literal["R", "T"],
+        key("R: read in the maker's document, T: retyped by a third party", "R"),
+    ]
+    note: Annotated[str, key("remarks", "peak printed without a duration")] = ""
+    price: Annotated[Positive | None, key("of one piece", 310.0, "of the catalogue's currency")] = (
+        None
+    )
+    dimensions: Annotated[str, key("in words", "60 mm x 88 mm")] = ""
+    stand_ins: Annotated[
+        dict[str, str],
+        key(
+            "values taken from another product, and which, or from a rule",
+            {"stiffness": "the next smaller size"},
+        ),
+    ] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _stand_ins_are_figures(self) -> Sourced:
+        for name in self.stand_ins:
+            if getattr(self, name, None) is None:
+                raise ValueError(f"stand_ins: {name!r} is not a figure of this entry")
+        return self
+
+
+class Thermal(Entry):
+    """Two-node model of a motor: winding and housing."""
+
+    winding_housing: Annotated[
+        Positive, key("thermal resistance between winding and housing", 1.2, "K/W")
+    ]
+    housing_ambient: Annotated[Positive, key("between housing and surroundings", 3.0, "K/W")]
+    winding_time: Annotated[Positive | None, key("time constant of the winding", 30.0, "s")] = None
+    housing_time: Annotated[Positive | None, key("of the motor", 900.0, "s")] = None
+    max_winding: Annotated[
+        Number | None, key("highest permissible temperature of the winding", 155.0, "deg C")
+    ] = None
+
+
+class Rated(Sourced):
+    """Temperatures to which continuous ratings refer."""
+
+    rated_ambient: Annotated[
+        Number, key("ambient temperature of the continuous ratings", 40.0, "deg C")
+    ] = REFERENCE_TEMPERATURE
+    ambient_curve: Annotated[
+        tuple[tuple[Number, NonNegative], ...] | None,
+        key(
+            "the maker's derating: points of ambient temperature (deg C) and share of the "
+            "continuous ratings",
+            [[40.0, 1.0], [60.0, 0.8]],
+        ),
+    ] = None
+    thermal_time: Annotated[
+        Positive | None,
+        key(
+            "thermal time constant of the whole motor, if only one is printed",
+            1500.0,
+            "s",
+        ),
+    ] = None
+
+    @model_validator(mode="after")
+    def _curve_rises_in_temperature(self) -> Rated:
+        at = [point[0] for point in self.ambient_curve or ()]
+        if any(b <= a for a, b in pairwise(at)) or len(at) == 1:
+            raise ValueError("ambient_curve: points [deg C, part], ascending in deg C, two or more")
+        return self
+
+
+class Motor(Rated):
+    """A motor: torques and speeds at its shaft."""
+
+    continuous_torque: Annotated[Positive | None, key("continuous torque", 0.45, "N m")] = None
+    continuous_curve: Annotated[
+        tuple[tuple[NonNegative, Positive], ...] | None,
+        key(
+            "continuous torque over speed: points of speed (rad/s) and torque (N m)",
+            [[0.0, 0.45], [400.0, 0.3]],
+        ),
+    ] = None
+    continuous_stall_torque: Annotated[
+        Positive | None, key("continuous torque at standstill", 0.4, "N m")
+    ] = None
+    continuous_current: Annotated[
+        Positive | None, key("current at the continuous torque", 6.0, "A")
+    ] = None
+    peak_torque: Annotated[Positive | None, key("largest torque for a short time", 1.3, "N m")] = (
+        None
+    )
+    torque_constant: Annotated[Positive | None, key("torque per current", 0.075, "N m/A")] = None
+    current: Annotated[
+        Literal["dc", "rms", "peak"],
+        key(
+            "kind of current of the torque constant and the continuous current: DC or block "
+            "commutation, or RMS or peak of a sinusoidal phase current",
+            "rms",
+        ),
+    ] = "dc"
+    resistance: Annotated[Positive | None, key("of the winding at 25 C", 0.35, "Ohm")] = None
+    resistance_of: Annotated[
+        Literal["terminals", "phase"],
+        key("measured between two terminals, or from one phase to the star point", "phase"),
+    ] = "terminals"
+    rotor_inertia: Annotated[Positive | None, key("of the rotor", 3e-05, "kg m^2")] = None
+    mass: Annotated[Positive | None, key("of the motor", 0.6, "kg")] = None
+    max_speed: Annotated[Positive | None, key("permissible", 600.0, "rad/s")] = None
+    mounting: Annotated[
+        Literal["frameless", "shaft", "flange"] | None,
+        key(
+            "what it comes as: rotor and stator only, or a housing with a shaft, without or with "
+            "the square flange of servo motors",
+            "frameless",
+        ),
+    ] = None
+    nominal_voltage: Annotated[
+        Positive | None, key("for which the speeds and the stall torque are given", 48.0, "V")
+    ] = None
+    max_voltage: Annotated[
+        Positive | None, key("highest that its winding's insulation permits", 60.0, "V")
+    ] = None
+    no_load_speed: Annotated[
+        Positive | None, key("at nominal voltage without load", 550.0, "rad/s")
+    ] = None
+    rated_speed: Annotated[
+        Positive | None, key("at nominal voltage and continuous torque", 450.0, "rad/s")
+    ] = None
+    stall_torque: Annotated[
+        Positive | None, key("at nominal voltage, start of the speed-torque line", 3.2, "N m")
+    ] = None
+    thermal: Annotated[
+        Thermal | None,
+        key("for the winding's temperature", {"winding_housing": 1.2, "housing_ambient": 3.0}),
+    ] = None
+
+    @model_validator(mode="after")
+    def _figures_agree(self) -> Motor:
+        _ascending(self, "continuous_torque", "peak_torque")
+        _ascending(self, "continuous_stall_torque", "peak_torque")
+        speeds = [point[0] for point in self.continuous_curve or ()]
+        if any(b <= a for a, b in pairwise(speeds)) or len(speeds) == 1:
+            raise ValueError("continuous_curve: points [rad/s, N m], speeds ascending, two or more")
+        _ascending(self, "rated_speed", "no_load_speed")
+        line = self.no_load_speed, self.rated_speed, self.stall_torque
+        if any(x is not None for x in line) and self.nominal_voltage is None:
+            raise ValueError("no_load_speed, rated_speed, stall_torque need `nominal_voltage`")
+        return self
+
+
+class OutputFriction(Entry):
+    """Friction of a gearmotor at its output: base + load_dependent |effort| + viscous |v|."""
+
+    base: Annotated[NonNegative, key("independent of the load", 0.5, "N m or N")] = 0.0
+    load_dependent: Annotated[
+        Number, Field(ge=0, lt=1), key("share of the effort, below 1", 0.1, "1")
+    ] = 0.0
+    viscous: Annotated[NonNegative, key("per speed of the output", 0.2, "N m s/rad or N s/m")] = 0.0
+
+
+class GearMotor(Rated):
+    """Motor and gear in one: torques, speeds and friction at the output, rotor at the motor.
+
+    Where `output` is linear these are N, m/s and, of a linear motor (ratio 1), the mass that moves
+    with its force (kg, as `rotor_inertia`).
+    """
+
+    ratio: Annotated[
+        Positive, key("motor turns per turn of the output; rad/m of a linear one", 64.0, "1")
+    ]
+    output: Annotated[Literal["rotary", "linear"], key("motion of its output", "rotary")] = "rotary"
+    continuous_torque: Annotated[Positive | None, key("continuous output", 48.0, "N m or N")] = None
+    peak_torque: Annotated[
+        Positive | None, key("largest output for a short time", 120.0, "N m or N")
+    ] = None
+    nominal_voltage: Annotated[
+        Positive | None, key("for which the speeds are given", 48.0, "V")
+    ] = None
+    no_load_speed: Annotated[Positive | None, key("without load", 6.0, "rad/s or m/s")] = None
+    rated_speed: Annotated[Positive | None, key("at continuous torque", 5.0, "rad/s or m/s")] = None
+    max_speed: Annotated[Positive | None, key("permissible", 7.0, "rad/s or m/s")] = None
+    rotor_inertia: Annotated[
+        Positive | None, key("of the rotor, at the motor's speed", 5e-05, "kg m^2")
+    ] = None
+    mass: Annotated[Positive | None, key("of motor and gear", 0.85, "kg")] = None
+    torque_constant: Annotated[
+        Positive | None, key("at the output, per current of the motor", 4.8, "N m/A or N/A")
+    ] = None
+    current: Annotated[
+        Literal["dc", "rms", "peak"],
+        key("kind of current of the torque constant, as of a motor", "rms"),
+    ] = "dc"
+    stiffness: Annotated[
+        Stiffness | None,
+        key("of the output, its rotor held, N/m of a linear one; as of a gear", 16000, "N m/rad"),
+    ] = None
+    backlash: Annotated[
+        NonNegative | None, key("of the output, its input held: the whole angle", 0.00087, "rad")
+    ] = None
+    friction: Annotated[
+        OutputFriction | None, key("at the output", {"base": 0.5, "load_dependent": 0.1})
+    ] = None
+    back_driving_torque: Annotated[
+        Positive | None, key("at the output, turns it without current", 1.5, "N m or N")
+    ] = None
+    bearing: Annotated[
+        BearingRatings | None,
+        key("ratings of its output bearing", {"kind": "crossed roller", "max_moment": 40.0}),
+    ] = None
+
+    @model_validator(mode="after")
+    def _figures_agree(self) -> GearMotor:
+        _ascending(self, "continuous_torque", "peak_torque")
+        _ascending(self, "rated_speed", "no_load_speed")
+        if (self.no_load_speed or self.rated_speed) and self.nominal_voltage is None:
+            raise ValueError("no_load_speed and rated_speed need `nominal_voltage`")
+        return self
+
+
+class Screw(Entry):
+    """A screw between its supports."""
+
+    root_diameter: Annotated[Positive, key("of the thread's root", 0.0125, "m")]
+    length: Annotated[Positive, key("longest free length between the supports", 0.79, "m")]
+    supports: Annotated[
+        Literal["fixed-free", "supported-supported", "fixed-supported", "fixed-fixed"],
+        key("supports of its two ends", "fixed-supported"),
+    ]
+    ball_circle: Annotated[
+        Positive | None, key("diameter of the circle of ball centres", 0.0155, "m")
+    ] = None
+    max_dn: Annotated[
+        Positive | None,
+        key("permissible ball circle diameter (mm) times speed (rpm)", 70000.0, "mm rpm"),
+    ] = None
+    elasticity: Annotated[Positive, key("of its material", 2.06e11, "Pa")] = 2.06e11
+    density: Annotated[Positive, key("of its material", 7850.0, "kg/m^3")] = 7850.0
+
+
+class Nut(Entry):
+    """A nut that slides on a lead screw's thread."""
+
+    diameter: Annotated[Positive, key("pitch diameter of the thread", 0.01, "m")]
+    contact_area: Annotated[
+        Positive, key("between thread and nut, as the maker counts it", 1.2e-4, "m^2")
+    ]
+    max_pressure: Annotated[
+        Positive | None, key("permissible pressure on that area", 5e6, "Pa")
+    ] = None
+    max_pv: Annotated[
+        Positive | None, key("permissible pressure times sliding speed", 1e5, "Pa m/s")
+    ] = None
+
+
+class Gear(Sourced):
+    """A gear: torques at its output unless named input; speeds and inertia at its input.
+
+    `efficiency` is the maker's, no-load loss included: a number at rated torque, or his curves as a
+    scene's transmission takes them (`transmission.MakersEfficiency`).
+    """
+
+    ratio: Annotated[
+        Annotated[float | tuple[float, ...], Forms(Positive, tuple[Positive, ...])],
+        key(
+            "motor turns per output turn, or a list of ratios with the same figures; rad/m where "
+            "the output is linear",
+            [50, 80, 100],
+            "1",
+        ),
+    ]
+    kind: Annotated[str, key("type; strain wave gears have rules of their own", "strain wave")] = ""
+    output: Annotated[
+        Literal["rotary", "linear"], key("rotary, or linear with efforts in N", "rotary")
+    ] = "rotary"
+    rated_torque: Annotated[
+        Positive | None, key("for which life and efficiency are given", 40.0, "N m or N")
+    ] = None
+    average_torque: Annotated[
+        Positive | None, key("limit of the mean, weighted by speed", 49.0, "N m or N")
+    ] = None
+    repeated_peak_torque: Annotated[
+        Positive | None, key("limit of a cycle's peaks", 82.0, "N m or N")
+    ] = None
+    momentary_peak_torque: Annotated[
+        Positive | None, key("limit in a collision or an emergency stop", 147.0, "N m or N")
+    ] = None
+    momentary_peaks: Annotated[
+        Positive | None, key("permissible number of momentary peaks in its life", 10000, "1")
+    ] = None
+    rated_speed: Annotated[
+        Positive | None, key("of the input, for which the life is given", 209.4, "rad/s")
+    ] = None
+    average_input_speed: Annotated[Positive | None, key("limit of the mean", 366.0, "rad/s")] = None
+    max_input_speed: Annotated[Positive | None, key("limit", 680.0, "rad/s")] = None
+    input: Annotated[
+        Literal["bore", "hollow", "clamp", "shaft", "pinion"] | None,
+        key(
+            "what takes the motor: a bored hub, as of a wave generator, for the shaft of a motor "
+            "or of the joint; a hollow shaft; a hub that clamps a motor's shaft; a shaft of its "
+            "own for a coupling; a pinion that its maker puts on the shaft of his `motors`",
+            "clamp",
+        ),
+    ] = None
+    motors: Annotated[
+        tuple[Text, ...],
+        key(
+            "the only motors that it goes with, by how their names begin; empty: any that fits "
+            "its `input`",
+            ["maxon EC-i 40", "maxon EC 45 flat"],
+        ),
+    ] = ()
+    input_inertia: Annotated[
+        NonNegative | None, key("of all that turns with the input", 1.9e-05, "kg m^2")
+    ] = None
+    mass: Annotated[Positive | None, key("of the gear", 0.9, "kg")] = None
+    nominal_life: Annotated[Positive | None, key("L50 at rated torque and speed", 35000.0, "h")] = (
+        None
+    )
+    efficiency: Annotated[
+        Efficiency | None, key("at rated torque, or the maker's curves", 0.77, "1")
+    ] = None
+    back_efficiency: Annotated[
+        Annotated[Number, Field(le=1)] | None,
+        key("when the load drives; below 0 for a self-locking gear", 0.7, "1"),
+    ] = None
+    no_load_running_torque: Annotated[
+        NonNegative | None, key("at the input, at `no_load_speed`", 0.05, "N m")
+    ] = None
+    no_load_speed: Annotated[
+        Positive | None, key("input speed of the no-load running torque", 209.4, "rad/s")
+    ] = None
+    starting_torque: Annotated[
+        NonNegative | None, key("at the input, starts it without load", 0.037, "N m")
+    ] = None
+    back_driving_torque: Annotated[
+        Positive | None, key("at the output, starts it without load", 3.9, "N m or N")
+    ] = None
+    stiffness: Annotated[
+        Stiffness | None,
+        key(
+            "of the output, N/m of a linear one: a number (K1, where several are printed), or "
+            "lines as a scene's transmission takes them",
+            {"k1": 16000, "k2": 25000, "k3": 29000, "t1": 7.0, "t2": 25.0},
+            "N m/rad",
+        ),
+    ] = None
+    hysteresis: Annotated[
+        Positive | None, key("hysteresis loss, the whole width at zero torque", 0.00029, "rad")
+    ] = None
+    backlash: Annotated[
+        NonNegative | None, key("of the output, its input held: the whole angle", 0.00087, "rad")
+    ] = None
+    stroke: Annotated[Positive | None, key("of a linear output", 0.3, "m")] = None
+    screw: Annotated[
+        Screw | None,
+        key(
+            "for a screw's critical speed, buckling and the speed of its balls",
+            {"root_diameter": 0.0125, "length": 0.79, "supports": "fixed-supported"},
+        ),
+    ] = None
+    nut: Annotated[
+        Nut | None,
+        key(
+            "of a lead screw, for its pressure and PV value",
+            {"diameter": 0.01, "contact_area": 1.2e-4, "max_pv": 1e5},
+        ),
+    ] = None
+    effort_curve: Annotated[
+        tuple[tuple[NonNegative, Positive], ...] | None,
+        key(
+            "largest effort over input speed, as of a belt: points of speed (rad/s) and N m or N",
+            [[0.0, 1070.0], [70.0, 890.0]],
+        ),
+    ] = None
+    bearing: Annotated[
+        BearingRatings | None,
+        key("output bearing; of a screw, the nut", {"kind": "crossed roller", "max_moment": 91.0}),
+    ] = None
+
+    @model_validator(mode="after")
+    def _figures_agree(self) -> Gear:
+        _ascending(self, "rated_torque", "repeated_peak_torque")
+        _ascending(self, "repeated_peak_torque", "momentary_peak_torque")
+        _ascending(self, "average_input_speed", "max_input_speed")
+        speeds = [point[0] for point in self.effort_curve or ()]
+        if any(b <= a for a, b in pairwise(speeds)) or len(speeds) == 1:
+            raise ValueError("effort_curve: points [rad/s, N or N m], speeds ascending, 2 or more")
+        if self.bearing is not None and self.bearing.screw != (self.output == "linear"):
+            raise ValueError(
+                f"bearing: {self.bearing.kind} at a {self.output} output; a linear output needs "
+                "`ball screw`, a rotary one another kind"
+            )
+        if not self.ratios:
+            raise ValueError("ratio: an empty list; give at least one")
+        for ratio in self.ratios:
+            if isinstance(self.efficiency, MakersEfficiency):
+                values = {"ratio": ratio, "efficiency": self.efficiency, **self.no_load()}
+                driving_loss(Transmission.model_construct(**values))
+            elif self.no_load_running_torque is not None and self.efficiency is not None:
+                self._check_no_load(ratio, self.efficiency)
+        return self
+
+    @property
+    def ratios(self) -> tuple[float, ...]:
+        """All ratios this entry comes in."""
+        return self.ratio if isinstance(self.ratio, tuple) else (self.ratio,)
+
+    def no_load(self) -> dict[str, Any]:
+        """Return `no_load_torque` and `motor_viscous` of a transmission, as far as printed.
+
+        n_run = starting torque + viscous x speed; without a running torque the starting torque is
+        all there is, of which an efficiency that is a number at rated torque knows nothing.
+        """
+        starting, running = self.starting_torque, self.no_load_running_torque
+        viscous = 0.0
+        if running is None:
+            running = (starting or 0.0) if isinstance(self.efficiency, MakersEfficiency) else 0.0
+        elif starting is not None and self.no_load_speed is not None and running >= starting:
+            viscous, running = (running - starting) / self.no_load_speed, starting
+        return {"no_load_torque": constant_friction(running), "motor_viscous": linear_drag(viscous)}
+
+    def back_driving(self, ratio: float) -> tuple[BackDriving, float] | None:
+        """Return the torques that start it without load, and eta_b by them; None if above 1."""
+        if not self.starting_torque or self.back_driving_torque is None:
+            return None
+        found = ratio * self.starting_torque / self.back_driving_torque
+        torques = BackDriving(
+            starting_torque=self.starting_torque, back_driving_torque=self.back_driving_torque
+        )
+        return (torques, found) if found <= 1.0 else None
+
+    def _check_no_load(self, ratio: float, efficiency: float) -> None:
+        assert self.no_load_running_torque is not None
+        if self.rated_torque is None:
+            raise ValueError(
+                "no_load_running_torque with `efficiency` needs `rated_torque`, to "
+                "separate the two losses"
+            )
+        loss = self.rated_torque / ratio * (1 / efficiency - 1)
+        if self.no_load_running_torque > loss:
+            raise ValueError(
+                f"no_load_running_torque {self.no_load_running_torque:g} N m is more than the "
+                f"whole loss at rated torque, {loss:.3g} N m at the input (efficiency "
+                f"{efficiency:g}): is it at the output, or in N cm?"
+            )
+
+
+class BearingEntry(Sourced):
+    """Friction mu x (radial |F_r| + axial |F_a| + moment |M_b|), the levers x a diameter."""
+
+    mu: Annotated[Positive | None, key("coefficient in motion", 0.0015, "1")] = None
+    mu_range: Annotated[
+        tuple[NonNegative, NonNegative] | None,
+        key("smallest and largest, if the maker prints a range", [0.001, 0.003], "1"),
+    ] = None
+    radial: Annotated[
+        NonNegative, key("lever of the radial force per bore or raceway diameter", 0.5, "1")
+    ] = 0.0
+    axial: Annotated[NonNegative, key("of the axial force", 0.5, "1")] = 0.0
+    moment: Annotated[NonNegative, key("of the tilting moment, per m", 2.05, "1")] = 0.0
+    ratings: Annotated[
+        BearingRatings | None,
+        key(
+            "load ratings, needed if `conditions.bearings` names it",
+            {"kind": "crossed roller", "max_moment": 91.0},
+        ),
+    ] = None
+
+    def scene_entry(self, diameter: float) -> dict[str, Any]:
+        """Return the `bearing` of a scene's joint for a bore or raceway of `diameter` (m)."""
+        return {
+            "kind": "linear",
+            "radial": self.radial * diameter,
+            "axial": self.axial * diameter,
+            "moment": self.moment,
+        }
+
+
+class Brake(HoldingBrake, Sourced):
+    """A brake that holds without power, at a motor's shaft."""
+
+    sold: Annotated[
+        Text | None,
+        key("`alone`, or the motors that it is built into, by how their names begin", "alone"),
+    ] = None
+    voltage: Annotated[Positive | None, key("to open it", 24.0, "V")] = None
+    power: Annotated[Positive | None, key("while it is open", 7.0, "W")] = None
+    release_time: Annotated[Positive | None, key("until it is open", 0.025, "s")] = None
+    rotor_inertia: Annotated[
+        Positive | None, key("of its parts that turn with the motor", 1e-06, "kg m^2")
+    ] = None
+    mass: Annotated[Positive | None, key("of the brake", 0.2, "kg")] = None
+
+    @property
+    def holding(self) -> HoldingBrake:
+        """The brake as a transmission of a scene has it."""
+        return HoldingBrake(**{name: getattr(self, name) for name in HoldingBrake.model_fields})
+
+
+class Amplifier(Sourced):
+    """An amplifier (servo drive), which feeds one motor."""
+
+    continuous_current: Annotated[Positive | None, key("without end", 5.0, "A")] = None
+    peak_current: Annotated[Positive | None, key("for a short time", 15.0, "A")] = None
+    peak_time: Annotated[
+        Positive | None, key("for which it may exceed the continuous current", 15.0, "s")
+    ] = None
+    current: Annotated[
+        Literal["dc", "rms", "peak"],
+        key(
+            "kind of its currents: DC or block commutation, or RMS or peak of a sinusoidal phase "
+            "current",
+            "rms",
+        ),
+    ] = "rms"
+
+    @model_validator(mode="after")
+    def _figures_agree(self) -> Amplifier:
+        _ascending(self, "continuous_current", "peak_current")
+        return self
+
+
+class CatalogFile(Entry):
+    """A whole catalogue file."""
+
+    pinfric_catalog: Annotated[Version, key("version of the format", 1)]
+    extends: Annotated[
+        Literal["default"] | None,
+        key("also use the entries of the bundled catalogue", "default"),
+    ] = None
+    motors: Annotated[
+        dict[str, Motor],
+        key(
+            "to choose from",
+            {"M 48": {"source": "data sheet", "grade": "R", "continuous_torque": 0.45}},
+        ),
+    ] = Field(default_factory=dict)
+    gears: Annotated[
+        dict[str, Gear],
+        key(
+            "to combine with motors",
+            {"G 100": {"source": "data sheet", "grade": "R", "ratio": 100}},
+        ),
+    ] = Field(default_factory=dict)
+    gearmotors: Annotated[
+        dict[str, GearMotor],
+        key("motor with gear", {"A 80": {"source": "data sheet", "grade": "R", "ratio": 64}}),
+    ] = Field(default_factory=dict)
+    bearings: Annotated[
+        dict[str, BearingEntry],
+        key(
+            "for joints with a separate bearing",
+            {"ring": {"source": "data sheet", "grade": "R", "mu": 0.0015}},
+        ),
+    ] = Field(default_factory=dict)
+    brakes: Annotated[
+        dict[str, Brake],
+        key("for motors' shafts", {"B 5": {"source": "data sheet", "grade": "R", "torque": 0.5}}),
+    ] = Field(default_factory=dict)
+    amplifiers: Annotated[
+        dict[str, Amplifier],
+        key(
+            "that feed motors",
+            {"A 5": {"source": "data sheet", "grade": "R", "continuous_current": 5.0}},
+        ),
+    ] = Field(default_factory=dict)
+    conditions: Annotated[
+        Conditions | None, key("conditions of operation", {"bus_voltage": 24.0})
+    ] = None
+
+
+@dataclass(frozen=True)
+class Catalog:
+    """Products to choose from, by name.
+
+    Attributes:
+        source: the file, or "default" for the bundled ones.
+        motors, gears, gearmotors, bearings, brakes, amplifiers: name -> entry.
+        conditions: what the file demands of the drives.
+        replaced: entries of the file that stand in place of bundled ones, in words.
+        files: that it was read from; of the bundled entries their folder.
+    """
+
+    source: str
+    motors: Mapping[str, Motor] = field(default_factory=dict)
+    gears: Mapping[str, Gear] = field(default_factory=dict)
+    gearmotors: Mapping[str, GearMotor] = field(default_factory=dict)
+    bearings: Mapping[str, BearingEntry] = field(default_factory=dict)
+    brakes: Mapping[str, Brake] = field(default_factory=dict)
+    amplifiers: Mapping[str, Amplifier] = field(default_factory=dict)
+    conditions: Conditions = field(default_factory=Conditions)
+    replaced: tuple[str, ...] = ()
+    files: tuple[str, ...] = ()
+
+
+def _ascending(entry: Sourced, smaller: str, larger: str) -> None:
+    low, high = getattr(entry, smaller), getattr(entry, larger)
+    if low is not None and high is not None and low > high:
+        raise ValueError(f"{smaller} {low:g} is more than {larger} {high:g}: swapped, or a unit?")

@@ -1,0 +1,820 @@
+"""Candidates for a joint (motor and gear, or gearmotor), and the demand on their motors.
+
+The motor of a joint is held by the joint's parent link. The gear stands between it and the joint
+and replaces the scene's transmission there; `drives.motor_torque_bounds` has the equations.
+
+A maker's efficiency eta at rated torque contains the no-load loss n_run. With t = T_rated/ratio at
+the input, what is lost in proportion to the load alone is
+
+    eta_load = t/(t/eta - n_run),      n_run = starting torque + viscous x speed
+
+so that at rated torque and speed the whole loss is the maker's, and nothing counts twice. Without
+`back_efficiency` eta_b = ratio n_s/F_b, of the torques that start it without load, n_s at the input
+and F_b at the output; without these the same loss is taken both ways: eta_b = 2 - 1/eta_load.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import astuple, dataclass, fields, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from pinfric.drives.bearing import BearingRatings
+from pinfric.drives.catalog import (
+    REFERENCE_TEMPERATURE,
+    Amplifier,
+    Brake,
+    Catalog,
+    Gear,
+    GearMotor,
+    Motor,
+    Sourced,
+    Thermal,
+)
+from pinfric.drives.demand import DriveCycle, largest, mean, power_figures
+from pinfric.drives.overload import heat_lag, settled_heat
+from pinfric.drives.policy import KIT, Conditions, frameless
+from pinfric.drives.thermal import (
+    COPPER,
+    WindingCycle,
+    mean_winding_temperature,
+    no_load_heat,
+    winding_cycle,
+)
+from pinfric.model.brakes import BRAKE_PEAK
+from pinfric.model.described import described, quantity
+from pinfric.model.drives import gear_table, gear_torque_bounds
+from pinfric.model.friction_terms import constant_friction, linear_drag
+from pinfric.model.transmission import (
+    MakersEfficiency,
+    Transmission,
+    driven_efficiency,
+    load_part,
+)
+from pinfric.motions.summary import ends_by_magnitude, rms
+
+#: Torque constant of the equivalent DC motor over one that is printed per A of phase current.
+PER_DC_AMPERE = {"dc": 1.0, "rms": (2 / 3) ** 0.5, "peak": 2 / 3**0.5}
+
+
+@dataclass(frozen=True)
+class Ratings:
+    """A maker's ratings at the rated shaft: a motor's own, or a gearmotor's output.
+
+    Attributes:
+        continuous_torque, peak_torque, stall_torque: N m.
+        continuous_curve: points (rad/s, N m) of the continuous torque over speed.
+        continuous_stall_torque: N m, for ever at a standstill.
+        torque_constant: N m/A. resistance: ohm at 25 C; both of the equivalent DC motor.
+        nominal_voltage, max_voltage: V.
+        no_load_speed, rated_speed: rad/s at the nominal voltage. max_speed: rad/s.
+        thermal: of the winding. thermal_time: of the whole motor, s.
+        rated_ambient: to which the continuous ratings refer, deg C.
+        ambient_curve: points (deg C, part of the continuous ratings).
+        derived: what was computed from other figures, and how.
+    """
+
+    continuous_torque: float | None = None
+    peak_torque: float | None = None
+    stall_torque: float | None = None
+    torque_constant: float | None = None
+    resistance: float | None = None
+    nominal_voltage: float | None = None
+    no_load_speed: float | None = None
+    rated_speed: float | None = None
+    max_speed: float | None = None
+    thermal: Thermal | None = None
+    max_voltage: float | None = None
+    continuous_curve: tuple[tuple[float, float], ...] | None = None
+    continuous_stall_torque: float | None = None
+    thermal_time: float | None = None
+    rated_ambient: float = REFERENCE_TEMPERATURE
+    ambient_curve: tuple[tuple[float, float], ...] | None = None
+    derived: tuple[str, ...] = ()
+
+    @property
+    def has_line(self) -> bool:
+        """Whether the speed-torque line is known."""
+        electric = self.torque_constant is not None and self.resistance is not None
+        return electric or (self.no_load_speed is not None and self.stall_torque is not None)
+
+    @property
+    def no_load_heat(self) -> float:
+        """Heat of the housing by turning, W s/rad (`thermal.no_load_heat`); 0: not known."""
+        point = self.continuous_torque, self.rated_speed, self.torque_constant, self.resistance
+        torque, speed, k, r = point
+        if torque is None or speed is None or k is None or r is None:
+            return 0.0
+        return no_load_heat(self.thermal, torque / k, r, speed, self.rated_ambient)
+
+    def continuous_over(self, speed: np.ndarray) -> np.ndarray:
+        """Return the continuous torque (T,), N m, at speeds |speed|: the maker's curve, or flat."""
+        if self.continuous_curve is None:
+            return np.full(len(speed), np.nan if (t := self.continuous_torque) is None else t)
+        at, torque = np.transpose(self.continuous_curve)
+        return np.interp(np.abs(speed), at, torque)
+
+    def derating(self, conditions: Conditions) -> tuple[float | None, str]:
+        """Return the part of the continuous ratings left at the ambient temperature, and a remark.
+
+        By the maker's curve, else sqrt((T_max - T_a)/(T_max - T_rated)): copper loss, in proportion
+        to the torque's square, is led off in proportion to T_max - T_a. None beyond the end of the
+        maker's curve. No rating grows in the cold.
+
+        Args:
+            conditions: ambient temperature, and T_max of motors whose maker prints none.
+        """
+        ambient, rated = conditions.ambient, self.rated_ambient
+        if self.ambient_curve is not None:
+            at, parts = np.transpose(self.ambient_curve)
+            if ambient > at[-1]:
+                return (
+                    None,
+                    f"the maker's curve ends at {at[-1]:g} C; ambient temperature {ambient:g} C",
+                )
+            share = float(np.interp(ambient, at, parts))
+            return share, f"{share:.3g} of the rating by the maker's curve at {ambient:g} C"
+        if ambient <= rated:
+            return 1.0, ""
+        hottest = self.max_winding(conditions)
+        if ambient >= hottest:
+            return 0.0, too_hot(ambient, hottest)
+        share = ((hottest - ambient) / (hottest - rated)) ** 0.5
+        return share, f"{share:.3g} of the rating at {rated:g} C: ambient temperature {ambient:g} C"
+
+    def continuous_at(self, conditions: Conditions, speed: float = 0.0) -> tuple[float | None, str]:
+        """Return the continuous torque (N m, or None) at the ambient temperature, and a remark.
+
+        Args:
+            conditions: see `derating`.
+            speed: the mean one, rad/s: where the maker's curve over speed counts.
+        """
+        torque = self.continuous_torque
+        if self.continuous_curve is not None:
+            torque = float(self.continuous_over(np.array([speed]))[0])
+        share, text = self.derating(conditions)
+        return None if torque is None or share is None else share * torque, text
+
+    def stall_at(self, conditions: Conditions) -> float | None:
+        """Return the continuous stall torque (N m, or None) at the ambient temperature."""
+        share, torque = self.derating(conditions)[0], self.continuous_stall_torque
+        return None if torque is None or share is None else share * torque
+
+    def max_winding(self, conditions: Conditions) -> float:
+        """Return the permissible winding temperature: the maker's, else the conditions', deg C."""
+        if self.thermal is not None and self.thermal.max_winding is not None:
+            return self.thermal.max_winding
+        return conditions.max_winding
+
+    def hottest(self, conditions: Conditions) -> float:
+        """Return resistance at the permissible winding temperature over that at 25 C."""
+        return 1 + COPPER * (self.max_winding(conditions) - REFERENCE_TEMPERATURE)
+
+    def voltage(self, torque: np.ndarray, speed: np.ndarray, hot: float = 1.0) -> np.ndarray:
+        """Return the voltage that torque and speed take: |R T/k + k omega| (T,), V.
+
+        Without k and R: U_nominal |T/T_stall + omega/omega_no_load|, the same line.
+
+        Args:
+            torque, speed: (T,) at the rated shaft, N m and rad/s.
+            hot: the winding's resistance over that at 25 C.
+        """
+        k, r = self.torque_constant, self.resistance
+        if k is not None and r is not None:
+            return np.abs(hot * r / k * torque + k * speed)
+        assert self.nominal_voltage and self.stall_torque and self.no_load_speed  # noqa: PT018
+        return self.nominal_voltage * np.abs(
+            hot * torque / self.stall_torque + speed / self.no_load_speed
+        )
+
+    def torque_limit(self, speed: np.ndarray, bus_voltage: float, hot: float = 1.0) -> np.ndarray:
+        """Return the largest positive torque at each speed: line and peak torque (T,), N m.
+
+        A speed below 0 brakes with it: there the back-EMF helps. Infinite where nothing is known.
+        """
+        limit = np.full(len(speed), np.inf if self.peak_torque is None else self.peak_torque)
+        if self.has_line:
+            unit = self.voltage(np.ones(1), np.zeros(1), hot)[0]
+            back = self.voltage(np.zeros(1), np.ones(1))[0]
+            limit = np.minimum(limit, (bus_voltage - back * speed) / unit)
+        return np.maximum(limit, 0.0)
+
+
+def line_voltage(ratings: Ratings, motor: MotorCycle) -> np.ndarray | None:
+    """Return the voltage (T,) that a cycle takes, worst of its torques; None without a line.
+
+    Args:
+        ratings: of the rated shaft. motor: the cycle there.
+    """
+    if not ratings.has_line:
+        return None
+    hot, speed = motor.figures.hot, motor.speed
+    ends = motor.torque_lower, motor.torque_upper
+    return np.maximum(*(ratings.voltage(torque, speed, hot) for torque in ends))
+
+
+def too_hot(ambient: float, hottest: float) -> str:
+    """Say that a motor cannot lead off anything (deg C)."""
+    return f"ambient temperature {ambient:g} C, not below the winding's limit, {hottest:g} C"
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A motor with a gear, or a gearmotor.
+
+    Attributes:
+        name, motor, gear_name: as in the catalogue; gear_name is None for a gearmotor.
+        ratio: motor turns per joint turn (rad/m at a sliding joint).
+        ratings: of the rated shaft. at_output: that shaft is the gearmotor's output.
+        linear: its output slides.
+        gear: its entry, None for a gearmotor.
+        transmission: ratio and losses for the dynamics; None where figures are missing.
+        missing: the figures missing for the motor's torque.
+        mass: kg; price: of both; None where a part's is not known.
+        rotor_inertia: J_motor + J_gear input at the motor's shaft, kg m^2, or None.
+        back_driving_torque: at the output, N m, or None.
+        bearing: what carries the joint: the gear's output bearing (a screw's nut), or the joint's
+            own; None where its ratings are not known.
+        guide: of a sliding joint; None where its ratings are not known.
+        amplifier: that feeds the motor; None where none is named.
+        backlash: of its output, rad (m), or None.
+        brake: name of the brake at the motor's shaft that is in mass and inertia; empty: none.
+        brake_peak: its largest torque, N m. brake_note: what of it is not known, in words.
+        stand_ins: figures taken from other products.
+        losses: how the transmission's losses follow from the entry, in words.
+        sources: of motor and gear, with their grades.
+    """
+
+    name: str
+    motor: str
+    gear_name: str | None
+    ratio: float
+    ratings: Ratings
+    at_output: bool
+    linear: bool
+    gear: Gear | None
+    transmission: Transmission | None
+    missing: tuple[str, ...]
+    mass: float | None
+    price: float | None
+    rotor_inertia: float | None
+    back_driving_torque: float | None
+    bearing: BearingRatings | None
+    stand_ins: tuple[str, ...]
+    losses: str
+    sources: tuple[str, ...]
+    guide: BearingRatings | None = None
+    amplifier: Amplifier | None = None
+    backlash: float | None = None
+    brake: str = ""
+    brake_peak: float | None = None
+    brake_note: str = ""
+
+    @property
+    def carried(self) -> bool:
+        """Whether the ratings of what carries the joint are known."""
+        return self.bearing is not None or self.guide is not None
+
+    @property
+    def units(self) -> tuple[str, str]:
+        """Of torque and speed at the rated shaft; N and m/s of a linear motor."""
+        return ("N", "m/s") if self.linear and self.at_output else ("N m", "rad/s")
+
+
+@described
+class MotorFigures:
+    """Demand of the cycle at the rated shaft; magnitudes, worst case over the interval."""
+
+    peak: float = quantity("largest torque", "N m")
+    rms: float = quantity("RMS of the torque", "N m")
+    rms_least: float = quantity("least RMS of the torque", "N m")
+    max_speed: float = quantity("largest", "rad/s")
+    holding: tuple[float, float] | None = quantity(
+        "(least, worst) over the holds (all joints at rest); none without a hold", "N m"
+    )
+    peak_temperature: float | None = quantity(
+        "winding temperature in the settled cycle (infinite: thermal runaway); none: not known",
+        "deg C",
+    )
+    mean_temperature: float | None = quantity("at the mean heat; none where not known", "deg C")
+    driving_power: float | None = quantity("largest electrical power from the bus", "W")
+    braking_power: float | None = quantity("largest electrical power to the bus", "W")
+    energy: float | None = quantity("energy from the bus over a cycle, with copper loss", "J")
+    regenerated: float | None = quantity("energy to the bus over a cycle", "J")
+    mean_speed: float = quantity("mean", "rad/s", default=0.0)
+    standing: float | None = quantity(
+        "largest torque while this joint stands still, whatever the others do; none: never",
+        "N m",
+        default=None,
+    )
+    short_term: float | None = quantity(
+        "constant torque that heats the motor as much as the cycle at its hottest time",
+        "N m",
+        default=None,
+    )
+    overloaded_standstill: float | None = quantity(
+        "longest standstill above the continuous torque (infinite: without end); "
+        "none if that torque is not known",
+        "s",
+        default=None,
+    )
+
+    @property
+    def hot(self) -> float:
+        """Resistance at the winding's peak (else mean) temperature over that at 25 C, else 1."""
+        for temperature in (self.peak_temperature, self.mean_temperature):
+            if temperature is not None and np.isfinite(temperature):
+                return 1 + COPPER * (temperature - REFERENCE_TEMPERATURE)
+        return 1.0
+
+
+#: A transmission's values, and how they were found.
+_Losses = tuple[dict[str, Any], str]
+
+
+@dataclass(frozen=True)
+class MotorCycle:
+    """The rated shaft over the cycle, sample by sample.
+
+    Attributes:
+        torque_lower, torque_upper: (T,) N m. speed: (T,) rad/s.
+        current: (T,) A of the torque of larger magnitude, or None.
+        winding: temperatures of the settled cycle, or None.
+        power: (T,) T_m omega + R(T_w) i^2 of the torque of larger magnitude, W.
+        copper: whether the second part is in it; else torque constant or resistance is not known.
+        figures: its peaks and means.
+    """
+
+    torque_lower: np.ndarray
+    torque_upper: np.ndarray
+    speed: np.ndarray
+    current: np.ndarray | None
+    winding: WindingCycle | None
+    power: np.ndarray
+    copper: bool
+    figures: MotorFigures
+
+
+def drives_of(catalog: Catalog, linear: bool) -> Iterator[tuple[str, Callable[[], Candidate]]]:
+    """Yield the name of every motor with every gear and ratio that fit, and of gearmotors.
+
+    With each goes a function that makes the drive.
+
+    Args:
+        catalog: what there is. linear: for a sliding joint: only what has a linear output.
+    """
+    for gear_name, gear in catalog.gears.items():
+        if (gear.output == "linear") != linear:
+            continue
+        for ratio in gear.ratios:
+            for name, motor in catalog.motors.items():
+                made = partial(motor_with_gear, name, motor, gear_name, gear, ratio)
+                yield drive_name(name, gear_name, gear, ratio), made
+    for name, gearmotor in catalog.gearmotors.items():
+        if (gearmotor.output == "linear") == linear:
+            yield name, partial(gearmotor_drive, name, gearmotor)
+
+
+def find_drive(catalog: Catalog, name: str, linear: bool | None = None) -> Candidate | list[str]:
+    """Return the drive of a name ("motor + gear"), or all names where there is none.
+
+    Args:
+        catalog: what there is. name: as `size` prints it. linear: kind of its output; None: any.
+    """
+    kinds = (False, True) if linear is None else (linear,)
+    made = {found: make for kind in kinds for found, make in drives_of(catalog, kind)}
+    return made[name]() if name in made else list(made)
+
+
+def drive_name(motor: str, gear: str, entry: Gear, ratio: float) -> str:
+    """Return the name of a motor behind a gear."""
+    return f"{motor} + {gear}" + (f", i = {ratio:g}" if len(entry.ratios) > 1 else "")
+
+
+def with_brake(candidate: Candidate, name: str, brake: Brake) -> Candidate:
+    """Return a drive with a brake at its motor's shaft: masses and inertias add up.
+
+    Args:
+        candidate: motor and gear. name: of the brake. brake: its mass and inertia count as 0 where
+            they are not printed, its largest torque as twice its least one.
+    """
+    mass, more = brake.mass or 0.0, brake.rotor_inertia or 0.0
+    transmission, inertia = candidate.transmission, candidate.rotor_inertia
+    if transmission is not None:
+        held = {"rotor_inertia": transmission.rotor_inertia + more, "brake": brake.holding}
+        transmission = transmission.model_copy(update=held)
+    unknown = [
+        f"{what} taken as {taken}"
+        for what, value, taken in (
+            ("largest torque", brake.torque_max, f"{BRAKE_PEAK:g} x {brake.torque:g} N m"),
+            ("mass", brake.mass, "0"),
+            ("inertia", brake.rotor_inertia, "0"),
+        )
+        if value is None
+    ]
+    return replace(
+        candidate,
+        mass=None if candidate.mass is None else candidate.mass + mass,
+        rotor_inertia=None if inertia is None else inertia + more,
+        transmission=transmission,
+        brake=name,
+        brake_peak=brake.greatest,
+        brake_note=f"{name}: {', '.join(unknown)}" if unknown else name,
+        sources=(*candidate.sources, f"{name}: {brake.source} ({brake.grade})"),
+    )
+
+
+def shock_efficiency(candidate: Candidate) -> float:
+    """Return eta_b of a gear that a brake stops: the least of what its figures say.
+
+    Both the ratio of the torques that start it and 2 - 1/eta are models; the smaller makes the
+    larger shock.
+    """
+    gear = candidate.transmission
+    assert gear is not None
+    back, eta = driven_efficiency(gear), gear.efficiency
+    return min(back, 2 - 1 / eta) if isinstance(eta, float) else back
+
+
+def amplifier_torque(candidate: Candidate, current: str) -> tuple[float | None, str]:
+    """Return the torque (N m) of one of the amplifier's currents, and the current in words.
+
+    Args:
+        candidate: with an amplifier or without. current: "peak_current" or "continuous_current".
+    """
+    amplifier, k = candidate.amplifier, candidate.ratings.torque_constant
+    most = None if amplifier is None else getattr(amplifier, current)
+    if amplifier is None or most is None:
+        return None, ""
+    text = f"{most:g} A {amplifier.current}"
+    return (None if k is None else float(k * most / PER_DC_AMPERE[amplifier.current])), text
+
+
+def motor_with_gear(
+    motor_name: str,
+    motor: Motor,
+    gear_name: str,
+    gear: Gear,
+    ratio: float,
+    ratings: Ratings | None = None,
+    losses: _Losses | None = None,
+) -> Candidate:
+    """Return one motor behind one gear.
+
+    Args:
+        motor_name, gear_name: of the entries `motor` and `gear`. ratio: one of the gear's.
+        ratings, losses: the motor's and the gear's, where they are there already.
+    """
+    missing = []
+    if motor.rotor_inertia is None:
+        missing.append("rotor inertia of the motor")
+    if gear.input_inertia is None:
+        missing.append("input inertia of the gear")
+    if gear.efficiency is None:
+        missing.append("efficiency of the gear")
+    inertia = None
+    if motor.rotor_inertia is not None and gear.input_inertia is not None:
+        inertia = motor.rotor_inertia + gear.input_inertia
+    values, text = losses or _losses(gear, ratio)
+    known = gear.efficiency is not None and not missing
+    transmission = Transmission.model_construct(**values, rotor_inertia=inertia) if known else None
+    mass = None if motor.mass is None or gear.mass is None else motor.mass + gear.mass
+    kit = frameless(motor) and mass is not None
+    return Candidate(
+        name=drive_name(motor_name, gear_name, gear, ratio),
+        motor=motor_name,
+        gear_name=gear_name,
+        ratio=ratio,
+        ratings=ratings or ratings_of(motor),
+        at_output=False,
+        linear=gear.output == "linear",
+        gear=gear,
+        transmission=transmission,
+        missing=tuple(missing),
+        mass=mass * (1 + KIT) if kit and mass is not None else mass,
+        price=None if motor.price is None or gear.price is None else motor.price + gear.price,
+        rotor_inertia=inertia,
+        back_driving_torque=gear.back_driving_torque,
+        bearing=gear.bearing,
+        backlash=gear.backlash,
+        stand_ins=(
+            *_stand_ins(motor),
+            *_stand_ins(gear),
+            *([f"housing, shaft, bearings of a frameless kit: {KIT:.0%} of its mass"] * kit),
+        ),
+        losses=text,
+        sources=(
+            f"{motor_name}: {motor.source} ({motor.grade})",
+            f"{gear_name}: {gear.source} ({gear.grade})",
+        ),
+    )
+
+
+def motor_alone(name: str, ratings: Ratings, **figures: Any) -> Candidate:
+    """Return a motor without a gear, for the limits that are its own.
+
+    Args:
+        name: for reports. ratings: of its shaft. figures: other fields of the candidate.
+    """
+    nothing: dict[str, Any] = dict.fromkeys(
+        (
+            "gear_name",
+            "gear",
+            "transmission",
+            "mass",
+            "price",
+            "rotor_inertia",
+            "back_driving_torque",
+            "bearing",
+        )
+    )
+    return Candidate(
+        **nothing
+        | {
+            "name": name,
+            "motor": name,
+            "ratio": 1.0,
+            "ratings": ratings,
+            "missing": (),
+            "at_output": False,
+            "linear": False,
+            "stand_ins": (),
+            "losses": "",
+            "sources": (),
+        }
+        | figures
+    )
+
+
+def gear_transmission(gear: Gear, ratio: float, rotor_inertia: float) -> tuple[Transmission, str]:
+    """Return a gear's ratio and losses for the dynamics, and how they were found, in words.
+
+    Args:
+        gear: with an efficiency.
+        ratio: one of its ratios.
+        rotor_inertia: at its input, the motor's included, kg m^2.
+    """
+    values, text = _losses(gear, ratio)  # the figures were validated in the entry
+    return Transmission.model_construct(**values, rotor_inertia=rotor_inertia), text
+
+
+def _losses(gear: Gear, ratio: float) -> _Losses:
+    """All of `gear_transmission` but the inertia; nothing where the efficiency is not known.
+
+    eta_load = t/(t/eta - n_run), n_run = starting torque + viscous x speed (see the module).
+    """
+    if gear.efficiency is None:
+        return {}, "gear's efficiency not known"
+    values, eta = gear.no_load(), gear.efficiency
+    back: Any = gear.back_efficiency
+    if isinstance(eta, MakersEfficiency):
+        text = "efficiency by the maker's curve"
+    elif gear.no_load_running_torque is not None:
+        assert gear.rated_torque is not None  # the schema requires it
+        t, running = gear.rated_torque / ratio, gear.no_load_running_torque
+        whole, eta = eta, min(t / (t + load_part(eta, t, running)), 1.0)
+        text = (
+            f"efficiency {whole:.3g} at rated torque = {eta:.3f} load-proportional and "
+            f"{running:.3g} N m no-load"
+        )
+    else:  # without the running torque it cannot be taken out of the efficiency
+        text = (
+            f"efficiency {eta:.3g} at any load (its no-load part is not known: losses at part load "
+            "are too small)"
+        )
+    text += "; backwards "
+    if back is not None:
+        text += f"{back:.3f}"
+    elif (driven := gear.back_driving(ratio)) is not None:
+        back, found = driven
+        text += f"{found:.3f} = ratio x starting torque/back-driving torque"
+    elif isinstance(eta, MakersEfficiency):
+        back = "same_loss"
+        text += "the same loss (assumed)"
+    else:
+        back = 2 - 1 / eta
+        text += f"{back:.3f} = 2 - 1/eta, the same loss both ways (assumed)"
+    values |= {
+        "ratio": ratio,
+        "efficiency": eta,
+        "back_efficiency": back,
+        "stiffness": gear.stiffness,
+        "hysteresis": gear.hysteresis,
+        "momentary_peak": gear.momentary_peak_torque,
+    }
+    return values, text
+
+
+def input_torques(candidate: Candidate, cycle: DriveCycle) -> tuple[np.ndarray, np.ndarray]:
+    """Return both ends (T,) of the torque at a gear's input, N m, without any rotor.
+
+    Args:
+        candidate: with a transmission. cycle: the joint's samples.
+    """
+    assert candidate.transmission is not None
+    bare = candidate.transmission.model_copy(update={"rotor_inertia": 0.0})
+    return gear_torque_bounds(
+        gear_table([bare], [0.0]),
+        cycle.effort_lower,
+        cycle.effort_upper,
+        cycle.velocity,
+        cycle.acceleration,
+        cycle.at_rest,
+    )
+
+
+def motor_cycle(
+    candidate: Candidate,
+    cycle: DriveCycle,
+    conditions: Conditions,
+    bare: tuple[np.ndarray, np.ndarray] | None = None,
+) -> MotorCycle:
+    """Return the demand of the cycle on a candidate's motor.
+
+    T_m = [lower(t), upper(t)]/r + r viscous v + r J a (`motor_torque_bounds`); i = T_m/k;
+    P = T_m omega + R(T_w) i^2.
+
+    Args:
+        candidate: with a transmission.
+        cycle: the joint's samples.
+        conditions: ambient temperature.
+        bare: `input_torques`, where they are there already.
+    """
+    assert candidate.transmission is not None
+    t = cycle.stretched
+    rotor = candidate.ratio * candidate.transmission.rotor_inertia * cycle.acceleration
+    lower, upper = (end + rotor for end in bare or input_torques(candidate, cycle))
+    speed = candidate.ratio * cycle.velocity
+    if candidate.at_output:
+        lower, upper, speed = lower * candidate.ratio, upper * candidate.ratio, cycle.velocity
+    lower, upper = lower * cycle.powered, upper * cycle.powered
+    worst, least = ends_by_magnitude(lower, upper)
+    hold = cycle.holding
+    current, winding, mean_temperature = _temperatures(
+        candidate.ratings, cycle, worst, speed, conditions
+    )
+    power, copper = _electrical(candidate.ratings, worst, speed, current, winding)
+    drawn = astuple(power_figures(t, power)) if copper else (None, None, None, None)
+    ratings, mean_speed = candidate.ratings, mean(t, np.abs(speed))
+    limit = ratings.stall_at(conditions)
+    if limit is None:
+        limit, _ = ratings.continuous_at(conditions, mean_speed)
+    lag = heat_lag(ratings.thermal, ratings.thermal_time, conditions)
+    figures = MotorFigures(
+        peak=largest(worst),
+        rms=rms(t, worst),
+        rms_least=rms(t, least),
+        max_speed=largest(speed),
+        mean_speed=mean_speed,
+        holding=(largest(least[hold]), largest(worst[hold])) if hold.any() else None,
+        peak_temperature=None if winding is None else winding.peak,
+        mean_temperature=mean_temperature,
+        driving_power=drawn[0],
+        braking_power=drawn[1],
+        energy=drawn[2],
+        regenerated=drawn[3],
+        standing=largest(worst[cycle.standing]) if cycle.standing.any() else None,
+        short_term=settled_heat(cycle.t, worst, lag, cycle.duty),
+        overloaded_standstill=None
+        if limit is None
+        else cycle.longest_above(worst, limit, still=True),
+    )
+    return MotorCycle(lower, upper, speed, current, winding, power, copper, figures)
+
+
+def _temperatures(
+    ratings: Ratings,
+    cycle: DriveCycle,
+    torque: np.ndarray,
+    speed: np.ndarray,
+    conditions: Conditions,
+) -> tuple[np.ndarray | None, WindingCycle | None, float | None]:
+    """Return current, winding temperatures and temperature at the mean heat, where known."""
+    if ratings.torque_constant is None:
+        return None, None, None
+    current = torque / ratings.torque_constant
+    thermal, resistance = ratings.thermal, ratings.resistance
+    if thermal is None or resistance is None:
+        return current, None, None
+    ambient, turning = conditions.ambient, ratings.no_load_heat * np.abs(speed)
+    at_mean = mean_winding_temperature(
+        cycle.stretched,
+        current,
+        resistance,
+        thermal,
+        ambient,
+        no_load=mean(cycle.stretched, turning),
+    )
+    if thermal.winding_time is None or thermal.housing_time is None:
+        return current, None, at_mean
+    winding = winding_cycle(
+        cycle.t, current, resistance, thermal, ambient, duty=cycle.duty, no_load=turning
+    )
+    return current, winding, at_mean
+
+
+def _electrical(
+    ratings: Ratings,
+    torque: np.ndarray,
+    speed: np.ndarray,
+    current: np.ndarray | None,
+    winding: WindingCycle | None,
+) -> tuple[np.ndarray, bool]:
+    """Return (T,) T_m omega + R(T_w) i^2, W, and whether its second part is known: see there."""
+    power = torque * speed
+    if current is None or ratings.resistance is None:
+        return power, False
+    resistance: float | np.ndarray = ratings.resistance
+    if winding is not None and not winding.runaway:
+        resistance = resistance * (1 + COPPER * (winding.winding - REFERENCE_TEMPERATURE))
+    return power + resistance * current**2, True
+
+
+def ratings_of(entry: Motor | GearMotor) -> Ratings:
+    """Return a maker's figures, completed by what follows from others.
+
+    A sinusoidal motor is taken as the DC motor of the same torque, copper loss and bus voltage:
+    with k per ampere of the phase current's peak and a phase's resistance R_ph, 2/sqrt(3) k and
+    2 R_ph (3/2 R_ph i^2 is lost; sqrt(3) times a phase's voltage is the bus's).
+    """
+    there = {f.name: getattr(entry, f.name) for f in fields(Ratings) if hasattr(entry, f.name)}
+    found, derived = Ratings(**there), []
+    k, current = found.torque_constant, getattr(entry, "continuous_current", None)
+    continuous, stall, resistance = found.continuous_torque, found.stall_torque, found.resistance
+    if continuous is None and current is not None and k is not None:
+        continuous = k * current
+        derived.append("continuous torque = torque constant x continuous current")
+    if k is not None and entry.current != "dc":
+        k *= PER_DC_AMPERE[entry.current]
+        derived.append(
+            f"{PER_DC_AMPERE[entry.current]:.4g} of the torque constant, which is per A "
+            f"{entry.current}, for an equivalent DC motor"
+        )
+    if isinstance(entry, Motor) and resistance is not None and entry.resistance_of == "phase":
+        resistance *= 2.0
+        derived.append("2 x the resistance of a phase between terminals")
+    if resistance is None and k is not None and stall is not None and found.nominal_voltage:
+        resistance = k * found.nominal_voltage / stall
+        derived.append("resistance = torque constant x nominal voltage/stall torque")
+    if continuous is None and found.continuous_curve is not None:
+        continuous = max(torque for _, torque in found.continuous_curve)
+    rated, no_load = found.rated_speed, found.no_load_speed
+    if stall is None and continuous is not None and rated and no_load and rated < no_load:
+        stall = continuous / (1 - rated / no_load)
+        derived.append("speed-torque line through the rated point and the no-load speed")
+    return replace(
+        found,
+        continuous_torque=continuous,
+        torque_constant=k,
+        resistance=resistance,
+        stall_torque=stall,
+        derived=tuple(derived),
+    )
+
+
+def _stand_ins(entry: Sourced) -> tuple[str, ...]:
+    return tuple(f"{f.replace('_', ' ')}: {whose}" for f, whose in entry.stand_ins.items())
+
+
+def gearmotor_drive(name: str, entry: GearMotor) -> Candidate:
+    """Return a gearmotor: torques and speeds at its output."""
+    missing = ("rotor inertia",) if entry.rotor_inertia is None else ()
+    friction = entry.friction
+    values: dict[str, Any] = {
+        "ratio": entry.ratio,
+        "efficiency": 1.0,
+        "back_efficiency": 1.0,
+        "rotor_inertia": entry.rotor_inertia or 0.0,
+        "stiffness": entry.stiffness,
+    }
+    losses = "included in the maker's ratings at the output"
+    if friction is not None:  # at the output: effort (1 + l) + base + viscous v
+        values["efficiency"] = 1 / (1 + friction.load_dependent)
+        values["back_efficiency"] = 1 - friction.load_dependent
+        values["no_load_torque"] = constant_friction(friction.base / entry.ratio)
+        values["motor_viscous"] = linear_drag(friction.viscous / entry.ratio**2)
+        losses = "identified friction at the output: base, load-dependent, viscous"
+    return Candidate(
+        name=name,
+        motor=name,
+        gear_name=None,
+        ratio=entry.ratio,
+        ratings=ratings_of(entry),
+        at_output=True,
+        linear=entry.output == "linear",
+        gear=None,
+        transmission=None if missing else Transmission.model_construct(**values),
+        missing=missing,
+        mass=entry.mass,
+        price=entry.price,
+        rotor_inertia=entry.rotor_inertia,
+        back_driving_torque=entry.back_driving_torque,
+        bearing=entry.bearing,
+        backlash=entry.backlash,
+        stand_ins=_stand_ins(entry),
+        losses=losses,
+        sources=(f"{name}: {entry.source} ({entry.grade})",),
+    )

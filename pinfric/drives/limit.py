@@ -1,0 +1,387 @@
+"""One limit of drives: what a cycle needs, what the maker gives, and where both come from.
+
+A row is written once for numbers and for arrays: of one drive it is a criterion of the report;
+over a shelf of gears (rows) and motors (columns), where needs are lower bounds, it leaves out what
+cannot fit; the rows whose need is one of `SIGNALS` bound every instant of a retimed motion. A
+figure that is not known is NaN.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pinfric.drives.bearing import BearingRatings
+from pinfric.drives.catalog import Gear
+from pinfric.drives.criterion import Criterion, Status, compare
+from pinfric.drives.demand import DriveCycle, GearDemand, largest
+from pinfric.drives.drivetrain import (
+    Candidate,
+    MotorCycle,
+    Ratings,
+    amplifier_torque,
+    line_voltage,
+    shock_efficiency,
+)
+from pinfric.drives.policy import STAND_INS, Conditions
+from pinfric.model.springs import softest
+from pinfric.motions.summary import ends_by_magnitude
+
+#: A number, or an array over gears and motors; NaN: not known.
+Value = Any
+
+#: Figures of gears and of motors (`Ratings`) that rows read.
+GEAR_FIGURES = (
+    *("average_torque", "repeated_peak_torque", "momentary_peak_torque", "momentary_peaks"),
+    *("max_input_speed", "average_input_speed", "rated_speed", "rated_torque", "nominal_life"),
+    *("stiffness", "backlash", "stroke"),
+)
+MOTOR_FIGURES = (
+    *("peak_torque", "stall_torque", "torque_constant", "resistance", "nominal_voltage"),
+    *("no_load_speed", "rated_speed", "max_speed", "max_voltage"),
+)
+
+
+class Case(NamedTuple):
+    """The data by which a joint's candidates are checked.
+
+    Attributes:
+        demand, cycle: of the joint.
+        load_inertia: largest inertia about it over the cycle, kg m^2 (kg); None: not known.
+        hand: it is one of the hand axes, beyond the third joint.
+        conditions: what is demanded.
+        rest: (T,) effort that holds it without friction, N m (N); empty: not known.
+        held: friction of the joint alone holds it at every pose.
+    """
+
+    demand: GearDemand
+    cycle: DriveCycle
+    load_inertia: float | None
+    hand: bool
+    conditions: Conditions
+    rest: np.ndarray = np.empty(0)
+    held: bool = True
+
+
+def idle(conditions: Conditions, hand: bool = False) -> Case:
+    """Return the case of a joint that does nothing: what its drive must have is seen without."""
+    nothing, still = np.zeros(2), np.ones(2, dtype=bool)
+    cycle = DriveCycle(
+        np.arange(2.0), nothing, nothing, nothing, nothing, nothing, still, still, 0.0
+    )
+    demand = GearDemand("", "", 0.0, 0.0, 0.0, 0.0, bearing=None, travel=0.0, guide=None)
+    return Case(demand, cycle, None, hand, conditions)
+
+
+def number(value: float | None) -> float:
+    """Return a figure, NaN where it is not known."""
+    return np.nan if value is None else float(value)
+
+
+def columns(entries: Iterable[Any], figures: Iterable[str]) -> SimpleNamespace:
+    """Return the figures of entries, each an array; NaN where not known."""
+    there = list(entries)
+    return SimpleNamespace(
+        **{name: np.array([_figure(entry, name) for entry in there]) for name in figures}
+    )
+
+
+def _figure(entry: Any, name: str) -> float:
+    value = getattr(entry, name, None)
+    return softest(value) if name == "stiffness" and value is not None else number(value)
+
+
+def first_known(side: SimpleNamespace, figures: Iterable[str]) -> Value:
+    """Return the first of these figures that is known."""
+    found: Value = np.nan
+    for name in figures:
+        found = np.where(np.isnan(found), getattr(side, name), found)
+    return found
+
+
+@dataclass
+class Drives:
+    """One drive at a joint, or the drives of a shelf: what rows read.
+
+    Attributes:
+        case: the joint. gear, motor: figures by name. asked: of the motor (`MotorFigures`).
+        ratio: motor turns per joint turn. inertia: of rotor, brake and gear input, kg m^2.
+        heat: continuous torque at the rated shaft and the ambient temperature, N m.
+        back: eta_b of the driven gear when the brake closes. brake: its largest torque, N m.
+        at_output: motors are rated at the joint. linear: the joint slides.
+        one: the drive, where it is one.
+    """
+
+    case: Case
+    gear: SimpleNamespace
+    motor: SimpleNamespace
+    asked: SimpleNamespace
+    ratio: Value
+    inertia: Value
+    heat: Value
+    back: Value
+    brake: Value
+    at_output: bool
+    linear: bool
+    one: Candidate | None = None
+
+    @property
+    def conditions(self) -> Conditions:
+        """The conditions."""
+        return self.case.conditions
+
+    @property
+    def demand(self) -> GearDemand:
+        """Of the joint."""
+        return self.case.demand
+
+    @property
+    def candidate(self) -> Candidate:
+        """The drive; rows that read it are not asked of a shelf."""
+        assert self.one is not None
+        return self.one
+
+    @property
+    def entry(self) -> Gear:
+        """The gear's entry; rows of gears are for drives that have one."""
+        assert self.candidate.gear is not None
+        return self.candidate.gear
+
+    @property
+    def bearing(self) -> BearingRatings:
+        """What carries the joint; rows of bearings are for drives whose ratings are known."""
+        assert self.candidate.bearing is not None
+        return self.candidate.bearing
+
+    @property
+    def guide(self) -> BearingRatings:
+        """The guide of a sliding joint; its rows are for drives whose ratings are known."""
+        assert self.candidate.guide is not None
+        return self.candidate.guide
+
+    @property
+    def ratings(self) -> Ratings:
+        """Of the rated shaft."""
+        return self.candidate.ratings
+
+    @property
+    def load(self) -> float:
+        """Inertia about the joint; NaN: not known."""
+        return number(self.case.load_inertia)
+
+    @property
+    def missing(self) -> str:
+        """The figures that the motor's torque lacks, in words."""
+        return ", ".join(self.candidate.missing)
+
+    @property
+    def output(self) -> str:
+        """The rated shaft, in words."""
+        return " at its output" if self.at_output else " at its shaft"
+
+
+#: What the cycle asks of a motor of which nothing is known.
+_NOTHING_ASKED = (
+    *("peak", "rms", "mean_speed", "short_term", "overloaded_standstill", "standing"),
+    *("peak_temperature", "mean_temperature", "voltage", "overdriven"),
+)
+
+
+def drive(candidate: Candidate, motor: MotorCycle | None, case: Case) -> Drives:
+    """Return one drive as rows read it.
+
+    Args:
+        candidate: motor and gear. motor: the cycle at its rated shaft; None where figures for its
+            torque are missing. case: the joint.
+    """
+    ratings, conditions = candidate.ratings, case.conditions
+    asked = SimpleNamespace(**dict.fromkeys(_NOTHING_ASKED, np.nan), figures=None)
+    asked.mean_speed = np.inf  # a curve's last point counts
+    if motor is not None:
+        figures = {k: number(v) for k, v in vars(motor.figures).items() if k != "holding"}
+        asked = SimpleNamespace(**vars(asked) | figures | {"figures": motor.figures})
+        needed = line_voltage(ratings, motor)
+        asked.voltage = np.nan if needed is None else largest(needed)
+        limit, _ = amplifier_torque(candidate, "continuous_current")
+        if limit is not None:
+            worst = ends_by_magnitude(motor.torque_lower, motor.torque_upper)[0]
+            asked.overdriven = case.cycle.longest_above(worst, limit)
+    transmission = candidate.transmission
+    gear = _numbers(candidate.gear, GEAR_FIGURES)
+    gear.backlash = number(candidate.backlash)
+    if candidate.gear is None:  # a gearmotor has some of a gear's figures
+        gear.stiffness = _figure(transmission, "stiffness")
+    return Drives(
+        case,
+        gear,
+        _numbers(ratings, MOTOR_FIGURES),
+        asked,
+        candidate.ratio,
+        number(candidate.rotor_inertia),
+        number(ratings.continuous_at(conditions, asked.mean_speed)[0]),
+        np.nan if transmission is None else shock_efficiency(candidate),
+        number(candidate.brake_peak),
+        candidate.at_output,
+        candidate.linear,
+        candidate,
+    )
+
+
+def _numbers(entry: Any, figures: Iterable[str]) -> SimpleNamespace:
+    return SimpleNamespace(**{name: _figure(entry, name) for name in figures})
+
+
+#: What a sample of a motion asks, by name: the same need over a cycle. The motor's are at the rated
+#: shaft.
+SIGNALS: dict[str, Callable[[Drives], Value]] = {
+    "motor torque": lambda d: d.asked.peak,
+    "motor RMS torque": lambda d: d.asked.rms,
+    "motor speed": lambda d: (1.0 if d.at_output else d.ratio) * d.demand.speed,
+    "voltage": lambda d: d.asked.voltage,
+    "effort": lambda d: d.demand.peak,
+    "input speed": lambda d: d.ratio * d.demand.speed,
+    "speed": lambda d: d.demand.speed,
+    "acceleration": lambda d: largest(d.case.cycle.acceleration),
+}
+
+Figure = Callable[[Drives], Value]
+Text = str | Callable[[Drives], str]
+
+
+def _always(_: Drives) -> bool:
+    return True
+
+
+@dataclass(frozen=True)
+class Limit:
+    """One limit of drives.
+
+    Attributes:
+        name: as reports, sweeps and retiming print it.
+        need: what the cycle asks: one of `SIGNALS`, which `retime` bounds at every instant, or a
+            function of the whole cycle; NaN where it is not known.
+        gives: a figure of the drive, `gear.NAME` or `motor.NAME`, for which those of
+            `policy.STAND_INS` stand in; or a function; NaN where it is not known.
+        unit: of both sides; `torque` and `speed` are the rated shaft's, `effort` and `place` the
+            joint's.
+        formula, source: of the comparison.
+        missing: the figure that is missing if one is. note: of this case.
+        stage: for whom the row is written: "gear", for gears of a shelf; "pair", for gears and
+            motors; "entry", for one gear; "drive", for one drive.
+        reserve: a factor on the need, or the condition that is it.
+        condition: the condition that sets one side; a criterion that fails names it.
+        applies: to which drives; to others it says nothing.
+        endless: what is said where an infinite figure is available; it passes without a number.
+        key: the key of a motor file that gives it by number; empty: none does.
+        optional: where the need is NaN it is not required.
+        verdict: in place of the comparison, where there are no two numbers.
+    """
+
+    name: str
+    need: str | Figure
+    gives: str | Figure
+    unit: str
+    formula: Text
+    source: Text
+    missing: Text = ""
+    note: Text = ""
+    stage: str = "drive"
+    reserve: str | float = 1.0
+    condition: str = ""
+    applies: Callable[[Drives], Value] = _always
+    endless: str = ""
+    key: str = ""
+    optional: bool = False
+    verdict: Callable[[Drives], Criterion] | None = None
+
+    def factor(self, conditions: Conditions) -> float:
+        """Return the reserve."""
+        return getattr(conditions, self.reserve) if isinstance(self.reserve, str) else self.reserve
+
+    def required(self, d: Drives) -> Value:
+        """Return the need of the cycle with its reserve."""
+        need = SIGNALS[self.need] if isinstance(self.need, str) else self.need
+        return self.factor(d.conditions) * need(d)
+
+    def available(self, d: Drives) -> Value:
+        """Return what the maker gives."""
+        if not isinstance(self.gives, str):
+            return self.gives(d)
+        side, _, figure = self.gives.partition(".")
+        return first_known(getattr(d, side), STAND_INS.get(figure, (figure,)))
+
+    def bound(self, d: Drives) -> float:
+        """Return the largest need within the limit; infinite if there is none."""
+        available = float(self.available(d)) if self.applies(d) else np.nan
+        return np.inf if np.isnan(available) else available / self.factor(d.conditions)
+
+    def margin(self, d: Drives) -> Value:
+        """Return 1 - need/have, no less than -1e9; NaN where one is not known."""
+        if (applies := self.applies(d)) is False:
+            return np.nan
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            have, need = np.asarray(self.available(d)), np.asarray(self.required(d))
+            found = np.where(have > 0, 1 - need / have, np.where(need > 0, -np.inf, 0.0))
+            found = np.where(np.isnan(have) | np.isnan(need) | ~np.asarray(applies), np.nan, found)
+        return np.maximum(found, -1e9)
+
+    def _stand_in(self, d: Drives) -> str:
+        """Say which figure stands in for the one that is not printed."""
+        if not isinstance(self.gives, str):
+            return ""
+        side, _, figure = self.gives.partition(".")
+        for name in STAND_INS.get(figure, (figure,)):
+            if not np.isnan(getattr(getattr(d, side), name)):
+                words = name.replace("_", " ")
+                return "" if name == figure else f"the {words}: no higher limit is known"
+        return ""
+
+    def judge(self, d: Drives) -> Criterion:
+        """Return the criterion of one drive."""
+        if self.verdict is not None:
+            return self.verdict(d)
+        required, available = (
+            None if np.isnan(x) else x for x in map(float, (self.required(d), self.available(d)))
+        )
+        texts = (self.formula, self.source, self.missing, self.note)
+        formula, source, missing, note = (x if isinstance(x, str) else x(d) for x in texts)
+        torque, speed = d.candidate.units
+        own = {"torque": torque, "speed": speed, "effort": d.demand.unit}
+        own["place"] = "m" if d.linear else "rad"
+        unit = own.get(self.unit, self.unit)
+        if self.optional and required is None:
+            status = Status.NOT_REQUIRED
+            return Criterion(self.name, status, None, available, unit, None, formula, source, note)
+        if self.endless and available == np.inf:
+            passes = Status.PASSES
+            return Criterion(
+                self.name, passes, required, None, unit, 1.0, formula, source, self.endless
+            )
+        note = "; ".join(text for text in (note, self._stand_in(d)) if text)
+        names = (x for x in (self.reserve, self.condition) if isinstance(x, str) and x)
+        said = "; ".join(_of_condition(name, d.conditions) for name in names)
+        return compare(self.name, required, available, unit, formula, source, missing, note, said)
+
+
+def _of_condition(name: str, conditions: Conditions) -> str:
+    """Say what a condition is, and its default."""
+    default, given = Conditions.model_fields[name].default, getattr(conditions, name)
+    if not isinstance(given, int | float):
+        return f"conditions.{name}"
+    if given == default:
+        return f"conditions.{name} = {given:g}, its default"
+    return f"conditions.{name} = {given:g}, default {'none' if default is None else f'{default:g}'}"
+
+
+def never(_: Drives) -> bool:
+    """Apply to no drive: `size` has no figure for it."""
+    return False
+
+
+def nothing(_: Drives) -> float:
+    """Return no figure."""
+    return np.nan

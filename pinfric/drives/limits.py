@@ -1,0 +1,724 @@
+"""The one table of a drive's limits: `size`, `sweep` and `retime` read it (`limit.Limit`).
+
+`size` takes the needs of a whole cycle, over a shelf of drives and of one drive; `sweep` those of
+every sample of its own; `retime` bounds each instant of a motion by the rows whose need is one of
+`SIGNALS`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from dataclasses import replace
+
+import numpy as np
+
+from pinfric.drives.bearing import (
+    BALL,
+    KINDS,
+    BearingLoad,
+    BearingRatings,
+    bearing_life,
+    equivalent_load,
+    guide_safety,
+    static_load,
+)
+from pinfric.drives.catalog import Nut, Screw
+from pinfric.drives.criterion import Criterion, Status
+from pinfric.drives.drivetrain import (
+    Candidate,
+    MotorCycle,
+    amplifier_torque,
+    too_hot,
+)
+from pinfric.drives.limit import (
+    GEAR_FIGURES,
+    MOTOR_FIGURES,
+    SIGNALS,
+    Case,
+    Drives,
+    Figure,
+    Limit,
+    Value,
+    drive,
+    first_known,
+    never,
+    nothing,
+    number,
+)
+from pinfric.drives.overload import Lag, heat_lag, standstill_time
+from pinfric.drives.policy import (
+    EXTRA_LOW_VOLTAGE,
+    MOST_OVERVOLTAGE,
+    STAND_INS,
+)
+from pinfric.drives.rules import (
+    buckling_load,
+    critical_speed,
+    dn_speed,
+    gear_life,
+    momentary_peaks,
+    nut_pv,
+    resonance,
+)
+from pinfric.errors import SizingError, choose_from
+from pinfric.model.transmission import driven_efficiency
+
+_PRACTICE = "common practice of servo drives"
+_MAKER = "maker's figures"
+_HARMONIC = "Harmonic Drive engineering data 1021387 12/2018, p. 30"
+_STATED = "motor file, or the URDF: used by retiming only"
+_THK = "THK, selection of ball screws: "
+_LOOPS = "inertia about a joint of a closed loop"
+
+
+# ------------------------------------------------------------------------------------- motors
+
+
+def _of_motor(words: str) -> Callable[[Drives], str]:
+    """What is missing: of the motor's torque, else the figure itself."""
+    return lambda d: d.missing or words
+
+
+def _continuous_note(d: Drives) -> str:
+    """Say how the rating was found, and when a stop exceeds it: it assumes that the rotor turns."""
+    ratings, figures = d.ratings, d.asked.figures
+    limit, derated = ratings.continuous_at(d.conditions, d.asked.mean_speed)
+    notes = [derated] if derated else []
+    if ratings.continuous_curve is not None and figures is not None:
+        notes.append(f"of the maker's curve at the mean speed, {d.asked.mean_speed:.4g} rad/s")
+    notes += [text for text in ratings.derived if text.startswith("continuous")]
+    standing, stall = d.asked.standing, ratings.stall_at(d.conditions)
+    if limit and standing > (limit if stall is None else stall):
+        notes.append(
+            f"at standstill it needs up to {standing:.3g} N m, above the continuous torque: a "
+            "stalled motor has hot spots that the mean does not show (overloaded standstill)"
+        )
+    return "; ".join(notes)
+
+
+def _lag(d: Drives) -> Lag:
+    return heat_lag(d.ratings.thermal, d.ratings.thermal_time, d.conditions)
+
+
+def _heat_formula(d: Drives) -> str:
+    lag = _lag(d)
+    parts = ("",) if len(lag.times) == 1 else tuple(f"{part:.3g} " for part in lag.parts)
+    nodes = " + ".join(
+        f"{part}theta(tau = {time:.4g} s)" for time, part in zip(lag.times, parts, strict=True)
+    )
+    return f"sqrt(max({nodes})) <= continuous torque{d.output}; tau theta' + theta = T_m^2, settled"
+
+
+def _window(d: Drives) -> tuple[float, str]:
+    return standstill_time(d.ratings.thermal, d.conditions)
+
+
+def _standing_formula(d: Drives) -> str:
+    of = "continuous" if d.ratings.continuous_stall_torque is None else "continuous stall"
+    return f"longest standstill with |T_m| > {of} torque <= {_window(d)[0]:.3g} s"
+
+
+def _has_line(d: Drives) -> Value:
+    electric = d.motor.torque_constant * d.motor.resistance
+    return ~np.isnan(electric) | ~np.isnan(d.motor.no_load_speed * d.motor.stall_torque)
+
+
+def _most_voltage(d: Drives) -> Value:
+    any_winding = d.conditions.bus_voltage <= EXTRA_LOW_VOLTAGE
+    rule = np.inf if any_winding else MOST_OVERVOLTAGE * d.motor.nominal_voltage
+    return np.where(np.isnan(d.motor.max_voltage), rule, d.motor.max_voltage)
+
+
+def _at_its_voltage_only(d: Drives) -> Value:
+    known = _has_line(d) | np.isnan(first_known(d.motor, STAND_INS["max_speed"]))
+    return ~known & ~np.isnan(d.motor.nominal_voltage)
+
+
+def _line_formula(d: Drives) -> str:
+    if d.ratings.torque_constant is None or d.ratings.resistance is None:
+        return "U_n max |T_m/T_stall + omega/omega_no-load| <= bus voltage"
+    return "max |R(T_w) T_m/k + k omega| <= bus voltage"
+
+
+def _winding_room(d: Drives) -> float:
+    if d.ratings.thermal is None:
+        return np.nan
+    return d.ratings.max_winding(d.conditions) - d.conditions.ambient
+
+
+def _winding_rise(d: Drives) -> float:
+    """max T_w - T_a; infinite where it runs away; at the mean heat where that is too hot already.
+
+    The peak is at least the temperature at the mean heat.
+    """
+    room, ambient, mean = _winding_room(d), d.conditions.ambient, d.asked.mean_temperature
+    if room <= 0:
+        return np.inf
+    if not np.isnan(d.asked.peak_temperature):
+        return np.inf if np.isinf(mean) else d.asked.peak_temperature - ambient
+    return mean - ambient if np.isinf(mean) or mean - ambient > room else np.nan
+
+
+def _winding_formula(d: Drives) -> str:
+    if np.isnan(d.asked.peak_temperature) and not np.isnan(_winding_rise(d)):
+        return "temperature at the mean heat: T_w - T_a"
+    return "settled cycle of the two-node model: max T_w - T_a"
+
+
+def _winding_missing(d: Drives) -> str:
+    if not np.isnan(d.asked.mean_temperature):
+        return "thermal time constants"
+    r = d.ratings
+    electric = {"torque constant": r.torque_constant, "resistance": r.resistance}
+    figures = {"thermal resistances": r.thermal} | electric
+    lacking = [name for name, value in figures.items() if value is None] or list(figures)
+    *first, last = lacking
+    return d.missing or (f"{', '.join(first)} and {last}" if first else last)
+
+
+def _winding_note(d: Drives) -> str:
+    room, mean, rise = _winding_room(d), d.asked.mean_temperature, _winding_rise(d)
+    if room <= 0:
+        return too_hot(d.conditions.ambient, d.conditions.ambient + room)
+    if np.isnan(rise):
+        return "" if np.isnan(mean) else f"at the mean heat {mean:.4g} C"
+    if np.isinf(rise):
+        return "thermal runaway: the loss grows faster with temperature than the cooling"
+    if np.isnan(d.asked.peak_temperature):
+        return ""
+    turning = d.ratings.no_load_heat * (d.ratings.rated_speed or 0.0)
+    by_turning = f"; {turning:.3g} W of it by turning at rated speed" if turning > 0 else ""
+    return f"reaches {d.asked.peak_temperature:.4g} C{by_turning}"
+
+
+def _amplified(current: str) -> Figure:
+    return lambda d: number(amplifier_torque(d.candidate, current)[0])
+
+
+def _amperes(current: str) -> Callable[[Drives], str]:
+    return lambda d: amplifier_torque(d.candidate, current)[1]
+
+
+def _overdrive_time(d: Drives) -> float:
+    amplifier = d.candidate.amplifier
+    if d.asked.overdriven == 0:
+        return np.inf
+    return np.nan if amplifier is None else number(amplifier.peak_time)
+
+
+def _fed(d: Drives) -> bool:
+    return d.candidate.amplifier is not None
+
+
+def _of_amplifier(figure: str) -> Callable[[Drives], str]:
+    """What is missing: of the motor's torque, its torque constant, else the amplifier's figure."""
+    return lambda d: (
+        d.missing
+        or (
+            "torque constant" if d.ratings.torque_constant is None else f"{figure} of the amplifier"
+        )
+    )
+
+
+_RMS = "sqrt(1/T int T_m^2 dt) <= "
+_NEVER_ABOVE = "never above its continuous current"
+# fmt: off
+MOTOR_LIMITS = [
+    Limit("continuous torque", "motor RMS torque", lambda d: d.heat, "torque",
+          lambda d: f"{_RMS}continuous torque{d.output}", _PRACTICE,
+          _of_motor("continuous torque"), _continuous_note,
+          stage="pair", condition="ambient", key="continuous_torque"),
+    Limit("short-term torque", lambda d: d.asked.short_term, lambda d: d.heat, "torque",
+          _heat_formula, lambda d: _lag(d).source, _of_motor("continuous torque"),
+          lambda d: d.ratings.continuous_at(d.conditions, d.asked.mean_speed)[1],
+          condition="ambient"),
+    Limit("overloaded standstill", lambda d: d.asked.overloaded_standstill,
+          lambda d: _window(d)[0], "s", _standing_formula, lambda d: _window(d)[1],
+          _of_motor("continuous torque"),
+          lambda d: "without end" if d.asked.overloaded_standstill == np.inf else ""),
+    Limit("peak torque", "motor torque", "motor.peak_torque", "torque",
+          lambda d: f"{d.conditions.peak_factor:g} max |T_m| <= peak torque{d.output}",
+          _PRACTICE + ": 20 to 30 %", _of_motor("peak torque"),
+          stage="pair", reserve="peak_factor", key="peak_torque"),
+    Limit("bus voltage", lambda d: d.conditions.bus_voltage, _most_voltage, "V",
+          f"bus voltage <= {MOST_OVERVOLTAGE:g} nominal voltage, or extra-low voltage",
+          f"pinfric: any winding up to {EXTRA_LOW_VOLTAGE:g} V DC; above that a question",
+          "nominal voltage", lambda d: f"nominal voltage {d.motor.nominal_voltage:g} V",
+          stage="pair", condition="bus_voltage",
+          endless=f"extra-low voltage, up to {EXTRA_LOW_VOLTAGE:g} V DC: any winding"),
+    Limit("motor voltage", lambda d: d.motor.nominal_voltage, lambda d: d.conditions.bus_voltage,
+          "V", "nominal voltage <= bus voltage, where no speed-torque line is known",
+          "pinfric: what a motor gives at a lower voltage is not known then",
+          stage="pair", condition="bus_voltage", applies=_at_its_voltage_only),
+    Limit("speed-torque line", "voltage", lambda d: d.conditions.bus_voltage, "V", _line_formula,
+          "equivalent circuit of a DC or field-oriented motor",
+          _of_motor("torque constant and resistance, or no-load speed and stall torque"),
+          lambda d: "; ".join(x for x in d.ratings.derived if not x.startswith("continuous")),
+          stage="pair", condition="bus_voltage", key="stall_torque"),
+    Limit("motor speed", "motor speed", "motor.max_speed", "speed",
+          "max |omega| <= maximum speed", _MAKER, "maximum speed", stage="pair", key="max_speed"),
+    Limit("winding temperature", _winding_rise, _winding_room, "K", _winding_formula,
+          "maxon, Key information: thermal behaviour (two nodes), copper +0.39 %/K",
+          _winding_missing, _winding_note, condition="ambient"),
+    Limit("amplifier currents", nothing, nothing, "A",
+          "currents of the motor <= those of its amplifier", _MAKER,
+          "conditions.amplifiers: which amplifier feeds it", applies=lambda d: not _fed(d)),
+    Limit("amplifier peak current", "motor torque", _amplified("peak_current"), "torque",
+          "max |T_m| <= torque constant x peak current of the amplifier",
+          f"{_MAKER} of the amplifier", _of_amplifier("peak_current"), _amperes("peak_current"),
+          applies=_fed, endless=_NEVER_ABOVE),
+    Limit("amplifier continuous current", "motor RMS torque", _amplified("continuous_current"),
+          "torque", f"{_RMS}torque constant x continuous current of the amplifier",
+          f"{_MAKER} of the amplifier", _of_amplifier("continuous_current"),
+          _amperes("continuous_current"), applies=_fed, endless=_NEVER_ABOVE),
+    Limit("amplifier overload", lambda d: d.asked.overdriven, _overdrive_time, "s",
+          "longest time above the continuous current <= peak_time of the amplifier",
+          f"{_MAKER} of the amplifier", _of_amplifier("continuous_current and peak_time"),
+          applies=_fed, endless=_NEVER_ABOVE),
+]
+# fmt: on
+
+
+# -------------------------------------------------------------------------------------- gears
+
+
+def _has_gear(d: Drives) -> bool:
+    return d.one is None or d.one.gear is not None
+
+
+def _linear(d: Drives) -> bool:
+    return d.linear and _has_gear(d)
+
+
+def _collision(d: Drives) -> float:
+    return number(d.conditions.collision_effort.get(d.demand.name))
+
+
+def _by_rule(d: Drives) -> bool:
+    """Whether the number of momentary peaks follows from the maker's rule, not from a figure."""
+    return np.isnan(d.gear.momentary_peaks) and d.entry.kind == "strain wave"
+
+
+def _momentary_peaks(d: Drives) -> float:
+    wanted = d.conditions.collisions
+    if wanted is None or not _by_rule(d):
+        return d.gear.momentary_peaks
+    return momentary_peaks(d.ratio * d.demand.speed, wanted.duration)
+
+
+def _gear_life(d: Drives) -> float:
+    if not _has_gear(d):  # a gearmotor: its maker prints no life
+        return np.nan
+    life, speed, torque = d.gear.nominal_life, d.gear.rated_speed, d.gear.rated_torque
+    if np.isnan(life * speed * torque):
+        return np.nan
+    mean_speed = d.ratio * d.demand.mean_speed
+    return gear_life(life, speed, torque, mean_speed, d.demand.mean_cubic)[0]
+
+
+def _screw(d: Drives) -> bool:
+    return d.one is not None and d.one.gear is not None and "screw" in d.one.gear.kind
+
+
+def _of_screw(rule: Callable[[Screw], float | None]) -> Figure:
+    """What a rule gives for the gear's screw; NaN where its length is not known."""
+    return lambda d: np.nan if d.entry.screw is None else number(rule(d.entry.screw))
+
+
+def _buckling(d: Drives) -> float:
+    """By Euler; of a complete unit, which has a stroke, the maker's force."""
+    if d.entry.screw is not None:
+        return buckling_load(d.entry.screw)
+    return d.gear.rated_torque if d.entry.stroke is not None else np.nan
+
+
+def _buckling_note(d: Drives) -> str:
+    if d.entry.screw is not None or np.isnan(_buckling(d)):
+        return ""
+    return f"the maker's rated force of a unit of {d.entry.stroke:g} m stroke"
+
+
+def _tightest(d: Drives) -> tuple[float, float]:
+    """The effort and the maker's limit at its speed, at the sample where least of it is left."""
+    assert d.entry.effort_curve is not None  # the row is for gears that have one
+    at, limits = np.transpose(d.entry.effort_curve)
+    speed, effort = d.ratio * np.abs(d.case.cycle.velocity), np.abs(d.case.cycle.ends[0])
+    if speed.max() > at[-1]:
+        return float(effort[np.argmax(speed)]), np.nan
+    allowed = np.interp(speed, at, limits)
+    k = int(np.argmax(effort / allowed))
+    return float(effort[k]), float(allowed[k])
+
+
+def _of_nut(needs: Callable[[Nut, Drives], float | None]) -> Figure:
+    return lambda d: np.nan if d.entry.nut is None else number(needs(d.entry.nut, d))
+
+
+def _lead_screw(d: Drives) -> bool:
+    return _screw(d) and d.entry.kind == "lead screw"
+
+
+def _ball_screw(d: Drives) -> bool:
+    return _screw(d) and d.entry.kind == "ball screw"
+
+
+_LENGTH = "screw: root diameter, length and supports"
+# fmt: off
+GEAR_LIMITS = [
+    Limit("gear average torque", lambda d: d.demand.mean_cubic, "gear.average_torque", "effort",
+          "T_av = cbrt(int |v T^3| dt/int |v| dt) <= limit for average torque", _HARMONIC,
+          "limit for average torque", stage="gear", applies=_has_gear),
+    Limit("gear repeated peak torque", "effort", "gear.repeated_peak_torque", "effort",
+          "max |T| <= limit for repeated peak torque", _HARMONIC,
+          "limit for repeated peak torque", stage="gear", applies=_has_gear),
+    Limit("gear effort at its speed", lambda d: _tightest(d)[0], lambda d: _tightest(d)[1],
+          "effort", "|T| <= the maker's limit at the input speed of the same instant", _MAKER,
+          "the maker's curve ends below the input speed", stage="entry",
+          applies=lambda d: d.one is not None and _has_gear(d)
+          and d.entry.effort_curve is not None),
+    Limit("effort", "effort", nothing, "effort", "max |effort| <= effort", _STATED,
+          applies=never, key="effort"),
+    Limit("gear momentary peak torque", _collision, "gear.momentary_peak_torque", "effort",
+          "collision or emergency stop <= limit for momentary peak torque", _HARMONIC,
+          lambda d: "conditions.collision_effort" if np.isnan(_collision(d)) else "momentary peak",
+          stage="gear", condition="collision_effort", applies=_has_gear),
+    Limit("gear momentary peaks",
+          lambda d: np.nan if d.conditions.collisions is None else d.conditions.collisions.count,
+          _momentary_peaks, "",
+          lambda d: "collisions <= N = 10^4/(2 (n/60) t), n the greatest input speed in rpm"
+          if _by_rule(d) else "collisions <= N",
+          lambda d: "Harmonic Drive CSF/CSG catalogue, momentary peak torque"
+          if _by_rule(d) else "maker's number",
+          "momentary_peaks", stage="entry", condition="collisions",
+          applies=lambda d: _has_gear(d) and d.conditions.collisions is not None,
+          endless="the joint never moves"),
+    Limit("gear maximum input speed", "input speed", "gear.max_input_speed", "rad/s",
+          "ratio max |v| <= maximum input speed", _HARMONIC, "maximum input speed",
+          stage="gear", applies=_has_gear, key="input_speed"),
+    Limit("joint speed", "speed", nothing, "rad/s or m/s", "max |v| <= velocity", _STATED,
+          applies=never, key="velocity"),
+    Limit("acceleration", "acceleration", nothing, "rad/s^2 or m/s^2",
+          "max |a| <= acceleration", _STATED, applies=never, key="acceleration"),
+    Limit("gear average input speed", lambda d: d.ratio * d.demand.mean_speed,
+          "gear.average_input_speed", "rad/s",
+          "ratio 1/T int |v| dt <= limit for average input speed", _HARMONIC,
+          "limit for average input speed", stage="gear", applies=_has_gear),
+    Limit("gear life L10", lambda d: number(d.conditions.life), _gear_life, "h",
+          "L10 = L50/5, L50 = L_n (n_N/n_in,av)(T_N/T_av)^3",
+          "Harmonic Drive engineering data 1021387 12/2018, p. 32, equations 32.2, 32.3",
+          "nominal life, rated speed or rated torque", condition="life",
+          endless="the joint never moves", optional=True),
+    Limit("screw critical speed", "input speed", _of_screw(critical_speed), "rad/s",
+          "ratio max |v| <= 0.8 lambda^2/l^2 sqrt(E I/(rho A))",
+          _THK + "permissible rotational speed", _LENGTH, stage="entry", applies=_screw),
+    Limit("screw DN value", "input speed", _of_screw(dn_speed), "rad/s",
+          "ratio max |v| <= DN/ball circle diameter", _THK + "DN value",
+          "screw: ball_circle and max_dn", stage="entry", applies=_ball_screw),
+    Limit("screw buckling", "effort", _buckling, "effort", "max |F| <= n pi^2 E I/l^2 x 0.5",
+          _THK + "buckling load", _LENGTH, _buckling_note, stage="entry", applies=_screw),
+    Limit("nut pressure", _of_nut(lambda nut, d: d.demand.peak / nut.contact_area),
+          _of_nut(lambda nut, d: nut.max_pressure), "Pa",
+          "max |F|/A <= permissible pressure of the nut", _MAKER,
+          "nut: contact_area and max_pressure", stage="entry", applies=_lead_screw),
+    Limit("nut PV value", _of_nut(lambda nut, d: nut_pv(nut, d.ratio, d.case.cycle)),
+          _of_nut(lambda nut, d: nut.max_pv), "Pa m/s",
+          "max |F|/A |v| sqrt(1 + (ratio d/2)^2) <= permissible PV of the nut",
+          "Thomson, PV of lead screws with polymer nuts; at every instant of the cycle",
+          "nut: diameter, contact_area and max_pv", stage="entry", applies=_lead_screw),
+    Limit("stroke", lambda d: number(d.demand.travel), "gear.stroke", "m",
+          "max q - min q <= stroke", _MAKER, "stroke", stage="gear", applies=_linear),
+]
+# fmt: on
+
+
+# ----------------------------------------------------------------------------------- bearings
+
+
+def _turning(d: Drives) -> bool:
+    return not d.linear
+
+
+def _on_nut(d: Drives) -> bool:
+    """Whether a joint slides by a screw's nut that is rated as a bearing, not one that slides."""
+    return d.linear and _screw(d) and d.entry.nut is None
+
+
+def _rule(d: Drives) -> str:
+    """Where the rule is from, and the ratings, where they are from elsewhere."""
+    rule = KINDS[d.bearing.kind].source
+    return f"{rule}; ratings: {d.bearing.source}" if d.bearing.source else rule
+
+
+def _borne(rule: Callable[[BearingRatings, BearingLoad], float | None]) -> Figure:
+    """What a rule gives for the bearing and its load; NaN where one is not known."""
+    return lambda d: np.nan if (x := d.demand.bearing) is None else number(rule(d.bearing, x))
+
+
+def _static_safety(bearing: BearingRatings, load: BearingLoad) -> float | None:
+    carried, rating = static_load(bearing, load), bearing.static_rating
+    if carried is None or rating is None:
+        return None
+    return rating / carried if carried > 0 else np.inf
+
+
+def _safety_formula(d: Drives) -> str:
+    if d.bearing.rule is None or d.bearing.screw:
+        return "f_s = C_0/P_0"
+    x, y = d.bearing.rule.static
+    return f"f_s = C_0/P_0, P_0 = {x:g} P_r + {y:g} F_a"
+
+
+def _bearing_life(d: Drives) -> float:
+    load, rating = d.demand.bearing, d.bearing.dynamic_rating
+    equivalent = None if load is None else equivalent_load(d.bearing, load)
+    if load is None or equivalent is None or rating is None:
+        return np.nan
+    speed = load.speed * (d.ratio if d.bearing.screw else 1.0)
+    exponent = KINDS[d.bearing.kind].exponent
+    return bearing_life(rating, d.conditions.shock * equivalent, speed, exponent)
+
+
+def _life_formula(d: Drives) -> str:
+    exponent = "3" if KINDS[d.bearing.kind].exponent == BALL else "10/3"
+    return f"L10 = 10^6 revolutions (C/({d.conditions.shock:g} P))^({exponent})"
+
+
+def _life_note(d: Drives) -> str:
+    equivalent = _borne(equivalent_load)(d)
+    return "" if np.isnan(equivalent) else f"P = {equivalent:.4g} N"
+
+
+def _of_bearing(figure: str) -> Callable[[Drives], str]:
+    return lambda d: figure if d.demand.bearing else "the joint's wrench"
+
+
+def _rated(what: str, carried: Callable[[Drives], bool], names: Collection[str]) -> list[Limit]:
+    """The rows of what carries a joint, whose ratings are known."""
+    static = "static load rating C_0 or pitch diameter"
+
+    def applies(d: Drives) -> bool:
+        return d.one is not None and carried(d) and d.one.bearing is not None
+
+    # fmt: off
+    rows = [
+        Limit("tilting moment", _borne(lambda b, load: load.moment + b.offset * load.radial),
+              lambda d: number(d.bearing.max_moment), "N m",
+              "max M + R max F_r <= permissible tilting moment", _rule,
+              _of_bearing("permissible tilting moment")),
+        Limit("radial force", _borne(lambda _, load: load.radial),
+              lambda d: number(d.bearing.max_radial), "N",
+              "max |F_r| <= permissible radial force", _rule,
+              _of_bearing("permissible radial force")),
+        Limit("axial force", _borne(lambda _, load: load.axial),
+              lambda d: number(d.bearing.max_axial), "N",
+              "max |F_a| <= permissible axial force", _rule,
+              _of_bearing("permissible axial force")),
+        Limit("static safety", lambda d: d.bearing.static_safety, _borne(_static_safety), "",
+              _safety_formula, _rule, _of_bearing(static), endless="no load"),
+        Limit("life L10", lambda d: number(d.conditions.life), _bearing_life, "h",
+              _life_formula, _rule, _of_bearing("dynamic load rating C or pitch diameter"),
+              _life_note, condition="life", endless="it never turns under load", optional=True),
+    ]
+    # fmt: on
+    return [
+        replace(row, name=f"{what} {row.name}", stage="entry", applies=applies)
+        for row in rows
+        if row.name in names
+    ]
+
+
+def _unrated(name: str, kind: str, applies: Callable[[Drives], bool]) -> Limit:
+    """The row that says that nothing is known of what carries a joint."""
+    what = name.partition(" ")[0]
+    missing = f"ratings of the {what}" + "; conditions.bearings" * (what == "guide")
+    formula, source = "loads and life by its ratings", KINDS[kind].source
+    return Limit(name, nothing, nothing, "", formula, source, missing, applies=applies)
+
+
+def _bare(carried: Callable[[Drives], bool]) -> Callable[[Drives], bool]:
+    return lambda d: carried(d) and d.candidate.bearing is None
+
+
+def _guided(d: Drives) -> bool:
+    """Whether a guide whose ratings are known carries the joint."""
+    return d.linear and d.candidate.guide is not None
+
+
+_FORCES = ("tilting moment", "radial force", "axial force", "static safety", "life L10")
+# fmt: off
+BEARING_LIMITS = [
+    _unrated("bearing loads", "crossed roller", _bare(_turning)),
+    *_rated("bearing", _turning, _FORCES),
+    _unrated("screw loads", "ball screw", _bare(_on_nut)),
+    *_rated("screw", _on_nut, _FORCES[2:]),
+    _unrated("guide loads", "linear guide", lambda d: d.linear and not _guided(d)),
+    Limit("guide static safety", lambda d: d.guide.least_safety,
+          lambda d: number(d.demand.guide and guide_safety(d.guide, d.demand.guide)), "",
+          "f_s = 1/(sqrt(2) F/C_0 + M/M_0 + M_a/M_a0)",
+          lambda d: f"{KINDS['linear guide'].source}; ratings: {d.guide.source}",
+          "the joint's wrench, or static_rating, static_moment, static_roll of the guide",
+          applies=_guided, endless="no load"),
+]
+# fmt: on
+
+
+# ----------------------------------------------------------------------------- drive and load
+
+
+def _resonance(d: Drives) -> Value:
+    with np.errstate(divide="ignore"):
+        return resonance(d.gear.stiffness, d.load)
+
+
+def brake_peak(
+    torque: Value, ratio: Value, rotor: Value, load: float, effort: float, back: Value
+) -> Value:
+    """Return the effort (N m or N) that a gear bears when a brake closes.
+
+    The brake on the motor's side stops rotor and load through the gear, the other joints held:
+
+        |t| = (|r| T_b/eta_b + x G)/(1 + x),     x = r^2 J_rotor/(eta_b J_L),
+
+    of J_L a = t + G and, in the gear, eta_b t = -|r| T_b - r^2 J_rotor a, without the joint's
+    friction, the gear rigid. `pinfric stop` simulates all joints.
+
+    Args:
+        torque: T_b, the brake's largest, at the motor's shaft, N m. ratio: motor turns per turn or
+            m of the joint. rotor: J_rotor at the shaft, kg m^2. load: J_L about the joint, the
+            largest, kg m^2 (kg). effort: G, the largest of the cycle, N m or N.
+        back: eta_b of the driven gear; where a self-locking gear jams there is no bound: NaN.
+    """
+    heavy = ratio**2 * rotor / load
+    slope = back + heavy
+    return (np.abs(ratio) * torque + heavy * effort) / np.where(slope > 0, slope, np.nan)
+
+
+def _brake_missing(d: Drives) -> str:
+    if d.candidate.gear is None:
+        return "momentary peak of the gear in the gearmotor"
+    if np.isnan(first_known(d.gear, STAND_INS["momentary_peak_torque"])):
+        return "momentary peak"
+    if d.candidate.transmission is None:
+        return d.missing
+    return "inertia of the load" if not d.case.load_inertia else "a bound: the driven gear jams"
+
+
+def _back_driving(d: Drives) -> Criterion:
+    candidate, wanted = d.candidate, d.conditions.back_driving
+    name, formula = "back-driving", "eta_b > 0: a large enough load moves the motor"
+    source = "Harmonic Drive: do not rely on the back-driving torque to hold a load"
+    effort = candidate.back_driving_torque
+    unit = "N" if candidate.linear else "N m"
+    note = "" if effort is None else f"the load moves the motor above {effort:.3g} {unit}"
+    transmission = candidate.transmission
+    known = transmission is not None and (not candidate.at_output or effort is not None)
+    if wanted == "any" or not known:
+        status = Status.NOT_REQUIRED if wanted == "any" else Status.NOT_CHECKED
+        text = note or ("" if wanted == "any" else "no value (losses when the load drives)")
+        return Criterion(name, status, None, None, "", None, formula, source, text)
+    assert transmission is not None
+    back = driven_efficiency(transmission)
+    if wanted == "required":
+        locked = "self-locking" if back <= 0 else note
+        status = Status.PASSES if back > 0 else Status.FAILS
+        return Criterion(name, status, None, None, "", back, formula, source, locked)
+    status = Status.PASSES if back <= 0 else Status.FAILS
+    text = "self-locking" if back <= 0 else "not self-locking: it needs a brake"
+    return Criterion(name, status, None, None, "", -back, "eta_b <= 0: self-locking", source, text)
+
+
+def _frequency(condition: str, hand: bool) -> Limit:
+    return Limit(
+        "gear resonance",
+        lambda d: getattr(d.conditions, condition),
+        _resonance,
+        "Hz",
+        "f = sqrt(K_1/max J_load)/(2 pi), all other joints rigid",
+        "rule of a maker of strain wave gears: 8 Hz base axes, 15 Hz hand axes (retyped, not read)",
+        lambda d: _LOOPS if d.case.load_inertia is None else "stiffness",
+        stage="gear",
+        condition=condition,
+        applies=lambda d: not d.linear and d.case.hand == hand,
+    )
+
+
+def _shocked(d: Drives) -> bool:
+    """Whether a gear lies between the drive's brake and the joint."""
+    return d.one is None or (d.one.brake != "" and (d.one.gear is not None or d.one.ratio != 1.0))
+
+
+# fmt: off
+JOINT_LIMITS = [
+    Limit("inertia ratio", lambda d: d.load / (d.ratio**2 * d.inertia),
+          lambda d: d.conditions.inertia_ratio, "",
+          "max J_load / (ratio^2 (J_motor + J_gear input))",
+          _PRACTICE + "; the gear's input is on the motor's side of the compliance",
+          lambda d: _LOOPS if d.case.load_inertia is None else d.missing or "rotor inertia",
+          stage="pair", condition="inertia_ratio"),
+    _frequency("resonance_base", hand=False),
+    _frequency("resonance_hand", hand=True),
+    Limit("backlash", lambda d: d.gear.backlash, lambda d: number(d.conditions.backlash), "place",
+          "backlash of the gear <= conditions.backlash", _MAKER, "backlash of the gear",
+          stage="gear", condition="backlash",
+          applies=lambda d: d.conditions.backlash is not None),
+    Limit("back-driving", nothing, nothing, "", "", "", verdict=_back_driving),
+    Limit("gear momentary peak torque, brake closing",
+          lambda d: brake_peak(d.brake, d.ratio, d.inertia, d.load, d.demand.peak, d.back),
+          "gear.momentary_peak_torque", "effort",
+          "(|r| T_b + J_r G/J_L)/(eta_b + J_r/J_L) <= limit for momentary peak torque",
+          "statics and dynamics of one axis, the gear rigid; pinfric stop simulates all",
+          _brake_missing, lambda d: d.candidate.brake_note, stage="pair", applies=_shocked),
+]
+# fmt: on
+
+#: The table.
+LIMITS: list[Limit] = [*MOTOR_LIMITS, *GEAR_LIMITS, *BEARING_LIMITS, *JOINT_LIMITS]
+
+
+def check(candidate: Candidate, motor: MotorCycle | None, case: Case) -> tuple[Criterion, ...]:
+    """Return every criterion of a drive, in the order of the table.
+
+    Args:
+        candidate: motor and gear. motor: of `motor_cycle`; None where figures for the motor's
+            torque are missing. case: its joint.
+    """
+    return criteria(drive(candidate, motor, case))
+
+
+def criteria(d: Drives) -> tuple[Criterion, ...]:
+    """Return every criterion of one drive, in the order of the table."""
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        return tuple(limit.judge(d) for limit in LIMITS if limit.applies(d))
+
+
+def instant_limits() -> tuple[Limit, ...]:
+    """Return the rows that bound every instant of a motion, in the order of the table."""
+    over_time = ("motor RMS torque",)
+    return tuple(
+        limit for limit in LIMITS if isinstance(limit.need, str) and limit.need not in over_time
+    )
+
+
+def add_limit(limit: Limit) -> None:
+    """Add a row to the table: `size`, `sweep` and `retime` judge it from then on.
+
+    Raises:
+        SizingError: the name exists already; the need is not a signal; `gives` names no figure.
+    """
+    where = f"limit {limit.name!r}"
+    if any(limit.name == other.name for other in LIMITS):
+        raise SizingError(f"{where}: exists already; give another name")
+    if isinstance(limit.need, str) and limit.need not in SIGNALS:
+        allowed = choose_from(limit.need, list(SIGNALS))
+        raise SizingError(f"{where}: need {limit.need!r}: give a function, or a signal; {allowed}")
+    units = {other.unit for other in LIMITS if other.need == limit.need}
+    if isinstance(limit.need, str) and units and limit.unit not in units:
+        raise SizingError(
+            f"{where}: unit {limit.unit!r}: {limit.need!r} is in SI: {choose_from('', list(units))}"
+        )
+    known = [*(f"gear.{x}" for x in GEAR_FIGURES), *(f"motor.{x}" for x in MOTOR_FIGURES)]
+    if isinstance(limit.gives, str) and limit.gives not in known:
+        raise SizingError(
+            f"{where}: gives {limit.gives!r}: give a function, or {choose_from(limit.gives, known)}"
+        )
+    LIMITS.append(limit)

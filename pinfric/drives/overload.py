@@ -1,0 +1,172 @@
+"""Overloads within a cycle that the mean hides, and the effect of time switched off.
+
+A winding follows its heat with its own time constant, the housing with a longer one. Heat is in
+proportion to T_m^2; each part of the temperature rise is a low-pass of it,
+
+    tau theta' + theta = T_m^2,
+
+settled over the period that repeats, the time switched off included. The root of its greatest value
+is held against the continuous torque, whose own theta is its square. Of a torque T for t_on of a
+period T_p this is makers' overload rule
+T/T_continuous <= sqrt((1 - e^(-T_p/tau))/(1 - e^(-t_on/tau))).
+
+At a standstill one phase takes all the heat: there the time above the continuous torque counts.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from pinfric.drives.catalog import Thermal
+from pinfric.drives.duty import Schedule, once
+from pinfric.drives.policy import Conditions
+from pinfric.kernels.compiled import kernel
+
+
+class Lag(NamedTuple):
+    """Time constants of a motor's temperature rise and each one's part of it; and their source."""
+
+    times: tuple[float, ...]
+    parts: tuple[float, ...]
+    source: str
+
+
+def heat_lag(thermal: Thermal | None, whole: float | None, conditions: Conditions) -> Lag:
+    """Return how a motor's temperature follows its heat.
+
+    Winding and housing, each by its thermal resistance, where both time constants are known; else
+    the winding's alone, else the time constant of the whole motor, else that of the conditions.
+
+    Args:
+        thermal: of the winding. whole: time constant of the motor, s, where one is printed.
+        conditions: `thermal_time` for motors of which none is known.
+
+    Source: maxon, Key information: thermal behaviour (two nodes); IEC 60034-1, S3.
+    """
+    if thermal is not None and thermal.winding_time is not None:
+        source = "maxon, Key information: thermal behaviour, time constants of winding and housing"
+        if thermal.housing_time is None:
+            return Lag((thermal.winding_time,), (1.0,), source)
+        whole_resistance = thermal.winding_housing + thermal.housing_ambient
+        part = thermal.winding_housing / whole_resistance
+        return Lag((thermal.winding_time, thermal.housing_time), (part, 1.0 - part), source)
+    if whole is not None:
+        return Lag((whole,), (1.0,), "IEC 60034-1, S3: the motor's thermal time constant")
+    text = "pinfric: conditions.thermal_time for a time constant not known"
+    return Lag((conditions.thermal_time,), (1.0,), text)
+
+
+def standstill_time(thermal: Thermal | None, conditions: Conditions) -> tuple[float, str]:
+    """Return for how long (s) a stalled motor may be overloaded, and the source, in words."""
+    if thermal is not None and thermal.winding_time is not None:
+        text = "maxon, Key information: short-term operation, within the winding's time constant"
+        return thermal.winding_time, text
+    return conditions.thermal_time, "pinfric: conditions.thermal_time for a time constant not known"
+
+
+def settled_heat(t: np.ndarray, x: np.ndarray, lag: Lag, duty: Schedule | None = None) -> float:
+    """Return the root of the greatest settled sum of part x theta, tau theta' + theta = x^2.
+
+    x^2 is linear between samples; each step is exact, and the settled cycle is a fixed point.
+
+    Args:
+        t: (T,) increasing, s; the last sample is the first of the next repetition.
+        x: (T,), of the unit of the result.
+        lag: of the motor.
+        duty: which samples are which cycle of a period, and how often; None: they are one.
+    """
+    largest = float(np.abs(x).max())
+    if len(t) == 1 or not largest > 0:  # also NaN
+        return largest
+    part, schedule = x / largest, duty or once(len(t))
+    mean = _settled_heat(
+        t,
+        part * part,  # cannot overflow
+        np.array(lag.times),
+        np.array(lag.parts),
+        np.array(schedule.starts),
+        schedule.counts,
+    )
+    return largest * min(float(np.sqrt(mean)), 1.0)  # rounding must not lift it above the peak
+
+
+def longest_above(
+    t: np.ndarray, x: np.ndarray, limit: float, where: np.ndarray, duty: Schedule | None = None
+) -> float:
+    """Return the longest time (s) in which |x| stays above a limit, in a cycle that repeats.
+
+    Infinite where it never ends.
+
+    Args:
+        t: (T,) increasing, s. x: (T,), its magnitude linear between samples. limit: of |x|.
+        where: (T,) only between two samples that are both in this mask.
+        duty: which samples are which cycle of a period; None: they are one.
+    """
+    if not (np.abs(x[where]) > limit).any():
+        return 0.0
+    if duty is not None:
+        order, t = duty.played(t)
+        x, where = x[order], where[order]
+    return float(_longest_above(t, np.abs(x), limit, where))
+
+
+@kernel
+def _settled_heat(
+    t: np.ndarray,
+    y: np.ndarray,
+    times: np.ndarray,
+    parts: np.ndarray,
+    starts: np.ndarray,
+    counts: np.ndarray,
+) -> float:
+    """Return the greatest sum of parts of theta, tau theta' + theta = y, settled, at a sample."""
+    nodes = times.size
+    decay, gain = np.ones((t.size, nodes)), np.zeros((t.size, nodes))
+    for k in range(t.size - 1):
+        step = t[k + 1] - t[k]
+        for n in range(nodes):
+            ratio = step / times[n]
+            lost = -np.expm1(-ratio)
+            # of the ramp's second half; a short step leaves half of it
+            late = 1.0 - lost / ratio if ratio > 1e-6 else 0.5 * ratio
+            decay[k, n] = 1.0 - lost
+            gain[k, n] = y[k] * lost + (y[k + 1] - y[k]) * late
+    whole, sum_ = np.ones(nodes), np.zeros(nodes)
+    for part in range(counts.size):
+        for _ in range(counts[part]):
+            for k in range(starts[part], starts[part + 1] - 1):
+                for n in range(nodes):
+                    whole[n] *= decay[k, n]
+                    sum_[n] = decay[k, n] * sum_[n] + gain[k, n]
+    theta, most = sum_ / (1.0 - whole), 0.0
+    for part in range(counts.size):
+        for _ in range(counts[part]):
+            for k in range(starts[part], starts[part + 1] - 1):
+                now = 0.0
+                for n in range(nodes):
+                    theta[n] = decay[k, n] * theta[n] + gain[k, n]
+                    now += parts[n] * theta[n]
+                most = max(most, now)
+    return most
+
+
+@kernel
+def _longest_above(t: np.ndarray, x: np.ndarray, limit: float, where: np.ndarray) -> float:
+    """See `longest_above`; two rounds, so that a time that runs on past the end is found whole."""
+    n, run, best = t.size - 1, 0.0, 0.0
+    for k in range(2 * n):
+        i = k % n
+        step, a, b = t[i + 1] - t[i], x[i] - limit, x[i + 1] - limit
+        if not (where[i] and where[i + 1]) or (a <= 0.0 and b <= 0.0):
+            run = 0.0
+        elif a > 0.0 and b > 0.0:
+            run += step
+        elif a > 0.0:
+            best = max(best, run + step * a / (a - b))
+            run = 0.0
+        else:
+            run = step * b / (b - a)
+        best = max(best, run)
+    return np.inf if best >= t[-1] - t[0] else best

@@ -1,0 +1,322 @@
+"""The policy of `size`: what is demanded, what must be known of a drive, and which parts fit.
+
+A drive can be signed if every figure of `NEEDS` is printed, or has a stand-in at the unfavourable
+end, which the report names. What cannot be signed is listed with the figure to ask its maker for.
+Nothing here looks at other candidates: what is chosen does not depend on what else there is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
+
+from pydantic import Field, model_validator
+
+from pinfric.errors import CatalogError
+from pinfric.model.entry import Entry, NonNegative, Number, Positive, key, parse
+from pinfric.model.schema import OTHERS as OTHERS
+
+if TYPE_CHECKING:
+    from pinfric.drives.catalog import Brake, Gear, GearMotor, Motor
+
+#: V DC, up to which a bus is extra-low voltage and takes any winding (IEC 60204-1, PELV).
+EXTRA_LOW_VOLTAGE = 60.0
+#: Above that: a bus beyond this many times the nominal voltage is likelier a slip than a choice.
+MOST_OVERVOLTAGE = 1.5
+#: Of motor and gear: housing, shaft and bearings of a frameless kit (12 to 32 % in MyActuator's
+#: EPS-RH 14 to 32 beside the same gears and motors as kits).
+KIT = 0.25
+#: Joints nearer to the base than this are base axes for the rule on frequencies.
+BASE_AXES = 3
+
+
+class Collisions(Entry):
+    """Overloads that a gear must bear in its life."""
+
+    count: Annotated[Positive, key("how many", 100, "1")]
+    duration: Annotated[Positive, key("of each", 0.15, "s")]
+
+
+class Conditions(Entry):
+    """Conditions of operation, with the defaults of common practice."""
+
+    bus_voltage: Annotated[Positive, key("at the motors' terminals", 48.0, "V")] = 48.0
+    ambient: Annotated[
+        Number,
+        key("temperature of the surroundings; makers rate servo motors up to 40 C", 25.0, "deg C"),
+    ] = 40.0
+    peak_factor: Annotated[
+        Number, Field(ge=1), key("reserve on the peak torque; 20 to 30 % are usual", 1.2, "1")
+    ] = 1.2
+    inertia_ratio: Annotated[
+        Positive, key("largest permitted J_load/(ratio^2 (J_motor + J_gear input))", 10.0, "1")
+    ] = 10.0
+    life: Annotated[
+        Positive | None,
+        key(
+            "L10 that gears and bearings must reach, for example a strain wave gear's at rated "
+            "torque and speed; left out: printed, not judged",
+            10000.0,
+            "h",
+        ),
+    ] = None
+    shock: Annotated[
+        Number,
+        Field(ge=1),
+        key(
+            "factor on the loads of bearings and screws for their life: 1 to 1.2 smooth, 1.2 to "
+            "1.5 normal, 1.5 to 3 with shocks",
+            1.2,
+            "1",
+        ),
+    ] = 1.2
+    bearings: Annotated[
+        dict[str, str],
+        key(
+            "bearing of the catalogue that carries the joint, instead of that of the gear, "
+            "or guide of a sliding joint; by joint",
+            {"elbow": "THK RB 5013"},
+        ),
+    ] = Field(default_factory=dict)
+    amplifiers: Annotated[
+        dict[str, str],
+        key(
+            "amplifier of the catalogue that feeds the motor, by joint; `others`: of all joints "
+            "that are not named",
+            {"elbow": "EPOS4 50/5", "others": "EPOS4 50/15"},
+        ),
+    ] = Field(default_factory=dict)
+    back_driving: Annotated[
+        Literal["any", "required", "forbidden"],
+        key("whether the load must, must not or may be able to move the motor", "required"),
+    ] = "any"
+    max_winding: Annotated[
+        Number,
+        key("of motors whose maker prints no limit: the lowest class, A", 155.0, "deg C"),
+    ] = 105.0
+    thermal_time: Annotated[
+        Positive,
+        key(
+            "used if a winding's time constant is not known: overload is averaged over it; "
+            "small motors have 15 to 50 s",
+            20.0,
+            "s",
+        ),
+    ] = 20.0
+    collision_effort: Annotated[
+        dict[str, Positive],
+        key("in a collision or an emergency stop, by joint", {"elbow": 120.0}, "N m or N"),
+    ] = Field(default_factory=dict)
+    collisions: Annotated[
+        Collisions | None,
+        key("number and duration in the gear's life", {"count": 100, "duration": 0.15}),
+    ] = None
+    holding_brake: Annotated[
+        Literal["any", "where_needed", "required"],
+        key(
+            "which joints need a brake: all, those that friction does not hold, or none",
+            "where_needed",
+        ),
+    ] = "any"
+    brake_factor: Annotated[
+        Number, Field(ge=1), key("reserve on the brakes' torque; 1.5 to 3 are usual", 1.5, "1")
+    ] = 1.5
+    bus_limit: Annotated[
+        Positive | None, key("highest permissible bus voltage while motors brake", 56.0, "V")
+    ] = None
+    bus_capacitance: Annotated[Positive | None, key("of the bus", 0.0047, "F")] = None
+    supply_power: Annotated[Positive | None, key("largest power of the supply", 960.0, "W")] = None
+    supply_resistance: Annotated[
+        Positive | None,
+        key("of supply and cables: the bus sags by it times the current", 0.05, "Ohm"),
+    ] = None
+    resonance_base: Annotated[
+        Positive,
+        key("least frequency of each of the first three joints, all others rigid", 8.0, "Hz"),
+    ] = 8.0
+    resonance_hand: Annotated[Positive, key("of those beyond", 15.0, "Hz")] = 15.0
+    lowest_frequency: Annotated[
+        Positive | None,
+        key(
+            "required lowest natural frequency of the whole robot, motors held: drives are chosen "
+            "together; left out: each joint by itself",
+            8.0,
+            "Hz",
+        ),
+    ] = None
+    tool_sag: Annotated[
+        Positive | None,
+        key("largest displacement of the scene's `tool` at rest by the load", 0.002, "m"),
+    ] = None
+    tool_interval: Annotated[
+        Positive | None,
+        key("largest half-width of the tool's positions that friction holds at rest", 0.0002, "m"),
+    ] = None
+    tool_reversal: Annotated[
+        Positive | None, key("largest distance after opposite approaches", 0.0002, "m")
+    ] = None
+    backlash: Annotated[
+        Positive | None, key("largest backlash of a joint's gear", 0.0003, "rad or m")
+    ] = None
+    reversal_error: Annotated[
+        Positive | None,
+        key(
+            "largest difference of a joint's positions after opposite approaches: wind-up by "
+            "friction, hysteresis and backlash of its gear",
+            0.0005,
+            "rad or m",
+        ),
+    ] = None
+    mass_in_urdf: Annotated[
+        dict[str, NonNegative],
+        key(
+            "mass of the drive that the URDF's link already includes at the joint's origin, by "
+            "joint; it is subtracted there",
+            {"elbow": 1.4},
+            "kg",
+        ),
+    ] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _bus_can_rise(self) -> Conditions:
+        if self.bus_limit is not None and self.bus_limit <= self.bus_voltage:
+            raise ValueError(
+                f"bus_limit {self.bus_limit:g} V is not above bus_voltage "
+                f"{self.bus_voltage:g} V: how high may the bus rise?"
+            )
+        return self
+
+
+def parse_conditions(
+    given: Conditions | Mapping[str, Any] | None, default: Conditions
+) -> Conditions:
+    """Return `default` with the values of `given` replaced.
+
+    Raises:
+        CatalogError: an unknown condition or a value that cannot be.
+    """
+    if given is None:
+        return default
+    if isinstance(given, Conditions):
+        return given
+    return parse(Conditions, {**default.model_dump(), **given}, "conditions", CatalogError)
+
+
+class Need(NamedTuple):
+    """A figure that must be known.
+
+    Attributes:
+        figure: in words, as its maker is asked for it.
+        keys: the entry's, in order of preference: a later one stands in for the first.
+    """
+
+    figure: str
+    keys: tuple[str, ...]
+
+
+_TORQUES = (
+    Need("repeated peak torque", ("repeated_peak_torque",)),
+    Need("momentary peak torque", ("momentary_peak_torque",)),
+    Need("limit for average torque", ("average_torque", "rated_torque")),
+)
+_OF_GEARS = (
+    Need("mass", ("mass",)),
+    Need("input inertia", ("input_inertia",)),
+    Need("efficiency", ("efficiency",)),
+)
+_SPEED = Need("maximum input speed", ("max_input_speed", "average_input_speed", "rated_speed"))
+_FASTEST = Need("largest speed", ("max_speed", "no_load_speed", "rated_speed"))
+_STIFF, _BEARING = Need("stiffness", ("stiffness",)), Need("output bearing", ("bearing",))
+_OF_MOTORS = (
+    Need("mass", ("mass",)),
+    Need("rotor inertia", ("rotor_inertia",)),
+    Need("continuous torque", ("continuous_torque",)),
+    Need("peak torque", ("peak_torque", "stall_torque")),
+    _FASTEST,
+)
+#: Kind -> what must be known of it.
+NEEDS: dict[str, tuple[Need, ...]] = {
+    "motor": _OF_MOTORS,
+    "strain wave": (
+        *_OF_GEARS,
+        *_TORQUES,
+        Need(_SPEED.figure, ("max_input_speed", "average_input_speed")),
+        Need("limit for average input speed", ("average_input_speed",)),
+        _STIFF,
+        _BEARING,
+    ),
+    "other gear": (*_OF_GEARS, Need("rated torque", ("rated_torque",)), _SPEED, _STIFF, _BEARING),
+    "linear": (
+        *_OF_GEARS,
+        Need("permissible force", ("rated_torque", "repeated_peak_torque", "bearing", "nut")),
+        Need(_SPEED.figure, (*_SPEED.keys, "screw")),
+        Need("stroke", ("stroke", "screw")),
+    ),
+    "gearmotor": (*_OF_MOTORS, _STIFF, _BEARING),
+    "linear motor": (
+        Need("mass", ("mass",)),
+        Need("moving mass", ("rotor_inertia",)),
+        Need("continuous force", ("continuous_torque",)),
+        Need("peak force", ("peak_torque", "stall_torque")),
+        _FASTEST,
+    ),
+}
+#: What stands in for a figure that is not printed: of gears other than strain wave ones (T2N, T2B:
+#: rated and repeated peak torque), and of all gears for speeds.
+STAND_INS: dict[str, tuple[str, ...]] = {
+    "average_torque": ("average_torque", "rated_torque"),
+    "repeated_peak_torque": ("repeated_peak_torque", "average_torque", "rated_torque"),
+    "momentary_peak_torque": (
+        *("momentary_peak_torque", "repeated_peak_torque", "average_torque", "rated_torque"),
+    ),
+    "max_input_speed": ("max_input_speed", "average_input_speed", "rated_speed"),
+    "average_input_speed": ("average_input_speed", "rated_speed"),
+    "peak_torque": ("peak_torque", "stall_torque"),
+    "max_speed": ("max_speed", "no_load_speed", "rated_speed"),
+}
+
+
+def kind_of(entry: Gear | GearMotor, gearmotor: bool = False) -> str:
+    """Return the list of `NEEDS` that a gear or gearmotor is held against."""
+    if entry.output == "linear":
+        return "linear motor" if gearmotor else "linear"
+    if gearmotor:
+        return "gearmotor"
+    return "strain wave" if getattr(entry, "kind", "") == "strain wave" else "other gear"
+
+
+def lacks(kind: str, entry: Any) -> tuple[str, ...]:
+    """Return the figures of `NEEDS` that an entry lacks, as its maker is asked for them.
+
+    Args:
+        kind: of `NEEDS`. entry: has the keys of the list; of motors `drivetrain.Ratings` do.
+    """
+    return tuple(
+        need.figure
+        for need in NEEDS[kind]
+        if all(getattr(entry, name, None) is None for name in need.keys)
+    )
+
+
+def frameless(motor: Motor) -> bool:
+    """Return whether a motor is a kit of rotor and stator, without shaft, bearings and housing."""
+    return motor.mounting == "frameless"
+
+
+def fits(name: str, motor: Motor, gear: Gear) -> bool:
+    """Return whether a motor can be put before a gear, by what their makers say.
+
+    A frameless kit goes into a strain wave gear only, whose wave generator its rotor turns. A gear
+    that names its motors takes no other; where nothing is said a motor with a shaft fits.
+
+    Args:
+        name: of the motor. motor, gear: their entries.
+    """
+    if frameless(motor) and gear.kind != "strain wave":
+        return False
+    return not gear.motors or name.startswith(gear.motors)
+
+
+def goes_with(brake: Brake, motor_name: str) -> bool:
+    """Return whether a brake is sold alone, or in this motor; where nothing is said it is."""
+    return brake.sold in (None, "alone") or motor_name.startswith(str(brake.sold))

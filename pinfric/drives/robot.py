@@ -1,0 +1,325 @@
+"""The robot with its drives' masses: what a kilogram at each joint adds to all others.
+
+A drive of mass m at its joint's origin, on the parent link, is a point of that link. In an open
+chain efforts without friction, wrenches and mass matrices are linear in the masses of all bodies,
+so that one motion of a robot of nothing but 1 kg there gives the exact change of all of them.
+Friction that depends on the load is not linear: it is kept as at the last exact solution, and a
+choice is settled only by one at its own masses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.drives.demand import (
+    DriveCycle,
+    drive_cycle,
+    driven_joint,
+    gear_demand,
+    hold_samples,
+    largest,
+)
+from pinfric.drives.duty import Schedule
+from pinfric.drives.inertia import joint_inertias
+from pinfric.drives.limit import Case
+from pinfric.drives.policy import BASE_AXES, Conditions
+from pinfric.dynamics.inverse.inverse import inverse_dynamics
+from pinfric.dynamics.inverse.result import InverseResult
+from pinfric.dynamics.samples.outcome import Status
+from pinfric.dynamics.samples.reactions import state_wrenches
+from pinfric.dynamics.samples.states import MotionLike, States
+from pinfric.errors import SizingError
+from pinfric.model.mass_matrix import mass_matrices
+from pinfric.model.scene import Scene
+from pinfric.model.schema import Actuator, Transmission
+from pinfric.model.urdf import implausible_body
+from pinfric.motions.trajectory import Trajectory
+
+#: Motions with more samples are solved again rather than kept for each drive's influence.
+_MOST_SAMPLES = 50_000
+#: Of the joint's largest effort: what is smaller is rounding of its motion or of its masses.
+_NOTHING = 1e-6
+
+#: Masses (kg) that drives add to the links that carry them, by the drive's column.
+Masses = Mapping[int, float]
+
+
+@dataclass(frozen=True)
+class _Point:
+    """A robot of nothing but 1 kg where a drive is: (T, na), (T, na), (T, na), (T, nj, 6)."""
+
+    effort: np.ndarray
+    rest: np.ndarray
+    inertia: np.ndarray
+    wrench: np.ndarray
+
+
+class _Solved:
+    """The exact solution with some masses."""
+
+    def __init__(self, robot: Robot, masses: Masses) -> None:
+        self.masses = dict(masses)
+        self.scene = with_masses(robot.scene, masses)
+        self.result = inverse_dynamics(self.scene, robot.motion)
+        _check_known(self.result)
+        states = self.result.states
+        zero = np.zeros_like(states.v)
+        still = inverse_dynamics(self.scene, states.q, zero, zero, attached=states.attached)
+        self.rest = still.effort_frictionless
+        self.friction = still.effort_lower - self.rest, still.effort_upper - self.rest
+        self.inertia = None if self.scene.loops else joint_inertias(self.scene, states)
+
+    @cached_property
+    def wrench(self) -> np.ndarray:
+        """(T, nj, 6) of the joints."""
+        return state_wrenches(self.scene, self.result.states, self.result.external)
+
+
+def _check_known(result: InverseResult) -> None:
+    """Refuse a cycle whose efforts are not known.
+
+    Raises:
+        SizingError: at one sample there are none, or their interval may be too narrow.
+    """
+    unknown = np.isnan(result.effort_lower).any(axis=1)
+    samples = np.flatnonzero(unknown | result.interval_searched)
+    if not len(samples):
+        return
+    i = int(samples[0])
+    what = (
+        f"has no efforts ({Status(int(result.status[i])).name.lower()}): change the motion there"
+        if unknown[i]
+        else "has intervals of efforts at rest that may be too narrow (so many joints load each "
+        "other that the ends are the best of a search): remove friction from joints where it does "
+        "not matter"
+    )
+    raise SizingError(f"{result.scene.source}: sample {i} of {len(unknown)} {what}")
+
+
+class Robot:
+    """A robot along its cycle, with any masses of its drives.
+
+    Args:
+        scene: the robot as given. motion: its cycle. duty: which samples are which cycle.
+        conditions: what is demanded.
+    """
+
+    def __init__(
+        self, scene: Scene, motion: MotionLike, duty: Schedule | None, conditions: Conditions
+    ) -> None:
+        self.scene, self.motion, self.duty, self.conditions = scene, motion, duty, conditions
+        self.base = self.last = _Solved(self, {})
+        states = self.result.states
+        self.holding = holds(scene, motion, states.v)
+        self.exact = bool(scene.loops) or len(states.q) > _MOST_SAMPLES
+        self._points: dict[int, _Point] = {}
+
+    @property
+    def result(self) -> InverseResult:
+        """Inverse dynamics of the last exact solution."""
+        return self.last.result
+
+    def solve(self, masses: Masses) -> None:
+        """Make the solution with these masses the one to which changes are added."""
+        given = {k: m for k, m in masses.items() if m and carried(self.scene, k)}
+        if given != self.last.masses:
+            self.last = _Solved(self, given) if given else self.base
+
+    def cycle(self, i: int) -> DriveCycle:
+        """Return a drive's samples without the mass of any drive."""
+        return drive_cycle(self.base.result, i, self.holding, self.duty)
+
+    def case(self, i: int, masses: Masses) -> Case:
+        """Return a joint with the masses of the drives beyond it.
+
+        Args:
+            i: the drive's column. masses: of all drives; those that do not load it do not count.
+        """
+        beyond = {k: m for k, m in masses.items() if m and loads(self.scene, k, i)}
+        there = {k: m for k, m in self.last.masses.items() if loads(self.scene, k, i)}
+        if self.exact and beyond != there:
+            self.solve(beyond)
+            there = beyond
+        more = {k: beyond.get(k, 0.0) - there.get(k, 0.0) for k in {**beyond, **there}}
+        points = {k: self._point(k) for k, m in more.items() if m}
+        cycle = drive_cycle(self.result, i, self.holding, self.duty)
+        inertia, rest = self.last.inertia, self.last.rest[:, i]
+        own = None if inertia is None else inertia[:, i]
+        joint, wrench = driven_joint(self.scene, i), None
+        for k, point in points.items():
+            assert own is not None  # there are points in open chains only
+            effort = more[k] * point.effort[:, i] * cycle.powered
+            rest, own = rest + more[k] * point.rest[:, i], own + more[k] * point.inertia[:, i]
+            cycle = replace(
+                cycle,
+                effort_lower=cycle.effort_lower + effort,
+                effort_upper=cycle.effort_upper + effort,
+                effort_frictionless=cycle.effort_frictionless + effort,
+            )
+            if joint is not None:
+                wrench = self.last.wrench[:, joint - 1] if wrench is None else wrench
+                wrench = wrench + more[k] * point.wrench[:, joint - 1]
+        demand = gear_demand(self.result, i, cycle, wrench=wrench)
+        most = max(largest(cycle.effort_lower), largest(cycle.effort_upper))
+        rest = np.where(np.abs(rest) <= _NOTHING * most, 0.0, rest)
+        low, high = (rest + friction[:, i] for friction in self.last.friction)
+        held = bool(((low <= 0.0) & (high >= 0.0)).all())
+        inertia_max = None if joint is None or own is None else float(own.max())
+        hand = depth(self.scene, i) > BASE_AXES
+        return Case(demand, cycle, inertia_max, hand, self.conditions, rest, held)
+
+    def _point(self, k: int) -> _Point:
+        """What 1 kg at a drive adds (see the module)."""
+        if k not in self._points:
+            model = self.scene.model.copy()
+            for j in range(model.njoints):
+                model.inertias[j] = pin.Inertia.Zero()
+            model.armature = np.zeros(model.nv)
+            scene = with_masses(
+                replace(self.scene, model=model, friction={}, payloads={}), {k: 1.0}
+            )
+            q, v, a = (getattr(self.base.result.states, x) for x in "qva")
+            moving = inverse_dynamics(scene, q, v, a)
+            still = inverse_dynamics(scene, q, 0 * v, 0 * a)
+            states = States(q, v, a)
+            self._points[k] = _Point(
+                moving.effort_frictionless,
+                still.effort_frictionless,
+                joint_inertias(scene, states),
+                state_wrenches(scene, states),
+            )
+        return self._points[k]
+
+    def mass_matrices(self, masses: Masses, poses: np.ndarray) -> np.ndarray:
+        """Return M(q) (n, nv, nv) with the drives' masses, at some samples (n,) of the motion."""
+        scene, states = with_masses(self.scene, masses), self.base.result.states
+        carried = None if states.attached is None else states.attached[poses]
+        picked = States(states.q[poses], states.v[poses], states.a[poses], None, carried)
+        parts = [
+            mass_matrices(scene.twin(names), picked.q[start:stop])
+            for start, stop, names in picked.phases(scene)
+        ]
+        return np.concatenate(parts)
+
+
+def holds(scene: Scene, trajectory: MotionLike, v: np.ndarray) -> np.ndarray:
+    """Return (T,) which samples hold: those the trajectory knows (v = a = 0), else by velocity."""
+    mask = np.zeros(len(v), dtype=bool)
+    for hold in trajectory.holds() if isinstance(trajectory, Trajectory) else ():
+        mask[hold.first : hold.last + 1] = True
+    return mask if mask.any() else hold_samples(scene, v)  # a log is never at rest exactly
+
+
+def with_masses(scene: Scene, masses: Masses) -> Scene:
+    """Return the scene with masses (kg) at drives' joints, on the links that carry them.
+
+    Raises:
+        SizingError: a mass below 0 (of a drive that is lighter than the one in the URDF) leaves a
+            link that is not a possible body.
+    """
+    model, changed = scene.model.copy(), False
+    for i, mass in masses.items():
+        joint = driven_joint(scene, i)
+        if joint is None or model.parents[joint] == 0 or not mass:
+            continue
+        place = pin.SE3(np.eye(3), model.jointPlacements[joint].translation)
+        parent = model.parents[joint]
+        point = pin.Inertia(mass, np.zeros(3), np.zeros((3, 3)))
+        before = implausible_body(model.inertias[parent].mass, model.inertias[parent].inertia)
+        model.appendBodyToJoint(parent, point, place)
+        body = model.inertias[parent]
+        problem = implausible_body(body.mass, body.inertia)
+        if problem and (body.mass < 0 or not before):  # else the URDF's own, warned of on loading
+            raise SizingError(
+                f"conditions.mass_in_urdf.{scene.drives[i].name}: without {-mass:g} kg, the link "
+                f"that carries this drive is not a possible body: {problem}"
+            )
+        changed = True
+    return replace(scene, model=model) if changed else scene
+
+
+def without_drives(scene: Scene, names: Collection[str]) -> Scene:
+    """Return the scene with no losses of the named drives in their joints' friction.
+
+    Args:
+        scene: where `includes_drive` says of friction that it holds them, its Coulomb and viscous
+            parts become 0.
+        names: of the drives that others replace.
+    """
+    changed = {
+        name: entry.model_copy(
+            update={
+                key: term.scaled(0.0)
+                for key, term in entry
+                if key in ("coulomb", "viscous") and term
+            }
+        )
+        for name, entry in scene.friction.items()
+        if name in names and entry.includes_drive
+    }
+    return replace(scene, friction={**scene.friction, **changed}) if changed else scene
+
+
+def geared(scene: Scene, gears: Mapping[str, Transmission | None]) -> Sequence[Actuator]:
+    """Return the scene's actuators, those of the named drives with other transmissions."""
+    given = scene.actuators
+    if given is None:
+        given = [Actuator(joint=drive.name) for drive in scene.drives]
+    return [
+        a.model_copy(update={"transmission": gears[a.drive_name]}) if a.drive_name in gears else a
+        for a in given
+    ]
+
+
+def loads(scene: Scene, drive: int, actuator: int) -> bool:
+    """Whether a drive's mass acts on another joint: the link that holds it hangs on that joint."""
+    held, joint = driven_joint(scene, drive), driven_joint(scene, actuator)
+    if drive == actuator or held is None or not carried(scene, drive):
+        return False
+    if scene.loops or joint is None:
+        return True
+    link = int(scene.model.parents[held])
+    while link > joint:  # a parent's index is less than its child's
+        link = int(scene.model.parents[link])
+    return link == joint
+
+
+def added_masses(
+    scene: Scene, conditions: Conditions, masses: Mapping[int, float | None]
+) -> dict[int, float]:
+    """Return what drives add to the robot's links, kg, by the drive's column.
+
+    Args:
+        scene: its `masses` says which drives the links hold already; where it does not, none.
+        conditions: `mass_in_urdf`, which is taken off. masses: of the drives; None: not known.
+    """
+    inside, names = conditions.mass_in_urdf, scene.actuator_names
+    return {
+        i: mass - inside.get(names[i], 0.0)
+        for i, mass in masses.items()
+        if mass is not None and (not scene.masses_hold[i] or names[i] in inside)
+    }
+
+
+def carried(scene: Scene, drive: int) -> bool:
+    """Whether a link of the robot carries a drive that moves one joint: not the ground."""
+    joint = driven_joint(scene, drive)
+    return joint is not None and scene.model.parents[joint] != 0
+
+
+def depth(scene: Scene, actuator: int) -> int:
+    """Return how many joints lie between the ground and the joint's child, its own included."""
+    joint, count = driven_joint(scene, actuator), 0
+    while joint:
+        joint, count = int(scene.model.parents[joint]), count + 1
+    return count
+
+
+def tip_to_base(scene: Scene) -> list[int]:
+    """Return the drives' columns, those farthest from the ground first."""
+    return sorted(range(len(scene.drives)), key=lambda i: -depth(scene, i))

@@ -1,0 +1,231 @@
+"""Winding temperature of a motor over a cycle that repeats for ever: two nodes, exact in time.
+
+    C_w dT_w/dt = R (1 + alpha (T_w - T_ref)) i^2 - (T_w - T_h)/R_wh
+    C_h dT_h/dt = (T_w - T_h)/R_wh - (T_h - T_a)/R_ha + P_0
+
+with C_w = tau_w/R_wh and C_h = tau_h/R_ha (maxon, Key information: thermal behaviour). P_0 is what
+turning costs (iron and friction; `no_load_heat`). The fall of the torque constant with the magnets'
+temperature is left out. The model assumes that the rotor turns: a stalled motor has hot spots.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinfric.drives.catalog import REFERENCE_TEMPERATURE, Thermal
+from pinfric.drives.duty import Schedule, once
+from pinfric.kernels.compiled import kernel
+
+#: Rise of copper's resistance with temperature, 1/K, at the reference temperature.
+COPPER = 0.0039
+
+
+@dataclass(frozen=True)
+class WindingCycle:
+    """Periodic steady state of winding and housing.
+
+    Attributes:
+        winding, housing: (T,) deg C, the highest of a cycle's repetitions; infinite where the loss
+            outgrows the cooling (run-away).
+        runaway: no steady state exists: each repetition ends hotter than it began.
+    """
+
+    winding: np.ndarray
+    housing: np.ndarray
+    runaway: bool
+
+    @property
+    def peak(self) -> float:
+        """The winding's highest temperature, deg C."""
+        return float(self.winding.max())
+
+
+def winding_cycle(
+    t: np.ndarray,
+    current: np.ndarray,
+    resistance: float,
+    thermal: Thermal,
+    ambient: float,
+    copper: float = COPPER,
+    duty: Schedule | None = None,
+    no_load: np.ndarray | None = None,
+) -> WindingCycle:
+    """Return the temperatures that a repeated cycle settles to.
+
+    In each interval between samples i^2 is its mean (|i| linear in time: between two worst cases of
+    opposite sign the motor does not rest), so the equations are linear with constant coefficients
+    and are stepped by their matrix exponential; one cycle is then an affine map x -> Phi x + g, and
+    the settled cycle begins at (I - Phi)^-1 g.
+
+    Args:
+        t: (T,) s; the last sample is the first of the next repetition.
+        current: (T,) A; its sign does not matter.
+        resistance: ohm at 25 C.
+        thermal: with both time constants.
+        ambient: deg C.
+        copper: alpha, 1/K.
+        duty: which samples are which cycle of a period; None: they are one.
+        no_load: (T,) P_0, W; None: nothing.
+
+    Raises:
+        ValueError: `thermal` has no time constants, or there is one sample only.
+    """
+    if thermal.winding_time is None or thermal.housing_time is None:
+        raise ValueError("a temperature over time needs both time constants")
+    if len(t) < 2:
+        raise ValueError("a cycle needs two samples")
+    capacity = np.array(
+        [
+            thermal.winding_time / thermal.winding_housing,
+            thermal.housing_time / thermal.housing_ambient,
+        ]
+    )
+    conductance = np.array([1 / thermal.winding_housing, 1 / thermal.housing_ambient])
+    heat = resistance * mean_square(np.abs(current))
+    warm = 1 + copper * (ambient - REFERENCE_TEMPERATURE)
+    at_housing = np.zeros(len(t)) if no_load is None else no_load
+    between = 0.5 * (at_housing[:-1] + at_housing[1:])
+    maps = _maps(np.diff(t), heat, between, warm, copper, capacity, conductance)
+    schedule = duty or once(len(t))
+    rise, runaway = _settled(maps, np.array(schedule.starts), schedule.counts)
+    if runaway:
+        rise = np.full((len(t), 2), np.inf)
+    return WindingCycle(ambient + rise[:, 0], ambient + rise[:, 1], bool(runaway))
+
+
+def mean_winding_temperature(
+    t: np.ndarray,
+    current: np.ndarray,
+    resistance: float,
+    thermal: Thermal,
+    ambient: float,
+    copper: float = COPPER,
+    no_load: float = 0.0,
+) -> float:
+    """Return the winding's temperature at the cycle's mean heat, deg C: a floor of its peak.
+
+    T_w = T_a + (r P (1 + alpha (T_a - T_ref)) + R_ha P_0)/(1 - alpha r P) with r = R_wh + R_ha and
+    P = R <i^2>; infinite where alpha r P >= 1. For motors whose time constants are not known.
+
+    Args: as `winding_cycle`; no_load: the mean of P_0, W.
+    """
+    resistance_to_ambient = thermal.winding_housing + thermal.housing_ambient
+    heat = resistance * _mean_square_over(t, np.abs(current))
+    gain = resistance_to_ambient * heat
+    if copper * gain >= 1:
+        return np.inf
+    warm = 1 + copper * (ambient - REFERENCE_TEMPERATURE)
+    return ambient + (gain * warm + thermal.housing_ambient * no_load) / (1 - copper * gain)
+
+
+def no_load_heat(
+    thermal: Thermal | None, current: float, resistance: float, speed: float, ambient: float
+) -> float:
+    """Return P_0/omega, W s/rad, by which a motor's nominal point heats it just to its limit.
+
+    Copper alone leaves it cooler: T_max - T_a = r R (1 + alpha (T_max - T_ref)) i^2 + R_ha P_0. So
+    the maker's continuous torque is that at the nominal speed, and slower it may carry more. 0
+    where the limit is not known, or copper alone heats it more.
+
+    Args:
+        thermal: with its limit, or None. current, resistance: at the nominal point, A; ohm at 25 C.
+        speed: nominal, rad/s. ambient: to which the nominal torque refers, deg C.
+    """
+    if thermal is None or thermal.max_winding is None:
+        return 0.0
+    hot = resistance * (1 + COPPER * (thermal.max_winding - REFERENCE_TEMPERATURE))
+    by_copper = (thermal.winding_housing + thermal.housing_ambient) * hot * current**2
+    left = thermal.max_winding - ambient - by_copper
+    return max(left, 0.0) / thermal.housing_ambient / speed
+
+
+def mean_square(x: np.ndarray) -> np.ndarray:
+    """Return (T-1,) the mean of x^2 between samples, x linear there: (a^2 + a b + b^2)/3."""
+    a, b = x[:-1], x[1:]
+    return (a * a + a * b + b * b) / 3
+
+
+@kernel
+def _mean_square_over(t: np.ndarray, x: np.ndarray) -> float:
+    """Return the mean of x^2 over time, x linear between samples; in one pass, for long motions."""
+    total = 0.0
+    for k in range(t.size - 1):
+        a, b = x[k], x[k + 1]
+        total += (t[k + 1] - t[k]) * (a * a + a * b + b * b) / 3
+    return total / (t[-1] - t[0])
+
+
+@kernel
+def _maps(
+    step: np.ndarray,
+    heat: np.ndarray,
+    no_load: np.ndarray,
+    warm: float,
+    copper: float,
+    capacity: np.ndarray,
+    conductance: np.ndarray,
+) -> np.ndarray:
+    """Return (T-1, 6) what each interval does to the rises above ambient: Phi by rows, then g."""
+    maps = np.empty((step.size, 6))
+    for k in range(step.size):
+        a00 = (copper * heat[k] - conductance[0]) / capacity[0]
+        a01 = conductance[0] / capacity[0]
+        a10 = conductance[0] / capacity[1]
+        a11 = -(conductance[0] + conductance[1]) / capacity[1]
+        b0, b1 = heat[k] * warm / capacity[0], no_load[k] / capacity[1]
+        middle, half = 0.5 * (a00 + a11), 0.5 * (a00 - a11)
+        root = np.sqrt(half * half + a01 * a10)  # > 0: the eigenvalues are real and distinct
+        fast, slow = middle - root, middle + root
+        d_fast, d_slow = np.expm1(fast * step[k]), np.expm1(slow * step[k])
+        e_fast = 1.0 + d_fast
+        i_fast = d_fast / fast if fast != 0.0 else step[k]
+        i_slow = d_slow / slow if slow != 0.0 else step[k]
+        # exp(A h) = e_slow P + e_fast (I - P), P = (A - fast I)/(slow - fast)
+        q00, q01 = (a00 - fast) / (slow - fast), a01 / (slow - fast)
+        q10, q11 = a10 / (slow - fast), (a11 - fast) / (slow - fast)
+        de, di = d_slow - d_fast, i_slow - i_fast
+        maps[k] = (
+            e_fast + de * q00,
+            de * q01,
+            de * q10,
+            e_fast + de * q11,
+            (i_fast + di * q00) * b0 + di * q01 * b1,
+            di * q10 * b0 + (i_fast + di * q11) * b1,
+        )
+    return maps
+
+
+@kernel
+def _settled(maps: np.ndarray, starts: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, bool]:
+    """Return (T, 2) largest rises above ambient of winding and housing, and whether they run away.
+
+    Args:
+        maps: of `_maps`.
+        starts, counts: (K + 1,), (K,) of the cycles: first samples, and how often each is run.
+    """
+    p00, p01, p10, p11, g0, g1 = 1.0, 0.0, 0.0, 1.0, 0.0, 0.0
+    for part in range(counts.size):
+        for _ in range(counts[part]):
+            for k in range(starts[part], starts[part + 1] - 1):
+                m00, m01, m10, m11, c0, c1 = maps[k]
+                p00, p10 = m00 * p00 + m01 * p10, m10 * p00 + m11 * p10
+                p01, p11 = m00 * p01 + m01 * p11, m10 * p01 + m11 * p11
+                g0, g1 = m00 * g0 + m01 * g1 + c0, m10 * g0 + m11 * g1 + c1
+    # all entries of Phi are positive: its spectral radius is below 1 exactly if I - Phi has
+    # positive leading minors (an M-matrix)
+    determinant = (1 - p00) * (1 - p11) - p01 * p10
+    rise = np.zeros((starts[-1], 2))
+    if not (p00 < 1.0 and determinant > 0.0):
+        return rise, True
+    x0 = ((1 - p11) * g0 + p01 * g1) / determinant
+    x1 = (p10 * g0 + (1 - p00) * g1) / determinant
+    for part in range(counts.size):
+        for _ in range(counts[part]):
+            for k in range(starts[part], starts[part + 1]):
+                if k > starts[part]:
+                    m00, m01, m10, m11, c0, c1 = maps[k - 1]
+                    x0, x1 = m00 * x0 + m01 * x1 + c0, m10 * x0 + m11 * x1 + c1
+                rise[k, 0], rise[k, 1] = max(rise[k, 0], x0), max(rise[k, 1], x1)
+    return rise, False

@@ -1,0 +1,561 @@
+"""Wind-up, the tool's position at rest and natural frequencies along a motion.
+
+The drives' torques are those of the rigid robot. Where joints rest, static friction holds any
+torque of the drive's interval, so the wind-up lies between f(lower) and f(upper); where a joint
+came to rest slowly it keeps the friction of the way it came (`Rest.approach`). Places are of first
+order in the wind-up, at the commanded pose; the stiffness of gravity is left out (it shifts
+frequencies by some 0.01 %).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from pinfric.drives.demand import hold_samples
+from pinfric.dynamics.inverse.inverse import inverse_dynamics
+from pinfric.dynamics.inverse.result import InverseResult, runs
+from pinfric.dynamics.samples.motor_torques import drive_stick_velocity
+from pinfric.elastic.places import extents, farthest, joint_answer
+from pinfric.elastic.vibration import (
+    Mode,
+    bracket,
+    free_motions,
+    frequencies,
+    lowest_frequencies,
+    lowest_mode,
+    mobility,
+)
+from pinfric.errors import PinfricError, StateError
+from pinfric.model.closure import action_maps, closure_jacobian, loop_state
+from pinfric.model.couples import delivery, rate_rows, taking_part
+from pinfric.model.mass_matrix import frame_jacobians, link_poses, mass_matrices
+from pinfric.model.mobility import lightest_joint
+from pinfric.model.robot import link_frame
+from pinfric.model.scene import Scene
+from pinfric.model.twin import Twin
+from pinfric.model.upward import Shown
+
+#: Wind-up that the approach leaves, and the opposite one.
+_Ways = tuple[np.ndarray | None, np.ndarray | None]
+
+
+@dataclass(frozen=True)
+class ToolPlace:
+    """Position of the tool at rest relative to its commanded one; m and rad, in world axes.
+
+    Attributes:
+        middle, sag: (6,) displacement of the middle of the interval, and without friction.
+        generators: (6, na) of the zonotope of places around the middle (`places`).
+        approach, opposite: (6,) displacements that the approach leaves, and the opposite one; None
+            where they are not known.
+    """
+
+    middle: np.ndarray
+    sag: np.ndarray
+    generators: np.ndarray
+    approach: np.ndarray | None
+    opposite: np.ndarray | None
+
+    @property
+    def sag_distance(self) -> float:
+        """|sag|, m: displacement of the tool by the load, without friction."""
+        return float(np.linalg.norm(self.sag[:3]))
+
+    @property
+    def extents(self) -> np.ndarray:
+        """(6,) half the interval's width along and about the world's axes, m and rad."""
+        return extents(self.generators)
+
+    @property
+    def farthest(self) -> float:
+        """Largest distance from the middle at which static friction can hold the tool, m."""
+        return farthest(self.generators[:3])
+
+    @property
+    def farthest_angle(self) -> float:
+        """The same for the tool's orientation, rad."""
+        return farthest(self.generators[3:])
+
+    @property
+    def reversal(self) -> float | None:
+        """Reversal error, m: distance between the positions after opposite approaches."""
+        if self.approach is None or self.opposite is None:
+            return None
+        return float(np.linalg.norm((self.approach - self.opposite)[:3]))
+
+
+@dataclass(frozen=True)
+class Rest:
+    """A time in which all joints stand still under one load.
+
+    Attributes:
+        start, end: s. sample: the last one of it.
+        payloads: that are carried.
+        wind_up_lower, wind_up_upper: (na,) interval of each drive's wind-up, rad (m); 0 of rigid
+            drives.
+        wind_up_sag: (na,) without friction.
+        wind_up_approach, wind_up_opposite: (na,) as the approach leaves it, and the opposite one;
+            None where they are not known.
+        frequency: Hz, lowest with motors held, at the least and the greatest torque held.
+        mode: that of the least.
+        tool: None where `Elasticity.notes` say why.
+    """
+
+    start: float
+    end: float
+    sample: int
+    payloads: tuple[str, ...]
+    wind_up_lower: np.ndarray
+    wind_up_upper: np.ndarray
+    wind_up_sag: np.ndarray
+    wind_up_approach: np.ndarray | None
+    wind_up_opposite: np.ndarray | None
+    frequency: tuple[float, float]
+    mode: Mode
+    tool: ToolPlace | None
+
+
+@dataclass(frozen=True)
+class Elasticity(Shown):
+    """Effects of elastic gears along a motion.
+
+    Attributes:
+        result: of the rigid robot.
+        drives: names of the elastic ones.
+        frequency: (T,) lowest natural frequency with motors held, Hz, each gear with its tangent
+            at the least torque that its interval holds; NaN where there is no solution.
+        rests: in the order of time.
+        notes: what is left out, and why.
+    """
+
+    result: InverseResult
+    drives: tuple[str, ...]
+    frequency: np.ndarray
+    rests: tuple[Rest, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def worst(self) -> Rest | None:
+        """The rest with the widest interval at the tool; without a tool None."""
+        known = [rest for rest in self.rests if rest.tool is not None]
+        return max(known, key=lambda rest: rest.tool.farthest if rest.tool else 0.0, default=None)
+
+    @cached_property
+    def slowest(self) -> int:
+        """The sample of the lowest frequency."""
+        return int(np.argmin(np.where(np.isnan(self.frequency), np.inf, self.frequency)))
+
+    @cached_property
+    def mode(self) -> Mode:
+        """The mode at that sample."""
+        return modes_of(self.result, [self.slowest], _least_torque(self.result))[0]
+
+    @cached_property
+    def bracket(self) -> tuple[float, float]:
+        """Dunkerley's and Rayleigh's bounds of the lowest frequency there, Hz.
+
+        NaN where loops couple the joints.
+        """
+        scene, sample = self.result.scene, [self.slowest]
+        if scene.linkage is not None:
+            return np.nan, np.nan
+        K = stiffness_at(scene, _least_torque(self.result)[sample])
+        low, high = bracket(inertias_about(scene, _masses(self.result, sample)), K)
+        return float(low[0]), float(high[0])
+
+    @cached_property
+    def free(self) -> np.ndarray | None:
+        """(ne,) natural frequencies there with motors free, Hz; None without all rotor inertias."""
+        return free_frequencies(self.result, self.slowest)
+
+
+def elasticity(result: InverseResult) -> Elasticity:
+    """Return the effects of a scene's elastic gears along a motion.
+
+    Args:
+        result: of inverse dynamics, with times.
+
+    Raises:
+        StateError: it has no times, no drive of its scene has a `stiffness`, or something moves
+            without inertia.
+    """
+    scene = result.scene
+    if not scene.elastic:
+        raise StateError(f"{scene.source}: no gear has a stiffness; give transmission.stiffness")
+    if result.t is None:
+        raise StateError("elasticity needs times: give `t` to inverse_dynamics")
+    try:
+        return _elasticity(result)
+    except np.linalg.LinAlgError:
+        raise StateError(
+            f"{scene.source}: a joint moves no mass ({_lightest(result)}), so there is no natural "
+            "frequency; give its link a mass"
+        ) from None
+
+
+def _lightest(result: InverseResult) -> str:
+    """The joint with the largest part in the lightest motion of any sample."""
+    scene, every = result.scene, np.arange(len(result.states.q))
+    mass, closed = _masses(result, every), _rows(scene, result.states.q)[1]
+    sample = int(np.argmin(np.linalg.eigvalsh(mass)[:, 0]))
+    return lightest_joint(scene.model, mass[sample], closed[sample])
+
+
+def _elasticity(result: InverseResult) -> Elasticity:
+    scene, notes = result.scene, _notes(result.scene)
+    found = _rest_samples(result)
+    ways = _approaches(result, found, notes)
+    modes = modes_of(result, [last for *_, last in found], _least_torque(result))
+    stiffest = modes_of(result, [last for *_, last in found], _worst_torque(result))
+    rests = tuple(
+        _rest(result, span, ways[n], (modes[n], stiffest[n].frequency))
+        for n, span in enumerate(found)
+    )
+    names = tuple(scene.drives[d].name for d in scene.elastic)
+    return Elasticity(result, names, trajectory_frequencies(result), rests, tuple(notes))
+
+
+def _notes(scene: Scene) -> list[str]:
+    notes = []
+    at_joint = [scene.drives[d].name for d in scene.elastic if scene.drives[d].encoder == "joint"]
+    if at_joint:
+        notes.append(
+            f"encoder at the joint: {', '.join(at_joint)}: the controller corrects the wind-up of "
+            "these gears, so they add no sag and no interval at the tool"
+        )
+    if scene.tool is None:
+        notes.append("no `tool` in the scene: name its link to get the tool's position at rest")
+    elif scene.mobility.undriven or scene.mobility.redundant:
+        notes.append(
+            "joints without drive, or redundant drives: the wind-up of the drives does not "
+            "determine the tool's position"
+        )
+    elif scene.linkage is not None or taking_part(scene.drives):
+        notes.append(
+            "loops or couples: intervals of drives depend on each other, so the tool's "
+            "interval is a bound"
+        )
+    return notes
+
+
+def trajectory_frequencies(result: InverseResult) -> np.ndarray:
+    """Return the lowest natural frequency (T,), Hz, of each sample (`Elasticity.frequency`)."""
+    scene = result.scene
+    torque = _least_torque(result)
+    known = np.isfinite(torque).all(axis=1)
+    found = np.full(len(torque), np.nan)
+    if not known.any():
+        return found
+    every = known.all()  # a copy of everything takes as long as the mass matrices
+    samples = np.arange(len(torque)) if every else np.flatnonzero(known)
+    K, M = stiffness_at(scene, torque if every else torque[known]), _masses(result, samples)
+    if scene.one_drive_each and len(scene.elastic) == scene.model.nv:
+        found[samples] = lowest_frequencies(M, K)
+        return found
+    S, closed = _rows(scene, result.states.q[samples])
+    found[samples] = frequencies(mobility(M, S, closed), K)[:, 0]
+    return found
+
+
+def unloaded_frequency(scene: Scene) -> float:
+    """Return the lowest natural frequency, Hz, at the scene's start, each gear at its softest.
+
+    Motors held, with the payloads attached by default; NaN where the loops do not close there.
+    """
+    try:
+        q = scene.close(scene.start_configuration)[None]
+    except PinfricError:
+        return np.nan
+    nothing = np.zeros((1, len(scene.drives)))
+    S, closed = _rows(scene, q)
+    moved = mobility(_with_armature(scene, mass_matrices(scene.twin(), q)), S, closed)
+    return float(frequencies(moved, stiffness_at(scene, nothing))[0, 0])
+
+
+def modes_of(result: InverseResult, samples: list[int], torque: np.ndarray) -> list[Mode]:
+    """Return the slowest mode at each of some samples, motors held.
+
+    Args:
+        result: of inverse dynamics. samples: which.
+        torque: (T, na) that the gears carry.
+    """
+    scene = result.scene
+    if not samples:
+        return []
+    K, M = stiffness_at(scene, torque[samples]), _masses(result, samples)
+    S, closed = _rows(scene, result.states.q[samples])
+    return [lowest_mode(*given) for given in zip(M, S, closed, K, strict=True)]
+
+
+def free_frequencies(result: InverseResult, sample: int) -> np.ndarray | None:
+    """Return the natural frequencies (ne,) with motors free, Hz; None without rotor inertias.
+
+    Rotors of elastic drives swing against their joints, those of rigid ones turn with them.
+    """
+    scene = result.scene
+    rotors = [rotor_inertia(scene, d) for d in range(len(scene.drives))]
+    if any(rotors[d] == 0.0 for d in scene.elastic):
+        return None
+    S, closed = _rows(scene, result.states.q[[sample]], rigid=False)
+    every, _ = _rows(scene, result.states.q[[sample]], every=True)
+    M = _masses(result, [sample])[0]
+    for d in set(range(len(rotors))) - set(scene.elastic):
+        M = M + rotors[d] * np.outer(every[0, d], every[0, d])
+    inverse = np.diag([1.0 / rotors[d] for d in scene.elastic])
+    K = stiffness_at(scene, _least_torque(result)[[sample]])
+    return np.asarray(frequencies(mobility(M[None], S, closed) + inverse, K)[0])
+
+
+def stiffness_at(scene: Scene, torque: np.ndarray) -> np.ndarray:
+    """Return the tangents (n, ne) of the elastic gears at torques (n, na) of all drives."""
+    return np.column_stack(
+        [
+            spring.tangent(torque[:, d])
+            for d in scene.elastic
+            if (spring := scene.drives[d].spring) is not None
+        ]
+    )
+
+
+def inertias_about(scene: Scene, mass: np.ndarray) -> np.ndarray:
+    """Return (n, ne) what moves with each elastic drive while the others stand, kg m^2 (kg).
+
+    Of coupled drives (P M P^T)_jj.
+
+    Args:
+        scene: an open chain. mass: (n, nv, nv).
+    """
+    own = [scene.drives[d].velocity_index for d in scene.elastic]
+    P = delivery(scene.drives, scene.model.nv)
+    if not P.size:
+        return np.asarray(mass[:, own, own])
+    every = [drive.velocity_index for drive in scene.drives]
+    moved = P[list(scene.elastic)]
+    return np.asarray(np.einsum("da,nab,db->nd", moved, mass[:, every][:, :, every], moved))
+
+
+def rotor_inertia(scene: Scene, d: int) -> float:
+    """Return r^2 J_rotor of a drive and Pinocchio's armature of its joint, kg m^2 (kg)."""
+    drive = scene.drives[d]
+    own = 0.0 if drive.transmission is None else drive.transmission.rotor_inertia
+    armature = scene.model.armature[drive.velocity_index] if drive.velocity_index >= 0 else 0.0
+    return float(drive.ratio**2 * own + armature)
+
+
+def _least_torque(result: InverseResult) -> np.ndarray:
+    """(T, na) of least magnitude in each interval, where gears are softest."""
+    lower, upper = result.effort_lower, result.effort_upper
+    return np.asarray(np.minimum(np.maximum(0.0, lower), upper))
+
+
+def _worst_torque(result: InverseResult) -> np.ndarray:
+    """(T, na) of largest magnitude in each interval, where gears are stiffest."""
+    lower, upper = result.effort_lower, result.effort_upper
+    return np.asarray(np.where(np.abs(upper) >= np.abs(lower), upper, lower))
+
+
+def _twins(result: InverseResult) -> list[tuple[int, int, Twin]]:
+    phases = result.states.phases(result.scene)
+    return [(start, stop, result.scene.twin(carried)) for start, stop, carried in phases]
+
+
+def _masses(result: InverseResult, samples: np.ndarray | list[int]) -> np.ndarray:
+    """M (n, nv, nv) of some samples, with what they carry, and what no elastic drive turns."""
+    at = np.asarray(samples)
+    parts = []
+    for start, stop, twin in _twins(result):
+        inside = at[(at >= start) & (at < stop)]
+        if inside.size:
+            parts.append((inside, mass_matrices(twin, result.states.q[inside])))
+    if len(parts) == 1:
+        found = parts[0][1]
+    else:
+        found = np.concatenate([M for _, M in parts])
+        order = np.concatenate([inside for inside, _ in parts])
+        if not np.array_equal(order, at):
+            found = found[np.searchsorted(order, at)]
+    return _with_armature(result.scene, found)
+
+
+def _with_armature(scene: Scene, mass: np.ndarray) -> np.ndarray:
+    """Add the armature of joints without drive; a driven joint's is on its motor's side."""
+    armature = np.array(scene.model.armature)
+    armature[[d.velocity_index for d in scene.drives if d.velocity_index >= 0]] = 0.0
+    return mass + np.diag(armature) if armature.any() else mass
+
+
+def _rows(
+    scene: Scene, q: np.ndarray, rigid: bool = True, every: bool = False
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rates (n, ne, nv) of the elastic drives (of `every`), and rows (n, m, nv) of what is closed.
+
+    Args:
+        scene: the robot. q: (n, nq).
+        rigid: rigid drives stand still, as with motors held.
+        every: rates of all drives.
+    """
+    nv = scene.model.nv
+    S = np.broadcast_to(rate_rows(scene.drives, nv), (len(q), len(scene.drives), nv))
+    closed = np.zeros((len(q), 0, nv))
+    if scene.linkage is not None:
+        twin, S = scene.twin(), S.copy()
+        closed = closure_jacobian(twin, scene.linkage, q)
+        along = action_maps(twin, scene.linkage, *link_poses(twin, q))[1]
+        for d, drive in enumerate(scene.drives):
+            if drive.velocity_index < 0:
+                S[:, d] = along[:, drive.column]
+    if every:
+        return S, closed
+    elastic = list(scene.elastic)
+    if rigid and len(elastic) < len(scene.drives):
+        stiff = [d for d in range(len(scene.drives)) if d not in elastic]
+        closed = np.concatenate([closed, S[:, stiff]], axis=1)
+    return S[:, elastic], closed
+
+
+def _wind_ups(scene: Scene, torque: np.ndarray) -> np.ndarray:
+    """(n, na) of torques (n, na); 0 of rigid drives."""
+    found = np.zeros(torque.shape)
+    for d in scene.elastic:
+        spring = scene.drives[d].spring
+        assert spring is not None  # scene.elastic
+        found[:, d] = spring.wind_up(torque[:, d])
+    return found
+
+
+def _rest_samples(result: InverseResult) -> list[tuple[int, int, int]]:
+    """(first of the hold, first, last) of each time at rest under one load."""
+    still = hold_samples(result.scene, result.states.v)
+    still &= np.isfinite(result.effort_lower).all(axis=1)
+    starts = [start for start, _, _ in result.states.phases(result.scene)]
+    found = []
+    for first, last in runs(still):
+        cuts = [first, *(start for start in starts if first < start <= last), last + 1]
+        found += [(first, a, b - 1) for a, b in pairwise(cuts)]
+    return found
+
+
+def _approaches(
+    result: InverseResult, found: list[tuple[int, int, int]], notes: list[str]
+) -> list[_Ways]:
+    """Wind-up (na,) that the approach to each rest leaves, and the opposite one: just moving.
+
+    None where nothing has moved before; and, with a note, where no such motion can be computed.
+    """
+    scene, states = result.scene, result.states
+    nothing: list[_Ways] = [(None, None)] * len(found)
+    if result.external or not found:
+        if result.external:
+            notes.append("external wrenches: positions by approach are not computed")
+        return nothing
+    last = [sample for *_, sample in found]
+    way = np.array([_direction(result, hold) for hold, _, _ in found])
+    a = np.zeros_like(way)
+    if scene.linkage is not None:
+        q, twin = states.q[last], scene.twin()
+        rows = closure_jacobian(twin, scene.linkage, q)
+        N = free_motions(rows, scene.model.nv)
+        way = np.einsum("nik,njk,nj->ni", N, N, way)
+        bias = loop_state(twin, scene.linkage, q, way, a).rate_derivative[:, scene.linkage.lambdas]
+        a = -np.einsum("nij,nj->ni", np.linalg.pinv(rows), bias)
+    attached = None if states.attached is None else states.attached[last]
+    wind_ups: list[np.ndarray] = []
+    for sign in (1.0, -1.0):
+        try:
+            moving = inverse_dynamics(scene, states.q[last], sign * way, a, attached=attached)
+        except PinfricError as problem:
+            notes.append(f"positions by approach are not computed: {problem}")
+            return nothing
+        lower, upper = (_wind_ups(scene, x) for x in (moving.effort_lower, moving.effort_upper))
+        wind_ups.append(0.5 * (lower + upper))
+    return [
+        (one, other) if moved.any() else (None, None)
+        for one, other, moved in zip(*wind_ups, way, strict=True)
+    ]
+
+
+def _direction(result: InverseResult, hold: int) -> np.ndarray:
+    """(nv,) the way each joint last moved before a sample, just fast enough not to stick.
+
+    With loops the whole motion of the last moving sample.
+    """
+    scene, v = result.scene, result.states.v[:hold]
+    stick = np.full(scene.model.nv, scene.stick_velocity)
+    for drive in scene.drives:
+        if drive.velocity_index >= 0:
+            stick[drive.velocity_index] = drive_stick_velocity(scene, drive)
+    moving = np.abs(v) > stick
+    if scene.loops:
+        some = np.flatnonzero(moving.any(axis=1))
+        if not some.size:
+            return np.zeros(scene.model.nv)
+        before = v[some[-1]]
+        return np.asarray(before * (1e3 * stick.max() / np.abs(before).max()))
+    last = [np.flatnonzero(column)[-1:] for column in moving.T]
+    signs = np.array([np.sign(v[k, j]).sum() for j, k in enumerate(last)])
+    return np.asarray(2.0 * np.maximum(stick, 1e-9) * signs)
+
+
+def _rest(
+    result: InverseResult,
+    span: tuple[int, int, int],
+    ways: _Ways,
+    swing: tuple[Mode, float],
+) -> Rest:
+    scene, (_, first, last), t = result.scene, span, result.t
+    assert t is not None  # elasticity refuses a result without
+    torque = [result.effort_lower, result.effort_upper, result.effort_frictionless]
+    lower, upper, sag = (_wind_ups(scene, x[[last]])[0] for x in torque)
+    mode, stiffest = swing
+    return Rest(
+        start=float(t[first]),
+        end=float(t[last]),
+        sample=last,
+        payloads=_carried(result, last),
+        wind_up_lower=lower,
+        wind_up_upper=upper,
+        wind_up_sag=sag,
+        wind_up_approach=ways[0],
+        wind_up_opposite=ways[1],
+        frequency=(mode.frequency, stiffest),
+        mode=mode,
+        tool=_tool(result, last, (lower, upper, sag), ways),
+    )
+
+
+def _carried(result: InverseResult, sample: int) -> tuple[str, ...]:
+    scene, attached = result.scene, result.states.attached
+    if attached is None:
+        return tuple(name for name, payload in scene.payloads.items() if payload.attached)
+    return tuple(n for n, on in zip(scene.payloads, attached[sample], strict=True) if on)
+
+
+def _tool(
+    result: InverseResult,
+    sample: int,
+    ends: tuple[np.ndarray, np.ndarray, np.ndarray],
+    ways: _Ways,
+) -> ToolPlace | None:
+    scene, q = result.scene, result.states.q[[sample]]
+    if scene.tool is None or scene.mobility.undriven or scene.mobility.redundant:
+        return None
+    S, closed = _rows(scene, q, every=True)
+    Q = joint_answer(S[0], closed[0])
+    if Q is None:
+        return None
+    J = frame_jacobians(scene.twin(), q, link_frame(scene.model, scene.tool))[0]
+    felt = np.array([0.0 if drive.encoder == "joint" else 1.0 for drive in scene.drives])
+    answer = -J @ Q * felt
+    lower, upper, sag = ends
+    approach, opposite = (None if way is None else answer @ way for way in ways)
+    return ToolPlace(
+        answer @ (0.5 * (lower + upper)),
+        answer @ sag,
+        answer * (0.5 * (upper - lower)),
+        approach,
+        opposite,
+    )

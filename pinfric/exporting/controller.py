@@ -1,0 +1,215 @@
+"""A compensator for a controller in C++: its limits, its test, how far friction is known."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from pinfric import __version__
+from pinfric.dynamics.forward.compensation import (
+    CompensationOptions,
+    check_compensated,
+    compensate_state,
+    freedom_names,
+    make_compensated,
+)
+from pinfric.dynamics.inverse.inverse import inverse_dynamics
+from pinfric.dynamics.inverse.result import InverseResult
+from pinfric.dynamics.samples.motor_torques import drive_stick_velocity
+from pinfric.dynamics.samples.reactions import state_wrenches
+from pinfric.dynamics.samples.states import States
+from pinfric.exporting.cpp import (
+    CppFiles,
+    EmbeddedState,
+    check_frames,
+    cpp_files,
+    default_frames,
+    namespace,
+)
+from pinfric.model.brief import file_name
+from pinfric.model.scene import Scene
+from pinfric.model.twin import project
+from pinfric.motions.joint_columns import single_positions
+from pinfric.sweeps.file import load_sweep
+from pinfric.sweeps.parameters import resolve, vary
+
+#: States that the test main compares.
+_STATES = 20
+#: The default limit of a compensation, as a factor on the largest along the motion.
+_SPARE = 1.5
+#: States at which the level of friction is compared, and rows of a posterior.
+_LEVELS, _DRAWS = 200, 400
+#: What `identify` calls its table of draws.
+_POSTERIOR = "posterior.csv"
+
+
+def compensator(
+    scene: Scene,
+    result: InverseResult,
+    frames: Sequence[str],
+    unknown: Mapping[str, float],
+    name: str = "",
+) -> CppFiles:
+    """Return the header and its test.
+
+    Args:
+        scene: see `check_compensated`.
+        result: inverse dynamics along the motion, or of states; limits are made from it.
+        frames: names of links for payloads and wrenches.
+        unknown: drive -> relative uncertainty e of its friction, see `level_uncertainty`.
+        name: of the namespace; empty: see `namespace`.
+
+    Raises:
+        PinfricError: see `check_compensated`, `check_frames` and `namespace`.
+    """
+    check_compensated(scene)
+    check_frames(scene, frames)
+    largest = np.max(np.abs([compensation(result, end) for end in ("lower", "upper")]), axis=(0, 1))
+    limits = [float(f"{_SPARE * x:.3g}") if x > 0.0 else np.inf for x in largest]
+    frames = tuple(frames) or default_frames(scene)
+    states = _embedded(scene, result)
+    heading = _heading(scene, frames, unknown, namespace(scene.source, name))
+    return cpp_files(scene, frames, limits, states, heading, name)
+
+
+def compensation(result: InverseResult, end: str) -> np.ndarray:
+    """Return r T_m - r^2 J a - tau_id (T, na): friction and gear losses, at the joints.
+
+    Args:
+        result: with the drives.
+        end: "lower" or "upper", of the motors' torques.
+    """
+    gears = [drive.transmission for drive in result.scene.drives]
+    ratio = np.array([1.0 if gear is None else gear.ratio for gear in gears])
+    rotor = np.array([0.0 if gear is None else gear.rotor_inertia for gear in gears])
+    torque: np.ndarray = getattr(result, f"motor_torque_{end}")
+    passing = ratio * torque - ratio**2 * rotor * result.actuator_acceleration
+    return np.asarray(passing - result.effort_frictionless)
+
+
+def level_uncertainty(
+    scene: Scene, result: InverseResult, posterior: str | Path | None = None
+) -> dict[str, float]:
+    """Return the relative uncertainty e of each drive's friction: half its 95 % interval.
+
+    The level of a drive is the mean of |r T_m - r^2 J a - tau_id| where it moves; it is computed
+    of each row of the posterior that `identify` wrote.
+
+    Args:
+        scene: identified.
+        result: inverse dynamics along the motion at whose states levels are compared.
+        posterior: table of factors on the scene's coefficients; None: `posterior.csv` beside the
+            scene's file, if there is one.
+
+    Returns:
+        Drive -> e; empty without a posterior, without a drive that never moves.
+
+    Raises:
+        SweepError: a table that is not the scene's.
+    """
+    table = Path(scene.source).with_name(_POSTERIOR) if posterior is None else Path(posterior)
+    if posterior is None and not table.is_file():
+        return {}
+    content = {"pinfric_sweep": 1, "samples": 1, "table": str(table)}
+    targets = resolve(scene, load_sweep(content)[0], str(table))
+    values = np.array([target.distribution.values for target in targets])[:, :_DRAWS]  # type: ignore[attr-defined]
+    picked = np.unique(np.linspace(0, len(result.status) - 1, _LEVELS).astype(int))
+    q, v, a = (array[picked] for array in (result.states.q, result.states.v, result.states.a))
+    stick = np.array([drive_stick_velocity(scene, drive) for drive in scene.drives])
+    moving = np.abs(result.actuator_velocity[picked]) > stick
+    levels = np.array(
+        [
+            _level(inverse_dynamics(vary(scene, targets, list(row)), q, v, a), moving)
+            for row in values.T
+        ]
+    )
+    known = _level(inverse_dynamics(scene, q, v, a), moving)
+    low, high = np.percentile(levels, [2.5, 97.5], axis=0)
+    return {
+        drive.name: float(0.5 * (high[d] - low[d]) / known[d])
+        for d, drive in enumerate(scene.drives)
+        if known[d] > 0.0
+    }
+
+
+def stable_scale(e: float) -> float:
+    """Return 1/(1 + e): at the measured velocity a model that is too large by e stays passive."""
+    return 1.0 / (1.0 + e)
+
+
+def _level(result: InverseResult, moving: np.ndarray) -> np.ndarray:
+    lost = np.abs(compensation(result, "lower")) * moving
+    return np.asarray(lost.sum(axis=0) / np.maximum(moving.sum(axis=0), 1))
+
+
+def _embedded(scene: Scene, result: InverseResult) -> list[EmbeddedState]:
+    """States along the motion, the first as it is at rest, with what pinfric computes of them."""
+    picked = np.linspace(0, len(result.status) - 1, _STATES).astype(int)
+    q, v, a = (x[picked].copy() for x in (result.states.q, result.states.v, result.states.a))
+    v[0] = 0.0
+    found = inverse_dynamics(scene, q, v, a)
+    friction = _compensation_at(scene, States.of(scene, q, v, a))
+    joints = list(scene.model.joints)[1:]
+    at = single_positions(q, [joint.nq for joint in joints if joint.nq])
+    rows = at, v, a, found.motor_torque_lower, found.motor_torque_upper, friction
+    return [EmbeddedState(*row) for row in zip(*rows, strict=True)]
+
+
+def _compensation_at(scene: Scene, states: States) -> np.ndarray:
+    """(n, na) what is compensated at the states' own velocities, at scale 1."""
+    tables, twin, count = make_compensated(scene), scene.twin(), len(states.q)
+    wrench, effort = state_wrenches(scene, states), np.empty((count, scene.model.nv))
+    project(wrench, twin.embedding, twin.armature, states.a, effort)
+    places = twin.displacements(tables.joint, states.q)
+    options = CompensationOptions(scale=1.0, viscous_scale=1.0)
+    return np.array(
+        [
+            compensate_state(
+                scene,
+                tables,
+                effort[i],
+                wrench[i : i + 1, tables.joint],
+                places[i : i + 1],
+                {"v_ref": states.v[i], "error": None, "v_now": None},
+                options,
+            )
+            for i in range(count)
+        ]
+    )
+
+
+def _heading(
+    scene: Scene, frames: Sequence[str], unknown: Mapping[str, float], name: str
+) -> list[str]:
+    """The comment at the top of the header."""
+    known = [
+        f"  {drive}: friction known to {e:.1%} (e, half of the 95 % interval); stable scale at the "
+        f"measured velocity 1/(1+e) = {stable_scale(e):.3f}"
+        for drive, e in unknown.items()
+    ]
+    return [
+        f"{name}: joint friction and gear losses of {file_name(scene.source)} for a controller,",
+        f"with the load that the joints carry now. Written by pinfric {__version__}; do not edit.",
+        "",
+        f"Units rad, m, s, kg, N, N m. Freedoms: {', '.join(freedom_names(scene))}.",
+        f"Drives: {', '.join(scene.actuator_names)}.",
+        f"Frames for payloads and wrenches: {', '.join(frames) or 'none'}.",
+        "Carried already: "
+        + (", ".join(n for n, payload in scene.payloads.items() if payload.attached) or "nothing")
+        + ".",
+        *(["How far friction is known (`pinfric identify`):", *known] if known else []),
+        "",
+        f"  {name}::Compensator compensator;    // once",
+        f"  {name}::Options options;            // scale 0.8; at the desired velocity 1",
+        f"  {name}::State state;                // arrays of {scene.model.nv} numbers",
+        "  state.q = q; state.v = v; state.a = a;",
+        "  if (compensator.effort(state, options, effort))",
+        "    ...                               // effort[] (N m or N at the joints): rigid body,",
+        "                                      // rotors, friction; friction(...): friction alone",
+        "",
+        "The effort lies in the interval of `inverse` only where no joint is within its band of",
+        "switch_velocity, at scale 1, and no limit cuts it. Stiffness and hysteresis of gears are",
+        "left out: what a spring winds up is not compensated.",
+    ]

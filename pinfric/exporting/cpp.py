@@ -1,0 +1,390 @@
+"""A scene as constants of a C++ header, before a fixed text that computes with them.
+
+The text, `compensator.hpp`, is the same for every robot: rigid-body dynamics by Newton and Euler,
+normal loads, friction, gears, and the compensation
+
+    D(v) = (1+s)/2 F_+(P t(+)) + (1-s)/2 F_-(P t(-)) - P tau - P drag(v),     s = S(v_ref / v_s)
+
+of `pinfric.dynamics.forward.compensation`. Axes of bodies are turned so that each joint's is z.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterable, Sequence
+from importlib import resources
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric import __version__
+from pinfric.dynamics.forward.compensation import (
+    LARGEST_ACCELERATION,
+    LARGEST_ERROR,
+    check_compensated,
+    freedom_names,
+    reach,
+)
+from pinfric.dynamics.samples.motor_torques import scene_gears
+from pinfric.errors import PinfricError, choose_from, one_line
+from pinfric.model.bearings import axes_along, contacts
+from pinfric.model.couples import delivery, rate_rows, taking_part
+from pinfric.model.files import file_hash
+from pinfric.model.robot import link_frame
+from pinfric.model.scene import Scene
+from pinfric.model.twin import PRISMATIC
+
+_Z = np.array([0.0, 0.0, 1.0])
+#: Names that C++ and its libraries keep.
+_KEYWORDS = (
+    "alignas|alignof|and|asm|auto|bitand|bitor|bool|break|case|catch|char|class|compl|"
+    "concept|const|constexpr|continue|decltype|default|delete|do|double|else|enum|explicit|"
+    "export|extern|false|float|for|friend|goto|if|inline|int|long|mutable|namespace|new|"
+    "noexcept|not|nullptr|operator|or|private|protected|public|register|requires|return|"
+    "short|signed|sizeof|static|struct|switch|template|this|throw|true|try|typedef|typeid|"
+    "typename|union|unsigned|using|virtual|void|volatile|while|xor|posix|std"
+)
+
+
+class CppFiles(NamedTuple):
+    """The two files of a compensator.
+
+    Attributes:
+        header: the compensator.
+        test: a main that compares it with embedded states, or replays a trajectory's CSV.
+    """
+
+    header: str
+    test: str
+
+
+class EmbeddedState(NamedTuple):
+    """One state with what pinfric computes of it.
+
+    Attributes:
+        q, v, a: (nv,) rad, m and per second.
+        least, greatest: (na,) torques of the motors (N m).
+        friction: (na,) compensation at v with default options and scale 1 (N m or N at the joint).
+    """
+
+    q: np.ndarray
+    v: np.ndarray
+    a: np.ndarray
+    least: np.ndarray
+    greatest: np.ndarray
+    friction: np.ndarray
+
+
+def check_frames(scene: Scene, frames: Sequence[str]) -> None:
+    """Refuse frames for payloads and wrenches that are not there, or stand on the ground.
+
+    Raises:
+        PinfricError: named.
+    """
+    for name in frames:
+        _frame(scene, name)
+
+
+def cpp_files(
+    scene: Scene,
+    frames: Sequence[str],
+    limits: Sequence[float],
+    states: Sequence[EmbeddedState],
+    lines: Iterable[str],
+    name: str = "",
+) -> CppFiles:
+    """Return the header and its test.
+
+    Args:
+        scene: see `check_compensated`.
+        frames: names of links for payloads and wrenches at run time; none: see `default_frames`.
+        limits: (na,) of the compensation by default (N m or N); infinite: none.
+        states: what the test compares.
+        lines: the comment at the top of the header.
+        name: of the namespace and the files; empty: see `namespace`.
+
+    Raises:
+        PinfricError: see `check_compensated`, `check_frames` and `namespace`.
+    """
+    check_compensated(scene)
+    check_frames(scene, frames)
+    frames = tuple(dict.fromkeys(frames)) or default_frames(scene)
+    name = namespace(scene.source, name)
+    title = "\n".join(f"// {_comment(line)}".rstrip() for line in lines).removeprefix("// ")
+    constants = "\n".join(_constants(scene, frames, limits))
+    header = _named(template("compensator.hpp").replace("// @@CONSTANTS\n", constants + "\n"), name)
+    digest = hashlib.sha256(header.encode()).hexdigest()[:12]
+    made_of = f"{name}: {_made_of(scene)}, constants and code {digest}"
+    for mark, text in (("HASH", digest), ("MADE_OF", made_of), ("TITLE", title)):
+        header = header.replace(f"@@{mark}", text)
+    rows = "\n".join(f"    {{{', '.join(_array(part) for part in state)}}}," for state in states)
+    test = template("compensator_test.cpp").replace("// @@STATES\n", rows + "\n")
+    return CppFiles(header, _named(test, name).replace("@@HEADER", f"{name}.hpp"))
+
+
+def namespace(source: str, name: str = "") -> str:
+    """Return the namespace of a scene's header, which is its file's name, too: pinfric_NAME.
+
+    Args:
+        source: the scene's file. name: the user's; empty: made of the source.
+
+    Raises:
+        PinfricError: a name that C++ does not allow, or keeps for itself.
+    """
+    if not name:
+        stem = re.sub(r"[\W_]+", "_", Path(source).stem, flags=re.ASCII)
+        return f"pinfric_{stem.strip('_')}".rstrip("_")
+    if not re.fullmatch(r"[A-Za-z](_?[A-Za-z0-9])*", name) or re.fullmatch(_KEYWORDS, name):
+        raise PinfricError(
+            f"--namespace {name!r}: should be a name of C++: letters, digits and single "
+            "underscores, a letter first, no keyword"
+        )
+    return name
+
+
+def _made_of(scene: Scene) -> str:
+    """The files of a scene with their hashes, as they stand; a robot made in Python has none."""
+    files = [Path(scene.source), *([] if scene.robot is None else [scene.robot.urdf])]
+    hashes = [f"{file.name} sha256 {file_hash(file)}" for file in files if file.is_file()]
+    said = f"pinfric {__version__}, {', '.join(hashes) or 'a scene made in Python'}"
+    return _comment(said).replace('"', "'")
+
+
+def default_frames(scene: Scene) -> tuple[str, ...]:
+    """Return the links that carry payloads, and the last link of each branch, as frames."""
+    model = scene.model
+    ends = set(range(1, model.njoints)) - {int(parent) for parent in model.parents}
+    last: dict[int, str] = {}
+    for frame in model.frames:
+        if frame.type == pin.FrameType.BODY and frame.parentJoint in ends:
+            last[frame.parentJoint] = frame.name
+    carrying = [
+        payload.link
+        for payload in scene.payloads.values()
+        if model.frames[link_frame(model, payload.link)].parentJoint > 0
+    ]
+    return tuple(dict.fromkeys([*carrying, *last.values()]))
+
+
+def _frame(scene: Scene, name: str) -> pin.Frame:
+    """The frame of that name; a link's before others."""
+    model = scene.model
+    found = [frame for frame in model.frames if frame.name == name]
+    found.sort(key=lambda frame: frame.type != pin.FrameType.BODY)
+    if not found:
+        if model.existJointName(name):  # a model made in Python need not have frames
+            joint = model.getJointId(name)
+            return pin.Frame(name, joint, pin.SE3.Identity(), pin.FrameType.JOINT)
+        names = [frame.name for frame in model.frames] + list(scene.joint_names)
+        raise PinfricError(
+            f"{scene.source}: --frame: there is no link {name!r}; {choose_from(name, names)}"
+        )
+    if found[0].parentJoint == 0:
+        raise PinfricError(
+            f"{scene.source}: --frame: {name!r} is fixed to the ground, so a force there "
+            "loads no joint: give a link that moves"
+        )
+    return found[0]
+
+
+def _turns(scene: Scene) -> np.ndarray:
+    """(1 + nj, 3, 3) from the axes of each joint's child to those whose z is its axis."""
+    twin = scene.twin()
+    axes = np.where((twin.kind == PRISMATIC)[:, None], twin.axis[:, :3], twin.axis[:, 3:])
+    return np.array([np.eye(3), *(axes_along(axis) for axis in axes)])
+
+
+def _constants(scene: Scene, frames: Sequence[str], limits: Sequence[float]) -> list[str]:
+    """All tables of a scene, the names of whose fields stand in `compensator.hpp`."""
+    nv, na, turns = scene.model.nv, len(scene.drives), _turns(scene)
+    bodies, sites, terms, rows = _bodies(scene, turns), *_laws(scene)
+    drives, lines = _drives(scene)
+    placed = _frames(scene, frames, turns)
+    P, part = delivery(scene.drives, nv), set(taking_part(scene.drives))
+    least, greatest, fastest = reach(scene)
+    counts = {
+        "bodies": len(bodies),
+        "freedoms": nv,
+        "sites": len(sites),
+        "drives": na,
+        "frame_count": len(placed),
+    }
+    return [
+        "struct Robot {",
+        *(f"  static constexpr int {name} = {count};" for name, count in counts.items()),
+        f"  static constexpr bool coupled = {'true' if P.size else 'false'};",
+        *_names("freedom_names", freedom_names(scene)),
+        *_names("drive_names", scene.actuator_names),
+        *_names("site_names", scene.site_names),
+        *_names("frames", frames),
+        "};",
+        "",
+        *_table("Body", "bodies", bodies),
+        *_table("Site", "sites", sites),
+        *_table("Term", "terms", terms),
+        *_table("Row", "rows", rows),
+        *_table("Drive", "drives", drives),
+        *_table("Line", "lines", lines),
+        *_table("Frame", "frames", placed),
+        *_numbers("armature[]", scene.model.armature),
+        *_numbers("default_gravity[]", scene.model.gravity.linear),
+        *_numbers("default_limit[]", limits),
+        *_numbers(f"drive_rate[][{nv}]", rate_rows(scene.drives, nv)),
+        *_numbers(f"delivery[][{na}]", P if P.size else np.eye(na)),
+        f"inline constexpr bool together[] = {_array(d in part for d in range(na))};",
+        "// States beyond these are refused: a turn (m) beyond the limits, ten times the fastest.",
+        *_numbers("least_position[]", least),
+        *_numbers("greatest_position[]", greatest),
+        *_numbers("greatest_velocity[]", fastest),
+        *_numbers("greatest_acceleration", LARGEST_ACCELERATION),
+        *_numbers("greatest_error", LARGEST_ERROR),
+    ]
+
+
+def _numbers(name: str, values: object) -> list[str]:
+    return [f"inline constexpr double {name} = {_value(np.asarray(values))};"]
+
+
+def _bodies(scene: Scene, turns: np.ndarray) -> list[tuple[str, str]]:
+    twin, model, found = scene.twin(), scene.loaded_model(), []
+    for row, name in enumerate(scene.joint_names):
+        parent, turn = int(model.parents[row + 1]), turns[row + 1]
+        placement, inertia = model.jointPlacements[row + 1], model.inertias[row + 1]
+        moments = turn @ inertia.inertia @ turn.T
+        fields = [
+            parent - 1,
+            bool(twin.kind[row] != PRISMATIC),
+            int(twin.v_index[row]),
+            float(twin.ratio[row]),
+            float(twin.shift[row]),
+            turns[parent] @ placement.rotation @ turn.T,
+            turns[parent] @ placement.translation,
+            turn,
+            float(inertia.mass),
+            turn @ inertia.lever,
+            moments[np.triu_indices(3)],
+        ]
+        found.append((name, _entry(fields)))
+    return found
+
+
+def _laws(scene: Scene) -> tuple[list[tuple[str, str]], ...]:
+    """Sites, terms of their loads, rows of their friction."""
+    laws = scene.site_tables.laws
+    loads = contacts([site.friction.bearing for site in scene.sites], [_Z] * len(scene.sites))
+    sites = []
+    for s, site in enumerate(scene.sites):
+        first, last = np.searchsorted(loads.site, [s, s + 1]).tolist()
+        fields = [
+            site.joint,
+            site.velocity_index,
+            site.ratio,
+            laws.mu_static[s],
+            laws.mu_kinetic[s],
+            laws.coulomb_static[s],
+            laws.coulomb_kinetic[s],
+            laws.viscous[s],
+            laws.stick_velocity[s],
+            loads.constant[s],
+            first,
+            last,
+            int(laws.row_start[s]),
+            int(laws.row_end[s]),
+        ]
+        sites.append((site.name, _entry(fields)))
+    terms = [
+        ("", _entry([int(loads.rank[t]), bool(loads.moves[s]), loads.map[t], loads.map_moved[t]]))
+        for t, s in enumerate(loads.site)
+    ]
+    shapes = zip(laws.mu, laws.coulomb, laws.power, laws.velocity, laws.exponent, strict=True)
+    return sites, terms, [("", _entry(fields)) for fields in shapes]
+
+
+def _drives(scene: Scene) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
+    """Drives, and the lines of their gears' losses."""
+    gears = scene_gears(scene)
+    fields = (
+        "ratio",
+        "rotor_inertia",
+        "viscous",
+        "power",
+        "stick_velocity",
+        "no_load",
+        "no_load_static",
+        "constant",
+        "rise",
+        "exponent",
+        "first",
+        "last",
+    )
+    drives = [
+        (drive.name, _entry([getattr(gears, field)[d] for field in fields]))
+        for d, drive in enumerate(scene.drives)
+    ]
+    lines = zip(gears.load, gears.loss, gears.slope, strict=True)
+    return drives, [("", _entry(line)) for line in lines]
+
+
+def _frames(scene: Scene, names: Sequence[str], turns: np.ndarray) -> list[tuple[str, str]]:
+    found = []
+    for name in names:
+        frame = _frame(scene, name)
+        turn = turns[frame.parentJoint]
+        placed = turn @ frame.placement.rotation, turn @ frame.placement.translation
+        found.append((name, _entry([frame.parentJoint - 1, *placed])))
+    return found
+
+
+def _table(kind: str, name: str, entries: Sequence[tuple[str, str]]) -> list[str]:
+    """One table; an empty one gets an entry that nothing reads, for C++ has no empty arrays."""
+    if not entries:
+        return [f"inline constexpr {kind} {name}[1] = {{}};", ""]
+    lines = [f"    {text},{f'  // {_comment(label)}' if label else ''}" for label, text in entries]
+    return [f"inline constexpr {kind} {name}[] = {{", *lines, "};", ""]
+
+
+def _names(name: str, values: Sequence[str]) -> list[str]:
+    quoted = ", ".join('"' + _comment(x).replace('"', r"\"") + '"' for x in values) or '""'
+    return [f"  static constexpr const char* {name}[] = {{{quoted}}};"]
+
+
+def _comment(text: str) -> str:
+    """Text on one line in which nothing ends a comment or a string, or goes on with it."""
+    return one_line(text).replace("\\", "/")
+
+
+def _entry(fields: Iterable[object]) -> str:
+    return f"{{{', '.join(_value(x) for x in fields)}}}"
+
+
+def _value(x: object) -> str:
+    """A number, or an array of them, as C++ writes it: all digits of each."""
+    if isinstance(x, np.ndarray) and x.ndim:
+        return _rows(x) if x.ndim == 2 and x.shape != (3, 3) else _array(x.ravel())
+    if isinstance(x, bool | np.bool_):
+        return "true" if x else "false"
+    if isinstance(x, int | np.integer):
+        return str(int(x))
+    number = float(x) + 0.0  # type: ignore[arg-type]
+    return {np.inf: "inf", -np.inf: "-inf"}.get(number, repr(number))
+
+
+def _array(values: Iterable[object]) -> str:
+    return f"{{{', '.join(_value(x) for x in values)}}}"
+
+
+def _rows(table: np.ndarray) -> str:
+    return f"{{{', '.join(_array(row) for row in table)}}}"
+
+
+def template(name: str) -> str:
+    """Return a C++ text that is the same for every robot, by its file's name."""
+    return (resources.files("pinfric.exporting") / name).read_text(encoding="utf-8")
+
+
+def _named(text: str, name: str) -> str:
+    guard = f"PINFRIC_{name.upper().removeprefix('PINFRIC_')}"
+    return text.replace("PINFRIC_SCENE", guard).replace("pinfric_scene", name)

@@ -1,0 +1,430 @@
+"""`pf.export`: a scene for another engine, with the error of each constant."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.dynamics.forward.compensation import check_compensated
+from pinfric.dynamics.inverse.inverse import inverse_dynamics
+from pinfric.dynamics.inverse.result import InverseResult
+from pinfric.dynamics.samples.random_states import random_states
+from pinfric.dynamics.samples.states import MotionLike
+from pinfric.errors import PinfricError, choose_from
+from pinfric.exporting.constants import JointConstants, joint_constants
+from pinfric.exporting.controller import compensator, level_uncertainty
+from pinfric.exporting.cpp import check_frames
+from pinfric.exporting.cpp import namespace as header_name
+from pinfric.exporting.isaaclab import isaaclab
+from pinfric.exporting.mjcf import MjcfJoint, mjcf, soft
+from pinfric.exporting.newton import newton
+from pinfric.exporting.pinocchio import pinocchio
+from pinfric.exporting.sdf import sdf
+from pinfric.exporting.tree import bodies, check_plain_tree
+from pinfric.exporting.ur import ur_script
+from pinfric.exporting.urdf import urdf
+from pinfric.model.brief import counted, file_name, listed, screen
+from pinfric.model.described import INERTIA, SPEED, described, quantity, unit_at
+from pinfric.model.effects import effects
+from pinfric.model.files import write_file, write_folder
+from pinfric.model.mass_matrix import mass_matrices
+from pinfric.model.scene import Scene, expect_scene
+from pinfric.model.upward import Shown
+from pinfric.model.urdf import implausible_body
+
+
+@dataclass(frozen=True)
+class Format:
+    """Names of the constants in a format, and its remarks.
+
+    Attributes:
+        title: for people.
+        terms: constant -> its name in the format; others are taken as 0.
+        suffix: of the file.
+        at_rest: what its engine takes as friction where a joint stands still, v = a = 0.
+    """
+
+    title: str
+    terms: dict[str, str]
+    suffix: str
+    at_rest: str
+
+
+FORMATS = {
+    "mjcf": Format(
+        "MJCF (MuJoCo)",
+        {"frictionloss": "frictionloss", "damping": "damping", "armature": "armature"},
+        ".mjcf.xml",
+        "mj_inverse has no friction there, mj_step holds with up to frictionloss",
+    ),
+    "urdf": Format(
+        "URDF",
+        {"frictionloss": "friction", "damping": "damping"},
+        ".constants.urdf",
+        "engines that read <dynamics> hold with up to `friction`, or not at all",
+    ),
+    "ur": Format(
+        "URScript (Universal Robots)",
+        {"frictionloss": "coulomb", "damping": "viscous", "armature": "rotor inertia"},
+        ".ur.script",
+        "the script adds nothing there",
+    ),
+    "sdf": Format(
+        "SDF (Gazebo, Drake)",
+        {"frictionloss": "friction", "damping": "damping"},
+        ".sdf",
+        "Gazebo holds with up to `friction`, Drake does not hold",
+    ),
+    "isaaclab": Format(
+        "Isaac Lab (actuator configuration)",
+        {"frictionloss": "dynamic_friction", "damping": "viscous_friction", "armature": "armature"},
+        ".isaaclab.py",
+        "PhysX holds with up to `friction`, half the width of that interval",
+    ),
+    "newton": Format(
+        "Newton",
+        {
+            "frictionloss": "joint_friction",
+            "damping": "joint_damping",
+            "armature": "joint_armature",
+        },
+        ".newton.py",
+        "SolverMuJoCo holds with up to joint_friction, as a soft constraint",
+    ),
+    "pinocchio": Format(
+        "Pinocchio 4 (joint friction constraint)",
+        {"frictionloss": "dry friction", "damping": "damping", "armature": "armature"},
+        ".pinocchio.py",
+        "its constraint holds with up to the dry friction",
+    ),
+    "cpp": Format(
+        "C++ (a compensator that knows the load)",
+        {"frictionloss": "Coulomb", "damping": "viscous", "armature": "rotor inertia"},
+        ".hpp",
+        "within its speed band the compensator moves from one end to the other",
+    ),
+}
+_FRICTION_ALONE = (
+    "links, masses and geometry: the file only adds constants to a robot that you load"
+)
+#: What a format does not hold of any scene.
+_NOT_THERE = {
+    "ur": ("rotor inertia, fitted with the friction and given at each joint",),
+    "mjcf": ("meshes (capsules stand for the links) and speed limits",),
+    "sdf": ("meshes and shapes",),
+    "isaaclab": (_FRICTION_ALONE,),
+    "newton": (_FRICTION_ALONE,),
+    "pinocchio": (_FRICTION_ALONE,),
+}
+#: Effects that no constant holds: what they are called here.
+_LEFT_OUT = {
+    "load": "friction that grows with a bearing's load",
+    "static": "break-away friction above that in motion",
+    "stribeck": "the fall of friction from rest to fast motion",
+    "gear": "gear losses in proportion to the load",
+}
+
+
+@described
+class Exported(Shown):
+    """A scene in another engine's format, with the errors of its constants.
+
+    Attributes:
+        scene: name of its file.
+        text: the file.
+        beside: name -> text of further files.
+        name: of the file without its suffix; empty: the scene's.
+    """
+
+    scene: str
+    trajectory: str = quantity("name of its file")
+    to: str = quantity("the format")
+    samples: int = quantity("of the trajectory")
+    joints: tuple[JointConstants, ...] = quantity(
+        "the constants and their errors, in the model's order; for cpp, the errors that constants "
+        "would make and the header does not"
+    )
+    left_out: tuple[str, ...] = quantity("parts of the scene that the file does not have")
+    notes: tuple[str, ...] = quantity("what the constants were fitted with, and where they fail")
+    text: str
+    beside: Mapping[str, str] = field(default_factory=dict)
+    uncertainty: Mapping[str, float] = quantity(
+        "drive -> relative uncertainty e of its friction, if known",
+        default_factory=dict,
+    )
+    file: str = quantity("path of the written file; empty: not written yet", default="")
+    name: str = ""
+
+    def __repr__(self) -> str:
+        moved = [joint for joint in self.joints if joint.moving]
+        errors = [f"{j.error_peak:.3g} of {j.torque_peak:.3g}" for j in moved]
+        return screen(
+            "Exported",
+            f"{file_name(self.scene)} to {FORMATS[self.to].title}",
+            {
+                "trajectory": f"{file_name(self.trajectory)}, {counted(self.samples, 'sample')}",
+                "errors": f"{listed([j.joint for j in moved], errors)} (peaks, N m or N)",
+                "left out": "; ".join(self.left_out),
+                "more": ".write(path) .summary() .text",
+            },
+        )
+
+    @property
+    def default_name(self) -> str:
+        """Default name of the file."""
+        return f"{self.name or Path(self.scene).stem}{FORMATS[self.to].suffix}"
+
+    def write(self, path: str | Path) -> Path:
+        """Write the file and its companions; each is written completely or not at all.
+
+        Args:
+            path: the file; of "cpp" the folder, for the test includes the header by its name.
+
+        Raises:
+            PinfricError: it cannot be written.
+        """
+        if self.to != "cpp":
+            return write_file(path, _writer(self.text))
+        texts = {self.default_name: self.text, **self.beside}
+        return write_folder(path, {name: _writer(text) for name, text in texts.items()})[0]
+
+
+def _writer(text: str) -> Callable[[Path], object]:
+    return lambda file: file.write_text(text, encoding="utf-8")
+
+
+def export(
+    scene: Scene,
+    trajectory: MotionLike | None = None,
+    to: str = "mjcf",
+    *,
+    frames: Sequence[str] = (),
+    posterior: str | Path | None = None,
+    namespace: str = "",
+) -> Exported:
+    """Return the scene for another engine: constants in place of friction, each with its error.
+
+    min sum (r T_m - tau_id - frictionloss sign(v) - damping v - armature a)^2 over the samples of
+    each joint that move, all three >= 0; see `joint_constants`.
+
+    Args:
+        scene: an open chain with drives at its joints.
+        trajectory: or a simulated motion, with the payloads it carries; None takes 1000 seeded
+            random states inside the limits.
+        to: "mjcf" (MuJoCo), "urdf" (`<dynamics>`), "ur" (URScript of Universal Robots), "sdf",
+            "isaaclab", "newton", "pinocchio" (of its version 4), "cpp" (a header for controllers,
+            which knows the load and needs no constants).
+        frames: of "cpp", links for payloads and wrenches at run time; none: those that carry
+            payloads and the last of each branch.
+        posterior: of "cpp", the table that `identify` wrote; None: `posterior.csv` beside the
+            scene's file, if there is one.
+        namespace: of "cpp", the header's, and the name of its file; empty: pinfric_SCENE.
+
+    Raises:
+        PinfricError: no such format, or one that cannot hold what the scene has; named.
+    """
+    expect_scene(scene, "export")
+    if to not in FORMATS:
+        raise PinfricError(f"export: to {to!r}: {choose_from(to, FORMATS)}")
+    if to == "cpp":
+        return _for_cpp(scene, trajectory, frames, posterior, header_name(scene.source, namespace))
+    if frames or namespace or posterior is not None:
+        raise PinfricError(
+            f"export: frames, posterior and namespace are for 'cpp' only, not for {to!r}"
+        )
+    columns, form = check_plain_tree(scene), FORMATS[to]
+    result, name = _along(scene, trajectory)
+    joints, left_out = joint_constants(result, columns, tuple(form.terms)), _left_out(scene, to)
+    lines = {joint.joint: joint_line(joint, form) for joint in joints}
+    notes = _loads(scene, result) + (_soft(scene, result, joints) if to == "mjcf" else ())
+    header = [
+        f"{file_name(scene.source)} for {form.title}, written by pinfric.",
+        "Friction is given by constants, fitted to the motor's torque times the ratio, less that "
+        f"of the frictionless robot, over {file_name(name)} ({len(result.status)} samples); beside "
+        "each joint their error against the scene's torque while the joint moves.",
+        *(f"Not in this file: {line}." for line in left_out),
+        *(f"{line[0].upper()}{line[1:]}." for line in notes),
+        f"While a joint rests the scene has a torque range, given at each joint: {form.at_rest}.",
+    ]
+    text = _WRITERS[to](scene, joints, lines, header)
+    return Exported(scene.source, name, to, len(result.status), joints, left_out, notes, text)
+
+
+def _loads(scene: Scene, result: InverseResult) -> tuple[str, ...]:
+    """Which payloads the constants were fitted with."""
+    carried, samples, parts = result.states.attached, len(result.status), []
+    for k, (name, payload) in enumerate(scene.payloads.items()):
+        count = samples * payload.attached if carried is None else int(carried[:, k].sum())
+        if count:
+            often = "all samples" if count == samples else f"{count} of {samples} samples"
+            parts.append(f"{name!r} ({payload.mass:g} kg at {payload.link}) in {often}")
+    if not parts:
+        return ()
+    return (
+        f"fitted with the payload {', '.join(parts)}; the stated errors hold for an engine whose "
+        "robot carries the same in the same samples: without it there, its torque lacks the "
+        "payload's own as well",
+    )
+
+
+def _soft(scene: Scene, result: InverseResult, joints: Sequence[JointConstants]) -> tuple[str, ...]:
+    """Samples in which MuJoCo's friction is not whole: it misses by more than is stated."""
+    tree = bodies(scene)
+    mass = mass_matrices(scene.twin(), pin.neutral(scene.model)[None])[0]
+    armature = [joint.armature + body.armature for joint, body in zip(joints, tree, strict=True)]
+    mobility = np.diag(np.linalg.inv(mass + np.diag(armature)))
+    parts = []
+    for joint, body, A in zip(joints, tree, mobility, strict=True):
+        v, a = (x[:, body.joint.index_v] for x in (result.states.v, result.states.a))
+        near = soft(v, a, joint.frictionloss, A) & (np.abs(v) > 0.0)
+        if near.any():
+            parts.append(f"{joint.joint} {counted(int(near.sum()), 'sample')}")
+    where = f" ({', '.join(parts)} of this motion)" if parts else ""
+    return (
+        "near rest MuJoCo's friction is soft: where |a + 1000 v| < 0.001 frictionloss (M^-1)_jj, "
+        f"its torque misses by up to twice the frictionloss more than is stated{where}",
+    )
+
+
+def _along(scene: Scene, trajectory: MotionLike | None) -> tuple[InverseResult, str]:
+    """Inverse dynamics along a motion, or of random states, and what it is called."""
+    if trajectory is None:
+        q, v, a = random_states(scene)
+        found = inverse_dynamics(scene, q, v, a)
+        return found, f"{len(q)} random states inside the limits"
+    found = inverse_dynamics(scene, trajectory)
+    return found, str(getattr(trajectory, "source", "a simulated motion"))
+
+
+def _for_cpp(
+    scene: Scene,
+    trajectory: MotionLike | None,
+    frames: Sequence[str],
+    posterior: str | Path | None,
+    called: str,
+) -> Exported:
+    """A compensator; its constants are what a controller would have without it."""
+    check_compensated(scene)
+    check_frames(scene, frames)
+    coupled = any(drive.couples for drive in scene.drives)  # no joint has constants of its own
+    result, name = _along(scene, trajectory)
+    columns = () if coupled else check_plain_tree(scene)
+    joints = joint_constants(result, columns, tuple(FORMATS["cpp"].terms))
+    unknown = level_uncertainty(scene, result, posterior)
+    files = compensator(scene, result, frames, unknown, called)
+    beside = {f"{called}_test.cpp": files.test}
+    samples = len(result.status)
+    made = files.header, beside, unknown
+    return Exported(scene.source, name, "cpp", samples, joints, (), (), *made, name=called)
+
+
+def _mjcf(
+    scene: Scene, joints: Sequence[JointConstants], lines: dict[str, str], header: Sequence[str]
+) -> str:
+    tree = bodies(scene)
+    for body in tree:
+        if why := implausible_body(body.inertia.mass, body.inertia.inertia):
+            raise PinfricError(
+                f"{scene.source}: joint {body.joint.name!r} moves a body that MuJoCo refuses: "
+                f"{why}; correct the <inertia> of its links"
+            )
+    entries = [
+        MjcfJoint(
+            joint.frictionloss,
+            joint.damping,
+            joint.armature + body.armature,
+            joint.ratio,
+            lines[joint.joint],
+        )
+        for joint, body in zip(joints, tree, strict=True)
+    ]
+    name = Path(scene.source).stem
+    return mjcf(name, tree, entries, scene.model.gravity.linear, comment=header)
+
+
+_WRITERS = {
+    "mjcf": _mjcf,
+    "urdf": urdf,
+    "ur": ur_script,
+    "sdf": sdf,
+    "isaaclab": isaaclab,
+    "newton": newton,
+    "pinocchio": pinocchio,
+}
+
+
+def joint_line(joint: JointConstants, form: Format) -> str:
+    """Return a joint's line in the file: constants, their error, torque range at rest."""
+    unit, name = joint.unit, joint.joint
+    rest = ""
+    if np.isfinite(joint.rest_lower):
+        rest = f"; standing still {joint.rest_lower:.3g} to {joint.rest_upper:.3g} {unit}"
+    if not joint.moving:
+        return f"{name}: cannot move and has no constants{rest}"
+    known = ""
+    if joint.unmoved:
+        name = f"{name} (never moves in this motion: constants of random states)"
+        if "armature" in form.terms:
+            known = (
+                f"; the armature is ratio^2 times the rotor inertia, fitting it instead leaves an "
+                f"rms of {joint.fitted_rms:.5g} {unit}"
+            )
+    units = {
+        "frictionloss": unit,
+        "damping": unit_at("N m s/rad or N s/m", unit),
+        "armature": unit_at(INERTIA, unit),
+    }
+    constants = ", ".join(
+        f"{label} {getattr(joint, term):.4g} {units[term]}" for term, label in form.terms.items()
+    )
+    at = f"t {joint.worst_time:.4g} s, " if np.isfinite(joint.worst_time) else ""
+    load = joint.worst_load if abs(joint.worst_load) > 1e-9 * joint.torque_peak else 0.0
+    doubt = "" if joint.apart else "; the motion does not determine each of these constants"
+    return (
+        f"{name}: {constants}; error rms {joint.error_rms:.5g}, peak {joint.error_peak:.5g} {unit} "
+        f"(at {at}load {load:.3g} {unit}, {joint.worst_speed:.3g} "
+        f"{unit_at(SPEED, unit)}) of a torque of rms {joint.torque_rms:.4g}, peak "
+        f"{joint.torque_peak:.4g} {unit}, {counted(joint.moving, 'moving sample')}{rest}{known}"
+        f"{doubt}"
+    )
+
+
+def _left_out(scene: Scene, to: str) -> tuple[str, ...]:
+    """What the scene has and the file has not, with the key of the first place."""
+    held = {"static"} if to == "isaaclab" else set()
+    lines = [
+        f"{_LEFT_OUT[effect.name]} ({effect.why})"
+        for effect in effects(scene)
+        if effect.on and effect.name in _LEFT_OUT.keys() - held
+    ]
+    for name, friction in scene.friction.items():
+        lines += [
+            f"the direction of friction.{name}.{key}: one constant for both directions"
+            for key, term in friction.named_terms.items()
+            if term.directed
+        ]
+    for drive in scene.drives:
+        gear = drive.transmission
+        lines += [
+            f"the {key} of the gear of {drive.name}: the joint is rigid there"
+            for key in ("stiffness", "hysteresis")
+            if gear is not None and getattr(gear, key) is not None
+        ]
+    for name, payload in scene.payloads.items():
+        if not payload.attached and to in ("mjcf", "urdf", "sdf"):
+            lines.append(
+                f"the payload {name!r} ({payload.mass:g} kg at {payload.link}), which the "
+                "scene does not carry by default"
+            )
+    lines += _NOT_THERE.get(to, ())
+    if to in ("urdf", "sdf"):
+        gravity = scene.model.gravity.linear
+        if not np.allclose(gravity, [0.0, 0.0, -9.81]):
+            lines.append(f"gravity, {gravity.tolist()} m/s^2")
+        if any(drive.transmission is not None for drive in scene.drives):
+            lines.append("ratios and rotor inertias of the drives: the format has no key for them")
+    return tuple(lines)

@@ -1,0 +1,214 @@
+"""MJCF, MuJoCo's format, from a robot's bodies; written without MuJoCo."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.errors import one_line
+from pinfric.exporting.tree import Body
+
+#: Dry friction of joints as hard and as quick as a step of 1 ms lets MuJoCo have it. By default it
+#: follows a + 100 v, not v: of the wrong sign while a joint brakes.
+HARD_FRICTION = {"solreffriction": "0.002 1", "solimpfriction": "0.9999 0.9999"}
+#: Of these: b = 2/(d_max x time constant), 1/s, and (1 - d)/d of the constraint's impedance d.
+_PULL, _YIELD = 2.0 / (0.9999 * 0.002), (1.0 - 0.9999) / 0.9999
+TIMESTEP = 1e-3
+#: Least mass (kg) and moments of inertia (kg m^2) of a body: MuJoCo refuses links without any.
+_LEAST_MASS, _LEAST_INERTIA = 1e-9, 1e-12
+#: Radius (m) of the capsules that stand for the links.
+_RADIUS = 0.02
+
+
+@dataclass(frozen=True)
+class MjcfJoint:
+    """What MuJoCo is to compute of one joint.
+
+    Attributes:
+        frictionloss: dry friction (N m or N).
+        damping: N m s/rad or N s/m.
+        armature: kg m^2 or kg.
+        gear: motor turns per turn of the joint; None: no actuator.
+        comment: written beside the joint; empty for none.
+    """
+
+    frictionloss: float
+    damping: float
+    armature: float
+    gear: float | None = None
+    comment: str = ""
+
+
+def soft(
+    velocity: np.ndarray, acceleration: np.ndarray, frictionloss: float, mobility: float
+) -> np.ndarray:
+    """Return (T,) where MuJoCo's dry friction is not whole yet: |a + b v| < (1 - d)/d f A.
+
+    Its friction is a soft constraint: near rest it grows with a + b v up to the frictionloss.
+
+    Args:
+        velocity, acceleration: (T,) of the joint. frictionloss: f.
+        mobility: A, of (M + armature)^-1 at q = 0 the joint's diagonal entry.
+
+    Source: MuJoCo documentation, Computation: constraint model, solref and solimp.
+    """
+    reached: np.ndarray = np.abs(acceleration + _PULL * velocity) < _YIELD * frictionloss * mobility
+    return reached
+
+
+def mjcf(
+    name: str,
+    bodies: Sequence[Body],
+    joints: Sequence[MjcfJoint],
+    gravity: np.ndarray,
+    *,
+    timestep: float = TIMESTEP,
+    friction: Mapping[str, str] = HARD_FRICTION,
+    limits: bool = True,
+    comment: Sequence[str] = (),
+) -> str:
+    """Return a robot as MJCF: bodies with their masses, joints with limits, frames, motors.
+
+    Args:
+        name: the model's.
+        bodies: parents before children.
+        joints: one per body.
+        gravity: (3,) m/s^2.
+        timestep: s.
+        friction: attributes of all joints that say how MuJoCo's friction constraint is solved.
+        limits: whether joints stop at theirs.
+        comment: lines at the top.
+    """
+    root = ElementTree.Element("mujoco", model=name)
+    root.extend(xml_comment(line) for line in comment)
+    _add(
+        root,
+        "compiler",
+        angle="radian",
+        autolimits="true",
+        inertiafromgeom="false",
+        boundmass=_number(_LEAST_MASS),
+        boundinertia=_number(_LEAST_INERTIA),
+    )
+    option = _add(
+        root,
+        "option",
+        gravity=_numbers(gravity),
+        timestep=_number(timestep),
+        integrator="implicitfast",
+    )
+    if not limits:
+        _add(option, "flag", limit="disable")
+    default = _add(root, "default")
+    _add(default, "joint", **friction)
+    world = _add(root, "worldbody")
+    elements = {-1: world}
+    for row, (body, joint) in enumerate(zip(bodies, joints, strict=True)):
+        elements[row] = _add_body(elements[body.parent], body, joint)
+        if body.parent >= 0:
+            _add_capsule(elements[body.parent], body.placement.translation)
+    motors = [(b.joint.name, j.gear) for b, j in zip(bodies, joints, strict=True)]
+    if any(gear is not None for _, gear in motors):
+        actuator = _add(root, "actuator")
+        for joint_name, gear in motors:
+            if gear is not None:
+                _add(actuator, "motor", name=joint_name, joint=joint_name, gear=_number(gear))
+    return xml_text(root)
+
+
+def _add_body(parent: ElementTree.Element, body: Body, joint: MjcfJoint) -> ElementTree.Element:
+    element = _add(parent, "body", name=body.link, **_place(body.placement))
+    inertia = _inertia(body)
+    moments = [inertia[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+    _add(
+        element,
+        "inertial",
+        pos=_numbers(body.inertia.lever),
+        mass=_number(body.inertia.mass),
+        fullinertia=_numbers(moments),
+    )
+    if joint.comment:
+        element.append(xml_comment(joint.comment))
+    limits = {}
+    if np.isfinite([body.joint.lower, body.joint.upper]).all():
+        limits["range"] = _numbers([body.joint.lower, body.joint.upper])
+    if np.isfinite(body.effort_limit):
+        limits["actuatorfrcrange"] = _numbers([-body.effort_limit, body.effort_limit])
+    _add(
+        element,
+        "joint",
+        name=body.joint.name,
+        axis=_numbers(body.axis),
+        type="slide" if body.joint.unit == "m" else "hinge",
+        frictionloss=_number(joint.frictionloss),
+        damping=_number(joint.damping),
+        armature=_number(joint.armature),
+        **limits,
+    )
+    for name, placement in body.frames.items():
+        _add(element, "site", name=name, **_place(placement))
+    return element
+
+
+def _add_capsule(element: ElementTree.Element, to: np.ndarray) -> None:
+    """From a body's joint to the next: something to see, without mass and contact."""
+    if np.linalg.norm(to) > _RADIUS:
+        _add(
+            element,
+            "geom",
+            type="capsule",
+            size=_number(_RADIUS),
+            fromto=_numbers([0, 0, 0, *to]),
+            mass="0",
+            contype="0",
+            conaffinity="0",
+            group="1",
+        )
+
+
+def _inertia(body: Body) -> np.ndarray:
+    """The body's (3, 3) inertia, raised so that rounding leaves the triangle inequality true."""
+    inertia = body.inertia.inertia
+    moments = np.linalg.eigvalsh(inertia)
+    lacking = max(moments[2] - moments[0] - moments[1], -moments[0], 0.0)
+    rounding = 1e-12 * moments[2]
+    near = moments[2] - moments[0] - moments[1] > -rounding
+    return np.asarray(inertia + (lacking + rounding) * np.eye(3)) if near else inertia
+
+
+def _add(parent: ElementTree.Element, tag: str, **attributes: str) -> ElementTree.Element:
+    return ElementTree.SubElement(parent, tag, attributes)
+
+
+def _place(placement: pin.SE3) -> dict[str, str]:
+    x, y, z, w = pin.Quaternion(placement.rotation).coeffs()
+    return {"pos": _numbers(placement.translation), "quat": _numbers([w, x, y, z])}
+
+
+def _number(x: float) -> str:
+    return repr(float(x))  # as it is: MuJoCo reads all digits
+
+
+def _numbers(values: Iterable[float]) -> str:
+    return " ".join(map(_number, values))
+
+
+def xml_comment(text: str) -> ElementTree.Element[Any]:
+    """Return a comment; "--", which XML forbids in one, is written apart."""
+    return ElementTree.Comment(f" {re.sub('-(?=-)', '- ', one_line(text))} ")
+
+
+def xml_text(root: ElementTree.Element) -> str:
+    """Return an XML file, indented."""
+    ElementTree.indent(root)
+    return (
+        '<?xml version="1.0" encoding="utf-8"?>\n'
+        + ElementTree.tostring(root, encoding="unicode")
+        + "\n"
+    )

@@ -1,0 +1,544 @@
+"""Load-dependent friction inside MuJoCo: its friction limits are set anew at every step.
+
+MuJoCo holds joints by up to `frictionloss`, a constant. Here it follows the load. With the wrench w
+of a joint from MuJoCo's own reactions (`cfrc_int`, contacts among them) and a direction d of
+motion, or of the motion that threatens,
+
+    B = mu c(w) + coulomb            static where the joint sticks, else kinetic
+    t = tau + d B + drag(v)          what passes the gear; tau = w about (along) the axis
+    frictionloss = d (F_d(t) - tau) - viscous |v|,      F_d: `drives.gear_line`
+
+from the step before. A gear's loss acts back on tau with the gain (F' - 1) M/(M + J) per unit of
+frictionloss, so in motion the change is divided by 1 + that gain (Newton's step): without it gears
+of low efficiency zigzag. Where that is not above 0 the gear jams, which is refused.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.dynamics.forward.compensation import check_compensated
+from pinfric.dynamics.samples.motor_torques import scene_gears
+from pinfric.errors import PinfricError, choose_from
+from pinfric.exporting.mujoco_callback import Callback, jams, with_memory
+from pinfric.exporting.tree import bodies
+from pinfric.kernels.compiled import compiling, kernel
+from pinfric.model.bearings import normal_loads
+from pinfric.model.drives import Gears, gear_drag, gear_line
+from pinfric.model.laws import Laws, law_at
+from pinfric.model.scene import Scene, expect_scene
+
+#: Least friction limit (N m or N): MuJoCo has no row for a joint without any.
+_LEAST = 1e-9
+#: Holds any joint while its first load is found (N m or N).
+_HELD = 1e9
+#: Impedance of the friction constraint from the first on: what is held creeps least.
+_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
+#: Relative difference of reactions, and absolute one of poses (m, rad), that counts as the same.
+_SAME_WRENCH, _SAME_POSE = 1e-6, 1e-7
+
+
+class MujocoFriction:
+    """A scene's friction in a MuJoCo model; see `mujoco_friction`.
+
+    Attributes:
+        scene: with the friction.
+        model: its `dof_frictionloss` changes at every step; one per thread.
+        dofs: (nv,) MuJoCo's degree of freedom of each of the scene's drives.
+    """
+
+    def __init__(self, scene: Scene, model: Any) -> None:
+        self._mujoco = mujoco = _mujoco()
+        self.scene, self.model = scene, model
+        found = _joints(mujoco, scene, model)
+        self._joint = np.array(found)
+        self.dofs = np.array(model.jnt_dofadr[found])
+        self._body = np.array(model.jnt_bodyid[found])
+        self._root = np.array(model.body_rootid[self._body])
+        _check_solver(mujoco, scene, model, self._joint, self.dofs)
+        self._tree = tree = bodies(scene)
+        _check_same_robot(mujoco, self, tree)
+        self._qpos = np.array(model.jnt_qposadr[found])
+        self._axis = np.zeros((len(tree), 6))
+        for row, body in zip(self._axis, tree, strict=True):
+            row[:3] = body.axis if body.joint.unit == "m" else 0.0
+            row[3:] = body.axis if body.joint.unit != "m" else 0.0
+        self._tables, self._gears = scene.site_tables, scene_gears(scene)
+        self._site = np.full(len(tree), -1)
+        self._site[self._tables.velocity_index] = np.arange(len(scene.sites))
+        self._timestep = float(model.opt.timestep)
+        self._callback: Callback | None = None
+        self._calls = False  # whether it is installed
+        self._write_constants()
+        with compiling():
+            self.start(mujoco.MjData(model))
+
+    def _write_constants(self) -> None:
+        """Set what does not depend on the load: rotors, damping, hardness of the constraint."""
+        model, gears, laws = self.model, self._gears, self._tables.laws
+        self._own = np.array([body.armature for body in self._tree])
+        linear = np.where(gears.power == 1.0, gears.viscous, 0.0) * gears.ratio**2
+        viscous = np.where(self._site >= 0, laws.viscous[self._site] if laws.viscous.size else 0, 0)
+        model.dof_armature[self.dofs] = gears.ratio**2 * gears.rotor_inertia + self._own
+        model.dof_damping[self.dofs] = viscous + linear
+        model.dof_solref[self.dofs] = 2.0 * self._timestep, 1.0
+        model.dof_solimp[self.dofs] = _SOLIMP
+        model.dof_frictionloss[self.dofs] = _LEAST
+        self._mujoco.mj_setConst(model, self._mujoco.MjData(model))
+        rotor = model.dof_armature[self.dofs] - self._own
+        self._share = 1.0 - rotor * model.dof_invweight0[self.dofs]  # M/(M + J)
+
+    def start(self, data: Any) -> None:
+        """Set the limits of the state in `data`: joints at or below their stick velocity rest.
+
+        Args:
+            data: MjData of the model, with its `qpos`, `qvel` and `ctrl`.
+
+        Raises:
+            PinfricError: a gear jams.
+        """
+        resting = np.abs(data.qvel[self.dofs]) <= self._gears.stick_velocity
+        self.model.dof_frictionloss[self.dofs] = np.where(resting, _HELD, _LEAST)
+        for _ in range(2):  # the second: with the friction of what moves
+            self._mujoco.mj_forward(self.model, data)
+            self._mujoco.mj_rnePostConstraint(self.model, data)
+            direction = np.where(resting, -self._last(data)[0], data.qvel[self.dofs])
+            old = self.model.dof_frictionloss[self.dofs]
+            limits = self._limits(data, resting, direction, np.where(resting, old, np.nan))
+            self.model.dof_frictionloss[self.dofs] = np.where(resting, _HELD, limits)
+        self.model.dof_frictionloss[self.dofs] = limits
+
+    def step(self, data: Any) -> None:
+        """Advance by one time step, then set the limits of the next: `mj_step` with friction.
+
+        Args:
+            data: MjData of the model, after `start`.
+
+        Raises:
+            PinfricError: a gear jams; the time step was changed.
+        """
+        mujoco, model = self._mujoco, self.model
+        if model.opt.timestep != self._timestep:
+            raise PinfricError(
+                f"mujoco_friction: the time step is {model.opt.timestep:g} s and was "
+                f"{self._timestep:g} s: make the friction anew for another one"
+            )
+        before = data.qvel.copy()
+        mujoco.mj_step(model, data)
+        after = data.qvel.copy()
+        data.qvel[:] = before  # reactions belong to the state at which they were solved
+        mujoco.mj_rnePostConstraint(model, data)
+        data.qvel[:] = after
+        model.dof_frictionloss[self.dofs] = self._next(data)
+
+    def _next(self, data: Any) -> np.ndarray:
+        """(nv,) limits after a step whose reactions are known."""
+        (force, used), rate = self._last(data), data.qvel[self.dofs]
+        sticks = _sticking(force, used)
+        fast = ~sticks & (np.abs(rate) > self._gears.stick_velocity)
+        return self._limits(data, sticks, np.where(fast, rate, -force), used)
+
+    @contextmanager
+    def installed(self) -> Iterator[None]:
+        """Let MuJoCo call friction by itself, compiled: in `mj_step` and in `mujoco.rollout`.
+
+        `model` must come of an MjSpec. MuJoCo then calls for every `MjData` of `model` and of its
+        copies, in several threads, too; `start` and `step` are not needed. A motion begins as by
+        `start` wherever a state does not follow from the step before, so at each rollout's start.
+
+        Raises:
+            PinfricError: no C++ compiler; no MjSpec was given; another control or sensor callback
+                is set; at the end of the `with`: a gear jammed, or the time step was changed.
+
+        Source: MuJoCo documentation, API reference: physics callbacks.
+        """
+        if self._callback is None:
+            places = self._joint, self._own, self._share
+            constants = {"LEAST": _LEAST, "HELD": _HELD}
+            self._callback = Callback(self._mujoco, self.scene, self.model, places, constants)
+        with self._callback.installed():
+            self._calls = True
+            try:
+                yield
+            finally:
+                self._calls = False
+
+    def sticking(self, data: Any) -> np.ndarray:
+        """Return (nv,) bool, whether each joint stuck in the last step."""
+        return _sticking(*self._last(data))
+
+    def limit(self, data: Any) -> np.ndarray:
+        """Return (nv,) the friction limits of the next step (N m or N)."""
+        return self._next(data) if self._calls else self.model.dof_frictionloss[self.dofs].copy()
+
+    def normal_load(self, data: Any) -> np.ndarray:
+        """Return (ns,) the normal loads of the scene's joints with friction (N m or N)."""
+        return self._loads(data, self.wrench(data))
+
+    def _loads(self, data: Any, wrench: np.ndarray) -> np.ndarray:
+        tables, load = self._tables, np.zeros((1, len(self.scene.sites)))
+        place = np.zeros_like(load)
+        place[0] = data.qpos[self._qpos][tables.velocity_index]
+        normal_loads(wrench[None], tables.joint, tables.contacts, place, load)
+        return load[0]
+
+    def wrench(self, data: Any) -> np.ndarray:
+        """Return (nj, 6) parent on child in the child's joint frame, linear first (N, N m)."""
+        out = np.empty((len(self.dofs), 6))
+        places = data.subtree_com, data.xpos, data.xmat
+        write_wrenches(data.cfrc_int, *places, self._body, self._root, out)
+        return out
+
+    def _last(self, data: Any) -> tuple[np.ndarray, np.ndarray]:
+        """(nv,) friction of the last step, on the child along the joint, and its limits."""
+        force, used = np.zeros(self.model.nv), np.zeros(self.model.nv)
+        start, end = data.ne, data.ne + data.nf
+        of = data.efc_id[start:end]
+        if self.model.ntendon:  # their friction comes after that of joints
+            kind = self._mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF
+            of = of[data.efc_type[start:end] == kind]
+        end = start + of.size
+        force[of], used[of] = data.efc_force[start:end], data.efc_frictionloss[start:end]
+        return force[self.dofs], used[self.dofs]
+
+    def _stops(self, data: Any) -> np.ndarray:
+        """(nv,) what acts beside the drive: stops and springs at the joints (N m or N)."""
+        beside = np.array(data.qfrc_spring[self.dofs])
+        if data.nl:
+            kind = self._mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT
+            for row in np.flatnonzero(data.efc_type == kind):
+                for i in np.flatnonzero(self._joint == data.efc_id[row]):
+                    low, high = self.model.jnt_range[self._joint[i]]
+                    below = 2.0 * data.qpos[self._qpos[i]] < low + high
+                    beside[i] += data.efc_force[row] if below else -data.efc_force[row]
+        return beside
+
+    def _limits(
+        self, data: Any, sticks: np.ndarray, direction: np.ndarray, old: np.ndarray
+    ) -> np.ndarray:
+        """Limits (nv,) of the next step; old: NaN where there are none before."""
+        wrench = self.wrench(data)
+        tau = (wrench * self._axis).sum(axis=1) + self._own * data.qacc[self.dofs]
+        out = np.empty(len(self.dofs))
+        d = write_limits(
+            self._tables.laws,
+            self._gears,
+            self._site,
+            self._loads(data, wrench),
+            tau - self._stops(data),
+            data.qvel[self.dofs],
+            np.where(direction < 0.0, -1.0, 1.0),
+            sticks,
+            self._share,
+            old,
+            out,
+        )
+        if d >= 0:
+            raise jams(self.scene, d, f"at t = {data.time:.4g} s")
+        return out
+
+
+def _sticking(force: np.ndarray, used: np.ndarray) -> np.ndarray:
+    return np.asarray(np.abs(force) < (1.0 - 1e-12) * used)
+
+
+@kernel
+def write_wrenches(
+    reaction: np.ndarray,
+    com: np.ndarray,
+    place: np.ndarray,
+    turn: np.ndarray,
+    body: np.ndarray,
+    root: np.ndarray,
+    out: np.ndarray,
+) -> None:
+    """Write MuJoCo's reactions (nj, 6) at the joints, in their children's axes, linear first.
+
+    Args:
+        reaction, com, place, turn: `cfrc_int`, `subtree_com`, `xpos`, `xmat` of the bodies.
+        body, root: (nj,) of each joint, and its tree's first.
+        out: (nj, 6) parent on child, overwritten.
+    """
+    for j in range(body.size):
+        b, c = body[j], com[root[j]] - place[body[j]]
+        m, f = reaction[b, :3], reaction[b, 3:]
+        moment = (
+            m[0] + c[1] * f[2] - c[2] * f[1],
+            m[1] + c[2] * f[0] - c[0] * f[2],
+            m[2] + c[0] * f[1] - c[1] * f[0],
+        )
+        for k in range(3):
+            out[j, k] = out[j, 3 + k] = 0.0
+            for i in range(3):
+                out[j, k] += turn[b, 3 * i + k] * f[i]
+                out[j, 3 + k] += turn[b, 3 * i + k] * moment[i]
+
+
+@kernel
+def write_limits(
+    laws: Laws,
+    gears: Gears,
+    site: np.ndarray,
+    load: np.ndarray,
+    tau: np.ndarray,
+    velocity: np.ndarray,
+    direction: np.ndarray,
+    sticks: np.ndarray,
+    share: np.ndarray,
+    old: np.ndarray,
+    out: np.ndarray,
+) -> int:
+    """Write the friction limit (nv,) of each joint, and return the drive that jams, or -1.
+
+    Args:
+        laws, gears: of the scene.
+        site: (nv,) row of the joint's friction, -1: it has none. load: (ns,) normal loads.
+        tau: (nv,) wrenches about or along the axes. velocity: (nv,). direction: (nv,) 1 or -1.
+        sticks: (nv,) bool. share: (nv,) M/(M + J). old: (nv,) limits before, or NaN.
+        out: (nv,), overwritten (N m or N).
+    """
+    for d in range(out.size):
+        way, speed, v = direction[d], 0.0, 0.0
+        if not sticks[d]:
+            v, speed = velocity[d], abs(velocity[d])
+        dry = drag = viscous = 0.0
+        if site[d] >= 0:
+            law, c = law_at(laws, site[d], way * max(speed, 1e-300)), load[site[d]]
+            if sticks[d]:
+                dry = law.static_mu * c + (law.static_forward if way > 0 else law.static_backward)
+            else:
+                dry = law.mu * c + (law.forward if way > 0 else law.backward)
+                drag, viscous = law.drag_mu * c + law.drag, law.viscous * v
+        t = tau[d] + way * (dry + drag) + viscous
+        slope, offset, _, _ = gear_line(gears, d, way, speed, sticks[d], t)
+        found = way * (slope * t + offset - tau[d] - viscous)
+        if gears.power[d] != 1.0:
+            found += abs(gear_drag(gears, d, v))
+        if sticks[d]:  # a self-locking gear may need more for the load that friction lets it bear
+            other = tau[d] - way * dry
+            slope, offset, _, _ = gear_line(gears, d, way, 0.0, True, other)
+            found = max(found, way * (slope * other + offset - tau[d]))
+        elif old[d] == old[d]:
+            gain = 1.0 + (slope - 1.0) * share[d]
+            if gain <= 0.0:
+                return d
+            found = old[d] + (found - old[d]) / gain
+        out[d] = max(found, _LEAST)
+    return -1
+
+
+def mujoco_friction(scene: Scene, model: Any) -> MujocoFriction:
+    """Return the friction of a scene for a MuJoCo model: its limits follow the load at every step.
+
+    frictionloss = d (F_d(tau + d B + drag) - tau) - viscous |v|; see the module's text. Armature
+    (rotors), damping and `solref` of the model are set.
+
+    Args:
+        scene: an open chain with a drive at each joint.
+        model: mujoco.MjModel of the same robot, with the payloads that the scene carries by
+            default: joints of the same names, axes and frames, as `pf.export(scene)` writes it;
+            or a mujoco.MjSpec of it, which `installed` needs.
+
+    Raises:
+        PinfricError: MuJoCo is not installed; loops, cylinders, coupled or mimic joints; a model
+            whose joints, axes, frames or masses differ, named; an equality or a fixed tendon on a
+            joint with friction; the integrator RK4; a gear that jams (by `start` and `step`).
+
+    Source: MuJoCo documentation, Computation: constraint model, friction loss.
+    """
+    expect_scene(scene, "mujoco_friction")
+    check_compensated(scene)
+    mujoco = _mujoco()
+    if isinstance(model, mujoco.MjSpec):
+        model = with_memory(mujoco, model, len(scene.joint_names))
+    if not isinstance(model, mujoco.MjModel):
+        raise PinfricError(
+            f"mujoco_friction: model is a {type(model).__name__}, not a mujoco.MjModel or MjSpec: "
+            "give mujoco.MjModel.from_xml_string(pf.export(scene).text)"
+        )
+    return MujocoFriction(scene, model)
+
+
+def _mujoco() -> Any:
+    try:
+        return import_module("mujoco")
+    except ImportError:
+        raise PinfricError("mujoco_friction needs mujoco: pip install 'pinfric[mujoco]'") from None
+
+
+def _joints(mujoco: Any, scene: Scene, model: Any) -> list[int]:
+    """The model's joint of each of the scene's."""
+    found, kind = [], mujoco.mjtJoint
+    for body in bodies(scene):
+        name = body.joint.name
+        j = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
+        if j < 0:
+            every = [model.joint(i).name for i in range(model.njnt)]
+            raise PinfricError(
+                f"{scene.source}: the MuJoCo model has no joint {name!r}; "
+                f"{choose_from(name, every)}"
+            )
+        wanted = kind.mjJNT_SLIDE if body.joint.unit == "m" else kind.mjJNT_HINGE
+        if model.jnt_type[j] != wanted:
+            raise PinfricError(
+                f"{scene.source}: joint {name!r} is of another kind in the MuJoCo model: "
+                f"{kind(model.jnt_type[j]).name}, not {wanted.name}"
+            )
+        if not np.allclose(model.jnt_axis[j], body.axis, rtol=0.0, atol=_SAME_POSE):
+            raise PinfricError(
+                f"{scene.source}: the axis of joint {name!r} is {model.jnt_axis[j].tolist()} in "
+                f"the MuJoCo model and {body.axis.tolist()} in the scene"
+            )
+        found.append(j)
+    _check_nothing_between(scene, model, found)
+    return found
+
+
+def _check_nothing_between(scene: Scene, model: Any, found: list[int]) -> None:
+    """Refuse further joints in the robot; a cart under it may have its own."""
+    for j, body in zip(found, bodies(scene), strict=True):
+        above = int(model.jnt_bodyid[found[body.parent]]) if body.parent >= 0 else None
+        at = int(model.jnt_bodyid[j])
+        while True:
+            first, count = model.body_jntadr[at], model.body_jntnum[at]
+            for more in {*range(first, first + count)} - {j}:
+                raise PinfricError(
+                    f"{scene.source}: the MuJoCo model has the joint {model.joint(more).name!r} "
+                    f"beside or above {body.joint.name!r}, which the scene has not: its robot is "
+                    "another"
+                )
+            at = int(model.body_parentid[at])
+            if above is None or at in (above, 0):
+                break
+
+
+def _check_solver(
+    mujoco: Any, scene: Scene, model: Any, joints: np.ndarray, dofs: np.ndarray
+) -> None:
+    """Refuse what would make the friction another."""
+    name = {int(j): body.joint.name for j, body in zip(joints, bodies(scene), strict=True)}
+    if model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
+        raise PinfricError(
+            "mujoco_friction: the integrator RK4 solves friction four times a step; "
+            "take implicitfast"
+        )
+    if not model.opt.timestep > 0.0:
+        raise PinfricError(
+            f"mujoco_friction: the model's time step is {model.opt.timestep:g} s; give one above 0"
+        )
+    bits = mujoco.mjtDisableBit
+    for bit, flag in (
+        (bits.mjDSBL_FRICTIONLOSS, "frictionloss"),
+        (bits.mjDSBL_CONSTRAINT, "constraint"),
+    ):
+        if model.opt.disableflags & bit:
+            raise PinfricError(f"mujoco_friction: the model's flag {flag} is disabled; enable it")
+    for e in range(model.neq):
+        pair = (int(model.eq_obj1id[e]), int(model.eq_obj2id[e]))
+        if model.eq_type[e] == mujoco.mjtEq.mjEQ_JOINT and (hit := name.keys() & {*pair}):
+            raise PinfricError(
+                f"mujoco_friction: an equality acts on joint {name[hit.pop()]!r}: its torque would "
+                "count as the gear's"
+            )
+    for w in range(model.nwrap):
+        joint = int(model.wrap_objid[w])
+        if model.wrap_type[w] == mujoco.mjtWrap.mjWRAP_JOINT and joint in name:
+            raise PinfricError(
+                f"mujoco_friction: a fixed tendon acts on joint {name[joint]!r}: its torque would "
+                "count as the gear's"
+            )
+    sprung = np.array(model.tendon_stiffness != 0.0)
+    sprung |= getattr(model, "tendon_stiffnesspoly", sprung[:, None]).any(axis=1)
+    data, lengths = mujoco.MjData(model), []
+    for place in np.random.default_rng(0).uniform(-1.0, 1.0, (2, len(joints))):
+        data.qpos[model.jnt_qposadr[joints]] = place
+        mujoco.mj_fwdPosition(model, data)
+        lengths.append(data.ten_length.copy())
+    for k in np.flatnonzero(sprung & (lengths[0] != lengths[1])):
+        raise PinfricError(
+            f"mujoco_friction: tendon {model.tendon(k).name!r} pulls the robot with a spring, "
+            "whose force would count twice: use a limit of its length"
+        )
+    for d in scene.drives:
+        if d.couples:
+            raise PinfricError(
+                f"{scene.source}: the drive {d.name!r} is coupled with another joint"
+            )
+    if not np.allclose(model.opt.gravity, scene.model.gravity.linear):
+        raise PinfricError(
+            f"mujoco_friction: gravity is {model.opt.gravity.tolist()} in the MuJoCo model and "
+            f"{scene.model.gravity.linear.tolist()} in {scene.source}"
+        )
+
+
+def _check_same_robot(mujoco: Any, friction: MujocoFriction, tree: Any) -> None:
+    """Refuse another robot: poses of joints and reactions at random states must be the scene's."""
+    scene, plain = friction.scene, copy.deepcopy(friction.model)
+    bits = mujoco.mjtDisableBit
+    plain.opt.disableflags |= bits.mjDSBL_CONSTRAINT | bits.mjDSBL_ACTUATION
+    plain.dof_armature[:] = plain.tendon_stiffness[:] = plain.tendon_damping[:] = 0.0
+    data, pins = mujoco.MjData(plain), scene.loaded_model()
+    of, rng = pins.createData(), np.random.default_rng(0)
+    for _ in range(3):
+        q, v, a = rng.uniform(-1.0, 1.0, (3, len(tree)))
+        mujoco.mj_resetData(plain, data)
+        data.qpos[plain.jnt_qposadr[friction._joint]] = q
+        data.qvel[friction.dofs], data.qacc[friction.dofs] = v, a
+        mujoco.mj_fwdPosition(plain, data)
+        mujoco.mj_fwdVelocity(plain, data)
+        mujoco.mj_rnePostConstraint(plain, data)
+        full = _configuration(pins, q)
+        pin.rnea(pins, of, full, v, a)
+        pin.updateGlobalPlacements(pins, of)
+        found = friction.wrench(data)
+        for row, body in enumerate(tree):
+            here, above = friction._body[row], friction._body[body.parent]
+            turn, place = data.xmat[here].reshape(3, 3), data.xpos[here]
+            if body.parent < 0:
+                down = scene.model.gravity.linear
+                apart = turn.T @ down - of.oMi[row + 1].rotation.T @ down
+                if np.abs(apart).max() > _SAME_POSE * np.abs(down).max():
+                    raise PinfricError(
+                        f"{scene.source}: gravity has another direction at joint "
+                        f"{body.joint.name!r} in the MuJoCo model: its base is turned"
+                    )
+            else:
+                base = data.xmat[above].reshape(3, 3)
+                turn, place = base.T @ turn, base.T @ (place - data.xpos[above])
+                apart = of.liMi[row + 1].rotation.T @ turn
+                far = np.linalg.norm(place - of.liMi[row + 1].translation)
+                angle = np.linalg.norm(pin.log3(apart))
+                if max(far, angle) > _SAME_POSE:
+                    raise PinfricError(
+                        f"{scene.source}: joint {body.joint.name!r} is another in the MuJoCo "
+                        f"model: its body stands {far:.3g} m and {angle:.3g} rad from where the "
+                        "scene has it (axis, place, zero or order of joints); `pf.export(scene)` "
+                        "writes a model that fits"
+                    )
+        for row, body in reversed(list(enumerate(tree))):
+            wanted = of.f[row + 1].vector
+            missed = np.abs(found[row] - wanted).max()
+            if missed > _SAME_WRENCH * max(np.abs(wanted).max(), 1.0):
+                raise PinfricError(
+                    f"{scene.source}: masses beyond joint {body.joint.name!r} differ in the "
+                    f"MuJoCo model: a reaction by {missed:.3g} of {np.abs(wanted).max():.3g} N "
+                    "or N m; is a payload carried in one of the two?"
+                )
+
+
+def _configuration(model: pin.Model, q: np.ndarray) -> np.ndarray:
+    """Pinocchio's q of one number per joint."""
+    full = pin.neutral(model)
+    for joint in list(model.joints)[1:]:
+        if joint.nq == 2:
+            full[joint.idx_q : joint.idx_q + 2] = np.cos(q[joint.idx_v]), np.sin(q[joint.idx_v])
+        else:
+            full[joint.idx_q] = q[joint.idx_v]
+    return full

@@ -1,0 +1,100 @@
+"""SDF, Gazebo's and Drake's format, from a robot's bodies: SDFormat 1.7 and later.
+
+A joint's `<dynamics>` holds `damping` (N m s/rad or N s/m) and `friction` (N m or N); Gazebo's
+engines hold joints by up to `friction`, Drake reads `damping` alone.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.exporting.constants import JointConstants
+from pinfric.exporting.mjcf import xml_comment, xml_text
+from pinfric.exporting.tree import Body, bodies
+from pinfric.model.scene import Scene
+
+
+def sdf(
+    scene: Scene, joints: Sequence[JointConstants], lines: Mapping[str, str], header: Sequence[str]
+) -> str:
+    """Return a robot as SDF: links with masses, joints with limits and constants; no shapes.
+
+    Args:
+        scene: with the payloads that it carries by default.
+        joints: the constants.
+        lines: joint -> comment.
+        header: comments at the top.
+    """
+    tree = bodies(scene)
+    root = ElementTree.Element("sdf", version="1.7")
+    root.extend(xml_comment(line) for line in header)
+    model = ElementTree.SubElement(root, "model", name=Path(scene.source).stem)
+    by_name = {joint.joint: joint for joint in joints}
+    # names of links and joints are one set there
+    links = [body.link if body.link not in by_name else f"{body.link}_link" for body in tree]
+    for body, name in zip(tree, links, strict=True):
+        model.append(_link(body, name))
+    for body, name in zip(tree, links, strict=True):
+        model.append(xml_comment(lines[body.joint.name]))
+        ends = "world" if body.parent < 0 else links[body.parent], name
+        model.append(_joint(body, ends, by_name[body.joint.name]))
+    return xml_text(root)
+
+
+def _link(body: Body, name: str) -> ElementTree.Element:
+    """A link whose frame is that of its joint."""
+    link = ElementTree.Element("link", name=name)
+    _text(link, "pose", _numbers([0.0] * 6), relative_to=body.joint.name)
+    inertial = ElementTree.SubElement(link, "inertial")
+    _text(inertial, "pose", _numbers([*body.inertia.lever, 0.0, 0.0, 0.0]))
+    _text(inertial, "mass", _numbers([body.inertia.mass]))
+    inertia, I = ElementTree.SubElement(inertial, "inertia"), body.inertia.inertia  # noqa: E741
+    for i in range(3):
+        for k in range(i, 3):
+            _text(inertia, f"i{'xyz'[i]}{'xyz'[k]}", _numbers([I[i, k]]))
+    return link
+
+
+def _joint(body: Body, ends: tuple[str, str], constants: JointConstants) -> ElementTree.Element:
+    """A joint between two links, the parent's and its own."""
+    parent, child = ends
+    kind = "prismatic" if body.joint.unit == "m" else "revolute"
+    joint = ElementTree.Element("joint", name=body.joint.name, type=kind)
+    _text(
+        joint,
+        "pose",
+        _pose(body.placement),
+        relative_to="__model__" if parent == "world" else parent,
+    )
+    _text(joint, "parent", parent)
+    _text(joint, "child", child)
+    axis = ElementTree.SubElement(joint, "axis")
+    _text(axis, "xyz", _numbers(body.axis))
+    limit = ElementTree.SubElement(axis, "limit")
+    for tag, bound in (("lower", body.joint.lower), ("upper", body.joint.upper)):
+        _text(limit, tag, _numbers([bound if np.isfinite(bound) else np.copysign(1e16, bound)]))
+    if np.isfinite(body.effort_limit):
+        _text(limit, "effort", _numbers([body.effort_limit]))
+    if np.isfinite(body.joint.velocity_limit):
+        _text(limit, "velocity", _numbers([body.joint.velocity_limit]))
+    dynamics = ElementTree.SubElement(axis, "dynamics")
+    _text(dynamics, "damping", _numbers([constants.damping]))
+    _text(dynamics, "friction", _numbers([constants.frictionloss]))
+    return joint
+
+
+def _pose(placement: pin.SE3) -> str:
+    return _numbers([*placement.translation, *pin.rpy.matrixToRpy(placement.rotation)])
+
+
+def _text(parent: ElementTree.Element, tag: str, text: str, **attributes: str) -> None:
+    ElementTree.SubElement(parent, tag, attributes).text = text
+
+
+def _numbers(values: Iterable[float]) -> str:
+    return " ".join(repr(float(x) + 0.0) for x in values)

@@ -1,0 +1,128 @@
+"""A scene's own URDF, with constants of friction in `<dynamics>`, locked joints fixed."""
+
+from __future__ import annotations
+
+import warnings
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.errors import PinfricError, PinfricWarning
+from pinfric.exporting.constants import JointConstants
+from pinfric.exporting.mjcf import xml_comment, xml_text
+from pinfric.model.robot import Robot, changed_parts, read_robot, with_followers
+from pinfric.model.scene import Scene
+from pinfric.model.schema import Payload
+from pinfric.model.urdf import check_urdf, followers, read_document
+from pinfric.model.urdf_file import read_xml
+
+
+def urdf(
+    scene: Scene, joints: Sequence[JointConstants], lines: Mapping[str, str], header: Sequence[str]
+) -> str:
+    """Return the scene's URDF; its `<dynamics>` hold the constants only.
+
+    Locked joints are fixed, payloads that the scene carries by default are links of their own,
+    meshes stay where they are.
+
+    Args:
+        scene: made from a URDF.
+        joints: the constants.
+        lines: joint -> comment before it.
+        header: comments at the top.
+
+    Raises:
+        PinfricError: the scene has no URDF, or its model is not the one of its URDF.
+    """
+    robot = _unchanged_robot(scene)
+    root = read_xml(robot.urdf)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", PinfricWarning)  # said when the scene was read
+        check_urdf(root, robot.urdf)
+    joint_of = {joint.name: joint for joint in read_document(root, robot.urdf).joints}
+    locked = with_followers(robot.locked, followers(root))
+    constants = {joint.joint: joint for joint in joints if joint.moving}
+    for element in root.findall("joint"):
+        name = str(element.get("name"))
+        for old in element.findall("dynamics"):
+            element.remove(old)
+        if name in lines:
+            root.insert(list(root).index(element), xml_comment(lines[name]))
+        if name in locked:
+            _fix(element, joint_of[name], locked[name])
+        elif name in constants:
+            found = constants[name]
+            ElementTree.SubElement(
+                element, "dynamics", damping=repr(found.damping), friction=repr(found.frictionloss)
+            )
+    for mesh in root.iter("mesh"):
+        name = mesh.get("filename", "")
+        if name and "://" not in name:  # beside the file that it was named in
+            mesh.set("filename", str((robot.urdf.parent / name).resolve()))
+    for name, payload in scene.payloads.items():
+        if payload.attached:
+            root.extend(_payload(name, payload))
+    for row, line in enumerate(header):
+        root.insert(row, xml_comment(line))
+    return xml_text(root)
+
+
+def _unchanged_robot(scene: Scene) -> Robot:
+    robot = scene.robot
+    if robot is None:
+        raise PinfricError(
+            f"{scene.source}: has no URDF to write constants into (a model made in Python); export "
+            "to mjcf, which is written from the model"
+        )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", PinfricWarning)
+        file = read_robot(robot.urdf, robot.locked).model
+    file.gravity = scene.model.gravity  # a URDF has none
+    if changed := changed_parts(scene.model, file):
+        raise PinfricError(
+            f"{scene.source}: scene.model is not the one of {Path(robot.urdf).name} "
+            f"({', '.join(changed)}), whose URDF this writes; export to mjcf, which is written "
+            "from the model"
+        )
+    return robot
+
+
+def _fix(element: ElementTree.Element, joint: Any, position: float) -> None:
+    """Make a joint fixed where it is locked."""
+    origin = element.find("origin")
+    if origin is None:
+        origin = ElementTree.SubElement(element, "origin")
+    axis = joint.axis / np.linalg.norm(joint.axis)
+    frame = np.eye(4) if joint.origin is None else joint.origin
+    turn, place = frame[:3, :3], frame[:3, 3]
+    if joint.type == "prismatic":
+        place = place + turn @ axis * position
+    else:
+        turn = turn @ pin.exp3(axis * position)
+    origin.set("xyz", _numbers(place))
+    origin.set("rpy", _numbers(pin.rpy.matrixToRpy(turn)))
+    element.set("type", "fixed")
+    for tag in ("axis", "limit", "mimic", "safety_controller", "calibration"):
+        for old in element.findall(tag):
+            element.remove(old)
+
+
+def _payload(name: str, payload: Payload) -> tuple[ElementTree.Element, ElementTree.Element]:
+    link = ElementTree.Element("link", name=f"payload_{name}")
+    inertial = ElementTree.SubElement(link, "inertial")
+    ElementTree.SubElement(inertial, "origin", xyz=_numbers(payload.com))
+    ElementTree.SubElement(inertial, "mass", value=repr(payload.mass))
+    moments = zip(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), payload.inertia, strict=True)
+    ElementTree.SubElement(inertial, "inertia", {key: repr(value) for key, value in moments})
+    joint = ElementTree.Element("joint", name=f"payload_{name}_fixed", type="fixed")
+    ElementTree.SubElement(joint, "parent", link=payload.link)
+    ElementTree.SubElement(joint, "child", link=f"payload_{name}")
+    return link, joint
+
+
+def _numbers(values: Sequence[float] | np.ndarray) -> str:
+    return " ".join(repr(float(x)) for x in values)

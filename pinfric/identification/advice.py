@@ -1,0 +1,220 @@
+"""The most informative next recording, judged by its information matrix.
+
+A motion's columns do not need its efforts, so the normal equations of a recording that nobody has
+made yet are known: standard errors with it are those of (H + H_new)^-1. The factor for
+autocorrelated residuals is kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from pinfric.identification.columns import joint_rows, prepare
+from pinfric.identification.estimate import Estimate, reloaded, scale_is_known
+from pinfric.identification.laws import INERTIA, SLOT, SLOTS
+from pinfric.identification.normal import BlockProducts, FrictionNormalEquations, Normal, above_zero
+from pinfric.identification.parameters import scene_key
+from pinfric.identification.recordings import Recording
+from pinfric.model.described import described, quantity
+from pinfric.model.scene import Scene
+from pinfric.motions.joint_columns import configurations, joint_columns
+from pinfric.motions.trajectory import Trajectory
+from pinfric.motions.waypoints import WayPoint, WayPointFile, sample_waypoints
+
+FloatArray = NDArray[np.float64]
+
+#: s of each recording that is weighed, and Hz of its samples.
+_DURATION, _RATE = 30.0, 100.0
+#: s of a hold at each way-point: every departure shows friction at rest.
+_HOLD = 0.3
+#: rad or m, and s: a departure so slow that the effort rises until the joint breaks away.
+_BREAK_AWAY, _SLOWLY = 0.03, 2.5
+#: Share of the robot's mass that a load of contrast has, and m by which it stands off.
+_LOAD, _OFF = 0.1, 0.1
+#: A quintic's peak velocity over its mean.
+_PEAK = 15.0 / 8.0
+
+
+@described
+class Advice:
+    """A recording that has not been made.
+
+    Attributes:
+        points: as a way-point file holds them.
+    """
+
+    name: str = quantity("short description of the recording")
+    points: tuple[WayPoint, ...]
+    load: float = quantity("mass to carry at the last link; 0: none", "kg")
+    factors: dict[str, float] = quantity(
+        "key of a coefficient -> standard error with this recording / present standard error"
+    )
+
+
+def advise(found: Estimate) -> tuple[Advice, ...]:
+    """Return recordings of 30 s each, the most informative one first.
+
+    Where only the scale of all masses keeps a gear's losses from being known, one with a known
+    payload comes first: no other shows that scale. Their way-points are postures that the logs
+    visit; the motion between them is not checked for collisions.
+
+    Args:
+        found: the estimate.
+    """
+    problem = found.problem
+    normal = Normal.of(problem.grams, np.ones(problem.folds.size, dtype=bool), problem.weights)
+    weighed = [_weighed(found, normal, *recording) for recording in _recordings(found)]
+    gears = any(found.choice.laws[j].load == "gear" for j in found.known)
+    scale = gears and not scale_is_known(found)
+
+    def rank(one: Advice) -> tuple[bool, float]:
+        return not (scale and one.load > 0.0), float(sum(np.log(list(one.factors.values()))))
+
+    return tuple(sorted(weighed, key=rank))
+
+
+def advice_text(advice: Advice, scene: Scene) -> str:
+    """Return a recording as a way-point file, with departures that show static friction first."""
+    start = advice.points[0].q
+    points = [*_departures(start), *advice.points[1:]]
+    lines = [
+        f"# {advice.name}. What 30 s of it would change:",
+        "#",
+        *(
+            f"#   standard error of {key}: {factor:.2f} of the present one"
+            for key, factor in sorted(advice.factors.items(), key=lambda pair: pair[1])[:8]
+        ),
+        "#",
+        "# First each joint leaves rest alone, in both directions, so slowly that its effort rises",
+        "# until it breaks away: only this shows static friction. Postures are from your logs; the",
+        "# moves between them are straight in joint space: check them for collisions.",
+        "pinfric_trajectory: 1",
+        f"sample_rate: {_RATE:g}",
+        f"joints: [{', '.join(scene.joint_names)}]",
+        "points:",
+        f"  - {{q: {_numbers(start)}, hold: 1.0}}",
+        *(
+            f"  - {{q: {_numbers(p.q)}, duration: {p.duration:.4g}, hold: {p.hold:g}}}"
+            for p in points
+        ),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _numbers(values: tuple[float, ...]) -> str:
+    return f"[{', '.join(f'{x:.4f}' for x in values)}]"
+
+
+def _departures(start: tuple[float, ...]) -> Iterator[WayPoint]:
+    for j in range(len(start)):
+        for step in (_BREAK_AWAY, 0.0, -_BREAK_AWAY, 0.0):
+            q = (*start[:j], start[j] + step, *start[j + 1 :])
+            yield WayPoint(q=q, duration=_SLOWLY, hold=_HOLD)
+
+
+def _recordings(found: Estimate) -> Iterator[tuple[str, tuple[WayPoint, ...], float]]:
+    """The recordings that are weighed: name, way-points, load."""
+    q = np.concatenate([one.recording.trajectory.joint_positions() for one in found.prepared])
+    v = np.concatenate([one.recording.trajectory.v for one in found.prepared])
+    limits = 0.8 * np.array([c.velocity_limit for c in joint_columns(found.scene.model)])
+    fastest = np.minimum(np.maximum(np.quantile(np.abs(v), 0.98, axis=0), 1e-3), limits)
+    heavy = float(f"{_LOAD * sum(i.mass for i in tuple(found.scene.model.inertias)[1:]):.1g}")
+    yield "As fast as before", _way(q, fastest), 0.0
+    yield "At a fifth of the speed", _way(q, 0.2 * fastest), 0.0
+    yield "Up to twice as fast", _way(q, np.minimum(2.0 * fastest, limits)), 0.0
+    if _links(found.scene):
+        yield f"As fast as before, carrying {heavy:g} kg at the last link", _way(q, fastest), heavy
+
+
+def _links(scene: Scene) -> list[str]:
+    """The links that joints move; a model made in Python may have none."""
+    return [
+        frame.name
+        for frame in scene.model.frames
+        if frame.type == pin.FrameType.BODY and frame.parentJoint > 0
+    ]
+
+
+def _way(q: FloatArray, speed: FloatArray) -> tuple[WayPoint, ...]:
+    """Way-points among logged postures, each as far as can be from those before, for 30 s."""
+    size = np.maximum(np.ptp(q, axis=0), 1e-6)
+    pool = np.unique(q[:: max(1, len(q) // 400)] / size, axis=0)
+    here, visited, elapsed = pool[0], [pool[0]], 0.0
+    points = [WayPoint(q=tuple((here * size).tolist()), hold=_HOLD)]
+    while elapsed < _DURATION:
+        apart = np.min([np.linalg.norm(pool - other, axis=1) for other in visited[-4:]], axis=0)
+        there = pool[int(np.argmax(apart))]
+        duration = max(_PEAK * float(np.max(np.abs(there - here) * size / speed)), 0.2)
+        duration = min(duration, _DURATION)
+        points.append(WayPoint(q=tuple((there * size).tolist()), duration=duration, hold=_HOLD))
+        elapsed += duration + _HOLD
+        visited.append(there)
+        here = there
+    return tuple(points)
+
+
+def _weighed(
+    found: Estimate, normal: Normal, name: str, points: tuple[WayPoint, ...], load: float
+) -> Advice:
+    """Standard errors with one more recording, over those of now."""
+    grams = _grams(found, points, load)
+    more = Normal.of(grams, np.ones(1, dtype=bool), found.problem.weights)
+    both = Normal(
+        *(getattr(normal, name) + getattr(more, name) for name in Normal.__dataclass_fields__)
+    )
+    both = replace(both, rows=normal.rows)  # which weigh the prior: a recording is none of it
+    place = above_zero(found.fit, found.problem.slots(found.choice.laws))
+    now, then = (
+        _standard_errors(
+            FrictionNormalEquations(one, found.problem.prior).left[np.ix_(place, place)]
+        )
+        for one in (normal, both)
+    )
+    factors = {}
+    for at, ratio in zip(place.tolist(), (then / now).tolist(), strict=True):
+        j, slot = divmod(at, len(SLOTS))
+        if slot != SLOT[INERTIA] and j in found.known:
+            section, key, _ = scene_key(found.scene, j, found.choice.laws[j], slot)
+            factors[f"{section}.{found.scene.joint_names[j]}.{key}"] = float(ratio)
+    return Advice(name, points, load, factors)
+
+
+def _grams(found: Estimate, points: tuple[WayPoint, ...], load: float) -> list[BlockProducts]:
+    """Products of the columns of a recording that has not been made."""
+    scene = found.scene
+    columns = joint_columns(scene.model)
+    file = WayPointFile(pinfric_trajectory=1, sample_rate=_RATE, points=points)
+    motion = sample_waypoints(file, columns, {}, "")
+    q = configurations(columns, motion.position, scene.model.nq)
+    loaded = scene.with_(payloads={})
+    if load > 0.0:
+        loaded = scene.with_(
+            payloads={"load": {"link": _links(scene)[-1], "mass": load, "com": (0.0, 0.0, _OFF)}}
+        )
+    trajectory = Trajectory.from_arrays(loaded, motion.t, q, motion.velocity, motion.acceleration)
+    recording = Recording.of(
+        loaded,
+        "",
+        trajectory,
+        1.0 / _RATE,
+        np.zeros_like(motion.velocity),
+        found.prepared[0].recording.noise,
+    )
+    one = reloaded(replace(found, scene=loaded), prepare(loaded, recording))
+    rows = [joint_rows([one], j, 0.0) for j in range(scene.model.nv)]
+    return [
+        BlockProducts.of(replace(r, block=np.zeros_like(r.block)), np.ones(r.effort.size), 1)
+        for r in rows
+    ]
+
+
+def _standard_errors(left: FloatArray) -> FloatArray:
+    """Square roots of the diagonal of the inverse."""
+    size = np.sqrt(np.diag(left))
+    inverse = np.linalg.inv(left / np.outer(size, size))
+    return np.sqrt(np.maximum(np.diag(inverse), 0.0)) / size

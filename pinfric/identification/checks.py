@@ -1,0 +1,229 @@
+"""Checks of logs against the robot, before and after the fit: signs, gains, one robot.
+
+Nothing is guessed: an effort with the wrong sign or unit is refused by the joint's name, with what
+would explain it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinfric.errors import IdentificationError, problems_line
+from pinfric.identification.columns import Rows
+from pinfric.identification.inertias import urdf_prior
+from pinfric.identification.laws import BACKWARD, FORWARD, INERTIA, SLOT
+from pinfric.identification.normal import Fit, Prior, residuals
+from pinfric.model.scene import Scene
+
+FloatArray = NDArray[np.float64]
+
+#: Slopes of the logged effort on that of the URDF's masses: right logs gave 0.92 to 1.35 with
+#: correlations from 0.96, URDFs wrong by up to 40 %.
+_SLOPES, _CORRELATION = (0.6, 1.6), 0.8
+#: A slope says something where loads make at least this share of the effort, by the URDF or after
+#: the slope; in the second case it must differ from 1 by more standard deviations than these.
+_LEAST_LOAD, _DEVIATIONS = 0.1, 8.0
+#: Rows below which a joint's effort is not judged.
+_FEWEST = 50
+#: An effort that changes by less than this share of itself is always the same.
+_CONSTANT = 1e-9
+#: The columns of friction and rotor that every drive may have.
+_OWN = [SLOT[name] for name in (FORWARD, BACKWARD, "speed^1", INERTIA)]
+#: Logged efforts may exceed a URDF's limit, which is often a continuous one, by this factor; dry
+#: friction is a smaller share of it. From the second on a URDF means that there is none, N m or N.
+_OVER_LIMIT, _MOST_FRICTION, _NO_LIMIT = 1.5, 0.5, 1e6
+#: How far the rigid efforts of two logs of one robot may differ, as a share.
+_ONE_ROBOT = 0.3
+
+
+def check_efforts(scene: Scene, rows: Sequence[Rows], given: Collection[str]) -> None:
+    """Refuse efforts that do not fit this robot in N m or N.
+
+    Args:
+        scene: the robot as its URDF has it.
+        rows: of each joint.
+        given: joints whose gain a person has given: only their signs are judged.
+
+    Raises:
+        IdentificationError: a wrong sign or unit, by joint, all in one message.
+    """
+    prior = urdf_prior(scene.model, kept=False)
+    theta, problems, factors = prior.center, [], {}
+    for j, (name, one) in enumerate(zip(scene.joint_names, rows, strict=True)):
+        if one.effort.size < _FEWEST:
+            continue
+        slope, correlation = _slope(one, prior)
+        if np.ptp(one.effort) <= _CONSTANT * np.abs(one.effort).max():
+            problems.append(
+                f"joint {name}: its effort is always {one.effort[0]:.3g}, so it was not "
+                "measured; log it, or lock the joint (robot: locked)"
+            )
+        elif slope < 0.0 and correlation < -_CORRELATION:
+            problems.append(
+                f"joint {name}: its effort falls where the robot's weight makes it rise (slope "
+                f"{slope:.2f}, correlation {correlation:.2f}): the sign of the effort or of the "
+                "angle, or the zero of the angle, is wrong; correct it by `sign` and `offset` in a "
+                "file given by --columns"
+            )
+        elif _turned(one, theta):
+            problems.append(
+                f"joint {name}: its effort acts against its motion, as if friction or inertia "
+                "drove it: the sign of the effort or of the angle is wrong; correct it by `sign` "
+                "in a file given by --columns"
+            )
+        elif (
+            correlation > _CORRELATION and not _SLOPES[0] < slope < _SLOPES[1] and name not in given
+        ):
+            factors[j] = slope
+    if factors and not _carries(rows, theta, factors):
+        problems += [
+            f"joint {scene.joint_names[j]}: its effort is {slope:.3g} times what the URDF's masses "
+            "need: is it at the motor's shaft (--effort-at motor), or in A? Give the factor to N m "
+            "by --gain "
+            f"{scene.joint_names[j]}=FACTOR ({scene.joint_names[j]}=1 if it is "
+            "in N m, and the masses are wrong or the scene lacks a payload)"
+            for j, slope in factors.items()
+        ]
+    if problems:
+        raise IdentificationError(problems_line(scene.source, problems))
+
+
+def check_limits(
+    scene: Scene, rows: Sequence[Rows], fit: Fit, names: str, given: Collection[str]
+) -> None:
+    """Refuse efforts and friction that no drive of this robot can have: a wrong unit.
+
+    Args:
+        scene: the robot; its URDF limits efforts.
+        rows: of each joint.
+        fit: with Coulomb and viscous friction.
+        names: of the logs.
+        given: joints whose unit a person has confirmed.
+
+    Raises:
+        IdentificationError: by joint, all in one message.
+    """
+    problems, limits = [], np.asarray(scene.model.effortLimit, dtype=np.float64)
+    for j, (joint, own) in enumerate(zip(scene.joint_names, rows, strict=True)):
+        if joint in given or own.effort.size < _FEWEST or not 0.0 < limits[j] < _NO_LIMIT:
+            continue
+        most = float(np.quantile(np.abs(own.effort), 0.99))
+        dry = 0.5 * float(fit.slots[j, [SLOT[FORWARD], SLOT[BACKWARD]]].sum())
+        what = (
+            f"efforts reach {most:.3g}"
+            if most > _OVER_LIMIT * limits[j]
+            else f"Coulomb friction would be {dry:.3g}"
+            if dry > _MOST_FRICTION * limits[j]
+            else ""
+        )
+        if what:
+            problems.append(
+                f"joint {joint}: its {what}, but the URDF limits it to {limits[j]:g} N m (N): is "
+                f"the effort in N mm, or in A? Give the factor to N m by --gain {joint}=FACTOR "
+                f"({joint}=1 if it is in N m, and the URDF's limit is wrong)"
+            )
+    if problems:
+        raise IdentificationError(problems_line(names, problems))
+
+
+def _carries(rows: Sequence[Rows], theta: FloatArray, factors: Mapping[int, float]) -> bool:
+    """Whether a payload at the last link explains all efforts better than factors on some do.
+
+        effort = Y theta + Y_last (m, m c)    or    effort = factor Y theta
+
+    A payload must show at all joints alike; each joint counts by its effort's own spread.
+    """
+    by_factors, offs, lasts = 0.0, [], []
+    for j, one in enumerate(rows):
+        if one.effort.size < _FEWEST:
+            continue
+        y, load, last = _beside_friction(one, one.effort, one.rigid @ theta, one.rigid[:, -10:-6])
+        scale = 1.0 / max(float(np.linalg.norm(y)), 1e-300)
+        by_factors += float(np.sum((scale * (y - factors.get(j, 1.0) * load)) ** 2))
+        offs.append(scale * (y - load))
+        lasts.append(scale * last)
+    off, every = np.concatenate(offs), np.concatenate(lasts)
+    payload = np.linalg.lstsq(every, off, rcond=1e-9)[0]
+    return bool(payload[0] > 0.0 and np.sum((off - every @ payload) ** 2) < by_factors)
+
+
+def _beside_friction(rows: Rows, *given: FloatArray) -> Iterator[FloatArray]:
+    """Yield columns without what friction, a rotor's inertia and an offset make of them."""
+    others = np.column_stack((rows.slots[:, _OWN], np.ones(rows.effort.size)))
+    others = others / np.maximum(np.abs(others).max(axis=0), 1e-12)
+    basis = np.linalg.qr(others)[0]
+    for x in given:
+        yield x - basis @ (basis.T @ x)
+
+
+def _turned(rows: Rows, theta: FloatArray) -> bool:
+    """Whether the URDF's masses, friction and a rotor make the effort's negative, and not it.
+
+    +-effort = A x,    x >= 0: factors on the rigid effort, friction and acceleration
+    """
+    from scipy.optimize import nnls
+
+    made = np.column_stack((rows.rigid @ theta, rows.slots[:, _OWN]))
+    made = made / np.maximum(np.linalg.norm(made, axis=0), 1e-12)
+    left, turned = (
+        nnls(made, y)[1] / max(float(np.linalg.norm(y)), 1e-300)
+        for y in (rows.effort, -rows.effort)
+    )
+    return bool(turned**2 < 1.0 - _CORRELATION**2 < left**2)
+
+
+def _slope(rows: Rows, prior: Prior) -> tuple[float, float]:
+    """Slope and correlation of effort on rigid effort, friction, inertia and offset taken out.
+
+    1 and 0 where they say nothing: loads make little of the effort, and usual errors of a URDF may
+    explain the slope.
+    """
+    theta = prior.center
+    load = rows.rigid @ theta
+    y, t, uncertain = _beside_friction(rows, rows.effort, load, rows.rigid * prior.deviation)
+    size, whole = float(t @ t), float(rows.effort @ rows.effort)
+    if size <= 1e-18 * float(load @ load):
+        return 1.0, 0.0
+    slope = float(y @ t) / size
+    explained = abs(slope - 1.0) < _DEVIATIONS * float(np.linalg.norm(uncertain)) / np.sqrt(size)
+    if size < _LEAST_LOAD**2 * whole and (explained or slope**2 * size < _LEAST_LOAD**2 * whole):
+        return 1.0, 0.0
+    return slope, float(y @ t) / np.sqrt(size * max(float(y @ y), 1e-300))
+
+
+def check_one_robot(
+    joints: Sequence[str], rows: Sequence[Rows], fit: Fit, logs: Sequence[str]
+) -> None:
+    """Refuse logs whose rigid efforts cannot be from one robot.
+
+    Args:
+        joints: their names.
+        rows: of each joint.
+        fit: of all logs.
+        logs: their names.
+
+    Raises:
+        IdentificationError: names joint and logs.
+    """
+    for j, one in enumerate(rows):
+        load = one.rigid @ fit.theta
+        if load @ load < _LEAST_LOAD * float(one.effort @ one.effort):
+            continue
+        off, slopes = residuals(one, fit, j), {}
+        for log in np.unique(one.log):
+            part = one.log == log
+            size = float(load[part] @ load[part])
+            if size > 0.0:
+                slopes[int(log)] = 1.0 + float(load[part] @ off[part]) / size
+        if not slopes:
+            continue
+        low, high = min(slopes, key=slopes.__getitem__), max(slopes, key=slopes.__getitem__)
+        if slopes[high] - slopes[low] > _ONE_ROBOT:
+            raise IdentificationError(
+                f"joint {joints[j]}: its effort is {slopes[high]:.2f} times the rigid effort in "
+                f"{logs[high]}, and {slopes[low]:.2f} times in {logs[low]}: logs of two robots, or "
+                "with a payload; name it by --payload LOG=NAME"
+            )

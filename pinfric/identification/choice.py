@@ -1,0 +1,259 @@
+"""Which law each joint follows: the smallest one whose error on held-out blocks is not worse."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinfric.identification.columns import Rows
+from pinfric.identification.laws import INERTIA, PLAIN, SLOT, SLOTS, Law
+from pinfric.identification.normal import (
+    BlockProducts,
+    FrictionNormalEquations,
+    ManyNormalEquations,
+    Normal,
+    Prior,
+    block_errors,
+    residuals,
+)
+
+FloatArray = NDArray[np.float64]
+
+#: A law whose RMS error is larger by less than this share is not worse.
+MARGIN = 0.02
+#: Blocks are held out in so many parts; whole logs, where there are as many as the second.
+_FOLDS, _LOGS = 10, 5
+#: Share of the URDF's weight that remains where links are free: it decides what rows do not tell.
+_FREE = 1e-4
+#: Rounds in which joints change their laws one at a time.
+_ROUNDS = 2
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is fitted: all joints' summed products, and what may be chosen.
+
+    Attributes:
+        grams: of each joint.
+        weights: (nj,) 1/variance of each joint's residual.
+        prior: of the links' parameters.
+        laws: the candidates of each joint.
+        folds: (blocks,) the part with which each block is held out; -1: in no part, in no fit.
+        rotor: whether rotors' inertias are fitted.
+    """
+
+    grams: Sequence[BlockProducts]
+    weights: FloatArray
+    prior: Prior
+    laws: Sequence[Sequence[Law]]
+    folds: NDArray[np.int64]
+    rotor: bool
+
+    def slots(self, laws: Sequence[Law]) -> list[tuple[int, ...]]:
+        """Return the slots that all joints' laws take, rotors' inertias among them.
+
+        A joint without rows takes none, one that moves one way only no Coulomb friction the other.
+        """
+        rotor = (SLOT[INERTIA],) if self.rotor else ()
+        return [
+            tuple(slot for slot in (*rotor, *law.slots) if own[slot])
+            for own, law in zip(self._seen, laws, strict=True)
+        ]
+
+    @cached_property
+    def _seen(self) -> list[list[bool]]:
+        """Which slots of each joint its rows have anything of."""
+        sizes = [gram.products.diagonal(axis1=1, axis2=2).sum(axis=0) for gram in self.grams]
+        return [(size[-len(SLOTS) - 1 : -1] > 0.0).tolist() for size in sizes]
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The chosen laws, and the held-out error of each candidate.
+
+    Attributes:
+        laws: of each joint.
+        errors: of each joint: law -> RMS on held-out rows, N m or N.
+    """
+
+    laws: tuple[Law, ...]
+    errors: tuple[Mapping[Law, float], ...]
+
+    def on_motors(self, there: NDArray[np.bool_]) -> Choice:
+        """Return the choice with the friction of some drives (nj,) on their motors' sides."""
+
+        def moved(law: Law, motor: bool) -> Law:
+            return replace(law, side="motor") if motor else law
+
+        laws = tuple(moved(law, bool(m)) for law, m in zip(self.laws, there, strict=True))
+        errors = tuple(
+            {moved(law, bool(m)): error for law, error in own.items()}
+            for own, m in zip(self.errors, there, strict=True)
+        )
+        return replace(self, laws=laws, errors=errors)
+
+
+def held_out_parts(block: NDArray[np.int64], log: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return with which part each block is held out: whole logs, or neighbouring blocks.
+
+    Blocks without rows are in part 0; parts are of blocks, or logs, in which something slides.
+
+    Args:
+        block: (n,) of every row of any joint. log: (n,) the logs of these rows.
+    """
+    of_block = np.zeros(int(block.max()) + 1, dtype=np.int64)
+    whole_logs = np.unique(log)
+    if whole_logs.size >= _LOGS:
+        of_block[block] = np.searchsorted(whole_logs, log)
+        return of_block
+    held = np.unique(block)
+    of_block[held] = np.arange(held.size) * min(_FOLDS, held.size) // held.size
+    return of_block
+
+
+def choose(problem: Problem) -> Choice:
+    """Return each joint's law.
+
+    First all joints change law together, then one at a time beside the others' laws.
+
+    Args:
+        problem: at least two parts can be held out.
+    """
+    every = list(dict.fromkeys((PLAIN, *(law for laws in problem.laws for law in laws))))
+    judge = _Judge(problem)
+    tables: list[dict[Law, FloatArray]] = [{} for _ in problem.laws]
+    for law in every:
+        laws = [law if law in own else PLAIN for own in problem.laws]
+        for j, error in enumerate(judge.errors(laws, range(len(laws)))):
+            tables[j].setdefault(laws[j], error)
+    chosen = [judge.taken(j, tables[j]) for j in range(len(tables))]
+    for _ in range(_ROUNDS):
+        before = list(chosen)
+        for j, own in enumerate(problem.laws):
+            for law in own:
+                laws = [*chosen[:j], law, *chosen[j + 1 :]]
+                tables[j][law] = judge.errors(laws, [j])[0]
+            chosen[j] = judge.taken(j, tables[j])
+        if chosen == before:
+            break
+    errors = tuple(
+        {law: float(np.sqrt(e.sum() / max(judge.rows[j].sum(), 1.0))) for law, e in table.items()}
+        for j, table in enumerate(tables)
+    )
+    return Choice(tuple(chosen), errors)
+
+
+def nested_errors(problem: Problem, rows: Sequence[Rows]) -> tuple[FloatArray, FloatArray]:
+    """Return each joint's RMS error on blocks not used to choose or fit its law.
+
+    Every row counts alike: weights of outliers are those of the law taken, and would flatter it.
+
+    Args:
+        problem: as for `choose`.
+        rows: of each joint, of which the problem's products are.
+
+    Returns:
+        (nj,) of the laws chosen without these blocks, (nj,) of plain friction; N m or N.
+    """
+    squares = np.zeros((2, len(problem.laws)))
+    plain = [PLAIN] * len(problem.laws)
+    for part in np.unique(problem.folds):
+        test = problem.folds == part
+        rest = replace(problem, folds=np.where(test, -1, problem.folds))
+        laws = choose(rest).laws
+        reduced = FrictionNormalEquations(
+            Normal.of(problem.grams, ~test, problem.weights), problem.prior
+        )
+        for kind, taken in enumerate((laws, plain)):
+            fit = reduced.fit(problem.slots(taken))
+            for j, own in enumerate(rows):
+                squares[kind, j] += np.sum(residuals(own, fit, j)[test[own.block]] ** 2)
+    chosen, simple = np.sqrt(squares / np.maximum([own.effort.size for own in rows], 1.0))
+    return chosen, simple
+
+
+def free_errors(problem: Problem, rows: Sequence[Rows]) -> FloatArray:
+    """Return each joint's RMS error on held-out blocks with plain friction and free links, (nj,).
+
+    These are ordinary least squares: the URDF only decides what no row tells.
+
+    Args:
+        problem, rows: as for `nested_errors`.
+    """
+    squares, plain = np.zeros(len(rows)), problem.slots([PLAIN] * len(rows))
+    free = replace(problem.prior, weight=_FREE * problem.prior.weight)
+    for part in np.unique(problem.folds):
+        test = problem.folds == part
+        fit = FrictionNormalEquations(Normal.of(problem.grams, ~test, problem.weights), free).fit(
+            plain
+        )
+        squares += [
+            np.sum(residuals(own, fit, j)[test[own.block]] ** 2) for j, own in enumerate(rows)
+        ]
+    return np.asarray(np.sqrt(squares / np.maximum([own.effort.size for own in rows], 1.0)))
+
+
+class _Judge:
+    """Held-out errors of laws."""
+
+    def __init__(self, problem: Problem) -> None:
+        self._problem = problem
+        used = problem.folds >= 0
+        tests = [problem.folds == part for part in np.unique(problem.folds[used])]
+        self._reduced = ManyNormalEquations(
+            [
+                FrictionNormalEquations(
+                    Normal.of(problem.grams, used & ~test, problem.weights), problem.prior
+                )
+                for test in tests
+            ]
+        )
+        self.rows = np.array([[gram.count[test].sum() for test in tests] for gram in problem.grams])
+        self._grams = [
+            np.array([gram.products[test].sum(axis=0) for test in tests]) for gram in problem.grams
+        ]
+        self._fits: dict[tuple[Law, ...], tuple[FloatArray, FloatArray]] = {}
+
+    def errors(self, laws: Sequence[Law], joints: Sequence[int]) -> list[FloatArray]:
+        """Return each joint's sum of squared errors in every part, (parts,)."""
+        fits = self._fits.get(tuple(laws))
+        if fits is None:
+            slots = self._problem.slots(laws)
+            fits = self._fits[tuple(laws)] = self._reduced.fit(slots)
+        theta, slots_of = fits
+        return [block_errors(self._grams[j], np.hstack((theta, slots_of[:, j]))) for j in joints]
+
+    def taken(self, joint: int, errors: Mapping[Law, FloatArray]) -> Law:
+        """Return the joint's law by the candidates' sums of squared errors in every part."""
+        own = self._problem.laws[joint]
+        return simplest_adequate_law({law: errors[law] for law in own}, self.rows[joint])
+
+
+def simplest_adequate_law(errors: Mapping[Law, FloatArray], rows: FloatArray) -> Law:
+    """Return the law of fewest coefficients that is not worse than the best one.
+
+    Not worse: the mean of the parts' differences in squared error is within one standard error, or
+    the RMS error within 2 %. Among as many coefficients viscous friction goes before other powers
+    of the speed, which noise prefers as often as not; then the smaller error decides.
+
+    Args:
+        errors: law -> (parts,) sum of squared errors.
+        rows: (parts,) their numbers.
+    """
+    best = min(errors, key=lambda law: float(errors[law].sum()))
+    known = rows > 0
+    least = float(errors[best].sum())
+
+    def good(law: Law) -> bool:
+        difference = (errors[law] - errors[best])[known]
+        spread = float(difference.std(ddof=1)) * np.sqrt(difference.size) if known.sum() > 1 else 0
+        return bool(difference.sum() <= max(spread, ((1.0 + MARGIN) ** 2 - 1.0) * least))
+
+    fine = [law for law in errors if good(law)]
+    return min(
+        fine, key=lambda law: (law.size, law.exponent not in (None, 1.0), float(errors[law].sum()))
+    )

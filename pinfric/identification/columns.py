@@ -1,0 +1,338 @@
+"""The linear model of one log: every column that a coefficient multiplies, low-passed and thinned.
+
+    y = Y(q, v, a) theta + J a + friction      theta: 10 inertial parameters per link
+
+Rows are kept where a joint slides, away from its turning points: presliding is no law of friction.
+All columns and the effort pass the same low pass, so that it takes nothing away from the fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from pinfric.dynamics.inverse.inverse import inverse_dynamics
+from pinfric.identification.laws import (
+    BACKWARD,
+    BEARING,
+    FORWARD,
+    INERTIA,
+    SIDES,
+    SLOT,
+    SLOTS,
+    SPEEDS,
+)
+from pinfric.identification.recordings import Recording
+from pinfric.model.couples import delivery
+from pinfric.model.friction_terms import LoadFriction
+from pinfric.model.scene import Scene
+from pinfric.model.schema import Friction
+from pinfric.motions.log.noise import low_pass
+from pinfric.motions.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
+
+FloatArray = NDArray[np.float64]
+
+#: Hz of the low pass on all columns: friction's steps at reversals have no end in frequency.
+PASS = 8.0
+#: Samples per period of that low pass.
+_PER_PERIOD = 4.0
+#: Periods of the low pass that are left out beside what does not slide; s left out at both ends.
+_BESIDE, _AT_ENDS = 0.35, 0.3
+#: Samples of all logs that are kept, an hour at 4 Hz: residuals are autocorrelated over a longer
+#: time than these are apart, so more would tell little.
+_MOST = 15_000
+#: Numbers that are low-passed at once.
+_AT_ONCE = 2**20
+#: Samples computed at a time; s beyond both ends after which the low pass has no influence.
+PART, _FORGOTTEN = 8192, 2.0
+#: s: blocks must be longer than residuals are autocorrelated, and short enough to be many.
+_BLOCK = (1.0, 5.0)
+_BLOCKS, _MOST_BLOCKS = 10, 200
+#: Rows of a joint in one direction from which friction in that direction is its own coefficient.
+FEWEST_ROWS = 25
+#: A coefficient so small that the load it reports is that without friction.
+_HARDLY = 1e-9
+
+
+@dataclass(frozen=True)
+class Rows:
+    """The rows of one joint in all logs, low-passed and thinned; only those that slide.
+
+    Attributes:
+        rigid: (n, 10 nj) derivatives of the effort by the links' inertial parameters.
+        slots: (n, len(SLOTS)) what the joint's own coefficients multiply.
+        effort: (n,) measured less what payloads take, N m or N.
+        block, log: (n,) to which it belongs.
+        time, velocity, load: (n,) s, rad/s, and the rigid effort (N m or N), for pictures.
+    """
+
+    rigid: FloatArray
+    slots: FloatArray
+    effort: FloatArray
+    block: NDArray[np.int64]
+    log: NDArray[np.int64]
+    time: FloatArray
+    velocity: FloatArray
+    load: FloatArray
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """One log's columns that no estimate changes, low-passed and thinned.
+
+    Attributes:
+        recording: the log.
+        kept: (n,) samples that stay after thinning.
+        slides: (n, nj) which rows count.
+        rigid: (n, nj, 10 nj).
+        slots: (n, nj, len(SLOTS)); those of loads are 0.
+        effort: time -> (., nj) low-passed, payloads' part taken out. A cubic spline: between
+            samples, means of two would have less noise, and delays be drawn there.
+        payload: (T, nj) what payloads take, N m or N.
+        load: (T, nj) effort without friction of the present estimate, N m or N.
+    """
+
+    recording: Recording
+    kept: NDArray[np.int64]
+    slides: NDArray[np.bool_]
+    rigid: FloatArray
+    slots: FloatArray
+    effort: BSpline
+    payload: FloatArray
+    load: FloatArray
+
+
+def thinning(recordings: Sequence[Recording]) -> int:
+    """Return the factor by which samples are thinned beyond what the low pass allows, in all logs.
+
+    Args:
+        recordings: the logs.
+    """
+    count = sum(one.trajectory.t.size / _spacing(one.step) for one in recordings)
+    return int(np.ceil(count / _MOST))
+
+
+def _spacing(step: float) -> int:
+    return max(1, int(1.0 / (_PER_PERIOD * PASS * step)))
+
+
+def prepare(scene: Scene, recording: Recording, thin: int = 1) -> Prepared:
+    """Return those of a log's columns that no estimate changes.
+
+    Args:
+        scene: the robot as its URDF has it.
+        recording: one log.
+        thin: by how much fewer samples are kept than the low pass asks for.
+    """
+    motion, step, nj = recording.trajectory, recording.step, scene.model.nv
+    rigid_effort = along(scene, motion)[0]
+    payload = np.broadcast_to(0.0, rigid_effort.shape)
+    if scene.payloads:
+        empty = replace(motion, attached=np.zeros_like(motion.attached))
+        payload = rigid_effort - along(scene.with_(friction={}), empty)[0]
+    known = np.isfinite(recording.effort)
+    measured = np.where(known, recording.effort, rigid_effort) - payload
+    kept = np.arange(0, motion.t.size, thin * _spacing(step))
+    slides = _sliding(recording, known)[kept]
+    effort = _spline(motion.t, _passed(measured, step))
+    slots, v = np.zeros((kept.size, nj, len(SLOTS))), recording.velocity
+    slots[:, :, SLOT[INERTIA]] = _passed(recording.acceleration, step)[kept]
+    slots[:, :, SLOT[FORWARD]] = _passed((v > 0.0).astype(np.float64), step)[kept]
+    slots[:, :, SLOT[BACKWARD]] = _passed(-(v < 0.0).astype(np.float64), step)[kept]
+    for name, p in SPEEDS.items():
+        slots[:, :, SLOT[name]] = _passed(np.sign(v) * np.abs(v) ** p, step)[kept]
+    return Prepared(
+        recording,
+        kept,
+        slides,
+        _rigid_columns(scene, recording, kept),
+        slots,
+        effort,
+        payload,
+        rigid_effort,
+    )
+
+
+def _spline(t: FloatArray, columns: FloatArray) -> BSpline:
+    """Return the cubic spline through columns (T, nj), made one after another to spare memory."""
+    from scipy.interpolate import BSpline, make_interp_spline
+
+    splines = [make_interp_spline(t, column, k=3) for column in columns.T]
+    return BSpline(splines[0].t, np.column_stack([one.c for one in splines]), 3)
+
+
+def along(scene: Scene, motion: Trajectory) -> tuple[FloatArray, FloatArray]:
+    """Return effort without friction (T, nj) and sites' loads (T, sites), part by part.
+
+    Args:
+        scene: the robot.
+        motion: of its joints.
+    """
+    parts = [
+        (part.effort_frictionless, part.normal_load)
+        for part in inverse_dynamics(scene, motion, chunks=PART)
+    ]
+    effort, load = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return effort, load
+
+
+def _rigid_columns(scene: Scene, recording: Recording, kept: NDArray[np.int64]) -> FloatArray:
+    """Pinocchio's regressor of the links' inertial parameters, low-passed: (n, nj, 10 nj).
+
+    For coupled drives, what they deliver: P times it. A long log's would not fit in memory, so it
+    is computed in parts, which overlap by the time over which the low pass has influence.
+    """
+    nj, count = scene.model.nv, recording.trajectory.t.size
+    beyond = int(np.ceil(_FORGOTTEN / recording.step))
+    thin = np.zeros((kept.size, nj, 10 * nj))
+    for first in range(0, count, PART):
+        own = np.flatnonzero((kept >= first) & (kept < first + PART))
+        start = max(first - beyond, 0)
+        every = _regressor(scene, recording.trajectory, start, first + PART + beyond)
+        for j in range(nj):
+            used = np.flatnonzero(every[:, j].any(axis=0))
+            passed = _passed(every[:, j, used], recording.step)
+            thin[own[:, None], j, used] = passed[kept[own] - start]
+    return thin
+
+
+def _regressor(scene: Scene, motion: Trajectory, start: int, stop: int) -> FloatArray:
+    """Columns of the links' inertial parameters at samples from `start` up to `stop`."""
+    model, P = scene.model, delivery(scene.drives, scene.model.nv)
+    data, parts = model.createData(), (x[start:stop] for x in (motion.q, motion.v, motion.a))
+    every = np.array(
+        [
+            pin.computeJointTorqueRegressor(model, data, q, v, a)
+            for q, v, a in zip(*parts, strict=True)
+        ]
+    )
+    every = every.reshape(-1, model.nv, 10 * model.nv)  # of one joint they are vectors
+    return P @ every if P.size else every
+
+
+def _passed(columns: FloatArray, step: float) -> FloatArray:
+    if step * PASS >= 0.45:
+        return columns
+    if columns.size < _AT_ONCE:
+        return low_pass(columns, step, PASS)
+    return np.column_stack([low_pass(column, step, PASS) for column in columns.T])
+
+
+def _sliding(recording: Recording, known: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(T, nj) where a joint slides and its effort is known, turning points left out."""
+    step, v = recording.step, recording.velocity
+    slides = (np.abs(v) > recording.slowest) & known
+    reach = int(np.ceil(_BESIDE / (PASS * step)))
+    count = np.cumsum(np.pad(~slides, ((reach + 1, reach), (0, 0)), mode="edge"), axis=0)
+    slides &= count[2 * reach + 1 :] - count[: -2 * reach - 1] == 0
+    ends = int(np.ceil(_AT_ENDS / step))
+    slides[:ends] = slides[-ends:] = False
+    return slides
+
+
+def with_loads(prepared: Prepared, scene: Scene, inner: FloatArray) -> Prepared:
+    """Return the columns with those of loads, by the rigid effort of an estimate.
+
+    Args:
+        prepared: one log.
+        scene: with the present estimate of the links' inertias; its bearings.
+        inner: (T, nj) the friction on the joint's side, N m or N, of the present estimate.
+    """
+    recording = prepared.recording
+    motion, step = recording.trajectory, recording.step
+    probe = bearings_only(scene)
+    rigid, sites = along(probe, motion)
+    slots, sign = prepared.slots.copy(), np.sign(recording.velocity)
+    load = np.zeros_like(rigid)
+    for site, name in enumerate(probe.site_names):
+        load[:, scene.joint_names.index(name)] = sites[:, site]
+    slots[:, :, SLOT[BEARING]] = _passed(sign * load, step)[prepared.kept]
+    for side, x in zip(SIDES, (rigid, rigid + inner), strict=True):
+        both = sign * np.abs(x)
+        for direction, part in (
+            ("driving", x * sign > 0.0),
+            ("driven", x * sign < 0.0),
+            ("both", True),
+        ):
+            slot = SLOT[f"gear {direction}, {side} side"]
+            slots[:, :, slot] = _passed(both * part, step)[prepared.kept]
+    return replace(prepared, slots=slots, load=rigid)
+
+
+def bearings_only(scene: Scene) -> Scene:
+    """Return the scene with next to no friction that reports its bearings' loads.
+
+    Args:
+        scene: with bearings.
+    """
+    return scene.with_(
+        friction={
+            name: Friction(bearing=entry.bearing, mu=LoadFriction(static=_HARDLY, kinetic=_HARDLY))
+            for name, entry in scene.friction.items()
+            if entry.bearing is not None
+        }
+    )
+
+
+def joint_rows(every: Sequence[Prepared], joint: int, delay: float) -> Rows:
+    """Return one joint's rows in all logs.
+
+    In a direction in which it hardly slides Coulomb friction is taken as in the other one.
+
+    Args:
+        every: the logs.
+        joint: its column.
+        delay: s by which the logged effort lags behind the motion.
+    """
+    parts, first = [], 0
+    for number, one in enumerate(every):
+        t = one.recording.trajectory.t
+        rows = one.kept[one.slides[:, joint]]
+        count, block = blocks(t)
+        parts.append(
+            Rows(
+                one.rigid[one.slides[:, joint], joint],
+                one.slots[one.slides[:, joint], joint],
+                one.effort(t[rows] + delay)[:, joint],
+                first + block[rows],
+                np.full(rows.size, number),
+                t[rows],
+                one.recording.velocity[rows, joint],
+                one.load[rows, joint],
+            )
+        )
+        first += count
+    joined = Rows(
+        *(
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in Rows.__dataclass_fields__
+        )
+    )
+    forward, backward = joined.slots[:, SLOT[FORWARD]], joined.slots[:, SLOT[BACKWARD]]
+    for seen, own, other in (
+        (joined.velocity > 0.0, forward, backward),
+        (joined.velocity < 0.0, backward, forward),
+    ):
+        if seen.sum() < FEWEST_ROWS:  # what the low pass leaks into it would fit anything
+            other += own
+            own[:] = 0.0
+    return joined
+
+
+def blocks(t: FloatArray) -> tuple[int, NDArray[np.int64]]:
+    """Return how many blocks of 1 to 5 s a log has, and the block of each sample.
+
+    A log of a quarter of an hour or more has 200 longer blocks.
+    """
+    span = float(t[-1] - t[0])
+    count = max(1, round(span / float(np.clip(span / _BLOCKS, *_BLOCK))))
+    count = min(count, _MOST_BLOCKS)
+    return count, np.minimum(((t - t[0]) / span * count).astype(np.int64), count - 1)

@@ -1,0 +1,243 @@
+"""Delay of the logged efforts behind the motion, with its standard error.
+
+    y(t + d) = X(t) beta,    so  y(t + d0) = X beta - (d - d0) y'(t + d0)    near d0
+
+Each joint's change of delay is one more coefficient beside the links' and friction's, with a
+standard error from blocks as theirs. One clock and one filter make one delay. So joints that differ
+by more than their errors show something else: friction that changes with the angle, play, a filter.
+Their disagreement is then part of the delay's standard error. Each log has coefficients of its own:
+a warm robot must not look like a delay.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinfric.identification.columns import Prepared, Rows, joint_rows
+from pinfric.identification.influence import influence
+from pinfric.identification.normal import (
+    BlockProducts,
+    Fit,
+    FrictionNormalEquations,
+    Normal,
+    Prior,
+    above_zero,
+    weighted,
+)
+
+FloatArray = NDArray[np.float64]
+
+#: s: delays that can be, and their standard deviation before anything was logged.
+_LEAST, _MOST, _USUAL = -0.03, 0.1, 0.02
+#: A joint is named if its delay differs from the common one by more standard errors than this.
+_DIFFERS = 4.0
+#: s: with a larger standard error, a delay is not determined.
+_VAGUE = 2.5e-3
+_ROUNDS = 4
+#: Huber's limit, in standard errors, and E[psi^2] of a normal variable with it; his steps.
+_HUBER, _HUBER_SQUARE, _HUBER_ROUNDS = 1.345, 0.7102, 50
+
+
+@dataclass(frozen=True)
+class Delay:
+    """Delay of the logged efforts, s.
+
+    Attributes:
+        value: taken for all logs; 0 where it is not determined.
+        standard_error: of what the logs say together, their spread and that of joints included.
+        logs: (value, standard error) of each log alone.
+        joints: (value, standard error) of each joint alone that slides.
+    """
+
+    value: float
+    standard_error: float
+    logs: tuple[tuple[float, float], ...]
+    joints: Mapping[int, tuple[float, float]] = field(default_factory=dict)
+
+    @property
+    def determined(self) -> bool:
+        """Whether the logs determine it."""
+        return self.standard_error < _VAGUE
+
+    def __str__(self) -> str:
+        text = f"{1e3 * self.value:.1f} ms (standard error {1e3 * self.standard_error:.1f})"
+        return text if self.determined else "not determined, taken as 0"
+
+
+@dataclass(frozen=True)
+class LogDelay:
+    """Delay of one log's efforts, s.
+
+    Attributes:
+        value, standard_error: of the joints together, their spread included.
+        joints: joint -> (value, standard error) of those that slide in it.
+    """
+
+    value: float
+    standard_error: float
+    joints: Mapping[int, tuple[float, float]] = field(default_factory=dict)
+
+
+def common_delay(logs: Sequence[LogDelay]) -> Delay:
+    """Return the mean of logs' delays weighted by their information.
+
+    Args:
+        logs: of each; a standard error is infinite where nothing slides, or where the search ended
+            at a bound.
+    """
+    known = [(one.value, one.standard_error) for one in logs if np.isfinite(one.standard_error)]
+    mean, error = pooled(known) if known else (0.0, np.inf)
+    seen = sorted({j for one in logs for j in one.joints})
+    joints = {j: pooled([one.joints[j] for one in logs if j in one.joints]) for j in seen}
+    return Delay(
+        mean if error < _VAGUE else 0.0,
+        error,
+        tuple((one.value, one.standard_error) for one in logs),
+        joints,
+    )
+
+
+def pooled(found: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """Return the mean of values whose errors may be too small, and its standard error.
+
+        r = (x - mean)/sqrt(e^2 + scatter^2),    sum of psi(r)/sqrt(e^2 + scatter^2) = 0
+        scatter = the least with  sum of psi(r)^2 <= (n - 1) E[psi^2]
+        error = 1/sqrt(sum of 1/(e^2 + scatter^2))
+
+    with psi(r) = r within 1.345, else 1.345 sign(r) (Huber, Robust statistics, 1981, ch. 6:
+    proposal 2). So one value with a wrong error neither draws the mean nor blows up its error.
+
+    Args:
+        found: (value, standard error) of each.
+    """
+    values, errors = np.array(found).T
+
+    def located(scatter: float) -> tuple[float, float]:
+        size = np.hypot(errors, scatter)
+        mean = float(np.average(values, weights=size**-2))
+        for _ in range(_HUBER_ROUNDS):
+            away = np.abs(values - mean) / size
+            weights = np.minimum(1.0, _HUBER / np.maximum(away, _HUBER)) / size**2
+            mean = float(np.average(values, weights=weights))
+        clipped = np.minimum(np.abs(values - mean) / size, _HUBER)
+        return mean, float(clipped @ clipped) - _HUBER_SQUARE * (len(values) - 1)
+
+    mean, beyond = located(0.0)
+    scatter = 0.0
+    if beyond > 1e-9:
+        tried = np.geomspace(1e-2 * errors.min(), 10.0 * np.ptp(values) + errors.max(), 100)
+        scatter = next(float(s) for s in tried if located(float(s))[1] <= 0.0)
+        mean, _ = located(scatter)
+    return mean, float(np.sum(np.hypot(errors, scatter) ** -2.0) ** -0.5)
+
+
+def other_delays(delay: Delay) -> dict[int, tuple[float, float]]:
+    """Return joint -> (value, standard error), s, of joints whose delay is not the common one.
+
+    Args:
+        delay: of the logs.
+    """
+    if not delay.joints:
+        return {}
+    mean, _ = pooled(list(delay.joints.values()))
+    return {
+        j: (value, error)
+        for j, (value, error) in delay.joints.items()
+        if abs(value - mean) > _DIFFERS * error
+    }
+
+
+def log_delay(
+    one: Prepared, slots: Sequence[Sequence[int]], prior: Prior, start: float
+) -> LogDelay:
+    """Return the delay of one log's efforts.
+
+    A log in which nothing slides has no rows: its standard error is infinite.
+
+    Args:
+        one: the log's columns.
+        slots: of each joint's law.
+        prior: of the links' parameters.
+        start: a delay nearby, s.
+    """
+    if not one.slides.any():
+        return LogDelay(start, np.inf)
+    delay, slopes = start, [np.zeros(one.kept.size) for _ in slots]
+    row_weights: tuple[FloatArray, ...] = ()
+    weights = np.ones(len(slots))
+    for _ in range(_ROUNDS):
+        rows = _with_slopes(one, delay, slopes, apart=False)
+        if not row_weights:
+            row_weights = tuple(np.ones(own.effort.size) for own in rows)
+        fit, _ = _changes(rows, row_weights, weights, slots, _with_delays(prior, one, delay, 1), 1)
+        delay = float(np.clip(delay + fit.theta[-1], _LEAST, _MOST))
+        row_weights, weights = weighted(rows, fit)
+        slopes = [_slope(one, fit, j, prior.center.size) for j in range(len(slots))]
+    if not _LEAST < delay < _MOST:
+        return LogDelay(delay, np.inf)  # its search ended at a bound
+    rows, nj = _with_slopes(one, delay, slopes, apart=True), len(slots)
+    fit, errors = _changes(
+        rows, row_weights, weights, slots, _with_delays(prior, one, delay, nj), nj
+    )
+    values = delay + fit.theta[-nj:]
+    joints = {j: (float(values[j]), float(errors[j])) for j in range(nj) if rows[j].effort.size}
+    return LogDelay(*pooled(list(joints.values())), joints)
+
+
+def _changes(
+    rows: Sequence[Rows],
+    row_weights: Sequence[FloatArray],
+    weights: FloatArray,
+    slots: Sequence[Sequence[int]],
+    prior: Prior,
+    count: int,
+) -> tuple[Fit, FloatArray]:
+    """Return a fit with `count` changes of the delay at the end of theta, and their errors."""
+    from scipy.special import stdtrit
+
+    blocks = 1 + max(int(own.block.max(initial=0)) for own in rows)
+    grams = [BlockProducts.of(own, w, blocks) for own, w in zip(rows, row_weights, strict=True)]
+    normal = Normal.of(grams, np.ones(blocks, dtype=bool), weights)
+    fit = FrictionNormalEquations(normal, prior).fit(slots)
+    place = above_zero(fit, slots)
+    place = place[normal.slots.diagonal()[place] > 0.0]  # of joints that slide in this log
+    moved, samples = influence(grams, weights, prior, fit, place)
+    wider = float(stdtrit(max(samples - 1, 1), 0.975)) / 1.96  # of few blocks: Student's
+    end = fit.theta.size
+    return fit, wider * np.linalg.norm(moved[:, end - count : end], axis=0)
+
+
+def _with_delays(links: Prior, one: Prepared, delay: float, count: int) -> Prior:
+    """The prior of the links' parameters, and of `count` changes of the delay behind them."""
+    # what is known of delays counts like rows of unit variance
+    strength = 1.0 / (_USUAL**2 * float(one.slides.sum()))
+    known = np.full(count, -delay), np.full(count, strength), np.full(count, _USUAL)
+    own = links.center, links.weight, links.deviation
+    return Prior(*(np.append(x, last) for x, last in zip(own, known, strict=True)))
+
+
+def _with_slopes(
+    one: Prepared, delay: float, slopes: Sequence[FloatArray], apart: bool
+) -> list[Rows]:
+    """Each joint's rows with -y' behind the links' columns: one column, or one for each joint."""
+    result = []
+    for j, slope in enumerate(slopes):
+        rows = joint_rows([one], j, delay)
+        own = -slope[one.slides[:, j]][:, None]
+        if apart:
+            own = own * (np.arange(len(slopes)) == j)
+        result.append(replace(rows, rigid=np.column_stack((rows.rigid, own))))
+    return result
+
+
+def _slope(one: Prepared, fit: Fit, joint: int, links: int) -> FloatArray:
+    """Derivative by time of one joint's fitted effort: the logged one's would be that of noise."""
+    from scipy.interpolate import CubicSpline
+
+    fitted = one.rigid[:, joint] @ fit.theta[:links] + one.slots[:, joint] @ fit.slots[joint]
+    t = one.recording.trajectory.t[one.kept]
+    return np.asarray(CubicSpline(t, fitted)(t, 1))

@@ -1,0 +1,408 @@
+"""From recordings to one estimate: delay, laws, inertias and coefficients, in three passes.
+
+Loads follow from inertias, and inertias from a fit that knows the loads: so the first pass takes
+the URDF's inertias and plain friction, and each later one what the pass before has found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinfric.errors import IdentificationError
+from pinfric.identification.checks import check_efforts, check_limits
+from pinfric.identification.choice import (
+    MARGIN,
+    Choice,
+    Problem,
+    choose,
+    held_out_parts,
+    nested_errors,
+)
+from pinfric.identification.columns import (
+    Prepared,
+    Rows,
+    blocks,
+    joint_rows,
+    prepare,
+    thinning,
+    with_loads,
+)
+from pinfric.identification.delay import Delay, common_delay, log_delay
+from pinfric.identification.inertias import consistent_fit, urdf_prior, with_parameters
+from pinfric.identification.laws import (
+    BACKWARD,
+    FALL_BACKWARD,
+    FALL_FORWARD,
+    FORWARD,
+    INERTIA,
+    PLAIN,
+    SLOT,
+    SPEEDS,
+    Law,
+    candidates,
+)
+from pinfric.identification.normal import (
+    BlockProducts,
+    Fit,
+    FrictionNormalEquations,
+    Normal,
+    weighted,
+)
+from pinfric.identification.recordings import STILL, Recording
+from pinfric.identification.stribeck import Fall, falling, find_fall, with_falls
+from pinfric.model.couples import mixed
+from pinfric.model.scene import Scene
+
+FloatArray = NDArray[np.float64]
+
+#: Both losses of a gear show where the load drives and is driven in at least this share of the
+#: rows. A gear loses at most this share of what passes it (an efficiency of two thirds).
+_LEAST_SHARE, _MOST_LOSS = 0.15, 0.5
+#: Blocks in which something slides: those of the shortest log.
+_FEWEST_BLOCKS = 4
+#: A model that leaves a larger share of what a joint's mean effort alone leaves explains nothing:
+#: with an angle's sign or zero wrong in mid-chain it was 0.8 to 1.6.
+_UNEXPLAINED = 0.8
+
+
+@dataclass(frozen=True)
+class Question:
+    """The question of an identification: scene, logs and what is free.
+
+    Attributes:
+        scene: the robot; its bearings are candidates.
+        recordings: the logs.
+        at: what the logs' efforts are: "motor" or "reflected" (gear and rotor are in them; they
+            are stated at the joints here), or "joint".
+        keep_inertias: the URDF's are right.
+        laws: joint -> its law, where it is not to be chosen.
+        gains: joints whose efforts' unit a person has said.
+    """
+
+    scene: Scene
+    recordings: Sequence[Recording]
+    at: str = "reflected"
+    keep_inertias: bool = False
+    laws: Mapping[str, Law] = field(default_factory=dict)
+    gains: Collection[str] = ()
+
+    @property
+    def motor(self) -> bool:
+        """Whether gear and rotor are in the effort."""
+        return self.at != "joint"
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """The rows and what was fitted to them.
+
+    Attributes:
+        question: what was asked.
+        rows: of each joint.
+        problem: the summed products, with the weights that were used.
+        row_weights: (n,) of each joint's rows, those of outliers below 1.
+        choice: laws and held-out errors.
+        fit: with links that can exist.
+        delay: by which logged efforts lag behind.
+        scene: the question's, with the links' inertias found.
+        prepared: of each log.
+        errors: (nj,) of the laws taken and of plain friction, on blocks that neither their choice
+            nor their fit has seen, N m or N.
+        falls: of each joint's friction from rest to motion; None: it has none.
+        distrusted: whether the chosen laws predicted these blocks worse than plain friction,
+            which was taken instead.
+    """
+
+    question: Question
+    rows: tuple[Rows, ...]
+    problem: Problem
+    row_weights: tuple[FloatArray, ...]
+    choice: Choice
+    fit: Fit
+    delay: Delay
+    scene: Scene
+    prepared: tuple[Prepared, ...]
+    errors: tuple[FloatArray, FloatArray] = (np.zeros(0), np.zeros(0))
+    falls: tuple[Fall | None, ...] = ()
+    distrusted: bool = False
+
+    @cached_property
+    def unexplained(self) -> dict[int, float]:
+        """Joint -> held-out error over that of the mean effort, where it is hardly smaller."""
+        best = np.minimum(*self.errors)
+        spread = [float(np.std(own.effort)) if own.effort.size else np.inf for own in self.rows]
+        return {j: x for j, x in enumerate((best / spread).tolist()) if x > _UNEXPLAINED}
+
+    @cached_property
+    def known(self) -> tuple[int, ...]:
+        """The joints that slid and that the model explains."""
+        return tuple(
+            j for j, own in enumerate(self.rows) if own.effort.size and j not in self.unexplained
+        )
+
+
+def estimate(question: Question, progress: Callable[[int, int], object]) -> Estimate:
+    """Return delay, laws, inertias and coefficients.
+
+    Args:
+        question: scene, logs and freedom.
+        progress: called with the number of finished steps and of all.
+
+    Raises:
+        IdentificationError: next to nothing slides; an effort with a wrong sign or unit; no joint
+            is explained.
+    """
+    steps = len(question.recordings) + 3
+    prepared, thin = [], thinning(question.recordings)
+    for recording in question.recordings:
+        prepared.append(prepare(question.scene, recording, thin))
+        progress(len(prepared), steps)
+    _check_slides(question, prepared)
+    passes = [_first_pass(question, prepared)]  # popped, so that none outlives the next one
+    for number in (2, 1):
+        progress(steps - number, steps)
+        passes.append(_next_pass(passes.pop()))
+    if any(law.stribeck for law in passes[0].choice.laws):  # their speeds take longer
+        passes = [_next_pass(_next_pass(passes.pop()))]
+    found = passes.pop()
+    found = _trusted(replace(found, errors=nested_errors(found.problem, found.rows)))
+    progress(steps, steps)
+    if not found.known:
+        raise IdentificationError(
+            f"{question.scene.source}: the model explains no joint's effort better than its mean "
+            "does: check signs, zeros and units of angles and efforts, and the joint of each column"
+        )
+    return found
+
+
+def _check_slides(question: Question, prepared: Sequence[Prepared]) -> None:
+    """Refuse logs in which next to nothing slides: blocks are the samples of all that follows."""
+    held = [
+        np.unique(blocks(one.recording.trajectory.t)[1][one.kept[one.slides.any(axis=1)]])
+        for one in prepared
+    ]
+    if (found := sum(own.size for own in held)) < _FEWEST_BLOCKS:
+        names = ", ".join(one.name for one in question.recordings)
+        raise IdentificationError(
+            f"{names}: joints slide (faster than {STILL:g} rad/s or m/s and than the noise) in "
+            f"{found} blocks of 1 to 5 s; at least {_FEWEST_BLOCKS} are needed: log more "
+            "motion"
+        )
+
+
+def _trusted(found: Estimate) -> Estimate:
+    """Return the estimate, with plain friction where choosing laws made unseen blocks worse."""
+    rows = [own.effort.size for own in found.rows]
+    chosen, plain = (found.problem.weights * rows @ error**2 for error in found.errors)
+    if chosen <= (1.0 + MARGIN) ** 2 * plain:
+        return found
+    laws = [(found.question.laws.get(name, PLAIN),) for name in found.scene.joint_names]
+    simple = replace(found, choice=Choice(tuple(law for (law,) in laws), found.choice.errors))
+    simple = _fitted(found.question, found.prepared, found.delay, laws, simple)
+    return replace(
+        simple,
+        errors=nested_errors(simple.problem, simple.rows),
+        distrusted=True,
+        choice=replace(simple.choice, errors=found.choice.errors),
+    )
+
+
+def _first_pass(question: Question, prepared: list[Prepared]) -> Estimate:
+    """Plain friction on every joint, loads by the URDF's inertias."""
+    scene = question.scene
+    loaded = []
+    while prepared:  # a long log's columns fill much of the memory
+        one = prepared.pop(0)
+        loaded.append(with_loads(one, scene, np.zeros_like(one.payload)))
+    plain = [(PLAIN,)] * scene.model.nv
+    first = _fitted(question, tuple(loaded), Delay(0.0, np.inf, ()), plain)
+    check_efforts(scene, first.rows, question.gains)
+    logs = ", ".join(one.name for one in question.recordings)
+    check_limits(scene, first.rows, first.fit, logs, question.gains)
+    slots, first = first.problem.slots(first.choice.laws), _without_rows(first)
+    return _fitted(question, first.prepared, _delay(first, slots), plain, first)
+
+
+def _next_pass(before: Estimate) -> Estimate:
+    """Loads by the inertias found, and with them the laws."""
+    before = replace(before, falls=tuple(_fall(before, j) for j in range(len(before.rows))))
+    prepared = tuple(reloaded(before, one) for one in before.prepared)
+    laws = [offered(before, j) for j in range(before.scene.model.nv)]
+    slots = before.problem.slots(before.choice.laws)
+    before = _without_rows(replace(before, prepared=prepared))
+    delay = _delay(before, slots)
+    return replace(_fitted(before.question, prepared, delay, laws, before), falls=before.falls)
+
+
+def _without_rows(found: Estimate) -> Estimate:
+    """Release what the next pass computes again: it takes much memory."""
+    return replace(found, rows=(), row_weights=(), problem=replace(found.problem, grams=()))
+
+
+def _fall(found: Estimate, joint: int) -> Fall | None:
+    """The fall of one joint's friction, by the present estimate."""
+    law, mine = found.choice.laws[joint], found.question.laws.get(found.scene.joint_names[joint])
+    if mine is not None and not mine.stribeck:
+        return None
+    beside = {SLOT[INERTIA], *law.slots} - {SLOT[FALL_FORWARD], SLOT[FALL_BACKWARD]}
+    return find_fall(
+        found.prepared, joint, found.rows[joint], found.row_weights[joint], sorted(beside)
+    )
+
+
+def _fitted(
+    question: Question,
+    prepared: tuple[Prepared, ...],
+    delay: Delay,
+    laws: Sequence[Sequence[Law]],
+    before: Estimate | None = None,
+) -> Estimate:
+    """Return the estimate from the columns as they are, with laws chosen among those offered.
+
+    Rows and joints are weighed by what the estimate before leaves; by its laws, else plain ones.
+    """
+    nj, fit = question.scene.model.nv, before.fit if before else None
+    chosen = before.choice.laws if before else (PLAIN,) * nj
+    rows = tuple(joint_rows(prepared, j, delay.value) for j in range(nj))
+    every = np.concatenate([r.block for r in rows]), np.concatenate([r.log for r in rows])
+    folds = held_out_parts(*every)
+    row_weights = tuple(np.ones(r.effort.size) for r in rows)
+    prior = urdf_prior(question.scene.model, question.keep_inertias)
+    problem = Problem((), np.ones(nj), prior, laws, folds, question.motor)
+    for _ in range(2):
+        if fit is not None:
+            row_weights, weights = weighted(rows, fit)
+            problem = replace(problem, weights=weights)
+        pairs, problem = zip(rows, row_weights, strict=True), replace(problem, grams=())
+        problem = replace(
+            problem, grams=tuple(BlockProducts.of(r, w, folds.size) for r, w in pairs)
+        )
+        normal = Normal.of(problem.grams, np.ones(folds.size, dtype=bool), problem.weights)
+        fit = FrictionNormalEquations(normal, prior).fit(problem.slots(chosen))
+    first = all(tuple(own) == (PLAIN,) for own in laws)
+    choice = Choice(chosen, ({},) * nj) if first else choose(problem)
+    choice = choice.on_motors(mixed(question.scene.drives, nj))
+    slots = problem.slots(choice.laws)
+    fit = consistent_fit(normal, prior, FrictionNormalEquations(normal, prior).fit(slots), slots)
+    if not _scale_is_known(question, prepared) and (ends := _at_an_end(problem, choice, fit)):
+        choice = replace(
+            choice,
+            laws=tuple(
+                replace(law, both_ways=True) if j in ends else law
+                for j, law in enumerate(choice.laws)
+            ),
+        )
+        slots = problem.slots(choice.laws)
+        fit = consistent_fit(
+            normal, prior, FrictionNormalEquations(normal, prior).fit(slots), slots
+        )
+    for values, law, own in zip(fit.slots, choice.laws, slots, strict=True):
+        dry = [slot for slot in (SLOT[FORWARD], SLOT[BACKWARD]) if slot in own]
+        if law.coulomb and len(dry) == 1:  # it moved one way only
+            values[[SLOT[FORWARD], SLOT[BACKWARD]]] = values[dry[0]]
+    scene = question.scene
+    if not prior.kept:
+        scene = scene.with_(model=with_parameters(scene.model, fit.theta))
+    return Estimate(question, rows, problem, row_weights, choice, fit, delay, scene, prepared)
+
+
+def _delay(found: Estimate, slots: Sequence[Sequence[int]]) -> Delay:
+    """Return by how much the logged efforts lag, by the present laws and loads."""
+    # free, even where links are kept: the weight that a URDF lacks shall not look like a delay
+    prior = urdf_prior(found.question.scene.model, kept=False)
+    return common_delay([log_delay(one, slots, prior, found.delay.value) for one in found.prepared])
+
+
+def offered(found: Estimate, joint: int) -> tuple[Law, ...]:
+    """Return the laws that one joint's data can tell apart, by the present estimate."""
+    scene, rows = found.scene, found.rows[joint]
+    name = scene.joint_names[joint]
+    if name in found.question.laws:
+        return (found.question.laws[name],)
+    if rows.effort.size == 0:
+        return (PLAIN,)
+    drives = float(np.mean(rows.load * rows.velocity > 0.0))
+    both = min(drives, 1.0 - drives) > _LEAST_SHARE
+    entry = scene.friction.get(name)
+    bearing = entry is not None and entry.bearing is not None
+    falls = found.falls[joint] is not None if found.falls else False
+    laws = candidates(bearing, found.question.motor and _shows_gear(found, joint), both, falls)
+    if mixed(scene.drives, scene.model.nv)[joint]:  # its friction follows the motor's speed
+        laws = tuple(
+            law
+            for law in laws
+            if not law.stribeck and (not law.load or law.side == "motor" != law.load)
+        )
+    return laws
+
+
+def _shows_gear(found: Estimate, joint: int) -> bool:
+    """Whether load can exceed the Coulomb friction that remains beside a gear's loss.
+
+    Friction that was fitted without a gear contains the gear's loss at the mean load.
+    """
+    rows = found.rows[joint]
+    coulomb = 0.5 * float(found.fit.slots[joint, [SLOT[FORWARD], SLOT[BACKWARD]]].sum())
+    left = coulomb - _MOST_LOSS * float(np.mean(np.abs(rows.load)))
+    return float(np.sqrt(np.mean(rows.load**2))) > left
+
+
+def scale_is_known(found: Estimate) -> bool:
+    """Return whether the scale of the masses is known, so that both losses of a gear show.
+
+    With all masses free, (t + f)/eta and eta_b (t + f) are also the efforts of a robot and a
+    friction larger by 1/eta, in a gear without loss driving and with eta eta_b driven: only the
+    product is known.
+
+    Args:
+        found: the estimate.
+    """
+    return _scale_is_known(found.question, found.prepared)
+
+
+def _scale_is_known(question: Question, prepared: Sequence[Prepared]) -> bool:
+    return question.keep_inertias or any(
+        one.recording.trajectory.attached.any() for one in prepared
+    )
+
+
+def _at_an_end(problem: Problem, choice: Choice, fit: Fit) -> list[int]:
+    """Return the joints of whose gear's two losses one is zero, where one loss may be chosen.
+
+    With all masses free the two follow the masses' scale (`scale_is_known`). One that is zero is
+    the end of that scale, not a finding: the joint's other coefficients would follow it.
+    """
+    return [
+        j
+        for j, law in enumerate(choice.laws)
+        if law.load == "gear"
+        and replace(law, both_ways=True) in problem.laws[j]
+        and not law.both_ways
+        and min(
+            fit.slots[j, SLOT[f"gear {direction}, {law.side} side"]]
+            for direction in ("driving", "driven")
+        )
+        <= 0.0
+    ]
+
+
+def reloaded(found: Estimate, one: Prepared) -> Prepared:
+    """Return one log's columns with loads by the present estimate."""
+    v = one.recording.velocity
+    inner = np.zeros_like(v)
+    for j, values in enumerate(found.fit.slots):
+        sign = np.sign(v[:, j])
+        inner[:, j] = values[SLOT[FORWARD]] * (sign > 0.0) - values[SLOT[BACKWARD]] * (sign < 0.0)
+        for name, p in SPEEDS.items():
+            inner[:, j] += values[SLOT[name]] * sign * np.abs(v[:, j]) ** p
+        if found.falls and (fall := found.falls[j]) is not None:
+            inner[:, j] += falling(v[:, j], fall.velocity, fall.exponent) * (
+                values[SLOT[FALL_FORWARD]] * (sign > 0.0)
+                - values[SLOT[FALL_BACKWARD]] * (sign < 0.0)
+            )
+    return with_falls(with_loads(one, found.scene, inner), found.falls)

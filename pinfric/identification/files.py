@@ -1,0 +1,242 @@
+"""Files of an identification: scene with intervals, robot, posterior."""
+
+from __future__ import annotations
+
+import copy
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.errors import IdentificationError
+from pinfric.identification.advice import advice_text
+from pinfric.identification.findings import Findings
+from pinfric.identification.laws import PLAIN
+from pinfric.identification.parameters import Parameter, on_motor
+from pinfric.model.entry import Entry
+from pinfric.model.robot import Robot, example_robot_data, locator
+from pinfric.model.schema import Simulation, TableEffort
+from pinfric.model.urdf import mesh_file
+from pinfric.model.urdf_file import read_xml
+from pinfric.model.yamlfile import yaml_text
+
+#: Columns of the posterior that a sweep sets as they are; all others are factors on the scene's.
+_ABSOLUTE = ("efficiency", "back_efficiency")
+_SAMPLES = 200
+
+
+def identified_files(found: Findings, folder: Path) -> dict[str, Callable[[Path], object]]:
+    """Return name -> what writes that file: scene, robot (if corrected), posterior, sweep, advice.
+
+    Args:
+        found: what was identified.
+        folder: where they will stand; files are named relative to it.
+
+    Raises:
+        IdentificationError: the scene has no URDF that a file could name.
+    """
+    robot = found.scene.robot
+    if robot is None:
+        raise IdentificationError(
+            f"{found.scene.source}: was made in Python and has no URDF; a "
+            "scene file needs one (`found.scene` is complete)"
+        )
+    texts = {
+        "scene.yaml": scene_text(found, robot, folder),
+        "posterior.csv": posterior_text(found),
+        "sweep.yaml": _SWEEP,
+        "advice.waypoints.yaml": advice_text(found.advice[0], found.scene),
+    }
+    if not found.keeps_inertias:
+        texts["robot.urdf"] = _robot_text(robot, found.scene.model)
+
+    def writer(text: str) -> Callable[[Path], object]:
+        return lambda path: path.write_text(text, encoding="utf-8")
+
+    return {name: writer(text) for name, text in texts.items()}
+
+
+_SWEEP = f"""# The uncertainty that the logs leave: each sample is a row of posterior.csv.
+#
+#   pinfric sweep scene.yaml TRAJECTORY sweep.yaml
+pinfric_sweep: 1
+samples: {_SAMPLES}
+seed: 1
+table: posterior.csv
+"""
+
+
+def posterior_text(found: Findings) -> str:
+    """Return the draws as a table that a sweep takes: factors on the scene's values, efficiencies.
+
+    Args:
+        found: what was identified.
+    """
+    values = {p.key: p.value for p in found.parameters}
+    for key in found.posterior:  # one way only was logged, and its friction taken for the other
+        head, _, direction = key.rpartition(".")
+        if key not in values:
+            values[key] = values[f"{head}.{'negative' if direction == 'positive' else 'positive'}"]
+    columns = {
+        key: draws if key.rpartition(".")[2] in _ABSOLUTE else draws / values[key]
+        for key, draws in found.posterior.items()
+    }
+    lines = [",".join(columns)]
+    rows = np.column_stack(list(columns.values())) if columns else np.zeros((0, 0))
+    return "\n".join([*lines, *(",".join(f"{x:.6g}" for x in row) for row in rows)]) + "\n"
+
+
+def scene_text(found: Findings, robot: Robot, folder: Path) -> str:
+    """Return the identified scene as a commented file.
+
+    Args:
+        found: what was identified.
+        robot: of its scene.
+        folder: where it will stand.
+    """
+    scene = found.scene
+    urdf = locator(robot.urdf, folder) if found.keeps_inertias else "robot.urdf"
+    section: dict[str, Any] = {"urdf": urdf, "gravity": scene.model.gravity.linear.tolist()}
+    if robot.locked:
+        section["locked"] = dict(robot.locked)
+    if scene.masses is not None:
+        section["masses"] = scene.masses
+    if scene.payloads:
+        section["payloads"] = {name: _dump(payload) for name, payload in scene.payloads.items()}
+    content: dict[str, Any] = {
+        "pinfric": 1,
+        "robot": section,
+        "friction": {
+            name: _dump(scene.friction[name])
+            for name in scene.joint_names
+            if name in scene.friction
+        },
+        "actuators": [
+            _dump(drive)
+            | ({"transmission": _dump(drive.transmission)} if drive.transmission else {})
+            for drive in scene.actuators or ()
+        ],
+    }
+    content["stick"] = {"velocity": scene.stick_velocity}
+    if scene.tool is not None:
+        content["tool"] = scene.tool
+    if scene.assumed is not None:
+        content["assumed"] = scene.assumed.model_dump()
+    if scene.simulation is not None:
+        content["simulation"] = _simulation(scene.simulation, Path(scene.source).parent)
+    if scene.stops is not None:
+        content["stops"] = scene.stops.model_dump(exclude_unset=True)
+    return "\n".join([*_heading(found), yaml_text(content, _comments(found))])
+
+
+def _heading(found: Findings) -> Iterator[str]:
+    logs = ", ".join(one.name for one in found.recordings)
+    yield f"# Friction identified from {logs} by `pinfric identify`."
+    yield "# Beside each value: its 95 % interval, computed from blocks of the logs. Values marked"
+    yield "# `not determined` fit best, but these logs do not determine them."
+    yield "# static: the break-away effort if it was logged; else the kinetic value, or, if the"
+    yield "# law is steep at rest, friction at the slowest logged sliding."
+    yield "#"
+    at = found.estimate.question.at
+    yield f"#   pinfric inverse scene.yaml LOG --effort-at {at}      # measured beside computed"
+    yield "#   pinfric sweep scene.yaml TRAJECTORY sweep.yaml    # with what is uncertain"
+    yield "#"
+    yield from (f"#   {line}" for line in found.notes)
+
+
+def _dump(entry: Entry) -> dict[str, Any]:
+    """An entry as a file has it: what is not said is left out, a number stands by itself."""
+    content = entry.model_dump(exclude_defaults=True)
+    return {
+        key: value["coefficient"]
+        if isinstance(value, dict) and set(value) == {"coefficient"}
+        else value
+        for key, value in content.items()
+    }
+
+
+def _simulation(simulation: Simulation, folder: Path) -> dict[str, Any]:
+    """The scene's own, with its tables named in full."""
+    content = _dump(simulation)
+    for name, effort in simulation.effort.items():
+        if isinstance(effort, TableEffort):
+            content["effort"][name] = {"table": str((folder / effort.table).resolve())}
+    return content
+
+
+def _comments(found: Findings) -> dict[tuple[str, ...], str]:
+    """Comments by the path of keys that they stand beside."""
+    comments = {}
+    order = found.scene.joint_names
+    for parameter in found.parameters:
+        where: tuple[str, ...] = ("friction", parameter.joint)
+        if parameter.section == "transmission":
+            where = ("actuators", str(order.index(parameter.joint)), "transmission")
+        where += tuple(parameter.name.split("."))
+        comments[where] = _interval(parameter)
+    comments |= {
+        ("friction", name): "not explained by the logs: value of the scene"
+        for name in found.errors.keys() - found.laws.keys()
+    }
+    for name, law in found.laws.items():
+        error = found.errors[name]
+        where = ("actuators", str(order.index(name))) if on_motor(law) else ("friction", name)
+        comments[where] = (
+            f"{law}: held-out error {100 * error.share:.1f} % "
+            f"({error.error / error.plain:.2f} of that with {PLAIN})"
+        )
+    return comments
+
+
+def _interval(parameter: Parameter) -> str:
+    if np.isnan(parameter.high):
+        return f"not determined: {parameter.why}"
+    text = f"{parameter.low:.3g} to {parameter.high:.3g} {parameter.unit}".rstrip()
+    return text if parameter.determined else f"not determined: {parameter.why} ({text})"
+
+
+def _robot_text(robot: Robot, model: pin.Model) -> str:
+    """The URDF with the model's inertias: each body's at the link its joint moves.
+
+    Links that are fixed to that link give theirs up: logs cannot tell them apart.
+    """
+    root = copy.deepcopy(read_xml(robot.urdf))
+    links = {str(link.get("name")): link for link in root.findall("link")}
+    moved_by = {
+        str(joint.get("name")): str(child.get("link"))
+        for joint in root.findall("joint")
+        if (child := joint.find("child")) is not None
+    }
+    for frame in model.frames:
+        if frame.type == pin.FrameType.BODY and frame.parentJoint > 0:
+            link = links[frame.name]
+            for old in link.findall("inertial"):
+                link.remove(old)
+    for body in range(1, model.njoints):
+        links[moved_by[model.names[body]]].insert(0, _inertial(model.inertias[body]))
+    bundled = example_robot_data().resolve()
+    for mesh in root.iter("mesh"):
+        name = mesh.get("filename")
+        file = mesh_file(name, robot.urdf, robot.package_dirs)
+        if file is not None and not (
+            str(name).startswith("package:") and file.resolve().is_relative_to(bundled)
+        ):
+            mesh.set("filename", f"file://{file.resolve()}")
+    ElementTree.indent(root)
+    return '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def _inertial(inertia: pin.Inertia) -> ElementTree.Element:
+    def numbers(values: Any) -> str:
+        return " ".join(f"{x:.10g}" for x in values)
+
+    element = ElementTree.Element("inertial")
+    ElementTree.SubElement(element, "origin", xyz=numbers(inertia.lever), rpy="0 0 0")
+    ElementTree.SubElement(element, "mass", value=f"{inertia.mass:.10g}")
+    I = inertia.inertia  # noqa: E741 - the moments
+    moments = {f"i{'xyz'[i]}{'xyz'[k]}": f"{I[i, k]:.10g}" for i in range(3) for k in range(i, 3)}
+    ElementTree.SubElement(element, "inertia", moments)
+    return element

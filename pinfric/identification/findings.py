@@ -1,0 +1,97 @@
+"""Result of an identification, without writing or showing it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinfric.identification.advice import Advice, advise
+from pinfric.identification.estimate import Estimate
+from pinfric.identification.laws import Law
+from pinfric.identification.misfit import Misfit
+from pinfric.identification.parameters import Parameter
+from pinfric.identification.recordings import Recording
+from pinfric.identification.rest import RestBound
+from pinfric.model.described import EFFORT, derived, described, quantity
+from pinfric.model.scene import Scene
+
+FloatArray = NDArray[np.float64]
+
+
+@described
+class HeldOut:
+    """Error of a joint's predicted effort on held-out data."""
+
+    rms: float = quantity("RMS of the measured effort", EFFORT, "effort\nRMS")
+    error: float = quantity("RMS of measured less predicted", EFFORT)
+    plain: float = quantity(
+        "the same with Coulomb and viscous friction only; NaN: not computed", EFFORT
+    )
+
+    @property
+    @derived(heading="off where\nnot fitted", cell="{share:percent}")
+    def share(self) -> float:
+        """The error as a share of the measured effort."""
+        return self.error / self.rms if self.rms else float("nan")
+
+    @property
+    @derived(heading="of Coulomb\n+ viscous", cell="{of_plain:.2f}")
+    def of_plain(self) -> float:
+        """The error over that with Coulomb and viscous friction; NaN where it was not asked."""
+        return self.error / self.plain if self.plain else float("nan")
+
+
+@dataclass(frozen=True)
+class Findings:
+    """Friction of a robot identified from logs.
+
+    Attributes:
+        scene: with the friction, and the links' inertias, that were found.
+        laws: joint -> law, of the joints that slid and that the model explains.
+        parameters: every coefficient in the scene's terms, with its interval.
+        posterior: key -> (n,) draws in the scene's terms, correlated: a row is one robot.
+        errors: joint -> error on blocks that neither the choice of laws nor the fit has seen.
+        unseen: log -> joint -> error on logs that were held out as a whole.
+        rest: joint -> what its holds show.
+        spread: joint -> how much friction differs between logs, as a share; NaN with one log.
+        delay: by which logged efforts lag behind the motion, s; 0 where it is not determined.
+        misfits: what residuals still depend on; intervals are widened for it.
+        notes: what was read, repaired, left out, and what the logs cannot show.
+        estimate: rows and coefficients behind all this.
+    """
+
+    scene: Scene
+    laws: Mapping[str, Law]
+    parameters: tuple[Parameter, ...]
+    posterior: Mapping[str, FloatArray]
+    errors: Mapping[str, HeldOut]
+    unseen: Mapping[str, Mapping[str, HeldOut]]
+    rest: Mapping[str, RestBound]
+    spread: Mapping[str, float]
+    delay: float
+    misfits: tuple[Misfit, ...]
+    notes: tuple[str, ...]
+    estimate: Estimate
+
+    @property
+    def keeps_inertias(self) -> bool:
+        """Whether the links' inertias are the URDF's."""
+        return self.estimate.question.keep_inertias
+
+    @property
+    def recordings(self) -> tuple[Recording, ...]:
+        """The logs that were fitted."""
+        return tuple(one.recording for one in self.estimate.prepared)
+
+    @cached_property
+    def advice(self) -> tuple[Advice, ...]:
+        """Recordings of 30 s each, the most informative one first."""
+        return advise(self.estimate)
+
+    def law_of(self, joint: str) -> str:
+        """Return a joint's law in words; "not explained" where the model says nothing of it."""
+        return str(self.laws.get(joint, "not explained"))

@@ -1,0 +1,283 @@
+"""`pf.identify`: a robot's friction from its own logs, with intervals."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinfric.dynamics.inverse.inverse import inverse_dynamics
+from pinfric.dynamics.inverse.result import InverseResult
+from pinfric.errors import IdentificationError, choose_from
+from pinfric.identification.checks import check_one_robot
+from pinfric.identification.columns import joint_rows, prepare, thinning
+from pinfric.identification.estimate import Estimate, Question, estimate, reloaded
+from pinfric.identification.files import identified_files
+from pinfric.identification.findings import Findings, HeldOut
+from pinfric.identification.laws import BACKWARD, FALL_SPEED, FORWARD, SLOT, SLOTS, Law
+from pinfric.identification.misfit import misfits
+from pinfric.identification.normal import residuals
+from pinfric.identification.notes import notes
+from pinfric.identification.parameters import (
+    RESTING,
+    identified_scene,
+    on_motor,
+    parameters,
+    scene_key,
+    scene_value,
+)
+from pinfric.identification.recordings import Recording, check_scene, read_recordings
+from pinfric.identification.rest import break_aways, rest_bounds
+from pinfric.identification.uncertainty import Uncertainty, uncertainty
+from pinfric.model.brief import counted, file_name, listed, screen
+from pinfric.model.couples import taking_part
+from pinfric.model.files import write_folder
+from pinfric.model.scene import Scene, expect_scene
+from pinfric.model.upward import Shown
+from pinfric.motions.log.arrays import Log
+from pinfric.motions.log.effort_place import check_effort_place, factors_to_joint
+from pinfric.motions.log.judged import JudgedLog, compare_effort
+from pinfric.motions.log.reading import ReadingOptions
+
+FloatArray = NDArray[np.float64]
+
+#: Rows of the posterior: enough for its percentiles from 1 to 99.
+_DRAWS = 400
+
+
+class Identified(Findings, Shown):  # noqa: D101 (that of its fields)
+    __doc__ = Findings.__doc__
+
+    def save(self, folder: str | Path) -> list[Path]:
+        """Write scene.yaml, robot.urdf if inertias changed, posterior.csv, sweep.yaml, advice.
+
+        Args:
+            folder: is made where there is none.
+
+        Raises:
+            IdentificationError: the scene has no URDF. PinfricError: it cannot be written.
+        """
+        return write_folder(folder, identified_files(self, Path(folder)))
+
+    def __repr__(self) -> str:
+        logs = counted(len(self.recordings), "log")
+        unknown = [p.key for p in self.parameters if not p.determined]
+        errors = [f"{100 * error.share:.1f} %" for error in self.errors.values()]
+        return screen(
+            "Identified",
+            f"{file_name(self.scene.source)} from {logs}",
+            {
+                "laws": listed(tuple(self.laws), [str(law) for law in self.laws.values()]),
+                "errors": listed(tuple(self.errors), errors),
+                "delay": str(self.estimate.delay),
+                "not determined": listed(unknown),
+                "more": ".parameters .posterior .scene .advice .summary() .plot() .save(folder)",
+            },
+        )
+
+
+def identify(
+    scene: Scene,
+    logs: Sequence[str | Path | Log] | str | Path | Log,
+    *,
+    gain: Mapping[str, float] | None = None,
+    effort_at: Literal["reflected", "motor", "joint"] = "reflected",
+    inertia: Literal["consistent", "keep"] = "consistent",
+    laws: Mapping[str, Law] | None = None,
+    payloads: Mapping[str, str] | None = None,
+    held_out: Sequence[str | Path | Log] = (),
+    options: ReadingOptions = ReadingOptions(),  # noqa: B008
+    seed: int = 0,
+    progress: Callable[[int, int], object] | None = None,
+) -> Identified:
+    """Return the friction of an open chain's joints from logs of motion and effort.
+
+        y(t + delay) = Y(q, v, a) theta + J a + friction,    theta: the links' inertial parameters
+
+    Each joint's law is the smallest one whose error on held-out blocks is not worse; coefficients
+    are least squares >= 0, intervals from whole blocks as samples and from the logs' spread.
+
+    Args:
+        scene: the robot; its bearings are candidates, its coefficients are not used.
+        logs: files that `load_trajectory` reads, with efforts, or `Log` arrays.
+        gain: joint -> factor that makes N m (N) of its logged effort: N m per A.
+        effort_at: what that effort is: "reflected", the motor's torque times the gear's ratio, as
+            most robots log it (rotor and gear losses are in it); "motor", the torque at the motor's
+            shaft, which the scene's ratio multiplies; "joint", measured behind the gear.
+        inertia: "consistent" corrects the links' inertias to ones that can exist, "keep" takes the
+            URDF's.
+        laws: joint -> its law, where it is not to be chosen.
+        payloads: log's name, or its path as in `logs` where several logs have that name -> payload
+            of the scene that it carries throughout.
+        held_out: further logs, which are only predicted.
+        options: what a person says about columns, units and cutoff.
+        seed: of the posterior's draws.
+        progress: called with the number of finished steps and of all.
+
+    Raises:
+        IdentificationError: logs without efforts, too short, with wrong signs or units, of two
+            robots; a robot with loops, mimic joints or joints of several degrees of freedom.
+        TrajectoryError: a log that cannot be read.
+    """
+    expect_scene(scene, "identify")
+    check_scene(scene)
+    _check_options(scene, effort_at, inertia, laws or {})
+    logs = [logs] if isinstance(logs, str | Path | Log) else logs
+    _check_logs(logs, held_out)
+    recordings = read_recordings(scene, logs, gain or {}, payloads or {}, options)
+    unseen = read_recordings(scene, held_out, gain or {}, {}, options) if held_out else ()
+    recordings, unseen = (_at_joints(scene, read, effort_at) for read in (recordings, unseen))
+    question = Question(scene, recordings, effort_at, inertia == "keep", laws or {}, gain or {})
+    found = estimate(question, progress or (lambda done, total: None))
+    return _identified(found, unseen, seed)
+
+
+def _identified(found: Estimate, unseen: Sequence[Recording], seed: int) -> Identified:
+    """Return what an estimate says in a scene's terms."""
+    scene, recordings = found.question.scene, found.question.recordings
+    check_one_robot(scene.joint_names, found.rows, found.fit, [r.name for r in recordings])
+    shapes = misfits(found)
+    known = uncertainty(found, shapes)
+    static = break_aways(found)
+    better = identified_scene(found, static)
+    names = scene.joint_names
+    rest = dict(zip(names, rest_bounds(found, better), strict=True))
+    spread = dict(zip(names, known.spread.tolist(), strict=True))
+    every = parameters(found, known, static)
+    return Identified(
+        scene=better,
+        laws={names[j]: found.choice.laws[j] for j in found.known},
+        parameters=every,
+        posterior=_posterior(found, known, seed),
+        errors=_errors(found),
+        unseen={one.name: _predicted(found, one) for one in unseen},
+        rest=rest,
+        spread=spread,
+        delay=found.delay.value,
+        notes=notes(found, rest, every, static, shapes),
+        misfits=shapes,
+        estimate=found,
+    )
+
+
+def beside_measured(found: Identified, log: int = 0) -> tuple[InverseResult, JudgedLog]:
+    """Return the identified scene's efforts along a log, and the log's own compared with them.
+
+    Args:
+        found: what was identified.
+        log: which of its logs.
+    """
+    recording = found.recordings[log]
+    result = inverse_dynamics(found.scene, recording.trajectory)
+    at = found.estimate.question.at
+    effort = dict(zip(found.scene.joint_names, recording.effort.T, strict=True))
+    reading = replace(recording.reading, effort=effort)
+    measured = {
+        name: compare_effort(result, j, y, at) for j, (name, y) in enumerate(effort.items())
+    }
+    return result, JudgedLog(reading, measured=measured, at=at)
+
+
+def left_over(found: Identified, joint: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return (n,) velocity, effort without friction, and measured less fitted effort of one joint.
+
+    Args:
+        found: what was identified.
+        joint: its number.
+    """
+    rows = found.estimate.rows[joint]
+    return rows.velocity, rows.load, residuals(rows, found.estimate.fit, joint)
+
+
+def running_mean(x: np.ndarray, y: np.ndarray, parts: int = 12) -> tuple[np.ndarray, np.ndarray]:
+    """Return means of x and of y over parts of equally many of them, in the order of x."""
+    order = [part for part in np.array_split(np.argsort(x), parts) if part.size]
+    return np.array([x[k].mean() for k in order]), np.array([y[k].mean() for k in order])
+
+
+def _at_joints(scene: Scene, read: Sequence[Recording], at: str) -> tuple[Recording, ...]:
+    """Return recordings with their efforts stated at the joints."""
+    factors = factors_to_joint(scene, at)
+    return tuple(replace(one, effort=one.effort * factors) for one in read)
+
+
+def _check_logs(*given: Any) -> None:
+    """Refuse what is neither a file's name nor a `Log`, alone or in a list."""
+    each = [log for logs in given for log in (logs if isinstance(logs, list | tuple) else [logs])]
+    for log in each:
+        if not isinstance(log, str | os.PathLike | Log):
+            raise IdentificationError(
+                f"identify: a log is a {type(log).__name__}; give a file's name, or "
+                "pf.Log(t, q, effort): measured efforts belong to it"
+            )
+
+
+def _check_options(scene: Scene, effort_at: str, inertia: str, laws: Mapping[str, Law]) -> None:
+    check_effort_place(effort_at, IdentificationError)
+    if inertia not in (kinds := ("consistent", "keep")):
+        raise IdentificationError(f"--inertia {inertia}: {choose_from(inertia, kinds)}")
+    if effort_at == "joint" and (coupled := taking_part(scene.drives)):
+        raise IdentificationError(
+            f"--effort-at joint: the drive {scene.drives[coupled[0]].name!r} is coupled, so a "
+            "sensor at one joint does not measure its effort; leave the `couples` out, or log the "
+            "efforts at the motors"
+        )
+    for name, law in laws.items():
+        if name not in scene.joint_names:
+            raise IdentificationError(
+                f"laws: there is no joint {name!r}; {choose_from(name, scene.joint_names)}"
+            )
+        if effort_at == "joint" and (law.load == "gear" or on_motor(law)):
+            raise IdentificationError(
+                f"laws: {name}: {law}: an effort measured after the gear does "
+                "not contain it (--effort-at joint)"
+            )
+
+
+def _errors(found: Estimate) -> dict[str, HeldOut]:
+    named = zip(found.scene.joint_names, found.rows, *found.errors, strict=True)
+    return {
+        name: HeldOut(_rms(rows.effort), float(chosen), float(plain))
+        for name, rows, chosen, plain in named
+        if rows.effort.size
+    }
+
+
+def _predicted(found: Estimate, recording: Recording) -> dict[str, HeldOut]:
+    """Errors on a log that was not fitted."""
+    one = reloaded(found, prepare(found.question.scene, recording, thinning([recording])))
+    rows = [joint_rows([one], j, found.delay.value) for j in range(len(found.rows))]
+    return {
+        name: HeldOut(_rms(own.effort), _rms(residuals(own, found.fit, j)), np.nan)
+        for j, (name, own) in enumerate(zip(found.scene.joint_names, rows, strict=True))
+        if own.effort.size
+    }
+
+
+def _rms(x: FloatArray) -> float:
+    return float(np.sqrt(np.mean(x**2)))
+
+
+def _posterior(found: Estimate, known: Uncertainty, seed: int) -> dict[str, FloatArray]:
+    """Draws of every coefficient above zero, in the scene's terms."""
+    draws = known.draws(found.fit.slots, _DRAWS, seed)
+    slots, ways = found.problem.slots(found.choice.laws), {SLOT[FORWARD], SLOT[BACKWARD]}
+    falls = {SLOT[name] for name in (*RESTING, FALL_SPEED)}  # no key of a sweep
+    result = {}
+    for at in known.place.tolist():
+        j, slot = divmod(at, len(SLOTS))
+        if j not in found.known or slot in falls:
+            continue
+        law = found.choice.laws[j]
+        ratio = abs(found.scene.drives[j].ratio)
+        values = np.asarray(scene_value(law, slot, draws[:, at], ratio))
+        # what moved one way only has this friction the other way, too
+        for own in ways if slot in ways and not ways <= set(slots[j]) else {slot}:
+            section, name, _ = scene_key(found.scene, j, law, own)
+            result[f"{section}.{found.scene.joint_names[j]}.{name}"] = values
+    return result

@@ -1,0 +1,294 @@
+"""Lack of fit: dependences of a joint's residual, and their effect on the coefficients.
+
+    r = Z b + noise,    Z: shapes over angle, speed, effort, time, and of the fitted effort's slope
+
+Columns of the model are taken out of Z and r first, so only what no coefficient can describe is
+left, along those principal directions between Z and the model that this leaves. Whether b differs
+from zero is tested with spans of time as samples,
+
+    T = s^T (sum of s_i s_i^T)^-1 s,    s_i = Z_i^T W r_i,   s their sum
+
+(N - m) T / (m (N - T)) follows F(m, N - m) where the model is right. What is found joins the model
+before the next shape is looked for, so that one cause is not named twice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinfric.dynamics.samples.reactions import state_wrenches
+from pinfric.dynamics.samples.states import States
+from pinfric.identification.columns import PASS, Prepared, Rows
+from pinfric.identification.estimate import Estimate
+from pinfric.identification.laws import BACKWARD, FALL_SPEED, FORWARD, INERTIA, SLOT
+from pinfric.identification.normal import orthonormal, residuals
+
+FloatArray = NDArray[np.float64]
+
+#: Probability of a shape found by chance, of each of the some 20 shapes of a joint.
+_CHANCE = 1e-4
+#: Share of a residual's mean square that a shape must explain to be named.
+_LEAST_SHARE = 0.02
+#: s: residuals further apart count as independent. Spans below which nothing is tested.
+_SPAN, _FEWEST_SPANS = 1.5, 10
+#: Shapes named at one joint at most.
+_MOST = 3
+#: Times per turn at which friction may change with the angle.
+_HARMONICS = tuple(range(1, 13))
+#: Coulomb friction forward and backward that differ by more than this share of their sum may well
+#: be equal, and the effort's sensor off.
+_UNEVEN = 0.15
+DIRECTIONS = [SLOT[FORWARD], SLOT[BACKWARD]]
+#: Directions of a shape do not show if the model's columns leave less than this share of their
+#: square. Hats over the speed make Coulomb friction, and their sum with it could be anything.
+_DESCRIBED = 0.1
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """One shape of a joint's residual that its law does not have.
+
+    Attributes:
+        joint: which one.
+        over: what the residual depends on, in words.
+        size: RMS of the shape, N m or N.
+        share: of the residual's mean square.
+        columns: (n, m) the shape's, of the joint's rows, each of one standard deviation.
+        shown: the first so many of the columns show beside the model.
+    """
+
+    joint: int
+    over: str
+    size: float
+    share: float
+    columns: FloatArray
+    shown: int
+
+
+@dataclass(frozen=True)
+class _Track:
+    """What shapes are made of, (n,) each: of one joint's rows in all logs.
+
+    Attributes:
+        q, v, a: of the drive; q rad or m.
+        slope, bend: first and second derivative of the fitted effort, by s.
+        time: from -1 to 1 over each log.
+        press: (n, 3) loads of the joint's bearing: force across and along its axis, moment.
+    """
+
+    q: FloatArray
+    v: FloatArray
+    a: FloatArray
+    slope: FloatArray
+    bend: FloatArray
+    time: FloatArray
+    press: FloatArray
+
+
+def misfits(found: Estimate) -> tuple[Misfit, ...]:
+    """Return the shapes that residuals have, joint by joint, the largest of each joint first.
+
+    Args:
+        found: the estimate.
+    """
+    presses = [_presses(found, one) for one in found.prepared]
+    return tuple(one for j in found.known for one in _of_joint(found, j, _track(found, j, presses)))
+
+
+def uneven(found: Estimate) -> dict[int, float]:
+    """Return joint -> half the difference of its Coulomb friction by direction, where it is large.
+
+    An offset of the effort's sensor makes the same difference, and no log tells the two apart.
+
+    Args:
+        found: the estimate.
+    """
+    result = {}
+    for j in found.known:
+        up, down = found.fit.slots[j, DIRECTIONS].tolist()
+        if found.choice.laws[j].coulomb and abs(up - down) > _UNEVEN * (up + down):
+            result[j] = 0.5 * (up - down)
+    return result
+
+
+def _of_joint(found: Estimate, joint: int, track: _Track) -> Iterator[Misfit]:
+    """Shapes of one joint's residual, the largest first."""
+    rows, weight = found.rows[joint], np.sqrt(found.row_weights[joint])
+    spans, span = _spans(rows)
+    if spans < _FEWEST_SPANS:
+        return
+    law = found.choice.laws[joint]
+    active = [SLOT[INERTIA], *law.slots, *([SLOT[FALL_SPEED]] if law.stribeck else [])]
+    model = np.column_stack((rows.rigid, rows.slots[:, active])) * weight[:, None]
+    left = residuals(rows, found.fit, joint) * weight
+    shapes = list(_shapes(found, joint, track))
+    for _ in range(_MOST):
+        basis = orthonormal(model)
+        rest = left - basis @ (basis.T @ left)
+        best: Misfit | None = None
+        for over, columns in shapes:
+            own, beside = _beyond(orthonormal(columns * weight[:, None]), basis)
+            clear, m = beside / np.linalg.norm(beside, axis=0), beside.shape[1]
+            if m == 0 or spans < 2 * m + 2:
+                continue
+            part = float(np.sum((clear.T @ rest) ** 2))
+            share = part / float(rest @ rest)
+            if share < max(_LEAST_SHARE, best.share if best else 0.0):
+                continue
+            sums = np.zeros((spans, m))
+            np.add.at(sums, span, clear * rest[:, None])
+            if chance(sums) < _CHANCE:
+                spread = float(np.sqrt(part / np.sum(beside**2))) / weight[:, None]
+                best = Misfit(joint, over, float(np.sqrt(part / rest.size)), share, spread * own, m)
+        if best is None:
+            return
+        yield best
+        model = np.column_stack((model, best.columns * weight[:, None]))
+
+
+def _beyond(own: FloatArray, basis: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return a shape's principal directions, (n, k), and what those the model lacks leave, (n, m).
+
+    The first m of the k directions are those.
+
+    Args:
+        own: (n, k) orthonormal columns of the shape.
+        basis: (n, p) orthonormal columns of the model.
+    """
+    beside = own - basis @ (basis.T @ own)
+    left, vectors = np.linalg.eigh(-beside.T @ beside)
+    return own @ vectors, beside @ vectors[:, -left > _DESCRIBED]
+
+
+def chance(sums: FloatArray) -> float:
+    """Return the probability of sums at least this far from zero if their mean is zero.
+
+    Args:
+        sums: (N, m) of each span.
+    """
+    from scipy.special import fdtrc
+
+    (count, m), total = sums.shape, sums.sum(axis=0)
+    T = float(total @ np.linalg.lstsq(sums.T @ sums, total, rcond=1e-10)[0])
+    return float(fdtrc(m, count - m, T * (count - m) / (m * max(count - T, 1e-9))))
+
+
+def _spans(rows: Rows) -> tuple[int, NDArray[np.int64]]:
+    """The number of spans of time, and the span of each row."""
+    key = np.column_stack((rows.log, np.floor(rows.time / _SPAN).astype(np.int64)))
+    _, span = np.unique(key, axis=0, return_inverse=True)
+    return int(span.max(initial=-1)) + 1, span.ravel()
+
+
+def _presses(found: Estimate, one: Prepared) -> FloatArray:
+    """Loads of each joint's bearing in one log, (n, nj, 3): N across and along its axis, N m.
+
+    The moment is the part that does not act about the axis.
+    """
+    motion, model = one.recording.trajectory, found.scene.model
+    q, v, a, attached = (
+        np.ascontiguousarray(x[one.kept]) for x in (motion.q, motion.v, motion.a, motion.attached)
+    )
+    wrench = state_wrenches(found.scene, States.of(found.scene, q, v, a, None, attached))
+    loads = np.empty((len(q), model.nv, 3))
+    for j in range(model.nv):
+        axes = np.asarray(model.joints[j + 1].createData().S).reshape(6)
+        axis = axes[3:] if axes[3:].any() else axes[:3]
+        force, moment = wrench[:, j, :3], wrench[:, j, 3:]
+        along, about = force @ axis, moment @ axis
+        loads[:, j, 0] = np.linalg.norm(force - along[:, None] * axis, axis=1)
+        loads[:, j, 1] = np.abs(along)
+        loads[:, j, 2] = np.linalg.norm(moment - about[:, None] * axis, axis=1)
+    return loads
+
+
+def _track(found: Estimate, joint: int, presses: Sequence[FloatArray]) -> _Track:
+    """What the shapes of one joint are made of."""
+    from scipy.interpolate import CubicSpline
+
+    parts = []
+    for one, press in zip(found.prepared, presses, strict=True):
+        at = one.kept[one.slides[:, joint]]
+        recording, own = one.recording, one.slides[:, joint]
+        t = recording.trajectory.t
+        fitted = (
+            one.rigid[:, joint] @ found.fit.theta + one.slots[:, joint] @ found.fit.slots[joint]
+        )
+        curve = CubicSpline(t[one.kept], fitted)
+        q = recording.trajectory.joint_positions()[at, joint]
+        middle, half = 0.5 * (t[0] + t[-1]), 0.5 * (t[-1] - t[0])
+        parts.append(
+            (
+                q,
+                recording.velocity[at, joint],
+                recording.acceleration[at, joint],
+                curve(t[one.kept], 1)[own],
+                curve(t[one.kept], 2)[own],
+                (t[at] - middle) / half,
+                press[own, joint],
+            )
+        )
+    return _Track(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def _shapes(found: Estimate, joint: int, track: _Track) -> Iterator[tuple[str, FloatArray]]:
+    """What a residual may depend on, in words, and its columns."""
+    v, load, sign = track.v, found.rows[joint].load, np.sign(track.v)
+    speed = np.abs(v)
+    yield from _by_angle(found, joint, track)
+    hats = _hats(speed, (0.02, 0.1, 0.25, 0.5, 0.8))
+    yield "the speed", hats * sign[:, None]
+    yield (
+        "the sign of its acceleration (play, a soft drive, or filtered efforts)",
+        _hats(speed, (0.1, 0.5, 0.9)) * np.sign(track.a)[:, None],
+    )
+    yield (
+        "the effort that it transmits",
+        np.column_stack((sign * np.abs(load), sign * load, load * np.abs(load), load**2 * sign)),
+    )
+    yield (
+        "the load on its bearing (add the bearing to the scene to make it a candidate)",
+        track.press * sign[:, None],
+    )
+    yield (
+        "time (warm-up, or sensor drift)",
+        np.column_stack((track.time, sign * track.time, v * track.time, sign * track.time**2)),
+    )
+    yield (
+        "the rate of change of the effort (filtered efforts, or another delay)",
+        np.column_stack((track.slope, track.bend)),
+    )
+
+
+def _by_angle(found: Estimate, joint: int, track: _Track) -> Iterator[tuple[str, FloatArray]]:
+    """Shapes over the turn of the joint, or its travel, and over the turn of its motor."""
+    drive, sign = found.scene.drives[joint], np.sign(track.v)
+    kind = found.scene.model.joints[joint + 1].shortname()
+    turns = not kind.startswith("JointModelP")
+    low, high = float(track.q.min()), float(track.q.max())
+    angle = track.q if turns else np.pi * (track.q - low) / max(high - low, 1e-12)
+    for k in _HARMONICS:
+        waves = np.column_stack((np.sin(k * angle), np.cos(k * angle)))
+        often = "once" if k == 1 else "twice" if k == 2 else f"{k} times"
+        where = f"its angle ({often} per turn)" if turns else "its position"
+        yield where, np.hstack((waves, waves * sign[:, None]))
+    ratio = abs(drive.ratio)
+    for k in (1, 2) if turns and ratio > 1.5 * _HARMONICS[-1] else ():
+        # what the low pass on all columns leaves of a ripple of that frequency
+        frequency = k * ratio * np.abs(track.v) / (2.0 * np.pi)
+        gain = 1.0 / (1.0 + (frequency / PASS) ** 8)
+        waves = gain[:, None] * np.column_stack(
+            (np.sin(k * ratio * track.q), np.cos(k * ratio * track.q))
+        )
+        often = "once" if k == 1 else "twice"
+        yield f"the motor's angle ({often} per turn)", np.hstack((waves, waves * sign[:, None]))
+
+
+def _hats(x: FloatArray, quantiles: Sequence[float]) -> FloatArray:
+    """Piecewise linear functions with knots at quantiles, which sum up to one."""
+    knots = np.unique(np.quantile(x, quantiles))
+    return np.column_stack([np.interp(x, knots, row) for row in np.eye(knots.size)])

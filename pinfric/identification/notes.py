@@ -1,0 +1,317 @@
+"""Notes on an identification: how logs were read, and what they do not determine."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from pinfric.identification.choice import free_errors
+from pinfric.identification.columns import FEWEST_ROWS
+from pinfric.identification.delay import other_delays
+from pinfric.identification.estimate import Estimate, scale_is_known
+from pinfric.identification.inertias import mass_changes
+from pinfric.identification.laws import BACKWARD, FORWARD
+from pinfric.identification.misfit import Misfit, uneven
+from pinfric.identification.normal import residuals
+from pinfric.identification.parameters import Parameter
+from pinfric.identification.recordings import stick_velocity
+from pinfric.identification.rest import BreakAway, RestBound
+from pinfric.identification.zeros import turned_zeros
+from pinfric.motions.log.effort_place import place_note
+from pinfric.motions.summary import effort_unit
+
+#: Below this share of its velocity limit a joint has not been fast.
+_FAST = 0.2
+#: A fit that leaves a larger share of an effort lacks something.
+_MISSED = 0.1
+#: Share of the time at rest in which an effort should be within the interval.
+_HELD_INSIDE = 0.985
+#: How much larger an error may be than that of least squares without a word.
+_WORSE = 0.03
+#: URDFs' masses are wrong by 10 to 40 %: a larger change has another cause.
+_MOVED = 0.5
+
+
+def notes(
+    found: Estimate,
+    rest: Mapping[str, RestBound],
+    every: Sequence[Parameter],
+    static: Mapping[tuple[int, str], BreakAway],
+    shapes: Sequence[Misfit] = (),
+) -> tuple[str, ...]:
+    """Return a line for everything that was read, repaired or left out, or that logs do not show.
+
+    Args:
+        found: the estimate.
+        rest: joint -> what its holds show.
+        every: the coefficients.
+        static: joint, FORWARD or BACKWARD -> friction at which it broke away, where logged.
+        shapes: what residuals still depend on.
+    """
+    lines = [
+        f"{one.name}: {line}" for one in found.question.recordings for line in one.reading.notes
+    ]
+    if place := place_note(found.question.scene, found.question.at):
+        lines.append(place)
+    lines += _of_logs(found)
+    lines += [
+        f"{what}: {', '.join(names)}"
+        for what, names in _of_joints(found, rest, static).items()
+        if names
+    ]
+    lines += _misfits(found, shapes)
+    lines += _zeros(found)
+    lines += _worse(found)
+    lines += _of_masses(found)
+    stick = stick_velocity(found.question.scene, found.question.recordings)
+    if stick > found.question.scene.stick_velocity:
+        lines.append(
+            f"the scene's `stick` velocity is {stick:.1e} rad/s or m/s: noise makes joints at rest "
+            "appear to move up to this speed"
+        )
+    if found.distrusted:
+        lines.append(
+            "too little data to choose laws: on blocks that were not used, the chosen laws predict "
+            "worse than Coulomb and viscous friction; so Coulomb and viscous friction is used"
+        )
+    vague = [p.key for p in every if not p.determined]
+    if vague:
+        lines.append(f"not determined: {', '.join(vague)}")
+    lines.append(
+        "an offset of an effort sensor appears as a difference between forward and backward "
+        "Coulomb friction"
+    )
+    return tuple(lines)
+
+
+def _misfits(found: Estimate, shapes: Sequence[Misfit]) -> list[str]:
+    """What each joint's law does not describe, and what may cause it."""
+    lines = []
+    for j in sorted({one.joint for one in shapes}):
+        unit = effort_unit(found.scene, j)
+        own = [
+            f"{one.over} {one.size:.2g} {unit} RMS ({100 * one.share:.0f} % of its square)"
+            for one in shapes
+            if one.joint == j
+        ]
+        lines.append(
+            f"lack of fit: {found.scene.joint_names[j]}: the residual still depends on "
+            f"{'; '.join(own)}; intervals are widened for that"
+        )
+    for j, half in uneven(found).items():
+        unit = effort_unit(found.scene, j)
+        lines.append(
+            f"lack of fit: {found.scene.joint_names[j]}: Coulomb friction differs by "
+            f"{2.0 * abs(half):.2g} {unit} between the directions; an offset of "
+            f"{abs(half):.2g} {unit} in the effort sensor would explain it; intervals are "
+            "widened to contain both"
+        )
+    lines += [
+        f"{found.scene.joint_names[j]}: friction falls from rest to motion as well with the "
+        f"exponent {fall.other.exponent:g} as with {fall.exponent:g}; intervals contain both"
+        for j, fall in enumerate(found.falls)
+        if fall is not None and fall.other is not None and found.choice.laws[j].stribeck
+    ]
+    return lines
+
+
+def _zeros(found: Estimate) -> list[str]:
+    """Angles whose zero may be off by a quarter or half turn."""
+    better = turned_zeros(found)
+    if not better:
+        return []
+    names, best = found.scene.joint_names, max(better, key=lambda one: one.gain)
+    each = " or ".join(f"{names[one.joint]} {np.degrees(one.turn):+.0f} degrees" for one in better)
+    return [
+        f"lack of fit: another zero of an angle lowers the squared residual by "
+        f"{100 * best.gain:.0f} %: {each}; check the zeros of the logged angles"
+    ]
+
+
+def _worse(found: Estimate) -> list[str]:
+    """Joints that ordinary least squares with plain friction predicts better, and why."""
+    if found.question.keep_inertias:
+        return []
+    free, own = free_errors(found.problem, found.rows), found.errors[0]
+    worse = [
+        f"{found.scene.joint_names[j]} by {100 * (own[j] / free[j] - 1):.0f} %"
+        for j in found.known
+        if own[j] > (1.0 + _WORSE) * free[j]
+    ]
+    if not worse:
+        return []
+    return [
+        "held-out errors are larger than those of ordinary least squares (Coulomb and viscous "
+        f"friction, free link inertias): {', '.join(worse)}; the URDF's inertias are wrong "
+        "there, or too little was logged to choose a law"
+    ]
+
+
+def _of_logs(found: Estimate) -> list[str]:
+    """What one log does not show, and what several say of the delay."""
+    delay, lines = found.delay, []
+    moving = [one.slides.any() for one in found.prepared]
+    still = [
+        one.recording.name for one, slides in zip(found.prepared, moving, strict=True) if not slides
+    ]
+    if still:
+        lines.append(f"no joint slides in {', '.join(still)}: used for bounds on friction at rest")
+    if sum(moving) == 1:
+        lines.append(
+            "one log only: how much friction changes from day to day is not known; "
+            "between logs of one robot it changed by 1 to 10 %"
+        )
+    if not delay.determined:
+        why = f"standard error {1e3 * delay.standard_error:.1f} ms"
+        if np.isinf(delay.standard_error):
+            why = "its search ended at a bound: the model lacks something"
+        lines.append(
+            f"the delay of the efforts is not determined ({why}) and is set to 0: log faster motion"
+        )
+    # of a joint that the model does not explain, a delay says nothing
+    if others := {j: x for j, x in other_delays(delay).items() if j in found.known}:
+        names = found.scene.joint_names
+        each = [
+            f"{names[j]} {1e3 * value:.1f} +- {1e3 * error:.1f} ms"
+            for j, (value, error) in others.items()
+        ]
+        lines.append(
+            f"lack of fit: the delays of {', '.join(each)} differ from that of the other "
+            "joints: play, a filter, or friction that no law describes"
+        )
+    if sum(moving) > 1:
+        logs = zip(found.prepared, delay.logs, strict=True)
+        each = [
+            f"{one.recording.name} {1e3 * value:.1f} +- {1e3 * error:.1f} ms"
+            for one, (value, error) in logs
+            if np.isfinite(error)
+        ]
+        lines.append(f"delay of the efforts from each log, with standard error: {', '.join(each)}")
+    return lines
+
+
+def _of_masses(found: Estimate) -> list[str]:
+    """How far the links' masses have moved from the URDF's, and what that may mean."""
+    if found.question.keep_inertias:
+        return ["the URDF's inertias were kept: their errors are in the friction"]
+    model, names = found.question.scene.model, found.scene.joint_names
+    bodies = zip(tuple(model.inertias)[1:], tuple(found.scene.model.inertias)[1:], strict=True)
+    masses = [
+        f"{name} {before.mass:.3g} -> {after.mass:.3g}"
+        for name, (before, after) in zip(names, bodies, strict=True)
+    ]
+    lines = [f"link behind each joint, kg in the URDF -> found: {', '.join(masses)}"]
+    changes = mass_changes(model, found.fit.theta)
+    far = [
+        name for name, change in zip(names, changes.tolist(), strict=True) if abs(change) > _MOVED
+    ]
+    if far:
+        lines.append(
+            f"masses that differ from the URDF's by more than {100 * _MOVED:.0f} %, which is "
+            f"unusual: {', '.join(far)}; check the zero and sign of the angles of "
+            "these joints and their neighbours, the unit of efforts, and whether the "
+            "scene lacks a payload"
+        )
+    return lines
+
+
+def _of_joints(
+    found: Estimate, rest: Mapping[str, RestBound], static: Mapping[tuple[int, str], BreakAway]
+) -> dict[str, list[str]]:
+    """What does not show, and at which joints."""
+    slid = [j for j, rows in enumerate(found.rows) if rows.effort.size]
+    return _of_motion(found, slid) | _of_rest(found, slid, rest, static) | _of_laws(found, slid)
+
+
+def _of_motion(found: Estimate, slid: Sequence[int]) -> dict[str, list[str]]:
+    """What the motion does not show."""
+    names, other = found.scene.joint_names, "the Coulomb friction of the other direction is used"
+
+    def hardly(sign: float) -> list[str]:
+        return [names[j] for j in slid if (sign * found.rows[j].velocity > 0.0).sum() < FEWEST_ROWS]
+
+    return {
+        "never slides, keeps the scene's friction": [
+            name for j, name in enumerate(names) if j not in slid
+        ],
+        f"hardly slides forward, {other}": hardly(1.0),
+        f"hardly slides backward, {other}": hardly(-1.0),
+    }
+
+
+def _of_rest(
+    found: Estimate,
+    slid: Sequence[int],
+    rest: Mapping[str, RestBound],
+    static: Mapping[tuple[int, str], BreakAway],
+) -> dict[str, list[str]]:
+    """What holds do not show."""
+    names = found.scene.joint_names
+    rests = [j for j in slid if rest[names[j]].seconds > 0.0]
+    return {
+        "never rests, no bound on its static friction": [
+            names[j] for j in slid if rest[names[j]].seconds == 0.0
+        ],
+        "rests, but never broke away slowly enough (three times a direction): static friction is "
+        "only bounded from below": [
+            names[j] for j in rests if not {(j, FORWARD), (j, BACKWARD)} & static.keys()
+        ],
+        f"efforts at rest are within the interval for less than {100 * _HELD_INSIDE:g} % of the "
+        "time, so static friction or the rigid effort is wrong": [
+            f"{names[j]} {100 * rest[names[j]].inside:.1f} %"
+            for j in slid
+            if rest[names[j]].inside < _HELD_INSIDE
+        ],
+    }
+
+
+def _of_laws(found: Estimate, slid: Sequence[int]) -> dict[str, list[str]]:
+    """What the laws do not tell, or leave."""
+    names, choice, question = found.scene.joint_names, found.choice, found.question
+    laws = list(zip(names, choice.laws, strict=True))
+    offers_gear = [any(law.load == "gear" for law in own) for own in choice.errors]
+    scale = scale_is_known(found)
+    return {
+        "never fast, friction at higher speed is extrapolated (rad/s or m/s)": _slow(found, slid),
+        "the load hardly changes, so a gear's loss cannot be separated from Coulomb friction": [
+            names[j]
+            for j in slid
+            if question.motor and names[j] not in question.laws and not offers_gear[j]
+        ],
+        "the model does not explain its effort (held-out error / error of the mean effort), so it "
+        "keeps the scene's friction: check sign, zero and unit of its angle and effort, and those "
+        "of its neighbours": [
+            f"{names[j]} {100 * share:.0f} %" for j, share in found.unexplained.items()
+        ],
+        "a law on the joint's side was asked for, but friction of a coupled drive depends on its "
+        "motor's speed: a law on the motor's side is used": [
+            name for name, law in laws if question.laws.get(name, law).side != law.side
+        ],
+        "the error is above 10 % even on the fitted data, so something is missing or wrong "
+        "(signs, zeros, motors that move with another joint)": _missed(found, slid),
+        "with free masses, only the product of a gear's two efficiencies (motor drives, load "
+        "drives) is known; each alone is as wrong as the URDF's masses; record a log with a known "
+        "payload (--payload)": [name for name, law in laws if law.load == "gear" and not scale],
+    }
+
+
+def _slow(found: Estimate, slid: Sequence[int]) -> list[str]:
+    limits = found.scene.model.velocityLimit
+    fastest = {j: float(np.abs(found.rows[j].velocity).max()) for j in slid}
+    return [
+        f"{found.scene.joint_names[j]} {speed:.2g} of {limits[j]:.2g}"
+        for j, speed in fastest.items()
+        if speed < _FAST * limits[j] < 1e300
+    ]
+
+
+def _missed(found: Estimate, slid: Sequence[int]) -> list[str]:
+    names, lines = found.scene.joint_names, []
+    for j in slid:
+        rows, off = found.rows[j], residuals(found.rows[j], found.fit, j)
+        if off @ off > _MISSED**2 * (rows.effort @ rows.effort):
+            lines.append(
+                f"{names[j]} {100 * np.sqrt(off @ off / (rows.effort @ rows.effort)):.0f} %"
+            )
+    return lines

@@ -1,0 +1,306 @@
+"""Coefficients with the keys of a scene: key, unit and interval.
+
+    c+, c-   friction.J.coulomb.positive, .negative  or  transmission.J.no_load_torque.* = c/|r|
+    k, p     friction.J.viscous {k, p}               or  transmission.J.motor_viscous = k/|r|^(1+p)
+    mu       friction.J.mu
+    g+, g-   transmission.J.efficiency = 1/(1 + g+), back_efficiency = 1 - g-
+    J        transmission.J.rotor_inertia = J/r^2
+
+With friction on the motor's side the second form holds, else the first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import astuple
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinfric.identification.columns import Rows
+from pinfric.identification.estimate import Estimate
+from pinfric.identification.laws import (
+    BACKWARD,
+    BEARING,
+    FALL_BACKWARD,
+    FALL_FORWARD,
+    FALL_SPEED,
+    FORWARD,
+    INERTIA,
+    SLOT,
+    SLOTS,
+    SPEEDS,
+    Law,
+)
+from pinfric.identification.recordings import STILL, stick_velocity
+from pinfric.identification.rest import BreakAway
+from pinfric.identification.uncertainty import Uncertainty
+from pinfric.model.described import SPEED, described, quantity, unit_at
+from pinfric.model.scene import Scene
+from pinfric.model.schema import Actuator
+from pinfric.model.transmission import Transmission
+from pinfric.motions.summary import effort_unit
+
+FloatArray = NDArray[np.float64]
+
+#: A standard error of more than this share of a coefficient leaves it undetermined.
+_VAGUE = 0.5
+#: With exponents up to this one friction at rest is what the slowest logged sliding shows: the
+#: law's own Coulomb friction is extrapolated down a steep curve that no log has seen. With larger
+#: ones below 1 it is friction at the slowest speed that counts as sliding.
+_STEEP = 0.5
+#: Quantile of the logged speeds that counts as the slowest.
+_SLOWEST = 0.02
+
+
+#: Keys of a transmission that logs of the motor's effort replace.
+_LOSSES = {"efficiency", "back_efficiency", "no_load_torque", "motor_viscous", "rotor_inertia"}
+#: What friction at rest has more than in motion, and the coefficient of that.
+RESTING = {FALL_FORWARD: FORWARD, FALL_BACKWARD: BACKWARD}
+
+
+@described
+class Parameter:
+    """One coefficient with its key in the scene."""
+
+    section: str = quantity("section of the scene: friction, transmission", heading="section")
+    joint: str = quantity("its joint: elbow_joint", heading="joint", name=True)
+    name: str = quantity("its key: coulomb.positive", heading="coefficient")
+    unit: str = quantity("unit of all figures here", heading="unit")
+    value: float = quantity("the estimate, in `unit`", heading="value")
+    low: float = quantity("lower end of the 95 % interval; NaN: at its bound", heading="from")
+    high: float = quantity("upper end of the 95 % interval; NaN: at its bound", heading="to")
+    standard_error: float = quantity("within logs and between them")
+    determined: bool = quantity("whether the logs determine it")
+    why: str = quantity("why it is not determined", default="")
+
+    @property
+    def key(self) -> str:
+        """Its name in sweeps: friction.elbow_joint.coulomb.positive."""
+        return f"{self.section}.{self.joint}.{self.name}"
+
+
+def on_motor(law: Law) -> bool:
+    """Whether a drive's friction sits before its gear, on the motor's shaft."""
+    return law.side == "motor"
+
+
+def scene_key(scene: Scene, joint: int, law: Law, slot: int) -> tuple[str, str, str]:
+    """Return section, name and unit of one coefficient in a scene."""
+    effort, motor, name = effort_unit(scene, joint), on_motor(law), SLOTS[slot]
+    section = "transmission" if motor else "friction"
+    if name in (FORWARD, BACKWARD):
+        # a negative ratio turns the motor backwards where the joint moves forwards
+        turned = motor and scene.drives[joint].ratio < 0.0
+        direction = "positive" if (name == FORWARD) != turned else "negative"
+        return (
+            section,
+            f"{'no_load_torque' if motor else 'coulomb'}.{direction}",
+            ("N m" if motor else effort),
+        )
+    if name in RESTING:
+        direction = "positive" if name == FALL_FORWARD else "negative"
+        return section, f"coulomb.{direction}.static", effort
+    if name in SPEEDS:
+        speed = unit_at(SPEED, "N m" if motor else effort)
+        power = "" if law.exponent == 1.0 else f"^{law.exponent:g}"
+        unit = f"{'N m' if motor else effort}/({speed}){power}"
+        return section, "motor_viscous" if motor else "viscous", unit
+    if name == BEARING:
+        return "friction", "mu", ""
+    if name == INERTIA:
+        return "transmission", "rotor_inertia", "kg m^2"
+    return "transmission", "back_efficiency" if "driven" in name else "efficiency", ""
+
+
+def scene_value(law: Law, slot: int, value: Any, ratio: float) -> Any:
+    """Return a coefficient (a number or an array of draws) in the scene's terms.
+
+    Args:
+        law: of its joint.
+        slot: which one.
+        value: at the joint, as the linear model has it.
+        ratio: |motor turns per joint turn|.
+    """
+    name = SLOTS[slot]
+    if name == INERTIA:
+        return value / ratio**2
+    if name.startswith("gear"):
+        return 1.0 - value if "driven" in name else 1.0 / (1.0 + value)
+    if on_motor(law):
+        return value / ratio ** (1.0 + (law.exponent or 0.0) * (name in SPEEDS))
+    return value
+
+
+def parameters(
+    found: Estimate, known: Uncertainty, static: Mapping[tuple[int, str], BreakAway]
+) -> tuple[Parameter, ...]:
+    """Return every coefficient of the laws found, in the scene's terms.
+
+    Args:
+        found: the estimate.
+        known: how far its coefficients are known.
+        static: joint, FORWARD or BACKWARD -> friction at which it broke away, where logged.
+    """
+    result = []
+    slots = found.problem.slots(found.choice.laws)
+    for j in found.known:
+        for slot in slots[j]:
+            result.append(_parameter(found, known, j, slot))
+            if broke := static.get((j, SLOTS[slot])):
+                result.append(_static(found, j, slot, broke))
+        if found.fit.slots[j, [SLOT[name] for name in RESTING]].any():
+            result.append(_fall_speed(found, known, j))
+    return tuple(result)
+
+
+def _parameter(found: Estimate, known: Uncertainty, joint: int, slot: int) -> Parameter:
+    """Return one coefficient with its interval."""
+    law, ratio = found.choice.laws[joint], abs(found.scene.drives[joint].ratio)
+    slots = [slot]
+    if SLOTS[slot] in RESTING:  # at rest it adds to the friction in motion
+        slots.append(SLOT[RESTING[SLOTS[slot]]])
+    x = float(found.fit.slots[joint, slots].sum())
+    error, reach = known.of([joint * len(SLOTS) + own for own in slots])
+
+    def scene_number(x: float) -> float:
+        return float(scene_value(law, slot, x, ratio))
+
+    low, high = sorted(scene_number(max(x + side * reach, 0.0)) for side in (-1, 1))
+    value, why = scene_number(x), ""
+    if x == 0.0:
+        why, high = "at its bound, zero", np.nan
+    elif x <= reach:
+        why = "its interval contains zero"
+    elif error > _VAGUE * x:
+        why = "its standard error exceeds half of it"
+    error *= abs(scene_number(x + 1e-6) - value) / 1e-6
+    section, key, unit = scene_key(found.scene, joint, law, slot)
+    name = found.scene.joint_names[joint]
+    return Parameter(section, name, key, unit, value, low, high, error, not why, why)
+
+
+def _static(found: Estimate, joint: int, slot: int, broke: BreakAway) -> Parameter:
+    """Return the friction at which a joint broke away."""
+    law, ratio = found.choice.laws[joint], abs(found.scene.drives[joint].ratio)
+    section, key, unit = scene_key(found.scene, joint, law, slot)
+    value, low, high, error = (float(scene_value(law, slot, x, ratio)) for x in astuple(broke))
+    name = found.scene.joint_names[joint]
+    return Parameter(section, name, f"{key}.static", unit, value, low, high, error, True)
+
+
+def _fall_speed(found: Estimate, known: Uncertainty, joint: int) -> Parameter:
+    """The speed at which friction has fallen; its logarithm is what has a standard error."""
+    fall, effort = found.falls[joint], effort_unit(found.scene, joint)
+    assert fall is not None  # its law has one
+    error, reach = known.of([joint * len(SLOTS) + SLOT[FALL_SPEED]])
+    why = "its standard error exceeds half of it" if error > _VAGUE else ""
+    low, high = (
+        fall.velocity * float(np.exp(np.clip(side * reach, -700.0, 700.0))) for side in (-1, 1)
+    )
+    return Parameter(
+        "friction",
+        found.scene.joint_names[joint],
+        "stribeck.velocity",
+        unit_at(SPEED, effort),
+        fall.velocity,
+        low,
+        high,
+        error * fall.velocity,
+        not why,
+        why,
+    )
+
+
+def identified_scene(found: Estimate, static: Mapping[tuple[int, str], BreakAway]) -> Scene:
+    """Return the question's scene with what was found in it; other joints keep what it says.
+
+    A joint sticks up to the velocity that these logs' noise gives a joint at rest.
+
+    Args:
+        found: the estimate, with the links' inertias.
+        static: joint, FORWARD or BACKWARD -> friction at which it broke away, where logged.
+    """
+    scene = found.scene
+    friction: dict[str, Any] = dict(scene.friction)
+    given = {one.joint: one for one in scene.actuators or ()}
+    actuators = []
+    for j, name in enumerate(scene.joint_names):
+        drive = given.get(name) or Actuator(joint=name)
+        if j in found.known:
+            friction[name], losses = _entries(found, j, static)
+            if found.question.motor:  # an effort measured after the gear says nothing of it
+                gear = _with_losses(drive.transmission, losses)
+                drive = drive.model_copy(update={"transmission": gear})
+        actuators.append(drive)
+    friction = {name: entry for name, entry in friction.items() if entry}
+    stick = stick_velocity(scene, found.question.recordings)
+    return scene.with_(friction=friction, actuators=actuators, stick_velocity=stick)
+
+
+def _with_losses(given: Transmission | None, losses: Mapping[str, Any]) -> Transmission:
+    """A drive's transmission with the losses found; all else of it is what the scene says."""
+    entries: dict[str, Any] = given.model_dump(exclude_unset=True) if given else {"ratio": 1.0}
+    kept = {key: value for key, value in entries.items() if key not in _LOSSES}
+    return Transmission.model_validate({**kept, **losses})
+
+
+def _entries(
+    found: Estimate, joint: int, static: Mapping[tuple[int, str], BreakAway]
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """A joint's entry of `friction`, and the losses of its drive, as a scene file has them."""
+    scene, law, fitted = found.scene, found.choice.laws[joint], found.fit.slots[joint]
+    friction: dict[str, Any] = {}
+    gear: dict[str, Any] = {}
+    ratio = abs(scene.drives[joint].ratio)
+    excess = _rest_excess(found.rows[joint], law, fitted)
+    dry = law.coulomb and fitted[[SLOT[FORWARD], SLOT[BACKWARD]]].any()
+    for slot in (SLOT[INERTIA], *law.slots):
+        section, key, _ = scene_key(scene, joint, law, slot)
+        name, target = SLOTS[slot], friction if section == "friction" else gear
+        value = _rounded(scene_value(law, slot, float(fitted[slot]), ratio))
+        if name in (FORWARD, BACKWARD) and dry:
+            head, _, direction = key.partition(".")
+            rest = float(fitted[slot]) + excess
+            rest += float(fitted[SLOT[FALL_FORWARD if name == FORWARD else FALL_BACKWARD]])
+            if (joint, name) in static:
+                rest = max(rest if law.stribeck else float(fitted[slot]), static[joint, name].mean)
+            rest = _rounded(scene_value(law, slot, rest, ratio))
+            target.setdefault(head, {})[direction] = {"static": rest, "kinetic": value}
+        elif name in SPEEDS and value:
+            target[key] = {"coefficient": value, "exponent": law.exponent}
+        elif name == BEARING and value:
+            given = found.question.scene.friction[scene.joint_names[joint]]
+            assert given.mu is not None  # it was a candidate
+            share = given.mu.static / given.mu.kinetic if given.mu.kinetic > 0.0 else 1.0
+            share = 1.0 if law.stribeck else share  # else it would fall, too
+            target["bearing"] = given.bearing
+            target["mu"] = {"static": _rounded(share * value), "kinetic": value}
+        elif value and name not in RESTING:
+            target[key] = value
+    if law.stribeck and fitted[[SLOT[name] for name in RESTING]].any():
+        fall = found.falls[joint]
+        assert fall is not None  # its law has one
+        friction["stribeck"] = {"velocity": _rounded(fall.velocity), "exponent": fall.exponent}
+    if law.load == "gear" and law.both_ways:
+        gear["back_efficiency"] = "same_loss"
+    # behind a gear whose losses grow with this friction, it is the joint's own
+    if found.question.motor and law.load != "gear" and {"coulomb", "viscous"} & friction.keys():
+        friction["includes_drive"] = True
+    return friction, gear
+
+
+def _rest_excess(rows: Rows, law: Law, slots: FloatArray) -> float:
+    """By how much friction at rest exceeds the law's Coulomb friction: k v^p, v the slowest."""
+    if law.exponent is None or law.exponent >= 1.0:
+        return 0.0
+    slowest = STILL
+    if law.exponent <= _STEEP:
+        slowest = float(np.quantile(np.abs(rows.velocity), _SLOWEST))
+    return float(slots[SLOT[law.speed]]) * slowest**law.exponent
+
+
+def _rounded(value: float) -> float:
+    """Six digits: more than any log tells, and as many as a file should print."""
+    return float(f"{value:.6g}")

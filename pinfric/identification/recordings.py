@@ -1,0 +1,246 @@
+"""Logs as identification sees them: motion and measured effort, one column per joint."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinfric.errors import IdentificationError, choose_from
+from pinfric.model.couples import drive_rates, rate_rows
+from pinfric.model.scene import Scene
+from pinfric.motions.derivatives import SPLINE_GAINS
+from pinfric.motions.log.arrays import Log
+from pinfric.motions.log.reading import Reading, ReadingOptions
+from pinfric.motions.log.thinning import Thinning
+from pinfric.motions.trajectory import Trajectory, read_trajectory
+
+FloatArray = NDArray[np.float64]
+
+#: rad/s or m/s: a joint that is never faster than this has not moved.
+STILL = 0.01
+#: Standard deviations beyond which a velocity is not noise.
+_CLEAR = 3.0
+#: Fewest samples that a low pass and a spline can use.
+_FEWEST = 100
+#: Hz: logs are thinned to 125 Hz, after a low pass of efforts and accelerations. The fit uses
+#: far lower frequencies; break-aways are looked for in what this low pass leaves.
+PEAK_PASS = 40.0
+_THINNING = Thinning(125.0, PEAK_PASS)
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One log, read and filtered; columns are the joints', in the model's order.
+
+    Attributes:
+        name: the log's.
+        trajectory: the motion.
+        step: s between samples.
+        velocity, acceleration: (T, nv) of the drives: the joints', but for coupled ones.
+        effort: (T, nv) measured, N m or N at the joint; NaN where there is none.
+        noise: (nv,) standard deviation of the velocities, rad/s or m/s.
+    """
+
+    name: str
+    trajectory: Trajectory
+    step: float
+    velocity: FloatArray
+    acceleration: FloatArray
+    effort: FloatArray
+    noise: FloatArray
+
+    @property
+    def unclear(self) -> FloatArray:
+        """(nv,) speed up to which noise alone may move a drive that stands, rad/s or m/s."""
+        return np.asarray(_CLEAR * self.noise)
+
+    @property
+    def slowest(self) -> FloatArray:
+        """(nv,) speed below which noise or presliding decides, rad/s or m/s."""
+        return np.maximum(STILL, self.unclear)
+
+    @property
+    def reading(self) -> Reading:
+        """How the log was read."""
+        assert self.trajectory.reading is not None
+        return self.trajectory.reading
+
+    @property
+    def rests(self) -> NDArray[np.bool_]:
+        """(T, nv) where a drive is held."""
+        return (self.velocity == 0.0) & (self.acceleration == 0.0)
+
+    @classmethod
+    def of(
+        cls,
+        scene: Scene,
+        name: str,
+        trajectory: Trajectory,
+        step: float,
+        effort: FloatArray,
+        noise: FloatArray,
+    ) -> Recording:
+        """Return a recording with the motion of the scene's drives; arguments are its fields."""
+        v, a = trajectory.v, trajectory.a
+        if not np.array_equal(rate_rows(scene.drives, scene.model.nv), np.eye(scene.model.nv)):
+            v, a = (drive_rates(scene.drives, x, x[:, :0]) for x in (v, a))
+        return cls(name, trajectory, step, v, a, effort, noise)
+
+
+def stick_velocity(scene: Scene, recordings: Sequence[Recording]) -> float:
+    """Return the velocity (rad/s, m/s) up to which joints stick, by the noise at rest.
+
+    It is at least the scene's, and at most the speed below which a joint counts as still.
+
+    Args:
+        scene: the robot.
+        recordings: the logs.
+    """
+    unclear = max(float(one.unclear.max()) for one in recordings)
+    return max(scene.stick_velocity, float(f"{min(unclear, STILL):.1e}"))
+
+
+def check_scene(scene: Scene) -> None:
+    """Refuse a robot whose joints' efforts no log can give one by one.
+
+    Raises:
+        IdentificationError: loops, drives off the joints, mimic joints, several degrees of freedom.
+    """
+    why = ""
+    if scene.linkage is not None:
+        why = "this scene has closed loops, or drives that are not at joints"
+    elif len(scene.model.mimicking_joints):
+        why = "here joints mimic others; lock them in the scene (robot: locked)"
+    elif any(joint.nv != 1 for joint in tuple(scene.model.joints)[1:]):
+        why = "here a joint has several degrees of freedom"
+    if why:
+        raise IdentificationError(
+            f"{scene.source}: identification takes open chains with one drive per joint: {why}"
+        )
+
+
+def read_recordings(
+    scene: Scene,
+    logs: Sequence[str | Path | Log],
+    gain: Mapping[str, float],
+    payloads: Mapping[str, str],
+    options: ReadingOptions,
+) -> tuple[Recording, ...]:
+    """Read logs with measured efforts.
+
+    Args:
+        scene: the robot; its payloads may be carried.
+        logs: paths, or arrays.
+        gain: joint -> factor on its logged effort (N m per A).
+        payloads: log's name, or path as in `logs`, -> the payload that it carries throughout.
+        options: what a person says about columns, units and cutoff.
+
+    Raises:
+        IdentificationError: no log, one log twice, an effort that is missing, a log too short.
+        TrajectoryError: a log cannot be read or does not fit the robot.
+    """
+    names = scene.joint_names
+    for name in gain:
+        if name not in names:
+            raise IdentificationError(
+                f"gain: there is no joint {name!r}; {choose_from(name, names)}"
+            )
+        if not np.isfinite(gain[name]) or gain[name] == 0.0:
+            raise IdentificationError(f"gain {name}={gain[name]:g}: should be finite, not zero")
+    if not logs:
+        raise IdentificationError("identification needs a log: a motion with measured efforts")
+    found = [_read(scene, log, gain, options) for log in logs]
+    found = [replace(one, name=_label(found, logs, number)) for number, one in enumerate(found)]
+    for one, other in combinations(found, 2):
+        if np.array_equal(one.trajectory.q, other.trajectory.q) and np.array_equal(
+            one.effort, other.effort, equal_nan=True
+        ):
+            raise IdentificationError(f"{one.name} and {other.name} are the same log: give it once")
+    carried = {
+        str(log): one.name for log, one in zip(logs, found, strict=True) if not isinstance(log, Log)
+    }
+    carries = {carried.get(label, label): payload for label, payload in payloads.items()}
+    labels = [one.name for one in found]
+    for label in carries:
+        if label not in labels:
+            raise IdentificationError(
+                f"payload: there is no log {label!r}; {choose_from(label, labels)}"
+            )
+    return tuple(_carrying(scene, one, carries.get(one.name)) for one in found)
+
+
+def _label(found: Sequence[Recording], logs: Sequence[str | Path | Log], number: int) -> str:
+    """A log's name; where several have it, its path as it was given, or its number."""
+    name, log = found[number].name, logs[number]
+    if sum(one.name == name for one in found) == 1:
+        return name
+    return f"{name} ({number + 1})" if isinstance(log, Log) else str(log)
+
+
+def _read(
+    scene: Scene, log: str | Path | Log, gain: Mapping[str, float], options: ReadingOptions
+) -> Recording:
+    reads = replace(options, thinning=_THINNING, currents=frozenset(gain))
+    trajectory = read_trajectory(log, scene, reads)
+    name, reading = Path(trajectory.source).name, trajectory.reading
+    if reading is None:
+        raise IdentificationError(f"{name}: holds way-points; a log has samples and efforts")
+    if reading.samples < _FEWEST:
+        raise IdentificationError(
+            f"{name}: {reading.samples} samples can be used; at least {_FEWEST} are needed"
+        )
+    missing = [joint for joint in scene.joint_names if joint not in reading.effort]
+    if missing:
+        raise IdentificationError(
+            f"{name}: no measured effort of {', '.join(missing)}; name the columns by --columns "
+            "FILE (currents with `effort_scale`, N m per A), or convert currents by --gain "
+            "(N m per A)"
+        )
+    effort = np.column_stack(
+        [gain.get(joint, 1.0) * reading.effort[joint] for joint in scene.joint_names]
+    )
+    step = float(np.median(np.diff(trajectory.t)))
+    if reading.uncertain is not None:
+        noise = reading.uncertain.velocity
+    else:
+        noise = np.array([reading.noise[joint] for joint in scene.joint_names])
+        noise = noise * SPLINE_GAINS[0] / step
+    noise = np.abs(rate_rows(scene.drives, noise.size)) @ noise
+    # what is not used below would fill much of the memory
+    trajectory = replace(trajectory, reading=replace(reading, effort={}, uncertain=None))
+    if (every := _THINNING.every(step)) > 1:
+        trajectory, effort = _thinned(trajectory, effort, step)
+    return Recording.of(scene, name, trajectory, every * step, effort, noise)
+
+
+def _thinned(
+    trajectory: Trajectory, effort: FloatArray, step: float
+) -> tuple[Trajectory, FloatArray]:
+    """Return fewer samples of a motion that was not filtered, as of one that was when read."""
+    every = _THINNING.every(step)
+    a = np.column_stack([_THINNING.acceleration(x, step)[::every] for x in trajectory.a.T])
+    fewer = np.column_stack([_THINNING.effort(x, step)[::every] for x in effort.T])
+    thin: dict[str, Any] = {
+        name: np.ascontiguousarray(getattr(trajectory, name)[::every])
+        for name in ("t", "q", "v", "attached")
+    }
+    return replace(trajectory, a=a, **thin), fewer
+
+
+def _carrying(scene: Scene, recording: Recording, payload: str | None) -> Recording:
+    if payload is None:
+        return recording
+    if payload not in scene.payloads:
+        raise IdentificationError(
+            f"payload: {scene.source} has no payload {payload!r}; "
+            f"{choose_from(payload, scene.payloads)}"
+        )
+    attached = np.zeros_like(recording.trajectory.attached)
+    attached[:, list(scene.payloads).index(payload)] = True
+    return replace(recording, trajectory=replace(recording.trajectory, attached=attached))

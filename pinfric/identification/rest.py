@@ -1,0 +1,169 @@
+"""Friction at rest from logs: largest holding friction, and break-away friction.
+
+A hold bounds static friction from below. Only a departure shows it, and only one so slow that the
+effort rises until the joint moves: else inertia acts before the first encoder count.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinfric.dynamics.inverse.inverse import inverse_dynamics
+from pinfric.dynamics.inverse.result import runs
+from pinfric.identification.columns import PART, Prepared
+from pinfric.identification.estimate import Estimate
+from pinfric.identification.laws import BACKWARD, FORWARD, SLOT
+from pinfric.identification.recordings import PEAK_PASS, Recording
+from pinfric.model.described import EFFORT, described, quantity
+from pinfric.model.scene import Scene
+from pinfric.motions.log.judged import measured_interval
+from pinfric.motions.log.noise import low_pass
+
+FloatArray = NDArray[np.float64]
+
+#: s: a hold from which a departure counts, what counts as before it and right before it, and what
+#: comes after it.
+_HELD, _BEFORE, _NEAR, _AFTER = 0.5, 0.3, 0.05, 0.15
+#: By which share of its peak friction must have risen during the hold, and how much of it the
+#: change of the rigid effort may be while the joint departs.
+_RISE, _INERTIA = 0.3, 0.15
+#: Departures in one direction from which static friction is taken.
+_FEWEST = 3
+
+
+@described
+class RestBound:
+    """Lower bound of a joint's static friction, from the time at rest."""
+
+    seconds: float = quantity("time at rest in all logs", "s")
+    largest: float = quantity(
+        "the largest friction that held it", EFFORT, "at rest,\nlargest friction"
+    )
+    share: float = quantity(
+        "`held` / half the identified interval", heading="of half\nthe interval"
+    )
+    inside: float = quantity(
+        "share of the time in which the effort was within the identified interval; NaN where it "
+        "never rests"
+    )
+
+
+def rest_bounds(found: Estimate, scene: Scene) -> tuple[RestBound, ...]:
+    """Return for each joint what its holds show; they bound static friction from below only.
+
+    Args:
+        found: the estimate.
+        scene: the identified one, whose joints stick up to a velocity.
+    """
+    nj = scene.model.nv
+    seconds, largest, share, inside = np.zeros((4, nj))
+    for one in found.prepared:
+        motion, held = one.recording.trajectory, _held(one.recording, scene.stick_velocity)
+        if not held.any():
+            continue
+        parts = [
+            measured_interval(part, found.question.at)
+            for part in inverse_dynamics(scene, motion, chunks=PART)
+        ]
+        lower, upper = (np.concatenate(ends) for ends in zip(*parts, strict=True))
+        middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
+        off = np.abs(one.effort(motion.t) + one.payload - middle)
+        for j in range(nj):
+            at = held[:, j] & np.isfinite(off[:, j])
+            if at.any():
+                seconds[j] += at.sum() * one.recording.step
+                inside[j] += np.sum(off[at, j] <= half[at, j]) * one.recording.step
+                largest[j] = max(largest[j], float(off[at, j].max()))
+                wide = np.maximum(half[at, j], 1e-12)
+                share[j] = max(share[j], float((off[at, j] / wide).max()))
+    inside = np.where(seconds > 0.0, inside / np.maximum(seconds, 1e-12), np.nan)
+    every = np.column_stack((seconds, largest, share, inside))
+    return tuple(RestBound(*row) for row in every.tolist())
+
+
+def _held(recording: Recording, stick: float) -> NDArray[np.bool_]:
+    """(T, nv) where a drive rests or is as slow as one that sticks, for at least a hold's time."""
+    held = recording.rests.copy()
+    for j, v in enumerate(recording.velocity.T):
+        for first, last in runs(np.abs(v) <= stick):
+            if (last - first) * recording.step >= _HELD:
+                held[first : last + 1, j] = True
+    return held
+
+
+@dataclass(frozen=True)
+class BreakAway:
+    """Friction at which a joint left rest in one direction, N m or N: mean and 95 % interval."""
+
+    mean: float
+    low: float
+    high: float
+    standard_error: float
+
+
+def break_aways(found: Estimate) -> dict[tuple[int, str], BreakAway]:
+    """Return joint, FORWARD or BACKWARD -> static friction, where three departures or more show it.
+
+    Joints whose bearing is in their law are left out: its load is in what holds them.
+
+    Args:
+        found: the estimate.
+    """
+    from scipy.special import stdtrit
+
+    result = {}
+    for j, law in enumerate(found.choice.laws):
+        peaks: dict[str, list[float]] = {FORWARD: [], BACKWARD: []}
+        for one in found.prepared:
+            if law.load != "bearing":
+                for direction, peak in _peaks(found, one, j):
+                    peaks[direction].append(peak)
+        for direction, values in peaks.items():
+            if len(values) >= _FEWEST:
+                error = float(np.std(values, ddof=1) / np.sqrt(len(values)))
+                mean, reach = float(np.mean(values)), float(stdtrit(len(values) - 1, 0.975)) * error
+                result[j, direction] = BreakAway(mean, max(mean - reach, 0.0), mean + reach, error)
+    return result
+
+
+def _peaks(found: Estimate, one: Prepared, joint: int) -> Iterator[tuple[str, float]]:
+    """Direction and largest friction of each departure that was slow enough."""
+    recording, rigid = one.recording, one.load[:, joint]
+    t, step, v = recording.trajectory.t, recording.step, recording.velocity[:, joint]
+    effort = np.where(np.isfinite(recording.effort[:, joint]), recording.effort[:, joint], rigid)
+    if step * PEAK_PASS < 0.45:
+        effort = low_pass(effort, step, PEAK_PASS)
+    effort = np.interp(t + found.delay.value, t, effort)
+    before, near, after = (int(np.ceil(span / step)) for span in (_BEFORE, _NEAR, _AFTER))
+    for first, last in runs(recording.rests[:, joint]):
+        if (last - first) * step < _HELD or last + after >= t.size:
+            continue
+        sign = float(np.sign(v[last + 1 : last + after + 1].sum()))
+        held = slice(first, last + 1)
+        friction = _friction(found, joint, sign, effort[held], rigid[held])
+        peak = float(friction[-before:].max())
+        rises = peak - float(np.quantile(friction, 0.1)) > _RISE * peak
+        # a jump at the last samples is cut where motion first shows, somewhere below what held
+        gradual = float(friction[-2 * near : -near].mean()) > (1.0 - _RISE) * peak
+        change = np.abs(rigid[last : last + after + 1] - rigid[last]).max()
+        if peak > 0.0 and rises and gradual and change < _INERTIA * peak:
+            yield FORWARD if sign > 0.0 else BACKWARD, peak
+
+
+def _friction(
+    found: Estimate, joint: int, sign: float, effort: FloatArray, rigid: FloatArray
+) -> FloatArray:
+    """The friction sign (x - rigid) that holds, gears' losses taken out of the effort."""
+    law, slots = found.choice.laws[joint], found.fit.slots[joint]
+    driving, driven, both = (
+        float(slots[SLOT[f"gear {direction}, {law.side} side"]])
+        for direction in ("driving", "driven", "both")
+    )
+    driving, driven = driving + both, driven + both
+    if law.side == "joint":
+        return sign * (effort / np.where(sign * effort > 0.0, 1.0 + driving, 1.0 - driven) - rigid)
+    return sign * (effort - rigid) - np.abs(rigid) * np.where(sign * rigid > 0.0, driving, driven)

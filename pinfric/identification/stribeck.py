@@ -1,0 +1,190 @@
+"""Stribeck friction of one joint: friction that falls from rest to motion, and at which speed.
+
+    friction = ... + e+ s(v) [v > 0] - e- s(v) [v < 0],    s = exp(-(|v|/v_s)^n),  n = 1 or 2
+
+e+ and e- are coefficients like all others. The model is not linear in n and the speed v_s, so those
+that leave the least residual are searched; the covariance has a column for v_s, d/d(log v_s).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinfric.identification.columns import FEWEST_ROWS, PASS, Prepared, Rows
+from pinfric.identification.laws import (
+    FALL_BACKWARD,
+    FALL_FORWARD,
+    FALL_SPEED,
+    SLOT,
+)
+from pinfric.identification.normal import orthonormal
+from pinfric.motions.log.noise import low_pass
+
+FloatArray = NDArray[np.float64]
+
+#: Share of a residual's mean square that the fall must explain to be a candidate.
+_LEAST_GAIN = 0.04
+#: Speeds that are tried, from the slowest logged sliding to half the fastest.
+_TRIED = 12
+#: n that are tried.
+_EXPONENTS = (1.0, 2.0)
+#: Exponents fit alike whose residuals' sums of squares differ by less than this share: with known
+#: truth it was 1.4 % at most where the wrong one left less.
+_ALIKE = 0.02
+#: How far log v_s is searched about the best speed tried.
+_AROUND = 1.0
+_FALLS = [SLOT[FALL_FORWARD], SLOT[FALL_BACKWARD]]
+
+
+@dataclass(frozen=True)
+class Fall:
+    """The fall of one joint's friction.
+
+    Attributes:
+        velocity: v_s, at which 1/e of the excess is left, rad/s or m/s.
+        exponent: n.
+        forward, backward: the excess at rest, N m or N, about which d/d(log v_s) is taken.
+        other: the best fall with another exponent, where it fits as well.
+    """
+
+    velocity: float
+    exponent: float
+    forward: float
+    backward: float
+    other: Fall | None = None
+
+
+def find_fall(
+    prepared: Sequence[Prepared], joint: int, rows: Rows, weight: FloatArray, taken: Sequence[int]
+) -> Fall | None:
+    """Return the fall that explains most of a joint's effort; None where it explains too little.
+
+    Args:
+        prepared: the logs.
+        joint: which one.
+        rows: of the joint.
+        weight: (n,) of each row.
+        taken: places of the coefficients that the joint's law has without the fall.
+    """
+    from scipy.optimize import minimize_scalar
+
+    speed = np.abs(rows.velocity)
+    if min((rows.velocity > 0.0).sum(), (rows.velocity < 0.0).sum()) < FEWEST_ROWS:
+        return None
+    root = np.sqrt(weight)[:, None]
+    basis = orthonormal(np.column_stack((rows.rigid, rows.slots[:, list(taken)])) * root)
+    rest = rows.effort * root[:, 0]
+    rest = rest - basis @ (basis.T @ rest)
+
+    def fitted(columns: FloatArray) -> tuple[float, FloatArray]:
+        """By how much two columns reduce the residual's sum of squares, and their coefficients."""
+        own = columns * root
+        own = own - basis @ (basis.T @ own)
+        values: FloatArray = np.linalg.lstsq(own, rest, rcond=1e-8)[0].astype(float)
+        return float(np.sum((own @ values) ** 2)) * bool(values.min() > 0.0), values
+
+    low, high = np.log(np.quantile(speed, (0.01, 0.98)) * (1.0, 0.5))
+    tried = np.linspace(low, high, _TRIED)
+    found: list[tuple[float, Fall]] = []
+    for n in _EXPONENTS:
+        # first without the low pass, which changes little away from rest
+        gains = [fitted(_ways(rows.velocity, float(np.exp(x)), n))[0] for x in tried]
+        if max(gains) < _LEAST_GAIN * float(rest @ rest):
+            continue
+        middle = tried[int(np.argmax(gains))]
+        ends = max(middle - _AROUND, low - _AROUND), min(middle + _AROUND, high)
+        best = float(
+            minimize_scalar(
+                lambda x, n=n: -fitted(_passed(prepared, joint, float(np.exp(x)), n))[0],
+                bounds=ends,
+                method="bounded",
+                options={"xatol": 5e-3},
+            ).x
+        )
+        velocity = float(np.exp(best))
+        gain, values = fitted(_passed(prepared, joint, velocity, n))
+        if gain > 0.0:
+            found.append((gain, Fall(velocity, n, *values.tolist())))
+    if not found:
+        return None
+    (gain, fall), *others = sorted(found, key=lambda one: -one[0])
+    alike = [other for own, other in others if gain - own < _ALIKE * (float(rest @ rest) - gain)]
+    return replace(fall, other=alike[0]) if alike else fall
+
+
+def beside_other(prepared: Sequence[Prepared], joint: int, fall: Fall) -> FloatArray:
+    """Return (n,) by how much more friction `fall.other` is than `fall`, of a joint's rows.
+
+    Args:
+        prepared: the logs.
+        joint: which one.
+        fall: of its friction, with another one that fits as well.
+    """
+    assert fall.other is not None
+    now, other = (
+        _passed(prepared, joint, one.velocity, one.exponent) @ [one.forward, one.backward]
+        for one in (fall, fall.other)
+    )
+    return np.asarray(other - now)
+
+
+def with_falls(prepared: Prepared, falls: tuple[Fall | None, ...]) -> Prepared:
+    """Return a log's columns with those of falling friction.
+
+    Args:
+        prepared: one log.
+        falls: of each joint.
+    """
+    recording, slots = prepared.recording, prepared.slots.copy()
+    at = [*_FALLS, SLOT[FALL_SPEED]]
+    for j, fall in enumerate(falls):
+        if fall is None:
+            slots[:, j, at] = 0.0
+            continue
+        v = recording.velocity[:, j]
+        n, ways = fall.exponent, _ways(v, fall.velocity, fall.exponent)
+        slope = n * np.abs(v / fall.velocity) ** n * (ways @ [fall.forward, fall.backward])
+        slots[:, j, at] = _low_passed(prepared, np.column_stack((ways, slope)))
+    return replace(prepared, slots=slots)
+
+
+def _ways(v: FloatArray, velocity: float, exponent: float) -> FloatArray:
+    """Columns (n, 2) of what is left of the excess, forward and backward."""
+    left = falling(v, velocity, exponent)
+    return np.column_stack((left * (v > 0.0), -left * (v < 0.0)))
+
+
+def _passed(
+    prepared: Sequence[Prepared], joint: int, velocity: float, exponent: float
+) -> FloatArray:
+    """Columns (n, 2) of a joint's rows in all logs."""
+    return np.concatenate(
+        [
+            _low_passed(one, _ways(one.recording.velocity[:, joint], velocity, exponent))[
+                one.slides[:, joint]
+            ]
+            for one in prepared
+        ]
+    )
+
+
+def _low_passed(prepared: Prepared, columns: FloatArray) -> FloatArray:
+    """Columns as all others of the log: low-passed and thinned."""
+    step = prepared.recording.step
+    columns = low_pass(columns, step, PASS) if step * PASS < 0.45 else columns
+    return np.asarray(columns[prepared.kept])
+
+
+def falling(v: FloatArray, velocity: float, exponent: float) -> FloatArray:
+    """Return exp(-(|v|/v_s)^n), what is left of the excess at rest.
+
+    Args:
+        v: speeds, rad/s or m/s.
+        velocity: v_s, rad/s or m/s.
+        exponent: n.
+    """
+    return np.exp(-(np.abs(v / velocity) ** exponent))

@@ -1,0 +1,190 @@
+"""Summary of an identification, as `pinfric identify` prints and writes it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from pinfric.identification.advice import Advice
+from pinfric.identification.findings import Findings, HeldOut
+from pinfric.identification.laws import PLAIN
+from pinfric.identification.parameters import Parameter
+from pinfric.identification.rest import RestBound
+from pinfric.model.described import EFFORT, PLACE, described, quantity
+from pinfric.motions.summary import effort_unit
+
+
+@described
+class FittedLog:
+    """One log that was fitted."""
+
+    name: str = quantity("the log's", heading="log")
+    samples: int = quantity("samples that were used", heading="samples")
+    duration: float = quantity("duration of the motion", "s", "duration")
+    noise: Mapping[str, float] = quantity("joint -> noise of its positions", PLACE)
+    cutoff: Mapping[str, float | None] = quantity("joint -> low pass; none: not filtered", "Hz")
+    dropped: int = quantity("rows left out", heading="left out")
+
+
+@described
+class JointFriction:
+    """The friction that was found of one joint."""
+
+    name: str = quantity("the joint", heading="joint", name=True)
+    unit: str = quantity('of its efforts, "N m" or "N"', heading="unit")
+    law: str | None = quantity("in words; none: the model does not explain it", heading="law")
+    error: HeldOut = quantity("error on held-out data", heading="*")
+    rest: RestBound = quantity("bounds from the time at rest", heading="*")
+    spread_between_logs: float = quantity(
+        "relative difference of friction between logs; NaN with one log",
+        heading="between\nlogs",
+        cell="{spread_between_logs:percent}",
+    )
+    held_out: Mapping[str, float] = quantity("law -> held-out error of every candidate", EFFORT)
+
+
+@described
+class Predicted:
+    """Error of a joint's predicted effort in a log that was held out as a whole."""
+
+    log: str = quantity("its name", heading="log held out")
+    joint: str = quantity("its name", heading="joint", name=True)
+    unit: str = quantity('of its efforts, "N m" or "N"', heading="unit")
+    error: HeldOut = quantity("error on that log", heading="*")
+
+
+@described
+class Considered:
+    """A law of friction that was considered for a joint."""
+
+    law: str = quantity("in words", heading="law")
+    coefficients: int = quantity("number of coefficients", heading="coefficients")
+    unit: str = quantity('of the joint\'s efforts, "N m" or "N"', heading="unit")
+    error: float = quantity("RMS of measured less predicted", EFFORT, "held-out\nerror")
+    of_plain: float = quantity(
+        "the error / the error with Coulomb and viscous friction",
+        heading="of Coulomb\n+ viscous",
+        cell="{of_plain:.2f}",
+    )
+
+
+@described
+class LogNoise:
+    """How one joint's positions in a log were read."""
+
+    log: str = quantity("its name", heading="log")
+    rate: float = quantity("sampling rate", "Hz", "rate")
+    joint: str = quantity("its name", heading="joint", name=True)
+    noise: float = quantity("noise of its positions", PLACE, "noise", "{noise:decade}")
+    cutoff: float | None = quantity("low pass; none: not filtered", "Hz", "cutoff")
+
+
+@described
+class MoreKnown:
+    """Standard error of one coefficient with further recordings."""
+
+    key: str = quantity("key of the coefficient", heading="coefficient")
+    factors: Mapping[str, float] = quantity(
+        "recording -> standard error with it / present standard error", heading="{}", cell=":.2f"
+    )
+
+
+@described
+class IdentifySummary:
+    """Friction of a robot identified from logs."""
+
+    logs: tuple[FittedLog, ...] = quantity("logs that were fitted")
+    delay: float = quantity("delay of the logged efforts; 0: not determined", "s")
+    delay_standard_error: float = quantity("standard error of the delay", "s")
+    joints: tuple[JointFriction, ...] = quantity("in the order of the model")
+    parameters: tuple[Parameter, ...] = quantity("every coefficient, by its key in the scene")
+    unseen: Mapping[str, Mapping[str, HeldOut]] = quantity(
+        "log -> joint -> error on logs that were held out as a whole"
+    )
+    inertias: str = quantity('link inertias: "kept" from the URDF, or "corrected"')
+    advice: tuple[Advice, ...] = quantity("recordings of 30 s, the most informative one first")
+    notes: tuple[str, ...] = quantity("repairs of the logs, and what the logs do not determine")
+
+
+def identify_summary(found: Findings) -> IdentifySummary:
+    """Return the summary of an identification."""
+    names = found.scene.joint_names
+    considered = dict(zip(names, found.estimate.choice.errors, strict=True))
+    units = dict(zip(names, (effort_unit(found.scene, j) for j in range(len(names))), strict=True))
+    return IdentifySummary(
+        logs=tuple(
+            FittedLog(
+                one.name,
+                one.trajectory.t.size,
+                one.trajectory.duration,
+                one.reading.noise,
+                one.reading.cutoff,
+                one.reading.dropped,
+            )
+            for one in found.recordings
+        ),
+        delay=found.delay,
+        delay_standard_error=found.estimate.delay.standard_error,
+        joints=tuple(
+            JointFriction(
+                name=name,
+                unit=units[name],
+                law=str(found.laws[name]) if name in found.laws else None,
+                error=error,
+                rest=found.rest[name],
+                spread_between_logs=found.spread[name],
+                held_out={str(law): x for law, x in considered[name].items()},
+            )
+            for name, error in found.errors.items()
+        ),
+        parameters=found.parameters,
+        unseen=found.unseen,
+        inertias="kept" if found.keeps_inertias else "corrected",
+        advice=found.advice,
+        notes=found.notes,
+    )
+
+
+def predicted(found: IdentifySummary) -> list[Predicted]:
+    """Return the errors of the logs that were only predicted, a row each."""
+    units = {joint.name: joint.unit for joint in found.joints}
+    return [
+        Predicted(log, name, units.get(name, ""), error)
+        for log, joints in found.unseen.items()
+        for name, error in joints.items()
+    ]
+
+
+def considered(found: Findings, joint: int) -> list[Considered]:
+    """Return the laws that were considered for a joint, the best first."""
+    errors, unit = found.estimate.choice.errors[joint], effort_unit(found.scene, joint)
+    plain = errors.get(PLAIN, float("nan"))
+    return [
+        Considered(str(law), len(law.slots), unit, error, error / plain)
+        for law, error in sorted(errors.items(), key=lambda entry: entry[1])
+    ]
+
+
+def log_noise(found: Findings) -> list[LogNoise]:
+    """Return how each joint's positions were read, log by log."""
+    return [
+        LogNoise(log.name, 1.0 / log.step, joint, noise, log.reading.cutoff[joint])
+        for log in found.recordings
+        for joint, noise in log.reading.noise.items()
+    ]
+
+
+def more_known(found: Findings, most: int) -> list[MoreKnown]:
+    """Return the effect of further recordings on the least known coefficients.
+
+    Args:
+        found: of `identify`.
+        most: so many coefficients at most.
+    """
+
+    def vagueness(parameter: Parameter) -> float:
+        return -parameter.standard_error / max(abs(parameter.value), 1e-300)
+
+    keys = [
+        p.key for p in sorted(found.parameters, key=vagueness) if p.key in found.advice[0].factors
+    ]
+    return [MoreKnown(k, {one.name: one.factors[k] for one in found.advice}) for k in keys[:most]]

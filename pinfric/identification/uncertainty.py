@@ -1,0 +1,382 @@
+"""Uncertainty of the coefficients: from blocks within a log, and from differences between logs.
+
+Residuals of friction are autocorrelated over half a second and longer, so rows are not independent
+samples: standard errors that assume so are 3 to 8 times too small. Here whole blocks are the
+samples (cluster-robust sandwich). Parameters that no log separates (a rotor's inertia from that of
+its link) follow the URDF, which regularises the links, so the URDF's own error counts, too. Logs
+differ by a factor on each joint's friction, mostly due to temperature.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinfric.dynamics.inverse.inverse import inverse_dynamics
+from pinfric.identification.columns import Prepared, bearings_only
+from pinfric.identification.estimate import Estimate
+from pinfric.identification.inertias import with_parameters
+from pinfric.identification.influence import influence, of_joint
+from pinfric.identification.laws import (
+    BACKWARD,
+    BEARING,
+    FALL_BACKWARD,
+    FALL_FORWARD,
+    FALL_SPEED,
+    FORWARD,
+    INERTIA,
+    SLOT,
+    SLOTS,
+    SPEEDS,
+)
+from pinfric.identification.misfit import DIRECTIONS, Misfit, uneven
+from pinfric.identification.normal import Normal, above_zero, residuals
+from pinfric.identification.stribeck import beside_other
+
+FloatArray = NDArray[np.float64]
+
+#: Share of a standard deviation by which a link's parameter is changed to see what its load does.
+_STEP = 0.1
+#: Columns of the friction that passes a gear between it and the motor.
+_INNER = (FORWARD, BACKWARD, *SPEEDS, FALL_FORWARD, FALL_BACKWARD, FALL_SPEED)
+#: Regularization where shapes are nearly the same.
+_RIDGE = 1e-9
+#: Logs from which a spread between them can be told.
+_FEWEST_LOGS = 2
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """Uncertainty of the coefficients.
+
+    Attributes:
+        place: (n,) of the coefficients above zero among (nj K,).
+        within, between: (n, n) covariance by blocks and shapes, and by what differs between logs.
+        freedom: blocks less one, of `within`.
+        logs: how many; one less is the freedom of `between`.
+        spread: (nj,) standard deviation of a log's factor on the joint's friction; NaN with one
+            log, which cannot tell.
+    """
+
+    place: NDArray[np.int64]
+    within: FloatArray
+    between: FloatArray
+    freedom: int
+    logs: int
+    spread: FloatArray
+
+    def of(self, places: Sequence[int], level: float = 0.95) -> tuple[float, float]:
+        """Return standard error and interval's reach to either side of a sum of coefficients.
+
+        Degrees of freedom of a sum of two variances (Satterthwaite 1946):
+        (a + b)^2 / (a^2/n_a + b^2/n_b).
+
+        Args:
+            places: of the coefficients among (nj K,); those at zero are taken as known.
+            level: share of the intervals that hold the sum.
+        """
+        from scipy.special import stdtrit
+
+        taken = np.isin(self.place, places)
+        own, other = (float(x[np.ix_(taken, taken)].sum()) for x in (self.within, self.between))
+        both = own + other
+        if both <= 0.0:
+            return 0.0, 0.0
+        inverse = (own / both) ** 2 / self.freedom + (other / both) ** 2 / max(self.logs - 1, 1)
+        error = float(np.sqrt(both))
+        return error, float(stdtrit(1.0 / inverse, 0.5 + 0.5 * level)) * error
+
+    def draws(self, values: FloatArray, count: int, seed: int) -> FloatArray:
+        """Return (count, nj K) draws around the coefficients, correlated, none below zero.
+
+        Args:
+            values: (nj, K) the coefficients.
+            count: how many.
+            seed: of the draws.
+        """
+        rng = np.random.default_rng(seed)
+        rows = np.tile(values.ravel(), (count, 1))
+        for covariance, freedom in (
+            (self.within, self.freedom),
+            (self.between, max(self.logs - 1, 1)),
+        ):
+            size, vectors = np.linalg.eigh(covariance)
+            root = vectors * np.sqrt(np.maximum(size, 0.0))
+            wide = np.sqrt(freedom / rng.chisquare(freedom, count))
+            rows[:, self.place] += wide[:, None] * (rng.normal(size=(count, size.size)) @ root.T)
+        return np.maximum(rows, 0.0)
+
+
+def uncertainty(found: Estimate, shapes: Sequence[Misfit] = ()) -> Uncertainty:
+    """Return the coefficients' covariance, within logs, by the URDF's errors, and between logs.
+
+        (H + F)^-1 (sum over blocks of s s^T + P S P + G^T G) (H + F)^-T + sum over joints of b b^T
+
+    The first part is derived in `influence`: s is a block's part of the gradient, S the variance of
+    the URDF's parameters, G the gradients of what the model may have absorbed of the residuals'
+    shapes, of unknown sign. b is the change of the coefficients when a joint's shapes join the
+    model: what one joint lacks tells nothing of what another one does.
+
+    Args:
+        found: the estimate.
+        shapes: of its residuals.
+    """
+    problem, fit = found.problem, found.fit
+    place = _uncertain(found)
+    moved, count = influence(
+        problem.grams,
+        problem.weights,
+        problem.prior,
+        fit,
+        place,
+        _feedback(found, place),
+        gradients(found, shapes, place),
+    )
+    moved = moved[:, moved.shape[1] - place.size :]
+    within = moved.T @ moved
+    seen = [replace(one, columns=one.columns[:, : one.shown]) for one in shapes]
+    of_joints = [[one for one in seen if one.joint == j] for j in {one.joint for one in shapes}]
+    biases = [bias(found, own, place) for own in of_joints]
+    for off in (*biases, *_one_sided(found, place), *_other_falls(found, place)):
+        within += np.outer(off, off)
+    between, logs = for_a_further_log(found, place)
+    return Uncertainty(place, within, between, count - 1, logs, between_logs(found))
+
+
+def gradients(found: Estimate, shapes: Sequence[Misfit], place: NDArray[np.int64]) -> FloatArray:
+    """Return (m, p + n) the gradients by the estimate of shapes of one standard deviation each.
+
+        A^T W Z,    Z: the columns of all shapes
+
+    Args:
+        found: the estimate.
+        shapes: of its residuals.
+        place: (n,) of the coefficients above zero among (nj K,).
+    """
+    p = found.fit.theta.size
+    result = np.zeros((sum(one.columns.shape[1] for one in shapes), p + place.size))
+    first = 0
+    for one in shapes:
+        to, columns = of_joint(place, one.joint, p)
+        rows, last = found.rows[one.joint], first + one.columns.shape[1]
+        weighed = one.columns * _row_weights(found, one.joint)
+        result[first:last, to] = weighed.T @ np.hstack((rows.rigid, rows.slots))[:, columns]
+        first = last
+    return result
+
+
+def bias(found: Estimate, shapes: Sequence[Misfit], place: NDArray[np.int64]) -> FloatArray:
+    """Return (n,) changes of the coefficients when one joint's shapes join the model.
+
+        [H  G^T    ] [dz]   [0      ]
+        [G  Z^T W Z] [b ] = [Z^T W r],    G: `gradients`, r: residuals
+
+    Args:
+        found: the estimate.
+        shapes: of one joint's residual.
+        place: (n,) of the coefficients above zero among (nj K,).
+    """
+    problem, p = found.problem, found.fit.theta.size
+    left, beside = _left(found, place), gradients(found, shapes, place)
+    joint, columns = shapes[0].joint, np.hstack([one.columns for one in shapes])
+    weighed = columns * _row_weights(found, joint)
+    left = np.block([[left, beside.T], [beside, columns.T @ weighed]])
+    off = weighed.T @ residuals(found.rows[joint], found.fit, joint)
+    right = np.append(np.zeros(p + place.size), off)
+    if problem.prior.kept:
+        left, right, p = left[p:, p:], right[p:], 0
+    return _solved(left, right)[p : p + place.size]
+
+
+def _left(found: Estimate, place: NDArray[np.int64]) -> FloatArray:
+    """(p + n, p + n) the left side of the estimate's normal equations."""
+    problem, p = found.problem, found.fit.theta.size
+    every = Normal.of(problem.grams, np.ones(problem.folds.size, dtype=bool), problem.weights)
+    cross = every.cross[:, place]
+    left = np.block([[every.rigid, cross], [cross.T, every.slots[np.ix_(place, place)]]])
+    if not problem.prior.kept:
+        left[:p, :p] += np.diag(every.rows * problem.prior.weight)
+    return left
+
+
+def _solved(left: FloatArray, right: FloatArray) -> FloatArray:
+    size = np.sqrt(np.maximum(np.diag(left), 1e-300))
+    scaled = left / np.outer(size, size) + _RIDGE * np.eye(size.size)
+    return np.asarray(np.linalg.solve(scaled, right / size) / size)
+
+
+def _other_falls(found: Estimate, place: NDArray[np.int64]) -> Iterator[FloatArray]:
+    """Yield (n,) half the changes of the coefficients with another fall that fits as well.
+
+    Half, so that an interval of two standard deviations reaches the other fall's coefficients.
+    """
+    K, p = len(SLOTS), found.fit.theta.size
+    for j, fall in enumerate(found.falls):
+        if fall is None or fall.other is None or not found.choice.laws[j].stribeck:
+            continue
+        other = fall.other
+        direct = {
+            FALL_FORWARD: other.forward - fall.forward,
+            FALL_BACKWARD: other.backward - fall.backward,
+            FALL_SPEED: float(np.log(other.velocity / fall.velocity)),
+        }
+        own = [j * K + SLOT[name] for name in direct]
+        rest, off = place[~np.isin(place, own)], np.zeros(place.size)
+        to, columns = of_joint(rest, j, p)
+        rows, right = found.rows[j], np.zeros(p + rest.size)
+        more = beside_other(found.prepared, j, fall)[:, None] * _row_weights(found, j)
+        right[to] = -(np.hstack((rows.rigid, rows.slots))[:, columns].T @ more)[:, 0]
+        left = _left(found, rest)
+        if found.problem.prior.kept:
+            left, right = left[p:, p:], right[p:]
+        off[~np.isin(place, own)] = _solved(left, right)[right.size - rest.size :]
+        for at, change in zip(own, direct.values(), strict=True):
+            off[place == at] = change
+        yield 0.5 * off
+
+
+def _one_sided(found: Estimate, place: NDArray[np.int64]) -> Iterator[FloatArray]:
+    """Yield (n,) changes of the coefficients if an offset explains a joint's uneven friction."""
+    for j, half in uneven(found).items():
+        at = [j * len(SLOTS) + direction for direction in DIRECTIONS]
+        yield half * ((place == at[0]) * 1.0 - (place == at[1]))
+
+
+def _row_weights(found: Estimate, joint: int) -> FloatArray:
+    """(rows, 1) the weight of each row of a joint."""
+    return (found.problem.weights[joint] * found.row_weights[joint])[:, None]
+
+
+def for_a_further_log(found: Estimate, place: NDArray[np.int64]) -> tuple[FloatArray, int]:
+    """Return (n, n) the covariance of a further log's coefficients about those of these logs.
+
+        s^2 (1 + 1/L) x x^T    of each joint, s^2: variance of its factor between L logs
+
+    Args:
+        found: the estimate.
+        place: (n,) of the coefficients among (nj K,).
+
+    Returns:
+        The covariance, and L, the fewest logs that a factor is known from: L - 1 is its freedom.
+    """
+    every = [_log_factors(found, j)[0] for j in range(len(found.rows))]
+    values = found.fit.slots.ravel()[place] * (place % len(SLOTS) != SLOT[INERTIA])
+    between = np.zeros((place.size, place.size))
+    for j, factors in enumerate(every):
+        if len(factors) >= _FEWEST_LOGS:
+            own = values * (place // len(SLOTS) == j)
+            share = np.var(factors, ddof=1) * (1.0 + 1.0 / len(factors))
+            between += share * np.outer(own, own)
+    counts = [len(factors) for factors in every if len(factors) >= _FEWEST_LOGS]
+    return between, min(counts, default=1)
+
+
+def _uncertain(found: Estimate) -> NDArray[np.int64]:
+    """Places among (nj K,) of coefficients above zero and of the speeds of falling friction."""
+    place = above_zero(found.fit, found.problem.slots(found.choice.laws))
+    falls = [
+        j * len(SLOTS) + SLOT[FALL_SPEED]
+        for j in found.known
+        if found.fit.slots[j, [SLOT[FALL_FORWARD], SLOT[FALL_BACKWARD]]].any()
+    ]
+    return np.sort(np.append(place, np.array(falls, dtype=np.int64)))
+
+
+def _feedback(found: Estimate, place: NDArray[np.int64]) -> FloatArray:
+    """What loads' columns add to H, (p + n, p + n), since they follow from the estimate.
+
+    F = A^T W x dA/d(theta, coefficients), x: what multiplies the column
+    """
+    p = found.fit.theta.size
+    result = np.zeros((p + place.size, p + place.size))
+    for whole in place.tolist():
+        j, slot = divmod(whole, len(SLOTS))
+        slopes = _load_slopes(found, j, SLOTS[slot])
+        if slopes is None:
+            continue
+        to, columns = of_joint(place, j, p)
+        weight, rows = _row_weights(found, j) * found.fit.slots[j, slot], found.rows[j]
+        every = np.hstack((rows.rigid, rows.slots))[:, columns] * weight
+        result[np.ix_(to, to)] += every.T @ slopes[:, columns]
+    return result
+
+
+def _load_slopes(found: Estimate, joint: int, name: str) -> FloatArray | None:
+    """Derivatives (rows, p + K) of a load's column by theta and slots; None: it has no load."""
+    rows = found.rows[joint]
+    none = np.zeros_like(rows.slots)
+    if name == BEARING:
+        slopes = [_bearing_slopes(found, one, joint) for one in found.prepared]
+        return np.hstack((np.concatenate(slopes), none))
+    if not name.startswith("gear"):
+        return None
+    direction = np.sign(rows.velocity * rows.load)
+    direction *= (
+        (direction < 0.0) if "driven" in name else (direction > 0.0) if "driving" in name else 1.0
+    )
+    inner = [name.endswith("joint side") and slot in _INNER for slot in SLOTS]
+    return np.hstack((rows.rigid, rows.slots * inner)) * direction[:, None]
+
+
+def _bearing_slopes(found: Estimate, one: Prepared, joint: int) -> FloatArray:
+    """Derivatives (rows, p) of a bearing's column in one log by the links that it carries."""
+    scene, motion = found.scene, one.recording.trajectory
+    at = one.kept[one.slides[:, joint]]
+    if not at.size:  # it stands still in this log
+        return np.zeros((0, found.fit.theta.size))
+    q, v, a = (np.ascontiguousarray(x[at]) for x in (motion.q, motion.v, motion.a))
+    probe, theta = bearings_only(scene), found.fit.theta
+
+    def load(theta: FloatArray) -> FloatArray:
+        changed = probe.with_(model=with_parameters(scene.model, theta))
+        result = inverse_dynamics(changed, q, v, a, attached=motion.attached[at])
+        return result.normal_load[:, result.site_names.index(scene.joint_names[joint])]
+
+    slopes, here = np.zeros((at.size, theta.size)), load(theta)
+    carried = np.isin(np.arange(theta.size) // 10 + 1, scene.model.subtrees[joint + 1])
+    for k in np.flatnonzero(carried & (found.problem.prior.deviation > 0.0)):
+        step = _STEP * found.problem.prior.deviation[k]
+        slopes[:, k] = (load(theta + step * (np.arange(theta.size) == k)) - here) / step
+    return slopes * np.sign(v[:, [joint]])
+
+
+def between_logs(found: Estimate) -> FloatArray:
+    """Return (nj,) how much a joint's friction differs from log to log, as a standard deviation.
+
+    It is the scatter of each log's factor on the fitted friction, less that of blocks in a log.
+
+    Args:
+        found: the estimate.
+    """
+    result = []
+    for j in range(len(found.rows)):
+        factors, noise = _log_factors(found, j)
+        enough = len(factors) >= _FEWEST_LOGS
+        variance = np.var(factors, ddof=1) - np.mean(noise) if enough else np.nan
+        result.append(float(np.sqrt(max(variance, 0.0))) if enough else np.nan)
+    return np.array(result)
+
+
+def _log_factors(found: Estimate, joint: int) -> tuple[list[float], list[float]]:
+    """Each log's factor on the fitted friction, and its variance by the log's blocks."""
+    rows, factors, noise = found.rows[joint], [], []
+    values = np.where(np.arange(len(SLOTS)) == SLOT[INERTIA], 0.0, found.fit.slots[joint])
+    friction, off = rows.slots @ values, residuals(rows, found.fit, joint)
+    for log in range(len(found.prepared)):
+        own = [
+            _factor(friction[part], off[part])
+            for b in np.unique(rows.block)
+            if (part := (rows.block == b) & (rows.log == log)).any()
+        ]
+        if len(own) > 1:
+            factors.append(_factor(friction[rows.log == log], off[rows.log == log]))
+            noise.append(float(np.var(own, ddof=1)) / len(own))
+    return factors, noise
+
+
+def _factor(friction: FloatArray, off: FloatArray) -> float:
+    size = float(friction @ friction)
+    return 1.0 + float(friction @ off) / size if size > 0.0 else 1.0

@@ -1,0 +1,103 @@
+"""Limits of mimic followers: a file has no column for them, and Pinocchio forgets their limits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinfric.model.urdf_file import read_xml
+from pinfric.motions.joint_columns import (
+    JointColumn,
+    limit_problems,
+    stated_limit,
+    stated_range,
+    velocity_warnings,
+)
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Follower:
+    """A mimic joint: its position is ratio * leader's + shift; `column` has the URDF's limits."""
+
+    column: JointColumn
+    leader: JointColumn
+    ratio: float
+    shift: float
+
+
+def find_followers(scene: Any, columns: Sequence[JointColumn]) -> tuple[Follower, ...]:
+    """Return the mimic followers; none where the scene has no URDF, which alone has their limits.
+
+    Args:
+        scene: its model and, where it came from a URDF, its robot.
+        columns: (nj,) the joints that lead.
+    """
+    robot, model = getattr(scene, "robot", None), scene.model
+    if robot is None or not len(model.mimicking_joints):
+        return ()
+    leaders = {column.name: column for column in columns}
+    limits = _urdf_limits(robot.urdf)
+    found: list[Follower] = []
+    for follower, leader in zip(model.mimicking_joints, model.mimicked_joints, strict=True):
+        mimic, of = model.joints[follower].extract(), model.names[leader]
+        ratio, shift = float(mimic.scaling), float(mimic.offset)
+        law = f"{ratio:g} x {of}" + (f" {shift:+g}" if shift else "")
+        column = replace(limits[model.names[follower]], index_v=len(found), follows=law)
+        found.append(Follower(column, leaders[of], ratio, shift))
+    return tuple(found)
+
+
+def follower_problems(
+    followers: Sequence[Follower],
+    columns: Sequence[JointColumn],
+    t: FloatArray,
+    position: FloatArray,
+) -> list[str]:
+    """Return one line per follower and side on which it passes a position limit.
+
+    Args:
+        followers: as `find_followers` returns them.
+        columns: (nj,) the joints of `position`.
+        t: (T,) s.
+        position: (T, nj) one number per joint.
+    """
+    led = position[:, [list(columns).index(follower.leader) for follower in followers]]
+    moved = led * [f.ratio for f in followers] + [f.shift for f in followers]
+    return limit_problems([follower.column for follower in followers], t, moved)
+
+
+def follower_warnings(
+    followers: Sequence[Follower], t: FloatArray, velocity: FloatArray
+) -> list[str]:
+    """Return one line per follower that is faster than its limit.
+
+    Args:
+        followers: as `find_followers` returns them.
+        t: (T,) s.
+        velocity: (T, nv) of the model.
+    """
+    led = velocity[:, [follower.leader.index_v for follower in followers]]
+    columns = [follower.column for follower in followers]
+    return velocity_warnings(columns, t, led * [follower.ratio for follower in followers])
+
+
+def _urdf_limits(urdf: Path) -> dict[str, JointColumn]:
+    """Limits of a URDF's joints by name; the file was checked when the robot was read."""
+    found = {}
+    for joint in read_xml(urdf).findall("joint"):
+        name, kind, limit = joint.get("name", ""), joint.get("type"), joint.find("limit")
+        given = {} if limit is None else limit.attrib
+        lower, upper = stated_range(float(given.get("lower", 0)), float(given.get("upper", 0)))
+        if kind == "continuous":
+            lower, upper = -np.inf, np.inf
+        speed = stated_limit(float(given.get("velocity", 0)))
+        unit = "m" if kind == "prismatic" else "rad"
+        found[name] = JointColumn(name, 0, 0, 1, unit, lower, upper, speed)
+    return found

@@ -1,0 +1,151 @@
+"""ROS 2 bags (SQLite, MCAP; a file or a bag's folder) with messages sensor_msgs/msg/JointState."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinfric.errors import TrajectoryError
+from pinfric.model.yamlfile import brief
+from pinfric.motions.joint_columns import listing
+from pinfric.motions.log.frame import OpenedLog, arrays_log, check_size
+
+JOINT_STATE = "sensor_msgs/msg/JointState"
+#: Endings of the quantities' columns, as the reader names them, and the messages' fields.
+_FIELDS = {"": "position", "/velocity": "velocity", "/effort": "effort"}
+#: Messages of a topic that say which joints it has.
+_FEW = 100
+
+
+def is_bag(path: Path) -> bool:
+    """Whether a path is a bag's file or folder, and there."""
+    is_file = path.suffix.lower() in (".db3", ".mcap") and path.is_file()
+    return is_file or (path / "metadata.yaml").is_file()
+
+
+@dataclass
+class _Messages:
+    """Messages that name the same joints, as packed numbers: a message object takes 2 kB.
+
+    Args:
+        order: which messages of the topic they are.
+        values: field -> numbers of all messages, one message after another.
+    """
+
+    order: array[int] = field(default_factory=lambda: array("q"))
+    values: dict[str, array[float]] = field(default_factory=dict)
+
+    def add(self, number: int, message: Any) -> None:
+        self.order.append(number)
+        for name in _FIELDS.values():
+            numbers = np.asarray(getattr(message, name), dtype=np.float64)
+            if numbers.size != len(message.name):
+                numbers = np.full(len(message.name), np.nan)
+            self.values.setdefault(name, array("d")).frombytes(numbers.tobytes())
+
+
+def open_bag(path: Path, joint_names: Sequence[str]) -> OpenedLog:
+    """Read the joint states of a bag.
+
+    Times are those of the messages' headers; where these stand still, those at which the bag got
+    the messages.
+
+    Args:
+        path: .db3 or .mcap, or the folder with metadata.yaml.
+        joint_names: the joints that are looked for, where a bag has several such topics.
+
+    Raises:
+        TrajectoryError: damaged, no joint states, several topics to choose from, no `rosbags`.
+    """
+    try:
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError:
+        raise TrajectoryError(
+            f"{path}: ROS bags need rosbags: pip install 'pinfric[logs]'"
+        ) from None
+    try:
+        with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
+            topics = [f"{c.topic} ({c.msgtype})" for c in reader.connections]
+            topic = _chosen_topic(path, reader, topics, joint_names)
+            times, groups = _joint_states(path, reader, topic)
+    except TrajectoryError:
+        raise
+    except Exception as problem:  # SQLite's, struct's, zstd's, ...: whatever a cut file ends in
+        reason = " ".join(f"{problem}".split())[:200] or type(problem).__name__
+        raise TrajectoryError(
+            f"{path}: the bag is damaged or truncated ({reason}); record it again, or recover it "
+            "by `ros2 bag reindex`, `sqlite3 FILE .recover` or `mcap recover`"
+        ) from None
+    columns: dict[str, NDArray[Any]] = {"t": times}
+    joints = list(dict.fromkeys(name for names in groups for name in names))
+    for ending, quantity in _FIELDS.items():
+        values = {joint: np.full(times.size, np.nan) for joint in joints}
+        for names, group in groups.items():
+            numbers = np.frombuffer(group.values[quantity]).reshape(-1, len(names))
+            for joint, column in zip(names, numbers.T, strict=True):
+                values[joint][np.frombuffer(group.order, dtype=np.int64)] = column
+        columns |= {
+            joint + ending: column for joint, column in values.items() if not np.isnan(column).all()
+        }
+    others = [other for other in topics if not other.startswith(f"{topic} (")]
+    notes = (f"joint states of topic {topic}; other topics: {listing(others)}",) if others else ()
+    return arrays_log(columns, {"t": "ns"}, notes, recorded=True)
+
+
+def _chosen_topic(path: Path, reader: Any, topics: list[str], joint_names: Sequence[str]) -> str:
+    """The one topic whose messages name the most of the joints that are looked for."""
+    states = [c for c in reader.connections if c.msgtype == JOINT_STATE and c.msgcount]
+    if not states:
+        raise TrajectoryError(
+            f"{path}: the bag has no {JOINT_STATE}; its topics: {listing(topics) or 'none'}"
+        )
+    named: dict[str, set[str]] = {c.topic: set() for c in states}
+    for connection in states if len(named) > 1 else ():
+        for _, _, raw in islice(reader.messages(connections=[connection]), _FEW):
+            named[connection.topic].update(reader.deserialize(raw, JOINT_STATE).name)
+    counts = {topic: len(names & set(joint_names)) for topic, names in named.items()}
+    best = [topic for topic, count in counts.items() if count == max(counts.values())]
+    if len(best) > 1:
+        raise TrajectoryError(
+            f"{path}: topics {listing(best)} all have joint states of this robot; keep one of "
+            "them: ros2 bag convert, or a CSV file"
+        )
+    return best[0]
+
+
+def _joint_states(
+    path: Path, reader: Any, topic: str
+) -> tuple[NDArray[np.int64], dict[tuple[str, ...], _Messages]]:
+    """Return a topic's times (ns) and its messages by the joints that they name, at least one."""
+    headers, received = array("q"), array("q")
+    groups: dict[tuple[str, ...], _Messages] = {}
+    states = [c for c in reader.connections if c.topic == topic and c.msgcount]
+    check_size(path, sum(c.msgcount for c in states))
+    for _, at, raw in reader.messages(connections=states):
+        message = reader.deserialize(raw, JOINT_STATE)
+        names = tuple(message.name)
+        if not names:
+            continue
+        if len(set(names)) < len(names):
+            twice = next(name for name in names if names.count(name) > 1)
+            raise TrajectoryError(
+                f"{path}: topic {topic}: a message names joint {brief(twice)} twice; which of its "
+                "values counts, cannot be known"
+            )
+        stamp = message.header.stamp
+        headers.append(stamp.sec * 1_000_000_000 + stamp.nanosec)
+        received.append(at)
+        groups.setdefault(names, _Messages()).add(len(received) - 1, message)
+    if not groups:
+        raise TrajectoryError(f"{path}: no message of topic {topic} names a joint")
+    own = np.array(headers, dtype=np.int64)
+    steps = np.count_nonzero(np.diff(own))
+    return (own if steps > 0.9 * (own.size - 1) else np.array(received, dtype=np.int64)), groups

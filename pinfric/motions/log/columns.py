@@ -1,0 +1,436 @@
+"""Which column of a log is what: time, a joint's position, velocity, effort, a payload.
+
+Names as robots and their tools write them are recognised: the joint's own name, alone or with a
+quantity before or after it (`elbow_joint`, `/joint_states/elbow_joint/position`, `q_elbow_joint`),
+and numbered columns beside columns of names (`position_0`, `name_0`). A mapping file says the rest.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from pinfric.dynamics.inverse.result import ACTUATOR_QUANTITIES, SITE_QUANTITIES
+from pinfric.dynamics.simulation.motion import SITE_ARRAYS
+from pinfric.errors import TrajectoryError, choose_from
+from pinfric.model.entry import Entry, Forms, Number, key, parse
+from pinfric.model.yamlfile import brief, cut, read_yaml
+from pinfric.motions.joint_columns import JointColumn, listing
+
+PAYLOAD = "payload."
+#: Words for the quantities, in lower case.
+_WORDS = {
+    "position": ("position", "positions", "pos", "q", "angle", "actual_position", "rad", "deg"),
+    "velocity": ("velocity", "velocities", "vel", "v", "qd", "dq", "speed"),
+    "acceleration": ("acceleration", "accelerations", "acc", "a", "qdd", "ddq"),
+    "effort": ("effort", "efforts", "eff", "torque", "torques", "tau"),
+    "current": ("current", "currents", "amps"),
+}
+_QUANTITY = {word: quantity for quantity, words in _WORDS.items() for word in words}
+#: Units in brackets that imply a quantity, without blanks and dots.
+_UNITS = {
+    "nm": "effort",
+    "n": "effort",
+    "a": "current",
+    "rad/s": "velocity",
+    "deg/s": "velocity",
+    "m/s": "velocity",
+    "rad/s^2": "acceleration",
+    "rad/s2": "acceleration",
+    "rad/s²": "acceleration",
+}
+_UNIT = re.compile(r"[ _]*[\[(]\s*([^\])]*[^\])\d][^\])]*)[\])]$")
+#: Words beside the quantity in names of columns that only number the joints: `actual_q_0`.
+_FILLERS = {"actual", "measured", "joint", "joints", "axis", "state", "states"}
+#: What `pinfric inverse` and `simulate` write beside the motion.
+_COMPUTED = tuple(
+    f".{quantity}" for quantity in (*ACTUATOR_QUANTITIES, *SITE_QUANTITIES, *SITE_ARRAYS)
+)
+#: What was asked of a joint is not what it did.
+_WANTED = re.compile(r"command|desired|target|reference|setpoint|error", re.IGNORECASE)
+_TIME = re.compile(
+    r"^(?:t|time|__time|timestamp|time_?stamp|elapsed|stamp)"
+    r"(?:[ _]?[\[(]?(s|sec|ms|us|ns)[\])]?)?$",
+    re.IGNORECASE,
+)
+_STAMP = re.compile(r"header[./_]stamp[./_](secs?|nsecs?|nanosec)$", re.IGNORECASE)
+_NUMBERED = re.compile(r"^(.*?)([A-Za-z]+)(?:_(\d+)|\[(\d+)\]|\.(\d+))$")
+#: No tool writes longer names; they would only take time.
+_LONGEST_NAME = 400
+_SPLIT = re.compile(r"[/.:\s\[\]()]+")
+
+
+class JointMapping(Entry):
+    """Where a log has a joint: position = sign (scale raw + offset), offset in rad or m.
+
+    effort = sign effort_scale raw.
+    """
+
+    position: Annotated[str, key("its column", "J3")]
+    velocity: Annotated[str | None, key("its column, used for comparison only", "dJ3")] = None
+    effort: Annotated[str | None, key("its column", "tau3")] = None
+    current: Annotated[str | None, key("its column, instead of an effort", "I3")] = None
+    scale: Annotated[Number, key("of the position", 0.01, "1")] = 1.0
+    effort_scale: Annotated[
+        Number, key("N m or N per logged unit, of a current N m per A", 11.5, "1")
+    ] = 1.0
+    sign: Annotated[Literal[-1, 1], key("-1 if the log counts in the other direction", -1, "1")] = 1
+    offset: Annotated[Number, key("of the position", 1.5707963, "rad or m")] = 0.0
+    unit: Annotated[Literal["rad", "deg"] | None, key("of the logged angle", "deg")] = None
+
+
+class TimeMapping(Entry):
+    """Which column is time, and in what."""
+
+    column: Annotated[str, key("its name", "stamp")]
+    unit: Annotated[
+        Literal["s", "ms", "us", "ns"] | None,
+        key("of its numbers; left out: from their steps", "us"),
+    ] = None
+
+
+class ColumnsFile(Entry):
+    """A mapping file: time, and per joint a column's name or more."""
+
+    time: Annotated[
+        Annotated[str | TimeMapping, Forms(str, TimeMapping)] | None,
+        key("its column", {"column": "stamp", "unit": "us"}),
+    ] = None
+    unit: Annotated[Literal["rad", "deg"] | None, key("of all logged angles", "deg")] = None
+    joints: Annotated[
+        dict[str, Annotated[str | JointMapping, Forms(str, JointMapping)]],
+        key(
+            "by joint: its position column, or more keys",
+            {"elbow": {"position": "J3", "unit": "deg", "sign": -1}, "wrist": "J4"},
+        ),
+    ] = Field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Use:
+    """A column and how its numbers become SI: factor raw + offset; `unit` as far as it is known."""
+
+    column: str
+    factor: float = 1.0
+    offset: float = 0.0
+    unit: str | None = None
+
+
+@dataclass
+class Columns:
+    """What the columns of a log are; joints by name.
+
+    `planned` holds velocities and accelerations that count (`<joint>.v`, `.a` of our own files);
+    `velocity` measured ones, which are only compared.
+    """
+
+    time: str = ""
+    time_unit: str | None = None
+    by_header: bool = False
+    nanoseconds: str | None = None
+    position: dict[str, Use] = field(default_factory=dict)
+    velocity: dict[str, Use] = field(default_factory=dict)
+    acceleration: dict[str, Use] = field(default_factory=dict)
+    effort: dict[str, Use] = field(default_factory=dict)
+    planned: bool = True
+    payloads: list[str] = field(default_factory=list)
+    ignored: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    def used(self) -> list[str]:
+        """Every column that is read, time first."""
+        uses = (self.position, self.velocity, self.acceleration, self.effort)
+        names = [self.time, *([self.nanoseconds] if self.nanoseconds else [])]
+        names += [use.column for part in uses for use in part.values()]
+        return list(dict.fromkeys([*names, *(PAYLOAD + name for name in self.payloads)]))
+
+
+def read_mapping(path: Path, given: Path | str | None) -> ColumnsFile | None:
+    """Read the mapping file that was given, or LOG.columns.yaml beside the log; None: no such file.
+
+    Raises:
+        TrajectoryError: unreadable, unknown keys, values that cannot be.
+    """
+    stem = Path(path.stem).stem if path.suffix.lower() == ".gz" else path.stem
+    beside = path.with_name(f"{stem}.columns.yaml")
+    file = Path(given) if given else beside if beside.is_file() else None
+    if file is None:
+        return None
+    return parse(ColumnsFile, read_yaml(file, TrajectoryError), str(file), TrajectoryError)
+
+
+def find_columns(
+    header: Sequence[str],
+    first: Sequence[str],
+    joints: Sequence[JointColumn],
+    payloads: Sequence[str],
+    mapping: ColumnsFile | None,
+    problems: list[str],
+    currents: Collection[str] = (),
+) -> Columns:
+    """Say which column is what.
+
+    Args:
+        header: all columns.
+        first: the first row's texts.
+        joints: those that may have columns.
+        payloads: those that may have a column `payload.<name>`.
+        mapping: what a person says of it.
+        problems: what is missing, twice there or unknown is appended here.
+        currents: joints whose current, where there is no effort, is read in its place.
+    """
+    found = Columns()
+    names = [joint.name for joint in joints]
+    claims: dict[tuple[str, str], list[str]] = {}
+    numbered = _numbered_names(header, first)
+    for column in dict.fromkeys(header):
+        meaning = _meaning(column, names, numbered)
+        if column.startswith(PAYLOAD):
+            _payload(column, payloads, found, problems)
+        elif meaning is not None and not _WANTED.search(column):
+            claims.setdefault(meaning, []).append(column)
+        elif not (_TIME.match(column) or column.endswith(_COMPUTED)):
+            found.ignored.append(column)
+    _find_time(header, mapping, found, problems)
+    named = {c for c, cell in zip(header, first, strict=False) if cell in numbered.values()}
+    if mapping is not None:
+        _apply(mapping, header, names, claims, found, problems)
+    if not found.position and not any(quantity == "position" for _, quantity in claims):
+        _take_in_order(header, names, claims, found)
+    _settle(claims, found, problems, currents)
+    used = {*found.used(), *named}
+    found.ignored = [column for column in dict.fromkeys(found.ignored) if column not in used]
+    for name in found.used():
+        if name and header.count(name) > 1:
+            problems.append(f"column {brief(name)} occurs {header.count(name)} times")
+    _check_joints(header, names, claims, found, problems)
+    return found
+
+
+def _take_in_order(
+    header: Sequence[str],
+    names: Sequence[str],
+    claims: dict[tuple[str, str], list[str]],
+    found: Columns,
+) -> None:
+    """Take columns that only number the joints in the scene's order, if there is one for each.
+
+    Such are `actual_q_0` to `actual_q_5`, `q1` to `q6`, `joint_1_position` and so on.
+    """
+    groups: dict[tuple[str, str], dict[int, str]] = {}
+    for column in dict.fromkeys(header):
+        match = re.fullmatch(r"(\D*?)[_\[.]?(\d+)\]?(\D*)", _in_words(column[:_LONGEST_NAME]))
+        if match and not _WANTED.search(column):
+            groups.setdefault((match[1], match[3]), {})[int(match[2])] = column
+    for template, group in groups.items():
+        words = [
+            word.lower() for part in template for word in re.split(r"[^A-Za-z]+", part) if word
+        ]
+        kinds = {_QUANTITY[word] for word in words if word in _QUANTITY}
+        known = all(word in _QUANTITY or word in _FILLERS for word in words)
+        numbers = sorted(group)
+        if not known or not words or len(kinds) > 1 or "acceleration" in kinds or numbers[0] > 1:
+            continue
+        if numbers != list(range(numbers[0], numbers[0] + len(names))):
+            continue
+        ordered = [group[number] for number in numbers]
+        for name, column in zip(names, ordered, strict=True):
+            claims.setdefault((name, next(iter(kinds), "position")), []).append(column)
+        found.notes.append(
+            f"columns {ordered[0]} to {ordered[-1]} are read in the scene's order, "
+            f"{names[0]} to {names[-1]}"
+        )
+
+
+def _in_words(column: str) -> str:
+    """Return a column's name with the quantity in place of a unit that implies it: tau [Nm]."""
+    unit = _UNIT.search(column)
+    meant = _UNITS.get(re.sub(r"[ ·*.]", "", unit[1]).lower()) if unit else None
+    return f"{column[: unit.start()]}/{meant}" if unit and meant else column
+
+
+def _meaning(column: str, names: Sequence[str], numbered: dict[str, str]) -> tuple[str, str] | None:
+    """The joint and the quantity that a column's name says."""
+    if len(column) > _LONGEST_NAME:
+        return None
+    column = _in_words(column)
+    for ending, quantity in (("", "position"), (".v", "velocity"), (".a", "acceleration")):
+        if column.endswith(ending) and column.removesuffix(ending) in names:
+            return column.removesuffix(ending), quantity
+    match = _NUMBERED.match(column)
+    if match and numbered:
+        number = next(x for x in match.groups()[2:] if x is not None)
+        kind = _QUANTITY.get(match[2].lower())
+        return (numbered[number], kind) if kind and numbered.get(number) in names else None
+    for name in sorted(names, key=len, reverse=True):
+        at = re.search(rf"(?:^|[/.:\s\[_-]){re.escape(name)}(?:$|[/.:\s\](_-])", column)
+        if at is None:
+            continue
+        before, after = column[: at.start()], column[at.end() :]
+        words = [word.lower() for part in (before, after) for word in _SPLIT.split(part) if word]
+        words = [part for word in words for part in (word, word.rsplit("_", 1)[-1].strip("_-"))]
+        kinds = [_QUANTITY[word] for word in words if word in _QUANTITY]
+        unknown = [w for w in _SPLIT.split(after) if w and w.lower().strip("_-") not in _QUANTITY]
+        if unknown:
+            return None
+        return (name, kinds[-1]) if kinds else (name, "position") if not after else None
+    return None
+
+
+def _numbered_names(header: Sequence[str], first: Sequence[str]) -> dict[str, str]:
+    """Number -> joint, from columns `name_0` or `name[0]` that hold the joints' names."""
+    found = {}
+    for column, cell in zip(header, first, strict=False):
+        match = _NUMBERED.match(column[:_LONGEST_NAME])
+        if match and match[2].lower() == "name":
+            found[next(x for x in match.groups()[2:] if x is not None)] = cell.strip()
+    return found
+
+
+def _payload(column: str, payloads: Sequence[str], found: Columns, problems: list[str]) -> None:
+    short = column.removeprefix(PAYLOAD)
+    if short in payloads:
+        found.payloads.append(short)
+    else:
+        problems.append(
+            f"unknown payload in column {brief(column)}; {choose_from(short, payloads)}"
+        )
+
+
+def _find_time(
+    header: Sequence[str], mapping: ColumnsFile | None, found: Columns, problems: list[str]
+) -> None:
+    if mapping is not None and mapping.time is not None:
+        time = mapping.time if isinstance(mapping.time, TimeMapping) else None
+        found.time = time.column if time else str(mapping.time)
+        found.time_unit = time.unit if time else None
+        if found.time not in header:
+            problems.append(
+                f"columns: time: there is no column {brief(found.time)}; "
+                f"{choose_from(found.time, header)}"
+            )
+        return
+    candidates = [name for name in dict.fromkeys(header) if _TIME.match(name)]
+    stamps = {m[1][0].lower(): name for name in header if (m := _STAMP.search(name))}
+    if len(candidates) > 1:
+        problems.append(
+            f"columns {listing(map(repr, candidates))} may all be the time; name it in a YAML file "
+            f"with `time: {candidates[0]}`, given by --columns"
+        )
+    elif candidates:
+        found.time = candidates[0]
+        unit = (_TIME.match(candidates[0]) or [None, None])[1]
+        found.time_unit = {"sec": "s"}.get(unit.lower(), unit.lower()) if unit else None
+    elif len(stamps) == 2:
+        found.time, found.nanoseconds = stamps["s"], stamps["n"]
+    else:
+        problems.append(
+            f"there is no column t (time, s), nor time, timestamp or __time; there are: "
+            f"{_shown(header)}; name it by --columns FILE, a YAML file with `time: NAME`"
+        )
+
+
+def _apply(
+    mapping: ColumnsFile,
+    header: Sequence[str],
+    names: Sequence[str],
+    claims: dict[tuple[str, str], list[str]],
+    found: Columns,
+    problems: list[str],
+) -> None:
+    """What a mapping says goes before what names suggest."""
+    for joint, entry in mapping.joints.items():
+        if joint not in names:
+            problems.append(
+                f"columns: joints: there is no joint {joint!r}; {choose_from(joint, names)}"
+            )
+            continue
+        to = _renamed(entry, header) if isinstance(entry, str) else entry
+        turn, turn_effort = to.sign * to.scale, to.sign * to.effort_scale
+        unit = to.unit or mapping.unit
+        for quantity, column, use in (
+            ("position", to.position, Use(to.position, turn, to.sign * to.offset, unit)),
+            ("velocity", to.velocity, Use(to.velocity or "", turn, 0.0, unit)),
+            ("effort", to.effort or to.current, Use(to.effort or to.current or "", turn_effort)),
+        ):
+            claims.pop((joint, quantity), None)
+            if column is None:
+                continue
+            if column not in header:
+                problems.append(
+                    f"columns: joints.{joint}.{quantity}: there is no column "
+                    f"{brief(column)}; {choose_from(column, header)}"
+                )
+                continue
+            getattr(found, quantity)[joint] = use
+            if column in found.ignored:
+                found.ignored.remove(column)
+
+
+def _renamed(column: str, header: Sequence[str]) -> JointMapping:
+    """A joint under another name: other columns with that name belong to it, too."""
+    velocity, effort = (
+        f"{column}/{x}" if f"{column}/{x}" in header else None for x in ("velocity", "effort")
+    )
+    return JointMapping(position=column, velocity=velocity, effort=effort)
+
+
+def _settle(
+    claims: dict[tuple[str, str], list[str]],
+    found: Columns,
+    problems: list[str],
+    currents: Collection[str],
+) -> None:
+    for (joint, quantity), columns in claims.items():
+        exact = [c for c in columns if c in (joint, f"{joint}.v", f"{joint}.a")]
+        chosen = exact or columns
+        if len(chosen) > 1:
+            problems.append(
+                f"columns {listing(map(repr, chosen))} may all be the {quantity} of "
+                f"joint {joint}; name it by --columns FILE"
+            )
+        found.ignored += [c for c in columns if c not in chosen[:1]]
+        if quantity == "current":
+            if joint in currents and (joint, "effort") not in claims:
+                found.effort.setdefault(joint, Use(chosen[0]))
+            else:
+                found.ignored.append(chosen[0])  # a current is an effort only with a gain
+            continue
+        unit = re.search(r"(?:[\[(_ /])(deg|rad)(?:rees|ians)?(?:/s|_s)?[\])]?$", chosen[0], re.I)
+        known = unit[1].lower() if unit and quantity != "effort" else None
+        getattr(found, quantity)[joint] = Use(chosen[0], unit=known)
+        found.by_header |= known is not None and quantity == "position"
+        if quantity in ("velocity", "acceleration") and not exact:
+            found.planned = False
+
+
+def _check_joints(
+    header: Sequence[str],
+    names: Sequence[str],
+    claims: dict[tuple[str, str], list[str]],
+    found: Columns,
+    problems: list[str],
+) -> None:
+    """Say what is wrong where no joint at all, or only its effort, was found."""
+    if found.position or not names:
+        return
+    other = sorted({quantity for _, quantity in claims})
+    if other:
+        problems.append(
+            f"has {' and '.join(other)} of the joints, but no positions, which are needed"
+        )
+        return
+    problems.append(
+        f"no column is a joint of the scene ({listing(names)}); there are: "
+        f"{_shown(header)}; map them by --columns FILE, a YAML file with "
+        f"`joints: {{{names[0]}: COLUMN}}`"
+    )
+
+
+def _shown(header: Sequence[str]) -> str:
+    return listing(cut(name, 80) for name in header)

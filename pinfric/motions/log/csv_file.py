@@ -1,0 +1,399 @@
+"""CSV files as robots and their tools write them.
+
+Commas, semicolons, tabs or spaces separate cells; a comma is decimal where it cannot separate; the
+file may be gzipped. pandas reads it in parts. A file with something unusual in it (comments, empty
+lines between rows, torn rows, cells that are no numbers) is read line by line, and so is a small
+one, for which loading pandas would take longer.
+"""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import math
+import re
+import zlib
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinfric.errors import TrajectoryError
+from pinfric.model.brief import counted
+from pinfric.model.yamlfile import brief_path
+from pinfric.motions.joint_columns import listing
+from pinfric.motions.log.frame import (
+    EXACT,
+    LogFrame,
+    OpenedLog,
+    RawRows,
+    check_size,
+    usable_rows,
+)
+
+FloatArray = NDArray[np.float64]
+
+#: Rows looked at to see how many digits a file prints.
+_ROWS_FOR_DIGITS = 500
+#: Characters at a file's start that say how it is written; rows that pandas reads at a time.
+_HEAD, _PART = 2**16, 2**16
+#: Bytes of a small file; bytes of a line that is none.
+_SMALL, _LONG = 2**20, 2**20
+#: A stamp of ISO 8601 with its zone: 2026-11-22T10:00:00.25+01:00.
+_ISO = re.compile(
+    r"^(\d{4}-\d\d-\d\d)[T ](\d\d:\d\d:\d\d(?:[.,]\d{1,9})?)(?:Z|([+-])(\d\d):?(\d\d))?$"
+)
+#: Columns that tables of joint states number: `name_0`, `position[0]`.
+_NUMBERED = re.compile(r"^(.*?)[_\[.]?(\d+)\]?$")
+
+
+@dataclass(frozen=True)
+class _Table:
+    """How a file is written, and its rows, or the first of them.
+
+    Args:
+        path: the file.
+        header: names of the columns.
+        lines: (rows,) where the rows stand in the file.
+        rows: their texts.
+        separator: of cells.
+        comma: whether numbers have decimal commas.
+        notes: what a person should know of it.
+    """
+
+    path: Path
+    header: list[str]
+    lines: list[int]
+    rows: list[str]
+    separator: str
+    comma: bool
+    notes: tuple[str, ...] = ()
+
+    @property
+    def is_named(self) -> bool:
+        """Whether columns hold names, by which each row must be read."""
+        return any(
+            (match := _NUMBERED.match(column)) and match[1].lower().endswith("name")
+            for column in self.header
+        )
+
+
+def open_csv(path: Path) -> OpenedLog:
+    """Open a CSV file, gzipped where it ends in .gz; of its rows only the first are read yet.
+
+    Raises:
+        TrajectoryError: unreadable, not text, empty, too large, or lines that cannot be split.
+    """
+    _check_size(path)
+    table = _table(path, _numbered_lines(path, _HEAD))
+    if table.is_named:
+        table = _sorted_by_names(_table(path, _numbered_lines(path)))
+
+    def read(names: Sequence[str], problems: list[str]) -> LogFrame:
+        in_parts = not table.is_named and path.stat().st_size >= _SMALL
+        found = _read_in_parts(table, names) if in_parts else None
+        if found is None:
+            whole = table if table.is_named else _table(path, _numbered_lines(path))
+            found = _read_by_line(whole, names)
+        return usable_rows(found, problems)
+
+    first = _cells(table.rows[0], table.separator)
+    clocks = dict(zip(table.header, first, strict=False))
+    units = {name: "ns" for name, cell in clocks.items() if _stamp(cell) is not None}
+    return OpenedLog(table.header, read, first, notes=table.notes, units=units)
+
+
+def _opened(path: Path, mode: str) -> Any:
+    text = None if "b" in mode else "utf-8-sig"
+    return (gzip.open if path.suffix.lower() == ".gz" else open)(path, mode, encoding=text)
+
+
+@contextmanager
+def _unreadable_said(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except UnicodeDecodeError:
+        raise TrajectoryError(f"{path}: is not a text file in UTF-8") from None
+    except (OSError, EOFError, zlib.error) as problem:
+        reason = getattr(problem, "strerror", None) or str(problem)
+        raise TrajectoryError(f"{brief_path(path)}: cannot be read: {reason}") from None
+
+
+def _check_size(path: Path) -> None:
+    """Refuse what would fill the memory, before any of it is kept: see `check_size`."""
+    lines = size = 0
+    with _unreadable_said(path), _opened(path, "rb") as file:
+        while part := file.read(_LONG):
+            ends = max(part.count(b"\n"), part.count(b"\r"))
+            if not ends and len(part) == _LONG:
+                raise TrajectoryError(
+                    f"{path}: line {lines + 1} has more than {_LONG:,} bytes; is this a table?"
+                )
+            lines, size = lines + ends, size + len(part)
+            check_size(path, lines, inflated=size if path.suffix.lower() == ".gz" else 0)
+
+
+def _read_in_parts(table: _Table, names: Sequence[str]) -> RawRows | None:
+    """Return the rows of columns; None where something is unusual."""
+    import pandas as pd
+
+    first = _cells(table.rows[0], table.separator)
+    places = {table.header.index(name): name for name in names}
+    origin = {
+        name: int(first[place])
+        for place, name in places.items()
+        if first[place].isdigit() and int(first[place]) > EXACT
+    }
+    last = len(table.header) - 1  # which a row with fewer cells does not have
+    parts = []
+    try:
+        with pd.read_csv(
+            table.path,
+            sep=r"\s+" if table.separator == " " else table.separator,
+            decimal="," if table.comma else ".",
+            header=None,
+            skiprows=table.lines[0] - 1,
+            skip_blank_lines=False,
+            dtype={place: "int64" if name in origin else float for place, name in places.items()},
+            quoting=csv.QUOTE_NONE,
+            chunksize=_PART,
+            encoding="utf-8-sig",
+        ) as reader:
+            for part in reader:
+                if part.shape[1] != last + 1 or part[last].isna().any():
+                    return None
+                own = part[list(places)].set_axis(list(names), axis=1)
+                for name, start in origin.items():
+                    own[name] -= start
+                parts.append(own.to_numpy(dtype=np.float64))
+    except (ValueError, OSError, EOFError, zlib.error):  # pandas' errors are ValueErrors
+        return None
+    values = np.empty((sum(map(len, parts)), len(names)))
+    for start in range(0, len(values), _PART):  # one after another: a long log takes much memory
+        values[start : start + _PART] = parts.pop(0)
+    if not np.isfinite(values).all() or max(values.max(), -values.min()) > EXACT:
+        return None
+    lines = range(table.lines[0], table.lines[0] + len(values))
+    frame = LogFrame(tuple(names), values, lines, _resolution(names, values), origin)
+    return RawRows(frame, np.broadcast_to(False, values.shape))
+
+
+def _read_by_line(table: _Table, names: Sequence[str]) -> RawRows:
+    """Return the rows of columns, whatever is wrong in the file."""
+    places, last = [table.header.index(name) for name in names], -1
+    cells, lines, torn = [], [], []
+    for index, line in enumerate(table.rows):
+        row = _cells(line, table.separator)
+        if len(row) == len(table.header):
+            texts = [row[place] for place in places]
+            cells.append([text.replace(",", ".") for text in texts] if table.comma else texts)
+            lines.append(table.lines[index])
+        else:
+            torn.append(f"line {table.lines[index]} ({len(row)})")
+            last = index
+    clocks = [i for i in range(len(names)) if cells and _stamp(cells[0][i]) is not None]
+    for row in cells:
+        for i in clocks:
+            row[i] = row[i] if (stamp := _stamp(row[i])) is None else str(stamp)
+    found = [[_number(cell) for cell in row] for row in cells]
+    shape = len(cells), len(names)
+    unreadable = np.array([[x is None for x in row] for row in found], dtype=bool).reshape(shape)
+    values = np.array(found, dtype=np.float64).reshape(shape)  # None becomes NaN
+    origin = {}
+    for i, name in enumerate(names):
+        column = values[:, i]
+        if np.max(np.abs(column), where=np.isfinite(column), initial=0.0) > EXACT:
+            texts = [row[i] for row in cells]
+            if all(re.fullmatch(r"[-+]?\d+", text) for text in texts):
+                origin[name] = int(texts[0])
+                column[:] = [float(int(text) - origin[name]) for text in texts]
+    cut = len(torn) == 1 and last == len(table.rows) - 1
+    frame = LogFrame(tuple(names), values, lines, _resolution(names, values), origin)
+    return RawRows(frame, unreadable, torn, len(table.header), cut, lambda i, j: cells[i][j])
+
+
+def _resolution(names: Sequence[str], values: FloatArray) -> dict[str, float]:
+    """Column -> its last digit: 10^(digits before the point of the largest number - digits)."""
+    found = {}
+    for name, column in zip(names, values.T, strict=True):
+        largest = float(np.max(np.abs(column), where=np.isfinite(column), initial=0.0))
+        some = column[:: max(1, column.size // _ROWS_FOR_DIGITS)].tolist()
+        digits = max((_significant_digits(repr(x)) for x in some), default=0)
+        whole = math.floor(math.log10(largest)) + 1 if largest else 0
+        found[name] = float(10.0 ** (whole - digits)) if largest else 0.0
+    return found
+
+
+def _significant_digits(number: str) -> int:
+    mantissa = re.split("[eE]", number, maxsplit=1)[0]
+    mantissa = mantissa.removesuffix(".0")
+    return len(re.sub(r"\D", "", mantissa).lstrip("0"))
+
+
+def _stamp(cell: str) -> int | None:
+    """Whole ns since 1970 of an ISO 8601 stamp, of any zone; None: it is none."""
+    match = _ISO.match(cell.strip().strip('"'))
+    if match is None:
+        return None
+    try:
+        found = int(
+            np.datetime64(f"{match[1]}T{match[2].replace(',', '.')}", "ns").astype(np.int64)
+        )
+    except ValueError:  # no such day
+        return None
+    if not match[3]:
+        return found
+    ahead = int(match[4]) * 3600 + int(match[5]) * 60
+    return found - (1 if match[3] == "+" else -1) * ahead * 10**9
+
+
+def _number(cell: str) -> float | None:
+    try:
+        return float(cell)
+    except ValueError:
+        return None
+
+
+def _numbered_lines(path: Path, most: int = -1) -> list[tuple[int, str]]:
+    """Return the lines that are not empty, with their numbers; comments apart, except a header.
+
+    Of a file longer than `most` characters only the whole lines in these, or in more if these hold
+    no rows. A comment right above the numbers is their header if it has as many names
+    (`np.savetxt`).
+    """
+    with _unreadable_said(path), _opened(path, "rt") as file:
+        text: str = file.read(most)
+    is_part = len(text) == most
+    text = text[: text.rfind("\n") + 1] if is_part else text
+    filled = [(n, line) for n, line in enumerate(text.split("\n"), 1) if line.strip()]
+    is_comment = [line.lstrip().startswith("#") for _, line in filled]
+    rows = [row for row, comment in zip(filled, is_comment, strict=True) if not comment]
+    if is_part and len(rows) < 2:
+        return _numbered_lines(path, 16 * most)
+    if not rows:
+        raise TrajectoryError(
+            f"{path}: is empty; a header with t and the joints' names comes first"
+        )
+    above = is_comment.index(False) - 1
+    if above >= 0:
+        number, names = filled[above][0], filled[above][1].lstrip().lstrip("#").strip()
+        separator = _separator(rows[0][1])
+        numbers, words = (_cells(line, separator) for line in (rows[0][1], names))
+        is_table = all(_number(cell) is not None for cell in numbers)
+        if is_table and len(words) == len(numbers) and _number(words[0]) is None:
+            rows.insert(0, (number, names))
+    return rows
+
+
+def _separator(line: str) -> str:
+    """The mark that separates a line's cells; a space where there is no other."""
+    mark = max("\t;,", key=lambda x: (line.count(x), x == ","))
+    return mark if mark in line else " "
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    if separator == " ":
+        return line.split()
+    if '"' not in line:
+        return [cell.strip() for cell in line.split(separator)]
+    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator))]
+
+
+def _table(path: Path, rows: list[tuple[int, str]]) -> _Table:
+    """Tell header and rows, and find what separates cells and whether commas are decimal."""
+    separator = _separator(rows[0][1])
+    _check_quotes(path, rows, separator)
+    header = _cells(rows[0][1], separator)
+    if (echoed := _echoed(header)) is not None:
+        header, rows = echoed, [rows[0], *rows]
+    if len(rows) == 1:
+        raise TrajectoryError(f"{path}: has a header and no samples below it")
+    if all(_number(cell) is not None for cell in header):
+        raise TrajectoryError(
+            f"{path}: has no header: its first line holds numbers; write the columns' names above "
+            "them, t and the joints"
+        )
+    numbers, texts = [n for n, _ in rows[1:]], [line for _, line in rows[1:]]
+    comma = separator != "," and any("," in line for line in texts)
+    points = [n for n, line in zip(numbers, texts, strict=True) if comma and "." in line]
+    if points:
+        raise TrajectoryError(
+            f"{path}: line {points[0]} has a point, but the file has decimal commas: thousands, "
+            "or decimals? Use decimal points throughout, and no thousands separator"
+        )
+    return _Table(path, header, numbers, texts, separator, comma)
+
+
+def _sorted_by_names(table: _Table) -> _Table:
+    """Put numbered columns in the order of the first row's names, where later rows have another.
+
+    Each message of joint states names its joints, so `name_0` is not always the same joint.
+    """
+    places: dict[str, dict[str, int]] = {}
+    for place, column in enumerate(table.header):
+        if match := _NUMBERED.match(column):
+            places.setdefault(match[1], {})[match[2]] = place
+    named = next(group for kind, group in places.items() if kind.lower().endswith("name"))
+    groups = [group for group in places.values() if group.keys() == named.keys()]
+    first, rows, changed = None, list(table.rows), []
+    for index, line in enumerate(table.rows):
+        cells = _cells(line, table.separator)
+        if len(cells) != len(table.header):
+            continue
+        names = [cells[place] for place in named.values()]
+        first = first or names
+        if names == first:
+            continue
+        changed.append(table.lines[index])
+        known = sorted(names) == sorted(first)
+        moved = list(cells)
+        for group in groups:
+            for number, place in enumerate(group.values()):
+                source = list(group.values())[names.index(first[number])] if known else -1
+                moved[place] = cells[source] if known else ""
+        rows[index] = table.separator.join(moved)
+    if not changed:
+        return table
+    note = (
+        f"the names of joints, or their order, change in {counted(len(changed), 'row')}, first in "
+        f"line {changed[0]}: each row is read by its own names"
+    )
+    return replace(table, rows=rows, notes=(note,))
+
+
+def _echoed(cells: Sequence[str]) -> list[str] | None:
+    """Return column names for a row of `ros2 topic echo --csv` of joint states; else None.
+
+    That writes no header: the stamp's s and ns, the frame, n names, n positions, velocities,
+    efforts; one of the last two may be missing, and nothing says which.
+    """
+    is_word = [_number(cell) is None for cell in cells]
+    count = [*is_word[3:], False].index(False)
+    times, left = divmod(len(cells) - 3 - count, max(count, 1))
+    stamped = all(cell.isdigit() for cell in cells[:2])
+    if not stamped or count == 0 or left or times not in (1, 2, 3) or any(is_word[3 + count :]):
+        return None
+    parts = ["name", "position", "velocity" if times == 3 else "unknown", "effort"][: times + 1]
+    columns = [f"{part}_{i}" for part in parts for i in range(count)]
+    return ["header.stamp.sec", "header.stamp.nanosec", "header.frame_id", *columns]
+
+
+def _check_quotes(path: Path, rows: Sequence[tuple[int, str]], separator: str) -> None:
+    """Refuse lines no CSV reader takes by themselves: an open quote swallows the next line."""
+    wrong, longest = [], csv.field_size_limit()
+    for number, line in rows:
+        if '"' in line or len(line) > longest:
+            try:
+                next(csv.reader([line], delimiter=separator, strict=True))
+            except csv.Error as problem:
+                is_open = "unexpected end" in str(problem)
+                wrong.append(f"line {number} ({'a quote is not closed' if is_open else problem})")
+    if wrong:
+        raise TrajectoryError(
+            f"{path}: cannot be split at its commas: {listing(wrong)}; numbers and names need no "
+            "quotes"
+        )

@@ -1,0 +1,135 @@
+"""Parquet and MATLAB files."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinfric.errors import TrajectoryError
+from pinfric.motions.log.frame import FEWEST, MOST_BYTES, OpenedLog, arrays_log, check_size
+
+#: Bytes that are decompressed at a time.
+_PART = 2**20
+
+
+def open_parquet(path: Path) -> OpenedLog:
+    """Open a Parquet file; time stamps, of any zone, and durations count as whole ns.
+
+    Raises:
+        TrajectoryError: damaged, too large, no rows, names twice, or pyarrow is missing.
+    """
+    try:
+        import pyarrow.parquet as parquet
+    except ImportError:
+        raise TrajectoryError(
+            f"{path}: Parquet needs pyarrow: pip install 'pinfric[logs]'"
+        ) from None
+    try:
+        with path.open("rb") as opened, parquet.ParquetFile(opened) as file:
+            kinds = {field.name: _arrow_type(field.type) for field in file.schema_arrow}
+            twice = len(kinds) < len(file.schema_arrow)
+            used = [name for name, kind in kinds.items() if kind is not None]
+            rows = file.metadata.num_rows
+            check_size(path, rows, len(used))
+            columns = {
+                name: _arrow_numbers(file.read([name]).column(name).cast(kinds[name]), kinds[name])
+                for name in (() if twice else used)
+            }
+    except (OSError, ValueError, KeyError) as problem:  # pyarrow's errors are ValueErrors, OSErrors
+        reason = " ".join(str(problem).split())[:200]
+        raise TrajectoryError(f"{path}: cannot be read as a Parquet file: {reason}") from None
+    if twice:
+        raise TrajectoryError(f"{path}: two columns have the same name; names must differ")
+    if not rows:
+        raise TrajectoryError(f"{path}: has no rows")
+    units = {name: "ns" for name in used if str(kinds[name]).endswith("[ns]")}
+    return arrays_log(columns, units)
+
+
+def _arrow_type(kind: Any) -> Any:
+    """The type to which a column of numbers or times is cast; None: it has neither."""
+    import pyarrow as pa
+
+    if pa.types.is_timestamp(kind):
+        return pa.timestamp("ns")
+    if pa.types.is_duration(kind):
+        return pa.duration("ns")
+    if pa.types.is_decimal(kind):
+        return pa.float64()
+    plain = pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind)
+    return kind if plain else None
+
+
+def _arrow_numbers(column: Any, kind: Any) -> NDArray[Any]:
+    """A column's numbers; NaN where there is none, times then from the first one on."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    if str(kind).endswith("[ns]"):
+        column = column.cast(pa.int64())
+        if column.null_count:  # a float would round the ns since 1970
+            column = pc.subtract(column, pc.min(column))
+    values: NDArray[Any] = column.to_numpy()
+    return values
+
+
+def open_matlab(path: Path) -> OpenedLog:
+    """Open a MATLAB file; rows or columns of arrays are named `struct.field_1` and on.
+
+    Raises:
+        TrajectoryError: damaged, of a version that SciPy does not read, too large, no arrays.
+    """
+    from scipy.io import loadmat
+
+    check_size(path, 0, inflated=_inflated(path))
+    try:
+        content = loadmat(path, squeeze_me=True, struct_as_record=False)
+    except NotImplementedError:
+        raise TrajectoryError(f"{path}: is of MATLAB's version 7.3; save it with -v7") from None
+    except Exception as problem:  # zlib's, struct's, NumPy's: whatever a cut file ends in
+        reason = " ".join(str(problem).split())[:200] or type(problem).__name__
+        raise TrajectoryError(f"{path}: cannot be read as a MATLAB file: {reason}") from None
+    arrays = dict(_matlab_arrays("", content))
+    sizes = [max(x.shape) for x in arrays.values() if max(x.shape) >= FEWEST]
+    count = max(sizes, key=lambda size: (sizes.count(size), size), default=0)
+    columns: dict[str, NDArray[Any]] = {}
+    for name, values in arrays.items():
+        if values.shape == (count,):
+            columns[name] = values
+        elif values.ndim == 2 and count in values.shape:
+            each = values if values.shape[1] == count else values.T
+            columns |= {f"{name}_{i}": row for i, row in enumerate(each, 1)}
+    if not columns:
+        raise TrajectoryError(f"{path}: holds no arrays of numbers")
+    return arrays_log(columns, {}, recorded=True)
+
+
+def _inflated(path: Path) -> int:
+    """The bytes in a MATLAB file's compressed variables, counted until they are too many."""
+    size, compressed = 0, 15
+    with suppress(OSError, struct.error, zlib.error), path.open("rb") as file:  # said by SciPy
+        order = ">" if file.read(128)[-2:] == b"MI" else "<"
+        while (head := file.read(8)) and size <= MOST_BYTES:
+            kind, length = struct.unpack(f"{order}II", head)
+            rest, inflate = file.read(length), zlib.decompressobj()
+            while kind == compressed and rest and size <= MOST_BYTES:
+                size += len(inflate.decompress(rest, _PART))
+                rest = inflate.unconsumed_tail
+    return size
+
+
+def _matlab_arrays(prefix: str, content: Mapping[str, Any]) -> Iterator[tuple[str, NDArray[Any]]]:
+    """Yield the arrays of numbers in variables and structs of structs."""
+    for name, value in content.items():
+        if hasattr(value, "_fieldnames"):
+            fields = {field: getattr(value, field) for field in value._fieldnames}
+            yield from _matlab_arrays(f"{prefix}{name}.", fields)
+        elif isinstance(value, np.ndarray) and value.dtype.kind in "iufb" and value.ndim in (1, 2):
+            yield f"{prefix}{name}", value

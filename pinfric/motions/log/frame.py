@@ -1,0 +1,185 @@
+"""Logs as frames: the numbers of the columns that are used, one row per line of the file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinfric.errors import TrajectoryError
+from pinfric.model.yamlfile import brief
+from pinfric.motions.joint_columns import listing
+
+FloatArray = NDArray[np.float64]
+
+#: Share of rows that may be torn or not finite before the file is refused.
+BAD_SHARE = 0.01
+#: Fewer rows than this are a table that somebody wrote: no row may be bad, none is judged.
+FEWEST = 20
+#: Rows of a file, and their numbers: more would fill the memory, and a small compressed file can
+#: hold any number of them.
+MOST_ROWS, MOST_CELLS = 5_000_000, 250_000_000
+#: Bytes that a compressed file may hold.
+MOST_BYTES = 2**30
+#: Whole numbers beyond this lose their last digits as floats.
+EXACT = 2.0**53
+
+
+def check_size(path: Path, rows: int, columns: int = 1, inflated: int = 0) -> None:
+    """Refuse a file with more rows, cells or decompressed bytes than fit.
+
+    Raises:
+        TrajectoryError: it has.
+    """
+    for found, most, what in (
+        (rows, MOST_ROWS, "rows"),
+        (rows * columns, MOST_CELLS, "numbers"),
+        (inflated, MOST_BYTES, "decompressed bytes"),
+    ):
+        if found > most:
+            raise TrajectoryError(f"{path}: has more than {most:,} {what}; split it")
+
+
+@dataclass(frozen=True)
+class LogFrame:
+    """Numbers of the columns that were asked for.
+
+    Args:
+        names: (n,) the columns.
+        values: (rows, n); of rows as they were read NaN where there was no number.
+        lines: (rows,) where each row stands in the file.
+        resolution: column -> the last digit printed; left out: not rounded.
+        origin: column -> whole number subtracted from it, so that the rest is exact.
+        dropped, why: how many rows were left out, and which.
+        absent: rows without a number in any of the columns but the first.
+    """
+
+    names: tuple[str, ...]
+    values: FloatArray
+    lines: Sequence[int]
+    resolution: Mapping[str, float] = field(default_factory=dict)
+    origin: Mapping[str, int] = field(default_factory=dict)
+    dropped: int = 0
+    why: str = ""
+    absent: int = 0
+
+    def column(self, name: str) -> FloatArray:
+        """Return one of the columns, (rows,)."""
+        return self.values[:, self.names.index(name)].copy()  # a view would keep all the others
+
+
+@dataclass(frozen=True)
+class OpenedLog:
+    """An opened file: its columns, a function that reads some of them, and notes on the file.
+
+    Args:
+        header: all columns.
+        read: names of columns and a list for problems -> their numbers.
+        first: the first row's texts, for columns that hold names.
+        recorded: no file of ours: velocities in it are measured, not part of a plan.
+        notes: what a person should know of the file.
+        units: column -> unit, where the file itself says it.
+    """
+
+    header: list[str]
+    read: Callable[[Sequence[str], list[str]], LogFrame]
+    first: Sequence[str] = ()
+    recorded: bool = False
+    notes: tuple[str, ...] = ()
+    units: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class RawRows:
+    """Rows as they were read.
+
+    Args:
+        frame: all of them.
+        unreadable: (rows, n) there was no number.
+        torn: where rows with another number of cells stand, and how many they have.
+        width: how many cells a row should have.
+        cut: the only torn row is the last one: the log was cut off while it was written.
+        cell: what stood at row, column.
+    """
+
+    frame: LogFrame
+    unreadable: NDArray[np.bool_]
+    torn: Sequence[str] = ()
+    width: int = 0
+    cut: bool = False
+    cell: Callable[[int, int], str] = lambda row, column: ""
+
+
+def arrays_log(
+    columns: Mapping[str, NDArray[Any]],
+    units: Mapping[str, str],
+    notes: tuple[str, ...] = (),
+    recorded: bool = False,
+) -> OpenedLog:
+    """Return the log that columns of numbers are; whole numbers keep all their digits."""
+
+    def read(names: Sequence[str], problems: list[str]) -> LogFrame:
+        origin, parts = {}, []
+        for name in names:
+            values = columns[name]
+            if values.dtype.kind in "iu" and values.size and abs(int(values[0])) > EXACT:
+                origin[name] = int(values[0])
+                values = values - values[0]
+            parts.append(np.asarray(values, dtype=np.float64))
+        rows = np.array(parts).reshape(len(names), -1).T
+        frame = LogFrame(tuple(names), rows, range(1, len(rows) + 1), origin=origin)
+        return usable_rows(RawRows(frame, np.isnan(rows)), problems)
+
+    return OpenedLog(list(columns), read, recorded=recorded, notes=notes, units=units)
+
+
+def usable_rows(rows: RawRows, problems: list[str]) -> LogFrame:
+    """Leave out the rows that cannot be used: few of them are dropped, many are problems.
+
+    Rows that have no number but in the first column belong to another source in the same file.
+    """
+    frame = rows.frame
+    finite = np.isfinite(frame.values).all(axis=1)
+    absent: NDArray[np.bool_] = np.asarray(rows.unreadable[:, 1:].all(axis=1))
+    for i in np.flatnonzero(absent).tolist():
+        absent[i] = not any(rows.cell(i, j) for j in range(1, len(frame.names)))
+    absent &= not absent.all()
+    bad = ~finite & ~absent
+    wrong = _bad_cells(rows, absent) if bad.any() or rows.torn else []
+    count, lost = len(bad) + len(rows.torn), int(bad.sum()) + len(rows.torn)
+    few = count >= FEWEST and (lost <= BAD_SHARE * count or (rows.cut and lost == 1))
+    if not few:
+        problems += wrong
+    keep = ~absent & ~bad if few else ~absent
+    if not keep.all():  # else no copy: a long log takes much memory
+        lines = [line for line, kept in zip(frame.lines, keep.tolist(), strict=True) if kept]
+        frame = replace(frame, values=frame.values[keep], lines=lines)
+    dropped, why = (lost, "; ".join(wrong)) if few else (0, "")
+    return replace(frame, dropped=dropped, why=why, absent=int(absent.sum()))
+
+
+def _bad_cells(rows: RawRows, absent: NDArray[np.bool_]) -> list[str]:
+    """Say what is torn, what is no number, and what is not finite."""
+    found, lines, names = [], rows.frame.lines, rows.frame.names
+    if rows.torn:
+        found.append(
+            f"the header has {rows.width} columns; rows with another number of cells: "
+            f"{listing(rows.torn)}"
+        )
+    words = np.argwhere(rows.unreadable & ~absent[:, None]).tolist()
+    if words:
+        where = listing(
+            f"line {lines[i]}, column {names[j]}: {brief(rows.cell(i, j))}" for i, j in words
+        )
+        found.append(f"not a number: {where}")
+    for j, name in enumerate(names):
+        column = rows.frame.values[:, j]
+        wrong = np.flatnonzero(~np.isfinite(column) & ~rows.unreadable[:, j]).tolist()
+        if wrong:
+            where = listing(f"{column[i]:g} at sample {i} (line {lines[i]})" for i in wrong)
+            found.append(f"column {name}: {where}; every value must be finite")
+    return found

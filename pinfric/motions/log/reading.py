@@ -1,0 +1,116 @@
+"""How a log is to be read, and what its reading found and did."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinfric.errors import TrajectoryError, choose_from
+from pinfric.motions.log.thinning import Thinning
+
+FloatArray = NDArray[np.float64]
+
+#: rad per unit of angle, s per unit of time.
+ANGLE_UNITS = {"rad": 1.0, "deg": np.pi / 180.0}
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+
+
+@dataclass(frozen=True)
+class ReadingOptions:
+    """What a person says about a log; None is found out from the log itself, or refused.
+
+    Args:
+        columns: file that maps joints to columns; None takes LOG.columns.yaml beside the log.
+        unit: of angles, "rad" or "deg".
+        time_unit: "s", "ms", "us" or "ns".
+        cutoff: Hz of the low pass on every joint, or "none": positions are taken as they are.
+        thinning: which samples of a filtered recording are kept; None keeps all.
+        currents: joints whose current, where no effort is logged, is read as their effort.
+
+    Raises:
+        TrajectoryError: a unit that there is not, a cutoff that is not positive.
+    """
+
+    columns: Path | str | None = None
+    unit: str | None = None
+    time_unit: str | None = None
+    cutoff: float | str | None = None
+    thinning: Thinning | None = None
+    currents: frozenset[str] = frozenset()
+
+    def __post_init__(self) -> None:
+        for option, value, units in (
+            ("unit", self.unit, ANGLE_UNITS),
+            ("time-unit", self.time_unit, TIME_UNITS),
+        ):
+            if value is not None and value not in units:
+                raise TrajectoryError(f"--{option} {value}: {choose_from(value, units)}")
+        if self.cutoff is None or self.cutoff == "none":
+            return
+        try:
+            frequency = float(self.cutoff)
+        except ValueError:
+            frequency = np.nan
+        if not (np.isfinite(frequency) and frequency > 0.0):
+            raise TrajectoryError(f"--cutoff {self.cutoff}: give a frequency in Hz, or none")
+        object.__setattr__(self, "cutoff", frequency)
+
+
+@dataclass(frozen=True)
+class DerivativeNoise:
+    """What noise and low pass leave uncertain in a log's derivatives; columns as the joints'.
+
+    Args:
+        moving: (T, nj) bool, where a joint is not held; only there is anything uncertain.
+        velocity: (nj,) standard deviation, rad/s or m/s.
+        acceleration: (nj,) the same, rad/s^2 or m/s^2.
+        acceleration_shift: (T, nj) change of the acceleration with a lower cutoff (by 1/sqrt(2), of
+            a Gaussian low pass by 1/2). The low pass may have taken away so much near its cutoff.
+        acceleration_cut: (nj,) RMS of the motion above the cutoff that the low pass took away.
+    """
+
+    moving: NDArray[np.bool_]
+    velocity: FloatArray
+    acceleration: FloatArray
+    acceleration_shift: FloatArray
+    acceleration_cut: FloatArray
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What the reading of a file found and did.
+
+    Args:
+        samples: rows that became samples.
+        dropped: rows left out (torn, not finite, doubled or backward stamps, repeats of a slower
+            rate, ends in motion).
+        resampled: samples that lie between rows and were interpolated.
+        jitter: RMS of the stamps about regular time, s.
+        noise: joint -> standard deviation of its positions' noise, rad or m; 0: rounding.
+        cutoff: joint -> Hz; None: not filtered.
+        notes: a line for everything that was guessed, repaired or filtered.
+        noise_line: the one of them that says what noise there is and what was done about it.
+        effort: joint -> (T,) the effort that the log itself has, N m or N; of the motion's
+            samples, which thinning makes fewer.
+        uncertain: what stays uncertain in the derivatives; None where nothing was filtered.
+    """
+
+    samples: int
+    dropped: int = 0
+    resampled: int = 0
+    jitter: float = 0.0
+    noise: Mapping[str, float] = field(default_factory=dict)
+    cutoff: Mapping[str, float | None] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    noise_line: str = ""
+    effort: Mapping[str, FloatArray] = field(default_factory=dict)
+    uncertain: DerivativeNoise | None = None
+
+    @property
+    def filtered(self) -> bool:
+        """Whether any joint's positions were low-passed."""
+        return any(frequency is not None for frequency in self.cutoff.values())

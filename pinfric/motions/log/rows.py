@@ -1,0 +1,286 @@
+"""Rows of a log: stamps that repeat, run back, jitter or miss, and the regular time behind them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinfric.model.brief import counted
+from pinfric.motions.joint_columns import listing
+from pinfric.motions.log.frame import BAD_SHARE, FEWEST
+
+FloatArray = NDArray[np.float64]
+
+#: A step this many times the median one is a gap: what happened in it would be invented.
+GAP_FACTOR = 20.0
+#: s. Below this a time step is a unit error or rounding: rates from it would be noise.
+_SHORTEST_STEP = 1e-9
+#: s, three centuries. Beyond it a time is a unit error (a clock's milliseconds are), and the steps
+#: between times drown in its rounding.
+_LONGEST_TIME = 1e10
+#: Share of a step by which stamps may miss regular time, RMS.
+_JITTER = 0.5
+#: Where steps vary by a larger share than this (median), a lost or doubled row cannot be told from
+#: jitter, and rows count as taken one step after another.
+_PRECISE = 0.1
+#: Share of a step below which jitter is a clock's rounding: mended, but not worth a word.
+ROUNDED = 1e-3
+#: Share of a step below which stamps stay as they are. Twice the rounding of a clock's seconds
+#: since 1970 (2.4e-7 s) puts 0.5 rad/s^2 into a joint at 2 rad/s that is logged at 500 Hz.
+_REGULAR = 1e-6
+#: Share of the changes that come at one and the same number of rows, where a slower rate is held.
+_SAME_PERIOD = 0.9
+#: Counts by which a joint moves in the rows beside one that repeats the row before it.
+_CLEAR_STEP = 10.0
+
+
+@dataclass(frozen=True)
+class Timing:
+    """When the rows of a log were taken, and the regular times to compute on.
+
+    Args:
+        start, step: of the regular times, s.
+        count: how many there are.
+        number: (rows,) increasing whole numbers: row i was taken at start + step number[i] but for
+            jitter; one missing is a row that was lost. None where stamps wander from any regular
+            time: then only the stamps say when a row was taken.
+        jitter: RMS of the stamps about regular time, s.
+    """
+
+    start: float
+    step: float
+    count: int
+    number: NDArray[np.int64] | None
+    jitter: float
+
+    @property
+    def time(self) -> FloatArray:
+        """The regular times, lost rows among them, s."""
+        return self.start + self.step * np.arange(self.count, dtype=np.float64)
+
+    @property
+    def taken(self) -> FloatArray | None:
+        """The regular times at which the rows were taken, s; None where stamps wander."""
+        if self.number is None:
+            return None
+        return np.asarray(self.start + self.step * self.number, dtype=np.float64)
+
+    @property
+    def irregular(self) -> bool:
+        """Whether stamps and regular time differ by more than rounding, or rows are lost."""
+        if self.number is None or self.count != self.number.size:
+            return True
+        return self.jitter > _REGULAR * self.step
+
+
+def check_times(t: FloatArray, lines: Sequence[int], problems: list[str]) -> None:
+    """Append times that cannot be meant: beyond 1e10 s, or less than 1 ns apart.
+
+    Args:
+        t: (rows,) s.
+        lines: (rows,) where they stand in the file.
+        problems: lines are appended here.
+    """
+    far = np.flatnonzero(np.isfinite(t) & (np.abs(t) > _LONGEST_TIME))
+    if far.size:
+        where = listing(f"line {lines[i]} (t = {t[i]:.9g})" for i in far.tolist())
+        problems.append(f"times beyond {_LONGEST_TIME:g} s are refused, t is in seconds: {where}")
+        return
+    steps = np.diff(t)
+    tiny = np.flatnonzero((steps > 0.0) & (steps < _SHORTEST_STEP))
+    if tiny.size:
+        where = listing(f"line {lines[i + 1]} ({steps[i]:.3g} s)" for i in tiny.tolist())
+        problems.append(f"time steps below {_SHORTEST_STEP:g} s are refused: {where}")
+
+
+def ordered_rows(
+    t: FloatArray, lines: Sequence[int], problems: list[str], notes: list[str]
+) -> NDArray[np.int64]:
+    """Return the rows to keep: those whose stamp is later than all before.
+
+    Stamps that only jitter about the rows' regular time are all kept.
+
+    Args:
+        t: (rows,) s.
+        lines: (rows,) where they stand in the file.
+        problems: more than 1 % of doubled or backward stamps are appended here.
+        notes: else what was left out.
+    """
+    every = np.arange(t.size)
+    if not np.isfinite(t).all():  # refused already
+        return every
+    latest = np.maximum.accumulate(t)
+    wrong = np.flatnonzero(t[1:] <= latest[:-1]) + 1
+    if wrong.size == 0 or _only_jitters(t):
+        return every
+    if t.size < FEWEST or wrong.size > BAD_SHARE * t.size:
+        where = listing(
+            f"line {lines[i]} (t = {t[i]:.9g} after {t[i - 1]:.9g})" for i in wrong.tolist()
+        )
+        problems.append(f"time must increase; it does not at {where}")
+        return every
+    notes.append(
+        f"left out {counted(wrong.size, 'row')} with repeated or backward time stamps, the first "
+        f"in line {lines[int(wrong[0])]}"
+    )
+    return np.setdiff1d(every, wrong)
+
+
+def _only_jitters(t: FloatArray) -> bool:
+    """Whether rows were taken at regular times one after another, and only their stamps vary."""
+    steps = np.diff(t)
+    middle = float(np.median(steps))
+    if t.size < FEWEST or np.median(np.abs(steps - middle)) <= _PRECISE * middle:
+        return False
+    return evenly(t) is not None
+
+
+def regular_time(t: FloatArray) -> Timing | None:
+    """Return the regular time behind stamps; None for few rows, or times that do not increase.
+
+    Steps are rounded to multiples of the median one and summed, then a line is fitted: rounding
+    the stamps themselves would drift past lost rows. Stamps that wander by more than half a step
+    from the line are taken as the rows' times.
+
+    Args:
+        t: (rows,) s.
+    """
+    if t.size < FEWEST:
+        return None
+    steps = np.diff(t)
+    if _only_jitters(t):
+        number = np.arange(t.size)
+    else:
+        whole = np.rint(steps / np.median(steps)).astype(np.int64)
+        if (whole <= 0).any() or whole.sum() > GAP_FACTOR * t.size:
+            return _wandering_time(t)
+        number = np.concatenate(([0], np.cumsum(whole)))
+    step, start, jitter = _line(t, number)
+    if step <= 0.0 or jitter > _JITTER * step:
+        return _wandering_time(t)
+    return Timing(start, step, int(number[-1]) + 1, number, jitter)
+
+
+def _line(t: FloatArray, number: NDArray[np.int64]) -> tuple[float, float, float]:
+    """Return step, start of the line t = start + step number, and RMS distance from it, s."""
+    step, start = np.polyfit(number, t, 1)
+    off = t - start - step * number
+    with np.errstate(over="ignore"):  # stamps of 1e200 are off by more than any step
+        return float(step), float(start), float(np.sqrt(np.mean(off**2)))
+
+
+def _wandering_time(t: FloatArray) -> Timing | None:
+    """Return as many regular times as there are rows, but for gaps, over stamps that increase."""
+    steps = np.diff(t)
+    if (steps <= 0.0).any():
+        return None
+    step = float(np.mean(steps[steps <= GAP_FACTOR * np.median(steps)]))
+    count = int((t[-1] - t[0]) / step + 1e-9) + 1
+    if count > GAP_FACTOR * t.size:  # a gap that is longer than the log
+        return None
+    return Timing(float(t[0]), step, count, None, _line(t, np.arange(t.size))[2])
+
+
+def far_apart(t: FloatArray, least: float) -> NDArray[np.int64]:
+    """Return the rows to interpolate between: each at least `least` s after the one before.
+
+    A spline through noisy rows that nearly coincide swings far beyond them.
+
+    Args:
+        t: (rows,) increasing, s.
+        least: s.
+    """
+    if (np.diff(t) >= least).all():
+        return np.arange(t.size)
+    kept = [0]
+    while (following := int(np.searchsorted(t, t[kept[-1]] + least))) < t.size:
+        kept.append(following)
+    return np.array(kept)
+
+
+def held_rate(position: FloatArray) -> slice | None:
+    """Return every how many rows positions change, where a slower source was held between them.
+
+    A coarse encoder at slow speed repeats itself too, but neither regularly nor by steps of many
+    counts.
+
+    Args:
+        position: (rows, nj) rad or m.
+    """
+    change = np.zeros(max(len(position) - 1, 0), dtype=bool)
+    for q in position.T:  # one after another: a long log fills much of the memory
+        change |= np.diff(q) != 0.0
+    places = np.flatnonzero(change) + 1
+    if places.size < FEWEST:
+        return None
+    periods = np.diff(places)
+    period = int(np.median(periods))
+    if period < 2 or np.mean(periods % period == 0) < _SAME_PERIOD:
+        return None
+    sizes = np.abs(np.diff(position, axis=0))
+    least = np.min(sizes, axis=0, where=sizes > 0.0, initial=np.inf)
+    if np.median(sizes[places - 1] / least) < 3.0:
+        return None
+    phase = int(np.bincount(places % period).argmax())
+    return slice(phase, None, period)
+
+
+def repeated_rows(position: FloatArray) -> NDArray[np.int64]:
+    """Return the rows that repeat the row before them in the middle of a motion.
+
+    A recorder that is faster than its source, or a source that is late, has nothing new to write.
+    Where all joints slow down to a stop and go on, a repetition is the motion itself.
+
+    Args:
+        position: (rows, nj) rad or m.
+    """
+    same = np.ones(max(len(position) - 1, 0), dtype=bool)
+    for q in position.T:  # one after another: a long log fills much of the memory
+        same &= np.diff(q) == 0.0
+    places = np.flatnonzero(same[2:-2]) + 2
+    found = np.zeros(places.size, dtype=bool)
+    for q in position.T if places.size else ():
+        steps = np.diff(q)
+        sizes = np.abs(steps)
+        least = np.min(sizes, where=sizes > 0.0, initial=np.inf)
+        inner = np.minimum(sizes[places - 1], sizes[places + 1])
+        outer = np.maximum(sizes[places - 2], sizes[places + 2])
+        goes_on = steps[places - 1] * steps[places + 1] > 0.0
+        found |= goes_on & (inner > _CLEAR_STEP * least) & (inner > 0.5 * outer)
+    return places[found] + 1
+
+
+def evenly(t: FloatArray) -> FloatArray | None:
+    """Return the times of rows that were taken one step after another; None: they were not.
+
+    Args:
+        t: (rows,) stamps, s.
+    """
+    step, start, jitter = _line(t, np.arange(t.size))
+    even = start + step * np.arange(t.size, dtype=np.float64)
+    return even if step > 0.0 and jitter <= _JITTER * step else None
+
+
+def gaps(t: FloatArray) -> NDArray[np.int64]:
+    """Return the rows after which a step is far longer than the median one, of times (rows,) s."""
+    steps = np.diff(t)
+    return np.flatnonzero(steps > GAP_FACTOR * np.median(steps))
+
+
+def gap_problems(t: FloatArray) -> list[str]:
+    """Return one line that names the gaps longer than 20 sample periods; none where there are none.
+
+    Args:
+        t: (rows,) s.
+    """
+    far = gaps(t)
+    if far.size == 0:
+        return []
+    where = listing(f"{t[i]:.6g} to {t[i + 1]:.6g} s" for i in far)
+    return [
+        f"gaps longer than {GAP_FACTOR:g} sample periods: {where}; the motion there "
+        "is not in the file: split the log there, or add the missing rows"
+    ]

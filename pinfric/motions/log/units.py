@@ -1,0 +1,256 @@
+"""Units of a log: recognised where the evidence is clear, else the choice is put to the person."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinfric.motions.joint_columns import LIMIT_TOLERANCE, JointColumn, listing
+from pinfric.motions.log.frame import FEWEST
+from pinfric.motions.log.reading import ANGLE_UNITS, TIME_UNITS
+
+FloatArray = NDArray[np.float64]
+
+#: Hz; robots log at no less and no more than these.
+_SLOWEST, _FASTEST = 20.0, 20_000.0
+#: Hz; slower logs exist where a clock counts ms, us or ns.
+_SLOWEST_CLOCK = 2.0
+#: rad: no joint turns twice round one way and twice the other, but for those without limits.
+_TWO_TURNS = 4.0 * np.pi
+#: rad: an angle below this says nothing about its unit.
+_SMALL = 0.02
+#: Times its velocity limit, no joint moves; nor at this speed (rad/s or m/s) without a limit.
+_TOO_FAST, _FASTEST_JOINT = 3.0, 30.0
+#: rad/s or m/s: no recording has no joint faster than this.
+_CREEP = 0.01
+#: Share of its velocity limit that some joint of a recording exceeds.
+_CRAWL = 0.02
+#: Rows for which a frozen encoder stands still.
+_FROZEN = 10
+#: s since 1970, of the years 2001 to 2096: what a clock shows.
+_EPOCH = (1e9, 4e9)
+
+
+def time_factor(
+    name: str,
+    t: FloatArray,
+    start: float,
+    given: str | None,
+    speeds: tuple[float, float],
+    problems: list[str],
+    notes: list[str],
+) -> float:
+    """Return s per unit of a time column.
+
+    In s at 20 Hz or more they are s. Else one of ms, us, ns may make 2 Hz to 20 kHz of the steps,
+    and the joints' speeds must tell: no joint is so fast, no recording so slow.
+
+    Args:
+        name: the column's.
+        t: (T,) what stands in it, `start` perhaps subtracted.
+        start: its first number.
+        given: the unit, where somebody said it.
+        speeds: the largest way over velocity limit of the joints, and the largest way, between
+            two rows (s; rad or m).
+        problems, notes: lines are appended here.
+    """
+    if given is not None:
+        return TIME_UNITS[given]
+    with np.errstate(over="ignore"):  # times that cannot be meant are refused elsewhere
+        steps = np.diff(t[np.isfinite(t)])
+    steps = steps[steps > 0.0]
+    if steps.size < FEWEST - 1:
+        return 1.0
+    step = float(np.median(steps))
+    if 1.0 / step >= _SLOWEST or is_clock(start):
+        return 1.0
+    rates = {unit: 1.0 / (step * factor) for unit, factor in TIME_UNITS.items() if unit != "s"}
+    fits = [unit for unit, rate in rates.items() if _SLOWEST_CLOCK <= rate <= _FASTEST]
+    clocks = [unit for unit in fits if is_clock(start * TIME_UNITS[unit])]
+    possible = [unit for unit in fits if _possible(speeds, rates[unit])]
+    creeps = 0.0 < speeds[1] / step < _CREEP
+    chosen = clocks or (possible if creeps and step > 1.0 else [])
+    if len(chosen) == 1:
+        notes.append(
+            f"column {name} is in {chosen[0]}: steps of {step:.6g} are {rates[chosen[0]]:.6g} Hz"
+        )
+        return TIME_UNITS[chosen[0]]
+    counts = creeps and bool((t == np.rint(t)).all())
+    if not possible or (step <= 1.0 and not counts):
+        return 1.0
+    choice = ", ".join(f"{unit} ({rates[unit]:.6g} Hz)" for unit in possible)
+    options = ", ".join(f"--time-unit {unit}" for unit in possible)
+    problems.append(
+        f"column {name}: steps of {step:.6g} may be {choice} or s ({1.0 / step:.3g} "
+        f"Hz); give {options} or --time-unit s"
+    )
+    return 1.0
+
+
+def _possible(speeds: tuple[float, float], rate: float) -> bool:
+    """Whether joints can be as fast as their ways per row are at so many rows a second."""
+    of_limits, speed = (rate * way for way in speeds)
+    return of_limits <= _TOO_FAST if of_limits > 0.0 else speed <= _FASTEST_JOINT
+
+
+def is_clock(start: float) -> bool:
+    """Whether a time in s is one that a clock shows, since 1970."""
+    return _EPOCH[0] <= start <= _EPOCH[1]
+
+
+def angle_unit(
+    columns: Sequence[JointColumn],
+    position: FloatArray,
+    known: Sequence[str | None],
+    given: str | None,
+    problems: list[str],
+    notes: list[str],
+) -> list[float]:
+    """Return rad per unit of each joint's positions, 1 for joints that slide.
+
+    Degrees are clear where a joint is far beyond its limits (and beyond two turns) as radians and
+    all joints are within theirs as degrees.
+
+    Args:
+        columns: (nj,) the joints.
+        position: (T, nj) what stands in the file; NaN is passed over.
+        known: (nj,) units that names or a mapping say.
+        given: the unit of all others, where somebody said it.
+        problems, notes: lines are appended here.
+    """
+    turning = [c.unit == "rad" for c in columns]
+    factors = [
+        ANGLE_UNITS[k or given or "rad"] if turns else 1.0
+        for k, turns in zip(known, turning, strict=True)
+    ]
+    open_ = [i for i, k in enumerate(known) if turning[i] and k is None and given is None]
+    if not open_ or position.shape[0] == 0:
+        return factors
+    size = [float(np.max(np.abs(q), where=np.isfinite(q), initial=0.0)) for q in position.T]
+    beyond = [i for i in open_ if size[i] > max(_TWO_TURNS, _reach(columns[i]) + LIMIT_TOLERANCE)]
+    degree = ANGLE_UNITS["deg"]
+    if not beyond or any(size[i] * degree > _reach(columns[i]) + _SMALL for i in open_):
+        return factors  # what is out of its limits either way is an error of its own
+    names = listing(f"{columns[i].name} {size[i]:.4g}" for i in beyond)
+    unclear = [i for i in open_ if _SMALL < size[i] <= 2.0 * np.pi]
+    if not unclear:
+        notes.append(f"angles are in degrees (as radians beyond the limits: {names})")
+        return [degree if i in open_ else factor for i, factor in enumerate(factors)]
+    others = listing(f"{columns[i].name} {size[i]:.4g}" for i in unclear)
+    problems.append(
+        f"angles look like degrees ({names}), but may be radians ({others}): give --unit deg or "
+        "--unit rad for all, or `unit` by joint in a file given by --columns"
+    )
+    return factors
+
+
+def _reach(column: JointColumn) -> float:
+    """The largest angle a joint's limits allow; infinite without limits."""
+    return max(abs(column.lower), abs(column.upper))
+
+
+def unwrapped_steps(q: FloatArray) -> FloatArray:
+    """Return how far one joint goes from row to row, (T - 1,); an angle may wrap."""
+    steps = np.abs(np.diff(q))
+    return np.minimum(steps, np.abs(steps - 2.0 * np.pi))
+
+
+def fast_angles(
+    columns: Sequence[JointColumn],
+    t: FloatArray,
+    position: FloatArray,
+    known: Sequence[str | None],
+    given: str | None,
+) -> list[str]:
+    """Return one line where joints whose unit nobody said would be far too fast in rad/s.
+
+    Small ways in degrees lie within the limits of radians; only their speeds tell.
+
+    Args:
+        columns: (nj,) the joints.
+        t: (T,) s.
+        position: (T, nj) rad or m, taken as radians where nobody said otherwise.
+        known, given: as in `angle_unit`.
+    """
+    if given is not None:
+        return []
+    fast = [
+        f"{column.name} {speed:.3g} rad/s, limit {column.velocity_limit:.3g}"
+        for column, speed, unit in zip(columns, _speeds(t, position), known, strict=False)
+        if column.unit == "rad" and unit is None and speed > _TOO_FAST * column.velocity_limit
+    ]
+    if not fast:
+        return []
+    return [
+        f"too fast for a joint ({listing(fast)}): the angles may be in degrees; give "
+        "--unit deg or --unit rad"
+    ]
+
+
+def slow_angles(
+    columns: Sequence[JointColumn], t: FloatArray, position: FloatArray, factors: Sequence[float]
+) -> list[str]:
+    """Return one line where a header says degrees, with which all joints hardly move.
+
+    Args:
+        columns: (nj,) the joints.
+        t: (T,) s.
+        position: (T, nj) rad or m, by the header.
+        factors: (nj,) rad per unit that the header means.
+    """
+    degree = ANGLE_UNITS["deg"]
+    shares = [
+        speed / column.velocity_limit
+        for column, speed, factor in zip(columns, _speeds(t, position), factors, strict=False)
+        if factor == degree
+    ]
+    most = max(shares, default=0.0)
+    if not _CRAWL * degree < most < _CRAWL:
+        return []
+    return [
+        f"the header says degrees, but then no joint exceeds {100 * most:.2g} % of its velocity "
+        f"limit; as radians {100 * most / degree:.3g} %: give --unit deg or --unit rad"
+    ]
+
+
+def frozen_angles(
+    columns: Sequence[JointColumn], t: FloatArray, position: FloatArray, lines: Sequence[int]
+) -> list[str]:
+    """Return a line for each joint whose angle stands still and then leaps to where it is.
+
+    Args:
+        columns: (nj,) the joints.
+        t: (T,) s.
+        position: (T, nj) rad or m, unwrapped.
+        lines: (T,) where the rows stand in the file.
+    """
+    steps, found = np.diff(t), []
+    if t.size < FEWEST or not (steps > 0.0).all():
+        return []
+    for column, q in zip(columns, position.T, strict=True):
+        ways = np.abs(np.diff(q))
+        limit = column.velocity_limit if np.isfinite(column.velocity_limit) else _FASTEST_JOINT
+        far = ways > _TOO_FAST * limit * np.maximum(steps, np.median(steps))
+        for i in np.flatnonzero(far).tolist():
+            first = i - int(np.argmax(ways[:i][::-1] > 0.0)) if ways[:i].any() else 0
+            if i - first >= _FROZEN:
+                found.append(
+                    f"joint {column.name}: its angle stands still from {t[first]:.6g} to "
+                    f"{t[i]:.6g} s and then jumps by {ways[i]:.3g} {column.unit} in line "
+                    f"{lines[i + 1]}, which no joint can: its encoder was frozen; leave that time "
+                    "out, and split the log there"
+                )
+                break
+    return found
+
+
+def _speeds(t: FloatArray, position: FloatArray) -> list[float]:
+    """The speed of each joint that one row of a hundred exceeds; () where times say nothing."""
+    steps = np.diff(t)
+    if t.size < FEWEST or not (steps > 0.0).all():
+        return []
+    apart = np.maximum(steps, np.mean(steps))  # rows written at once say nothing about speeds
+    # one joint after another: a long log fills much of the memory
+    return [float(np.quantile(unwrapped_steps(q) / apart, 0.99)) for q in position.T]

@@ -1,0 +1,124 @@
+"""Trajectory files of closed mechanisms: they name independent joints, the loops move the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinfric.dynamics.samples.closure import (
+    complete_configurations,
+    consistent_motion,
+    independent_joints,
+)
+from pinfric.errors import ClosureError, TrajectoryError
+from pinfric.model.closure import NEARLY_CLOSED, close
+from pinfric.model.scene import Scene
+from pinfric.motions.joint_columns import JointColumn, configurations
+
+FloatArray = NDArray[np.float64]
+
+#: rad, or share of the mechanism's size: what measured positions may miss a closed loop by.
+_MEASURED = 1e-2
+
+
+def named_columns(
+    scene: object, columns: Sequence[JointColumn], names: Sequence[str], problems: list[str]
+) -> tuple[JointColumn, ...]:
+    """Return the joints that a file has columns for: all, or with loops the independent ones.
+
+    Args:
+        scene: only a `Scene` with loops lets a file leave joints out.
+        columns: (nj,) all joints.
+        names: what the file names, unknown names included (they are refused elsewhere).
+        problems: a wrong number of joints is appended here.
+    """
+    if not isinstance(scene, Scene) or not scene.loops:
+        return tuple(columns)
+    named = tuple(column for column in columns if column.name in names)
+    freedom = scene.mobility.freedoms
+    if len(named) not in (freedom, len(columns)):
+        problems.append(
+            f"names {len(named)} joint{'' if len(named) == 1 else 's'} "
+            f"({', '.join(c.name for c in named) or 'none'}); the loops leave {freedom} "
+            f"independent: name {freedom}, or all {len(columns)} of "
+            f"{', '.join(c.name for c in columns)}"
+        )
+        return tuple(columns)
+    return named
+
+
+def complete_motion(
+    scene: Scene,
+    source: str,
+    columns: Sequence[JointColumn],
+    named: Sequence[JointColumn],
+    position: FloatArray,
+    v: FloatArray,
+    a: FloatArray,
+    derived: bool,
+    warnings: list[str],
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return q (T, nq), v, a (T, nv) of all joints from those of the named ones.
+
+    The first configuration is the one nearest to `simulation.start` of the scene. Where all joints
+    are named and derivatives come from their positions, independent ones move the others, too:
+    measured positions close no loop exactly. Else all that was given stays.
+
+    Args:
+        scene: with loops.
+        source: the file, for messages.
+        columns, named: (nj,) all joints, (k,) those in the file.
+        position, v, a: (T, k) rad or m, and per second.
+        derived: some of v, a came from splines.
+        warnings: how far positions were moved is appended here.
+
+    Raises:
+        TrajectoryError: a sample at which the loops cannot close, or do not determine the rest.
+    """
+    model, names = scene.model, [column.name for column in named]
+    q = configurations(named, position, model.nq)
+    try:
+        if len(named) < len(columns):
+            q = complete_configurations(scene, scene.start_configuration, names, q)
+            return q, *consistent_motion(scene, q, names, v, a)
+        if not derived:
+            return q, v, a
+        chosen = independent_joints(scene, q[0])
+        index = [names.index(name) for name in chosen]
+        q = _closed(scene, columns, chosen, q, warnings)
+        return q, *consistent_motion(scene, q, chosen, v[:, index], a[:, index])
+    except ClosureError as problem:
+        raise TrajectoryError(f"{source}: {problem}") from None
+
+
+def _closed(
+    scene: Scene,
+    columns: Sequence[JointColumn],
+    independent: Sequence[str],
+    q: FloatArray,
+    warnings: list[str],
+) -> FloatArray:
+    """Return q (T, nq) with the loops closed by moving dependent joints; unchanged if by much."""
+    linkage, twin = scene.linkage, scene.twin()
+    assert linkage is not None
+    held = np.zeros(twin.nv, dtype=bool)
+    held[[column.index_v for column in columns if column.name in independent]] = True
+    try:
+        closed = np.array([close(twin, linkage, x, held, i) for i, x in enumerate(q)])
+    except ClosureError:  # the check of the motion says where and by how much
+        return q
+    moved = np.abs(closed - q)
+    sliding = [column.index_q for column in columns if column.unit == "m"]
+    moved[:, sliding] /= linkage.size
+    if (largest := float(moved.max(initial=0.0))) > _MEASURED:
+        return q
+    if largest > NEARLY_CLOSED:
+        worst = columns[int(np.argmax([moved[:, c.index_q].max() for c in columns]))]
+        by = float(np.abs(closed - q)[:, worst.index_q].max())
+        warnings.append(
+            f"loops closed by correcting joints, {worst.name} most, by up to {by:.1e} "
+            f"{worst.unit}; {' and '.join(independent)} as in the file"
+        )
+    return closed

@@ -1,0 +1,295 @@
+"""The figures of a result that size a drive: peak, RMS, and how much of them is friction."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pinfric.dynamics.inverse.result import InverseResult, runs
+from pinfric.errors import StateError
+from pinfric.model.couples import reaches
+from pinfric.model.described import EFFORT, MOTOR, SPEED, between, described, quantity
+from pinfric.model.loops import OffJointDrive
+from pinfric.model.scene import Scene
+from pinfric.model.twin import PRISMATIC
+from pinfric.motions.joint_columns import stated_limit
+
+
+@described
+class ActuatorSummary:
+    """What one drive must deliver along a motion.
+
+    At every sample the effort u lies in [lower, upper]; its worst value is the end that is larger
+    in magnitude, its least value the number of smallest magnitude in between (0 where the interval
+    encloses it). All RMS are over time, by the trapezoidal rule.
+    """
+
+    name: str = quantity("the drive's", heading="joint", name=True)
+    unit: str = quantity('unit of its efforts, "N m" or "N"', heading="unit")
+    peak: float = quantity("max |u_worst|", EFFORT, "peak")
+    peak_time: float = quantity("when", "s")
+    peak_velocity: float = quantity("the joint's velocity at that time", SPEED)
+    rms: float = quantity(
+        "sqrt(1/T int u_worst^2 dt)",
+        EFFORT,
+        "RMS\nleast\N{EN DASH}worst",
+        between("rms_least", "rms"),
+    )
+    rms_least: float = quantity("sqrt(1/T int u_least^2 dt)", EFFORT)
+    peak_frictionless: float = quantity(
+        "peak of the effort without friction u_0",
+        EFFORT,
+        "frictionless\npeak, RMS",
+        "{peak_frictionless}, {rms_frictionless}",
+    )
+    rms_frictionless: float = quantity("RMS of u_0", EFFORT)
+    friction_share: float = quantity(
+        "R_f / (R_f + R_0); R_f is the RMS of u_worst - u_0, R_0 that of u_0: 0 without friction, "
+        "1 if there is only friction, 0.5 if friction is as large as the rest (rms / "
+        "rms_frictionless would hide friction that holds the load)",
+        heading="friction\nshare",
+        cell="{friction_share:%}",
+    )
+    stick_time: float = quantity(
+        "sum of (end - start) over the stick intervals; a stick of one sample is a passage through "
+        "rest: it counts as an interval and adds no time",
+        "s",
+        "sticks",
+    )
+    sticks: int = quantity("number of stick intervals")
+    reversals: int = quantity("number of reversals between samples")
+    max_interval: float = quantity("max (upper - lower)", EFFORT, "widest\ninterval")
+    motor_unit: str = quantity("at the motor's shaft; for an ideal drive, `unit`", heading="unit")
+    motor_peak: float = quantity(
+        "peak at the motor's shaft; for an ideal drive, `peak`", MOTOR, "motor\npeak"
+    )
+    motor_rms: float = quantity(
+        "RMS there",
+        MOTOR,
+        "motor RMS\nleast\N{EN DASH}worst",
+        between("motor_rms_least", "motor_rms"),
+    )
+    motor_rms_least: float = quantity("least RMS there", MOTOR)
+
+
+def summarize(result: InverseResult) -> tuple[ActuatorSummary, ...]:
+    """Return the summary of every drive, in the order of `result.actuator_names`.
+
+    A drive sticks while a site on its degree of freedom does: its own joint or a mimic follower.
+
+    Raises:
+        StateError: the result has no times.
+    """
+    if result.t is None:
+        raise StateError("a summary needs times: give `t` to inverse_dynamics")
+    return tuple(_summarize(result, result.t, i) for i in range(len(result.actuator_names)))
+
+
+def _summarize(result: InverseResult, t: np.ndarray, i: int) -> ActuatorSummary:
+    drive = result.scene.drives[i]
+    frictionless = result.effort_frictionless[:, i]
+    worst, least = ends_by_magnitude(result.effort_lower[:, i], result.effort_upper[:, i])
+    motor_worst, motor_least = ends_by_magnitude(
+        result.motor_torque_lower[:, i], result.motor_torque_upper[:, i]
+    )
+    friction, rest = rms(t, worst - frictionless), rms(t, frictionless)
+    sites = sites_on(result.scene, i)
+    sticks = runs(rests(result, i))
+    unit = effort_unit(result.scene, i)
+    top = int(np.argmax(np.abs(worst)))
+    return ActuatorSummary(
+        name=drive.name,
+        unit=unit,
+        peak=float(np.abs(worst[top])),
+        peak_time=float(t[top]),
+        peak_velocity=float(result.actuator_velocity[top, i]),
+        rms=rms(t, worst),
+        rms_least=rms(t, least),
+        peak_frictionless=float(np.abs(frictionless).max()),
+        rms_frictionless=rest,
+        friction_share=friction / (friction + rest) if friction > 0 else friction,
+        stick_time=float(sum(t[last] - t[first] for first, last in sticks)),
+        sticks=len(sticks),
+        reversals=int(np.count_nonzero(result.reversal[:, sites].any(axis=1))),
+        max_interval=float((result.effort_upper[:, i] - result.effort_lower[:, i]).max()),
+        motor_unit=motor_unit(result.scene, i),
+        motor_peak=float(np.abs(motor_worst).max()),
+        motor_rms=rms(t, motor_worst),
+        motor_rms_least=rms(t, motor_least),
+    )
+
+
+def beyond_limits(result: InverseResult) -> tuple[str, ...]:
+    """Return in words the drives of joints whose efforts pass the limit that the URDF states."""
+    limits, found = np.asarray(result.scene.model.effortLimit, dtype=np.float64), []
+    for i, drive in enumerate(result.scene.drives):
+        if drive.velocity_index < 0:
+            continue
+        limit = stated_limit(float(limits[drive.velocity_index]))
+        ends = np.abs([result.effort_lower[:, i], result.effort_upper[:, i]])
+        peak, unit = float(np.fmax.reduce(ends, axis=None)), effort_unit(result.scene, i)
+        if peak > limit:
+            found.append(f"{drive.name} needs {peak:.3g} {unit}; the URDF allows {limit:g} {unit}")
+    return tuple(found)
+
+
+#: What is smaller than this beside the largest effort or reaction is rounding of the dynamics.
+ROUNDING = 1e-9
+
+
+def rounding(result: InverseResult) -> float:
+    """Return the effort (N m or N) below which a figure of this result is rounding: to print as 0.
+
+    1e-9 of the largest effort, force or moment in it.
+    """
+    arrays = [result.effort_lower, result.effort_upper, result.effort_frictionless, result.wrench]
+    ends = [
+        abs(float(end.reduce(x, axis=None, initial=0.0)))  # fmin, fmax pass over NaN
+        for x in arrays
+        if x is not None
+        for end in (np.fmin, np.fmax)
+    ]
+    return ROUNDING * max(ends)
+
+
+def payload_phases(result: InverseResult) -> dict[str, list[tuple[float, float]]]:
+    """Return when each payload is carried: (start, end) in s; it is put down at the end.
+
+    Raises:
+        StateError: the result has no times.
+    """
+    t, attached, payloads = result.t, result.states.attached, result.scene.payloads
+    if t is None:
+        raise StateError("payload phases need times: give `t` to inverse_dynamics")
+    if attached is None:
+        always = np.array([payload.attached for payload in payloads.values()], dtype=bool)
+        attached = np.broadcast_to(always, (len(t), len(payloads)))
+    return {
+        name: [
+            (float(t[first]), float(t[min(last + 1, len(t) - 1)]))
+            for first, last in runs(attached[:, p])
+        ]
+        for p, name in enumerate(payloads)
+    }
+
+
+def rms(t: np.ndarray, x: np.ndarray) -> float:
+    """Return sqrt(1/T int x^2 dt) by the trapezoidal rule; |x| of a single sample.
+
+    Args:
+        t: (T,) increasing, s.
+        x: (T,).
+    """
+    return float(column_rms(t, x[:, None])[0])
+
+
+def column_rms(t: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Return `rms` of each column, (n,).
+
+    Args:
+        t: (T,) increasing, s.
+        x: (T, n).
+    """
+    largest: np.ndarray = np.abs(x).max(axis=0)
+    if len(t) == 1:
+        return largest
+    scale = np.where(largest > 0, largest, 1.0)  # its square cannot overflow; NaN is not above 0
+    square = (x / scale) ** 2
+    mean_square = (t[1:] - t[:-1]) @ (square[1:] + square[:-1]) / (2 * (t[-1] - t[0]))
+    return np.where(largest > 0, scale * np.sqrt(mean_square), largest)
+
+
+def known_rms(t: np.ndarray | None, x: np.ndarray) -> np.ndarray:
+    """Return sqrt(1/T int x^2 dt) of each column over the time at whose both ends it is known.
+
+    Args:
+        t: (T,) increasing, s; None: states without order, of which each counts alike.
+        x: (T, n), NaN where it is not known.
+    """
+    square = x**2
+    if t is None or len(t) < 2:
+        return np.asarray(np.sqrt(np.nanmean(square, axis=0)))
+    step = np.diff(t)[:, None]
+    both = square[1:] + square[:-1]
+    known = ~np.isnan(both)
+    total = np.where(known, step * both, 0.0).sum(axis=0) / 2
+    time = np.where(known, step, 0.0).sum(axis=0)
+    return np.asarray(np.sqrt(total / np.where(time > 0.0, time, np.nan)))
+
+
+def integral(t: np.ndarray, x: np.ndarray) -> float:
+    """Return int x dt by the trapezoidal rule: as NumPy's, which takes any axis and twice as long.
+
+    Args: as `rms`.
+    """
+    return float((t[1:] - t[:-1]) @ (x[1:] + x[:-1])) / 2
+
+
+def ends_by_magnitude(lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the number of largest and that of smallest magnitude in each [lower, upper], (T,)."""
+    worst = np.where(np.abs(upper) >= np.abs(lower), upper, lower)
+    return worst, np.minimum(np.maximum(0.0, lower), upper)
+
+
+def sites_on(scene: Scene, actuator: int) -> list[int]:
+    """Return the columns of the sites whose friction a drive feels: its joint's, its followers'.
+
+    Of coupled drives those of the others' joints, too; with loops, cylinders or forces those of all
+    joints that these tie to it, each to the joints between its two ends.
+    """
+    nv, linkage = scene.model.nv, scene.linkage
+    if linkage is None:
+        felt = reaches(scene.drives, nv)[actuator]
+        return [s for s, site in enumerate(scene.sites) if felt[site.velocity_index]]
+    from scipy.sparse.csgraph import connected_components  # 0.2 s to import
+
+    first = scene.twin().v_index  # a joint, with its followers, is its first velocity
+    ties = np.zeros((nv + len(linkage.pair_kind),) * 2, dtype=bool)
+    for pair, support in zip(linkage.column_pair, linkage.support, strict=True):
+        ties[nv + pair, first[support != 0]] = True
+    for coupled in scene.drives:
+        ties[coupled.velocity_index, [v for v, _ in coupled.couples]] = True
+    part = connected_components(ties, directed=False)[1]
+    drive = scene.drives[actuator]
+    own = first[first <= drive.velocity_index].max(initial=-1)
+    own = nv + linkage.column_pair[drive.column] if own < 0 else own
+    at = [nv + site.pair if site.pair >= 0 else site.velocity_index for site in scene.sites]
+    return np.flatnonzero(part[at] == part[own]).tolist() if at else []
+
+
+def rests(result: InverseResult, actuator: int) -> np.ndarray:
+    """Return (T,) where a drive sticks: any of the sites on it does."""
+    return np.asarray(result.sticking[:, sites_on(result.scene, actuator)].any(axis=1))
+
+
+def effort_unit(scene: Scene, actuator: int) -> str:
+    """Return "N" for a drive that pushes, "N m" for one that turns."""
+    drive = scene.drives[actuator]
+    if isinstance(drive, OffJointDrive):
+        return drive.unit
+    column, twin = drive.velocity_index, scene.twin()
+    for row, joint in enumerate(scene.model.joints[1:]):
+        if joint.idx_v <= column < joint.idx_v + joint.nv:
+            if joint.nv == 1:
+                return "N" if twin.kind[row] == PRISMATIC else "N m"
+            return "N" if twin.components[row, column - joint.idx_v] < 3 else "N m"
+    raise AssertionError(f"no joint moves column {column}")
+
+
+def motor_unit(scene: Scene, actuator: int) -> str:
+    """Return what a drive's motor delivers at its shaft: N m behind a gear, else `effort_unit`."""
+    geared = scene.drives[actuator].transmission is not None
+    return "N m" if geared else effort_unit(scene, actuator)
+
+
+def unit_of_drive(scene: Scene, name: str, motor: bool = False) -> str:
+    """Return the unit of a drive's efforts, by its name; of no name that which all drives share.
+
+    Args:
+        scene: the robot.
+        name: of the drive; empty: of all.
+        motor: at the motor's shaft.
+    """
+    if name:
+        return (motor_unit if motor else effort_unit)(scene, scene.actuator_names.index(name))
+    units = {effort_unit(scene, i) for i in range(len(scene.drives))}
+    return units.pop() if len(units) == 1 else ""

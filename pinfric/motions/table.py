@@ -1,0 +1,228 @@
+"""A motion as a table of numbers, one per joint: its derivatives, and what spoils them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinfric.motions.derivatives import (
+    acceleration_noise,
+    find_holds,
+    position_derivatives,
+    velocity_derivative,
+)
+from pinfric.motions.joint_columns import JointColumn, listing
+from pinfric.motions.log.rows import GAP_FACTOR, gaps
+from pinfric.motions.log.still import with_resting_ends
+
+FloatArray = NDArray[np.float64]
+
+#: Share of a joint's peak acceleration that may be rounding noise before it is pointed out.
+_NOISE_SHARE = 0.05
+#: Share of a joint's peak speed by which its velocities may miss those of its positions (RMS).
+_MISMATCH_SHARE = 0.1
+#: The same where rows are few, and their velocities' means say less of the motion between them.
+_FEW_ROWS_MISMATCH = 0.5
+#: Fewer samples than this say too little about noise or about a mismatch.
+_FEWEST_SAMPLES = 20
+#: Share of its speed (RMS) by which a joint may change it from row to row where derivatives come
+#: from a spline: 8 rows in a move from rest to rest, 14 in a period of an oscillation. Splines
+#: through fewer are off by some 10 % of the peak acceleration.
+_COARSE_SHARE = 0.5
+#: Fewer rows than this in a motion say nothing about its acceleration.
+_FEWEST_ROWS = 5
+#: A robot starts and stops at rest: its mean speed in the first step of a move is half the next
+#: one's, or less. Stops at equal distances have this share of the RMS speed at once, or more.
+_AT_SPEED = 0.75
+#: Joints of which a message shows the positions.
+_SHOWN = 8
+#: s; nobody writes stops at shorter steps, and recordings seldom come at longer ones (10 Hz).
+_STOPS_PACE = 0.101
+
+
+@dataclass(frozen=True)
+class TrajectoryTable:
+    """A motion with one number per joint, (T, nj); a column of NaN is one that was not given.
+
+    `attached` holds the payload columns there are, (T,) bool each; `resolution` (nj,) the last
+    digit printed of each joint's positions (0: not rounded).
+    """
+
+    t: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    attached: dict[str, NDArray[np.bool_]]
+    resolution: FloatArray
+
+
+@np.errstate(over="ignore", invalid="ignore")  # what overflows is refused as not finite
+def complete_derivatives(
+    columns: Sequence[JointColumn],
+    table: TrajectoryTable,
+    problems: list[str],
+    warnings: list[str],
+) -> tuple[FloatArray, FloatArray]:
+    """Return velocities and accelerations (T, nj), those not given from splines (`derivatives`).
+
+    Args:
+        columns: (nj,) the joints.
+        table: the motion; its time increases and its positions are finite.
+        problems: what cannot be derived is appended here.
+        warnings: where rounding spoils an acceleration, or velocities do not fit the positions,
+            is appended here.
+    """
+    v, a = table.velocity, table.acceleration
+    for i, column in enumerate(columns):
+        if not np.isnan(v[0, i]):
+            warnings += mismatch_warning(
+                column, table.t, table.position[:, i], v[:, i], table.resolution[i]
+            )
+    missing = [i for i in range(len(columns)) if np.isnan(v[0, i]) or np.isnan(a[0, i])]
+    if missing:
+        v, a = v.copy(), a.copy()
+    if missing and table.t.size == 1:
+        names = ", ".join(columns[i].name for i in missing)
+        problems.append(f"one sample has no derivatives: give .v and .a for {names}")
+        return v, a
+    bare = [i for i in missing if np.isnan(v[0, i])]
+    problems += _coarse_rows([columns[i] for i in bare], table.t, table.position[:, bare])
+    apart = gaps(table.t) if missing else ()
+    for i in missing:
+        q, resolution = table.position[:, i], table.resolution[i]
+        holds = find_holds(q, resolution)
+        step = float(table.t[1] - table.t[0])
+        if resolution > 0.0 and np.ptp(np.diff(table.t)) < 1e-6 * step:
+            (holds,) = with_resting_ends(q[:, None], step, [resolution / np.sqrt(12.0)], [holds])
+        problems += _moved_across(columns[i], table.t, q, apart)
+        try:
+            if not np.isnan(v[0, i]):
+                a[:, i] = velocity_derivative(table.t, v[:, i], holds)
+                continue
+            fitted_v, fitted_a = position_derivatives(table.t, q, holds)
+        except ValueError as problem:  # SciPy: numbers too far apart for a spline
+            problems.append(
+                f"joint {columns[i].name}: no spline can be fitted to its samples "
+                f"({problem}); give .v and .a"
+            )
+            continue
+        v[:, i] = fitted_v
+        if np.isnan(a[0, i]):
+            a[:, i] = fitted_a
+            warnings += _noise_warning(columns[i], table.t, fitted_a, resolution)
+    return v, a
+
+
+def _coarse_rows(columns: Sequence[JointColumn], t: FloatArray, positions: FloatArray) -> list[str]:
+    """Say that rows are too far apart for the motion between them: they may be way-points."""
+    if t.size < 2 or not columns:
+        return []
+    slopes = np.diff(positions, axis=0) / np.diff(t)[:, None]
+    moves = (slopes != 0.0).sum(axis=0) + 1
+    speed = np.sqrt(np.mean(slopes**2, axis=0))
+    change = np.sqrt(np.mean(np.diff(slopes, axis=0) ** 2, axis=0)) if len(t) > 2 else 0.0 * speed
+    share = change / np.where(speed > 0.0, speed, 1.0)
+    at_speed = _starts_and_ends_at_speed(t, slopes, speed)
+    coarse = (speed > 0.0) & ((share > _COARSE_SHARE) | (moves < _FEWEST_ROWS) | at_speed)
+    if not coarse.any():
+        return []
+    i = int(np.argmax(np.where(coarse, share, -1.0)))
+    why = ""
+    if share[i] > _COARSE_SHARE:
+        why = f", its speed changes by {100 * share[i]:.0f} % from row to row"
+    elif at_speed[i]:
+        first, last = np.abs(slopes[[0, -1], i])
+        unit = columns[i].unit
+        why = (
+            f" at {first:.3g} {unit}/s in the first step and {last:.3g} in the last, but robots "
+            "start and stop at rest"
+        )
+    return [
+        f"rows are too far apart for the motion between them: joint {columns[i].name} moves over "
+        f"{moves[i]} rows{why}. Where rows are stops, write them as a way-point file "
+        f"({_as_points(t, positions)}), which is planned from rest to rest; where they are "
+        "samples, give more of them, or .v and .a"
+    ]
+
+
+def _as_points(t: FloatArray, positions: FloatArray) -> str:
+    """How a way-point file of these rows begins."""
+    first, second = (", ".join(f"{x:.4g}" for x in row) for row in positions[:2])
+    way = f"{{q: [{first}]}}, {{q: [{second}], duration: {t[1] - t[0]:.4g}}}, "
+    return f"`pinfric_trajectory: 1`, `points: [{way if positions.shape[1] <= _SHOWN else ''}...]`"
+
+
+def _starts_and_ends_at_speed(
+    t: FloatArray, slopes: FloatArray, speed: FloatArray
+) -> NDArray[np.bool_]:
+    """Whether few rows, seldom enough to be stops, begin and end in the middle of a joint's motion.
+
+    Args:
+        t: (T,) s.
+        slopes: (T - 1, nj) mean speed from row to row.
+        speed: (nj,) their RMS.
+    """
+    if t.size >= _FEWEST_SAMPLES or float(np.median(np.diff(t))) <= _STOPS_PACE:
+        return np.zeros(speed.size, dtype=bool)
+    slowest = np.minimum(np.abs(slopes[0]), np.abs(slopes[-1]))
+    return np.asarray(slowest >= _AT_SPEED * speed)
+
+
+def _moved_across(
+    column: JointColumn, t: FloatArray, q: FloatArray, apart: Iterable[int]
+) -> list[str]:
+    moved = [i for i in apart if q[i] != q[i + 1]]
+    if not moved:
+        return []
+    where = listing(f"{t[i]:.6g} to {t[i + 1]:.6g} s" for i in moved)
+    return [
+        f"joint {column.name}: moves across gaps in time ({where}), where its derivatives "
+        "are unknown; give .v and .a, or the missing samples"
+    ]
+
+
+def mismatch_warning(
+    column: JointColumn, t: FloatArray, q: FloatArray, v: FloatArray, resolution: float
+) -> list[str]:
+    """Compare the mean velocity of each time step by positions and by velocities.
+
+    Both are of second order in the step, which is as fine as a share of a tenth asks for, and cost
+    little where a motion has millions of samples. Few rows with v = 0 are stops, not samples.
+    """
+    if t.size < 2:
+        return []
+    steps, moves = np.diff(t), np.diff(q)
+    if column.nq == 2:  # an angle may be written within +-pi
+        moves -= 2.0 * np.pi * np.round(moves / (2.0 * np.pi))
+    dense = steps <= GAP_FACTOR * np.median(steps)
+    by_position = moves[dense] / steps[dense]
+    by_velocity = 0.5 * (v[1:] + v[:-1])[dense]
+    # two roundings of resolution / sqrt(12) each, and three standard deviations
+    noise = 3.0 * resolution / np.sqrt(6.0) / float(np.median(steps))
+    peak = max(float(np.abs(by_position).max()) - noise, float(np.abs(v).max()))
+    miss = float(np.sqrt(np.mean((by_position - by_velocity) ** 2)))
+    share = _MISMATCH_SHARE if t.size >= _FEWEST_SAMPLES else _FEW_ROWS_MISMATCH
+    if miss <= share * peak + noise:
+        return []
+    return [
+        f"joint {column.name}: the velocities given do not fit the positions: they differ by "
+        f"{miss:.3g} {column.unit}/s (RMS) at speeds up to {peak:.3g}; check units, order and "
+        "sign, or leave the velocities out"
+    ]
+
+
+def _noise_warning(
+    column: JointColumn, t: FloatArray, acceleration: FloatArray, resolution: float
+) -> list[str]:
+    noise, peak = acceleration_noise(t, resolution), float(np.abs(acceleration).max())
+    # where a joint stands still throughout, its accelerations are 0 and hold no noise
+    if t.size < _FEWEST_SAMPLES or peak == 0.0 or noise <= _NOISE_SHARE * peak:
+        return []
+    return [
+        f"joint {column.name}: positions rounded to {resolution:.1g} {column.unit} leave noise of "
+        f"about {noise:.2g} {column.unit}/s^2 in accelerations that peak at {peak:.3g}; give more "
+        "digits, or .v and .a columns"
+    ]

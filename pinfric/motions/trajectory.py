@@ -1,0 +1,512 @@
+"""Trajectories: what the joints do over time and what the robot carries meanwhile.
+
+A file has one number per joint, an angle or a length; `Trajectory` has Pinocchio's q (a continuous
+joint has cos and sin there; a mimic follower has nothing, its leader's column moves both).
+"""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from pinfric.dynamics.inverse.result import runs
+from pinfric.errors import PinfricError, PinfricWarning, TrajectoryError, choose_from
+from pinfric.model.arrays import real_numbers
+from pinfric.model.brief import counted, file_name, listed, screen
+from pinfric.model.files import write_file
+from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, impossible
+from pinfric.model.scene import Scene, expect_scene
+from pinfric.model.scene_file import find_file
+from pinfric.motions.followers import find_followers, follower_problems, follower_warnings
+from pinfric.motions.joint_columns import (
+    JointColumn,
+    configurations,
+    joint_columns,
+    limit_problems,
+    listing,
+    refuse,
+    single_positions,
+    unit_circle_problems,
+    velocity_warnings,
+)
+from pinfric.motions.log.arrays import Log
+from pinfric.motions.log.bags import is_bag
+from pinfric.motions.log.reader import read_log
+from pinfric.motions.log.reading import Reading, ReadingOptions
+from pinfric.motions.loop_motion import complete_motion, named_columns
+from pinfric.motions.table import TrajectoryTable, complete_derivatives
+from pinfric.motions.waypoints import read_waypoints, sample_waypoints
+
+FloatArray = NDArray[np.float64]
+
+
+class HasModel(Protocol):
+    """What a trajectory needs of a scene."""
+
+    @property
+    def model(self) -> pin.Model:
+        """The robot, locked joints removed."""
+
+    @property
+    def payloads(self) -> Mapping[str, Any]:
+        """Name -> payload; its `attached` says if it is carried where nothing else says so."""
+
+
+@dataclass(frozen=True)
+class Hold:
+    """All joints stand still (v = a = 0) from `start` to `end`, s; samples `first` to `last`."""
+
+    start: float
+    end: float
+    first: int
+    last: int
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Samples of a motion in Pinocchio's coordinates, samples first.
+
+    Args:
+        t: (T,) increasing, s.
+        q: (T, nq) configurations.
+        v: (T, nv) velocities, rad/s or m/s.
+        a: (T, nv) accelerations, rad/s^2 or m/s^2.
+        attached: (T, np) bool, which payload is carried at each sample; columns `payload_names`.
+        payload_names: (np,) all payloads of the scene, in its order.
+        joint_names: the joints in the model's order, mimic followers left out.
+        source: where it came from, for messages.
+        joint_nq: entries of q per joint in `joint_names` (2: continuous); default 1 each.
+        warnings: what a person should look at (velocity limits exceeded, noisy derivatives).
+        reading: how a file with samples was read: what was dropped, filtered, converted; None for
+            way-points and arrays.
+
+    Raises:
+        TrajectoryError: no samples, shapes that do not agree, time not increasing, not finite.
+    """
+
+    t: FloatArray
+    q: FloatArray
+    v: FloatArray
+    a: FloatArray
+    attached: NDArray[np.bool_]
+    payload_names: tuple[str, ...]
+    joint_names: tuple[str, ...]
+    source: str
+    joint_nq: tuple[int, ...] = ()
+    warnings: tuple[str, ...] = ()
+    reading: Reading | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("t", "q", "v", "a"):
+            where = f"{self.source}: {name}"
+            array = np.atleast_1d(real_numbers(where, getattr(self, name), TrajectoryError))
+            object.__setattr__(self, name, array)
+        object.__setattr__(self, "attached", np.asarray(self.attached, dtype=bool))
+        if not self.joint_nq:
+            object.__setattr__(self, "joint_nq", (1,) * len(self.joint_names))
+        refuse(self.source, _consistency_problems(self))
+
+    @classmethod
+    def from_arrays(
+        cls,
+        scene: HasModel,
+        t: ArrayLike,
+        q: ArrayLike,
+        v: ArrayLike | None = None,
+        a: ArrayLike | None = None,
+        attached: Mapping[str, ArrayLike] | None = None,
+        source: str = "trajectory",
+    ) -> Trajectory:
+        """Make a trajectory of any model (planar and floating joints too) from arrays.
+
+        Missing v or a come from splines, as in `load_trajectory`; that takes one-dof joints.
+
+        Args:
+            scene: its model and payloads.
+            t: (T,) increasing, s.
+            q: (T, nq) Pinocchio's configurations.
+            v: (T, nv) or None.
+            a: (T, nv) or None.
+            attached: payload name -> (T,) bool or one bool; others as the scene's defaults.
+            source: name for messages.
+
+        Raises:
+            TrajectoryError: no scene; shapes, values, limits or names that do not fit; all at once.
+        """
+        _expect_model(scene, source)
+        model, payloads = scene.model, _defaults(scene)
+
+        def numbers(name: str, given: ArrayLike) -> FloatArray:
+            return real_numbers(f"{source}: {name}", given, TrajectoryError)
+
+        times, qs = np.atleast_1d(numbers("t", t)), numbers("q", q)
+        v = None if v is None else numbers("v", v)
+        a = None if a is None else numbers("a", a)
+        given = attached or {}
+        problems = _shape_problems(model, times, qs, v, a)
+        problems += _attached_problems(given, payloads, times.size)
+        has_many = any(count > 1 for count in model.nvs)
+        if has_many and (v is None or a is None):
+            problems.append("a planar, spherical or floating joint needs v and a given")
+        if not problems:
+            problems += _value_problems(times, (("q", qs), ("v", v), ("a", a)))
+        refuse(source, problems)
+        if has_many and v is not None and a is not None:
+            names, nqs = _moving_joints(model)
+            carried = _attached_columns(payloads, given, times.size)
+            return cls(times, qs, v, a, carried, tuple(payloads), names, source, nqs)
+        columns = joint_columns(model, source)
+        refuse(source, unit_circle_problems(columns, qs))
+        table = TrajectoryTable(
+            times,
+            single_positions(qs, [column.nq for column in columns]),
+            np.full((times.size, model.nv), np.nan) if v is None else v,
+            np.full((times.size, model.nv), np.nan) if a is None else a,
+            {name: np.asarray(values, dtype=bool) for name, values in given.items()},
+            np.zeros(len(columns)),
+        )
+        return _from_table(source, scene, columns, columns, table)
+
+    def __repr__(self) -> str:
+        rate = (self.t.size - 1) / self.duration if self.duration else 0.0
+        title = f"{file_name(self.source)}: {counted(self.t.size, 'sample')}, {self.duration:.4g} s"
+        speeds = [f"{x:.3g}" for x in np.abs(self.v).max(axis=0)]
+        one_each = len(speeds) == len(self.joint_names)
+        carried = [f"{100 * x:.0f} % of samples" for x in self.attached.mean(axis=0)]
+        return screen(
+            "Trajectory",
+            f"{title}, {rate:.4g} per s",
+            {
+                "joints": listed(self.joint_names),
+                "speeds": f"{listed(self.joint_names, speeds)} (largest, rad/s or m/s)"
+                if one_each
+                else "",
+                "holds": counted(len(self.holds()), "hold"),
+                "carried": listed(self.payload_names, carried),
+                "warnings": "; ".join(self.warnings),
+            },
+        )
+
+    @property
+    def duration(self) -> float:
+        """From the first sample to the last, s."""
+        return float(self.t[-1] - self.t[0])
+
+    def joint_positions(self) -> FloatArray:
+        """Return one number per joint: (T, number of joints), angles (unwrapped) or lengths.
+
+        Raises:
+            TrajectoryError: a joint with several degrees of freedom has no one number.
+        """
+        if any(nq not in (1, 2) for nq in self.joint_nq) or sum(self.joint_nq) != self.q.shape[1]:
+            raise TrajectoryError(
+                f"{self.source}: planar, spherical or floating joints have several positions; use q"
+            )
+        return single_positions(self.q, self.joint_nq)
+
+    def with_speed(self, scale: float) -> Trajectory:
+        """Return the same path run `scale` times as fast: t / scale, v scale, a scale^2.
+
+        The warnings are left behind; `velocity_warnings` gives those of the new speed.
+
+        Raises:
+            TrajectoryError: scale is not positive.
+        """
+        if not (np.isfinite(scale) and scale > 0.0):
+            raise TrajectoryError(
+                f"speed scale is {scale}; give a positive number (2: twice as fast)"
+            )
+        t = self.t[0] + (self.t - self.t[0]) / scale
+        return replace(
+            self,
+            t=t,
+            v=self.v * scale,
+            a=self.a * scale**2,
+            warnings=(),
+            reading=None,
+            source=f"{self.source} at {scale:g} x speed",
+        )
+
+    def holds(self) -> tuple[Hold, ...]:
+        """Return the intervals in which every joint stands still (v = a = 0), 2 samples or more."""
+        still = ((self.v == 0.0) & (self.a == 0.0)).all(axis=1)
+        return tuple(
+            Hold(float(self.t[first]), float(self.t[last]), first, last)
+            for first, last in runs(still)
+            if last > first
+        )
+
+    def to_csv(self, path: str | Path, digits: int = 9) -> Path:
+        """Write the file that `load_trajectory` reads: t, positions, .v, .a, payload columns.
+
+        Continuous joints are written as unwrapped angles (the first within +-pi).
+
+        Args:
+            path: the file to write.
+            digits: significant digits; 17 keeps every bit.
+
+        Raises:
+            TrajectoryError: a joint with several degrees of freedom; the file cannot be written.
+        """
+        names = self.joint_names
+        header = ["t", *names, *(f"{n}.v" for n in names), *(f"{n}.a" for n in names)]
+        header += [f"payload.{name}" for name in self.payload_names]
+        # + 0.0 turns -0.0 into 0.0
+        numbers = np.column_stack((self.t, self.joint_positions(), self.v, self.a)) + 0.0
+        formats = [f"%.{digits}g"] * numbers.shape[1] + ["%d"] * len(self.payload_names)
+        rows = np.column_stack((numbers, self.attached.astype(np.float64)))
+
+        def write(file: Path) -> None:
+            np.savetxt(file, rows, fmt=formats, delimiter=",", header=",".join(header), comments="")
+
+        try:
+            return write_file(path, write)
+        except PinfricError as problem:
+            raise TrajectoryError(str(problem)) from None
+
+
+def load_trajectory(
+    path: str | Path | Log,
+    scene: HasModel,
+    options: ReadingOptions = ReadingOptions(),  # noqa: B008
+) -> Trajectory:
+    """Read a log, a table of samples or a way-point file (YAML, `waypoints`) and fit it to a scene.
+
+    Samples: CSV, Parquet or a ROS 2 bag; a column of time and one per joint (rad, m), under the
+    names that robots and their tools give them (`log.columns`). In our own dialect `t` (s) and
+    `<joint>`, optionally `<joint>.v`, `<joint>.a`, and `payload.<name>` with 1 where the payload is
+    carried (default: as the scene says). Lines that start with # are skipped. Missing derivatives
+    come from a quintic interpolating spline over t, per joint; where a joint stands still v = a = 0
+    exactly (`derivatives`). A missing `.a` beside a given `.v` is the derivative of a spline
+    through v. Positions with noise beyond rounding are low-passed first (`log.motion`), as
+    `reading` tells.
+
+    Args:
+        path: the file, or a bag's folder; where there is none, the bundled one of that name; or
+            the arrays of a log.
+        scene: its model and payloads.
+        options: what a person says about a log's columns, units and cutoff.
+
+    Raises:
+        TrajectoryError: everything wrong with the file, in one message. Velocities beyond the
+            model's limits are not an error: they stand in `warnings`.
+
+    Warns:
+        PinfricWarning: each of the trajectory's `warnings`: what was guessed, repaired or filtered.
+
+    >>> import pinfric as pf
+    >>> scene = pf.load_scene("pendulum")
+    >>> motion = pf.load_trajectory("pendulum", scene)
+    >>> len(motion.t), motion.duration
+    (2801, 2.8)
+    """
+    found = read_trajectory(path, scene, options)
+    for text in found.warnings:
+        warnings.warn(f"{found.source}: {text}", PinfricWarning, stacklevel=2)
+    return found
+
+
+def read_trajectory(
+    path: str | Path | Log,
+    scene: HasModel,
+    options: ReadingOptions = ReadingOptions(),  # noqa: B008
+) -> Trajectory:
+    """Do what `load_trajectory` does, for callers that pass its `warnings` on themselves."""
+    if not (hasattr(scene, "model") and hasattr(scene, "payloads")):
+        expect_scene(scene, "load_trajectory")
+    if isinstance(path, Log):
+        source: Path | Log = path
+        name = path.name
+    else:
+        if not (os.path.isdir(path) and is_bag(Path(path))):
+            path = find_file(path, (".csv", ".waypoints.yaml", ".yaml", ".yml"), TrajectoryError)
+        source, name = Path(path), str(path)
+    columns = joint_columns(scene.model, name)
+    if isinstance(source, Path) and source.suffix.lower() in (".yaml", ".yml"):
+        if options.unit is not None:
+            raise TrajectoryError(
+                f"{name}: way-points state their own unit: write `unit: {options.unit}` in the "
+                "file in place of --unit"
+            )
+        return _from_waypoints(source, scene, columns)
+    problems: list[str] = []
+
+    def choose(names: Sequence[str], wrong: list[str]) -> tuple[JointColumn, ...]:
+        return named_columns(scene, columns, names, wrong)
+
+    named, table, reading = read_log(
+        source, columns, list(scene.payloads), choose, options, problems
+    )
+    found = _from_table(name, scene, columns, named, table, problems, reading.filtered)
+    return replace(found, reading=reading, warnings=(*reading.notes, *found.warnings))
+
+
+def _from_waypoints(path: Path, scene: HasModel, columns: Sequence[JointColumn]) -> Trajectory:
+    problems: list[str] = []
+    waypoints = read_waypoints(path)
+    given = [c.name for c in columns] if waypoints.joints is None else waypoints.joints
+    named = named_columns(scene, columns, given, problems)
+    refuse(str(path), problems)
+    table = sample_waypoints(waypoints, named, _defaults(scene), str(path))
+    return _from_table(str(path), scene, columns, named, table)
+
+
+def _from_table(
+    source: str,
+    scene: HasModel,
+    columns: Sequence[JointColumn],
+    named: Sequence[JointColumn],
+    table: TrajectoryTable,
+    problems: Sequence[str] = (),
+    filtered: bool = False,
+) -> Trajectory:
+    """Check limits, complete derivatives and make Pinocchio's q; raise with all that is wrong.
+
+    `filtered` derivatives come from each joint by itself, as those of splines do.
+    """
+    followers = find_followers(scene, columns)
+    wrong = [*problems, *_size_problems(table), *limit_problems(named, table.t, table.position)]
+    if len(named) == len(columns):
+        wrong += follower_problems(followers, columns, table.t, table.position)
+    refuse(source, wrong)
+    said: list[str] = []
+    with np.errstate(all="ignore"):  # what overflows is found below, by what it comes to
+        v, a = complete_derivatives(named, table, wrong, said)
+    refuse(source, wrong or _value_problems(table.t, (("v", v), ("a", a))))
+    if isinstance(scene, Scene) and scene.loops:
+        derived = filtered or bool(
+            np.isnan(table.velocity).any() or np.isnan(table.acceleration).any()
+        )
+        q, v, a = complete_motion(
+            scene, source, columns, named, table.position, v, a, derived, said
+        )
+        moved = single_positions(q, [column.nq for column in columns])
+        wrong += limit_problems(columns, table.t, moved)
+        refuse(source, wrong + follower_problems(followers, columns, table.t, moved))
+    else:
+        q = configurations(columns, table.position, scene.model.nq)
+    said += velocity_warnings(columns, table.t, v)
+    said += follower_warnings(followers, table.t, v)
+    return Trajectory(
+        t=table.t,
+        q=q,
+        v=v,
+        a=a,
+        attached=_attached_columns(_defaults(scene), table.attached, table.t.size),
+        payload_names=tuple(scene.payloads),
+        joint_names=tuple(column.name for column in columns),
+        source=source,
+        joint_nq=tuple(column.nq for column in columns),
+        warnings=tuple(said),
+    )
+
+
+def _expect_model(scene: object, source: str) -> None:
+    if not isinstance(getattr(scene, "model", None), pin.Model):
+        raise TrajectoryError(
+            f"{source}: from_arrays(scene, t, q, ...): scene is a {type(scene).__name__}, which "
+            "has no Pinocchio model; give the scene first"
+        )
+
+
+def _defaults(scene: HasModel) -> dict[str, bool]:
+    return {name: bool(payload.attached) for name, payload in scene.payloads.items()}
+
+
+def _moving_joints(model: pin.Model) -> tuple[tuple[str, ...], tuple[int, ...]]:
+    joints = zip(model.names, model.nqs, model.nvs, strict=True)
+    moving = [(name, int(nq)) for name, nq, nv in joints if nv > 0]
+    return tuple(name for name, _ in moving), tuple(nq for _, nq in moving)
+
+
+def _attached_columns(
+    payloads: Mapping[str, bool], given: Mapping[str, ArrayLike], count: int
+) -> NDArray[np.bool_]:
+    attached = np.empty((count, len(payloads)), dtype=bool)
+    for column, (name, default) in enumerate(payloads.items()):
+        attached[:, column] = np.asarray(given.get(name, default), dtype=bool)
+    return attached
+
+
+def _attached_problems(
+    given: Mapping[str, ArrayLike], payloads: Mapping[str, bool], count: int
+) -> list[str]:
+    unknown = [
+        f"attached: unknown payload {name!r}; {choose_from(name, payloads)}"
+        for name in given
+        if name not in payloads
+    ]
+    return unknown + [
+        f"attached: {name!r} has shape {np.shape(values)}; one bool or ({count},) is needed"
+        for name, values in given.items()
+        if np.shape(values) not in ((), (count,))
+    ]
+
+
+def _shape_problems(
+    model: pin.Model, t: FloatArray, q: FloatArray, v: ArrayLike | None, a: ArrayLike | None
+) -> list[str]:
+    expected = (("q", q, "nq", model.nq), ("v", v, "nv", model.nv), ("a", a, "nv", model.nv))
+    return [
+        f"{name} has shape {np.shape(array)}; the model needs (T, {width}) = ({t.size}, {count})"
+        for name, array, width, count in expected
+        if array is not None and np.shape(array) != (t.size, count)
+    ]
+
+
+def _consistency_problems(trajectory: Trajectory) -> list[str]:
+    count = trajectory.t.size
+    shapes = (
+        ("t", trajectory.t.shape, (count,)),
+        ("q", trajectory.q.shape[:1], (count,)),
+        ("v", trajectory.v.shape[:1], (count,)),
+        ("a", trajectory.a.shape, trajectory.v.shape),
+        ("attached", trajectory.attached.shape, (count, len(trajectory.payload_names))),
+    )
+    wrong = [
+        f"{name} has shape {found} where {needed} is needed"
+        for name, found, needed in shapes
+        if found != needed
+    ]
+    return wrong or _value_problems(
+        trajectory.t, (("q", trajectory.q), ("v", trajectory.v), ("a", trajectory.a))
+    )
+
+
+def _value_problems(t: FloatArray, arrays: Iterable[tuple[str, ArrayLike | None]]) -> list[str]:
+    if t.size == 0:
+        return ["there are no samples"]
+    problems = []
+    for name, array in (("t", t), *arrays):
+        if array is not None and (wrong := impossible(np.asarray(array))).any():
+            samples = np.unique(np.argwhere(wrong)[:, 0])
+            finite = np.isfinite(array).all()
+            what = f"beyond {LARGEST_OF_A_MOTION:g}" if finite else "not finite"
+            problems.append(f"{name} is {what} at samples {listing(samples)}")
+    back = np.flatnonzero(np.diff(t) <= 0)
+    if back.size:
+        problems.append(f"time must increase; it does not after samples {listing(back)}")
+    return problems
+
+
+def _size_problems(table: TrajectoryTable) -> list[str]:
+    """Numbers that a file gives (none where derivatives are to come) beyond any motion's."""
+    given = (
+        ("t", table.t),
+        ("position", table.position),
+        ("velocity", table.velocity),
+        ("acceleration", table.acceleration),
+    )
+    return [
+        f"{name}: {array.flat[int(np.argmax(large))]:g} is beyond {LARGEST_OF_A_MOTION:g}"
+        for name, array in given
+        if (large := np.isfinite(array) & impossible(array)).any()
+    ]

@@ -1,0 +1,420 @@
+"""Way-points: a motion written as a list of positions, holds and payload phases (YAML).
+
+Joints start and stop together; every way-point is a full stop (v = 0), and at the ends of a
+quintic move the acceleration is 0 too. With s = (t - t_start)/T from 0 to 1, q = q_0 + b(s) D:
+
+    quintic      b = 10 s^3 - 15 s^4 + 6 s^5,  peak velocity 15 |D| / (8 T)
+    trapezoidal  b' = s/(r (1 - r)) up to 1/(1 - r), down alike,  peak velocity |D| / ((1 - r) T)
+
+r is `ramp`, the part of T spent speeding up (0.5: a triangle, 1/3 by default). A point without
+`duration` takes T = max over joints of k |D| / (speed x velocity limit), k = 15/8 or 1/(1 - r),
+rounded up to whole sample periods. No move takes less than four of them. Equations: Biagiotti &
+Melchiorri, Trajectory Planning for Automatic Machines and Robots (2008), chapters 2 (quintic) and
+3 (trapezoidal).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BeforeValidator, Field
+
+from pinfric.errors import TrajectoryError, choose_from
+from pinfric.model.brief import counted
+from pinfric.model.entry import Entry, NonNegative, Number, Positive, Version, key, parse
+from pinfric.model.yamlfile import read_yaml
+from pinfric.motions.joint_columns import JointColumn, limit_problems, refuse
+from pinfric.motions.log.reading import ANGLE_UNITS
+from pinfric.motions.table import TrajectoryTable
+
+FloatArray = NDArray[np.float64]
+
+#: s; instants closer than this are one: sums of durations carry rounding.
+_SAME_INSTANT = 1.0e-9
+#: A move sampled more coarsely than this is a jump: its velocities fall between the samples.
+_MIN_PERIODS = 4
+#: More samples than this are a mistyped rate or duration, not a motion.
+_MAX_SAMPLES = 20_000_000
+
+
+def _as_names(value: Any) -> Any:
+    return [value] if isinstance(value, str) else value
+
+
+Names = Annotated[
+    tuple[str, ...], BeforeValidator(_as_names, json_schema_input_type=str | tuple[str, ...])
+]
+
+
+class WayPoint(Entry):
+    """One stop: where, how long the way there takes, how long it stays, what it grips."""
+
+    q: Annotated[
+        tuple[Number, ...], key("one number per joint, in `unit`", [0.0, -0.5, 1.2], "rad or m")
+    ]
+    duration: Annotated[
+        Positive | None, key("of the move to this point; left out: from `speed`", 1.5, "s")
+    ] = None
+    hold: Annotated[NonNegative, key("time at rest at this point", 0.3, "s")] = 0.0
+    attach: Annotated[Names, key("payloads picked up on arrival", "box")] = ()
+    detach: Annotated[Names, key("payloads put down on arrival", ["box"])] = ()
+    name: Annotated[str | None, key("remark", "above the table")] = None
+    via: Annotated[bool, key("passed without a stop, which only `pinfric retime` can do", True)] = (
+        False
+    )
+
+
+class WayPointFile(Entry):
+    """A whole way-point file."""
+
+    pinfric_trajectory: Annotated[Version, key("version of the format", 1)]
+    profile: Annotated[
+        Literal["quintic", "trapezoidal"], key("of a move between two points", "trapezoidal")
+    ] = "quintic"
+    sample_rate: Annotated[
+        Number,
+        Field(ge=1e-3, le=1e6),
+        key("of the computed samples, 0.001 to 1e6", 250, "Hz"),
+    ] = 1000.0
+    joints: Annotated[
+        tuple[str, ...] | None,
+        key(
+            "order of the joints in `q`, all of them; left out: the URDF's order",
+            ["shoulder", "elbow", "wrist"],
+        ),
+    ] = None
+    unit: Annotated[Literal["rad", "deg"], key("of the angles in `q`; lengths are in m", "deg")] = (
+        "rad"
+    )
+    speed: Annotated[
+        Number,
+        Field(gt=0, le=1),
+        key("share of the velocity limits used by moves without duration", 0.5, "1"),
+    ] = 1.0
+    ramp: Annotated[
+        Annotated[Number, Field(gt=0, le=0.5)] | None,
+        key("part of a trapezoidal move spent speeding up; 1/3 if left out", 0.25, "1"),
+    ] = None
+    points: Annotated[
+        tuple[WayPoint, ...],
+        Field(min_length=1),
+        key(
+            "the stops, the first one where the motion starts",
+            [{"q": [0, 0, 0], "hold": 0.2}, {"q": [0.5, -0.3, 1.0], "duration": 1.0}],
+        ),
+    ]
+
+
+@dataclass(frozen=True)
+class Move:
+    """From one stop to the next: start, duration (s), from and to (nj,); then a hold (s)."""
+
+    start: float
+    duration: float
+    begin: FloatArray
+    end: FloatArray
+    hold: float
+
+    @property
+    def arrival(self) -> float:
+        """The instant the joints stop, s."""
+        return self.start + self.duration
+
+    @property
+    def departure(self) -> float:
+        """The instant the hold ends, s."""
+        return self.arrival + self.hold
+
+
+def quintic(s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return b, db/ds, d2b/ds2 of b = 10 s^3 - 15 s^4 + 6 s^5, which goes from rest to rest.
+
+    Args:
+        s: (T,) elapsed part of the duration, 0 to 1.
+    """
+    return (
+        s**3 * (10.0 - 15.0 * s + 6.0 * s**2),
+        30.0 * s**2 * (1.0 - s) ** 2,
+        60.0 * s * (1.0 - s) * (1.0 - 2.0 * s),
+    )
+
+
+def trapezoidal(s: FloatArray, ramp: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return b, db/ds, d2b/ds2 of a trapezoidal velocity; accelerations jump, right value taken.
+
+    Args:
+        s: (T,) elapsed part of the duration, 0 to 1.
+        ramp: the part of the duration spent speeding up, and again slowing down; (0, 0.5].
+    """
+    peak = 1.0 / (1.0 - ramp)
+    slope = peak / ramp
+    left = 1.0 - s
+    rising, falling = s < ramp, s >= 1.0 - ramp
+    b = np.where(rising, 0.5 * slope * s**2, peak * (s - 0.5 * ramp))
+    b = np.where(falling, 1.0 - 0.5 * slope * left**2, b)
+    rate = np.where(rising, slope * s, np.where(falling, slope * left, peak))
+    return b, rate, np.where(rising, slope, np.where(falling, -slope, 0.0))
+
+
+def read_waypoints(path: Path) -> WayPointFile:
+    """Read and check a way-point file by itself; `sample_waypoints` checks it against a robot.
+
+    Raises:
+        TrajectoryError: unreadable, not YAML, unknown keys, values that cannot be; all at once.
+    """
+    content = read_yaml(path, TrajectoryError, "pinfric_trajectory")
+    return parse(WayPointFile, content, str(path), TrajectoryError)
+
+
+def sample_waypoints(
+    waypoints: WayPointFile,
+    columns: Sequence[JointColumn],
+    payloads: Mapping[str, bool],
+    source: str,
+) -> TrajectoryTable:
+    """Turn way-points into samples at `sample_rate`; the end is a sample too, on the grid or not.
+
+    v = a = 0 exactly in holds, both ends included. Where a point has no hold, the sample on it
+    takes the acceleration of the move that follows.
+
+    Args:
+        waypoints: the file.
+        columns: (nj,) the model's joints in its order; columns of the answer.
+        payloads: name -> attached at the start.
+        source: the file, for messages.
+
+    Raises:
+        TrajectoryError: what is wrong with the points or their durations, all at once.
+    """
+    problems = [
+        f"points[{index}].via: a point without a stop has no time yet; `pinfric retime` finds it"
+        for index, point in enumerate(waypoints.points)
+        if point.via
+    ]
+    stops = _positions(waypoints, columns, payloads, problems, source)
+    moves = _plan_moves(waypoints, stops, columns, problems)
+    refuse(source, problems)
+    t = _sample_times(moves[-1].departure, waypoints.sample_rate, source)
+    arrivals = [np.searchsorted(t, move.arrival - _SAME_INSTANT) for move in moves]
+    phase = np.searchsorted(arrivals, np.arange(t.size), side="right") - 1
+    attached = dict(zip(payloads, carried_on(waypoints, payloads)[phase].T, strict=True))
+    motion = _sample_moves(moves, t, waypoints)
+    return TrajectoryTable(t, *motion, attached, np.zeros(len(columns)))
+
+
+def way_points(
+    waypoints: WayPointFile,
+    columns: Sequence[JointColumn],
+    payloads: Mapping[str, bool],
+    source: str,
+) -> FloatArray:
+    """Return the positions (number of points, nj) in the model's order of joints, without times.
+
+    Args:
+        waypoints, columns, payloads, source: see `sample_waypoints`.
+
+    Raises:
+        TrajectoryError: what is wrong with the points, all at once.
+    """
+    problems = [
+        f"points[{index}]: `via` passes it without a stop; hold, attach and detach need one"
+        for index, point in enumerate(waypoints.points)
+        if point.via and (point.hold or point.attach or point.detach)
+    ]
+    return _positions(waypoints, columns, payloads, problems, source)
+
+
+def carried_on(waypoints: WayPointFile, payloads: Mapping[str, bool]) -> NDArray[np.bool_]:
+    """Return (number of points, np) which payloads are carried from each point on.
+
+    Args:
+        waypoints: the file.
+        payloads: name -> attached at the start.
+    """
+    now, rows = dict(payloads), []
+    for point in waypoints.points:
+        now |= dict.fromkeys(point.detach, False) | dict.fromkeys(point.attach, True)
+        rows.append([now[name] for name in payloads])
+    return np.array(rows, dtype=bool).reshape(len(rows), len(payloads))
+
+
+def _positions(
+    waypoints: WayPointFile,
+    columns: Sequence[JointColumn],
+    payloads: Mapping[str, bool],
+    problems: list[str],
+    source: str,
+) -> FloatArray:
+    """Return where the points are, (points, nj) rad or m, checked against the joints' limits."""
+    order = _joint_order(waypoints, [column.name for column in columns], problems)
+    _check_points(waypoints, len(columns), payloads, problems)
+    refuse(source, problems)
+    q = np.array([point.q for point in waypoints.points])[:, order]
+    turns, degree = np.array([column.unit == "rad" for column in columns]), ANGLE_UNITS["deg"]
+    in_degrees = q * np.where(turns, degree, 1.0)
+    if waypoints.unit == "deg":
+        return in_degrees
+    t, largest = np.arange(float(len(q))), float(np.abs(q[:, turns]).max(initial=0.0))
+    beyond = largest > 2.0 * np.pi and limit_problems(columns, t, q)
+    if beyond and not limit_problems(columns, t, in_degrees):
+        raise TrajectoryError(
+            f"{source}: angles up to {largest:g} are beyond the joints' limits "
+            "in rad, but within them in degrees: add `unit: deg`, or correct `q`"
+        )
+    return q
+
+
+def _ramp(waypoints: WayPointFile) -> float:
+    return 1.0 / 3.0 if waypoints.ramp is None else waypoints.ramp
+
+
+def _joint_order(
+    waypoints: WayPointFile, joint_names: Sequence[str], problems: list[str]
+) -> list[int]:
+    """Return, for each of the model's joints, its place in the points' q."""
+    if waypoints.joints is None:
+        return list(range(len(joint_names)))
+    given = list(waypoints.joints)
+    for name in dict.fromkeys(given):
+        if name not in joint_names:
+            problems.append(f"joints: unknown joint {name!r}; {choose_from(name, joint_names)}")
+        if given.count(name) > 1:
+            problems.append(f"joints: {name!r} occurs {given.count(name)} times")
+    missing = [name for name in joint_names if name not in given]
+    if missing:
+        problems.append(f"joints: missing {', '.join(missing)}; every joint needs a position")
+        return []
+    return [given.index(name) for name in joint_names]
+
+
+def _check_points(
+    waypoints: WayPointFile, joint_count: int, payloads: Mapping[str, bool], problems: list[str]
+) -> None:
+    attached = dict(payloads)
+    count = joint_count if waypoints.joints is None else len(waypoints.joints)
+    if waypoints.ramp is not None and waypoints.profile != "trapezoidal":
+        problems.append("ramp: belongs to profile: trapezoidal; a quintic has none")
+    if waypoints.points[0].duration is not None:
+        problems.append("points[0].duration: the motion starts here; leave it out")
+    wrong = [i for i, point in enumerate(waypoints.points) if len(point.q) != count]
+    if wrong:
+        more = f" ({len(wrong)} such points)" if len(wrong) > 1 else ""
+        problems.append(
+            f"points[{wrong[0]}].q: {counted(len(waypoints.points[wrong[0]].q), 'number')} for "
+            f"{counted(count, 'joint')}{more}; give one per joint, in the order of `joints` (by "
+            "default the scene's), or the scene of this motion"
+        )
+    for index, point in enumerate(waypoints.points):
+        for change, names, state in (
+            ("detach", point.detach, False),
+            ("attach", point.attach, True),
+        ):
+            for name in names:
+                where = f"points[{index}].{change}"
+                if name not in attached:
+                    problems.append(
+                        f"{where}: unknown payload {name!r}; {choose_from(name, attached)}"
+                    )
+                elif attached[name] is state:
+                    problems.append(
+                        f"{where}: {name!r} is {change}ed already (at the start: the "
+                        "scene's robot.payloads says so in `attached`)"
+                    )
+                else:
+                    attached[name] = state
+
+
+def _plan_moves(
+    waypoints: WayPointFile,
+    stops: FloatArray,
+    columns: Sequence[JointColumn],
+    problems: list[str],
+) -> list[Move]:
+    """Give every move its start and duration; the first is the stay at the first point."""
+    first = waypoints.points[0]
+    moves = [Move(0.0, 0.0, stops[0], stops[0], first.hold)]
+    for index, point in enumerate(waypoints.points[1:], start=1):
+        distance = np.abs(stops[index] - stops[index - 1])
+        duration = point.duration
+        if duration is None:
+            unlimited = [
+                column.name
+                for column, d in zip(columns, distance, strict=True)
+                if d > 0 and not math.isfinite(column.velocity_limit)
+            ]
+            if unlimited:
+                problems.append(
+                    f"points[{index}]: needs a `duration`: the robot states no velocity limit for "
+                    f"{', '.join(unlimited)}"
+                )
+                continue
+            limits = np.array([column.velocity_limit for column in columns])
+            duration = _shortest_duration(waypoints, distance, limits)
+        elif distance.any() and duration * waypoints.sample_rate < _MIN_PERIODS - 1e-9:
+            problems.append(
+                f"points[{index}].duration: {duration:g} s is too short for sample_rate "
+                f"{waypoints.sample_rate:g} Hz; a move needs at least {_MIN_PERIODS} sample "
+                f"periods, {_MIN_PERIODS / waypoints.sample_rate:g} s: raise one of the two"
+            )
+        begin, end = stops[index - 1], stops[index]
+        moves.append(Move(moves[-1].departure, duration, begin, end, point.hold))
+    return moves
+
+
+def _shortest_duration(
+    waypoints: WayPointFile, distance: FloatArray, velocity_limits: FloatArray
+) -> float:
+    """T = max k |D| / (speed v_max), up to whole sample periods (see the module's docstring)."""
+    if not distance.any():
+        return 0.0
+    peak = 15.0 / 8.0 if waypoints.profile == "quintic" else 1.0 / (1.0 - _ramp(waypoints))
+    shortest = float(np.max(peak * distance / (waypoints.speed * velocity_limits), initial=0.0))
+    if shortest * waypoints.sample_rate > _MAX_SAMPLES:
+        return shortest  # refused where the samples are made
+    periods = math.ceil(shortest * waypoints.sample_rate - 1.0e-9)
+    return max(periods, _MIN_PERIODS) / waypoints.sample_rate
+
+
+def _sample_times(end: float, rate: float, source: str) -> FloatArray:
+    if end * rate > _MAX_SAMPLES:
+        raise TrajectoryError(
+            f"{source}: {end:g} s at sample_rate {rate:g} Hz are {end * rate:.3g} samples; at most "
+            f"{_MAX_SAMPLES} are made: lower the rate or check the durations"
+        )
+    t = np.arange(math.floor(end * rate + 1.0e-6) + 1) / rate
+    return t if end - t[-1] <= _SAME_INSTANT else np.append(t, end)
+
+
+def _sample_moves(
+    moves: Sequence[Move], t: FloatArray, waypoints: WayPointFile
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    position = np.empty((t.size, moves[0].end.size))
+    velocity, acceleration = np.zeros_like(position), np.zeros_like(position)
+    for index, move in enumerate(moves):
+        is_last = index == len(moves) - 1
+        next_start = 0 if index == 0 else _first_moving_sample(moves[index - 1], t)
+        arrival = int(np.searchsorted(t, move.arrival - _SAME_INSTANT))
+        moving = slice(next_start, arrival)
+        if move.duration > 0.0:
+            s = np.clip((t[moving] - move.start) / move.duration, 0.0, 1.0)
+            b, rate, curvature = (
+                quintic(s) if waypoints.profile == "quintic" else trapezoidal(s, _ramp(waypoints))
+            )
+            way = move.end - move.begin
+            position[moving] = move.begin + np.outer(b, way)
+            velocity[moving] = np.outer(rate / move.duration, way)
+            acceleration[moving] = np.outer(curvature / move.duration**2, way)
+        position[arrival : t.size if is_last else _first_moving_sample(move, t)] = move.end
+    return position, velocity, acceleration
+
+
+def _first_moving_sample(move: Move, t: FloatArray) -> int:
+    """The first sample of the next move: after a hold its last instant is still the hold's."""
+    shift = _SAME_INSTANT if move.hold > 0.0 else -_SAME_INSTANT
+    return int(np.searchsorted(t, move.departure + shift))

@@ -1,0 +1,344 @@
+"""Limits of each drive: motor, gear, joint; from numbers, catalogue or URDF.
+
+The rows of the table of limits (`sizing.limits`) that bound every instant of a motion: of a drive
+of the catalogue with its own figures, else with those of a motor file or of the URDF. The
+speed-torque line is that of a winding as hot as it may be.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BeforeValidator, Field, PrivateAttr
+
+from pinfric.drives.catalog import Catalog
+from pinfric.drives.catalog_file import load_catalog
+from pinfric.drives.drivetrain import Candidate, find_drive
+from pinfric.drives.limit import Limit, idle
+from pinfric.drives.limit import drive as read_drive
+from pinfric.drives.limits import LIMITS, instant_limits
+from pinfric.drives.parts import own_amplifier
+from pinfric.drives.policy import Conditions, parse_conditions
+from pinfric.drives.robot import geared
+from pinfric.errors import CatalogError, RetimeError, choose_from
+from pinfric.model.drives import Drive
+from pinfric.model.entry import Entry, Positive, Version, key, parse
+from pinfric.model.scene import Scene
+from pinfric.model.schema import Transmission
+from pinfric.model.yamlfile import brief, read_yaml
+from pinfric.motions.joint_columns import stated_limit
+from pinfric.motions.summary import effort_unit
+
+
+class DriveLimits(Entry):
+    """The limits of one drive; what is left out is no limit."""
+
+    peak_torque: Annotated[Positive, key("at the motor's shaft", 1.0, "N m")] = math.inf
+    stall_torque: Annotated[
+        Positive, key("start of the speed-torque line; needs `no_load_speed`", 2.4, "N m")
+    ] = math.inf
+    no_load_speed: Annotated[Positive, key("of the motor, end of that line", 400.0, "rad/s")] = (
+        math.inf
+    )
+    max_speed: Annotated[Positive, key("of the motor", 450.0, "rad/s")] = math.inf
+    effort: Annotated[Positive, key("largest output of the gear", 60.0, "N m or N")] = math.inf
+    input_speed: Annotated[Positive, key("of the gear", 680.0, "rad/s")] = math.inf
+    velocity: Annotated[Positive, key("of the joint", 2.0, "rad/s or m/s")] = math.inf
+    acceleration: Annotated[Positive, key("of the joint", 20.0, "rad/s^2 or m/s^2")] = math.inf
+    continuous_torque: Annotated[
+        Positive, key("at the motor's shaft, RMS over the cycle", 0.45, "N m")
+    ] = math.inf
+    transmission: Annotated[Transmission | None, key("replaces the scene's", {"ratio": 100})] = None
+    motor: Annotated[str, key("name shown in tables", "left shoulder")] = ""
+
+    #: Row of the table -> the bound of a drive of the catalogue, where no key gives it.
+    _rows: dict[str, float] = PrivateAttr(default_factory=dict)
+    #: The drive of the catalogue, and what is demanded of it.
+    _drive: tuple[Candidate, Conditions] | None = PrivateAttr(default=None)
+
+    @property
+    def from_catalog(self) -> tuple[Candidate, Conditions] | None:
+        """The drive of the catalogue and its conditions; None if numbers are given."""
+        return self._drive
+
+    def bound(self, limit: Limit) -> float:
+        """Return the bound of a row of the table; infinite if there is none.
+
+        Torques and speeds are at the motor's shaft; of the speed-torque line the stall torque.
+        """
+        if limit.key:
+            return float(getattr(self, limit.key))
+        return self._rows.get(limit.name, math.inf)
+
+    def least(self, signal: str) -> float:
+        """Return the least bound of a signal (`limit.SIGNALS`)."""
+        rows = (limit for limit in instant_limits() if limit.need == signal)
+        return min((self.bound(limit) for limit in rows), default=math.inf)
+
+    @property
+    def over_time(self) -> tuple[float, str]:
+        """The least bound of the motor's RMS torque, N m, and the name of its row."""
+        rows = [limit for limit in LIMITS if limit.need == "motor RMS torque"]
+        tightest = min(rows, key=self.bound)
+        return self.bound(tightest), tightest.name
+
+    @property
+    def driven(self) -> bool:
+        """Whether its torque is limited; otherwise the motion has no limit."""
+        line = math.isfinite(self.stall_torque) and math.isfinite(self.no_load_speed)
+        return line or math.isfinite(min(self.least("motor torque"), self.least("effort")))
+
+
+class NamedDrive(DriveLimits):
+    """A drive of the catalogue; limits given here replace its own."""
+
+    drive: Annotated[
+        str | None, key("motor and gear as `pinfric size` names them", "CubeMars AK80-64")
+    ] = None
+
+
+#: Limits as a file has them, read by `_limits` once the catalogue is known.
+_Given = Annotated[Any, BeforeValidator(lambda x: x, json_schema_input_type=str | NamedDrive)]
+_Conditions = BeforeValidator(lambda x: x, json_schema_input_type=Conditions)
+
+
+class MotorsFile(Entry):
+    """A file of motors: for each drive limits, or the name of a drive of the catalogue."""
+
+    pinfric_motors: Annotated[Version, key("version of the format", 1)]
+    catalog: Annotated[str, key("file, or `default` for the bundled one", "default")] = "default"
+    conditions: Annotated[
+        dict[str, Any],
+        _Conditions,
+        key("values that replace those of the catalogue", {"bus_voltage": 24.0}),
+    ] = Field(default_factory=dict)
+    drives: Annotated[
+        dict[str, _Given],
+        key(
+            "limits, or a drive of the catalogue, by the scene's drives",
+            {
+                "panda_joint1": {"peak_torque": 1.0},
+                "panda_joint2": {"drive": "CubeMars AK80-64", "acceleration": 20.0},
+            },
+        ),
+    ] = Field(default_factory=dict)
+    others: Annotated[
+        _Given, key("limits of all drives that are not named", {"peak_torque": 0.5})
+    ] = None
+
+
+#: What `retime` takes as limits.
+LimitsLike = Mapping[str, Any] | str | Path | None
+
+
+def read_limits(scene: Scene, limits: LimitsLike) -> tuple[DriveLimits, ...]:
+    """Return the limits of every drive, in the order of the scene's.
+
+    Args:
+        scene: with the drives.
+        limits: drive name -> `DriveLimits`, a mapping as in `MotorsFile.drives`, a `Candidate` or
+            the name of a drive of the bundled catalogue ("motor + gear"); such a file;
+            "default:NAME" for the same drive everywhere; None: effort and velocity
+            as the URDF states them.
+
+    Raises:
+        RetimeError: no limits for a drive, or none of its torque; a name that is not there.
+        CatalogError: as reading a catalogue raises it.
+    """
+    conditions, catalog, others, where = None, "default", None, "limits"
+    if limits is None:
+        return tuple(_stated(scene, i) for i in range(len(scene.drives)))
+    given: Mapping[str, Any] = {}
+    if isinstance(limits, Mapping):
+        given = limits
+    elif str(limits).startswith("default:"):
+        others = str(limits).partition(":")[2]
+    elif not isinstance(limits, str | os.PathLike):
+        raise RetimeError(
+            f"limits: should be a motors file, 'default:NAME' or drive -> limits, found "
+            f"{brief(limits)}"
+        )
+    else:
+        content = read_yaml(Path(limits), CatalogError, "pinfric_motors")
+        file = parse(MotorsFile, content, str(limits), CatalogError)
+        given, others, conditions = file.drives, file.others, file.conditions
+        catalog, where = file.catalog, f"{limits}: drives"
+    for name in given:
+        if name not in scene.actuator_names:
+            raise RetimeError(
+                f"{where}: there is no drive {name!r}; {choose_from(name, scene.actuator_names)}"
+            )
+    lookup = CatalogLookup(catalog, conditions)
+    found = []
+    for drive in scene.drives:
+        entry = given.get(drive.name, others)
+        if entry is None:
+            raise RetimeError(
+                f"{where}: none for drive {drive.name!r}; give at least peak_torque "
+                "(N m, at the motor's shaft), or a motor by name"
+            )
+        key = drive.name if drive.name in given or where == "limits" else None
+        place = f"{where}.{key}" if key else f"{limits}: others"
+        found.append(_limits(place, drive.name, entry, lookup))
+    return tuple(found)
+
+
+def limited_scene(scene: Scene, limits: Sequence[DriveLimits]) -> Scene:
+    """Return the scene with the transmissions of the given drives, if they have one."""
+    if all(limit.transmission is None for limit in limits):
+        return scene
+    own = {
+        drive.name: limit.transmission
+        for drive, limit in zip(scene.drives, limits, strict=True)
+        if limit.transmission is not None
+    }
+    return scene.with_(actuators=geared(scene, own))
+
+
+def candidate_limits(candidate: Candidate, conditions: Conditions) -> DriveLimits:
+    """Return the limits of a drive of a catalogue, under given conditions.
+
+    Each row of the table with its reserve, at the ambient temperature and the bus voltage of the
+    conditions. A gearmotor's figures are brought to its motor's shaft.
+
+    Raises:
+        RetimeError: a figure is missing that the motor's torque needs.
+    """
+    ratings, ratio = candidate.ratings, candidate.ratio
+    if candidate.transmission is None:
+        raise RetimeError(
+            f"{candidate.name}: not known: {', '.join(candidate.missing)}; without "
+            "it the motor's torque cannot be computed"
+        )
+    torque, speed = (1 / ratio, ratio) if candidate.at_output else (1.0, 1.0)
+    to_shaft = {"motor torque": torque, "motor RMS torque": torque, "motor speed": speed}
+    judged = read_drive(candidate, None, idle(conditions))
+    bounds = {
+        limit: to_shaft.get(limit.need, 1.0) * limit.bound(judged)
+        for limit in LIMITS
+        if isinstance(limit.need, str) and limit.need != "voltage"
+    }
+    values = {limit.key: bound for limit, bound in bounds.items() if limit.key}
+    if ratings.has_line:
+        one, none, volts = np.ones(1), np.zeros(1), conditions.bus_voltage
+        hot = ratings.hottest(conditions)
+        values["stall_torque"] = torque * volts / float(ratings.voltage(one, none, hot)[0])
+        values["no_load_speed"] = speed * volts / float(ratings.voltage(none, one)[0])
+    known: dict[str, Any] = {key: bound for key, bound in values.items() if math.isfinite(bound)}
+    # the transmission's figures were validated in the entry
+    found = DriveLimits(**known, motor=candidate.name).model_copy(
+        update={"transmission": candidate.transmission}
+    )
+    found._rows = {limit.name: bound for limit, bound in bounds.items() if not limit.key}
+    found._drive = candidate, conditions
+    return found
+
+
+class CatalogLookup:
+    """A catalogue, read at the first name that is asked for."""
+
+    def __init__(self, catalog: str, conditions: Mapping[str, Any] | None) -> None:
+        self.file, self.given = catalog, conditions
+        self.catalog: Catalog | None = None
+
+    def drive(self, where: str, joint: str, name: str) -> DriveLimits:
+        """Return the limits of a drive by its name; `where` says in a message who asks."""
+        if self.catalog is None:
+            self.catalog = load_catalog(self.file)
+        found = find_drive(self.catalog, name)
+        if isinstance(found, list):
+            raise RetimeError(
+                f"{where}: {self.file} has no drive {name!r}; {choose_from(name, found)}"
+            )
+        conditions = parse_conditions(self.given, self.catalog.conditions)
+        fed = replace(found, amplifier=own_amplifier(self.catalog, conditions, joint))
+        return candidate_limits(fed, conditions)
+
+
+def _limits(where: str, name: str, entry: Any, lookup: CatalogLookup) -> DriveLimits:
+    if isinstance(entry, str):
+        found = lookup.drive(where, name, entry.removeprefix("default:"))
+    elif isinstance(entry, Candidate):
+        found = candidate_limits(entry, Conditions())
+    else:
+        chosen = None
+        if isinstance(entry, dict) and "drive" in entry:
+            chosen = lookup.drive(where, name, str(entry["drive"]).removeprefix("default:"))
+            entry = {key: value for key, value in entry.items() if key != "drive"}
+        found = parse(DriveLimits, entry, where, RetimeError)
+        if chosen is not None:
+            own = {key: getattr(found, key) for key in found.model_fields_set}
+            found = chosen.model_copy(update=own)
+    _check_settled(where, found)
+    if math.isfinite(found.stall_torque) != math.isfinite(found.no_load_speed):
+        raise RetimeError(
+            f"{where}: the speed-torque line needs both stall_torque and no_load_speed"
+        )
+    if not found.driven:
+        raise RetimeError(
+            f"{where}: nothing limits its torque; give peak_torque, "
+            "stall_torque with no_load_speed, or effort"
+        )
+    return found
+
+
+#: Of each of these rows at least one must bound a drive of the catalogue.
+_MUST = (
+    ("peak torque", "speed-torque line"),
+    ("motor speed", "speed-torque line", "joint speed"),
+    ("gear repeated peak torque", "screw buckling", "effort"),
+    ("gear maximum input speed", "screw critical speed", "joint speed"),
+)
+
+
+def _check_settled(where: str, limits: DriveLimits) -> None:
+    """Refuse a drive of the catalogue whose gear or motor nothing limits: it cannot be judged."""
+    if limits.from_catalog is None:
+        return
+    candidate, conditions = limits.from_catalog
+    judged = read_drive(candidate, None, idle(conditions))
+    for names_ in _MUST:
+        rows = [limit for limit in instant_limits() if limit.name in names_]
+        known = any(math.isfinite(limits.bound(limit)) for limit in rows)
+        if known or not any(limit.applies(judged) for limit in rows):
+            continue
+        names = " or ".join(limit.name for limit in rows if limit.key != "velocity")
+        keys = " or ".join(limit.key for limit in rows if limit.key)
+        raise RetimeError(
+            f"{where}: {candidate.name} cannot be checked: the catalogue has no value for "
+            f"its {names}; give {keys} beside `drive`"
+        )
+
+
+def _stated(scene: Scene, i: int) -> DriveLimits:
+    """Effort and velocity as the URDF states them."""
+    drive = scene.drives[i]
+    effort = stated_limit(float(scene.model.effortLimit[drive.velocity_index]))
+    if not math.isfinite(effort):
+        raise RetimeError(
+            f"limits: the robot states no effort limit for {drive.name!r} ({effort_unit(scene, i)})"
+            "; give limits of its drives (--motors)"
+        )
+    return DriveLimits(effort=effort)
+
+
+def joint_speeds(scene: Scene) -> np.ndarray:
+    """Return (nv,) the greatest speeds of the joints that the URDF states (rad/s or m/s)."""
+    return np.array([stated_limit(float(speed)) for speed in scene.model.velocityLimit])
+
+
+def drive_speeds(drives: Sequence[Drive], limits: Sequence[DriveLimits]) -> np.ndarray:
+    """Return (na,) the greatest speeds behind the gears: limits, motor and gear (rad/s or m/s)."""
+    turning = [min(x.least("motor speed"), x.least("input speed")) for x in limits]
+    return np.array(
+        [
+            min(x.least("speed"), most / abs(drive.ratio))
+            for drive, x, most in zip(drives, limits, turning, strict=True)
+        ]
+    )

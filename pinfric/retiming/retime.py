@@ -1,0 +1,536 @@
+"""`pf.retime`: the fastest motion that a robot's real drives can do along a path.
+
+Solve on a coarse grid, then on one whose points are even in time and in place, with every knot and
+every reversal among them; judge the inside of all intervals, and the samples, by
+`inverse_dynamics`, and refine where a limit is exceeded.
+"""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from pinfric.drives.criterion import Criterion, Status
+from pinfric.drives.demand import drive_cycle, gear_demand, hold_samples
+from pinfric.drives.drivetrain import motor_cycle
+from pinfric.drives.inertia import load_inertias
+from pinfric.drives.limit import Case
+from pinfric.drives.limits import check, instant_limits
+from pinfric.drives.policy import BASE_AXES
+from pinfric.drives.robot import depth
+from pinfric.dynamics.inverse.inverse import inverse_dynamics
+from pinfric.dynamics.inverse.result import InverseResult
+from pinfric.errors import PinfricWarning, RetimeError, TrajectoryError
+from pinfric.model.brief import file_name, listed, screen
+from pinfric.model.couples import mixed
+from pinfric.model.scene import Scene, expect_scene
+from pinfric.model.upward import Shown
+from pinfric.motions.joint_columns import JointColumn, configurations, joint_columns
+from pinfric.motions.summary import ends_by_magnitude
+from pinfric.motions.summary import rms as root_mean_square
+from pinfric.motions.trajectory import Trajectory
+from pinfric.retiming.limits import DriveLimits, LimitsLike, limited_scene, read_limits
+from pinfric.retiming.path import Path, check_limits, load_path
+from pinfric.retiming.problem import Policy, Problem, modes, usage
+from pinfric.retiming.profile import Profile, Samples, columns_to_velocities, sample
+from pinfric.retiming.scan import box_scan, limit_curve
+from pinfric.retiming.tables import (
+    distinct,
+    make_grid,
+    make_tables,
+    natural_points,
+    rates_of,
+)
+from pinfric.retiming.thermal import Cycle, within_continuous
+
+#: Where the inside of an interval is judged.
+_INSIDE = np.array([0.02, 0.25, 0.5, 0.75, 0.98])
+#: Times that intervals over a limit are cut in two.
+_ROUNDS = 10
+#: A limit of which more than this part is used holds the motion back.
+_AT_LIMIT = 0.995
+#: Times the points asked for, where fewer find no way along the path.
+_FINER = 1, 4, 16
+#: Fewest points of a piece; a zone about a reversal, in sample periods.
+_FEWEST, _ZONE = 24, 0.65
+
+
+@dataclass(frozen=True)
+class RetimeResult(Shown):
+    """The fastest motion along a path, and the limits that hold it back.
+
+    Attributes:
+        trajectory: its samples, which every command takes.
+        duration: s, holds included. moves: (pieces,) of each, s.
+        before: how long the motion took that the path comes from, s; None: it had no times.
+        limiting: drive -> limit -> part of the moving time in which more than 99.5 % are used; all
+            of it for a continuous torque, which holds back the whole cycle.
+        excess: the most by which a sample exceeds any limit, as a part of it (`inverse_dynamics`
+            judges); 0.001 is 0.1 %.
+        usage: (T, na, `limits.instant_limits`) which part of each limit each sample uses.
+        problem, profile: the grid with its limits, and the speed on it.
+        rms: (na,) part of its continuous torque that each motor uses over the whole cycle; None
+            where heat is not judged.
+        uniform: s, how long the motion would take if it were slowed down as a whole until these
+            torques are kept; None as `rms`.
+        smooth: s, of the moving mean; each move takes so much longer by it.
+        criteria: drive -> what `size` says of a drive of the catalogue that does this motion.
+        notes: what is exceeded or was not judged, in sentences.
+    """
+
+    trajectory: Trajectory
+    duration: float
+    moves: np.ndarray
+    before: float | None
+    limiting: dict[str, dict[str, float]]
+    excess: float
+    usage: np.ndarray
+    problem: Problem
+    profile: Profile
+    rms: np.ndarray | None = None
+    uniform: float | None = None
+    smooth: float = 0.0
+    criteria: Mapping[str, tuple[Criterion, ...]] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        most = self.held_back()
+        return screen(
+            "RetimeResult",
+            f"{file_name(self.problem.path.source)}: {self.duration:.4g} s",
+            {
+                "moves": listed([f"{t:.4g} s" for t in self.moves]),
+                "limits": listed(
+                    [f"{d}: {k}" for d, k, _ in most],
+                    [f"{100 * share:.0f} % of the time" for _, _, share in most],
+                ),
+                "excess": f"{100 * self.excess:.3g} % over any limit",
+                "more": ".trajectory .limiting .plot()",
+            },
+        )
+
+    def held_back(self) -> list[tuple[str, str, float]]:
+        """Return (drive, limit, part of the moving time), the greatest part first."""
+        found = [(d, k, share) for d, kinds in self.limiting.items() for k, share in kinds.items()]
+        return sorted(found, key=lambda entry: -entry[2])
+
+    def limit_curve(self) -> np.ndarray:
+        """Return (n,) the greatest (ds/dt)^2 with any acceleration within all limits.
+
+        At the start of each interval of `profile.grid`; none above 100 times the
+        greatest of the profile is looked for.
+        """
+        found = np.empty(len(self.profile.grid.step))
+        most = 100.0 * max(float(self.profile.x.max()), 1e-9)
+        limit_curve(box_scan(self.problem.scan()), most, found)
+        return found
+
+
+def retime(
+    scene: Scene,
+    path: Path | Trajectory | str,
+    limits: LimitsLike = None,
+    *,
+    heat: bool = True,
+    smooth: float = 0.0,
+    points: int = 300,
+    tolerance: float = 1e-3,
+    sample_rate: float = 1000.0,
+) -> RetimeResult:
+    """Return the fastest motion along a path within the limits of real drives.
+
+    min int ds/sqrt(x) over x(s) = (ds/dt)^2 with every drive's torque, friction and gear losses
+    included, within its limits (`limits`); see `scan` for the method and its sources.
+
+    Args:
+        scene: an open chain with one drive on each joint, its friction and payloads.
+        path: a `Path`; a trajectory, whose path is taken; a file of either.
+        limits: of the drives, see `limits.read_limits`; None: the URDF's effort and velocity.
+        heat: keep each motor's continuous torque over the whole cycle, holds included (`thermal`),
+            as the motion is repeated; False: it is done once.
+        smooth: s; the place along the path becomes a moving mean over this time, so that
+            accelerations ramp; each move takes so much longer.
+        points: of the grid, all pieces together; refined where a limit would be exceeded.
+        tolerance: part of a limit by which it may be exceeded between grid points.
+        sample_rate: of the resulting trajectory, Hz.
+
+    Raises:
+        RetimeError: loops, cylinders or joints without a drive; limits missing; a drive that cannot
+            hold, break away or follow, with the place and what it needs.
+        TrajectoryError: a path that cannot be, or does not fit the robot.
+
+    Warns:
+        PinfricWarning: smoothing exceeds a limit; a drive of the catalogue does not meet what
+            `size` asks of it for this motion.
+
+    >>> import pinfric as pf
+    >>> scene = pf.load_scene("pendulum")
+    >>> motion = pf.load_trajectory("pendulum", scene)
+    >>> found = pf.retime(scene, motion, {"joint_1": {"effort": 20.0, "velocity": 2.0}})
+    >>> round(found.duration, 2)
+    2.29
+    """
+    expect_scene(scene, "retime")
+    _check_scene(scene)
+    path = _as_path(scene, path)
+    if not (points >= 2 and sample_rate > 0.0 and tolerance > 0.0 and smooth >= 0.0):
+        raise RetimeError(
+            f"retime: points {points}, sample_rate {sample_rate:g}, tolerance "
+            f"{tolerance:g}, smooth {smooth:g}: should be positive"
+        )
+    _check_payloads(scene, path)
+    given = read_limits(scene, limits)
+    scene = limited_scene(scene, given)
+    columns = joint_columns(scene.model, scene.source)
+    check_limits(path, columns)
+    policy = Policy(sample_rate, tolerance)
+    found = _Retiming(scene, path, columns, given, policy).run(points, heat, smooth)
+    for text in found.notes:
+        warnings.warn(text, PinfricWarning, stacklevel=2)
+    return found
+
+
+def _check_payloads(scene: Scene, path: Path) -> None:
+    if path.attached is not None and path.attached.shape[1] != len(scene.payloads):
+        raise RetimeError(
+            f"{path.source}: attached: {path.attached.shape[1]} columns for "
+            f"{len(scene.payloads)} payloads"
+        )
+
+
+def _as_path(scene: Scene, given: object) -> Path:
+    """Return the path of a trajectory, or of a file."""
+    if isinstance(given, Path):
+        return given
+    if isinstance(given, Trajectory):
+        return Path.from_trajectory(given)
+    if isinstance(given, str | os.PathLike):
+        return load_path(str(given), scene)
+    raise TrajectoryError(
+        f"retime: the path is a {type(given).__name__}; give a trajectory, a file's name, or "
+        "pf.Path.from_waypoints(q)"
+    )
+
+
+def _check_scene(scene: Scene) -> None:
+    """Refuse robots whose efforts depend on friction through reactions."""
+    if scene.linkage is not None:
+        what = f"loop {scene.loops[0].name!r}" if scene.loops else "a drive off the joints"
+        raise RetimeError(
+            f"{scene.source}: retime is for open chains with drives at their joints; "
+            f"{what} couples efforts and friction"
+        )
+    driven = [drive.velocity_index for drive in scene.drives]
+    if driven != list(range(scene.model.nv)):
+        raise RetimeError(
+            f"{scene.source}: retime needs one drive on each of {scene.model.nv} "
+            f"degrees of freedom, found {len(driven)}"
+        )
+    there = mixed(scene.drives, scene.model.nv)
+    for site in scene.sites:
+        if there[site.velocity_index]:
+            raise RetimeError(
+                f"{scene.source}: friction.{site.name}: retime accepts friction of "
+                "coupled drives only on the motor's side: move it to the "
+                "transmission (no_load_torque, motor_viscous)"
+            )
+
+
+class _Retiming:
+    """One run of `retime`."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        path: Path,
+        columns: tuple[JointColumn, ...],
+        limits: tuple[DriveLimits, ...],
+        policy: Policy,
+    ) -> None:
+        self.scene, self.path, self.columns = scene, path, columns
+        self.limits, self.policy = limits, policy
+        self.natural = [natural_points(piece, rates_of(scene, columns)) for piece in path.pieces]
+        #: (piece, from s, to s): intervals of constant u; and zones about reversals.
+        self.constant: list[tuple[int, float, float]] = []
+        self.zones: list[tuple[int, int, float, float]] = []
+
+    def run(self, points: int, heat: bool, smooth: float) -> RetimeResult:
+        """Do what `retime` does; arguments see there."""
+        self.check_stops()
+        problem, profile, samples = self.solve(points)
+        uniform, use = None, None
+        if heat and any(np.isfinite(x.over_time[0]) for x in self.limits):
+            profile, uniform, use = self.cool(problem, profile)
+        if smooth or use is not None:
+            samples = sample(self.path, profile, self.policy.sample_rate, smooth)
+        found = self.result(problem, profile, samples, smooth)
+        if use is not None:
+            found = replace(found, rms=use, uniform=uniform)
+            for d in np.flatnonzero(use > _AT_LIMIT):
+                limiting = found.limiting.setdefault(self.scene.drives[d].name, {})
+                limiting[self.limits[d].over_time[1]] = 1.0
+        return replace(found, notes=tuple(self.notes(found, heat)))
+
+    def notes(self, found: RetimeResult, heat: bool) -> Iterator[str]:
+        """Say what is exceeded, what `size` does not accept, and whose heat is not known."""
+        names = [drive.name for drive in self.scene.drives]
+        if found.excess > self.policy.tolerance:
+            d, k = np.unravel_index(found.usage.max(axis=0).argmax(), found.usage.shape[1:])
+            why = f"smoothing over {1e3 * found.smooth:g} ms" if found.smooth else "the motion"
+            yield (
+                f"{why} exceeds the {instant_limits()[k].name} of {names[d]} by "
+                f"{100 * found.excess:.2g} %"
+            )
+        for name, criteria in found.criteria.items():
+            failed = [
+                c.why
+                for c in criteria
+                if c.status == Status.FAILS
+                and (c.margin is None or c.margin < -self.policy.tolerance)
+            ]
+            if heat and failed:
+                yield f"{name}: this motion, repeated, does not pass `size`: {'; '.join(failed)}"
+        cold = [
+            n
+            for n, x in zip(names, self.limits, strict=True)
+            if x.motor and not np.isfinite(x.continuous_torque)
+        ]
+        if heat and cold:
+            yield f"heat is not checked for {', '.join(cold)}: no continuous torque is known"
+
+    def solve(self, points: int) -> tuple[Problem, Profile, Samples]:
+        """Solve; where no way is found, on finer grids: between far points it can be missed."""
+        for finer in _FINER:
+            try:
+                return self.refine(self.coarse(finer * points), finer * points)
+            except RetimeError as problem:
+                last = problem
+                self.constant, self.zones = [], []
+        raise last
+
+    def problem(self, points: list[np.ndarray]) -> Problem:
+        """The problem on a grid."""
+        grid = make_grid(self.scene, self.path, self.columns, points)
+        middle, piece = 0.5 * (grid.s[grid.start] + grid.s[grid.end]), grid.piece[grid.start]
+        constant = np.zeros(len(middle), dtype=bool)
+        for p, first, last in self.constant:
+            constant |= (piece == p) & (first < middle) & (middle < last)
+        tables = make_tables(self.scene, self.path, self.columns, grid)
+        return Problem(
+            self.scene,
+            self.path,
+            self.columns,
+            self.limits,
+            self.policy,
+            grid,
+            tables,
+            modes(grid, self.zones),
+            constant,
+        )
+
+    def check_stops(self) -> None:
+        """Refuse stops at which a drive cannot hold, with what it carries before and after."""
+        probe = self.problem([piece.x[[0, -1]] for piece in self.path.pieces])
+        for p, curve in enumerate(self.path.pieces):
+            for end, s in enumerate(curve.x[[0, -1]]):
+                still = probe.states(np.array([s]), np.array([p]), np.zeros(1), np.zeros(1))
+                use = usage(still, self.limits, needed=True)[0]
+                d, kind = divmod(int(use.argmax()), use.shape[1])
+                if use[d, kind] > 1.0:
+                    where = f"{self.path.source}: stop {p + end}{probe.carrying(p)}"
+                    raise RetimeError(f"{where}: drive {probe.limits_text(still, d, kind, 'hold')}")
+
+    def coarse(self, points: int) -> Profile:
+        """A first profile on a grid that is even in place."""
+        length = np.array([piece.x[-1] - piece.x[0] for piece in self.path.pieces])
+        counts = np.maximum(points / 3 * length / length.sum(), _FEWEST / 2).astype(int)
+        grids = [
+            distinct(np.linspace(curve.x[0], curve.x[-1], n + 1), curve, natural)
+            for curve, n, natural in zip(self.path.pieces, counts, self.natural, strict=True)
+        ]
+        return self.problem(grids).solve()
+
+    def refine(self, coarse: Profile, points: int) -> tuple[Problem, Profile, Samples]:
+        """Solve on the final grid, cut intervals over a limit in two, up to `_ROUNDS` times."""
+        self.zones = self._zones(coarse)
+        share = coarse.duration / coarse.duration.sum()
+        grids = []
+        for p, (curve, natural) in enumerate(zip(self.path.pieces, self.natural, strict=True)):
+            n = max(int(points * share[p]), _FEWEST)
+            even = np.linspace(curve.x[0], curve.x[-1], n // 2 + 1)
+            timed = coarse.at(p, np.linspace(0.0, coarse.duration[p], n - n // 2 + 1))[0]
+            edges = [edge for _, q, *zone in self.zones if q == p for edge in zone]
+            inside = np.concatenate((even, timed, edges))
+            inside = inside[(inside > curve.x[0]) & (inside < curve.x[-1])]
+            kept = np.union1d(natural, curve.x[[0, -1]])
+            grids.append(distinct(inside, curve, kept))
+        for attempt in range(_ROUNDS + 1):
+            problem = self.problem(grids)
+            profile = problem.solve()
+            samples = sample(self.path, profile, self.policy.sample_rate)
+            if attempt == _ROUNDS or not self._cut(problem, profile, samples, grids):
+                break
+        return problem, profile, samples
+
+    def _zones(self, profile: Profile) -> list[tuple[int, int, float, float]]:
+        """Where samples are beside a reversal: within half a sample period of it, and a reserve.
+
+        At a stop that is left at once within a whole one: of the samples beside it the slower
+        counts.
+        """
+        grid, found, period = profile.grid, [], 1.0 / self.policy.sample_rate
+        for j in range(1, len(grid.step)):
+            turning = np.flatnonzero(grid.direction[j] * grid.direction[j - 1] < 0.0).tolist()
+            piece, stop = int(grid.piece[grid.start[j]]), bool(grid.stop[j])
+            if stop and self.path.holds[piece] >= period:
+                continue
+            for row, u in (
+                (grid.end[j - 1], profile.u[j - 1, 1]),
+                (grid.start[j], profile.u[j, 0]),
+            ):
+                s, p = float(grid.s[row]), int(grid.piece[row])
+                reach = _ZONE * period * float(np.sqrt(profile.x[j]))
+                if stop:
+                    reach = 0.5 * abs(float(u)) * (2.0 * _ZONE * period) ** 2
+                reach = max(reach, 1e-6 * float(np.ptp(self.path.pieces[p].x[[0, -1]])))
+                found += [(d, p, s - reach, s + reach) for d in turning]
+                if not stop:
+                    break
+        return found
+
+    def _cut(
+        self, problem: Problem, profile: Profile, samples: Samples, grids: list[np.ndarray]
+    ) -> bool:
+        """Cut the intervals in which a limit is exceeded; False where there are none."""
+        grid, most = problem.grid, 1.0 + 0.5 * self.policy.tolerance
+        of, x, u = profile.inside(_INSIDE)
+        rows = grid.start[of]
+        s = grid.s[rows] + np.tile(_INSIDE, len(grid.step)) * grid.step[of]
+        use = usage(problem.states(s, grid.piece[rows], x, u), self.limits)
+        over = set(of[(use > most).any(axis=(1, 2))].tolist())
+        motion = self.motion(samples)
+        judged = inverse_dynamics(self.scene, motion)
+        wrong = (usage(judged, self.limits) > most).any(axis=(1, 2))
+        turning = np.asarray(judged.reversal.any(axis=1))
+        for i in np.flatnonzero(wrong & samples.moving):
+            p, place = int(samples.piece[i]), float(samples.s[i])
+            here = np.flatnonzero((grid.piece[grid.start] == p) & (grid.s[grid.start] <= place))
+            over.add(int(here[-1]))
+            if turning[i]:
+                self._widen(p, place, 2.0 * float(samples.rate[i]) / self.policy.sample_rate)
+        for j in over:
+            p, first, last = grid.piece[grid.start[j]], grid.s[grid.start[j]], grid.s[grid.end[j]]
+            self.constant.append((int(p), float(first), float(last)))
+            grids[p] = distinct(np.array([0.5 * (first + last)]), self.path.pieces[p], grids[p])
+        return bool(over)
+
+    def _widen(self, piece: int, s: float, near: float) -> None:
+        """Let the zones of reversals beside a sample reach to it."""
+        for i, (d, p, first, last) in enumerate(self.zones):
+            if p == piece and first - near < s < last + near:
+                self.zones[i] = d, p, min(first, s - 0.1 * near), max(last, s + 0.1 * near)
+
+    def motion(self, samples: Samples) -> Trajectory:
+        """The samples as a trajectory."""
+        names = list(self.scene.payloads)
+        attached = None
+        if self.path.attached is not None:
+            attached = {n: self.path.attached[samples.piece, k] for k, n in enumerate(names)}
+        return Trajectory.from_arrays(
+            self.scene,
+            samples.t,
+            configurations(self.columns, samples.q, self.scene.model.nq),
+            columns_to_velocities(self.columns, samples.v),
+            columns_to_velocities(self.columns, samples.a),
+            attached,
+            f"{self.path.source} retimed",
+        )
+
+    def cool(self, problem: Problem, fast: Profile) -> tuple[Profile, float, np.ndarray]:
+        """Keep continuous torques, as the samples show them; and the uniform motion's duration."""
+        limit = np.array([x.over_time[0] for x in self.limits])
+        path, n = self.path, len(self.path.pieces)
+        piece = np.minimum(np.arange(n + 1), n - 1)
+        ends = np.array([path.pieces[p].x[0 if i == p else -1] for i, p in enumerate(piece)])
+        none = np.zeros(n + 1)
+        still = problem.states(ends, piece, none, none, path.attached)
+        torque = _worst(still)
+        stay = np.array(path.holds)
+        asked = limit
+        for _ in range(3):
+            cycle = Cycle(asked, stay @ torque**2, float(stay.sum()))
+            profile, uniform = within_continuous(problem, fast, cycle)
+            motion = self.motion(sample(path, profile, self.policy.sample_rate))
+            use = _mean_squares(inverse_dynamics(self.scene, motion)) / limit
+            if use.max() <= 1.0 + 0.5 * self.policy.tolerance:
+                break
+            asked = asked / np.maximum(use, 1.0)
+        return profile, uniform + float(stay.sum()), use
+
+    def result(
+        self, problem: Problem, profile: Profile, samples: Samples, smooth: float
+    ) -> RetimeResult:
+        """Judge the samples and say what holds them back."""
+        trajectory = self.motion(samples)
+        judged = inverse_dynamics(self.scene, trajectory)
+        use = usage(judged, self.limits)
+        moving, rows = use[samples.moving], instant_limits()
+        shares = (moving > _AT_LIMIT).mean(axis=0) if len(moving) else np.zeros(use.shape[1:])
+        limiting = {
+            drive.name: {rows[k].name: float(shares[d, k]) for k in np.flatnonzero(shares[d])}
+            for d, drive in enumerate(self.scene.drives)
+            if shares[d].any()
+        }
+        return RetimeResult(
+            trajectory=trajectory,
+            duration=float((profile.duration + smooth).sum() + sum(self.path.holds)),
+            moves=profile.duration + smooth,
+            before=self.path.duration,
+            limiting=limiting,
+            excess=max(0.0, float(moving.max(initial=0.0)) - 1.0),
+            usage=use,
+            problem=problem,
+            profile=profile,
+            smooth=smooth,
+            criteria=judged_drives(judged, self.limits),
+        )
+
+
+def _worst(result: InverseResult) -> np.ndarray:
+    """(T, na) the motors' torques that heat: the worse end of each interval."""
+    return ends_by_magnitude(result.motor_torque_lower, result.motor_torque_upper)[0]
+
+
+def _mean_squares(result: InverseResult) -> np.ndarray:
+    """(na,) root mean squares of the motors' torques over a motion, N m."""
+    assert result.t is not None
+    worst = _worst(result)
+    return np.array([root_mean_square(result.t, worst[:, d]) for d in range(worst.shape[1])])
+
+
+def judged_drives(
+    result: InverseResult, limits: Sequence[DriveLimits]
+) -> dict[str, tuple[Criterion, ...]]:
+    """Return the criteria of `size` for the catalogue's drives of a motion, by drive.
+
+    Args:
+        result: of the motion, repeated. limits: of the drives.
+    """
+    holding = hold_samples(result.scene, result.states.v)
+    inertias, found = None, {}
+    for i, (drive, x) in enumerate(zip(result.scene.drives, limits, strict=True)):
+        if x.from_catalog is None:
+            continue
+        candidate, conditions = x.from_catalog
+        if inertias is None:
+            inertias = load_inertias(result)
+        cycle = drive_cycle(result, i, holding)
+        demand = gear_demand(result, i, cycle, carried=candidate.carried)
+        hand = depth(result.scene, i) > BASE_AXES
+        case = Case(demand, cycle, float(inertias[i]), hand, conditions)
+        found[drive.name] = check(candidate, motor_cycle(candidate, cycle, conditions), case)
+    return found

@@ -1,0 +1,304 @@
+"""The fastest profile whose motors stay within their continuous torque over the whole cycle.
+
+    min T   with   E_j = int T_j^2 dt + holds <= c_j^2 (T + holds),   low(x) <= u <= high(x)
+
+over the squares x of the speeds at the grid's points, u constant in each interval: a primal barrier
+method (Boyd & Vandenberghe, Convex Optimization, 2004, section 11.3). Without viscous friction and
+Stribeck curves T and E are convex in x (Verscheure et al. 2009, Time-optimal path tracking for
+robots: a convex optimization approach). An interval's terms depend on the speeds at its two ends,
+so the Hessian is tridiagonal plus one column for each motor: a step costs O(n).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import solveh_banded
+from scipy.optimize import brentq
+
+from pinfric.errors import RetimeError
+from pinfric.retiming.problem import Problem
+from pinfric.retiming.profile import Profile
+from pinfric.retiming.scan import box_scan, ranges, torques
+
+#: Relative steps of differences.
+_STEP = 1.0e-6
+#: The barrier's weight, as a part of the duration for all constraints together: first and last.
+_FIRST, _LAST, _FALL = 0.3, 1.0e-4, 0.2
+_NEWTON = 25
+#: How much of the uniform slow-down is left as room to begin with.
+_ROOM = 0.97
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """What counts over the cycle beside its moves.
+
+    Attributes:
+        limit: (na,) continuous torque, N m; infinite where none.
+        hold_energy: (na,) int T^2 dt over all holds, (N m)^2 s.
+        hold_time: s.
+    """
+
+    limit: np.ndarray
+    hold_energy: np.ndarray
+    hold_time: float
+
+
+def within_continuous(problem: Problem, fast: Profile, cycle: Cycle) -> tuple[Profile, float]:
+    """Return the fastest profile within the continuous torques, and the uniform one's duration.
+
+    Args:
+        problem: the grid with its other limits.
+        fast: the fastest profile without this limit, returned where it is within it.
+        cycle: limits and holds.
+
+    Raises:
+        RetimeError: a motor exceeds it however slow the motion is.
+    """
+    barrier = _Barrier(problem, cycle)
+    total = float(fast.duration.sum())
+    if barrier.excess(fast.x) <= 0.0:
+        return fast, total
+    factor = barrier.uniform(fast)
+    begin = fast.x * (factor * _ROOM) ** 2
+    while not np.isfinite(barrier.value(begin, 1.0)):
+        factor *= 0.9  # friction that falls with the speed, a slower motion beyond a limit
+        if factor < 1e-3:
+            return fast.scaled(barrier.uniform(fast)), total / barrier.uniform(fast)
+        begin = fast.x * (factor * _ROOM) ** 2
+    found = Profile.of(problem.grid, *barrier.minimize(begin))
+    uniform = fast.scaled(barrier.uniform(fast))
+    best = min(found, uniform, key=lambda profile: profile.duration.sum())
+    return best, float(uniform.duration.sum())
+
+
+class _Barrier:
+    """Duration, torques and constraints of a profile, with derivatives."""
+
+    def __init__(self, problem: Problem, cycle: Cycle) -> None:
+        grid = problem.grid
+        constant = replace(problem, constant=np.ones(len(grid.step), dtype=bool))
+        scan = constant.scan()
+        self.scan, self.cycle = box_scan(scan), cycle
+        self.names = problem.scene.actuator_names
+        self.step, self.free = grid.step, ~grid.stop
+        top = np.minimum(
+            scan.top[np.append(scan.start, scan.end[-1])],
+            scan.top[np.append(scan.start[0], scan.end)],
+        )
+        self.top = np.where(top < 1e14, top, np.inf)
+        self.judged = np.isfinite(cycle.limit)
+        #: Weight of a mean square beside a limit of one place, of which there are many.
+        self.heavy = 0.1 * len(self.step)
+
+    def durations(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Duration of each interval, its gradient (n, 2) and Hessian (n, 2, 2)."""
+        z = np.sqrt(np.maximum(np.stack([x[:-1], x[1:]], axis=1), 1e-100))
+        total = z.sum(axis=1)
+        time = 2.0 * self.step / total
+        first = -time[:, None] / (2.0 * z * total[:, None])
+        cross = time / (2.0 * z[:, 0] * z[:, 1] * total**2)
+        own = time[:, None] / (2.0 * z**2 * total[:, None] ** 2) + time[:, None] / (
+            4.0 * z**3 * total[:, None]
+        )
+        second = np.empty((len(x) - 1, 2, 2))
+        second[:, 0, 0], second[:, 1, 1] = own[:, 0], own[:, 1]
+        second[:, 0, 1] = second[:, 1, 0] = cross
+        moving = np.stack([self.free[:-1], self.free[1:]], axis=1)
+        first = np.where(moving, first, 0.0)
+        return time, first, np.where(moving[:, :, None] & moving[:, None, :], second, 0.0)
+
+    def torques(self, x: np.ndarray) -> np.ndarray:
+        """(n, 2, na) of the motors."""
+        u = np.diff(x) / (2.0 * self.step)
+        found = np.empty((len(u), 2, len(self.cycle.limit)))
+        torques(self.scan, np.stack([x[:-1], x[1:]], axis=1), np.stack([u, u], axis=1), found)
+        return found
+
+    def energies(self, x: np.ndarray) -> np.ndarray:
+        """(na,) int T^2 dt over the cycle."""
+        T = self.torques(x)
+        square = (T[:, 0] ** 2 + T[:, 0] * T[:, 1] + T[:, 1] ** 2) / 3.0
+        return np.asarray(self.durations(x)[0] @ square + self.cycle.hold_energy)
+
+    def slack(self, x: np.ndarray) -> np.ndarray:
+        """(judged,) c^2 (T + holds) - E, as a part of the first."""
+        whole = self.durations(x)[0].sum() + self.cycle.hold_time
+        allowed = self.cycle.limit[self.judged] ** 2 * whole
+        return np.asarray(1.0 - self.energies(x)[self.judged] / allowed)
+
+    def excess(self, x: np.ndarray) -> float:
+        """The most by which the mean square of a torque exceeds its limit."""
+        return float(-self.slack(x).min(initial=0.0))
+
+    def uniform(self, fast: Profile) -> float:
+        """The greatest factor by which the whole profile may be slowed down to be within."""
+
+        def left(factor: float) -> float:
+            return float(self.slack(fast.x * factor**2).min())
+
+        factors = np.geomspace(1.0, 1e-2, 60)
+        for slower, faster in zip(factors[1:], factors[:-1], strict=True):
+            if left(slower) > 0.0:
+                return float(brentq(left, slower, faster, xtol=1e-10)) * (1.0 - 1e-9)
+        worst = int(np.argmin(self.slack(fast.x * 1e-4)))
+        name = [n for n, judged in zip(self.names, self.judged, strict=True) if judged][worst]
+        raise RetimeError(
+            f"drive {name!r} exceeds its continuous torque at any speed, because it holds too much "
+            "load; take a larger motor, shorter holds, or heat=False (--no-heat) for a single run"
+        )
+
+    def constraints(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(n, 2 sides, 2): u - low and high - u at both ends; and u (n,)."""
+        u = np.diff(x) / (2.0 * self.step)
+        low, high = np.empty((2, len(u), 2))
+        ranges(self.scan, np.stack([x[:-1], x[1:]], axis=1), low, high)
+        return np.stack([u[:, None] - low, high - u[:, None]], axis=2), u
+
+    def value(self, x: np.ndarray, weight: float) -> float:
+        """The barrier function; infinite outside."""
+        if (x[self.free] <= 0.0).any():
+            return np.inf
+        gap = self.constraints(x)[0]
+        slack, room = self.slack(x), (1.0 - x / self.top)[self.free]
+        if not (gap.min() > 0.0 and slack.min() > 0.0 and room.min() > 0.0):
+            return np.inf
+        logs = np.log(gap).sum() + self.heavy * np.log(slack).sum() + np.log(room).sum()
+        return float(self.durations(x)[0].sum() - weight * logs)
+
+    def minimize(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return (n + 1,) x and (n, 2) u of the minimum, following the weights down."""
+        count = 4 * len(self.step) + self.heavy * self.judged.sum() + self.free.sum()
+        part = _FIRST
+        while True:
+            weight = part * self.durations(x)[0].sum() / count
+            for _ in range(_NEWTON):
+                x, gain = self.newton(x, weight)
+                if gain < 0.05 * weight * np.sqrt(count):
+                    break
+            if part <= _LAST:
+                break
+            part = max(part * _FALL, _LAST)
+        u = np.diff(x) / (2.0 * self.step)
+        return x, np.stack([u, u], axis=1)
+
+    def newton(self, x: np.ndarray, weight: float) -> tuple[np.ndarray, float]:
+        """One damped step; returns the new x and how much the barrier function fell."""
+        gradient, band, columns = self.derivatives(x, weight)
+        fixed = ~self.free
+        gradient[fixed], columns[fixed] = 0.0, 0.0
+        band[0, fixed], band[1, fixed] = 1.0, 0.0
+        band[1, :-1][fixed[1:]] = 0.0
+        solved = solveh_banded(band, np.column_stack((-gradient, columns)), lower=True)
+        direction, response = solved[:, 0], solved[:, 1:]
+        direction = direction - response @ np.linalg.solve(
+            np.eye(columns.shape[1]) + columns.T @ response, columns.T @ direction
+        )
+        now, slope = self.value(x, weight), float(gradient @ direction)
+        size = min(1.0, 0.99 / max(float((-direction[self.free] / x[self.free]).max()), 0.99))
+        while size > 1e-10:
+            there = self.value(x + size * direction, weight)
+            if there <= now + 0.1 * size * slope:
+                return x + size * direction, now - there
+            size *= 0.5
+        return x, 0.0
+
+    def derivatives(
+        self, x: np.ndarray, weight: float
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Gradient (n + 1,), tridiagonal (2, n + 1) and columns (n + 1, judged) of the Hessian."""
+        assembled = _Assembled(len(x))
+        self._limits(x, weight, assembled)
+        room = self.top - x
+        assembled.gradient += np.where(self.free, weight / room, 0.0)
+        assembled.band[0] += np.where(self.free, weight / room**2, 0.0)
+        columns = self._heat(x, weight, assembled)
+        return assembled.gradient, assembled.band, columns
+
+    def _limits(self, x: np.ndarray, weight: float, assembled: _Assembled) -> None:
+        """Logarithms of u - low(x) and high(x) - u at both ends."""
+        gap, _ = self.constraints(x)
+        ends = np.stack([x[:-1], x[1:]], axis=1)
+        moved = ends * (1.0 + _STEP) + 1e-300
+        low, high, low_1, high_1 = np.empty((4, *ends.shape))
+        ranges(self.scan, ends, low, high)
+        ranges(self.scan, moved, low_1, high_1)
+        empty = low_1 > high_1  # the step leaves what is possible: to the other side
+        if empty.any():
+            moved = np.where(empty, ends * (1.0 - _STEP), moved)
+            ranges(self.scan, moved, low_1, high_1)
+        change = moved - ends
+        own = np.stack([-(low_1 - low) / change, (high_1 - high) / change], axis=2)
+        by_u = np.array([1.0, -1.0])
+        for side in range(2):
+            for k in range(2):
+                slope = np.stack([-by_u[k] / (2 * self.step), by_u[k] / (2 * self.step)], axis=1)
+                slope[:, side] += own[:, side, k]
+                slope /= gap[:, side, k][:, None]
+                slope = np.where(np.stack([self.free[:-1], self.free[1:]], axis=1), slope, 0.0)
+                assembled.add(-weight * slope, weight * slope[:, :, None] * slope[:, None, :])
+
+    def _heat(self, x: np.ndarray, weight: float, assembled: _Assembled) -> np.ndarray:
+        """Duration, and logarithms of what is left of the mean squares: a column per motor."""
+        time, first, second = self.durations(x)
+        T, slope = self.torques(x), self._torque_slopes(x)
+        square = (T[:, 0] ** 2 + T[:, 0] * T[:, 1] + T[:, 1] ** 2) / 3.0
+        energy, whole = time @ square + self.cycle.hold_energy, time.sum() + self.cycle.hold_time
+        gradient, hessian = first.copy(), second.copy()
+        columns = np.zeros((len(x), int(self.judged.sum())))
+        for c, d in enumerate(np.flatnonzero(self.judged)):
+            limit = self.cycle.limit[d] ** 2
+            part = self.heavy * weight / (limit * whole - energy[d])
+            a, b, Ta, Tb = slope[:, 0, d], slope[:, 1, d], T[:, 0, d, None], T[:, 1, d, None]
+            grown = ((2 * Ta + Tb) * a + (Ta + 2 * Tb) * b) / 3.0
+            own = first * (square[:, d] - limit)[:, None] + time[:, None] * grown
+            products = 2.0 * (_outer(a, a) + _outer(b, b)) + _outer(a, b) + _outer(b, a)
+            gradient += part * own
+            hessian += part * (
+                time[:, None, None] * products / 3.0
+                + _outer(first, grown)
+                + _outer(grown, first)
+                + second * (square[:, d] - limit)[:, None, None]
+            )
+            columns[:-1, c] += own[:, 0]
+            columns[1:, c] += own[:, 1]
+            columns[:, c] *= part / np.sqrt(self.heavy * weight)
+        values, vectors = np.linalg.eigh(hessian)  # convex but for friction that depends on speed
+        values = np.maximum(values, 1e-6 * np.abs(values).max(axis=1, keepdims=True))
+        assembled.add(gradient, np.einsum("nik,nk,njk->nij", vectors, values, vectors))
+        return columns
+
+    def _torque_slopes(self, x: np.ndarray) -> np.ndarray:
+        """(n, 2, na, 2) derivatives of `torques` by the speeds at an interval's two ends."""
+        T = self.torques(x)
+        slope = np.zeros((*T.shape, 2))
+        for k in range(2):  # every second point moves: an interval feels one of its ends
+            moved = x.copy()
+            moved[k::2] *= 1.0 + _STEP
+            difference, change = self.torques(moved) - T, moved - x
+            for end in range(2):
+                rows = np.arange(end, len(x) - 1 + end)
+                own = (rows % 2 == k) & self.free[rows]
+                slope[own, :, :, end] = difference[own] / change[rows[own], None, None]
+        return slope
+
+
+def _outer(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return np.asarray(a[:, :, None] * b[:, None, :])
+
+
+class _Assembled:
+    """Sums of gradients and Hessians of intervals."""
+
+    def __init__(self, points: int) -> None:
+        self.gradient, self.band = np.zeros(points), np.zeros((2, points))
+
+    def add(self, gradient: np.ndarray, hessian: np.ndarray) -> None:
+        """Add (n, 2) and (n, 2, 2) of all intervals."""
+        self.gradient[:-1] += gradient[:, 0]
+        self.gradient[1:] += gradient[:, 1]
+        self.band[0, :-1] += hessian[:, 0, 0]
+        self.band[0, 1:] += hessian[:, 1, 1]
+        self.band[1, :-1] += hessian[:, 0, 1]

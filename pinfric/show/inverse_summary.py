@@ -1,0 +1,99 @@
+"""What a motion's efforts come to: what `pinfric inverse` prints and writes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from pinfric.dynamics.inverse.result import InverseResult, StickInterval, runs
+from pinfric.dynamics.samples.outcome import Status
+from pinfric.elastic.motion import Elasticity
+from pinfric.elastic.summary import ElasticSummary, elastic_summary
+from pinfric.model.described import EFFORT, described, quantity
+from pinfric.motions.log.judged import JudgedLog, LogSummary, log_summary
+from pinfric.motions.summary import ActuatorSummary, beyond_limits, payload_phases, summarize
+
+
+@described
+class SiteSummary:
+    """What the friction of one joint did along a motion."""
+
+    name: str = quantity("the joint with friction")
+    stick_intervals: int = quantity("number of stick intervals")
+    reversals: int = quantity("number of reversals between samples")
+    max_normal_load: float = quantity("largest load of its bearing", EFFORT)
+
+
+@described
+class Span:
+    """A part of a motion."""
+
+    start: float = quantity("its first time", "s")
+    end: float = quantity("its last time", "s")
+
+
+@described
+class InverseSummary:
+    """What inverse dynamics found along one motion."""
+
+    trajectory: str = quantity("name or path of the motion")
+    samples: int = quantity("number of samples")
+    start: float = quantity("first time", "s")
+    end: float = quantity("last time", "s")
+    joints: tuple[ActuatorSummary, ...] = quantity("what each drive must deliver")
+    sites: tuple[SiteSummary, ...] = quantity("stick time and load of each joint with friction")
+    stick_intervals: tuple[StickInterval, ...] = quantity("when joints stick")
+    payloads: Mapping[str, tuple[Span, ...]] = quantity("when each payload is carried")
+    status: Mapping[str, int] = quantity("status -> number of samples")
+    too_narrow: int = quantity("number of samples whose intervals may be too narrow")
+    beyond_limits: tuple[str, ...] = quantity("efforts beyond the URDF's limits, in words")
+    input: LogSummary | None = quantity("how the log was read; none: the motion is not a log")
+    elasticity: ElasticSummary | None = quantity("effects of elastic gears; none: all are rigid")
+
+
+def inverse_summary(
+    result: InverseResult,
+    trajectory: str,
+    log: JudgedLog | None = None,
+    elastic: Elasticity | None = None,
+) -> InverseSummary:
+    """Return what a motion's efforts come to.
+
+    Args:
+        result: with times.
+        trajectory: its name or path.
+        log: how the trajectory was read, if it came from samples.
+        elastic: what its elastic gears do, where it has any.
+
+    Raises:
+        StateError: the result has no times.
+    """
+    joints = summarize(result)
+    t = result.t
+    assert t is not None  # summarize refuses a result without
+    sites = [
+        SiteSummary(
+            name,
+            len(runs(result.sticking[:, s])),
+            int(result.reversal[:, s].sum()),
+            float(result.normal_load[:, s].max()),
+        )
+        for s, name in enumerate(result.site_names)
+    ]
+    return InverseSummary(
+        trajectory=trajectory,
+        samples=len(t),
+        start=float(t[0]),
+        end=float(t[-1]),
+        joints=joints,
+        sites=tuple(sites),
+        stick_intervals=result.stick_intervals(),
+        payloads={
+            name: tuple(Span(*span) for span in spans)
+            for name, spans in payload_phases(result).items()
+        },
+        status={status.name.lower(): int((result.status == status).sum()) for status in Status},
+        too_narrow=int(result.interval_searched.sum()),
+        beyond_limits=beyond_limits(result),
+        input=None if log is None else log_summary(log),
+        elasticity=None if elastic is None else elastic_summary(elastic),
+    )

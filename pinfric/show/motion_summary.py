@@ -1,0 +1,118 @@
+"""What a simulated motion comes to: what `pinfric simulate` prints and writes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from pinfric.dynamics.inverse.result import StickInterval
+from pinfric.dynamics.samples.closure import working_rates
+from pinfric.dynamics.simulation.motion import INTERRUPTED, Event, Motion
+from pinfric.model.described import EFFORT, PLACE, SPEED, described, quantity
+from pinfric.motions.summary import effort_unit, rms
+
+
+@described
+class DriveWork:
+    """What one drive did in a motion."""
+
+    name: str = quantity("the drive's", heading="drive", name=True)
+    unit: str = quantity('of its efforts, "N m" or "N"', heading="unit")
+    peak: float = quantity("largest effort", EFFORT, "peak")
+    rms: float = quantity("RMS over time", EFFORT, "RMS")
+    work: float = quantity("work of its effort", "J", "work")
+    heat: float = quantity("friction heat of its joint; NaN: no friction", "J", "heat")
+    gear_heat: float = quantity("heat of its gear and motor; NaN: efforts given", "J", "of gear")
+    stick_time: float = quantity("time its joint sticks; NaN: no friction", "s", "sticks")
+
+
+@described
+class EnergySummary:
+    """Where the energy went: work = change + sum of losses + residual."""
+
+    work: float = quantity("work of the drives' efforts, or of the motor torques if given", "J")
+    change: float = quantity("change of kinetic and potential energy", "J")
+    friction_loss: Mapping[str, float] = quantity("heat at each joint with friction", "J")
+    gear_loss: Mapping[str, float] = quantity("heat in each gear and its motor", "J")
+    residual: float = quantity("energy error of the integration", "J")
+
+
+@described
+class State:
+    """A state of the robot."""
+
+    q: np.ndarray = quantity("(nq,) configuration", PLACE)
+    v: np.ndarray = quantity("(nv,) velocities", SPEED)
+
+
+@described
+class MotionSummary:
+    """What a simulated motion comes to."""
+
+    method: str = quantity("`event`, `timestepping` or `regularized`")
+    given: str = quantity('input of the drives: "effort" or "motor_torque"')
+    status: str = quantity("`finished`, `interrupted` or `failed`")
+    message: str = quantity("why it ended")
+    t_end: float = quantity("its last time", "s")
+    samples: int = quantity("number of samples")
+    evaluations: int = quantity("right-hand sides computed")
+    stick_intervals: tuple[StickInterval, ...] = quantity("in the order of the joints")
+    events: tuple[Event, ...] = quantity("in the order of time")
+    energy: EnergySummary | None = quantity("none: the motion was interrupted")
+    end: State = quantity("final state")
+
+
+def motion_summary(motion: Motion) -> MotionSummary:
+    """Return what a motion comes to.
+
+    Of a motion that Ctrl-C ended there is no energy: to integrate it can take as long as it took.
+    """
+    energy = None
+    if motion.status != INTERRUPTED:
+        found = motion.energy()
+        energy = EnergySummary(
+            work=found.work,
+            change=found.change,
+            friction_loss=dict(zip(motion.site_names, found.friction_loss.tolist(), strict=True)),
+            gear_loss=dict(zip(motion.actuator_names, found.gear_loss.tolist(), strict=True)),
+            residual=found.residual,
+        )
+    return MotionSummary(
+        method=motion.method,
+        given=motion.given,
+        status=motion.status,
+        message=motion.message,
+        t_end=float(motion.t[-1]),
+        samples=len(motion.t),
+        evaluations=motion.evaluations,
+        stick_intervals=motion.stick_intervals(),
+        events=motion.events,
+        energy=energy,
+        end=State(motion.q[-1], motion.v[-1]),
+    )
+
+
+def drive_work(motion: Motion) -> list[DriveWork]:
+    """Return what each drive did."""
+    scene, t = motion.scene, motion.t
+    rates, _ = working_rates(scene, motion.q, motion.v)
+    energy = motion.energy()
+    heat = dict(zip(motion.site_names, energy.friction_loss.tolist(), strict=True))
+    gears = motion.motor_torque is not None
+    rest: dict[str, float] = dict.fromkeys(motion.site_names, 0.0)
+    for interval in motion.stick_intervals():
+        rest[interval.site] += interval.duration
+    return [
+        DriveWork(
+            name=drive.name,
+            unit=effort_unit(scene, i),
+            peak=float(np.abs(motion.effort[:, i]).max()),
+            rms=rms(t, motion.effort[:, i]),
+            work=float(np.trapezoid(motion.effort[:, i] * rates[:, i], t)),
+            heat=heat.get(drive.name, np.nan),
+            gear_heat=float(energy.gear_loss[i]) if gears else np.nan,
+            stick_time=rest.get(drive.name, np.nan),
+        )
+        for i, drive in enumerate(scene.drives)
+    ]

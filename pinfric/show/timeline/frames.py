@@ -1,0 +1,301 @@
+"""Frames of a replay: where the joints are, what each friction site does, and when.
+
+One form for both things that can be replayed: a result of inverse dynamics, whose friction at
+rest is an interval, and a simulated motion, whose friction is a number at every instant.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.dynamics.inverse.inverse import inverse_dynamics
+from pinfric.dynamics.inverse.result import InverseResult, StickInterval
+from pinfric.dynamics.samples.reactions import state_wrenches
+from pinfric.dynamics.samples.states import States
+from pinfric.dynamics.simulation.motion import FINISHED, Motion
+from pinfric.errors import PinfricError, StateError
+from pinfric.model.closure import loop_state
+from pinfric.model.scene import Scene
+from pinfric.motions.log.judged import JudgedLog
+from pinfric.retiming.limits import DriveLimits
+from pinfric.show.timeline.spans import (
+    SiteTimes,
+    Spans,
+    carried_payloads,
+    gear_holds,
+    limit_use,
+    limiting_drives,
+    off_the_log,
+    site_times,
+)
+
+#: Frames per second of a replay.
+RATE = 60.0
+#: Most frames; a longer motion gets fewer per second. As many again where sticking begins or ends
+#: (a log whose noise passes zero at every other sample has more: some of them are left out then).
+MOST_FRAMES = 20_000
+
+
+@dataclass(frozen=True)
+class Frames:
+    """A motion cut into frames, F of them, for nj joints and ns friction sites.
+
+    Attributes:
+        t: (F,) increasing, s; every beginning and end of sticking is among them, up to
+            `MOST_FRAMES` of them.
+        placement: (F, nj, 7) of each joint in the world: x, y, z in m, quaternion x, y, z, w.
+        friction_lower, friction_upper: (F, ns) friction of the parent on the child along the
+            joint's positive direction (N m or N).
+        force: (F, ns, 3) force of the parent on the child, in the child's joint frame (N).
+        slip: (F, ns, 3) unit vector, in the same frame, that friction is measured along: the site's
+            axis; of a ball the direction of its slip (at rest: of its last slip).
+        use: (F, ns) |friction| over its limit where a simulated site sticks, NaN elsewhere.
+        sites: what each site does when.
+        stick_intervals: all intervals, in the order of the sites.
+        carried: payload -> spans in which it is carried.
+        gears: drive -> spans in which its gear holds the joint by itself: it stands still under an
+            effort other than 0, and the motor's torque may be 0. Drives without any are left out.
+        off: drive -> spans in which its logged effort is off the computed one by more than 10 %,
+            and more than 30 %, of its RMS; at rest the nearest value of the interval counts.
+        limiting: drive -> limit of `criteria.instant_limits` -> spans in which the robot moves and
+            more than 99.5 % of that limit, and more than 100.2 %, are used; of each drive's limits
+            the one most used counts. Drives and limits without any are left out.
+        simulated: True for a simulated motion.
+        ended: why a simulation ended before its time, or "".
+    """
+
+    t: np.ndarray
+    placement: np.ndarray
+    friction_lower: np.ndarray
+    friction_upper: np.ndarray
+    force: np.ndarray
+    slip: np.ndarray
+    use: np.ndarray
+    sites: tuple[SiteTimes, ...]
+    stick_intervals: tuple[StickInterval, ...]
+    carried: dict[str, Spans]
+    gears: dict[str, Spans]
+    off: dict[str, tuple[Spans, Spans]]
+    limiting: dict[str, dict[str, tuple[Spans, Spans]]]
+    simulated: bool
+    ended: str = ""
+
+    @property
+    def duration(self) -> float:
+        """From the first frame to the last, s."""
+        return float(self.t[-1] - self.t[0])
+
+
+def make_frames(
+    scene: Scene,
+    motion: InverseResult | Motion,
+    rate: float = RATE,
+    log: JudgedLog | None = None,
+    limits: Sequence[DriveLimits] | None = None,
+) -> Frames:
+    """Cut a motion into frames that lose no change between sliding and sticking.
+
+    Args:
+        scene: the robot.
+        motion: a result of inverse dynamics with times, or a simulated motion.
+        rate: frames per second; fewer where they would be more than `MOST_FRAMES`.
+        log: the log that the motion comes from, compared with the result.
+        limits: (na,) of the drives, for a result of inverse dynamics.
+
+    Raises:
+        StateError: no times, a rate that is not positive.
+    """
+    if not (np.isfinite(rate) and rate > 0):
+        raise StateError(f"replay: rate {rate}; give a positive number of frames per second")
+    states = _states(scene, motion)
+    t = states.t
+    assert t is not None  # _states refuses a motion without
+    intervals = motion.stick_intervals()
+    rate = min(rate, MOST_FRAMES / max(float(t[-1] - t[0]), 1e-9))
+    times, index = frame_times(t, _few(_keys(t, motion, states)), rate)
+    ended, off, limiting = "", {}, {}
+    if isinstance(motion, Motion):
+        lower, upper, use = motion.friction, motion.friction, limit_use(scene, motion)
+        ended = "" if motion.status == FINISHED else motion.message
+    else:
+        lower, upper = motion.friction_lower, motion.friction_upper
+        use = np.full(lower.shape, np.nan)
+        off = {} if log is None else off_the_log(motion, log)
+        limiting = {} if limits is None else limiting_drives(motion, limits)
+    return Frames(
+        t=times,
+        placement=_placements(scene.model, _positions(scene.model, states, times, index)),
+        friction_lower=lower[index],
+        friction_upper=upper[index],
+        force=_forces(scene, motion, states, index),
+        slip=_slip_directions(scene, states.q[index], states.v[index]),
+        use=use[index],
+        sites=tuple(site_times(motion, s, intervals, use) for s in range(len(scene.sites))),
+        stick_intervals=intervals,
+        carried=carried_payloads(scene, states),
+        gears=gear_holds(scene, motion, states),
+        off=off,
+        limiting=limiting,
+        simulated=isinstance(motion, Motion),
+        ended=ended,
+    )
+
+
+def site_rates(scene: Scene, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Return the relative velocity of every friction site, child to parent or b to a.
+
+    Args:
+        scene: the robot.
+        q: (n, nq). v: (n, nv).
+
+    Returns:
+        (n, ns, 3) in the frame the site's wrench is given in, rad/s or m/s: along the site's axis,
+        of a ball the whole angular velocity. A loop's joint has no velocity of its own: its rate
+        is that of the bodies it joins.
+    """
+    sites, linkage = scene.site_tables, scene.linkage
+    along = v[:, sites.velocity_index] * sites.ratio if scene.model.nv else v[:, :0]
+    rates = along[:, :, None] * sites.axis
+    loops = [(s, site) for s, site in enumerate(scene.sites) if site.pair >= 0]
+    if loops and linkage is not None:
+        action = loop_state(scene.twin(), linkage, q, v, np.zeros_like(v)).rate
+        for s, site in loops:
+            first = linkage.friction_column[site.pair]
+            part = action[:, first : first + (3 if site.ball else 1)]
+            rates[:, s] = part if site.ball else part * site.axis
+    return np.asarray(rates)
+
+
+def frame_times(t: np.ndarray, keys: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the times of the frames and, for each, the sample at or before it.
+
+    Where the samples lie closer than the frames, frames are samples; where they lie farther
+    apart, frames are added in between. The keys and the last sample are always there.
+
+    Args:
+        t: (T,) increasing times of the samples, s.
+        keys: indices of samples that must be frames.
+        rate: frames per second.
+    """
+    count = max(int(np.ceil((t[-1] - t[0]) * rate)), 1)
+    grid = np.linspace(t[0], t[-1], count + 1)
+    before = np.clip(np.searchsorted(t, grid, side="right") - 1, 0, len(t) - 1)
+    after = np.minimum(before + 1, len(t) - 1)
+    wide = t[after] - t[before] > 1.5 / rate
+    nearest = np.where(t[after] - grid < grid - t[before], after, before)
+    ends = [0, len(t) - 1]
+    chosen = np.concatenate((nearest[~wide], before[wide], after[wide], keys, ends))
+    chosen = np.unique(chosen.astype(int))
+    between = np.setdiff1d(grid[wide], t)
+    times = np.concatenate((t[chosen], between))
+    order = np.argsort(times, kind="stable")
+    times = times[order]
+    return times, np.clip(np.searchsorted(t, times, side="right") - 1, 0, len(t) - 1)
+
+
+def _states(scene: Scene, motion: InverseResult | Motion) -> States:
+    if isinstance(motion, Motion):
+        return States.of(scene, motion.q, motion.v, motion.a, motion.t, motion.attached)
+    if motion.t is None:
+        raise StateError("a replay needs times: give `t` to inverse_dynamics")
+    return motion.states
+
+
+def _keys(t: np.ndarray, motion: InverseResult | Motion, states: States) -> np.ndarray:
+    """Samples around every change of what a site does and of what is carried."""
+    if isinstance(motion, Motion):
+        marks = [motion.modes]
+    else:
+        marks = [motion.sticking, motion.reversal, motion.status[:, None]]
+    if states.attached is not None:
+        marks.append(states.attached)
+    change = np.zeros(len(t) - 1, dtype=bool)
+    for mark in marks:
+        change |= (mark[1:] != mark[:-1]).any(axis=1)
+    first = np.flatnonzero(change)
+    return np.concatenate((first, first + 1))
+
+
+def _few(keys: np.ndarray) -> np.ndarray:
+    """At most `MOST_FRAMES` of the samples that should be frames, evenly over the motion."""
+    if len(keys) <= MOST_FRAMES:
+        return keys
+    return np.sort(keys)[np.linspace(0, len(keys) - 1, MOST_FRAMES).astype(int)]
+
+
+def _forces(
+    scene: Scene, motion: InverseResult | Motion, states: States, index: np.ndarray
+) -> np.ndarray:
+    """(F, ns, 3) force of the parent on the child in the samples of the frames.
+
+    Of a simulated motion from inverse dynamics at these samples; NaN where that refuses them
+    (loops that the integrator leaves a little open), and where it has no solution.
+    """
+    if isinstance(motion, Motion):
+        attached = None if states.attached is None else states.attached[index]
+        try:
+            result = inverse_dynamics(
+                scene, states.q[index], states.v[index], states.a[index], attached=attached
+            )
+        except PinfricError:
+            return np.full((len(index), len(scene.sites), 3), np.nan)
+        return _wrenches(scene, result)[:, :, :3]
+    return _wrenches(scene, motion)[index, :, :3]
+
+
+def _slip_directions(scene: Scene, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """(F, ns, 3) see `Frames.slip`; a ball that never slips has its axis."""
+    out = np.tile(scene.site_tables.axis, (len(q), 1, 1))
+    balls = [s for s, site in enumerate(scene.sites) if site.ball]
+    if not balls:
+        return out
+    rates = site_rates(scene, q, v)
+    for s in balls:
+        speed = np.linalg.norm(rates[:, s], axis=1)
+        moves = np.flatnonzero(speed > scene.site_tables.laws.stick_velocity[s])
+        if len(moves):  # at rest: as it slipped last; before the first slip: as it will
+            last = np.searchsorted(moves, np.arange(len(q)), side="right") - 1
+            frame = moves[np.maximum(last, 0)]
+            out[:, s] = rates[frame, s] / speed[frame, None]
+    return out
+
+
+def _wrenches(scene: Scene, result: InverseResult) -> np.ndarray:
+    """(T, ns, 6); NaN where loops close a scene in which no friction looks at a reaction."""
+    if result.wrench is not None:
+        return result.wrench
+    rows = scene.site_tables.joint
+    if scene.linkage is not None:
+        return np.full((len(result.states.q), len(rows), 6), np.nan)
+    return state_wrenches(scene, result.states, result.external, threads=1)[:, rows]
+
+
+def _positions(
+    model: pin.Model, states: States, times: np.ndarray, index: np.ndarray
+) -> np.ndarray:
+    """(F, nq): the samples, and between samples the cubic that meets their q and v."""
+    q, v, t = states.q, states.v, states.t
+    assert t is not None
+    out = q[index].copy()
+    for f in np.flatnonzero(times > t[index]):
+        i = index[f]
+        h = t[i + 1] - t[i]
+        s = (times[f] - t[i]) / h
+        step = (s**3 - 2 * s**2 + s) * h * v[i] + (s**3 - s**2) * h * v[i + 1]
+        step += (3 * s**2 - 2 * s**3) * pin.difference(model, q[i], q[i + 1])
+        out[f] = pin.integrate(model, q[i], step)
+    return out
+
+
+def _placements(model: pin.Model, q: np.ndarray) -> np.ndarray:
+    data = model.createData()
+    out = np.empty((len(q), model.njoints - 1, 7))
+    for f, row in enumerate(q):
+        pin.forwardKinematics(model, data, row)
+        for j in range(1, model.njoints):
+            out[f, j - 1] = pin.SE3ToXYZQUAT(data.oMi[j])
+    return out

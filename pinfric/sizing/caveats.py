@@ -1,0 +1,172 @@
+"""Assumptions and limits of a sizing, in words for its reader."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.drives.catalog import Catalog
+from pinfric.drives.duty import Schedule
+from pinfric.drives.policy import KIT
+from pinfric.dynamics.inverse.result import InverseResult
+from pinfric.dynamics.samples.states import States
+from pinfric.model.scene import Scene
+
+#: Part of a joint's travel, and of its largest velocity, by which a cycle may miss its start.
+_CLOSES = 1e-3
+#: Samples looked at to see how far joints travel.
+_LOOKED_AT = 1000
+#: Gaps of a cycle that a note lists; the others are counted.
+_MOST_GAPS = 4
+
+
+def unclosed(result: InverseResult, duty: Schedule) -> tuple[str, ...]:
+    """Return in words how a cycle's end differs from its start; empty if it closes.
+
+    A position counts from 0.1 % of the joint's farthest way from its start on (and 1e-4 rad or m),
+    a velocity from 0.1 % of the largest one (and the stick velocity): a log closes no better.
+
+    Args:
+        result: of all cycles. duty: which samples are which cycle.
+    """
+    found = []
+    for name, part in duty.parts():
+        where = f"{name}: " if len(duty.names) > 1 else ""
+        found += [where + gap for gap in _gaps(result.scene, result.states.part(part))]
+    return tuple(found)
+
+
+def discontinuities(result: InverseResult, duty: Schedule) -> tuple[str, ...]:
+    """Return in words the cycles of a period that do not begin where the one before ends.
+
+    Args:
+        result: of all cycles. duty: which samples are which cycle.
+    """
+    return tuple(
+        f"{duty.names[k]} does not begin where {duty.names[k - 1]} ends"
+        for k, (_, part) in enumerate(duty.parts())
+        if k and _gaps(result.scene, result.states.part(slice(part.start - 1, part.start + 1)))
+    )
+
+
+def _gaps(scene: Scene, states: States) -> list[str]:
+    """What of one cycle does not end as it began."""
+    found = []
+    away = pin.difference(scene.model, states.q[0], states.q[-1])
+    some = states.q[:: len(states.q) // _LOOKED_AT + 1]
+    ways = np.array([pin.difference(scene.model, states.q[0], q) for q in some])
+    for joint, name in zip(list(scene.model.joints)[1:], scene.joint_names, strict=True):
+        part = slice(joint.idx_v, joint.idx_v + joint.nv)
+        slides = joint.shortname().startswith("JointModelP")  # a planar joint: m and rad
+        unit = "m" if slides else "rad"
+        speed = np.linalg.norm(states.v[:, part], axis=1)
+        gap = float(np.linalg.norm(away[part]))
+        jump = float(np.linalg.norm(states.v[-1, part] - states.v[0, part]))
+        if gap > max(_CLOSES * float(np.linalg.norm(ways[:, part], axis=1).max()), 1e-4):
+            found.append(f"{name} ends {gap:.3g} {unit} from where it began")
+        if jump > max(_CLOSES * float(speed.max()), scene.stick_velocity):
+            found.append(f"{name} ends with a velocity {jump:.3g} {unit}/s from that at its start")
+    if states.attached is not None:
+        for name, first, last in zip(scene.payloads, *states.attached[[0, -1]], strict=True):
+            if first != last:
+                found.append(f"payload {name} is carried at the {'start' if first else 'end'} only")
+    return found
+
+
+def caveats(
+    scene: Scene,
+    catalog: Catalog | None,
+    gaps: Sequence[str],
+    jumps: Sequence[str] = (),
+    beyond: Sequence[str] = (),
+) -> tuple[str, ...]:
+    """Return the assumptions of a sizing, in sentences.
+
+    Args:
+        scene: the robot as given.
+        catalog: what was chosen from; None: nothing was.
+        gaps: of `unclosed`. jumps: of `discontinuities`. beyond: of `beyond_limits`.
+    """
+    opening = _of_the_motion(gaps, jumps)
+    if beyond:
+        opening.append(
+            f"Beyond its limit: {'; '.join(beyond)}: is the limit that of the motion's robot, and "
+            "are its masses, payloads and times right?"
+        )
+    if catalog is None:
+        return tuple(opening)
+    notes = [
+        *opening,
+        _of_masses(scene),
+        "Each motor and gear is a point mass on its joint's parent link, at the joint's origin; "
+        "the drive of the first joint stands on the ground.",
+        f"Housing, shaft and bearings of a frameless kit are {KIT:.0%} of its mass and its gear's; "
+        "couplings, cables and encoders have none. A gear takes the motors that its maker names, a "
+        "frameless kit goes into a strain wave gear; else a motor with a shaft is taken to fit.",
+        "A joint gets the smallest brake that holds its load without any help of the gear, unless "
+        "friction of the joint alone holds it, or the gear is self-locking.",
+        "Output bearings carry the whole wrench of the joint, about the joint's origin, which is "
+        "assumed to lie on the output flange; conditions.bearings names another bearing instead.",
+        "Magnets are assumed cold: the torque constant does not fall with temperature.",
+    ]
+    notes += [f"{catalog.source}: {text}." for text in catalog.replaced]
+    notes.append(_of_friction(scene))
+    if scene.assumed is not None:
+        listed = "; ".join(f"{place} ({why})" for place, why in scene.assumed.values.items())
+        notes.append(
+            f"Guesses of `{scene.assumed.by}`, {scene.assumed.date}: {listed}. "
+            "Guesses of coulomb and viscous include a gear; beside a candidate's own losses they "
+            "count twice, on the safe side, unless `includes_drive: true` stands beside them."
+        )
+    if any(drive.transmission is not None for drive in scene.drives):
+        notes.append("The scene's transmissions are replaced by the candidates'.")
+    return tuple(notes)
+
+
+def _of_masses(scene: Scene) -> str:
+    """Say whose masses are in the links."""
+    held = [
+        name for name, hold in zip(scene.actuator_names, scene.masses_hold, strict=True) if hold
+    ]
+    if len(held) == len(scene.drives):
+        return (
+            "The links' masses hold the drives (`robot.masses`): those chosen replace them and are "
+            "not added; conditions.mass_in_urdf gives what is there, to replace it exactly."
+        )
+    kept = f" but those of {', '.join(held)}, which its links hold" if held else ""
+    return f"The masses of the drives are added to the robot's links{kept} (`robot.masses`)."
+
+
+def _of_the_motion(gaps: Sequence[str], jumps: Sequence[str]) -> list[str]:
+    opening = []
+    if jumps:
+        opening.append(
+            f"{'; '.join(jumps)}: the move between them is not in the figures; add it as a cycle."
+        )
+    if gaps:
+        more = f" and {len(gaps) - _MOST_GAPS} more" if len(gaps) > _MOST_GAPS else ""
+        opening.append(
+            f"The cycle does not close: {'; '.join(gaps[:_MOST_GAPS])}{more}. RMS, energies, "
+            "temperatures, overload and gear life assume that it repeats without a pause, and that "
+            "the return move takes no time and no torque. For valid figures add the return move "
+            "and the pause to the trajectory."
+        )
+    return opening
+
+
+def _of_friction(scene: Scene) -> str:
+    replaced = [name for name, entry in scene.friction.items() if entry.includes_drive]
+    if replaced:
+        return (
+            f"Coulomb and viscous friction of {', '.join(replaced)} include the old drive "
+            "(`includes_drive`); the candidates' losses replace them. So friction of the joint's "
+            "own bearings and seals is missing, and all of it if a candidate's no-load torque is "
+            "not known. Without `includes_drive` both are counted."
+        )
+    return (
+        "The candidates' losses are added to the scene's friction. Friction identified from "
+        "motor currents already includes the old drive: mark it `includes_drive: true`, so that "
+        "the drive counts once."
+    )

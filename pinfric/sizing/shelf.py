@@ -1,0 +1,657 @@
+"""A shelf of drives: motors and gears of a catalogue as arrays, and what of them may fit a joint.
+
+Gears are left out by their own figures first; only those left get a loss model, once each, without
+a rotor: torques at the input between m - h and m + h. A rotor of inertia J adds J a at every
+sample, so that over the whole cycle
+
+    worst torque = |m + J a| + h,
+    RMS^2 >= <m^2> + 2 J <m a> + J^2 <a^2> + <h^2> + 2 |<h m> + J <h a>|,
+
+six numbers of a gear for all motors at once; two samples bound the peak. A drive that fails by a
+lower bound fails. The others are judged exactly, from the lightest on.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from pinfric.drives.brake import Stop
+from pinfric.drives.catalog import Brake, Catalog, Gear, GearMotor, Motor
+from pinfric.drives.criterion import Criterion, Status
+from pinfric.drives.demand import largest, mean
+from pinfric.drives.drivetrain import (
+    Candidate,
+    MotorFigures,
+    Ratings,
+    gearmotor_drive,
+    input_torques,
+    motor_cycle,
+    motor_with_gear,
+    ratings_of,
+    shock_efficiency,
+    with_brake,
+)
+from pinfric.drives.limit import (
+    GEAR_FIGURES,
+    MOTOR_FIGURES,
+    Case,
+    Drives,
+    Limit,
+    columns,
+    drive,
+    number,
+)
+from pinfric.drives.limits import LIMITS, criteria
+from pinfric.drives.policy import (
+    KIT,
+    Conditions,
+    fits,
+    frameless,
+    goes_with,
+    kind_of,
+    lacks,
+)
+from pinfric.drives.thermal import COPPER
+from pinfric.model.transmission import driven_efficiency
+
+#: Numbers of an array over gears and motors at a time.
+_MOST = 2_000_000
+#: A catalogue of no more drives is shown in full.
+_FEW = 12
+#: Drives that are judged in full to find the one that misses by least.
+_TRIED = 40
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """One drive at one joint with all its criteria.
+
+    Attributes:
+        candidate: motor and gear. drives: as rows read it, without samples.
+        lacks: figures of the policy that are not known: it cannot be signed.
+    """
+
+    candidate: Candidate
+    drives: Drives
+    lacks: tuple[str, ...] = ()
+
+    @cached_property
+    def criteria(self) -> tuple[Criterion, ...]:
+        """In the order of the table, in words."""
+        return criteria(self.drives)
+
+    @cached_property
+    def _margins(self) -> list[tuple[Limit, float]]:
+        """Every row with its margin; NaN: not known, or not asked for."""
+        found = []
+        for limit in LIMITS:
+            if limit.verdict is not None:
+                judged = limit.verdict(self.drives)
+                low = -1.0 if judged.status == Status.FAILS else np.nan
+                found.append((limit, low))
+            elif limit.applies(self.drives):
+                found.append((limit, float(limit.margin(self.drives))))
+        return found
+
+    @property
+    def motor(self) -> MotorFigures | None:
+        """What the cycle asks of the motor; None where figures are missing."""
+        return self.drives.asked.figures
+
+    @cached_property
+    def failed(self) -> tuple[Criterion, ...]:
+        """The criteria it fails, the worst first."""
+        failed = [c for c in self.criteria if c.status == Status.FAILS]
+        return tuple(sorted(failed, key=lambda c: c.margin if c.margin is not None else 0.0))
+
+    @cached_property
+    def not_checked(self) -> tuple[Criterion, ...]:
+        """The criteria for which a figure is missing."""
+        return tuple(c for c in self.criteria if c.status == Status.NOT_CHECKED)
+
+    @cached_property
+    def fits(self) -> bool:
+        """It fails no criterion, and every figure that the policy asks for is there."""
+        known = not self.lacks and not self.unknown
+        return known and not any(margin < 0 for _, margin in self._margins)
+
+    @cached_property
+    def unknown(self) -> tuple[str, ...]:
+        """Figures that a condition asks for, and that are not known."""
+        conditions = self.drives.conditions
+        wanted = {"backlash", "continuous torque"}
+        wanted |= (
+            {"gear life L10", "bearing life L10", "screw life L10"} if conditions.life else set()
+        )
+        wanted |= {"back-driving"} if conditions.back_driving != "any" else set()
+        names = {limit.name for limit, margin in self._margins if np.isnan(margin)} & wanted
+        found = (c for c in self.criteria if c.name in names) if names else ()
+        return tuple(c.lacks for c in found if c.status == Status.NOT_CHECKED)
+
+    @cached_property
+    def margin(self) -> float:
+        """The least margin of what was checked and has a scale (`Criterion.scaled`)."""
+        scaled = (m for limit, m in self._margins if not np.isnan(m) and not _of_no_scale(limit, m))
+        return min(scaled, default=0.0)
+
+    @property
+    def why(self) -> str:
+        """Why it is rejected; empty if it fits."""
+        ask = [f"cannot be signed: ask for {', '.join((*self.lacks, *self.unknown))}"]
+        return "; ".join([c.why for c in self.failed] or ask * (not self.fits))
+
+
+def _of_no_scale(limit: Limit, margin: float) -> bool:
+    return limit.name == "back-driving" or (limit.name == "bus voltage" and margin >= 0)
+
+
+def rank(assessment: Assessment) -> tuple[float, float, str]:
+    """Order of drives that fit: by mass, then margin, then name."""
+    mass = assessment.candidate.mass or 0.0
+    return mass, -round(assessment.margin, 9), assessment.candidate.name
+
+
+@dataclass(frozen=True)
+class Ask:
+    """A product that cannot be signed, and the figures to ask its maker for."""
+
+    name: str
+    figures: tuple[str, ...]
+    mass: float | None
+
+
+@dataclass
+class _Block:
+    """Gears (rows) with motors (columns), or gearmotors (rows) alone.
+
+    Attributes:
+        gear, motor: figures; gears (ng, 1), motors (nm,), of gearmotors both (ng, 1).
+        ratio: (ng, 1). inertia, mass: (ng, nm). heat: continuous torques at the ambient.
+        fits: (ng, nm) the two go together. names: of gears. gear_lacks, motor_lacks: figures.
+        make: drive of a gear and a motor by their numbers. linear, at_output: of all.
+    """
+
+    gear: SimpleNamespace
+    motor: SimpleNamespace
+    ratio: np.ndarray
+    inertia: np.ndarray
+    mass: np.ndarray
+    heat: np.ndarray
+    fits: np.ndarray
+    names: list[str]
+    motor_names: list[str]
+    gear_lacks: list[tuple[str, ...]]
+    motor_lacks: list[tuple[str, ...]]
+    make: Callable[[int, int], Candidate]
+    bare: Callable[[int], Candidate]
+    linear: bool
+    at_output: bool
+
+
+@dataclass(frozen=True)
+class Parts:
+    """What a joint has of its own, and what there is beside motors and gears.
+
+    Attributes:
+        own: fields of a candidate that replace the drive's. brakes: the smallest first.
+        banned: names that may not be taken.
+    """
+
+    own: Mapping[str, Any] = field(default_factory=dict)
+    brakes: Sequence[tuple[str, Brake]] = ()
+    banned: frozenset[str] = frozenset()
+
+
+class Shelf:
+    """The drives of a catalogue for turning, or for sliding joints.
+
+    Args:
+        catalog: what there is. conditions: ambient temperature, for ratings. linear: which joints.
+    """
+
+    def __init__(self, catalog: Catalog, conditions: Conditions, linear: bool) -> None:
+        self.linear, self.conditions = linear, conditions
+        gears = [
+            (name, gear, ratio)
+            for name, gear in catalog.gears.items()
+            if (gear.output == "linear") == linear
+            for ratio in gear.ratios
+        ]
+        alone = [(n, g) for n, g in catalog.gearmotors.items() if (g.output == "linear") == linear]
+        self.blocks = []
+        if gears and catalog.motors:
+            self.blocks.append(_of_gears(gears, catalog.motors, conditions, linear))
+        if alone:
+            self.blocks.append(_of_gearmotors(alone, conditions, linear))
+
+    @property
+    def count(self) -> int:
+        """Number of drives whose parts go together."""
+        return int(sum(block.fits.sum() for block in self.blocks))
+
+
+def _heat(ratings: Ratings, conditions: Conditions) -> float:
+    """The continuous torque at the ambient temperature; of a curve over speed its greatest."""
+    share, torque = ratings.derating(conditions)[0], ratings.continuous_torque
+    if ratings.continuous_curve is not None:
+        torque = max(at for _, at in ratings.continuous_curve)
+    return number(None if share is None or torque is None else share * torque)
+
+
+def _motor_lacks(motor: Motor, ratings: Ratings) -> tuple[str, ...]:
+    both = SimpleNamespace(**vars(ratings), mass=motor.mass, rotor_inertia=motor.rotor_inertia)
+    return lacks("motor", both)
+
+
+def _of_gears(
+    gears: list[tuple[str, Gear, float]],
+    motors: Mapping[str, Motor],
+    conditions: Conditions,
+    linear: bool,
+) -> _Block:
+    entries, names = [gear for _, gear, _ in gears], list(motors)
+    ratings = [ratings_of(motor) for motor in motors.values()]
+    listed = list(motors.values())
+    gear = SimpleNamespace(
+        **{k: v[:, None] for k, v in vars(columns(entries, GEAR_FIGURES)).items()}
+    )
+    own = columns(entries, ("mass", "input_inertia"))
+    of_motors = columns(listed, ("mass", "rotor_inertia"))
+    kit = np.array([frameless(motor) for motor in listed])
+    blank = Motor.model_construct(source="", grade="R", rotor_inertia=0.0)
+    cache: dict[tuple[str, tuple[str, ...]], np.ndarray] = {}
+
+    def fitting(entry: Gear) -> np.ndarray:
+        key = entry.kind, entry.motors
+        if key not in cache:
+            pairs = zip(names, listed, strict=True)
+            cache[key] = np.array([fits(name, motor, entry) for name, motor in pairs])
+        return cache[key]
+
+    return _Block(
+        gear=gear,
+        motor=columns(ratings, MOTOR_FIGURES),
+        ratio=np.array([ratio for _, _, ratio in gears])[:, None],
+        inertia=own.input_inertia[:, None] + of_motors.rotor_inertia,
+        mass=(own.mass[:, None] + of_motors.mass) * (1 + KIT * kit),
+        heat=np.array([_heat(r, conditions) for r in ratings]),
+        fits=np.array([fitting(entry) for entry in entries]),
+        names=[name for name, _, _ in gears],
+        motor_names=names,
+        gear_lacks=[lacks(kind_of(entry), entry) for entry in entries],
+        motor_lacks=[_motor_lacks(m, r) for m, r in zip(listed, ratings, strict=True)],
+        make=lambda g, m: motor_with_gear(names[m], listed[m], *gears[g], ratings[m]),
+        bare=lambda g: motor_with_gear("", blank, *gears[g], Ratings()),
+        linear=linear,
+        at_output=False,
+    )
+
+
+def _of_gearmotors(
+    alone: list[tuple[str, GearMotor]], conditions: Conditions, linear: bool
+) -> _Block:
+    entries = [entry for _, entry in alone]
+    ratings = [ratings_of(entry) for entry in entries]
+    own = columns(entries, ("mass", "rotor_inertia", "ratio"))
+    gear, motor = (
+        SimpleNamespace(**{k: v[:, None] for k, v in vars(columns(of, figures)).items()})
+        for of, figures in ((entries, GEAR_FIGURES), (ratings, MOTOR_FIGURES))
+    )
+    return _Block(
+        gear=gear,
+        motor=motor,
+        ratio=own.ratio[:, None],
+        inertia=own.rotor_inertia[:, None],
+        mass=own.mass[:, None],
+        heat=np.array([_heat(r, conditions) for r in ratings])[:, None],
+        fits=np.ones((len(alone), 1), dtype=bool),
+        names=[name for name, _ in alone],
+        motor_names=[""],
+        gear_lacks=[lacks(kind_of(entry, gearmotor=True), entry) for entry in entries],
+        motor_lacks=[()],
+        make=lambda g, _: gearmotor_drive(*alone[g]),
+        bare=lambda g: gearmotor_drive(*alone[g]),
+        linear=linear,
+        at_output=True,
+    )
+
+
+@dataclass
+class _Row:
+    """A gear at a joint: its losses over the cycle, its brake.
+
+    Attributes:
+        ends: (T,) twice, torques at the input without rotor. brake: its name, and entry; or None.
+        numbers: of the bounds, see `Search`. margin: the least of its own rows.
+    """
+
+    ends: tuple[np.ndarray, np.ndarray]
+    brake: tuple[str, Brake] | None
+    numbers: tuple[float, ...]
+    margin: float
+    back: float
+
+
+class Search:
+    """The drives of a shelf at one joint.
+
+    Args:
+        shelf: of turning or of sliding drives. case: the joint. parts: its own.
+    """
+
+    def __init__(self, shelf: Shelf, case: Case, parts: Parts) -> None:
+        self.shelf, self.case, self.parts = shelf, case, parts
+        self._rows: dict[tuple[int, int], _Row] = {}
+        self._source, self._found = self._offers(), list[tuple[float, int, int, int]]()
+        self._judged: dict[tuple[int, int, int], Assessment] = {}
+
+    def _gear_lacks(self, block: _Block, g: int) -> tuple[str, ...]:
+        own = self.parts.own
+        return tuple(
+            figure
+            for figure in block.gear_lacks[g]
+            if figure != "output bearing" or own.get("bearing") is None
+        )
+
+    def _of_gears(self, block: _Block) -> np.ndarray:
+        """(ng,) the least margin of the rows of gears alone; infinite where none is known."""
+        blank = SimpleNamespace()
+        nan = np.nan
+        d = Drives(
+            self.case, block.gear, block.motor, blank, block.ratio, nan, nan, nan, nan,
+            block.at_output, block.linear,
+        )  # fmt: skip
+        least = np.full((len(block.names), 1), np.inf)
+        for limit in LIMITS:
+            if limit.stage == "gear":
+                least = np.fmin(least, limit.margin(d))
+        return least[:, 0]
+
+    def _of_entry(self, bare: Candidate) -> float:
+        """The least margin of the rows that read a gear's entry; infinite where none is known."""
+        d = drive(bare, None, self.case)
+        margins = (limit.margin(d) for limit in LIMITS if limit.stage == "entry")
+        return min((float(x) for x in margins if not np.isnan(x)), default=np.inf)
+
+    def _row(self, b: int, g: int) -> _Row:
+        """A gear with its losses, its brake, and the margin of the rows that read its entry."""
+        if (b, g) in self._rows:
+            return self._rows[b, g]
+        block, case = self.shelf.blocks[b], self.case
+        bare = replace(block.bare(g), **self.parts.own)
+        cycle, scale = case.cycle, bare.ratio if bare.at_output else 1.0
+        lower, upper = ends = input_torques(bare, cycle)
+        t, on = cycle.stretched, cycle.powered
+        m, h = 0.5 * scale * (lower + upper) * on, 0.5 * scale * (upper - lower) * on
+        a = scale * bare.ratio * cycle.acceleration * on
+        x, y = int(np.argmax(np.abs(m) + h)), int(np.argmax(np.abs(a)))
+        z = int(np.argmax(np.abs(cycle.velocity)))
+        speed = (1.0 if bare.at_output else bare.ratio) * cycle.velocity
+        numbers = (
+            *(mean(t, p * q) for p, q in ((m, m), (m, a), (a, a), (h, h), (h, m), (h, a))),
+            *(value for k in (x, y, z) for value in (m[k], h[k], a[k], speed[k])),
+        )
+        margin, brake = self._of_entry(bare), self._brake(bare)
+        row = _Row(ends, brake, numbers, margin, shock_efficiency(bare))
+        self._rows[b, g] = row
+        return row
+
+    def _brake(self, bare: Candidate) -> tuple[str, Brake] | None:
+        """The smallest brake that holds the joint's load, with its reserve; None: none needed."""
+        needed = self.holding_torque(bare)
+        if needed is None:
+            return None
+        for name, brake in self.parts.brakes:
+            if brake.torque >= needed and goes_with(brake, ""):
+                return name, brake
+        return None
+
+    def holding_torque(self, drive_: Candidate) -> float | None:
+        """Return what a brake at the shaft must hold, N m; None where none is needed.
+
+        brake_factor max |load|/ratio at rest, friction left out; a self-locking gear needs none.
+        """
+        rest, conditions, gear = self.case.rest, self.case.conditions, drive_.transmission
+        if not len(rest) or (drive_.linear and drive_.at_output):
+            return None  # a linear motor has no shaft
+        locks = gear is not None and driven_efficiency(gear) <= 0
+        if (self.case.held or locks) and conditions.holding_brake != "required":
+            return None
+        return conditions.brake_factor * largest(rest) / abs(drive_.ratio)
+
+    def _margins(self, b: int, gears: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(n, nm) bounds of the least margins of some gears with every motor, and their masses."""
+        block, conditions = self.shelf.blocks[b], self.case.conditions
+        rows = [self._row(b, int(g)) for g in gears]
+        n = np.array([row.numbers for row in rows]).T[:, :, None]
+        mm, ma, aa, hh, hm, ha = n[:6]
+        held = [row.brake[1] if row.brake else None for row in rows]
+        more = np.array([(x.rotor_inertia or 0.0) if x else 0.0 for x in held])[:, None]
+        heavier = np.array([(x.mass or 0.0) if x else 0.0 for x in held])[:, None]
+        torque = [x.greatest if x else np.nan for x in held]
+        J = block.inertia[gears] + more
+        motor = block.motor
+        if block.at_output:
+            motor = SimpleNamespace(**{k: v[gears] for k, v in vars(motor).items()})
+        square = mm + 2 * J * ma + J**2 * aa + hh + 2 * np.abs(hm + J * ha)
+        samples = [(n[k] + J * n[k + 2], n[k + 1], n[k + 3]) for k in (6, 10, 14)]
+        cool = min(1.0, 1 + COPPER * (conditions.ambient - 25.0))
+        asked = SimpleNamespace(
+            rms=np.sqrt(np.maximum(square, 0.0)) * (1 - 1e-9),
+            peak=np.maximum.reduce([np.abs(m) + h for m, h, _ in samples]) * (1 - 1e-9),
+            voltage=np.maximum.reduce([_least_voltage(motor, *s, cool) for s in samples]),
+        )
+        gear = SimpleNamespace(**{k: v[gears] for k, v in vars(block.gear).items()})
+        heat = block.heat[gears] if block.at_output else block.heat
+        back = np.array([row.back for row in rows])[:, None]
+        d = Drives(
+            self.case, gear, motor, asked, block.ratio[gears], J, heat, back,
+            np.array(torque)[:, None], block.at_output, block.linear,
+        )  # fmt: skip
+        least = np.broadcast_to(np.array([row.margin for row in rows])[:, None], J.shape).copy()
+        for limit in LIMITS:
+            if limit.stage == "pair":
+                least = np.fmin(least, limit.margin(d))
+        return least, block.mass[gears] + heavier
+
+    @cached_property
+    def _gear_margins(self) -> list[np.ndarray]:
+        return [self._of_gears(block) for block in self.shelf.blocks]
+
+    def _offers(self) -> Iterator[tuple[float, int, int, int]]:
+        """Yield (mass, block, gear, motor) of drives that fail by no bound, the lightest first."""
+        gears: list[tuple[float, int, int]] = []
+        signable = [np.array([not x for x in block.motor_lacks]) for block in self.shelf.blocks]
+        for b, block in enumerate(self.shelf.blocks):
+            mass = np.where(block.fits & signable[b], block.mass, np.nan)
+            left = np.isfinite(mass).any(axis=1) & (self._gear_margins[b] >= 0)
+            for g in np.flatnonzero(left).tolist():
+                if not self._gear_lacks(block, g):
+                    gears.append((float(np.nanmin(mass[g])), b, g))
+        gears.sort()
+        ready: list[tuple[float, str, int, int, int]] = []
+        for k, (_, b, g) in enumerate(gears):
+            block = self.shelf.blocks[b]
+            if self._row(b, g).margin >= 0:
+                least, masses = (x[0] for x in self._margins(b, np.array([g])))
+                ok = (least >= 0) & block.fits[g] & signable[b] & np.isfinite(masses)
+                for m in np.flatnonzero(ok).tolist():
+                    name = f"{block.motor_names[m]} {block.names[g]}"
+                    heapq.heappush(ready, (float(masses[m]), name, b, g, m))
+            horizon = gears[k + 1][0] if k + 1 < len(gears) else np.inf
+            while ready and ready[0][0] < horizon:
+                lightest, _, *where = heapq.heappop(ready)
+                yield lightest, where[0], where[1], where[2]
+
+    def offers(self) -> Iterator[tuple[float, int, int, int]]:
+        """Yield the same, of which what was found before is not searched again."""
+        k = 0
+        while True:
+            if k == len(self._found):
+                if (one := next(self._source, None)) is None:
+                    return
+                self._found.append(one)
+            yield self._found[k]
+            k += 1
+
+    def judge(self, b: int, g: int, m: int) -> Assessment:
+        """Return one drive of the shelf, judged exactly."""
+        if (b, g, m) not in self._judged:
+            block = self.shelf.blocks[b]
+            made = replace(block.make(g, m), **self.parts.own)
+            missing = (*self._gear_lacks(block, g), *block.motor_lacks[m])
+            row = self._row(b, g) if made.transmission is not None else None
+            self._judged[b, g, m] = self.assess(made, missing, row)
+        return self._judged[b, g, m]
+
+    def assess(
+        self, made: Candidate, missing: tuple[str, ...] = (), row: _Row | None = None
+    ) -> Assessment:
+        """Return a drive judged exactly, with the brake that it needs."""
+        motor, needed = None, self.holding_torque(made)
+        if made.transmission is not None:
+            ends = row.ends if row else input_torques(made, self.case.cycle)
+            for name, brake in () if needed is None else self.parts.brakes:
+                if brake.torque >= (needed or 0.0) and goes_with(brake, made.motor):
+                    braked = with_brake(made, name, brake)
+                    if self._stops(braked, brake):
+                        made = braked
+                        break
+            motor = motor_cycle(made, self.case.cycle, self.case.conditions, ends)
+        return Assessment(made, drive(made, motor, self.case), missing)
+
+    def _stops(self, braked: Candidate, brake: Brake) -> bool:
+        """Whether a brake bears the energy of a stop, where its maker prints what it bears."""
+        gear, load = braked.transmission, self.case.load_inertia
+        if gear is None or load is None or brake.stop_energy is None:
+            return True
+        speed = np.abs(gear.ratio * self.case.cycle.velocity)
+        inertia = np.full(len(speed), load / gear.ratio**2 + gear.rotor_inertia)
+        inside = brake.model_copy(update={"rotor_inertia": None})  # in the drive's already
+        stop = Stop(inertia, speed, np.abs(self.case.rest / gear.ratio))
+        return stop.energy(inside) <= brake.stop_energy
+
+    def lightest(self) -> Assessment | None:
+        """Return the lightest drive that fits; of equal masses the one of greatest margin."""
+        return next(iter(self.fitting(1)), None)
+
+    def fitting(self, count: int) -> list[Assessment]:
+        """Return the lightest drives that fit, by mass, then margin, then name."""
+        found: list[Assessment] = []
+        for mass, b, g, m in self.offers():
+            if len(found) >= count and mass > (found[-1].candidate.mass or 0.0) * (1 + 1e-12):
+                break
+            judged = self.judge(b, g, m)
+            if judged.fits and judged.candidate.name not in self.parts.banned:
+                found.append(judged)
+                found.sort(key=rank)
+        return found[:count]
+
+    def front(self) -> list[Assessment]:
+        """Return the drives that fit for which no lighter one has as stiff a gear, by mass."""
+        found: list[Assessment] = []
+        stiffest, group = 0.0, list[Assessment]()
+        offers = list(self.offers())
+        for k, (mass, b, g, m) in enumerate(offers):
+            stiffness = float(self.shelf.blocks[b].gear.stiffness[g, 0])
+            if stiffness > stiffest:
+                judged = self.judge(b, g, m)
+                if judged.fits and judged.candidate.name not in self.parts.banned:
+                    group.append(judged)
+            last = k + 1 == len(offers) or offers[k + 1][0] > mass
+            if last and group:
+                found.append(min(group, key=lambda a: (-stiffness_of(a), rank(a))))
+                stiffest, group = stiffness_of(found[-1]), []
+        return found
+
+    def all_of_few(self) -> list[Assessment]:
+        """Return all drives of a small catalogue, also those that cannot be signed; else none."""
+        if self.shelf.count > _FEW:
+            return []
+        pairs = ((b, g, m) for b, x in enumerate(self.shelf.blocks) for g, m in np.argwhere(x.fits))
+        return [self.judge(b, int(g), int(m)) for b, g, m in pairs]
+
+    def nearest(self, below: float = np.inf, worst: float = -10.0) -> Assessment | None:
+        """Return the drive lighter than `below` (kg) that misses by least, none beyond a margin."""
+        options: list[tuple[float, float, int, int, int]] = []
+        for b, block in enumerate(self.shelf.blocks):
+            known = [g for g in range(len(block.names)) if not self._gear_lacks(block, g)]
+            signable = np.array([not figures for figures in block.motor_lacks])
+            step = max(1, _MOST // max(len(signable), 1))
+            for k in range(0, len(known), step):
+                gears = np.array(known[k : k + step])
+                gears = gears[self._gear_margins[b][gears] > worst]
+                if not len(gears):
+                    continue
+                least, mass = self._margins(b, gears)
+                least = np.fmin(least, self._gear_margins[b][gears][:, None])
+                ok = (least > worst) & block.fits[gears] & signable & (mass < below)
+                rows, motors = np.nonzero(ok)
+                options += zip(
+                    (-least[rows, motors]).tolist(), mass[rows, motors].tolist(),
+                    [b] * len(rows), gears[rows].tolist(), motors.tolist(), strict=True,
+                )  # fmt: skip
+        options.sort()
+        best: Assessment | None = None
+        for bound, _, b, g, m in options[:_TRIED]:
+            if best is not None and best.margin >= -bound:
+                break
+            judged = self.judge(b, g, m)
+            if judged.fits or judged.unknown or judged.candidate.name in self.parts.banned:
+                continue
+            if judged.margin > worst and (best is None or judged.margin > best.margin):
+                best = judged
+        return best
+
+    def ask(self, below: float = np.inf) -> tuple[Ask, ...]:
+        """Return the gears and motors that might do but lack figures, by fewest missing, mass."""
+        found: dict[str, Ask] = {}
+        for b, block in enumerate(self.shelf.blocks):
+            for g, name in enumerate(block.names):
+                figures = self._gear_lacks(block, g)
+                mass = float(np.nanmin(block.mass[g])) if np.isfinite(block.mass[g]).any() else None
+                if not figures or self._gear_margins[b][g] < 0 or (mass and mass >= below):
+                    continue
+                if self._of_entry(replace(block.bare(g), **self.parts.own)) >= 0:
+                    found.setdefault(name, Ask(name, figures, mass))
+            if block.at_output:
+                continue
+            known = [g for g in range(len(block.names)) if not self._gear_lacks(block, g)]
+            left = np.array([g for g in known if self._gear_margins[b][g] >= 0], dtype=np.int64)
+            step = max(1, _MOST // max(len(block.motor_lacks), 1))
+            might = np.zeros(len(block.motor_lacks), dtype=bool)
+            for k in range(0, len(left), step):
+                least, mass_ = self._margins(b, left[k : k + step])
+                heavy = mass_ >= below
+                might |= ((least >= 0) & block.fits[left[k : k + step]] & ~heavy).any(axis=0)
+            for m in np.flatnonzero(might):
+                if figures := block.motor_lacks[m]:
+                    name = block.motor_names[m]
+                    found.setdefault(name, Ask(name, figures, None))
+        return tuple(sorted(found.values(), key=lambda a: (len(a.figures), a.mass or 0.0, a.name)))
+
+
+def stiffness_of(assessment: Assessment) -> float:
+    """Return K_1 of a drive, N m/rad; NaN: not known."""
+    return float(assessment.drives.gear.stiffness)
+
+
+def _least_voltage(
+    motor: SimpleNamespace, middle: np.ndarray, half: np.ndarray, speed: np.ndarray, cool: float
+) -> np.ndarray:
+    """A bound of the voltage that a torque between two ends takes at a speed, its winding cold."""
+    per_torque = motor.resistance / motor.torque_constant
+    back = motor.torque_constant
+    other = motor.nominal_voltage / motor.stall_torque, motor.nominal_voltage / motor.no_load_speed
+    per_torque = np.where(np.isnan(per_torque), other[0], per_torque)
+    back = np.where(np.isnan(motor.resistance / motor.torque_constant), other[1], back)
+    driving = np.where(speed >= 0, middle, -middle) + half
+    taken = (cool * per_torque * driving + back * np.abs(speed)) * (1 - 1e-9)
+    return np.where(driving > 0, taken, 0.0)  # a braking torque takes less

@@ -1,0 +1,708 @@
+"""Motor sizing: the demand of a cycle on each drive, and the drives of a catalogue that fit.
+
+Motors have mass. The motor and gear of joint j are held by the joint's parent link, with their mass
+at the joint's origin (a point; their own moments of inertia and their offset from the axis are left
+out), so they load the joints nearer to the base, not their own. Joints are therefore sized from the
+tips to the base, each with the drives chosen beyond it in the model, and all over again until no
+choice changes. The rotor's inertia acts on its own motor as r^2 J a; gyroscopic torques of rotors,
+and their share in other joints' inertias, are left out (for ratio r: 1/r of it).
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from pinfric.drives.brake import Standstill, ranked, standstills
+from pinfric.drives.catalog import Catalog
+from pinfric.drives.catalog_file import load_catalog
+from pinfric.drives.criterion import Criterion, Status
+from pinfric.drives.demand import (
+    DriveCycle,
+    GearDemand,
+    JointDemand,
+    average_output_effort,
+    driven_joint,
+    joint_demand,
+    screw_load,
+)
+from pinfric.drives.drivetrain import MotorCycle, line_voltage, motor_cycle
+from pinfric.drives.duty import Duty, Schedule, once
+from pinfric.drives.parts import check_names, own_parts
+from pinfric.drives.policy import Conditions, parse_conditions
+from pinfric.drives.power import BusPower, bus_power
+from pinfric.drives.robot import (
+    Robot,
+    added_masses,
+    carried,
+    geared,
+    tip_to_base,
+    without_drives,
+)
+from pinfric.dynamics.inverse.inverse import inverse_dynamics
+from pinfric.dynamics.inverse.result import InverseResult
+from pinfric.dynamics.samples.states import MotionLike
+from pinfric.elastic.motion import Elasticity, elasticity
+from pinfric.errors import PinfricWarning, SizingError, choose_from
+from pinfric.model.brief import counted, file_name, listed, screen
+from pinfric.model.described import described, quantity
+from pinfric.model.scene import Scene, expect_scene
+from pinfric.model.upward import Shown
+from pinfric.motions.summary import beyond_limits, effort_unit
+from pinfric.sizing.branch import Arm, stiff_enough
+from pinfric.sizing.caveats import caveats, discontinuities, unclosed
+from pinfric.sizing.elastic_arm import arm_criteria, check_tool, reversal_criteria
+from pinfric.sizing.shelf import Ask, Assessment, Parts, Search, Shelf, stiffness_of
+from pinfric.sizing.stopping import chosen_stops
+from pinfric.stops.study import StopResult
+
+#: Passes over all joints before an alternating choice is given up; two are usual.
+_MOST_PASSES = 12
+#: Passes after which a choice that comes back is banned.
+_PATIENCE = 4
+#: Drives that fit, of which a report tells.
+_ENOUGH = 12
+
+
+@dataclass(frozen=True)
+class JointSizing:
+    """One joint's demand and choice.
+
+    Attributes:
+        demand, cycle: with the mass of all chosen drives in the model.
+        demand_without_masses: with the model as the scene has it.
+        load_inertia: largest inertia about the joint over the cycle, kg m^2 (kg); None where
+            closed loops couple the joints.
+        motor: the shaft of the drive taken, sample by sample; None without one.
+        choice: the lightest that fits; None if none fits.
+        nearest: if none fits, the candidate with the smallest shortfall, none beyond -1000 %.
+        nothing_because: why there are no candidates, if a catalogue was given; otherwise empty.
+        search: of the drives that were looked at.
+    """
+
+    demand: JointDemand
+    cycle: DriveCycle
+    demand_without_masses: JointDemand
+    load_inertia: float | None
+    motor: MotorCycle | None = None
+    choice: Assessment | None = None
+    nearest: Assessment | None = None
+    nothing_because: str = ""
+    search: Search | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def name(self) -> str:
+        """The drive's name."""
+        return self.demand.name
+
+    @property
+    def installed(self) -> Assessment | None:
+        """The drive whose mass is in the model: the choice, or the nearest miss."""
+        return self.choice or self.nearest
+
+    @property
+    def candidates(self) -> int:
+        """Number of drives of the catalogue whose parts go together."""
+        return 0 if self.search is None else self.search.shelf.count
+
+    @cached_property
+    def alternatives(self) -> tuple[Assessment, ...]:
+        """The lightest drives that fit, the choice left out."""
+        found = [] if self.search is None or self.choice is None else self.search.fitting(_ENOUGH)
+        mine = self.choice and self.choice.candidate.name
+        return tuple(a for a in found if a.candidate.name != mine)
+
+    @cached_property
+    def next_smaller(self) -> Assessment | None:
+        """The drive lighter than the choice with the smallest shortfall."""
+        if self.search is None or self.choice is None:
+            return None
+        return self.search.nearest(below=self.choice.candidate.mass or np.inf)
+
+    @cached_property
+    def ask(self) -> tuple[Ask, ...]:
+        """Products lighter than the choice that might do but cannot be signed."""
+        if self.search is None:
+            return ()
+        mass = None if self.choice is None else self.choice.candidate.mass
+        return self.search.ask(np.inf if mass is None else mass)
+
+    @cached_property
+    def assessments(self) -> tuple[Assessment, ...]:
+        """The drives judged in full: those that fit by mass, then margin; others, nearest first.
+
+        Of a small catalogue all; else the lightest that fit, the next smaller or the nearest.
+        """
+        if self.search is None:
+            return ()
+        beside = (self.installed, *self.alternatives, self.next_smaller, *self.search.all_of_few())
+        found = {a.candidate.name: a for a in reversed(beside) if a is not None}
+        order = {a.candidate.name: k for k, a in enumerate((self.choice, *self.alternatives)) if a}
+        return tuple(
+            sorted(
+                found.values(),
+                key=lambda a: (
+                    order.get(a.candidate.name, len(order)),
+                    bool(a.lacks or a.unknown),
+                    -a.margin,
+                    a.candidate.name,
+                ),
+            )
+        )
+
+    @property
+    def no_fit(self) -> str:
+        """State that no drive fits, and the shortfall of the nearest one; otherwise empty."""
+        if self.choice is not None or (self.search is None and not self.nothing_because):
+            return ""
+        if self.search is None or not self.candidates:
+            return f"{self.name}: no candidates: {self.nothing_because}"
+        none = f"{self.name}: none of {counted(self.candidates, 'candidate')} fits"
+        if self.nearest is not None:
+            return f"{none}; the nearest miss is {self.nearest.candidate.name}: {self.nearest.why}"
+        if self.ask:
+            first = self.ask[0]
+            return (
+                f"{none}; {first.name} cannot be signed: ask its maker for "
+                f"{', '.join(first.figures)}"
+            )
+        closest = self.search.nearest(worst=-np.inf)
+        if closest is None:
+            return "; ".join([none, *(f"{a.candidate.name} {a.why}" for a in self.assessments[:1])])
+        why = f"{closest.candidate.name}: {closest.failed[0].why}"
+        return f"{none}; all miss by more than a factor of ten: {why}"
+
+
+@described
+class WhatIf:
+    """What would be chosen for a joint without the drives' mass, or without friction."""
+
+    name: str = quantity("the drive's", heading="joint", name=True)
+    without_masses: str | None = quantity(
+        "choice if drives had no mass", heading="without the\ndrives' mass"
+    )
+    frictionless: str | None = quantity(
+        "choice if joints had no friction", heading="without\nfriction"
+    )
+
+
+@dataclass(frozen=True)
+class SizingReport(Shown):
+    """The demand of a cycle on every drive, and the drives chosen for it.
+
+    Attributes:
+        scene: with the chosen drives' masses and transmissions; the given one without a catalogue.
+        given: the scene as it was given.
+        trajectory: source of the motion.
+        catalog, conditions: the catalogue and the conditions; catalog None: demand only.
+        joints: in the order of the scene's drives.
+        result, result_without_masses: inverse dynamics of `scene` and of `given`.
+        duty: the samples of each cycle of the period, and the number of its runs.
+        passes: over all joints until no choice changed. settled: no choice changed in the last.
+        other_mass: where the scene does not say whether its links hold the drives: mass of the
+            drives that would be chosen if they do, kg; None: it says, or there are none.
+        assumptions: of the sizing, in sentences.
+        unclosed: states that differ between end and start of the cycle; empty if it closes.
+        stops: with the chosen drives and their brakes; None: none, or the scene has no `stops`.
+        no_stops: why the stops that the scene asks for could not be judged; "" where they were.
+        what_if: returns for each joint what would be chosen without masses and without friction.
+    """
+
+    scene: Scene
+    given: Scene
+    trajectory: str
+    catalog: Catalog | None
+    conditions: Conditions
+    joints: tuple[JointSizing, ...]
+    result: InverseResult
+    result_without_masses: InverseResult
+    duty: Schedule
+    passes: int
+    settled: bool
+    other_mass: float | None = None
+    assumptions: tuple[str, ...] = ()
+    unclosed: tuple[str, ...] = ()
+    stops: StopResult | None = None
+    no_stops: str = ""
+    what_if: Callable[[], tuple[WhatIf, ...]] = field(default=tuple, repr=False, compare=False)
+
+    def __repr__(self) -> str:
+        names = [joint.name for joint in self.joints]
+        peaks = [f"{joint.demand.peak:.3g} {joint.demand.unit}" for joint in self.joints]
+        chosen = [(j.name, j.choice.candidate.name) for j in self.joints if j.choice is not None]
+        settled = "settled" if self.settled else "not settled"
+        facts = {"peaks": listed(names, peaks)}
+        if self.catalog is not None:
+            facts |= {
+                "catalog": file_name(self.catalog.source),
+                "drives": listed([n for n, _ in chosen], [f"-> {d}" for _, d in chosen]) or "none",
+                "misses": listed([joint.name for joint in self.joints if joint.no_fit]),
+                "mass": (f"{self.chosen_mass:.3g} kg of drives" if chosen else "no drive fits")
+                + f"; {settled} after "
+                + counted(self.passes, "pass", "passes"),
+            }
+        title = (
+            f"{file_name(self.given.source)} · {file_name(self.trajectory)}: {self.period:.4g} s"
+        )
+        return screen("SizingReport", title, {**facts, "more": ".summary() .plot() .joint(name)"})
+
+    @property
+    def period(self) -> float:
+        """Duration (s) of the repeated period: the cycle, or a duty's cycles and its time off."""
+        assert self.result.t is not None  # size refuses a motion without times
+        t = self.duty.stretched(self.result.t)
+        return float(t[-1] - t[0])
+
+    @property
+    def drive_mass(self) -> float:
+        """Mass of all drives taken, kg."""
+        taken = (joint.installed for joint in self.joints)
+        return sum(a.candidate.mass or 0.0 for a in taken if a is not None)
+
+    @property
+    def chosen_mass(self) -> float:
+        """Mass of the drives that fit, kg."""
+        chosen = (joint.choice for joint in self.joints)
+        return sum(a.candidate.mass or 0.0 for a in chosen if a is not None)
+
+    @cached_property
+    def standstills(self) -> tuple[Standstill, ...]:
+        """Holding of each joint without power, and its brake; in the order of `joints`."""
+        catalog = self.catalog or Catalog("no catalogue")
+        fitted = [j.installed.candidate.brake if j.installed else "" for j in self.joints]
+        there = dict(brakes_of(catalog, self.given))
+        return standstills(
+            self.result, there, self.conditions, fitted if self.catalog is not None else ()
+        )
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Assumptions, and what of the needed brakes is not known."""
+        taken = (joint.installed for joint in self.joints)
+        brakes = dict.fromkeys(
+            a.candidate.brake_note
+            for a in taken
+            if a is not None and ": " in a.candidate.brake_note
+        )
+        text = f"Not printed of brakes: {'; '.join(brakes)}."
+        return (*self.assumptions, text) if brakes else self.assumptions
+
+    @cached_property
+    def elastic(self) -> Elasticity | None:
+        """Effects of the gears' elasticity over the cycle; None if no stiffness is known."""
+        return elasticity(self.result) if self.scene.elastic else None
+
+    @cached_property
+    def arm_criteria(self) -> tuple[Criterion, ...]:
+        """Criteria of the whole robot: lowest frequency, position of the tool at rest."""
+        asked = any(getattr(self.conditions, key) is not None for key in _OF_ROBOT)
+        found = self.elastic if asked else None
+        return arm_criteria(self.scene, found, self.conditions) if asked else ()
+
+    @cached_property
+    def reversals(self) -> tuple[Criterion, ...]:
+        """Reversal error of each joint, in the order of `joints`; none where not asked for."""
+        if self.conditions.reversal_error is None:
+            return ()
+        taken = (joint.installed for joint in self.joints)
+        backlash = [None if a is None else a.candidate.backlash for a in taken]
+        return reversal_criteria(self.scene, self.elastic, self.conditions, backlash)
+
+    @cached_property
+    def bus(self) -> BusPower:
+        """Power of all chosen drives from their bus, and power fed back."""
+        drives = {joint.name: joint.motor for joint in self.joints}
+        t = self.result.t
+        assert t is not None  # size refuses a motion without times
+        voltages = {
+            joint.name: line_voltage(joint.installed.candidate.ratings, joint.motor)
+            for joint in self.joints
+            if joint.installed is not None and joint.motor is not None
+        }
+        return bus_power(drives, t, self.duty, self.conditions, voltages)
+
+    @property
+    def no_fit(self) -> tuple[str, ...]:
+        """One line for each joint for which no candidate fits."""
+        return tuple(joint.no_fit for joint in self.joints if joint.no_fit)
+
+    @property
+    def unmet(self) -> tuple[str, ...]:
+        """One line for each condition that a brake, the bus, a stop or the robot does not meet."""
+        names = [joint.name for joint in self.joints]
+        reversals = [(name, (c,)) for name, c in zip(names, self.reversals, strict=False)]
+        whole = [*reversals, ("robot", self.arm_criteria)]
+        if self.catalog is None:
+            return _failing(whole)
+        wanted = self.standstills if self.conditions.holding_brake != "any" else ()
+        found = [(name, still.criteria) for name, still in zip(names, wanted, strict=False)]
+        why = (self.no_stops,) if self.no_stops else ()
+        stopping = why if self.stops is None else self.stops.unmet
+        return (*_failing([*found, ("bus", self.bus.criteria), *whole]), *stopping)
+
+    def check(self) -> None:
+        """Raise if a joint has no drive that fits, or a brake or the bus does not meet a condition.
+
+        Raises:
+            SizingError: names the joints, the nearest misses and by how much; holds the report.
+        """
+        if wrong := (*self.no_fit, *self.unmet):
+            raise SizingError("; ".join(wrong), self)
+
+    def joint(self, name: str) -> JointSizing:
+        """Return one joint's sizing by name.
+
+        Raises:
+            SizingError: there is none of that name.
+        """
+        for joint in self.joints:
+            if joint.name == name:
+                return joint
+        names = [joint.name for joint in self.joints]
+        raise SizingError(f"there is no drive {name!r}; {choose_from(name, names)}")
+
+
+#: Conditions of the whole robot.
+_OF_ROBOT = ("lowest_frequency", "tool_sag", "tool_interval", "tool_reversal")
+
+
+def size(
+    scene: Scene,
+    trajectory: MotionLike | Duty,
+    catalog: Catalog | str | Path | None = None,
+    *,
+    conditions: Conditions | Mapping[str, Any] | None = None,
+    on_miss: Literal["warn", "raise", "ignore"] = "warn",
+    progress: Callable[[str], object] | None = None,
+) -> SizingReport:
+    """Return the demand of a repeated cycle on each drive, and the drives of a catalogue that fit.
+
+    For every joint, from its effort interval (paper eq. 16, 17; at rest 21, 22): peak, RMS, power,
+    holding and break-away effort. With a catalogue: of every motor with every gear that it goes
+    with, the lightest that meets all `limits.LIMITS` and of which every figure of `policy.NEEDS` is
+    known, tip to base, with the chosen drives' mass in the model; with `lowest_frequency` the
+    lightest set that swings no slower.
+
+    Args:
+        scene: the robot with its friction. Its `robot.masses` says whether the links hold the
+            drives; if not, these are added. The candidates replace its transmissions.
+        trajectory: one cycle, with times; it is repeated without a pause. If it does not end as
+            it began, `SizingReport.unclosed` and a note say so. Several cycles: as a `Duty`.
+        catalog: a `Catalog`, a file, "default" for the bundled one, or None for the demand only.
+        conditions: values that replace the catalogue's conditions; `Conditions` or a mapping.
+        on_miss: what to do if no candidate fits a joint; the report says so in any case.
+        progress: called with a line of text at each step.
+
+    Raises:
+        CatalogError: the catalogue or a condition is wrong; StateError: the motion has no times;
+        SizingError: without `mass_in_urdf` a link is not a possible body; or no candidate fits
+        and `on_miss` is "raise".
+
+    Warns:
+        PinfricWarning: no candidate fits a joint; with the shortfall of the nearest one.
+
+    >>> import pinfric as pf
+    >>> scene = pf.load_scene("pendulum")
+    >>> motion = pf.load_trajectory("pendulum", scene)
+    >>> round(pf.size(scene, motion).joints[0].demand.peak, 2)
+    5.36
+    """
+    expect_scene(scene, "size")
+    if isinstance(catalog, str | Path):
+        catalog = load_catalog(catalog)
+    wanted = parse_conditions(conditions, Conditions() if catalog is None else catalog.conditions)
+    check_names(scene, wanted)
+    check_tool(scene, wanted)
+    for joint in wanted.bearings:
+        linear = effort_unit(scene, scene.actuator_names.index(joint)) == "N"
+        own_parts(catalog or Catalog("no catalogue"), wanted, joint, linear)
+    report = _Sizing(scene, trajectory, catalog, wanted, progress or (lambda _: None)).run()
+    if on_miss == "raise":
+        report.check()
+    for text in (*report.no_fit, *report.unmet) if on_miss == "warn" else ():
+        warnings.warn(text, PinfricWarning, stacklevel=2)
+    return report
+
+
+class _Sizing:
+    """One run of `size`."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        trajectory: MotionLike | Duty,
+        catalog: Catalog | None,
+        conditions: Conditions,
+        progress: Callable[[str], object],
+    ) -> None:
+        self.motion: MotionLike
+        duty = None
+        if isinstance(trajectory, Duty):
+            self.motion, duty = trajectory.motion(), trajectory.schedule()
+        else:
+            self.motion = trajectory
+        every = [drive.name for drive in scene.drives] if catalog is not None else ()
+        self.scene, self.catalog = without_drives(scene, every), catalog
+        self.conditions, self.progress = conditions, progress
+        self.robot = Robot(self.scene, self.motion, duty, conditions)
+        self.duty = duty or once(len(self.robot.result.states.q))
+        self.shelves: dict[bool, Shelf] = {}
+        self.banned: dict[int, set[str]] = {}
+
+    def run(self) -> SizingReport:
+        """Choose until no choice changes, and report."""
+        taken, passes, settled = self._choose()
+        for_all = self.robot.last
+        joints = tuple(self._joint(i, taken) for i in range(len(self.scene.drives)))
+        equipped = self.scene
+        if taken:
+            gears = {self.scene.drives[i].name: a.candidate.transmission for i, a in taken.items()}
+            equipped = replace(for_all.scene, actuators=geared(self.scene, gears))
+        without = self.robot.base.result
+        gaps = unclosed(without, self.duty)
+        report = SizingReport(
+            scene=equipped,
+            given=self.scene,
+            catalog=self.catalog,
+            conditions=self.conditions,
+            trajectory=str(getattr(self.motion, "source", "motion")),
+            joints=joints,
+            result=inverse_dynamics(equipped, self.motion) if taken else without,
+            result_without_masses=without,
+            duty=self.duty,
+            passes=passes,
+            settled=settled,
+            assumptions=caveats(
+                self.scene,
+                self.catalog,
+                gaps,
+                discontinuities(without, self.duty),
+                beyond_limits(without),
+            ),
+            unclosed=gaps,
+            what_if=self._what_if,
+        )
+        stops, why = self._stopped(report)
+        return replace(report, stops=stops, no_stops=why, other_mass=self._other_mass(taken))
+
+    def _other_mass(self, taken: Mapping[int, Assessment]) -> float | None:
+        """Mass of the drives if the links hold them, where the scene does not say it."""
+        open_ = [i for i, hold in enumerate(self.scene.masses_hold) if hold is None and i in taken]
+        if not any(carried(self.scene, i) for i in open_):
+            return None
+        settled, mass = self.robot.last, 0.0
+        for i in taken:
+            search = self._search(i, {})
+            lightest = None if search is None else search.lightest()
+            mass += 0.0 if lightest is None else lightest.candidate.mass or 0.0
+        self.robot.last = settled
+        return mass
+
+    def _stopped(self, report: SizingReport) -> tuple[StopResult | None, str]:
+        """The stops with the chosen drives and brakes, or why there are none."""
+        if self.scene.stops is None or self.catalog is None or report.no_fit:
+            return None, ""
+        if len(report.duty.repeats) > 1:
+            return None, "stops: judged for one cycle, not for a duty of several"
+        self.progress("stops of the chosen drives")
+        brakes = self.catalog.brakes
+        return chosen_stops(report.result, report.standstills, brakes, report.trajectory)
+
+    def _added(self, taken: Mapping[int, Assessment]) -> dict[int, float]:
+        """The masses that the drives add to the robot's links."""
+        masses = {i: a.candidate.mass for i, a in taken.items()}
+        return added_masses(self.scene, self.conditions, masses)
+
+    def _search(self, i: int, masses: Mapping[int, float], friction: bool = True) -> Search | None:
+        """The drives of the catalogue at a joint; None: it takes none."""
+        if self.catalog is None or driven_joint(self.scene, i) is None:
+            return None
+        name, linear = self.scene.drives[i].name, effort_unit(self.scene, i) == "N"
+        if linear not in self.shelves:
+            self.shelves[linear] = Shelf(self.catalog, self.conditions, linear)
+        case = self.robot.case(i, masses)
+        if not friction:
+            cycle = case.cycle.without_friction()
+            case = case._replace(demand=gear_demand_frictionless(case.demand, cycle), cycle=cycle)
+        own = own_parts(self.catalog, self.conditions, name, linear)
+        parts = Parts(own, brakes_of(self.catalog, self.scene), frozenset(self.banned.get(i, ())))
+        return Search(self.shelves[linear], case, parts)
+
+    def _choose(self) -> tuple[dict[int, Assessment], int, bool]:
+        """The drives taken, the number of passes, and whether the last one changed nothing."""
+        taken: dict[int, Assessment] = {}
+        if self.catalog is None:
+            return taken, 0, True
+        seen: list[dict[int, str]] = []
+        for passes in range(1, _MOST_PASSES + 1):
+            before = _names(taken)
+            searches: dict[int, Search] = {}
+            for i in tip_to_base(self.scene):
+                self.progress(f"pass {passes}: {self.scene.drives[i].name}")
+                search = self._search(i, self._added(taken))
+                if search is None:
+                    continue
+                searches[i] = search
+                found = search.lightest() or search.nearest()
+                taken.pop(i, None)
+                if found is not None:
+                    taken[i] = found
+            if self.conditions.lowest_frequency is not None:
+                taken = self._together(taken, searches)
+            exact = {k: m for k, m in self._added(taken).items() if m and carried(self.scene, k)}
+            if _names(taken) == before and (self.robot.exact or self.robot.last.masses == exact):
+                return taken, passes, True
+            self.robot.solve(self._added(taken))
+            self._ban(seen, _names(taken), taken)
+        warnings.warn(
+            f"the choice of drives still alternates after {_MOST_PASSES} passes",
+            PinfricWarning,
+            stacklevel=4,
+        )
+        return taken, _MOST_PASSES, False
+
+    def _ban(
+        self, seen: list[dict[int, str]], now: dict[int, str], taken: Mapping[int, Assessment]
+    ) -> None:
+        """Ban the lightest of what alternates at the outermost joint where a choice comes back."""
+        if len(seen) >= _PATIENCE and now in seen[:-1]:
+            for i in tip_to_base(self.scene):
+                names = {other.get(i) for other in seen[seen.index(now) :]} | {now.get(i)}
+                if len(names) > 1 and i in taken:
+                    self.banned.setdefault(i, set()).add(taken[i].candidate.name)
+                    break
+        seen.append(now)
+
+    def _together(
+        self, taken: dict[int, Assessment], searches: Mapping[int, Search]
+    ) -> dict[int, Assessment]:
+        """The lightest set that swings no slower than `lowest_frequency`; else each by itself."""
+        wanted = self.conditions.lowest_frequency
+        turning = [i for i in sorted(searches) if not searches[i].shelf.linear]
+        fronts = [searches[i].front() for i in turning]
+        if wanted is None or self.scene.loops or not turning or not all(fronts):
+            return taken
+        self.progress(f"drives that swing at {wanted:g} Hz together")
+        arm = self.arm(turning, {i: m for i, m in self._added(taken).items() if i not in turning})
+        table = []
+        for i, front in zip(turning, fronts, strict=True):
+            added = [self._added({i: a}).get(i, 0.0) for a in front]
+            table.append(
+                [
+                    (
+                        a.candidate.mass or 0.0,
+                        stiffness_of(a),
+                        more if carried(self.scene, i) else 0.0,
+                    )
+                    for a, more in zip(front, added, strict=True)
+                ]
+            )
+        picked, _ = stiff_enough(arm, table)
+        if picked is None:
+            return taken
+        return taken | {i: front[p] for i, front, p in zip(turning, fronts, picked, strict=True)}
+
+    def arm(self, turning: Sequence[int], others: Mapping[int, float]) -> Arm:
+        """Return the arm that swings on the gears of some drives, at every pose of the cycle."""
+        states = self.robot.base.result.states
+        poses = np.flatnonzero(np.append(True, (states.q[1:] != states.q[:-1]).any(axis=1)))
+        own = [self.scene.drives[i].velocity_index for i in turning]
+        still = self.robot.mass_matrices(others, poses)
+        per_mass = np.zeros((len(turning), len(poses), len(own), len(own)))
+        for k, i in enumerate(turning):
+            if carried(self.scene, i):
+                more = self.robot.mass_matrices({**others, i: 1.0}, poses) - still
+                per_mass[k] = more[:, own][:, :, own]
+        assert self.conditions.lowest_frequency is not None
+        return Arm(still[:, own][:, :, own], per_mass, self.conditions.lowest_frequency)
+
+    def _joint(self, i: int, taken: Mapping[int, Assessment]) -> JointSizing:
+        """The joint with all chosen drives in the model."""
+        masses, found = self._added(taken), taken.get(i)
+        case, search = self.robot.case(i, masses), self._search(i, masses)
+        demand = joint_demand(self.robot.result, i, case.cycle)
+        base = self.robot.base.result
+        alone = joint_demand(base, i, self.robot.cycle(i)) if masses else demand
+        motor = None
+        if found is not None and found.motor is not None:
+            motor = motor_cycle(found.candidate, case.cycle, self.conditions)
+        return JointSizing(
+            demand,
+            case.cycle,
+            alone,
+            case.load_inertia,
+            motor,
+            choice=found if found is not None and found.fits else None,
+            nearest=found if found is not None and not found.fits else None,
+            nothing_because="" if search and search.shelf.count else self._no_candidates(i),
+            search=search,
+        )
+
+    def _no_candidates(self, i: int) -> str:
+        """Why there are no candidates; empty without a catalogue."""
+        if self.catalog is None:
+            return ""
+        if driven_joint(self.scene, i) is None:
+            return "motors and gears are for joints with one axis, not for cylinders and forces"
+        if not self.catalog.motors and not self.catalog.gearmotors:
+            return f"{self.catalog.source} has no motors"
+        output = "linear" if effort_unit(self.scene, i) == "N" else "rotary"
+        return f"{self.catalog.source} has no gear with a {output} output"
+
+    def _what_if(self) -> tuple[WhatIf, ...]:
+        """What would have been chosen without the drives' mass, and without friction."""
+        settled, found = self.robot.last, []
+        for i, drive in enumerate(self.scene.drives):
+            names: list[str | None] = []
+            for masses, friction in (({}, True), (settled.masses, False)):
+                self.robot.solve(masses)
+                search = self._search(i, masses, friction)
+                lightest = None if search is None else search.lightest()
+                names.append(None if lightest is None else lightest.candidate.name)
+            found.append(WhatIf(drive.name, *names))
+        self.robot.last = settled
+        return tuple(found)
+
+
+def brakes_of(catalog: Catalog, scene: Scene) -> list[tuple[str, Any]]:
+    """Return the brakes that a robot may have, the smallest first.
+
+    Where the scene says how it is stopped: those with an `engage_time`, if there are any.
+    """
+    timed = {n: brake for n, brake in catalog.brakes.items() if brake.engage_time is not None}
+    there = catalog.brakes if scene.stops is None else timed or catalog.brakes
+    return [(name, there[name]) for name in ranked(there)]
+
+
+def gear_demand_frictionless(demand: GearDemand, cycle: DriveCycle) -> GearDemand:
+    """Return the figures that criteria ask for, of the same cycle without friction.
+
+    Args:
+        demand: with friction. cycle: `DriveCycle.without_friction`.
+    """
+    worst = cycle.ends[0]
+    return GearDemand(
+        **{name: getattr(demand, name) for name in GearDemand.__dataclass_fields__}
+        | {
+            "peak": float(np.abs(worst).max()),
+            "mean_cubic": average_output_effort(cycle.stretched, worst, cycle.velocity),
+            "bearing": screw_load(cycle) if demand.unit == "N" else demand.bearing,
+        }
+    )
+
+
+def _failing(found: Sequence[tuple[str, tuple[Criterion, ...]]]) -> tuple[str, ...]:
+    """One line for each criterion that fails, with whose it is."""
+    return tuple(
+        f"{name}: {c.why}" for name, criteria in found for c in criteria if c.status == Status.FAILS
+    )
+
+
+def _names(taken: Mapping[int, Assessment]) -> dict[int, str]:
+    return {i: assessment.candidate.name for i, assessment in taken.items()}

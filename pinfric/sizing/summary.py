@@ -1,0 +1,367 @@
+"""Summary of a sizing, as `pinfric size` prints and writes it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from pinfric.drives.brake import Standstill
+from pinfric.drives.criterion import Criterion, Status
+from pinfric.drives.demand import JointDemand
+from pinfric.drives.drivetrain import MotorFigures
+from pinfric.drives.power import BusPower
+from pinfric.elastic.summary import ElasticSummary, elastic_summary
+from pinfric.model.described import EFFORT, INERTIA, described, quantity
+from pinfric.model.mass_matrix import frame_jacobians
+from pinfric.model.robot import link_frame
+from pinfric.model.scene import Scene
+from pinfric.sizing.shelf import Assessment
+from pinfric.sizing.size import JointSizing, SizingReport, WhatIf
+from pinfric.stops.summary import StopSummary, stop_summary
+
+#: Criteria that are named of a drive that misses several.
+_MOST_MISSES = 3
+
+
+@described
+class Candidacy:
+    """A drive that fits one joint, beside the chosen one."""
+
+    name: str = quantity("motor and gear", heading="drive")
+    mass: float | None = quantity("none: not known", "kg", "mass")
+    margin: float = quantity(
+        "the least of all criteria", heading="least\nmargin", cell="{margin:margin}"
+    )
+    not_checked: int = quantity("criteria without a figure", heading="not\nchecked")
+
+
+@described
+class Rejection:
+    """A drive that does not fit one joint."""
+
+    name: str = quantity("motor and gear", heading="drive")
+    why: str = quantity("the criterion that is not met, and by how much", heading="why")
+
+
+@described
+class NextSmaller(Rejection):
+    """Of the drives lighter than the chosen one the one that misses by least."""
+
+    name: str = quantity("motor and gear", heading="next smaller")
+    why: str = quantity("the criterion that is not met, and by how much")
+    mass: float | None = quantity("none: not known", "kg", "mass")
+    short_by: str = quantity(
+        "the criteria that it misses by most, each with the shortfall",
+        heading="would fit,\nbut is short by",
+    )
+
+
+@described
+class ToAsk:
+    """A product that might do, lighter than the choice, but cannot be signed."""
+
+    name: str = quantity("gear or motor", heading="product")
+    figures: str = quantity("that its maker must be asked for", heading="ask its maker for")
+    mass: float | None = quantity("with its lightest partner; none: not known", "kg")
+    joints: tuple[str, ...] = quantity("at which it might do", heading="joints")
+
+
+@described
+class Margins:
+    """One criterion of all joints."""
+
+    criterion: str = quantity("its name", heading="criterion")
+    joints: Mapping[str, Criterion] = quantity("joint -> its check", heading="{}")
+
+
+@described
+class Installed:
+    """The drive in the model: the choice or, if none fits, the nearest miss."""
+
+    judged: str = quantity("its name")
+    mass: float | None = quantity("none: not known", "kg", "mass")
+    ratio: float = quantity("motor turns per joint turn", "1 or rad/m")
+    brake: str = quantity('at the motor\'s shaft; "": none', heading="brake")
+    margin: float = quantity(
+        "the least of all criteria", heading="least\nmargin", cell="{margin:margin}"
+    )
+    tightest: str | None = quantity(
+        "the criterion of the least margin; none: none was checked", heading="tightest\ncriterion"
+    )
+    backlash: float | None = quantity("of its gear at the joint; none: not printed", "rad or m")
+    backlash_at_tool: float | None = quantity(
+        "what that is at the tool, at the farthest pose; none: not known, or no `tool`",
+        "m",
+        "backlash\nat the tool",
+        "{backlash_at_tool:mm}",
+    )
+    not_checked: int = quantity("criteria without a figure")
+    margins: dict[str, float | None] = quantity("criterion -> part of the limit that is left")
+    criteria: tuple[Criterion, ...] = quantity(
+        "criteria of the drive, of holding without power, and of the joint's reversal error"
+    )
+    motor: MotorFigures | None = quantity("demand of the cycle on the motor")
+    losses: str = quantity("how the transmission's losses are derived from the catalogue")
+    stand_ins: tuple[str, ...] = quantity("figures taken from other products, or from rules")
+    sources: tuple[str, ...] = quantity("of motor and gear, with their grades")
+
+
+@described
+class SizedJoint(JointDemand):
+    """Demand of one joint, and its drive."""
+
+    peak_without_masses: float = quantity("`peak` without the drives' own masses", EFFORT)
+    rms_without_masses: float = quantity(
+        "`rms` without the drives' own masses", EFFORT, "worst\nwithout\nthat mass"
+    )
+    load_inertia: float | None = quantity(
+        "largest inertia about the joint over the cycle; none: closed loops couple joints", INERTIA
+    )
+    choice: str | None = quantity(
+        "the lightest drive that fits; none: none does", heading="lightest that fits"
+    )
+    installed: Installed | None = quantity(
+        "the drive in the model; none: no candidates", heading="*"
+    )
+    candidates: int = quantity("drives of the catalogue whose parts go together")
+    standstill: Standstill = quantity("holding without power", heading="*")
+    alternatives: tuple[Candidacy, ...] = quantity("other drives that fit")
+    nearest_miss: str | None = quantity("if none fits: by how much the nearest misses")
+    next_smaller: NextSmaller | None = quantity(
+        "the lighter drive that misses by the least", heading="*"
+    )
+
+
+@described
+class Unchecked:
+    """A criterion that was not checked, and the figure that it lacks."""
+
+    criterion: str = quantity("its name", heading="criterion")
+    joints: tuple[str, ...] = quantity(
+        "joints whose drive it is of; empty: the whole robot", heading="joints"
+    )
+    missing: str = quantity("the figure that is missing", heading="what is missing")
+
+
+@described
+class Cycle:
+    """One cycle of a period."""
+
+    name: str = quantity("of the motion")
+    repeats: float = quantity("number of runs in a period")
+
+
+@described
+class SizingSummary:
+    """Demand of a cycle on every drive, and the drives chosen for it."""
+
+    trajectory: str = quantity("source of the motion")
+    catalog: str | None = quantity("the catalogue; none: demand only")
+    conditions: dict[str, Any] = quantity("conditions, with the keys of a catalogue")
+    cycle_time: float = quantity("duration of the repeated period", "s")
+    cycles: tuple[Cycle, ...] = quantity("cycles of a period")
+    off: float = quantity("time switched off in a period", "s")
+    unclosed: tuple[str, ...] = quantity("states that differ between end and start of the cycle")
+    passes: int = quantity("passes over all joints until no choice changed")
+    settled: bool = quantity("whether no choice changed in the last pass")
+    drive_mass: float = quantity("mass of all drives in the model", "kg")
+    joints: tuple[SizedJoint, ...] = quantity("in the order of the scene's drives")
+    bus: BusPower = quantity("electrical power of all drives together")
+    other_mass: float | None = quantity(
+        "mass of the drives if the links' masses hold them; none: the scene says it", "kg"
+    )
+    ask: tuple[ToAsk, ...] = quantity(
+        "lighter products that cannot be signed, fewest figures first"
+    )
+    what_if: tuple[WhatIf, ...] | None = quantity(
+        "choices without the drives' mass, and without friction; none: not asked for"
+    )
+    no_fit: tuple[str, ...] = quantity("joints for which no drive fits")
+    unmet: tuple[str, ...] = quantity("conditions that brakes, bus, stops or robot do not meet")
+    stops: StopSummary | None = quantity("with the chosen drives; none: no `stops` in the scene")
+    unchecked: tuple[Unchecked, ...] = quantity(
+        "criteria of drives, brakes, bus and robot that were not checked, and why"
+    )
+    robot_criteria: tuple[Criterion, ...] = quantity("criteria of the whole robot")
+    elasticity: ElasticSummary | None = quantity(
+        "effects of elastic gears; none: no stiffness known"
+    )
+    notes: tuple[str, ...] = quantity("assumptions, and what was not checked")
+
+
+def sizing_summary(report: SizingReport, what_if: bool = False) -> SizingSummary:
+    """Return the summary of a sizing.
+
+    Args:
+        report: of `size`.
+        what_if: also say what would be chosen without the drives' mass, and without friction.
+    """
+    t, duty = report.result.t, report.duty
+    assert t is not None  # size refuses a motion without times
+    return SizingSummary(
+        trajectory=report.trajectory,
+        catalog=None if report.catalog is None else report.catalog.source,
+        conditions=report.conditions.model_dump(),
+        cycle_time=report.period,
+        cycles=tuple(
+            Cycle(name, n) for (name, _), n in zip(duty.parts(), duty.repeats, strict=False)
+        ),
+        off=float(t[-1] - t[duty.starts[-2]]) if duty.off else 0.0,
+        unclosed=report.unclosed,
+        passes=report.passes,
+        settled=report.settled,
+        drive_mass=report.drive_mass,
+        joints=tuple(
+            sized_joint(joint, still, beside, lever)
+            for joint, still, beside, lever in zip(
+                report.joints, report.standstills, _beside(report), levers(report), strict=True
+            )
+        ),
+        bus=report.bus,
+        other_mass=report.other_mass,
+        ask=to_ask(report),
+        what_if=report.what_if() if what_if else None,
+        no_fit=report.no_fit,
+        unmet=report.unmet,
+        stops=None if report.stops is None else stop_summary(report.stops),
+        unchecked=() if report.catalog is None else unchecked(report),
+        robot_criteria=report.arm_criteria,
+        elasticity=None if report.elastic is None else elastic_summary(report.elastic),
+        notes=report.notes,
+    )
+
+
+def unchecked(report: SizingReport) -> tuple[Unchecked, ...]:
+    """Return every criterion that was not checked, with what it lacks, and the joints."""
+    found: dict[tuple[str, str], list[str]] = {}
+    for joint, beside in zip(report.joints, _beside(report), strict=True):
+        if joint.installed is None:
+            because = joint.nothing_because or "no candidate can be judged"
+            found.setdefault(("all of its drive", because), []).append(joint.name)
+            continue
+        for c in (*joint.installed.criteria, *beside):
+            if c.status == Status.NOT_CHECKED:
+                found.setdefault((c.name, c.lacks), []).append(joint.name)
+    for c in (*report.bus.criteria, *report.arm_criteria):
+        if c.status == Status.NOT_CHECKED:
+            found.setdefault((c.name, c.lacks), [])
+    if report.stops is None:
+        lacks = report.no_stops or "a drive that fits for every joint"
+        lacks = "the key stops of the scene" if report.given.stops is None else lacks
+        found["stopping times and distances", lacks] = []
+    return tuple(Unchecked(name, tuple(of), lacks) for (name, lacks), of in found.items())
+
+
+def _beside(report: SizingReport) -> list[tuple[Criterion, ...]]:
+    """Criteria of each joint beside its drive's own: holding, brake, reversal error."""
+    asked: list[tuple[Criterion, ...]] = [(c,) for c in report.reversals]
+    stills = (still.criteria for still in report.standstills)
+    return [
+        (*still, *more)
+        for still, more in zip(stills, asked or [()] * len(report.joints), strict=True)
+    ]
+
+
+def levers(report: SizingReport) -> np.ndarray:
+    """Return (na,) how far the tool moves per rad (m) of each joint, at most; NaN: not known."""
+    scene, q = report.scene, report.result.states.q
+    if scene.tool is None or scene.loops:
+        return np.full(len(scene.drives), np.nan)
+    J = frame_jacobians(scene.twin(), q, link_frame(scene.model, scene.tool))[:, :3]
+    moved = np.linalg.norm(J @ rate_columns(scene), axis=1)
+    return np.asarray(moved.max(axis=0))
+
+
+def rate_columns(scene: Scene) -> np.ndarray:
+    """Return (nv, na) the velocities of the model per unit rate of each drive."""
+    columns = np.zeros((scene.model.nv, len(scene.drives)))
+    for i, drive in enumerate(scene.drives):
+        columns[drive.velocity_index, i] = 1.0
+    return columns
+
+
+def to_ask(report: SizingReport) -> tuple[ToAsk, ...]:
+    """Return the products that might do at some joint but lack figures, fewest figures first."""
+    found: dict[str, list[str]] = {}
+    asked = {ask.name: ask for joint in report.joints for ask in joint.ask}
+    for joint in report.joints:
+        for ask in joint.ask:
+            found.setdefault(ask.name, []).append(joint.name)
+    order = sorted(asked.values(), key=lambda a: (len(a.figures), -len(found[a.name]), a.name))
+    return tuple(ToAsk(a.name, ", ".join(a.figures), a.mass, tuple(found[a.name])) for a in order)
+
+
+def sized_joint(
+    joint: JointSizing, still: Standstill, beside: tuple[Criterion, ...], lever: float
+) -> SizedJoint:
+    """Return the summary of one joint's sizing; `beside` are criteria other than its drive's.
+
+    `lever` is how far the tool moves per rad (m) of the joint, at most.
+    """
+    smaller = joint.next_smaller
+    return SizedJoint(
+        **vars(joint.demand),
+        peak_without_masses=joint.demand_without_masses.peak,
+        rms_without_masses=joint.demand_without_masses.rms,
+        load_inertia=joint.load_inertia,
+        choice=_name(joint.choice),
+        candidates=joint.candidates,
+        installed=None if joint.installed is None else _installed(joint.installed, beside, lever),
+        standstill=still,
+        alternatives=tuple(
+            Candidacy(a.candidate.name, a.candidate.mass, a.margin, len(a.not_checked))
+            for a in joint.alternatives
+        ),
+        nearest_miss=joint.no_fit or None,
+        next_smaller=None if smaller is None else _next_smaller(smaller),
+    )
+
+
+def _next_smaller(smaller: Assessment) -> NextSmaller:
+    failed, candidate = smaller.failed, smaller.candidate
+    parts = [f"{c.name}: {c.shortfall}" for c in failed[:_MOST_MISSES]]
+    parts += [f"{len(failed) - _MOST_MISSES} more"] * (len(failed) > _MOST_MISSES)
+    return NextSmaller(candidate.name, smaller.why, candidate.mass, "; ".join(parts))
+
+
+def margins(found: SizingSummary) -> list[Margins]:
+    """Return the criteria of all joints' drives, a row each: what moves first, what holds last."""
+    columns = {
+        joint.name: {c.name: c for c in joint.installed.criteria} if joint.installed else {}
+        for joint in found.joints
+    }
+    names = dict.fromkeys(name for column in columns.values() for name in column)
+    last = ("inertia", "gear res", "back", "holding", "brake", "reversal")
+    return [
+        Margins(name, {joint: own[name] for joint, own in columns.items() if name in own})
+        for name in sorted(names, key=lambda name: name.startswith(last))
+    ]
+
+
+def _installed(taken: Assessment, beside: tuple[Criterion, ...], lever: float) -> Installed:
+    candidate, criteria = taken.candidate, (*taken.criteria, *beside)
+    compared = sorted((c for c in taken.criteria if c.scaled), key=lambda c: c.margin or 0.0)
+    gap = candidate.backlash
+    return Installed(
+        judged=candidate.name,
+        mass=candidate.mass,
+        ratio=candidate.ratio,
+        brake=candidate.brake,
+        backlash=gap,
+        backlash_at_tool=None if gap is None or np.isnan(lever) else gap * lever,
+        not_checked=len(taken.not_checked),
+        margin=taken.margin,
+        tightest=next((c.name for c in compared), None),
+        margins={c.name: c.margin for c in criteria},
+        criteria=criteria,
+        motor=taken.motor,
+        losses=candidate.losses,
+        stand_ins=candidate.stand_ins,
+        sources=candidate.sources,
+    )
+
+
+def _name(assessment: Assessment | None) -> str | None:
+    return None if assessment is None else assessment.candidate.name

@@ -1,0 +1,206 @@
+"""What is stopped: the scene with least or greatest friction, its brakes, and a load."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from pinfric.errors import StopError, choose_from
+from pinfric.model.brakes import HoldingBrake
+from pinfric.model.drives import Drive
+from pinfric.model.scene import Scene
+from pinfric.model.schema import Actuator, Payload, Stops
+from pinfric.motions.trajectory import Trajectory
+from pinfric.stops.motion import LONGEST, Machine
+
+#: An effort limit from here on (N m or N) is none: Pinocchio has the largest number.
+UNLIMITED = 1e300
+
+
+class Kind(NamedTuple):
+    """Which machine is stopped.
+
+    Attributes:
+        greatest: friction and brakes at their greatest, else at their least.
+        load: share of the full payload, 0 to 1.
+    """
+
+    greatest: bool
+    load: float
+
+
+@dataclass(frozen=True)
+class Machines:
+    """The machines of one scene, made at first use.
+
+    Attributes:
+        scene: as given.
+        settings: how it is stopped.
+        full: names of the payloads that make the full load.
+    """
+
+    scene: Scene
+    settings: Stops
+    full: tuple[str, ...]
+    _made: dict[Kind, Machine] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        _check(self.scene, self.settings)
+
+    def of(self, kind: Kind) -> Machine:
+        """Return a machine."""
+        if kind not in self._made:
+            self._made[kind] = _machine(self, kind)
+        return self._made[kind]
+
+    @cached_property
+    def deceleration(self) -> np.ndarray | None:
+        """(nv,) of a motion that the drives impose, rad/s^2 or m/s^2; None: they impose none."""
+        return _deceleration(self.scene, self.settings)
+
+
+def stop_settings(scene: Scene, category: int | None) -> Stops:
+    """Return how a scene is stopped.
+
+    Args:
+        scene: with a `stops` section.
+        category: in place of the section's; None: that one.
+
+    Raises:
+        StopError: there is no such section.
+    """
+    given = scene.stops
+    if given is None:
+        raise StopError(
+            f"{scene.source}: has no `stops` section, and the reaction time cannot be known; add "
+            "`stops: {category: 0, reaction_time: 0.02}` with your controller's figures"
+        )
+    if category is None or category == given.category:
+        return given
+    if category not in (0, 1):
+        raise StopError(f"category {category!r}: should be 0 or 1 (IEC 60204-1)")
+    powered = {} if category == 1 else {"deceleration": {}, "power_until_braked": False}
+    return given.model_copy(update={"category": category, **powered})
+
+
+def full_load(scene: Scene, trajectory: Trajectory) -> tuple[str, ...]:
+    """Return the payloads carried where a trajectory carries most mass."""
+    names = trajectory.payload_names
+    mass = trajectory.attached @ np.array([scene.payloads[name].mass for name in names])
+    heaviest = trajectory.attached[int(np.argmax(mass))] if len(names) else ()
+    return tuple(name for name, on in zip(names, heaviest, strict=True) if on)
+
+
+def _check(scene: Scene, settings: Stops) -> None:
+    """Refuse what a stop needs and the scene lacks."""
+    for drive in scene.drives:
+        where = f"{scene.source}: actuators ({drive.name})"
+        gear = drive.transmission
+        if gear is None:
+            raise StopError(
+                f"{where}: has no `transmission`, and a brake acts at a motor's shaft; give ratio, "
+                "losses, rotor_inertia and brake (a direct drive has `ratio: 1`)"
+            )
+        if gear.brake is None:
+            continue
+        delay, key = gear.brake.engage_time, f"{where}.transmission.brake"
+        if delay is None:
+            raise StopError(
+                f"{key}: has no `engage_time`; give the time (s) from power-off until it holds, as "
+                "its maker states it"
+            )
+        if delay > LONGEST:
+            raise StopError(
+                f"{key}: engage_time is {delay:g} s; should be at most {LONGEST:g} s (30 ms is "
+                "0.03)"
+            )
+    if settings.category == 1 and settings.deceleration:
+        _check_deceleration(scene, settings)
+
+
+def _check_deceleration(scene: Scene, settings: Stops) -> None:
+    where = f"{scene.source}: stops.deceleration"
+    names = list(scene.actuator_names)
+    for name in settings.deceleration:
+        if name not in names:
+            raise StopError(f"{where}: there is no drive {name!r}; {choose_from(name, names)}")
+    if missing := [name for name in names if name not in settings.deceleration]:
+        raise StopError(f"{where}: has no value for {', '.join(missing)}; give one for each drive")
+    if not scene.one_drive_each:
+        raise StopError(
+            f"{where}: needs an open chain with one drive on each joint: elsewhere drives and "
+            "joints do not slow down one by one; leave it out to brake by the effort limits"
+        )
+
+
+def _machine(machines: Machines, kind: Kind) -> Machine:
+    scene, settings = machines.scene, machines.settings
+    brakes = {d.name: b for d in scene.drives if (b := _brake(d)) is not None}
+    return Machine(
+        scene=_with(scene, settings.friction[kind.greatest], kind.load),
+        carried=machines.full if kind.load > 0.0 else (),
+        torque={
+            name: brake.greatest if kind.greatest else brake.torque
+            for name, brake in brakes.items()
+        },
+        delay={name: float(brake.engage_time or 0.0) for name, brake in brakes.items()},
+        drive_torque=dict(_limits(scene)) if _by_limits(settings) else {},
+        deceleration=machines.deceleration,
+        holds=settings.power_until_braked,
+    )
+
+
+def _brake(drive: Drive) -> HoldingBrake | None:
+    return None if drive.transmission is None else drive.transmission.brake
+
+
+def _by_limits(settings: Stops) -> bool:
+    return settings.category == 1 and not settings.deceleration
+
+
+def _deceleration(scene: Scene, settings: Stops) -> np.ndarray | None:
+    if settings.category == 0 or not settings.deceleration:
+        return None
+    found = np.zeros(scene.model.nv)
+    for drive in scene.drives:
+        found[drive.velocity_index] = settings.deceleration[drive.name]
+    return found
+
+
+def _limits(scene: Scene) -> Iterator[tuple[str, float]]:
+    """The torque at the shaft with which each drive brakes: the URDF's effort limit / |ratio|."""
+    for drive in scene.drives:
+        i = drive.velocity_index
+        limit = float(scene.model.effortLimit[i]) if i >= 0 else 0.0
+        if not 0.0 < limit < UNLIMITED:
+            raise StopError(
+                f"{scene.source}: actuators ({drive.name}): the URDF has no effort limit of its "
+                "joint, by which category 1 could brake it; give `stops.deceleration`"
+            )
+        yield drive.name, limit / abs(drive.ratio)
+
+
+def _with(scene: Scene, factor: float, load: float) -> Scene:
+    """The scene with all friction and losses times a factor, and payloads of a share of theirs."""
+    change: dict[str, object] = {}
+    if factor != 1.0:
+        change["friction"] = {name: f.scaled(factor) for name, f in scene.friction.items()}
+        change["actuators"] = [_losing(a, factor) for a in scene.actuators or ()]
+    if load not in (0.0, 1.0):
+        change["payloads"] = {name: _lighter(p, load) for name, p in scene.payloads.items()}
+    return scene.with_(**change) if change else scene
+
+
+def _losing(actuator: Actuator, factor: float) -> Actuator:
+    gear = actuator.transmission
+    assert gear is not None  # `_check`
+    return actuator.model_copy(update={"transmission": gear.with_losses(factor)})
+
+
+def _lighter(payload: Payload, share: float) -> Payload:
+    inertia = tuple(share * x for x in payload.inertia)
+    return payload.model_copy(update={"mass": share * payload.mass, "inertia": inertia})

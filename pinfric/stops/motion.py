@@ -1,0 +1,313 @@
+"""One stop: the motion from the moment at which the drives react until everything is at rest.
+
+    category 0    power off, T_m = 0; each brake closes after its delay
+    category 1    every axis is braked under power; at rest power goes off, brakes close as before,
+                  or, if the drives hold until then, brakes close and power goes off
+
+A closed brake is dry friction T_b at the motor's shaft, so it passes through the gear and its
+losses; so is a drive that brakes with all its effort and then holds. Each phase is one simulation
+with friction, stick and slip: there is no integrator here. With a stated deceleration the drives
+impose the motion, v_j - sign(v_j) d_j t, and inverse dynamics gives their efforts.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+from scipy.integrate import cumulative_trapezoid
+
+from pinfric.dynamics.forward.workspace import Workspace
+from pinfric.dynamics.inverse.inverse import inverse_dynamics
+from pinfric.dynamics.samples.closure import working_rates
+from pinfric.dynamics.simulation.motion import INTERRUPTED, Motion
+from pinfric.dynamics.simulation.simulate import simulate, simulate_constant
+from pinfric.errors import PinfricWarning, SimulationError, StopError
+from pinfric.model.closure import velocity_names
+from pinfric.model.robot import link_frame
+from pinfric.model.scene import Scene
+from pinfric.motions.summary import ends_by_magnitude
+from pinfric.stops.path import Slowed
+
+#: Longest time between samples of a stop, s; more lie before and after every change.
+_SAMPLE = 1e-3
+#: Tolerances of a stop's simulation (rad, m, and per second).
+_RTOL, _ATOL = 1e-7, 1e-9
+#: A stop that takes longer than this (s) does not end; the first piece that is simulated.
+LONGEST, _PIECE = 5.0, 0.25
+#: Step (s) of time stepping, which passes what the events of a stop cannot.
+_STEP = 2e-4
+#: Samples of a motion that the drives impose.
+_RAMP_SAMPLES = 201
+
+
+@dataclass(frozen=True, eq=False)
+class Machine:
+    """A robot ready to be stopped: its scene with one friction, one load and one set of brakes.
+
+    Attributes:
+        scene: brakes open.
+        carried: names of the payloads carried.
+        torque: drive -> torque of its brake (N m).
+        delay: drive -> time from power-off until its brake holds (s).
+        drive_torque: drive -> torque (N m) with which it brakes under power until rest; empty: it
+            does not (category 0, or a stated deceleration).
+        deceleration: (nv,) of an imposed motion, rad/s^2 or m/s^2; None: none is imposed.
+        holds: whether the drives, under power at rest, hold until all brakes have closed.
+    """
+
+    scene: Scene
+    carried: tuple[str, ...]
+    torque: Mapping[str, float]
+    delay: Mapping[str, float]
+    drive_torque: Mapping[str, float]
+    deceleration: np.ndarray | None
+    holds: bool = False
+
+    @cached_property
+    def _closed(self) -> dict[tuple[tuple[str, float], ...], Workspace]:
+        return {}
+
+    def closed(self, torques: Mapping[str, float]) -> Workspace:
+        """Return the workspace of the scene with these torques (N m) holding the shafts."""
+        which = tuple(sorted(torques.items()))
+        if which not in self._closed:
+            scene = self.scene.with_(closed_brakes=dict(torques)) if which else self.scene
+            self._closed[which] = Workspace(scene, self.carried, motors=True)
+        return self._closed[which]
+
+
+@dataclass(frozen=True, eq=False)
+class StopMotion:
+    """A stop, from the moment at which the drives react.
+
+    Attributes:
+        scene: what stopped.
+        t: (T,) s, from that moment; a sample before and one after each change of a brake.
+        q, v: (T, nq), (T, nv).
+        rate: (T, na) of the drives' joints, rad/s or m/s.
+        effort: (T, na) that the gears deliver at the joints (N m or N), the worst end at rest.
+        power_off: time at which power goes off (s).
+        energy: (na,) that the closed brakes took (J).
+        parts: the simulations; a motion that the drives impose is none.
+    """
+
+    scene: Scene
+    t: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
+    rate: np.ndarray
+    effort: np.ndarray
+    power_off: float
+    energy: np.ndarray
+    parts: tuple[Motion, ...]
+
+    @cached_property
+    def travel(self) -> np.ndarray:
+        """(T, na) way of each drive's joint, rad or m."""
+        return np.asarray(cumulative_trapezoid(self.rate, self.t, axis=0, initial=0.0))
+
+    @cached_property
+    def rest_time(self) -> np.ndarray:
+        """(na,) from when on each drive's joint is at rest, s."""
+        last = np.where(self.rate != 0.0, np.arange(len(self.t))[:, None], -1).max(axis=0)
+        return np.asarray(self.t[np.minimum(last + 1, len(self.t) - 1)])
+
+    @property
+    def after_power_off(self) -> np.ndarray:
+        """(na,) way of each drive's joint from power-off to the end, rad or m."""
+        first = int(self.t.searchsorted(self.power_off))
+        return np.asarray(self.travel[-1] - self.travel[first])
+
+
+def stop_motion(
+    machine: Machine, q: np.ndarray, v: np.ndarray, slowed: Slowed | None = None
+) -> StopMotion:
+    """Return the stop from a state.
+
+    Args:
+        machine: what stops.
+        q, v: (nq,), (nv,) at which the drives react.
+        slowed: the motion that the drives impose until rest; None: of the machine's deceleration.
+
+    Raises:
+        StopError: a joint does not come to rest; names it and what to give.
+    """
+    rows: list[_Rows] = []
+    braked: list[Motion] = []
+    if machine.deceleration is not None:
+        rows = [_imposed(machine, slowed or _ramps(machine, q, v))]
+    elif machine.drive_torque:
+        braked = list(_until_rest(machine, machine.drive_torque, q, v, "braked under power"))
+        rows = _in_a_row(braked, 0.0)
+        rows[-1] = rows[-1].until_rest()
+    if rows and machine.holds:
+        rows.append(rows[-1].held(max(machine.delay.values(), default=0.0)))
+    power_off = float(rows[-1].t[-1]) if rows else 0.0
+    if rows:
+        q, v = rows[-1].q[-1], np.zeros_like(v)
+    coasting = _without_power(machine, q, v)
+    rows += _in_a_row(coasting, power_off)
+    t, q, v, rate, effort = (
+        np.concatenate([getattr(row, name) for row in rows])
+        for name in ("t", "q", "v", "rate", "effort")
+    )
+    energy = np.sum([_brake_energy(part) for part in coasting], axis=0)
+    parts = (*braked, *coasting)
+    return StopMotion(machine.scene, t, q, v, rate, effort, power_off, energy, parts)
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    t: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
+    rate: np.ndarray
+    effort: np.ndarray
+
+    def until_rest(self) -> _Rows:
+        """Return the samples up to the first from which on all is at rest."""
+        moves = np.flatnonzero(self.v.any(axis=1))
+        n = min(int(moves[-1]) + 2 if moves.size else 1, len(self.t))
+        return _Rows(self.t[:n], self.q[:n], self.v[:n], self.rate[:n], self.effort[:n])
+
+    def held(self, time: float) -> _Rows:
+        """Return the last sample, at rest, after so long a time (s)."""
+        return _Rows(self.t[-1:] + time, self.q[-1:], self.v[-1:], self.rate[-1:], self.effort[-1:])
+
+
+def _in_a_row(parts: Sequence[Motion], begin: float) -> list[_Rows]:
+    """The samples of simulations one after another from a time (s)."""
+    rows = []
+    for part in parts:
+        rate = working_rates(part.scene, part.q, part.v)[0]
+        rows.append(_Rows(begin + part.t, part.q, part.v, rate, part.effort))
+        begin += float(part.t[-1])
+    return rows
+
+
+def _ramps(machine: Machine, q: np.ndarray, v: np.ndarray) -> Slowed:
+    """Every joint with its own constant deceleration until it is at rest."""
+    model, d = machine.scene.loaded_model(machine.carried), machine.deceleration
+    assert d is not None
+    ends = np.abs(v) / d
+    times = np.unique([*np.linspace(0.0, ends.max(), _RAMP_SAMPLES), *ends])
+    gone = np.minimum(times[:, None], ends)
+    speed = v - np.sign(v) * d * gone
+    speed[times[:, None] >= ends] = 0.0
+    way = v * gone - 0.5 * np.sign(v) * d * gone**2
+    a = np.where(times[:, None] < ends, -np.sign(v) * d, 0.0)
+    return Slowed(times, np.array([pin.integrate(model, q, step) for step in way]), speed, a)
+
+
+def _imposed(machine: Machine, given: Slowed) -> _Rows:
+    """A motion that the drives impose, with the efforts that it takes."""
+    attached = np.tile([n in machine.carried for n in machine.scene.payloads], (len(given.t), 1))
+    with warnings.catch_warnings():  # a slow stop goes far beyond the limits: these are no degrees
+        warnings.filterwarnings("ignore", "q: joint .* in degrees", PinfricWarning)
+        found = inverse_dynamics(
+            machine.scene, given.q, given.v, given.a, attached=attached if attached.size else None
+        )
+    effort = ends_by_magnitude(found.effort_lower, found.effort_upper)[0]
+    rate = working_rates(machine.scene, given.q, given.v)[0]
+    return _Rows(given.t, given.q, given.v, rate, effort)
+
+
+def _without_power(machine: Machine, q: np.ndarray, v: np.ndarray) -> list[Motion]:
+    """The phases after power-off: one brake after the other closes, then until rest."""
+    parts: list[Motion] = []
+    t, closed = 0.0, dict(machine.torque) if machine.holds else dict[str, float]()
+    for delay in [] if machine.holds else sorted(set(machine.delay.values())):
+        parts.append(_simulate(machine, closed, q, v, delay - t))
+        q, v, t = parts[-1].q[-1], parts[-1].v[-1], delay
+        closed |= {n: machine.torque[n] for n, after in machine.delay.items() if after == delay}
+    return [*parts, *_until_rest(machine, closed, q, v, "without power")]
+
+
+def _until_rest(
+    machine: Machine, torques: Mapping[str, float], q: np.ndarray, v: np.ndarray, how: str
+) -> Iterator[Motion]:
+    """Simulate in pieces, each twice as long as the one before, until all is at rest."""
+    gone, piece = 0.0, _PIECE
+    while gone < LONGEST:
+        part = _simulate(machine, torques, q, v, piece)
+        yield part
+        q, v, gone, piece = part.q[-1], part.v[-1], gone + piece, 2.0 * piece
+        if not v.any():
+            return
+    raise StopError(_does_not_stop(machine, torques, v, gone, how))
+
+
+def _simulate(
+    machine: Machine, torques: Mapping[str, float], q: np.ndarray, v: np.ndarray, time: float
+) -> Motion:
+    ws, unpowered = machine.closed(torques), np.zeros(len(machine.scene.drives))
+    try:
+        motion = simulate_constant(
+            ws, q, v, unpowered, time, machine.carried, rtol=_RTOL, atol=_ATOL, sample_step=_SAMPLE
+        )
+    except SimulationError:  # changes between stick and slip that accumulate, in linkages
+        motion = simulate(
+            ws.scene,
+            q,
+            v,
+            t_end=time,
+            method="timestepping",
+            motor_torque=unpowered,
+            attached=machine.carried,
+            sample_step=_SAMPLE,
+            progress=False,
+            dt=_STEP,
+        )
+    if motion.status == INTERRUPTED:
+        raise KeyboardInterrupt
+    return motion
+
+
+def _does_not_stop(
+    machine: Machine, torques: Mapping[str, float], v: np.ndarray, gone: float, how: str
+) -> str:
+    """Say which joint still moves, and what to give."""
+    scene = machine.scene
+    i = int(np.argmax(np.abs(v)))
+    joint = velocity_names(scene.model)[i]
+    names = [drive.name for drive in scene.drives if drive.velocity_index == i]
+    brakes = [f"{torques[name]:g} N m at {name}'s motor" for name in names if name in torques]
+    load = f"carrying {', '.join(machine.carried)}" if machine.carried else "carrying nothing"
+    moves = f"{joint} still moves at {v[i]:.3g} (rad/s or m/s) {gone:.3g} s after, {load}"
+    if brakes:
+        cure = f"its brake of {', '.join(brakes)} is too weak: give a stronger one"
+    elif names:
+        cure = (
+            f"it has no brake: give actuators ({names[0]}) `transmission.brake: {{torque: N m, "
+            "engage_time: s}`, or dry friction that stops it"
+        )
+    else:
+        cure = "no drive moves it: give it friction that stops it, or lock it"
+    return f"{scene.source}: {how}, {moves}; {cure}"
+
+
+def _brake_energy(part: Motion) -> np.ndarray:
+    """(na,) int T_b |r| |v| dt of the brakes that are closed, J."""
+    closed = part.scene.closed_brakes
+    force = [closed.get(drive.name, 0.0) * abs(drive.ratio) for drive in part.scene.drives]
+    rate = working_rates(part.scene, part.q, part.v)[0]
+    return np.asarray(force * np.trapezoid(np.abs(rate), part.t, axis=0))
+
+
+def tool_path(scene: Scene, carried: tuple[str, ...], q: np.ndarray) -> np.ndarray | None:
+    """Return the way (T,) of the scene's `tool` along configurations (m), or None without one."""
+    if scene.tool is None:
+        return None
+    model = scene.loaded_model(carried)
+    data, frame = model.createData(), link_frame(model, scene.tool)
+    places = np.empty((len(q), 3))
+    for k, configuration in enumerate(q):
+        pin.framesForwardKinematics(model, data, configuration)
+        places[k] = data.oMf[frame].translation
+    steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    return np.concatenate([[0.0], np.cumsum(steps)])

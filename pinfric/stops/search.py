@@ -1,0 +1,394 @@
+"""The worst stops of a cycle: candidates by an estimate, then a search around the worst of them.
+
+Every sample of the cycle may be the moment at which the drives react. A stop takes tens of
+milliseconds to simulate, a cycle has thousands of samples, so not every one is simulated. For each
+axis an estimate orders the samples, as if the axis moved alone and without friction:
+
+    |v| (t_react + t_engage) + I w^2/(2 (|r| T_b - F)),     w = |v| + F t_engage/I,
+
+F what gravity pushes along v, I the inertia at the joint with the rotor; of a stated deceleration d
+|v| (t_react + |v|/(2 d)), along the path with the longest |v|/d of all axes. Simulated are the
+samples with the largest estimate, speed and load at rest of each axis, where the estimate comes
+nearest to a limit of its joint, with the largest kinetic energy, and 40 spread evenly. What a stop
+comes to has many hills over the cycle: of each measure the three highest among the samples
+simulated are refined, half-way to the neighbours on both sides, until these are next to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from scipy.integrate import cumulative_trapezoid
+
+from pinfric.drives.brake import closing_way
+from pinfric.drives.demand import driven_joint
+from pinfric.drives.inertia import joint_inertias
+from pinfric.dynamics.inverse.inverse import inverse_dynamics
+from pinfric.dynamics.inverse.result import InverseResult
+from pinfric.dynamics.samples.closure import working_rates
+from pinfric.dynamics.samples.states import States
+from pinfric.errors import StopError
+from pinfric.model.scene import Scene
+from pinfric.motions.summary import effort_unit
+from pinfric.motions.trajectory import Trajectory
+from pinfric.stops.machines import UNLIMITED, Kind, Machines
+from pinfric.stops.motion import Machine, StopMotion, stop_motion, tool_path
+from pinfric.stops.path import CyclePath
+
+#: Samples spread evenly over the cycle: which other axis still moves matters, and no estimate of
+#: one axis finds that.
+_SPREAD = 40
+#: Hills that are refined of each measure; those below this part of the highest are not.
+_HILLS, _LEAST_HILL = 3, 0.5
+#: Part of the cycle to which the search comes.
+_FINEST = 400
+#: An estimate divides by at least this part of the brake's torque.
+_LEAST_SHARE = 0.1
+#: A torque this small beside the load is rounding.
+_ROUNDING = 1e-9
+
+
+class Case(NamedTuple):
+    """One stop of a study.
+
+    Attributes:
+        kind: the machine.
+        sample: of the cycle, at which the drives react.
+        speed: factor on the cycle's speed.
+    """
+
+    kind: Kind
+    sample: int
+    speed: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Stopped:
+    """What one stop comes to, from its command.
+
+    Attributes:
+        case: which stop.
+        command: time of the cycle at which it was commanded (s).
+        time: until everything is at rest (s). rest: (na,) until each drive's joint is.
+        travel: (na,) largest distance of each drive's joint from where the command met it, rad, m.
+        sag: (na,) with gravity, from power-off on; NaN where the joint moved at power-off.
+        peak: (na,) largest effort that the gear delivers, N m or N.
+        energy: (na,) that the brake took, J.
+        beyond: (na, 2) farthest past the lower and the upper limit of each drive's joint, rad or m;
+            negative: what is left; minus infinity where there is no limit.
+        path: way of the tool, m; None: the scene has no tool.
+    """
+
+    case: Case
+    command: float
+    time: float
+    rest: np.ndarray
+    travel: np.ndarray
+    sag: np.ndarray
+    peak: np.ndarray
+    energy: np.ndarray
+    beyond: np.ndarray
+    path: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class Cycle:
+    """A cycle as stops need it.
+
+    Attributes:
+        trajectory: of it. reaction: until the drives react, s.
+        rate: (T, na) of the drives' joints. way: (T, na) their way since the start, rad or m.
+        path: (T,) the tool's way since the start; None without a tool.
+        hold: (T, na) effort that holds each joint at rest, by full load or not.
+        place: (na,) number in q of each drive's joint. limits: (na, 2) its lower and upper limit,
+            rad or m; infinite where it has none, or no single number.
+    """
+
+    trajectory: Trajectory
+    reaction: float
+    rate: np.ndarray
+    way: np.ndarray
+    path: np.ndarray | None
+    hold: dict[bool, np.ndarray]
+    place: np.ndarray
+    limits: np.ndarray
+
+    @classmethod
+    def of(cls, machines: Machines, trajectory: Trajectory) -> Cycle:
+        """Return a cycle of a scene."""
+        scene, (q, v) = machines.scene, (trajectory.q, trajectory.v)
+        rate = working_rates(scene, q, v)[0]
+        way = cumulative_trapezoid(rate, trajectory.t, axis=0, initial=0.0)
+        path, zero, hold = tool_path(scene, (), q), np.zeros_like(v), {}
+        for full in {False, bool(machines.full)}:
+            least = machines.of(Kind(False, float(full))).scene
+            carried = _carried(machines, full, len(q))
+            still = inverse_dynamics(least, q, zero, zero, t=trajectory.t, attached=carried)
+            _check_unbraked(still, "the full load" if full else "nothing")
+            hold[full] = still.effort_frictionless
+        reaction, limits = machines.settings.reaction_time, position_limits(scene)
+        return cls(trajectory, reaction, rate, way, path, hold, *limits)
+
+    def before(self, sample: int, speed: float) -> tuple[float, np.ndarray, float | None]:
+        """Return time of the command (s), the joints' ways since then (na,), the tool's (m).
+
+        Before the first sample the joints are taken to have moved as at it.
+        """
+        t = self.trajectory.t
+        asked = float(t[sample]) - speed * self.reaction
+        command = max(asked, float(t[0]))
+        there = np.array([np.interp(command, t, column) for column in self.way.T])
+        way = self.way[sample] - there + (command - asked) * self.rate[0]
+        path = None
+        if self.path is not None:
+            path = float(self.path[sample] - np.interp(command, t, self.path))
+            if command > asked:
+                path += (command - asked) * float(self.path[1] - self.path[0]) / float(t[1] - t[0])
+        return command, way, path
+
+
+def position_limits(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """Return `Cycle.place` and `Cycle.limits` of a scene."""
+    model, count = scene.model, len(scene.drives)
+    place, limits = np.zeros(count, dtype=int), np.tile([-np.inf, np.inf], (count, 1))
+    for d in range(count):
+        joint = driven_joint(scene, d)
+        if joint is not None and model.joints[joint].nq == 1:
+            i = place[d] = model.joints[joint].idx_q
+            ends = np.array([model.lowerPositionLimit[i], model.upperPositionLimit[i]])
+            limits[d] = np.where(np.abs(ends) < UNLIMITED, ends, limits[d])
+    return place, limits
+
+
+def past(limits: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Return (..., 2) how far places (...) are past the lower and the upper of limits (..., 2)."""
+    return np.stack([limits[..., 0] - q, q - limits[..., 1]], axis=-1)
+
+
+def _check_unbraked(still: InverseResult, carries: str) -> None:
+    """Refuse a drive without a brake whose joint gravity moves although friction holds it."""
+    scene, t = still.scene, still.t
+    assert t is not None  # a cycle has times
+    for d, drive in enumerate(scene.drives):
+        if drive.transmission is not None and drive.transmission.brake is not None:
+            continue
+        ends = still.motor_torque_lower[:, d], -still.motor_torque_upper[:, d]
+        short = np.maximum(*ends)
+        k = int(np.argmax(short))
+        if short[k] > _ROUNDING * max(np.abs(still.effort_frictionless[:, d]).max(), 1.0):
+            load = abs(float(still.effort_frictionless[k, d]))
+            raise StopError(
+                f"{scene.source}: actuators ({drive.name}): has no brake, and carrying {carries} "
+                f"its load of {load:.3g} {effort_unit(scene, d)} at {t[k]:.3g} s of the cycle is "
+                "more than friction holds; give `transmission.brake: {torque: N m, engage_time: s}`"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """Stops of a cycle, each simulated once.
+
+    Attributes:
+        machines, cycle: what is stopped, and where.
+        found: those simulated.
+        progress: called after each with its number and an estimate of all.
+    """
+
+    machines: Machines
+    cycle: Cycle
+    progress: Callable[[int, int], None]
+    found: dict[Case, Stopped] = field(default_factory=dict)
+
+    def stop(self, case: Case) -> Stopped:
+        """Return one stop."""
+        if case not in self.found:
+            self.found[case] = stopped(self.cycle, case, self.motion(case))
+            self.progress(len(self.found), max(len(self.found), self._expected))
+        return self.found[case]
+
+    @property
+    def _expected(self) -> int:
+        return len(self.kinds) * (_SPREAD + 14 * len(self.machines.scene.drives))
+
+    def motion(self, case: Case) -> StopMotion:
+        """Return the motion of one stop, simulated anew."""
+        given, d = self.cycle.trajectory, self.machines.deceleration
+        slowed = None
+        if d is not None and self.machines.settings.along_path:
+            slowed = self.path.slowed(case.sample, case.speed, d)
+        machine, v = self.machines.of(case.kind), case.speed * given.v[case.sample]
+        return stop_motion(machine, given.q[case.sample], v, slowed)
+
+    @cached_property
+    def path(self) -> CyclePath:
+        """The cycle between its samples."""
+        return CyclePath(self.machines.scene.model, self.cycle.trajectory)
+
+    @property
+    def kinds(self) -> tuple[Kind, ...]:
+        """The machines at full speed: least and greatest friction, without load and with all."""
+        loads = (0.0, 1.0) if self.machines.full else (0.0,)
+        return tuple(Kind(greatest, load) for greatest in (False, True) for load in loads)
+
+    def run(self) -> None:
+        """Simulate the candidates, then refine the highest hills of each measure."""
+        cases = {Case(kind, sample) for kind in self.kinds for sample in self.candidates(kind)}
+        while cases:
+            for case in sorted(cases):
+                self.stop(case)
+            cases = {case for measure in self.measures() for case in self._nearer(measure)}
+
+    def candidates(self, kind: Kind) -> list[int]:
+        """Return the samples that are simulated first."""
+        t, rate = self.cycle.trajectory.t, self.cycle.rate
+        chosen = set(np.linspace(0, len(t) - 1, _SPREAD).astype(int).tolist())
+        inertia, score = estimates(self.machines, self.cycle, kind)
+        resting = np.where(rate == 0.0, np.abs(self.cycle.hold[kind.load > 0.0]), -1.0)
+        for order in (score, np.abs(rate), resting):
+            chosen |= set(np.argmax(order, axis=0).tolist())
+        ends = self.cycle.trajectory.q[:, self.cycle.place] + np.sign(rate) * score
+        nearest = past(self.cycle.limits, ends).max(axis=-1)
+        chosen |= set(np.argmax(nearest, axis=0)[self.limited].tolist())
+        chosen.add(int(np.argmax((inertia * rate**2).sum(axis=1))))
+        return sorted(chosen)
+
+    def measures(self) -> Iterator[Callable[[Stopped], float]]:
+        """Yield what is to be largest: of each axis, its time and place, too; time and path."""
+        for d in range(len(self.machines.scene.drives)):
+            for name in ("rest", "travel", "peak", "energy"):
+                yield figure_of(name, d)
+        for d in np.flatnonzero(self.limited).tolist():
+            left = -beyond_of(d)(self.nearest(d))
+            if left < self.farthest(d).travel[d]:  # else no stop comes near
+                yield beyond_of(d)
+        yield lambda stop: stop.time
+        if self.cycle.path is not None:
+            yield lambda stop: stop.path or 0.0
+
+    def worst(self, measure: Callable[[Stopped], float]) -> Stopped:
+        """Return the worst of the stops simulated."""
+        return max(self.found.values(), key=measure)
+
+    def farthest(self, drive: int) -> Stopped:
+        """Return the stop in which a drive's joint goes farthest."""
+        return self.worst(figure_of("travel", drive))
+
+    def longest(self, drive: int) -> Stopped:
+        """Return the stop after which a drive's joint comes to rest last."""
+        return self.worst(figure_of("rest", drive))
+
+    def nearest(self, drive: int) -> Stopped:
+        """Return the stop in which a drive's joint comes nearest to a limit, or farthest past."""
+        return self.worst(beyond_of(drive))
+
+    @property
+    def limited(self) -> np.ndarray:
+        """(na,) which drives' joints have a limit."""
+        return np.isfinite(self.cycle.limits).any(axis=1)
+
+    def _nearer(self, measure: Callable[[Stopped], float]) -> Iterator[Case]:
+        """Yield what lies half-way between the highest hills of a measure and their neighbours."""
+        finest = max(len(self.cycle.trajectory.t) // _FINEST, 1)
+        hills: list[tuple[float, Case, list[int]]] = []
+        for kind in self.kinds:
+            own = sorted((s for c, s in self.found.items() if c.kind == kind), key=_sample_of)
+            height = np.pad([measure(stop) for stop in own], 1, constant_values=-np.inf)
+            tops = (height[1:-1] >= height[:-2]) & (height[1:-1] >= height[2:])
+            for i in np.flatnonzero(tops & (height[1:-1] != 0.0)).tolist():
+                around = [_sample_of(stop) for stop in own[max(i - 1, 0) : i + 2]]
+                hills.append((float(height[i + 1]), own[i].case, around))
+        hills.sort(key=lambda hill: -hill[0])
+        highest = hills[0][0] if hills else 0.0
+        for top, case, around in hills[:_HILLS]:
+            if top >= highest - (1.0 - _LEAST_HILL) * abs(highest):
+                for other in around:
+                    if abs(other - case.sample) > finest:
+                        yield case._replace(sample=(other + case.sample) // 2)
+
+
+def _sample_of(stop: Stopped) -> int:
+    return stop.case.sample
+
+
+def figure_of(name: str, drive: int) -> Callable[[Stopped], float]:
+    """Return the function of a stop that gives one drive's value of a field of `Stopped`."""
+    return lambda stop: float(getattr(stop, name)[drive])
+
+
+def beyond_of(drive: int) -> Callable[[Stopped], float]:
+    """Return the function of a stop that says how far a drive's joint is past its limits."""
+    return lambda stop: float(stop.beyond[drive].max())
+
+
+def stopped(cycle: Cycle, case: Case, motion: StopMotion) -> Stopped:
+    """Return what a stop comes to.
+
+    Args:
+        cycle, case: where it began. motion: from there on.
+    """
+    command, reaction, path = cycle.before(case.sample, case.speed)
+    delay = cycle.reaction
+    first = int(motion.t.searchsorted(motion.power_off))
+    moved = motion.rate[first] != 0.0
+    falls = -np.sign(cycle.hold[case.kind.load > 0.0][case.sample])
+    if path is not None:
+        stop = tool_path(motion.scene, (), motion.q)
+        assert stop is not None  # the scene has a tool
+        path += float(stop[-1])
+    at_rest = (motion.rest_time == 0.0) & (reaction == 0.0)
+    return Stopped(
+        case=case,
+        command=command,
+        time=delay + float(motion.rest_time.max()),
+        rest=np.where(at_rest, 0.0, delay + motion.rest_time),
+        travel=np.maximum(np.abs(reaction), np.abs(reaction + motion.travel).max(axis=0)),
+        sag=np.where(moved, np.nan, falls * motion.after_power_off),
+        peak=np.abs(motion.effort).max(axis=0),
+        energy=motion.energy,
+        beyond=past(cycle.limits, motion.q[:, cycle.place]).max(axis=0),
+        path=path,
+    )
+
+
+def estimates(machines: Machines, cycle: Cycle, kind: Kind) -> tuple[np.ndarray, np.ndarray]:
+    """Return inertias (T, na) at the joints with rotors, and the estimated travels (T, na).
+
+    Args:
+        machines, cycle: what is stopped. kind: with which load, and whether brakes are greatest.
+    """
+    machine, given, d = machines.of(kind), cycle.trajectory, machines.deceleration
+    states = States(
+        given.q, given.v, given.a, None, _carried(machines, kind.load > 0.0, len(given.q))
+    )
+    gears = [drive.transmission for drive in machine.scene.drives]
+    ratio = np.array([abs(drive.ratio) for drive in machine.scene.drives])
+    rotor = np.array([0.0 if gear is None else gear.rotor_inertia for gear in gears])
+    inertia = joint_inertias(machine.scene, states) + ratio**2 * rotor
+    speed, delay = np.abs(cycle.rate), _per_drive(machine, machine.delay)
+    push = -cycle.hold[kind.load > 0.0] * np.sign(cycle.rate)
+    torque = ratio * _per_drive(machine, machine.drive_torque or machine.torque)
+    torque = np.where(torque > 0.0, torque, np.abs(push).max() + 1e-9)
+    left = np.maximum(torque - push, _LEAST_SHARE * torque)
+    if d is not None:  # the drives impose the motion
+        ramp = speed / np.array([d[drive.velocity_index] for drive in machine.scene.drives])
+        if machines.settings.along_path:
+            ramp = ramp.max(axis=1, keepdims=True)
+        return inertia, speed * (cycle.reaction + ramp / 2.0)
+    way = closing_way(inertia, speed, push, delay, left)
+    return inertia, speed * (cycle.reaction + delay) + way
+
+
+def _per_drive(machine: Machine, figures: Mapping[str, float]) -> np.ndarray:
+    """(na,) figures of drives by name, 0 where there is none."""
+    return np.array([figures.get(drive.name, 0.0) for drive in machine.scene.drives])
+
+
+def _carried(machines: Machines, full: bool, samples: int) -> np.ndarray | None:
+    names = machines.scene.payloads
+    if not names:
+        return None
+    return np.tile([full and name in machines.full for name in names], (samples, 1))

@@ -1,0 +1,270 @@
+"""What stops come to: the worst of each axis, the table by speed and payload, criteria."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pinfric.drives.criterion import Criterion, compare
+from pinfric.model.brakes import HoldingBrake
+from pinfric.model.described import EFFORT, PLACE, described, quantity
+from pinfric.motions.summary import effort_unit
+from pinfric.stops.machines import UNLIMITED, Kind
+from pinfric.stops.search import Case, Search, Stopped
+
+if TYPE_CHECKING:  # it is above this module
+    from pinfric.stops.study import StopResult
+
+#: A joint beyond its limit by less than this (rad or m) is still at it, to rounding.
+_TOUCHES = 1e-6
+#: A load this small beside the largest of the robot is rounding.
+_ROUNDING = 1e-12
+
+
+@described
+class AxisStop:
+    """The worst stops of one drive's joint; each figure's own worst of all stops."""
+
+    name: str = quantity("the drive's", heading="drive", name=True)
+    unit: str = quantity('of its efforts, "N m" or "N"', heading="unit")
+    time: float = quantity("longest time from the command to rest", "s", "stopping\ntime")
+    time_command: float = quantity("when in the cycle that stop is commanded", "s", "commanded\nat")
+    travel: float = quantity("largest distance from where the command met it", PLACE, "travel")
+    command: float = quantity("when in the cycle that stop is commanded", "s", "commanded\nat")
+    load: str = quantity("payload in that stop", heading="carries")
+    sag: float | None = quantity(
+        "farthest way with gravity after power-off, of joints at rest then; none: it never rests",
+        PLACE,
+        "sag",
+    )
+    peak: float = quantity("largest effort of the gear at the joint", EFFORT, "gear's\npeak")
+    energy: float | None = quantity("most energy of the brake; none: no brake", "J", "brake")
+    criteria: tuple[Criterion, ...] = quantity("of brake, gear, braking under power, and place")
+
+
+@described
+class StopGrid:
+    """Stopping time and travel of one drive's joint at a payload, by speed in %."""
+
+    name: str = quantity("the drive's", heading="drive", name=True)
+    unit: str = quantity('of its efforts, "N m" or "N"', heading="unit")
+    load: str = quantity("payload", heading="payload")
+    time: Mapping[str, float] = quantity("time from the command to rest", "s", "time at\n{} %")
+    travel: Mapping[str, float] = quantity("distance from the command", PLACE, "travel at\n{} %")
+
+
+@described
+class StopSummary:
+    """The stops of a cycle."""
+
+    trajectory: str = quantity("the cycle's file")
+    category: int = quantity("of IEC 60204-1")
+    reaction_time: float = quantity("from the command until the drives react", "s")
+    friction: tuple[float, float] = quantity("least and greatest factor on all friction")
+    payload: tuple[str, ...] = quantity("payloads of the full load")
+    time: float = quantity("longest time from the command until all is at rest", "s")
+    command: float = quantity("when in the cycle that stop is commanded", "s")
+    path: float | None = quantity("longest way of the tool; none: the scene has no tool", "m")
+    path_command: float | None = quantity("when in the cycle that stop is commanded", "s")
+    axes: tuple[AxisStop, ...] = quantity("the worst of each drive's joint")
+    grid: tuple[StopGrid, ...] = quantity("by payload and speed, at each joint's worst samples")
+    stops: int = quantity("number of stops simulated")
+    unmet: tuple[str, ...] = quantity("criteria that are not met")
+    notes: tuple[str, ...] = quantity("what is assumed, and what is not known")
+
+
+def stop_summary(result: StopResult) -> StopSummary:
+    """Return what `pinfric stop` prints and writes."""
+    longest, farthest = result.longest, result.farthest
+    return StopSummary(
+        trajectory=result.trajectory.source,
+        category=result.settings.category,
+        reaction_time=result.settings.reaction_time,
+        friction=result.settings.friction,
+        payload=result.search.machines.full,
+        time=longest.time,
+        command=longest.command,
+        path=None if farthest is None else farthest.path,
+        path_command=None if farthest is None else farthest.command,
+        axes=result.axes,
+        grid=result.grid,
+        stops=len(result.search.found),
+        unmet=result.unmet,
+        notes=result.notes,
+    )
+
+
+def axis_stop(search: Search, drive: int) -> AxisStop:
+    """Return the worst of one drive's joint."""
+    scene = search.machines.scene
+    stops = list(search.found.values())
+    longest, worst = search.longest(drive), search.farthest(drive)
+    sags = [stop.sag[drive] for stop in stops if np.isfinite(stop.sag[drive])]
+    gear = scene.drives[drive].transmission
+    brake = None if gear is None else gear.brake
+    energy = max(float(stop.energy[drive]) for stop in stops)
+    peak = max(float(stop.peak[drive]) for stop in stops)
+    return AxisStop(
+        name=scene.drives[drive].name,
+        unit=effort_unit(scene, drive),
+        time=float(longest.rest[drive]),
+        time_command=longest.command,
+        travel=float(worst.travel[drive]),
+        command=worst.command,
+        load=load_name(worst.case.kind.load),
+        sag=float(max(sags)) + 0.0 if sags else None,
+        peak=peak,
+        energy=None if brake is None else energy,
+        criteria=(
+            *_of_brake(search, drive, brake, energy),
+            _of_gear(search, drive, peak),
+            *_of_power(search, drive, peak),
+            *_of_place(search, drive),
+        ),
+    )
+
+
+def stop_grid(search: Search, drive: int, shares: tuple[float, ...]) -> list[StopGrid]:
+    """Return the rows of one drive's joint by payload, the worse of two samples; see `StopGrid`.
+
+    The samples are those of its longest stop and of its farthest.
+
+    Args:
+        search: with these stops. drive: its number. shares: of speed and payload.
+    """
+    scene = search.machines.scene
+    worst = search.longest(drive), search.farthest(drive)
+    samples = sorted({found.case.sample for found in worst})
+    rows = []
+    for load in (0.0, *shares) if search.machines.full else (0.0,):
+        stops: dict[str, list[Stopped]] = {
+            f"{100 * speed:.0f}": [
+                search.stop(Case(Kind(False, load), sample, speed)) for sample in samples
+            ]
+            for speed in shares
+        }
+        rows.append(
+            StopGrid(
+                name=scene.drives[drive].name,
+                unit=effort_unit(scene, drive),
+                load=load_name(load),
+                time={k: max(float(one.rest[drive]) for one in own) for k, own in stops.items()},
+                travel={
+                    k: max(float(one.travel[drive]) for one in own) for k, own in stops.items()
+                },
+            )
+        )
+    return rows
+
+
+def load_name(load: float) -> str:
+    """Return a share of the full payload in words."""
+    return "nothing" if load == 0.0 else "full load" if load == 1.0 else f"{100 * load:.0f} %"
+
+
+def _of_brake(
+    search: Search, drive: int, brake: HoldingBrake | None, energy: float
+) -> list[Criterion]:
+    """A brake's torque against gravity, its energy, and how often it stops the axis."""
+    if brake is None:
+        return []
+    ratio = abs(search.machines.scene.drives[drive].ratio)
+    holds = np.abs(np.concatenate(list(search.cycle.hold.values())))
+    load = float(holds[:, drive].max()) / ratio
+    load = load if load > _ROUNDING * holds.max() else 0.0
+    per_hour = search.machines.settings.per_hour
+    torque = compare(
+        "brake torque",
+        load,
+        brake.torque,
+        "N m",
+        "max |load at rest|/|ratio| <= least torque of the brake",
+        "statics: friction does not push, and need not help",
+    )
+    heat = compare(
+        "brake energy of a stop",
+        energy,
+        brake.stop_energy,
+        "J",
+        "max int T_b |omega| dt <= permissible energy of one stop",
+        "simulated stops, friction and brake at their least",
+        "stop_energy of the brake",
+    )
+    missing = "stops.per_hour" if per_hour is None else "stops_per_hour of the brake"
+    often = compare(
+        "brake stops in an hour",
+        per_hour,
+        brake.stops_per_hour,
+        "1/h",
+        "stops in an hour <= permissible number",
+        "maker's figure",
+        missing,
+    )
+    return [torque, heat, often]
+
+
+def _of_gear(search: Search, drive: int, peak: float) -> Criterion:
+    """The gear's peak against the peak that it may bear for a moment."""
+    gear = search.machines.scene.drives[drive].transmission
+    return compare(
+        "gear momentary peak torque",
+        peak,
+        None if gear is None else gear.momentary_peak,
+        effort_unit(search.machines.scene, drive),
+        "max |effort| in a stop <= limit for momentary peak torque",
+        "simulated stops, friction and brake at their greatest, a rigid gear",
+        "momentary_peak of the transmission",
+    )
+
+
+def _of_power(search: Search, drive: int, peak: float) -> list[Criterion]:
+    """Whether a drive can do an imposed deceleration, by the URDF's effort limit."""
+    settings, scene = search.machines.settings, search.machines.scene
+    if settings.category == 0 or not settings.deceleration:
+        return []
+    limit = float(scene.model.effortLimit[scene.drives[drive].velocity_index])
+    return [
+        compare(
+            "effort of braking",
+            peak,
+            limit if 0.0 < limit < UNLIMITED else None,
+            effort_unit(scene, drive),
+            "max |effort| at the deceleration <= effort limit",
+            "inverse dynamics; the URDF's limit",
+            "effort limit of the URDF",
+        )
+    ]
+
+
+def _of_place(search: Search, drive: int) -> list[Criterion]:
+    """Whether a joint stays within its limits, in the stop that comes nearest to one."""
+    cycle, worst = search.cycle, search.nearest(drive)
+    side = int(np.argmax(worst.beyond[drive]))
+    beyond, limit = float(worst.beyond[drive, side]), float(cycle.limits[drive, side])
+    if not search.limited[drive]:
+        return []
+    sample = worst.case.sample
+    way = cycle.before(sample, worst.case.speed)[1][drive]
+    place = float(cycle.trajectory.q[sample, cycle.place[drive]] - way)
+    room = (limit - place) * (1 if side else -1)
+    unit = "m" if effort_unit(search.machines.scene, drive) == "N" else "rad"
+    passes = f" by {beyond:.3g} {unit}" if beyond > _TOUCHES else ""
+    note = (
+        f"{'passes' if passes else 'nearest to'} its {'upper' if side else 'lower'} limit of "
+        f"{limit:.4g} {unit}{passes}, commanded at {worst.command:.3g} s (sample {sample}), "
+        f"carrying {load_name(worst.case.kind.load)}"
+    )
+    need = max(room + beyond, 0.0) if passes else min(max(room + beyond, 0.0), room)
+    return [
+        compare(
+            "position limit",
+            need,
+            room,
+            unit,
+            "way in a stop towards the limit <= distance to it at the command",
+            "simulated stops; the URDF's limit",
+            note=note,
+        )
+    ]

@@ -1,1 +1,0 @@
-"""What users ask: trajectories, summaries, sizing."""

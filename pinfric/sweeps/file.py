@@ -1,0 +1,211 @@
+"""The sweep's file format: parameters with distributions, and motors to check.
+
+pinfric_sweep: 1
+samples: 1000
+sampling: random            # random | sobol | grid
+seed: 1
+parameters:
+  friction.*.mu: {lognormal: {median: 1.0, sigma: 0.35}}     # a factor
+  payload.box.mass: {normal: {mean: 2.0, std: 0.1}}          # kg
+motors:
+  panda_joint2: {continuous_torque: 0.4, peak_torque: 1.2}   # N m at the motor's shaft
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from pinfric.drives.policy import Conditions
+from pinfric.errors import SweepError
+from pinfric.model.entry import Entry, Number, Positive, Version, key, parse
+from pinfric.model.scene_file import find_file
+from pinfric.model.yamlfile import read_yaml
+from pinfric.sweeps.distributions import (
+    Choice,
+    Distribution,
+    LogNormal,
+    Normal,
+    Steps,
+    TruncatedNormal,
+    Uniform,
+)
+
+#: More cycles than this would take weeks: a slip of the pen, most likely in a grid.
+MOST_SAMPLES = 10_000_000
+_KINDS = ("normal", "truncated_normal", "uniform", "lognormal", "choice", "steps")
+
+
+class Parameter(Entry):
+    """Distribution of one parameter."""
+
+    normal: Annotated[
+        Normal | None, key("with a mean and a standard deviation", {"mean": 0.0, "std": 0.0175})
+    ] = None
+    truncated_normal: Annotated[
+        TruncatedNormal | None,
+        key("normal, truncated to a range", {"mean": 2.0, "std": 0.2, "low": 1.0}),
+    ] = None
+    uniform: Annotated[Uniform | None, key("between two values", {"low": 0.9, "high": 1.1})] = None
+    lognormal: Annotated[LogNormal | None, key("of a factor", {"median": 1.0, "sigma": 0.34})] = (
+        None
+    )
+    choice: Annotated[Choice | None, key("one of a list", {"values": [0.0, 1.0, 2.0]})] = None
+    steps: Annotated[
+        Steps | None, key("at equal distances, for grids", {"low": 0.5, "high": 1.5, "count": 11})
+    ] = None
+    each: Annotated[
+        bool, key("one value for each joint that `*` matches, or one for all", True)
+    ] = False
+
+    @model_validator(mode="after")
+    def _one_distribution(self) -> Parameter:
+        given = [kind for kind in _KINDS if getattr(self, kind) is not None]
+        if len(given) != 1:
+            raise ValueError(f"give one of {', '.join(_KINDS)}; found {', '.join(given) or 'none'}")
+        return self
+
+    @property
+    def kind(self) -> str:
+        """The distribution's name."""
+        return next(kind for kind in _KINDS if getattr(self, kind) is not None)
+
+    @property
+    def distribution(self) -> Distribution:
+        """The one that is given."""
+        found: Distribution = getattr(self, self.kind)
+        return found
+
+
+class MotorOnTrial(Entry):
+    """A motor whose ratings are compared with every sample.
+
+    Ratings at the motor's shaft (of an ideal drive: at the joint, N m or N). `motor`: ratings from
+    the catalogue, with the scene's transmission. `drive`: a motor with its gear, by the name
+    that `pinfric size` prints, checked by all its criteria; its transmission replaces the scene's,
+    and its mass is added to the links unless `robot.masses` says that they hold it. Ratings given
+    here take precedence.
+    """
+
+    motor: Annotated[str | None, key("of the catalogue, by name", "CubeMars AK80-64")] = None
+    drive: Annotated[
+        str | None, key("motor and gear of the catalogue, by name", "CubeMars AK80-64")
+    ] = None
+    continuous_torque: Annotated[Positive | None, key("compared with the RMS", 0.37, "N m")] = None
+    peak_torque: Annotated[
+        Positive | None, key("compared with `peak_factor` times the peak", 1.0, "N m")
+    ] = None
+    max_speed: Annotated[Positive | None, key("compared with the top speed", 400.0, "rad/s")] = None
+
+    @model_validator(mode="after")
+    def _says_something(self) -> MotorOnTrial:
+        if self.motor is not None and self.drive is not None:
+            raise ValueError("give `motor` or `drive`, not both")
+        figures = self.continuous_torque, self.peak_torque, self.max_speed
+        if self.motor is None and self.drive is None and not any(figures):
+            raise ValueError(
+                "nothing to check: give continuous_torque, peak_torque or max_speed, or the name "
+                "of a `motor` or `drive` of the catalogue"
+            )
+        return self
+
+
+class SweepFile(Entry):
+    """A whole sweep file.
+
+    `sampling`: random; sobol (Saltelli's design: samples is a power of two N, N (d + 2) cycles are
+    computed for d parameters, and the shares of the variance come out); grid (every combination
+    of choice and steps). `table`: a CSV file with a column per parameter; every sample draws a
+    whole row, so that correlated values stay together.
+    """
+
+    pinfric_sweep: Annotated[Version, key("version of the format", 1)]
+    parameters: Annotated[
+        dict[str, Parameter],
+        key(
+            "parameter -> its distribution",
+            {"friction.*.mu": {"lognormal": {"median": 1.0, "sigma": 0.34}}},
+        ),
+    ] = Field(default_factory=dict)
+    table: Annotated[str | None, key("CSV file of samples, beside this file", "posterior.csv")] = (
+        None
+    )
+    samples: Annotated[
+        Annotated[int, Field(ge=1, le=MOST_SAMPLES, strict=True)] | None,
+        key("number of cycles", 1000),
+    ] = None
+    sampling: Annotated[
+        Literal["random", "sobol", "grid"],
+        key("random, Saltelli's design, or all combinations", "random"),
+    ] = "random"
+    seed: Annotated[int, Field(ge=0, strict=True), key("seed of the random numbers", 1)] = 0
+    percentiles: Annotated[
+        tuple[Number, ...], Field(min_length=1), key("percentiles to show", [5, 50, 95, 99], "%")
+    ] = (5.0, 50.0, 95.0, 99.0)
+    catalog: Annotated[str, key("file, or `default` for the bundled one", "default")] = "default"
+    conditions: Annotated[
+        Conditions | None, key("values that replace those of the catalogue", {"peak_factor": 1.3})
+    ] = None
+    motors: Annotated[
+        dict[str, MotorOnTrial],
+        key(
+            "motors to check, by drive",
+            {"panda_joint2": {"continuous_torque": 0.37, "peak_torque": 1.0}},
+        ),
+    ] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _design_can_be(self) -> SweepFile:
+        for p in self.percentiles:
+            if not 0 <= p <= 100:
+                raise ValueError(f"percentiles: {p:g} is not between 0 and 100")
+        if not self.parameters and self.table is None:
+            raise ValueError("`parameters` or `table` is missing: give at least one")
+        if self.table is not None and self.sampling != "random":
+            raise ValueError(
+                f"`table`: its rows are drawn at random; leave out `sampling: {self.sampling}`"
+            )
+        if self.sampling == "grid":
+            self._check_grid()
+        elif self.samples is None:
+            raise ValueError(
+                f"`samples` is missing: number of samples of the {self.sampling} design"
+            )
+        elif self.sampling == "sobol" and self.samples & (self.samples - 1):
+            near = 2 ** round(math.log2(self.samples))
+            raise ValueError(
+                f"samples: {self.samples} is not a power of two, which Sobol's sequence needs; "
+                f"take {near}"
+            )
+        return self
+
+    def _check_grid(self) -> None:
+        if self.samples is not None:
+            raise ValueError("`samples`: the values of a grid set their number; leave it out")
+        for name, parameter in self.parameters.items():
+            if parameter.distribution.levels is None:
+                raise ValueError(
+                    f"parameters.{name}: a grid takes `steps` or `choice`, not {parameter.kind}"
+                )
+
+
+def load_sweep(given: SweepFile | Mapping[str, Any] | str | Path) -> tuple[SweepFile, str]:
+    """Return a sweep and its source, from a file, a bundled file's name, or a mapping.
+
+    Raises:
+        SweepError: everything that is wrong with it, in one message.
+    """
+    if isinstance(given, SweepFile):
+        return given, "sweep"
+    if isinstance(given, Mapping):
+        return parse(SweepFile, dict(given), "sweep", SweepError), "sweep"
+    path = find_file(given, (".sweep.yaml",), SweepError)
+    content = read_yaml(path, SweepError, "pinfric_sweep")
+    entries = parse(SweepFile, content, str(path), SweepError)
+    if entries.table is not None:
+        entries = entries.model_copy(update={"table": str(path.parent / entries.table)})
+    return entries, str(path)

@@ -1,0 +1,314 @@
+"""Result of a sweep: values of every sample, percentiles, probabilities, influences."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pinfric.errors import SweepError, choose_from
+from pinfric.model.brief import file_name, listed, screen
+from pinfric.model.described import described, quantity
+from pinfric.model.upward import Shown
+from pinfric.sweeps.cycle import DEMANDS, ELASTIC_FIGURES, FIGURES
+from pinfric.sweeps.motors import Trial
+from pinfric.sweeps.parameters import seeded
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+#: 95 % of a normal distribution lies within so many standard deviations.
+_Z95 = 1.959963984540054
+#: Shares of the variance below it are not worth a name.
+_LEAST_SHARE = 0.01
+#: Of the bootstrap behind the intervals of Sobol's shares.
+_RESAMPLES = 200
+
+
+@described
+class Probability:
+    """A share of the samples; its 95 % interval (Wilson) where samples are independent."""
+
+    value: float = quantity("the share")
+    low: float | None = quantity("lower end of the interval; none for other designs")
+    high: float | None = quantity("upper end of the interval; none for other designs")
+
+
+@dataclass(frozen=True)
+class SobolIndices:
+    """Shares of a figure's variance, by parameter (np,).
+
+    Attributes:
+        first: share of the parameter alone (first-order index).
+        total: share with its interactions (total-effect index).
+        first_low, first_high, total_low, total_high: 95 % bootstrap intervals.
+    """
+
+    first: np.ndarray
+    total: np.ndarray
+    first_low: np.ndarray
+    first_high: np.ndarray
+    total_low: np.ndarray
+    total_high: np.ndarray
+
+
+@dataclass(frozen=True)
+class SweepResult(Shown):
+    """All samples of a sweep; SI units.
+
+    The figures of each drive (`figure`) are those of `pinfric inverse`: `peak`, `rms` of the worst
+    end of the effort interval; `motor_peak`, `motor_rms` at the motor's shaft; `speed`, the largest
+    |v| of the drive, and `margin`, the least of all criteria of a catalogue's drive.
+
+    Attributes:
+        scene, trajectory, sweep: their names.
+        sampling: random, sobol or grid. seed: of the samples.
+        parameter_names: (np,) the columns of `values`.
+        actuator_names, units, motor_units: (na,) the drives, and the units of their efforts at the
+            joint and at the motor's shaft: N m or N.
+        values: (n, np) parameters of each sample.
+        figures: (n, na, number of figures); NaN where a sample has no solution.
+        verdicts: (n, number of criteria) of catalogue drives on trial, columns (drive, criterion):
+            whether a sample meets it; NA: not checked.
+        unsolved: (n,) number of instants of the cycle without a solution.
+        problems: (n,) why a sample could not be computed; empty if it could.
+        trials: the motors that are checked.
+        percentiles: the requested ones.
+        processes: number of processes used. resumed: samples that existed already.
+        notes: remarks for the reader.
+        elastic: (n, 4) lowest frequency (Hz), the tool's sag, interval and reversal error at rest
+            (m), the worst of each cycle; (n, 0) where neither stiffness nor hysteresis varies.
+    """
+
+    scene: str
+    trajectory: str
+    sweep: str
+    sampling: str
+    seed: int
+    parameter_names: tuple[str, ...]
+    actuator_names: tuple[str, ...]
+    units: tuple[str, ...]
+    motor_units: tuple[str, ...]
+    values: np.ndarray
+    figures: np.ndarray
+    verdicts: pd.DataFrame
+    unsolved: np.ndarray
+    problems: tuple[str, ...]
+    trials: tuple[Trial, ...]
+    percentiles: tuple[float, ...]
+    processes: int = 1
+    resumed: int = 0
+    notes: tuple[str, ...] = ()
+    elastic: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+
+    def __repr__(self) -> str:
+        solved = int(self.solved.sum())
+        facts = {
+            "solved": "all" if solved == self.samples else f"{solved} of {self.samples}",
+            "parameters": listed(self.parameter_names),
+            "drives": listed(self.actuator_names),
+        }
+        if solved:
+            middle = np.median(self.figure("peak")[self.solved], axis=0)
+            peaks = [f"{x:.3g} {unit}" for x, unit in zip(middle, self.units, strict=True)]
+            facts["peaks"] = f"{listed(self.actuator_names, peaks)} (median)"
+        suffices = [f"{100 * np.mean(self.sufficing(trial)):.1f} %" for trial in self.trials]
+        facts["suffice"] = listed([trial.drive for trial in self.trials], suffices)
+        title = (
+            f"{file_name(self.scene)} · {file_name(self.trajectory)}: "
+            f"{self.samples} samples, {self.sampling}"
+        )
+        return screen(
+            "SweepResult",
+            title,
+            {
+                **facts,
+                "more": ".summary() .plot() .to_dataframe() .quantiles(figure)",
+            },
+        )
+
+    @property
+    def samples(self) -> int:
+        """Number of computed cycles."""
+        return len(self.values)
+
+    @cached_property
+    def solved(self) -> np.ndarray:
+        """(n,) the samples with all their figures."""
+        return np.asarray(np.isfinite(self.figures).all(axis=(1, 2)))
+
+    def figure(self, name: str) -> np.ndarray:
+        """Return one figure of all samples and drives, (n, na).
+
+        Raises:
+            SweepError: there is none of that name.
+        """
+        if name not in FIGURES:
+            raise SweepError(f"there is no figure {name!r}; {choose_from(name, FIGURES)}")
+        return np.asarray(self.figures[:, :, FIGURES.index(name)])
+
+    def quantiles(self, name: str) -> np.ndarray:
+        """Return the percentiles of a figure, (number of percentiles, na), by drive.
+
+        Over the samples that have a solution; all samples weigh the same, a grid's too.
+        """
+        there = self.figure(name)[self.solved]
+        return np.asarray(np.percentile(there, self.percentiles, axis=0))
+
+    @property
+    def rated(self) -> tuple[str, str]:
+        """Names of the peak and the RMS that motors are rated by: at their shafts, if gears are."""
+        there = (self.figure("peak") != self.figure("motor_peak"))[self.solved]
+        return ("motor_peak", "motor_rms") if there.any() else ("peak", "rms")
+
+    def influences(self, name: str) -> np.ndarray:
+        """Return the influence of each parameter on a figure, (np, na).
+
+        Its share of the variance, with interactions, if there are shares (`has_shares`);
+        otherwise its rank correlation.
+        """
+        shares = self.sobol(name) if self.has_shares else None
+        if shares is None:
+            return self.rank_correlation(name)
+        return np.column_stack([drive.total for drive in shares])
+
+    def strongest(self, influences: np.ndarray, most: int) -> list[int]:
+        """Return the most influential parameters of one drive's figure, without the noise.
+
+        Args:
+            influences: (np,) on that drive.
+            most: how many at most.
+        """
+        least = _LEAST_SHARE if self.has_shares else self.correlation_noise
+        order = np.argsort(-np.nan_to_num(np.abs(influences), nan=-1.0), kind="stable")
+        return [int(j) for j in order[:most] if abs(influences[j]) > least]
+
+    def elastic_quantiles(self) -> dict[str, np.ndarray]:
+        """Return the percentiles of the elastic figures that are known, by name."""
+        there = self.elastic[self.solved] if self.elastic.size else self.elastic
+        known = [k for k in range(there.shape[1]) if np.isfinite(there[:, k]).all() and len(there)]
+        return {
+            ELASTIC_FIGURES[k]: np.asarray(np.percentile(there[:, k], self.percentiles))
+            for k in known
+        }
+
+    def sufficing(self, trial: Trial | None = None) -> np.ndarray:
+        """Return (n,) in which samples a motor meets all its criteria; None: all motors do.
+
+        A sample without a solution is one in which none does.
+        """
+        trials = self.trials if trial is None else (trial,)
+        met = [mask for t in trials for mask in t.met(self).values()]
+        there = np.isfinite(self.figures[:, [t.actuator for t in trials]]).all(axis=(1, 2))
+        return np.asarray(np.logical_and.reduce([*met, there]))
+
+    def probability(self, mask: np.ndarray) -> Probability:
+        """Return the share of a (n,) mask with its confidence interval."""
+        n, share = len(mask), float(np.mean(mask))
+        if self.sampling != "random":
+            return Probability(share, None, None)
+        z = _Z95
+        center = (share + z * z / (2 * n)) / (1 + z * z / n)
+        half = z * math.sqrt(share * (1 - share) / n + z * z / (4 * n * n)) / (1 + z * z / n)
+        return Probability(share, max(center - half, 0.0), min(center + half, 1.0))
+
+    def rank_correlation(self, name: str) -> np.ndarray:
+        """Return Spearman's correlation of each parameter with a figure, (np, na), in [-1, 1].
+
+        It shows monotonic effects only. For a figure with a minimum inside a parameter's range (a
+        mounting angle) use the shares of Sobol's design. NaN if a parameter or a figure does not
+        vary.
+        """
+        from scipy.stats import rankdata
+
+        if np.count_nonzero(self.solved) < 2:
+            return np.full((len(self.parameter_names), len(self.actuator_names)), np.nan)
+        x = rankdata(self.values[self.solved], axis=0)
+        y = rankdata(self.figure(name)[self.solved], axis=0)
+        x, y = x - x.mean(axis=0), y - y.mean(axis=0)
+        scale = np.sqrt(np.outer((x * x).sum(axis=0), (y * y).sum(axis=0)))
+        some = scale > 0
+        return np.where(some, (x.T @ y) / np.where(some, scale, 1.0), np.nan)
+
+    @property
+    def correlation_noise(self) -> float:
+        """The rank correlation that is significant at the 5 % level."""
+        return _Z95 / math.sqrt(max(int(self.solved.sum()) - 1, 1))
+
+    @property
+    def has_shares(self) -> bool:
+        """Whether `sobol` gives shares of the variance: Sobol's design, every sample solved."""
+        return self.sampling == "sobol" and bool(self.solved.all())
+
+    def sobol(self, name: str) -> tuple[SobolIndices, ...] | None:
+        """Return the shares of a figure's variance by drive; None unless sampled for it.
+
+        SciPy's `sobol_indices` (Saltelli 2010, Jansen 1999). NaN for a figure that does not vary,
+        and for all where a sample has no solution: the design needs every one.
+        """
+        if self.sampling != "sobol":
+            return None
+        return tuple(self._sobol(self.figure(name)[:, i]) for i in range(len(self.actuator_names)))
+
+    def _sobol(self, y: np.ndarray) -> SobolIndices:
+        from scipy.stats import sobol_indices
+
+        d = len(self.parameter_names)
+        n = self.samples // (d + 2)
+        parts = y.reshape(d + 2, 1, n)
+        if not np.isfinite(y).all() or np.ptp(y) <= 1e-12 * np.abs(y).max():
+            nothing = np.full(d, np.nan)
+            return SobolIndices(*[nothing] * 6)
+        if d == 1:  # SciPy fails; one parameter has all of the variance
+            return SobolIndices(*[np.ones(1)] * 6)
+        # the mean is taken off: the estimators of the first order lose digits to it
+        parts = parts - parts.mean()
+        found = sobol_indices(
+            func={"f_A": parts[0], "f_B": parts[1], "f_AB": parts[2:]},
+            n=n,
+            **seeded(sobol_indices, "random_state", self.seed),
+        )
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # a parameter without any influence: no spread
+            spread = found.bootstrap(n_resamples=_RESAMPLES)
+        first, total = (
+            spread.first_order.confidence_interval,
+            spread.total_order.confidence_interval,
+        )
+        ends = [
+            np.where(np.isnan(end), middle, end).reshape(d)
+            for end, middle in (
+                (first.low, found.first_order),
+                (first.high, found.first_order),
+                (total.low, found.total_order),
+                (total.high, found.total_order),
+            )
+        ]
+        return SobolIndices(found.first_order.reshape(d), found.total_order.reshape(d), *ends)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return a row a sample: `sample`, the parameters, `<drive>.<figure>`, what failed.
+
+        For each drive on trial `<drive>.suffices`, and whether it meets each criterion that could
+        be checked, `<drive>.<criterion>`; of a catalogue's drive `<drive>.margin`, the least.
+        """
+        import pandas as pd
+
+        columns: dict[str, object] = {"sample": np.arange(self.samples)}
+        columns |= {name: self.values[:, j] for j, name in enumerate(self.parameter_names)}
+        for i, drive in enumerate(self.actuator_names):
+            columns |= {f"{drive}.{f}": self.figures[:, i, k] for k, f in enumerate(DEMANDS)}
+        for trial in self.trials:
+            columns[f"{trial.drive}.suffices"] = self.sufficing(trial)
+            columns |= {f"{trial.drive}.{name}": mask for name, mask in trial.met(self).items()}
+            if trial.checks:
+                columns[f"{trial.drive}.margin"] = self.figure("margin")[:, trial.actuator]
+        columns |= {
+            name: self.elastic[:, k] for k, name in enumerate(ELASTIC_FIGURES) if self.elastic.size
+        }
+        columns |= {"unsolved": self.unsolved, "problem": list(self.problems)}
+        return pd.DataFrame(columns)

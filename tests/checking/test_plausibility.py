@@ -1,0 +1,217 @@
+"""`pinfric check`: wrong units of good robots are found and named, good robots stay quiet."""
+
+from __future__ import annotations
+
+import re
+import warnings
+import xml.etree.ElementTree as ElementTree
+
+import numpy as np
+import pytest
+from check_cases import GEAR, GOOD_SCENE, SCENE, TIP, J, arm, errors
+
+import pinfric as pf
+from pinfric import cli
+from pinfric.checking.findings import Severity
+from pinfric.errors import PinfricError, PinfricWarning, RobotError
+from pinfric.model.robot import example_robot_data
+
+#: Robots of which nothing is wrong but notes; arms, legs and a lift.
+GOOD = (
+    "ur_description/urdf/ur10_robot.urdf",
+    "xarm_description/urdf/xarm7.urdf",
+    "z1_description/urdf/z1.urdf",
+    "panda_description/urdf/panda.urdf",
+)
+
+
+INERTIA = {key: 1 for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")}
+
+
+LENGTHS = (("joint/origin", "xyz"), ("link/inertial/origin", "xyz"), ("link/*/origin", "xyz"))
+
+
+def scaled(urdf, folder, changes, factor):
+    """A copy of a URDF with attributes multiplied: `changes` are (path, attribute)."""
+    tree = ElementTree.parse(urdf)
+    done = set()
+    for path, attribute in changes:
+        for element in tree.getroot().findall(path):
+            text = element.get(attribute)
+            if text and (element, attribute) not in done:
+                done.add((element, attribute))
+                values = [factor * float(word) for word in text.split()]
+                element.set(attribute, " ".join(f"{value:.12g}" for value in values))
+    assert done
+    file = folder / "robot.urdf"
+    tree.write(file)
+    return file
+
+
+def robots():
+    return [next(example_robot_data().rglob(name.rpartition("/")[2])) for name in GOOD]
+
+
+@pytest.mark.parametrize("urdf", robots(), ids=lambda p: p.stem)
+def test_good_robots_have_no_errors_and_few_warnings(urdf):
+    report = pf.check(urdf)
+    assert not errors(report)
+    assert report.count(Severity.WARNING) <= 3
+    report.check()
+
+
+@pytest.mark.parametrize("urdf", robots(), ids=lambda p: p.stem)
+@pytest.mark.parametrize(
+    ("changes", "factor", "kind", "unit"),
+    [
+        (LENGTHS, 1e3, "lengths", "mm"),
+        ([("link/inertial/mass", "value")], 1e3, "masses", "g"),
+        ([("link/inertial/inertia", key) for key in INERTIA], 1e6, "large inertia", "kg mm^2"),
+        ([("link/inertial/inertia", key) for key in INERTIA], 1e9, "large inertia", "g mm^2"),
+        ([("link/inertial/origin", "xyz")], 1e3, "centre of mass", "mm"),
+        (
+            [
+                ("joint[@type='revolute']/limit", "lower"),
+                ("joint[@type='revolute']/limit", "upper"),
+            ],
+            180 / np.pi,
+            "range",
+            "degrees",
+        ),
+        ([("joint/origin", "rpy")], 180 / np.pi, "rpy", "degrees"),
+    ],
+    ids=["lengths mm", "masses g", "kg mm2", "g mm2", "com mm", "limits deg", "rpy deg"],
+)
+def test_wrong_units_are_errors_that_name_the_unit(urdf, changes, factor, kind, unit, tmp_path):
+    if kind == "rpy" and urdf.stem == "z1":
+        pytest.skip("turns no frame")
+    report = pf.check(scaled(urdf, tmp_path, changes, factor))
+    found = [f for f in errors(report) if f.kind == kind]
+    assert found
+    assert {f.kind for f in errors(report)} == {kind}  # no storm of others
+    share = [f"in {unit}:" in f.if_unit for f in found]
+    assert np.mean(share) > 0.8
+    with pytest.raises(PinfricError, match=r"robot\.urdf: "):
+        report.check()
+
+
+def test_meshes_in_millimetres_are_named_with_their_scale(tmp_path):
+    tree = ElementTree.parse(robots()[0])
+    for mesh in tree.getroot().iter("mesh"):
+        mesh.set("scale", "1000 1000 1000")
+    tree.write(tmp_path / "robot.urdf")
+    report = pf.check(tmp_path / "robot.urdf")
+    found = [f for f in report.findings if f.kind == "shape"]
+    assert len(found) >= 6
+    assert all("in mm (scale 0.001)" in f.if_unit for f in found)
+    assert {f.kind for f in report.findings if f.severity > Severity.NOTE} == {"shape"}
+
+
+def test_plain_arm_has_one_note_of_what_never_moves(tmp_path):
+    report = pf.check(arm(tmp_path))
+    (note,) = report.findings
+    assert (note.severity, note.kind) == (Severity.NOTE, "fixed mass")
+    assert "7 kg never move (link base)" in note.text
+    assert report.figures["moving_mass"] == 2.5
+    assert report.figures["reach"] == pytest.approx(0.4)
+    report.check(strict=True)
+
+
+@pytest.mark.parametrize(
+    ("changes", "severity", "place", "says"),
+    [
+        ({"name": ""}, "NOTE", "robot", "has no name"),
+        ({"axis": ""}, "WARNING", "joint swing", "no <axis>: read as 1 0 0"),
+        ({"low": 0, "high": 0}, "WARNING", "joint swing", "limits 0 to 0"),
+        (
+            {"low": -180, "high": 180},
+            "ERROR",
+            "joint swing",
+            r"limits -180 to 180 rad.*in degrees: -3\.14 to 3\.14 rad",
+        ),
+        ({"tip": ""}, "WARNING", "joint turn", "moves no mass"),
+        (
+            {"dynamics": '<dynamics friction="50"/>'},
+            "WARNING",
+            "joint swing",
+            r"friction 50 N m: its effort limit is 40 N m",
+        ),
+        ({"dynamics": '<dynamics damping="0.7"/>'}, "NOTE", "robot", r"swing \(.*damping 0\.7\)"),
+        ({"more": GEAR.format(joint="swing", ratio=120)}, "NOTE", "robot", "gives swing 120"),
+        ({"more": GEAR.format(joint="elbow", ratio=120)}, "WARNING", "joint elbow", "no such"),
+        ({"more": GEAR.format(joint="swing", ratio=0)}, "WARNING", "joint swing", "connects no"),
+    ],
+)
+def test_single_findings(tmp_path, changes, severity, place, says):
+    report = pf.check(arm(tmp_path, **changes))
+    found = [f for f in report.findings if f.severity.name == severity and f.place == place]
+    assert any(re.search(says, f.text) for f in found), report.findings
+
+
+def test_unreadable_and_missing_meshes_are_notes(tmp_path):
+    (tmp_path / "torn.stl").write_bytes(b"\x00" * 90)
+    meshes = "".join(
+        f'<visual><geometry><mesh filename="{name}"/></geometry></visual>'
+        for name in ("torn.stl", "gone.stl")
+    )
+    report = pf.check(arm(tmp_path, tip=TIP + meshes))
+    by_kind = {f.kind: f for f in report.findings}
+    assert by_kind["unreadable mesh"].place == "mesh torn.stl"
+    assert "gone.stl" in by_kind["missing mesh"].text
+    assert not report.count(Severity.WARNING)
+
+
+def test_what_loading_questions_is_asked_once(tmp_path):
+    arm(tmp_path)
+    file = tmp_path / "scene.yaml"
+    rubbing = "{bearing: {kind: pin, radius: 0.02}, mu: {static: 2.5, kinetic: 0.1}}"
+    file.write_text(SCENE.format(**(GOOD_SCENE | {"friction": rubbing, "actuators": "null"})))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        texts = [f.text for f in pf.check(file).findings]
+    assert sum("mu.static" in text for text in texts) == 1
+
+
+def test_a_robot_that_cannot_move_is_still_judged(tmp_path):
+    file = tmp_path / "table.urdf"
+    file.write_text(
+        f'<robot name="t"><link name="top"><inertial><mass value="4"/>{J}</inertial></link></robot>'
+    )
+    report = pf.check(file)
+    assert [f.kind for f in errors(report)] == ["does not load"]
+    assert "no joint of this robot can move" in report.findings[0].text
+    with pytest.raises(RobotError):
+        pf.check(tmp_path / "none.urdf")
+
+
+def test_new_writes_the_urdfs_ratios_and_dynamics_and_lists_doubts_once(tmp_path, capsys):
+    more = GEAR.format(joint="swing", ratio=120)
+    urdf = arm(
+        tmp_path,
+        more=more,
+        dynamics='<dynamics friction="0.3" damping="0.7"/>',
+        tip=TIP.format(J=J.replace('izz="0.0008"', 'izz="0.9"')),
+    )
+    with pytest.raises(SystemExit) as left:
+        cli.main(["new", str(urdf), "--out", str(tmp_path / "out")])
+    said = capsys.readouterr()
+    assert left.value.code == 0
+    assert said.err == ""
+    assert said.out.count("triangle") == 1
+    text = (tmp_path / "out/arm.yaml").read_text()
+    assert "{joint: swing, transmission: {ratio: 120}}  # the URDF" in text
+    assert re.search(r"viscous: \S+  # guess: .*; <dynamics>: 0.7$", text, re.MULTILINE)
+    assert "<dynamics>: 0.3" in text
+    assert "2.5 kg that move" in text  # the base's 7 kg do not
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", PinfricWarning)
+        scene = pf.load_scene(tmp_path / "out/arm.yaml")
+    assert scene.drives[0].transmission.ratio == 120
+    assert scene.drives[1].transmission is None
+
+
+def test_limits_that_are_infinite_are_no_finding(tmp_path):
+    """Revolute and sliding; before, Pinocchio refused the file."""
+    file = arm(tmp_path, low="-inf", high="inf")
+    file.write_text(file.read_text().replace('type="revolute"', 'type="prismatic"', 1))
+    assert [f for f in pf.check(file).findings if "range" in f.kind] == []

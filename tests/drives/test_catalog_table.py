@@ -1,0 +1,299 @@
+"""Tables of makers as catalogues, and the bill of materials."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sizing_cases import GEAR, MOTOR, trapezoid, turntable, write_catalog
+
+import pinfric as pf
+from pinfric.cli import main
+from pinfric.drives.bearing import BearingRatings, Factors
+from pinfric.drives.catalog import Brake, Gear, GearMotor, Motor, Thermal
+from pinfric.drives.catalog_file import load_catalog
+from pinfric.drives.table import import_table
+from pinfric.drives.table import write_catalog as write_content
+from pinfric.drives.units import FIGURES, UNITS, in_si, unit_of
+from pinfric.errors import CatalogError
+from pinfric.model.entry import Entry
+from pinfric.show.report.bill import bill_of_materials
+
+MAPPING = """
+section: motors
+columns:
+  name: Type
+  continuous_torque: {column: Mn, unit: mN m}
+  peak_torque: {column: Mmax, unit: mN m}
+  rotor_inertia: {column: J, unit: g cm^2}
+  max_speed: {column: n, unit: rpm}
+  mass: {column: Weight, unit: g}
+  thermal.winding_housing: {column: Rth1, unit: K/W}
+  thermal.housing_ambient: {column: Rth2, unit: K/W}
+  price: EUR
+  dimensions: Size
+every: {source: "a maker, p. 3", grade: R}
+"""
+HEAD = "Type,Mn,Mmax,J,n,Weight,Rth1,Rth2,EUR,Size,unused\n"
+
+
+def table(tmp_path, rows, head=HEAD, mapping=MAPPING):
+    (tmp_path / "motors.csv").write_text(head + rows, encoding="utf-8")
+    (tmp_path / "motors.columns.yaml").write_text(mapping)
+    return tmp_path / "motors.csv"
+
+
+def test_a_table_becomes_a_catalogue_in_si(tmp_path):
+    path = table(
+        tmp_path,
+        '"M 1",224,0.9 N m,44,6000,390,1.35,7.17,312.5,"40 x 80 mm",x\n\n'
+        "M 2,100,300,20,0.5 1/min,-,,,,\n",
+    )
+    write_content(import_table(path), tmp_path / "m.yaml", path.name)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # half a turn a minute is questioned
+        one, two = load_catalog(tmp_path / "m.yaml").motors.values()
+    assert (one.continuous_torque, one.peak_torque) == pytest.approx((0.224, 0.9))
+    assert one.rotor_inertia == pytest.approx(4.4e-6)
+    assert one.max_speed == pytest.approx(6000 * np.pi / 30)
+    assert two.max_speed == pytest.approx(0.5 * np.pi / 30)
+    assert (one.mass, one.price, one.dimensions) == (0.39, 312.5, "40 x 80 mm")
+    assert one.thermal == Thermal(winding_housing=1.35, housing_ambient=7.17)
+    assert (one.source, one.grade) == ("a maker, p. 3", "R")
+    assert (two.mass, two.thermal, two.price) == (None, None, None)
+
+
+def test_the_mapping_of_the_reference_page_is_one(tmp_path):
+    page = Path(__file__).parents[2] / "notebooks" / "reference" / "table.md"
+    (mapping,) = re.findall(r"^```yaml\n(.*?)^```$", page.read_text("utf-8"), re.DOTALL | re.M)
+    path = table(tmp_path, "M,224,44,1.35,7.17\n", "Type,Mn,J (g cm^2),Rth1,Rth2\n", mapping)
+    (motor,) = import_table(path)["motors"].values()
+    assert motor["rotor_inertia"] == pytest.approx(4.4e-6)
+    assert motor["thermal"] == {"winding_housing": 1.35, "housing_ambient": 7.17}
+
+
+def test_what_every_row_has_is_not_shared_between_rows(tmp_path):
+    """Rows add to the same part: none may write into another's, nor inherit what it left out."""
+    thermal = "thermal: {winding_housing: 1.0, housing_ambient: 2.0}"
+    mapping = MAPPING.partition("  thermal.")[0] + (
+        "  thermal.winding_time: {column: tau, unit: s}\n"
+        f"every: {{source: a maker, grade: R, {thermal}}}\n"
+    )
+    path = table(
+        tmp_path,
+        "A,9,9,9,9,9,20\nB,9,9,9,9,9,40\nC,9,9,9,9,9,-\n",
+        "Type,Mn,Mmax,J,n,Weight,tau\n",
+        mapping,
+    )
+    motors = import_table(path)["motors"]
+    times = [motors[name]["thermal"].get("winding_time") for name in "ABC"]
+    assert times == [20.0, 40.0, None]
+
+
+def test_semicolons_and_decimal_commas(tmp_path):
+    head = HEAD.replace(",", ";")
+    path = table(tmp_path, "M;224,5;1.200,5;44;6'000;390;;;;;\n", head)
+    (motor,) = import_table(path)["motors"].values()
+    assert motor["continuous_torque"] == pytest.approx(0.2245)
+    assert motor["peak_torque"] == pytest.approx(1.2005)
+    assert motor["max_speed"] == pytest.approx(6000 * np.pi / 30)
+
+
+def test_screws_by_their_lead(tmp_path):
+    mapping = """
+section: gears
+columns:
+  name: Type
+  ratio: {column: lead, unit: mm/rev}
+  rated_torque: {column: F, unit: kN}
+  input_inertia: {column: J, unit: kg cm^2}
+  bearing.dynamic_rating: {column: C, unit: kN}
+  efficiency: {column: eta, unit: "%"}
+every: {source: a maker, grade: T, output: linear, kind: ball screw, bearing: {kind: ball screw}}
+"""
+    path = table(tmp_path, "S,5,1.5,0.1,7.3,90\n", "Type,lead,F,J,C,eta\n", mapping)
+    write_content(import_table(path), tmp_path / "s.yaml")
+    (screw,) = load_catalog(tmp_path / "s.yaml").gears.values()
+    assert screw.ratio == pytest.approx(2 * np.pi / 0.005)
+    assert (screw.rated_torque, screw.input_inertia) == pytest.approx((1500, 1e-5))
+    assert (screw.bearing.dynamic_rating, screw.efficiency) == pytest.approx((7300, 0.9))
+
+
+def test_brakes_and_bearings_and_what_is_taken_from_elsewhere(tmp_path):
+    mapping = """
+section: brakes
+columns:
+  name: Type
+  torque: {column: M, unit: N m}
+  engage_time: {column: t, unit: ms}
+  stop_energy: {column: W, unit: kJ}
+  rotor_inertia: {column: J, unit: kg cm^2}
+  stand_ins.rotor_inertia: J of
+every: {source: "a maker, p. 3", grade: R}
+"""
+    path = table(tmp_path, "B,.5,25,1.2,0.08,the size above\n", "Type,M,t,W,J,J of\n", mapping)
+    write_content(import_table(path), tmp_path / "b.yaml")
+    (brake,) = load_catalog(tmp_path / "b.yaml").brakes.values()
+    assert (brake.torque, brake.engage_time, brake.stop_energy) == (0.5, 0.025, 1200)
+    assert (brake.rotor_inertia, brake.stand_ins) == (8e-6, {"rotor_inertia": "the size above"})
+    mapping = """
+section: bearings
+columns: {name: Type, ratings.dynamic_rating: {column: C, unit: kN}}
+every: {source: "a maker, p. 3", grade: R, ratings: {kind: crossed roller}}
+"""
+    path = table(tmp_path, "RB,7.35\n", "Type,C\n", mapping)
+    write_content(import_table(path), tmp_path / "r.yaml")
+    (bearing,) = load_catalog(tmp_path / "r.yaml").bearings.values()
+    assert bearing.ratings.dynamic_rating == 7350
+
+
+def test_all_rows_that_cannot_be_are_named_in_one_error(tmp_path):
+    rows = (
+        "good,224,900,44,6000,390,,,,,\n"
+        "swapped,900,224,44,6000,390,,,,,\n"
+        "amount,many,900,44,6000,390,,,,,\n"
+        "quantity,224 rpm,900,44,6000,390,,,,,\n"
+        "unit,224 mNn,900,44,6000,390,,,,,\n"
+        "good,224,900,44,6000,390,,,,,\n"
+        ",224,900,44,6000,390,,,,,\n"
+        "light,224,900,44,6000,-390,,,,,\n"
+    )
+    mapping = MAPPING.replace("{column: J, unit: g cm^2}", "J")
+    with pytest.raises(CatalogError) as error:
+        import_table(table(tmp_path, rows, mapping=mapping))
+    text = str(error.value)
+    assert "8 of 8 rows cannot be" in text  # inertias without unit
+    with pytest.raises(CatalogError) as error:
+        import_table(table(tmp_path, rows))
+    text = str(error.value)
+    assert text.startswith(f"{tmp_path / 'motors.csv'}: 7 of 8 rows cannot be: line 3 (swapped): ")
+    for part in (
+        "continuous_torque 0.9 is more than peak_torque 0.224: swapped",
+        "line 4 (amount): continuous_torque: should be a number, found 'many'",
+        "line 5 (quantity): continuous_torque: rpm is not a unit of this value; take N m, mN m",
+        "line 6 (unit): continuous_torque: the unit 'mNn' is not known",
+        "line 7 (good): this name is given twice",
+        "line 8 (no name): no name",
+        "line 9 (light): `mass`",
+    ):
+        assert part in text
+
+
+@pytest.mark.parametrize(
+    ("mapping", "text"),
+    [
+        ("section: motors\ncolumns: {name: Typ}\n", "has no column 'Typ'; did you mean 'Type'"),
+        ("section: motors\ncolumns: {mass: Weight}\n", "which column has the names"),
+        ("section: motor\ncolumns: {name: Type}\n", "'motors'"),
+        ("section: motors\ncolumns: {name: Type, masss: n}\n", "the nearest of [0-9]+: 'mass'"),
+    ],
+)
+def test_mappings_that_cannot_be(tmp_path, mapping, text):
+    with pytest.raises(CatalogError, match=text):
+        import_table(table(tmp_path, "M,1,2,3,4,5,,,,,\n", mapping=mapping))
+
+
+def test_files_that_cannot_be_read(tmp_path):
+    with pytest.raises(CatalogError, match=r"none.csv"):
+        import_table(tmp_path / "none.csv")
+    path = table(tmp_path, "")
+    with pytest.raises(CatalogError, match="no rows below"):
+        import_table(path)
+    path.write_bytes(b"Type\n\xff\xfe\n")
+    with pytest.raises(CatalogError, match="not UTF-8"):
+        import_table(path)
+
+
+def test_every_number_of_an_entry_has_a_unit_by_which_it_can_be_imported():
+    parts: tuple[tuple[type[Entry], str], ...] = (
+        (Motor, ""),
+        (Gear, ""),
+        (GearMotor, ""),
+        (Thermal, "thermal."),
+        (BearingRatings, "bearing."),
+        (BearingRatings, "ratings."),
+        (Brake, ""),
+    )
+    for model, prefix in parts:
+        for name, field in model.model_fields.items():
+            if "float" in str(field.annotation) and field.annotation is not Factors:
+                if name in ("continuous_curve", "ambient_curve", "effort_curve"):
+                    continue  # many numbers, in no one cell
+                assert f"{prefix}{name}" in FIGURES
+    assert set(FIGURES.values()) <= {si for si, _ in UNITS.values()}
+    assert unit_of("continuous_torque", linear=True) == "N"
+    assert unit_of("max_input_speed", linear=True, gear=True) == "rad/s"
+    assert in_si(3.0, "N·m/arcmin", "N m/rad") == pytest.approx(3 * 10800 / np.pi)
+
+
+def test_bill_of_materials_counts_parts_over_joints(tmp_path):
+    motor = {**MOTOR, "price": 200.0, "dimensions": "60 x 90 mm"}
+    bearings = {
+        "own": {
+            "source": "invented",
+            "grade": "T",
+            "ratings": {"kind": "crossed roller", "max_moment": 1e3},
+        }
+    }
+    path = write_catalog(
+        tmp_path / "c.yaml",
+        {"M": motor},
+        {"G": {**GEAR, "ratio": [50, 100]}},
+        bearings=bearings,
+        conditions={"bearings": {"table": "own"}},
+    )
+    scene = turntable()
+    report = pf.size(scene, trapezoid(scene), path)
+    rows = list(csv.DictReader(io.StringIO(bill_of_materials(report))))
+    assert [row["part"] for row in rows] == [
+        "M",
+        f"G, i = {report.joints[0].choice.candidate.ratio:g}",
+        "own",
+    ]
+    assert rows[0] == {
+        "part": "M",
+        "quantity": "1",
+        "joints": "table",
+        "mass_kg": "0.6",
+        "mass_total_kg": "0.6",
+        "price": "200",
+        "price_total": "200",
+        "dimensions": "60 x 90 mm",
+        "source": "invented",
+        "grade": "R",
+    }
+    assert (rows[1]["price"], rows[2]["mass_kg"]) == ("", "")
+    assert bill_of_materials(pf.size(scene, trapezoid(scene))) == ""
+
+
+def test_bill_of_materials_of_a_frameless_kit_adds_up_to_the_drive(tmp_path):
+    path = write_catalog(
+        tmp_path / "c.yaml",
+        {"K": {**MOTOR, "mounting": "frameless"}},
+        {"G": {**GEAR, "kind": "strain wave", "mass": 0.9}},
+    )
+    scene = turntable()
+    report = pf.size(scene, trapezoid(scene), path)
+    rows = list(csv.DictReader(io.StringIO(bill_of_materials(report))))
+    assert [row["mass_kg"] for row in rows] == ["0.6", "0.9", "0.375"]
+    assert rows[2]["source"] == "estimate: 25 % of motor and gear"
+    assert sum(float(row["mass_total_kg"]) for row in rows) == pytest.approx(
+        report.joints[0].choice.candidate.mass
+    )
+
+
+def test_command_line_imports_and_sizes_with_it(tmp_path, capsys):
+    path = table(tmp_path, "M 1,224,900,44,6000,390,1.35,7.17,312.5,,\n")
+    with pytest.raises(SystemExit) as ended:
+        main(["catalog", str(path), "--out", str(tmp_path / "mine.yaml")])
+    assert ended.value.code == 0
+    assert "mine.yaml: 1 motor\n" in capsys.readouterr().err
+    assert load_catalog(tmp_path / "mine.yaml").motors["M 1"].mass == 0.39
+    with pytest.raises(SystemExit) as ended:
+        main(["catalog", str(tmp_path / "none.csv")])
+    assert ended.value.code == 2

@@ -1,0 +1,615 @@
+"""Criteria of one drive against figures worked out by hand (see `sizing_cases`)."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from sizing_cases import (
+    ACCELERATION,
+    COULOMB,
+    CYCLE,
+    GEAR,
+    INERTIA,
+    MOTOR,
+    PAUSE,
+    PLATEAU,
+    RAMP,
+    RATE,
+    one_drive,
+    trapezoid,
+    turntable,
+    write_catalog,
+)
+from sweep_cases import sweep_of
+
+import pinfric as pf
+from pinfric.drives.catalog_file import load_catalog
+from pinfric.drives.criterion import Status, compare
+from pinfric.drives.demand import DriveCycle
+from pinfric.drives.drivetrain import gear_transmission, motor_cycle, motor_with_gear
+from pinfric.drives.limit import Case, Limit
+from pinfric.drives.limits import LIMITS, add_limit, check
+from pinfric.drives.policy import Conditions
+from pinfric.drives.rules import gear_life, resonance
+from pinfric.errors import CatalogError, SizingError
+from pinfric.model.drives import motor_torque_bounds
+from pinfric.retiming.limits import read_limits
+
+# efforts at the joint: speeding up, running, slowing down; at rest anything in +-COULOMB
+UP, RUN, DOWN = (INERTIA * ACCELERATION + COULOMB, COULOMB, -INERTIA * ACCELERATION + COULOMB)
+RATIO, ETA, ETA_BACK = GEAR["ratio"], GEAR["efficiency"], GEAR["back_efficiency"]
+ROTOR = MOTOR["rotor_inertia"] + GEAR["input_inertia"]
+# at the motor: driving quadrants divide by eta, the braking one multiplies by eta_b
+SPIN = RATIO * ROTOR * ACCELERATION
+MOTOR_UP, MOTOR_RUN = UP / ETA / RATIO + SPIN, RUN / ETA / RATIO
+MOTOR_DOWN, MOTOR_REST = DOWN * ETA_BACK / RATIO - SPIN, COULOMB / ETA / RATIO
+PARTS = np.array([RAMP, PLATEAU, RAMP, PAUSE])
+ANGLE = np.array([RATE * RAMP / 2, RATE * PLATEAU, RATE * RAMP / 2])  # turned in each part, rad
+
+
+def sized(tmp_path, motor=None, gear=None, conditions=None, scene=None):
+    scene = scene or turntable()
+    catalog = one_drive(tmp_path, motor, gear)
+    (joint,) = pf.size(scene, trapezoid(scene), catalog, conditions=conditions).joints
+    return joint
+
+
+def criterion(joint, name):
+    (found,) = [c for c in joint.assessments[0].criteria if c.name == name]
+    return found
+
+
+def test_rms_and_peak_of_the_motor_in_driving_and_braking_quadrants(tmp_path):
+    joint = sized(tmp_path)
+    torques = np.array([MOTOR_UP, MOTOR_RUN, MOTOR_DOWN, MOTOR_REST])
+    expected = np.sqrt(PARTS @ torques**2 / CYCLE)
+    assert criterion(joint, "continuous torque").required == pytest.approx(expected, rel=1e-6)
+    assert criterion(joint, "peak torque").required == pytest.approx(1.2 * MOTOR_UP, rel=1e-9)
+    v, lower, upper = joint.cycle.velocity, joint.motor.torque_lower, joint.motor.torque_upper
+    a = joint.cycle.acceleration
+    for moving, torque in (
+        ((v > 0) & (a > 0), MOTOR_UP),
+        ((v > 0) & (a == 0), MOTOR_RUN),
+        ((v > 0) & (a < 0), MOTOR_DOWN),
+    ):
+        np.testing.assert_allclose(lower[moving], torque, rtol=1e-9)
+        np.testing.assert_allclose(upper[moving], torque, rtol=1e-9)
+    np.testing.assert_allclose(upper[v == 0], MOTOR_REST, rtol=1e-9)
+    np.testing.assert_allclose(lower[v == 0], -MOTOR_REST, rtol=1e-9)
+
+
+def test_cubic_mean_and_life_of_the_gear(tmp_path):
+    joint = sized(tmp_path)
+    mean_cubic = np.cbrt(ANGLE @ np.abs([UP, RUN, DOWN]) ** 3 / ANGLE.sum())
+    speed = RATIO * ANGLE.sum() / CYCLE
+    assert joint.demand.mean_cubic == pytest.approx(mean_cubic, rel=1e-6)
+    assert criterion(joint, "gear average torque").margin == pytest.approx(
+        1 - mean_cubic / GEAR["average_torque"], rel=1e-6
+    )
+    assert criterion(joint, "gear average input speed").required == pytest.approx(speed, rel=1e-6)
+    assert criterion(joint, "gear maximum input speed").required == pytest.approx(RATIO * RATE)
+    l50 = GEAR["nominal_life"] * GEAR["rated_speed"] / speed
+    l50 *= (GEAR["rated_torque"] / mean_cubic) ** 3
+    assert criterion(joint, "gear life L10").available == pytest.approx(l50 / 5, rel=1e-6)
+    # L50 = 35 000 h x 200/56.25 x 27 000/702 = 4.786e6 h
+    assert l50 == pytest.approx(35000 * (200 / 56.25) * (27000 / 702), rel=1e-12)
+
+
+def test_rated_point_has_the_nominal_life():
+    l10, l50 = gear_life(50_000.0, 209.44, 87.0, 209.44, 87.0)
+    assert (l10, l50) == pytest.approx((10_000.0, 50_000.0))
+    assert gear_life(50_000.0, 209.44, 87.0, 0.0, 10.0) == (np.inf, np.inf)
+
+
+def test_winding_temperature_of_the_cycle(tmp_path):
+    joint = sized(tmp_path)
+    thermal, alpha, ambient = MOTOR["thermal"], 0.0039, 25.0
+    g1, g2 = 1 / thermal["winding_housing"], 1 / thermal["housing_ambient"]
+    c1, c2 = thermal["winding_time"] * g1, thermal["housing_time"] * g2
+    cycle, at_ends = np.eye(3), []
+    for torque, span in zip((MOTOR_UP, MOTOR_RUN, MOTOR_DOWN, MOTOR_REST), PARTS, strict=True):
+        p = MOTOR["resistance"] * (torque / MOTOR["torque_constant"]) ** 2
+        A = np.array(
+            [[(alpha * p - g1) / c1, g1 / c1, p / c1], [g1 / c2, -(g1 + g2) / c2, 0], [0, 0, 0]]
+        )
+        cycle = expm(A * span) @ cycle
+        at_ends.append(cycle.copy())
+    start = np.append(np.linalg.solve(np.eye(2) - cycle[:2, :2], cycle[:2, 2]), 1.0)
+    hottest = ambient + max((end @ start)[0] for end in at_ends)
+    found = joint.motor.figures.peak_temperature
+    assert found - ambient == pytest.approx(hottest - ambient, rel=1e-6)
+    limit = thermal["max_winding"] - ambient
+    assert criterion(joint, "winding temperature").margin == pytest.approx(
+        1 - (hottest - ambient) / limit, rel=1e-6
+    )
+
+
+def test_voltage_along_the_speed_torque_line(tmp_path):
+    joint = sized(tmp_path, motor={"thermal": None})
+    k, r = MOTOR["torque_constant"], MOTOR["resistance"]
+    # the corner: full torque at full speed, the end of speeding up
+    needed = r * MOTOR_UP / k + k * RATIO * RATE
+    assert criterion(joint, "speed-torque line").required == pytest.approx(needed, rel=1e-6)
+    with pytest.warns(pf.PinfricWarning, match=r"speed-torque line: needs .*short by 1.01 %"):
+        low = sized(tmp_path, motor={"thermal": None}, conditions={"bus_voltage": needed * 0.99})
+    assert criterion(low, "speed-torque line").status == Status.FAILS
+    # the same line from no-load speed and stall torque at 24 V
+    printed = {"nominal_voltage": 24.0, "no_load_speed": 24 / k, "stall_torque": 24 * k / r}
+    printed |= dict.fromkeys(("thermal", "resistance", "torque_constant"))
+    again = sized(tmp_path, motor=printed, conditions={"bus_voltage": 24.0})
+    assert criterion(again, "speed-torque line").required == pytest.approx(needed, rel=1e-6)
+
+
+def test_hot_winding_takes_more_voltage(tmp_path):
+    joint = sized(tmp_path)
+    k, r = MOTOR["torque_constant"], MOTOR["resistance"]
+    hot = 1 + 0.0039 * (joint.motor.figures.peak_temperature - 25)
+    assert criterion(joint, "speed-torque line").required == pytest.approx(
+        hot * r * MOTOR_UP / k + k * RATIO * RATE, rel=1e-6
+    )
+
+
+def test_electrical_energy_drawn_and_regenerated(tmp_path):
+    figures = sized(tmp_path, motor={"thermal": None}).motor.figures
+    k, r, omega = MOTOR["torque_constant"], MOTOR["resistance"], RATIO * RATE
+    copper = r * (np.array([MOTOR_UP, MOTOR_RUN, MOTOR_DOWN, MOTOR_REST]) / k) ** 2
+    assert figures.driving_power == pytest.approx(MOTOR_UP * omega + copper[0], rel=1e-6)
+    assert figures.braking_power == pytest.approx(-MOTOR_DOWN * omega - copper[2], rel=1e-6)
+    # slowing down, the motor feeds back until copper loss eats it: from omega to omega_0
+    least = copper[2] / -MOTOR_DOWN
+    back = -MOTOR_DOWN * (omega - least) ** 2 / 2 * RAMP / omega
+    assert figures.regenerated == pytest.approx(back, rel=1e-6)
+    tail = -MOTOR_DOWN * least**2 / 2 * RAMP / omega
+    drawn = MOTOR_UP * omega * RAMP / 2 + MOTOR_RUN * omega * PLATEAU + tail
+    drawn += copper[0] * RAMP + copper[1] * PLATEAU + copper[3] * PAUSE
+    assert figures.energy == pytest.approx(drawn, rel=1e-6)
+
+
+def test_inertia_ratio_and_resonance(tmp_path):
+    joint = sized(tmp_path)
+    found = criterion(joint, "inertia ratio")
+    assert found.required == pytest.approx(INERTIA / RATIO**2 / ROTOR)
+    assert found.formula == "max J_load / (ratio^2 (J_motor + J_gear input))"
+    assert "motor's side of the compliance" in found.source
+    hertz = np.sqrt(GEAR["stiffness"] / INERTIA) / (2 * np.pi)
+    assert criterion(joint, "gear resonance").available == pytest.approx(hertz)
+    assert resonance(4 * np.pi**2, 1.0) == pytest.approx(1.0)
+
+
+def test_catalogue_efficiency_and_no_load_torque_do_not_count_twice(tmp_path):
+    # Schaeffler RT1-H-CS 25: 87 N m, 77 %, 195 mN m running at 2000 rpm, 69 mN m starting
+    gear = one_drive(
+        tmp_path,
+        gear={
+            "rated_torque": 87.0,
+            "repeated_peak_torque": 204.0,
+            "momentary_peak_torque": 369.0,
+            "efficiency": 0.77,
+            "back_efficiency": None,
+            "no_load_running_torque": 0.195,
+            "no_load_speed": 209.44,
+            "starting_torque": 0.069,
+        },
+    ).gears["G"]
+    transmission, text = gear_transmission(gear, 100.0, 0.0)
+    assert transmission.efficiency == pytest.approx(0.87 / (0.87 / 0.77 - 0.195), rel=1e-12)
+    assert transmission.efficiency == pytest.approx(0.93, abs=0.005)
+    assert transmission.no_load_torque.kinetic == 0.069
+    # at rated torque and speed the input takes what the catalogue's efficiency says
+    at_input = 0.87 / transmission.efficiency + transmission.no_load_torque.kinetic
+    at_input += transmission.motor_viscous.coefficient * 209.44
+    assert at_input == pytest.approx(0.87 / 0.77, rel=1e-12)
+    assert transmission.back_efficiency == pytest.approx(2 - 1 / transmission.efficiency)
+    assert "assumed" in text
+
+
+def test_a_makers_curve_over_speed_drives_the_candidates_motor(tmp_path):
+    """0.71 at 104.7 rad/s and 87 N m, the no-load loss in it; slower it loses less."""
+    curve = {
+        "over_speed": [[52.4, 0.76], [104.7, 0.71], [209.4, 0.64], [366.5, 0.57]],
+        "load": 87.0,
+    }
+    figures = {
+        "efficiency": curve,
+        "back_efficiency": None,
+        "starting_torque": 0.069,
+        "no_load_running_torque": 0.195,
+        "no_load_speed": 209.44,
+    }
+    gear = one_drive(tmp_path, gear=figures).gears["G"]
+    transmission, text = gear_transmission(gear, 100.0, 0.0)
+    assert "maker's curve; backwards the same loss (assumed)" in text
+    for speed, eta in ((104.7, 0.71), (366.5, 0.57)):
+        one = (np.array([x]) for x in (87.0, 87.0, speed / 100.0, 0.0, False))
+        assert 0.87 / motor_torque_bounds(transmission, *one, 1e-6)[0][0] == pytest.approx(
+            eta, abs=2e-3
+        )
+    with pytest.raises(CatalogError, match=r"gears\.G`: `efficiency` 0.64 .*which is impossible"):
+        one_drive(tmp_path, gear={**figures, "no_load_running_torque": 0.5})
+
+
+def test_missing_figure_is_never_a_pass(tmp_path):
+    for figure, name in (
+        ("stiffness", "gear resonance"),
+        ("backlash", "backlash"),
+    ):
+        conditions = {"backlash": 1.0} if figure == "backlash" else {}
+        found = criterion(sized(tmp_path, gear={figure: None}, conditions=conditions), name)
+        assert (found.status, found.margin) == (Status.NOT_CHECKED, None)
+        assert found.note.startswith("no figure (")
+    for figure, name in (
+        ("thermal", "winding temperature"),
+        ("max_speed", "motor speed"),
+        ("resistance", "speed-torque line"),
+    ):
+        found = criterion(sized(tmp_path, motor={figure: None}), name)
+        assert (found.status, found.margin) == (Status.NOT_CHECKED, None)
+    momentary = criterion(sized(tmp_path), "gear momentary peak torque")
+    assert momentary.status == Status.NOT_CHECKED  # no collision was stated
+
+
+def test_a_lower_limit_that_is_printed_stands_in_for_one_that_is_not(tmp_path):
+    name = "gear repeated peak torque"
+    for missing, figure in (
+        ({}, "repeated_peak_torque"),
+        ({"repeated_peak_torque": None}, "average_torque"),
+        ({"repeated_peak_torque": None, "average_torque": None}, "rated_torque"),
+    ):
+        found = criterion(sized(tmp_path, gear=missing), name)
+        assert found.available == GEAR[figure]
+        assert found.note == (
+            "" if not missing else f"the {figure.replace('_', ' ')}: no higher limit is known"
+        )
+    found = criterion(sized(tmp_path, gear={"max_input_speed": None}), "gear maximum input speed")
+    assert found.available == GEAR["average_input_speed"]
+
+
+def test_without_a_figure_for_the_motor_torque_nothing_is_chosen(tmp_path):
+    for part in (
+        {"gear": {"efficiency": None, "back_efficiency": None}},
+        {"gear": {"input_inertia": None}},
+        {"motor": {"rotor_inertia": None}},
+        {"motor": {"continuous_torque": None, "thermal": None}},
+        {"motor": {"mass": None}},
+    ):
+        with pytest.warns(pf.PinfricWarning, match="cannot be signed: ask its maker for"):
+            joint = sized(tmp_path, **part)
+        assert joint.choice is None
+        assert joint.assessments[0].lacks
+        assert not joint.assessments[0].failed
+
+
+def test_mean_heat_can_refuse_a_motor_without_time_constants_but_not_pass_it(tmp_path):
+    thermal = {"winding_housing": 2.0, "housing_ambient": 3.0, "max_winding": 125.0}
+    found = criterion(sized(tmp_path, motor={"thermal": thermal}), "winding temperature")
+    assert found.status == Status.NOT_CHECKED
+    assert "at the mean heat" in found.note
+    hot = {**thermal, "winding_housing": 60.0, "housing_ambient": 90.0}
+    with pytest.warns(pf.PinfricWarning, match="winding temperature"):
+        found = criterion(sized(tmp_path, motor={"thermal": hot}), "winding temperature")
+    assert found.status == Status.FAILS
+
+
+def test_run_away_fails_whatever_the_limit(tmp_path):
+    for times in ({"winding_time": 20.0, "housing_time": 300.0}, {}):
+        thermal = {"winding_housing": 600.0, "housing_ambient": 900.0, **times}
+        with pytest.warns(pf.PinfricWarning, match="winding temperature: thermal runaway"):
+            found = criterion(sized(tmp_path, motor={"thermal": thermal}), "winding temperature")
+        assert found.status == Status.FAILS
+        assert (found.required, found.available) == (np.inf, 80.0)  # of class A
+
+
+def test_resistance_at_the_mean_heat_where_no_peak_is_known(tmp_path):
+    thermal = {"winding_housing": 2.0, "housing_ambient": 3.0}
+    figures = sized(tmp_path, motor={"thermal": thermal}).motor.figures
+    assert figures.peak_temperature is None
+    assert figures.hot == pytest.approx(1 + 0.0039 * (figures.mean_temperature - 25))
+    assert figures.hot > 1.01
+
+
+def test_ambient_derates_the_continuous_torque(tmp_path):
+    hot = sized(tmp_path, conditions={"ambient": 75.0})
+    found = criterion(hot, "continuous torque")
+    assert found.available == pytest.approx(MOTOR["continuous_torque"] * np.sqrt(50 / 100))
+    assert "0.707 of the rating at 25 C" in found.note
+    # no rating grows in the cold
+    cold = criterion(sized(tmp_path, conditions={"ambient": 0.0}), "continuous torque")
+    assert (cold.available, cold.note) == (MOTOR["continuous_torque"], "")
+    # the limit of the conditions stands in for the maker's, else that of the lowest class, A
+    bare = {"thermal": None}
+    limit = {"ambient": 75.0, "max_winding": 125.0}
+    found = criterion(sized(tmp_path, bare, conditions=limit), "continuous torque")
+    assert found.available == pytest.approx(MOTOR["continuous_torque"] * np.sqrt(0.5))
+    found = criterion(sized(tmp_path, bare, conditions={"ambient": 60.0}), "continuous torque")
+    assert found.available == pytest.approx(MOTOR["continuous_torque"] * np.sqrt(45 / 80))
+    # ratings at another ambient temperature, and a maker's own curve, stall ratings too
+    warm = sized(tmp_path, {"rated_ambient": 40.0}, conditions={"ambient": 75.0})
+    assert criterion(warm, "continuous torque").available == pytest.approx(0.5 * np.sqrt(50 / 85))
+    curve = {
+        "thermal": None,
+        "ambient_curve": [[40.0, 1.0], [60.0, 0.8]],
+        "rated_ambient": 40.0,
+        "continuous_stall_torque": 0.4,
+    }
+    joint = sized(tmp_path, curve, conditions={"ambient": 50.0})
+    assert criterion(joint, "continuous torque").available == pytest.approx(0.45)
+    assert joint.choice.candidate.ratings.stall_at(Conditions(ambient=50.0)) == pytest.approx(0.36)
+    with pytest.warns(pf.PinfricWarning, match="cannot be signed"):
+        joint = sized(tmp_path, curve, conditions={"ambient": 70.0})
+    note = criterion(joint, "continuous torque").note
+    assert "the maker's curve ends at 60 C; ambient temperature 70 C" in note
+
+
+@pytest.mark.parametrize(
+    ("current", "resistance_of", "loss"),
+    [
+        ("dc", "terminals", 1.0),
+        ("rms", "terminals", 1.5),
+        ("rms", "phase", 3.0),
+        ("peak", "terminals", 0.75),
+        ("peak", "phase", 1.5),
+    ],
+)
+def test_copper_loss_and_voltage_by_what_the_constant_is_printed_for(
+    tmp_path, current, resistance_of, loss
+):
+    """Three phases lose 3 R_ph i_rms^2; the bus gives sqrt(3) times a phase's peak voltage."""
+    convention = {"current": current, "resistance_of": resistance_of, "thermal": None}
+    motor = sized(tmp_path, convention).motor
+    k, r, torque = MOTOR["torque_constant"], MOTOR["resistance"], motor.torque_upper
+    np.testing.assert_allclose(
+        motor.power - torque * motor.speed, loss * r * (torque / k) ** 2, rtol=1e-9, atol=1e-9
+    )
+    if current == "dc":
+        return
+    to_peak, phase = {"rms": np.sqrt(2), "peak": 1.0}[current], {"phase": 1.0, "terminals": 0.5}
+    peak = to_peak * torque / k
+    volts = np.sqrt(3) * np.abs(phase[resistance_of] * r * peak + (k / to_peak) / 1.5 * motor.speed)
+    found = sized(tmp_path, convention).choice.candidate.ratings.voltage(torque, motor.speed)
+    np.testing.assert_allclose(found, volts, rtol=1e-9)
+
+
+def test_surroundings_hotter_than_the_winding_may_be_are_said_plainly(tmp_path):
+    with pytest.warns(pf.PinfricWarning, match="not below the winding's limit") as caught:
+        joint = sized(tmp_path, conditions={"ambient": 130.0})
+    text = "ambient temperature 130 C, not below the winding's limit, 125 C"
+    for name in ("continuous torque", "short-term torque", "winding temperature"):
+        assert criterion(joint, name).why == f"{name}: {text}"
+    assert not any("e+09" in str(w.message) for w in caught)
+
+
+def test_bus_voltage_far_above_the_motors_own(tmp_path):
+    motor = {"nominal_voltage": 48.0}
+    any_winding = criterion(sized(tmp_path, {"nominal_voltage": 12.0}), "bus voltage")
+    assert (any_winding.status, any_winding.available) == (Status.PASSES, None)  # up to 60 V DC
+    assert any_winding.note.startswith("extra-low voltage")
+    joint = sized(tmp_path, conditions={"bus_voltage": 72.0})
+    assert criterion(joint, "bus voltage").status == Status.NOT_CHECKED
+    stated = sized(tmp_path, {**motor, "max_voltage": 80.0}, conditions={"bus_voltage": 75.0})
+    assert criterion(stated, "bus voltage").available == 80.0
+    joint = sized(tmp_path, motor, conditions={"bus_voltage": 72.0})
+    assert criterion(joint, "bus voltage").status == Status.PASSES
+    assert joint.choice.margin > 0  # at its limit, but that is no tightness
+    with pytest.warns(pf.PinfricWarning, match="bus voltage: needs 400 V, has 72 V"):
+        joint = sized(tmp_path, motor, conditions={"bus_voltage": 400.0})
+    assert joint.choice is None
+
+
+def test_joint_that_stands_while_others_move_is_called_stalled(tmp_path):
+    t, zero, nobody = np.linspace(0, 1, 11), np.zeros(11), np.zeros(11, dtype=bool)
+    catalog = one_drive(tmp_path)
+    candidate = motor_with_gear("M", catalog.motors["M"], "G", catalog.gears["G"], RATIO)
+    effort = np.where(t < 0.25, 80.0, 5.0)  # 80 N m/100/0.8 = 1 N m at the motor
+    cycle = DriveCycle(t, effort, effort, effort, zero, zero, ~nobody, nobody, 0.0)
+    motor = motor_cycle(candidate, cycle, catalog.conditions)
+    assert motor.figures.holding is None
+    assert motor.figures.standing == pytest.approx(80 / RATIO / ETA)
+    case = Case(sized(tmp_path).demand, cycle, 1.0, False, catalog.conditions)
+    found = check(candidate, motor, case)
+    assert "at standstill it needs up to 1 N m" in found[0].note
+    # one sample at v = 0 is a reversal, not a stop
+    turning = DriveCycle(t, effort, effort, effort, t - 0.5, zero, nobody, nobody, 0.0)
+    assert not turning.standing.any()
+
+
+@pytest.fixture
+def coupling():
+    """A row that no module knows: what the coupling on the motor's shaft bears."""
+    row = Limit(
+        "coupling torque",
+        need="motor torque",
+        gives=lambda _: 0.3,
+        unit="torque",
+        formula="1.1 max |T_m| <= torque of the coupling",
+        source="data sheet of the coupling",
+        reserve=1.1,
+    )
+    add_limit(row)
+    yield row
+    LIMITS.remove(row)
+
+
+def test_a_limit_added_in_one_row_is_in_size_sweep_and_retime(tmp_path, coupling):
+    scene, motion = turntable(), trapezoid(turntable())
+    joint = sized(tmp_path)
+    found = criterion(joint, "coupling torque")
+    assert found.required == pytest.approx(1.1 * MOTOR_UP, rel=1e-9)
+    assert (found.available, found.unit) == (0.3, "N m")
+    assert "1.1 max |T_m|" in found.formula
+    sweep = sweep_of(
+        motors={"table": {"drive": "M + G"}},
+        sampling="grid",
+        speed={"choice": {"values": [0.9, 1.0, 1.1, 1.3]}},
+    )
+    swept = pf.sweep(
+        scene, motion, sweep | {"catalog": str(tmp_path / "catalog.yaml")}, processes=1
+    )
+    (trial,) = swept.trials
+    met = 1.1 * swept.figure("motor_peak")[:, 0] <= 0.3
+    assert met.any()
+    assert not met.all()
+    np.testing.assert_array_equal(trial.met(swept)["coupling torque"], met)
+    limits = {"table": joint.assessments[0].candidate}
+    path = pf.Path.from_waypoints([[0.0], [2.0]])
+    slow = pf.retime(scene, path, limits, heat=False, points=60)
+    assert slow.limiting["table"]["coupling torque"] > 0.5
+    torque = pf.inverse_dynamics(slow.problem.scene, slow.trajectory).motor_torque_upper
+    assert np.abs(torque).max() == pytest.approx(0.3 / 1.1, rel=1e-3)
+    with pytest.raises(SizingError, match=r"limit 'coupling torque': exists already"):
+        add_limit(coupling)
+    with pytest.raises(SizingError, match=r"need 'motor torqe'.*did you mean 'motor torque'"):
+        add_limit(dataclasses.replace(coupling, name="typo", need="motor torqe"))
+    with pytest.raises(SizingError, match="gives 'peak torq': give a function"):
+        add_limit(dataclasses.replace(coupling, name="typo", gives="peak torq"))
+    with pytest.raises(SizingError, match=r"unit 'rpm': 'motor torque' is in SI: .*torque"):
+        add_limit(dataclasses.replace(coupling, name="typo", unit="rpm"))
+
+
+def amplified(tmp_path, current, conditions=None, **figures):
+    amplifier = {"source": "invented", "grade": "R", "current": current, **figures}
+    catalog = one_drive(tmp_path, amplifiers={"A": amplifier})
+    scene = turntable()
+    wanted = {"amplifiers": {"others": "A"}, **(conditions or {})}
+    (joint,) = pf.size(scene, trapezoid(scene), catalog, conditions=wanted).joints
+    return catalog, joint
+
+
+@pytest.mark.parametrize(
+    ("current", "factor"), [("dc", 1.0), ("rms", 1.5**0.5), ("peak", 0.75**0.5)]
+)
+def test_an_amplifier_limits_torque_by_its_currents(tmp_path, current, factor):
+    """k per A DC is sqrt(3/2) k per A RMS and sqrt(3)/2 k per A of the peak of a phase."""
+    k = MOTOR["torque_constant"]
+    figures = {"continuous_current": 1.5, "peak_current": 12.0, "peak_time": 0.3}
+    _, joint = amplified(tmp_path, current, **figures)
+    peak = criterion(joint, "amplifier peak current")
+    assert (peak.required, peak.available) == pytest.approx((MOTOR_UP, k * factor * 12.0), rel=1e-6)
+    assert peak.note == f"12 A {current}"
+    mean = criterion(joint, "amplifier continuous current")
+    torques = np.array([MOTOR_UP, MOTOR_RUN, MOTOR_DOWN, MOTOR_REST])
+    assert mean.required == pytest.approx(np.sqrt(PARTS @ torques**2 / CYCLE), rel=1e-6)
+    assert mean.available == pytest.approx(k * factor * 1.5)
+    # only speeding up takes more than it gives for ever
+    assert MOTOR_UP > k * factor * 1.5 > max(np.abs(torques[1:]))
+    overload = criterion(joint, "amplifier overload")
+    assert (overload.required, overload.available) == pytest.approx((RAMP, 0.3), rel=1e-6)
+
+
+def test_an_amplifier_without_figures_is_not_judged(tmp_path):
+    open_ = criterion(sized(tmp_path), "amplifier currents")
+    assert (open_.status, open_.note) == (
+        Status.NOT_CHECKED,
+        "no figure (conditions.amplifiers: which amplifier feeds it)",
+    )
+    _, joint = amplified(tmp_path, "dc", continuous_current=1.0)
+    notes = {c.name: c.note for c in joint.assessments[0].not_checked}
+    assert notes["amplifier peak current"] == "no figure (peak_current of the amplifier)"
+    assert notes["amplifier overload"].startswith("no figure (continuous_current and peak_time")
+    _, joint = amplified(tmp_path, "dc", continuous_current=30.0)
+    assert criterion(joint, "amplifier overload").note == "never above its continuous current"
+    with pytest.raises(
+        CatalogError, match=r"conditions.amplifiers.others: there is no amplifier 'B'"
+    ):
+        amplified(tmp_path, "dc", {"amplifiers": {"others": "B"}})
+    with pytest.raises(CatalogError, match=r"conditions.amplifiers: there is no drive 'tabel'"):
+        amplified(tmp_path, "dc", {"amplifiers": {"tabel": "A"}})
+
+
+def test_an_amplifier_feeds_a_gearmotor_by_its_constant_at_the_output(tmp_path):
+    actuator = {
+        "source": "invented",
+        "grade": "R",
+        "ratio": 50.0,
+        "continuous_torque": 20.0,
+        "peak_torque": 60.0,
+        "max_speed": 10.0,
+        "rotor_inertia": 5e-5,
+        "mass": 1.0,
+        "torque_constant": 4.0,
+        "current": "rms",
+        "backlash": 1e-4,
+    }
+    amplifier = {"source": "invented", "grade": "R", "peak_current": 6.0}
+    more = {"gearmotors": {"A": actuator}, "amplifiers": {"P": amplifier}}
+    catalog = load_catalog(write_catalog(tmp_path / "c.yaml", {}, {}, **more))
+    scene, conditions = turntable(), {"amplifiers": {"others": "P"}, "backlash": 2e-4}
+    (joint,) = pf.size(scene, trapezoid(scene), catalog, conditions=conditions).joints
+    peak = criterion(joint, "amplifier peak current")
+    assert (peak.available, peak.unit) == (pytest.approx(4.0 * 6.0), "N m")
+    assert peak.required == pytest.approx(UP + 50**2 * 5e-5 * ACCELERATION)
+    assert criterion(joint, "backlash").margin == pytest.approx(0.5)
+
+
+def test_an_amplifier_bounds_a_retimed_motion(tmp_path):
+    amplified(tmp_path, "dc", peak_current=12.0)
+    path = tmp_path / "motors.yaml"
+    drive = "others: {drive: M + G}"
+    fed = "conditions: {amplifiers: {table: A}}"
+    path.write_text(f"pinfric_motors: 1\ncatalog: {tmp_path / 'catalog.yaml'}\n{fed}\n{drive}\n")
+    (found,) = read_limits(turntable(), path)
+    assert found.least("motor torque") == pytest.approx(12.0 * MOTOR["torque_constant"])
+
+
+def test_back_driving_demanded_and_forbidden(tmp_path):
+    def status(gear=None, **conditions):
+        return criterion(sized(tmp_path, gear=gear, conditions=conditions), "back-driving").status
+
+    locking = {"back_efficiency": -0.2}
+    assert status() == Status.NOT_REQUIRED
+    assert status(back_driving="required") == Status.PASSES
+    assert status(locking, back_driving="forbidden") == Status.PASSES
+    with pytest.warns(pf.PinfricWarning, match="back-driving"):
+        assert status(locking, back_driving="required") == Status.FAILS
+    with pytest.warns(pf.PinfricWarning, match="needs a brake"):
+        assert status(back_driving="forbidden") == Status.FAILS
+
+
+def test_collision_is_held_against_the_momentary_peak(tmp_path):
+    found = criterion(
+        sized(tmp_path, conditions={"collision_effort": {"table": 80.0}}),
+        "gear momentary peak torque",
+    )
+    assert found.margin == pytest.approx(0.2)
+    assert found.status == Status.PASSES
+
+
+def test_margin_is_the_part_of_the_limit_that_is_left():
+    assert compare("x", 3.0, 4.0, "N m", "", "").margin == pytest.approx(0.25)
+    fails = compare("x", 5.0, 4.0, "N m", "", "")
+    assert fails.margin == pytest.approx(-0.25)
+    assert fails.status == Status.FAILS
+    assert fails.why == "x: needs 5 N m, has 4 N m (short by 25 %)"
+    assert compare("x", 4.0, 4.0, "N m", "", "").status == Status.PASSES
+    assert compare("x", np.inf, 4.0, "N m", "", "").status == Status.FAILS
+
+
+@pytest.mark.parametrize(
+    ("needs", "has", "note", "said"),
+    [
+        (1e4, 1e-9, "", "x: needs 1e+04 h, has 1e-09 h (short by a factor of more than ten)"),
+        (
+            1e4,
+            1e-9,
+            "P = 3 N",
+            "x: needs 1e+04 h, has 1e-09 h (short by a factor of more than ten)",
+        ),
+        (5.0, 0.0, "", "x: needs 5 h, has 0 h (short by a factor of more than ten)"),
+        (5.0, 0.0, "too hot", "x: too hot"),
+        (np.inf, 4.0, "it never ends", "x: it never ends"),
+    ],
+)
+def test_a_margin_beyond_numbers_is_said_in_words(needs, has, note, said):
+    found = compare("x", needs, has, "h", "", "", note=note)
+    assert found.why == said
+    assert found.shortfall
+
+
+def test_candidate_says_whose_figures_it_uses(tmp_path):
+    catalog = one_drive(tmp_path, gear={"stand_ins": {"efficiency": "gear H"}})
+    candidate = motor_with_gear("M", catalog.motors["M"], "G", catalog.gears["G"], 100.0)
+    assert candidate.stand_ins == ("efficiency: gear H",)
+    assert candidate.mass == pytest.approx(1.5)
+    assert candidate.rotor_inertia == pytest.approx(ROTOR)

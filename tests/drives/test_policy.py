@@ -1,0 +1,143 @@
+"""What must be known of a drive, what fits what, and the defaults."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from sizing_cases import GEAR, MOTOR, one_drive, trapezoid, turntable, write_catalog
+
+import pinfric as pf
+from pinfric.drives.catalog import Brake, Gear, Motor
+from pinfric.drives.catalog_file import load_catalog
+from pinfric.drives.criterion import Status
+from pinfric.drives.policy import NEEDS, Conditions, fits, goes_with, kind_of, lacks
+
+STRAIN = {**GEAR, "kind": "strain wave"}
+
+
+def sized(tmp_path, motor=None, gear=None, **conditions):
+    scene = turntable()
+    catalog = one_drive(tmp_path, motor, gear)
+    report = pf.size(scene, trapezoid(scene), catalog, conditions=conditions, on_miss="ignore")
+    return report.joints[0]
+
+
+@pytest.mark.parametrize(
+    ("part", "figure", "asked"),
+    [
+        ("motor", "mass", "mass"),
+        ("motor", "rotor_inertia", "rotor inertia"),
+        ("gear", "stiffness", "stiffness"),
+        ("gear", "bearing", "output bearing"),
+        ("gear", "input_inertia", "input inertia"),
+        ("gear", "momentary_peak_torque", "momentary peak torque"),
+        ("gear", "average_input_speed", "limit for average input speed"),
+    ],
+)
+def test_a_drive_that_lacks_a_figure_cannot_be_signed(tmp_path, part, figure, asked):
+    """The joint, the product, the figure: whoever prints it is asked for it."""
+    catalog = one_drive(tmp_path, **{part: {figure: None}}, **{})
+    gears = {"G": {k: v for k, v in STRAIN.items() if part != "gear" or k != figure}}
+    motors = {"M": {k: v for k, v in MOTOR.items() if part != "motor" or k != figure}}
+    catalog = load_catalog(write_catalog(tmp_path / "catalog.yaml", motors, gears))
+    scene = turntable()
+    report = pf.size(scene, trapezoid(scene), catalog, on_miss="ignore")
+    (joint,) = report.joints
+    assert joint.choice is None
+    assert joint.assessments[0].lacks == (asked,)
+    product = "M" if part == "motor" else "G"
+    assert f"table: none of 1 candidate fits; {product} cannot be signed" in joint.no_fit
+    assert asked in joint.no_fit
+
+
+def test_a_gear_that_fails_by_what_is_known_is_not_asked_for(tmp_path):
+    """A turntable's weight rests on the gear: of two that lack the stiffness one bears it."""
+    unknown = {k: v for k, v in GEAR.items() if k != "stiffness"} | {"mass": 0.5}
+    weak = {**unknown, "bearing": {**GEAR["bearing"], "max_axial": 0.1}}
+    gears = {"known": GEAR, "unknown": unknown, "weak": weak}
+    catalog = load_catalog(write_catalog(tmp_path / "catalog.yaml", gears=gears))
+    scene = turntable()
+    (joint,) = pf.size(scene, trapezoid(scene), catalog, on_miss="ignore").joints
+    assert joint.choice.candidate.gear_name == "known"
+    assert [ask.name for ask in joint.ask] == ["unknown"]
+
+
+def test_what_stands_in_is_the_lower_limit_and_said(tmp_path):
+    """Of other gears T2N for the mean and T2B; of a motor its stall torque for the peak."""
+    bare = dict.fromkeys(("average_torque", "repeated_peak_torque", "momentary_peak_torque"))
+    joint = sized(tmp_path, gear=bare)
+    found = {c.name: c for c in joint.choice.criteria}
+    for name in ("gear average torque", "gear repeated peak torque"):
+        assert (found[name].available, found[name].status) == (30.0, Status.PASSES)
+        assert found[name].note == "the rated torque: no higher limit is known"
+    stall = {"peak_torque": None, "stall_torque": 5.0, "nominal_voltage": 48.0}
+    joint = sized(tmp_path, stall | {"no_load_speed": 480.0})
+    peak = next(c for c in joint.choice.criteria if c.name == "peak torque")
+    assert (peak.available, peak.note) == (5.0, "the stall torque: no higher limit is known")
+
+
+def test_a_stiffness_that_is_not_printed_is_not_rigid(tmp_path):
+    """Whatever else there is: not where a softer gear fails by it, and not where none does."""
+    unknown = {k: v for k, v in GEAR.items() if k != "stiffness"}
+    for soft in ({**GEAR, "stiffness": 4e3, "mass": 0.8}, {**GEAR, "mass": 0.8}):
+        gears = {"soft": soft, "unknown": {**unknown, "mass": 0.5}, "stiff": {**GEAR, "mass": 1.2}}
+        catalog = load_catalog(write_catalog(tmp_path / "catalog.yaml", gears=gears))
+        scene = turntable()
+        (joint,) = pf.size(scene, trapezoid(scene), catalog, on_miss="ignore").joints
+        assert joint.choice.candidate.gear_name == ("stiff" if soft["stiffness"] < 5e3 else "soft")
+        assert [(a.name, a.figures) for a in joint.ask] == [("unknown", ("stiffness",))]
+
+
+def test_what_a_condition_asks_for_must_be_known(tmp_path):
+    short = {"nominal_life": 200.0}
+    assert sized(tmp_path, gear=short).choice is not None  # printed, not judged
+    assert sized(tmp_path, gear=short, life=10_000.0).choice is None
+    for key, asked in (("nominal_life", {"life": 100.0}), ("backlash", {"backlash": 1e-3})):
+        joint = sized(tmp_path, gear={key: None}, **asked)
+        assert joint.choice is None
+        assert joint.assessments[0].unknown
+
+
+def test_heat_has_no_cliff(tmp_path):
+    """sqrt((T_max - T_a)/(T_max - 25)) of every motor, of class A where no limit is printed."""
+    bare = {"thermal": None}
+    for ambient, left in ((20.0, 1.0), (25.0, 1.0), (26.0, 0.99373), (40.0, 0.90139), (60.0, 0.75)):
+        joint = sized(tmp_path, bare, ambient=ambient)
+        row = next(c for c in joint.assessments[0].criteria if c.name == "continuous torque")
+        assert row.available == pytest.approx(0.5 * left, rel=1e-5)
+        assert row.status == Status.PASSES
+    assert (Conditions().ambient, Conditions().max_winding) == (40.0, 105.0)
+
+
+def test_what_fits_what():
+    sourced = {"source": "invented", "grade": "R"}
+    kit, shaft = (Motor(**sourced, mounting=x) for x in ("frameless", "shaft"))
+    wave = Gear(**sourced, ratio=100.0, kind="strain wave")
+    planet = Gear(**sourced, ratio=10.0, kind="planetary")
+    own = Gear(**sourced, ratio=10.0, kind="planetary", motors=("maxon",))
+    assert [fits("K", kit, gear) for gear in (wave, planet, own)] == [True, False, False]
+    assert [fits("S", shaft, gear) for gear in (wave, planet, own)] == [True, True, False]
+    assert fits("maxon EC", shaft, own)
+    inside = Brake(**sourced, torque=1.0, sold="Siemens 1FK2")
+    assert [goes_with(inside, name) for name in ("", "Siemens 1FK2-03", "M")] == [
+        False,
+        True,
+        False,
+    ]
+    assert goes_with(Brake(**sourced, torque=1.0, sold="alone"), "M")
+
+
+def test_a_frameless_kit_weighs_a_quarter_more(tmp_path):
+    plain = sized(tmp_path, gear={"kind": "strain wave"}).choice.candidate
+    kit = sized(tmp_path, {"mounting": "frameless"}, {"kind": "strain wave"}).choice.candidate
+    assert kit.mass == pytest.approx(1.25 * plain.mass)
+    assert any("frameless kit: 25%" in text for text in kit.stand_ins)
+    assert sized(tmp_path, {"mounting": "frameless"}).candidates == 0  # not before a planetary gear
+
+
+def test_lists_are_by_kind_and_complete_in_the_catalogue_where_they_must_be():
+    catalog = load_catalog()
+    signable = [n for n, g in catalog.gears.items() if not lacks(kind_of(g), g)]
+    assert sum(n.startswith("Harmonic Drive CSG") for n in signable) >= 7
+    assert set(NEEDS) >= {kind_of(g) for g in catalog.gears.values()}
+    assert not any(np.isnan(getattr(Conditions(), key)) for key in ("resonance_base", "ambient"))

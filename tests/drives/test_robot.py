@@ -1,0 +1,97 @@
+"""What a kilogram at each joint adds, against inverse dynamics with that kilogram in the model."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from cases import jamming_drawer, resting_four_bar
+
+import pinfric as pf
+from pinfric.drives.inertia import joint_inertias
+from pinfric.drives.policy import Conditions
+from pinfric.drives.robot import Robot, added_masses, loads, tip_to_base, with_masses
+from pinfric.dynamics.inverse import interval_ends
+from pinfric.dynamics.samples.reactions import state_wrenches
+from pinfric.errors import SizingError
+
+
+@pytest.fixture(scope="module")
+def arm():
+    scene = pf.load_scene("ur5_pick_and_place").with_(masses="without_drives")
+    motion = pf.load_trajectory("ur5_pick_and_place", scene)
+    return scene, motion, Robot(scene, motion, None, Conditions())
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_efforts_wrenches_and_inertias_are_those_of_inverse_dynamics(arm, seed):
+    """Without friction to rounding; friction is that of the lighter robot: a little off."""
+    scene, motion, robot = arm
+    rng = np.random.default_rng(seed)
+    masses = {i: float(rng.uniform(0.2, 3.0)) for i in range(6)}
+    heavy = with_masses(scene, masses)
+    exact = pf.inverse_dynamics(heavy, motion)
+    inertias = joint_inertias(heavy, exact.states)
+    still = pf.inverse_dynamics(
+        heavy, motion.q, 0 * motion.v, 0 * motion.a, attached=exact.states.attached
+    )
+    top = np.abs(exact.effort_upper).max(axis=0)
+    for i in range(6):
+        case = robot.case(i, masses)
+        cycle = case.cycle
+        bare = exact.effort_frictionless[:, i]
+        np.testing.assert_allclose(cycle.effort_frictionless, bare, atol=1e-11 * top.max())
+        np.testing.assert_allclose(case.rest, still.effort_frictionless[:, i], atol=1e-4)
+        assert case.load_inertia == pytest.approx(inertias[:, i].max(), rel=1e-12)
+        assert np.abs(cycle.effort_upper - exact.effort_upper[:, i]).max() < 0.05 * top[i]
+        row = state_wrenches(heavy, exact.states)[:, i]
+        radial = np.hypot(row[:, 0], row[:, 1]).max()  # the joints' axes are z of their frames
+        if case.demand.bearing is not None and np.allclose(scene.twin().axis[i][3:], [0, 0, 1]):
+            assert case.demand.bearing.radial == pytest.approx(radial, rel=1e-9)
+    robot.solve(masses)  # now exact, friction included
+    for i in range(6):
+        np.testing.assert_allclose(
+            robot.case(i, masses).cycle.effort_upper, exact.effort_upper[:, i], rtol=1e-12
+        )
+    robot.solve({})
+
+
+def test_a_drive_loads_the_joints_nearer_to_the_base(arm):
+    scene, _, _ = arm
+    assert tip_to_base(scene) == [5, 4, 3, 2, 1, 0]
+    assert [loads(scene, 3, i) for i in range(6)] == [True, True, True, False, False, False]
+    assert not loads(scene, 0, 0)  # it stands on the ground
+
+
+def test_the_scene_says_which_masses_are_added(arm):
+    scene, _, _ = arm
+    masses, conditions = dict.fromkeys(range(6), 2.0), Conditions()
+    assert added_masses(scene, conditions, masses) == masses
+    held = scene.with_(masses="with_drives")
+    assert added_masses(held, conditions, masses) == {}
+    some = scene.with_(masses={"elbow_joint": "without_drives", "others": "with_drives"})
+    assert added_masses(some, conditions, masses) == {2: 2.0}
+    exact = Conditions(mass_in_urdf={"elbow_joint": 1.5})  # replaces what the link holds
+    assert added_masses(held, exact, masses) == {2: 0.5}
+    assert added_masses(scene.with_(masses=None), conditions, masses) == masses
+
+
+def test_a_cycle_whose_intervals_may_be_too_narrow_is_refused(monkeypatch):
+    case = resting_four_bar(5)
+    motion = pf.Trajectory.from_arrays(
+        case.scene, np.linspace(0, 1, 5), np.repeat(case.q[:1], 5, axis=0)
+    )
+    monkeypatch.setattr(interval_ends, "ENUMERATED", 1)
+    monkeypatch.setattr(interval_ends, "NODES", 0)
+    with (
+        pytest.warns(pf.PinfricWarning, match="may be too narrow"),
+        pytest.raises(SizingError, match=r"sample 0 of 5 has intervals .* may be too narrow"),
+    ):
+        Robot(case.scene, motion, None, Conditions())
+
+
+def test_a_cycle_that_jams_is_refused():
+    case = jamming_drawer(0.6, 1.0)
+    t, q = np.array([0.0, 0.1]), np.array([[0.0], [0.105]])
+    motion = pf.Trajectory.from_arrays(case.scene, t, q, q + 1.0, 0 * q + 1.0)
+    with pytest.raises(SizingError, match=r"sample 0 of 2 has no efforts \(jammed\)"):
+        Robot(case.scene, motion, None, Conditions())

@@ -1,0 +1,165 @@
+"""What a gear bears when its brake closes, by hand, and the stops of the chosen drive."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from sizing_cases import GEAR, MOTOR, one_drive, trapezoid, turntable, write_catalog
+
+import pinfric as pf
+from pinfric.drives.criterion import Status
+from pinfric.drives.limits import brake_peak
+from pinfric.errors import SizingError
+
+BRAKE = {
+    "source": "invented",
+    "grade": "R",
+    "torque": 0.5,
+    "torque_max": 0.7,
+    "engage_time": 0.02,
+    "stop_energy": 20.0,
+    "rotor_inertia": 1e-5,
+}
+NAME = "gear momentary peak torque, brake closing"
+STOPS = {"category": 0, "reaction_time": 0.01, "per_hour": 4}
+#: The rotor at the joint: 100^2 of motor, gear and brake; beside 2 kg m^2 of table.
+HEAVY = 1e4 * (5e-5 + 1e-5 + 1e-5) / 2.0
+
+
+def sized(tmp_path, brake=BRAKE, gear=None, stops=STOPS, **given):
+    scene = turntable().with_(stops=stops)
+    catalog = one_drive(tmp_path, MOTOR, {**GEAR, **(gear or {})}, brakes={"B": brake})
+    required = {"holding_brake": "required"}
+    given = {"conditions": required, "on_miss": "ignore", **given}
+    return pf.size(scene, trapezoid(scene), catalog, **given)
+
+
+def row(report):
+    (found,) = [c for c in report.joints[0].assessments[0].criteria if c.name == NAME]
+    return found
+
+
+def test_peak_of_a_closing_brake_by_hand(tmp_path):
+    """0.7 N m x 100, and 15 N m of the cycle, on a gear that passes 0.7 of the load on."""
+    found = row(sized(tmp_path))
+    assert found.required == pytest.approx((70.0 + HEAVY * 15.0) / (0.7 + HEAVY), rel=1e-6)
+    assert found.available == 100.0
+    assert found.status == Status.PASSES
+    weak = row(sized(tmp_path, gear={"momentary_peak_torque": 70.0}))
+    assert weak.status == Status.FAILS
+
+
+def test_a_brake_of_unknown_mass_and_inertia_loads_its_gear_too(tmp_path):
+    """Twice 0.5 N m x 100, J_r of motor and gear alone; the scene does not say how it stops."""
+    bare = {"source": "invented", "grade": "R", "torque": 0.5}
+    report = sized(tmp_path, brake=bare, stops=None)
+    heavy = 1e4 * (5e-5 + 1e-5) / 2.0
+    assert row(report).required == pytest.approx((100.0 + heavy * 15.0) / (0.7 + heavy), rel=1e-6)
+    assert report.joints[0].installed.candidate.brake == "B"
+    assert "B: largest torque taken as 2 x 0.5 N m, mass taken as 0" in report.notes[-1]
+
+
+@pytest.mark.parametrize(
+    ("gear", "lacks"),
+    [
+        ({"back_efficiency": -0.5}, "a bound: the driven gear jams"),
+    ],
+)
+def test_what_the_peak_of_a_closing_brake_lacks_is_said(tmp_path, gear, lacks):
+    """Beside G, which fits and so gives the brake its load."""
+    other = {k: v for k, v in {**GEAR, **gear}.items() if v is not None}
+    path = write_catalog(tmp_path / "c.yaml", gears={"G": GEAR, "H": other}, brakes={"B": BRAKE})
+    scene, required = turntable(), {"holding_brake": "required"}
+    report = pf.size(scene, trapezoid(scene), path, conditions=required, on_miss="ignore")
+    (drive,) = [a for a in report.joints[0].assessments if a.candidate.gear_name == "H"]
+    (found,) = [c for c in drive.criteria if c.name == NAME]
+    assert (found.status, found.lacks) == (Status.NOT_CHECKED, lacks)
+
+
+def test_the_gear_in_a_gearmotor_has_no_figure_and_a_direct_drive_no_gear(tmp_path):
+    entry = {
+        "source": "invented",
+        "grade": "R",
+        "continuous_torque": 40.0,
+        "peak_torque": 90.0,
+        "rotor_inertia": 5e-5,
+        "mass": 1.0,
+        "max_speed": 6.0,
+    }
+    drives = {"A": {**entry, "ratio": 100.0}, "D": {**entry, "ratio": 1.0}}
+    path = write_catalog(
+        tmp_path / "c.yaml", motors={}, gears={}, gearmotors=drives, brakes={"B": BRAKE}
+    )
+    scene = turntable()
+    required = {"holding_brake": "required"}
+    report = pf.size(scene, trapezoid(scene), path, conditions=required, on_miss="ignore")
+    lacks = {
+        a.candidate.name: [c.lacks for c in a.criteria if c.name == NAME]
+        for a in report.joints[0].assessments
+    }
+    assert lacks == {"A": ["momentary peak of the gear in the gearmotor"], "D": []}
+
+
+def test_another_peak_stands_in_for_a_momentary_one(tmp_path):
+    """Of a planetary gear T2Not is T2B where it is not printed, and the report says so."""
+    found = row(sized(tmp_path, gear={"momentary_peak_torque": None}))
+    assert (found.available, found.status) == (60.0, Status.FAILS)
+    assert found.note.endswith("the repeated peak torque: no higher limit is known")
+
+
+def test_peak_where_a_gear_would_jam_has_no_bound():
+    assert np.isnan(brake_peak(0.5, 100.0, 1e-5, 2.0, 0.0, -0.2))
+    assert brake_peak(0.5, 100.0, 1e-5, 2.0, 0.0, 1.0) == pytest.approx(50.0 / 1.05)
+
+
+def test_stops_of_the_chosen_drive_are_in_the_report(tmp_path):
+    """Friction of the table slows it, too: 0.7 t = -70 - J_r (t - 3)/2 of 71 N m without it."""
+    report = sized(tmp_path)
+    (axis,) = report.stops.axes
+    assert axis.peak == pytest.approx((70.0 - HEAVY * 3.0) / (0.7 + HEAVY), rel=1e-6)
+    by_name = {c.name: c for c in axis.criteria}
+    assert by_name["gear momentary peak torque"].available == 100.0
+    assert by_name["brake energy of a stop"].available == 20.0
+    assert by_name["brake stops in an hour"].status == Status.NOT_CHECKED
+    assert not report.unmet
+
+
+def test_the_stops_are_computed_while_it_sizes(tmp_path, monkeypatch):
+    steps = []
+    report = sized(tmp_path, progress=steps.append)
+    assert steps[-1] == "stops of the chosen drives"
+    monkeypatch.setattr("pinfric.stops.search.stop_motion", None)  # nothing is stopped later
+    assert report.unmet == ()
+    assert report.stops.longest.time > 0.0
+
+
+def test_a_stop_that_is_not_met_is_unmet(tmp_path):
+    report = sized(tmp_path, brake={**BRAKE, "stop_energy": None, "stops_per_hour": 2.0})
+    assert any("brake stops in an hour: needs 4" in line for line in report.unmet)
+    with pytest.raises(SizingError, match="brake stops in an hour"):
+        report.check()
+    unknown = sized(tmp_path, brake={**BRAKE, "engage_time": None})
+    assert unknown.stops is None
+    assert any("has no `engage_time`" in line for line in unknown.unmet)
+
+
+def test_without_a_section_on_stops_nothing_is_stopped(tmp_path):
+    report = sized(tmp_path, stops=None)
+    assert report.stops is None
+    assert not report.unmet
+
+
+def test_a_stopped_robot_gets_a_brake_that_is_known_to_close(tmp_path):
+    scene = turntable().with_(stops=STOPS)
+    brakes = {"A": {**BRAKE, "torque": 0.4, "torque_max": 0.6, "engage_time": None}, "B": BRAKE}
+    catalog = one_drive(tmp_path, MOTOR, GEAR, brakes=brakes)
+    required = {"holding_brake": "required"}
+    report = pf.size(scene, trapezoid(scene), catalog, conditions=required, on_miss="ignore")
+    assert report.standstills[0].brake == "B"
+    assert report.no_stops == ""
+
+
+def test_stops_that_a_brake_without_a_time_prevents_say_which_brake(tmp_path):
+    report = sized(tmp_path, brake={**BRAKE, "engage_time": None})
+    assert report.stops is None
+    assert report.no_stops.startswith("stops: B of the catalogue has no `engage_time`; give it")

@@ -1,0 +1,187 @@
+"""Winding temperatures against closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from sizing_cases import MOTOR
+
+from pinfric.drives.catalog import Thermal
+from pinfric.drives.catalog_file import load_catalog
+from pinfric.drives.thermal import mean_winding_temperature, no_load_heat, winding_cycle
+
+THERMAL = Thermal(**MOTOR["thermal"])
+R_WH, R_HA, TAU_W, TAU_H = 2.0, 3.0, 20.0, 300.0
+RESISTANCE, AMBIENT, ALPHA = 0.8, 40.0, 0.0039
+CONDUCTANCE = 1 / R_WH, 1 / R_HA
+CAPACITY = TAU_W / R_WH, TAU_H / R_HA
+
+
+def square(on, off, current, samples=50):
+    """Current for `on` seconds, nothing for `off` seconds."""
+    t = np.concatenate([np.linspace(0, on, samples), np.linspace(on + 1e-10, on + off, samples)])
+    return t, np.concatenate([np.full(samples, current), np.zeros(samples)])
+
+
+def test_constant_current_settles_at_the_closed_form():
+    # T_w - T_a = r P0 w/(1 - alpha r P0), P0 = R i^2, w the resistance's rise at ambient
+    t, i = np.linspace(0, 7, 100), np.full(100, 3.0)
+    heat, r = RESISTANCE * 9.0, R_WH + R_HA
+    warm = 1 + ALPHA * (AMBIENT - 25)
+    rise = r * heat * warm / (1 - ALPHA * r * heat)
+    found = winding_cycle(t, i, RESISTANCE, THERMAL, AMBIENT)
+    np.testing.assert_allclose(found.winding, AMBIENT + rise, rtol=1e-9)
+    # through the housing flows all heat: T_h - T_a = R_ha/(R_wh + R_ha) of the rise
+    np.testing.assert_allclose(found.housing, AMBIENT + rise * R_HA / r, rtol=1e-9)
+    assert mean_winding_temperature(t, i, RESISTANCE, THERMAL, AMBIENT) == pytest.approx(
+        AMBIENT + rise, rel=1e-12
+    )
+
+
+def test_worst_cases_of_opposite_sign_heat_as_one_of_them_all_the_time():
+    """At rest the worst end changes sides from sample to sample; the motor does not rest there."""
+    t, i = np.linspace(0, 7, 100), np.where(np.arange(100) % 2, -3.0, 3.0)
+    heat, r, warm = RESISTANCE * 9.0, R_WH + R_HA, 1 + ALPHA * (AMBIENT - 25)
+    rise = r * heat * warm / (1 - ALPHA * r * heat)
+    found = winding_cycle(t, i, RESISTANCE, THERMAL, AMBIENT)
+    np.testing.assert_allclose(found.winding, AMBIENT + rise, rtol=1e-9)
+    at_mean = mean_winding_temperature(t, i, RESISTANCE, THERMAL, AMBIENT)
+    assert at_mean == pytest.approx(AMBIENT + rise, rel=1e-12)
+
+
+def test_on_off_cycle_without_copper_coefficient_is_the_sum_of_two_exponentials():
+    # x' = A x + b on, x' = A x off; periodic: x(on) = (I - E_on E_off)^-1 (I - E_on) x_inf, and
+    # by eigenvectors each mode is a periodic on-off exponential of its own
+    on, off, current = 12.0, 33.0, 5.0
+    (g1, g2), (c1, c2) = CONDUCTANCE, CAPACITY
+    A = np.array([[-g1 / c1, g1 / c1], [g1 / c2, -(g1 + g2) / c2]])
+    b = np.array([RESISTANCE * current**2 / c1, 0.0])
+    rates, modes = np.linalg.eig(A)
+    drive = np.linalg.solve(modes, b)
+    at_end = -drive / rates * (1 - np.exp(rates * on)) / (1 - np.exp(rates * (on + off)))
+    peak = AMBIENT + (modes @ at_end)[0]
+    t, i = square(on, off, current)
+    found = winding_cycle(t, i, RESISTANCE, THERMAL, AMBIENT, copper=0.0)
+    assert found.peak == pytest.approx(peak, rel=1e-9)
+    assert not found.runaway
+
+
+def test_on_off_cycle_with_copper_coefficient_matches_matrix_exponentials():
+    on, off, current = 12.0, 33.0, 5.0
+    (g1, g2), (c1, c2) = CONDUCTANCE, CAPACITY
+    heat = RESISTANCE * current**2
+
+    def step(power, span):  # of (rise of winding, rise of housing, 1)
+        warm = 1 + ALPHA * (AMBIENT - 25)
+        A = np.array(
+            [
+                [(ALPHA * power - g1) / c1, g1 / c1, power * warm / c1],
+                [g1 / c2, -(g1 + g2) / c2, 0.0],
+                [0.0, 0.0, 0.0],
+            ]
+        )
+        return expm(A * span)
+
+    cycle = step(heat, on) @ step(0.0, off)  # begins at the end of `on`
+    x = np.linalg.solve(np.eye(2) - cycle[:2, :2], cycle[:2, 2])
+    t, i = square(on, off, current)
+    found = winding_cycle(t, i, RESISTANCE, THERMAL, AMBIENT)
+    assert found.peak == pytest.approx(AMBIENT + x[0], rel=1e-9)
+    assert found.winding[0] == pytest.approx(found.winding[-1], abs=1e-9)
+    assert found.housing[0] == pytest.approx(found.housing[-1], abs=1e-9)
+
+
+def test_short_cycles_see_the_mean_heat():
+    t, i = square(0.01, 0.03, 6.0)
+    found = winding_cycle(t, i, RESISTANCE, THERMAL, AMBIENT)
+    assert found.peak == pytest.approx(
+        mean_winding_temperature(t, i, RESISTANCE, THERMAL, AMBIENT), rel=1e-3
+    )
+
+
+def test_runaway_is_told_from_the_last_current_that_settles():
+    # constant current runs away at alpha (R_wh + R_ha) R i^2 = 1
+    limit = np.sqrt(1 / (ALPHA * (R_WH + R_HA) * RESISTANCE))
+    t = np.linspace(0, 5, 20)
+    for factor, runs_away in ((0.999, False), (1.001, True)):
+        i = np.full(20, factor * limit)
+        found = winding_cycle(t, i, RESISTANCE, THERMAL, AMBIENT)
+        assert found.runaway is runs_away
+        assert np.isinf(found.peak) == runs_away
+        at_mean = mean_winding_temperature(t, i, RESISTANCE, THERMAL, AMBIENT)
+        assert np.isinf(at_mean) == runs_away
+
+
+def test_temperature_over_time_needs_time_constants():
+    bare = Thermal(winding_housing=1.0, housing_ambient=2.0)
+    with pytest.raises(ValueError, match="time constants"):
+        winding_cycle(np.arange(3.0), np.ones(3), 1.0, bare, 25.0)
+
+
+def test_heat_of_turning_warms_winding_and_housing_alike():
+    """T_w - T_a = (r P w + R_ha P_0)/(1 - alpha r P); all heat leaves through R_ha."""
+    t, i = np.linspace(0, 7, 100), np.full(100, 3.0)
+    heat, r, warm, turning = RESISTANCE * 9.0, R_WH + R_HA, 1 + ALPHA * (AMBIENT - 25), 4.0
+    rise = (r * heat * warm + R_HA * turning) / (1 - ALPHA * r * heat)
+    found = winding_cycle(t, i, RESISTANCE, THERMAL, AMBIENT, no_load=np.full(100, turning))
+    np.testing.assert_allclose(found.winding, AMBIENT + rise, rtol=1e-9)
+    copper = heat * (warm + ALPHA * rise)
+    np.testing.assert_allclose(found.housing, AMBIENT + R_HA * (copper + turning), rtol=1e-9)
+    at_mean = mean_winding_temperature(t, i, RESISTANCE, THERMAL, AMBIENT, no_load=turning)
+    assert at_mean == pytest.approx(AMBIENT + rise, rel=1e-12)
+
+
+def test_heat_of_turning_that_comes_and_goes():
+    """Two parts of a cycle, one of which turns, against matrix exponentials."""
+    (g1, g2), (c1, c2) = CONDUCTANCE, CAPACITY
+    on, off, current, turning = 15.0, 40.0, 2.0, 6.0
+    p, warm = RESISTANCE * current**2, 1 + ALPHA * (AMBIENT - 25)
+
+    def step(loss, span):
+        rows = [
+            [(ALPHA * p - g1) / c1, g1 / c1, p * warm / c1],
+            [g1 / c2, -(g1 + g2) / c2, loss / c2],
+            [0.0, 0.0, 0.0],
+        ]
+        return expm(np.array(rows) * span)
+
+    first, second = step(turning, on), step(0.0, off)
+    whole = second @ first
+    start = np.append(np.linalg.solve(np.eye(2) - whole[:2, :2], whole[:2, 2]), 1.0)
+    t = np.concatenate([np.linspace(0, on - 1e-9, 300), np.linspace(on, on + off, 300)])
+    loss = np.where(t < on - 5e-10, turning, 0.0)
+    found = winding_cycle(t, np.full(600, current), RESISTANCE, THERMAL, AMBIENT, no_load=loss)
+    assert found.winding[0] - AMBIENT == pytest.approx(start[0], rel=1e-6)
+    assert found.winding[299] - AMBIENT == pytest.approx((first @ start)[0], rel=1e-6)
+
+
+#: maxon: nominal current in print, A; the current at which copper alone heats it to its limit.
+MAXON = [
+    ("RE 50 200 W 578298", 4.58, 4.95),
+    ("EC-i 40 100 W 496661", 2.72, 3.45),
+    ("EC 90 flat 260 W 500267", 4.06, 4.87),
+    ("EC-i 52 180 W 579165", 4.56, 7.78),
+]
+
+
+@pytest.mark.parametrize(("name", "printed", "by_copper"), MAXON)
+def test_maxons_nominal_torque_is_that_at_its_nominal_speed(name, printed, by_copper):
+    """Copper alone would let it carry up to 71 % more; the rest is the loss of turning."""
+    motor = load_catalog().motors[f"maxon {name}"]
+    assert motor.continuous_current == printed
+    thermal, room = motor.thermal, motor.thermal.max_winding - 25
+    hot = motor.resistance * (1 + ALPHA * room)
+    through = thermal.winding_housing + thermal.housing_ambient
+    assert np.sqrt(room / hot / through) == pytest.approx(by_copper, rel=5e-3)
+    current = motor.continuous_torque / motor.torque_constant
+    rate = no_load_heat(thermal, current, motor.resistance, motor.rated_speed, 25.0)
+    assert rate > 0
+    t, i = np.linspace(0, 1, 10), np.full(10, current)
+    turning = np.full(10, rate * motor.rated_speed)
+    found = winding_cycle(t, i, motor.resistance, thermal, 25.0, no_load=turning)
+    assert found.peak == pytest.approx(thermal.max_winding, rel=1e-9)
+    slow = winding_cycle(t, i, motor.resistance, thermal, 25.0)
+    assert slow.peak < thermal.max_winding - 5
+    assert no_load_heat(None, 1.0, 1.0, 1.0, 25.0) == 0.0
+    assert no_load_heat(thermal, 3 * current, motor.resistance, 100.0, 25.0) == 0.0

@@ -1,0 +1,199 @@
+"""MJCF against MuJoCo itself."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+from builders import random_states, random_tree
+from export_cases import moved
+
+import pinfric as pf
+from pinfric.exporting.mjcf import MjcfJoint, mjcf
+from pinfric.exporting.tree import bodies
+
+
+def mujoco_inverse(text, joints, q, v, a):
+    """What MuJoCo computes of the file: (T, nv) torques, friction and rotors among them."""
+    model = mujoco.MjModel.from_xml_string(text)
+    data, torque = mujoco.MjData(model), np.empty_like(v)
+    order = [int(model.joint(name).dofadr[0]) for name in joints]  # branch by branch in MuJoCo
+    for k in range(len(v)):
+        data.qpos[order], data.qvel[order], data.qacc[order] = q[k], v[k], a[k]
+        mujoco.mj_inverse(model, data)
+        torque[k] = data.qfrc_inverse[order]
+    return torque
+
+
+def assert_same(found, expected):
+    """Two records are the same where all their figures are; NaN, "not known", is the same as NaN.
+
+    Python's == says so only up to 3.12, and only of one and the same NaN.
+    """
+    for one, other in zip(found, expected, strict=True):
+        np.testing.assert_equal(dataclasses.asdict(one), dataclasses.asdict(other))
+
+
+def test_mujoco_misses_what_the_file_states(ur5):
+    """Moving samples; the payload is in the file where the trajectory carries it."""
+    scene, motion, made, result = ur5
+    carrying = {"part": scene.payloads["part"].model_copy(update={"attached": True})}
+    loaded = pf.export(scene.with_(payloads=carrying), motion)
+    moved = [[j for j in x.joints if not j.unmoved] for x in (loaded, made)]
+    assert_same(*moved)  # the trajectory says when it is carried, not the default
+    q = motion.joint_positions()
+    free, held = (
+        mujoco_inverse(x.text, scene.joint_names, q, motion.v, motion.a) for x in (made, loaded)
+    )
+    torque = np.where(motion.attached, held, free)
+    still = (motion.v == 0.0) & (motion.a == 0.0)
+    for d, joint in enumerate(made.joints):
+        lower = joint.ratio * result.motor_torque_lower[:, d]
+        upper = joint.ratio * result.motor_torque_upper[:, d]
+        line = re.search(rf"<!-- {joint.joint}[: ].* -->", made.text)[0]
+        standing = re.search(r"standing still (\S+) to (\S+) N m", line)
+        left_out = [float(x) for x in standing.groups()]
+        wanted = [
+            (lower - torque[:, d])[still[:, d]].min(),
+            (upper - torque[:, d])[still[:, d]].max(),
+        ]
+        np.testing.assert_allclose(left_out, wanted, rtol=0.01)
+        moving = (motion.v[:, d] != 0.0) & (lower == upper)
+        if joint.joint == "wrist_2_joint":
+            assert not moving.any()
+            assert joint.unmoved
+            assert "never moves in this motion: constants of random states" in line
+            continue
+        assert joint.moving == moving.sum()
+        missed = torque[moving, d] - lower[moving]
+        stated = re.search(r"error rms (\S+), peak (\S+) N m", line)
+        rms, peak = np.sqrt(np.mean(missed**2)), np.abs(missed).max()
+        np.testing.assert_allclose([float(x) for x in stated.groups()], [rms, peak], rtol=1e-4)
+        np.testing.assert_allclose([joint.error_rms, joint.error_peak], [rms, peak], rtol=1e-9)
+
+
+def test_mujocos_friction_is_soft_in_the_samples_that_the_file_names():
+    """Constants along the motion, computed here, differ from mj_inverse there and only there."""
+    scene = pf.load_scene("ur10_machine_tending")
+    motion = pf.load_trajectory("ur10_machine_tending", scene)
+    scene = scene.with_(payloads={})
+    bare = pf.Trajectory.from_arrays(scene, motion.t, motion.q, motion.v, motion.a)
+    made, result = pf.export(scene, bare), pf.inverse_dynamics(scene, bare)
+    v, a = motion.v, motion.a
+    torque = mujoco_inverse(made.text, scene.joint_names, motion.joint_positions(), v, a)
+    (note,) = made.notes
+    named = dict(re.findall(r"(\w+_joint) (\d+) sample", note))
+    assert note.startswith("near rest MuJoCo's friction is soft")
+    for d, joint in enumerate(made.joints):
+        constant = joint.frictionloss * np.sign(v[:, d]) + joint.damping * v[:, d]
+        expected = result.effort_frictionless[:, d] + constant + joint.armature * a[:, d]
+        missed = np.abs(torque[:, d] - expected)
+        off = (missed > 1e-6 * max(joint.frictionloss, 1e-9)) & (v[:, d] != 0.0)
+        assert int(named.get(joint.joint, 0)) == off.sum() <= 5
+        assert missed.max() <= 2 * joint.frictionloss
+    assert named
+    assert note in " ".join(made.text.split()).replace("Near rest", "near rest")
+
+
+def test_mujoco_has_another_friction_by_default(ur5):
+    """Why the file says how friction is solved: else its constants are not MuJoCo's."""
+    scene, motion, made, _ = ur5
+    soft = re.sub(r'solreffriction="[^"]*" solimpfriction="[^"]*"', "", made.text)
+    assert soft != made.text
+    samples = slice(400, 700)
+    states = motion.joint_positions()[samples], motion.v[samples], motion.a[samples]
+    hard, other = (mujoco_inverse(text, scene.joint_names, *states) for text in (made.text, soft))
+    assert np.abs(hard - other).max() > 5.0
+
+
+def test_mujoco_steps_it(ur5):
+    _, _, made, _ = ur5
+    model = mujoco.MjModel.from_xml_string(made.text)
+    data = mujoco.MjData(model)
+    data.qpos[:] = [0.0, -1.2, 1.9, -1.5, -1.5, 0.0]
+    mujoco.mj_step(model, data, 300)
+    assert np.isfinite(data.qpos).all()
+    assert np.abs(data.qvel).max() < 10.0
+    assert data.qvel[1] > 0.1  # nothing drives it: the arm sinks
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_mujoco_has_the_same_robot(seed):
+    """Sliding, turning, continuous joints in any place; constants that are not fitted."""
+    model = random_tree(seed)
+    model.armature = np.linspace(0.0, 0.3, model.nv)
+    scene = pf.Scene(model=model)
+    tree = bodies(scene)
+    rng = np.random.default_rng(seed)
+    constants = rng.uniform(0.1, 3.0, (model.nv, 3))
+    joints = [
+        MjcfJoint(loss, damping, armature + body.armature, gear=-30.0)
+        for (loss, damping, armature), body in zip(constants, tree, strict=True)
+    ]
+    text = mjcf("random", tree, joints, model.gravity.linear)
+    q, v, a = random_states(model, seed)
+    v = np.where(np.abs(v) < 0.05, 0.05, v)
+    data = model.createData()
+    plain = np.array([pin.rnea(model, data, *state) for state in zip(q, v, a, strict=True)])
+    loss, damping, armature = constants.T
+    wanted = plain + loss * np.sign(v) + damping * v + armature * a
+    angles = pf.Trajectory.from_arrays(scene, np.arange(len(q)), q, v, a).joint_positions()
+    torque = mujoco_inverse(text, scene.joint_names, angles, v, a)
+    np.testing.assert_allclose(torque, wanted, rtol=1e-9, atol=1e-9)
+    driven = mujoco.MjModel.from_xml_string(text)
+    assert driven.nu == model.nv
+    np.testing.assert_array_equal(driven.actuator_gear[:, 0], -30.0)
+
+
+def test_links_without_mass_load():
+    model = pin.Model()
+    first = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "first")
+    second = model.addJoint(first, pin.JointModelRX(), pin.SE3.Identity(), "second")
+    rod = pin.Inertia(
+        1.0, np.zeros(3), pin.exp3(np.ones(3)) @ np.diag([0.1, 0.2, 0.3]) @ pin.exp3(-np.ones(3))
+    )  # a plate: C = A + B but for rounding
+    model.appendBodyToJoint(second, rod, pin.SE3.Identity())
+    scene = pf.Scene(model=model)
+    made = mujoco.MjModel.from_xml_string(pf.export(scene, moved(scene)).text)
+    assert made.nv == 2
+    assert made.body_mass[1] < 1e-8
+
+
+def test_limits_frames_and_odd_names_are_there():
+    scene = pf.load_scene("panda_pick_and_place")
+    odd = scene.with_(friction={}, source="a--b---c <&> d.yaml")
+    text = pf.export(odd).text
+    model = mujoco.MjModel.from_xml_string(text)
+    np.testing.assert_allclose(model.jnt_range[:, 0], scene.model.lowerPositionLimit)
+    np.testing.assert_allclose(model.jnt_actfrcrange[:, 1], scene.model.effortLimit)
+    assert model.site("panda_hand_tcp").id >= 0
+    assert model.ngeom > 0
+
+
+def test_joints_that_never_move_in_the_motion_are_held():
+    """0.5 N m at the Panda's joint 5, which the motion holds still: friction 0 let it turn."""
+    scene = pf.load_scene("panda_pick_and_place")
+    motion = pf.load_trajectory("panda_pick_and_place.csv", scene)
+    made = pf.export(scene, motion)
+    still = [joint for joint in made.joints if joint.unmoved]
+    assert [joint.joint[-1] for joint in still] == ["3", "5", "7"]
+    random = {joint.joint: joint for joint in pf.export(scene).joints}
+    gears = {drive.name: drive.transmission for drive in scene.drives}
+    for joint in still:
+        gear = gears[joint.joint]
+        assert joint.armature == pytest.approx(gear.ratio**2 * gear.rotor_inertia)
+        assert joint.frictionloss == pytest.approx(random[joint.joint].frictionloss, rel=0.1)
+        assert joint.fitted_rms == pytest.approx(random[joint.joint].error_rms)
+        assert joint.fitted_rms <= joint.error_rms
+        assert f"leaves an rms of {joint.fitted_rms:.5g} N m" in made.text
+    model = mujoco.MjModel.from_xml_string(made.text)
+    model.opt.gravity[:] = 0.0
+    data = mujoco.MjData(model)
+    data.qpos[:] = motion.joint_positions()[0]
+    data.qfrc_applied[4] = 0.5
+    mujoco.mj_step(model, data, 1000)
+    assert abs(data.qvel[4]) < 1e-3

@@ -1,0 +1,18 @@
+"""Identified robots that several files look at."""
+
+import pytest
+from identify_cases import LOGS, identified_arm, identified_ur10
+
+from pinfric.identification.identify import Identified
+
+
+@pytest.fixture
+def found() -> Identified:
+    return identified_arm()
+
+
+@pytest.fixture
+def ur10() -> Identified:
+    if not LOGS.is_dir():
+        pytest.skip("other people's logs are not in the repository")
+    return identified_ur10()

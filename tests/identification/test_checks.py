@@ -1,0 +1,109 @@
+"""Logs that do not fit the robot: signs, gains, two robots, too little motion."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from builders import chain
+from identify_cases import (
+    NAMES,
+    guess,
+    short,
+    truth,
+)
+from identify_wrong_models import wrong_log
+
+import pinfric as pf
+from pinfric.errors import IdentificationError
+from pinfric.identification.checks import check_efforts
+from pinfric.identification.columns import joint_rows, prepare
+from pinfric.identification.laws import Law
+from pinfric.identification.recordings import read_recordings
+from pinfric.motions.log.reading import ReadingOptions
+
+
+def test_currents_without_a_gain_and_turned_signs_are_refused_by_name():
+    current = replace(short(), effort=short().effort * np.array([1, 0.07, 1, 1, 1, 1]))
+    with pytest.raises(IdentificationError, match=rf"{NAMES[1]}: its effort is 0\.0\d+ times"):
+        pf.identify(guess(0), current)
+    turned = replace(short(), effort=short().effort * np.array([1, 1, -1, 1, 1, 1]))
+    with pytest.raises(IdentificationError, match=f"joint {NAMES[2]}: its effort falls where"):
+        pf.identify(guess(0), turned)
+    # no weight tells it at the last joint: its friction does
+    turned = replace(short(), effort=short().effort * np.array([1, 1, 1, 1, 1, -1]))
+    with pytest.raises(IdentificationError, match=f"{NAMES[5]}: its effort acts against"):
+        pf.identify(guess(0), turned)
+
+
+@pytest.mark.parametrize("factor", [6.0, 10.0, 100.0, 1000.0])
+def test_efforts_off_by_a_factor_are_asked_about_at_joints_that_carry(factor):
+    wrong = replace(short(), effort=factor * short().effort)
+    with pytest.raises(
+        IdentificationError, match=rf"{NAMES[1]}: its effort is [\d.e+]+ times"
+    ) as e:
+        pf.identify(guess(0), wrong)
+    told = float(re.search(rf"{NAMES[1]}: its effort is ([\d.e+]+) times", str(e.value))[1])
+    assert 0.7 * factor < told < 1.4 * factor  # the URDF's masses are wrong by 20 %
+
+
+def test_a_turned_sign_shows_by_inertia_where_it_is_more_than_friction():
+    t = np.arange(0.0, 12.0, 0.01)
+    model = chain(("turntable", pin.JointModelRZ(), pin.Inertia(5.0, np.zeros(3), np.eye(3))))
+    effort = 0.5 * np.sign(np.cos(3.0 * t)) - 9.0 * np.sin(3.0 * t)
+    given = pf.Log(t, np.sin(3.0 * t)[:, None], effort[:, None])
+    found = pf.identify(pf.Scene(model), given, laws={"turntable": Law()})
+    assert found.errors["turntable"].error < 0.05 * found.errors["turntable"].rms
+    with pytest.raises(IdentificationError, match="turntable: its effort acts against"):
+        pf.identify(pf.Scene(model), replace(given, effort=-effort[:, None]))
+
+
+def test_efforts_that_were_not_measured_and_logs_that_hardly_move_are_refused():
+    dead = short().effort * np.array([1, 1, 0, 1, 1, 1])
+    with pytest.raises(IdentificationError, match=f"joint {NAMES[2]}: its effort is always 0"):
+        pf.identify(guess(0), replace(short(), effort=dead))
+    after = np.asarray(short().t) > short().t[500]  # 5 s of 20: then it stays where it is
+    stays = np.where(after[:, None], short().q[500], short().q)
+    with pytest.raises(IdentificationError, match="in 3 blocks of"):
+        pf.identify(guess(0), replace(short(), q=stays))
+
+
+def test_logs_of_two_robots_are_refused():
+    other = replace(short(3), effort=2.2 * short(3).effort, name="other")
+    with pytest.raises(IdentificationError, match="logs of two robots"):
+        pf.identify(guess(0), [short(), other], laws=dict.fromkeys(NAMES, Law()))
+
+
+def test_robots_whose_efforts_no_log_tells_apart_are_refused():
+    with pytest.raises(IdentificationError, match="closed loops"):
+        pf.identify(pf.load_scene("four_bar"), short())
+
+
+def test_an_unknown_payload_is_no_factor_on_efforts():
+    """Both make joints' efforts larger; a factor is still asked about."""
+
+    logs = {case: wrong_log(case, 200, 10.0, 125.0) for case in ("payload", "true")}
+
+    def check(case: str, factor: np.ndarray | float) -> None:
+        given = replace(logs[case], effort=logs[case].effort * factor)
+        (one,) = read_recordings(truth(), [given], {}, {}, ReadingOptions())
+        columns = prepare(truth(), one)
+        check_efforts(truth(), [joint_rows([columns], j, 0.0) for j in range(6)], ())
+
+    check("payload", 1.0)
+    for joints in ([1], range(6)):
+        with pytest.raises(IdentificationError, match="shoulder_lift_joint: its effort is 2"):
+            check("true", np.where(np.isin(np.arange(6), joints), 2.0, 1.0))
+
+
+@pytest.mark.parametrize("factor", [10.0, 1000.0])
+def test_efforts_of_a_wrist_beyond_its_limit_are_refused(factor):
+    """Before, N mm gave Coulomb friction of thousands of N m at a joint with a limit of 28."""
+    scale = np.where(np.arange(6) == 5, factor, 1.0)  # no weight tells its unit
+    given = replace(short(), effort=short().effort * scale)
+    laws = dict.fromkeys(NAMES, Law())
+    with pytest.raises(IdentificationError, match=f"joint {NAMES[5]}: its .* limits it to 28"):
+        pf.identify(guess(0), given, laws=laws)

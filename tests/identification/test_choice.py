@@ -1,0 +1,105 @@
+"""Laws of joints: the smallest that is as good on held-out blocks."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from identify_cases import (
+    DELAY,
+    LOGS,
+    NAMES,
+    RATIO,
+    VISCOUS,
+    excitation,
+    guess,
+    kr300,
+    motor_effort,
+    truth,
+)
+
+import pinfric as pf
+from pinfric.errors import IdentificationError
+from pinfric.identification.choice import free_errors, held_out_parts, simplest_adequate_law
+from pinfric.identification.laws import Law
+
+#: What a UR10's held-out errors may be beside those of Coulomb and viscous friction.
+UR10 = (0.70, 0.52, 0.75, 0.82, 1.05, 1.10)
+
+
+def test_the_laws_that_made_the_log_are_found(found):
+    loads = [law.load for law in found.laws.values()]
+    assert loads == ["", "gear", "bearing", "", "", ""]
+    assert all(law.exponent == 1.0 for law in found.laws.values())
+    assert found.delay == pytest.approx(DELAY, abs=1.5e-3)
+
+
+def test_a_gear_is_offered_whose_own_loss_makes_the_coulomb_friction_large():
+    scene = truth()
+    dry = {"static": 8.0, "kinetic": 8.0}
+    friction = scene.friction | {
+        NAMES[2]: {"coulomb": {"positive": dry, "negative": dry}, "viscous": VISCOUS[2]}
+    }
+    gears = [
+        {
+            "joint": drive.name,
+            "transmission": {"ratio": RATIO}
+            | ({"efficiency": 0.7, "back_efficiency": 0.65} if drive.name == NAMES[2] else {}),
+        }
+        for drive in scene.drives
+    ]
+    robot, motion = scene.with_(friction=friction, actuators=gears), excitation(0, 20.0, 100.0)
+    given = pf.Log(motion.t, motion.q, motor_effort(robot, motion))
+    laws = {name: Law() for name in NAMES if name != NAMES[2]}
+    found = pf.identify(guess(0), given, laws=laws)
+    assert found.laws[NAMES[2]].load == "gear"
+    assert found.errors[NAMES[2]].error < 0.5 * found.errors[NAMES[2]].plain
+    assert any(NAMES[2] in line for line in found.notes if line.startswith("with free masses"))
+    assert found.advice[0].load > 0.0  # nothing else tells the scale of masses and losses
+
+
+def test_two_losses_are_weighed_whatever_is_known_of_the_masses(found):
+    weighed = found.estimate.choice.errors[1]
+    assert any(law.load == "gear" and not law.both_ways for law in weighed)
+    assert found.laws[NAMES[1]].both_ways  # losses of 5 and 7 % are as good as one
+    assert found.advice[0].load > 0.0
+
+
+def test_of_laws_that_are_as_good_the_viscous_one_is_taken():
+    rows, powers = np.full(4, 100.0), {1.0: 101.0, 0.8: 100.0, 0.5: 150.0}
+    noise = np.array([-1.0, 1.0, -2.0, 2.0])
+    errors = {Law(exponent=p): total / 4 + (0.1 + p) * noise for p, total in powers.items()}
+    assert simplest_adequate_law(errors, rows) == Law()
+    assert simplest_adequate_law(errors | {Law(): np.full(4, 40.0)}, rows) == Law(exponent=0.8)
+
+
+def test_every_part_that_is_held_out_leaves_something_to_fit():
+    sliding = np.repeat(np.arange(300, 304), 9)  # of 720 blocks of an hour
+    assert len(set(held_out_parts(sliding, np.zeros_like(sliding))[300:])) == 4
+    logs = np.repeat([1, 3], 18)  # of five logs
+    assert len(set(held_out_parts(sliding, logs)[300:])) == 4
+    each = np.repeat(np.arange(0, 12, 2), 9)
+    assert held_out_parts(each, each // 2)[::2].tolist() == [0, 1, 2, 3, 4, 5]
+
+
+def test_a_ur10_is_told_better_than_by_coulomb_and_viscous_friction(ur10):
+    share = [error.error / error.plain for error in ur10.errors.values()]
+    assert (np.array(share) <= UR10).all(), share
+    lift = tuple(ur10.laws.values())[1]
+    assert (lift.load, lift.side) == ("gear", "motor")
+
+
+@pytest.mark.skipif(not LOGS.is_dir(), reason="other people's logs are not in the repository")
+def test_a_kr300_whose_signs_nobody_knows_says_how_far_it_is_off():
+    scene, log = kr300(LOGS / "kr300" / "rec_2020-10-21_10s_FF_A_08ms.mat")
+    found = pf.identify(scene, log, laws=dict.fromkeys(scene.joint_names, Law()))
+    share = {name: error.error / error.rms for name, error in found.errors.items()}
+    assert all(0.02 < one < 0.5 for one in share.values()), share
+    missed = next(line for line in found.notes if line.startswith("the error is above 10 %"))
+    assert max(share, key=share.__getitem__) in missed
+    worse = next((line for line in found.notes if line.startswith("held-out errors are")), "")
+    free = free_errors(found.estimate.problem, found.estimate.rows)
+    for (name, error), least in zip(found.errors.items(), free, strict=True):
+        assert (error.error > 1.03 * least) == (f"{name} by" in worse)
+    turned = replace(log, q=-log.q, effort=-log.effort)
+    with pytest.raises(IdentificationError, match="joint a4: its effort falls where"):
+        pf.identify(scene, turned, laws=dict.fromkeys(scene.joint_names, Law()))

@@ -1,0 +1,65 @@
+"""Delay of logged efforts behind the motion."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pinfric.identification.delay import Delay, LogDelay, common_delay, other_delays, pooled
+
+
+def test_logs_that_differ_in_their_delay_by_more_than_they_know_leave_it_open():
+    near = common_delay([LogDelay(0.0040, 1e-3), LogDelay(0.0050, 1e-3)])
+    assert near.value == pytest.approx(0.0045)
+    assert near.standard_error == pytest.approx(1e-3 / np.sqrt(2))
+    far = common_delay([LogDelay(0.0, 1e-3), LogDelay(0.010, 1e-3)])
+    assert far.standard_error > 0.010 / 2  # of the two values' own mean
+    assert (far.value, far.determined) == (0.0, False)
+
+
+def test_a_search_that_ends_at_its_bound_determines_no_delay():
+    """Before, it was printed as -30 +- 20 ms."""
+    alone = common_delay([LogDelay(-0.03, np.inf)])
+    assert (alone.value, alone.determined) == (0.0, False)
+    both = common_delay([LogDelay(-0.03, np.inf), LogDelay(0.004, 1e-3)])
+    assert (both.value, both.standard_error) == (0.004, 1e-3)
+
+
+def test_a_delay_of_its_own_is_named():
+    alike = {0: (0.004, 1e-3), 1: (0.005, 1e-3), 2: (0.003, 2e-3)}
+    assert other_delays(Delay(0.004, 1e-3, (), alike)) == {}
+    apart = alike | {3: (-0.014, 1e-3)}
+    assert 3 in other_delays(Delay(0.004, 1e-3, (), apart))
+
+
+def test_a_delay_that_joints_do_not_agree_on_is_less_certain():
+    alike = [(0.004, 1e-3), (0.005, 1e-3), (0.003, 2e-3)]
+    mean = (4 + 5 + 3 / 4) / 2.25 * 1e-3
+    assert pooled(alike) == pytest.approx((mean, 1e-3 / 1.5))
+    # what position-dependent friction did: each joint is sure of another delay
+    apart = [(-0.03, 1e-3), (-0.014, 1.5e-3), (0.006, 1e-3), (0.002, 1e-3)]
+    assert pooled(apart)[1] > 5e-3  # then it is not determined
+
+
+def test_one_joint_that_errs_draws_no_delay():
+    """Friction that no law describes: a wrist was sure of 1.1 ms where five joints said 4.6."""
+    five = [(5.0, 0.9), (4.7, 0.5), (4.4, 0.75), (3.8, 1.6), (4.7, 1.2)]
+    mean, error = pooled([*five, (1.1, 0.25)])
+    assert mean == pytest.approx(pooled(five)[0], abs=0.6)
+    assert error < 1.0
+    # nor does one that knows little
+    assert pooled([(4.0, 1.0), (5.0, 1.0), (3.0, 2.0), (50.0, 10.0)])[0] == pytest.approx(
+        4.4, abs=0.3
+    )
+
+
+@pytest.mark.parametrize(("n", "scatter"), [(2, 0.0), (6, 0.0), (3, 1.5), (6, 1.5)])
+def test_the_error_of_a_delay_is_what_it_says(n, scatter):
+    """Joints whose errors are right, and such that scatter by more."""
+    rng, inside = np.random.default_rng(1), 0
+    for _ in range(400):
+        e = rng.uniform(0.3, 2.0, n)
+        values = 4.0 + np.hypot(e, scatter) * rng.normal(size=n)
+        mean, error = pooled(list(zip(values, e, strict=True)))
+        inside += abs(mean - 4.0) < 1.96 * error
+    assert 0.87 < inside / 400 < 0.99  # the scatter of a few joints is itself uncertain

@@ -1,0 +1,72 @@
+"""Influence of a shape in the residual on the coefficients."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from pinfric.identification.columns import Rows
+from pinfric.identification.influence import influence
+from pinfric.identification.laws import FORWARD, SLOT, SLOTS
+from pinfric.identification.misfit import Misfit
+from pinfric.identification.normal import BlockProducts, Fit, Prior
+from pinfric.identification.uncertainty import (
+    gradients,
+)
+
+
+def test_a_shape_leaves_open_what_the_model_takes_of_it_for_its_own():
+    """Of a shape with a wave and a constant, only the wave shows beside Coulomb friction."""
+    rng, s, count = np.random.default_rng(4), 0.3, 80
+    slots, still = np.zeros((count, len(SLOTS))), np.zeros(count)
+    slots[:, SLOT[FORWARD]] = 1.0
+    wave = np.sqrt(2.0) * np.sin(2.0 * np.pi * np.arange(count) / count)
+    effort = 2.0 + s * wave + 1e-3 * rng.normal(size=count)
+    rows = Rows(
+        np.zeros((count, 10)),
+        slots,
+        effort,
+        np.arange(count) // 4,
+        np.zeros(count, dtype=int),
+        still,
+        still,
+        still,
+    )
+    weight, place = np.ones(count), np.array([SLOT[FORWARD]])
+    fit = Fit(np.zeros(10), (np.arange(len(SLOTS)) == place[0])[None, :] * effort.mean())
+    grams = [BlockProducts.of(rows, weight, 20)]
+    prior = Prior(np.zeros(10), np.full(10, np.inf), np.zeros(10))
+    given = SimpleNamespace(
+        rows=[rows], row_weights=[weight], fit=fit, problem=SimpleNamespace(weights=np.ones(1))
+    )
+    shape = Misfit(0, "", s, 1.0, s * np.column_stack((wave, np.ones(count))), 1)
+    alone, _ = influence(grams, np.ones(1), prior, fit, place)
+    unknown = gradients(given, [shape], place)
+    wide, _ = influence(grams, np.ones(1), prior, fit, place, unknown=unknown)
+    assert np.sum(wide**2) == pytest.approx(np.sum(alone**2) + s**2, rel=1e-9)
+
+
+def test_coefficients_that_one_block_alone_shows_together_are_as_uncertain_as_they_are_large():
+    """Before, eleven short logs of a seven-axis arm ended in a singular matrix."""
+    count, place = 40, np.array([SLOT[FORWARD], SLOT["speed^1"]])
+    slots, still = np.zeros((count, len(SLOTS))), np.zeros(count)
+    slots[:4, place] = 1.0  # at one speed, in one of ten blocks
+    effort = 3.0 * slots[:, place[0]] + 1e-3 * np.random.default_rng(5).normal(size=count)
+    rows = Rows(
+        np.zeros((count, 10)),
+        slots,
+        effort,
+        np.arange(count) // 4,
+        np.zeros(count, dtype=int),
+        still,
+        still,
+        still,
+    )
+    fit = Fit(np.zeros(10), 1.5 * np.isin(np.arange(len(SLOTS)), place)[None, :])
+    prior = Prior(np.zeros(10), np.full(10, np.inf), np.zeros(10))
+    grams = [BlockProducts.of(rows, np.ones(count), 10)]
+    moved, _ = influence(grams, np.ones(1), prior, fit, place)
+    assert np.linalg.norm(moved, axis=0) == pytest.approx([0.75, 0.75], rel=0.5)
+    assert np.linalg.norm(moved.sum(axis=1)) < 0.1  # their sum is known

@@ -1,0 +1,152 @@
+"""Logs as identification sees them: payloads, gains, parts of long logs, what is missing."""
+
+import tracemalloc
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from identify_cases import (
+    NAMES,
+    VISCOUS,
+    csv_log,
+    excitation,
+    guess,
+    log,
+    logged,
+    motor_effort,
+    parameter,
+    short,
+    truth,
+)
+
+import pinfric as pf
+from pinfric.errors import IdentificationError
+from pinfric.identification import columns
+from pinfric.identification.columns import blocks, prepare, thinning
+from pinfric.identification.laws import Law
+from pinfric.identification.recordings import read_recordings
+from pinfric.motions.log.reading import ReadingOptions
+from pinfric.motions.log.thinning import Thinning
+
+
+def test_a_payload_is_of_the_log_at_its_path(tmp_path):
+    box = {"link": "tool0", "mass": 1.0, "com": (0.0, 0.0, 0.1), "attached": False}
+    scene = guess(0).with_(payloads={"box": box})
+    paths = [tmp_path / day / "log.csv" for day in ("monday", "tuesday")]
+    for seed, path in enumerate(paths):
+        path.parent.mkdir()
+        csv_log(path, seed, 40.0)
+    read = read_recordings(scene, paths, {}, {str(paths[1]): "box"}, pf.ReadingOptions())
+    assert [one.trajectory.attached.any() for one in read] == [False, True]
+    assert [one.name for one in read] == [str(path) for path in paths]
+    with pytest.raises(IdentificationError, match="there is no log 'log"):
+        read_recordings(scene, paths, {}, {"log.csv": "box"}, pf.ReadingOptions())
+
+
+def test_a_gain_makes_n_m_of_currents():
+    laws = dict.fromkeys(NAMES, Law())
+    current = replace(short(), effort=short().effort * np.array([1, 0.07, 1, 1, 1, 1]))
+    found = pf.identify(guess(0), current, gain={NAMES[1]: 1 / 0.07}, laws=laws)
+    assert parameter(found, "friction", 1, "viscous").value == pytest.approx(VISCOUS[1], rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ({"gain": {"elbow": 2.0}}, "there is no joint 'elbow'"),
+        ({"gain": {NAMES[2]: 0.0}}, "should be finite, not zero"),
+        ({"gain": {NAMES[2]: np.nan}}, "should be finite, not zero"),
+        ({"payloads": {"log": "box"}}, "has no payload 'box'"),
+        ({"payloads": {"lgo": "box"}}, "there is no log 'lgo'"),
+        ({"effort_at": "shaft"}, "--effort-at shaft"),
+        ({"inertia": "new"}, "--inertia new"),
+        ({"laws": {"elbow": Law()}}, "there is no joint 'elbow'"),
+    ],
+)
+def test_what_is_not_there_is_named(arguments, said):
+    with pytest.raises(IdentificationError, match=said):
+        pf.identify(guess(0), short(), **arguments)
+
+
+def test_logs_without_efforts_or_time_are_refused():
+    with pytest.raises(IdentificationError, match="no measured effort of shoulder_pan_joint"):
+        pf.identify(guess(0), replace(short(), effort=None))
+    with pytest.raises(IdentificationError, match="samples can be used; at least 100 are needed"):
+        pf.identify(
+            guess(0),
+            replace(short(), t=short().t[:90], q=short().q[:90], effort=short().effort[:90]),
+        )
+    with pytest.raises(IdentificationError, match="holds way-points"):
+        pf.identify(pf.load_scene("ur5_pick_and_place"), "ur5_pick_and_place.waypoints.yaml")
+    with pytest.raises(IdentificationError, match="needs a log"):
+        pf.identify(guess(0), [])
+    with pytest.raises(IdentificationError, match="are the same log"):
+        pf.identify(guess(0), [short(), replace(short(), name="again")])
+
+
+def test_a_long_log_is_prepared_in_parts_as_in_one(monkeypatch):
+    motion = excitation(0, 30.0, 100.0)
+    given = pf.Log(motion.t, motion.q, motor_effort(truth(), motion))
+    (recording,) = read_recordings(truth(), [given], {}, {}, pf.ReadingOptions())
+    whole = prepare(truth(), recording)
+    monkeypatch.setattr(columns, "PART", 500)
+    tracemalloc.start()
+    parts = prepare(truth(), recording)
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert parts.rigid == pytest.approx(whole.rigid, abs=1e-9 * np.abs(whole.rigid).max())
+    # the regressor of all samples would be 3000 x 6 x 60 numbers, and twice that to filter it
+    assert most - parts.rigid.nbytes < 1.5 * 3000 * 6 * 60 * 8
+    assert thinning([recording] * 120) == 8
+    assert prepare(truth(), recording, 5).kept.size == pytest.approx(whole.kept.size / 5, abs=1)
+    assert blocks(np.arange(0.0, 3600.0, 0.1))[0] == 200
+
+
+def test_samples_beyond_what_is_fitted_are_left_out():
+    fast, slow = log(0, 10.0, 500.0), log(0, 10.0, 125.0)
+    given = [
+        read_recordings(truth(), [one], {}, {}, pf.ReadingOptions())[0] for one in (fast, slow)
+    ]
+    assert [one.step for one in given] == pytest.approx([0.008, 0.008])
+    place = np.rint(given[0].trajectory.t / 0.002).astype(int)
+    assert given[0].trajectory.t == pytest.approx(place * 0.002, abs=1e-6)
+    assert np.all(np.diff(place) == 4)
+    assert place.size > 1200  # but for the ends
+    # four samples of noise are averaged to one
+    noise = [np.std(np.diff(one.effort[:, 5], 2)) for one in given]
+    assert noise[0] < 0.8 * noise[1]
+    exact = excitation(0, 10.0, 500.0).a[place]
+    assert given[0].trajectory.a[50:-50] == pytest.approx(exact[50:-50], abs=0.05)
+    # what noise leaves and what the log says are those of the samples kept
+    options = ReadingOptions(thinning=Thinning(125.0, 40.0))
+    reading = pf.load_trajectory(fast, truth(), options).reading
+    assert reading.uncertain is not None
+    assert len(reading.uncertain.moving) == len(reading.effort[NAMES[0]]) == place.size
+
+
+def test_a_gain_makes_efforts_of_logged_currents(tmp_path):
+    motion = excitation(3, 12.0, 250.0)
+    log = logged(3, motion, motor_effort(truth(), motion))
+    names = truth().joint_names
+    table = np.column_stack([log.t, log.q, log.effort / 10.0])
+    header = ["t", *(f"{n}/position" for n in names), *(f"{n}/current" for n in names)]
+    path = tmp_path / "log.csv"
+    np.savetxt(path, table, delimiter=",", header=",".join(header), comments="")
+    found = read_recordings(guess(3), [path], dict.fromkeys(names, 10.0), {}, ReadingOptions())
+    direct = read_recordings(guess(3), [log], {}, {}, ReadingOptions())
+    np.testing.assert_allclose(found[0].effort, direct[0].effort, rtol=1e-6, atol=1e-6)
+    with pytest.raises(IdentificationError, match=r"no measured effort.*--gain"):
+        read_recordings(guess(3), [path], {}, {}, ReadingOptions())
+
+
+def test_torques_at_the_shafts_are_multiplied_by_the_ratios():
+    given = {"inertia": "keep", "laws": dict.fromkeys(NAMES, Law())}
+    scene, one = guess(0), short()
+    ratio = np.array([drive.ratio for drive in scene.drives])
+    found, reflected = (
+        pf.identify(scene, replace(one, effort=effort), effort_at=at, **given)
+        for at, effort in (("motor", one.effort / ratio), ("reflected", one.effort))
+    )
+    values, same = (np.array([p.value for p in x.parameters]) for x in (found, reflected))
+    np.testing.assert_allclose(values, same, rtol=1e-9)
+    assert any("torques at the motors' shafts (ratio" in line for line in found.notes)

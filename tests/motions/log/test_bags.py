@@ -1,0 +1,95 @@
+"""ROS 2 bags, as a folder and as a file."""
+
+import shutil
+
+import numpy as np
+import pytest
+from log_cases import (
+    Q,
+    T,
+    arm,
+)
+
+import pinfric as pf
+from pinfric.errors import TrajectoryError
+from pinfric.motions.log.reading import ReadingOptions
+
+NAMES = ["arm_lift", "gripper", "base_turn"]
+
+
+def write_bag(
+    folder, storage, topic="/joint_states", kind="sensor_msgs/msg/JointState", names=lambda i: NAMES
+):
+    """A bag of the arm's motion, as ros2 bag record writes it."""
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    types = get_typestore(Stores.LATEST)
+    make, plugin = types.types, getattr(StoragePlugin, storage)
+    with Writer(folder, version=9, storage_plugin=plugin) as writer:
+        connection = writer.add_connection(topic, kind, typestore=types)
+        for i, (t, q) in enumerate(zip(T, Q, strict=True)):
+            at = 1_700_000_000_000_000_000 + round(t * 1e9)
+            if kind.endswith("JointState"):
+                stamp = make["builtin_interfaces/msg/Time"](sec=at // 10**9, nanosec=at % 10**9)
+                message = make[kind](
+                    header=make["std_msgs/msg/Header"](stamp=stamp, frame_id=""),
+                    name=names(i),
+                    position=np.array([q[1], 0.0, q[0]][: len(names(i))]),
+                    velocity=np.array([]),
+                    effort=np.array([1.0, 0.0, 2.0][: len(names(i))]),
+                )
+            else:
+                message = make[kind](data=float(t))
+            writer.write(connection, at, types.serialize_cdr(message, kind))
+    return folder
+
+
+@pytest.mark.parametrize("storage", ["SQLITE3", "MCAP"])
+def test_bags_as_folder_and_as_file(storage, tmp_path):
+    folder = write_bag(tmp_path / "bag", storage)
+    file = next(p for p in folder.iterdir() if p.suffix in (".db3", ".mcap"))
+    alone = shutil.copy(file, tmp_path / file.name)
+    for path in (folder, file, alone):
+        motion = pf.load_trajectory(path, arm())
+        np.testing.assert_allclose(motion.t, T, atol=1e-9)
+        np.testing.assert_array_equal(motion.q, Q)
+        np.testing.assert_array_equal(motion.reading.effort["base_turn"], 2.0)
+        assert "columns not used: 'gripper', 'gripper/effort'" in motion.warnings
+    renamed = {"arm_lift": "base_turn", "base_turn": "arm_lift"}
+    (tmp_path / "names.yaml").write_text(f"joints: {renamed}")
+    other = pf.load_trajectory(folder, arm(), ReadingOptions(columns=tmp_path / "names.yaml"))
+    np.testing.assert_array_equal(other.q, Q[:, ::-1])
+    np.testing.assert_array_equal(other.reading.effort["arm_lift"], 2.0)
+    cut = tmp_path / f"cut{file.suffix}"
+    cut.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+    with pytest.raises(TrajectoryError, match="the bag is damaged or truncated") as caught:
+        pf.load_trajectory(cut, arm())
+    assert "\n" not in str(caught.value)
+
+
+def test_a_bag_without_joint_states_says_what_it_has(tmp_path):
+    folder = write_bag(tmp_path / "bag", "SQLITE3", "/battery", "std_msgs/msg/Float64")
+    with pytest.raises(
+        TrajectoryError,
+        match=r"no sensor_msgs/msg/JointState; its topics: "
+        r"/battery \(std_msgs/msg/Float64\)",
+    ):
+        pf.load_trajectory(folder, arm())
+
+
+def test_messages_without_names_hold_nothing(tmp_path):
+    bag = write_bag(tmp_path / "bag", "SQLITE3", names=lambda i: [] if i in (0, 7) else NAMES)
+    motion = pf.load_trajectory(bag, arm())
+    np.testing.assert_allclose(motion.q[-1], Q[-1])
+    np.testing.assert_allclose(motion.t[-1], T[-1] - T[1], atol=1e-9)
+    bare = write_bag(tmp_path / "bare", "SQLITE3", names=lambda i: [])
+    with pytest.raises(TrajectoryError, match="no message of topic /joint_states names a joint"):
+        pf.load_trajectory(bare, arm())
+
+
+def test_a_joint_named_twice_in_a_message_is_refused(tmp_path):
+    twice = ["arm_lift", "base_turn", "base_turn"]
+    bag = write_bag(tmp_path / "bag", "SQLITE3", names=lambda i: twice if i == 5 else NAMES)
+    with pytest.raises(TrajectoryError, match="a message names joint 'base_turn' twice"):
+        pf.load_trajectory(bag, arm())

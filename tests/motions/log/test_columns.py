@@ -1,0 +1,92 @@
+"""Columns of a log: joints by name and by number, mappings, currents."""
+
+import numpy as np
+import pytest
+from log_cases import DIALECTS, NAMES, PLAIN, Q, T, V, arm, load, refused, table
+
+import pinfric as pf
+from pinfric.errors import TrajectoryError
+from pinfric.motions.log.reading import ReadingOptions
+
+
+def test_extra_columns_are_named_in_one_line(tmp_path):
+    motion = load(tmp_path, table(("t", *NAMES, "temperature", "mode"), T, Q, Q))
+    assert motion.warnings == ("columns not used: 'temperature', 'mode'",)
+
+
+def test_joints_by_number_are_taken_in_order_and_said(tmp_path):
+    motion = load(tmp_path, DIALECTS["recorder of the UR"])
+    words = "columns actual_q_0 to actual_q_1 are read in the scene's order, base_turn to arm_lift"
+    assert words in motion.warnings
+    assert any(line.startswith("columns not used: 'target_q_0'") for line in motion.warnings)
+
+
+@pytest.mark.parametrize(
+    ("header", "said"),
+    [
+        (("t", "q_0", "q_1", "q_2"), "no column is a joint of the scene"),  # three for two joints
+        (("t", "q_1", "q_3", "x"), "no column is a joint of the scene"),
+        (("t", "tool_q_0", "tool_q_1", "x"), "no column is a joint of the scene"),
+        (("t", "tau_0", "tau_1", "x"), "has effort of the joints, but no positions"),
+    ],
+)
+def test_numbers_that_do_not_fit_are_no_joints(header, said, tmp_path):
+    assert said in refused(tmp_path, table(header, T, Q, Q[:, 0]))
+
+
+def test_two_sets_of_numbered_joints_are_asked_about(tmp_path):
+    text = table(("t", "q_0", "q_1", "actual_q_0", "actual_q_1"), T, Q, Q)
+    assert "'q_0', 'actual_q_0' may all be the position of joint base_turn" in refused(
+        tmp_path, text
+    )
+
+
+def test_currents_that_a_mapping_uses_are_used(tmp_path):
+    (tmp_path / "log.columns.yaml").write_text("""
+joints:
+  base_turn: {position: base_turn, current: base_turn/current, effort_scale: 11.5}
+  arm_lift: arm_lift
+""")
+    text = table(("t", *NAMES, "base_turn/current", "arm_lift/current"), T, Q, V)
+    motion = load(tmp_path, text)
+    np.testing.assert_allclose(motion.reading.effort["base_turn"], 11.5 * V[:, 0], atol=1e-9)
+    assert "columns not used: 'arm_lift/current'" in motion.warnings
+
+
+def test_a_table_of_efforts_is_a_motion_again_without_a_word(tmp_path):
+    motion = load(tmp_path, PLAIN)
+    efforts = pf.inverse_dynamics(arm(), motion).to_dataframe().to_csv(index=False)
+    again = load(tmp_path, efforts)
+    assert again.warnings == ()
+    np.testing.assert_allclose(again.a, motion.a, atol=1e-12)
+    scene = pf.Scene(model=arm().model, friction={"arm_lift": {"viscous": 0.1}})
+    falls = (
+        pf.simulate(scene, [0.1, 0.2], [0.0, 0.0], [0.0, 0.0], 0.2)
+        .to_dataframe()
+        .to_csv(index=False)
+    )
+    assert not any("columns not used" in line for line in load(tmp_path, falls).warnings)
+
+
+def test_a_mapping_says_what_names_do_not(tmp_path):
+    text = table(
+        ("stamp_us", "J1", "J2", "I2"), 1e6 * T, -np.degrees(Q[:, 0]) + 10.0, Q[:, 1], 2 * V
+    )
+    (tmp_path / "log.csv").write_text(text.replace("I2\n", "I1,I2\n", 1))
+    (tmp_path / "log.columns.yaml").write_text("""
+time: {column: stamp_us, unit: us}
+joints:
+  base_turn: {position: J1, sign: -1, unit: deg, offset: -0.17453292519943295}
+  arm_lift: {position: J2, current: I2, effort_scale: 11.5}
+""")
+    motion = pf.load_trajectory(tmp_path / "log.csv", arm())
+    np.testing.assert_allclose(motion.t, T, atol=1e-12)
+    np.testing.assert_allclose(motion.q, Q, atol=1e-9)
+    np.testing.assert_allclose(motion.reading.effort["arm_lift"], 11.5 * 2 * V[:, 1], atol=1e-9)
+    (tmp_path / "other.yaml").write_text("joints: {base_turn: J9, arm_lft: J2}")
+    with pytest.raises(TrajectoryError) as caught:
+        pf.load_trajectory(
+            tmp_path / "log.csv", arm(), ReadingOptions(columns=tmp_path / "other.yaml")
+        )
+    assert "there is no column 'J9'" in str(caught.value)
+    assert "no joint 'arm_lft'" in str(caught.value)

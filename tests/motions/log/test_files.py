@@ -1,0 +1,188 @@
+"""Logs in the dialects of robots and their tools: columns, units, rows, bags, and bad files."""
+
+import sys
+
+import numpy as np
+import pytest
+from log_cases import (
+    PLAIN,
+    Q,
+    T,
+    arm,
+)
+
+import pinfric as pf
+from pinfric.errors import PinfricWarning, TrajectoryError
+from pinfric.motions.log.frame import MOST_ROWS
+
+
+def test_gzipped_files_with_a_mapping_beside_them(tmp_path):
+    import gzip
+
+    (tmp_path / "log.csv.gz").write_bytes(gzip.compress(PLAIN.encode()))
+    np.testing.assert_allclose(pf.load_trajectory(tmp_path / "log.csv.gz", arm()).q, Q, atol=1e-11)
+    (tmp_path / "log.columns.yaml").write_text("joints: {base_turn: arm_lift, arm_lift: base_turn}")
+    turned = pf.load_trajectory(tmp_path / "log.csv.gz", arm()).q
+    np.testing.assert_allclose(turned, Q[:, ::-1], atol=1e-11)
+    whole = (tmp_path / "log.csv.gz").read_bytes()
+    for content in (
+        whole[: len(whole) // 2],
+        b"t,base_turn",
+        whole[:200] + bytes(50) + whole[250:],
+    ):
+        (tmp_path / "log.csv.gz").write_bytes(content)
+        with pytest.raises(
+            TrajectoryError, match=r"log\.csv\.gz: (cannot be read|is not)"
+        ) as caught:
+            pf.load_trajectory(tmp_path / "log.csv.gz", arm())
+        assert "\n" not in str(caught.value)
+
+
+def test_matlab_files_with_a_mapping(tmp_path):
+    from scipy.io import savemat
+
+    rec = {"time": T, "deg": np.degrees(Q).T, "tau": 7.0 * Q, "note": "a text", "gear": 101.0}
+    savemat(tmp_path / "log.mat", {"rec": rec, "other": np.zeros((3, 4)), "long": np.zeros(999)})
+    (tmp_path / "log.columns.yaml").write_text("""
+time: {column: rec.time, unit: s}
+unit: deg
+joints:
+  base_turn: {position: rec.deg_1, effort: rec.tau_1}
+  arm_lift: {position: rec.deg_2, effort: rec.tau_2}
+""")
+    motion = pf.load_trajectory(tmp_path / "log.mat", arm())
+    np.testing.assert_allclose(motion.q, Q, atol=1e-12)
+    np.testing.assert_allclose(motion.reading.effort["arm_lift"], 7.0 * Q[:, 1], atol=1e-12)
+    (tmp_path / "log.columns.yaml").unlink()
+    with pytest.raises(TrajectoryError, match=r"there are: rec\.time, rec\.deg_1, rec\.deg_2"):
+        pf.load_trajectory(tmp_path / "log.mat", arm())
+    whole = (tmp_path / "log.mat").read_bytes()
+    newer = b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM"  # the header of version 7.3
+    damaged, other = "cannot be read as a MATLAB file: ", "is of MATLAB's version 7.3; save it"
+    for content, message in (
+        (whole[: len(whole) // 2], damaged),
+        (b"", damaged),
+        (b"MATLAB 7.3" + bytes(200), damaged),
+        (newer + bytes(512), other),
+    ):
+        (tmp_path / "log.mat").write_bytes(content)
+        with pytest.raises(TrajectoryError, match=rf"log\.mat: {message}") as caught:
+            pf.load_trajectory(tmp_path / "log.mat", arm())
+        assert "\n" not in str(caught.value)
+
+
+def test_parquet(tmp_path):
+    import pandas as pd
+
+    stamps = pd.to_datetime(1_700_000_000_000_000_000 + np.rint(T * 1e9).astype(np.int64))
+    frame = pd.DataFrame({"timestamp": stamps, "base_turn": Q[:, 0], "arm_lift": Q[:, 1]})
+    frame.to_parquet(tmp_path / "log.parquet")
+    motion = pf.load_trajectory(tmp_path / "log.parquet", arm())
+    np.testing.assert_allclose(motion.t, T, atol=1e-9)
+    np.testing.assert_array_equal(motion.q, Q)
+    (tmp_path / "cut.parquet").write_bytes((tmp_path / "log.parquet").read_bytes()[:-100])
+    with pytest.raises(TrajectoryError, match="cannot be read as a Parquet file") as caught:
+        pf.load_trajectory(tmp_path / "cut.parquet", arm())
+    assert "\n" not in str(caught.value)
+
+
+def write_parquet(file, metadata=None, **columns):
+    import pyarrow as pa
+    import pyarrow.parquet as parquet
+
+    given = {"t": T, "base_turn": Q[:, 0], "arm_lift": Q[:, 1]} | columns
+    made = pa.table(given)
+    parquet.write_table(made.replace_schema_metadata(metadata), file)
+    return file
+
+
+def in_nanoseconds(kind):
+    import pyarrow as pa
+
+    return pa.array(1_700_000_000_000_000_000 + np.rint(T * 1e9).astype(np.int64)).cast(kind)
+
+
+@pytest.mark.parametrize("zone", ["UTC", "Asia/Tokyo", "+01:00", None])
+@pytest.mark.parametrize("unit", ["us", "ns"])
+def test_parquet_times_with_a_zone_are_read_without_a_word(tmp_path, recwarn, zone, unit):
+    import pyarrow as pa
+
+    times = in_nanoseconds(pa.timestamp("ns")).cast(pa.timestamp(unit, zone))
+    file = write_parquet(tmp_path / "log.parquet", t=times)
+    motion = pf.load_trajectory(file, arm())
+    np.testing.assert_allclose(motion.t, T, atol=1e-9)
+    np.testing.assert_array_equal(motion.q, Q)
+    assert [w for w in recwarn if not issubclass(w.category, PinfricWarning)] == []
+
+
+def test_parquet_durations_decimals_and_rows_without_a_time(tmp_path):
+    import decimal
+
+    import pyarrow as pa
+
+    durations = pa.array(np.rint(T * 1e9).astype(np.int64)).cast(pa.duration("ns"))
+    places = pa.array([decimal.Decimal(f"{x:.9f}") for x in Q[:, 0]], pa.decimal128(12, 9))
+    motion = pf.load_trajectory(
+        write_parquet(tmp_path / "log.parquet", t=durations, base_turn=places), arm()
+    )
+    np.testing.assert_allclose(motion.t, T, atol=1e-9)
+    np.testing.assert_allclose(motion.q, Q, atol=1e-9)
+    stamps = in_nanoseconds(pa.timestamp("ns")).to_pylist()
+    holes = pa.array([None if i == 200 else s for i, s in enumerate(stamps)], pa.timestamp("ns"))
+    motion = pf.load_trajectory(write_parquet(tmp_path / "hole.parquet", t=holes), arm())
+    np.testing.assert_allclose(motion.t[-1], T[-1], atol=1e-9)
+    np.testing.assert_allclose(motion.t, np.delete(T, 200), atol=1e-9)
+
+
+@pytest.mark.parametrize("metadata", [b"{}", b"no json", b'{"index_columns": ["gone"]}'])
+def test_parquet_takes_any_metadata_of_pandas(tmp_path, metadata):
+    file = write_parquet(tmp_path / "log.parquet", {b"pandas": metadata})
+    np.testing.assert_array_equal(pf.load_trajectory(file, arm()).q, Q)
+
+
+def test_parquet_that_cannot_be_a_log(tmp_path):
+    import pyarrow as pa
+    import pyarrow.parquet as parquet
+
+    file = write_parquet(tmp_path / "log.parquet", t=T[:0], base_turn=T[:0], arm_lift=T[:0])
+    with pytest.raises(TrajectoryError, match=r"log\.parquet: has no rows"):
+        pf.load_trajectory(file, arm())
+    parquet.write_table(pa.table([T, T, T], names=["t", "base_turn", "base_turn"]), file)
+    with pytest.raises(TrajectoryError, match=r"log\.parquet: two columns have the same name"):
+        pf.load_trajectory(file, arm())
+    parquet.write_table(pa.table({"t": np.zeros(MOST_ROWS + 1, dtype=np.int8)}), file)
+    assert file.stat().st_size < 2**16
+    with pytest.raises(TrajectoryError, match=r"log\.parquet: has more than 5,000,000 rows"):
+        pf.load_trajectory(file, arm())
+
+
+def test_small_files_that_hold_far_more(tmp_path, monkeypatch):
+    import gzip
+
+    from scipy.io import savemat
+
+    file = tmp_path / "log.csv.gz"
+    for content, says in (
+        (b"t,base_turn\n" + bytes(2**22), r"line 2 has more than 1,048,576 bytes"),
+        (b"t,base_turn\n0,0\n" + b"\n" * MOST_ROWS, "has more than 5,000,000 rows"),
+    ):
+        file.write_bytes(gzip.compress(content, 1))
+        with pytest.raises(TrajectoryError, match=rf"log\.csv\.gz: {says}"):
+            pf.load_trajectory(file, arm())
+    for module in ("frame", "files"):
+        monkeypatch.setattr(f"pinfric.motions.log.{module}.MOST_BYTES", 2**20)
+    file.write_bytes(gzip.compress(b"t,base_turn\n" + b" " * 99 * 2**14 + b"\n" * 2**19))
+    savemat(tmp_path / "log.mat", {"t": np.zeros(2**20)}, do_compression=True)
+    for path in (file, tmp_path / "log.mat"):
+        with pytest.raises(TrajectoryError, match="has more than 1,048,576 decompressed bytes"):
+            pf.load_trajectory(path, arm())
+
+
+@pytest.mark.parametrize(
+    ("name", "package"), [("log.db3", "rosbags.highlevel"), ("log.parquet", "pyarrow.parquet")]
+)
+def test_a_missing_reader_names_the_extra(name, package, tmp_path, monkeypatch):
+    (tmp_path / name).write_bytes(b"")
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(TrajectoryError, match=r"pip install 'pinfric\[logs\]'"):
+        pf.load_trajectory(tmp_path / name, arm())

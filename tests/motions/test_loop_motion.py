@@ -1,0 +1,77 @@
+"""Files of motions of closed loops: the joints they may leave out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cases import crank_motion
+from mechanisms import four_bar
+
+import pinfric as pf
+from pinfric.errors import (
+    TrajectoryError,
+)
+
+ROBOTS = Path(__file__).parents[2] / "robots"
+
+
+def test_a_csv_names_only_the_independent_joint(tmp_path):
+    scene = pf.load_scene(ROBOTS / "four_bar.yaml")
+    t = np.linspace(0, 1, 400)
+    angle = 0.5 + 2 * t
+    path = tmp_path / "turn.csv"
+    np.savetxt(
+        path,
+        np.column_stack([t, angle, 2 + 0 * t, 0 * t]),
+        delimiter=",",
+        comments="",
+        header="t,crank_pin,crank_pin.v,crank_pin.a",
+        fmt="%.17g",
+    )
+    motion = pf.load_trajectory(path, scene)
+    assert motion.joint_names == scene.joint_names
+    _, joints = four_bar()
+    q, v, a = crank_motion(joints, angle, 2.0, 0.0)
+    order = [scene.joint_names.index(n) for n in ("crank_pin", "coupler_pin", "ground_pin")]
+    position = motion.joint_positions()[:, order]
+    np.testing.assert_allclose(np.sin(position), np.sin(q), atol=1e-12)
+    np.testing.assert_allclose(motion.v[:, order], v, atol=1e-11)
+    np.testing.assert_allclose(motion.a[:, order], a, atol=1e-10)
+
+
+def test_all_joints_named_without_derivatives_are_made_consistent(tmp_path):
+    scene = pf.load_scene(ROBOTS / "four_bar.yaml")
+    whole = pf.load_trajectory(ROBOTS / "four_bar.waypoints.yaml", scene)
+    path = tmp_path / "all.csv"
+    t, position = whole.t[100:400], whole.joint_positions()[100:400]
+    np.savetxt(
+        path,
+        np.column_stack([t, position]),
+        delimiter=",",
+        comments="",
+        fmt="%.17g",
+        header=",".join(["t", *scene.joint_names]),
+    )
+    motion = pf.load_trajectory(path, scene)
+    pf.inverse_dynamics(scene, motion)  # refuses what violates the loop
+    np.testing.assert_allclose(motion.v[5:-5], whole.v[105:395], rtol=1e-4, atol=1e-4)
+
+
+def test_a_file_with_a_wrong_number_of_joints_is_refused(tmp_path):
+    scene = pf.load_scene(ROBOTS / "four_bar.yaml")
+    path = tmp_path / "two.csv"
+    path.write_text("t,crank_pin,ground_pin\n0,0.5,1.5\n1,0.6,1.5\n")
+    with pytest.raises(TrajectoryError, match=r"names 2 joints .* leave 1 independent: name 1,"):
+        pf.load_trajectory(path, scene)
+
+
+def test_a_file_that_leaves_the_mechanisms_reach_says_at_which_sample(tmp_path):
+    scene = pf.load_scene(ROBOTS / "four_bar.yaml")
+    path = tmp_path / "rocker.csv"
+    t = np.linspace(0, 1, 50)
+    rows = np.column_stack([t, 1.5 - 1.5 * t])  # the rocker cannot lie down
+    np.savetxt(path, rows, delimiter=",", comments="", header="t,ground_pin", fmt="%.17g")
+    with pytest.raises(TrajectoryError, match=r"rocker.csv: loop 'rocker_pin' cannot close at sam"):
+        pf.load_trajectory(path, scene)

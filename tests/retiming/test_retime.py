@@ -1,0 +1,174 @@
+"""Retiming by closed forms, by a phase plane integrated apart, by an optimizer, and by refusals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from builders import chain
+from retime_cases import MOTORS, STOPS, WAVE, one_joint, planar, straight
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+import pinfric as pf
+from pinfric.retiming.path import Path
+from pinfric.retiming.retime import retime
+
+
+def along_a_line(up, down, distance):
+    """Time from rest to rest: accelerate by up(v), brake by down(v), switch where it must be."""
+
+    def phase(rate, speed, sign):
+        """(distance, time) between rest and a speed."""
+        found = solve_ivp(
+            lambda v, _: [sign * v / rate(v), sign / rate(v)],
+            (0.0, speed),
+            [0, 0],
+            rtol=1e-10,
+            atol=1e-12,
+        )
+        return found.y[:, -1]
+
+    def whole(speed):
+        return phase(up, speed, 1.0) + phase(down, speed, -1.0)
+
+    top = brentq(lambda v: up(v), 1e-6, 1e3)
+    switch = brentq(lambda v: whole(v)[0] - distance, 1e-6, 0.999999 * top)
+    return whole(switch)[1]
+
+
+def test_coulomb_viscous_and_a_speed_torque_line():
+    inertia, coulomb, viscous = 2.0, 1.0, 0.6
+    friction = {"j": {"coulomb": {"static": 1.0, "kinetic": 1.0}, "viscous": viscous}}
+    scene = one_joint(inertia=inertia, friction=friction)
+    stall, free, peak = 8.0, 10.0, 5.0
+    limits = {"j": {"peak_torque": peak, "stall_torque": stall, "no_load_speed": free}}
+
+    def up(v):
+        return (min(peak, stall * (1 - v / free)) - coulomb - viscous * v) / inertia
+
+    def down(v):
+        return -(peak + coulomb + viscous * v) / inertia
+
+    found = retime(scene, straight(12.0), limits)
+    assert found.duration == pytest.approx(along_a_line(up, down, 12.0), rel=3e-4)
+    assert found.excess < 1e-3
+    assert set(found.limiting["j"]) == {"peak torque", "speed-torque line"}
+
+
+def test_gear_by_direction():
+    """Accelerating the motor drives through the gear, braking the load drives it back."""
+    eta, back, r, T, inertia, rotor = 0.7, 0.5, 50.0, 0.1, 2.0, 2e-4
+    gear = {
+        "ratio": r,
+        "efficiency": eta,
+        "back_efficiency": back,
+        "rotor_inertia": rotor,
+        "no_load_torque": 0.01,
+    }
+    scene = one_joint(inertia=inertia, transmission=gear)
+    up = r * (T - 0.01) / (inertia / eta + r * r * rotor)
+    down = r * (T + 0.01) / (inertia * back + r * r * rotor)
+    expected = np.sqrt(2.0 * 3.0 * (1 / up + 1 / down))
+    found = retime(scene, straight(3.0), {"j": {"peak_torque": T}})
+    assert found.duration == pytest.approx(expected, rel=1e-5)
+    negative = scene.with_(actuators=[{"joint": "j", "transmission": gear | {"ratio": -r}}])
+    assert retime(negative, straight(3.0), {"j": {"peak_torque": T}}).duration == pytest.approx(
+        expected, rel=1e-5
+    )
+
+
+def test_pendulum_whose_pin_feels_its_load():
+    """Against the phase plane of m l^2 a = T - m g l sin(q) - mu r |F|, integrated by itself."""
+    m, length, mu, radius, g, torque = 2.0, 0.5, 0.2, 0.1, 9.81, 14.0
+    weight = pin.Inertia(m, np.array([0, 0, -length]), np.zeros((3, 3)))
+    friction = {
+        "j": {"bearing": {"kind": "pin", "radius": radius}, "mu": {"static": mu, "kinetic": mu}}
+    }
+    scene = pf.Scene(chain(("j", pin.JointModelRY(), weight), gravity=g), friction=friction)
+
+    def slope(q, x, drive):
+        """d(v^2)/dq = 2 a where the drive gives `drive`, moving forward."""
+
+        def balance(a):
+            load = np.hypot(length * a + g * np.sin(q), length * x + g * np.cos(q))
+            return m * length**2 * a + m * g * length * np.sin(q) + mu * radius * m * load - drive
+
+        return 2.0 * brentq(balance, -1e3, 1e3)
+
+    begin, end = 0.1, 2.3
+    forth = solve_ivp(
+        lambda q, x: [slope(q, x[0], torque)],
+        (begin, end),
+        [0.0],
+        dense_output=True,
+        rtol=1e-9,
+        atol=1e-9,
+    )
+    back = solve_ivp(
+        lambda q, x: [slope(q, x[0], -torque)],
+        (end, begin),
+        [0.0],
+        dense_output=True,
+        rtol=1e-9,
+        atol=1e-9,
+    )
+    root = np.linspace(0.0, 1.0, 4001)[1:-1]  # q = begin + way sin^2: even in time at both ends
+    q = begin + (end - begin) * np.sin(0.5 * np.pi * root) ** 2
+    x = np.minimum(forth.sol(q)[0], back.sol(q)[0])
+    weight = (end - begin) * 0.5 * np.pi * np.sin(np.pi * root) / np.sqrt(x)
+    expected = weight.sum() * (root[1] - root[0]) + 0.5 * (weight[0] + weight[-1]) / 4000
+    found = retime(scene, straight(end, begin), {"j": {"peak_torque": torque}})
+    assert found.duration == pytest.approx(expected, rel=5e-4)
+    assert found.excess < 1e-3
+
+
+def test_joint_limits_alone():
+    scene = one_joint()
+    limits = {"j": {"peak_torque": 1e3, "velocity": 2.0, "acceleration": 4.0}}
+    found = retime(scene, straight(3.0), limits)
+    assert found.duration == pytest.approx(3.0 / 2.0 + 2.0 / 4.0, rel=1e-6)
+    assert set(found.limiting["j"]) == {"joint speed", "acceleration"}
+
+
+def test_a_joint_that_only_rests_is_within_its_limits():
+    alone = Path.from_waypoints([[0.0, 0.3], [1.0, 0.3]])
+    assert retime(planar(), alone, MOTORS, points=100).excess < 1e-3
+
+
+def test_holds_payloads_and_moves():
+    scene = pf.load_scene("panda_pick_and_place")
+    found = retime(scene, "panda_pick_and_place.waypoints.yaml")
+    given = pf.load_trajectory("panda_pick_and_place.waypoints.yaml", scene)
+    assert found.duration < 0.7 * given.duration
+    assert found.excess < 1e-3
+    assert len(found.moves) == 7
+    assert found.duration == pytest.approx(found.moves.sum() + 1.2)
+    assert np.ptp(found.trajectory.q[[0, -1]], axis=0).max() < 1e-9
+    carried = found.trajectory.attached[:, 0]
+    assert carried.any()
+    assert not carried[0]
+    assert not carried[-1]
+    from_log = retime(scene, given, points=200)
+    assert from_log.duration == pytest.approx(found.duration, rel=2e-3)
+    assert from_log.before == pytest.approx(given.duration)
+    again = pf.inverse_dynamics(scene, found.trajectory)
+    assert (np.abs(again.effort_upper) < 1.001 * scene.model.effortLimit).all()
+
+
+def test_smoothing_beyond_a_limit_is_a_warning():
+    with pytest.warns(pf.PinfricWarning, match=r"smoothing over 200 ms exceeds the .* of [ab] by"):
+        found = retime(planar(), WAVE, MOTORS, smooth=0.2)
+    assert found.excess > 1e-3
+    assert found.notes
+
+
+def test_smoothing_costs_its_width_and_stays_on_the_path():
+    plain = retime(planar(), STOPS, MOTORS)
+    smooth = retime(planar(), STOPS, MOTORS, smooth=0.02)
+    assert smooth.duration == pytest.approx(plain.duration + 2 * 0.02)
+    q, v, a = (getattr(smooth.trajectory, name) for name in "qva")
+    jump = np.abs(np.diff(a, axis=0)).max()
+    assert jump < 0.3 * np.abs(np.diff(plain.trajectory.a, axis=0)).max()
+    assert np.abs((q[2:] - q[:-2]) / 2e-3 - v[1:-1]).max() < 2e-3 * np.abs(v).max()
+    assert np.abs(q[-1] - STOPS.stop(2)).max() < 1e-9

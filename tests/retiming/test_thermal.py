@@ -1,0 +1,43 @@
+"""Continuous torques over a whole cycle, by closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from retime_cases import MOTORS, STOPS, one_joint, planar, straight
+
+import pinfric as pf
+from pinfric.retiming.retime import retime
+
+
+def test_continuous_torque_of_a_pure_inertia():
+    """The optimum sqrt(2 sqrt(3) D J/c) is 7 % faster than the whole motion slowed down."""
+    D, c, J = 3.0, 1.0, 2.0
+    limits = {"j": {"peak_torque": 50.0, "continuous_torque": c}}
+    found = retime(one_joint(inertia=J), straight(D), limits, points=150)
+    assert found.duration == pytest.approx(np.sqrt(2 * np.sqrt(3) * D * J / c), rel=1e-3)
+    assert found.uniform == pytest.approx(2 * np.sqrt(D * J / c), rel=3e-3)
+    assert found.rms == pytest.approx([1.0], abs=1e-3)
+    assert found.limiting["j"]["continuous torque"] == 1.0
+    once = retime(one_joint(inertia=J), straight(D), limits, heat=False, points=150)
+    assert once.duration == pytest.approx(2 * np.sqrt(D * J / 50.0), rel=1e-3)
+    assert once.rms is None
+    unknown = retime(one_joint(), straight(D), {"j": {"peak_torque": 50.0}})
+    assert unknown.rms is None
+
+
+def test_continuous_torques_over_a_cycle_with_holds():
+    found = retime(
+        planar(),
+        STOPS,
+        {
+            name: entry | {"continuous_torque": 0.6 * entry["peak_torque"]}
+            for name, entry in MOTORS.items()
+        },
+    )
+    fast = retime(planar(), STOPS, MOTORS)
+    assert fast.duration < found.duration <= found.uniform
+    assert found.rms.max() == pytest.approx(1.0, abs=2e-3)
+    assert found.excess < 1e-3
+    with pytest.raises(pf.RetimeError, match="'a' exceeds its continuous torque at any speed"):
+        retime(planar(), STOPS, {"a": MOTORS["a"] | {"continuous_torque": 0.02}, "b": MOTORS["b"]})

@@ -1,0 +1,174 @@
+"""The choice, against every drive judged one by one; and that it depends on nothing else."""
+
+from __future__ import annotations
+
+import random
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from sizing_cases import GEAR, MOTOR, trapezoid, turntable
+
+import pinfric as pf
+from pinfric.drives.catalog import Catalog, Gear, Motor
+from pinfric.drives.catalog_file import load_catalog
+from pinfric.drives.criterion import Status
+from pinfric.drives.drivetrain import motor_cycle, motor_with_gear, with_brake
+from pinfric.drives.limits import check
+from pinfric.drives.policy import fits, kind_of, lacks
+from pinfric.sizing.shelf import rank
+
+ARM = "ur10_machine_tending"
+
+
+@pytest.fixture(scope="module")
+def arm():
+    scene = pf.load_scene(ARM)
+    catalog = load_catalog()
+    return scene, pf.load_trajectory(ARM, scene), catalog
+
+
+def drives(report):
+    return [joint.choice and joint.choice.candidate.name for joint in report.joints]
+
+
+def sized(arm, catalog=None, **conditions):
+    scene, motion, whole = arm
+    return pf.size(scene, motion, catalog or whole, conditions=conditions, on_miss="ignore")
+
+
+def test_the_choice_is_that_of_a_search_over_all_drives(arm):
+    """Every drive that can be signed, judged in full with the brake of the choice's joint."""
+    report = sized(arm)
+    catalog = report.catalog
+    for joint in (report.joints[1], report.joints[4]):
+        case = joint.search.case
+        best = []
+        for g, gear in catalog.gears.items():
+            if gear.output == "linear" or lacks(kind_of(gear), gear):
+                continue
+            for m in dict.fromkeys([*list(catalog.motors)[::2], joint.choice.candidate.motor]):
+                motor = catalog.motors[m]
+                made = motor_with_gear(m, motor, g, gear, gear.ratios[0])
+                known = None not in (made.mass, motor.rotor_inertia, made.ratings.continuous_torque)
+                if not fits(m, motor, gear) or not known:
+                    continue
+                needed = joint.search.holding_torque(made)
+                for name, brake in joint.search.parts.brakes if needed else ():
+                    if brake.torque >= needed and brake.sold == "alone":
+                        made = with_brake(made, name, brake)
+                        break
+                motor_ = motor_cycle(made, case.cycle, case.conditions)
+                found = check(made, motor_, case)
+                if not any(c.status == Status.FAILS for c in found):
+                    best.append((made.mass, made.name))
+        assert min(best) == (joint.choice.candidate.mass, joint.choice.candidate.name)
+
+
+def test_bounds_never_exceed_what_they_bound(arm):
+    """Every drive of the first gears, among them those that bounds leave out."""
+    search = sized(arm).joints[2].search
+    (block,) = [b for b in search.shelf.blocks if not b.at_output]
+    known = [g for g in range(len(block.names)) if not block.gear_lacks[g]][:4]
+    for g in known:
+        least, _ = (x[0] for x in search._margins(0, np.array([g])))
+        for m in range(0, len(block.motor_names), 5):
+            if block.motor_lacks[m] or not block.fits[g, m]:
+                continue
+            exact = search.judge(0, g, m)
+            assert exact.margin <= max(least[m], search._gear_margins[0][g]) + 1e-9
+
+
+def altered(catalog, rng, kept):
+    """Gears and motors left out, useless ones added, all shuffled."""
+    gears = [(n, g) for n, g in catalog.gears.items() if n in kept or rng.random() < 0.7]
+    motors = [(n, m) for n, m in catalog.motors.items() if n in kept or rng.random() < 0.7]
+    for k in range(5):
+        name, gear = rng.choice(list(catalog.gears.items()))
+        worse = {"mass": 10 * (gear.mass or 1.0), "stiffness": rng.choice([None, 1.0, 1e9])}
+        gears.append((f"useless {k} {name}", gear.model_copy(update=worse)))
+        name, motor = rng.choice(list(catalog.motors.items()))
+        motors.append((f"heavy {k} {name}", motor.model_copy(update={"mass": 90.0})))
+    rng.shuffle(gears)
+    rng.shuffle(motors)
+    brakes = list(catalog.brakes.items())
+    rng.shuffle(brakes)
+    return replace(catalog, gears=dict(gears), motors=dict(motors), brakes=dict(brakes))
+
+
+@pytest.mark.parametrize("count", [4, pytest.param(100, marks=pytest.mark.slow)])
+def test_the_choice_depends_on_no_other_drive_and_on_no_order(arm, count):
+    whole = sized(arm)
+    kept = {
+        part
+        for joint in whole.joints
+        for part in (joint.choice.candidate.motor, joint.choice.candidate.gear_name)
+    }
+    rng = random.Random(count)
+    for _ in range(count):
+        assert drives(sized(arm, altered(arm[2], rng, kept))) == drives(whole)
+
+
+@pytest.mark.parametrize("masses", ["without_drives", "with_drives"])
+def test_ruling_out_a_chosen_drive_makes_no_arm_lighter(arm, masses):
+    scene, motion, catalog = arm
+    given = scene.with_(masses=masses), motion, catalog
+    whole = sized(given)
+    for gear in {joint.choice.candidate.gear_name for joint in whole.joints}:
+        rest = {n: g for n, g in catalog.gears.items() if n != gear}
+        other = sized(given, replace(catalog, gears=rest))
+        if None not in drives(other):
+            assert other.chosen_mass >= whole.chosen_mass - 1e-12
+
+
+def test_a_whole_arm_is_like_its_makers(arm):
+    """A UR10 seems to have strain wave gears of sizes 32, 32, 25, 17, 17, 17, ratio 100."""
+    scene, motion, catalog = arm
+    bare = sized((scene.with_(masses="without_drives"), motion, catalog))
+    sizes = [int(name.split("CSG-")[1].split("-")[0]) for name in drives(bare)]
+    assert sizes == [32, 32, 25, 14, 14, 14]
+    assert 9 < bare.chosen_mass < 16
+    assert bare.settled
+    assert bare.passes == 2
+
+
+def test_equal_masses_go_by_margin_then_by_name(tmp_path):
+    scene = turntable()
+    motors = {
+        n: Motor(**{**MOTOR, "continuous_torque": c})
+        for n, c in (("b", 0.11), ("c", 0.8), ("a", 0.8))
+    }
+    catalog = Catalog("c", motors, {"G": Gear(**GEAR)})
+    motion = trapezoid(scene)
+    (joint,) = pf.size(scene, motion, catalog, conditions={"inertia_ratio": 20}).joints
+    ranked = [joint.choice, *joint.alternatives]
+    assert [a.candidate.motor for a in ranked] == ["a", "c", "b"]
+    assert ranked == sorted(ranked, key=rank)
+
+
+@pytest.mark.slow
+def test_fifty_thousand_motors_and_a_hundred_gears(arm):
+    scene, motion, catalog = arm
+    names = list(catalog.motors)
+    motors = {
+        f"{names[k % len(names)]} {k}": catalog.motors[names[k % len(names)]].model_copy(
+            update={"mass": (catalog.motors[names[k % len(names)]].mass or 1.0) * (1 + k * 1e-6)}
+        )
+        for k in range(50_000)
+    }
+    gears = dict(list(catalog.gears.items())[:100])
+    said = []
+    started = time.process_time()
+    report = pf.size(
+        scene,
+        motion,
+        replace(catalog, motors=motors, gears=gears),
+        on_miss="ignore",
+        progress=said.append,
+    )
+    spent = time.process_time() - started
+    print(f"50,000 motors, 100 gears: {spent:.1f} s")
+    assert spent < 20.0  # 10 s on a quiet machine
+    assert len(said) >= 6
+    assert report.settled

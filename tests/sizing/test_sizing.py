@@ -1,0 +1,492 @@
+"""Sizing: demands worked out by hand, drives with mass, ranking, and what does not fit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from sizing_cases import (
+    ACCELERATION,
+    COULOMB,
+    CYCLE,
+    GEAR,
+    INERTIA,
+    MOTOR,
+    PAUSE,
+    PLATEAU,
+    RAMP,
+    RATE,
+    one_drive,
+    trapezoid,
+    turntable,
+    write_catalog,
+)
+
+import pinfric as pf
+from pinfric.drives.catalog_file import load_catalog
+from pinfric.errors import CatalogError, SizingError, StateError
+from pinfric.motions.summary import summarize
+
+UP, RUN, DOWN = (INERTIA * ACCELERATION + COULOMB, COULOMB, -INERTIA * ACCELERATION + COULOMB)
+
+
+def demand(scene=None):
+    scene = scene or turntable()
+    return pf.size(scene, trapezoid(scene)).joints[0].demand
+
+
+def arm(links=2, mass=1.0, length=0.5, friction=None):
+    """Links hanging on axes along y, held out along x: gravity loads every joint."""
+    model = pin.Model()
+    parent, place = 0, pin.SE3.Identity()
+    for j in range(links):
+        parent = model.addJoint(parent, pin.JointModelRY(), place, f"joint_{j + 1}")
+        body = pin.Inertia(mass, np.array([length / 2, 0, 0]), 0.01 * np.eye(3))
+        model.appendBodyToJoint(parent, body, pin.SE3.Identity())
+        place = pin.SE3(np.eye(3), np.array([length, 0, 0]))
+    return pf.Scene(model=model, friction=friction or {})
+
+
+def still(scene, duration=1.0):
+    """Everything stands still, stretched out."""
+    zero = np.zeros((2, scene.model.nv))
+    return pf.Trajectory.from_arrays(scene, np.array([0.0, duration]), zero, zero, zero)
+
+
+def test_peak_rms_and_speed_of_the_trapezoidal_cycle():
+    d = demand()
+    worst = (UP**2 * RAMP + RUN**2 * PLATEAU + DOWN**2 * RAMP + COULOMB**2 * PAUSE) / CYCLE
+    least = (UP**2 * RAMP + RUN**2 * PLATEAU + DOWN**2 * RAMP) / CYCLE
+    assert d.rms == pytest.approx(np.sqrt(worst), rel=1e-6)
+    assert d.rms_least == pytest.approx(np.sqrt(least), rel=1e-6)
+    assert d.rms == pytest.approx(np.sqrt(45), rel=1e-6)
+    assert (d.peak, d.speed) == pytest.approx((15, RATE))
+    assert d.duty == pytest.approx(0.5, abs=1e-3)
+    assert d.hold_share == pytest.approx(0.5, abs=1e-3)
+    assert d.mean_speed == pytest.approx(RATE * (RAMP + PLATEAU) / CYCLE, rel=1e-6)
+
+
+def test_friction_free_figures_stand_beside():
+    d = demand()
+    inertial = INERTIA * ACCELERATION
+    assert d.peak_frictionless == pytest.approx(inertial)
+    assert d.rms_frictionless == pytest.approx(inertial * np.sqrt(2 * RAMP / CYCLE), rel=1e-6)
+    assert d.holding_frictionless == pytest.approx(0)
+
+
+def test_power_and_energy_at_the_joint():
+    d = demand()
+    assert (d.power.driving, d.power.braking) == pytest.approx((UP * RATE, -DOWN * RATE), rel=1e-6)
+    delivered = UP * RATE * RAMP / 2 + RUN * RATE * PLATEAU
+    assert d.power.delivered == pytest.approx(delivered, rel=1e-6)
+    assert d.power.returned == pytest.approx(-DOWN * RATE * RAMP / 2, rel=1e-6)
+    # without friction everything that was put in comes back
+    kinetic = INERTIA * RATE**2 / 2
+    assert d.power_frictionless.returned == pytest.approx(kinetic, rel=1e-6)
+    assert d.power_frictionless.delivered == pytest.approx(kinetic, rel=1e-6)
+
+
+def test_holding_and_breakaway_are_the_ends_of_the_interval():
+    d = demand()
+    assert d.holding == pytest.approx((0, COULOMB), abs=1e-9)
+    assert d.breakaway == pytest.approx(COULOMB)
+    assert d.breakaway_friction == pytest.approx(COULOMB)
+
+
+def test_holding_interval_of_a_geared_joint(tmp_path):
+    # 1 kg at 0.25 m held out level: t = 2.4525 N m; the bearing breaks away at b = 0.5 N m
+    scene = arm(1, friction={"joint_1": {"coulomb": {"static": 0.5, "kinetic": 0.4}}})
+    load, b = 9.81 * 0.25, 0.5
+    catalog = one_drive(tmp_path, gear={"no_load_running_torque": 0.01, "starting_torque": None})
+    (joint,) = pf.size(scene, still(scene), catalog).joints
+    assert joint.demand.holding == pytest.approx((load - b, load + b))
+    assert joint.demand.holding_frictionless == pytest.approx(load)
+    n, r = 0.01, GEAR["ratio"]
+    t_rated = GEAR["rated_torque"] / r
+    eta = t_rated / (t_rated / GEAR["efficiency"] - n)
+    least = GEAR["back_efficiency"] * (load - b) / r - n
+    worst = (load + b) / eta / r + n
+    # effort is about +y, against the weight: negative
+    assert joint.motor.torque_upper == pytest.approx(-least)
+    assert joint.motor.torque_lower == pytest.approx(-worst)
+    assert joint.motor.figures.holding == pytest.approx((least, worst))
+
+
+def test_hold_of_a_log_is_found_by_its_velocity():
+    # measured velocities are never 0: below the stick velocity the joint holds
+    scene = turntable(stick_velocity=0.01)
+    t = np.linspace(0, 1, 11)
+    v = np.where(t < 0.45, 0.5, 0.004 * np.sin(40 * t))[:, None]
+    motion = pf.Trajectory.from_arrays(scene, t, np.zeros((11, 1)), v, np.full((11, 1), 0.1))
+    d = pf.size(scene, motion).joints[0].demand
+    assert d.holding == pytest.approx((0, COULOMB + 0.1 * INERTIA))
+    assert d.hold_share == pytest.approx(0.55)
+
+
+def test_joint_that_never_rests_has_neither_holding_nor_breakaway():
+    scene = turntable()
+    t = np.linspace(0, 1, 11)
+    moving = pf.Trajectory.from_arrays(scene, t, t[:, None], np.ones((11, 1)), np.zeros((11, 1)))
+    d = pf.size(scene, moving).joints[0].demand
+    assert d.holding is None
+    assert d.breakaway is None
+    assert (d.duty, d.hold_share) == (1.0, 0.0)
+
+
+def test_demand_needs_no_catalogue_and_takes_any_motion_with_times():
+    scene = turntable()
+    report = pf.size(scene, trapezoid(scene))
+    assert report.catalog is None
+    assert report.joints[0].assessments == ()
+    assert report.no_fit == ()
+    assert report.scene is scene
+    report.check()
+    with pytest.raises(StateError, match="two samples"):
+        pf.size(scene, pf.Trajectory.from_arrays(scene, [0.0], [[0.0]], [[0.0]], [[0.0]]))
+
+
+def test_lightest_that_fits_is_chosen_and_margins_break_ties(tmp_path):
+    motors = {
+        "heavy": {**MOTOR, "mass": 2.0},
+        "light": {**MOTOR, "mass": 0.4},
+        "light and strong": {**MOTOR, "mass": 0.4, "continuous_torque": 0.8},
+        "weak": {**MOTOR, "mass": 0.1, "continuous_torque": 0.05},
+    }
+    catalog = load_catalog(write_catalog(tmp_path / "c.yaml", motors))
+    scene = turntable()
+    (joint,) = pf.size(scene, trapezoid(scene), catalog, conditions={"inertia_ratio": 20}).joints
+    fitting = [a.candidate.motor for a in joint.assessments if a.fits]
+    assert joint.choice is joint.assessments[0]
+    assert fitting[-1] == "heavy"
+    assert set(fitting) == {"light", "light and strong", "heavy"}
+    (weak,) = [a for a in joint.assessments if a.candidate.motor == "weak"]
+    assert weak.why.startswith("short-term torque: needs ")
+    assert "continuous torque: needs " in weak.why
+    assert joint.nearest is None
+
+
+def test_several_ratios_of_one_gear_are_several_candidates(tmp_path):
+    catalog = one_drive(tmp_path, gear={"ratio": [50.0, 100.0]})
+    scene = turntable()
+    (joint,) = pf.size(scene, trapezoid(scene), catalog).joints
+    assert {a.candidate.name for a in joint.assessments} == {"M + G, i = 50", "M + G, i = 100"}
+
+
+def test_nothing_that_fits_names_the_nearest_miss_and_by_how_much(tmp_path):
+    scene = turntable()
+    catalog = one_drive(tmp_path, motor={"continuous_torque": 0.02, "thermal": None})
+    with pytest.warns(pf.PinfricWarning, match="none of 1 candidate fits"):
+        report = pf.size(scene, trapezoid(scene), catalog)
+    (joint,) = report.joints
+    assert joint.choice is None
+    assert joint.nearest.candidate.name == "M + G"
+    with pytest.raises(SizingError) as error:
+        report.check()
+    share = joint.motor.figures.rms / 0.02 - 1
+    assert "table: none of 1 candidate fits; the nearest miss is M + G" in str(error.value)
+    assert f"short by {share * 100:.3g} %" in str(error.value)
+    assert error.value.report is report
+    with pytest.raises(SizingError, match="nearest miss"):
+        pf.size(scene, trapezoid(scene), catalog, on_miss="raise")
+    # its mass stays in the model, so that the other joints are sized with something
+    assert report.drive_mass == pytest.approx(MOTOR["mass"] + GEAR["mass"])
+
+
+def test_sliding_joint_takes_linear_gears_only(tmp_path):
+    model = pin.Model()
+    model.addJoint(0, pin.JointModelPZ(), pin.SE3.Identity(), "lift")
+    body = pin.Inertia(4.0, np.zeros(3), 0.01 * np.eye(3))
+    model.appendBodyToJoint(1, body, pin.SE3.Identity())
+    scene = pf.Scene(model=model)
+    screw = {
+        "source": "invented",
+        "grade": "R",
+        "ratio": 628.3,
+        "output": "linear",
+        "mass": 0.5,
+        "input_inertia": 1e-6,
+        "efficiency": 0.9,
+        "back_driving_torque": 12.0,
+        "rated_torque": 500.0,
+        "max_input_speed": 400.0,
+        "stroke": 0.3,
+    }
+    gears = {"G": GEAR, "screw": screw}
+    catalog = load_catalog(write_catalog(tmp_path / "c.yaml", gears=gears))
+    (joint,) = pf.size(scene, still(scene), catalog).joints
+    assert joint.demand.unit == "N"
+    assert [a.candidate.name for a in joint.assessments] == ["M + screw"]
+    back_driving = joint.assessments[0].criteria[-1]
+    assert back_driving.note == "the load moves the motor above 12 N"
+    # at rest the interval reaches from lowering to lifting: worst 4 kg x 9.81/0.9/628.3 rad/m
+    assert joint.motor.figures.holding[1] == pytest.approx(4 * 9.81 / 0.9 / 628.3)
+
+
+def test_mass_of_the_outer_drive_loads_the_inner_joint(tmp_path):
+    scene = arm(2)
+    report = pf.size(scene, still(scene), one_drive(tmp_path), conditions={"inertia_ratio": 100})
+    drive = MOTOR["mass"] + GEAR["mass"]
+    inner, outer = report.joints
+    # links of 1 kg, 0.5 m: the second joint's drive sits 0.5 m out on the first link
+    assert inner.demand_without_masses.rms == pytest.approx(9.81 * (0.25 + 0.75))
+    assert inner.demand.rms == pytest.approx(9.81 * (0.25 + 0.75 + drive * 0.5))
+    assert outer.demand.rms == pytest.approx(outer.demand_without_masses.rms)
+    assert report.drive_mass == pytest.approx(2 * drive)
+    assert report.settled
+    assert report.passes == 2
+    # about joint_1 too: M_11 grows by m l^2
+    without = pf.size(scene, still(scene)).joints[0].load_inertia
+    assert inner.load_inertia == pytest.approx(without + drive * 0.25)
+
+
+def test_drives_of_one_arm_do_not_load_the_other(tmp_path):
+    model = pin.Model()
+    for side in (-1.0, 1.0):
+        parent, place = 0, pin.SE3(np.eye(3), np.array([0, side, 0]))
+        for j in range(2):
+            parent = model.addJoint(parent, pin.JointModelRY(), place, f"arm_{side:g}_{j}")
+            body = pin.Inertia(1.0, np.array([0.25, 0, 0]), 0.01 * np.eye(3))
+            model.appendBodyToJoint(parent, body, pin.SE3.Identity())
+            place = pin.SE3(np.eye(3), np.array([0.5, 0, 0]))
+    scene = pf.Scene(model=model)
+    report = pf.size(scene, still(scene), one_drive(tmp_path), conditions={"inertia_ratio": 100})
+    alone = pf.size(arm(2), still(arm(2)), one_drive(tmp_path), conditions={"inertia_ratio": 100})
+    for k, joint in enumerate(report.joints):
+        assert joint.demand.rms == pytest.approx(alone.joints[k % 2].demand.rms)
+    for joint, summary in zip(report.joints, summarize(report.result), strict=True):
+        assert joint.demand.rms == pytest.approx(summary.rms)
+
+
+def test_chosen_transmissions_are_in_the_scene_of_the_report(tmp_path):
+    scene = arm(2)
+    report = pf.size(scene, still(scene), one_drive(tmp_path), conditions={"inertia_ratio": 100})
+    again = pf.inverse_dynamics(report.scene, still(scene))
+    for i, joint in enumerate(report.joints):
+        np.testing.assert_allclose(again.motor_torque_upper[:, i], joint.motor.torque_upper)
+    assert scene.drives[0].transmission is None  # the scene that was given is as it was
+
+
+def test_heavier_drives_outside_change_the_choice_inside(tmp_path):
+    # sized for itself the inner joint takes the small motor; the outer drive's mass rules it out
+    motors = {
+        "small": {**MOTOR, "mass": 0.5, "continuous_torque": 0.13, "thermal": None},
+        "large": {**MOTOR, "mass": 1.0, "continuous_torque": 0.5, "thermal": None},
+    }
+    catalog = load_catalog(write_catalog(tmp_path / "c.yaml", motors))
+    scene = arm(2)
+    report = pf.size(scene, still(scene), catalog, conditions={"inertia_ratio": 1000})
+    inner, outer = report.joints
+    assert outer.choice.candidate.motor == "small"
+    assert report.what_if()[0].without_masses == "small + G"
+    assert inner.choice.candidate.motor == "large"
+
+
+def test_mass_already_in_the_urdf_is_taken_off(tmp_path):
+    scene = arm(2)
+    drive = MOTOR["mass"] + GEAR["mass"]
+    conditions = {"inertia_ratio": 100, "mass_in_urdf": {"joint_2": 0.3}}
+    report = pf.size(scene, still(scene), one_drive(tmp_path), conditions=conditions)
+    assert report.joints[0].demand.rms == pytest.approx(9.81 * (1.0 + (drive - 0.3) * 0.5))
+    assert report.joints[0].demand_without_masses.rms == pytest.approx(9.81)  # as it was given
+    conditions["mass_in_urdf"]["joint_2"] = drive + 1.5  # off a link of 1 kg
+    with pytest.raises(SizingError, match=r"mass_in_urdf\.joint_2.*negative"):
+        pf.size(scene, still(scene), one_drive(tmp_path), conditions=conditions)
+    with pytest.raises(CatalogError, match="mass_in_urdf: there is no drive 'joint_3'"):
+        pf.size(scene, still(scene), conditions={"mass_in_urdf": {"joint_3": 1.5}})
+
+
+def test_an_implausible_link_of_the_urdf_does_not_stop_sizing(tmp_path):
+    """Loading warned of it; that a drive's mass is taken off its link is not to blame."""
+    scene = arm(2)
+    model = scene.model.copy()
+    model.inertias[1] = pin.Inertia(1.0, np.array([0.25, 0, 0]), np.diag([0.01, 0.5, 0.01]))
+    scene = pf.Scene(model=model)
+    conditions = {"inertia_ratio": 1000, "mass_in_urdf": {"joint_2": 0.3}}
+    report = pf.size(scene, still(scene), one_drive(tmp_path), conditions=conditions)
+    drive = MOTOR["mass"] + GEAR["mass"]
+    assert report.joints[0].demand.rms == pytest.approx(9.81 * (1.0 + (drive - 0.3) * 0.5))
+
+
+def test_neglecting_friction_would_have_bought_a_smaller_drive(tmp_path):
+    motors = {
+        "small": {**MOTOR, "mass": 0.3, "continuous_torque": 0.085, "thermal": None},
+        "large": {**MOTOR, "mass": 1.0, "continuous_torque": 0.5, "thermal": None},
+    }
+    catalog = load_catalog(write_catalog(tmp_path / "c.yaml", motors))
+    scene = turntable()
+    report = pf.size(scene, trapezoid(scene), catalog)
+    assert report.joints[0].choice.candidate.motor == "large"
+    assert report.what_if()[0].frictionless == "small + G"
+
+
+def test_friction_that_holds_the_old_drive_gives_way_to_the_new_ones(tmp_path):
+    pin_of_5cm = {
+        "bearing": {"kind": "pin", "radius": 0.05, "length": 0.1},
+        "mu": {"static": 0.1, "kinetic": 0.1},
+    }
+    own = pin_of_5cm | {"coulomb": {"static": 2.0, "kinetic": 1.5}, "viscous": 1.0}
+    entries = pin_of_5cm, own, own | {"includes_drive": True}
+    bare, kept, replaced = (arm(1, friction={"joint_1": entry}) for entry in entries)
+    reports = [
+        pf.size(scene, still(scene), one_drive(tmp_path), on_miss="ignore")
+        for scene in (bare, kept, replaced)
+    ]
+    rms, rms_kept, rms_replaced = (report.joints[0].demand.rms for report in reports)
+    assert rms_replaced == pytest.approx(rms, rel=1e-12)
+    assert rms_kept > rms + 1.0
+    assert any("of joint_1 include the old drive" in x for x in reports[2].notes)
+    # nothing takes its place where nothing is chosen
+    assert pf.size(replaced, still(replaced)).joints[0].demand.rms == pytest.approx(rms_kept)
+
+
+def test_planar_joint_gets_its_demand_but_no_drive(tmp_path):
+    model = pin.Model()
+    model.addJoint(0, pin.JointModelPlanar(), pin.SE3.Identity(), "base")
+    body = pin.Inertia(4.0, np.zeros(3), 0.01 * np.eye(3))
+    model.appendBodyToJoint(1, body, pin.SE3.Identity())
+    scene = pf.Scene(model=model)
+    zero, q = np.zeros((2, 3)), np.array([[0, 0, 1, 0], [0, 0, 1, 0]], dtype=float)
+    motion = pf.Trajectory.from_arrays(scene, [0.0, 1.0], q, zero, zero)
+    report = pf.size(scene, motion, one_drive(tmp_path))
+    assert [joint.choice for joint in report.joints] == [None] * 3
+    assert len(report.no_fit) == 3
+    assert "no candidates: motors and gears are for joints with one axis" in report.no_fit[0]
+
+
+def test_cylinders_are_sized_by_their_own_rate():
+    """Independent: lengths from Pinocchio's frames; rates by differences, work by trapezoids."""
+    scene = pf.load_scene("excavator")
+    motion = pf.load_trajectory("excavator.waypoints.yaml", scene)
+    report = pf.size(scene, motion)
+    result = pf.inverse_dynamics(scene, motion)
+    model, data = scene.model, scene.model.createData()
+    ends = [(a.cylinder.a, a.cylinder.b) for a in scene.actuators]
+    length = np.empty((len(motion.t), 3))
+    for i, q in enumerate(motion.q):
+        pin.framesForwardKinematics(model, data, q)
+        for k, (a, b) in enumerate(ends):
+            at = [data.oMf[model.getFrameId(end.link)].act(np.array(end.xyz)) for end in (a, b)]
+            length[i, k] = np.linalg.norm(at[1] - at[0])
+    rate = np.gradient(length, motion.t, axis=0, edge_order=2)
+    np.testing.assert_allclose(result.actuator_velocity, rate, atol=2e-3 * np.abs(rate).max())
+    for k, joint in enumerate(report.joints):
+        assert joint.demand.speed == pytest.approx(np.abs(rate[:, k]).max(), rel=5e-3)
+        assert joint.load_inertia is None
+
+
+def test_a_catalogue_without_motors_or_gears_says_that_nothing_can_be_chosen(tmp_path):
+    scene = pf.load_scene("excavator")
+    motion = pf.load_trajectory("excavator.waypoints.yaml", scene)
+    report = pf.size(scene, motion, "default")
+    assert len(report.no_fit) == 3
+    assert report.no_fit[0].startswith("boom_cylinder: no candidates: motors and gears are")
+
+
+def test_panda_carries_the_mass_of_its_drives(panda):
+    report = panda
+    assert report.settled
+    assert report.no_fit == ()
+    assert report.joint("panda_joint2").demand.rms > 1.1 * (
+        report.joint("panda_joint2").demand_without_masses.rms
+    )
+    for joint in report.joints:
+        assert joint.choice.margin > 0
+        assert all(a.why for a in joint.assessments if not a.fits)
+    with pytest.raises(SizingError, match="no drive 'panda_joint'; did you mean"):
+        report.joint("panda_joint")
+
+
+def test_demand_agrees_with_the_summary_of_inverse_dynamics(panda):
+    for joint, summary in zip(panda.joints, summarize(panda.result), strict=True):
+        assert joint.demand.peak == pytest.approx(summary.peak)
+        assert joint.demand.rms == pytest.approx(summary.rms)
+        assert joint.demand.rms_least == pytest.approx(summary.rms_least)
+        assert joint.motor.figures.rms == pytest.approx(summary.motor_rms) or (
+            joint.choice.candidate.at_output
+        )
+
+
+@pytest.fixture(scope="module")
+def panda():
+    scene = pf.load_scene("panda_pick_and_place.yaml").with_(masses="without_drives")
+    return pf.size(
+        scene, pf.load_trajectory(_bundled("panda_pick_and_place.csv"), scene), "default"
+    )
+
+
+def _bundled(name):
+    from pinfric.model.scene_file import bundled_folder
+
+    return bundled_folder() / name
+
+
+# ---------------------------------------------------------------- cycles that do not close
+
+
+def way_out(scene, end=0.5, speed=0.0, attached=None):
+    """From 0 to `end` rad, there with `speed` (rad/s); the joint moves all the time."""
+    t = np.linspace(0.0, 1.0, 51)
+    q = end * (3 * t**2 - 2 * t**3) + speed * (t**3 - t**2)
+    v = end * (6 * t - 6 * t**2) + speed * (3 * t**2 - 2 * t)
+    a = end * (6 - 12 * t) + speed * (6 * t - 2)
+    return pf.Trajectory.from_arrays(
+        scene, t, q[:, None], v[:, None], a[:, None], attached=attached
+    )
+
+
+def test_a_cycle_that_does_not_close_says_what_and_by_how_much(tmp_path):
+    payload = {"box": {"link": "table", "mass": 1.0, "com": [0.0, 0.0, 0.0]}}
+    scene = turntable()
+    model = scene.model.copy()
+    model.addFrame(pin.Frame("table", 1, pin.SE3.Identity(), pin.FrameType.BODY))
+    scene = pf.Scene(model=model, payloads=payload, friction=scene.friction)
+    carried = {"box": np.arange(51) > 20}
+    report = pf.size(
+        scene, way_out(scene, 0.5, 0.2, carried), one_drive(tmp_path), on_miss="ignore"
+    )
+    assert report.unclosed == (
+        "table ends 0.5 rad from where it began",
+        "table ends with a velocity 0.2 rad/s from that at its start",
+        "payload box is carried at the end only",
+    )
+    assert report.notes[0].startswith("The cycle does not close: table ends 0.5 rad from where it")
+    assert "assume that it repeats without a pause" in report.notes[0]
+    # without a catalogue, too: the RMS is of the repeated cycle
+    (note,) = pf.size(scene, way_out(scene)).notes
+    assert "table ends 0.5 rad" in note
+
+
+def test_a_cycle_that_closes_but_for_noise_says_nothing():
+    scene = turntable()
+    assert pf.size(scene, way_out(scene, 0.0, 0.0)).unclosed == ()
+    there_and_back = trapezoid(scene)  # its positions are 0 throughout, its velocities end at 0
+    assert pf.size(scene, there_and_back).unclosed == ()
+    noisy = way_out(scene, 5e-5)
+    assert pf.size(scene, noisy).notes == ()
+
+
+def test_full_turns_of_a_continuous_joint_close():
+    model = pin.Model()
+    model.addJoint(0, pin.JointModelRUBZ(), pin.SE3.Identity(), "table")
+    model.appendBodyToJoint(1, pin.Inertia(1.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
+    scene = pf.Scene(model=model)
+    angle = np.linspace(0.0, 4 * np.pi, 200)
+    q, v = np.column_stack([np.cos(angle), np.sin(angle)]), np.ones((200, 1))
+    motion = pf.Trajectory.from_arrays(scene, angle, q, v, 0 * v)
+    assert pf.size(scene, motion).unclosed == ()
+
+
+def test_the_next_smaller_says_what_it_lacks(tmp_path):
+    motors = {
+        "small": {**MOTOR, "mass": 0.3, "continuous_torque": 0.06, "thermal": None},
+        "tiny": {**MOTOR, "mass": 0.1, "continuous_torque": 0.02, "thermal": None},
+        "large": {**MOTOR, "mass": 1.0, "thermal": None},
+    }
+    catalog = load_catalog(write_catalog(tmp_path / "c.yaml", motors))
+    scene = turntable()
+    (joint,) = pf.size(scene, trapezoid(scene), catalog).joints
+    assert joint.choice.candidate.motor == "large"
+    assert joint.next_smaller.candidate.motor == "small"
+    short = joint.next_smaller.failed[0]
+    assert short.name == "short-term torque"
+    assert short.shortfall == f"{100 * (joint.motor.figures.short_term / 0.06 - 1):.3g} %"

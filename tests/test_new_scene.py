@@ -1,0 +1,303 @@
+"""A starting scene for any URDF: loads, runs, says what is guessed."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import warnings
+
+import numpy as np
+import pytest
+import yaml
+from robot_cases import each_robot
+
+import pinfric as pf
+from pinfric.errors import PinfricError, PinfricWarning, RobotError, SceneError
+from pinfric.model.robot import locate_urdf, read_robot
+from pinfric.new_scene import new_scene, new_waypoints, write_new
+
+pytestmark = pytest.mark.filterwarnings("ignore::pinfric.errors.PinfricWarning")
+#: No joint that moves, or no valid URDF: `test_example_robots`.
+REFUSED = {"quadrotor_base", "iris_simple", "ur3", "bluevolta", "falcon"}
+ARM = """<robot name="arm">
+  <link name="base"/>
+  <link name="upper"><inertial><origin xyz="0.5 0 0"/><mass value="4"/>
+    <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="rod"><inertial><mass value="1"/>
+    <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="{name}" type="revolute"><parent link="base"/><child link="upper"/>
+    <axis xyz="0 1 0"/><limit lower="{lower}" upper="3" effort="{effort}" velocity="5"/></joint>
+  <joint name="slide" type="prismatic"><parent link="upper"/><child link="rod"/>
+    <origin xyz="1 0 0"/><axis xyz="1 0 0"/>
+    <limit lower="0.1" upper="0.5" effort="0" velocity="1"/></joint>
+</robot>"""
+
+
+def arm(folder, name="shoulder", lower=-3.0, effort=100.0):
+    file = folder / "arm.urdf"
+    file.write_text(ARM.format(name=name, lower=lower, effort=effort))
+    return file
+
+
+def entries(urdf, folder=None):
+    return yaml.safe_load(new_scene(urdf, folder))
+
+
+@pytest.mark.parametrize("urdf", each_robot())
+def test_every_robot_that_loads_gets_a_scene_that_runs(urdf, tmp_path):
+    try:
+        read_robot(urdf, {})
+    except RobotError as refused:
+        assert urdf.stem in REFUSED
+        with pytest.raises(RobotError, match=re.escape(str(refused))):  # `new` says so, too
+            write_new(urdf, tmp_path)
+        return
+    scene_file, way_file = write_new(urdf, tmp_path)
+    scene = pf.load_scene(scene_file)
+    one_axis = [joint for joint in scene.model.joints[1:] if joint.nv <= 1]
+    assert len(scene.sites) == len(one_axis) > 0
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", PinfricWarning)
+        trajectory = pf.load_trajectory(way_file, scene)
+        result = pf.inverse_dynamics(scene, trajectory)
+    assert trajectory.warnings == ()
+    assert np.isfinite(result.effort_upper).all()
+    assert result.sticking.any()
+    assert not result.sticking.all()
+    assert (result.normal_load >= 0).all()
+
+
+def test_bundled_urdfs_are_named_as_scenes_name_them(tmp_path):
+    urdf = locate_urdf("example-robot-data:ur_description/urdf/ur5_robot.urdf", tmp_path)
+    assert entries(urdf)["robot"]["urdf"] == "example-robot-data:ur_description/urdf/ur5_robot.urdf"
+
+
+def test_urdf_is_named_from_where_the_scene_lies(tmp_path, monkeypatch):
+    (tmp_path / "urdf").mkdir()
+    (tmp_path / "scenes").mkdir()
+    urdf = arm(tmp_path / "urdf")
+    assert entries(urdf, tmp_path / "scenes")["robot"]["urdf"] == "../urdf/arm.urdf"
+    assert entries(urdf)["robot"]["urdf"] == str(urdf.resolve())
+    monkeypatch.chdir(tmp_path)
+    scene_file, _ = write_new("urdf/arm.urdf", "scenes/deep")
+    assert pf.load_scene(scene_file).joint_names == ("shoulder", "slide")
+
+
+def test_bearings_are_sized_by_the_effort_limit(tmp_path):
+    friction = entries(arm(tmp_path, effort=100.0))["friction"]
+    shaft = (16 * 100 / (np.pi * 20e6)) ** (1 / 3)
+    pin = friction["shoulder"]["bearing"]
+    assert pin["kind"] == "pin"
+    assert pin["radius"] == pytest.approx(0.75 * shaft, rel=0.05)  # two digits
+    assert pin["length"] == pytest.approx(2 * pin["radius"], rel=0.05)
+    assert friction["shoulder"]["coulomb"]["kinetic"] == pytest.approx(5.0)
+    assert friction["shoulder"]["viscous"] == pytest.approx(0.2 * 100 / 5)  # limit 5 rad/s
+    guide = friction["slide"]["bearing"]
+    assert guide == {"kind": "guide", "length": 0.2, "width": 0.2}  # half of 0.4 m
+    # no limit: three times the weight of 1 kg
+    assert friction["slide"]["coulomb"]["kinetic"] == pytest.approx(0.05 * 3 * 9.81, rel=0.05)
+
+
+def test_placeholder_limit_gives_way_to_the_weight(tmp_path):
+    text = new_scene(arm(tmp_path, effort=1e6))
+    assert "1e+06 N m, looks like a placeholder" in text
+    coulomb = yaml.safe_load(text)["friction"]["shoulder"]["coulomb"]["kinetic"]
+    # 4 kg at 0.5 m and 1 kg at 1 m
+    assert coulomb == pytest.approx(0.05 * 3 * 9.81 * 3.0, rel=0.05)
+
+
+def test_every_number_that_is_a_guess_says_so(tmp_path):
+    text = new_scene(locate_urdf("example-robot-data:panda_description/urdf/panda.urdf", tmp_path))
+    for line in text.splitlines():
+        if line.lstrip().startswith(("bearing:", "mu:", "coulomb:", "viscous:")):
+            assert re.search(r"  # guess: \S", line), line
+    assert sum("# guess:" in line for line in text.splitlines()) == 4 * 9 + 1
+    assert yaml.safe_load(text)["robot"]["masses"] == "with_drives"
+    assert "follows panda_finger_joint1" in text
+    assert "urdf_dynamics: ignore" in text
+    friction = yaml.safe_load(text)["friction"]
+    assert friction["panda_finger_joint2"]["bearing"]["kind"] == "guide"
+
+
+#: Identified on a UR10e (robots/ur10_machine_tending.yaml): N m and N m s/rad.
+UR10E = [12.5, 13.3, 5.0, 2.0, 2.7, 2.3], [21.3, 20.2, 10.4, 3.6, 2.5, 3.0]
+
+
+@pytest.mark.parametrize("limited", [True, False], ids=["effort limits", "SolidWorks' zeros"])
+def test_guesses_of_a_ur10_are_on_the_safe_side_of_what_was_identified(tmp_path, limited):
+    urdf = locate_urdf("example-robot-data:ur_description/urdf/ur10_robot.urdf", tmp_path)
+    text = urdf.read_text() if limited else re.sub('effort="[^"]*"', 'effort="0"', urdf.read_text())
+    (tmp_path / "ur10.urdf").write_text(text)
+    friction = list(entries(tmp_path / "ur10.urdf")["friction"].values())
+    coulomb = np.array([entry["coulomb"]["kinetic"] for entry in friction])
+    viscous = np.array([entry["viscous"] for entry in friction])
+    least = 0.9 if limited else 0.5
+    assert (coulomb > np.multiply(least, UR10E[0])).all()
+    assert (coulomb < np.multiply(2.0, UR10E[0])).all()
+    assert (viscous > np.multiply(least, UR10E[1])).all()
+    assert (viscous < np.multiply(2.0, UR10E[1])).all()
+    assert min(entry["bearing"]["radius"] for entry in friction) > 0.01
+
+
+def test_guesses_are_data_that_every_command_names(tmp_path):
+    urdf = arm(tmp_path)
+    scene_file, _ = write_new(urdf, tmp_path / "out")
+    found = yaml.safe_load(scene_file.read_text())
+    assumed = found["assumed"]
+    names = ("bearing", "mu", "coulomb", "viscous")
+    assert set(assumed["values"]) == {
+        "robot.masses",
+        *(f"friction.{j}.{k}" for j in ("shoulder", "slide") for k in names),
+    }
+    assert assumed["inputs"] == {"arm.urdf": hashlib.sha256(urdf.read_bytes()).hexdigest()}
+    assert assumed["by"] == "pinfric new ../arm.urdf"  # from where the scene lies
+    with pytest.warns(PinfricWarning, match=r"9 entries are guesses of `.*` \(robot.masses; bear"):
+        scene = pf.load_scene(scene_file)
+    assert scene.assumed.values == assumed["values"]
+    assert scene.with_(gravity=[0.0, 0.0, -1.6]).assumed == scene.assumed
+
+
+def test_a_guess_whose_entry_is_gone_is_refused(tmp_path):
+    scene_file, _ = write_new(arm(tmp_path), tmp_path / "out")
+    found = yaml.safe_load(scene_file.read_text())
+    masses = found["robot"].pop("masses")
+    scene_file.write_text(yaml.safe_dump(found))
+    with pytest.raises(SceneError, match=r"has `robot\.masses`, which this scene does not have"):
+        pf.load_scene(scene_file)
+    found["robot"]["masses"] = masses
+    del found["friction"]["slide"]["mu"], found["friction"]["slide"]["bearing"]
+    scene_file.write_text(yaml.safe_dump(found))
+    with pytest.raises(SceneError, match=r"has `friction.slide.\w+`, which this scene does"):
+        pf.load_scene(scene_file)
+
+
+@pytest.mark.parametrize(
+    "name", ["on", "y", "1", "1e3", "a: b", "joint #1", "-", "schulter ü", "~"]
+)
+def test_awkward_names_survive(tmp_path, name):
+    scene_file, way_file = write_new(arm(tmp_path, name=name), tmp_path)
+    scene = pf.load_scene(scene_file)
+    assert scene.site_names == (name, "slide")
+    assert pf.load_trajectory(way_file, scene).joint_names == (name, "slide")
+
+
+def test_first_motion_stays_inside_narrow_limits(tmp_path):
+    urdf = arm(tmp_path, lower=2.9)  # 2.9 to 3.0: zero is outside
+    points = yaml.safe_load(new_waypoints(urdf))["points"]
+    for point in points:
+        assert 2.9 <= point["q"][0] <= 3.0
+        assert 0.1 <= point["q"][1] <= 0.5
+    assert points[0]["q"] == points[2]["q"] != points[1]["q"]
+
+
+def test_simulation_of_the_new_scene_runs(tmp_path):
+    scene_file, _ = write_new(arm(tmp_path), tmp_path)
+    scene = pf.load_scene(scene_file)
+    motion = pf.simulate(scene, scene.start_configuration, [0, 0], None, 0.1)
+    assert motion.status == "finished"
+    assert motion.q[-1, 0] > 1e-3  # the arm falls: it turns about +y, and weighs at +x
+
+
+def test_nothing_is_overwritten_and_nothing_half_written(tmp_path, monkeypatch):
+    urdf = arm(tmp_path)
+    (tmp_path / "arm.waypoints.yaml").write_text("mine")
+    with pytest.raises(PinfricError, match=r"arm\.waypoints\.yaml: exists already"):
+        write_new(urdf, tmp_path)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["arm.urdf", "arm.waypoints.yaml"]
+    (tmp_path / "file").write_text("")
+    with pytest.raises(PinfricError, match="cannot be written"):
+        write_new(urdf, tmp_path / "file")
+
+
+@pytest.mark.parametrize(
+    ("content", "message"), [(None, "there is no file"), ("<robot", "not well-formed XML")]
+)
+def test_bad_urdf_is_one_clear_error(tmp_path, content, message):
+    file = tmp_path / "bad.urdf"
+    if content is not None:
+        file.write_text(content)
+    with pytest.raises(RobotError, match=rf"bad\.urdf.*{message}|{message}.*bad\.urdf"):
+        new_scene(file)
+
+
+BODY = """<inertial><mass value="1"/>
+    <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>"""
+LEVEL = '<axis xyz="0 1 0"/>'
+
+
+def limits(lower, upper, effort=10, velocity=2):
+    return f'<limit lower="{lower}" upper="{upper}" effort="{effort}" velocity="{velocity}"/>'
+
+
+def chain(folder, *joints, body=BODY):
+    """A URDF of links in a row; joints as (name, type, what else)."""
+    links = "".join(f'<link name="link{i}">{body}</link>' for i in range(len(joints) + 1))
+    row = "".join(
+        f'<joint name="{name}" type="{kind}"><parent link="link{i}"/><child link="link{i + 1}"/>'
+        f'<origin xyz="0.2 0 0"/>{more}</joint>'
+        for i, (name, kind, more) in enumerate(joints)
+    )
+    file = folder / "chain.urdf"
+    file.write_text(f'<robot name="chain">{links}{row}</robot>')
+    return file
+
+
+def first_motion(urdf, folder):
+    """The trajectory that `new` writes; loading refuses what goes beyond a limit."""
+    scene_file, way_file = write_new(urdf, folder / "out")
+    return pf.load_trajectory(way_file, pf.load_scene(scene_file))
+
+
+def test_first_motion_keeps_followers_inside_their_limits_too(tmp_path):
+    follower = limits(0, 0.04) + '<mimic joint="jaw" multiplier="-2" offset="0.01"/>'
+    urdf = chain(tmp_path, ("jaw", "prismatic", limits(0, 0.06)), ("other", "prismatic", follower))
+    trajectory = first_motion(urdf, tmp_path)  # the jaw may go to 5 mm, not to 60
+    assert 0 <= trajectory.q.min() < trajectory.q.max() <= 0.005
+
+
+@pytest.mark.parametrize(("lower", "upper"), [(0.0, 1e-4), (0.500010, 0.500020)])
+def test_first_motion_moves_joints_of_small_travel(tmp_path, lower, upper):
+    urdf = chain(tmp_path, ("j", "revolute", LEVEL + limits(lower, upper)))
+    trajectory = first_motion(urdf, tmp_path)
+    assert lower <= trajectory.q.min() < trajectory.q.max() <= upper
+    plain = yaml.safe_load((tmp_path / "out/chain.waypoints.yaml").read_text())["points"][1]["q"]
+    assert isinstance(plain[0], float)  # 6e-05 would be text to others' YAML readers
+
+
+def test_first_motion_of_a_slow_joint_is_short_instead_of_long(tmp_path):
+    urdf = chain(tmp_path, ("j", "revolute", LEVEL + limits(-1, 1, velocity=1e-4)))
+    trajectory = first_motion(urdf, tmp_path)
+    assert trajectory.t[-1] < 30.0
+    assert np.ptp(trajectory.q) > 0
+
+
+def test_bundled_robots_are_found_by_the_name_that_scenes_give_them(tmp_path):
+    name = "example-robot-data:ur_description/urdf/ur5_robot.urdf"
+    scene_file, way_file = write_new(name, tmp_path)
+    assert scene_file.name == "ur5_robot.yaml"
+    assert yaml.safe_load(scene_file.read_text())["robot"]["urdf"] == name
+    assert pf.load_trajectory(way_file, pf.load_scene(scene_file)).t[-1] > 1.0
+    with pytest.raises(RobotError, match="ur5_robot"):
+        write_new(name.replace("ur5_robot", "ur5_robt"), tmp_path)
+
+
+def test_absurd_limit_of_a_joint_without_lever_is_a_placeholder(tmp_path):
+    urdf = chain(tmp_path, ("j", "revolute", LEVEL + limits(0, 0, effort=1e30)))
+    text = new_scene(urdf)  # its only body is centred on its axis
+    assert "1e+30 N m, looks like a placeholder" in text
+    assert "turns, no limits" in text  # 0 to 0 is what a URDF without them reads as
+    assert yaml.safe_load(text)["friction"]["j"]["bearing"]["radius"] < 0.1
+
+
+def test_example_of_a_drive_names_a_joint_that_can_have_one(tmp_path):
+    urdf = chain(tmp_path, ("base", "floating", ""), ("j", "revolute", LEVEL + limits(-1, 1)))
+    text = new_scene(urdf)
+    assert "#   - joint: j\n" in text
+    assert "# base: 6 degrees of freedom" in text
+
+
+def test_robot_that_moves_no_mass_gets_no_simulation_that_would_fail(tmp_path):
+    urdf = chain(tmp_path, ("j", "revolute", LEVEL + limits(-1, 1)), body="")
+    assert "simulation" not in entries(urdf)
+    assert "moves no mass" in new_scene(urdf)
+    assert np.ptp(first_motion(urdf, tmp_path).q) > 0
