@@ -19,7 +19,7 @@ from pinfric.friction.problem import Problem
 #: Columns, or singular values, below this many times the largest are zero: geometry, not forces.
 RANK = 1e-9
 #: Rates that friction cannot take away are rounding below this many times the terms' size.
-_FITS = 1e-7
+FITS = 1e-7
 
 
 class Shared(NamedTuple):
@@ -42,6 +42,25 @@ class Shared(NamedTuple):
     follows: np.ndarray
 
 
+def inverse_of(A: np.ndarray, signs: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+    """Invert A^T diag(signs) A where A moves anything.
+
+    Args:
+        A: (d, n).
+        signs: (d,) 1, or -1: beside a gear on a line that falls; None: all are 1.
+
+    Returns:
+        inverse (r, r) and orthonormal rows (r, n): A^T diag(signs) A = rows^T inverse^-1 rows.
+    """
+    left, size, rows = np.linalg.svd(A, full_matrices=False)
+    rank = int((size > RANK * size[:1]).sum())
+    left, size = left[:, :rank], size[:rank]
+    inverse = np.diag(1.0 / size**2)
+    if signs is not None:
+        inverse = np.linalg.inv(left.T @ (signs[:, None] * left)) / np.outer(size, size)
+    return inverse, rows[:rank]
+
+
 class Balance(NamedTuple):
     """The equilibrium A x = b of friction x, each row in its own unit.
 
@@ -56,25 +75,30 @@ class Balance(NamedTuple):
     terms: np.ndarray
 
     @classmethod
-    def of_rates(cls, problem: Problem, factor: np.ndarray, members: np.ndarray) -> Balance | None:
+    def of_rates(
+        cls,
+        problem: Problem,
+        factor: np.ndarray,
+        members: np.ndarray,
+        signs: np.ndarray | None = None,
+    ) -> Balance | None:
         """Return the equations that make the rates of some coordinates 0; None: unsolvable.
 
         Args:
             problem: `Problem`.
             factor: (d, nc) A of rate_slope = A^T A.
             members: (n,) the coordinates.
+            signs: see `inverse_of`.
         """
         size = np.linalg.norm(factor[:, members], axis=0)  # rates of one joint, in its own unit
         size[size == 0.0] = 1.0  # at its dead centre: of friction that changes loads alone
-        _, values, right = np.linalg.svd(factor[:, members] / size, full_matrices=False)
-        rank = int((values > RANK * values[:1]).sum())
-        right, values = right[:rank], values[:rank, None]
+        inverse, rows = inverse_of(factor[:, members] / size, signs)
         rate, terms = problem.rate_free[members] / size, problem.rate_scale[members] / size
-        left = np.abs(rate - right.T @ (right @ rate))
-        if (left > _FITS * terms.max(initial=0.0) + 1e-300).any():
+        left = np.abs(rate - rows.T @ (rows @ rate))
+        if (left > FITS * terms.max(initial=0.0) + 1e-300).any():
             return None
-        inverse = right / values**2
-        return cls(right * size, -inverse @ rate, np.abs(inverse) @ terms)
+        inverse = inverse @ rows
+        return cls(rows * size, -inverse @ rate, np.abs(inverse) @ terms)
 
     def solve(self, unit: np.ndarray, unlimited: np.ndarray) -> Shared:
         """Solve for the friction of the joints with the largest limits.

@@ -189,7 +189,8 @@ def _units(
     x, start = np.zeros(len(natural)), None
     for _ in range(2):
         unit = limits.at(x)
-        endless = np.isinf(unit)
+        # a gear that locks may have no limit one way, and 0 the other: neither is a unit
+        endless = np.isinf(unit) | (unlimited & (unit < natural))
         unit[endless] = np.maximum(np.abs(x), natural)[endless]
         unit = np.maximum(unit, _NOISE * natural)
         some = unit[unit > 0.0]

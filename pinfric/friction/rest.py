@@ -24,12 +24,13 @@ from functools import cached_property
 import numpy as np
 
 from pinfric.friction.anderson import anderson
+from pinfric.friction.balance import FITS, RANK
 from pinfric.friction.consistency import ROUNDING, evaluate, judge, try_modes
 from pinfric.friction.holding import decide
 from pinfric.friction.law import add_load_slopes, slip_law, stick_limits
 from pinfric.friction.modes import Modes
 from pinfric.friction.problem import Problem, bounded
-from pinfric.friction.sharing import FITS, RANK, Group, joint_sizes, share, share_one
+from pinfric.friction.sharing import Group, joint_sizes, share, share_one
 
 
 @dataclass(eq=False)
@@ -44,6 +45,7 @@ class Mechanism:
         idle: (nc,) bool, whether a joint is so near its dead centre that its own friction cannot
             hold the mechanism. Overwritten at every state.
         way: (nc,) overwritten: the direction in which sticking coordinates would break away.
+        signs: see `inverse_of`. Overwritten at every state.
     """
 
     closed: bool
@@ -52,6 +54,7 @@ class Mechanism:
     ball: np.ndarray
     idle: np.ndarray
     way: np.ndarray
+    signs: np.ndarray | None = None
     _groups: tuple[object, list[Group]] = (None, [])
     _locked: tuple[object, bool] = (None, False)
 
@@ -62,9 +65,10 @@ class Mechanism:
         """
         if not self.closed:
             return []
-        key = stuck.tobytes(), self.factor.tobytes()
+        key = stuck.tobytes(), self.factor.tobytes(), repr(self.signs)
         if self._groups[0] != key:
-            self._groups = key, [Group.of(self.factor, c) for c in self._find_groups(stuck)]
+            found = self._find_groups(stuck)
+            self._groups = key, [Group.of(self.factor, c, self.signs) for c in found]
         return self._groups[1]
 
     def is_locked(self, stuck: np.ndarray) -> bool:
@@ -194,7 +198,7 @@ def _hold_otherwise(step: _Shared) -> bool:
     modes, ball = step.modes, step.mechanism.ball
     if ball[modes.stuck].any() or step.gain.any() or step.offset.any():
         return False  # a ball's limit is a sphere; what slides has friction that loads decide
-    found = decide(step.given, step.mechanism.factor, modes.stuck)
+    found = decide(step.given, step.mechanism.factor, modes.stuck, signs=step.mechanism.signs)
     if found.held:
         modes.friction[:] = found.friction
         evaluate(step.problem, modes.friction, modes.load, modes.rate)

@@ -18,12 +18,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pinfric.friction.balance import FITS, RANK
 from pinfric.friction.consistency import SHOULD_STICK, evaluate, judge
 from pinfric.friction.modes import Found, Modes
 from pinfric.friction.problem import Problem
 from pinfric.friction.rest import Mechanism, solve
 from pinfric.friction.several import find_all
-from pinfric.friction.sharing import FITS, RANK
 from pinfric.friction.ways import Kinematics
 
 #: Up to this number of joints at rest all modes are tried: 3^8 = 6561 solves.

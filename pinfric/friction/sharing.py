@@ -6,12 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pinfric.friction.balance import RANK, inverse_of
 from pinfric.kernels.compiled import call_compiled, kernel
 
-#: Singular values below this many times the first one are zero.
-RANK = 1e-9
-#: Rates that friction cannot take away are rounding below this many times the terms' size.
-FITS = 1e-7
 #: A joint this much slower than the others (relative) does not take part in the motion w.
 _SMOOTH = 1e-6
 #: Passes of Newton's method; what it may leave of the gradient, relative: at the least it leaves
@@ -20,25 +17,22 @@ _NEWTON_PASSES, _STATIONARY = 40, 1e-5
 
 
 class Group(NamedTuple):
-    """Coordinates that rest together: of the factor A, rate_slope = A^T A, their columns.
-
-    These are U diag(size) rates with U^T U = 1.
+    """Coordinates that rest together, and the inverse of their part of the rates' slope.
 
     Attributes:
         members: (m,) coordinates.
-        size: (r,). rates: (r, m), orthonormal rows.
+        inverse: (r, r): slope = rates^T inverse^-1 rates.
+        rates: (r, m), orthonormal rows.
     """
 
     members: np.ndarray
-    size: np.ndarray
+    inverse: np.ndarray
     rates: np.ndarray
 
     @classmethod
-    def of(cls, factor: np.ndarray, members: np.ndarray) -> Group:
-        """Take coordinates (m,) of a factor (d, nc) together."""
-        _, size, right = np.linalg.svd(factor[:, members], full_matrices=False)
-        rank = int((size > RANK * size[:1]).sum())
-        return cls(members, size[:rank], right[:rank])
+    def of(cls, factor: np.ndarray, members: np.ndarray, signs: np.ndarray | None) -> Group:
+        """Take coordinates (m,) of a factor (d, nc) together; signs as in `inverse_of`."""
+        return cls(members, *inverse_of(factor[:, members], signs))
 
     def needs(self, rate: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return what takes rates (m,) away, b (r,) of rates x = b; and what of them nothing does.
@@ -46,7 +40,7 @@ class Group(NamedTuple):
         All x with that b hold alike; the second (m,) moves whatever the friction.
         """
         s = self.rates @ rate
-        return -s / self.size**2, np.abs(rate - self.rates.T @ s)
+        return -self.inverse @ s, np.abs(rate - self.rates.T @ s)
 
 
 def share(

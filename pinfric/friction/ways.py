@@ -12,10 +12,10 @@ from itertools import combinations, product
 
 import numpy as np
 
+from pinfric.friction.balance import RANK
 from pinfric.friction.minimax import least_violation
 from pinfric.friction.problem import Problem
 from pinfric.friction.rest import Mechanism
-from pinfric.friction.sharing import RANK
 
 #: A rate this small beside the terms of its sum counts as zero.
 _ROUNDING = 1e-7

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
+from pinfric.friction.balance import RANK, inverse_of
 from pinfric.friction.sharing import _along_one, share
 
 
@@ -31,6 +32,17 @@ def test_a_load_is_shared_with_the_least_largest_use(seed, started):
         (None, None),
     ).fun
     assert least * (1 - 1e-9) <= (np.abs(x) / limit).max() <= least * (1 + 1e-3)
+
+
+@pytest.mark.parametrize("signs", [None, [1.0, -1.0, 1.0]])
+def test_the_slope_of_what_rests_is_inverted_where_it_moves_anything(signs):
+    """Columns of 3 rows, one twice: against the pseudo-inverse of the slope itself."""
+    A = np.random.default_rng(4).normal(size=(3, 2))[:, [0, 1, 0]]
+    slope = A.T @ (A if signs is None else np.array(signs)[:, None] * A)
+    inverse, rows = inverse_of(A, None if signs is None else np.array(signs))
+    np.testing.assert_allclose(rows @ rows.T, np.eye(2), atol=1e-14)
+    wanted = np.linalg.pinv(slope, rcond=RANK)
+    np.testing.assert_allclose(rows.T @ inverse @ rows, wanted, atol=1e-12 * np.abs(wanted).max())
 
 
 def test_a_motion_that_loads_other_joints_has_the_friction_of_a_linear_system():

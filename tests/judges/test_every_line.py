@@ -27,6 +27,17 @@ def test_forward_dynamics_says_what_every_line_says(kind, seeds):
     assert sum("same" in says for says in outcomes.values()) >= len(seeds) // 3
 
 
+@pytest.mark.parametrize(("kind", "seed"), [("five-bars", 101), ("couples", 112)])
+def test_what_locks_beside_what_slips_is_held(kind, seed):
+    """Two gears held what one limit of zero beside one of infinity hid: a = -26 instead of 0.
+
+    And beside a gear on a line that falls, rates of what sticks were taken away with wrong signs.
+    """
+    says, (a, wanted) = compare(kind, seed)
+    assert says == "same: 1 answers, 1 stable"
+    np.testing.assert_allclose(a, wanted, rtol=1e-9, atol=1e-12)
+
+
 # ---------------------------------------------------------------- one worm, by hand
 
 #: M = 10, h = 98.1, eta 0.4, eta_b -0.2, n 1, and I = 1: below -eta_b M = 2.

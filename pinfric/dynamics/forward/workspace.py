@@ -276,16 +276,19 @@ class Workspace:
         """Let the mechanism have the factor of the slopes of what sticks or may stick."""
         maps = self.machine.maps
         self.mechanism.factor = maps.factor[: maps.freedoms[0]]
+        self.mechanism.signs = None
         if not self.closed or not self.machine.lines.locking[0]:
             return
         here = self.modes.stuck | self.modes.at_rest
         size, axes = np.linalg.eigh(self.problem.rate_slope[np.ix_(here, here)])
-        order = np.argsort(np.abs(size))  # beside a gear on a line that falls one may be negative
-        size, axes = np.abs(size)[order], axes[:, order]
-        size[size < _ROUNDING * size.max(initial=0.0)] = 0.0
-        rows = min(len(size), len(self.mechanism.factor))  # as many as freedoms, the largest
+        # beside a gear on a line that falls some may be negative; as many as freedoms, the largest
+        last = np.argsort(np.abs(size))[-len(self.mechanism.factor) :]
+        size, axes = size[last], axes[:, last]
+        size[np.abs(size) < _ROUNDING * np.abs(size).max(initial=0.0)] = 0.0
         self.mechanism.factor = np.zeros_like(self.mechanism.factor)
-        self.mechanism.factor[:rows, here] = (np.sqrt(size)[:, None] * axes.T)[len(size) - rows :]
+        self.mechanism.factor[: len(last), here] = (np.sqrt(np.abs(size)) * axes).T
+        self.mechanism.signs = np.ones(len(self.mechanism.factor))
+        self.mechanism.signs[: len(last)][size < 0.0] = -1.0
 
     def search(
         self, forced: Mapping[int, float] | None = None, held: np.ndarray | None = None
