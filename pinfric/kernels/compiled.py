@@ -27,6 +27,8 @@ from pinfric.errors import PinfricError, PinfricWarning
 from pinfric.kernels.interpreted import CLOCK, interpreted, is_small
 
 _DIGEST_SIZE = 16
+#: So many versions of a kernel's sources keep what was compiled from them.
+_KEPT = 8
 Fields = TypeVar("Fields", bound=tuple[Any, ...])
 
 
@@ -35,8 +37,8 @@ _TESTED = (0, 61), (0, 69)
 #: Undocumented parts of numba that this module replaces or calls.
 _INNER = {
     Dispatcher: ("_compile_for_args", "compile", "get_call_template"),
-    FunctionCache: ("load_overload", "save_overload"),
-    IndexDataCacheFile: ("_dump", "_load_index", "_load_data"),
+    FunctionCache: ("load_overload", "save_overload", "_impl_class"),
+    IndexDataCacheFile: ("_dump", "_load_index", "_load_data", "_save_index"),
     structref.StructRefProxy: ("_type",),
 }
 
@@ -216,6 +218,7 @@ def record(fields: type) -> Any:
     def box(values: Any) -> Any:
         return proxy(*values)
 
+    box.__qualname__ = f"{name}Record"
     _BOXES[fields] = _compiled(box, {"nogil": True}, waits=False)
     return _BOXES[fields]
 
@@ -268,6 +271,23 @@ def _is_kept(values: Any) -> bool:
     return bool(box.overloads) or is_ready(box, (values,))
 
 
+_Numba: Any = FunctionCache._impl_class
+#: Numba's way to the folder that NUMBA_CACHE_DIR names, the first of several.
+_Named: Any = _Numba._locator_classes[0]
+
+
+class _NamedFolder(_Named):
+    """The folder `pinfric` in NUMBA_CACHE_DIR, for clones at all paths; numba has one for each."""
+
+    def __init__(self, function: Callable[..., Any], file: str) -> None:
+        super().__init__(function, file)
+        self._cache_path = os.path.join(os.path.dirname(self.get_cache_path()), "pinfric")
+
+
+class _Place(_Numba):
+    _locator_classes = (_NamedFolder, *_Numba._locator_classes[1:])
+
+
 class _CheckedCache(FunctionCache):
     """Numba's cache with digests of its files: a damaged kernel is compiled again, never run.
 
@@ -276,15 +296,13 @@ class _CheckedCache(FunctionCache):
     that it calls, and of the constants in their modules, count as well.
     """
 
+    _impl_class = _Place
+
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
-        try:
-            place = self._cache_path, f"{self._impl.filename_base}.checked"
-        except AttributeError as problem:
-            raise PinfricError(
-                f"numba {numba.__version__}: {problem}; install an older one"
-            ) from None
-        self._cache_file = _CheckedFile(*place, _source_stamp(function))
+        name = f"{function.__module__}.{function.__qualname__}.{sys.implementation.cache_tag}"
+        stamp = numba.__version__, _source_stamp(function)
+        self._cache_file = _CheckedFile(self.cache_path, re.sub("[^.\\w]", "", name), stamp)
 
     def is_kept(self, sig: Any, target_context: Any) -> bool:
         """Whether machine code for arguments of these types is here."""
@@ -334,7 +352,24 @@ def _content(file: str, changed_at: int) -> bytes:
 
 
 class _CheckedFile(IndexDataCacheFile):
-    """An index and the files it names, each with a digest behind its pickle."""
+    """An index and the files it names, each with a digest behind its pickle.
+
+    Their names have the digest of the sources, so that clones with different ones share a folder.
+    """
+
+    def __init__(self, folder: str, name: str, stamp: tuple[Any, ...]) -> None:
+        super().__init__(folder, f"{name}.{_digest(repr(stamp).encode()).hex()}", None)
+        self._of_all_sources = f"{name}.{'[0-9a-f]' * 2 * _DIGEST_SIZE}.nbi"
+
+    def _save_index(self, overloads: Any) -> None:
+        """Save the index; of the others of this kernel those used last stay."""
+        super()._save_index(overloads)
+        with suppress(OSError):  # another process may remove the same
+            folder = Path(self._cache_path)
+            used = {index: index.stat().st_mtime for index in folder.glob(self._of_all_sources)}
+            for index in sorted(used, key=used.__getitem__)[:-_KEPT]:
+                for file in [index, *folder.glob(f"{index.stem}.*.nbc")]:
+                    file.unlink()
 
     def _dump(self, content: Any) -> bytes:
         body: bytes = super()._dump(content)
@@ -345,8 +380,9 @@ class _CheckedFile(IndexDataCacheFile):
         found = self._intact(self._index_path, len(version))
         if found is None:
             return {}
-        stamp, overloads = found
-        return dict(overloads) if stamp == self._source_stamp else {}
+        with suppress(OSError):  # of another user
+            os.utime(self._index_path)
+        return dict(found[1])
 
     def _load_data(self, name: str) -> Any:
         return self._intact(os.path.join(self._cache_path, name), 0)

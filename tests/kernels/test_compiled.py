@@ -15,7 +15,8 @@ from types import ModuleType
 import pytest
 
 from pinfric.errors import PinfricError, PinfricWarning
-from pinfric.kernels.compiled import _CheckedFile, call_compiled, check_numba
+from pinfric.kernels import compiled
+from pinfric.kernels.compiled import call_compiled, check_numba
 
 ROOT = Path(__file__).parents[2]
 KERNEL = """
@@ -90,7 +91,7 @@ def test_a_damaged_cache_is_said_and_compiled_anew(suffix, damage, tmp_path, mon
 
 
 def test_a_copy_with_its_cache_compiles_nothing(tmp_path, monkeypatch):
-    """As a second clone, an installation or a restored CI cache: other folder, other dates."""
+    """As an installation or a restored CI cache: other folder, other dates."""
     monkeypatch.setattr("numba.config.CACHE_DIR", "")  # beside the kernels, whatever the caller set
     first, second = tmp_path / "first", tmp_path / "second"
     first.mkdir()
@@ -100,6 +101,24 @@ def test_a_copy_with_its_cache_compiles_nothing(tmp_path, monkeypatch):
     assert run(second) == (42.0, 1, "")
     (second / "kernel_of_a_test.py").write_text(KERNEL.replace("2.0", "3.0"))
     assert run(second)[:2] == (63.0, 0)
+
+
+def test_clones_share_a_cache_and_their_versions_stay_beside_each_other(tmp_path, monkeypatch):
+    """In the folder of NUMBA_CACHE_DIR, which numba divides by the clones' paths."""
+    monkeypatch.setattr("numba.config.CACHE_DIR", str(tmp_path / "cache"))
+    kept, clones = compiled._KEPT, [tmp_path / str(number) for number in range(10)]
+    for clone in clones:
+        clone.mkdir()
+        (clone / "kernel_of_a_test.py").write_text(KERNEL)
+    assert [run(clone)[:2] for clone in clones[:3]] == [(42.0, 0), (42.0, 1), (42.0, 1)]
+    for factor, clone in enumerate(clones[1:], 3):
+        (clone / "kernel_of_a_test.py").write_text(KERNEL.replace("2.0 *", f"{factor}.0 *"))
+        assert run(clone)[:2] == (21.0 * factor, 0)
+        assert run(clones[0])[:2] == (42.0, 1)  # used all the time, and so it stays
+    for suffix in ("nbi", "nbc"):
+        assert len(list((tmp_path / "cache/pinfric").glob(f"*.{suffix}"))) == kept == 8
+    assert run(clones[3])[1] == 1
+    assert run(clones[2])[1] == 0  # of those used least recently
 
 
 @pytest.mark.parametrize(("decorator", "count"), [("njit", 4), ("kernel", 1)])
@@ -113,17 +132,17 @@ def test_constants_of_a_type_share_one_kernel(decorator, count, tmp_path, monkey
 
 
 def test_a_cache_that_names_a_class_gone_since_is_compiled_anew(tmp_path, monkeypatch):
-    """Types of kernels' arguments are pickled beside the sources' stamp, and read before it."""
+    """Types of arguments are pickled; the file of their class may be none of a kernel's sources."""
     module = ModuleType("of_an_older_version")
     module.Gone = type("Gone", (), {"__module__": module.__name__})
     monkeypatch.setitem(sys.modules, module.__name__, module)
-    before, now = (_CheckedFile(str(tmp_path), "kernel", stamp) for stamp in ("before", "now"))
-    before.save(module.Gone(), 42.0)
-    assert now.load("key") is None
+    file = compiled._CheckedFile(str(tmp_path), "kernel", ("sources",))
+    file.save(module.Gone(), 42.0)
+    assert file.load("key") is None
     del module.Gone
-    assert now.load("key") is None
-    now.save("key", 42.0)
-    assert now.load("key") == 42.0
+    assert file.load("key") is None
+    file.save("key", 42.0)
+    assert file.load("key") == 42.0
 
 
 def test_what_compiles_is_said_on_a_pipe_and_once(tmp_path):
