@@ -673,6 +673,8 @@ JOINT_LIMITS = [
 
 #: The table.
 LIMITS: list[Limit] = [*MOTOR_LIMITS, *GEAR_LIMITS, *BEARING_LIMITS, *JOINT_LIMITS]
+#: How many are not of `add_limit`.
+OWN_LIMITS = len(LIMITS)
 
 
 def check(candidate: Candidate, motor: MotorCycle | None, case: Case) -> tuple[Criterion, ...]:

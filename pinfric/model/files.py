@@ -8,7 +8,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from pinfric.errors import PinfricError
@@ -117,37 +117,6 @@ def _locked(path: Path, flags: int = os.O_RDWR | os.O_CREAT, wait: bool = False)
     try:
         yield held
     finally:
-        os.close(descriptor)
-
-
-@contextmanager
-def only_one(path: Path) -> Iterator[bool]:
-    """Hold a lock file for work that only one process may do at a time.
-
-    The kernel releases the lock however this process ends; the file is removed at the end.
-    Yields False if another process holds it. On a file system without locks it yields True.
-
-    Raises:
-        OSError: the file cannot be made.
-    """
-    while True:
-        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            os.close(descriptor)
-            yield False
-            return
-        except OSError:
-            break
-        with suppress(OSError):
-            if os.path.samestat(os.fstat(descriptor), os.stat(path)):
-                break
-        os.close(descriptor)  # its holder has removed it since we opened it
-    try:
-        yield True
-    finally:
-        path.unlink(missing_ok=True)
         os.close(descriptor)
 
 

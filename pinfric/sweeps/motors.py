@@ -1,7 +1,7 @@
 """The motors a sweep puts on trial: ratings from the sweep's file or from a catalogue, by name.
 
 A catalogue's drive, motor and gear, is held against the criteria of `size`, each sample where it is
-computed (`cycle.Judge`). A motor alone, or ratings given, are held against those rows of the same
+computed (`Trial.verdict`). A motor alone, or ratings given, are held against those rows of the same
 table whose need is a figure of the motor.
 """
 
@@ -16,15 +16,17 @@ import numpy as np
 
 from pinfric.drives.catalog import Catalog
 from pinfric.drives.catalog_file import load_catalog
-from pinfric.drives.criterion import Status
+from pinfric.drives.criterion import Status, least_margin
+from pinfric.drives.demand import drive_cycle, gear_demand
 from pinfric.drives.drivetrain import (
     Candidate,
     Ratings,
     find_drive,
     motor_alone,
+    motor_cycle,
     ratings_of,
 )
-from pinfric.drives.limit import Drives, drive, idle
+from pinfric.drives.limit import Case, Drives, drive, idle
 from pinfric.drives.limits import LIMITS, check
 from pinfric.drives.parts import check_names, own_parts
 from pinfric.drives.policy import BASE_AXES, Conditions
@@ -35,12 +37,12 @@ from pinfric.drives.robot import (
     with_masses,
     without_drives,
 )
+from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.errors import CatalogError, SizingError, SweepError, choose_from, problems_line
 from pinfric.model.drives import Drive
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Transmission
 from pinfric.motions.summary import effort_unit
-from pinfric.sweeps.cycle import Judge, JudgedTransmission
 from pinfric.sweeps.file import MotorOnTrial, SweepFile
 
 if TYPE_CHECKING:
@@ -48,6 +50,9 @@ if TYPE_CHECKING:
 
     from pinfric.sweeps.result import SweepResult
 
+#: What a sample says of a criterion.
+FAILS, MET, NOT_CHECKED = 0, 1, -1
+_CODES = {Status.FAILS: FAILS, Status.NOT_CHECKED: NOT_CHECKED}
 #: Signal of the table (`limit.SIGNALS`) -> the figure of a sweep that is its need.
 _NEEDS = {"motor torque": "motor_peak", "motor RMS torque": "motor_rms", "motor speed": "speed"}
 
@@ -72,10 +77,11 @@ class Trial:
     Attributes:
         drive: which drive it moves. actuator: its column.
         name: in the catalogue; empty where the sweep's file gives the ratings.
+        candidate: motor and gear, as rated. conditions: what is demanded.
+        hand: it moves one of the hand axes, beyond the third joint.
         continuous_torque, peak_torque: N m (N); None is not checked.
         max_speed: rad/s (m/s), or None.
         ratio: motor turns per joint turn, 1 for an ideal drive.
-        peak_factor: reserve on the peak torque.
         checks: the criteria of `size` it is held against; empty where only ratings are compared.
         mass: kg of a catalogue's drive; None where not known.
         bounds: name -> the rows that a motor by itself is held against.
@@ -84,14 +90,43 @@ class Trial:
     drive: str
     actuator: int
     name: str
+    candidate: Candidate
+    conditions: Conditions
+    hand: bool
     continuous_torque: float | None
     peak_torque: float | None
     max_speed: float | None
     ratio: float
-    peak_factor: float = 1.0
     checks: tuple[str, ...] = ()
     mass: float | None = None
     bounds: Mapping[str, Bound] = field(default_factory=dict)
+
+    def verdict(
+        self, result: InverseResult, holding: np.ndarray, inertias: np.ndarray | None
+    ) -> tuple[float, list[int]]:
+        """Return the least margin over one cycle, and MET, FAILS or NOT_CHECKED of `checks`.
+
+        NaN and NOT_CHECKED where there are instants without a solution.
+
+        Args:
+            result: of the cycle.
+            holding: (T,) the samples of the holds.
+            inertias: (na,) largest about each joint over the cycle, kg m^2 (kg); None: not known.
+        """
+        i, candidate = self.actuator, self.candidate
+        if not np.isfinite(result.effort_lower[:, i] + result.effort_upper[:, i]).all():
+            return np.nan, [NOT_CHECKED] * len(self.checks)
+        drive = result.scene.drives[i]
+        assert isinstance(drive, Drive)
+        if drive.transmission != candidate.transmission:  # the sample's losses
+            candidate = dataclasses.replace(candidate, transmission=drive.transmission)
+        cycle = drive_cycle(result, i, holding)
+        demand = gear_demand(result, i, cycle, carried=candidate.carried)
+        motor = motor_cycle(candidate, cycle, self.conditions)
+        inertia = None if inertias is None else float(inertias[i])
+        found = check(candidate, motor, Case(demand, cycle, inertia, self.hand, self.conditions))
+        codes = {c.name: _CODES.get(c.status, MET) for c in found}
+        return least_margin(found), [codes[name] for name in self.checks]
 
     def passes(self, result: SweepResult) -> dict[str, np.ndarray]:
         """Return for each row of `bounds` which samples are within it, (n,); NaN is not.
@@ -152,36 +187,31 @@ def motors_on_trial(scene: Scene, sweep: SweepFile, source: str) -> tuple[Scene,
             update={key: getattr(given, key) for key in given.model_fields_set}
         )
     problems, trials = [], []
-    judges: dict[int, Judge] = {}
     try:
         check_names(scene, conditions)
     except CatalogError as problem:
         problems.append(str(problem))
     for name, entry in sweep.motors.items():
         try:
-            trials.append(_trial(scene, catalog, conditions, name, entry, judges))
+            trials.append(_trial(scene, catalog, conditions, name, entry))
         except SweepError as problem:
             problems.append(f"`motors.{name}`: {problem}")
     if problems:
         raise SweepError(problems_line(source, problems))
-    if judges:
-        scene = _equipped(scene, judges, conditions, source)
-    return scene, tuple(trials)
+    return _equipped(scene, trials, conditions, source), tuple(trials)
 
 
-def _equipped(
-    scene: Scene, judges: Mapping[int, Judge], conditions: Conditions, source: str
-) -> Scene:
+def _equipped(scene: Scene, trials: list[Trial], conditions: Conditions, source: str) -> Scene:
     """The scene with the drives' masses, as `size` puts them there, and their transmissions."""
+    judged = [trial for trial in trials if trial.checks]
+    if not judged:
+        return scene
     # a drive whose mass is not known changes nothing: what the URDF has may be as good
-    masses = {i: judge.candidate.mass for i, judge in judges.items()}
+    masses = {trial.actuator: trial.mass for trial in judged}
     gears: dict[str, Transmission] = {}
-    for i, judge in judges.items():
-        transmission = judge.candidate.transmission
-        assert transmission is not None  # `_trial` refuses it
-        gears[scene.drives[i].name] = JudgedTransmission.model_construct(
-            **dict(transmission), judge=judge
-        )
+    for trial in judged:
+        assert trial.candidate.transmission is not None  # `_rated` refuses it
+        gears[trial.drive] = trial.candidate.transmission
     try:
         bare = without_drives(scene, gears)
         heavier = with_masses(bare, added_masses(bare, conditions, masses))
@@ -196,7 +226,6 @@ def _trial(
     conditions: Conditions,
     name: str,
     entry: MotorOnTrial,
-    judges: dict[int, Judge],
 ) -> Trial:
     if name not in scene.actuator_names:
         raise SweepError(f"there is no such drive; {choose_from(name, scene.actuator_names)}")
@@ -213,21 +242,19 @@ def _trial(
     ratings = dataclasses.replace(candidate.ratings, **own)
     judged = drive(dataclasses.replace(candidate, ratings=ratings), None, idle(conditions, hand))
     bounds = _bounds(judged, scale)
-    checks: tuple[str, ...] = ()
     transmission = candidate.transmission or getattr(scene.drives[actuator], "transmission", None)
-    if entry.drive is not None:
-        checks = _required(judged)
-        judges[actuator] = Judge(judged.candidate, conditions, hand, checks)
-    elif all(bound.available is None for bound in bounds.values()):
+    if entry.drive is None and all(bound.available is None for bound in bounds.values()):
         raise SweepError(f"{entry.motor}: the catalogue has no figure to check")
     return Trial(
         name,
         actuator,
         entry.drive or entry.motor or "",
+        judged.candidate,
+        conditions,
+        hand,
         **{k: _times(getattr(ratings, k), factor) for k, factor in per_shaft.items()},
         ratio=1.0 if transmission is None else transmission.ratio,
-        peak_factor=conditions.peak_factor,
-        checks=checks,
+        checks=() if entry.drive is None else _required(judged),
         mass=candidate.mass if entry.drive is not None else None,
         bounds=bounds,
     )
@@ -247,11 +274,14 @@ def _rated(
         if not isinstance(drive, Drive) or not depth(scene, actuator):
             raise SweepError("cannot have a motor with a gear; give the ratings, or `motor`")
         linear = effort_unit(scene, actuator) == "N"
-        parts = own_parts(catalog, conditions, drive.name, linear)
-        candidate = _candidate(catalog, entry.drive, linear, parts)
-        if candidate.transmission is None:
-            raise SweepError(f"{entry.drive}: not known: {', '.join(candidate.missing)}")
-        return candidate
+        parts: dict[str, Any] = own_parts(catalog, conditions, drive.name, linear)
+        found = find_drive(catalog, entry.drive, linear)
+        if isinstance(found, list):
+            hint = choose_from(entry.drive, found)
+            raise SweepError(f"the catalogue has no drive {entry.drive!r}; {hint}")
+        if found.transmission is None:
+            raise SweepError(f"{entry.drive}: not known: {', '.join(found.missing)}")
+        return dataclasses.replace(found, **parts)
     if entry.motor is None:
         return motor_alone(drive.name, Ratings())
     assert catalog is not None
@@ -273,13 +303,10 @@ def _bounds(judged: Drives, scale: float) -> dict[str, Bound]:
     for limit in LIMITS:
         if isinstance(limit.need, str) and limit.need in _NEEDS and limit.applies(judged):
             factor = scale if limit.need == "motor speed" else 1 / scale
-            available = _times(_known(float(limit.available(judged))), factor)
+            there = factor * float(limit.available(judged))
+            available = None if np.isnan(there) else there
             bounds[limit.name] = Bound(limit.need, available, limit.factor(judged.conditions))
     return bounds
-
-
-def _known(figure: float) -> float | None:
-    return None if np.isnan(figure) else figure
 
 
 def _times(figure: float | None, factor: float) -> float | None:
@@ -290,10 +317,3 @@ def _required(judged: Drives) -> tuple[str, ...]:
     """The names of the criteria that are required of a drive, found on one that does nothing."""
     found = check(judged.candidate, None, judged.case)
     return tuple(c.name for c in found if c.status != Status.NOT_REQUIRED)
-
-
-def _candidate(catalog: Catalog, name: str, linear: bool, parts: Mapping[str, Any]) -> Candidate:
-    found = find_drive(catalog, name, linear)
-    if isinstance(found, list):
-        raise SweepError(f"the catalogue has no drive {name!r}; {choose_from(name, found)}")
-    return dataclasses.replace(found, **parts)

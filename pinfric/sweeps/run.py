@@ -9,8 +9,7 @@ influential parameters.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import nullcontext
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -18,17 +17,16 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pinfric import __version__
 from pinfric.errors import PinfricWarning, SweepError
 from pinfric.model.scene import Scene, expect_scene
 from pinfric.motions.summary import effort_unit, motor_unit
 from pinfric.motions.trajectory import Trajectory
-from pinfric.sweeps.cycle import ELASTIC_FIGURES, FIGURES, NOT_CHECKED, Block, Study, compute
+from pinfric.sweeps.cycle import FIGURES, Study, compute
 from pinfric.sweeps.file import SweepFile, load_sweep
-from pinfric.sweeps.motors import Trial, motors_on_trial
+from pinfric.sweeps.motors import motors_on_trial
 from pinfric.sweeps.parameters import draw, resolve
 from pinfric.sweeps.result import SweepResult
-from pinfric.sweeps.store import Store, booleans, identity
+from pinfric.sweeps.store import Store, identity
 from pinfric.sweeps.workers import (
     check_scheduler,
     compute_here,
@@ -73,8 +71,7 @@ def sweep(
 
     Raises:
         SweepError: the sweep has an unknown name or an impossible value, the folder holds
-            another sweep or one is writing into it, the scheduler cannot be reached, or no sample
-            could be computed.
+            another sweep, the scheduler cannot be reached, or no sample could be computed.
 
     Warns:
         PinfricWarning: samples without a solution; speeds beyond the robot's limits.
@@ -92,18 +89,45 @@ def sweep(
     entries, source = load_sweep(sweep)
     targets = resolve(scene, entries, source)
     equipped, trials = motors_on_trial(scene, entries, source)
-    study = Study(equipped, trajectory, targets)
+    study = Study(equipped, trajectory, targets, trials)
     values = draw(targets, entries)
-    store = _store(study, values, out)
-    with store.held() if store else nullcontext():
-        run = _Run(study, values, store, progress)
-        used = run.compute(processes, scheduler)
-    if all(run.problems):
-        raise SweepError(f"{source}: no sample could be computed; the first: {run.problems[0]}")
-    result = _result(scene, run, entries, source, trials, used)
-    for note in result.notes:
+    store = None if out is None else Store(Path(out), identity(study, values))
+    samples, used, resumed = _samples(study, values, store, progress, processes, scheduler)
+    problems = tuple(samples["problem"])
+    if all(problems):
+        raise SweepError(f"{source}: no sample could be computed; the first: {problems[0]}")
+    names = scene.actuator_names
+    columns = [f"{drive}.{figure}" for drive in names for figure in FIGURES]
+    figures = samples[columns].to_numpy(dtype=float).reshape(len(values), len(names), -1)
+    notes = _notes(study, values, figures, problems)
+    for note in notes:
         warnings.warn(note, PinfricWarning, stacklevel=2)
-    return result
+    return SweepResult(
+        scene=scene.source,
+        trajectory=trajectory.source,
+        sweep=source,
+        sampling=entries.sampling,
+        seed=entries.seed,
+        parameter_names=tuple(t.name for t in targets),
+        actuator_names=names,
+        units=tuple(effort_unit(scene, i) for i in range(len(names))),
+        motor_units=tuple(motor_unit(equipped, i) for i in range(len(names))),
+        values=values,
+        figures=figures,
+        verdicts=pd.DataFrame(
+            {key: samples[".".join(key)].astype("boolean") for key in study.criteria},
+            index=range(len(values)),
+            dtype="boolean",
+        ),
+        unsolved=samples["unsolved"].to_numpy(),
+        problems=problems,
+        trials=trials,
+        percentiles=entries.percentiles,
+        processes=used,
+        resumed=resumed,
+        notes=notes,
+        elastic=samples[list(study.elastic)].to_numpy(dtype=float),
+    )
 
 
 def _check_given(scene: Scene, processes: int | None, scheduler: str | None) -> None:
@@ -116,130 +140,54 @@ def _check_given(scene: Scene, processes: int | None, scheduler: str | None) -> 
         check_scheduler(scheduler)
 
 
-class _Run:
-    """The samples' figures, as they fill up."""
+def _samples(
+    study: Study,
+    values: np.ndarray,
+    store: Store | None,
+    progress: Callable[[int, int], object] | None,
+    processes: int | None,
+    scheduler: str | None,
+) -> tuple[pd.DataFrame, int, int]:
+    """All samples as `compute` has them, in order; how many processes computed; what was there.
 
-    def __init__(
-        self,
-        study: Study,
-        values: np.ndarray,
-        store: Store | None,
-        progress: Callable[[int, int], object] | None,
-    ) -> None:
-        n, na = len(values), len(study.scene.drives)
-        self.study, self.values, self.store = study, values, store
-        self.progress = progress or (lambda done, total: None)
-        self.figures = np.full((n, na, len(FIGURES)), np.nan)
-        self.verdicts = np.full((n, len(study.criteria)), NOT_CHECKED, dtype=np.int8)
-        self.unsolved, self.problems = np.zeros(n, dtype=np.int64), [""] * n
-        self.elastic = np.full((n, len(ELASTIC_FIGURES) * study.elastic), np.nan)
-        self.done = np.zeros(n, dtype=bool)
-        for block in store.read() if store else ():
-            self._take(block)
-        self.resumed = int(self.done.sum())
-
-    def compute(self, processes: int | None, scheduler: str | None) -> int:
-        """Compute what is missing; returns how many processes did (0: a cluster, or none)."""
-        used = 0
-        missing = np.flatnonzero(~self.done)
-        self.progress(self.resumed, len(self.values))
-        if missing.size:
-            seconds = self._try_one(missing[0])
-            if scheduler is None:
-                used = processes or _worthwhile(seconds * missing.size)
-            parts = _batches(missing, seconds, used or _OF_A_CLUSTER)
-            given = self.study, parts, self.values
-            if scheduler is not None:
-                blocks = compute_on_cluster(*given, scheduler)
-            elif used == 1:
-                blocks = compute_here(*given)
-            else:
-                blocks = compute_on_processes(*given, used)
-            for block in blocks:
-                if self.store is not None:
-                    self.store.write(block, self.values[block.rows])
-                self._take(block)
-                self.progress(int(self.done.sum()), len(self.values))
-        if self.store is not None and (missing.size or not self.store.complete):
-            everything = Block(
-                np.arange(len(self.values)),
-                self.figures,
-                self.verdicts,
-                self.unsolved,
-                tuple(self.problems),
-                self.elastic,
-            )
-            self.store.finish(everything, self.values)
-        return used
-
-    def _take(self, block: Block) -> None:
-        self.figures[block.rows], self.unsolved[block.rows] = block.figures, block.unsolved
-        self.verdicts[block.rows], self.elastic[block.rows] = block.verdicts, block.elastic
-        self.done[block.rows] = True
-        for row, problem in zip(block.rows, block.problems, strict=True):
-            self.problems[row] = problem
-
-    def _try_one(self, row: int) -> float:
-        """Compute one sample twice (kernels are loaded by the first) and return its time in s."""
-        rows = np.array([row])
-        for _ in range(2):
-            start = perf_counter()
-            compute(self.study, rows, self.values[rows])
-        return perf_counter() - start
+    0 processes: a cluster, or nothing was missing.
+    """
+    found = store.read() if store else []
+    n, used = len(values), 0
+    done = resumed = len({row for part in found for row in part["sample"]})
+    missing = np.setdiff1d(np.arange(n), np.concatenate([[], *(part["sample"] for part in found)]))
+    tell = progress or (lambda done, total: None)
+    tell(done, n)
+    if missing.size:
+        seconds = _try_one(study, missing[:1], values)
+        if scheduler is None:
+            used = processes or _worthwhile(seconds * missing.size)
+        given = study, _batches(missing, seconds, used or _OF_A_CLUSTER), values
+        if scheduler is not None:
+            batches = compute_on_cluster(*given, scheduler)
+        elif used == 1:
+            batches = compute_here(*given)
+        else:
+            batches = compute_on_processes(*given, used)
+        for batch in batches:
+            if store is not None:
+                store.write(batch)
+            found.append(batch)
+            done += len(batch)
+            tell(done, n)
+    whole = pd.concat(found, ignore_index=True).drop_duplicates("sample")
+    whole = whole.sort_values("sample", ignore_index=True)
+    if store is not None:
+        store.finish(whole)
+    return whole, used, resumed
 
 
-def _result(
-    scene: Scene,
-    run: _Run,
-    entries: SweepFile,
-    source: str,
-    trials: tuple[Trial, ...],
-    used: int,
-) -> SweepResult:
-    """The result of a finished run; its study's scene has the drives that are checked."""
-    study = run.study
-    equipped = study.scene
-    return SweepResult(
-        scene=scene.source,
-        trajectory=study.trajectory.source,
-        sweep=source,
-        sampling=entries.sampling,
-        seed=entries.seed,
-        parameter_names=tuple(t.name for t in study.targets),
-        actuator_names=scene.actuator_names,
-        units=tuple(effort_unit(scene, i) for i in range(len(scene.drives))),
-        motor_units=tuple(motor_unit(equipped, i) for i in range(len(scene.drives))),
-        values=run.values,
-        figures=run.figures,
-        verdicts=_frame(study, run.verdicts),
-        unsolved=run.unsolved,
-        problems=tuple(run.problems),
-        trials=trials,
-        percentiles=entries.percentiles,
-        processes=used,
-        resumed=run.resumed,
-        notes=_notes(run),
-        elastic=run.elastic,
-    )
-
-
-def _store(study: Study, values: np.ndarray, out: str | Path | None) -> Store | None:
-    if out is None:
-        return None
-    return Store(
-        Path(out),
-        identity(study, values, __version__),
-        tuple(target.name for target in study.targets),
-        study.scene.actuator_names,
-        study.criteria,
-    )
-
-
-def _frame(study: Study, verdicts: np.ndarray) -> pd.DataFrame:
-    """(n, number of criteria) of True, False and NA, columns (drive, criterion)."""
-    names = [(study.scene.actuator_names[i], name) for i, name in study.criteria]
-    columns = {name: booleans(verdicts[:, k]) for k, name in enumerate(names)}
-    return pd.DataFrame(columns, index=range(len(verdicts)), dtype="boolean")
+def _try_one(study: Study, row: np.ndarray, values: np.ndarray) -> float:
+    """Compute one sample twice (kernels are loaded by the first) and return its time in s."""
+    for _ in range(2):
+        start = perf_counter()
+        compute(study, row, values[row])
+    return perf_counter() - start
 
 
 def _worthwhile(seconds: float) -> int:
@@ -258,23 +206,25 @@ def _batches(missing: np.ndarray, seconds: float, processes: int) -> Iterator[np
     return (missing[start : start + size] for start in range(0, len(missing), size))
 
 
-def _notes(run: _Run) -> tuple[str, ...]:
-    scene, trajectory = run.study.scene, run.study.trajectory
+def _notes(
+    study: Study, values: np.ndarray, figures: np.ndarray, problems: Sequence[str]
+) -> tuple[str, ...]:
+    scene, trajectory = study.scene, study.trajectory
     notes = []
-    failed = ~np.isfinite(run.figures).all(axis=(1, 2))
+    failed = ~np.isfinite(figures).all(axis=(1, 2))
     if failed.any():
-        first = next((text for text in run.problems if text), "")
+        first = next((text for text in problems if text), "")
         why = f"; the first error: {first}" if first else ""
         notes.append(
             f"{failed.sum()} of {len(failed)} samples have no solution: they are left out of "
             f"percentiles and correlations, and count as samples in which no motor suffices{why}"
         )
-    speeds = np.array([t.section == "speed" for t in run.study.targets])
+    speeds = np.array([t.section == "speed" for t in study.targets])
     if speeds.any():
         limit = np.asarray(scene.model.velocityLimit)
         fastest = np.abs(trajectory.v).max(axis=0)
         ratio = float((fastest / np.where(limit > 0, limit, np.inf)).max())
-        beyond = run.values[:, speeds].prod(axis=1) * ratio > 1 + 1e-9
+        beyond = values[:, speeds].prod(axis=1) * ratio > 1 + 1e-9
         if beyond.any():
             notes.append(
                 f"in {beyond.sum()} of {len(beyond)} samples a joint is faster than the "

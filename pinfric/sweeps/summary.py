@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
 
 import numpy as np
 
@@ -159,12 +158,12 @@ def _spreads(result: SweepResult, figure: str) -> list[Spread]:
 
 
 def _on_trial(result: SweepResult, trial: Trial) -> MotorOnTrial:
-    own = asdict(trial)
-    own.pop("bounds")
+    same = ("drive", "actuator", "name", "continuous_torque", "peak_torque", "max_speed", "ratio")
     return MotorOnTrial(
-        criteria_of_size=bool(own.pop("checks")),
+        **{name: getattr(trial, name) for name in (*same, "mass")},
+        peak_factor=trial.conditions.peak_factor,
+        criteria_of_size=bool(trial.checks),
         suffices=result.probability(result.sufficing(trial)),
         criteria={name: result.probability(mask) for name, mask in trial.met(result).items()},
         not_checked=trial.not_checked(result),
-        **own,
     )

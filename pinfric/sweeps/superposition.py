@@ -12,10 +12,10 @@ Friction factors and motor-side losses multiply numbers of the laws and of the g
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from itertools import combinations, pairwise, product
+from itertools import combinations, product
 from typing import NamedTuple
 
 import numpy as np
@@ -27,27 +27,38 @@ from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.inverse.superposed import Basis, Cycle, Path, Varied, write_figures
 from pinfric.dynamics.samples.motor_torques import scene_gears
 from pinfric.dynamics.samples.states import States, attached_columns
-from pinfric.errors import PinfricError
+from pinfric.model.drives import Gears
+from pinfric.model.friction_terms import CONSTANT, FrictionTerm, Stribeck
+from pinfric.model.laws import Laws, friction_law, law_table
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION
 from pinfric.model.scene import Scene
+from pinfric.model.schema import Friction
 from pinfric.model.transmission import MakersEfficiency
 from pinfric.motions.trajectory import Trajectory
 from pinfric.sweeps.parameters import ELASTIC, SET, Target, apply, mounted_gravity
-from pinfric.sweeps.tables import gears_of_samples, laws_of_samples, proportional
 
 #: Between the places of a payload's centre of mass (m).
 _STEP = 0.1
 #: Numbers stored, at most: 160 MB.
 _MOST = 2e7
+#: Which components of a `Strength` a factor acts on, by the direction it names.
+_WAYS = {"": slice(0, 3), "positive": slice(1, 2), "negative": slice(2, 3)}
 #: Efforts whose squares are numbers; others are the general path's.
 _LEAST_EFFORT, _LARGEST_EFFORT = 1e-150, 1e150
 
 
-class Solved(NamedTuple):
-    """One sample's cycle, and (na,) the largest inertia about each joint in it, kg m^2 (kg)."""
+class Stored(NamedTuple):
+    """One sample's cycle.
 
-    result: InverseResult
-    inertias: np.ndarray
+    Attributes:
+        demands: (na, 5) what it takes of each drive (`superposed.write_figures`).
+        result: None unless it was asked for.
+        inertias: (na,) the largest about each joint, kg m^2 (kg).
+    """
+
+    demands: np.ndarray
+    result: InverseResult | None = None
+    inertias: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -85,20 +96,18 @@ class Superposition:
         basis = _basis(scene, states, bodies, causes)
         return cls(scene, trajectory, targets, bodies, basis, _path(scene, states))
 
-    def figures(
-        self, values: np.ndarray, each: Callable[[int, Solved], None] | None = None
-    ) -> np.ndarray:
-        """Return (n, na, 5) what each cycle takes of each drive (`superposed.write_figures`).
+    def cycles(self, values: np.ndarray, whole: bool) -> Iterator[Stored | None]:
+        """Yield the efforts of each sample from the stored parts, reduced by `write_figures`.
 
-        NaN where the general path has to say what is wrong with a cycle.
+        None where the general path has to say what is wrong with a cycle.
 
         Args:
             values: (n, number of targets).
-            each: called with each sample's number and its cycle, which the next one overwrites.
+            whole: with the result that the criteria of `size` ask for; the next one overwrites it.
         """
         n = len(values)
         found = np.empty((n, len(self.scene.drives), 5))
-        now = Cycle.of(self.path, whole=each is not None)  # a thread's own
+        now = Cycle.of(self.path, whole=whole)  # a thread's own
         speed, bodies, causes = self._coefficients(values)
         varied = Varied(
             (bodies[:, :, None] * causes[:, None, :]).reshape(n, -1),
@@ -107,20 +116,20 @@ class Superposition:
             gears_of_samples(self.scene, self.targets, values),
         )
         movable = self._can_move(speed)
-        for start, stop in [(0, n)] if each is None else pairwise(range(n + 1)):
-            with np.errstate(all="ignore"):
-                write_figures(*self.basis, self.path, varied, now, found, start, stop)
-            size = found[start:stop, :, :4]
+        for i in range(n):
+            if whole or i == 0:
+                with np.errstate(all="ignore"):
+                    end = i + 1 if whole else n
+                    write_figures(*self.basis, self.path, varied, now, found, i, end)
+            size = found[i, :, :4]
             fine = (size == 0.0) | ((size > _LEAST_EFFORT) & (size < _LARGEST_EFFORT))
-            plain = fine.all(axis=(1, 2)) & movable[start:stop]
-            found[start:stop][~plain] = np.nan
-            if each is not None and plain.all():
-                try:
-                    inertias = np.tensordot(bodies[start], self._inertias, 1).max(axis=0)
-                    each(start, Solved(self._result(now, values[start], speed[start]), inertias))
-                except PinfricError:
-                    found[start] = np.nan
-        return found
+            if not (movable[i] and fine.all()):
+                yield None
+            elif not whole:
+                yield Stored(found[i])
+            else:
+                inertias = np.tensordot(bodies[i], self._inertias, 1).max(axis=0)
+                yield Stored(found[i], self._result(now, values[i], speed[i]), inertias)
 
     def _result(self, now: Cycle, sample: np.ndarray, speed: float) -> InverseResult:
         """The result of the cycle in the buffers, as far as the criteria of `size` ask for it."""
@@ -354,3 +363,97 @@ def _weights(t: np.ndarray) -> np.ndarray:
         return np.ones(1)
     steps = np.diff(t, prepend=t[0], append=t[-1])
     return np.asarray((steps[:-1] + steps[1:]) / (2 * (t[-1] - t[0])))
+
+
+def laws_of_samples(scene: Scene, targets: Sequence[Target], values: np.ndarray) -> Laws:
+    """Return `law_table` of each sample: strengths (n, ...), n = 1 where friction does not vary.
+
+    Every term is a sum of strengths, and a factor on it multiplies them.
+
+    Args:
+        scene: before the values are put in.
+        targets, values: (n, number of targets).
+    """
+    terms = [(site, key) for site in scene.sites for key in _keys(site.friction)]
+    table = law_table(
+        [friction_law(_only(site.friction, key), site.law.stick_velocity) for site, key in terms]
+    )
+    varied = [j for j, target in enumerate(targets) if target.section == "friction"]
+    factor = np.ones((len(values) if varied else 1, len(terms), 3))
+    for j in varied:
+        key, _, way = targets[j].key.partition(".")
+        for i, (site, of) in enumerate(terms):
+            if site.name in targets[j].names and of == key:
+                factor[:, i, _WAYS[way]] *= values[:, j, None]
+    counts = [len(_keys(site.friction)) for site in scene.sites]
+    first = np.cumsum([0, *counts], dtype=np.int64)[:-1]
+    last = first + np.array(counts, dtype=np.int64) - 1
+    of_row = np.repeat(np.arange(len(terms)), table.row_end - table.row_start)
+
+    def summed(strength: np.ndarray) -> np.ndarray:
+        return np.add.reduceat(strength, first, axis=1) if len(first) else strength
+
+    mu, forces = factor[:, :, 0], factor[:, :, 1:]
+    found = table._replace(
+        mu_static=summed(mu * table.mu_static),
+        mu_kinetic=summed(mu * table.mu_kinetic),
+        coulomb_static=summed(forces * table.coulomb_static),
+        coulomb_kinetic=summed(forces * table.coulomb_kinetic),
+        viscous=summed(forces[:, :, 0] * table.viscous),
+        stick_velocity=table.stick_velocity[first],
+        row_start=table.row_start[first],
+        row_end=table.row_end[last],
+        mu=mu[:, of_row] * table.mu,
+        coulomb=forces[:, of_row] * table.coulomb,
+    )
+    return Laws(*map(np.ascontiguousarray, found))  # another layout is another kernel
+
+
+def gears_of_samples(scene: Scene, targets: Sequence[Target], values: np.ndarray) -> Gears:
+    """Return `gear_table` of each sample: what varies (n, ...), n = 1 where no gear does.
+
+    Args: as `laws_of_samples`.
+    """
+    gears = scene_gears(scene)
+    varied = [j for j, target in enumerate(targets) if target.section == "transmission"]
+    factor = {
+        name: np.ones((len(values) if varied else 1, *getattr(gears, name).shape))
+        for name in ("no_load", "viscous", "rotor_inertia")
+    }
+    for j in varied:
+        key, _, way = targets[j].key.partition(".")
+        name = {"no_load_torque": "no_load", "motor_viscous": "viscous"}.get(key, key)
+        for d, drive in enumerate(scene.drives):
+            if drive.name in targets[j].names:
+                one = factor[name][:, d]
+                if way:  # the motor's: a ratio below 0 turns it round
+                    one = one[:, int((way == "positive") != (gears.ratio[d] > 0))]
+                one *= values[:, j].reshape(-1, *[1] * (one.ndim - 1))
+    return gears._replace(
+        no_load=factor["no_load"] * gears.no_load,
+        no_load_static=factor["no_load"] * gears.no_load_static,
+        viscous=factor["viscous"] * gears.viscous,
+        rotor_inertia=factor["rotor_inertia"] * gears.rotor_inertia,
+    )
+
+
+def proportional(term: FrictionTerm) -> bool:
+    """Whether a factor on a term multiplies its strengths and nothing else: its class decides."""
+    stribeck = Stribeck(velocity=1.0)
+    once, twice = (
+        ((CONSTANT, one.at_rest()), *one.rows(stribeck)) for one in (term, term.scaled(2.0))
+    )
+    return twice == tuple((shape, tuple(2.0 * x for x in strength)) for shape, strength in once)
+
+
+def _keys(friction: Friction) -> list[str]:
+    """The keys of a site's terms; one that has none keeps a row of zeros."""
+    return list(friction.named_terms) or [""]
+
+
+def _only(friction: Friction, key: str) -> Friction:
+    """The entry with one of its terms."""
+    others = {
+        name: None for name, term in friction if isinstance(term, FrictionTerm) and name != key
+    }
+    return friction.model_copy(update=others)

@@ -23,10 +23,12 @@ from time import perf_counter, sleep
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from pinfric import __version__
+from pinfric.drives.limits import LIMITS, OWN_LIMITS
 from pinfric.errors import PinfricError, PinfricWarning, SweepError
-from pinfric.sweeps.cycle import Block, Study, compute
+from pinfric.sweeps.cycle import Study, compute
 
 #: Connecting takes milliseconds; an address that does not answer is said within 10 s.
 _CONNECT_TIMEOUT = 4
@@ -48,7 +50,7 @@ Packed = tuple[str, bytes]
 
 def compute_here(
     study: Study, batches: Iterable[np.ndarray], values: np.ndarray
-) -> Iterator[Block]:
+) -> Iterator[pd.DataFrame]:
     """Yield the batches' figures, computed in this process.
 
     Args:
@@ -62,7 +64,7 @@ def compute_here(
 
 def compute_on_processes(
     study: Study, batches: Iterable[np.ndarray], values: np.ndarray, processes: int
-) -> Iterator[Block]:
+) -> Iterator[pd.DataFrame]:
     """Yield the batches' figures as they complete, in any order, from processes of this machine.
 
     A process that is killed takes the others' unfinished batches with it: they start again.
@@ -79,7 +81,7 @@ def compute_on_processes(
     for _ in range(_STARTS):
         try:
             for block in _finished(packed, list(unfinished.values()), values, processes):
-                del unfinished[int(block.rows[0])]
+                del unfinished[int(block["sample"].iloc[0])]
                 yield block
             return
         except BrokenProcessPool:
@@ -92,7 +94,7 @@ def compute_on_processes(
 
 def compute_on_cluster(
     study: Study, batches: Iterable[np.ndarray], values: np.ndarray, scheduler: str
-) -> Iterator[Block]:
+) -> Iterator[pd.DataFrame]:
     """Yield the batches' figures as they complete, in any order, from the workers of a cluster.
 
     Args:
@@ -150,7 +152,7 @@ def _same(packed: Packed) -> Packed:
 
 def _finished(
     packed: Packed, batches: Iterable[np.ndarray], values: np.ndarray, processes: int
-) -> Iterator[Block]:
+) -> Iterator[pd.DataFrame]:
     from joblib import Parallel, delayed
 
     one = delayed(_compute_on_worker)
@@ -217,10 +219,13 @@ def _interrupts_ignored() -> Iterator[None]:
 
 
 def _packed(study: Study) -> Packed:
-    return __version__, pickle.dumps(study)
+    """The study, with classes and functions of a notebook or script, and rows of `add_limit`."""
+    import cloudpickle
+
+    return __version__, cloudpickle.dumps((study, LIMITS[OWN_LIMITS:]))
 
 
-def _compute_on_worker(packed: Packed, rows: np.ndarray, values: np.ndarray) -> Block:
+def _compute_on_worker(packed: Packed, rows: np.ndarray, values: np.ndarray) -> pd.DataFrame:
     """Return the figures of some samples (`cycle.compute`)."""
     version, study = packed
     if version != __version__:
@@ -231,7 +236,8 @@ def _compute_on_worker(packed: Packed, rows: np.ndarray, values: np.ndarray) -> 
 
 @lru_cache(maxsize=1)
 def _unpacked(packed: bytes) -> Study:
-    study: Study = pickle.loads(packed)
+    study: Study
+    study, LIMITS[OWN_LIMITS:] = pickle.loads(packed)
     return study
 
 

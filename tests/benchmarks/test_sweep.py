@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import pinfric as pf
-from pinfric.sweeps.cycle import Study, compute, cycle_figures
+from pinfric.sweeps.cycle import FIGURES, Study, compute, cycle_figures
 from pinfric.sweeps.file import load_sweep
 from pinfric.sweeps.motors import motors_on_trial
 from pinfric.sweeps.parameters import draw, resolve
@@ -56,14 +56,16 @@ def test_sums_of_cycles_are_faster_than_inverse_dynamics(panda, drives, faster):
     on_trial = {name: {"drive": DRIVE} for name in scene.actuator_names[:drives]}
     entries, source = load_sweep({**SWEEP, "samples": 400, "motors": on_trial})
     targets = resolve(scene, entries, source)
-    equipped, _ = motors_on_trial(scene, entries, source)
-    study, values = Study(equipped, motion, targets), draw(targets, entries)
+    equipped, trials = motors_on_trial(scene, entries, source)
+    study, values = Study(equipped, motion, targets, trials), draw(targets, entries)
 
     def general():
         return np.array([cycle_figures(study, sample)[0] for sample in values[:10]])
 
     def sums():
-        return compute(study, np.arange(400), values).figures
+        table = compute(study, np.arange(400), values)
+        names = [f"{drive}.{name}" for drive in scene.actuator_names for name in FIGURES]
+        return table[names].to_numpy().reshape(400, -1, len(FIGURES))
 
     seconds = measure.median_seconds({"general": general, "sums": sums}, rounds=5)
     each, summed = seconds["general"] / 10, seconds["sums"] / 400

@@ -22,7 +22,7 @@ from pinfric.drives.catalog_file import load_catalog
 from pinfric.errors import SweepError
 from pinfric.model.described import in_json
 from pinfric.motions.summary import summarize
-from pinfric.sweeps.cycle import Study, compute
+from pinfric.sweeps.cycle import FIGURES, Study, compute
 from pinfric.sweeps.file import load_sweep
 from pinfric.sweeps.motors import motors_on_trial
 from pinfric.sweeps.parameters import resolve
@@ -303,10 +303,11 @@ def test_verdicts_are_stored_and_travel(tmp_path):
     )
     found = pf.sweep(scene, motion, sweep, processes=1)
     entries, source = load_sweep(sweep)
-    equipped, _ = motors_on_trial(scene, entries, source)
-    study = pickle.loads(pickle.dumps(Study(equipped, motion, resolve(scene, entries, source))))
-    block = compute(study, np.arange(6), found.values)
-    np.testing.assert_array_equal(block.figures, found.figures)
+    equipped, trials = motors_on_trial(scene, entries, source)
+    study = Study(equipped, motion, resolve(scene, entries, source), trials)
+    block = compute(pickle.loads(pickle.dumps(study)), np.arange(6), found.values)
+    for name in FIGURES:
+        np.testing.assert_array_equal(block[f"table.{name}"], found.figure(name)[:, 0])
     pytest.importorskip("pyarrow")
     stored = pf.sweep(scene, motion, sweep, processes=1, out=tmp_path / "out")
     resumed = pf.sweep(scene, motion, sweep, processes=1, out=tmp_path / "out")
@@ -314,7 +315,7 @@ def test_verdicts_are_stored_and_travel(tmp_path):
     np.testing.assert_array_equal(resumed.figures, found.figures)
     np.testing.assert_array_equal(resumed.sufficing(), stored.sufficing())
     assert 0 < stored.sufficing().sum() < 6
-    with pytest.raises(SweepError, match=r"another sweep \(different: scene\)"):
+    with pytest.raises(SweepError, match=r"another sweep \(different: sweep\)"):
         pf.sweep(
             scene, motion, {**sweep, "conditions": {"life": 1.0}}, processes=1, out=tmp_path / "out"
         )

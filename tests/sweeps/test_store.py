@@ -1,27 +1,20 @@
-"""A sweep's folder: damaged samples are refused, and only one sweep at a time writes there."""
+"""A sweep's folder: what is there is not computed again; other or damaged samples are refused."""
 
 from __future__ import annotations
 
-import os
 import random
 import shutil
-import signal
-import subprocess
-import sys
-import textwrap
-from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from sweep_cases import pushed_block, run, steady, sweep_of, uniform
 
 import pinfric as pf
 from pinfric.errors import SweepError
+from pinfric.sweeps.store import Store
 
 pytest.importorskip("pyarrow")
-
-
-TESTS = Path(__file__).parents[1]
 
 
 SWEEP = sweep_of(40, speed=uniform(0.5, 2.0), friction__all__mu=uniform(0.5, 2.0))
@@ -59,55 +52,6 @@ def test_flipped_bits_are_refused_or_change_nothing(tmp_path):
     shutil.rmtree(folder)
 
 
-def test_figures_that_were_not_written_are_refused_though_their_checksums_are_right(tmp_path):
-    import pyarrow.parquet as pq
-
-    stored(tmp_path)
-    file = tmp_path / "samples.parquet"
-    table = pq.read_table(file)
-    swapped = table.select([0, 2, 1, *range(3, table.num_columns)]).rename_columns(
-        table.schema.names
-    )
-    pq.write_table(swapped.replace_schema_metadata(table.schema.metadata), file)
-    with pytest.raises(SweepError, match="differ from those that were written"):
-        stored(tmp_path)
-
-
-HOLDER = """
-    import sys, time
-    sys.path.insert(0, {tests!r})
-    from sweep_cases import *
-    scene = pushed_block()
-    def wait(done, total):
-        print("begun", flush=True)
-        time.sleep(60)
-    pf.sweep(scene, steady(scene), {sweep!r}, out={out!r}, processes=1, progress=wait)
-"""
-
-
-def test_a_second_sweep_into_one_folder_is_refused_and_a_killed_one_blocks_nobody(tmp_path):
-    script = textwrap.dedent(HOLDER.format(tests=str(TESTS), sweep=SWEEP, out=str(tmp_path)))
-    first = subprocess.Popen(
-        [sys.executable, "-c", script],
-        stdout=subprocess.PIPE,
-        text=True,
-        env={**os.environ, "PYTHONPATH": str(TESTS.parent)},
-    )
-    try:
-        assert first.stdout.readline() == "begun\n"
-        with pytest.raises(SweepError, match=r"another sweep is writing.*\.sweep\.lock"):
-            stored(tmp_path)
-        first.send_signal(signal.SIGKILL)
-    finally:
-        first.kill()
-        first.wait()
-        first.stdout.close()
-    half = tmp_path / "batches" / ".half.parquet.part"
-    half.write_bytes(b"half a batch")
-    assert stored(tmp_path).solved.all()
-    assert [path.name for path in tmp_path.iterdir()] == ["samples.parquet"]
-
-
 class Stopped(Exception):  # noqa: N818 - a person who stops it, no error
     pass
 
@@ -123,8 +67,26 @@ def stop_after(count):
     return progress
 
 
+def test_a_batch_that_is_there_is_not_computed_again(tmp_path):
+    """A part with figures of its own shows that it was read, the other rows that they were not."""
+    scene = pushed_block()
+    sweep = sweep_of(600, speed=uniform(0.5, 2.0))
+    whole = run(scene, steady(scene), sweep)
+    with pytest.raises(Stopped):
+        run(scene, steady(scene), sweep, out=tmp_path, progress=stop_after(1))
+    (batch,) = (tmp_path / "batches").glob("*.parquet")
+    table = pd.read_parquet(batch)
+    of_the_sweep = {k: x for k, x in table.attrs["pinfric_sweep"].items() if k != "content"}
+    table["slide.peak"] += 7.0
+    Store(tmp_path, of_the_sweep).write(table)
+    resumed = run(scene, steady(scene), sweep, out=tmp_path)
+    assert resumed.resumed == len(table) < 600
+    expected = whole.figure("peak")[:, 0].copy()
+    expected[table["sample"]] += 7.0
+    np.testing.assert_array_equal(resumed.figure("peak")[:, 0], expected)
+
+
 def test_interrupted_sweep_goes_on_from_what_is_on_disk(tmp_path):
-    pytest.importorskip("pyarrow")
     scene = pushed_block()
     sweep = sweep_of(600, speed=uniform(0.5, 2.0), friction__all__mu=uniform(0.5, 2.0))
     whole = run(scene, steady(scene), sweep)
@@ -152,7 +114,6 @@ def test_interrupted_sweep_goes_on_from_what_is_on_disk(tmp_path):
 
 
 def test_folder_of_another_sweep_is_refused(tmp_path):
-    pytest.importorskip("pyarrow")
     scene = pushed_block()
     sweep = sweep_of(8, speed=uniform(0.5, 2.0))
     run(scene, steady(scene), sweep, out=tmp_path)
@@ -160,7 +121,7 @@ def test_folder_of_another_sweep_is_refused(tmp_path):
     for other, motion, given, part in (
         (scene, steady(scene), {**sweep, "seed": 4}, "sweep"),
         (scene, steady(scene, 0.6), sweep, "trajectory"),
-        (heavier, steady(heavier), sweep, "scene"),
+        (heavier, steady(heavier), sweep, "friction"),
     ):
         with pytest.raises(SweepError, match=rf"another sweep \(different: {part}\)"):
             run(other, motion, given, out=tmp_path)
@@ -170,9 +131,6 @@ def test_folder_of_another_sweep_is_refused(tmp_path):
 
 
 def test_samples_can_be_read_by_others(tmp_path):
-    pytest.importorskip("pyarrow")
-    import pandas as pd
-
     scene = pushed_block()
     found = run(scene, steady(scene), sweep_of(8, speed=uniform(0.5, 2.0)), out=tmp_path)
     frame = pd.read_parquet(tmp_path / "samples.parquet")
@@ -182,7 +140,6 @@ def test_samples_can_be_read_by_others(tmp_path):
 
 
 def test_folder_that_cannot_be_written_is_said(tmp_path):
-    pytest.importorskip("pyarrow")
     (tmp_path / "file").write_text("x")
     scene = pushed_block()
     with pytest.raises(SweepError, match="cannot be written"):

@@ -241,6 +241,54 @@ def test_script_without_a_main_guard_runs_on_processes(tmp_path):
     assert [line for line in done.stderr.splitlines() if ": compiling kernels" not in line] == []
 
 
+@pytest.mark.slow
+def test_classes_and_limits_of_a_script_reach_the_processes(tmp_path):
+    """Both stand in `__main__`, as in a notebook; the processes have pinfric alone."""
+    script = tmp_path / "script.py"
+    script.write_text(
+        textwrap.dedent(f"""
+        import sys
+        from typing import Literal
+        sys.path.insert(0, {str(Path(__file__).parents[1])!r})
+        from pathlib import Path
+        import numpy as np
+        import pinfric as pf
+        from pinfric.drives.limit import Limit
+        from pinfric.drives.limits import add_limit
+        from pinfric.model.bearings import FX, FY, Bearing, LoadTerms, bearing_kind, norm_of
+        from sizing_cases import trapezoid, turntable, write_catalog
+        from sweep_cases import sweep_of, uniform
+
+        @bearing_kind
+        class Sleeve(Bearing):
+            fits = ("turning joint",)
+            kind: Literal["sleeve"]
+            def terms(self):
+                return LoadTerms([0.02 * norm_of(FX, FY)])
+
+        add_limit(Limit("coupling torque", need="motor torque", gives=lambda _: 0.3,
+                        unit="torque", formula="max |T_m| <= T_c", source="data sheet"))
+        scene = turntable()
+        rubbing = {{"bearing": {{"kind": "sleeve"}}, "mu": {{"static": 0.3, "kinetic": 0.3}}}}
+        scene = scene.with_(friction={{"table": rubbing}})
+        catalog = str(write_catalog(Path({str(tmp_path)!r}) / "catalog.yaml"))
+        given = {{**sweep_of(40, motors={{"table": {{"drive": "M + G"}}}}, speed=uniform(0.9, 1.3)),
+                  "catalog": catalog}}
+        one, two = (pf.sweep(scene, trapezoid(scene), given, processes=n) for n in (1, 2))
+        np.testing.assert_array_equal(one.figures, two.figures)
+        (trial,) = two.trials
+        met = trial.met(two)["coupling torque"]
+        np.testing.assert_array_equal(met, two.figure("motor_peak")[:, 0] <= 0.3)
+        print("both", 0 < met.sum() < 40)
+        """)
+    )
+    done = subprocess.run(
+        [sys.executable, script], capture_output=True, text=True, timeout=100, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines() == ["both True"]
+
+
 def test_without_the_extra_a_cluster_is_refused(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed.comm", None)
     scene = pushed_block()

@@ -167,7 +167,7 @@ def _trial_notes(result: SweepResult) -> list[str]:
             lines.append(f"{trial.drive}: {', '.join(missing)} not checked: no figure")
     bare = [trial.drive for trial in result.trials if not trial.checks]
     if bare:
-        factor = result.trials[0].peak_factor
+        factor = result.trials[0].conditions.peak_factor
         lines.append(
             f"{', '.join(bare)}: only ratings are checked (peak times {factor:g}), not gear, life, "
             "voltage and winding temperature; `drive:` checks them"
