@@ -30,6 +30,7 @@ from pinfric.terminal import (
     pairs,
     print_line,
     progress,
+    question_loads,
     read,
     say,
     show,
@@ -107,11 +108,11 @@ def _options(
     context: typer.Context,
     version: Annotated[bool, typer.Option("--version", "-V", help="Print the version.")] = False,
     quiet: Annotated[
-        bool, typer.Option("--quiet", "-q", help="Print only results and errors, no notices.")
+        bool, typer.Option("--quiet", "-q", help="Print only verdicts and errors, no notices.")
     ] = False,
     verbose: Annotated[
         bool,
-        typer.Option("--verbose", "-v", help="Print more; files read, versions, time."),
+        typer.Option("--verbose", "-v", help="Print all tables and notes; files, versions, time."),
     ] = False,
 ) -> None:
     telling.update(quiet=quiet, verbose=verbose)
@@ -140,6 +141,7 @@ def inverse(
     summary.json, for a log with efforts measured.png, for elastic gears tool.png.
     """
     scene, trajectory = load(scene_name, trajectory_name, log, out)
+    question_loads(scene)
     from pinfric.dynamics.inverse.inverse import inverse_dynamics
     from pinfric.elastic.motion import elasticity
     from pinfric.motions.log.judged import judge_log
@@ -147,7 +149,7 @@ def inverse(
     from pinfric.show.figure.elastic import tool_figure
     from pinfric.show.figure.measured import measured_figure
     from pinfric.show.inverse_summary import inverse_summary
-    from pinfric.show.report.inverse import inverse_report
+    from pinfric.show.report.inverse import inverse_report, verdict
 
     name = Path(trajectory.source).name
     with working(f"inverse dynamics of {len(trajectory.t)} samples"):
@@ -164,8 +166,9 @@ def inverse(
         files["measured.png"] = lambda path: measured_figure(result, judged, name).savefig(path)
     if elastic is not None and elastic.worst is not None:
         files["tool.png"] = lambda path: tool_figure(elastic, name).savefig(path)
-    report = partial(inverse_report, result, found, judged)
-    answer("inverse", found, report, as_json, out, files, scene=scene.source)
+    report = partial(inverse_report, result, found, judged, telling["verbose"])
+    said = partial(verdict, result, found)
+    answer("inverse", found, report, as_json, out, files, verdict=said, scene=scene.source)
 
 
 @app.command()
@@ -288,9 +291,10 @@ def size(
     """
     given = _cycles(trajectory_name, cycle)
     scene, trajectory = load(scene_name, given[0][0], log, out)
+    question_loads(scene)
     from pinfric.drives.duty import Duty
     from pinfric.show.report.bill import bill_of_materials
-    from pinfric.show.report.sizing import sizing_report
+    from pinfric.show.report.sizing import sizing_report, verdict
     from pinfric.show.sizing_page.page import sizing_page
     from pinfric.sizing.size import size as size_drives
     from pinfric.sizing.summary import sizing_summary
@@ -313,8 +317,17 @@ def size(
     if bill := bill_of_materials(report):
         files["bom.csv"] = lambda path: path.write_text(bill, encoding="utf-8")
     show_it = partial(sizing_report, report, what_if, telling["verbose"])
-    name = "sizing.json"
-    answer("size", found, show_it, as_json, out, files, name=name, scene=report.given.source)
+    answer(
+        "size",
+        found,
+        show_it,
+        as_json,
+        out,
+        files,
+        verdict=partial(verdict, report),
+        name="sizing.json",
+        scene=report.given.source,
+    )
     report.check()  # what does not fit is the last line, and the exit code (2)
 
 
@@ -393,7 +406,7 @@ def stop(
     """
     scene, trajectory = load(scene_name, trajectory_name, log, out)
     from pinfric.show.figure.stop import stop_figure
-    from pinfric.show.report.stop import stop_report
+    from pinfric.show.report.stop import stop_report, verdict
     from pinfric.show.stop_page.page import stop_page
     from pinfric.stops.study import stop as find_stops
     from pinfric.stops.summary import stop_summary
@@ -405,8 +418,9 @@ def stop(
         "report.html": lambda path: path.write_text(stop_page(result), encoding="utf-8"),
         "stop.png": lambda path: stop_figure(result).savefig(path),
     }
-    tables = partial(stop_report, scene.source, found)
-    answer("stop", found, tables, as_json, out, files, scene=scene.source)
+    tables = partial(stop_report, scene.source, found, telling["verbose"])
+    said = partial(verdict, found)
+    answer("stop", found, tables, as_json, out, files, verdict=said, scene=scene.source)
     result.check()  # what is not met is the last line, and the exit code (2)
 
 
@@ -440,7 +454,7 @@ def retime(
     from pinfric.retiming.retime import retime as find_fastest
     from pinfric.retiming.summary import retime_summary
     from pinfric.show.figure.retime import retime_figure
-    from pinfric.show.report.retime import retime_report
+    from pinfric.show.report.retime import retime_report, verdict
 
     with working("retiming"):
         result = find_fastest(scene, path_name, motors, heat=heat, smooth=1e-3 * smooth)
@@ -450,8 +464,9 @@ def retime(
         "trajectory.csv": result.trajectory.to_csv,
         "retime.png": lambda path: retime_figure(result).savefig(path),
     }
-    report = partial(retime_report, result, found)
-    answer("retime", found, report, as_json, out, files, scene=scene.source)
+    report = partial(retime_report, result, found, telling["verbose"])
+    said = partial(verdict, found)
+    answer("retime", found, report, as_json, out, files, verdict=said, scene=scene.source)
 
 
 @app.command()
@@ -548,7 +563,7 @@ def identify(
     from pinfric.identification.identify import identify as find
     from pinfric.identification.summary import identify_summary
     from pinfric.show.identification_page.page import identification_page
-    from pinfric.show.report.identify import identify_report
+    from pinfric.show.report.identify import identify_report, verdict
 
     with progress("steps") as report:
         found = find(
@@ -568,8 +583,9 @@ def identify(
         **(identified_files(found, out) if out is not None else {}),
         "report.html": lambda path: path.write_text(identification_page(found), encoding="utf-8"),
     }
-    tables = partial(identify_report, found, summary)
-    answer("identify", summary, tables, as_json, out, files, scene=scene.source)
+    tables = partial(identify_report, found, summary, telling["verbose"])
+    said = partial(verdict, summary)
+    answer("identify", summary, tables, as_json, out, files, verdict=said, scene=scene.source)
 
 
 @app.command()

@@ -38,7 +38,7 @@ _NO_LETTER = re.compile(r"Glyph \d+ .*missing from")
 
 #: The warnings of this run and the files that it read, for its JSON.
 noticed: list[str] = []
-#: Which lines are printed beside results: "quiet" leaves errors only, "verbose" adds `facts`.
+#: How much is printed: "quiet" leaves verdicts and errors, "verbose" adds tables and `facts`.
 telling: dict[str, bool] = {"quiet": False, "verbose": False}
 read: list[str | Path] = []
 
@@ -117,6 +117,14 @@ def load(
     return scene, load_motion_of(scene, trajectory_name, log)
 
 
+def question_loads(scene: Scene) -> None:
+    """Warn of payloads and missing masses that make efforts wrong by a multiple."""
+    from pinfric.checking.scene import load_findings
+
+    for finding in load_findings(scene):
+        notice(f"{finding.place}: {finding.text}")
+
+
 def load_motion_of(scene: Scene, trajectory_name: str, log: ReadingOptions) -> Trajectory:
     """Read a trajectory of a scene; its warnings are notices (`warnings_as_notices`)."""
     from pinfric.motions.trajectory import load_trajectory
@@ -182,6 +190,7 @@ def answer(
     out: Path | None = None,
     files: Mapping[str, Writer] | None = None,
     *,
+    verdict: Callable[[], str] | None = None,
     name: str = "summary.json",
     scene: str = "",
 ) -> None:
@@ -194,6 +203,7 @@ def answer(
         as_json: print the JSON, not the tables.
         out: the folder; None writes none of the `files`.
         files: name -> what writes it.
+        verdict: makes the line that --quiet prints in place of the tables; None: it prints them.
         name: of the JSON there.
         scene: its file.
     """
@@ -209,7 +219,12 @@ def answer(
         with working(f"writing {out}"):
             written = write_folder(out, {**(files or {}), name: write_summary})
         say(f"wrote {', '.join(map(str, written))}")
-    show(summary if as_json else report())
+    if as_json:
+        show(summary)
+    elif verdict is not None and telling["quiet"]:
+        print_line(verdict())
+    else:
+        show(report())
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
@@ -22,9 +23,10 @@ from pinfric.elastic.motion import unloaded_frequency
 from pinfric.model.entry import USUALLY
 from pinfric.model.friction_terms import CoulombFriction
 from pinfric.model.hysteresis import excessive_friction
-from pinfric.model.robot import payload_inertia
+from pinfric.model.robot import link_frame, payload_inertia
 from pinfric.model.scene import Scene, Site
 from pinfric.model.transmission import Transmission, driving_loss
+from pinfric.model.urdf_file import read_xml
 
 #: A bearing's radius over half the diagonal of the larger of the links it joins.
 _BEARING_OVER_LINK = 1.0
@@ -34,6 +36,9 @@ _ROLLING, _PLAIN = 0.03, 1.0
 _PAYLOAD = 2.0
 #: A rotor's inertia at its joint over the largest inertia that any joint moves.
 _ROTOR = 30.0
+#: What is said of bodies whose mass is missing.
+_NO_MASS = "its friction has no load, and it cannot be simulated; give its links an <inertial>"
+_MASSLESS, _NO_INERTIAL = "has shapes and no mass", "efforts are too small; give it an <inertial>"
 #: Hz between which the lowest natural frequencies of robots lie.
 _FREQUENCIES = 3.0, 200.0
 
@@ -54,7 +59,7 @@ def scene_findings(
     for site in scene.sites:
         yield from _bearing(site, scene, facts)
         yield from _coefficients(site, scene)
-    yield from _payloads(scene, facts)
+    yield from payload_findings(scene)
     yield from _positions(scene, facts)
     yield from _drives(scene)
     yield from _elastic_gears(scene)
@@ -149,11 +154,59 @@ def _limits_of(site: Site, scene: Scene) -> tuple[float, float]:
     return effort if 0 < effort < 1e300 else math.inf, speed if 0 < speed < 1e300 else math.inf
 
 
-def _payloads(scene: Scene, facts: RobotFacts | None) -> Iterator[Finding]:
+def load_findings(scene: Scene) -> Iterator[Finding]:
+    """Yield what makes efforts wrong by a multiple: payloads, and bodies whose mass is missing.
+
+    Quick: it reads no mesh, so that every computation can begin with it.
+    """
+    yield from payload_findings(scene)
+    model = scene.model
+    root = None if scene.robot is None else read_xml(scene.robot.urdf)
+    links = {} if root is None else {link.get("name"): link for link in root.findall("link")}
+    for j in range(1, model.njoints):
+        place = f"joint {model.names[j]}"
+        if not any(model.inertias[body].mass for body in model.subtrees[j]):
+            yield Finding(Severity.WARNING, "no mass", place, "moves no mass", _NO_MASS)
+        elif model.inertias[j].mass == 0.0:
+            carried = [
+                frame.name
+                for frame in model.frames
+                if frame.parentJoint == j and frame.type == pin.FrameType.BODY
+            ]
+            shaped = [n for n in carried if n in links and _has_shapes(links[n])]
+            for name in shaped[:1]:
+                what = f"link {name}"
+                yield Finding(Severity.WARNING, "massless link", what, _MASSLESS, _NO_INERTIAL)
+
+
+def _has_shapes(link: ElementTree.Element) -> bool:
+    return any(link.find(tag) is not None for tag in ("visual", "collision"))
+
+
+def _reach(model: pin.Model) -> float:
+    """The longest way from the root along the origins of joints and links, m."""
+    far = np.zeros(model.njoints)
+    for j in range(1, model.njoints):
+        far[j] = far[model.parents[j]] + np.linalg.norm(model.jointPlacements[j].translation)
+    ends = [far[f.parentJoint] + np.linalg.norm(f.placement.translation) for f in model.frames]
+    return float(max(ends, default=0.0))
+
+
+def payload_findings(scene: Scene) -> Iterator[Finding]:
+    """Yield payloads that are too heavy, too far away, too wide, or on a link that never moves."""
     moving = sum(inertia.mass for inertia in tuple(scene.model.inertias)[1:])
-    reach = facts.reach if facts is not None else 0.0
+    reach = _reach(scene.model)
     for name, payload in scene.payloads.items():
         place = f"robot.payloads.{name}"
+        frame = scene.model.frames[link_frame(scene.model, payload.link)]
+        if frame.parentJoint == 0:
+            yield Finding(
+                Severity.WARNING,
+                "payload",
+                f"{place}.link",
+                payload.link,
+                "this link never moves, so the payload changes no effort; name the tool's link",
+            )
         if payload.mass > _PAYLOAD * moving > 0:
             unit = likely_unit(MASSES, _below(payload.mass, 0.5 * moving))
             yield Finding(

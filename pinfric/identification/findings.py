@@ -60,7 +60,8 @@ class Findings:
         spread: joint -> how much friction differs between logs, as a share; NaN with one log.
         delay: by which logged efforts lag behind the motion, s; 0 where it is not determined.
         misfits: what residuals still depend on; intervals are widened for it.
-        notes: what was read, repaired, left out, and what the logs cannot show.
+        doubts: what contradicts the result.
+        notes: the doubts, then what was read, repaired, left out, and what the logs cannot show.
         estimate: rows and coefficients behind all this.
     """
 
@@ -74,6 +75,7 @@ class Findings:
     spread: Mapping[str, float]
     delay: float
     misfits: tuple[Misfit, ...]
+    doubts: tuple[str, ...]
     notes: tuple[str, ...]
     estimate: Estimate
 

@@ -149,6 +149,7 @@ def _identified(found: Estimate, unseen: Sequence[Recording], seed: int) -> Iden
     rest = dict(zip(names, rest_bounds(found, better), strict=True))
     spread = dict(zip(names, known.spread.tolist(), strict=True))
     every = parameters(found, known, static)
+    said = notes(found, rest, every, static, shapes)
     return Identified(
         scene=better,
         laws={names[j]: found.choice.laws[j] for j in found.known},
@@ -159,7 +160,8 @@ def _identified(found: Estimate, unseen: Sequence[Recording], seed: int) -> Iden
         rest=rest,
         spread=spread,
         delay=found.delay.value,
-        notes=notes(found, rest, every, static, shapes),
+        doubts=said.doubts,
+        notes=said.doubts + said.others,
         misfits=shapes,
         estimate=found,
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,13 +34,20 @@ _WORSE = 0.03
 _MOVED = 0.5
 
 
+class Notes(NamedTuple):
+    """What is said of an identification: what contradicts it, and all else."""
+
+    doubts: tuple[str, ...]
+    others: tuple[str, ...]
+
+
 def notes(
     found: Estimate,
     rest: Mapping[str, RestBound],
     every: Sequence[Parameter],
     static: Mapping[tuple[int, str], BreakAway],
     shapes: Sequence[Misfit] = (),
-) -> tuple[str, ...]:
+) -> Notes:
     """Return a line for everything that was read, repaired or left out, or that logs do not show.
 
     Args:
@@ -55,14 +63,11 @@ def notes(
     if place := place_note(found.question.scene, found.question.at):
         lines.append(place)
     lines += _of_logs(found)
-    lines += [
-        f"{what}: {', '.join(names)}"
-        for what, names in _of_joints(found, rest, static).items()
-        if names
-    ]
-    lines += _misfits(found, shapes)
-    lines += _zeros(found)
-    lines += _worse(found)
+    slid = [j for j, rows in enumerate(found.rows) if rows.effort.size]
+    lines += _by_joint(
+        _of_motion(found, slid) | _of_rest(found, slid, rest, static) | _of_laws(found, slid)
+    )
+    lines += _of_falls(found)
     lines += _of_masses(found)
     stick = stick_velocity(found.question.scene, found.question.recordings)
     if stick > found.question.scene.stick_velocity:
@@ -82,7 +87,14 @@ def notes(
         "an offset of an effort sensor appears as a difference between forward and backward "
         "Coulomb friction"
     )
-    return tuple(lines)
+    doubts = _by_joint(_doubted(found, slid, rest)) + _misfits(found, shapes) + _delays(found)
+    doubts += _zeros(found) + _worse(found) + _moved(found)
+    return Notes(tuple(doubts), tuple(lines))
+
+
+def _by_joint(what: Mapping[str, list[str]]) -> list[str]:
+    """A line for each thing that is said of any joint."""
+    return [f"{text}: {', '.join(names)}" for text, names in what.items() if names]
 
 
 def _misfits(found: Estimate, shapes: Sequence[Misfit]) -> list[str]:
@@ -107,13 +119,17 @@ def _misfits(found: Estimate, shapes: Sequence[Misfit]) -> list[str]:
             f"{abs(half):.2g} {unit} in the effort sensor would explain it; intervals are "
             "widened to contain both"
         )
-    lines += [
+    return lines
+
+
+def _of_falls(found: Estimate) -> list[str]:
+    """Joints whose logs admit two exponents of the fall from rest to motion."""
+    return [
         f"{found.scene.joint_names[j]}: friction falls from rest to motion as well with the "
         f"exponent {fall.other.exponent:g} as with {fall.exponent:g}; intervals contain both"
         for j, fall in enumerate(found.falls)
         if fall is not None and fall.other is not None and found.choice.laws[j].stribeck
     ]
-    return lines
 
 
 def _zeros(found: Estimate) -> list[str]:
@@ -169,17 +185,6 @@ def _of_logs(found: Estimate) -> list[str]:
         lines.append(
             f"the delay of the efforts is not determined ({why}) and is set to 0: log faster motion"
         )
-    # of a joint that the model does not explain, a delay says nothing
-    if others := {j: x for j, x in other_delays(delay).items() if j in found.known}:
-        names = found.scene.joint_names
-        each = [
-            f"{names[j]} {1e3 * value:.1f} +- {1e3 * error:.1f} ms"
-            for j, (value, error) in others.items()
-        ]
-        lines.append(
-            f"lack of fit: the delays of {', '.join(each)} differ from that of the other "
-            "joints: play, a filter, or friction that no law describes"
-        )
     if sum(moving) > 1:
         logs = zip(found.prepared, delay.logs, strict=True)
         each = [
@@ -189,6 +194,22 @@ def _of_logs(found: Estimate) -> list[str]:
         ]
         lines.append(f"delay of the efforts from each log, with standard error: {', '.join(each)}")
     return lines
+
+
+def _delays(found: Estimate) -> list[str]:
+    """Joints whose efforts lag by another time; of one that is not explained it says nothing."""
+    names = found.scene.joint_names
+    each = [
+        f"{names[j]} {1e3 * value:.1f} +- {1e3 * error:.1f} ms"
+        for j, (value, error) in other_delays(found.delay).items()
+        if j in found.known
+    ]
+    if not each:
+        return []
+    return [
+        f"lack of fit: the delays of {', '.join(each)} differ from that of the other joints: "
+        "play, a filter, or friction that no law describes"
+    ]
 
 
 def _of_masses(found: Estimate) -> list[str]:
@@ -201,27 +222,47 @@ def _of_masses(found: Estimate) -> list[str]:
         f"{name} {before.mass:.3g} -> {after.mass:.3g}"
         for name, (before, after) in zip(names, bodies, strict=True)
     ]
-    lines = [f"link behind each joint, kg in the URDF -> found: {', '.join(masses)}"]
-    changes = mass_changes(model, found.fit.theta)
+    return [f"link behind each joint, kg in the URDF -> found: {', '.join(masses)}"]
+
+
+def _moved(found: Estimate) -> list[str]:
+    """The links whose masses are too far from the URDF's."""
+    if found.question.keep_inertias:
+        return []
+    names = found.scene.joint_names
+    changes = mass_changes(found.question.scene.model, found.fit.theta)
     far = [
         name for name, change in zip(names, changes.tolist(), strict=True) if abs(change) > _MOVED
     ]
-    if far:
-        lines.append(
-            f"masses that differ from the URDF's by more than {100 * _MOVED:.0f} %, which is "
-            f"unusual: {', '.join(far)}; check the zero and sign of the angles of "
-            "these joints and their neighbours, the unit of efforts, and whether the "
-            "scene lacks a payload"
-        )
-    return lines
+    if not far:
+        return []
+    return [
+        f"masses that differ from the URDF's by more than {100 * _MOVED:.0f} %, which is "
+        f"unusual: {', '.join(far)}; check the zero and sign of the angles of these joints and "
+        "their neighbours, the unit of efforts, and whether the scene lacks a payload"
+    ]
 
 
-def _of_joints(
-    found: Estimate, rest: Mapping[str, RestBound], static: Mapping[tuple[int, str], BreakAway]
+def _doubted(
+    found: Estimate, slid: Sequence[int], rest: Mapping[str, RestBound]
 ) -> dict[str, list[str]]:
-    """What does not show, and at which joints."""
-    slid = [j for j, rows in enumerate(found.rows) if rows.effort.size]
-    return _of_motion(found, slid) | _of_rest(found, slid, rest, static) | _of_laws(found, slid)
+    """What contradicts the model, and at which joints."""
+    names = found.scene.joint_names
+    return {
+        "the model does not explain its effort (held-out error / error of the mean effort), so it "
+        "keeps the scene's friction: check sign, zero and unit of its angle and effort, and those "
+        "of its neighbours": [
+            f"{names[j]} {100 * share:.0f} %" for j, share in found.unexplained.items()
+        ],
+        "the error is above 10 % even on the fitted data, so something is missing or wrong "
+        "(signs, zeros, motors that move with another joint)": _missed(found, slid),
+        f"efforts at rest are within the interval for less than {100 * _HELD_INSIDE:g} % of the "
+        "time, so static friction or the rigid effort is wrong": [
+            f"{names[j]} {100 * rest[names[j]].inside:.1f} %"
+            for j in slid
+            if rest[names[j]].inside < _HELD_INSIDE
+        ],
+    }
 
 
 def _of_motion(found: Estimate, slid: Sequence[int]) -> dict[str, list[str]]:
@@ -257,12 +298,6 @@ def _of_rest(
         "only bounded from below": [
             names[j] for j in rests if not {(j, FORWARD), (j, BACKWARD)} & static.keys()
         ],
-        f"efforts at rest are within the interval for less than {100 * _HELD_INSIDE:g} % of the "
-        "time, so static friction or the rigid effort is wrong": [
-            f"{names[j]} {100 * rest[names[j]].inside:.1f} %"
-            for j in slid
-            if rest[names[j]].inside < _HELD_INSIDE
-        ],
     }
 
 
@@ -279,17 +314,10 @@ def _of_laws(found: Estimate, slid: Sequence[int]) -> dict[str, list[str]]:
             for j in slid
             if question.motor and names[j] not in question.laws and not offers_gear[j]
         ],
-        "the model does not explain its effort (held-out error / error of the mean effort), so it "
-        "keeps the scene's friction: check sign, zero and unit of its angle and effort, and those "
-        "of its neighbours": [
-            f"{names[j]} {100 * share:.0f} %" for j, share in found.unexplained.items()
-        ],
         "a law on the joint's side was asked for, but friction of a coupled drive depends on its "
         "motor's speed: a law on the motor's side is used": [
             name for name, law in laws if question.laws.get(name, law).side != law.side
         ],
-        "the error is above 10 % even on the fitted data, so something is missing or wrong "
-        "(signs, zeros, motors that move with another joint)": _missed(found, slid),
         "with free masses, only the product of a gear's two efficiencies (motor drives, load "
         "drives) is known; each alone is as wrong as the URDF's masses; record a log with a known "
         "payload (--payload)": [name for name, law in laws if law.load == "gear" and not scale],

@@ -102,7 +102,10 @@ class IdentifySummary:
     )
     inertias: str = quantity('link inertias: "kept" from the URDF, or "corrected"')
     advice: tuple[Advice, ...] = quantity("recordings of 30 s, the most informative one first")
-    notes: tuple[str, ...] = quantity("repairs of the logs, and what the logs do not determine")
+    doubts: tuple[str, ...] = quantity("what contradicts the result")
+    notes: tuple[str, ...] = quantity(
+        "the doubts, repairs of the logs, and what the logs do not determine"
+    )
 
 
 def identify_summary(found: Findings) -> IdentifySummary:
@@ -140,6 +143,7 @@ def identify_summary(found: Findings) -> IdentifySummary:
         unseen=found.unseen,
         inertias="kept" if found.keeps_inertias else "corrected",
         advice=found.advice,
+        doubts=found.doubts,
         notes=found.notes,
     )
 

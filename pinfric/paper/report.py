@@ -43,7 +43,7 @@ def paper_report(found: Sequence[Reproduction], loop_difference: float) -> list[
             f"hold for, too: reduced against absolute {loop_difference:.1e}"
         ),
         Text(),
-        Text("The printed data are ambiguous in three places. Used here, because it fits:"),
+        Text("The printed data leave questions open. Used here, because it fits:"),
         *readings,
         Text("`--reading literal` shows what the data give as they are printed."),
     ]

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import pytest
 from check_cases import GEAR, GOOD_SCENE, SCENE, arm
 
 import pinfric as pf
+from pinfric import cli
 from pinfric.checking.findings import Severity
 
 
@@ -87,3 +89,28 @@ def test_findings_of_a_scene(tmp_path, changes, place, says):
     assert place in {f.place for f in found}, found
     (matching,) = [f for f in found if f.place == place]
     assert re.search(says, matching.text), matching.text
+
+
+@pytest.mark.parametrize(
+    ("payload", "robot", "warning"),
+    [
+        ("{link: rod, mass: 1, com: [0, 0, 0.4]}", {}, ""),
+        ("{link: rod, mass: 1500, com: [0, 0, 0]}", {}, "robot.payloads.box.mass: 1500 kg"),
+        ("{link: rod, mass: 1, com: [0, 0, 50]}", {}, "robot.payloads.box.com: 50 m"),
+        ("{link: base, mass: 1, com: [0, 0, 0]}", {}, "robot.payloads.box.link: base: this link"),
+        ("{link: rod, mass: 1, com: [0, 0, 0]}", {"tip": ""}, "joint turn: moves no mass"),
+    ],
+)
+def test_inverse_says_what_makes_efforts_wrong_by_a_multiple(
+    tmp_path, monkeypatch, capsys, payload, robot, warning
+):
+    monkeypatch.chdir(tmp_path)
+    arm(tmp_path, more=GEAR.format(joint="swing", ratio=120), **robot)
+    Path("scene.yaml").write_text(SCENE.format(**(GOOD_SCENE | {"payload": payload})))
+    Path("way.csv").write_text("t,swing,turn\n" + "".join(f"{0.1 * i},0,0\n" for i in range(9)))
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["inverse", "scene.yaml", "way.csv"])
+    said = capsys.readouterr().err
+    assert ended.value.code == 0, said
+    assert said.count("warning") == bool(warning), said
+    assert warning in said

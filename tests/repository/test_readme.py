@@ -73,7 +73,8 @@ def test_python_example_runs():
     text = (GUIDE / "first_result.md").read_text(encoding="utf-8")
     assert all(f"{figure:.3f} " in text or f"{figure:.3f}." in text for figure, _ in said)
     shares = [
-        f"{100 * peaks[1][j] / peaks[0][j]:.0f} %" for j in ("shoulder_pan_joint", "wrist_3_joint")
+        f"{100 * (1 - peaks[1][j] / peaks[0][j]):.0f} %"
+        for j in ("shoulder_pan_joint", "wrist_3_joint")
     ]
     assert all(share in README.read_text(encoding="utf-8") for share in shares)
 

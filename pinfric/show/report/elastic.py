@@ -16,10 +16,6 @@ from pinfric.show.report.values import digits, span
 _ZERO = 1e-12
 #: Below it a wind-up prints as 0: 0.005 arcmin (rad).
 _ANGLE = 1.5e-6
-_THREE_WORDS = (
-    "interval: positions that static friction can hold; reversal error: between approaches "
-    "from opposite sides; a maker's repeatability (approaches from one side) is another figure"
-)
 
 
 def elasticity_parts(found: ElasticSummary, names: Sequence[str]) -> list[Table | list[str] | None]:
@@ -40,8 +36,21 @@ def elasticity_parts(found: ElasticSummary, names: Sequence[str]) -> list[Table 
         title = "wind-up of the gears, motor ahead of joint, at rest "
         title += f"{rest.start:.2f}\N{EN DASH}{rest.end:.2f} s"
         parts.append(table_of(title, list(rest.wind_up.values()), zero=_ANGLE))
-    words = [_THREE_WORDS] if placed else []
-    return [*parts, [*frequency_lines(found, names), *words, *found.notes]]
+    return [*parts, [*frequency_lines(found, names), *found.notes]]
+
+
+def elastic_line(found: ElasticSummary) -> str:
+    """Return in a line how far the tool is off at rest, and the lowest frequency."""
+    lowest, places = found.lowest_frequency, [rest.tool for rest in found.rests if rest.tool]
+    said = f"lowest frequency, motors held: {digits(lowest.least)} Hz at {lowest.time:.2f} s"
+    if not places:
+        return f"elastic gears: {said}"
+    sag = digits(1e3 * max(place.sag_distance for place in places))
+    open_ = digits(1e3 * max(place.interval_farthest for place in places))
+    return (
+        f"elastic gears: {found.tool} is up to {sag} mm off at rest, and friction "
+        f"leaves ±{open_} mm open; {said}"
+    )
 
 
 def frequency_lines(found: ElasticSummary, names: Sequence[str]) -> list[str]:

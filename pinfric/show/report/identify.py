@@ -7,6 +7,7 @@ from pathlib import Path
 from pinfric.identification.identify import Identified
 from pinfric.identification.parameters import Parameter
 from pinfric.identification.summary import IdentifySummary, predicted
+from pinfric.model.brief import counted
 from pinfric.show.report.rows import table_of
 from pinfric.show.report.tables import Report, paragraphs
 from pinfric.show.report.values import digits
@@ -15,18 +16,21 @@ from pinfric.show.report.values import digits
 _PAGE = ("rest.largest", "rest.share", "spread_between_logs")
 
 
-def identify_report(found: Identified, summary: IdentifySummary) -> Report:
+def identify_report(found: Identified, summary: IdentifySummary, verbose: bool = True) -> Report:
     """Return the tables and lines that `pinfric identify` prints, for a rich console.
 
     Args:
         found: of `identify`.
         summary: of it.
+        verbose: also the coefficients, and all notes.
     """
     logs = ", ".join(one.name for one in summary.logs)
     duration = sum(one.duration for one in summary.logs)
     title = f"{Path(found.scene.source).stem} · {logs}: {digits(duration)} s"
     cells = {"law": lambda joint: found.law_of(joint.name)}
     laws = table_of(title, summary.joints, cells=cells, without=_PAGE)
+    opening = [verdict(summary), *(f"! {x}" for x in summary.doubts)]
+    unseen = table_of("logs that were only predicted", predicted(summary), keys=2)
     figures = table_of(
         "coefficients, with 95 % intervals; (in brackets): not determined",
         summary.parameters,
@@ -36,14 +40,27 @@ def identify_report(found: Identified, summary: IdentifySummary) -> Report:
     )
     best = found.advice[0]
     least = min(best.factors, key=best.factors.__getitem__)
-    lines = [
-        f"delay of the logged efforts: {found.estimate.delay}",
-        *found.notes,
+    advice = (
         f"most informative next recording, 30 s: {best.name.lower()} (standard error of {least}: "
-        f"{best.factors[least]:.2f} of the present one)",
-    ]
-    unseen = table_of("logs that were only predicted", predicted(summary), keys=2)
-    return paragraphs(laws, figures, unseen, lines)
+        f"{best.factors[least]:.2f} of the present one)"
+    )
+    others = summary.notes[len(summary.doubts) :]
+    if not verbose:
+        rest = (
+            f"coefficients with intervals, {counted(len(others), 'note')}: -v; scene, page: --out"
+        )
+        return paragraphs(opening, laws, unseen, [advice, f"{rest} FOLDER"])
+    lines = [f"delay of the logged efforts: {found.estimate.delay}", *others, advice]
+    return paragraphs(opening, laws, figures, unseen, lines)
+
+
+def verdict(summary: IdentifySummary) -> str:
+    """Return in a line of how many joints the friction was found, and how well it is known."""
+    explained = sum(joint.law is not None for joint in summary.joints)
+    known = sum(parameter.determined for parameter in summary.parameters)
+    said = f"friction of {explained} of {counted(len(summary.joints), 'joint')} found; {known} of "
+    said += f"{counted(len(summary.parameters), 'coefficient')} determined"
+    return f"{said}; {counted(len(summary.doubts), 'doubt')}" if summary.doubts else said
 
 
 def _value(parameter: Parameter) -> str:

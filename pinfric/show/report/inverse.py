@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -10,11 +11,12 @@ import numpy as np
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.outcome import Status
 from pinfric.model.brief import counted
+from pinfric.motions.joint_columns import stated_limit
 from pinfric.motions.log.effort_place import EFFORT_PLACES
 from pinfric.motions.log.judged import JudgedLog
 from pinfric.motions.summary import ROUNDING, ActuatorSummary, rounding
 from pinfric.show.inverse_summary import InverseSummary
-from pinfric.show.report.elastic import elasticity_parts
+from pinfric.show.report.elastic import elastic_line, elasticity_parts
 from pinfric.show.report.rows import table_of
 from pinfric.show.report.tables import Report, Table, paragraphs
 from pinfric.show.report.values import digits, rough
@@ -24,7 +26,10 @@ _SHAFT = ("name", "motor_unit", "motor_peak", "motor_rms")
 
 
 def inverse_report(
-    result: InverseResult, found: InverseSummary, log: JudgedLog | None = None
+    result: InverseResult,
+    found: InverseSummary,
+    log: JudgedLog | None = None,
+    verbose: bool = True,
 ) -> Report:
     """Return the tables and lines that `pinfric inverse` prints, for a rich console.
 
@@ -32,14 +37,21 @@ def inverse_report(
         result: with times.
         found: its summary.
         log: how the trajectory was read, if it came from samples.
+        verbose: elastic gears rest by rest and gear by gear; else in a line.
     """
-    names, elastic = result.actuator_names, found.elasticity
+    elastic = found.elasticity
+    bent: Sequence[Table | Sequence[str] | None] = ()
+    if elastic is not None:
+        whole = elasticity_parts(elastic, result.actuator_names) if verbose else ()
+        bent = whole or ([elastic_line(elastic), "elastic gears at each rest, by gear: -v"],)
     geared = [
         joint
         for joint, drive in zip(found.joints, result.scene.drives, strict=True)
         if drive.transmission is not None
     ]
+    failing = [f"! {line}" for line in found.beyond_limits]
     return paragraphs(
+        [verdict(result, found), *failing],
         _effort_table(result, found),
         _motor_table(geared),
         None
@@ -48,13 +60,31 @@ def inverse_report(
             f"logged efforts ({EFFORT_PLACES[log.at]}) compared with computed ones",
             list(log.measured.values()),
         ),
-        *(() if elastic is None else elasticity_parts(elastic, names)),
+        *bent,
         [
-            *_footer(result, found),
+            *_footer(found),
             *log_lines(log, {s.name: s.unit for s in found.joints}),
             *(log.notes if log is not None else ()),
         ],
     )
+
+
+def verdict(result: InverseResult, found: InverseSummary) -> str:
+    """Return in a line whether all samples have a solution, and efforts are within their limits."""
+    failed = np.flatnonzero(result.status != Status.CONVERGED)
+    solved = f"all {counted(found.samples, 'sample')} solved"
+    if failed.size:
+        solved = f"{counted(failed.size, 'sample')} without a solution, the first {failed[0]}"
+    limits = np.asarray(result.scene.model.effortLimit, dtype=np.float64)
+    indices = [drive.velocity_index for drive in result.scene.drives]
+    limited = sum(v >= 0 and math.isfinite(stated_limit(float(limits[v]))) for v in indices)
+    drives = counted(len(indices), "drive")
+    within = f"{len(found.beyond_limits)} of {drives} beyond the URDF's effort limits"
+    if not found.beyond_limits:
+        within = "efforts are within the URDF's limits" if limited else "the URDF limits no effort"
+        within += f", which {limited} of {drives} have" * (0 < limited < len(indices))
+    narrow = f"; {counted(found.too_narrow, 'sample')} whose intervals may be too narrow"
+    return f"{solved}; {within}" + narrow * (found.too_narrow > 0)
 
 
 def log_lines(log: JudgedLog | None, units: Mapping[str, str]) -> list[str]:
@@ -94,24 +124,17 @@ def _motor_table(geared: Sequence[ActuatorSummary]) -> Table | None:
     return table_of("at the motors' shafts", geared, only=_SHAFT, zero=zero)
 
 
-def _footer(result: InverseResult, found: InverseSummary) -> list[str]:
-    """What the table cannot say: how often joints rest, what is carried, what did not converge."""
+def _footer(found: InverseSummary) -> list[str]:
+    """What the table cannot say: how often joints rest, and what is carried."""
     lines = ["no joint has friction"]
     if sites := found.sites:
         sticking = sum(site.stick_intervals > 0 for site in sites)
         resting = f"{sticking} of {counted(len(sites), 'joint')} with friction stick"
         if sticking:
             resting += f", in {counted(sum(site.stick_intervals for site in sites), 'interval')}"
-        lines = [f"{resting}; {counted(int(result.reversal.sum()), 'reversal')} between samples"]
+        reversals = sum(site.reversals for site in sites)
+        lines = [f"{resting}; {counted(reversals, 'reversal')} between samples"]
     for name, spans in found.payloads.items():
         times = ", ".join(f"{digits(span.start)}-{digits(span.end)} s" for span in spans)
         lines.append(f"payload {name}: {f'carried {times}' if spans else 'not carried'}")
-    failed = np.flatnonzero(result.status != Status.CONVERGED)
-    if failed.size:
-        lines.append(f"{counted(failed.size, 'sample')} without a solution, the first {failed[0]}")
-    lines += [f"beyond its limit: {text}" for text in found.beyond_limits]
-    if found.too_narrow:
-        lines.append(f"{counted(found.too_narrow, 'sample')} whose intervals may be too narrow")
-    if sites:
-        lines.append("share: RMS of friction / (RMS of friction + frictionless RMS)")
     return lines

@@ -12,30 +12,43 @@ from pinfric.show.report.tables import Report, paragraphs
 from pinfric.show.report.values import digits
 
 
-def retime_report(result: RetimeResult, found: RetimeSummary) -> Report:
+def retime_report(result: RetimeResult, found: RetimeSummary, verbose: bool = True) -> Report:
     """Return the tables and lines that `pinfric retime` prints, for a rich console.
 
     Args:
         result: of `retime`.
         found: its summary.
+        verbose: also the moves one by one.
     """
-    title = f"{Path(result.problem.scene.source).stem} · {Path(found.path).name}"
-    title += f": {digits(found.duration)} s"
-    if found.before is not None:
-        faster = 100.0 * (1.0 - found.duration / found.before)
-        title += f", {digits(found.before)} s before: {abs(faster):.3g} % "
-        title += "less" if faster >= 0 else "more"
     holds = found.holds
     moves = [
         Move(i, float(time), holds[i], holds[i + 1]) for i, time in enumerate(found.moves.tolist())
     ]
     drives = table_of(
-        "drives",
+        f"{Path(result.problem.scene.source).stem} · {Path(found.path).name}",
         found.drives,
         cells={"use": _nearest, "limiting": _limiting, "rms": _continuous},
         without=[] if result.rms is not None else ["rms"],
     )
-    return paragraphs(title, table_of("moves", moves), drives, _lines(result))
+    lines = _lines(result)
+    if not verbose and len(moves) > 1:
+        lines.append(f"each of {len(moves)} moves: -v; the motion: --out FOLDER")
+    shown = table_of("moves", moves) if verbose else None
+    return paragraphs([verdict(found)], drives, shown, lines)
+
+
+def verdict(found: RetimeSummary) -> str:
+    """Return in a line how long the motion takes, and which drive holds it back most."""
+    said = f"{digits(found.duration)} s"
+    if found.before is not None:
+        faster = 100.0 * (1.0 - found.duration / found.before)
+        said += f", {digits(found.before)} s before: {abs(faster):.3g} % "
+        said += "less" if faster >= 0 else "more"
+    held = [(share, d.name, kind) for d in found.drives for kind, share in d.limiting.items()]
+    if held:
+        share, name, kind = max(held)
+        said += f"; {name} holds it back most ({kind}, {percent(share)} of the time moving)"
+    return said
 
 
 def _limiting(drive: DriveUse) -> str:

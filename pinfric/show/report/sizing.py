@@ -8,6 +8,7 @@ from typing import Any
 
 from pinfric.drives.criterion import Status
 from pinfric.elastic.summary import elastic_summary
+from pinfric.model.brief import counted
 from pinfric.motions.summary import beyond_limits
 from pinfric.show.report.drives import (
     ask_table,
@@ -53,17 +54,14 @@ def sizing_report(
         what_if: also what would be chosen without the drives' mass, and without friction.
         verbose: all of it; else what is chosen, what fails, and what to ask for.
     """
-    from rich.text import Text
-
     notes = [f"note: {line}" for line in report.notes]
+    failing = [*beyond_limits(report.result_without_masses), *report.no_fit, *report.unmet]
+    opening = [verdict(report), *masses_line(report), *(f"! {line}" for line in failing)]
     if report.catalog is None:
-        failing = [Text(f"! {line}", style="bold red") for line in report.unmet]
-        return paragraphs(demand_table(report), elastic_lines(report), failing, notes)
+        return paragraphs(opening, demand_table(report), elastic_lines(report), notes)
     found = sizing_summary(report, what_if=what_if)
-    failing = [Text(f"! {line}", style="bold red") for line in (*report.no_fit, *report.unmet)]
-    opening = [verdict(report), *masses_line(report)]
     if not verbose:
-        return _short(report, found, [*opening, *failing])
+        return _short(report, found, opening)
     return paragraphs(
         opening,
         demand_table(report),
@@ -79,15 +77,13 @@ def sizing_report(
         what_if_table(found),
         elastic_lines(report),
         unchecked_table(found),
-        failing,
         notes,
     )
 
 
 def _short(report: SizingReport, found: SizingSummary, opening: Sequence[Any]) -> Report:
     """What is chosen, what fails, and what to ask for."""
-    first = [f"beyond its limit: {line}" for line in beyond_limits(report.result_without_masses)]
-    first += [f"note: {line}" for line in report.assumptions[: len(report.unclosed) > 0]]
+    first = [f"note: {line}" for line in report.assumptions[: len(report.unclosed) > 0]]
     ending = [
         f"{len(found.unchecked)} kinds of criteria were not checked; they, the demand of each "
         f"joint, next smaller drives, {len(report.notes)} notes: -v; page to sign, bill of "
@@ -180,6 +176,12 @@ def _demands(
 
 def verdict(report: SizingReport) -> str:
     """Return in a line which joints have a drive, its mass, what is not checked or guessed."""
+    if report.catalog is None:
+        unmet = counted(len(report.unmet), "criterion", "criteria")
+        failing = f"{unmet} not met" if report.unmet else "no criterion fails"
+        beyond = beyond_limits(report.result_without_masses)
+        within = f"{counted(len(beyond), 'drive')} beyond the URDF's effort limits; " * bool(beyond)
+        return f"{within}{failing}; drives that fit: --catalog default"
     chosen = [joint.choice for joint in report.joints if joint.choice is not None]
     nearest = [joint.name for joint in report.joints if joint.choice is None and joint.nearest]
     parts = [f"{len(chosen)} of {len(report.joints)} joints have a drive that fits"]

@@ -12,24 +12,21 @@ from pinfric.show.report.values import digits
 from pinfric.stops.summary import StopSummary
 
 
-def stop_report(scene: str, found: StopSummary) -> Report:
+def stop_report(scene: str, found: StopSummary, verbose: bool = True) -> Report:
     """Return the tables and lines that `pinfric stop` prints, for a rich console.
 
     Args:
-        scene: its file. found: the stops.
+        scene: its file. found: the stops. verbose: also by payload and speed, and all notes.
     """
-    from rich.text import Text
-
     title = f"{Path(scene).stem} · {Path(found.trajectory).name}: {how(found)}"
-    failing = [Text(f"! {line}", style="bold red") for line in found.unmet]
-    return paragraphs(
-        [verdict(found)],
-        axes_table(found, title),
-        grid_table(found),
-        failing,
-        not_checked(found),
-        [f"note: {line}" for line in found.notes],
-    )
+    failing = [f"! {line}" for line in found.unmet]
+    opening, unchecked = [verdict(found), *failing], not_checked(found)
+    notes = [f"note: {line}" for line in found.notes]
+    if not verbose:
+        rest = f"{len(unchecked)} kinds of criteria were not checked; they, " if unchecked else ""
+        ending = f"{rest}stops by payload and speed, {counted(len(notes), 'note')}: -v; page: --out"
+        return paragraphs(opening, axes_table(found, title), [f"{ending} FOLDER"])
+    return paragraphs(opening, axes_table(found, title), grid_table(found), unchecked, notes)
 
 
 def axes_table(found: StopSummary, title: str = "the worst stops of each axis") -> Table | None:

@@ -20,7 +20,6 @@ from pinfric.show.report.names import affixes, least_room, left_out, said_short,
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
-    from rich.text import Text
 
 #: What a rich console prints, one part below the other.
 Report = list["RenderableType"]
@@ -116,11 +115,11 @@ class Table:
             yield from console.render(_block(self, layout, block), wide)
 
 
-def paragraphs(*parts: Table | str | Sequence[str | Text] | None) -> Report:
+def paragraphs(*parts: Table | str | Sequence[str] | None) -> Report:
     """Return a report: its parts with a blank line between them.
 
     What all names of its tables begin and end with is left out of them, and of the names in its
-    lines, and said once.
+    lines, and said once. Lines that begin with "! " say what fails: they are bold and red.
 
     Args:
         parts: tables, titles (one text), lines; what is None or empty is left out.
@@ -141,7 +140,7 @@ def paragraphs(*parts: Table | str | Sequence[str | Text] | None) -> Report:
             found.append(Text(part, style="bold"))
         else:
             found += [
-                Text(said_short(line, short)) if isinstance(line, str) else line
+                Text(said_short(line, short), style="bold red" if line.startswith("! ") else "")
                 for line in part or ()
             ]
     return found

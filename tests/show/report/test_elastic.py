@@ -25,7 +25,11 @@ def run(*arguments):
 
 def test_the_command_writes_tables_json_and_a_picture(tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
-    run("inverse", "ur10_machine_tending", "ur10_machine_tending", "--out", str(tmp_path))
+    command = ("inverse", "ur10_machine_tending", "ur10_machine_tending")
+    run(*command)
+    short = " ".join(capsys.readouterr().out.split())
+    assert "tool0 is up to 2.38 mm off at rest, and friction leaves ±0.223 mm open" in short
+    run(*command, "-v", "--out", str(tmp_path))
     printed = capsys.readouterr().out
     row = next(line for line in printed.splitlines() if line.startswith("4.70\N{EN DASH}6.20"))
     assert row.split()[1:5] == ["blank", "2.31", "0.190", "1.80"]
