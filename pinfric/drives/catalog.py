@@ -195,11 +195,16 @@ class Motor(Rated):
 
 
 class OutputFriction(Entry):
-    """Friction of a gearmotor at its output: base + load_dependent |effort| + viscous |v|."""
+    """Friction of a gearmotor at its output, by which its effort u exceeds the load t.
+
+        u - t = base + load_dependent (|u| + |t|) + viscous |v|
+
+    At rest u = -t, so a share of twice the load is lost (BAM's model M3).
+    """
 
     base: Annotated[NonNegative, key("independent of the load", 0.5, "N m or N")] = 0.0
     load_dependent: Annotated[
-        Number, Field(ge=0, lt=1), key("share of the effort, below 1", 0.1, "1")
+        Number, Field(ge=0, lt=1), key("share of the sum of effort and load, below 1", 0.1, "1")
     ] = 0.0
     viscous: Annotated[NonNegative, key("per speed of the output", 0.2, "N m s/rad or N s/m")] = 0.0
 

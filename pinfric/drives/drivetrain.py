@@ -791,11 +791,11 @@ def gearmotor_drive(name: str, entry: GearMotor) -> Candidate:
         "stiffness": entry.stiffness,
     }
     losses = "included in the maker's ratings at the output"
-    if friction is not None:  # at the output: effort (1 + l) + base + viscous v
-        values["efficiency"] = 1 / (1 + friction.load_dependent)
-        values["back_efficiency"] = 1 - friction.load_dependent
-        values["no_load_torque"] = constant_friction(friction.base / entry.ratio)
-        values["motor_viscous"] = linear_drag(friction.viscous / entry.ratio**2)
+    if friction is not None:  # driving: u (1 - l) = t (1 + l) + base + viscous v
+        share = friction.load_dependent
+        values["efficiency"] = values["back_efficiency"] = (1 - share) / (1 + share)
+        values["no_load_torque"] = constant_friction(friction.base / ((1 - share) * entry.ratio))
+        values["motor_viscous"] = linear_drag(friction.viscous / ((1 - share) * entry.ratio**2))
         losses = "identified friction at the output: base, load-dependent, viscous"
     return Candidate(
         name=name,

@@ -6,12 +6,13 @@ import re
 import warnings
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 from sizing_cases import GEAR, MOTOR, one_drive, write_catalog
 
 import pinfric as pf
-from pinfric.drives.drivetrain import gear_transmission
+from pinfric.drives.drivetrain import gear_transmission, gearmotor_drive
 from pinfric.drives.policy import Conditions, lacks, parse_conditions
 from pinfric.errors import CatalogError
 
@@ -67,7 +68,7 @@ def test_every_figure_has_maker_and_document_and_a_grade(section, name):
 
 def test_the_bundled_catalogue_is_wide():
     catalog = pf.load_catalog()
-    assert [len(getattr(catalog, section)) for section in SECTIONS] == [98, 204, 33, 53, 84, 10]
+    assert [len(getattr(catalog, section)) for section in SECTIONS] == [98, 204, 38, 53, 84, 10]
     power = [
         m.continuous_torque * m.rated_speed
         for m in catalog.motors.values()
@@ -448,3 +449,36 @@ def test_catalogues_are_part_of_the_package():
     for path in folder.glob("*.yaml"):
         if path.name.count(".") == 1:
             assert yaml.safe_load(path.read_text())["pinfric_catalog"] == 1
+
+
+#: Servo -> base, load-dependent, viscous friction as BAM's files print them, and efficiency.
+BAM = {
+    "Robotis Dynamixel MX-64": (0.1022, 0.0758, 0.0006, 0.859),
+    "Robotis Dynamixel MX-106": (0.1134, 0.1082, 0.0119, 0.805),
+    "Robotis Dynamixel XL-320": (0.0206, 0.2190, 0.0023, 0.641),
+    "Robotis Dynamixel XL330-M288": (0.0089, 0.1217, 0.0044, 0.783),
+    "Feetech STS3215 7.4 V": (0.0556, 0.2116, 0.0315, 0.651),
+    "ZeroErr eRob80:50": (3.467, 0.0629, 1.207, 0.882),
+    "ZeroErr eRob80:100": (4.832, 0.1480, 7.395, 0.742),
+}
+
+
+@pytest.mark.parametrize("name", BAM)
+def test_a_servos_losses_grow_with_its_load_as_they_were_identified(name):
+    """On a pendulum that is raised: u - t = base + share (u + t) + viscous v, solved for u."""
+    base, share, viscous, efficiency = BAM[name]
+    entry = pf.load_catalog().gearmotors[name]
+    if entry.rotor_inertia is None:
+        entry = entry.model_copy(update={"rotor_inertia": 1e-7})
+    gear = gearmotor_drive(name, entry).transmission
+    assert gear.efficiency == gear.back_efficiency == pytest.approx(efficiency, abs=5e-4)
+    bare = pf.load_scene("pendulum")
+    scene = bare.with_(friction={}, actuators=[{"joint": "joint_1", "transmission": gear}])
+    q, v = np.array([[0.5], [1.0], [1.4]]), np.array([[0.3], [1.0], [2.0]])
+    for way in (1.0, -1.0):
+        rising = way * q
+        found = pf.inverse_dynamics(scene, rising, way * v, 0.0 * v)
+        load = way * found.effort_frictionless[:, 0]
+        assert (load > 0.0).all()
+        u = way * entry.ratio * found.motor_torque_lower[:, 0]
+        assert u - load == pytest.approx(base + share * (u + load) + viscous * v[:, 0], rel=1e-12)
