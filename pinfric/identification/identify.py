@@ -126,6 +126,7 @@ def identify(
     """
     expect_scene(scene, "identify")
     check_scene(scene)
+    scene = replace(scene, measured=None)  # its friction is not used
     _check_options(scene, effort_at, inertia, laws or {})
     logs = [logs] if isinstance(logs, str | Path | Log) else logs
     _check_logs(logs, held_out)

@@ -57,6 +57,7 @@ def identification_page(found: Identified) -> str:
         laws=table_of("", summary.joints),
         coefficients=_coefficients(summary),
         unseen=table_of("", predicted(summary)),
+        published=table_of("", summary.published, keys=2),
         delay=found.estimate.delay,
         scene=Path(found.scene.source).stem,
         logs=summary.logs,
