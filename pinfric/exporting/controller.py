@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -125,7 +126,7 @@ def level_uncertainty(
             for row in values.T
         ]
     )
-    known = _level(inverse_dynamics(scene, q, v, a), moving)
+    known = _level(inverse_dynamics(replace(scene, measured=None), q, v, a), moving)
     low, high = np.percentile(levels, [2.5, 97.5], axis=0)
     return {
         drive.name: float(0.5 * (high[d] - low[d]) / known[d])
@@ -149,7 +150,7 @@ def _embedded(scene: Scene, result: InverseResult) -> list[EmbeddedState]:
     picked = np.linspace(0, len(result.status) - 1, _STATES).astype(int)
     q, v, a = (x[picked].copy() for x in (result.states.q, result.states.v, result.states.a))
     v[0] = 0.0
-    found = inverse_dynamics(scene, q, v, a)
+    found = inverse_dynamics(replace(scene, measured=None), q, v, a)  # speeds are mentioned
     friction = _compensation_at(scene, States.of(scene, q, v, a))
     joints = list(scene.model.joints)[1:]
     at = single_positions(q, [joint.nq for joint in joints if joint.nq])

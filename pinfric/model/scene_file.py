@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from pinfric.errors import PinfricWarning, RobotError, SceneError, choose_from
 from pinfric.model.brief import counted
@@ -20,6 +21,9 @@ from pinfric.model.robot import Robot, locate_urdf, mention_reductions, read_rob
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Assumed, Friction, Measured, SceneFile
 from pinfric.model.yamlfile import read_yaml
+
+#: A robot that is measured at more than so many times its URDF's limit was measured in deg/s.
+_FASTER = 5.0
 
 
 def load_scene(path: str | Path) -> Scene:
@@ -45,6 +49,7 @@ def load_scene(path: str | Path) -> Scene:
     if entries.actuators is None:
         mention_reductions(robot, str(file))
     robot.model.gravity.linear = np.array(entries.robot.gravity)
+    _expect_speeds(entries, robot.model, str(file))
     friction = _with_urdf_dynamics(entries, robot, str(file))
     for excess in excessive_friction(friction, entries.actuators):
         warnings.warn(f"{file}: {excess.place}: {excess.text}", PinfricWarning, stacklevel=2)
@@ -68,6 +73,19 @@ def load_scene(path: str | Path) -> Scene:
         measured=entries.measured,
         stops=entries.stops,
     )
+
+
+def _expect_speeds(entries: SceneFile, model: pin.Model, where: str) -> None:
+    """Refuse measured speeds that no joint of the robot reaches: deg/s, as a rule."""
+    for joint in filter(model.existJointName, entries.friction if entries.measured else ()):
+        top = entries.measured.top_speed(joint) if entries.measured else None
+        limit = float(model.velocityLimit[model.joints[model.getJointId(joint)].idx_v])
+        if top is not None and 0.0 < _FASTER * limit < top:
+            raise SceneError(
+                f"{where}: `measured.speed`: {joint} {top:g} is {top / limit:.0f} times the URDF's "
+                f"velocity limit {limit:g}; speeds are in rad/s or m/s: if this is in deg/s, write "
+                f"{np.radians(top):.3g}"
+            )
 
 
 def guesses_line(assumed: Assumed) -> str:

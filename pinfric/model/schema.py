@@ -15,6 +15,8 @@ from pydantic import (
     Field,
     GetJsonSchemaHandler,
     SerializeAsAny,
+    ValidationInfo,
+    field_validator,
     model_validator,
 )
 from pydantic.json_schema import JsonSchemaValue
@@ -499,6 +501,8 @@ class Stops(Entry):
         return self
 
 
+#: deg C: no gear's grease is hotter.
+_HOTTEST = 200.0
 #: Least and greatest value of something measured.
 Range = tuple[NonNegative, NonNegative]
 
@@ -537,6 +541,25 @@ class Measured(Entry):
     licence: Annotated[Text | None, key("of the figures", "BSD-3-Clause")] = None
     grade: Annotated[Literal["A", "B", "C"], key("how well it is documented", "A")]
 
+    @field_validator("speed", "temperature", mode="before")
+    @classmethod
+    def _two_numbers(cls, value: Any, info: ValidationInfo) -> Any:
+        unit, example = {
+            "speed": ("rad/s or m/s", "[0, 1.0]"),
+            "temperature": ("deg C", "[42, 46]"),
+        }[info.field_name or ""]
+        for pair in value.values() if isinstance(value, dict) else [value]:
+            if pair is not None and not (
+                isinstance(pair, list | tuple)
+                and len(pair) == 2
+                and all(isinstance(x, int | float) for x in pair)
+            ):
+                raise ValueError(
+                    f"should be the least and the greatest, two numbers in {unit}, e.g. {example}; "
+                    f"found {pair!r}"
+                )
+        return value
+
     @model_validator(mode="after")
     def _in_order(self) -> Measured:
         by_joint = self.speed if isinstance(self.speed, dict) else {"": self.speed}
@@ -544,6 +567,12 @@ class Measured(Entry):
         for name, pair in (ranges | {"temperature": self.temperature}).items():
             if pair is not None and pair[0] > pair[1]:
                 raise ValueError(f"`{name}` {list(pair)}: the least comes first; swap them")
+        if self.temperature and self.temperature[1] > _HOTTEST:
+            low, high = (round(x - 273.15, 1) for x in self.temperature)
+            raise ValueError(
+                f"`temperature` {list(self.temperature)}: is in deg C; if these are kelvin, write "
+                f"[{low:g}, {high:g}]"
+            )
         return self
 
     @property

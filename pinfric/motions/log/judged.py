@@ -222,7 +222,7 @@ def _effort_bound(result: InverseResult, noise: DerivativeNoise) -> FloatArray:
     """How far every effort may be off, (T, na) in N m or N; see `judge_log`."""
     count = len(result.states.q)
     places = np.unique(np.linspace(0, count - 1, min(count, _PLACES)).astype(np.int64))
-    scene, states = result.scene, result.states
+    scene, states = replace(result.scene, measured=None), result.states  # speeds are mentioned
     q, v, a = (np.ascontiguousarray(x[places]) for x in (states.q, states.v, states.a))
     attached = None if states.attached is None else states.attached[places]
 
