@@ -119,7 +119,7 @@ def test_every_number_that_is_a_guess_says_so(tmp_path):
     assert friction["panda_finger_joint2"]["bearing"]["kind"] == "guide"
 
 
-#: Identified on a UR10e (robots/ur10_machine_tending.yaml): N m and N m s/rad.
+#: Identified on a UR10e (robots/ur10e.yaml): N m and N m s/rad.
 UR10E = [12.5, 13.3, 5.0, 2.0, 2.7, 2.3], [21.3, 20.2, 10.4, 3.6, 2.5, 3.0]
 
 

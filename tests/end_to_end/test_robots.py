@@ -6,14 +6,16 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.io import loadmat
 
 import pinfric as pf
 from pinfric import cli
 from pinfric.model.robot import with_payloads
 from pinfric.motions.log.judged import judge_log
+from pinfric.motions.log.reading import ReadingOptions
 
 ROBOTS = Path(__file__).parents[2] / "robots"
-LOGS = Path(__file__).parents[3] / "shared" / "data" / "ur10"
+LOGS = Path(__file__).parents[3] / "shared" / "data"
 SCENES = (
     "pendulum",
     "three_link",
@@ -279,13 +281,18 @@ PUBLISHED = {
     ),
     "fr3": (linear([1.137] * 4 + [0.763, 0.440, 0.248], [0.21] * 7), (0.1, 1.0, 2.0), 1e-12),
     "go2": (linear(4 * LEG[0], 4 * LEG[1]), (0.1, 1.0, 5.0), 1e-12),
+    "kr300": (
+        linear([345, 462, 428, 115, 135, 101], [2008, 2014, 1559, 265, 524, 376]),
+        (0.05, 0.2, 0.42),
+        1e-12,
+    ),
 }
 
 
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_friction_is_what_the_source_prints(name):
     law, speeds, error = PUBLISHED[name]
-    scene = pf.load_scene(name)
+    scene = pf.load_scene(name).with_(payloads={})
     nv = scene.model.nv
     for speed in (*speeds, *(-s for s in speeds)):
         v = np.full((1, nv), speed)
@@ -311,17 +318,66 @@ def test_a_motion_beyond_the_measured_speeds_is_warned_of():
     pf.inverse_dynamics(scene.with_(friction={}), q, 3.0 * v, q)  # other friction
 
 
-#: RMS of measured torques less those computed with the scene, N m, as the guide prints them.
-UR10_ERRORS = [3.8, 7.3, 4.0, 1.8, 0.7, 1.9]
+def test_what_is_computed_beside_a_motion_warns_no_second_time():
+    """Of a log's noise the motion is computed again, a little faster; of C++ at some states."""
+    scene, t = pf.load_scene("ur10e"), np.arange(0.0, 4.0, 0.01)
+    q = 1e-4 * np.round(1e4 * 0.5 * np.sin(3.0 * t))[:, None] * np.ones(6)
+    motion = pf.load_trajectory(pf.Log(t, q, np.zeros_like(q)), scene)
+    for compute in (
+        lambda: judge_log(pf.inverse_dynamics(scene, motion), motion.reading),
+        lambda: pf.export(scene, motion, "cpp"),
+    ):
+        with pytest.warns(pf.PinfricWarning) as caught:
+            compute()
+        assert sum("faster than friction" in str(one.message) for one in caught) == 1
+
+
+def kr300_log(letter):
+    """A log of the KR 300: its angles count from home; less its counterbalance's torque, joint 2.
+
+    The gas spring's geometry and pressure as the log's authors give them.
+    """
+    rec = loadmat(LOGS / "kr300" / f"rec_2020-10-21_10s_FF_{letter}_08ms.mat", squeeze_me=True)
+    home = np.array([0, -90, 90, 0, 0, 0])
+    q = np.radians(rec["rec"]["act_pos_mot_deg"].item().T + home)
+    angle = q[:, 1] + np.radians(95)
+    long, short, area = 0.8, 0.2, np.pi / 4 * (0.055**2 - 0.030**2)
+    length = np.sqrt(long**2 + short**2 - 2 * long * short * np.cos(angle))
+    pressure = 1.01 * 296.8 * 328 * 0.159 / (0.00096 - (length - long + short) * area)
+    effort = rec["rec"]["act_torque_abs_nm"].item().T.copy()
+    effort[:, 1] -= pressure * area * np.sin(angle) * long * short / length * 7 / 1872
+    return pf.Log(0.004 * np.arange(len(q)), q, effort)
+
+
+#: RMS of measured torques less those computed, with the scene and without friction, N m (KR 300:
+#: at the motors), as the guide prints them.
+RECORDED = {
+    "ur10": ([3.8, 7.3, 4.0, 1.8, 0.7, 1.9], [21.5, 22.3, 16.7, 6.1, 4.1, 5.7]),
+    "panda": (
+        [0.59, 1.68, 1.80, 1.93, 0.49, 0.41, 0.06],
+        [0.68, 1.69, 1.82, 1.91, 0.64, 0.48, 0.27],
+    ),
+    "kr300": ([0.71, 1.35, 1.58, 0.23, 0.32, 0.24], [2.55, 3.12, 3.19, 0.68, 0.98, 1.01]),
+}
 
 
 @pytest.mark.skipif(not LOGS.is_dir(), reason="other people's logs are not in the repository")
-def test_a_recorded_motion_beside_its_bundled_scene():
-    scene = pf.load_scene("ur10")
-    motion = pf.load_trajectory(LOGS / "ur10_exciting_trajectory.db3", scene)
-    measured = judge_log(pf.inverse_dynamics(scene, motion), motion.reading).measured
-    errors = [measured[name].rms_error for name in scene.joint_names]
-    np.testing.assert_allclose(errors, UR10_ERRORS, atol=0.06)
+@pytest.mark.parametrize("name", RECORDED)
+def test_a_recorded_motion_beside_its_bundled_scene(name, tmp_path):
+    scene, at, options, ratio = pf.load_scene(name), "reflected", None, 1.0
+    log = LOGS / "ur10" / f"{name}_exciting_trajectory.db3"
+    if name == "panda":
+        at, options = "joint", ReadingOptions(columns=tmp_path / "names.yaml")
+        names = {f"panda_joint{i}": f"fer_joint{i}" for i in range(1, 8)}
+        (tmp_path / "names.yaml").write_text(f"joints: {names}")
+    if name == "kr300":
+        at, log = "motor", kr300_log("B")
+        ratio = np.array([drive.transmission.ratio for drive in scene.drives])
+    motion = pf.load_trajectory(log, scene, *([options] if options else []))
+    for which, printed in zip((scene, scene.with_(friction={})), RECORDED[name], strict=True):
+        measured = judge_log(pf.inverse_dynamics(which, motion), motion.reading, at).measured
+        errors = np.array([measured[joint].rms_error for joint in scene.joint_names]) / ratio
+        np.testing.assert_allclose(errors, printed, atol=0.06 if name == "ur10" else 0.006)
 
 
 def test_every_measured_robot_is_listed(capsys):
@@ -339,7 +395,11 @@ def test_every_measured_robot_is_listed(capsys):
         ("{side: motor, grade: A, robot: x}", "measured.source"),
         ("{side: motor, grade: A, robot: x, source: ''}", "measured.source"),
         ("{side: motor, grade: A, robot: x, source: y, speed: [2, 1]}", "the least comes first"),
-        ("{side: motor, grade: A, robot: x, source: y, speed: 1 rad/s}", "measured.speed"),
+        ("{side: motor, grade: A, robot: x, source: y, speed: 1 rad/s}", "numbers in rad/s or m/s"),
+        ("{side: motor, grade: A, robot: x, source: y, speed: {joint_1: 2}}", "e.g. [0, 1.0]"),
+        ("{side: motor, grade: A, robot: x, source: y, speed: [0, 180]}", "in deg/s, write 3.14"),
+        ("{side: motor, grade: A, robot: x, source: y, temperature: [20]}", "numbers in deg C"),
+        ("{side: motor, grade: A, robot: x, source: y, temperature: [300, 310]}", "[26.9, 36.9]"),
         ("{side: motor, grade: A, robot: x, source: y, speed: {jiont_1: [0, 1]}}", "'jiont_1'"),
     ],
 )

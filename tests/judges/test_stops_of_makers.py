@@ -22,7 +22,7 @@ LARGE, SMALL = 3.5, 2.45
 UR5_SPEED = np.radians(183.0)
 UR5_WAYS, UR5_TIMES = np.array([0.31, 0.70, 0.22]), np.array([0.244, 0.530, 0.164])
 #: Brake of the three, N m: not printed, fitted to the ways of the first two.
-UR5_BRAKE = 1.08
+UR5_BRAKE = 1.18
 
 
 def stop_of(robot, mass, axis, speed, large, small):

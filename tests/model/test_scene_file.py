@@ -93,6 +93,6 @@ def test_a_scene_that_says_otherwise_whose_masses_it_has_is_refused(tmp_path):
 
 def test_bundled_scenes_say_whose_masses_they_have():
     files = [f for f in bundled_folder().glob("*.yaml") if "." not in f.stem]
-    assert len(files) == 19
+    assert len(files) == 20
     for file in files:
         assert None not in pf.load_scene(file).masses_hold, file
