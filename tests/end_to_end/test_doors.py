@@ -1,4 +1,4 @@
-"""Some of the doors that `.ci/run` opens (`python tests/doors.py`), and that it opens all."""
+"""Some of the doors that `.ci/run` opens (`python tools/doors.py`), and that it opens all."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The fuzzer's short run, and that it sees what it looks for (`python tests/fuzz.py`: long)."""
+"""The fuzzer's short run, and that it sees what it looks for (`python tools/fuzz.py`: long)."""
 
 from __future__ import annotations
 

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import dataclasses
 
+import coupled as module
 import numpy as np
 import pytest
-from benchmarks import coupled as module
-from benchmarks.coupled import (
+from cases import Case, drawer_forces, jamming_drawer, turning_four_bar
+from coupled import (
     SHARES,
     TOLERANCES,
     CoupledFriction,
@@ -20,7 +21,6 @@ from benchmarks.coupled import (
     solve,
     table,
 )
-from cases import Case, drawer_forces, jamming_drawer, turning_four_bar
 
 import pinfric as pf
 
@@ -33,7 +33,7 @@ def of(rows, solver, share=None):
 
 @pytest.fixture(scope="module", autouse=True)
 def _timed_once():
-    """Each solve runs once: what they take is measured by `python tests/benchmarks/coupled.py`."""
+    """Each solve runs once: what they take is measured by `python benchmarks/coupled.py`."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "_TIMED_PASSES", 1)
         yield

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 
+import peers
 import pytest
-from benchmarks import peers
 
 import pinfric as pf
 from pinfric.accuracy import precision

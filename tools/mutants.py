@@ -1,8 +1,8 @@
 """Break lines of the solvers on purpose and count what no test notices.
 
-    python tests/mutants.py                        100 lines each of `friction` and `dynamics`
-    python tests/mutants.py --count 20 --seed 3 friction
-    python tests/mutants.py --near friction        by the tests in `tests/friction/` alone
+    python tools/mutants.py                        100 lines each of `friction` and `dynamics`
+    python tools/mutants.py --count 20 --seed 3 friction
+    python tools/mutants.py --near friction        by the tests in `tests/friction/` alone
 
 Each mutant changes one line in memory: a comparison, a sign, a product, a number, a condition, or
 it leaves out a statement. Kernels run as plain Python, so nothing is compiled. Tests are collected
@@ -56,7 +56,7 @@ TESTS = (
     "tests/sweeps/test_superposition.py",
 )
 #: Mutants that no test can notice, or none should: `file function: line: change | reason`.
-JUDGED = ROOT / "tests/mutants_judged.txt"
+JUDGED = ROOT / "tools/mutants_judged.txt"
 #: Tests that take longer with kernels as plain Python are left out (s of processor time).
 LONGEST = 6
 #: Exceptions that plain Python raises where a compiled kernel computes inf or nan.

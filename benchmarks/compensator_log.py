@@ -1,6 +1,6 @@
 """A robot's log: friction identified on its first two thirds, the header judged on the last.
 
-    python tests/benchmarks/compensator_log.py ur10_exciting_trajectory.db3
+    python benchmarks/compensator_log.py ur10_exciting_trajectory.db3
 
 Beside it tanh, fc tanh(k v) + fv v + fo with k chosen for each joint, and inertias free in both.
 Printed is the RMS in N m of what the motors gave less what was predicted, where |v| > 0.02 rad/s.

@@ -7,7 +7,7 @@ at the solution, and that tends to 1 towards the jam: of the drawer, to mu / cri
 Newton's passes stay few. Both are written out here, without the safeguards of
 `friction.given_modes`, whose solution is the reference.
 
-    python tests/benchmarks/coupled.py
+    python benchmarks/coupled.py
 
 prints both for the bundled drawer and four-bar.
 """

@@ -1,6 +1,6 @@
 """Load-dependent friction inside MuJoCo beside `pf.simulate`: random motions of several robots.
 
-    python tests/benchmarks/mujoco_bridge.py [--motions 10] [--only NAME]
+    python benchmarks/mujoco_bridge.py [--motions 10] [--only NAME]
 
 Motor torques are those that hold the first pose without friction, and two sines per joint of up to
 twice its limit at rest: joints stick about half the time. Printed are, for steps of 1 and 0.25 ms,

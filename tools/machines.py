@@ -1,6 +1,6 @@
 """Machines sized with the bundled catalogue: what is chosen, and what cannot be signed.
 
-    python tests/machines.py
+    python tools/machines.py
 
 prints the table of the evidence page: every machine under the default conditions.
 """

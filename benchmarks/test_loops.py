@@ -1,6 +1,6 @@
 """What friction costs where it couples: the four-bar with four pins, against itself without.
 
-    python -m pytest tests/benchmarks/test_loops.py -n0 -s
+    python -m pytest benchmarks/test_loops.py -n0 -s
 
 Every round times the contestants one after the other.
 """

@@ -1,6 +1,6 @@
 """Cost grows as it should: fitted exponents of measured curves.
 
-    python -m pytest tests/benchmarks/test_scaling.py -n 0 -s
+    python -m pytest benchmarks/test_scaling.py -n 0 -s
 
 `scaling.py` measures, prints and draws the same curves in full.
 """

@@ -1,6 +1,6 @@
 """Sweeps against inverse dynamics, on 1, 2, 4 processes, and of 10,000 panda cycles.
 
-python -m pytest -n0 -s tests/benchmarks/test_sweep.py
+python -m pytest -n0 -s benchmarks/test_sweep.py
 """
 
 import os

@@ -1,6 +1,6 @@
 """What frequencies of elastic gears cost beside the inverse dynamics of the same motion.
 
-python -m pytest tests/benchmarks/test_elastic.py -n 0 -s
+python -m pytest benchmarks/test_elastic.py -n 0 -s
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """What forward dynamics with friction costs: a call against `pin.aba`, a second of a simulation.
 
-    python -m pytest tests/benchmarks/test_forward.py -n 0 -s
+    python -m pytest benchmarks/test_forward.py -n 0 -s
 
 `table.py` measures; here its rows are held to their goals.
 """

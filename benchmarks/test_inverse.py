@@ -1,6 +1,6 @@
 """What friction costs: ratios measured in one process, medians of several rounds.
 
-    python -m pytest tests/benchmarks -n 0 -s
+    python -m pytest benchmarks -n 0 -s
 
 Every round times the contestants one after the other, so that a busy machine slows all of them.
 """
@@ -92,7 +92,7 @@ def test_friction_against_pinocchio_without(ur5, threads, benchmark):
 
 STREAM = """
 import resource, numpy as np, pinfric as pf, sys
-sys.path.insert(0, "tests/benchmarks")
+sys.path.insert(0, "benchmarks")
 from test_inverse import scene_with_pins, example_robot_data, pin
 model = pin.buildModelFromUrdf(str(example_robot_data() / "ur_description/urdf/ur5_robot.urdf"))
 scene, T = scene_with_pins(model), 1_000_000

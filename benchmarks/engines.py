@@ -1,6 +1,6 @@
 """One joint that is held, breaks away, is let go and turns back, in every engine that runs here.
 
-    python tests/benchmarks/engines.py
+    python benchmarks/engines.py
 
 A hinge of 1 kg m^2 with 3 N m of dry friction and 0.5 N m s/rad. 1 s at 2 N m, which friction
 holds; a ramp from 2 to 5 N m in 1.5 s; then nothing, until it rests; then the same the other way.

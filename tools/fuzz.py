@@ -1,7 +1,7 @@
 """Mutated scenes, URDFs, logs, way-points, motions, sweeps and catalogues against the command line.
 
-    python tests/fuzz.py --count 10000 --seed 1      all of it; 30 minutes of one core
-    python tests/fuzz.py --case 4711 --keep DIR      one case again, its files kept
+    python tools/fuzz.py --count 10000 --seed 1      all of it; 30 minutes of one core
+    python tools/fuzz.py --case 4711 --keep DIR      one case again, its files kept
 
 First every file and command runs without a mutation and must end in exit 0, which also compiles
 the kernels. Each case mutates one input of one command and must end in exit 0 with numbers that are
@@ -32,6 +32,7 @@ from collections import Counter
 from pathlib import Path
 from time import perf_counter
 
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from mutations import NAMES, NUMBERS, Mutator
 from sizing_cases import GEAR, MOTOR
 

@@ -1,6 +1,6 @@
 """How cost grows: with joints, samples, friction sites, coupled sites, threads; memory, too.
 
-    python tests/benchmarks/scaling.py          prints the curves and draws scaling.png beside it
+    python benchmarks/scaling.py          prints the curves and draws scaling.png beside it
 
 A fitted exponent p means cost ~ n^p: the slope of log cost over log n by least squares.
 """
@@ -20,7 +20,7 @@ import numpy as np
 import pinocchio as pin
 
 if __name__ == "__main__":
-    sys.path.insert(0, str(Path(__file__).parents[1]))  # builders, as pytest finds them
+    sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))  # builders, as pytest finds them
 
 from builders import random_inertia  # isort: skip
 from measure import machine, median_seconds, states, ur5, with_pins  # isort: skip

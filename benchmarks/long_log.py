@@ -1,6 +1,6 @@
 """Memory and processor time of an identification from one long log.
 
-    python tests/benchmarks/long_log.py [--kind arrays|csv] [--minutes 60] [--read]
+    python benchmarks/long_log.py [--kind arrays|csv] [--minutes 60] [--read]
 
 The log is that of tests/identify_cases.py, six joints at 500 Hz, repeated after its 60 s with new
 noise of the efforts. Prints the largest resident memory (the log's own arrays and the imports are
@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from identify_cases import excitation, guess, logged, motor_effort, truth
 
 import pinfric as pf

@@ -1,7 +1,7 @@
 """What compiling costs: processor time of every kernel that a scene needs, with an empty cache.
 
-    python tests/benchmarks/compile_time.py                 an open chain and a loop
-    python tests/benchmarks/compile_time.py pendulum        a bundled scene
+    python benchmarks/compile_time.py                 an open chain and a loop
+    python benchmarks/compile_time.py pendulum        a bundled scene
 
 Numba reports each compilation; the time of a kernel has that of its callees taken out. Compare two
 commits on one machine: a kernel more, or a longer one, is a choice.

@@ -1,7 +1,7 @@
 """Every goal for speed, measured in one run, as one table of ratios.
 
-    python tests/benchmarks/table.py            a minute or two
-    python tests/benchmarks/table.py --peers    MuJoCo and Drake, too: some minutes
+    python benchmarks/table.py            a minute or two
+    python benchmarks/table.py --peers    MuJoCo and Drake, too: some minutes
 
 Contestants of one row are timed in turn, round by round; medians count.
 """
@@ -19,7 +19,7 @@ import numpy as np
 import pinocchio as pin
 
 if __name__ == "__main__":
-    sys.path.insert(0, str(Path(__file__).parents[1]))  # cases, as pytest finds them
+    sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))  # cases, as pytest finds them
 
 from measure import all_seconds, machine, median_seconds, states, ur5, with_pins  # isort: skip
 from peers import compete_with_peers  # isort: skip

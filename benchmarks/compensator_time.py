@@ -1,6 +1,6 @@
 """The compensator's `motor_torque` beside Pinocchio's C++ `rnea`, compiled alike, timed in one run.
 
-    python tests/benchmarks/compensator_time.py [--eigen FOLDER]
+    python benchmarks/compensator_time.py [--eigen FOLDER]
 
 Pinocchio's headers are those of the wheel `pin`; Eigen's come with the extra `bench` (cmeel-eigen)
 or a system's package: FOLDER holds `Eigen/Core`. Batches of 500 states, medians of 41 rounds.

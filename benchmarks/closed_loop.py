@@ -1,6 +1,6 @@
 """An arm in closed loop at 1 kHz without friction compensation, with tanh, and with the load known.
 
-    python tests/benchmarks/closed_loop.py [--seconds 4] [--stability]
+    python benchmarks/closed_loop.py [--seconds 4] [--stability]
 
 A UR10 with 2.8 kg in its hand, gears that lose 5-7 % of their load, break-away 1.25 times kinetic
 friction. PD control of positions of 19 bits with a delay of 1 ms; rigid body, payload and friction

@@ -1,6 +1,6 @@
 """How well identification does on logs with known truth.
 
-    python tests/benchmarks/identify.py [--seeds 14] [--first 100] [--cases true,stribeck,...]
+    python benchmarks/identify.py [--seeds 14] [--first 100] [--cases true,stribeck,...]
 
 Each seed is a UR5 as tests/identify_cases.py makes it: 60 s at 250 Hz, 18 bits, white noise of 2 %
 and autocorrelated noise of 2 %, efforts 4 ms late, masses wrong by 20 %. The cases are the true
@@ -23,7 +23,7 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from identify_cases import (
     BACK_EFFICIENCY,
     COULOMB,

@@ -1,7 +1,7 @@
 """Every public function and every command once, as on a machine where pinfric has just arrived.
 
-    python tests/doors.py                  all of them: a minute of two cores
-    python tests/doors.py holds simulate   some
+    python tools/doors.py                  all of them: a minute of two cores
+    python tools/doors.py holds simulate   some
 
 Each runs in a process of its own, in which nothing is compiled, finds nothing in the cache, and has
 all the patience for which kernels are interpreted. Tests run compiled kernels, many in one process:

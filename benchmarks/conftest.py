@@ -1,0 +1,3 @@
+"""Measure first: it imports pinfric before Pinocchio, and lets kernels be compiled."""
+
+import measure  # noqa: F401
