@@ -39,7 +39,7 @@ class FormatPage:
     """A file's keys as Markdown, written from its JSON schema: a list for each mapping in it."""
 
     def __init__(self, name: str) -> None:
-        self.name, schema = name, json_schema(name)
+        schema = json_schema(name)
         self.defs: dict[str, Any] = schema.get("$defs", {})
         self.places: dict[str, str] = {}  # class -> where it was met first
         self.waiting: list[tuple[str, Any]] = []
@@ -65,8 +65,8 @@ class FormatPage:
     def _keys(self, place: str, schema: Any, title: str = "") -> list[str]:
         shown = title or place
         heading = f"`{shown}`" if place else "The file"
-        lines = [f"({self.name}-{_anchor(shown)})=", f"## {heading}", ""]
-        lines += [as_markdown(schema["description"]), ""]
+        lines = [f"## {heading}", "", as_markdown(schema["description"]), ""]
+        lines += ["| key | what | value |", "|---|---|---|"]
         for key, value in schema["properties"].items():
             kind, unit = self._kind(f"{place}.{key}".lstrip("."), value), value.get("unit", "")
             if unit not in ("", "1"):
@@ -77,11 +77,8 @@ class FormatPage:
                 kind += f", by default `{as_yaml(value['default'])}`"
             meaning = value.get("description", "").removesuffix(f" ({unit})")
             examples = ", ".join(f"`{as_yaml(given)}`" for given in value.get("examples", []))
-            lines += [f"`{key}`", f": {as_markdown(meaning)}", "", f"  {kind}; e.g. {examples}", ""]
-        return lines
-
-    def _link(self, text: str, place: str) -> str:
-        return f"[{text}](#{self.name}-{_anchor(place)})"
+            lines.append(f"| `{key}` | {as_markdown(meaning)} | {kind}; e.g. {examples} |")
+        return [*lines, ""]
 
     def _kind(self, place: str, value: Any) -> str:
         """What may stand at a place, in words; mappings that are met first get a list."""
@@ -97,8 +94,8 @@ class FormatPage:
             place = self.places[name]
             if "discriminator" in self.defs[name]:
                 kinds = self._kinds(self.defs[name])
-                return " or ".join(self._link(kind, _of_kind(place, kind)) for kind in kinds)
-            return self._link(place, place)
+                return " or ".join(_link(kind, _of_kind(place, kind)) for kind in kinds)
+            return _link(place, place)
         if forms := value.get("anyOf", value.get("oneOf")):
             kinds = [form for form in forms if form.get("type") != "null"]
             return " or ".join(dict.fromkeys(self._kind(place, kind) for kind in kinds))
@@ -126,5 +123,7 @@ def as_yaml(value: Any) -> str:
     return yaml_line(value).replace("|", "\\|")
 
 
-def _anchor(place: str) -> str:
-    return re.sub(r"\W+", "-", place).strip("-").lower()
+def _link(text: str, place: str) -> str:
+    """A link to a place's heading, by the anchor that GitHub and MyST make of it."""
+    anchor = re.sub(r"[^\w -]", "", place.lower()).replace(" ", "-")
+    return f"[{text}](#{anchor})"

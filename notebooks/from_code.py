@@ -1,4 +1,4 @@
-"""What pages take from the code: docstrings as they are written here, files' keys, commands.
+"""What the site takes from the code: docstrings as they are written here.
 
 A Sphinx extension. Docstrings are plain text in Google's sections: backticks are code, what is
 indented is an equation, and nothing else is markup (|F| is a norm).
@@ -11,15 +11,12 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-import typer
 from docutils import nodes
 from docutils.statemachine import StringList
-from file_keys import CODE, FormatPage, as_yaml
-from result_keys import result_lines
+from file_keys import CODE, as_yaml
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from pinfric.cli import app
 from pinfric.model.entry import Entry
 
 _SECTION = re.compile(r"(Args|Attributes|Raises|Returns|Warns|Yields):$")
@@ -63,17 +60,6 @@ NAMED = re.compile(r"\{py:(func|class)\}`~?pinfric\.((?:\w+\.)*)(\w+)`")
 _KINDS = {"func": "function", "class": "class"}
 
 
-def command_lines() -> list[str]:
-    """Return what `--help` of each command says, as Markdown."""
-    lines = []
-    for name, command in typer.main.get_command(app).commands.items():  # type: ignore[attr-defined]
-        context = command.make_context(
-            f"pinfric {name}", [], resilient_parsing=True, terminal_width=78, max_content_width=78
-        )
-        lines += [f"## pinfric {name}", "", "```text", command.get_help(context), "```", ""]
-    return lines
-
-
 class _Generated(SphinxDirective):
     """Markdown that the code gives."""
 
@@ -103,16 +89,6 @@ def named_lines(pages: Iterable[Path]) -> list[str]:
     return lines
 
 
-class Format(_Generated):
-    """`{format} NAME`: the keys of a file, see `FormatPage`."""
-
-    required_arguments = 1
-
-    def markdown(self) -> list[str]:
-        """See `_Generated.markdown`."""
-        return FormatPage(self.arguments[0]).lines
-
-
 class Named(_Generated):
     """`{named} PAGES`: the functions that pages (patterns) name, see `named_lines`."""
 
@@ -122,14 +98,6 @@ class Named(_Generated):
         """See `_Generated.markdown`."""
         patterns = self.arguments[0].split()
         return named_lines(page for x in patterns for page in Path(self.env.srcdir).glob(x))
-
-
-class Commands(_Generated):
-    """`{commands}`: what every command takes."""
-
-    def markdown(self) -> list[str]:
-        """See `_Generated.markdown`."""
-        return command_lines()
 
 
 def key_lines(it: Any) -> list[str]:
@@ -142,14 +110,6 @@ def key_lines(it: Any) -> list[str]:
         for name, field in fields.items()
     ]
     return ["", "Attributes:", *keys] if keys else []
-
-
-class Results(_Generated):
-    """`{results}`: what every command's `--json` holds."""
-
-    def markdown(self) -> list[str]:
-        """See `_Generated.markdown`."""
-        return result_lines()
 
 
 class _Docstrings:
@@ -180,9 +140,6 @@ def setup(sphinx: Sphinx) -> dict[str, bool]:
     docstrings = _Docstrings()
     sphinx.connect("autodoc-process-docstring", docstrings.before, priority=400)
     sphinx.connect("autodoc-process-docstring", docstrings.after, priority=600)
-    sphinx.add_directive("format", Format)
-    sphinx.add_directive("commands", Commands)
     sphinx.add_directive("named", Named)
-    sphinx.add_directive("results", Results)
     sphinx.connect("doctree-read", _number_equations_by_tags)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

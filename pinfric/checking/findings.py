@@ -140,6 +140,8 @@ INERTIAS = (
     Unit("kg cm^2", 1e-4),
     Unit("g cm^2", 1e-7),
 )
+#: Of motors, in the order in which data sheets have them.
+ROTOR_INERTIAS = (Unit("kg cm^2", 1e-4), Unit("g cm^2", 1e-7))
 ANGLES = (Unit("degrees", 0.017453292519943295),)
 
 

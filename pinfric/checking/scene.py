@@ -13,6 +13,7 @@ from pinfric.checking.findings import (
     ANGLES,
     LENGTHS,
     MASSES,
+    ROTOR_INERTIAS,
     Finding,
     Severity,
     in_unit,
@@ -53,9 +54,17 @@ def scene_findings(
         facts: its URDF, measured; None for a robot made in Python.
         said: what loading warned of.
     """
+    found = list(_findings(scene, facts))
+    yield from found
+    places = {finding.place for finding in found}
     for text in said:
-        if USUALLY in text:  # the schema's own questions
-            yield Finding(Severity.WARNING, "question", "scene", text, "")
+        if USUALLY in text:  # the schema's own questions: "FILE: KEY = VALUE: usually ..."
+            place, _, rest = text.removeprefix(f"{scene.source}: ").partition(" = ")
+            if place not in places:
+                yield Finding(Severity.WARNING, "question", place, rest, "")
+
+
+def _findings(scene: Scene, facts: RobotFacts | None) -> Iterator[Finding]:
     for site in scene.sites:
         yield from _bearing(site, scene, facts)
         yield from _coefficients(site, scene)
@@ -301,13 +310,14 @@ def _drives(scene: Scene) -> Iterator[Finding]:
         yield from _losses(transmission, place, joint, float(model.effortLimit[index]))
         rotor = transmission.rotor_inertia * transmission.ratio**2
         if moved > 0 and rotor > _ROTOR * moved:
+            unit = likely_unit(ROTOR_INERTIAS, _below(rotor, moved))
             yield Finding(
                 Severity.WARNING,
                 "rotor",
                 f"{place}.rotor_inertia",
                 f"{transmission.rotor_inertia:g} kg m^2 at joint {joint}",
                 f"{rotor:.3g} kg m^2 at the joint; no joint moves more than {moved:.3g} kg m^2",
-                f"if it is in kg cm^2: {1e-4 * transmission.rotor_inertia:.3g} kg m^2",
+                in_unit(unit, "kg m^2", transmission.rotor_inertia),
                 rotor / (_ROTOR * moved),
             )
 

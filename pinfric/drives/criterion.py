@@ -85,11 +85,11 @@ class Criterion:
         if self.margin is None or self.required is None or self.available is None:
             return f"{self.name}: {self.status}" + (f": {self.note}" if self.note else "")
         tail = f"short by {self.shortfall}" if self.margin < 0 else f"{self.shortfall} in reserve"
-        unit = f" {self.unit}" if self.unit else ""
+        unit, ends = f" {self.unit}" if self.unit else "", (self.required, self.available)
+        digits = next((d for d in range(4, 9) if len({f"{x:.{d}g}" for x in ends}) == 2), 4)
+        needs, has = (f"{x:.{digits}g}{unit}" for x in ends)
         tail += f"; {self.condition}" if self.margin < 0 and self.condition else ""
-        return (
-            f"{self.name}: needs {self.required:.4g}{unit}, has {self.available:.4g}{unit} ({tail})"
-        )
+        return f"{self.name}: needs {needs}, has {has} ({tail})"
 
 
 def compare(

@@ -302,9 +302,8 @@ class Transmission(Entry):
                 f"{driving.exponent:.3g}"
             )
         if abs(self.ratio) != 1.0:  # without a gear it is a joint's, of any size
-            yield from unlikely(
-                "rotor_inertia", self.rotor_inertia, 0.1, "kg m^2", "kg cm^2 entered?"
-            )
+            hint = "kg cm^2 entered?" if self.rotor_inertia < 10.0 else "g cm^2 entered?"
+            yield from unlikely("rotor_inertia", self.rotor_inertia, 0.1, "kg m^2", hint)
         yield from unlikely("ratio", abs(self.ratio), 1000.0, "")
         yield from unlikely(
             "hysteresis", self.hysteresis, _LARGEST_HYSTERESIS, "rad", "arcmin or degrees entered?"

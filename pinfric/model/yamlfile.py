@@ -22,6 +22,15 @@ FORMATS = {
     "pinfric_motors": "motors file",
     "pinfric_catalog": "catalogue",
 }
+#: What gives an empty file its content.
+_WRITTEN_BY = {
+    "pinfric": "`pinfric new URDF` writes a scene",
+    "pinfric_trajectory": "`pinfric new URDF` writes way-points beside its scene",
+    "pinfric_sweep": "`pinfric schema sweep` has its keys, `pinfric identify` writes one",
+    "pinfric_motors": "`pinfric schema motors` has its keys",
+    "pinfric_catalog": "`pinfric catalog` makes a catalogue of a table",
+}
+NOT_UTF_8 = "is not a text file in UTF-8; save it in this encoding (not UTF-16 or that of Windows)"
 #: Letters of a value that a message repeats: enough to find it in the file.
 _SHOWN = 80
 #: Bytes of a file that is read as a whole, 64 MiB; a large catalogue has a tenth.
@@ -48,7 +57,7 @@ def read_yaml(path: Path, error: type[PinfricError], kind: str = "") -> dict[str
         reason = problem.strerror or str(problem)
         raise error(f"{brief_path(path)}: cannot be read: {reason}") from None
     except UnicodeDecodeError:
-        raise error(f"{path}: is not a text file in UTF-8") from None
+        raise error(f"{path}: {NOT_UTF_8}") from None
     except RecursionError:
         raise error(f"{path}: is nested too deep to be meant; check its brackets") from None
     except YAMLError as problem:
@@ -60,9 +69,11 @@ def read_yaml(path: Path, error: type[PinfricError], kind: str = "") -> dict[str
         if "'\\t'" in one_line:
             one_line = "a tab; indent with blanks"
         raise error(f"{path}{line}: not valid YAML: {one_line}") from None
+    if content is None:
+        written = f"; {_WRITTEN_BY[kind]}" if kind in _WRITTEN_BY else ""
+        raise error(f"{path}: the file is empty{written}")
     if not isinstance(content, dict):
-        found = "an empty file" if content is None else f"a {type(content).__name__}"
-        raise error(f"{path}: should be a mapping of keys, found {found}")
+        raise error(f"{path}: should be a mapping of keys, found a {type(content).__name__}")
     other = next((key for key in content if key in FORMATS), kind)
     if kind and kind not in content and other != kind:
         order = "commands take SCENE TRAJECTORY SWEEP in this order"

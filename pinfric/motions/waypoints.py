@@ -310,6 +310,7 @@ def _check_points(
             f"{counted(count, 'joint')}{more}; give one per joint, in the order of `joints` (by "
             "default the scene's), or the scene of this motion"
         )
+    unknown = False
     for index, point in enumerate(waypoints.points):
         for change, names, state in (
             ("detach", point.detach, False),
@@ -318,10 +319,11 @@ def _check_points(
             for name in names:
                 where = f"points[{index}].{change}"
                 if name not in attached:
+                    unknown = True
                     problems.append(
                         f"{where}: unknown payload {name!r}; {choose_from(name, attached)}"
                     )
-                elif attached[name] is state:
+                elif attached[name] is state and not unknown:  # it may be this one, misspelt
                     problems.append(
                         f"{where}: {name!r} is {change}ed already (at the start: the "
                         "scene's robot.payloads says so in `attached`)"

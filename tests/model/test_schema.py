@@ -190,7 +190,7 @@ def test_numbers_as_people_write_them(tmp_path, text, value):
     [
         ("a: 1\na: 2\n", r"line 2.*duplicate key \"a\""),
         ("a: [1, 2\n", "not valid YAML"),
-        ("", "found an empty file"),
+        ("", "the file is empty"),
         ("- 1\n", "found a list"),
         ("a: !!python/object/apply:os.system ['true']\n", "not valid YAML"),
     ],

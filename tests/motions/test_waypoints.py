@@ -317,7 +317,7 @@ def test_unknown_waypoint_keys_name_the_nearest(tmp_path):
         ("points: [{q: [0.0]}]", "`pinfric_trajectory` is missing"),
         ("{pinfric_trajectory: 1, points: []}", "points"),
         ("[1, 2]", "should be a mapping"),
-        ("", "an empty file"),
+        ("", "the file is empty"),
         ("{points: [", "not valid YAML"),
         ("{pinfric_trajectory: 1, points: [{q: [true]}]}", "points[0].q[0]"),
         ("{pinfric_trajectory: 1, points: [{q: [0.0]}, {q: [1.0], duration: 1.0e+9}]}", "samples"),

@@ -166,12 +166,25 @@ def test_every_key_of_every_file_says_what_it_is_with_unit_and_example(cls):
 @pytest.mark.parametrize("name", FORMATS)
 def test_every_format_has_a_page_made_from_its_classes(name, monkeypatch):
     monkeypatch.syspath_prepend(PAGES)
-    page = (PAGES / "reference" / f"{name}.md").read_text(encoding="utf-8")
-    assert f"```{{format}} {name}\n```" in page
     assert f"reference/{name}\n" in (PAGES / "index.md").read_text(encoding="utf-8")
     lines = importlib.import_module("file_keys").FormatPage(name).lines
     for cls in entries(FORMATS[name], set()):
-        assert {f"`{key}`" for key in cls.model_fields} <= set(lines), cls
+        keys = {line.split(" | ")[0].removeprefix("| ") for line in lines}
+        assert {f"`{key}`" for key in cls.model_fields} <= keys, cls
+
+
+def test_the_reference_in_the_clone_is_what_the_code_says(monkeypatch):
+    """After a change: python notebooks/make_reference.py."""
+    monkeypatch.syspath_prepend(PAGES)
+    made = importlib.import_module("make_reference").made()
+    assert {page.stem for page in made} == {*FORMATS, "commands", "results"}
+    for page, text in made.items():
+        assert page.read_text(encoding="utf-8").split() == text.split(), page.name
+        headings = re.findall(r"^#+ (.*)$", text, re.MULTILINE)
+        slugs = {re.sub(r"[^\w -]", "", h.lower()).replace(" ", "-") for h in headings}
+        links = re.findall(r"\]\(#([^)]*)\)", text)
+        assert len(slugs) == len(headings), page.name
+        assert set(links) <= slugs, page.name
 
 
 BUNDLED = {

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from pinfric.errors import TrajectoryError
 from pinfric.model.brief import counted
-from pinfric.model.yamlfile import brief_path
+from pinfric.model.yamlfile import NOT_UTF_8, brief_path
 from pinfric.motions.joint_columns import listing
 from pinfric.motions.log.frame import (
     EXACT,
@@ -117,7 +117,7 @@ def _unreadable_said(path: Path) -> Iterator[None]:
     try:
         yield
     except UnicodeDecodeError:
-        raise TrajectoryError(f"{path}: is not a text file in UTF-8") from None
+        raise TrajectoryError(f"{path}: {NOT_UTF_8}") from None
     except (OSError, EOFError, zlib.error) as problem:
         reason = getattr(problem, "strerror", None) or str(problem)
         raise TrajectoryError(f"{brief_path(path)}: cannot be read: {reason}") from None

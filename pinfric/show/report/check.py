@@ -85,7 +85,12 @@ def _title(report: CheckReport) -> str:
 
 def _closing(report: CheckReport) -> str:
     numbers = {s: report.count(s) for s in (Severity.ERROR, Severity.WARNING, Severity.NOTE)}
-    listed = ", ".join(counted(n, s.name.lower()) for s, n in numbers.items() if n)
+    kinds = {s: len({f.kind for f in report.findings if f.severity == s}) for s in numbers}
+    listed = ", ".join(
+        counted(n, s.name.lower()) + (f" of {counted(kinds[s], 'kind')}" if kinds[s] < n else "")
+        for s, n in numbers.items()
+        if n
+    )
     if numbers[Severity.ERROR]:
         return f"{listed}: correct the errors before you use any result."
     if numbers[Severity.WARNING]:
