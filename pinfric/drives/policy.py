@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from pinfric.errors import CatalogError
 from pinfric.model.entry import Entry, NonNegative, Number, Positive, key, parse
@@ -187,19 +187,24 @@ class Conditions(Entry):
         return self
 
 
-def parse_conditions(
-    given: Conditions | Mapping[str, Any] | None, default: Conditions
-) -> Conditions:
-    """Return `default` with the values of `given` replaced.
+#: Conditions as a file has them: keys that replace those of its catalogue, by `parse_conditions`.
+GivenConditions = Annotated[
+    dict[str, Any], BeforeValidator(lambda x: x, json_schema_input_type=Conditions)
+]
+
+
+def parse_conditions(given: Conditions | Mapping[str, Any], default: Conditions) -> Conditions:
+    """Return `default` with what is given in place of its own: of an object what was set in it.
+
+    Args:
+        given: as an object or a mapping of keys. default: the catalogue's.
 
     Raises:
         CatalogError: an unknown condition or a value that cannot be.
     """
-    if given is None:
-        return default
     if isinstance(given, Conditions):
-        return given
-    return parse(Conditions, {**default.model_dump(), **given}, "conditions", CatalogError)
+        given = {name: getattr(given, name) for name in given.model_fields_set}
+    return parse(Conditions, {**dict(default), **given}, "conditions", CatalogError)
 
 
 class Need(NamedTuple):

@@ -24,6 +24,7 @@ from pinfric.drives.demand import (
     hold_samples,
     largest,
 )
+from pinfric.drives.drivetrain import Candidate
 from pinfric.drives.duty import Schedule
 from pinfric.drives.inertia import joint_inertias
 from pinfric.drives.limit import Case
@@ -274,6 +275,31 @@ def geared(scene: Scene, gears: Mapping[str, Transmission | None]) -> Sequence[A
         a.model_copy(update={"transmission": gears[a.drive_name]}) if a.drive_name in gears else a
         for a in given
     ]
+
+
+def equip(scene: Scene, drives: Mapping[int, Candidate], conditions: Conditions) -> Scene:
+    """Return the scene with drives of a catalogue: their masses and gears in place of its own.
+
+    Its `masses` says then that its links hold them. A drive whose mass is not known adds none.
+
+    Args:
+        scene: the robot. drives: by their columns. conditions: `mass_in_urdf`.
+
+    Raises:
+        SizingError: as `with_masses`.
+    """
+    names = scene.actuator_names
+    bare = without_drives(scene, [names[i] for i in drives])
+    heavier = with_masses(
+        bare, added_masses(bare, conditions, {i: one.mass for i, one in drives.items()})
+    )
+    gears = {names[i]: one.transmission for i, one in drives.items()}
+    words = {True: "with_drives", False: "without_drives"}
+    held = {
+        n: words[hold] for n, hold in zip(names, scene.masses_hold, strict=True) if hold is not None
+    }
+    held |= {names[i]: "with_drives" for i, one in drives.items() if one.mass is not None}
+    return replace(heavier, actuators=geared(heavier, gears), masses=held or scene.masses)
 
 
 def loads(scene: Scene, drive: int, actuator: int) -> bool:

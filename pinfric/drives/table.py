@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from copy import deepcopy
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -56,6 +56,8 @@ _TEXTS = (
     "sold",
 )
 _NUMBER = re.compile(r"([-+]?[.,]?\d[\d.,']*(?:[eE][-+]?\d+)?)\s*(.*)")
+#: A number whose marks may separate thousands, and nothing else if there are several.
+_THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(?:,\d{3})+|[-+]?[1-9]\d{0,2}(?:\.\d{3})+")
 
 
 class Cells(Entry):
@@ -101,12 +103,14 @@ def import_table(table: str | Path, mapping: str | Path | None = None) -> dict[s
     """Return the catalogue, as its YAML file holds it, of a CSV table with one row per entry.
 
     Args:
-        table: CSV (comma, semicolon or tab; decimal commas in the latter two), names in line 1.
+        table: CSV (comma, semicolon or tab), names in line 1; whether its commas or its points are
+            decimal is told by all its numbers together.
         mapping: its mapping file; None takes TABLE.columns.yaml beside it.
 
     Raises:
         CatalogError: unreadable, a column that is not there; or rows that cannot be, all of them
-            named: numbers without unit, of the wrong quantity, ratings that contradict each other.
+            named: numbers without unit, of the wrong quantity, ratings that contradict each other;
+            decimal commas beside decimal points.
     """
     path = Path(table)
     where = Path(mapping) if mapping else mapping_of(path)
@@ -126,15 +130,17 @@ def import_table(table: str | Path, mapping: str | Path | None = None) -> dict[s
         for figure, given in wanted.columns.items()
     }
     entries: dict[str, Any] = {}
-    problems, rows = [], 0
-    for line, row, comma in _rows(path, cells, where):
-        rows += 1
+    delimiter, rows = _rows(path, cells, where)
+    numbers = [given.column for figure, given in cells.items() if figure in FIGURES]
+    mark = _decimal_mark(path, delimiter, (row[column] for _, row in rows for column in numbers))
+    problems = []
+    for line, row in rows:
         name = row[cells["name"].column]
-        found = list(_row_problems(name, row, cells, wanted, entries, comma))
+        found = list(_row_problems(name, row, cells, wanted, entries, mark))
         problems += [f"line {line} ({name or 'no name'}): {'; '.join(found)}"] if found else []
     if problems:
         raise CatalogError(
-            f"{path}: {len(problems)} of {rows} rows cannot be: " + " | ".join(problems)
+            f"{path}: {len(problems)} of {len(rows)} rows cannot be: " + " | ".join(problems)
         )
     if not entries:
         raise CatalogError(f"{path}: no rows below the names of its columns")
@@ -163,15 +169,14 @@ def write_catalog(content: dict[str, Any], path: str | Path, origin: str = "") -
 
 def _rows(
     path: Path, cells: dict[str, Cells], where: Path
-) -> Iterator[tuple[int, dict[str, str], bool]]:
-    """Yield (line, column -> text, whether commas are decimal) of each row that is not blank."""
+) -> tuple[str, list[tuple[int, dict[str, str]]]]:
+    """Return what separates cells, and (line, column -> text) of each row that is not blank."""
     try:
         text = bounded(path, CatalogError).decode("utf-8-sig")
     except (OSError, UnicodeDecodeError) as problem:
         reason = getattr(problem, "strerror", None) or "is not UTF-8 text; save it as CSV UTF-8"
         raise CatalogError(f"{path}: cannot be read: {reason}") from None
-    first = text.partition("\n")[0]
-    delimiter = max(";\t,", key=first.count)
+    delimiter = max(";\t,", key=text.partition("\n")[0].count)
     reader = csv.reader(text.splitlines(), delimiter=delimiter)
     names = [name.strip() for name in next(reader, [])]
     for figure, given in cells.items():
@@ -180,10 +185,35 @@ def _rows(
                 f"{where}: columns.{figure}: {path.name} has no column "
                 f"{given.column!r}; {choose_from(given.column, names)}"
             )
+    rows = []
     for row in reader:
         if any(cell.strip() for cell in row):
             padded = [cell.strip() for cell in row] + [""] * len(names)
-            yield reader.line_num, dict(zip(names, padded, strict=False)), delimiter != ","
+            rows.append((reader.line_num, dict(zip(names, padded, strict=False))))
+    return delimiter, rows
+
+
+def _decimal_mark(path: Path, delimiter: str, texts: Iterable[str]) -> str:
+    """Return the decimal mark of a table's numbers, or "" where they do not tell.
+
+    Of two kinds of mark in a number the last is decimal, one that is repeated is not; a single one
+    is, unless it may as well separate thousands ("3,000"). Points are, where commas separate cells.
+    """
+    found: dict[str, str] = {}
+    for text in texts:
+        if (match := _NUMBER.fullmatch(text)) is None:
+            continue
+        marks = re.findall("[.,]", match[1])
+        if marks and (len(set(marks)) == 2 or not _THOUSANDS.fullmatch(match[1])):
+            found.setdefault(marks[-1], text)
+        elif len(marks) > 1:
+            found.setdefault("," if marks[0] == "." else ".", text)
+    if len(found) == 2:
+        raise CatalogError(
+            f"{path}: {found[',']!r} has a decimal comma and {found['.']!r} a decimal point: give "
+            "one of them to all numbers"
+        )
+    return next(iter(found), "." if delimiter == "," else "")
 
 
 def _row_problems(
@@ -192,20 +222,23 @@ def _row_problems(
     cells: dict[str, Cells],
     wanted: TableMapping,
     entries: dict[str, Any],
-    comma: bool,
+    mark: str,
 ) -> Iterator[str]:
     """Put a row's entry into `entries`; yield what is wrong with it."""
     entry: dict[str, Any] = deepcopy(wanted.every)  # its parts, too: each row adds its own
     linear = (row[cells["output"].column] if "output" in cells else entry.get("output")) == "linear"
     if not name or name in entries:
         yield "this name is given twice" if name else "no name"
-    for figure, given in cells.items():
+    for figure in sorted(cells, key=lambda figure: figure != "ratio"):  # it says what turns
+        given = cells[figure]
         text, value = row[given.column], None
         if text in _NOTHING or figure == "name":
             continue
         try:
-            unit = unit_of(figure, linear, wanted.section == "gears") if figure in FIGURES else ""
-            value = _figure(text, given.unit, unit, comma) if unit else text
+            screw = figure == "rotor_inertia" and entry.get("ratio", 1.0) != 1.0
+            turning = wanted.section == "gears" or screw
+            unit = unit_of(figure, linear, turning) if figure in FIGURES else ""
+            value = _figure(text, given.unit, unit, mark) if unit else text
         except CatalogError as problem:
             yield f"{figure}: {problem}"
         part, _, key = figure.rpartition(".")
@@ -217,16 +250,19 @@ def _row_problems(
     entries[name] = entry
 
 
-def _figure(text: str, unit: str | None, wanted: str, comma: bool) -> float:
+def _figure(text: str, unit: str | None, wanted: str, mark: str) -> float:
     """A cell's number in SI; its own unit goes before the mapping's."""
     match = _NUMBER.fullmatch(text)
     if match is None:
         raise CatalogError(f"should be a number, found {brief(text)}")
     digits, own = match[1].replace("'", ""), match[2]
-    if comma:
-        digits = digits.replace(".", "").replace(",", ".") if "," in digits else digits
+    if not mark and re.search("[.,]", digits):
+        raise CatalogError(
+            f"{brief(text)} has a decimal mark or one of thousands, and no number of the table "
+            "tells which: write thousands without a mark"
+        )
     try:
-        value = float(digits)
+        value = float(digits.replace("," if mark == "." else ".", "").replace(",", "."))
     except ValueError:
         raise CatalogError(f"should be a number, found {brief(text)}") from None
     given = own or unit or ("1" if wanted == "1" else "price" if wanted == "price" else "")

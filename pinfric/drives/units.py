@@ -41,6 +41,7 @@ UNITS = {
     "mohm": ("ohm", 1e-3),
     "N m/A": ("N m/A", 1.0),
     "mN m/A": ("N m/A", 1e-3),
+    "N/A": ("N/A", 1.0),
     "K/W": ("K/W", 1.0),
     "C": ("C", 1.0),
     "W": ("W", 1.0),
@@ -53,6 +54,9 @@ UNITS = {
     "1/h": ("1/h", 1.0),
     "N m/rad": ("N m/rad", 1.0),
     "N m/arcmin": ("N m/rad", 10800 / math.pi),
+    "N/m": ("N/m", 1.0),
+    "N/mm": ("N/m", 1e3),
+    "N/um": ("N/m", 1e6),
     "rad": ("rad", 1.0),
     "arcmin": ("rad", math.pi / 10800),
     "arcsec": ("rad", math.pi / 648000),
@@ -105,11 +109,11 @@ _LINEAR = {
     "N m/rad": "N/m",
     "N m/A": "N/A",
     "kg m^2": "kg",
-    "1": "1",
     "rad": "m",
 }
-#: Figures of a linear gear that stay at its turning input.
+#: Figures of what has a linear output that stay those of what turns before it.
 _AT_INPUT = (
+    "rotor_inertia",
     "no_load_running_torque",
     "starting_torque",
     "rated_speed",
@@ -120,12 +124,17 @@ _AT_INPUT = (
 )
 
 
-def unit_of(figure: str, linear: bool = False, gear: bool = False) -> str:
-    """Return the SI unit of a figure; of what slides, where `linear`."""
+def unit_of(figure: str, linear: bool = False, turning: bool = False) -> str:
+    """Return the SI unit of a figure.
+
+    Args:
+        figure: of `FIGURES`. linear: of what slides.
+        turning: what stands before its output turns: a gear's input, a rotor with a screw.
+    """
     if linear and figure == "ratio":
         return "rad/m"
-    unit = FIGURES[figure]
-    turns = not linear or (gear and figure in _AT_INPUT) or "." in figure
+    unit, part = FIGURES[figure], figure.partition(".")[0]
+    turns = not linear or (turning and figure in _AT_INPUT) or part not in (figure, "stiffness")
     return unit if turns else _LINEAR.get(unit, unit)
 
 

@@ -11,6 +11,7 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -23,9 +24,9 @@ from pinfric.drives.drivetrain import Candidate, find_drive
 from pinfric.drives.limit import Limit, idle
 from pinfric.drives.limit import drive as read_drive
 from pinfric.drives.limits import LIMITS, instant_limits
-from pinfric.drives.parts import own_amplifier
-from pinfric.drives.policy import Conditions, parse_conditions
-from pinfric.drives.robot import geared
+from pinfric.drives.parts import check_names, own_parts
+from pinfric.drives.policy import Conditions, GivenConditions, parse_conditions
+from pinfric.drives.robot import equip, geared
 from pinfric.errors import CatalogError, RetimeError, choose_from
 from pinfric.model.drives import Drive
 from pinfric.model.entry import Entry, Positive, Version, key, parse
@@ -105,7 +106,6 @@ class NamedDrive(DriveLimits):
 
 #: Limits as a file has them, read by `_limits` once the catalogue is known.
 _Given = Annotated[Any, BeforeValidator(lambda x: x, json_schema_input_type=str | NamedDrive)]
-_Conditions = BeforeValidator(lambda x: x, json_schema_input_type=Conditions)
 
 
 class MotorsFile(Entry):
@@ -114,8 +114,7 @@ class MotorsFile(Entry):
     pinfric_motors: Annotated[Version, key("version of the format", 1)]
     catalog: Annotated[str, key("file, or `default` for the bundled one", "default")] = "default"
     conditions: Annotated[
-        dict[str, Any],
-        _Conditions,
+        GivenConditions,
         key("values that replace those of the catalogue", {"bus_voltage": 24.0}),
     ] = Field(default_factory=dict)
     drives: Annotated[
@@ -151,7 +150,8 @@ def read_limits(scene: Scene, limits: LimitsLike) -> tuple[DriveLimits, ...]:
         RetimeError: no limits for a drive, or none of its torque; a name that is not there.
         CatalogError: as reading a catalogue raises it.
     """
-    conditions, catalog, others, where = None, "default", None, "limits"
+    catalog, others, where = "default", None, "limits"
+    conditions: Mapping[str, Any] = {}
     if limits is None:
         return tuple(_stated(scene, i) for i in range(len(scene.drives)))
     given: Mapping[str, Any] = {}
@@ -174,7 +174,7 @@ def read_limits(scene: Scene, limits: LimitsLike) -> tuple[DriveLimits, ...]:
             raise RetimeError(
                 f"{where}: there is no drive {name!r}; {choose_from(name, scene.actuator_names)}"
             )
-    lookup = CatalogLookup(catalog, conditions)
+    lookup = CatalogLookup(scene, catalog, conditions)
     found = []
     for drive in scene.drives:
         entry = given.get(drive.name, others)
@@ -190,15 +190,21 @@ def read_limits(scene: Scene, limits: LimitsLike) -> tuple[DriveLimits, ...]:
 
 
 def limited_scene(scene: Scene, limits: Sequence[DriveLimits]) -> Scene:
-    """Return the scene with the transmissions of the given drives, if they have one."""
-    if all(limit.transmission is None for limit in limits):
-        return scene
+    """Return the scene with the given drives' gears and, of a catalogue, their masses.
+
+    Raises:
+        SizingError: as `robot.equip`.
+    """
+    taken = {i: x.from_catalog for i, x in enumerate(limits) if x.from_catalog is not None}
+    if taken:
+        drives = {i: candidate for i, (candidate, _) in taken.items()}
+        scene = equip(scene, drives, next(iter(taken.values()))[1])
     own = {
         drive.name: limit.transmission
         for drive, limit in zip(scene.drives, limits, strict=True)
         if limit.transmission is not None
     }
-    return scene.with_(actuators=geared(scene, own))
+    return scene.with_(actuators=geared(scene, own)) if own else scene
 
 
 def candidate_limits(candidate: Candidate, conditions: Conditions) -> DriveLimits:
@@ -241,24 +247,33 @@ def candidate_limits(candidate: Candidate, conditions: Conditions) -> DriveLimit
 
 
 class CatalogLookup:
-    """A catalogue, read at the first name that is asked for."""
+    """A catalogue and the conditions, read at the first name that is asked for."""
 
-    def __init__(self, catalog: str, conditions: Mapping[str, Any] | None) -> None:
-        self.file, self.given = catalog, conditions
-        self.catalog: Catalog | None = None
+    def __init__(self, scene: Scene, catalog: str, conditions: Mapping[str, Any]) -> None:
+        self.scene, self.file, self.given = scene, catalog, conditions
+
+    @cached_property
+    def catalog(self) -> Catalog:
+        """The catalogue."""
+        return load_catalog(self.file)
+
+    @cached_property
+    def conditions(self) -> Conditions:
+        """What is demanded."""
+        found = parse_conditions(self.given, self.catalog.conditions)
+        check_names(self.scene, found)
+        return found
 
     def drive(self, where: str, joint: str, name: str) -> DriveLimits:
         """Return the limits of a drive by its name; `where` says in a message who asks."""
-        if self.catalog is None:
-            self.catalog = load_catalog(self.file)
         found = find_drive(self.catalog, name)
         if isinstance(found, list):
             raise RetimeError(
                 f"{where}: {self.file} has no drive {name!r}; {choose_from(name, found)}"
             )
-        conditions = parse_conditions(self.given, self.catalog.conditions)
-        fed = replace(found, amplifier=own_amplifier(self.catalog, conditions, joint))
-        return candidate_limits(fed, conditions)
+        linear = effort_unit(self.scene, self.scene.actuator_names.index(joint)) == "N"
+        parts: dict[str, Any] = own_parts(self.catalog, self.conditions, joint, linear)
+        return candidate_limits(replace(found, **parts), self.conditions)
 
 
 def _limits(where: str, name: str, entry: Any, lookup: CatalogLookup) -> DriveLimits:

@@ -50,6 +50,7 @@ class Problem:
         columns: of the joints. limits: (na,) of the drives. policy: see `Policy`.
         grid, tables: of the path.
         mode: (n, 2, nv) see `scan.MOVING`. constant: (n,) bool, u is constant in the interval.
+        share: (n,) part of the limits that may be used in the interval.
     """
 
     scene: Scene
@@ -61,6 +62,7 @@ class Problem:
     tables: Tables
     mode: np.ndarray
     constant: np.ndarray
+    share: np.ndarray
 
     @cached_property
     def _sites(self) -> dict[str, np.ndarray]:
@@ -86,7 +88,10 @@ class Problem:
         with np.errstate(divide="ignore"):
             top = ((drive_speeds(drives, limits) / np.abs(rate)) ** 2).min(axis=1)
             own = ((joint_speeds(self.scene) / np.abs(grid.rate)) ** 2).min(axis=1)
-        top = np.minimum(top, own)
+        share = np.ones(len(top))
+        np.minimum.at(share, grid.start, self.share)
+        np.minimum.at(share, grid.end, self.share)
+        top = share**2 * np.minimum(top, own)
         stick = [drive_stick_velocity(self.scene, drive) for drive in drives]
 
         def least(signal: str) -> np.ndarray:
@@ -105,6 +110,7 @@ class Problem:
             way=grid.direction,
             mode=self.mode,
             constant=self.constant,
+            share=self.share,
             laws=self.scene.site_tables.laws,
             gears=gear_table([drive.transmission for drive in drives], stick),
             peak=least("motor torque"),

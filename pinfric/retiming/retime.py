@@ -15,13 +15,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pinfric.drives.criterion import Criterion, Status
-from pinfric.drives.demand import drive_cycle, gear_demand, hold_samples
+from pinfric.drives.demand import drive_cycle, gear_demand
 from pinfric.drives.drivetrain import motor_cycle
 from pinfric.drives.inertia import load_inertias
 from pinfric.drives.limit import Case
 from pinfric.drives.limits import check, instant_limits
 from pinfric.drives.policy import BASE_AXES
-from pinfric.drives.robot import depth
+from pinfric.drives.robot import depth, holds
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.errors import PinfricWarning, RetimeError, TrajectoryError
@@ -51,6 +51,8 @@ from pinfric.retiming.thermal import Cycle, within_continuous
 _INSIDE = np.array([0.02, 0.25, 0.5, 0.75, 0.98])
 #: Times that intervals over a limit are cut in two.
 _ROUNDS = 10
+#: A smoothed motion that would have to be run more slowly than by this factor is given up.
+_SLOWEST = 0.05
 #: A limit of which more than this part is used holds the motion back.
 _AT_LIMIT = 0.995
 #: Times the points asked for, where fewer find no way along the path.
@@ -153,7 +155,8 @@ def retime(
         heat: keep each motor's continuous torque over the whole cycle, holds included (`thermal`),
             as the motion is repeated; False: it is done once.
         smooth: s; the place along the path becomes a moving mean over this time, so that
-            accelerations ramp; each move takes so much longer.
+            accelerations ramp; each move takes so much longer, and more where limits are tightened
+            because the smoothed motion would exceed them.
         points: of the grid, all pieces together; refined where a limit would be exceeded.
         tolerance: part of a limit by which it may be exceeded between grid points.
         sample_rate: of the resulting trajectory, Hz.
@@ -164,7 +167,7 @@ def retime(
         TrajectoryError: a path that cannot be, or does not fit the robot.
 
     Warns:
-        PinfricWarning: smoothing exceeds a limit; a drive of the catalogue does not meet what
+        PinfricWarning: a limit is exceeded all the same; a drive of the catalogue does not do what
             `size` asks of it for this motion.
 
     >>> import pinfric as pf
@@ -257,23 +260,60 @@ class _Retiming:
         #: (piece, from s, to s): intervals of constant u; and zones about reversals.
         self.constant: list[tuple[int, float, float]] = []
         self.zones: list[tuple[int, int, float, float]] = []
+        #: (piece, from s, to s, used part of a limit) of smoothed samples, by the round of it.
+        self.tight: list[list[tuple[int, float, float, float]]] = [[]]
 
     def run(self, points: int, heat: bool, smooth: float) -> RetimeResult:
         """Do what `retime` does; arguments see there."""
         self.check_stops()
+        found = self.fastest(points, heat, smooth)
+        if smooth:
+            found = self.smoothed(found, points, heat)
+        return replace(found, notes=tuple(self.notes(found, heat)))
+
+    def fastest(self, points: int, heat: bool, smooth: float) -> RetimeResult:
+        """The fastest motion, judged as it is smoothed; arguments see `retime`."""
         problem, profile, samples = self.solve(points)
         uniform, use = None, None
         if heat and any(np.isfinite(x.over_time[0]) for x in self.limits):
-            profile, uniform, use = self.cool(problem, profile)
+            profile, uniform, use = self.cool(problem, profile, smooth)
         if smooth or use is not None:
             samples = sample(self.path, profile, self.policy.sample_rate, smooth)
-        found = self.result(problem, profile, samples, smooth)
-        if use is not None:
-            found = replace(found, rms=use, uniform=uniform)
-            for d in np.flatnonzero(use > _AT_LIMIT):
-                limiting = found.limiting.setdefault(self.scene.drives[d].name, {})
-                limiting[self.limits[d].over_time[1]] = 1.0
-        return replace(found, notes=tuple(self.notes(found, heat)))
+        return self.result(problem, profile, samples, smooth, uniform, use)
+
+    def smoothed(self, found: RetimeResult, points: int, heat: bool) -> RetimeResult:
+        """Tighten the limits where smoothing exceeds them; if that does not do, go more slowly.
+
+        A smoothed sample has the mean speed and acceleration of a time, at one place: where the
+        path bends it needs more than any of them.
+        """
+        best = found
+        for _ in range(_ROUNDS):
+            if best.excess <= self.policy.tolerance:
+                return best
+            self._tighten(best)
+            try:
+                best = self.fastest(points, heat, found.smooth)
+            except RetimeError:  # a limit that is needed to hold is no longer enough
+                break
+        factor, smooth = 1.0, found.smooth
+        while best.excess > self.policy.tolerance and factor > _SLOWEST:
+            factor *= max(0.9, 1.0 / np.sqrt(1.0 + 2.0 * best.excess))
+            profile = found.profile.scaled(factor)
+            samples = sample(self.path, profile, self.policy.sample_rate, smooth)
+            use = None if found.rms is None else self.heat_used(samples)
+            best = self.result(found.problem, profile, samples, smooth, found.uniform, use)
+        return best
+
+    def _tighten(self, found: RetimeResult) -> None:
+        """Note where, and by which part, a smoothed motion exceeds a limit."""
+        samples = sample(self.path, found.profile, self.policy.sample_rate, found.smooth)
+        use = found.usage.max(axis=(1, 2))
+        for i in np.flatnonzero(samples.moving & (use > 1.0)):
+            reach = float(samples.rate[max(i - 1, 0) : i + 2].max()) * found.smooth
+            s = float(samples.s[i])
+            self.tight[-1].append((int(samples.piece[i]), s - reach, s + reach, float(use[i])))
+        self.tight.append([])
 
     def notes(self, found: RetimeResult, heat: bool) -> Iterator[str]:
         """Say what is exceeded, what `size` does not accept, and whose heat is not known."""
@@ -319,6 +359,13 @@ class _Retiming:
         constant = np.zeros(len(middle), dtype=bool)
         for p, first, last in self.constant:
             constant |= (piece == p) & (first < middle) & (middle < last)
+        share = np.ones(len(middle))
+        for found in self.tight:
+            most = np.ones(len(middle))
+            for p, first, last, used in found:
+                inside = (piece == p) & (first < grid.s[grid.end]) & (grid.s[grid.start] < last)
+                most[inside] = np.maximum(most[inside], used)
+            share /= most
         tables = make_tables(self.scene, self.path, self.columns, grid)
         return Problem(
             self.scene,
@@ -330,6 +377,7 @@ class _Retiming:
             tables,
             modes(grid, self.zones),
             constant,
+            share,
         )
 
     def check_stops(self) -> None:
@@ -450,7 +498,9 @@ class _Retiming:
             f"{self.path.source} retimed",
         )
 
-    def cool(self, problem: Problem, fast: Profile) -> tuple[Profile, float, np.ndarray]:
+    def cool(
+        self, problem: Problem, fast: Profile, smooth: float
+    ) -> tuple[Profile, float, np.ndarray]:
         """Keep continuous torques, as the samples show them; and the uniform motion's duration."""
         limit = np.array([x.over_time[0] for x in self.limits])
         path, n = self.path, len(self.path.pieces)
@@ -460,21 +510,34 @@ class _Retiming:
         still = problem.states(ends, piece, none, none, path.attached)
         torque = _worst(still)
         stay = np.array(path.holds)
-        asked = limit
-        for _ in range(3):
+        asked, near = limit, 0.5 * self.policy.tolerance
+        for _ in range(4):
             cycle = Cycle(asked, stay @ torque**2, float(stay.sum()))
             profile, uniform = within_continuous(problem, fast, cycle)
-            motion = self.motion(sample(path, profile, self.policy.sample_rate))
-            use = _mean_squares(inverse_dynamics(self.scene, motion)) / limit
-            if use.max() <= 1.0 + 0.5 * self.policy.tolerance:
+            use = self.heat_used(sample(path, profile, self.policy.sample_rate, smooth))
+            least = 0.0 if profile is fast else 1.0 - near  # smoothing cools: there may be room
+            if least <= use.max() <= 1.0 + near:
                 break
-            asked = asked / np.maximum(use, 1.0)
-        return profile, uniform + float(stay.sum()), use
+            asked = asked / np.maximum(use, min(use.max(), 1.0))
+        return profile, uniform + n * smooth + float(stay.sum()), use
+
+    def heat_used(self, samples: Samples) -> np.ndarray:
+        """Return (na,) the part of its continuous torque that each motor uses over the cycle."""
+        judged = inverse_dynamics(self.scene, self.motion(samples))
+        assert judged.t is not None  # samples have times
+        rms = [root_mean_square(judged.t, column) for column in _worst(judged).T]
+        return np.array(rms) / [x.over_time[0] for x in self.limits]
 
     def result(
-        self, problem: Problem, profile: Profile, samples: Samples, smooth: float
+        self,
+        problem: Problem,
+        profile: Profile,
+        samples: Samples,
+        smooth: float,
+        uniform: float | None,
+        heat: np.ndarray | None,
     ) -> RetimeResult:
-        """Judge the samples and say what holds them back."""
+        """Judge the samples and say what holds them back; `uniform` and `heat`: see `cool`."""
         trajectory = self.motion(samples)
         judged = inverse_dynamics(self.scene, trajectory)
         use = usage(judged, self.limits)
@@ -485,6 +548,9 @@ class _Retiming:
             for d, drive in enumerate(self.scene.drives)
             if shares[d].any()
         }
+        for d in np.flatnonzero(np.zeros(0) if heat is None else heat > _AT_LIMIT):
+            kinds = limiting.setdefault(self.scene.drives[d].name, {})
+            kinds[self.limits[d].over_time[1]] = 1.0
         return RetimeResult(
             trajectory=trajectory,
             duration=float((profile.duration + smooth).sum() + sum(self.path.holds)),
@@ -495,8 +561,10 @@ class _Retiming:
             usage=use,
             problem=problem,
             profile=profile,
+            rms=heat,
+            uniform=uniform,
             smooth=smooth,
-            criteria=judged_drives(judged, self.limits),
+            criteria=judged_drives(judged, trajectory, self.limits),
         )
 
 
@@ -505,22 +573,15 @@ def _worst(result: InverseResult) -> np.ndarray:
     return ends_by_magnitude(result.motor_torque_lower, result.motor_torque_upper)[0]
 
 
-def _mean_squares(result: InverseResult) -> np.ndarray:
-    """(na,) root mean squares of the motors' torques over a motion, N m."""
-    assert result.t is not None
-    worst = _worst(result)
-    return np.array([root_mean_square(result.t, worst[:, d]) for d in range(worst.shape[1])])
-
-
 def judged_drives(
-    result: InverseResult, limits: Sequence[DriveLimits]
+    result: InverseResult, motion: Trajectory, limits: Sequence[DriveLimits]
 ) -> dict[str, tuple[Criterion, ...]]:
     """Return the criteria of `size` for the catalogue's drives of a motion, by drive.
 
     Args:
         result: of the motion, repeated. limits: of the drives.
     """
-    holding = hold_samples(result.scene, result.states.v)
+    holding = holds(result.scene, motion, result.states.v)
     inertias, found = None, {}
     for i, (drive, x) in enumerate(zip(result.scene.drives, limits, strict=True)):
         if x.from_catalog is None:

@@ -46,6 +46,7 @@ class Scan(NamedTuple):
         way: (n, nv) sign of each drive's motion in each interval, 0 at rest.
         mode: (n, 2, nv) see `MOVING`.
         constant: (n,) bool, whether u is constant in the interval.
+        share: (n,) part of the torques, efforts and accelerations that may be used in the interval.
         site_start: (nv + 1,) which entries of the next three are a drive's.
         site, weight, turn: (ns,) site, its speed per speed of the drive, and the sign of that.
         term_start: (ns + 1,) which rows of `gram` are a site's.
@@ -69,6 +70,7 @@ class Scan(NamedTuple):
     way: np.ndarray
     mode: np.ndarray
     constant: np.ndarray
+    share: np.ndarray
     site_start: np.ndarray
     site: np.ndarray
     weight: np.ndarray
@@ -217,21 +219,29 @@ def _within(
 
 @kernel
 def _limited(
-    s: Scan, row: int, d: int, direction: float, static: bool, x: float, low: float, high: float
+    s: Scan,
+    row: int,
+    d: int,
+    direction: float,
+    static: bool,
+    x: float,
+    ends: tuple[float, float],
+    share: float,
 ) -> tuple[float, float]:
-    """Part of [low, high] that a drive's torque and effort leave, in one direction.
+    """Part of the `ends` of u that a share of a drive's torque and effort leaves, in one direction.
 
     At rest (`static`) only the torque in that direction is bounded; the other one bounds the rest.
     """
+    low, high = ends
     r, speed = abs(s.gears.ratio[d]), abs(s.rate[row, d]) * np.sqrt(x)
     line = r * speed / s.no_load_speed[d]
-    most, least = r * min(s.peak[d], s.stall[d] * (1.0 - line)), -np.inf
+    most, least = r * min(share * s.peak[d], s.stall[d] * (share - line)), -np.inf
     if not static:
-        least = -r * min(s.peak[d], s.stall[d] * (1.0 + line))
+        least = -r * min(share * s.peak[d], s.stall[d] * (share + line))
     count = _prepare(s, row, d, direction, static, x)
     if most < np.inf or least > -np.inf:
         low, high = _within(s, count, True, least, most, low, high)
-    limit = s.effort_limit[d]
+    limit = share * s.effort_limit[d]
     if limit < np.inf and low <= high:
         least = -np.inf if static else -limit
         low, high = _within(s, count, False, least, limit, low, high)
@@ -248,11 +258,11 @@ def bounds(s: Scan, j: int, side: int, x: float) -> tuple[float, float]:
         x: (ds/dt)^2 there.
     """
     row = s.start[j] if side == 0 else s.end[j]
-    low, high = -_FAR, _FAR
+    low, high, share = -_FAR, _FAR, s.share[j]
     if x > s.top[row] * (1.0 + _TINY):
         return high, low
     for d in range(s.rate.shape[1]):
-        most, rate, bend = s.acceleration[d], s.rate[row, d], s.curvature[row, d] * x
+        most, rate, bend = share * s.acceleration[d], s.rate[row, d], s.curvature[row, d] * x
         if most < np.inf:
             if rate != 0.0:
                 ends = (-most - bend) / rate, (most - bend) / rate
@@ -261,11 +271,11 @@ def bounds(s: Scan, j: int, side: int, x: float) -> tuple[float, float]:
                 return _FAR, -_FAR
         mode, direction = s.mode[j, side, d], s.way[j, d]
         if mode == MOVING and low <= high:
-            low, high = _limited(s, row, d, direction, False, x, low, high)
+            low, high = _limited(s, row, d, direction, False, x, (low, high), share)
         elif low <= high:
-            low, high = _limited(s, row, d, 1.0, True, x, low, high)
+            low, high = _limited(s, row, d, 1.0, True, x, (low, high), share)
             if low <= high:
-                low, high = _limited(s, row, d, -1.0, True, x, low, high)
+                low, high = _limited(s, row, d, -1.0, True, x, (low, high), share)
         if not low <= high:
             return _FAR, -_FAR
     return low, high

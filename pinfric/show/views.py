@@ -43,6 +43,7 @@ from pinfric.sizing.size import SizingReport
 from pinfric.stops.study import StopResult
 from pinfric.sweeps.cycle import DEMANDS
 from pinfric.sweeps.result import SweepResult
+from pinfric.sweeps.summary import DriveSpread
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -184,6 +185,8 @@ def _(result: SizingReport) -> pd.DataFrame:
     table["mass"] = [getattr(candidate, "mass", None) for candidate in candidates]
     table["ratio"] = [getattr(candidate, "ratio", None) for candidate in candidates]
     table["margin"] = [getattr(choice, "margin", None) for choice in chosen]
+    table["nearest_miss"] = [joint.no_fit or None for joint in result.joints]
+    table.attrs["units"] |= {"mass": "kg", "ratio": "1 or rad/m", "margin": "1"}
     return table
 
 
@@ -226,7 +229,9 @@ def _(result: RetimeResult) -> pd.DataFrame:
         }
         for drive in retime_summary(result).drives
     ]
-    return pd.DataFrame(rows).set_index("drive")
+    table = pd.DataFrame(rows).set_index("drive")
+    table.attrs["units"] = dict.fromkeys(table.columns, "1")
+    return table
 
 
 @summary.register(StopResult)
@@ -244,6 +249,9 @@ def _(result: SweepResult) -> pd.DataFrame:
     for trial in result.trials:
         share = result.probability(result.sufficing(trial)).value
         table.loc[result.actuator_names[trial.actuator], "suffices"] = share
+    known = quantities(DriveSpread)
+    figures = {column: column.rpartition("_")[0] for column in table.columns}
+    table.attrs["units"] = {c: known[f].unit for c, f in figures.items() if f in known}
     return table
 
 

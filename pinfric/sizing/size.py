@@ -41,7 +41,7 @@ from pinfric.drives.robot import (
     Robot,
     added_masses,
     carried,
-    geared,
+    equip,
     tip_to_base,
     without_drives,
 )
@@ -395,7 +395,7 @@ def size(
         trajectory: one cycle, with times; it is repeated without a pause. If it does not end as
             it began, `SizingReport.unclosed` and a note say so. Several cycles: as a `Duty`.
         catalog: a `Catalog`, a file, "default" for the bundled one, or None for the demand only.
-        conditions: values that replace the catalogue's conditions; `Conditions` or a mapping.
+        conditions: in place of the catalogue's: a mapping, or what was set in a `Conditions`.
         on_miss: what to do if no candidate fits a joint; the report says so in any case.
         progress: called with a line of text at each step.
 
@@ -416,7 +416,8 @@ def size(
     expect_scene(scene, "size")
     if isinstance(catalog, str | Path):
         catalog = load_catalog(catalog)
-    wanted = parse_conditions(conditions, Conditions() if catalog is None else catalog.conditions)
+    default = Conditions() if catalog is None else catalog.conditions
+    wanted = parse_conditions(conditions or {}, default)
     check_names(scene, wanted)
     check_tool(scene, wanted)
     for joint in wanted.bearings:
@@ -458,12 +459,9 @@ class _Sizing:
     def run(self) -> SizingReport:
         """Choose until no choice changes, and report."""
         taken, passes, settled = self._choose()
-        for_all = self.robot.last
         joints = tuple(self._joint(i, taken) for i in range(len(self.scene.drives)))
-        equipped = self.scene
-        if taken:
-            gears = {self.scene.drives[i].name: a.candidate.transmission for i, a in taken.items()}
-            equipped = replace(for_all.scene, actuators=geared(self.scene, gears))
+        chosen = {i: a.candidate for i, a in taken.items()}
+        equipped = equip(self.scene, chosen, self.conditions) if taken else self.scene
         without = self.robot.base.result
         gaps = unclosed(without, self.duty)
         report = SizingReport(

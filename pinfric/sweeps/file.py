@@ -20,7 +20,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from pinfric.drives.policy import Conditions
+from pinfric.drives.policy import GivenConditions
 from pinfric.errors import SweepError
 from pinfric.model.entry import Entry, Number, Positive, Version, key, parse
 from pinfric.model.scene_file import find_file
@@ -148,8 +148,9 @@ class SweepFile(Entry):
     ] = (5.0, 50.0, 95.0, 99.0)
     catalog: Annotated[str, key("file, or `default` for the bundled one", "default")] = "default"
     conditions: Annotated[
-        Conditions | None, key("values that replace those of the catalogue", {"peak_factor": 1.3})
-    ] = None
+        GivenConditions,
+        key("values that replace those of the catalogue", {"peak_factor": 1.3}),
+    ] = Field(default_factory=dict)
     motors: Annotated[
         dict[str, MotorOnTrial],
         key(

@@ -29,19 +29,12 @@ from pinfric.drives.drivetrain import (
 from pinfric.drives.limit import Case, Drives, drive, idle
 from pinfric.drives.limits import LIMITS, check
 from pinfric.drives.parts import check_names, own_parts
-from pinfric.drives.policy import BASE_AXES, Conditions
-from pinfric.drives.robot import (
-    added_masses,
-    depth,
-    geared,
-    with_masses,
-    without_drives,
-)
+from pinfric.drives.policy import BASE_AXES, Conditions, parse_conditions
+from pinfric.drives.robot import depth, equip
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.errors import CatalogError, SizingError, SweepError, choose_from, problems_line
 from pinfric.model.drives import Drive
 from pinfric.model.scene import Scene
-from pinfric.model.schema import Transmission
 from pinfric.motions.summary import effort_unit
 from pinfric.sweeps.file import MotorOnTrial, SweepFile
 
@@ -181,13 +174,9 @@ def motors_on_trial(scene: Scene, sweep: SweepFile, source: str) -> tuple[Scene,
     named = any(entry.motor or entry.drive for entry in sweep.motors.values())
     catalog = load_catalog(sweep.catalog) if named else None
     conditions = Conditions() if catalog is None else catalog.conditions
-    if sweep.conditions is not None:
-        given = sweep.conditions
-        conditions = conditions.model_copy(
-            update={key: getattr(given, key) for key in given.model_fields_set}
-        )
     problems, trials = [], []
     try:
+        conditions = parse_conditions(sweep.conditions, conditions)
         check_names(scene, conditions)
     except CatalogError as problem:
         problems.append(str(problem))
@@ -198,24 +187,9 @@ def motors_on_trial(scene: Scene, sweep: SweepFile, source: str) -> tuple[Scene,
             problems.append(f"`motors.{name}`: {problem}")
     if problems:
         raise SweepError(problems_line(source, problems))
-    return _equipped(scene, trials, conditions, source), tuple(trials)
-
-
-def _equipped(scene: Scene, trials: list[Trial], conditions: Conditions, source: str) -> Scene:
-    """The scene with the drives' masses, as `size` puts them there, and their transmissions."""
-    judged = [trial for trial in trials if trial.checks]
-    if not judged:
-        return scene
-    # a drive whose mass is not known changes nothing: what the URDF has may be as good
-    masses = {trial.actuator: trial.mass for trial in judged}
-    gears: dict[str, Transmission] = {}
-    for trial in judged:
-        assert trial.candidate.transmission is not None  # `_rated` refuses it
-        gears[trial.drive] = trial.candidate.transmission
     try:
-        bare = without_drives(scene, gears)
-        heavier = with_masses(bare, added_masses(bare, conditions, masses))
-        return dataclasses.replace(heavier, actuators=geared(heavier, gears))
+        judged = {trial.actuator: trial.candidate for trial in trials if trial.checks}
+        return (equip(scene, judged, conditions) if judged else scene), tuple(trials)
     except SizingError as problem:
         raise SweepError(f"{source}: {problem}") from None
 

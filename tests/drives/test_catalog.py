@@ -399,7 +399,10 @@ def test_conditions_of_the_caller_go_before_those_of_the_file(tmp_path):
     assert catalog.conditions.bus_voltage == 24.0
     merged = parse_conditions({"bus_voltage": 60.0}, catalog.conditions)
     assert (merged.bus_voltage, merged.ambient) == (60.0, 35.0)
-    assert parse_conditions(None, catalog.conditions) is catalog.conditions
+    assert parse_conditions({}, catalog.conditions) == catalog.conditions
+    merged = parse_conditions(Conditions(bus_voltage=60.0), catalog.conditions)  # what it sets
+    assert (merged.bus_voltage, merged.ambient) == (60.0, 35.0)
+    assert parse_conditions({"bus_limit": 30.0}, catalog.conditions).bus_limit == 30.0
     with pytest.raises(CatalogError, match="conditions: unknown key `volts`"):
         parse_conditions({"volts": 1.0}, Conditions())
 

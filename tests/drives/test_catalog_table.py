@@ -104,6 +104,75 @@ def test_semicolons_and_decimal_commas(tmp_path):
     assert motor["max_speed"] == pytest.approx(6000 * np.pi / 30)
 
 
+@pytest.mark.parametrize("separator", [";", "\t", ","])
+@pytest.mark.parametrize(
+    ("cells", "rpm"),
+    [
+        (("3,000", "0.5"), 3000.0),
+        (("3.000", "0,5"), 3000.0),
+        (("3,000", "1,234.5"), 3000.0),
+        (("1,234.5", "1"), 1234.5),
+        (("1.234,5", "1"), 1234.5),
+        (("1,234,567", "1"), 1234567.0),
+        (("3,000", "2,5"), 3.0),
+        (("3.000", "2.5"), 3.0),
+        (("3.000e0", "9"), 3.0),
+    ],
+)
+def test_marks_are_decimal_or_of_thousands_as_the_whole_table_shows(
+    tmp_path, separator, cells, rpm
+):
+    row = separator.join(["M", "224", "900", "44", f'"{cells[0]}"', f'"{cells[1]}"', *[""] * 5])
+    path = table(tmp_path, row + "\n", HEAD.replace(",", separator))
+    (motor,) = import_table(path)["motors"].values()
+    assert motor["max_speed"] == pytest.approx(rpm * np.pi / 30)
+
+
+def test_marks_that_may_be_either_are_refused(tmp_path):
+    head = HEAD.replace(",", ";")
+    for cell in ("3,000", "3.000"):
+        with pytest.raises(CatalogError, match=r"line 2 \(M\): max_speed: '3.000' has a decimal"):
+            import_table(table(tmp_path, f"M;224;900;44;{cell};390;;;;;\n", head))
+    with pytest.raises(CatalogError, match=r"'2,5' has a decimal comma and '0.5' a decimal point"):
+        import_table(table(tmp_path, "M;224;900;44;2,5;0.5;;;;;\n", head))
+    path = table(tmp_path, "M,224,900,44,3.000,390,,,,,\n")  # commas separate the cells
+    assert import_table(path)["motors"]["M"]["max_speed"] == pytest.approx(3 * np.pi / 30)
+
+
+def test_what_slides_has_units_of_what_slides(tmp_path):
+    """A linear motor's rotor is a mass; one with a screw turns: J r^2 = 1e-5 (2 pi/0.005)^2 kg."""
+    mapping = """
+section: gearmotors
+columns:
+  name: Type
+  rotor_inertia: {column: J, unit: UNIT}
+  ratio: {column: lead, unit: mm/rev}
+  torque_constant: {column: k, unit: N/A}
+  stiffness: {column: K, unit: N/um}
+  max_speed: {column: v, unit: mm/s}
+every: {source: a maker, grade: T, output: linear}
+"""
+    head = "Type,J,lead,k,K,v\n"
+    screw = mapping.replace("UNIT", "kg cm^2")
+    (found,) = import_table(table(tmp_path, "S,0.1,5,40,20,500\n", head, screw))[
+        "gearmotors"
+    ].values()
+    assert found["rotor_inertia"] == pytest.approx(1e-5)
+    assert found["ratio"] == pytest.approx(2 * np.pi / 0.005)
+    assert (found["torque_constant"], found["stiffness"]) == (40.0, pytest.approx(2e7))
+    assert found["max_speed"] == pytest.approx(0.5)
+    direct = mapping.replace("UNIT", "g").replace("  ratio: {column: lead, unit: mm/rev}\n", "")
+    direct = direct.replace("output: linear", "output: linear, ratio: 1.0")
+    (found,) = import_table(table(tmp_path, "L,200,5,40,20,500\n", head, direct))[
+        "gearmotors"
+    ].values()
+    assert found["rotor_inertia"] == pytest.approx(0.2)
+    with pytest.raises(CatalogError, match=r"kg m\^2 is not a unit of this value; take kg, g, lb"):
+        import_table(
+            table(tmp_path, "L,200,5,40,20,500\n", head, direct.replace("unit: g", "unit: kg m^2"))
+        )
+
+
 def test_screws_by_their_lead(tmp_path):
     mapping = """
 section: gears
@@ -227,7 +296,13 @@ def test_every_number_of_an_entry_has_a_unit_by_which_it_can_be_imported():
                 assert f"{prefix}{name}" in FIGURES
     assert set(FIGURES.values()) <= {si for si, _ in UNITS.values()}
     assert unit_of("continuous_torque", linear=True) == "N"
-    assert unit_of("max_input_speed", linear=True, gear=True) == "rad/s"
+    assert unit_of("max_input_speed", linear=True, turning=True) == "rad/s"
+    slides = {unit_of(figure, linear=True) for figure in FIGURES} - {"rad/m"}
+    assert slides <= {si for si, _ in UNITS.values()}
+    assert (unit_of("stiffness.k1", linear=True), unit_of("stiffness.t1", linear=True)) == (
+        "N/m",
+        "N",
+    )
     assert in_si(3.0, "N·m/arcmin", "N m/rad") == pytest.approx(3 * 10800 / np.pi)
 
 

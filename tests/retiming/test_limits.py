@@ -7,15 +7,19 @@ from dataclasses import replace
 from pathlib import Path as File
 
 import numpy as np
+import pinocchio as pin
 import pytest
+import yaml
+from builders import chain
 from retime_cases import lifting, straight
-from sizing_cases import GEAR, MOTOR, one_drive, turntable
+from sizing_cases import GEAR, MOTOR, one_drive, turntable, write_catalog
 
 import pinfric as pf
 from pinfric.drives.catalog import Amplifier
 from pinfric.drives.catalog_file import load_catalog
 from pinfric.drives.drivetrain import drives_of
 from pinfric.drives.policy import Conditions
+from pinfric.errors import CatalogError
 from pinfric.retiming.limits import candidate_limits, read_limits
 from pinfric.retiming.path import Path
 from pinfric.retiming.retime import retime
@@ -94,7 +98,7 @@ def test_a_drive_of_the_catalogue_is_limited_as_size_judges_it(tmp_path):
     assert found.rms == pytest.approx([1.0], abs=2e-3)
     by_name = {c.name: c for c in found.criteria["table"]}
     assert by_name["continuous torque"].margin == pytest.approx(0.0, abs=2e-3)
-    asked = {"conditions": Conditions(), "on_miss": "ignore"}
+    asked = {"conditions": {"ambient": Conditions().ambient}, "on_miss": "ignore"}
     report = pf.size(scene, found.trajectory, one_drive(tmp_path), **asked)
     for mine, theirs in zip(
         found.criteria["table"], report.joints[0].assessments[0].criteria, strict=True
@@ -102,6 +106,54 @@ def test_a_drive_of_the_catalogue_is_limited_as_size_judges_it(tmp_path):
         assert mine.name == theirs.name
         if theirs.margin is not None:
             assert mine.margin == pytest.approx(theirs.margin, rel=1e-9)
+
+
+@pytest.mark.filterwarnings("ignore:joint_")
+@pytest.mark.parametrize("masses", [None, "without_drives", "with_drives"])
+def test_drives_of_a_retimed_arm_are_those_that_size_judges(tmp_path, masses):
+    """The masses of the drives, the bearing of the conditions, the old drive's friction."""
+    ring = {"kind": "crossed roller", "max_moment": 77.0, "static_rating": 9e3}
+    catalog = write_catalog(
+        tmp_path / "catalog.yaml",
+        bearings={"ring": {"source": "invented", "grade": "R", "ratings": ring}},
+        conditions={"peak_factor": 1.5},
+    )
+    conditions = {"inertia_ratio": 100.0, "bearings": {"joint_1": "ring"}}
+    motors = {"pinfric_motors": 1, "catalog": str(catalog), "conditions": conditions}
+    motors["drives"] = dict.fromkeys(("joint_1", "joint_2"), "M + G")
+    (tmp_path / "motors.yaml").write_text(yaml.safe_dump(motors))
+    dry = {"static": 2.0, "kinetic": 2.0}
+    friction = {"joint_1": {"coulomb": dry, "includes_drive": True}, "joint_2": {"coulomb": dry}}
+    upper, lower = (pin.Inertia(1.0, np.array([0.25, 0, 0]), 0.01 * np.eye(3)) for _ in range(2))
+    joints = [
+        ("joint_1", pin.JointModelRY(), upper),
+        ("joint_2", pin.JointModelRY(), lower, [0.5, 0, 0]),
+    ]
+    scene = pf.Scene(model=chain(*joints), masses=masses, friction=friction)
+    path = Path.from_waypoints([[0.0, 0.0], [0.6, -0.4], [0.0, 0.0]])
+    found = retime(scene, path, tmp_path / "motors.yaml")
+    report = pf.size(scene, found.trajectory, catalog, conditions=conditions, on_miss="ignore")
+    for joint in report.joints:
+        assert joint.installed, joint.no_fit
+        theirs = {c.name: c for c in joint.installed.criteria}
+        mine = {c.name: c for c in found.criteria[joint.name]}
+        assert mine.keys() == theirs.keys()
+        for name, criterion in theirs.items():
+            if criterion.margin is None:
+                assert mine[name].margin is None
+            else:
+                assert mine[name].margin == pytest.approx(criterion.margin, rel=1e-9), name
+    assert {c.name: c for c in found.criteria["joint_1"]}[
+        "bearing tilting moment"
+    ].available == 77.0
+    held = found.problem.scene.masses_hold
+    assert held == (True, True)
+    again = retime(found.problem.scene, path, tmp_path / "motors.yaml")
+    assert again.duration == found.duration  # no mass is added twice
+    motors["conditions"] = {"bearings": {"joint_3": "ring"}}
+    (tmp_path / "motors.yaml").write_text(yaml.safe_dump(motors))
+    with pytest.raises(CatalogError, match=r"bearings: there is no drive 'joint_3'"):
+        read_limits(scene, tmp_path / "motors.yaml")
 
 
 def test_the_momentary_peak_of_a_gear_is_no_limit_of_a_cycle(tmp_path):

@@ -11,6 +11,7 @@ import pytest
 from builders import block, plane_friction
 from dynamics.forward.test_forward import mimic_scene
 from matplotlib.figure import Figure
+from sizing_cases import one_drive, trapezoid, turntable
 from sweep_cases import pushed_block, steady, sweep_of, uniform
 
 import pinfric as pf
@@ -18,7 +19,7 @@ from pinfric.accuracy import precision
 from pinfric.accuracy.explain import explain
 from pinfric.accuracy.study import accuracy
 from pinfric.errors import StateError
-from pinfric.model.described import in_json
+from pinfric.model.described import EFFORT, MOTOR, in_json
 from pinfric.show.inverse_summary import inverse_summary
 from pinfric.sweeps.summary import sweep_summary
 
@@ -94,7 +95,7 @@ def test_repr_of_a_result_without_solution_or_times_says_so():
     assert "friction  none" in repr(bare)
 
 
-def test_summary_has_the_figures_of_the_json(panda):
+def test_summary_has_the_figures_of_the_json(panda, tmp_path):
     scene, motion, result = panda
     table = result.summary()
     joints = in_json(inverse_summary(result, ""))["joints"]
@@ -108,6 +109,21 @@ def test_summary_has_the_figures_of_the_json(panda):
         assert row["peak"] == joint.demand.peak
         assert row["choice"] == joint.choice.candidate.name
         assert (row["holding_least"], row["holding_worst"]) == joint.demand.holding
+        assert row["nearest_miss"] is None
+    assert {c: rows.attrs["units"][c] for c in ("peak", "mass", "margin")} == {
+        "peak": table.attrs["units"]["peak"],
+        "mass": "kg",
+        "margin": "1",
+    }
+    tiny = one_drive(tmp_path)
+    missed = pf.size(
+        turntable(),
+        trapezoid(turntable()),
+        tiny,
+        on_miss="ignore",
+        conditions={"peak_factor": 50.0},
+    )
+    assert missed.summary()["nearest_miss"]["table"] == missed.no_fit[0]
 
 
 def test_summary_of_a_motion_is_the_slides_closed_form():
@@ -132,6 +148,8 @@ def test_summary_of_a_sweep_has_its_percentiles():
     (joint,) = in_json(sweep_summary(found))["joints"]
     row = found.summary().loc["slide"]
     assert row["peak_95"] == joint["peak"]["percentiles"]["95"]
+    units = found.summary().attrs["units"]
+    assert (units["peak_95"], units["motor_rms_50"]) == (EFFORT, MOTOR)
     assert row["suffices"] == in_json(sweep_summary(found))["motors"][0]["suffices"]["value"]
 
 

@@ -284,12 +284,25 @@ def test_conditions_that_cannot_be_are_refused(tmp_path, panda):
         "catalog": str(tmp_path / "catalog.yaml"),
     }
     for conditions, words in (
-        ({"peak_factor": 0.5}, "conditions.peak_factor"),
+        ({"peak_factor": 0.5}, "conditions: `peak_factor`"),
         ({"collision_effort": {"panda_joint9": 1.0}}, "no drive 'panda_joint9'"),
         ({"mass_in_urdf": {"panda_joint4": 100.0}}, "is not a possible body"),
     ):
         with pytest.raises(SweepError, match=words):
             pf.sweep(scene, motion, {**sweep, "conditions": conditions}, processes=1)
+
+
+def test_conditions_replace_those_of_the_catalogue_one_by_one(tmp_path):
+    """30 V is above the catalogue's 24 V, not above the default of 48 V."""
+    scene = turntable()
+    asked = table_sweep(tmp_path, speed=uniform(0.5, 1.0))
+    drive = one_drive(tmp_path, conditions={"bus_voltage": 24.0, "ambient": 31.0})
+    assert drive.conditions.bus_voltage == 24.0
+    higher = load_sweep(asked | {"conditions": {"bus_limit": 30.0}})[0]
+    conditions = motors_on_trial(scene, higher, "x")[1][0].conditions
+    assert (conditions.bus_voltage, conditions.bus_limit, conditions.ambient) == (24.0, 30.0, 31.0)
+    with pytest.raises(SweepError, match="bus_limit 20 V is not above bus_voltage 24 V"):
+        motors_on_trial(scene, load_sweep(asked | {"conditions": {"bus_limit": 20.0}})[0], "x")
 
 
 def test_verdicts_are_stored_and_travel(tmp_path):
