@@ -23,7 +23,7 @@ import numpy as np
 from rich.console import Console
 
 import pinfric as pf
-from pinfric.accuracy.timing import interleaved
+from pinfric.accuracy.explain import all_rounds
 from pinfric.dynamics.inverse.choices import SLIDES
 from pinfric.dynamics.inverse.interval_ends import Solver
 from pinfric.dynamics.inverse.result import InverseResult
@@ -179,7 +179,7 @@ def coupled(result: InverseResult, rounds: int = 3) -> tuple[CoupledRun, ...]:
                 n = repeats[len(rows)] = max(1, _TIMED_PASSES // passes)
                 timed[len(rows)] = partial(sample.solve, solver, factor, tolerance, n)
                 rows.append(replace(row, iterations=passes, error=float(error)))
-    seconds = interleaved(timed, rounds)
+    seconds = {i: float(np.median(x)) for i, x in all_rounds(timed, rounds).items()}
     return tuple(
         replace(row, wall_s=seconds[i] / repeats[i]) if i in seconds else row
         for i, row in enumerate(rows)

@@ -18,7 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from pinfric.accuracy.precision import (
+from pinfric.accuracy.explain import with_constant_friction
+from pinfric.accuracy.study import (
     Contestant,
     Run,
     Track,
@@ -27,7 +28,6 @@ from pinfric.accuracy.precision import (
     judge_of,
     reference,
 )
-from pinfric.accuracy.variants import with_constant_friction
 from pinfric.dynamics.forward.efforts import make_effort
 from pinfric.dynamics.inverse.result import StickInterval, runs
 from pinfric.dynamics.simulation.scene_run import start_state

@@ -750,32 +750,21 @@ def warm_up(scene_name: SceneName) -> None:
 
 
 @app.command(short_help="Measure computing time against accuracy.")
-@takes_logs
-def accuracy(
-    *,
-    scene_name: SceneName,
-    trajectory_name: Annotated[
-        str | None,
-        typer.Argument(metavar="[TRAJECTORY]", help="By default the scene's own simulation."),
-    ] = None,
-    out: OutFolder = None,
-    as_json: AsJson = False,
-    log: Any,
-) -> None:
-    """Measure computing time against accuracy: of simulation, sampling and friction models.
+def accuracy(scene_name: SceneName, out: OutFolder = None, as_json: AsJson = False) -> None:
+    """Measure computing time against accuracy of each method of simulation.
 
     --out writes accuracy.png, accuracy.csv and summary.json.
     """
-    scene, trajectory = load(scene_name, trajectory_name, log, out)
+    scene, _ = load(scene_name, out=out)
     from pinfric.accuracy.study import accuracy as study
-    from pinfric.show.accuracy.figure import accuracy_figure
-    from pinfric.show.accuracy.report import accuracy_frame, accuracy_report
+    from pinfric.show.figure.accuracy import accuracy_figure
+    from pinfric.show.report.accuracy import accuracy_report
 
     with working("measuring, half a minute or more; minutes with closed loops"):
-        found = study(scene, trajectory)
+        found = study(scene)
     files: Files = {
         "accuracy.png": lambda path: accuracy_figure(found).savefig(path),
-        "accuracy.csv": lambda path: accuracy_frame(found).to_csv(path, index=False),
+        "accuracy.csv": lambda path: found.summary().to_csv(path),
     }
     report = partial(accuracy_report, found)
     answer("accuracy", found, report, as_json, out, files, scene=scene.source)

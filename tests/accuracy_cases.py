@@ -7,8 +7,7 @@ from functools import cache
 import pytest
 
 import pinfric as pf
-from pinfric.accuracy import precision
-from pinfric.accuracy.study import accuracy
+from pinfric.accuracy import study
 
 _FEW_STEPS = (50, 500)
 
@@ -21,6 +20,6 @@ def of(runs, method):
 def studied_pendulum():
     """The whole study of the paper's pendulum; of the slow methods two settings each."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(precision, "STEPS", _FEW_STEPS)
-        patch.setattr(precision, "VELOCITIES", (1e-1, 1e-2))
-        return accuracy(pf.load_scene("pendulum"), rounds=1)
+        patch.setattr(study, "STEPS", _FEW_STEPS)
+        patch.setattr(study, "VELOCITIES", (1e-1, 1e-2))
+        return study.accuracy(pf.load_scene("pendulum"), rounds=1)

@@ -36,7 +36,6 @@ FIRST = {
     "show/figure/test_sweep.py": "sweeps",
     "judges/test_coupled_solvers.py": "accuracy",
     "accuracy/": "accuracy",
-    "show/accuracy/": "accuracy",
     "identification/": "identification",
     "show/identification_page/": "identification",
     "show/figure/test_measured.py": "identification",

@@ -2,34 +2,40 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
+import time
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import TypeVar
+
 import numpy as np
 
-from pinfric.accuracy.timing import TimedMotion, saved
-from pinfric.accuracy.variants import (
-    Efforts,
-    effort_change,
-    effort_changes,
-    hardly_rubbing,
-    one_pass,
-    solve,
-)
+from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.random_states import random_states
 from pinfric.elastic.matters import ElasticEffect, elastic_effect
 from pinfric.model.brief import screen
 from pinfric.model.described import EFFORT, described, quantity
 from pinfric.model.effects import MOTOR_SIDE, Effect, effects, uncoupled, with_effects
+from pinfric.model.friction_terms import CoulombFriction, LoadFriction
 from pinfric.model.scene import Scene
+from pinfric.model.schema import Friction
 from pinfric.model.upward import Shown
 from pinfric.motions.summary import ends_by_magnitude, known_rms, unit_of_drive
 from pinfric.motions.trajectory import Trajectory
 
 _ROUNDS = 9
-#: Samples a timing takes at least; a short motion is repeated to that length.
-_TIMED = 4000
+#: Samples a timing takes at least: a short motion is repeated to that length, within so many s.
+_TIMED, _PATIENCE = 4000, 0.2
+#: A coefficient so small that the load it reports is that without friction.
+_HARDLY = 1e-9
 #: What is timed beside the scene without one effect: the scene, and it without any.
 _ALL, _PLAIN = "", "plain"
 _NAN = float("nan")
+
+_Key = TypeVar("_Key", bound=Hashable)
 
 
 @described
@@ -112,12 +118,17 @@ def explain(scene: Scene, trajectory: Trajectory | None = None) -> Explanation:
         scene: the robot.
         trajectory: the motion; None is a seeded random one inside the limits.
     """
-    motion = _motion(scene, trajectory)
+    payloads = tuple(scene.payloads)
+    if trajectory is None:
+        motion = _Motion(random_states(scene), None, None, payloads)
+    else:
+        states = trajectory.q, trajectory.v, trajectory.a
+        motion = _Motion(states, trajectory.t, trajectory.attached, payloads)
     whole = motion.solve(scene)
     found = effects(scene)
     variants = {e.name: _without(scene, e) for e in found if e.on and e.name != "loops"}
     timed = {**variants, _ALL: scene, _PLAIN: with_effects(scene, only=[])}
-    times = motion.times(timed, _ROUNDS)
+    times = motion.times(timed, scene)
     rows = []
     for effect in found:
         if effect.name not in variants:
@@ -126,12 +137,14 @@ def explain(scene: Scene, trajectory: Trajectory | None = None) -> Explanation:
             continue
         motor_side = effect.name in MOTOR_SIDE
         if effect.name == "coupling":
-            assert trajectory is not None  # where something couples there is one
-            change = _coupling_change(scene, trajectory)
+            # what solving for the loads changes, friction of the loads alone
+            loads = with_effects(scene, only=["payload", "load", "bending"])
+            coupled = Efforts.of(motion.solve(loads))
+            change = effort_change(scene, coupled, _one_pass(loads, motion), motor=False)
         else:
             without = Efforts.of(motion.solve(variants[effect.name]))
             change = effort_change(scene, Efforts.of(whole), without, motor_side)
-        cost, resolved = saved(times[_ALL], times[effect.name])
+        cost, resolved = _saved(times[_ALL], times[effect.name])
         unit = unit_of_drive(scene, change[2], motor_side)
         row = Explained(effect.name, True, effect.why, cost, resolved, unit, *change, motor_side)
         rows.append(row)
@@ -145,7 +158,7 @@ def explain(scene: Scene, trajectory: Trajectory | None = None) -> Explanation:
     )
 
 
-def _gear_losses(scene: Scene, motion: TimedMotion, whole: InverseResult) -> tuple[GearLoss, ...]:
+def _gear_losses(scene: Scene, motion: _Motion, whole: InverseResult) -> tuple[GearLoss, ...]:
     """By drive, for gears do not act on each other: one scene without all their losses."""
     unloaded = with_effects(scene, without=["gear"])
     here, below = Efforts.of(whole), Efforts.of(motion.solve(unloaded))
@@ -166,24 +179,165 @@ def _gear_losses(scene: Scene, motion: TimedMotion, whole: InverseResult) -> tup
 def _without(scene: Scene, effect: Effect) -> Scene:
     """The scene without an effect; without coupling: loads as if there were no friction."""
     if effect.name == "coupling":
-        return hardly_rubbing(scene)
+        return _hardly_rubbing(scene)
     if effect.name == "couples":
         return uncoupled(scene)
     return with_effects(scene, without=[effect.name])
 
 
-def _coupling_change(scene: Scene, trajectory: Trajectory) -> tuple[float, float, str]:
-    """What solving for the loads changes, friction of the loads alone."""
-    loads = with_effects(scene, only=["payload", "load", "bending"])
-    coupled = Efforts.of(solve(loads, trajectory))
-    return effort_change(scene, coupled, one_pass(loads, trajectory), motor=False)
+def all_rounds(
+    contestants: Mapping[_Key, Callable[[], object]], rounds: int
+) -> dict[_Key, list[float]]:
+    """Return the seconds that each takes, round by round."""
+    times: dict[_Key, list[float]] = {name: [] for name in contestants}
+    for _ in range(rounds):
+        for name, run in contestants.items():
+            start = time.perf_counter()
+            run()
+            times[name].append(time.perf_counter() - start)
+    return times
 
 
-def _motion(scene: Scene, trajectory: Trajectory | None) -> TimedMotion:
-    payloads = tuple(scene.payloads)
-    if trajectory is None:
-        motion = TimedMotion(random_states(scene), None, None, payloads)
-    else:
-        states = trajectory.q, trajectory.v, trajectory.a
-        motion = TimedMotion(states, trajectory.t, trajectory.attached, payloads)
-    return motion.repeated(scene, _TIMED)
+@dataclass(frozen=True)
+class _Motion:
+    """A motion whose inverse dynamics is timed, on one thread, for several scenes.
+
+    `attached`: (T, payloads), for scenes that have all of `payloads`; None: carried all the time.
+    """
+
+    states: tuple[np.ndarray, np.ndarray, np.ndarray]
+    t: np.ndarray | None
+    attached: np.ndarray | None
+    payloads: tuple[str, ...]
+
+    def solve(self, scene: Scene) -> InverseResult:
+        attached = self.attached if tuple(scene.payloads) == self.payloads else None
+        return inverse_dynamics(scene, *self.states, t=self.t, attached=attached, threads=1)
+
+    def times(self, scenes: Mapping[_Key, Scene], whole: Scene) -> dict[_Key, np.ndarray]:
+        """Microseconds per sample that each scene takes, round by round.
+
+        A motion that takes longer than `_PATIENCE` is run once, in one round.
+        """
+        self.solve(whole)  # kernels are read from disk, or compiled
+        start, samples = time.perf_counter(), len(self.states[0])
+        self.solve(whole)
+        fit = int(_PATIENCE / (time.perf_counter() - start))
+        repeats = max(min(-(-_TIMED // samples), fit), 1)
+        q, v, a = (np.tile(x, (repeats, 1)) for x in self.states)
+        t = None if self.t is None else _repeated_times(self.t, repeats)
+        carried = None if self.attached is None else np.tile(self.attached, (repeats, 1))
+        long = _Motion((q, v, a), t, carried, self.payloads)
+        if fit:
+            for scene in scenes.values():
+                long.solve(scene)
+        runs = {name: partial(long.solve, scene) for name, scene in scenes.items()}
+        found = all_rounds(runs, _ROUNDS if fit else 1)
+        return {name: 1e6 / (repeats * samples) * np.array(x) for name, x in found.items()}
+
+
+def _saved(whole: np.ndarray, without: np.ndarray) -> tuple[float, float]:
+    """What one of two contestants takes less, and what the clock resolves of it.
+
+    The medians of the differences in each round, and of their distances from that, times
+    3/sqrt(rounds): some two standard errors. Of one round a twentieth of the whole time.
+
+    Args:
+        whole, without: (rounds,) times of both.
+    """
+    differences = whole - without
+    middle = float(np.median(differences))
+    if len(differences) == 1:
+        return middle, 0.05 * float(whole[0])
+    spread = float(np.median(np.abs(differences - middle)))
+    return middle, 3.0 * spread / math.sqrt(len(differences))
+
+
+def _repeated_times(t: np.ndarray, repeats: int) -> np.ndarray:
+    """Times (s) of a motion repeated end to start, the mean step between two runs."""
+    period = (t[-1] - t[0]) * len(t) / (len(t) - 1) if len(t) > 1 else 1.0
+    return np.asarray(np.tile(t, repeats) + np.repeat(np.arange(repeats) * period, len(t)))
+
+
+@dataclass(frozen=True, eq=False)
+class Efforts:
+    """(T, na) ends of the efforts at the joints and at the motors' shafts.
+
+    t: (T,) times in s, or None: states without order.
+    """
+
+    lower: np.ndarray
+    upper: np.ndarray
+    motor_lower: np.ndarray
+    motor_upper: np.ndarray
+    t: np.ndarray | None
+
+    @classmethod
+    def of(cls, r: InverseResult) -> Efforts:
+        """Return the efforts of a result."""
+        return cls(r.effort_lower, r.effort_upper, r.motor_torque_lower, r.motor_torque_upper, r.t)
+
+
+def with_constant_friction(scene: Scene, constants: Mapping[str, float]) -> Scene:
+    """Return the scene with constant friction only, ideal drives and its payloads.
+
+    Args:
+        scene: stays as it is.
+        constants: site -> friction, static as kinetic (N m or N).
+    """
+    friction = {
+        name: Friction(coulomb=CoulombFriction(static=F, kinetic=F))
+        for name, F in constants.items()
+        if F > 0.0
+    }
+    return dataclasses.replace(with_effects(scene, only=["payload"]), friction=friction)
+
+
+def _hardly_rubbing(scene: Scene) -> Scene:
+    """The scene with coefficients so small that loads are those without friction."""
+    friction = {
+        name: entry.model_copy(update={"mu": LoadFriction(static=_HARDLY, kinetic=_HARDLY)})
+        if entry.mu is not None
+        else entry
+        for name, entry in scene.friction.items()
+    }
+    return dataclasses.replace(scene, friction=friction)
+
+
+def _one_pass(radial: Scene, motion: _Motion) -> Efforts:
+    """Efforts with loads without friction, friction from them, and no look back: no coupling.
+
+    Efforts are linear in friction: a site's share comes from a constant at that site alone. Kinetic
+    friction, also at sites that stick; `radial` has no friction but that of loads.
+    """
+    plain = motion.solve(with_effects(radial, only=["payload"]))
+    loads = motion.solve(_hardly_rubbing(radial)).normal_load
+    efforts = plain.effort_lower.copy()
+    for s, name in enumerate(radial.site_names):
+        mu = radial.friction[name].mu
+        if mu is None:
+            continue
+        alone = motion.solve(with_constant_friction(radial, {name: 1.0}))
+        unit = 0.5 * (alone.effort_lower + alone.effort_upper) - plain.effort_lower
+        efforts += unit * mu.kinetic * loads[:, s : s + 1]
+    return Efforts(efforts, efforts, efforts, efforts, plain.t)
+
+
+def effort_change(
+    scene: Scene, here: Efforts, below: Efforts, motor: bool
+) -> tuple[float, float, str]:
+    """Changes of peak and RMS of the worst end, of the drive where its RMS changes most."""
+    peaks, rms = effort_changes(here, below, motor)
+    i = int(np.argmax(np.abs(rms)))
+    return float(peaks[i]), float(rms[i]), scene.actuator_names[i]
+
+
+def effort_changes(here: Efforts, below: Efforts, motor: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Changes (na,) of peak and of RMS of the worst end of every drive's effort."""
+    worst = [
+        ends_by_magnitude(*((e.motor_lower, e.motor_upper) if motor else (e.lower, e.upper)))[0]
+        for e in (here, below)
+    ]
+    peaks = [np.nanmax(np.abs(w), axis=0) for w in worst]
+    rms = [known_rms(e.t, w) for e, w in zip((here, below), worst, strict=True)]
+    return peaks[0] - peaks[1], rms[0] - rms[1]

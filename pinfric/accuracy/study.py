@@ -1,36 +1,73 @@
-"""Computing time against accuracy: simulation, sampling of a trajectory, models of friction.
+"""Computing time against accuracy: reference, methods, errors, seconds of a scene's simulation.
 
-Studies of one scene: `precision` simulates it by three methods with many settings,
-`sampling` thins its motion, `ladder`
-climbs from no friction to all of it.
+The reference is the `event` method two decades tighter than the tightest contestant; a second judge
+that shares no code with any contestant may be given, too. What fails is a row with its reason.
 """
 
 from __future__ import annotations
 
-from pathlib import Path
+import statistics
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+import pinocchio as pin
 
-from pinfric.accuracy.ladder import Rung, ladder
-from pinfric.accuracy.precision import (
-    Run,
-    compete,
-    contestants,
-    judge_of,
-    reference,
-)
-from pinfric.accuracy.sampling import Sampled, sampling
-from pinfric.dynamics.samples.states import MotionLike
+from pinfric.accuracy.explain import all_rounds
+from pinfric.dynamics.inverse.result import StickInterval
 from pinfric.dynamics.simulation.motion import Motion
+from pinfric.dynamics.simulation.scene_run import run_whole
 from pinfric.errors import PinfricError, SceneError
 from pinfric.model.brief import file_name, screen
-from pinfric.model.described import described, quantity
+from pinfric.model.described import PLACE, described, quantity
 from pinfric.model.scene import Scene
 from pinfric.model.upward import Shown
-from pinfric.motions.trajectory import Trajectory
 
-#: Samples of the scene's own motion where no trajectory is given.
-_SAMPLES = 2001
+#: Relative tolerances of `event`; the absolute ones are a hundredth of them.
+TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10)
+#: Steps of `timestepping` over the whole motion.
+STEPS = (50, 160, 500, 1600, 5000)
+#: Velocities (rad/s or m/s) at which `regularized` smooths friction, and its tolerance.
+VELOCITIES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5)
+_SMOOTH_TOLERANCE = 1e-7
+#: Samples at which a motion is compared; of a motion that knows no stick, those it is looked for.
+_COMPARED, _LOOKS = 400, 2000
+#: A run that takes longer than this (s) is timed once.
+_PATIENCE = 2.0
+_NAN = float("nan")
+
+
+@described
+class Run:
+    """One method with one setting: its errors, and what it took."""
+
+    method: str = quantity(
+        "`event`, `timestepping`, `regularized`, or a peer's name", heading="method"
+    )
+    setting: str = quantity("tolerance or step, in words", heading="setting")
+    error: float = quantity(
+        "largest error of q over the motion; NaN without a motion",
+        PLACE,
+        "error\nof q",
+        "{error:decade}",
+        default=_NAN,
+    )
+    end_error: float = quantity(
+        "error of q at the end", PLACE, "at the\nend", "{end_error:decade}", default=_NAN
+    )
+    stick_error: float = quantity(
+        "largest error of a stick interval's start or end, each compared with the interval that "
+        "overlaps it most; NaN if one has no counterpart; 0 if no joint sticks",
+        "s",
+        "of stick",
+        "{stick_error:decade}",
+        default=_NAN,
+    )
+    missed: int = quantity("stick intervals of the reference without a counterpart", default=0)
+    wall_s: float = quantity("median computing time", "s", "time", "{wall_s:ms}", default=_NAN)
+    rhs: int = quantity("right-hand sides or steps computed", heading="evalua-\ntions", default=0)
+    problem: str = quantity("why it failed; empty: it did not fail", default="")
 
 
 @described
@@ -38,78 +75,234 @@ class Accuracy(Shown):
     """Computing time against accuracy for one scene."""
 
     def __repr__(self) -> str:
-        methods = dict.fromkeys(run.method for run in self.runs)
-        return screen(
-            "Accuracy",
-            f"{file_name(self.scene.source)}: {self.trajectory}",
-            {
-                "simulations": f"{len(self.runs)}, by {', '.join(methods)}" if methods else "",
-                "more": ".runs .sampling .ladder .summary() .plot()",
-            },
-        )
+        methods = ", ".join(dict.fromkeys(run.method for run in self.runs))
+        more = {
+            "simulations": f"{len(self.runs)}, by {methods}",
+            "more": ".runs .summary() .plot()",
+        }
+        return screen("Accuracy", file_name(self.scene.source), more)
 
     scene: Scene
-    trajectory: str = quantity(
-        "name of the motion used for the sampling and for the friction models"
-    )
-    runs: tuple[Run, ...] = quantity("simulations; empty if the scene has no `simulation`")
-    sampling: tuple[Sampled, ...] = quantity("the motion with fewer samples")
-    ladder: tuple[Rung, ...] = quantity("models of friction")
-    notes: tuple[str, ...] = quantity("parts that could not be studied, and why")
+    runs: tuple[Run, ...] = quantity("simulations")
 
 
-def accuracy(
-    scene: Scene,
-    trajectory: Trajectory | None = None,
-    *,
-    rounds: int = 3,
-) -> Accuracy:
-    """Measure computing time against accuracy.
+def accuracy(scene: Scene, *, rounds: int = 3) -> Accuracy:
+    """Measure computing time against accuracy of each method of simulation.
 
     Args:
-        scene: the robot; its `simulation` section is simulated.
-        trajectory: motion for inverse dynamics; None takes the simulated motion.
+        scene: the robot, with a `simulation` section.
         rounds: timings of each contestant, of which the median counts.
 
     Raises:
-        SceneError: there is neither a `simulation` section nor a trajectory.
-        PinfricError: the motion has no solution.
+        SceneError: there is no `simulation` section.
+        PinfricError: the reference cannot be simulated.
     """
-    if scene.simulation is None and trajectory is None:
+    if scene.simulation is None:
         raise SceneError(
-            f"{scene.source}: has no `simulation` section; give it one, or name a trajectory"
+            f"{scene.source}: has no `simulation` section; give it one (`pinfric explain` measures "
+            "the effects of a scene in inverse dynamics)"
         )
-    notes: list[str] = []
-    motion = _reference(scene, notes)
-    runs: tuple[Run, ...] = ()
-    if motion is not None:
-        runs = compete(contestants(scene), judge_of(motion), rounds)
-    given: MotionLike
-    if trajectory is not None:
-        given, name = trajectory, Path(trajectory.source).name
-    elif motion is not None:
-        given = motion.sample(np.linspace(0.0, motion.t[-1], _SAMPLES))
-        name = "its own simulation"
-    else:
-        raise PinfricError(f"{scene.source}: {notes[0]}; a trajectory can be studied")
-    return Accuracy(
-        scene=scene,
-        trajectory=name,
-        runs=runs,
-        sampling=sampling(scene, given),
-        ladder=ladder(scene, given, rounds),
-        notes=tuple(notes),
+    judge = judge_of(reference(scene))
+    return Accuracy(scene=scene, runs=compete(contestants(scene), judge, rounds))
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """A contestant's motion as it is judged.
+
+    Attributes:
+        t, q: (T,) s, (T, nq).
+        readings: when its sites stick; several where it never stands still and a threshold decides:
+            the one that serves it best counts.
+        evaluations: right-hand sides or steps.
+        wall_s: of computing it with no sample but the end (s); NaN where that was not done.
+    """
+
+    t: np.ndarray
+    q: np.ndarray
+    readings: tuple[tuple[StickInterval, ...], ...]
+    evaluations: int
+    wall_s: float = _NAN
+
+
+@dataclass(frozen=True, eq=False)
+class Contestant:
+    """One method with one setting.
+
+    Attributes:
+        method, setting: see `Run`.
+        bare: computes the motion with no sample but the end; this is timed.
+        judged: computes it with samples.
+    """
+
+    method: str
+    setting: str
+    bare: Callable[[], object]
+    judged: Callable[[], Track]
+
+
+@dataclass(frozen=True, eq=False)
+class Judge:
+    """A motion taken for true: configurations at any times, and when sites stick."""
+
+    name: str
+    scene: Scene
+    at: Callable[[np.ndarray], np.ndarray]
+    sticks: tuple[StickInterval, ...]
+
+    def errors(self, track: Track) -> np.ndarray:
+        """Return the largest error of any coordinate (rad or m) at each sample compared, (n,)."""
+        every = max(1, len(track.t) // _COMPARED)
+        chosen = np.unique(np.append(np.arange(0, len(track.t), every), len(track.t) - 1))
+        true, model = self.at(track.t[chosen]), self.scene.model
+        pairs = zip(true, track.q[chosen], strict=True)
+        return np.array([np.abs(pin.difference(model, one, other)).max() for one, other in pairs])
+
+    def stick_errors(self, track: Track) -> list[float]:
+        """Return the larger error of both ends of each true interval (s), NaN where missed."""
+        read = [self._stick_errors(found) for found in track.readings]
+        return min(read, key=lambda e: (np.isnan(e).sum(), np.nan_to_num(e).max(initial=0.0)))
+
+    def _stick_errors(self, found: Sequence[StickInterval]) -> list[float]:
+        errors = []
+        for true in self.sticks:
+            own = [f for f in found if f.site == true.site and _overlap(f, true) >= 0.0]
+            if not own:
+                errors.append(_NAN)
+                continue
+            best = max(own, key=lambda f, true=true: _overlap(f, true))  # type: ignore[misc]
+            errors.append(max(abs(best.start - true.start), abs(best.end - true.end)))
+        return errors
+
+
+def _overlap(one: StickInterval, other: StickInterval) -> float:
+    return min(one.end, other.end) - max(one.start, other.start)
+
+
+def reference(scene: Scene) -> Motion:
+    """Simulate a scene's own motion two decades tighter than the tightest contestant.
+
+    In steps of t_end / 50 at most: no guard hides within a long one.
+    """
+    assert scene.simulation is not None
+    rtol = 1e-2 * min(TOLERANCES)
+    return run_whole(scene, rtol=rtol, atol=1e-2 * rtol, max_step=scene.simulation.t_end / 50)
+
+
+def judge_of(motion: Motion) -> Judge:
+    """Return a motion of the `event` method as a judge."""
+
+    def at(times: np.ndarray) -> np.ndarray:
+        return motion.sample(np.minimum(times, motion.t[-1])).q
+
+    return Judge("event", motion.scene, at, motion.stick_intervals())
+
+
+def contestants(scene: Scene, methods: Iterable[str] | None = None) -> list[Contestant]:
+    """Return pinfric's methods, each with all its settings.
+
+    `event` without a limit to its steps, so that the tolerance alone decides, and once with its
+    defaults.
+
+    Args:
+        scene: with a `simulation` section.
+        methods: those wanted; None is all three.
+    """
+    assert scene.simulation is not None
+    t_end = scene.simulation.t_end
+    wanted = ("event", "timestepping", "regularized") if methods is None else tuple(methods)
+    made = []
+    if "event" in wanted:
+        made += [
+            _own(scene, "event", f"rtol {rtol:.0e}", rtol=rtol, atol=1e-2 * rtol, max_step=t_end)
+            for rtol in TOLERANCES
+        ]
+        made.append(_own(scene, "event", "defaults"))
+    if "timestepping" in wanted:
+        made += [_own(scene, "timestepping", f"dt {t_end / n:.2e} s", dt=t_end / n) for n in STEPS]
+    if "regularized" in wanted:
+        made += [
+            _own(
+                scene,
+                "regularized",
+                f"velocity {velocity:.0e}",
+                _LOOKS,
+                regularization_velocity=velocity,
+                rtol=_SMOOTH_TOLERANCE,
+                atol=1e-2 * _SMOOTH_TOLERANCE,
+            )
+            for velocity in VELOCITIES
+        ]
+    return made
+
+
+def _own(
+    scene: Scene, method: str, setting: str, samples: int = _COMPARED, **options: float
+) -> Contestant:
+    assert scene.simulation is not None
+    t_end = scene.simulation.t_end
+
+    def bare() -> Motion:
+        return run_whole(scene, method=method, sample_step=t_end, **options)
+
+    def judged() -> Track:
+        # the samples cost evaluations, too; those of the method are counted without them
+        start = time.perf_counter()
+        motion = bare()
+        count, seconds = motion.evaluations, time.perf_counter() - start
+        if motion.dense is not None:
+            motion = motion.sample(np.linspace(0.0, motion.t[-1], samples + 1))
+        else:
+            motion = run_whole(scene, method=method, sample_step=t_end / samples, **options)
+        return Track(motion.t, motion.q, (motion.stick_intervals(),), count, seconds)
+
+    return Contestant(method, setting, bare, judged)
+
+
+def compete(entries: Sequence[Contestant], judge: Judge, rounds: int = 3) -> tuple[Run, ...]:
+    """Judge and time contestants; one that fails is a row with its reason.
+
+    Args:
+        entries: who competes.
+        judge: gives the errors.
+        rounds: timings of each, all of them in every round; what takes seconds is timed once.
+    """
+    runs: list[Run] = []
+    quick: dict[int, Callable[[], object]] = {}
+    slow: dict[int, Callable[[], object]] = {}
+    for i, entry in enumerate(entries):
+        start = time.perf_counter()
+        runs.append(_judged(entry, judge))
+        if runs[i].problem:
+            continue
+        if time.perf_counter() - start < _PATIENCE:
+            quick[i] = entry.bare
+        elif not np.isfinite(runs[i].wall_s):
+            slow[i] = entry.bare
+    seconds = all_rounds(quick, rounds) | all_rounds(slow, 1)
+    return tuple(
+        replace(run, wall_s=statistics.median(seconds[i])) if i in seconds else run
+        for i, run in enumerate(runs)
     )
 
 
-def _reference(scene: Scene, notes: list[str]) -> Motion | None:
-    """The scene's own motion; None, with a note, where there is none."""
-    if scene.simulation is None:
-        notes.append("simulation: not studied, the scene has no `simulation` section")
-        return None
+def _judged(entry: Contestant, judge: Judge) -> Run:
     try:
-        return reference(scene)
+        with np.errstate(over="ignore", invalid="ignore"):  # a coarse step may well explode
+            track = entry.judged()
     except PinfricError as problem:
-        reason = " ".join(str(problem).split()).removeprefix(f"{scene.source}: ")
-        notes.append(f"simulation: not studied, {reason}")
-        return None
+        return Run(entry.method, entry.setting, problem=" ".join(str(problem).split()))
+    if not np.isfinite(track.q).all():
+        return Run(entry.method, entry.setting, problem="diverges: q is not finite")
+    errors = judge.errors(track)
+    ends = judge.stick_errors(track)
+    return Run(
+        method=entry.method,
+        setting=entry.setting,
+        error=float(errors.max()),
+        end_error=float(errors[-1]),
+        stick_error=float(np.max(ends, initial=0.0)),
+        missed=int(np.isnan(ends).sum()),
+        wall_s=track.wall_s,
+        rhs=track.evaluations,
+    )

@@ -26,8 +26,7 @@ from pinfric.model.described import quantities
 from pinfric.motions.summary import summarize
 from pinfric.retiming.retime import RetimeResult
 from pinfric.retiming.summary import retime_summary
-from pinfric.show.accuracy.figure import accuracy_figure
-from pinfric.show.accuracy.report import accuracy_frame, accuracy_report
+from pinfric.show.figure.accuracy import accuracy_figure
 from pinfric.show.figure.efforts import effort_figure
 from pinfric.show.figure.elastic import tool_figure
 from pinfric.show.figure.measured import measured_figure
@@ -38,7 +37,6 @@ from pinfric.show.figure.sweep import sweep_figure
 from pinfric.show.motion_summary import drive_work
 from pinfric.show.report.html import html_of
 from pinfric.show.report.rows import flat, table_of
-from pinfric.show.report.tables import Table
 from pinfric.sizing.size import SizingReport
 from pinfric.stops.study import StopResult
 from pinfric.sweeps.cycle import DEMANDS
@@ -212,10 +210,7 @@ def _(result: Explanation) -> pd.DataFrame:
 
 @summary.register(Accuracy)
 def _(result: Accuracy) -> pd.DataFrame:
-    table = accuracy_frame(result).set_index("study")
-    shown = (part for part in accuracy_report(result) if isinstance(part, Table))
-    table.attrs["html"] = "".join(map(html_of, shown))
-    return table
+    return _frame(result.runs, "method")
 
 
 @summary.register(RetimeResult)

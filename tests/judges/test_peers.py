@@ -8,7 +8,7 @@ import peers
 import pytest
 
 import pinfric as pf
-from pinfric.accuracy import precision
+from pinfric.accuracy import study
 from pinfric.errors import PinfricError
 from pinfric.model.schema import Simulation
 
@@ -19,8 +19,8 @@ def of(runs, method):
 
 def test_a_peer_that_is_not_there_is_one_line(monkeypatch):
     monkeypatch.setattr(peers, "find_spec", lambda name: None)
-    monkeypatch.setattr(precision, "STEPS", (50,))
-    monkeypatch.setattr(precision, "TOLERANCES", (1e-4,))
+    monkeypatch.setattr(study, "STEPS", (50,))
+    monkeypatch.setattr(study, "TOLERANCES", (1e-4,))
     runs, missing = peers.compete_with_peers(pf.load_scene("pendulum"), {"joint_1": 0.3}, rounds=1)
     assert {run.method for run in runs} == {"event", "timestepping"}
     assert missing == [
@@ -32,8 +32,8 @@ def test_a_peer_that_is_not_there_is_one_line(monkeypatch):
 def test_peers_converge_to_the_same_motion(monkeypatch):
     pytest.importorskip("mujoco")
     pytest.importorskip("pydrake")
-    monkeypatch.setattr(precision, "STEPS", (500,))
-    monkeypatch.setattr(precision, "TOLERANCES", (1e-4, 1e-8))
+    monkeypatch.setattr(study, "STEPS", (500,))
+    monkeypatch.setattr(study, "TOLERANCES", (1e-4, 1e-8))
     monkeypatch.setattr(peers, "STEPS", (400, 6400))
     monkeypatch.setattr(peers, "VELOCITIES", (1e-2, 1e-4))
     scene = pf.load_scene("three_link")  # its constant: what the paper's pin has on average

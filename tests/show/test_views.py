@@ -15,9 +15,8 @@ from sizing_cases import one_drive, trapezoid, turntable
 from sweep_cases import pushed_block, steady, sweep_of, uniform
 
 import pinfric as pf
-from pinfric.accuracy import precision
+from pinfric.accuracy import study
 from pinfric.accuracy.explain import explain
-from pinfric.accuracy.study import accuracy
 from pinfric.errors import StateError
 from pinfric.model.described import EFFORT, MOTOR, in_json
 from pinfric.show.inverse_summary import inverse_summary
@@ -255,8 +254,8 @@ def test_examples_in_docstrings_run(name):
 
 
 def test_checks_explanations_and_accuracy_show_themselves_in_a_notebook(monkeypatch):
-    monkeypatch.setattr(precision, "STEPS", (50, 500))
-    monkeypatch.setattr(precision, "VELOCITIES", (1e-1, 1e-2))
+    monkeypatch.setattr(study, "STEPS", (50, 500))
+    monkeypatch.setattr(study, "VELOCITIES", (1e-1, 1e-2))
     shown = pf.check("panda_pick_and_place")._repr_html_()
     assert '<th class="l">what</th>' in shown
     assert "warning" in shown
@@ -264,6 +263,6 @@ def test_checks_explanations_and_accuracy_show_themselves_in_a_notebook(monkeypa
     effects = explain(scene)._repr_html_()
     assert "<th>cost<br>us</th>" in effects
     assert "friction.<wbr>" not in effects  # keys are words, not names
-    measured = accuracy(scene, pf.load_trajectory("pendulum", scene), rounds=1)
-    assert measured._repr_html_().count("<table") == 3
+    measured = study.accuracy(scene, rounds=1)
+    assert measured._repr_html_().count("<table") == 1
     assert measured.plot()._repr_png_().startswith(b"\x89PNG")

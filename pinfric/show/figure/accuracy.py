@@ -1,0 +1,78 @@
+"""One picture of computing time against accuracy: work-precision of the methods of simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pinfric.accuracy.study import Accuracy, Run
+from pinfric.show.figure.style import BLUE, GREEN, GRID, INK, QUIET, RED, style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+#: Colour and mark of each method; the marks tell them apart in grey.
+_STYLES = {"event": (BLUE, "o"), "timestepping": (RED, "s"), "regularized": (GREEN, "^")}
+#: What is smaller is drawn here: rounding, and the decade below which nobody looks.
+_FLOOR = 1e-13
+
+
+def accuracy_figure(found: Accuracy) -> Figure:
+    """Draw error against time, a line per method: of q, and of stick times if any joint sticks."""
+    from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    panels = {"error": "error of q (rad or m)", "stick_error": "error of stick times (s)"}
+    if not any(run.stick_error > 0 for run in found.runs):
+        del panels["stick_error"]
+    with style():
+        size = 6.0 * len(panels), 5.2
+        figure = Figure(figsize=size, dpi=140, layout=ConstrainedLayoutEngine(w_pad=0.12))
+        name = Path(found.scene.source).stem
+        title = f"{name}: cost of accuracy in simulation"
+        figure.suptitle(title, x=0.01, ha="left", fontsize=14, fontweight="bold", color=INK)
+        for axes, (quantity, text) in zip(
+            figure.subplots(1, len(panels), squeeze=False)[0], panels.items(), strict=True
+        ):
+            lost = _draw(axes, found.runs, quantity)
+            axes.set_xlabel("wall time (ms)", color=QUIET)
+            said = f"{text}; without a figure: {', '.join(lost)}" if lost else text
+            axes.set_title(said, loc="left", fontsize=9.5, color=INK)
+        handles, labels = figure.axes[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower left", ncols=4, frameon=False)
+    return figure
+
+
+def _draw(axes: Axes, runs: Sequence[Run], quantity: str) -> list[str]:
+    """Error against time, a line per method; says which methods have no such error, how often."""
+    lost = []
+    for method in dict.fromkeys(run.method for run in runs):
+        own = [run for run in runs if run.method == method]
+        color, marker = _STYLES.get(method, (INK, "x"))
+        good = [run for run in own if np.isfinite(getattr(run, quantity))]
+        if len(good) < len(own):
+            lost.append(f"{method} {len(own) - len(good)} of {len(own)}")
+        for default, line, inside in ((False, "-", color), (True, "", "white")):
+            drawn = [run for run in good if (run.setting == "defaults") == default]
+            if drawn:
+                axes.plot(
+                    [1e3 * run.wall_s for run in drawn],
+                    [max(getattr(run, quantity), _FLOOR) for run in drawn],
+                    linestyle=line,
+                    color=color,
+                    marker=marker,
+                    markersize=7,
+                    markerfacecolor=inside,
+                    label=f"{method}, defaults" if default else method,
+                )
+    axes.set(xscale="log", yscale="log")
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.xaxis.set_minor_formatter("{x:g}")
+    axes.grid(True, which="major", color=GRID, linewidth=0.8)
+    axes.set_axisbelow(True)
+    axes.tick_params(which="both", colors=QUIET)
+    return lost

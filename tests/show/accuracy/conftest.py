@@ -1,3 +1,0 @@
-from accuracy.conftest import pendulum
-
-__all__ = ["pendulum"]
