@@ -179,7 +179,8 @@ def test_the_reference_in_the_clone_is_what_the_code_says(monkeypatch):
     made = importlib.import_module("make_reference").made()
     assert {page.stem for page in made} == {*FORMATS, "commands", "results"}
     for page, text in made.items():
-        assert page.read_text(encoding="utf-8").split() == text.split(), page.name
+        says = f"{page.name}: run `python notebooks/make_reference.py`"
+        assert page.read_text(encoding="utf-8").split() == text.split(), says
         headings = re.findall(r"^#+ (.*)$", text, re.MULTILINE)
         slugs = {re.sub(r"[^\w -]", "", h.lower()).replace(" ", "-") for h in headings}
         links = re.findall(r"\]\(#([^)]*)\)", text)

@@ -126,11 +126,6 @@ class InverseResult(SolvedMotion, Shown):  # noqa: D101 (that of its fields)
         return self.states.v
 
     @property
-    def a(self) -> np.ndarray:
-        """(T, nv) accelerations of the motion."""
-        return self.states.a
-
-    @property
     def joint_names(self) -> tuple[str, ...]:
         """Names of the robot's joints."""
         return self.scene.joint_names
