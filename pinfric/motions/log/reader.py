@@ -21,7 +21,7 @@ from pinfric.motions.log.efforts import mended_effort
 from pinfric.motions.log.files import open_matlab, open_parquet
 from pinfric.motions.log.frame import LogFrame, OpenedLog
 from pinfric.motions.log.motion import Settled, settle, unwrapped
-from pinfric.motions.log.reading import Reading, ReadingOptions
+from pinfric.motions.log.reading import ANGLE_UNITS, Reading, ReadingOptions
 from pinfric.motions.log.rows import check_times, gap_problems, ordered_rows
 from pinfric.motions.log.thinning import Thinning
 from pinfric.motions.log.units import (
@@ -169,7 +169,7 @@ def _in_si(
     if not problems and not own_plan:
         problems += frozen_angles(named, t[kept], position, lines)
     velocity, acceleration = (
-        _quantity(cells, part, named, factors)[taken]
+        _quantity(cells, part, named, _own_units(part, named, factors, options.unit))[taken]
         for part in (found.velocity, found.acceleration)
     )
     attached = {name: _phase(cells, name, problems)[kept] for name in found.payloads}
@@ -256,6 +256,17 @@ def _quantity(
             factor = use.factor * (1.0 if factors is None else factors[i])
             values[:, i] = factor * cells.column(use.column) + use.offset
     return values
+
+
+def _own_units(
+    uses: Mapping[str, Use], named: Sequence[JointColumn], of_angles: list[float], given: str | None
+) -> list[float]:
+    """Return rad per unit: what a column's header says, else that of the joint's angles."""
+    units = [None if given or c.name not in uses else uses[c.name].unit for c in named]
+    return [
+        of_angle if unit is None or column.unit != "rad" else ANGLE_UNITS[unit]
+        for column, unit, of_angle in zip(named, units, of_angles, strict=True)
+    ]
 
 
 def _speeds(named: Sequence[JointColumn], position: FloatArray) -> tuple[float, float]:

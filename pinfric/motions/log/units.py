@@ -200,18 +200,19 @@ def slow_angles(
         position: (T, nj) rad or m, by the header.
         factors: (nj,) rad per unit that the header means.
     """
-    degree = ANGLE_UNITS["deg"]
-    shares = [
-        speed / column.velocity_limit
-        for column, speed, factor in zip(columns, _speeds(t, position), factors, strict=False)
-        if factor == degree
-    ]
-    most = max(shares, default=0.0)
-    if not _CRAWL * degree < most < _CRAWL:
+    degree, shares = ANGLE_UNITS["deg"], [0.0]
+    every = zip(columns, _speeds(t, position), position.T, factors, strict=False)
+    for column, speed, q, factor in every:
+        if factor == degree:
+            if np.abs(q).max() / degree > min(_reach(column) + LIMIT_TOLERANCE, 2.0 * np.pi):
+                return []  # as radians beyond its limits
+            shares.append(speed / min(column.velocity_limit, _FASTEST_JOINT))
+    if not _CRAWL < max(shares) / degree < _TOO_FAST:
         return []
     return [
-        f"the header says degrees, but then no joint exceeds {100 * most:.2g} % of its velocity "
-        f"limit; as radians {100 * most / degree:.3g} %: give --unit deg or --unit rad"
+        f"the header says degrees, but then no joint exceeds {100 * max(shares):.2g} % of its "
+        f"velocity limit or leaves the range of radians; as radians {100 * max(shares) / degree:.3g} "
+        "%: give --unit deg or --unit rad"
     ]
 
 

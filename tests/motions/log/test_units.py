@@ -7,6 +7,7 @@ from log_cases import (
     NAMES,
     Q,
     T,
+    V,
     arm,
     load,
     refused,
@@ -90,6 +91,21 @@ def test_a_header_of_degrees_over_radians_is_asked_about(tmp_path):
     assert "the header says degrees, but then no joint exceeds" in said
     assert "give --unit deg or --unit rad" in said
     np.testing.assert_allclose(load(tmp_path, text, unit="rad").q, Q, atol=1e-10)
+    # faster than its limits, of which degrees would be 2.5 %
+    assert "as radians 14" in refused(tmp_path, text, scene=arm(speed=1.1))
+    # joints without limits of speed
+    assert "the header says degrees" in refused(tmp_path, text, scene=arm(speed=np.inf))
+
+
+def test_a_header_of_degrees_is_right_where_radians_would_leave_the_limits(tmp_path):
+    text = table(("t", *(f"{name} [deg]" for name in NAMES)), T, 4.0 + 0.05 * np.degrees(Q))
+    np.testing.assert_allclose(load(tmp_path, text).q, np.radians(4.0) + 0.05 * Q, atol=1e-10)
+
+
+def test_velocities_have_the_unit_of_their_own_header(tmp_path):
+    header = [f"{n}{k}" for k in (" [deg]", " [rad/s]") for n in NAMES]
+    assert not load(tmp_path, table(("t", *header), T, np.degrees(Q), V)).warnings
+    assert "velocit" in str(load(tmp_path, table(("t", *header), T, np.degrees(Q), 57 * V)).warnings)
 
 
 def test_a_frozen_encoder_is_named_by_its_jump(tmp_path):
