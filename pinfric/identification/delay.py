@@ -47,7 +47,7 @@ class Delay:
     """Delay of the logged efforts, s.
 
     Attributes:
-        value: taken for all logs; 0 where it is not determined.
+        value: taken for all logs; a guess, or 0, where it is not determined.
         standard_error: of what the logs say together, their spread and that of joints included.
         logs: (value, standard error) of each log alone.
         joints: (value, standard error) of each joint alone that slides.
@@ -64,8 +64,10 @@ class Delay:
         return self.standard_error < _VAGUE
 
     def __str__(self) -> str:
-        text = f"{1e3 * self.value:.1f} ms (standard error {1e3 * self.standard_error:.1f})"
-        return text if self.determined else "not determined, taken as 0"
+        text = f"{1e3 * self.value:.1f} ms"
+        if self.determined:
+            return f"{text} (standard error {1e3 * self.standard_error:.1f})"
+        return f"not determined, taken as {text}"
 
 
 @dataclass(frozen=True)
@@ -94,7 +96,7 @@ def common_delay(logs: Sequence[LogDelay]) -> Delay:
     seen = sorted({j for one in logs for j in one.joints})
     joints = {j: pooled([one.joints[j] for one in logs if j in one.joints]) for j in seen}
     return Delay(
-        mean if error < _VAGUE else 0.0,
+        mean,
         error,
         tuple((one.value, one.standard_error) for one in logs),
         joints,
@@ -185,7 +187,13 @@ def log_delay(
     )
     values = delay + fit.theta[-nj:]
     joints = {j: (float(values[j]), float(errors[j])) for j in range(nj) if rows[j].effort.size}
-    return LogDelay(*pooled(list(joints.values())), joints)
+    mean, error = pooled(list(joints.values()))
+    if error >= _VAGUE:  # their scatter tells nothing of the delay: those that know it best may
+        values, errors = np.array(list(joints.values())).T
+        weights = errors**-2.0
+        best = float(np.average(values, weights=weights))
+        mean = best if weights.sum() > _VAGUE**-2.0 else 0.0
+    return LogDelay(mean, error, joints)
 
 
 def _changes(

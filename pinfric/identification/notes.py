@@ -183,7 +183,8 @@ def _of_logs(found: Estimate) -> list[str]:
         if np.isinf(delay.standard_error):
             why = "its search ended at a bound: the model lacks something"
         lines.append(
-            f"the delay of the efforts is not determined ({why}) and is set to 0: log faster motion"
+            f"the delay of the efforts is not determined ({why}) and is taken as "
+            f"{1e3 * delay.value:.1f} ms: log faster motion"
         )
     if sum(moving) > 1:
         logs = zip(found.prepared, delay.logs, strict=True)
