@@ -58,7 +58,7 @@ class Findings:
         unseen: log -> joint -> error on logs that were held out as a whole.
         rest: joint -> what its holds show.
         spread: joint -> how much friction differs between logs, as a share; NaN with one log.
-        delay: by which logged efforts lag behind the motion, s; a guess, or 0, where it is not determined.
+        delay: by which logged efforts lag behind the motion, s; a guess where it is vague.
         misfits: what residuals still depend on; intervals are widened for it.
         doubts: what contradicts the result.
         notes: the doubts, then what was read, repaired, left out, and what the logs cannot show.

@@ -94,7 +94,9 @@ class IdentifySummary:
     """Friction of a robot identified from logs."""
 
     logs: tuple[FittedLog, ...] = quantity("logs that were fitted")
-    delay: float = quantity("delay of the logged efforts; a guess, or 0, where its error exceeds 2.5 ms", "s")
+    delay: float = quantity(
+        "delay of the logged efforts; a guess, or 0, where its standard error exceeds 2.5 ms", "s"
+    )
     delay_standard_error: float = quantity("standard error of the delay", "s")
     joints: tuple[JointFriction, ...] = quantity("in the order of the model")
     parameters: tuple[Parameter, ...] = quantity("every coefficient, by its key in the scene")

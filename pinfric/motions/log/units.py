@@ -207,12 +207,13 @@ def slow_angles(
             if np.abs(q).max() / degree > min(_reach(column) + LIMIT_TOLERANCE, 2.0 * np.pi):
                 return []  # as radians beyond its limits
             shares.append(speed / min(column.velocity_limit, _FASTEST_JOINT))
-    if not _CRAWL < max(shares) / degree < _TOO_FAST:
+    most = max(shares)
+    if not _CRAWL < most / degree < _TOO_FAST:
         return []
     return [
-        f"the header says degrees, but then no joint exceeds {100 * max(shares):.2g} % of its "
-        f"velocity limit or leaves the range of radians; as radians {100 * max(shares) / degree:.3g} "
-        "%: give --unit deg or --unit rad"
+        f"the header says degrees, but then no joint exceeds {100 * most:.2g} % of its velocity "
+        f"limit or leaves the range of radians; as radians {100 * most / degree:.3g} %: give "
+        "--unit deg or --unit rad"
     ]
 
 
