@@ -1,4 +1,11 @@
-"""What elastic gears do to a robot: wind-up, the tool's place at rest, natural frequencies.
+"""Elastic gears: wind-up, the tool's place at rest, natural frequencies.
 
 Everything follows from a rigid `InverseResult`; nothing here changes it.
+
+Takes: the result of inverse dynamics of a scene whose gears have a stiffness.
+
+Steps: `elasticity` finds the rests, winds up each gear by its torque, moves the tool by the sum
+(`places`), and solves for the lowest frequencies with motors held (`vibration`).
+
+Gives: `Elasticity`; `elastic_summary` describes it, `elastic_effect` says whether it matters.
 """

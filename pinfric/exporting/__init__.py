@@ -1,1 +1,10 @@
-"""A scene for other engines: constants fitted along a motion, and what each of them costs."""
+"""Export: a scene for other engines and controllers, with the error of each constant.
+
+Takes: a scene, a format of `FORMATS`, and for engines of constant friction a motion.
+
+Steps: `constants` fits each joint's constants along the motion and computes their error; one module
+a format writes the file (`mjcf`, `urdf`, `sdf`, ...); `cpp` writes the compensator with the load,
+`mujoco_bridge` runs it inside MuJoCo.
+
+Gives: `Exported`: the file's text, its constants and errors, and what it does not hold.
+"""

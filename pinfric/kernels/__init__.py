@@ -1,1 +1,9 @@
-"""Compiling, caching and, for small problems, interpreting of kernels."""
+"""Kernels: numba functions, compiled once and kept, or interpreted while problems are small.
+
+Takes: functions with the decorator `kernel`.
+
+Steps: `compiled` compiles and caches them by their sources; `interpreted` runs them without
+compiling.
+
+Gives: the same function, fast.
+"""

@@ -1,1 +1,11 @@
-"""Trajectories: what the joints do over time, read from files, way-points and logs."""
+"""Motions: what the joints do over time, and what a motion's efforts come to.
+
+Takes: a scene, and a file of samples (CSV, Parquet, ROS 2 bag, MATLAB) or way-points, or arrays.
+
+Steps: `read_log` opens a file, finds its columns and units, orders its rows and settles noise and
+holds (`log`); `read_waypoints` and `sample_waypoints` make samples of way-points;
+`complete_derivatives` adds v and a; `complete_motion` closes loops.
+
+Gives: `Trajectory` (t, q, v, a, what is carried) with its warnings; `summarize` reduces the efforts
+of an inverse result to peak, RMS and rests of each drive.
+"""
