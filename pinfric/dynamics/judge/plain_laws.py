@@ -36,9 +36,8 @@ def plain_load_terms(site: Site, displacement: float) -> tuple[list[np.ndarray],
 
     Args: see `plain_normal_load`; each contact force is linear in the wrench w.
     """
-    columns = [_forces(site, unit, displacement)[0] for unit in np.eye(6)]
-    maps = [np.column_stack(vectors) for vectors in zip(*columns, strict=True)]
-    return maps, float(_forces(site, np.zeros(6), displacement)[1])
+    columns, constant = _forces(site, np.eye(6), displacement)
+    return [column.T for column in columns], float(constant)
 
 
 #: Vectors linear in the wrench whose lengths add up to the load, and its constant part.
@@ -46,7 +45,10 @@ _Forces = tuple[list[np.ndarray], float]
 
 
 def _forces(site: Site, wrench: np.ndarray, displacement: float) -> _Forces:
-    """The weighted contact forces of one site and the constant part of its load."""
+    """The weighted contact forces (..., 3) of a site, and the constant part of its load.
+
+    wrench: (..., 6).
+    """
     bearing, k = site.friction.bearing, site.axis
     if bearing is None:
         return [], 0.0
@@ -54,21 +56,22 @@ def _forces(site: Site, wrench: np.ndarray, displacement: float) -> _Forces:
         return _by_terms(bearing.terms(), k, wrench, displacement)
     on_parent = getattr(bearing, "on", "child") == "parent"
     middle = getattr(bearing, "offset", 0.0) - (displacement if on_parent else 0.0)
-    F, M = wrench[:3], wrench[3:] - middle * np.cross(k, wrench[:3])
-    F_a, M_a = (F @ k) * k, (M @ k) * k
+    F = wrench[..., :3]
+    M = wrench[..., 3:] + middle * F @ pin.skew(k)  # F @ skew(k) is the cross product of F and k
+    F_a, M_a = F @ np.outer(k, k), M @ np.outer(k, k)
     return _LOADS[bearing.kind](bearing, k, F - F_a, F_a, M - M_a, M_a)
 
 
 def _by_terms(terms: LoadTerms, k: np.ndarray, wrench: np.ndarray, displacement: float) -> _Forces:
     turn = pin.Quaternion.FromTwoVectors(k, np.array([0.0, 0.0, 1.0])).toRotationMatrix()
-    w = np.concatenate([turn @ wrench[:3], turn @ wrench[3:]])
+    w = np.concatenate([wrench[..., :3] @ turn.T, wrench[..., 3:] @ turn.T], axis=-1)
     moved = [*terms.moved, *np.zeros((len(terms.maps) - len(terms.moved), 3, 6))]
-    forces = [(B + displacement * C) @ w for B, C in zip(terms.maps, moved, strict=True)]
+    forces = [w @ (B + displacement * C).T for B, C in zip(terms.maps, moved, strict=True)]
     return forces, terms.constant
 
 
 def _two_ends(length: float, k: np.ndarray, F_r: np.ndarray, M_b: np.ndarray) -> list[np.ndarray]:
-    couple = np.cross(M_b, k) / length
+    couple = M_b @ pin.skew(k) / length
     return [F_r / 2 + couple, F_r / 2 - couple]
 
 

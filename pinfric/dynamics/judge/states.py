@@ -1,27 +1,32 @@
-"""The judge's separate enumeration of one sample: all states of friction, and the ends of efforts.
+"""The judge's states of friction of one sample: every choice of limits, by Newton's method.
 
 A sliding site has one friction; a sticking site may be at either of its limits; a reversing site
-may have all three. The efforts' ends are where each site has one of these. The limit of a sticking
-ball is a sphere: its friction is turned towards each end, from several starts.
+may have all three. The efforts' ends are where each site has one of these. Where a choice contracts
+it has exactly one solution (Banach); else many starts are tried, and nothing is proved.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 import numpy as np
 
-from pinfric.dynamics.judge.balance import Balance
-from pinfric.dynamics.judge.pairs import Sample
 from pinfric.dynamics.judge.plain_laws import plain_friction
-from pinfric.dynamics.judge.search import Loads, all_solutions
+from pinfric.dynamics.judge.sample import Maps, Sample
 from pinfric.dynamics.samples.outcome import Status
+from pinfric.model.scene import Site
 
-#: Up to this number of choices all are tried; beyond it, one friction at a time is changed.
+#: Up to this number of choices all are tried; beyond it, as many random ones.
 _ENUMERATED = 4096
-#: Starts and turns of a sticking ball's friction, and the change at which it counts as constant.
-_STARTS, _TURNS, _STAYS = 2, 60, 1e-9
+#: Random directions of the friction of sticking balls.
+_DIRECTIONS = 32
+#: Starts of a choice that may have several solutions, up to this many times the largest load.
+_STARTS, _FAR = 64, 1e7
+#: Passes towards a solution, and how close two solutions are one, relative to their size.
+_PASSES, _DISTINCT = 200, 1e-6
+_EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
@@ -40,46 +45,10 @@ class SiteLaw:
     direction: np.ndarray
     sphere: bool
 
-
-@dataclass
-class States:
-    """Results of the enumeration of a sample's states.
-
-    Attributes:
-        lower, upper: (na,) ends of the efforts.
-        friction_lower, friction_upper: (ns,).
-        fewest, most: least and greatest number of solutions of one choice.
-        decided: whether these are proved to be all that the choices have.
-        sampled, flipped: only some choices were tried, because sticking balls have infinitely
-            many, or because there were too many.
-        reference: (n, ne) solutions where what sticks has no friction.
-    """
-
-    lower: np.ndarray
-    upper: np.ndarray
-    friction_lower: np.ndarray
-    friction_upper: np.ndarray
-    reference: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
-    fewest: int = 1
-    most: int = 0
-    decided: bool = True
-    sampled: bool = False
-    flipped: bool = False
-
     @property
-    def certain(self) -> bool:
-        """Whether the ends are."""
-        return self.decided and not self.sampled and not self.flipped
-
-    def possible(self, status: Status) -> bool:
-        """Return whether a sample with these states can have this status."""
-        if status == Status.JAMMED:
-            return self.fewest == 0 or self.flipped
-        if self.fewest == 0 and self.decided:
-            return False
-        if status == Status.CONVERGED:
-            return self.most <= 1
-        return self.most > 1 or not self.certain
+    def ends(self) -> np.ndarray:
+        """Options along a line; a sphere has two sides."""
+        return np.vstack([-self.options[:1], self.options]) if self.sphere else self.options
 
 
 def site_laws(sample: Sample, scale: float) -> list[SiteLaw]:
@@ -93,256 +62,182 @@ def site_laws(sample: Sample, scale: float) -> list[SiteLaw]:
     for k, site in enumerate(sample.scene.sites):
         velocity = sample.velocity(site)
         speed = float(np.linalg.norm(velocity))
-        at = speed if site.ball else float(velocity[0])
-        low, high = _lines(sample, k, at, scale)
-        rest_low, rest_high = _lines(sample, k, 0.0, scale)
-        sticks = low != high
-        reverses = not sticks and bool(sample.result.reversal[sample.i, k])
+
+        def limits(at: float, site: Site = site) -> list[tuple[float, float]]:
+            none, some = (plain_friction(site, at, load) for load in (0.0, scale))
+            return [(a, (b - a) / scale) for a, b in zip(none, some, strict=True)]
+
+        low, high = limits(speed if site.ball else float(velocity[0]))
+        rest, sticks = limits(0.0), low != high
         options = [low, high] if sticks else [low]
-        if reverses and rest_low != rest_high:
-            options = [rest_low, rest_high, low]
+        if not sticks and sample.result.reversal[sample.i, k] and rest[0] != rest[1]:
+            options = [*rest, low]
         sphere = site.ball and len(options) > 1
         if sphere:  # two limits are one radius
-            radius = max((-options[0][0], -options[0][1]), options[1])
-            options = [radius, *options[2:]]
+            options = [max((-options[0][0], -options[0][1]), options[1]), *options[2:]]
         direction = velocity / max(speed, 1e-300) if site.ball else np.ones(1)
         laws.append(SiteLaw(np.array(options), (0.0, 0.0) if sticks else low, direction, sphere))
     return laws
 
 
-def _lines(
-    sample: Sample, k: int, velocity: float, scale: float
-) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Least and greatest friction of a site as (alpha, beta) of its load."""
-    site = sample.scene.sites[k]
-    none, some = (plain_friction(site, velocity, load) for load in (0.0, scale))
-    least, most = ((a, (b - a) / scale) for a, b in zip(none, some, strict=True))
-    return least, most
+@dataclass
+class States:
+    """The states of one sample.
 
-
-class Enumeration:
-    """Solves choices of friction of one sample.
-
-    Args:
-        balance: efforts and contact forces as functions of the friction.
-        laws: of the sites.
+    Attributes:
+        lower, upper: (na,) ends of the efforts. friction_lower, friction_upper: (ns,).
+        reference: (n, ne) solutions where what sticks has no friction.
+        fewest, most: least and greatest number of solutions of one choice.
+        certain: all choices were tried, each has exactly one solution.
     """
 
-    def __init__(self, balance: Balance, laws: list[SiteLaw]) -> None:
-        self.balance, self.laws = balance, laws
-        self.ns = len(laws)
-        moved = np.abs(balance.contact[:, :, 1:]).max(axis=(0, 1), initial=0.0) > 0.0
-        acts = np.zeros(self.ns, dtype=bool)
-        np.logical_or.at(acts, balance.entry_site, moved)
-        #: sites whose friction loads nothing: each end picks theirs
-        self.leaves = [s for s in range(self.ns) if not acts[s] and len(self._values(s)) > 1]
-        self.choosing = [s for s in range(self.ns) if acts[s] and len(laws[s].options) > 1]
-        self.balls = [s for s in range(self.ns) if acts[s] and laws[s].sphere]
-        na = len(balance.effort)
-        self.states = States(*np.full((2, na), np.nan), *np.full((2, self.ns), np.nan))
+    lower: np.ndarray
+    upper: np.ndarray
+    friction_lower: np.ndarray
+    friction_upper: np.ndarray
+    reference: np.ndarray
+    fewest: int
+    most: int
+    certain: bool
 
-    def _values(self, s: int) -> np.ndarray:
-        """Options of a leaf; a sphere has two sides."""
-        options = self.laws[s].options
-        return np.vstack([-options[:1], options]) if self.laws[s].sphere else options
+    def possible(self, status: Status) -> bool:
+        """Return whether a sample with these states can have this status."""
+        if status == Status.JAMMED:
+            return self.fewest == 0
+        if status == Status.CONVERGED:
+            return self.most <= 1
+        return self.most > 1 or not self.certain
 
-    def run(self) -> States:
-        """Enumerate; see `States`."""
-        still = np.array([law.still for law in self.laws]).reshape(1, self.ns, 2)
-        if self.choosing or self.balls:  # else the only choice is that one
-            self.states.reference = self._solve(still, self._directions(1))[1]
-        sizes = [len(self.laws[s].options) for s in self.choosing]
-        if np.prod([float(n) for n in sizes]) > _ENUMERATED:
-            self.states.flipped = True
-            self._flip()
-            return self.states
-        every = list(product(*map(range, sizes)))
-        codes = np.array(every, dtype=int).reshape(len(every), len(sizes))
-        if self.balls:
-            self._turn(codes)
-        else:
-            self._take(codes, self._directions(len(codes)))
-        return self.states
 
-    def _directions(self, m: int) -> np.ndarray:
-        parts = [law.direction for law in self.laws]
-        return np.tile(np.concatenate(parts) if parts else np.zeros(0), (m, 1))
+def find_states(maps: Maps, laws: list[SiteLaw]) -> States:
+    """Solve the choices of a sample; each widens the ends."""
+    ns, at, U, rng = len(laws), maps.entry_site, maps.effort, np.random.default_rng(0)
+    acts = np.bincount(at, np.abs(maps.contact[:, :, 1:]).sum(axis=(0, 1)), ns) > 0.0
+    several = np.array([len(law.ends) > 1 for law in laws], dtype=bool)
+    leaves = np.flatnonzero(several & ~acts)  # load nothing: each end picks their friction
+    sizes = [1 if s in leaves else len(law.options) for s, law in enumerate(laws)]
+    every = np.prod([float(size) for size in sizes]) <= _ENUMERATED
+    tried: Any = product(*map(range, sizes))
+    tried = list(tried) if every else rng.integers(0, sizes, (_ENUMERATED, ns))
+    codes = np.array(tried, dtype=int).reshape(len(tried), ns)
+    spheres = [s for s in np.flatnonzero(acts) if laws[s].sphere]
+    codes = np.repeat(codes, _DIRECTIONS if spheres else 1, axis=0)
+    lines = np.zeros((len(codes), ns, 2))
+    for s, law in enumerate(laws):
+        if s not in leaves:
+            lines[:, s] = law.options[codes[:, s]]
+    one = np.concatenate([np.zeros(0), *(law.direction for law in laws)])
+    directions = np.tile(one, (len(codes), 1))
+    for b in spheres:
+        turned = rng.normal(size=(len(codes), 3))
+        turned /= np.linalg.norm(turned, axis=1, keepdims=True)
+        directions[np.ix_(codes[:, b] == 0, at == b)] = turned[codes[:, b] == 0]
+    choice, phi, sure = solve_choices(maps, lines, directions)
+    still = np.array([law.still for law in laws]).reshape(1, ns, 2)
+    load = np.array([maps.loads(x) for x in phi]).reshape(-1, ns)
+    low = U[:, 0] + phi @ U[:, 1:].T
+    high, ranges = low.copy(), np.full((2, ns), np.nan)
+    for s, law in enumerate(laws):
+        values = (phi[:, at == s] @ law.direction)[:, None]
+        if s in leaves:
+            values = law.ends[:, 0] + law.ends[:, 1] * load[:, s, None]
+            along = U[:, 1:][:, at == s]
+            lever = np.linalg.norm(along, axis=1) if law.sphere else along @ law.direction
+            low += (values[:, :, None] * lever).min(axis=1)
+            high += (values[:, :, None] * lever).max(axis=1)
+        if len(values):
+            ranges[:, s] = values.min(), values.max()
+    count = np.bincount(choice, minlength=len(codes))
+    return States(
+        np.fmin.reduce(low, axis=0, initial=np.nan),
+        np.fmax.reduce(high, axis=0, initial=np.nan),
+        ranges[0],
+        ranges[1],
+        solve_choices(maps, still, one[None])[1],
+        int(count.min()),
+        int(count.max()),
+        bool(every and sure.all() and not spheres),
+    )
 
-    def _take(self, codes: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Solve choices, let them widen the ends; return efforts (m, na) at the lower, upper end.
 
-        Args:
-            codes: (m, number choosing) option of each site that chooses.
-            directions: (m, ne).
-        """
-        m, U = len(codes), self.balance.effort
-        lines = self._chosen(codes)
-        choice, phi, load = self._solve(lines, directions)
-        ends = np.full((2, m, len(U)), np.nan)
-        if not self.choosing and not self.balls:
-            self.states.reference = phi
-        base = U[:, 0] + phi @ U[:, 1:].T
-        low, high = base.copy(), base.copy()
-        for s in self.leaves:
-            entries = np.flatnonzero(self.balance.entry_site == s)
-            values = self._values(s)[:, 0] + self._values(s)[:, 1] * load[:, s, None]
-            effect = values[:, :, None] * self._lever(s, entries)
-            low += effect.min(axis=1)
-            high += effect.max(axis=1)
-        for end, value, best in ((0, low, np.fmin), (1, high, np.fmax)):
-            for n, c in enumerate(choice):
-                ends[end, c] = best(ends[end, c], value[n])
-        st = self.states
-        st.lower = np.fmin(st.lower, np.fmin.reduce(low, axis=0, initial=np.nan))
-        st.upper = np.fmax(st.upper, np.fmax.reduce(high, axis=0, initial=np.nan))
-        self._range(phi, load)
-        return ends[0], ends[1]
+def solve_choices(
+    maps: Maps, lines: np.ndarray, directions: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return every solution of z = k + sum |p + P phi|, phi = direction (alpha + beta z).
 
-    def _lever(self, s: int, entries: np.ndarray) -> np.ndarray:
-        """(na,) effort per unit friction of a leaf; a ball's along what helps most."""
-        U = self.balance.effort[:, 1 + entries]
-        return np.asarray(
-            np.linalg.norm(U, axis=1) if self.laws[s].sphere else U @ self.laws[s].direction
-        )
+    Args:
+        maps: of the sample.
+        lines: (m, ns, 2) alpha and beta of each choice. directions: (m, ne).
 
-    def _range(self, phi: np.ndarray, load: np.ndarray) -> None:
-        """Let solutions widen the range of each site's friction; a ball's is along its slip."""
-        for s, law in enumerate(self.laws):
-            entries = np.flatnonzero(self.balance.entry_site == s)
-            values = phi[:, entries] @ law.direction
-            if s in self.leaves:
-                lines = self._values(s)
-                values = (lines[:, 0] + lines[:, 1] * load[:, s, None]).ravel()
-            if len(values):
-                st = self.states
-                st.friction_lower[s] = np.fmin(st.friction_lower[s], values.min())
-                st.friction_upper[s] = np.fmax(st.friction_upper[s], values.max())
+    Returns:
+        (n,) the choice, (n, ne) friction, and (m,) whether a choice has exactly one solution.
+    """
+    at, ns, m = maps.entry_site, len(maps.constant), len(lines)
+    own = (np.arange(ns)[:, None] == maps.owner).astype(float)
+    place = (at[:, None] == np.arange(ns)).astype(float)
+    given, gain = directions * lines[:, at, 0], directions * lines[:, at, 1]
+    forces = maps.contact[:, :, 1:]
+    p = maps.contact[:, :, 0] + np.einsum("tek,mk->mte", forces, given)
+    P = np.einsum("tek,mk,kj->mtej", forces, gain, place)
+    steep = np.einsum("kt,mtj->mkj", own, np.sqrt((P**2).sum(axis=2)))
+    sure = np.abs(np.linalg.eigvals(steep)).max(axis=1, initial=0.0) < 1.0 - 1e-9
+    first = maps.constant + np.sqrt((p**2).sum(axis=2)) @ own.T
+    open_, rng = np.flatnonzero(~sure), np.random.default_rng(1)
+    size = np.logspace(-3, np.log10(_FAR), _STARTS)[:, None] * rng.random((_STARTS, ns))
+    starts = first[open_, None] + size * first[open_].max(axis=1, initial=0.0)[:, None, None]
+    choice = np.concatenate([np.arange(m), np.repeat(open_, _STARTS)])
+    starts = np.concatenate([first, starts.reshape(-1, ns)])
+    z = _near(starts, sure[choice], maps.constant, own, p[choice], P[choice])
+    order = np.argsort(choice, kind="stable")
+    kept: list[int] = []
+    begin = 0
+    for n in order[np.isfinite(z[order]).all(axis=1)]:
+        if kept and choice[kept[-1]] != choice[n]:
+            begin = len(kept)
+        far = [np.abs(z[n] - z[k]).max(initial=0.0) for k in kept[begin:]]
+        if not kept[begin:] or min(far) > _DISTINCT * np.abs(z[n]).max(initial=0.0):
+            kept.append(int(n))
+    choice, z = choice[kept], z[kept]
+    return choice, given[choice] + gain[choice] * z[:, at], sure
 
-    def _chosen(self, codes: np.ndarray) -> np.ndarray:
-        """(m, ns, 2) alpha and beta of every site; leaves have none, for they load nothing."""
-        lines = np.zeros((len(codes), self.ns, 2))
-        for s, law in enumerate(self.laws):
-            if s not in self.leaves:
-                lines[:, s] = law.options[0]
-        for column, s in enumerate(self.choosing):
-            lines[:, s] = self.laws[s].options[codes[:, column]]
-        return lines
 
-    def _solve(
-        self, lines: np.ndarray, directions: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return choice (n,), friction (n, ne) and loads (n, ns) of every solution.
+def _near(
+    z: np.ndarray,
+    pass_helps: np.ndarray,
+    k: np.ndarray,
+    own: np.ndarray,
+    p: np.ndarray,
+    P: np.ndarray,
+) -> np.ndarray:
+    """Return the solutions (n, nz) that Newton's method reaches from z; NaN where none.
 
-        Args:
-            lines: (m, ns, 2) alpha and beta.
-            directions: (m, ne).
-        """
-        b, contact = self.balance, self.balance.contact
-        at, forces = b.entry_site, contact[:, :, 1:]
-        own = np.zeros((self.ns, len(b.owner)))
-        own[b.owner, np.arange(len(b.owner))] = 1.0
-        moves = np.abs(forces).max(axis=(1, 2), initial=0.0) > 0.0
-        varies = own @ moves > 0
-        unknown = np.flatnonzero((lines[:, :, 1] != 0.0).any(axis=0) & varies)
-        fixed = b.constant + own @ np.linalg.norm(contact[:, :, 0], axis=1)
-        fixed[varies] = 0.0  # what these load has no part in what is known
-        known = lines[:, :, 0] + np.where(
-            np.isin(np.arange(self.ns), unknown), 0.0, lines[:, :, 1] * fixed
-        )
-        given = directions * known[:, at]
-        gain = directions * lines[:, at, 1]
-        rows = np.isin(b.owner, unknown)
-        p = contact[rows][:, :, 0] + np.einsum("tek,mk->mte", forces[rows], given)
-        place = at[:, None] == unknown
-        P = np.einsum("tek,mk,kj->mtej", forces[rows], gain, place)
-        found = all_solutions(Loads(b.constant[unknown], own[unknown][:, rows], p, P))
-        phi = given[found.choice] + gain[found.choice] * (found.z @ place.T)
-        size = np.linalg.norm(contact[:, :, 0] + np.einsum("tek,nk->nte", forces, phi), axis=2)
-        count = np.bincount(found.choice, minlength=len(lines))
-        st = self.states
-        st.decided &= bool(found.decided.all())
-        st.fewest = min(st.fewest, int(count.min()))
-        st.most = max(st.most, int(count.max()))
-        return found.choice, phi, b.constant + size @ own.T
+    Args:
+        pass_helps: (n,) the fixed point converges: taken where Newton's step does not help.
+    """
 
-    def _flip(self) -> None:
-        """Search each end by changing one site's friction at a time, while that helps."""
-        sizes = [len(self.laws[s].options) for s in self.choosing]
-        trials = [(c, option) for c, n in enumerate(sizes) for option in range(n)]
-        first = [np.flatnonzero(self.balance.entry_site == s)[0] for s in self.choosing]
-        for drive, end in np.ndindex(len(self.balance.effort), 2):
-            slope = self.balance.effort[drive, 1 + np.array(first)]
-            code = ((slope > 0) == bool(end)).astype(int)
-            code = np.minimum(code, np.array(sizes) - 1)
-            best = -np.inf
-            while True:
-                codes = np.tile(code, (len(trials) + 1, 1))
-                for row, (column, option) in enumerate(trials):
-                    codes[row, column] = option
-                ends = self._take(codes, self._directions(len(codes)))
-                value = np.nan_to_num(ends[end][:, drive] * (1 if end else -1), nan=-np.inf)
-                top = int(np.argmax(value))
-                if not value[top] > best + 1e-12 * abs(best):
-                    break
-                code, best = codes[top], value[top]
+    def residual(z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        force = p + np.einsum("mtej,mj->mte", P, z)
+        size = np.sqrt((force**2).sum(axis=2))
+        rest = z - k - size @ own.T
+        unit = force / np.where(size > 0.0, size, 1.0)[:, :, None]
+        return rest, np.abs(rest).max(axis=1, initial=0.0), unit
 
-    def _turn(self, codes: np.ndarray) -> None:
-        """Turn the friction of sticking balls towards each end of each effort."""
-        self.states.sampled = True
-        U = self.balance.effort
-        rng = np.random.default_rng(0)
-        for drive, end in np.ndindex(len(U), 2):
-            sign = 1.0 if end else -1.0
-            for start in range(_STARTS):
-                directions = self._directions(len(codes))
-                g = np.tile(sign * U[drive, 1:], (len(codes), 1))
-                g = g if start == 0 else rng.normal(size=g.shape)
-                for _ in range(_TURNS):
-                    before = directions.copy()
-                    self._point(codes, directions, g)
-                    if np.abs(directions - before).max() < _STAYS:
-                        break
-                    g = self._total_slope(codes, directions, drive, sign)
-                self._take(codes, directions)
-
-    def _point(self, codes: np.ndarray, directions: np.ndarray, g: np.ndarray) -> None:
-        """Point every sticking ball's friction along g (m, ne); directions are overwritten."""
-        for s in self.balls:
-            entries = np.flatnonzero(self.balance.entry_site == s)
-            sticks = (
-                codes[:, self.choosing.index(s)] == 0
-                if s in self.choosing
-                else (np.ones(len(codes), dtype=bool))
-            )
-            size = np.linalg.norm(g[:, entries], axis=1)
-            rows = np.flatnonzero(sticks & (size > 0.0))
-            directions[np.ix_(rows, entries)] = g[np.ix_(rows, entries)] / size[rows, None]
-
-    def _total_slope(
-        self, codes: np.ndarray, directions: np.ndarray, drive: int, sign: float
-    ) -> np.ndarray:
-        """(m, ne) change of sign times an effort per unit friction added, with what that loads.
-
-        phi = D (alpha + beta load(phi)) + delta, so the effort changes by
-        U (I - D beta L)^-1 delta with L the slope of the loads.
-        """
-        b = self.balance
-        lines = self._chosen(codes)
-        out = np.zeros(directions.shape)
-        choice, phi, load = self._solve(lines, directions)
-        forces = b.contact[:, :, 1:]
-        for n, (c, x) in enumerate(zip(choice, phi, strict=True)):
-            force = b.contact[:, :, 0] + forces @ x
-            size = np.maximum(np.linalg.norm(force, axis=1, keepdims=True), 1e-300)
-            along = np.einsum("te,tek->tk", force / size, forces)
-            L = np.zeros((self.ns, len(x)))
-            np.add.at(L, b.owner, along)
-            gain = (directions[c] * lines[c, b.entry_site, 1])[:, None] * L[b.entry_site]
-            effect = b.effort[drive, 1:].copy()
-            for s in self.leaves:  # at the limit that helps, which follows their load
-                values = self._values(s) @ np.array([1.0, load[n, s]])
-                lever = self._lever(s, np.flatnonzero(b.entry_site == s))[drive]
-                helps = self._values(s)[np.argmax(sign * lever * values)]
-                effect += lever * helps[1] * L[s]
-            out[c] = sign * np.linalg.solve((np.eye(len(x)) - gain).T, effect)
-        return out
+    rest, error, unit = residual(z)
+    best, least = z, error
+    for _ in range(_PASSES):
+        J = np.eye(z.shape[1]) - np.einsum("kt,mte,mtej->mkj", own, unit, P)
+        good = np.abs(np.linalg.det(J)) > 1e-14
+        step = rest.copy()
+        step[good] = np.linalg.solve(J[good], rest[good][:, :, None])[:, :, 0]
+        worse = pass_helps & ~(residual(z - step)[1] < 0.9 * error)
+        step[worse] = rest[worse]
+        z = np.where(np.isfinite(step), z - step, z)
+        rest, error, unit = residual(z)
+        better = error < least
+        best, least = np.where(better[:, None], z, best), np.where(better, error, least)
+        if not better.any():
+            break
+    terms = np.abs(p).sum(axis=2) + np.einsum("mtej,mj->mt", np.abs(P), np.abs(best))
+    rounding = _EPS * (np.abs(best) + k + terms @ own.T)
+    found = (np.abs(residual(best)[0]) <= 1e4 * rounding).all(axis=1)
+    return np.where(found[:, None], best, np.nan)

@@ -1,12 +1,11 @@
-"""The judge's own search for solutions: roots of quadratic equations."""
+"""The search by interval arithmetic: roots of quadratic equations."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from judges.interval_search import Loads, _Reduced, _settled, all_solutions
 from scipy.optimize import fsolve
-
-from pinfric.dynamics.judge.search import Loads, _Reduced, _settled, all_solutions
 
 
 def test_the_search_finds_the_roots_of_quadratic_equations():
