@@ -43,6 +43,7 @@ from pinfric.motions.log.reader import read_log
 from pinfric.motions.log.reading import Reading, ReadingOptions
 from pinfric.motions.loop_motion import complete_motion, named_columns
 from pinfric.motions.table import TrajectoryTable, complete_derivatives
+from pinfric.motions.tool_points import solve_tool_points
 from pinfric.motions.waypoints import read_waypoints, sample_waypoints
 
 FloatArray = NDArray[np.float64]
@@ -355,7 +356,8 @@ def _from_waypoints(path: Path, scene: HasModel, columns: Sequence[JointColumn])
     given = [c.name for c in columns] if waypoints.joints is None else waypoints.joints
     named = named_columns(scene, columns, given, problems)
     refuse(str(path), problems)
-    table = sample_waypoints(waypoints, named, _defaults(scene), str(path))
+    waypoints, lines = solve_tool_points(waypoints, scene, columns, str(path))
+    table = sample_waypoints(waypoints, named, _defaults(scene), str(path), lines)
     return _from_table(str(path), scene, columns, named, table)
 
 

@@ -19,19 +19,22 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, model_validator
 
 from pinfric.errors import TrajectoryError, choose_from
 from pinfric.model.brief import counted
-from pinfric.model.entry import Entry, NonNegative, Number, Positive, Version, key, parse
+from pinfric.model.entry import Entry, NonNegative, Number, Positive, Vector3, Version, key, parse
 from pinfric.model.yamlfile import read_yaml
 from pinfric.motions.joint_columns import JointColumn, limit_problems, refuse
 from pinfric.motions.log.reading import ANGLE_UNITS
 from pinfric.motions.table import TrajectoryTable
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
 
 FloatArray = NDArray[np.float64]
 
@@ -52,12 +55,34 @@ Names = Annotated[
 ]
 
 
+class ToolPose(Entry):
+    """Where the scene's `tool` is to be, in the frame of the robot's base."""
+
+    xyz: Annotated[Vector3, key("its origin", [0.4, 0.1, 0.3], "m")]
+    rpy: Annotated[
+        Vector3 | None,
+        key(
+            "its axes by roll, pitch, yaw, in `unit`; left out: as at the point before",
+            [3.1416, 0.0, 0.0],
+            "rad",
+        ),
+    ] = None
+    line: Annotated[bool, key("whether it moves there on a straight line", True)] = False
+
+
 class WayPoint(Entry):
     """One stop: where, how long the way there takes, how long it stays, what it grips."""
 
     q: Annotated[
         tuple[Number, ...], key("one number per joint, in `unit`", [0.0, -0.5, 1.2], "rad or m")
-    ]
+    ] = ()
+    tool: Annotated[
+        ToolPose | None,
+        key(
+            "where the scene's tool is, in place of `q`; solved from the posture before",
+            {"xyz": [0.4, 0.1, 0.3], "line": True},
+        ),
+    ] = None
     duration: Annotated[
         Positive | None, key("of the move to this point; left out: from `speed`", 1.5, "s")
     ] = None
@@ -68,6 +93,12 @@ class WayPoint(Entry):
     via: Annotated[bool, key("passed without a stop, which only `pinfric retime` can do", True)] = (
         False
     )
+
+    @model_validator(mode="after")
+    def _one_place(self) -> WayPoint:
+        if bool(self.q) == (self.tool is not None):
+            raise ValueError("give `q`, a number per joint, or `tool`, and not both")
+        return self
 
 
 class WayPointFile(Entry):
@@ -113,13 +144,17 @@ class WayPointFile(Entry):
 
 @dataclass(frozen=True)
 class Move:
-    """From one stop to the next: start, duration (s), from and to (nj,); then a hold (s)."""
+    """From one stop to the next: start, duration (s), from and to (nj,); then a hold (s).
+
+    `line`: the positions (nj,) over the way from 0 to 1; without it joints move straight.
+    """
 
     start: float
     duration: float
     begin: FloatArray
     end: FloatArray
     hold: float
+    line: BSpline | None = None
 
     @property
     def arrival(self) -> float:
@@ -177,6 +212,7 @@ def sample_waypoints(
     columns: Sequence[JointColumn],
     payloads: Mapping[str, bool],
     source: str,
+    lines: Mapping[int, BSpline] | None = None,
 ) -> TrajectoryTable:
     """Turn way-points into samples at `sample_rate`; the end is a sample too, on the grid or not.
 
@@ -188,6 +224,7 @@ def sample_waypoints(
         columns: (nj,) the model's joints in its order; columns of the answer.
         payloads: name -> attached at the start.
         source: the file, for messages.
+        lines: of `solve_tool_points`.
 
     Raises:
         TrajectoryError: what is wrong with the points or their durations, all at once.
@@ -198,7 +235,7 @@ def sample_waypoints(
         if point.via
     ]
     stops = _positions(waypoints, columns, payloads, problems, source)
-    moves = _plan_moves(waypoints, stops, columns, problems)
+    moves = _plan_moves(waypoints, stops, columns, problems, lines or {})
     refuse(source, problems)
     t = _sample_times(moves[-1].departure, waypoints.sample_rate, source)
     arrivals = [np.searchsorted(t, move.arrival - _SAME_INSTANT) for move in moves]
@@ -300,13 +337,16 @@ def _check_points(
     count = joint_count if waypoints.joints is None else len(waypoints.joints)
     if waypoints.ramp is not None and waypoints.profile != "trapezoidal":
         problems.append("ramp: belongs to profile: trapezoidal; a quintic has none")
+    if waypoints.points[0].tool is not None:
+        problems.append("points[0].tool: the posture before is not known: give `q` here")
     if waypoints.points[0].duration is not None:
         problems.append("points[0].duration: the motion starts here; leave it out")
-    wrong = [i for i, point in enumerate(waypoints.points) if len(point.q) != count]
+    given = [len(point.q) for point in waypoints.points]
+    wrong = [i for i, number in enumerate(given) if number != count]
     if wrong:
         more = f" ({len(wrong)} such points)" if len(wrong) > 1 else ""
         problems.append(
-            f"points[{wrong[0]}].q: {counted(len(waypoints.points[wrong[0]].q), 'number')} for "
+            f"points[{wrong[0]}].q: {counted(given[wrong[0]], 'number')} for "
             f"{counted(count, 'joint')}{more}; give one per joint, in the order of `joints` (by "
             "default the scene's), or the scene of this motion"
         )
@@ -337,12 +377,15 @@ def _plan_moves(
     stops: FloatArray,
     columns: Sequence[JointColumn],
     problems: list[str],
+    lines: Mapping[int, BSpline],
 ) -> list[Move]:
     """Give every move its start and duration; the first is the stay at the first point."""
     first = waypoints.points[0]
     moves = [Move(0.0, 0.0, stops[0], stops[0], first.hold)]
     for index, point in enumerate(waypoints.points[1:], start=1):
-        distance = np.abs(stops[index] - stops[index - 1])
+        distance, line = np.abs(stops[index] - stops[index - 1]), lines.get(index)
+        if line is not None:  # as far as the fastest part would go in the whole time
+            distance = np.abs(line.derivative()(np.linspace(0.0, 1.0, 200))).max(axis=0)
         duration = point.duration
         if duration is None:
             unlimited = [
@@ -365,7 +408,7 @@ def _plan_moves(
                 f"periods, {_MIN_PERIODS / waypoints.sample_rate:g} s: raise one of the two"
             )
         begin, end = stops[index - 1], stops[index]
-        moves.append(Move(moves[-1].departure, duration, begin, end, point.hold))
+        moves.append(Move(moves[-1].departure, duration, begin, end, point.hold, line))
     return moves
 
 
@@ -408,10 +451,16 @@ def _sample_moves(
             b, rate, curvature = (
                 quintic(s) if waypoints.profile == "quintic" else trapezoidal(s, _ramp(waypoints))
             )
+            rate, curvature = rate / move.duration, curvature / move.duration**2
             way = move.end - move.begin
-            position[moving] = move.begin + np.outer(b, way)
-            velocity[moving] = np.outer(rate / move.duration, way)
-            acceleration[moving] = np.outer(curvature / move.duration**2, way)
+            if move.line is not None:
+                slope, bend = (move.line.derivative(k)(b) for k in (1, 2))
+                position[moving], velocity[moving] = move.line(b), rate[:, None] * slope
+                acceleration[moving] = curvature[:, None] * slope + rate[:, None] ** 2 * bend
+            else:
+                position[moving] = move.begin + np.outer(b, way)
+                velocity[moving] = np.outer(rate, way)
+                acceleration[moving] = np.outer(curvature, way)
         position[arrival : t.size if is_last else _first_moving_sample(move, t)] = move.end
     return position, velocity, acceleration
 

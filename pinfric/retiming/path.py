@@ -23,6 +23,7 @@ from pinfric.model.arrays import real_numbers
 from pinfric.model.scene import Scene
 from pinfric.model.scene_file import find_file
 from pinfric.motions.joint_columns import LIMIT_TOLERANCE, JointColumn, joint_columns
+from pinfric.motions.tool_points import solve_tool_points
 from pinfric.motions.trajectory import Trajectory, load_trajectory
 from pinfric.motions.waypoints import carried_on, read_waypoints, way_points
 
@@ -216,6 +217,12 @@ def load_path(path: str | File, scene: Scene) -> Path:
     given = read_waypoints(File(file))
     columns = joint_columns(scene.model, str(file))
     defaults = {name: bool(payload.attached) for name, payload in scene.payloads.items()}
+    given, lines = solve_tool_points(given, scene, columns, str(file))
+    if lines:
+        raise TrajectoryError(
+            f"{file}: points[{min(lines)}].tool.line: retiming joins points by splines of the "
+            "joints: leave `line` out, and give `via` points along the line"
+        )
     points = way_points(given, columns, defaults, str(file))
     via, holds = [point.via for point in given.points], [point.hold for point in given.points]
     return Path.from_waypoints(points, via, holds, carried_on(given, defaults), str(file))

@@ -1,0 +1,190 @@
+"""Way-points of the tool: postures that put a frame where it is wanted, and straight lines.
+
+Levenberg-Marquardt from the posture before, e = log6(M(q)^-1 M_wanted), J its Jacobian:
+
+    dq = (J^T J + (|e|^2/2 + 1e-12) 1)^-1 J^T e,    within the joints' limits
+
+On a straight line the tool's origin moves straight and its axes turn about one axis. It is solved
+at `_KNOTS` places and joined by splines of degree 5, from which velocities and accelerations come.
+Damping: Sugihara, Solvability-Unconcerned Inverse Kinematics by the Levenberg-Marquardt Method,
+IEEE Trans. Robotics 27(5), 2011.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.errors import TrajectoryError
+from pinfric.model.scene import Scene
+from pinfric.motions.joint_columns import FloatArray, JointColumn
+from pinfric.motions.log.reading import ANGLE_UNITS
+from pinfric.motions.waypoints import WayPointFile
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
+
+_PASSES = 500
+#: m and rad: what a posture may be off.
+_REACHED = 1e-9
+_KNOTS = 65
+#: rad or m from knot to knot: more is a jump to another posture.
+_JUMP = 0.3
+
+
+class Tool:
+    """The scene's tool, by its joints' positions x (nj,), rad or m, in the model's order."""
+
+    def __init__(self, scene: Any, columns: Sequence[JointColumn], source: str) -> None:
+        if not isinstance(scene, Scene) or scene.tool is None:
+            raise TrajectoryError(
+                f"{source}: way-points of the tool need the scene's `tool`: name its link there, "
+                "e.g. tool: tool0"
+            )
+        if scene.loops:
+            raise TrajectoryError(
+                f"{source}: way-points of the tool are for open chains; give `q` where loops close"
+            )
+        self.columns, self.model = columns, scene.model
+        self.data, self.frame = scene.model.createData(), scene.model.getFrameId(scene.tool)
+        self.low, self.high = (
+            np.array([getattr(c, x) for c in columns]) for x in ("lower", "upper")
+        )
+
+    def place(self, x: FloatArray) -> pin.SE3:
+        """Return where the tool is."""
+        tangent = np.zeros(self.model.nv)
+        tangent[[column.index_v for column in self.columns]] = x
+        q = pin.integrate(self.model, pin.neutral(self.model), tangent)
+        pin.computeJointJacobians(self.model, self.data, q)  # and where the joints are
+        self.jacobian = pin.getFrameJacobian(self.model, self.data, self.frame, pin.LOCAL)
+        return pin.updateFramePlacement(self.model, self.data, self.frame).copy()
+
+    def reach(self, goal: pin.SE3, x: FloatArray, rows: int = 6) -> tuple[FloatArray, FloatArray]:
+        """Return the posture nearest to a goal, from the posture x on, and what it is off (rows,).
+
+        Args:
+            goal: where the tool is wanted.
+            x: posture before.
+            rows: 6, or 3: the position alone.
+        """
+        x = np.clip(x, self.low, self.high)
+        for _ in range(_PASSES):
+            off = self.place(x).actInv(goal)
+            J = self.jacobian[:, [column.index_v for column in self.columns]]
+            if rows == 6:
+                e, J = pin.log6(off).vector, pin.Jlog6(off.inverse()) @ J
+            else:
+                e, J = off.translation, J[:3]
+            if np.linalg.norm(e) < 1e-3 * _REACHED:
+                break
+            free = np.ones(x.size, dtype=bool)
+            for _ in range(x.size):  # joints at a limit do not push against it
+                step = np.zeros(x.size)
+                A = J[:, free]
+                damped = A.T @ A + (0.5 * e @ e + 1e-12) * np.eye(free.sum())
+                step[free] = np.linalg.solve(damped, A.T @ e)
+                stuck = (x + step > self.high) & (x >= self.high)
+                stuck |= (x + step < self.low) & (x <= self.low)
+                if not (stuck & free).any():
+                    break
+                free &= ~stuck
+            moved = np.clip(x + step, self.low, self.high)
+            if np.abs(moved - x).max(initial=0.0) < 1e-14:
+                break
+            x = moved
+        return x, e
+
+    def missed(self, goal: pin.SE3, x: FloatArray, e: FloatArray) -> str:
+        """Return how far a goal is out of reach; empty where it is reached."""
+        if np.abs(e).max() < _REACHED:
+            return ""
+        distance = np.linalg.norm(self.reach(goal, x, 3)[1])
+        if distance > _REACHED:
+            return f"the tool is out of reach, by {distance:.3g} m within the joints' limits"
+        turn = np.degrees(np.linalg.norm(e[3:]))
+        return f"the tool is there only if turned by {turn:.2g} deg within the joints' limits"
+
+
+def solve_tool_points(
+    waypoints: WayPointFile, scene: Any, columns: Sequence[JointColumn], source: str
+) -> tuple[WayPointFile, dict[int, BSpline]]:
+    """Return the file with positions of all joints, and the joints' paths of straight moves.
+
+    Args:
+        waypoints: the file.
+        scene: the robot, with its `tool`.
+        columns: (nj,) its joints.
+        source: the file, for messages.
+
+    Returns:
+        The file, with `q` at each point; number of a point -> spline of (nj,) positions over the
+        move's way from 0 to 1.
+
+    Raises:
+        TrajectoryError: no tool, a place out of reach (by how far), a line on which the posture
+            jumps.
+    """
+    if all(point.tool is None for point in waypoints.points):
+        return waypoints, {}
+    tool, names = Tool(scene, columns, source), [column.name for column in columns]
+    order = [names.index(n) for n in waypoints.joints or names if n in names]
+    turns = np.array([column.unit == "rad" for column in columns])
+    angle = ANGLE_UNITS[waypoints.unit]
+    unit = np.where(turns, angle, 1.0)[order]
+    points, lines, x = [], {}, np.zeros(len(columns))
+    for index, point in enumerate(waypoints.points):
+        where, wanted = f"{source}: points[{index}].tool", point.tool
+        if wanted is None:
+            if len(order) != len(names) or len(point.q) != len(names):
+                return waypoints, {}  # refused where positions are checked
+            x = x.copy()
+            x[order] = np.array(point.q) * unit
+            points.append(point)
+            continue
+        begin, before = tool.place(x), x
+        goal = pin.SE3(begin.rotation, np.array(wanted.xyz))
+        if wanted.rpy is not None:
+            goal.rotation = pin.rpy.rpyToMatrix(angle * np.array(wanted.rpy))
+        if wanted.line:
+            lines[index] = _line(tool, begin, goal, x, where)
+            x = lines[index](1.0)
+        else:
+            x, e = tool.reach(goal, x)
+            if missed := tool.missed(goal, before, e):
+                raise TrajectoryError(
+                    f"{where}: {missed}; move the point, or give another before it"
+                )
+        points.append(point.model_copy(update={"q": tuple((x[order] / unit).tolist())}))
+    return waypoints.model_copy(update={"points": tuple(points)}), lines
+
+
+def _line(tool: Tool, begin: pin.SE3, goal: pin.SE3, x: FloatArray, where: str) -> BSpline:
+    """Positions of the joints over a straight way of the tool."""
+    from scipy.interpolate import make_interp_spline
+
+    way = np.linspace(0.0, 1.0, _KNOTS)
+    turn = pin.log3(begin.rotation.T @ goal.rotation)
+    postures = [x]
+    for s in way[1:]:
+        middle = begin.translation + s * (goal.translation - begin.translation)
+        here = pin.SE3(begin.rotation @ pin.exp3(s * turn), middle)
+        x, e = tool.reach(here, postures[-1])
+        if missed := tool.missed(here, postures[-1], e):
+            raise TrajectoryError(
+                f"{where}: at {100 * s:.0f} % of the straight line {missed}; leave `line` out, or "
+                "give a point between"
+            )
+        step = np.abs(x - postures[-1])
+        if step.max() > _JUMP:
+            joint = tool.columns[int(step.argmax())].name
+            raise TrajectoryError(
+                f"{where}: at {100 * s:.0f} % of the straight line {joint} jumps by "
+                f"{step.max():.2g}: the arm is stretched there or its axes align; leave `line` "
+                "out, or give a point between"
+            )
+        postures.append(x)
+    return make_interp_spline(way, np.array(postures), k=5)
