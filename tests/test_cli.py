@@ -22,7 +22,7 @@ def test_table_is_printed_within_80_columns(files, capsys):
     out, err = capsys.readouterr()
     assert err == ""
     assert "shoulder" in out
-    assert "1 of 1 joint with friction stick, in 2 intervals" in out
+    assert "1 of 1 joint with friction stick: 2 rests" in out
     assert max(map(len, out.splitlines())) <= 80
 
 

@@ -326,7 +326,7 @@ def _one_pass(radial: Scene, motion: _Motion) -> Efforts:
 def effort_change(
     scene: Scene, here: Efforts, below: Efforts, motor: bool
 ) -> tuple[float, float, str]:
-    """Changes of peak and RMS of the worst end, of the drive where its RMS changes most."""
+    """Changes of peak and RMS of the worst end, of the drive that it changes most."""
     peaks, rms = effort_changes(here, below, motor)
     i = int(np.argmax(np.abs(rms)))
     return float(peaks[i]), float(rms[i]), scene.actuator_names[i]

@@ -8,8 +8,8 @@ A supply of voltage U_0 and resistance R_s holds U = U_0 - R_s P/U,
 
 and delivers no more than P = U_0^2/(4 R_s).
 
-Energy fed back in one go lifts the bus from U to at most U_max where its capacitors take it,
-C (U_max^2 - U^2)/2; the rest is a resistor's, or a supply's that feeds back.
+The largest single return of energy lifts the bus from U to at most U_max where its capacitors
+take it, C (U_max^2 - U^2)/2; the rest is a resistor's, or a supply's that feeds back.
 """
 
 from __future__ import annotations
@@ -159,14 +159,14 @@ def bus_power(
 
 
 def _braking(burst: float, room: float | None, capacitance: float | None) -> Criterion:
-    """What is fed back in one go (J) against the capacitors; `room`: (U_max^2 - U^2)/2, V^2."""
+    """The largest single return (J) against the capacitors; `room`: (U_max^2 - U^2)/2, V^2."""
     taken = None if room is None or capacitance is None else capacitance * room
     return compare(
         _BRAKING,
         burst,
         taken,
         "J",
-        "energy fed back in one go <= C (U_max^2 - U^2)/2",
+        "largest single return <= C (U_max^2 - U^2)/2",
         "Servotronix CDHD2 manual, regeneration: E_bus = C/2 (V_max^2 - V_nom^2)",
         "conditions.bus_capacitance and bus_limit",
     )

@@ -103,7 +103,7 @@ class JointSizing:
 
     @property
     def installed(self) -> Assessment | None:
-        """The drive whose mass is in the model: the choice, or the nearest miss."""
+        """The drive whose mass is in the model: the choice, or the closest candidate."""
         return self.choice or self.nearest
 
     @property
@@ -165,7 +165,8 @@ class JointSizing:
             return f"{self.name}: no candidates: {self.nothing_because}"
         none = f"{self.name}: none of {counted(self.candidates, 'candidate')} fits"
         if self.nearest is not None:
-            return f"{none}; the nearest miss is {self.nearest.candidate.name}: {self.nearest.why}"
+            closest = self.nearest.candidate.name
+            return f"{none}; the closest candidate is {closest}: {self.nearest.why}"
         if self.ask:
             first = self.ask[0]
             return (
@@ -350,7 +351,7 @@ class SizingReport(Shown):
         """Raise if a joint has no drive that fits, or a brake or the bus does not meet a condition.
 
         Raises:
-            SizingError: names the joints, the nearest misses and by how much; holds the report.
+            SizingError: names joints and closest candidates, and by how much; holds the report.
         """
         if wrong := (*self.no_fit, *self.unmet):
             raise SizingError("; ".join(wrong), self)

@@ -78,7 +78,7 @@ class Margins:
 
 @described
 class Installed:
-    """The drive in the model: the choice or, if none fits, the nearest miss."""
+    """The drive in the model: the choice or, if none fits, the closest candidate."""
 
     judged: str = quantity("its name")
     mass: float | None = quantity("none: not known", "kg", "mass")
@@ -128,7 +128,7 @@ class SizedJoint(JointDemand):
     candidates: int = quantity("drives of the catalogue whose parts go together")
     standstill: Standstill = quantity("holding without power", heading="*")
     alternatives: tuple[Candidacy, ...] = quantity("other drives that fit")
-    nearest_miss: str | None = quantity("if none fits: by how much the nearest misses")
+    nearest_miss: str | None = quantity("if none fits: by how much the closest candidate misses")
     next_smaller: NextSmaller | None = quantity(
         "the lighter drive that misses by the least", heading="*"
     )

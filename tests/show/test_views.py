@@ -77,7 +77,7 @@ def test_repr_names_robot_samples_peaks_and_sticks(panda):
     text = " ".join(repr(panda[2]).split())
     assert "panda_pick_and_place.yaml: 1976 samples, 7.9 s" in text
     assert "panda_joint2 55.8" in text
-    assert "7 of 7 joints stick, in 31 intervals" in text
+    assert "7 of 7 joints stick: 31 rests" in text
     assert "1976 converged" in text
 
 

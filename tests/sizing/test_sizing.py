@@ -183,10 +183,10 @@ def test_nothing_that_fits_names_the_nearest_miss_and_by_how_much(tmp_path):
     with pytest.raises(SizingError) as error:
         report.check()
     share = joint.motor.figures.rms / 0.02 - 1
-    assert "table: none of 1 candidate fits; the nearest miss is M + G" in str(error.value)
+    assert "table: none of 1 candidate fits; the closest candidate is M + G" in str(error.value)
     assert f"short by {share * 100:.3g} %" in str(error.value)
     assert error.value.report is report
-    with pytest.raises(SizingError, match="nearest miss"):
+    with pytest.raises(SizingError, match="closest candidate"):
         pf.size(scene, trapezoid(scene), catalog, on_miss="raise")
     # its mass stays in the model, so that the other joints are sized with something
     assert report.drive_mass == pytest.approx(MOTOR["mass"] + GEAR["mass"])

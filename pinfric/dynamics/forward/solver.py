@@ -327,7 +327,7 @@ class Solver:
             external: frame name -> (6,) wrench on it, in its axes at its origin (N, N m).
 
         Returns:
-            Views that the next call overwrites.
+            `a` is an array of its own; the others are views that the next call overwrites.
 
         Raises:
             See `forward_dynamics`.

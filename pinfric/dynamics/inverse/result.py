@@ -52,8 +52,8 @@ class InverseResult(SolvedMotion, Shown):  # noqa: D101 (that of its fields)
         samples = counted(len(self.status), "sample")
         span = "" if self.t is None else f", {self.t[-1] - self.t[0]:.4g} s"
         sticks = [len(runs(self.sticking[:, s])) for s in range(len(self.site_names))]
-        friction = f"{np.count_nonzero(sticks)} of {counted(len(sticks), 'joint')} stick, "
-        friction += f"in {counted(sum(sticks), 'interval')}; "
+        friction = f"{np.count_nonzero(sticks)} of {counted(len(sticks), 'joint')} stick: "
+        friction += f"{counted(sum(sticks), 'rest')}; "
         friction += f"{counted(int(self.reversal.sum()), 'reversal')} between samples"
         worst = np.fmax(np.abs(self.effort_lower), np.abs(self.effort_upper))
         peaks = [f"{x:.3g}" for x in np.fmax.reduce(worst, axis=0, initial=0.0)]

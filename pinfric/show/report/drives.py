@@ -115,7 +115,11 @@ def holds_alone(joint: SizedJoint) -> str:
     still = joint.standstill
     if still.held is None:
         return "not known"
-    return "moves" if still.use is None else f"holds, {100 * (1 - still.use):.0f} % left"
+    return (
+        "moves"
+        if still.use is None
+        else f"friction holds it, {100 * (1 - still.use):.0f} % reserve"
+    )
 
 
 def unchecked_table(

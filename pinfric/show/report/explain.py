@@ -31,7 +31,7 @@ def explain_report(explanation: Explanation, scene: str) -> Report:
         f"all effects {explanation.total_us:.2f} us per sample, no effect "
         f"{explanation.plain_us:.2f} us; one thread, {explanation.samples} samples",
         "cost: what leaving it out saves, < where the timings' spread hides it; change: what it "
-        "adds to the worst effort of the drive where the RMS changes most",
+        "adds to the worst effort of the drive that it changes most",
     ]
     if any(row.name == "coupling" and row.on for row in explanation.effects):
         lines.append("coupling: compared with one pass with the loads without friction")

@@ -131,7 +131,7 @@ def _footer(found: InverseSummary) -> list[str]:
         sticking = sum(site.stick_intervals > 0 for site in sites)
         resting = f"{sticking} of {counted(len(sites), 'joint')} with friction stick"
         if sticking:
-            resting += f", in {counted(sum(site.stick_intervals for site in sites), 'interval')}"
+            resting += f": {counted(sum(site.stick_intervals for site in sites), 'rest')}"
         reversals = sum(site.reversals for site in sites)
         lines = [f"{resting}; {counted(reversals, 'reversal')} between samples"]
     for name, spans in found.payloads.items():

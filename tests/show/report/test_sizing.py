@@ -102,7 +102,7 @@ def test_what_does_not_fit_says_why_and_what_lacks_a_figure_is_asked_for(report)
 
 def test_infeasible_joint_has_its_nearest_miss_in_the_json(tmp_path):
     scene = turntable()
-    with pytest.warns(pf.PinfricWarning, match="nearest miss"):
+    with pytest.warns(pf.PinfricWarning, match="closest candidate"):
         report = pf.size(
             scene,
             trapezoid(scene),
@@ -115,7 +115,7 @@ def test_infeasible_joint_has_its_nearest_miss_in_the_json(tmp_path):
     assert joint["installed"]["margins"]["peak torque"] < 0
     page = sizing_page(report)
     assert "No drive fits." in page
-    assert "does not fit: nearest miss" in page
+    assert "does not fit: closest candidate" in page
     console = Console(file=StringIO(), width=80)
     console.print(*sizing_report(report), sep="\n")
     assert "none; nearest M + G" in " ".join(console.file.getvalue().split())
