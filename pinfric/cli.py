@@ -293,9 +293,9 @@ def size(
     scene, trajectory = load(scene_name, given[0][0], log, out)
     question_loads(scene)
     from pinfric.drives.duty import Duty
+    from pinfric.show.pages.sizing import sizing_page
     from pinfric.show.report.bill import bill_of_materials
     from pinfric.show.report.sizing import sizing_report, verdict
-    from pinfric.show.sizing_page.page import sizing_page
     from pinfric.sizing.size import size as size_drives
     from pinfric.sizing.summary import sizing_summary
 
@@ -406,8 +406,8 @@ def stop(
     """
     scene, trajectory = load(scene_name, trajectory_name, log, out)
     from pinfric.show.figure.stop import stop_figure
+    from pinfric.show.pages.stop import stop_page
     from pinfric.show.report.stop import stop_report, verdict
-    from pinfric.show.stop_page.page import stop_page
     from pinfric.stops.study import stop as find_stops
     from pinfric.stops.summary import stop_summary
 
@@ -562,7 +562,7 @@ def identify(
     from pinfric.identification.files import identified_files
     from pinfric.identification.identify import identify as find
     from pinfric.identification.summary import identify_summary
-    from pinfric.show.identification_page.page import identification_page
+    from pinfric.show.pages.identification import identification_page
     from pinfric.show.report.identify import identify_report, verdict
 
     with progress("steps") as report:

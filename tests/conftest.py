@@ -39,7 +39,7 @@ FIRST = {
     "judges/test_coupled_solvers.py": "accuracy",
     "accuracy/": "accuracy",
     "identification/": "identification",
-    "show/identification_page/": "identification",
+    "show/pages/test_identification": "identification",
     "show/figure/test_measured.py": "identification",
     "exporting/": "exports",
     "show/report/test_export.py": "exports",

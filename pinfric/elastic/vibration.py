@@ -26,12 +26,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pinfric.kernels.compiled import kernel
-
 #: Singular values and squares of frequencies below this many times the largest are zero.
 _ZERO = 1e-9
-#: How near the largest eigenvalue must be, relatively, and after how many steps LAPACK takes over.
-_NEAR, _STEPS = 1e-8, 60
 
 
 class Mode(NamedTuple):
@@ -129,79 +125,12 @@ def lowest_frequencies(mass: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
 
         1/(2 pi f)^2 = the largest eigenvalue of K^-1/2 Lambda^-1 K^-1/2
 
-    as `frequencies`, to 5e-9 of it, in a fifth of the time.
+    as `frequencies`, in less time.
 
     Args:
         mass: (n, ne, ne) Lambda^-1; M of a tree in which every joint has one elastic drive.
         stiffness: (n, ne) tangents, N m/rad.
     """
-    squares = np.empty(len(mass))
-    write_largest(mass, 1.0 / np.sqrt(stiffness), squares)
+    root = 1.0 / np.sqrt(stiffness)
+    squares = np.linalg.eigvalsh(root[:, :, None] * mass * root[:, None, :])[:, -1]
     return np.asarray(1.0 / (2.0 * np.pi * np.sqrt(squares)))
-
-
-@kernel
-def _below(A: np.ndarray, bound: float, L: np.ndarray) -> bool:
-    """Return whether all eigenvalues of A (k, k) are below a bound: Cholesky of bound - A."""
-    k = A.shape[0]
-    for r in range(k):
-        for c in range(r + 1):
-            rest = bound * (r == c) - A[r, c]
-            for m in range(c):
-                rest -= L[r, m] * L[c, m]
-            if r > c:
-                L[r, c] = rest / L[c, c]
-            elif rest <= 0.0:
-                return False
-            else:
-                L[r, r] = np.sqrt(rest)
-    return True
-
-
-@kernel
-def _power_step(A: np.ndarray, x: np.ndarray, y: np.ndarray) -> float:
-    """Replace x by A x / |A x|; return |A x|^2/(x^T A x), between quotient and largest eigenvalue.
-
-    Args:
-        A: (k, k) positive definite. x: (k,) of length 1, overwritten; y: (k,) overwritten.
-    """
-    k, square, quotient = A.shape[0], 0.0, 0.0
-    for r in range(k):
-        y[r] = 0.0
-        for c in range(k):
-            y[r] += A[r, c] * x[c]
-        square += y[r] * y[r]
-        quotient += x[r] * y[r]
-    for r in range(k):
-        x[r] = y[r] / np.sqrt(square)
-    return square / quotient
-
-
-@kernel
-def write_largest(mass: np.ndarray, scale: np.ndarray, largest: np.ndarray) -> None:
-    """Write the largest eigenvalue (n,) of D M D, D = diag(scale), of each sample.
-
-    Power iteration from the eigenvector of the sample before, until a Cholesky factor proves that
-    no eigenvalue is above; where that takes long, two are close, and LAPACK decides.
-
-    Args:
-        mass: (n, k, k) positive definite. scale: (n, k). largest: (n,), overwritten.
-    """
-    k = mass.shape[1]
-    A, L, x, y = np.empty((k, k)), np.empty((k, k)), np.ones(k), np.empty(k)
-    for i in range(mass.shape[0]):
-        for r in range(k):
-            x[r] += 1e-3  # never blind for a mode that was none before
-            for c in range(k):
-                A[r, c] = scale[i, r] * mass[i, r, c] * scale[i, c]
-        found, steps = 0.0, 0
-        _power_step(A, x, y)
-        while steps < _STEPS:
-            for _ in range(4):
-                found = _power_step(A, x, y)
-            steps += 4
-            if _below(A, found * (1.0 + _NEAR), L):
-                break
-        else:
-            found = np.linalg.eigvalsh(A)[k - 1]
-        largest[i] = found

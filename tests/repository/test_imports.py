@@ -125,7 +125,7 @@ def patched(tree):
 #: Modules looked up by a name: the package's own table; an extra that may not be installed.
 LOOKED_UP = {
     "pinfric": ["import_module(_PUBLIC[name])"],
-    "pinfric.show.report.page": ["import_module(module)"],
+    "pinfric.show.pages.page": ["import_module(module)"],
 }
 
 

@@ -15,7 +15,7 @@ from pinfric.drives.criterion import Status
 from pinfric.drives.inertia import joint_inertias
 from pinfric.errors import CatalogError, SizingError
 from pinfric.model.springs import StiffnessLines
-from pinfric.show.sizing_page.page import sizing_page
+from pinfric.show.pages.sizing import sizing_page
 from pinfric.sizing.summary import sizing_summary
 
 TAU = 2 * np.pi

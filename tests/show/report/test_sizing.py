@@ -17,10 +17,10 @@ from sizing_cases import MOTOR, one_drive, trapezoid, turntable, write_catalog
 import pinfric as pf
 from pinfric.drives.catalog_file import load_catalog
 from pinfric.model.described import in_json
-from pinfric.show.report.page import percent
+from pinfric.show.pages.page import formula, percent
+from pinfric.show.pages.sizing import sizing_page
+from pinfric.show.pages.sizing_figures import torque_speed
 from pinfric.show.report.sizing import passes, sizing_report
-from pinfric.show.sizing_page.figures import torque_speed
-from pinfric.show.sizing_page.page import _formula, sizing_page
 from pinfric.sizing.summary import sizing_summary
 
 BROWSER = next(
@@ -286,7 +286,7 @@ def test_nothing_is_said_of_what_was_not_assessed(tmp_path):
 
 
 def test_page_says_what_to_install(report, monkeypatch):
-    import pinfric.show.report.page as module
+    import pinfric.show.pages.page as module
 
     def missing(name):
         raise ImportError(name)
@@ -341,13 +341,13 @@ def test_browser_draws_every_figure_without_errors(report, tmp_path):
 
 
 def test_formulas_replace_whole_words_only():
-    assert _formula("int M^2 dt over this joint and theta") == "∫ M² dt over this joint and theta"
-    assert _formula("tau theta' + theta = x") == "τ ϑ&#39; + ϑ = x"
+    assert formula("int M^2 dt over this joint and theta") == "∫ M² dt over this joint and theta"
+    assert formula("tau theta' + theta = x") == "τ ϑ&#39; + ϑ = x"
 
 
 @pytest.mark.parametrize(
     ("margin", "says"),
-    [(0.123, "12 %"), (-0.0027, "\N{MINUS SIGN}0.3 %"), (0.0996, "10.0 %"), (0.0, "0 %")],
+    [(0.123, "12 %"), (-0.0027, "-0.3 %"), (0.0996, "10.0 %"), (0.0, "0 %")],
 )
 def test_a_margin_near_a_limit_has_a_decimal(margin, says):
     assert percent(margin) == says

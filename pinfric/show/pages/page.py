@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import datetime
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import numpy as np
 
 from pinfric import __version__
 from pinfric.errors import PinfricError
+from pinfric.show.report.envelope import hashes
 from pinfric.show.report.html import html_of
 from pinfric.show.report.names import affixes, left_out, said_short, without
 from pinfric.show.report.tables import Table
@@ -23,19 +25,28 @@ NO_FIGURE = "\N{EN DASH}"
 _ROUNDING = 1e-9
 
 
-def page_environment(names: Sequence[str], *folders: Path) -> Any:
-    """Return jinja2's environment for a page, with filters that show values and names.
+def page(
+    template: str,
+    names: Sequence[str],
+    joints: Sequence[str],
+    files: Iterable[str] = (),
+    **content: Any,
+) -> str:
+    """Return a page: the header, a link to each joint's section, and the sections of a template.
 
     Args:
+        template: its name in this folder.
         names: of joints and drives; what all begin and end with is left out, and said once.
-        folders: of templates, beside that of the style.
+        joints: those that have a section.
+        files: the inputs; the page names them with their SHA-256.
+        content: what the template shows.
 
     Raises:
         PinfricError: the extra `report` (jinja2) is not installed.
     """
     jinja2 = needed("jinja2")
     environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader([*folders, Path(__file__).parent]),
+        loader=jinja2.FileSystemLoader(Path(__file__).parent),
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,
@@ -46,22 +57,30 @@ def page_environment(names: Sequence[str], *folders: Path) -> Any:
     environment.filters.update(
         digits=figure,
         percent=percent,
+        formula=formula,
         table=lambda table: _table(table, *ends),
         short=lambda text: _said(said_short(text, short)),
     )
-    environment.globals.update(left_out=left_out(*ends), version=__version__)
-    return environment
+    environment.globals.update(
+        left_out=left_out(*ends),
+        version=__version__,
+        date=datetime.date.today().isoformat(),
+        inputs=hashes(files),
+        joints=joints,
+    )
+    made: str = environment.get_template(f"{template}.html.j2").render(**content)
+    return made
 
 
 def _table(table: Table | None, front: str, back: str) -> Any:
     if table is None:
         return ""
-    return import_module("markupsafe").Markup(html_of(table.without(front, back)))
+    return needed("markupsafe").Markup(html_of(table.without(front, back)))
 
 
 def _said(text: str) -> Any:
     """Text as HTML, with what stands in `backticks` as code."""
-    markup = import_module("markupsafe")
+    markup = needed("markupsafe")
     return markup.Markup(re.sub("`([^`]+)`", r"<code>\1</code>", str(markup.escape(text))))
 
 
@@ -75,8 +94,8 @@ def figure(x: float | None) -> str:
 
 
 def percent(x: float | None) -> str:
-    """Return a margin as tables print it, with a true minus sign, a dash for None."""
-    return NO_FIGURE if x is None else percentage(x).replace("-", "\N{MINUS SIGN}")
+    """Return a margin as tables print it, a dash for None."""
+    return NO_FIGURE if x is None else percentage(x)
 
 
 def needed(module: str) -> Any:
@@ -87,3 +106,26 @@ def needed(module: str) -> Any:
         raise PinfricError(
             f"a page needs {module.partition('.')[0]}: pip install 'pinfric[report]'"
         ) from None
+
+
+def formula(text: str) -> Any:
+    """Return a formula in plain letters as HTML: Greek letters, roots, subscripts, powers."""
+    markup = needed("markupsafe")
+    html = str(markup.escape(text)).replace("&lt;=", "≤").replace("&gt;", ">")
+    for pattern, sign in (
+        (r"\bint ", "∫ "),
+        (r"\bsqrt", "√"),
+        (r"\bcbrt", "∛"),
+        (r"\bomega", "ω"),
+        (r"\btheta(?=\(|&#39;| =)", "ϑ"),
+        (r"\btau(?= [t=ϑ])", "τ"),
+        (r"\blambda", "λ"),
+        (r"\brho\b", "\N{GREEK SMALL LETTER RHO}"),
+        (r"\beta", "η"),
+        (r"\bpi\b", "π"),
+        (r"\^2", "²"),
+        (r"\^3", "³"),
+        (r"\^6\b", "⁶"),
+    ):
+        html = re.sub(pattern, sign, html)
+    return markup.Markup(re.sub(r"(?<=\w)_([A-Za-z0-9,\-]*[A-Za-z0-9])", r"<sub>\1</sub>", html))

@@ -5,9 +5,11 @@ from __future__ import annotations
 from functools import partial
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from pinfric.identification.identify import Identified
+import numpy as np
+
+from pinfric.identification.identify import Identified, beside_measured, left_over, running_mean
 from pinfric.identification.parameters import Parameter
 from pinfric.identification.summary import (
     Considered,
@@ -19,16 +21,24 @@ from pinfric.identification.summary import (
     more_known,
     predicted,
 )
-from pinfric.show.figure.panel import svg
-from pinfric.show.identification_page.figures import over_time, residual_clouds
+from pinfric.model.described import SPEED, unit_at
+from pinfric.motions.summary import effort_unit
+from pinfric.show.figure.measured import draw_measured
+from pinfric.show.figure.panel import panel, svg
+from pinfric.show.figure.style import BLUE, RED
+from pinfric.show.pages.page import page
 from pinfric.show.report.html import Marked, mark
-from pinfric.show.report.page import page_environment
 from pinfric.show.report.rows import table_of
 from pinfric.show.report.tables import Table
 from pinfric.show.report.values import digits
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 #: Coefficients whose standard errors are listed for each advised recording.
 _WORST = 12
+#: Pieces a log is cut into, each kept with its extremes; dots of a cloud (pages below 1.5 MB).
+_PIECES, _DOTS = 500, 400
 
 
 def identification_page(found: Identified) -> str:
@@ -40,19 +50,22 @@ def identification_page(found: Identified) -> str:
     Raises:
         PinfricError: the extra `report` (jinja2) is not installed.
     """
-    environment = page_environment(found.scene.joint_names, Path(__file__).parent)
     summary = identify_summary(found)
-    time = over_time(found)
+    time = _over_time(found)
     joints: list[dict[str, Any]] = []
     for j, name in enumerate(found.scene.joint_names):
         if name not in found.errors:
             continue
         pictures = {"time": svg(time[j], f"Efforts of {name} over time")} | {
             kind: svg(cloud, f"Residual of {name} over {kind}")
-            for kind, cloud in residual_clouds(found, j).items()
+            for kind, cloud in _residual_clouds(found, j).items()
         }
         joints.append(_joint_view(found, j, name) | pictures)
-    page: str = environment.get_template("identification.html.j2").render(
+    return page(
+        "identification",
+        found.scene.joint_names,
+        [joint["name"] for joint in joints],
+        views=joints,
         found=found,
         laws=table_of("", summary.joints),
         coefficients=_coefficients(summary),
@@ -65,10 +78,8 @@ def identification_page(found: Identified) -> str:
         noise=table_of("", log_noise(found), keys=2),
         duration=sum(one.duration for one in summary.logs),
         determined=sum(p.determined for p in found.parameters),
-        joints=joints,
         more=_more(found),
     )
-    return page
 
 
 def _coefficients(summary: IdentifySummary) -> Table | None:
@@ -106,3 +117,46 @@ def _joint_view(found: Identified, joint: int, name: str) -> dict[str, Any]:
         "laws": table_of("", laws, cells={"law": said}),
         "considered": len(laws),
     }
+
+
+def _over_time(found: Identified) -> list[Figure]:
+    """Draw each joint's measured effort over the identified scene's, rest intervals as bands.
+
+    Logs stand one after another; measured efforts are moved back by the delay.
+    """
+    names = found.scene.joint_names
+    units = [effort_unit(found.scene, j) for j in range(len(names))]
+    figures = [panel("time, s", f"effort, {unit}", 10.0, 2.9) for unit in units]
+    start = 0.0
+    for number in range(len(found.recordings)):
+        result, log = beside_measured(found, number)
+        assert result.t is not None  # a log has times
+        for name, (_, axes) in zip(names, figures, strict=True):
+            shift = start - float(result.t[0])
+            draw_measured(axes, result, log, name, shift, found.delay, _PIECES)
+        start += float(result.t[-1] - result.t[0]) + 1.0
+    for _, axes in figures:  # of the first log
+        for line, label in zip(axes.lines, ("measured", "identified scene"), strict=False):
+            line.set_label(label)
+    return [figure for figure, _ in figures]
+
+
+def _residual_clouds(found: Identified, joint: int) -> dict[str, Figure]:
+    """Draw one joint's residual over velocity and over load: a missing law shows there.
+
+    Args:
+        found: what was identified.
+        joint: its number.
+    """
+    unit = effort_unit(found.scene, joint)
+    velocity, load, off = left_over(found, joint)
+    few = np.unique(np.linspace(0, off.size - 1, min(_DOTS, off.size)).astype(int))
+    result = {}
+    for name, x, title in (
+        ("velocity", velocity, f"velocity, {unit_at(SPEED, unit)}"),
+        ("load", load, f"effort without friction, {unit}"),
+    ):
+        result[name], axes = panel(title, f"measured - fitted, {unit}")
+        axes.plot(x[few], off[few], ".", color=BLUE, alpha=0.5, markersize=3, markeredgewidth=0)
+        axes.plot(*running_mean(x, off), color=RED, linewidth=1.8, label="mean")
+    return result

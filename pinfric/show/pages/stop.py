@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import datetime
 from pathlib import Path
 from typing import Any
 
 from pinfric.show.figure.panel import svg
 from pinfric.show.figure.stop import axis_pictures
-from pinfric.show.report.envelope import hashes
-from pinfric.show.report.page import page_environment
+from pinfric.show.pages.page import page
 from pinfric.show.report.rows import table_of
 from pinfric.show.report.stop import axes_table, grid_table, how, not_checked, verdict
 from pinfric.stops.study import StopResult
@@ -25,7 +23,6 @@ def stop_page(result: StopResult) -> str:
     Raises:
         PinfricError: the extra `report` (jinja2) is not installed.
     """
-    environment = page_environment(result.scene.actuator_names, Path(__file__).parent)
     found = stop_summary(result)
     axes: list[dict[str, Any]] = []
     for d, axis in enumerate(found.axes):
@@ -42,7 +39,12 @@ def stop_page(result: StopResult) -> str:
         )
     robot = result.scene.robot
     files = [result.scene.source, str(robot.urdf) if robot else "", result.trajectory.source]
-    page: str = environment.get_template("stop.html.j2").render(
+    return page(
+        "stop",
+        result.scene.actuator_names,
+        [axis.name for axis in found.axes],
+        files,
+        views=axes,
         found=found,
         scene=Path(result.scene.source).stem,
         trajectory=Path(result.trajectory.source).name,
@@ -51,8 +53,4 @@ def stop_page(result: StopResult) -> str:
         worst=axes_table(found, ""),
         grid=grid_table(found, ""),
         not_checked=not_checked(found),
-        axes=axes,
-        inputs=hashes(files),
-        date=datetime.date.today().isoformat(),
     )
-    return page

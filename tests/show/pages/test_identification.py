@@ -3,7 +3,7 @@
 import pytest
 from identify_cases import NAMES
 
-from pinfric.show.identification_page.page import identification_page
+from pinfric.show.pages.identification import identification_page
 
 
 def test_the_page_shows_every_joint_its_laws_and_what_is_left(found):

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-import datetime
-import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from html import escape
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from pinfric.drives.criterion import Criterion, Status
 from pinfric.show.figure.panel import svg
+from pinfric.show.pages.page import NO_FIGURE, figure, formula, page, percent
+from pinfric.show.pages.sizing_figures import (
+    effort_over_time,
+    power_over_time,
+    temperature,
+    torque_speed,
+)
 from pinfric.show.report.drives import (
     ask_table,
     brake_table,
@@ -24,10 +28,8 @@ from pinfric.show.report.drives import (
     unchecked_table,
     what_if_table,
 )
-from pinfric.show.report.envelope import hashes
 from pinfric.show.report.html import Marked, mark
 from pinfric.show.report.names import short_names
-from pinfric.show.report.page import NO_FIGURE, figure, page_environment, percent
 from pinfric.show.report.rows import table_of
 from pinfric.show.report.sizing import (
     demand_table,
@@ -41,12 +43,6 @@ from pinfric.show.report.sizing import (
 )
 from pinfric.show.report.stop import axes_table
 from pinfric.show.report.tables import Table
-from pinfric.show.sizing_page.figures import (
-    effort_over_time,
-    power_over_time,
-    temperature,
-    torque_speed,
-)
 from pinfric.sizing.size import JointSizing, SizingReport
 from pinfric.sizing.summary import (
     Margins,
@@ -70,8 +66,6 @@ def sizing_page(report: SizingReport, command: str = "") -> str:
     Raises:
         PinfricError: the extra `report` (jinja2) is not installed.
     """
-    environment = page_environment(report.scene.actuator_names, Path(__file__).parent)
-    environment.filters.update(formula=_formula)
     found = sizing_summary(report)
     joints = [
         _joint_view(joint, report, found.joints[k], k) for k, joint in enumerate(report.joints)
@@ -80,13 +74,17 @@ def sizing_page(report: SizingReport, command: str = "") -> str:
     bus_picture = "" if report.catalog is None else svg(power_over_time(report), title)
     t = report.result.t
     assert t is not None  # size refuses a motion without times
-    page: str = environment.get_template("sizing.html.j2").render(
+    return page(
+        "sizing",
+        report.scene.actuator_names,
+        [joint.name for joint in found.joints],
+        _inputs(report),
+        views=joints,
         report=report,
         scene=Path(report.given.source).stem,
         trajectory=Path(report.trajectory).name,
         cycle=report.period,
         samples=len(t),
-        joints=joints,
         found=found,
         choices=None if report.catalog is None else choice_table(found, _CELLS),
         matrix=_matrix(found, short_names(report.scene.actuator_names)),
@@ -109,14 +107,11 @@ def sizing_page(report: SizingReport, command: str = "") -> str:
         conditions_line=_conditions_line(report),
         all_conditions=_all_conditions(report),
         command=command,
-        date=datetime.date.today().isoformat(),
-        inputs=hashes(_inputs(report)),
         passes=passes(report),
         repetition=repetition(report),
         sources=_sources(report),
         Status=Status,
     )
-    return page
 
 
 def _conditions_line(report: SizingReport) -> str:
@@ -227,7 +222,7 @@ def _criteria(criteria: Sequence[Criterion]) -> Table | None:
         "required": lambda c: figure(c.required),
         "available": lambda c: figure(c.available),
         "margin": margin,
-        "formula": lambda c: Marked(_formula(c.formula)),
+        "formula": lambda c: Marked(formula(c.formula)),
         "source": remarks,
     }
     return table_of("Criteria", criteria, cells=cells, without=("status",))
@@ -255,26 +250,3 @@ def _sources(report: SizingReport) -> list[str]:
         for line in joint.installed.candidate.sources
     )
     return list(dict.fromkeys(lines))
-
-
-def _formula(text: str) -> Any:
-    """A formula in plain letters as HTML: Greek letters, roots, integrals, subscripts, powers."""
-    markup = import_module("markupsafe")
-    html = str(markup.escape(text)).replace("&lt;=", "≤").replace("&gt;", ">")
-    for pattern, sign in (
-        (r"\bint ", "∫ "),
-        (r"\bsqrt", "√"),
-        (r"\bcbrt", "∛"),
-        (r"\bomega", "ω"),
-        (r"\btheta(?=\(|&#39;| =)", "ϑ"),
-        (r"\btau(?= [t=ϑ])", "τ"),
-        (r"\blambda", "λ"),
-        (r"\brho\b", "\N{GREEK SMALL LETTER RHO}"),
-        (r"\beta", "η"),
-        (r"\bpi\b", "π"),
-        (r"\^2", "²"),
-        (r"\^3", "³"),
-        (r"\^6\b", "⁶"),
-    ):
-        html = re.sub(pattern, sign, html)
-    return markup.Markup(re.sub(r"(?<=\w)_([A-Za-z0-9,\-]*[A-Za-z0-9])", r"<sub>\1</sub>", html))

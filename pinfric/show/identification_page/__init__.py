@@ -1,1 +1,0 @@
-"""The page that `pinfric identify` writes."""

@@ -1,1 +1,0 @@
-"""The sizing page: one self-contained HTML file."""
