@@ -155,6 +155,12 @@ def _legend(scene: Scene, frames: Frames, staged: Stage) -> list[tuple[str, str,
         (frames.off, "≠", markers.OFF_COLORS[1], markers.OFF_MEANING),
         (frames.limiting, "▲", markers.LIMIT_COLORS[0], markers.LIMIT_MEANING),
         (drives, "box", stage.DRIVE_COLOR, "cylinder or force that drives"),
+        (
+            len(stage.tool_stops(scene, frames.placement)),
+            "●",
+            stage.STOP_COLOR,
+            f"where {scene.tool} stops",
+        ),
     ):
         if there:
             found.append((mark, color, words))

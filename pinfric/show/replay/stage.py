@@ -8,6 +8,7 @@ meshcat/world                    turned so that gravity points down
     site <name>/force                   force of the parent on the child: {body, head}
     payload <name>
   cylinder <name>/{barrel, rod}
+  stop_<n>                       where the tool stops
 """
 
 from __future__ import annotations
@@ -31,6 +32,10 @@ from pinfric.show.timeline.frames import Frames
 _LINE_COLOR = "#5D6B78"
 #: Of cylinders and of forces that drive.
 DRIVE_COLOR = "#C9A227"
+#: Of places at which the tool stops; their radius as a part of the robot's size.
+STOP_COLOR, _STOP = "#2E7D32", 0.008
+#: Beside the longest step between frames: steps of a tool that stops, and how far stops are apart.
+_STILL, _APART = 0.01, 0.5
 #: Thickness of rings, arcs, arrows and lines, as parts of the robot's size.
 _RING, _ARC_TUBE, _ARROW, _LINE = 0.0048, 0.0032, 0.0055, 0.008
 #: The longest arrow, and the arc's radius beside its ring's.
@@ -118,6 +123,8 @@ def set_stage(viewer: Any, scene: Scene, placements: np.ndarray) -> Stage:
         viewer[path].set_transform(carried[name].placement.homogeneous)
         viewer[path].set_property("visible", bool(scene.payloads[name].attached))
     cylinders = _draw_linkage(viewer, scene.linkage, nodes, size) if scene.linkage else ()
+    for n, place in enumerate(tool_stops(scene, placements)):
+        _draw_stop(viewer[f"world/stop_{n}"], place, size)
     low, high = np.min(seen, axis=(0, 1)), np.max(seen, axis=(0, 1))
     _dress(viewer, upright, low[2] if low[2] < -0.02 * size else 0.0, size)
     middle = 0.5 * (low + high)
@@ -188,6 +195,36 @@ def _act(placements: np.ndarray, joint: int, points: np.ndarray) -> np.ndarray:
         return points
     place = pin.XYZQUATToSE3(placements[joint - 1])
     return np.asarray(points @ place.rotation.T + place.translation)
+
+
+def tool_stops(scene: Scene, placements: np.ndarray) -> np.ndarray:
+    """Return (n, 3) places at which the scene's tool stops, m; none without a tool.
+
+    Args:
+        scene: the robot.
+        placements: (F, nj, 7) of its joints.
+    """
+    if scene.tool is None:
+        return np.zeros((0, 3))
+    frame = scene.model.frames[scene.model.getFrameId(scene.tool)]
+    point = frame.placement.translation
+    way = np.array([_act(places, frame.parentJoint, point) for places in placements])
+    step = np.linalg.norm(np.diff(way, axis=0), axis=1)
+    slowest = np.minimum(np.append(step, np.inf), np.append(np.inf, step))
+    still = way[slowest <= _STILL * step.max(initial=0.0)]
+    kept: list[np.ndarray] = []
+    for place in still:
+        if all(np.linalg.norm(place - other) > _APART * step.max() for other in kept):
+            kept.append(place)
+    return np.array(kept).reshape(-1, 3)
+
+
+def _draw_stop(node: Any, place: np.ndarray, size: float) -> None:
+    from trimesh import creation
+    from trimesh.transformations import translation_matrix
+
+    node.set_object(Surface(creation.icosphere(radius=_STOP * size), STOP_COLOR, on_top=True))
+    node.set_transform(translation_matrix(place))
 
 
 def _draw_linkage(

@@ -9,7 +9,8 @@ from mechanisms import add_link, bar, four_bar, grounded_model, pin_friction
 
 import pinfric as pf
 from pinfric.show.replay.page import RecordingWindow
-from pinfric.show.replay.stage import SEGMENTS, SIDES, _tube, set_stage
+from pinfric.show.replay.stage import SEGMENTS, SIDES, _tube, set_stage, tool_stops
+from pinfric.show.timeline.frames import make_frames
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore:.*<dynamics>:pinfric.errors.PinfricWarning"),
@@ -64,3 +65,19 @@ def test_first_faces_of_an_arc_are_its_beginning():
     quarter = tube.vertices[tube.faces[: len(tube.faces) // 4]].reshape(-1, 3)
     angle = np.arctan2(quarter[:, 1], quarter[:, 0])
     assert np.rad2deg(angle.max()) == pytest.approx(22.5)
+
+
+def test_marks_stand_where_the_tool_stops():
+    """At the five places of the way-points, and nowhere for a scene without a tool."""
+    scene = pf.load_scene("ur10_machine_tending")
+    motion = pf.load_trajectory("ur10_machine_tending", scene)
+    frames = make_frames(scene, pf.inverse_dynamics(scene, motion), 30.0)
+    data, frame, wanted = scene.model.createData(), scene.model.getFrameId("tool0"), []
+    for t in (0.1, 1.2, 2.0, 5.0, 7.2):  # ready, above A, A, door, chuck
+        pin.framesForwardKinematics(scene.model, data, motion.q[np.searchsorted(motion.t, t)])
+        wanted.append(data.oMf[frame].translation.copy())
+    found = tool_stops(scene, frames.placement)
+    assert len(found) == len(wanted)
+    for place in wanted:
+        assert np.linalg.norm(found - place, axis=1).min() < 1e-3
+    assert not len(tool_stops(scene.with_(tool=None), frames.placement))
