@@ -153,7 +153,7 @@ def test_the_command_writes_what_runs(tmp_path, capsys, monkeypatch):
         capsys, "identify", "arm.yaml", "arm.csv", "--inertia", "keep", "--out", "found"
     )
     assert code == 0, err
-    assert "coefficients, with 95 % intervals" in out
+    assert "friction over the published one of ur5e (grade A), joint by joint: " in out
     written = {path.name for path in Path("found").iterdir()}
     assert {"scene.yaml", "posterior.csv", "sweep.yaml", "report.html", "summary.json"} <= written
     assert "robot.urdf" not in written
