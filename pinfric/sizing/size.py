@@ -165,8 +165,8 @@ class JointSizing:
             return f"{self.name}: no candidates: {self.nothing_because}"
         none = f"{self.name}: none of {counted(self.candidates, 'candidate')} fits"
         if self.nearest is not None:
-            closest = self.nearest.candidate.name
-            return f"{none}; the closest candidate is {closest}: {self.nearest.why}"
+            name = self.nearest.candidate.name
+            return f"{none}; the closest candidate is {name}: {self.nearest.why}"
         if self.ask:
             first = self.ask[0]
             return (
