@@ -517,15 +517,6 @@ class BearingEntry(Sourced):
         ),
     ] = None
 
-    def scene_entry(self, diameter: float) -> dict[str, Any]:
-        """Return the `bearing` of a scene's joint for a bore or raceway of `diameter` (m)."""
-        return {
-            "kind": "linear",
-            "radial": self.radial * diameter,
-            "axial": self.axial * diameter,
-            "moment": self.moment,
-        }
-
 
 class Brake(HoldingBrake, Sourced):
     """A brake that holds without power, at a motor's shaft."""

@@ -8,7 +8,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 from enum import StrEnum
 
@@ -47,11 +46,12 @@ class Criterion:
     condition: str = quantity(
         "the key of the conditions that sets one side, and its default", default=""
     )
+    missing: str = quantity("the figure that is missing, where it is not checked", default="")
 
     @property
     def lacks(self) -> str:
         """The figure that is missing, of a criterion that was not checked; else its note."""
-        return re.sub(r"^no figure \((.*?)\)(;.*)?$", r"\1", self.note)
+        return self.missing or self.note
 
     @property
     def scaled(self) -> bool:
@@ -114,18 +114,8 @@ def compare(
     if required is None or (available is None and required < np.inf):
         text = f"no figure ({missing})" if missing else "no figure"
         text = f"{text}; {note}" if note else text
-        return Criterion(
-            name,
-            Status.NOT_CHECKED,
-            required,
-            available,
-            unit,
-            None,
-            formula,
-            source,
-            text,
-            condition,
-        )
+        status, figures = Status.NOT_CHECKED, (required, available, unit, None)
+        return Criterion(name, status, *figures, formula, source, text, condition, missing)
     margin = 0.0 if required <= 0 else -np.inf  # where nothing is available
     if available is not None and available > 0:
         margin = 1 - required / available

@@ -74,7 +74,7 @@ class Ratings:
         thermal: of the winding. thermal_time: of the whole motor, s.
         rated_ambient: to which the continuous ratings refer, deg C.
         ambient_curve: points (deg C, part of the continuous ratings).
-        derived: what was computed from other figures, and how.
+        derived: what was computed from other figures ("continuous torque" or "line"), and how.
     """
 
     continuous_torque: float | None = None
@@ -93,7 +93,7 @@ class Ratings:
     thermal_time: float | None = None
     rated_ambient: float = REFERENCE_TEMPERATURE
     ambient_curve: tuple[tuple[float, float], ...] | None = None
-    derived: tuple[str, ...] = ()
+    derived: tuple[tuple[str, str], ...] = ()
 
     @property
     def has_line(self) -> bool:
@@ -223,10 +223,10 @@ def too_hot(ambient: float, hottest: float) -> str:
 
 @dataclass(frozen=True)
 class Candidate:
-    """A motor with a gear, or a gearmotor.
+    """A motor with a gear, a gearmotor, or a motor alone for the limits that are its own.
 
     Attributes:
-        name, motor, gear_name: as in the catalogue; gear_name is None for a gearmotor.
+        name, motor, gear_name: as in the catalogue; gear_name is None without a gear.
         ratio: motor turns per joint turn (rad/m at a sliding joint).
         ratings: of the rated shaft. at_output: that shaft is the gearmotor's output.
         linear: its output slides.
@@ -253,19 +253,19 @@ class Candidate:
     gear_name: str | None
     ratio: float
     ratings: Ratings
-    at_output: bool
-    linear: bool
-    gear: Gear | None
-    transmission: Transmission | None
-    missing: tuple[str, ...]
-    mass: float | None
-    price: float | None
-    rotor_inertia: float | None
-    back_driving_torque: float | None
-    bearing: BearingRatings | None
-    stand_ins: tuple[str, ...]
-    losses: str
-    sources: tuple[str, ...]
+    at_output: bool = False
+    linear: bool = False
+    gear: Gear | None = None
+    transmission: Transmission | None = None
+    missing: tuple[str, ...] = ()
+    mass: float | None = None
+    price: float | None = None
+    rotor_inertia: float | None = None
+    back_driving_torque: float | None = None
+    bearing: BearingRatings | None = None
+    stand_ins: tuple[str, ...] = ()
+    losses: str = ""
+    sources: tuple[str, ...] = ()
     guide: BearingRatings | None = None
     amplifier: Amplifier | None = None
     backlash: float | None = None
@@ -329,10 +329,6 @@ class MotorFigures:
             if temperature is not None and np.isfinite(temperature):
                 return 1 + COPPER * (temperature - REFERENCE_TEMPERATURE)
         return 1.0
-
-
-#: A transmission's values, and how they were found.
-_Losses = tuple[dict[str, Any], str]
 
 
 @dataclass(frozen=True)
@@ -460,13 +456,12 @@ def motor_with_gear(
     gear: Gear,
     ratio: float,
     ratings: Ratings | None = None,
-    losses: _Losses | None = None,
 ) -> Candidate:
     """Return one motor behind one gear.
 
     Args:
         motor_name, gear_name: of the entries `motor` and `gear`. ratio: one of the gear's.
-        ratings, losses: the motor's and the gear's, where they are there already.
+        ratings: the motor's, where they are there already.
     """
     missing = []
     if motor.rotor_inertia is None:
@@ -478,9 +473,7 @@ def motor_with_gear(
     inertia = None
     if motor.rotor_inertia is not None and gear.input_inertia is not None:
         inertia = motor.rotor_inertia + gear.input_inertia
-    values, text = losses or _losses(gear, ratio)
-    known = gear.efficiency is not None and not missing
-    transmission = Transmission.model_construct(**values, rotor_inertia=inertia) if known else None
+    transmission, text = gear_transmission(gear, ratio, inertia)
     mass = None if motor.mass is None or gear.mass is None else motor.mass + gear.mass
     kit = frameless(motor) and mass is not None
     return Candidate(
@@ -489,7 +482,6 @@ def motor_with_gear(
         gear_name=gear_name,
         ratio=ratio,
         ratings=ratings or ratings_of(motor),
-        at_output=False,
         linear=gear.output == "linear",
         gear=gear,
         transmission=transmission,
@@ -513,61 +505,20 @@ def motor_with_gear(
     )
 
 
-def motor_alone(name: str, ratings: Ratings, **figures: Any) -> Candidate:
-    """Return a motor without a gear, for the limits that are its own.
-
-    Args:
-        name: for reports. ratings: of its shaft. figures: other fields of the candidate.
-    """
-    nothing: dict[str, Any] = dict.fromkeys(
-        (
-            "gear_name",
-            "gear",
-            "transmission",
-            "mass",
-            "price",
-            "rotor_inertia",
-            "back_driving_torque",
-            "bearing",
-        )
-    )
-    return Candidate(
-        **nothing
-        | {
-            "name": name,
-            "motor": name,
-            "ratio": 1.0,
-            "ratings": ratings,
-            "missing": (),
-            "at_output": False,
-            "linear": False,
-            "stand_ins": (),
-            "losses": "",
-            "sources": (),
-        }
-        | figures
-    )
-
-
-def gear_transmission(gear: Gear, ratio: float, rotor_inertia: float) -> tuple[Transmission, str]:
+def gear_transmission(
+    gear: Gear, ratio: float, rotor_inertia: float | None
+) -> tuple[Transmission | None, str]:
     """Return a gear's ratio and losses for the dynamics, and how they were found, in words.
 
+    eta_load = t/(t/eta - n_run), n_run = starting torque + viscous x speed (see the module). None
+    where the efficiency or the inertia is not known.
+
     Args:
-        gear: with an efficiency.
-        ratio: one of its ratios.
-        rotor_inertia: at its input, the motor's included, kg m^2.
-    """
-    values, text = _losses(gear, ratio)  # the figures were validated in the entry
-    return Transmission.model_construct(**values, rotor_inertia=rotor_inertia), text
-
-
-def _losses(gear: Gear, ratio: float) -> _Losses:
-    """All of `gear_transmission` but the inertia; nothing where the efficiency is not known.
-
-    eta_load = t/(t/eta - n_run), n_run = starting torque + viscous x speed (see the module).
+        gear: its entry. ratio: one of its ratios.
+        rotor_inertia: at its input, the motor's included, kg m^2; None: not known.
     """
     if gear.efficiency is None:
-        return {}, "gear's efficiency not known"
+        return None, "gear's efficiency not known"
     values, eta = gear.no_load(), gear.efficiency
     back: Any = gear.back_efficiency
     if isinstance(eta, MakersEfficiency):
@@ -599,13 +550,15 @@ def _losses(gear: Gear, ratio: float) -> _Losses:
         text += f"{back:.3f} = 2 - 1/eta, the same loss both ways (assumed)"
     values |= {
         "ratio": ratio,
+        "rotor_inertia": rotor_inertia,
         "efficiency": eta,
         "back_efficiency": back,
         "stiffness": gear.stiffness,
         "hysteresis": gear.hysteresis,
         "momentary_peak": gear.momentary_peak_torque,
     }
-    return values, text
+    # the entry's figures were validated when it was read
+    return (None if rotor_inertia is None else Transmission.model_construct(**values)), text
 
 
 def input_torques(candidate: Candidate, cycle: DriveCycle) -> tuple[np.ndarray, np.ndarray]:
@@ -741,30 +694,30 @@ def ratings_of(entry: Motor | GearMotor) -> Ratings:
     2 R_ph (3/2 R_ph i^2 is lost; sqrt(3) times a phase's voltage is the bus's).
     """
     there = {f.name: getattr(entry, f.name) for f in fields(Ratings) if hasattr(entry, f.name)}
-    found, derived = Ratings(**there), []
+    found, derived = Ratings(**there), list[tuple[str, str]]()
     k, current = found.torque_constant, getattr(entry, "continuous_current", None)
     continuous, stall, resistance = found.continuous_torque, found.stall_torque, found.resistance
     if continuous is None and current is not None and k is not None:
         continuous = k * current
-        derived.append("continuous torque = torque constant x continuous current")
+        text = "continuous torque = torque constant x continuous current"
+        derived.append(("continuous torque", text))
     if k is not None and entry.current != "dc":
         k *= PER_DC_AMPERE[entry.current]
-        derived.append(
-            f"{PER_DC_AMPERE[entry.current]:.4g} of the torque constant, which is per A "
-            f"{entry.current}, for an equivalent DC motor"
-        )
+        text = f"{PER_DC_AMPERE[entry.current]:.4g} of the torque constant, which is per A "
+        derived.append(("line", f"{text}{entry.current}, for an equivalent DC motor"))
     if isinstance(entry, Motor) and resistance is not None and entry.resistance_of == "phase":
         resistance *= 2.0
-        derived.append("2 x the resistance of a phase between terminals")
+        derived.append(("line", "2 x the resistance of a phase between terminals"))
     if resistance is None and k is not None and stall is not None and found.nominal_voltage:
         resistance = k * found.nominal_voltage / stall
-        derived.append("resistance = torque constant x nominal voltage/stall torque")
+        derived.append(("line", "resistance = torque constant x nominal voltage/stall torque"))
     if continuous is None and found.continuous_curve is not None:
         continuous = max(torque for _, torque in found.continuous_curve)
     rated, no_load = found.rated_speed, found.no_load_speed
     if stall is None and continuous is not None and rated and no_load and rated < no_load:
         stall = continuous / (1 - rated / no_load)
-        derived.append("speed-torque line through the rated point and the no-load speed")
+        text = "speed-torque line through the rated point and the no-load speed"
+        derived.append(("line", text))
     return replace(
         found,
         continuous_torque=continuous,

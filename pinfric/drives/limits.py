@@ -86,7 +86,7 @@ def _continuous_note(d: Drives) -> str:
     notes = [derated] if derated else []
     if ratings.continuous_curve is not None and figures is not None:
         notes.append(f"of the maker's curve at the mean speed, {d.asked.mean_speed:.4g} rad/s")
-    notes += [text for text in ratings.derived if text.startswith("continuous")]
+    notes += [text for figure, text in ratings.derived if figure == "continuous torque"]
     standing, stall = d.asked.standing, ratings.stall_at(d.conditions)
     if limit and standing > (limit if stall is None else stall):
         notes.append(
@@ -253,7 +253,7 @@ MOTOR_LIMITS = [
     Limit("speed-torque line", "voltage", lambda d: d.conditions.bus_voltage, "V", _line_formula,
           "equivalent circuit of a DC or field-oriented motor",
           _of_motor("torque constant and resistance, or no-load speed and stall torque"),
-          lambda d: "; ".join(x for x in d.ratings.derived if not x.startswith("continuous")),
+          lambda d: "; ".join(text for of, text in d.ratings.derived if of == "line"),
           stage="pair", condition="bus_voltage", key="stall_torque"),
     Limit("motor speed", "motor speed", "motor.max_speed", "speed",
           "max |omega| <= maximum speed", _MAKER, "maximum speed", stage="pair", key="max_speed"),

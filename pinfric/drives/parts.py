@@ -17,11 +17,16 @@ def own_parts(
     Raises:
         CatalogError: the catalogue does not have it, or not its ratings; it does not fit the joint.
     """
-    amplifier, name = own_amplifier(catalog, conditions, joint), conditions.bearings.get(joint)
     parts: dict[str, BearingRatings | Amplifier] = {}
-    if amplifier is not None:
-        parts["amplifier"] = amplifier
-    if name is None:
+    key = joint if joint in conditions.amplifiers else OTHERS
+    if (fed := conditions.amplifiers.get(key)) is not None:
+        if fed not in catalog.amplifiers:
+            raise CatalogError(
+                f"conditions.amplifiers.{key}: there is no amplifier {fed!r} in the catalogue; "
+                f"{choose_from(fed, catalog.amplifiers)}"
+            )
+        parts["amplifier"] = catalog.amplifiers[fed]
+    if (name := conditions.bearings.get(joint)) is None:
         return parts
     where, entry = f"conditions.bearings.{joint}: ", catalog.bearings.get(name)
     if entry is None or entry.ratings is None:
@@ -35,24 +40,6 @@ def own_parts(
     source = entry.ratings.source or entry.source
     ratings = entry.ratings.model_copy(update={"source": source})
     return parts | {"guide" if linear else "bearing": ratings}
-
-
-def own_amplifier(catalog: Catalog, conditions: Conditions, joint: str) -> Amplifier | None:
-    """Return the amplifier that the conditions give to a joint's motor, or None.
-
-    Raises:
-        CatalogError: the catalogue does not have it.
-    """
-    key = joint if joint in conditions.amplifiers else OTHERS
-    name = conditions.amplifiers.get(key)
-    if name is None:
-        return None
-    if name not in catalog.amplifiers:
-        raise CatalogError(
-            f"conditions.amplifiers.{key}: there is no amplifier {name!r} in the catalogue; "
-            f"{choose_from(name, catalog.amplifiers)}"
-        )
-    return catalog.amplifiers[name]
 
 
 def check_names(scene: Scene, conditions: Conditions) -> None:

@@ -10,8 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 from pinfric.errors import StopError, choose_from
-from pinfric.model.brakes import HoldingBrake
-from pinfric.model.drives import Drive
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Actuator, Payload, Stops
 from pinfric.motions.trajectory import Trajectory
@@ -139,7 +137,12 @@ def _check_deceleration(scene: Scene, settings: Stops) -> None:
 
 def _machine(machines: Machines, kind: Kind) -> Machine:
     scene, settings = machines.scene, machines.settings
-    brakes = {d.name: b for d in scene.drives if (b := _brake(d)) is not None}
+    brakes = {
+        d.name: d.transmission.brake
+        for d in scene.drives
+        if d.transmission is not None and d.transmission.brake is not None
+    }
+    by_limits = settings.category == 1 and not settings.deceleration
     return Machine(
         scene=_with(scene, settings.friction[kind.greatest], kind.load),
         carried=machines.full if kind.load > 0.0 else (),
@@ -148,18 +151,10 @@ def _machine(machines: Machines, kind: Kind) -> Machine:
             for name, brake in brakes.items()
         },
         delay={name: float(brake.engage_time or 0.0) for name, brake in brakes.items()},
-        drive_torque=dict(_limits(scene)) if _by_limits(settings) else {},
+        drive_torque=dict(_limits(scene)) if by_limits else {},
         deceleration=machines.deceleration,
         holds=settings.power_until_braked,
     )
-
-
-def _brake(drive: Drive) -> HoldingBrake | None:
-    return None if drive.transmission is None else drive.transmission.brake
-
-
-def _by_limits(settings: Stops) -> bool:
-    return settings.category == 1 and not settings.deceleration
 
 
 def _deceleration(scene: Scene, settings: Stops) -> np.ndarray | None:

@@ -22,7 +22,6 @@ from pinfric.drives.drivetrain import (
     Candidate,
     Ratings,
     find_drive,
-    motor_alone,
     motor_cycle,
     ratings_of,
 )
@@ -257,14 +256,15 @@ def _rated(
             raise SweepError(f"{entry.drive}: not known: {', '.join(found.missing)}")
         return dataclasses.replace(found, **parts)
     if entry.motor is None:
-        return motor_alone(drive.name, Ratings())
+        return Candidate(drive.name, drive.name, None, 1.0, Ratings())
     assert catalog is not None
     if entry.motor not in catalog.motors:
         raise SweepError(
             f"the catalogue has no motor {entry.motor!r}; "
             f"{choose_from(entry.motor, catalog.motors)}"
         )
-    return motor_alone(entry.motor, ratings_of(catalog.motors[entry.motor]))
+    ratings = ratings_of(catalog.motors[entry.motor])
+    return Candidate(entry.motor, entry.motor, None, 1.0, ratings)
 
 
 def _bounds(judged: Drives, scale: float) -> dict[str, Bound]:

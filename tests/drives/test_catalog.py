@@ -242,16 +242,6 @@ def test_every_bundled_entry_says_what_fits_it():
     assert all(n.startswith(b.sold) for n, b in catalog.brakes.items() if n not in alone)
 
 
-def test_bearing_gives_a_scene_its_levers():
-    bearing = pf.load_catalog().bearings["Slewing ring (roller)"]
-    assert bearing.scene_entry(0.2) == {
-        "kind": "linear",
-        "radial": pytest.approx(0.205),
-        "axial": pytest.approx(0.1),
-        "moment": 2.05,
-    }
-
-
 @pytest.mark.parametrize(
     ("content", "texts"),
     [
