@@ -85,6 +85,7 @@ def joint_loads(model: pin.Model) -> list[JointLoad]:
         load, why, remark = _load(limit, weight, float(masses.sum()), sliding, before)
         lower, upper = _limits(model, kind)
         follows = leaders[int(twin.v_index[j - 1])] if kind.nv == 0 else None
+        speed = float(model.velocityLimit[kind.idx_v]) if kind.nv == 1 else 0.0
         joint = JointLoad(
             name=str(model.names[j]),
             sliding=sliding,
@@ -95,7 +96,7 @@ def joint_loads(model: pin.Model) -> list[JointLoad]:
             load=load,
             why=why,
             remark=remark,
-            fastest=_fastest(float(model.velocityLimit[kind.idx_v]) if kind.nv == 1 else 0.0),
+            fastest=speed if 0.0 < speed <= _FASTEST else 0.0,
         )
         found.append(joint)
         if not sliding and joint.degrees == 1:
@@ -133,10 +134,6 @@ def _load(
         load = _OF_CHAIN * strongest.load
         why = f"{_OF_CHAIN:g} of the {strongest.load:.3g} N m of {strongest.name}"
     return load, why, remark
-
-
-def _fastest(limit: float) -> float:
-    return limit if 0.0 < limit <= _FASTEST else 0.0
 
 
 def _limits(model: pin.Model, kind: Any) -> tuple[float, float]:

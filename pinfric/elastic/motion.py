@@ -36,7 +36,6 @@ from pinfric.model.mass_matrix import frame_jacobians, link_poses, mass_matrices
 from pinfric.model.mobility import lightest_joint
 from pinfric.model.robot import link_frame
 from pinfric.model.scene import Scene
-from pinfric.model.twin import Twin
 from pinfric.model.upward import Shown
 
 #: Wind-up that the approach leaves, and the opposite one.
@@ -358,16 +357,12 @@ def _worst_torque(result: InverseResult) -> np.ndarray:
     return np.asarray(np.where(np.abs(upper) >= np.abs(lower), upper, lower))
 
 
-def _twins(result: InverseResult) -> list[tuple[int, int, Twin]]:
-    phases = result.states.phases(result.scene)
-    return [(start, stop, result.scene.twin(carried)) for start, stop, carried in phases]
-
-
 def _masses(result: InverseResult, samples: np.ndarray | list[int]) -> np.ndarray:
     """M (n, nv, nv) of some samples, with what they carry, and what no elastic drive turns."""
     at = np.asarray(samples)
     parts = []
-    for start, stop, twin in _twins(result):
+    for start, stop, carried in result.states.phases(result.scene):
+        twin = result.scene.twin(carried)
         inside = at[(at >= start) & (at < stop)]
         if inside.size:
             parts.append((inside, mass_matrices(twin, result.states.q[inside])))

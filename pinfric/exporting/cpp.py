@@ -363,7 +363,9 @@ def _entry(fields: Iterable[object]) -> str:
 def _value(x: object) -> str:
     """A number, or an array of them, as C++ writes it: all digits of each."""
     if isinstance(x, np.ndarray) and x.ndim:
-        return _rows(x) if x.ndim == 2 and x.shape != (3, 3) else _array(x.ravel())
+        if x.ndim == 2 and x.shape != (3, 3):
+            return f"{{{', '.join(map(_array, x))}}}"
+        return _array(x.ravel())
     if isinstance(x, bool | np.bool_):
         return "true" if x else "false"
     if isinstance(x, int | np.integer):
@@ -374,10 +376,6 @@ def _value(x: object) -> str:
 
 def _array(values: Iterable[object]) -> str:
     return f"{{{', '.join(_value(x) for x in values)}}}"
-
-
-def _rows(table: np.ndarray) -> str:
-    return f"{{{', '.join(_array(row) for row in table)}}}"
 
 
 def template(name: str) -> str:

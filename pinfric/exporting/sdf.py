@@ -68,7 +68,7 @@ def _joint(body: Body, ends: tuple[str, str], constants: JointConstants) -> Elem
     _text(
         joint,
         "pose",
-        _pose(body.placement),
+        _numbers([*body.placement.translation, *pin.rpy.matrixToRpy(body.placement.rotation)]),
         relative_to="__model__" if parent == "world" else parent,
     )
     _text(joint, "parent", parent)
@@ -86,10 +86,6 @@ def _joint(body: Body, ends: tuple[str, str], constants: JointConstants) -> Elem
     _text(dynamics, "damping", _numbers([constants.damping]))
     _text(dynamics, "friction", _numbers([constants.frictionloss]))
     return joint
-
-
-def _pose(placement: pin.SE3) -> str:
-    return _numbers([*placement.translation, *pin.rpy.matrixToRpy(placement.rotation)])
 
 
 def _text(parent: ElementTree.Element, tag: str, text: str, **attributes: str) -> None:

@@ -6,8 +6,8 @@ The results' own methods `plot` and `summary` come here through the package's pu
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
-from functools import partial, singledispatch
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
@@ -47,7 +47,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-@singledispatch
 def plot(result: Any, **options: Any) -> Figure:
     """Return the figure that `--out` writes for a result.
 
@@ -62,22 +61,12 @@ def plot(result: Any, **options: Any) -> Figure:
     Raises:
         StateError: it is none of these, or has no times.
     """
-    raise _nothing("picture", result)
-
-
-def _png(figure: Figure) -> bytes:
-    file = io.BytesIO()
-    figure.savefig(file, format="png")
-    return file.getvalue()
-
-
-def _displayed(figure: Figure) -> Figure:
-    """Let a notebook show a figure that pyplot knows nothing of."""
+    figure: Figure = _of(_FIGURES, result, "picture")(result, **options)
+    # a notebook shows it, of which pyplot knows nothing
     figure._repr_png_ = partial(_png, figure)  # type: ignore[attr-defined]
     return figure
 
 
-@singledispatch
 def summary(result: Any) -> pd.DataFrame:
     """Return the figures of each drive, a row a drive; SI units, NaN for what is not known.
 
@@ -94,57 +83,22 @@ def summary(result: Any) -> pd.DataFrame:
     Raises:
         StateError: it is none of these, or has no times.
     """
-    raise _nothing("table", result)
+    table: pd.DataFrame = _of(_TABLES, result, "table")(result)
+    return table
 
 
-def _nothing(what: str, result: Any) -> StateError:
+def _of(known: Mapping[type, Callable[..., Any]], result: Any, what: str) -> Callable[..., Any]:
+    for kind, made in known.items():
+        if isinstance(result, kind):
+            return made
     kinds = "inverse_dynamics, simulate, size, retime, sweep and identify"
-    return StateError(f"a {type(result).__name__} has no {what}; results of {kinds} have one")
+    raise StateError(f"a {type(result).__name__} has no {what}; results of {kinds} have one")
 
 
-@plot.register(InverseResult)
-def _(result: InverseResult, **options: Any) -> Figure:
-    return _displayed(effort_figure(result, **options))
-
-
-@plot.register(Elasticity)
-def _(result: Elasticity, **options: Any) -> Figure:
-    return _displayed(tool_figure(result, **options))
-
-
-@plot.register(SizingReport)
-def _(result: SizingReport, **options: Any) -> Figure:
-    return _displayed(effort_figure(result.result, **options))
-
-
-@plot.register(Accuracy)
-def _(result: Accuracy) -> Figure:
-    return _displayed(accuracy_figure(result))
-
-
-@plot.register(RetimeResult)
-def _(result: RetimeResult) -> Figure:
-    return _displayed(retime_figure(result))
-
-
-@plot.register(Motion)
-def _(result: Motion) -> Figure:
-    return _displayed(motion_figure(result))
-
-
-@plot.register(StopResult)
-def _(result: StopResult) -> Figure:
-    return _displayed(stop_figure(result))
-
-
-@plot.register(SweepResult)
-def _(result: SweepResult) -> Figure:
-    return _displayed(sweep_figure(result))
-
-
-@plot.register(Identified)
-def _(result: Identified, log: int = 0) -> Figure:
-    return _displayed(measured_figure(*beside_measured(result, log), result.recordings[log].name))
+def _png(figure: Figure) -> bytes:
+    file = io.BytesIO()
+    figure.savefig(file, format="png")
+    return file.getvalue()
 
 
 def _frame(rows: Sequence[Any], index: str, label: str = "") -> pd.DataFrame:
@@ -157,13 +111,7 @@ def _frame(rows: Sequence[Any], index: str, label: str = "") -> pd.DataFrame:
     return table.rename_axis(label or index)
 
 
-@summary.register(InverseResult)
-def _(result: InverseResult) -> pd.DataFrame:
-    return _frame(summarize(result), "name", "drive")
-
-
-@summary.register(Elasticity)
-def _(result: Elasticity) -> pd.DataFrame:
+def _elastic(result: Elasticity) -> pd.DataFrame:
     found = elastic_summary(result)
     shares = found.lowest_frequency.strain_energy
     rows: list[WindUp] = []
@@ -174,8 +122,7 @@ def _(result: Elasticity) -> pd.DataFrame:
     return table.assign(strain_energy=pd.Series(shares))
 
 
-@summary.register(SizingReport)
-def _(result: SizingReport) -> pd.DataFrame:
+def _sizing(result: SizingReport) -> pd.DataFrame:
     table = _frame([joint.demand for joint in result.joints], "name", "drive")
     chosen = [joint.choice for joint in result.joints]
     candidates = [getattr(choice, "candidate", None) for choice in chosen]
@@ -188,33 +135,7 @@ def _(result: SizingReport) -> pd.DataFrame:
     return table
 
 
-@summary.register(Motion)
-def _(result: Motion) -> pd.DataFrame:
-    return _frame(drive_work(result), "name", "drive")
-
-
-@summary.register(Exported)
-def _(result: Exported) -> pd.DataFrame:
-    return _frame(result.joints, "joint")  # none of coupled drives
-
-
-@summary.register(CheckReport)
-def _(result: CheckReport) -> pd.DataFrame:
-    return _frame(result.findings, "place")
-
-
-@summary.register(Explanation)
-def _(result: Explanation) -> pd.DataFrame:
-    return _frame(result.effects, "name", "effect")
-
-
-@summary.register(Accuracy)
-def _(result: Accuracy) -> pd.DataFrame:
-    return _frame(result.runs, "method")
-
-
-@summary.register(RetimeResult)
-def _(result: RetimeResult) -> pd.DataFrame:
+def _retimed(result: RetimeResult) -> pd.DataFrame:
     rows = [
         {
             "drive": drive.name,
@@ -229,13 +150,7 @@ def _(result: RetimeResult) -> pd.DataFrame:
     return table
 
 
-@summary.register(StopResult)
-def _(result: StopResult) -> pd.DataFrame:
-    return _frame(result.axes, "name", "drive")
-
-
-@summary.register(SweepResult)
-def _(result: SweepResult) -> pd.DataFrame:
+def _swept(result: SweepResult) -> pd.DataFrame:
     columns: dict[str, Any] = {"drive": result.actuator_names, "unit": result.units}
     for figure in DEMANDS if result.solved.any() else ():
         for p, values in zip(result.percentiles, result.quantiles(figure), strict=True):
@@ -250,8 +165,38 @@ def _(result: SweepResult) -> pd.DataFrame:
     return table
 
 
-@summary.register(Identified)
-def _(result: Identified) -> pd.DataFrame:
+def _identified(result: Identified) -> pd.DataFrame:
     table = _frame(result.parameters, "name")
     table.insert(0, "key", [parameter.key for parameter in result.parameters])
     return table.reset_index().set_index("key")
+
+
+def _measured(result: Identified, log: int = 0) -> Figure:
+    return measured_figure(*beside_measured(result, log), result.recordings[log].name)
+
+
+_FIGURES: dict[type, Callable[..., Figure]] = {
+    InverseResult: effort_figure,
+    Elasticity: tool_figure,
+    SizingReport: lambda report, **options: effort_figure(report.result, **options),
+    Accuracy: accuracy_figure,
+    RetimeResult: retime_figure,
+    Motion: motion_figure,
+    StopResult: stop_figure,
+    SweepResult: sweep_figure,
+    Identified: _measured,
+}
+_TABLES: dict[type, Callable[[Any], pd.DataFrame]] = {
+    InverseResult: lambda result: _frame(summarize(result), "name", "drive"),
+    Elasticity: _elastic,
+    SizingReport: _sizing,
+    Motion: lambda motion: _frame(drive_work(motion), "name", "drive"),
+    Exported: lambda exported: _frame(exported.joints, "joint"),  # none of coupled drives
+    CheckReport: lambda report: _frame(report.findings, "place"),
+    Explanation: lambda found: _frame(found.effects, "name", "effect"),
+    Accuracy: lambda found: _frame(found.runs, "method"),
+    RetimeResult: _retimed,
+    StopResult: lambda result: _frame(result.axes, "name", "drive"),
+    SweepResult: _swept,
+    Identified: _identified,
+}

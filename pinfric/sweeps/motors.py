@@ -225,7 +225,10 @@ def _trial(
         judged.candidate,
         conditions,
         hand,
-        **{k: _times(getattr(ratings, k), factor) for k, factor in per_shaft.items()},
+        **{
+            k: None if (x := getattr(ratings, k)) is None else factor * x
+            for k, factor in per_shaft.items()
+        },
         ratio=1.0 if transmission is None else transmission.ratio,
         checks=() if entry.drive is None else _required(judged),
         mass=candidate.mass if entry.drive is not None else None,
@@ -281,10 +284,6 @@ def _bounds(judged: Drives, scale: float) -> dict[str, Bound]:
             available = None if np.isnan(there) else there
             bounds[limit.name] = Bound(limit.need, available, limit.factor(judged.conditions))
     return bounds
-
-
-def _times(figure: float | None, factor: float) -> float | None:
-    return None if figure is None else factor * figure
 
 
 def _required(judged: Drives) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ Friction factors and motor-side losses multiply numbers of the laws and of the g
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import combinations, product
@@ -84,7 +84,9 @@ class Superposition:
         cls, scene: Scene, trajectory: Trajectory, targets: tuple[Target, ...]
     ) -> Superposition | None:
         """Compute the stored cycles; None where a sample is no sum of them (see `_is_linear`)."""
-        bodies = (_without(scene, _varied_payloads(targets)), *_places(scene, targets))
+        others = {k: p for k, p in scene.payloads.items() if k not in _varied_payloads(targets)}
+        bare = scene.with_(payloads=others, actuators=None)
+        bodies = (bare, *_places(scene, targets))
         causes = _causes(scene, targets)
         width = scene.model.nv + 6 * len(scene.sites)
         if (
@@ -272,12 +274,6 @@ def _shares(x: np.ndarray) -> np.ndarray:
     """(n, places) by which a quadratic at x (count, n) is the sum of its values at `_offsets`."""
     inverse = np.round(2 * np.linalg.inv(_monomials(_offsets(len(x)).T))) / 2  # halves: exact
     return np.einsum("nm,mp->np", _monomials(x), inverse)
-
-
-def _without(scene: Scene, left_out: Iterable[str]) -> Scene:
-    """The scene without some payloads, with ideal drives."""
-    payloads = {name: p for name, p in scene.payloads.items() if name not in left_out}
-    return scene.with_(payloads=payloads, actuators=None)
 
 
 def _places(scene: Scene, targets: Sequence[Target]) -> Iterator[Scene]:

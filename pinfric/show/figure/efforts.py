@@ -119,7 +119,8 @@ def effort_figure(
             axes = grid.panel(row, column)
             bottom = row == rows - 1 or place == count - 1
             _draw_panel(axes, result, i, zero, bottom)
-            _mark_phases(axes, phases)
+            for moment in sorted({x for spans in phases.values() for ends in spans for x in ends}):
+                axes.axvline(moment, color=_CARRIED, linewidth=0.7, linestyle=(0, (4, 3)), zorder=1)
             axes.plot(summary.peak_time, _peak(result, i), zorder=5, gid="peak", **_PEAK)
             _label(axes, names[i], summary, grid.width, zero)
         if phases:
@@ -429,11 +430,6 @@ def _draw_phases(axes: Axes, phases: dict[str, list[tuple[float, float]]], t: np
             ha="center" if inside else "left",
             va="center",
         )
-
-
-def _mark_phases(axes: Axes, phases: dict[str, list[tuple[float, float]]]) -> None:
-    for moment in sorted({x for spans in phases.values() for ends in spans for x in ends}):
-        axes.axvline(moment, color=_CARRIED, linewidth=0.7, linestyle=(0, (4, 3)), zorder=1)
 
 
 def _head(

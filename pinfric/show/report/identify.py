@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 from pinfric.identification.identify import Identified
-from pinfric.identification.parameters import Parameter
 from pinfric.identification.summary import IdentifySummary, predicted
 from pinfric.model.brief import counted
 from pinfric.show.report.rows import table_of
@@ -34,7 +33,7 @@ def identify_report(found: Identified, summary: IdentifySummary, verbose: bool =
     figures = table_of(
         "coefficients, with 95 % intervals; (in brackets): not determined",
         summary.parameters,
-        cells={"value": _value},
+        cells={"value": lambda p: digits(p.value) if p.determined else f"({digits(p.value)})"},
         without=["section"],
         keys=2,
     )
@@ -76,8 +75,3 @@ def verdict(summary: IdentifySummary) -> str:
     said = f"friction of {explained} of {counted(len(summary.joints), 'joint')} found; {known} of "
     said += f"{counted(len(summary.parameters), 'coefficient')} determined"
     return f"{said}; {counted(len(summary.doubts), 'doubt')}" if summary.doubts else said
-
-
-def _value(parameter: Parameter) -> str:
-    text = digits(parameter.value)
-    return text if parameter.determined else f"({text})"

@@ -27,7 +27,11 @@ def retime_report(result: RetimeResult, found: RetimeSummary, verbose: bool = Tr
     drives = table_of(
         f"{Path(result.problem.scene.source).stem} · {Path(found.path).name}",
         found.drives,
-        cells={"use": _nearest, "limiting": _limiting, "rms": _continuous},
+        cells={
+            "use": _nearest,
+            "limiting": _limiting,
+            "rms": lambda drive: NONE if drive.rms is None else percent(drive.rms),
+        },
         without=[] if result.rms is not None else ["rms"],
     )
     lines = _lines(result)
@@ -59,10 +63,6 @@ def _limiting(drive: DriveUse) -> str:
 def _nearest(drive: DriveUse) -> str:
     kind = max(drive.use, key=drive.use.__getitem__)
     return f"{percent(drive.use[kind])} {kind}"
-
-
-def _continuous(drive: DriveUse) -> str:
-    return NONE if drive.rms is None else percent(drive.rms)
 
 
 def _lines(result: RetimeResult) -> list[str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pinfric.model.scene_file import bundled_folder, measured_scenes
-from pinfric.model.schema import Measured
 from pinfric.show.report.tables import Column, Kind, Report, Table, paragraphs
 
 
@@ -11,7 +10,12 @@ def robots_report() -> Report:
     """Return the table that `pinfric robots` prints, for a rich console."""
     heads = ("name", "robot", "grade", "to speed\nrad/s", "deg C", "side")
     columns = [Column(head, Kind.LABEL) for head in heads]
-    rows = [(name, m.robot, m.grade, _speeds(m), _pair(m), m.side) for name, m in _scenes()]
+    rows = []
+    for name, m in sorted(measured_scenes().items()):
+        tops = sorted({top for _, top in m.speeds})
+        speeds = ", ".join(f"{top:g}" for top in tops) or "unknown"
+        warmth = " to ".join(f"{x:g}" for x in m.temperature or ()) or "unknown"
+        rows.append((name, m.robot, m.grade, speeds, warmth, m.side))
     return paragraphs(
         Table("bundled robots with measured friction", columns, rows),
         [
@@ -20,16 +24,3 @@ def robots_report() -> Report:
             f"sources, what is not known, what contradicts them: the files in {bundled_folder()}",
         ],
     )
-
-
-def _scenes() -> list[tuple[str, Measured]]:
-    return sorted(measured_scenes().items())
-
-
-def _speeds(measured: Measured) -> str:
-    tops = sorted({top for _, top in measured.speeds})
-    return ", ".join(f"{top:g}" for top in tops) or "unknown"
-
-
-def _pair(measured: Measured) -> str:
-    return " to ".join(f"{x:g}" for x in measured.temperature or ()) or "unknown"

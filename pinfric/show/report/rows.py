@@ -61,7 +61,12 @@ def table_of(
             continue
         write, is_effort = given.get(name), found.unit in ("", EFFORT) or not has_unit
         small = zero if is_effort or found.unit.startswith("in ") else _ROUNDING * _largest(values)
-        column = [write(row) if write else cell(row, name, found, _of(small, row)) for row in rows]
+        column = [
+            write(row)
+            if write
+            else cell(row, name, found, small(row) if callable(small) else small)
+            for row in rows
+        ]
         if set(column) <= {NONE, "", "n/a"} and name not in given:
             continue
         unit = shown_unit(found, rows)
@@ -211,10 +216,6 @@ def text_of(value: Any, display: str = "", zero: float = 0.0) -> str:
     if display in ("", *DISPLAYS):
         return digits(DISPLAYS.get(display, 1.0) * value, DISPLAYS.get(display, 1.0) * zero)
     return format(value, display)
-
-
-def _of(zero: float | Callable[[Any], float], row: Any) -> float:
-    return zero(row) if callable(zero) else zero
 
 
 def flat(row: Any) -> dict[str, Any]:
