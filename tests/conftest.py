@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 
 if "PYTEST_XDIST_WORKER" in os.environ:  # a process per core: threads of BLAS only wait there
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -16,6 +17,9 @@ from xdist.scheduler import LoadScopeScheduling
 
 from pinfric.dynamics.judge import check
 from pinfric.kernels import compiled, interpreted
+
+# `nohup` and a shell's `&` ignore Ctrl-C, and what tests start would, too.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # What a command prints is compared word for word, be the kernels compiled already or not.
 compiled.say_compiling = lambda again="": None
@@ -69,6 +73,9 @@ def together(file):
 
 def pytest_collection_modifyitems(items):
     items.sort(key=lambda item: together(place(item.nodeid))[0])
+    for item in items:  # what readers of logs have done is in `motion.warnings`, which is tested
+        if place(item.nodeid).startswith("motions/"):
+            item.add_marker(pytest.mark.filterwarnings("ignore::pinfric.errors.PinfricWarning"))
 
 
 def pytest_collection_finish():

@@ -9,12 +9,17 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
+import pytest
 
 import pinfric as pf
 from pinfric.identification.identify import Identified
 
-#: Other people's logs.
+#: Recordings of real robots, too large for the repository.
 LOGS = Path(__file__).parents[2] / "shared" / "data"
+needs_logs = pytest.mark.skipif(
+    not LOGS.is_dir(),
+    reason=f"no recordings of a UR10, a Panda and a KR 300 in {LOGS} (notebooks/judges.md)",
+)
 
 #: s by which measured efforts lag behind, share of an effort's RMS that is white noise, and that
 #: hangs together over `MEMORY` s; counts of an encoder over a turn.

@@ -355,6 +355,9 @@ def test_ball_screw_lives_by_the_revolutions_of_its_shaft(tmp_path):
     assert "stroke: needs 0.2 m, has 0.1 m" in joint.no_fit
 
 
+@pytest.mark.filterwarnings(
+    "ignore:.*(is outside the usual range|is a radius of gyration|continuous torque)"
+)
 def test_linear_motor_moves_a_joint_without_a_gear(tmp_path):
     motor = {
         "source": "invented",

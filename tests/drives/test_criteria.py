@@ -231,6 +231,7 @@ def test_a_makers_curve_over_speed_drives_the_candidates_motor(tmp_path):
         one_drive(tmp_path, gear={**figures, "no_load_running_torque": 0.5})
 
 
+@pytest.mark.filterwarnings("ignore:.*cannot be signed")
 def test_missing_figure_is_never_a_pass(tmp_path):
     for figure, name in (
         ("stiffness", "gear resonance"),
@@ -518,6 +519,7 @@ def test_an_amplifier_without_figures_is_not_judged(tmp_path):
         amplified(tmp_path, "dc", {"amplifiers": {"tabel": "A"}})
 
 
+@pytest.mark.filterwarnings("ignore:.*cannot be signed")
 def test_an_amplifier_feeds_a_gearmotor_by_its_constant_at_the_output(tmp_path):
     actuator = {
         "source": "invented",

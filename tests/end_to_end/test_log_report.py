@@ -89,6 +89,7 @@ def test_units_that_there_are_not(log, capsys):
     assert err == "pinfric: error: --unit grad: did you mean 'rad'? there are: rad, deg\n"
 
 
+@pytest.mark.filterwarnings("ignore:.*(filtered at|left out)")
 def test_the_figure_says_how_far_efforts_are_known(log):
     import pinfric as pf
     from pinfric.motions.log.judged import judge_log

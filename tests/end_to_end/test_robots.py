@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from identify_cases import LOGS, needs_logs
 from scipy.io import loadmat
 
 import pinfric as pf
@@ -15,7 +16,6 @@ from pinfric.motions.log.judged import judge_log
 from pinfric.motions.log.reading import ReadingOptions
 
 ROBOTS = Path(__file__).parents[2] / "robots"
-LOGS = Path(__file__).parents[3] / "shared" / "data"
 SCENES = (
     "pendulum",
     "three_link",
@@ -361,7 +361,7 @@ RECORDED = {
 }
 
 
-@pytest.mark.skipif(not LOGS.is_dir(), reason="other people's logs are not in the repository")
+@needs_logs
 @pytest.mark.parametrize("name", RECORDED)
 def test_a_recorded_motion_beside_its_bundled_scene(name, tmp_path):
     scene, at, options, ratio = pf.load_scene(name), "reflected", None, 1.0

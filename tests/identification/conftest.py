@@ -1,7 +1,7 @@
 """Identified robots that several files look at."""
 
 import pytest
-from identify_cases import LOGS, identified_arm, identified_ur10
+from identify_cases import LOGS, identified_arm, identified_ur10, needs_logs
 
 from pinfric.identification.identify import Identified
 
@@ -14,5 +14,5 @@ def found() -> Identified:
 @pytest.fixture
 def ur10() -> Identified:
     if not LOGS.is_dir():
-        pytest.skip("other people's logs are not in the repository")
+        pytest.skip(needs_logs.kwargs["reason"])
     return identified_ur10()

@@ -14,6 +14,7 @@ from identify_cases import (
     guess,
     kr300,
     motor_effort,
+    needs_logs,
     truth,
 )
 
@@ -88,7 +89,7 @@ def test_a_ur10_is_told_better_than_by_coulomb_and_viscous_friction(ur10):
     assert (lift.load, lift.side) == ("gear", "motor")
 
 
-@pytest.mark.skipif(not LOGS.is_dir(), reason="other people's logs are not in the repository")
+@needs_logs
 def test_a_kr300_whose_signs_nobody_knows_says_how_far_it_is_off():
     scene, log = kr300(LOGS / "kr300" / "rec_2020-10-21_10s_FF_A_08ms.mat")
     found = pf.identify(scene, log, laws=dict.fromkeys(scene.joint_names, Law()))

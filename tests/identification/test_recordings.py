@@ -102,6 +102,9 @@ def test_a_long_log_is_prepared_in_parts_as_in_one(monkeypatch):
     assert blocks(np.arange(0.0, 3600.0, 0.1))[0] == 200
 
 
+@pytest.mark.filterwarnings(
+    "ignore:.*(column t is|filtered at|left out|reaches .* above its velocity limit)"
+)
 def test_samples_beyond_what_is_fitted_are_left_out():
     fast, slow = log(0, 10.0, 500.0), log(0, 10.0, 125.0)
     given = [

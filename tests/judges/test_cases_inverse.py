@@ -96,6 +96,7 @@ def test_self_locking_four_bar_near_its_toggle():
 # Safeguard: Newton where the fixed point diverges. Without (three passes): solvable samples of
 # contraction above 1 come out JAMMED, and `solutions` finds none where the status says CONVERGED.
 @pytest.mark.filterwarnings("ignore:mu.static:pinfric.errors.PinfricWarning")
+@pytest.mark.filterwarnings("ignore:.*usually at most")
 def test_four_bar_with_mu_from_0_to_10():
     widths = []
     for mu in (0.0, 0.1, 0.3, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0):

@@ -116,6 +116,9 @@ def rows(table):
 
 
 @pytest.mark.parametrize("d", rows(TURNING), ids=lambda d: d.name)
+@pytest.mark.filterwarnings(
+    "ignore:.*(max_speed = |rotor inertia .* does not match|is a radius of gyration)"
+)
 def test_a_drive_that_turns(d, tmp_path):
     a, times = d.rate / d.ramp, (d.ramp, d.run, d.ramp, d.rest)
     rated, speed, life, stiffness = 40.0, 200.0, 35_000.0, 2e4
@@ -253,6 +256,9 @@ def lifting_drive(d, eta, **gear):
 
 
 @pytest.mark.parametrize("d", rows(SCREWS), ids=lambda d: d.name)
+@pytest.mark.filterwarnings(
+    "ignore:.*(max_speed = |rotor inertia .* does not match|is a radius of gyration)"
+)
 def test_a_ball_screw(d, tmp_path):
     motor, gear = lifting_drive(d, d.eta, kind="ball screw")
     gear["screw"] |= {"ball_circle": d.circle / 1e3, "max_dn": d.DN}
@@ -292,6 +298,9 @@ def test_a_ball_screw(d, tmp_path):
     ("eta", "back", "area"),
     [(0.45, -0.21, 1.2e-4), (0.66, 0.498, 2.4e-4)],
     ids=["self_locking", "steep"],
+)
+@pytest.mark.filterwarnings(
+    "ignore:.*(max_speed = |rotor inertia .* does not match|is a radius of gyration)"
 )
 def test_a_lead_screw_with_a_plastic_nut(eta, back, area, tmp_path):
     """Lowering on a screw that holds itself, the motor drives down: F eta_b < 0."""

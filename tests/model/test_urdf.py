@@ -107,6 +107,7 @@ from pinfric.motions.joint_columns import stated_limit, stated_range
         ([link("arm"), joint(kind="hinge")], "type 'hinge'; there are: revolute"),
     ],
 )
+@pytest.mark.filterwarnings("ignore:.*one is negative")
 def test_what_no_robot_can_be_is_refused(tmp_path, parts, says):
     with pytest.raises(RobotError, match=says) as caught:
         read_robot(urdf(tmp_path, *parts), {})

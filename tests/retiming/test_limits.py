@@ -167,6 +167,7 @@ def test_the_momentary_peak_of_a_gear_is_no_limit_of_a_cycle(tmp_path):
         retime(scene, path, {"table": candidate})
 
 
+@pytest.mark.filterwarnings("ignore:.*this motion, repeated, does not pass `size`")
 def test_motors_file_in_the_guide_fits_the_panda(tmp_path):
     page = (File(__file__).parents[2] / "notebooks/guide/retime.md").read_text(encoding="utf-8")
     (example,) = re.findall(r"^```yaml\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)

@@ -18,6 +18,10 @@ from pinfric.model.springs import StiffnessLines
 from pinfric.show.pages.sizing import sizing_page
 from pinfric.sizing.summary import sizing_summary
 
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:.*(is outside the usual range|is a radius of gyration|continuous torque)"
+)
+
 TAU = 2 * np.pi
 LINES = {"k1": 1e4, "k2": 1.4e4, "k3": 1.6e4, "t1": 3.9, "t2": 12}
 

@@ -339,6 +339,7 @@ def test_friction_that_holds_the_old_drive_gives_way_to_the_new_ones(tmp_path):
     assert pf.size(replaced, still(replaced)).joints[0].demand.rms == pytest.approx(rms_kept)
 
 
+@pytest.mark.filterwarnings("ignore:.*no candidates. motors and gears are for joints with one axis")
 def test_planar_joint_gets_its_demand_but_no_drive(tmp_path):
     model = pin.Model()
     model.addJoint(0, pin.JointModelPlanar(), pin.SE3.Identity(), "base")
@@ -374,6 +375,7 @@ def test_cylinders_are_sized_by_their_own_rate():
         assert joint.load_inertia is None
 
 
+@pytest.mark.filterwarnings("ignore:.*no candidates. motors and gears are for joints with one axis")
 def test_a_catalogue_without_motors_or_gears_says_that_nothing_can_be_chosen(tmp_path):
     scene = pf.load_scene("excavator")
     motion = pf.load_trajectory("excavator.waypoints.yaml", scene)

@@ -48,6 +48,7 @@ def test_stiffness_scales_places_and_frequencies(arm):
     }
 
 
+@pytest.mark.filterwarnings("ignore:.*factors above .* change nothing")
 def test_hysteresis_moves_friction_across_the_spring(arm):
     scene, motion = arm
     sweep = SweepFile.model_validate(grid(transmission__all__hysteresis=[0.5, 2.0]))
@@ -66,6 +67,7 @@ def test_hysteresis_moves_friction_across_the_spring(arm):
     assert elbow.no_load_torque.static == pytest.approx(0.0, abs=1e-15)
 
 
+@pytest.mark.filterwarnings("ignore:.*factors above .* change nothing")
 def test_factors_that_can_move_no_more_friction_are_said(arm):
     scene, _ = arm
     with pytest.warns(pf.PinfricWarning, match=r"factors above 2.5 change nothing at elbow"):

@@ -72,6 +72,7 @@ def best_of_many_starts(scene, q, effort, rng, starts=6):
 @pytest.mark.filterwarnings("ignore:.*radius:pinfric.PinfricWarning")
 @pytest.mark.parametrize("count", [8, pytest.param(25, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("pins", "strong"), [(4, False), (5, False), (6, False), (5, True)])
+@pytest.mark.filterwarnings("ignore:.*usually at most")
 def test_no_search_finds_a_stick_where_there_is_none_and_sticks_are_sticks(pins, strong, count):
     rng = np.random.default_rng(pins + 10 * strong)
     held = []
@@ -118,6 +119,7 @@ def test_a_search_towards_friction_without_bound_comes_back():
 
 @pytest.mark.filterwarnings("ignore:.*radius:pinfric.PinfricWarning")
 @pytest.mark.parametrize("count", [4, pytest.param(12, marks=pytest.mark.slow)])
+@pytest.mark.filterwarnings("ignore:.*usually at most")
 def test_three_cuts_one_verdict(count):
     seen = set()
     for seed in range(count):
@@ -228,6 +230,7 @@ def test_limits_over_twelve_decades_are_told_apart_300_times():
 
 @pytest.mark.filterwarnings("ignore:.*radius:pinfric.PinfricWarning")
 @pytest.mark.parametrize(("pins", "strong"), [(4, False), (5, True), (6, False)])
+@pytest.mark.filterwarnings("ignore:.*usually at most")
 def test_the_unit_of_mass_does_not_matter(pins, strong):
     """All forces 2^-50 to 2^36 times as large: the same digits (powers of two round nothing)."""
     rng = np.random.default_rng(pins)

@@ -1,26 +1,23 @@
 """What a log's noise leaves uncertain in the efforts: simulated noise, real robots."""
 
-from pathlib import Path
-
 import numpy as np
 import pinocchio as pin
 import pytest
 from builders import chain
+from identify_cases import LOGS, needs_logs
 from log_cases import ARM, LOADED, peaks, write_csv
 
 import pinfric as pf
 from pinfric.motions.log.judged import judge_log
 from pinfric.motions.log.reading import ReadingOptions
 
-SHARED = Path(__file__).parents[4] / "shared" / "data" / "ur10"
 
-
-@pytest.mark.skipif(not SHARED.is_dir(), reason="real logs are not in the repository")
+@needs_logs
 def test_a_real_ur10_beside_its_measured_efforts(tmp_path):
     urdf = "example-robot-data:ur_description/urdf/ur10_robot.urdf"
     (tmp_path / "ur10.yaml").write_text(f'pinfric: 1\nrobot: {{urdf: "{urdf}"}}\n')
     scene = pf.load_scene(tmp_path / "ur10.yaml")
-    motion = pf.load_trajectory(SHARED / "ur10_exciting_trajectory.db3", scene)
+    motion = pf.load_trajectory(LOGS / "ur10" / "ur10_exciting_trajectory.db3", scene)
     assert (motion.reading.samples, motion.reading.dropped, motion.reading.resampled) == (
         3441,
         0,
@@ -33,7 +30,7 @@ def test_a_real_ur10_beside_its_measured_efforts(tmp_path):
         assert measured[joint].relative_error == pytest.approx(plain, abs=0.02)
 
 
-@pytest.mark.skipif(not SHARED.is_dir(), reason="real logs are not in the repository")
+@needs_logs
 def test_a_real_panda_is_filtered_to_its_advantage(tmp_path):
     """Under the names of another release; its recorder repeated 14 rows of a slower source.
 
@@ -42,7 +39,7 @@ def test_a_real_panda_is_filtered_to_its_advantage(tmp_path):
     names = {f"panda_joint{i}": f"fer_joint{i}" for i in range(1, 8)}
     (tmp_path / "names.yaml").write_text(f"joints: {names}")
     scene = pf.load_scene("panda_pick_and_place")
-    bag, off = SHARED / "panda_exciting_trajectory.db3", {}
+    bag, off = LOGS / "ur10" / "panda_exciting_trajectory.db3", {}
     for cutoff in (None, "none"):
         options = ReadingOptions(columns=tmp_path / "names.yaml", cutoff=cutoff)
         motion = pf.load_trajectory(bag, scene, options)
