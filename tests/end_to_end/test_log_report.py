@@ -78,7 +78,7 @@ def test_a_cutoff_is_set_or_forbidden_on_every_command(log, capsys):
         code, _, err = run(capsys, command, "ur10.yaml", log, "--cutoff", "5")
         assert code == 0
         assert "filtered at 5 Hz" in err
-    for command in ("sweep", "accuracy", "replay"):
+    for command in ("sweep", "replay"):
         _, out, _ = run(capsys, command, "--help")
         assert all(f"--{o}" in out for o in ("columns", "unit", "time-unit", "cutoff"))
 
