@@ -138,7 +138,13 @@ class Assessment:
     @cached_property
     def margin(self) -> float:
         """The least margin of what was checked and has a scale (`Criterion.scaled`)."""
-        scaled = (m for limit, m in self._margins if not np.isnan(m) and not _of_no_scale(limit, m))
+        scaled = (
+            margin
+            for limit, margin in self._margins
+            if not np.isnan(margin)
+            and limit.name != "back-driving"
+            and (limit.name != "bus voltage" or margin < 0)
+        )
         return min(scaled, default=0.0)
 
     @property
@@ -146,10 +152,6 @@ class Assessment:
         """Why it is rejected; empty if it fits."""
         ask = [f"cannot be signed: ask for {', '.join((*self.lacks, *self.unknown))}"]
         return "; ".join([c.why for c in self.failed] or ask * (not self.fits))
-
-
-def _of_no_scale(limit: Limit, margin: float) -> bool:
-    return limit.name == "back-driving" or (limit.name == "bus voltage" and margin >= 0)
 
 
 def rank(assessment: Assessment) -> tuple[float, float, str]:

@@ -686,13 +686,11 @@ def gear_demand_frictionless(demand: GearDemand, cycle: DriveCycle) -> GearDeman
         demand: with friction. cycle: `DriveCycle.without_friction`.
     """
     worst = cycle.ends[0]
-    return GearDemand(
-        **{name: getattr(demand, name) for name in GearDemand.__dataclass_fields__}
-        | {
-            "peak": float(np.abs(worst).max()),
-            "mean_cubic": average_output_effort(cycle.stretched, worst, cycle.velocity),
-            "bearing": screw_load(cycle) if demand.unit == "N" else demand.bearing,
-        }
+    return replace(
+        demand,
+        peak=float(np.abs(worst).max()),
+        mean_cubic=average_output_effort(cycle.stretched, worst, cycle.velocity),
+        bearing=screw_load(cycle) if demand.unit == "N" else demand.bearing,
     )
 
 

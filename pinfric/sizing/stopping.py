@@ -8,7 +8,6 @@ from pinfric.drives.brake import Standstill
 from pinfric.drives.catalog import Brake
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.errors import StopError
-from pinfric.model.schema import Actuator
 from pinfric.motions.trajectory import Trajectory
 from pinfric.stops.study import StopResult, stop
 
@@ -36,7 +35,13 @@ def chosen_stops(
             f"stops: {', '.join(slow)} of the catalogue has no `engage_time`; give it the time (s) "
             "from power-off until it holds, as its maker states it"
         )
-    actuators = [_braked(a, brakes, names.get(a.drive_name)) for a in scene.actuators or ()]
+    actuators = []
+    for actuator in scene.actuators or ():
+        name, gear = names.get(actuator.drive_name), actuator.transmission
+        if gear is not None and name is not None:
+            braked = gear.model_copy(update={"brake": brakes[name].holding})
+            actuator = actuator.model_copy(update={"transmission": braked})
+        actuators.append(actuator)
     assert states.t is not None  # size refuses a motion without times
     carried = states.attached
     attached = {} if carried is None else dict(zip(scene.payloads, carried.T, strict=True))
@@ -47,11 +52,3 @@ def chosen_stops(
         return stop(scene.with_(actuators=actuators), motion), ""
     except StopError as problem:
         return None, str(problem)
-
-
-def _braked(actuator: Actuator, brakes: Mapping[str, Brake], name: str | None) -> Actuator:
-    gear = actuator.transmission
-    if gear is None or name is None:
-        return actuator
-    braked = gear.model_copy(update={"brake": brakes[name].holding})
-    return actuator.model_copy(update={"transmission": braked})
