@@ -1,5 +1,7 @@
 """Notes: what was read, and what the log cannot tell."""
 
+from io import StringIO
+
 import numpy as np
 from identify_cases import (
     NAMES,
@@ -10,9 +12,12 @@ from identify_cases import (
     short,
     truth,
 )
+from rich.console import Console
 
 import pinfric as pf
 from pinfric.identification.laws import Law
+from pinfric.identification.summary import identify_summary
+from pinfric.show.report.identify import identify_report
 
 
 def test_what_was_read_and_what_the_log_cannot_tell_is_said(found):
@@ -25,6 +30,23 @@ def test_what_was_read_and_what_the_log_cannot_tell_is_said(found):
     assert NAMES[1] not in line
     assert "never fast" not in said
     assert np.isnan(list(found.spread.values())).all()
+
+
+def test_the_short_report_is_a_screen_with_all_doubts_and_the_long_one_has_all_notes(found):
+    assert found.notes[: len(found.doubts)] == found.doubts
+    summary = identify_summary(found)
+
+    def printed(verbose):
+        console = Console(file=StringIO(), width=80)
+        console.print(*identify_report(found, summary, verbose), sep="\n")
+        return console.file.getvalue()
+
+    short_one, words = printed(False), " ".join(printed(False).split())
+    assert len(short_one.splitlines()) < 40  # six joints, whose laws take two lines or more
+    assert words.count("! ") == len(found.doubts)
+    assert "-v; scene, page: --out FOLDER" in words
+    assert "one log only" not in words
+    assert "one log only" in " ".join(printed(True).split())
 
 
 def test_a_log_that_never_is_fast_says_that_speeds_are_extrapolated():
