@@ -305,9 +305,10 @@ def tool_path(scene: Scene, carried: tuple[str, ...], q: np.ndarray) -> np.ndarr
         return None
     model = scene.loaded_model(carried)
     data, frame = model.createData(), link_frame(model, scene.tool)
-    places = np.empty((len(q), 3))
-    for k, configuration in enumerate(q):
+    moved = np.append(True, (q[1:] != q[:-1]).any(axis=1))  # most of a stop may be at rest
+    places = []
+    for configuration in q[moved]:
         pin.framesForwardKinematics(model, data, configuration)
-        places[k] = data.oMf[frame].translation
-    steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
+        places.append(data.oMf[frame].translation.copy())
+    steps = np.linalg.norm(np.diff(np.array(places)[np.cumsum(moved) - 1], axis=0), axis=1)
     return np.concatenate([[0.0], np.cumsum(steps)])

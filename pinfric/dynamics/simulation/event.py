@@ -138,8 +138,7 @@ class EventIntegration(Integration):
         kept, (q, v) = self.y.copy(), self.state(self.y)
         self.record.step_t += [end] if self.record.step_t else [self.t, end]
         self.record.steps.append((lambda t: kept, self.chart, self.ws.constraints.standing))
-        for t in self.record.due(self.t, end):
-            self.record.sample(t, q, v)
+        self.record.still(self.record.due(self.t, end), q, v)
         self.record.progress(end)
         self.t = end
 

@@ -86,6 +86,11 @@ class Recorder:
         else:
             self.rows.append(row)
 
+    def still(self, times: np.ndarray, q: np.ndarray, v: np.ndarray) -> None:
+        """Keep the system's present solution at times (n,) after the last sample."""
+        row = self.row(0.0, q, v)
+        self.rows += [(np.array(t), *row[1:]) for t in times]
+
     def due(self, start: float, end: float) -> np.ndarray:
         """Return the times in (start, end] at which a sample is due."""
         first = np.floor(start / self.sample_step) + 1
