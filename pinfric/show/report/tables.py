@@ -193,7 +193,8 @@ def _least(column: Column, texts: Sequence[str], whole: int, width: int) -> int:
             tell_apart = 0
         return min(whole, max(heading, tell_apart, min(_widest(texts), _NAME)))
     if column.kind is Kind.WORDS:
-        return min(whole, max(heading, _WORDS))
+        word = _widest([word for text in texts for word in text.split()])
+        return min(whole, max(heading, _WORDS, word if word <= width // 2 else 0))
     return whole
 
 
