@@ -42,23 +42,22 @@ class Shared(NamedTuple):
     follows: np.ndarray
 
 
-def inverse_of(A: np.ndarray, signs: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
-    """Invert A^T diag(signs) A where A moves anything.
+def inverse_of(A: np.ndarray, slope: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+    """Invert a slope of rates where they can move.
 
     Args:
-        A: (d, n).
-        signs: (d,) 1, or -1: beside a gear on a line that falls; None: all are 1.
+        A: (d, n) of which the rates are A^T w.
+        slope: (n, n); None: A^T A.
 
     Returns:
-        inverse (r, r) and orthonormal rows (r, n): A^T diag(signs) A = rows^T inverse^-1 rows.
+        inverse (r, r) and orthonormal rows (r, n): slope = rows^T inverse^-1 rows.
     """
-    left, size, rows = np.linalg.svd(A, full_matrices=False)
+    _, size, rows = np.linalg.svd(A, full_matrices=False)
     rank = int((size > RANK * size[:1]).sum())
-    left, size = left[:, :rank], size[:rank]
-    inverse = np.diag(1.0 / size**2)
-    if signs is not None:
-        inverse = np.linalg.inv(left.T @ (signs[:, None] * left)) / np.outer(size, size)
-    return inverse, rows[:rank]
+    rows = rows[:rank]
+    if slope is None:
+        return np.diag(1.0 / size[:rank] ** 2), rows
+    return np.linalg.inv(rows @ slope @ rows.T), rows
 
 
 class Balance(NamedTuple):
@@ -80,7 +79,7 @@ class Balance(NamedTuple):
         problem: Problem,
         factor: np.ndarray,
         members: np.ndarray,
-        signs: np.ndarray | None = None,
+        slope: np.ndarray | None = None,
     ) -> Balance | None:
         """Return the equations that make the rates of some coordinates 0; None: unsolvable.
 
@@ -88,11 +87,13 @@ class Balance(NamedTuple):
             problem: `Problem`.
             factor: (d, nc) A of rate_slope = A^T A.
             members: (n,) the coordinates.
-            signs: see `inverse_of`.
+            slope: see `Mechanism.slope`.
         """
         size = np.linalg.norm(factor[:, members], axis=0)  # rates of one joint, in its own unit
         size[size == 0.0] = 1.0  # at its dead centre: of friction that changes loads alone
-        inverse, rows = inverse_of(factor[:, members] / size, signs)
+        if slope is not None:
+            slope = slope[np.ix_(members, members)] / np.outer(size, size)
+        inverse, rows = inverse_of(factor[:, members] / size, slope)
         rate, terms = problem.rate_free[members] / size, problem.rate_scale[members] / size
         left = np.abs(rate - rows.T @ (rows @ rate))
         if (left > FITS * terms.max(initial=0.0) + 1e-300).any():

@@ -49,7 +49,7 @@ def decide(
     at_rest: np.ndarray,
     balance: Balance | None = None,
     least: bool = False,
-    signs: np.ndarray | None = None,
+    slope: np.ndarray | None = None,
 ) -> Verdict:
     """Decide whether friction holds the coordinates at rest.
 
@@ -60,10 +60,10 @@ def decide(
         balance: equilibrium of their friction; None: rates of zero. At its dead centre a joint has
             a zero column, but its friction changes loads, and so what others hold.
         least: whether to find the least use, to `LEAST`, not only a friction that holds.
-        signs: see `inverse_of`.
+        slope: see `Mechanism.slope`.
     """
     resting = np.flatnonzero(at_rest)
-    balance = balance or Balance.of_rates(problem, factor, resting, signs)
+    balance = balance or Balance.of_rates(problem, factor, resting, slope)
     if balance is None:
         return Verdict(False, np.inf, np.full(len(at_rest), np.nan), True, True)
     narrow, wide, planar, certain = make_rest(problem, resting, balance)

@@ -39,13 +39,14 @@ class Mechanism:
 
     Attributes:
         closed: whether coordinates may depend on each other: no friction is shared in a tree.
-        factor: (d, nc) A of rate_slope = A^T A; d freedoms. Overwritten at every state.
+        factor: (d, nc) A, all rates are A^T w; d freedoms. Overwritten at every state.
         block: (nc,) number of the joint; the three coordinates of a ball have the same.
         ball: (nc,) bool.
         idle: (nc,) bool, whether a joint is so near its dead centre that its own friction cannot
             hold the mechanism. Overwritten at every state.
         way: (nc,) overwritten: the direction in which sticking coordinates would break away.
-        signs: see `inverse_of`. Overwritten at every state.
+        slope: (nc, nc) rate_slope where it is not A^T A: beside a gear on a line that falls; else
+            None. Overwritten at every state.
     """
 
     closed: bool
@@ -54,7 +55,7 @@ class Mechanism:
     ball: np.ndarray
     idle: np.ndarray
     way: np.ndarray
-    signs: np.ndarray | None = None
+    slope: np.ndarray | None = None
     _groups: tuple[object, list[Group]] = (None, [])
     _locked: tuple[object, bool] = (None, False)
 
@@ -65,10 +66,12 @@ class Mechanism:
         """
         if not self.closed:
             return []
-        key = stuck.tobytes(), self.factor.tobytes(), repr(self.signs)
+        key: tuple[bytes, ...] = stuck.tobytes(), self.factor.tobytes()
+        if self.slope is not None:
+            key += (self.slope.tobytes(),)
         if self._groups[0] != key:
             found = self._find_groups(stuck)
-            self._groups = key, [Group.of(self.factor, c, self.signs) for c in found]
+            self._groups = key, [Group.of(self.factor, c, self.slope) for c in found]
         return self._groups[1]
 
     def is_locked(self, stuck: np.ndarray) -> bool:
@@ -198,7 +201,7 @@ def _hold_otherwise(step: _Shared) -> bool:
     modes, ball = step.modes, step.mechanism.ball
     if ball[modes.stuck].any() or step.gain.any() or step.offset.any():
         return False  # a ball's limit is a sphere; what slides has friction that loads decide
-    found = decide(step.given, step.mechanism.factor, modes.stuck, signs=step.mechanism.signs)
+    found = decide(step.given, step.mechanism.factor, modes.stuck, slope=step.mechanism.slope)
     if found.held:
         modes.friction[:] = found.friction
         evaluate(step.problem, modes.friction, modes.load, modes.rate)

@@ -30,9 +30,10 @@ class Group(NamedTuple):
     rates: np.ndarray
 
     @classmethod
-    def of(cls, factor: np.ndarray, members: np.ndarray, signs: np.ndarray | None) -> Group:
-        """Take coordinates (m,) of a factor (d, nc) together; signs as in `inverse_of`."""
-        return cls(members, *inverse_of(factor[:, members], signs))
+    def of(cls, factor: np.ndarray, members: np.ndarray, slope: np.ndarray | None) -> Group:
+        """Take coordinates (m,) together; see `Mechanism` for the factor (d, nc) and the slope."""
+        part = None if slope is None else slope[np.ix_(members, members)]
+        return cls(members, *inverse_of(factor[:, members], part))
 
     def needs(self, rate: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return what takes rates (m,) away, b (r,) of rates x = b; and what of them nothing does.

@@ -157,30 +157,6 @@ def lossy_gears(gears: Gears) -> np.ndarray:
     return np.asarray(loss | (gears.no_load_static > 0.0).any(axis=1))
 
 
-def least_slopes(gears: Gears, speed: np.ndarray) -> np.ndarray:
-    """Return the least slope of each gear's lines, 1 - g(w) L'(|t|) where the load drives.
-
-    The gear is self-locking if this slope is at most 0.
-
-    Args:
-        gears: `gear_table`.
-        speed: (na,) of the joints (rad/s or m/s).
-    """
-    factor = (
-        gears.constant[:, 1]
-        + gears.rise[:, 1] * (np.abs(gears.ratio) * speed) ** gears.exponent[:, 1]
-    )
-    lines = zip(gears.first[:, 1], gears.last[:, 1], strict=True)
-    steepest = np.array([gears.slope[first:last].max() for first, last in lines], dtype=float)
-    return np.asarray(1.0 - factor * steepest)
-
-
-def self_locking_gears(gears: Gears) -> np.ndarray:
-    """Return which gears (na,) are self-locking at rest, or at a speed."""
-    still, fast = (least_slopes(gears, np.full(len(gears.ratio), x)) for x in (0.0, 1e6))
-    return np.asarray((still <= 0.0) | (fast <= 0.0))
-
-
 @inlined_kernel
 def gears_of_row(gears: Gears, row: int) -> Gears:
     """Return one row of gears whose varying fields have a leading axis of rows."""
@@ -309,7 +285,10 @@ def held_efforts(gears: Gears, d: int, given: float, found: np.ndarray) -> int:
 
 @kernel
 def slope_range(gears: Gears, d: int, speed: float) -> tuple[float, float]:
-    """Return the least and the greatest slope of a gear's lines at a speed (rad/s or m/s)."""
+    """Return the least and the greatest slope of a gear's lines at a speed (rad/s or m/s).
+
+    The gear is self-locking if the least slope is at most 0.
+    """
     least, greatest = np.inf, -np.inf
     for way in (0, 1):
         factor = gears.constant[d, way]
@@ -420,32 +399,3 @@ def gear_torque_bounds(
     columns = (np.ascontiguousarray(given)[:, None] for given in samples)
     write_motor_torques(gears, *columns, lower, upper)
     return lower[:, 0], upper[:, 0]
-
-
-def gear_jam(
-    back: np.ndarray, inertia: np.ndarray, coupling: np.ndarray
-) -> tuple[int, float, float] | None:
-    """Return the self-locking gear that jams; None if motor torques determine the acceleration.
-
-    They do if and only if diag(eta_b) + I^1/2 W I^1/2 is positive definite, with W = S M^-1 S^T of
-    the moving drives and I = r^2 J_rotor; for one joint: I > -eta_b M.
-
-    Args:
-        back: (n,) least slope eta_b of each drive that moves, see `least_slopes`.
-        inertia: (n,) I (kg m^2 or kg).
-        coupling: (n, n) W, M without rotors.
-
-    Returns:
-        (which, the least eigenvalue, the I above which it does not jam).
-    """
-    root = np.sqrt(inertia)
-    E = np.diag(back) + root[:, None] * coupling * root
-    size, axes = np.linalg.eigh(E)
-    if size[0] > 0.0:
-        return None
-    worst = int(np.argmax(np.where(back <= 0.0, np.abs(axes[:, 0]), -1.0)))
-    others = np.arange(len(back)) != worst
-    others &= np.diag(E) > 0.0
-    across = root[others] * coupling[worst, others]
-    left = coupling[worst, worst] - across @ np.linalg.pinv(E[np.ix_(others, others)]) @ across
-    return worst, float(size[0]), float(-back[worst] / left if left > 0.0 else np.inf)

@@ -23,11 +23,9 @@ import numpy as np
 from pinfric.dynamics.problem.machine import Machine
 from pinfric.friction.dense import affine
 from pinfric.model.drives import (
-    gear_jam,
     gear_line,
     held_efforts,
-    least_slopes,
-    self_locking_gears,
+    slope_range,
 )
 
 #: Up to so many choices of what gears hold, and of lines, are tried; of lines where bearings follow
@@ -48,26 +46,42 @@ class LockingGears:
     def __init__(self, machine: Machine) -> None:
         """Take the machine, whose lines of gears and modes are written."""
         drives = machine.plan.drives
-        self.gears = np.flatnonzero(self_locking_gears(drives.gears))
         self._table, self._coordinate = drives.gears, drives.gear_coordinate
+        slopes = [self._least_slopes(np.full(len(self._coordinate), x)) for x in (0.0, 1e6)]
+        self.gears = np.flatnonzero((np.array(slopes) <= 0.0).any(axis=0))
         self._machine, self._lines, self._modes = machine, machine.lines, machine.modes
         self.exceeded = False
 
     def jam(self, v: np.ndarray) -> tuple[int, float, float] | None:
-        """Return what `gear_jam` says of the gears in motion at v (nv,); None if no answer is in
-        doubt."""
+        """Return the gear that jams; None if motor torques determine the acceleration at v (nv,).
+
+        Returns:
+            The drive, the least eigenvalue of the module's text, and the rotor inertia (kg m^2)
+            above which this gear does not jam.
+        """
         moves = self._moves()
         if not moves[self.gears].any():
             return None
         w, speed = self._lines, np.abs(self._machine.kinematics.S @ v)
         share = np.where(w.way == 0.0, 1.0, np.abs(w.way))
-        back = 1.0 + share * (least_slopes(self._table, speed) - 1.0)
-        inertia = w.reflected[moves]
-        found = gear_jam(back[moves], inertia, self._coupling(moves))
-        if found is None:
+        back = (1.0 + share * (self._least_slopes(speed) - 1.0))[moves]
+        root, W = np.sqrt(w.reflected[moves]), self._coupling(moves)
+        E = np.diag(back) + root[:, None] * W * root
+        size, axes = np.linalg.eigh(E)
+        if size[0] > 0.0:
             return None
-        d = int(np.flatnonzero(moves)[found[0]])
-        return d, found[1], found[2] / self._table.ratio[d] ** 2
+        worst = int(np.argmax(np.where(back <= 0.0, np.abs(axes[:, 0]), -1.0)))
+        others = np.arange(len(back)) != worst
+        others &= np.diag(E) > 0.0
+        across = root[others] * W[worst, others]
+        left = W[worst, worst] - across @ np.linalg.pinv(E[np.ix_(others, others)]) @ across
+        d = int(np.flatnonzero(moves)[worst])
+        enough = -back[worst] / left if left > 0.0 else np.inf
+        return d, float(size[0]), float(enough) / self._table.ratio[d] ** 2
+
+    def _least_slopes(self, speed: np.ndarray) -> np.ndarray:
+        """The least slope of each gear's lines at speeds (na,) of the joints."""
+        return np.array([slope_range(self._table, d, x)[0] for d, x in enumerate(speed.tolist())])
 
     def choices(self, v: np.ndarray, given: np.ndarray) -> Iterator[tuple[np.ndarray, bool]]:
         """Yield efforts (na,) on every choice of lines that may fit, and whether it is stable.

@@ -53,8 +53,6 @@ from pinfric.model.scene import Scene, payload_names
 
 #: An effort (N m or N) that no joint at rest can hold.
 _OVERWHELMING = 1e8
-#: Eigenvalues of slopes are rounding below this many times the largest.
-_ROUNDING = 1e-13
 #: Changes of what gears at rest hold, with one line of those in motion.
 _HOLDS = 4
 
@@ -273,22 +271,10 @@ class Workspace:
         self._take_factor()
 
     def _take_factor(self) -> None:
-        """Let the mechanism have the factor of the slopes of what sticks or may stick."""
-        maps = self.machine.maps
+        """Let the mechanism have the factor of the rates' slope, or the slope itself."""
+        maps, locking = self.machine.maps, self.machine.lines.locking[0] > 0
         self.mechanism.factor = maps.factor[: maps.freedoms[0]]
-        self.mechanism.signs = None
-        if not self.closed or not self.machine.lines.locking[0]:
-            return
-        here = self.modes.stuck | self.modes.at_rest
-        size, axes = np.linalg.eigh(self.problem.rate_slope[np.ix_(here, here)])
-        # beside a gear on a line that falls some may be negative; as many as freedoms, the largest
-        last = np.argsort(np.abs(size))[-len(self.mechanism.factor) :]
-        size, axes = size[last], axes[:, last]
-        size[np.abs(size) < _ROUNDING * np.abs(size).max(initial=0.0)] = 0.0
-        self.mechanism.factor = np.zeros_like(self.mechanism.factor)
-        self.mechanism.factor[: len(last), here] = (np.sqrt(np.abs(size)) * axes).T
-        self.mechanism.signs = np.ones(len(self.mechanism.factor))
-        self.mechanism.signs[: len(last)][size < 0.0] = -1.0
+        self.mechanism.slope = self.problem.rate_slope if locking else None
 
     def search(
         self, forced: Mapping[int, float] | None = None, held: np.ndarray | None = None
@@ -327,19 +313,12 @@ class Workspace:
         lines = self.machine.lines
         for passes in range(MOST_LINES):
             lines.chord[0] = passes > FEW_PASSES and passes % 2 == 1
-            self._face()
             self.couple()
             lines.chord[0] = False
             found, obeying = solve(self.problem, self.modes, self.mechanism)
             if found <= 0 or not refit(self.argument, False):
                 return found, obeying
         return -1, 0
-
-    def _face(self) -> None:
-        """Let each gear follow the lines of its coordinate's mode."""
-        c, m = self.plan.drives.gear_coordinate, self.modes
-        way = np.where(m.stuck[c], 0.0, m.direction[c])
-        self.machine.lines.way[c >= 0] = way[c >= 0]
 
     def _every_line(self) -> tuple[int, int]:
         """Solve the modes with gears in motion on every line that may fit; see `_settle`."""
@@ -364,7 +343,6 @@ class Workspace:
 
         (0, 0) where a gear leaves its line.
         """
-        self._face()
         for _ in range(_HOLDS):
             found, obeying, wrong = self._try_lines()
             if wrong < 0:

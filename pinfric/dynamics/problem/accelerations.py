@@ -123,13 +123,16 @@ def _reduce_locking(
 
     Args:
         given: (na,).
-        L, Y: (d, d), (d, 1 + nc); Y is overwritten with f.
+        L, Y: (d, d), (d, 1 + nc); overwritten, Y with f.
         closed: see `_reduce`.
     """
     lines, w, S = machine.lines, machine.maps, machine.kinematics.S
     (d, columns), k = Y.shape, lines.locking[0]
     A, B, row = np.zeros((d + k, d + k)), np.zeros((d + k, columns)), d
     A[:d, :d], B[:d] = L, Y
+    if not factorize(L):
+        return False
+    substitute(L, Y, w.factor)  # the rates' directions: what is found is overwritten below
     for g in range(given.size):
         if lines.slope[g] > 0.0:
             continue
@@ -149,7 +152,6 @@ def _reduce_locking(
         if lines.slope[g] <= 0.0:
             w.delivered[g] = B[row]
             row += 1
-    w.factor[:] = 0.0
     return True
 
 
@@ -209,11 +211,10 @@ def _write_problem_rates(machine: Machine, v: np.ndarray, step: float) -> None:
     for c in range(nc):
         for e in range(c + 1):
             total = 0.0
-            for f in range(d):
+            for f in range(0 if locking else d):
                 total += factor[f, c] * factor[f, e]
-            if locking:  # there is no such factor
-                for i in range(nv):
-                    total += scale * D[c, i] * a_map[i, 1 + e]
+            for i in range(nv if locking else 0):
+                total += scale * D[c, i] * a_map[i, 1 + e]
             rate_slope[c, e] = rate_slope[e, c] = total
 
 

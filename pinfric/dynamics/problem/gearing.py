@@ -34,7 +34,7 @@ def write_lines(machine: Machine, v: np.ndarray, given: np.ndarray, step: float)
 
     Around `lines.delivered`, in the direction `lines.way`; 0 is a gear without losses. With
     `lines.chord` it is the line of the mean slope through the gear's law there: such lines lead to
-    the solution whatever they start from, if there is one for all motor torques (`gear_jam`).
+    the solution whatever they start from, if there is one for all motor torques.
 
     Args:
         machine: its `lines`, but for `way` and `delivered`, and laws of the gears' entries are

@@ -59,6 +59,7 @@ def couple(machine: Machine, q: np.ndarray, v: np.ndarray, effort: np.ndarray, s
 
     Args, returns: see `assemble`.
     """
+    face_gears(machine)
     outcome = write_accelerations(machine, q, v, effort, step)
     if outcome != 0:
         return outcome
@@ -82,7 +83,6 @@ def assemble(
         0, `NOT_FINITE`, `SINGULAR`, or `TOGGLE`: the loops allow more motions than elsewhere.
     """
     prepare(machine, v, effort, step)
-    face_gears(machine)
     return couple(machine, q, v, effort, step)
 
 
@@ -191,6 +191,7 @@ def _guess_lines(machine: Machine, v: np.ndarray, effort: np.ndarray) -> None:
     slip_law(p, m.stuck, m.direction, gain, x)
     for e in range(machine.plan.entries.site.size):
         x[p.coordinate[e]] += gain[e] * m.load[e]
+    face_gears(machine)
     for _ in range(FEW_PASSES):
         write_lines(machine, v, effort, 0.0)
         write_given(machine, effort)
@@ -242,7 +243,6 @@ def solve_instant(
         else:
             m.at_rest[:] = False
             _turn(machine, choice == TURNED)
-    face_gears(machine)
     gears = machine.plan.drives.gears.ratio.size
     if choice != SETTLED and gears > 0 and closure.multipliers == 0:
         _guess_lines(machine, v, effort)

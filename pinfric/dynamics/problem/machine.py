@@ -104,7 +104,7 @@ class AffineMaps(NamedTuple):
         M: (nv, nv) mass matrix, with armature; of a time step with drag.
         Z: (nv, nv) motions that loops allow, in its first columns; `freedoms`: (1,) how many.
         a_closure: (nv,) one acceleration that keeps them closed.
-        factor: (nv, nc) A of rate_slope = A^T A, its first d rows; 0 with lines that do not rise.
+        factor: (nv, nc) A of rate_slope = A^T A, its first d rows; of other gears if lines fall.
         push, push_terms: (nv,) S u - h - M a_closure; size of S u and h.
         idle: (nc,) whether a joint is near its dead centre.
         drag, damping: (nc,) of a time step: drag now, and its change per unit of speed at the end.
