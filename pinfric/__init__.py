@@ -37,7 +37,7 @@ _PUBLIC = {
     "run_scene": "pinfric.dynamics.simulation.scene_run",
     "Trajectory": "pinfric.motions.trajectory",
     "load_trajectory": "pinfric.motions.trajectory",
-    "Log": "pinfric.motions.log.arrays",
+    "Log": "pinfric.motions.log.frame",
     "ReadingOptions": "pinfric.motions.log.reading",
     "elasticity": "pinfric.elastic.motion",
     "Elasticity": "pinfric.elastic.motion",
@@ -105,7 +105,7 @@ if TYPE_CHECKING:  # the same names for type checkers, which do not run __getatt
     from pinfric.identification.identify import identify as identify
     from pinfric.model.scene import Scene as Scene
     from pinfric.model.scene_file import load_scene as load_scene
-    from pinfric.motions.log.arrays import Log as Log
+    from pinfric.motions.log.frame import Log as Log
     from pinfric.motions.log.reading import ReadingOptions as ReadingOptions
     from pinfric.motions.trajectory import Trajectory as Trajectory
     from pinfric.motions.trajectory import load_trajectory as load_trajectory

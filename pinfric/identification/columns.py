@@ -250,20 +250,22 @@ def with_loads(prepared: Prepared, scene: Scene, inner: FloatArray) -> Prepared:
     motion, step = recording.trajectory, recording.step
     probe = bearings_only(scene)
     rigid, sites = along(probe, motion)
-    slots, sign = prepared.slots.copy(), np.sign(recording.velocity)
-    load = np.zeros_like(rigid)
-    for site, name in enumerate(probe.site_names):
-        load[:, scene.joint_names.index(name)] = sites[:, site]
-    slots[:, :, SLOT[BEARING]] = _passed(sign * load, step)[prepared.kept]
-    for side, x in zip(SIDES, (rigid, rigid + inner), strict=True):
-        both = sign * np.abs(x)
-        for direction, part in (
-            ("driving", x * sign > 0.0),
-            ("driven", x * sign < 0.0),
-            ("both", True),
-        ):
-            slot = SLOT[f"gear {direction}, {side} side"]
-            slots[:, :, slot] = _passed(both * part, step)[prepared.kept]
+    slots, kept = prepared.slots.copy(), prepared.kept
+    slots[:, :, SLOT[BEARING]] = 0.0
+    for j, name in enumerate(scene.joint_names):  # one after another: long logs fill the memory
+        sign = np.sign(recording.velocity[:, j])
+        if name in probe.site_names:
+            load = sites[:, probe.site_names.index(name)]
+            slots[:, j, SLOT[BEARING]] = _passed(sign * load, step)[kept]
+        for side, x in zip(SIDES, (rigid[:, j], rigid[:, j] + inner[:, j]), strict=True):
+            both = sign * np.abs(x)
+            for direction, part in (
+                ("driving", x * sign > 0.0),
+                ("driven", x * sign < 0.0),
+                ("both", True),
+            ):
+                slot = SLOT[f"gear {direction}, {side} side"]
+                slots[:, j, slot] = _passed(both * part, step)[kept]
     return replace(prepared, slots=slots, load=rigid)
 
 

@@ -1,7 +1,8 @@
 """From recordings to one estimate: delay, laws, inertias and coefficients, in three passes.
 
-Loads follow from inertias, and inertias from a fit that knows the loads: so the first pass takes
-the URDF's inertias and plain friction, and each later one what the pass before has found.
+Loads follow from inertias, and inertias from a fit that knows the loads. So the first pass takes
+the URDF's inertias and plain friction, and each later one what has been found before. What is found
+stands in one `Estimate`, which every step changes.
 """
 
 from __future__ import annotations
@@ -97,38 +98,38 @@ class Question:
         return self.at != "joint"
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class Estimate:
-    """The rows and what was fitted to them.
+    """What is known at a step, and in the end what was found.
 
     Attributes:
         question: what was asked.
-        rows: of each joint.
-        problem: the summed products, with the weights that were used.
-        row_weights: (n,) of each joint's rows, those of outliers below 1.
+        scene: the question's, with the links' inertias found.
+        prepared: the columns of each log, loads by the present inertias.
         choice: laws and held-out errors.
+        rows: of each joint.
+        row_weights: (n,) of each joint's rows, those of outliers below 1.
+        problem: the summed products, with the weights that were used.
         fit: with links that can exist.
         delay: by which logged efforts lag behind.
-        scene: the question's, with the links' inertias found.
-        prepared: of each log.
+        falls: of each joint's friction from rest to motion; None: it has none.
         errors: (nj,) of the laws taken and of plain friction, on blocks that neither their choice
             nor their fit has seen, N m or N.
-        falls: of each joint's friction from rest to motion; None: it has none.
         distrusted: whether the chosen laws predicted these blocks worse than plain friction,
             which was taken instead.
     """
 
     question: Question
-    rows: tuple[Rows, ...]
-    problem: Problem
-    row_weights: tuple[FloatArray, ...]
-    choice: Choice
-    fit: Fit
-    delay: Delay
     scene: Scene
     prepared: tuple[Prepared, ...]
-    errors: tuple[FloatArray, FloatArray] = (np.zeros(0), np.zeros(0))
+    choice: Choice
+    rows: tuple[Rows, ...] = ()
+    row_weights: tuple[FloatArray, ...] = ()
+    problem: Problem = field(init=False)
+    fit: Fit = field(init=False)
+    delay: Delay = field(default_factory=lambda: Delay(0.0, np.inf, ()))
     falls: tuple[Fall | None, ...] = ()
+    errors: tuple[FloatArray, FloatArray] = (np.zeros(0), np.zeros(0))
     distrusted: bool = False
 
     @cached_property
@@ -157,20 +158,34 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
         IdentificationError: next to nothing slides; an effort with a wrong sign or unit; no joint
             is explained.
     """
-    steps = len(question.recordings) + 3
+    scene, steps = question.scene, len(question.recordings) + 3
     prepared, thin = [], thinning(question.recordings)
     for recording in question.recordings:
-        prepared.append(prepare(question.scene, recording, thin))
+        prepared.append(prepare(scene, recording, thin))
         progress(len(prepared), steps)
     _check_slides(question, prepared)
-    passes = [_first_pass(question, prepared)]  # popped, so that none outlives the next one
-    for number in (2, 1):
-        progress(steps - number, steps)
-        passes.append(_next_pass(passes.pop()))
-    if any(law.stribeck for law in passes[0].choice.laws):  # their speeds take longer
-        passes = [_next_pass(_next_pass(passes.pop()))]
-    found = passes.pop()
-    found = _trusted(replace(found, errors=nested_errors(found.problem, found.rows)))
+    for number, one in enumerate(prepared):  # by the URDF's inertias
+        prepared[number] = with_loads(one, scene, np.zeros_like(one.payload))
+    plain = ((PLAIN,),) * scene.model.nv
+    choice = Choice((PLAIN,) * scene.model.nv, ({},) * scene.model.nv)
+    found = Estimate(question, scene, tuple(prepared), choice)
+    del prepared, one  # a long log's columns fill much of the memory
+    _fit(found, plain)
+    check_efforts(scene, found.rows, question.gains)
+    logs = ", ".join(one.name for one in question.recordings)
+    check_limits(scene, found.rows, found.fit, logs, question.gains)
+    _find_delay(found)
+    _fit(found, plain)
+    for number in range(4):
+        if number >= 2 and not any(law.stribeck for law in found.choice.laws):
+            break  # only the speeds at which friction falls take longer
+        progress(steps - max(2 - number, 1), steps)
+        found.falls = tuple(_fall(found, j) for j in range(len(found.rows)))
+        laws = [offered(found, j) for j in range(len(found.rows))]
+        _find_delay(found, reload=True)
+        _fit(found, laws)
+    found.errors = nested_errors(found.problem, found.rows)
+    _doubt(found)
     progress(steps, steps)
     if not found.known:
         raise IdentificationError(
@@ -195,53 +210,32 @@ def _check_slides(question: Question, prepared: Sequence[Prepared]) -> None:
         )
 
 
-def _trusted(found: Estimate) -> Estimate:
-    """Return the estimate, with plain friction where choosing laws made unseen blocks worse."""
+def _doubt(found: Estimate) -> None:
+    """Take plain friction where choosing laws made unseen blocks worse."""
     rows = [own.effort.size for own in found.rows]
     chosen, plain = (found.problem.weights * rows @ error**2 for error in found.errors)
     if chosen <= (1.0 + MARGIN) ** 2 * plain:
-        return found
-    laws = [(found.question.laws.get(name, PLAIN),) for name in found.scene.joint_names]
-    simple = replace(found, choice=Choice(tuple(law for (law,) in laws), found.choice.errors))
-    simple = _fitted(found.question, found.prepared, found.delay, laws, simple)
-    return replace(
-        simple,
-        errors=nested_errors(simple.problem, simple.rows),
-        distrusted=True,
-        choice=replace(simple.choice, errors=found.choice.errors),
+        return
+    errors, given = found.choice.errors, found.question.laws
+    laws = [given.get(name, PLAIN) for name in found.scene.joint_names]
+    found.choice = Choice(tuple(laws), errors)
+    _fit(found, [(law,) for law in laws])
+    found.errors, found.distrusted = nested_errors(found.problem, found.rows), True
+    found.choice = replace(found.choice, errors=errors)
+
+
+def _find_delay(found: Estimate, reload: bool = False) -> None:
+    """Find by how much the logged efforts lag, by the present laws; loads anew if asked."""
+    slots = found.problem.slots(found.choice.laws)
+    # what the next fit computes again takes much memory
+    found.rows, found.row_weights, found.problem = (), (), replace(found.problem, grams=())
+    if reload:
+        found.prepared = tuple(reloaded(found, one) for one in found.prepared)
+    # free, even where links are kept: the weight that a URDF lacks shall not look like a delay
+    prior = urdf_prior(found.question.scene.model, kept=False)
+    found.delay = common_delay(
+        [log_delay(one, slots, prior, found.delay.value) for one in found.prepared]
     )
-
-
-def _first_pass(question: Question, prepared: list[Prepared]) -> Estimate:
-    """Plain friction on every joint, loads by the URDF's inertias."""
-    scene = question.scene
-    loaded = []
-    while prepared:  # a long log's columns fill much of the memory
-        one = prepared.pop(0)
-        loaded.append(with_loads(one, scene, np.zeros_like(one.payload)))
-    plain = [(PLAIN,)] * scene.model.nv
-    first = _fitted(question, tuple(loaded), Delay(0.0, np.inf, ()), plain)
-    check_efforts(scene, first.rows, question.gains)
-    logs = ", ".join(one.name for one in question.recordings)
-    check_limits(scene, first.rows, first.fit, logs, question.gains)
-    slots, first = first.problem.slots(first.choice.laws), _without_rows(first)
-    return _fitted(question, first.prepared, _delay(first, slots), plain, first)
-
-
-def _next_pass(before: Estimate) -> Estimate:
-    """Loads by the inertias found, and with them the laws."""
-    before = replace(before, falls=tuple(_fall(before, j) for j in range(len(before.rows))))
-    prepared = tuple(reloaded(before, one) for one in before.prepared)
-    laws = [offered(before, j) for j in range(before.scene.model.nv)]
-    slots = before.problem.slots(before.choice.laws)
-    before = _without_rows(replace(before, prepared=prepared))
-    delay = _delay(before, slots)
-    return replace(_fitted(before.question, prepared, delay, laws, before), falls=before.falls)
-
-
-def _without_rows(found: Estimate) -> Estimate:
-    """Release what the next pass computes again: it takes much memory."""
-    return replace(found, rows=(), row_weights=(), problem=replace(found.problem, grams=()))
 
 
 def _fall(found: Estimate, joint: int) -> Fall | None:
@@ -255,20 +249,14 @@ def _fall(found: Estimate, joint: int) -> Fall | None:
     )
 
 
-def _fitted(
-    question: Question,
-    prepared: tuple[Prepared, ...],
-    delay: Delay,
-    laws: Sequence[Sequence[Law]],
-    before: Estimate | None = None,
-) -> Estimate:
-    """Return the estimate from the columns as they are, with laws chosen among those offered.
+def _fit(found: Estimate, laws: Sequence[Sequence[Law]]) -> None:
+    """Fit the columns as they are, with laws chosen among those offered.
 
-    Rows and joints are weighed by what the estimate before leaves; by its laws, else plain ones.
+    Rows and joints are weighed by what the fit before leaves; by its laws.
     """
-    nj, fit = question.scene.model.nv, before.fit if before else None
-    chosen = before.choice.laws if before else (PLAIN,) * nj
-    rows = tuple(joint_rows(prepared, j, delay.value) for j in range(nj))
+    question, prepared, chosen = found.question, found.prepared, found.choice.laws
+    nj, fit = question.scene.model.nv, getattr(found, "fit", None)
+    found.rows = rows = tuple(joint_rows(prepared, j, found.delay.value) for j in range(nj))
     every = np.concatenate([r.block for r in rows]), np.concatenate([r.log for r in rows])
     folds = held_out_parts(*every)
     row_weights = tuple(np.ones(r.effort.size) for r in rows)
@@ -287,35 +275,26 @@ def _fitted(
     first = all(tuple(own) == (PLAIN,) for own in laws)
     choice = Choice(chosen, ({},) * nj) if first else choose(problem)
     choice = choice.on_motors(mixed(question.scene.drives, nj))
-    slots = problem.slots(choice.laws)
-    fit = consistent_fit(normal, prior, FrictionNormalEquations(normal, prior).fit(slots), slots)
-    if not _scale_is_known(question, prepared) and (ends := _at_an_end(problem, choice, fit)):
-        choice = replace(
-            choice,
-            laws=tuple(
-                replace(law, both_ways=True) if j in ends else law
-                for j, law in enumerate(choice.laws)
-            ),
-        )
+
+    def fitted(choice: Choice) -> Fit:
         slots = problem.slots(choice.laws)
-        fit = consistent_fit(
-            normal, prior, FrictionNormalEquations(normal, prior).fit(slots), slots
-        )
-    for values, law, own in zip(fit.slots, choice.laws, slots, strict=True):
+        free = FrictionNormalEquations(normal, prior).fit(slots)
+        return consistent_fit(normal, prior, free, slots)
+
+    fit = fitted(choice)
+    if not scale_is_known(found) and (ends := _at_an_end(problem, choice, fit)):
+        one_loss = [
+            replace(law, both_ways=True) if j in ends else law for j, law in enumerate(choice.laws)
+        ]
+        choice = replace(choice, laws=tuple(one_loss))
+        fit = fitted(choice)
+    for values, law, own in zip(fit.slots, choice.laws, problem.slots(choice.laws), strict=True):
         dry = [slot for slot in (SLOT[FORWARD], SLOT[BACKWARD]) if slot in own]
         if law.coulomb and len(dry) == 1:  # it moved one way only
             values[[SLOT[FORWARD], SLOT[BACKWARD]]] = values[dry[0]]
-    scene = question.scene
+    found.row_weights, found.problem, found.choice, found.fit = row_weights, problem, choice, fit
     if not prior.kept:
-        scene = scene.with_(model=with_parameters(scene.model, fit.theta))
-    return Estimate(question, rows, problem, row_weights, choice, fit, delay, scene, prepared)
-
-
-def _delay(found: Estimate, slots: Sequence[Sequence[int]]) -> Delay:
-    """Return by how much the logged efforts lag, by the present laws and loads."""
-    # free, even where links are kept: the weight that a URDF lacks shall not look like a delay
-    prior = urdf_prior(found.question.scene.model, kept=False)
-    return common_delay([log_delay(one, slots, prior, found.delay.value) for one in found.prepared])
+        found.scene = question.scene.with_(model=with_parameters(question.scene.model, fit.theta))
 
 
 def offered(found: Estimate, joint: int) -> tuple[Law, ...]:
@@ -331,7 +310,11 @@ def offered(found: Estimate, joint: int) -> tuple[Law, ...]:
     entry = scene.friction.get(name)
     bearing = entry is not None and entry.bearing is not None
     falls = found.falls[joint] is not None if found.falls else False
-    laws = candidates(bearing, found.question.motor and _shows_gear(found, joint), both, falls)
+    # friction that was fitted without a gear contains the gear's loss at the mean load
+    coulomb = 0.5 * float(found.fit.slots[joint, [SLOT[FORWARD], SLOT[BACKWARD]]].sum())
+    left = coulomb - _MOST_LOSS * float(np.mean(np.abs(rows.load)))
+    shows_gear = float(np.sqrt(np.mean(rows.load**2))) > left
+    laws = candidates(bearing, found.question.motor and shows_gear, both, falls)
     if mixed(scene.drives, scene.model.nv)[joint]:  # its friction follows the motor's speed
         laws = tuple(
             law
@@ -339,17 +322,6 @@ def offered(found: Estimate, joint: int) -> tuple[Law, ...]:
             if not law.stribeck and (not law.load or law.side == "motor" != law.load)
         )
     return laws
-
-
-def _shows_gear(found: Estimate, joint: int) -> bool:
-    """Whether load can exceed the Coulomb friction that remains beside a gear's loss.
-
-    Friction that was fitted without a gear contains the gear's loss at the mean load.
-    """
-    rows = found.rows[joint]
-    coulomb = 0.5 * float(found.fit.slots[joint, [SLOT[FORWARD], SLOT[BACKWARD]]].sum())
-    left = coulomb - _MOST_LOSS * float(np.mean(np.abs(rows.load)))
-    return float(np.sqrt(np.mean(rows.load**2))) > left
 
 
 def scale_is_known(found: Estimate) -> bool:
@@ -362,12 +334,8 @@ def scale_is_known(found: Estimate) -> bool:
     Args:
         found: the estimate.
     """
-    return _scale_is_known(found.question, found.prepared)
-
-
-def _scale_is_known(question: Question, prepared: Sequence[Prepared]) -> bool:
-    return question.keep_inertias or any(
-        one.recording.trajectory.attached.any() for one in prepared
+    return found.question.keep_inertias or any(
+        one.recording.trajectory.attached.any() for one in found.prepared
     )
 
 
@@ -391,8 +359,8 @@ def _at_an_end(problem: Problem, choice: Choice, fit: Fit) -> list[int]:
     ]
 
 
-def reloaded(found: Estimate, one: Prepared) -> Prepared:
-    """Return one log's columns with loads by the present estimate."""
+def reloaded(found: Estimate, one: Prepared, scene: Scene | None = None) -> Prepared:
+    """Return one log's columns with loads by the present estimate, or by another scene's links."""
     v = one.recording.velocity
     inner = np.zeros_like(v)
     for j, values in enumerate(found.fit.slots):
@@ -405,4 +373,4 @@ def reloaded(found: Estimate, one: Prepared) -> Prepared:
                 values[SLOT[FALL_FORWARD]] * (sign > 0.0)
                 - values[SLOT[FALL_BACKWARD]] * (sign < 0.0)
             )
-    return with_falls(with_loads(one, found.scene, inner), found.falls)
+    return with_falls(with_loads(one, scene or found.scene, inner), found.falls)

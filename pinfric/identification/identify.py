@@ -39,8 +39,8 @@ from pinfric.model.couples import taking_part
 from pinfric.model.files import write_folder
 from pinfric.model.scene import Scene, expect_scene
 from pinfric.model.upward import Shown
-from pinfric.motions.log.arrays import Log
 from pinfric.motions.log.effort_place import check_effort_place, factors_to_joint
+from pinfric.motions.log.frame import Log
 from pinfric.motions.log.judged import JudgedLog, compare_effort
 from pinfric.motions.log.reading import ReadingOptions
 

@@ -15,9 +15,8 @@ from pinfric.errors import IdentificationError, choose_from
 from pinfric.model.couples import drive_rates, rate_rows
 from pinfric.model.scene import Scene
 from pinfric.motions.derivatives import SPLINE_GAINS
-from pinfric.motions.log.arrays import Log
-from pinfric.motions.log.reading import Reading, ReadingOptions
-from pinfric.motions.log.thinning import Thinning
+from pinfric.motions.log.frame import Log
+from pinfric.motions.log.reading import Reading, ReadingOptions, Thinning
 from pinfric.motions.trajectory import Trajectory, read_trajectory
 
 FloatArray = NDArray[np.float64]

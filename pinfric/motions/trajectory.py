@@ -37,8 +37,8 @@ from pinfric.motions.joint_columns import (
     unit_circle_problems,
     velocity_warnings,
 )
-from pinfric.motions.log.arrays import Log
 from pinfric.motions.log.bags import is_bag
+from pinfric.motions.log.frame import Log
 from pinfric.motions.log.reader import read_log
 from pinfric.motions.log.reading import Reading, ReadingOptions
 from pinfric.motions.loop_motion import complete_motion, named_columns

@@ -25,8 +25,7 @@ from pinfric.identification import columns
 from pinfric.identification.columns import blocks, prepare, thinning
 from pinfric.identification.laws import Law
 from pinfric.identification.recordings import read_recordings
-from pinfric.motions.log.reading import ReadingOptions
-from pinfric.motions.log.thinning import Thinning
+from pinfric.motions.log.reading import ReadingOptions, Thinning
 
 
 def test_a_payload_is_of_the_log_at_its_path(tmp_path):

@@ -8,6 +8,7 @@ import pytest
 from identify_cases import (
     NAMES,
     guess,
+    log,
     short,
 )
 
@@ -43,6 +44,17 @@ def test_a_wrong_zero_that_the_last_links_take_up_is_named(turn):
     assert max(one.error / one.rms for one in found.errors.values()) < 0.05
     line = next(line for line in found.notes if "another zero" in line)
     assert f"%: {NAMES[4]} {-turn:+d} degrees;" in line
+
+
+@pytest.mark.parametrize(("joint", "turn"), [(4, 0.2), (2, -0.2)])
+def test_a_zero_that_is_off_by_a_little_is_named(joint, turn):
+    """Of wrist 2 a turn of 0.2 rad itself is no better than the errors of its gain."""
+    given = log(4, 60.0, 100.0)
+    turned = replace(given, q=given.q + turn * (np.arange(6) == joint))
+    found = pf.identify(guess(4), turned, laws=dict.fromkeys(NAMES, Law()))
+    line = next(line for line in found.notes if "another zero" in line)
+    degrees = float(re.search(rf"{NAMES[joint]} ([+-]\d+) degrees", line)[1])
+    assert degrees == pytest.approx(-np.degrees(turn), abs=6.0)
 
 
 def test_masses_are_said_beside_the_urdfs(found):

@@ -29,7 +29,7 @@ from pinfric.motions.log.noise import (
     signal_cutoff,
     typical_noise,
 )
-from pinfric.motions.log.reading import DerivativeNoise, Reading, ReadingOptions
+from pinfric.motions.log.reading import DerivativeNoise, Reading, ReadingOptions, Thinning
 from pinfric.motions.log.rows import (
     ROUNDED,
     Timing,
@@ -41,7 +41,6 @@ from pinfric.motions.log.rows import (
     repeated_rows,
 )
 from pinfric.motions.log.still import find_noisy_holds, with_resting_ends
-from pinfric.motions.log.thinning import Thinning
 from pinfric.motions.table import TrajectoryTable
 
 FloatArray = NDArray[np.float64]
@@ -555,12 +554,14 @@ def _low_passed(
         smooth = low_pass(q, step, cutoff, gaussian)
         v, a = position_derivatives(t, smooth, ())
         shift = (shift - a[::every]) * moving[::every]
-        q[moving] = smooth[moving]
+        np.copyto(q, smooth, where=moving)
+        del smooth
         v[~moving] = a[~moving] = 0.0
         spread = [noise * noise_gain(step, cutoff, order, gaussian) for order in (1, 2)]
+    q, v = q[::every].copy(), v[::every].copy()
     if thinning and every > 1:
         a = thinning.acceleration(a, step)
-    return _Smoothed(q[::every], v[::every], a[::every], shift, moving[::every], spread)
+    return _Smoothed(q, v, a[::every], shift, moving[::every], spread)
 
 
 def _noise_line(reading: Reading, unit: str) -> str:

@@ -13,17 +13,14 @@ from pinfric.errors import TrajectoryError
 from pinfric.model.brief import counted
 from pinfric.model.yamlfile import brief
 from pinfric.motions.joint_columns import JointColumn, listing, refuse
-from pinfric.motions.log.arrays import Log
 from pinfric.motions.log.bags import is_bag, open_bag
 from pinfric.motions.log.columns import PAYLOAD, Columns, Use, find_columns, read_mapping
 from pinfric.motions.log.csv_file import open_csv
-from pinfric.motions.log.efforts import mended_effort
 from pinfric.motions.log.files import open_matlab, open_parquet
-from pinfric.motions.log.frame import LogFrame, OpenedLog
+from pinfric.motions.log.frame import Log, LogFrame, OpenedLog
 from pinfric.motions.log.motion import Settled, settle, unwrapped
-from pinfric.motions.log.reading import ANGLE_UNITS, Reading, ReadingOptions
-from pinfric.motions.log.rows import check_times, gap_problems, ordered_rows
-from pinfric.motions.log.thinning import Thinning
+from pinfric.motions.log.reading import ANGLE_UNITS, Reading, ReadingOptions, Thinning
+from pinfric.motions.log.rows import check_times, gap_problems, mended_effort, ordered_rows
 from pinfric.motions.log.units import (
     angle_unit,
     fast_angles,
