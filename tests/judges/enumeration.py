@@ -13,7 +13,7 @@ from itertools import product
 import numpy as np
 from judges.interval_search import Loads, all_solutions
 
-from pinfric.dynamics.judge.sample import Maps
+from pinfric.dynamics.judge.sample import SampleMaps
 from pinfric.dynamics.judge.states import SiteLaw
 from pinfric.dynamics.samples.outcome import Status
 
@@ -64,7 +64,7 @@ class States:
         return self.most > 1 or not self.certain
 
 
-def enumerate_states(maps: Maps, laws: list[SiteLaw]) -> States:
+def enumerate_states(maps: SampleMaps, laws: list[SiteLaw]) -> States:
     """Return what `find_states` of `result.check()` returns, proved where it can be."""
     return Enumeration(maps, laws).run()
 
@@ -77,7 +77,7 @@ class Enumeration:
         laws: of the sites.
     """
 
-    def __init__(self, balance: Maps, laws: list[SiteLaw]) -> None:
+    def __init__(self, balance: SampleMaps, laws: list[SiteLaw]) -> None:
         self.balance, self.laws = balance, laws
         self.ns = len(laws)
         moved = np.abs(balance.contact[:, :, 1:]).max(axis=(0, 1), initial=0.0) > 0.0

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from pinfric.dynamics.judge.sample import Maps, Sample
-from pinfric.dynamics.judge.states import SiteLaw, States, find_states, site_laws
+from pinfric.dynamics.judge.sample import JudgedSample, SampleMaps
+from pinfric.dynamics.judge.states import FrictionStates, SiteLaw, find_states, site_laws
 from pinfric.dynamics.samples.outcome import Solution, SolvedMotion, Status
 
 #: Rates differ by rounding only, relative to the motion; differences and spectral radii by more.
@@ -72,7 +72,7 @@ class Check:
         return small and not self.wrong_status and not self.wrong_fields
 
 
-class Verdict(NamedTuple):
+class SampleCheck(NamedTuple):
     """The judge's result for one sample; see `Check`."""
 
     equilibrium: float = 0.0
@@ -99,7 +99,7 @@ def check_result(result: SolvedMotion, solutions: Solutions) -> Check:
         for model in [result.scene.loaded_model(carried)]
         for i in range(start, stop)
     ]
-    table = np.array(verdicts, dtype=float).reshape(-1, len(Verdict._fields))
+    table = np.array(verdicts, dtype=float).reshape(-1, len(SampleCheck._fields))
     residuals, wrong = table[:, :4], table[:, 5:7].any(axis=1)
     each = np.where(wrong, np.inf, np.nan_to_num(residuals, nan=np.inf).max(axis=1, initial=0.0))
     scale = max(scale, float(table[:, 4].max(initial=0.0)))
@@ -109,9 +109,11 @@ def check_result(result: SolvedMotion, solutions: Solutions) -> Check:
     return Check(equilibrium, law, wrench, ends, status, fields, undecided, scale, worst)
 
 
-def judge_sample(result: SolvedMotion, solutions: Solutions, model: pin.Model, i: int) -> Verdict:
+def judge_sample(
+    result: SolvedMotion, solutions: Solutions, model: pin.Model, i: int
+) -> SampleCheck:
     """Judge one sample; `model` carries its payloads."""
-    sample, status = Sample(result, model, i), Status(int(result.status[i]))
+    sample, status = JudgedSample(result, model, i), Status(int(result.status[i]))
     maps, tree = sample.maps(), result.scene.linkage is None
     laws = site_laws(sample, max(1.0, float(np.abs(maps.contact[:, :, 0]).max(initial=0.0))))
     failed = status not in (Status.CONVERGED, Status.AMBIGUOUS)
@@ -121,9 +123,9 @@ def judge_sample(result: SolvedMotion, solutions: Solutions, model: pin.Model, i
     false |= _wrong_rates(sample) or _wrong_certificates(sample, maps, laws, status, chooses)
     if status == Status.SINGULAR:
         false |= not np.isnan(result.effort_frictionless[i]).all()
-        return Verdict(wrong_status=tree or maps.regular > _REGULAR, wrong_field=false)
+        return SampleCheck(wrong_status=tree or maps.regular > _REGULAR, wrong_field=false)
     frictionless = _apart(result.effort_frictionless[i], maps.effort[:, 0])
-    verdict = Verdict(frictionless, 0.0, 0.0, 0.0, maps.scale, tree and failed, false, True)
+    verdict = SampleCheck(frictionless, 0.0, 0.0, 0.0, maps.scale, tree and failed, false, True)
     if status == Status.NOT_CONVERGED:
         return verdict
     states = find_states(maps, laws)
@@ -143,14 +145,14 @@ def judge_sample(result: SolvedMotion, solutions: Solutions, model: pin.Model, i
     ends, largest = _ends(sample, states, laws, found), [np.abs(one.effort) for one in found]
     scale = float(np.max([maps.scale, *np.concatenate([np.zeros(0), *largest])]))
     undecided = not states.certain
-    return Verdict(equilibrium, law, wrench, ends, scale, wrong, False, undecided)
+    return SampleCheck(equilibrium, law, wrench, ends, scale, wrong, False, undecided)
 
 
 def _apart(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.abs(a - b).max(initial=0.0))
 
 
-def _wrong_rates(sample: Sample) -> bool:
+def _wrong_rates(sample: JudgedSample) -> bool:
     """Whether the drives' rates, or which sites stick, are not those of the motion."""
     result, i, scene, v, a = sample.result, sample.i, sample.scene, sample.v, sample.a
     size = 1.0 if scene.linkage is None else min(1.0, scene.linkage.size)
@@ -169,7 +171,7 @@ def _wrong_rates(sample: Sample) -> bool:
 
 
 def _wrong_certificates(
-    sample: Sample, maps: Maps, laws: list[SiteLaw], status: Status, chooses: bool
+    sample: JudgedSample, maps: SampleMaps, laws: list[SiteLaw], status: Status, chooses: bool
 ) -> bool:
     """Whether `contraction`, `interval_exact` or `interval_searched` is false.
 
@@ -202,7 +204,7 @@ def _wrong_certificates(
     return bool(wrong or (searched and not may_search))
 
 
-def _reported(sample: Sample) -> Solution:
+def _reported(sample: JudgedSample) -> Solution:
     """The result's own figures of a sample where everything slides."""
     result, i, parts = sample.result, sample.i, [np.zeros(0)]
     for site, size in zip(sample.scene.sites, result.friction_lower[i], strict=True):
@@ -222,7 +224,7 @@ def _reported(sample: Sample) -> Solution:
     )
 
 
-def _residuals(maps: Maps, laws: list[SiteLaw], one: Solution) -> tuple[float, float, float]:
+def _residuals(maps: SampleMaps, laws: list[SiteLaw], one: Solution) -> tuple[float, float, float]:
     """Equilibrium, friction law and wrench of one solution: what its friction causes."""
     phi = one.friction_coordinates
     x, load = np.append(1.0, phi), maps.loads(phi)
@@ -238,7 +240,9 @@ def _residuals(maps: Maps, laws: list[SiteLaw], one: Solution) -> tuple[float, f
     return _apart(one.effort, maps.effort @ x), law, wrench
 
 
-def _reference(sample: Sample, maps: Maps, states: States) -> tuple[float, float]:
+def _reference(
+    sample: JudgedSample, maps: SampleMaps, states: FrictionStates
+) -> tuple[float, float]:
     """How far loads, and wrenches, are from a state in which what sticks has no friction."""
     result, i = sample.result, sample.i
     nearest = (0.0, 0.0) if len(states.reference) == 0 else (np.inf, np.inf)
@@ -252,7 +256,7 @@ def _reference(sample: Sample, maps: Maps, states: States) -> tuple[float, float
     return nearest
 
 
-def _left_by_others(sample: Sample, maps: Maps, states: States) -> float:
+def _left_by_others(sample: JudgedSample, maps: SampleMaps, states: FrictionStates) -> float:
     """Narrow the range of friction where it alone balances a joint: D phi = total there.
 
     Each site has what the others on that joint leave. Returns what friction cannot balance.
@@ -271,7 +275,7 @@ def _left_by_others(sample: Sample, maps: Maps, states: States) -> float:
 
 
 def _ends(
-    sample: Sample, states: States, laws: list[SiteLaw], found: tuple[Solution, ...]
+    sample: JudgedSample, states: FrictionStates, laws: list[SiteLaw], found: tuple[Solution, ...]
 ) -> float:
     """How far the reported ends of efforts and frictions are from those of the states.
 

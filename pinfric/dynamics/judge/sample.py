@@ -60,7 +60,7 @@ class Action(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Maps:
+class SampleMaps:
     """Everything of one sample as an affine function of its friction: [..., 0] + [..., 1:] phi.
 
     Attributes:
@@ -96,7 +96,7 @@ class Maps:
         return self.constant + np.bincount(self.owner, size, len(self.constant))
 
 
-class Sample:
+class JudgedSample:
     """One sample of a result, with Pinocchio's joint Jacobians and all pairs by name.
 
     Args:
@@ -162,7 +162,7 @@ class Sample:
         h, slope = 1e-3 * size / fastest, np.zeros(len(S))
         for steps, weight in ((1, 8), (-1, -8), (2, -1), (-2, 1)):
             there = pin.integrate(self.model, self.q, steps * h * self.v)
-            moved = Sample(self.result, self.model, self.i, there).drives()
+            moved = JudgedSample(self.result, self.model, self.i, there).drives()
             rate = _rows(moved, self.model.nv) @ (self.v + steps * h * self.a)
             slope += weight * rate / (12.0 * h)
         return S @ self.v, slope
@@ -201,7 +201,7 @@ class Sample:
             out[row] = -carries[row + 1] * self.data.oMi[int(row) + 1].actInv(about_origin).vector
         return out
 
-    def maps(self) -> Maps:
+    def maps(self) -> SampleMaps:
         """Return the sample's maps."""
         scene, nv = self.scene, self.model.nv
         total, given = self.given()
@@ -243,7 +243,7 @@ class Sample:
         regular = float(size[:rank].min(initial=1.0) / max(size.max(initial=1.0), 1e-300))
         least = sizes[: len(free)].min(initial=np.inf) / max(sizes[0], _size(scene))
         missed = free @ (S.T @ effort[:, 0] - total)
-        return Maps(
+        return SampleMaps(
             effort,
             self._loops(multipliers, y),
             site_wrench,
@@ -288,7 +288,9 @@ def _at_pair(pair: Pair, actions: Sequence[Action], x: np.ndarray) -> np.ndarray
     return total
 
 
-def _contacts(sample: Sample, wrench: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _contacts(
+    sample: JudgedSample, wrench: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Contact forces (nt, 3, 1 + ne), their sites (nt,), constant parts of loads (ns,)."""
     scene, slope = sample.scene, wrench[:, :, 1:]
     forces, owner, constant = [], [], np.zeros(len(scene.sites))

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from pinfric.dynamics.judge.plain_laws import plain_friction
-from pinfric.dynamics.judge.sample import Maps, Sample
+from pinfric.dynamics.judge.sample import JudgedSample, SampleMaps
 from pinfric.dynamics.samples.outcome import Status
 from pinfric.model.scene import Site
 
@@ -51,11 +51,11 @@ class SiteLaw:
         return np.vstack([-self.options[:1], self.options]) if self.sphere else self.options
 
 
-def site_laws(sample: Sample, scale: float) -> list[SiteLaw]:
+def site_laws(sample: JudgedSample, scale: float) -> list[SiteLaw]:
     """Return the possible frictions of each site.
 
     Args:
-        sample: `Sample`.
+        sample: `JudgedSample`.
         scale: of loads (N m or N), where the laws are asked.
     """
     laws = []
@@ -81,7 +81,7 @@ def site_laws(sample: Sample, scale: float) -> list[SiteLaw]:
 
 
 @dataclass
-class States:
+class FrictionStates:
     """The states of one sample.
 
     Attributes:
@@ -109,7 +109,7 @@ class States:
         return self.most > 1 or not self.certain
 
 
-def find_states(maps: Maps, laws: list[SiteLaw]) -> States:
+def find_states(maps: SampleMaps, laws: list[SiteLaw]) -> FrictionStates:
     """Solve the choices of a sample; each widens the ends."""
     ns, at, U, rng = len(laws), maps.entry_site, maps.effort, np.random.default_rng(0)
     acts = np.bincount(at, np.abs(maps.contact[:, :, 1:]).sum(axis=(0, 1)), ns) > 0.0
@@ -148,7 +148,7 @@ def find_states(maps: Maps, laws: list[SiteLaw]) -> States:
         if len(values):
             ranges[:, s] = values.min(), values.max()
     count = np.bincount(choice, minlength=len(codes))
-    return States(
+    return FrictionStates(
         np.fmin.reduce(low, axis=0, initial=np.nan),
         np.fmax.reduce(high, axis=0, initial=np.nan),
         ranges[0],
@@ -161,7 +161,7 @@ def find_states(maps: Maps, laws: list[SiteLaw]) -> States:
 
 
 def solve_choices(
-    maps: Maps, lines: np.ndarray, directions: np.ndarray
+    maps: SampleMaps, lines: np.ndarray, directions: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return every solution of z = k + sum |p + P phi|, phi = direction (alpha + beta z).
 
