@@ -44,7 +44,7 @@ FIRST = {
     "accuracy/": "accuracy",
     "identification/": "identification",
     "show/pages/test_identification": "identification",
-    "show/figure/test_measured.py": "identification",
+    "show/figure/test_steps.py": "identification",
     "exporting/": "exports",
     "show/report/test_export.py": "exports",
     "dynamics/forward/test_compensation.py": "exports",

@@ -1,14 +1,29 @@
-"""Loops of a scene that cannot be are refused by name."""
+"""Parts of a model, each by itself."""
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from mechanisms import four_bar
 
 import pinfric as pf
 from pinfric.errors import (
     SceneError,
+    UndrivenMotionError,
 )
+from pinfric.model.brief import screen
+
+# Brief: short texts about an object.
+
+
+def test_a_screen_keeps_its_width_whatever_it_is_told():
+    text = screen("Thing", "word " * 100, {"fact": "x" * 500, "none": "", "many": "a b " * 300})
+    assert max(map(len, text.splitlines())) <= 100
+    assert len(text.splitlines()) <= 6
+    assert "none" not in text
+
+
+# Loops: loops of a scene that cannot be are refused by name.
 
 
 @pytest.mark.parametrize(
@@ -47,3 +62,27 @@ def test_bearings_that_do_not_fit_their_loop_are_refused(kind, bearing, says):
     friction = {"B": {"bearing": bearing, "mu": {"static": 0.1, "kinetic": 0.1}}}
     with pytest.raises(SceneError, match=says):
         pf.Scene(model=scene.model, loops=[loop], actuators=[{"joint": "O"}], friction=friction)
+
+
+# Mobility: actuators against the freedoms that loops leave.
+
+
+def scene_with(actuators, **more):
+    scene, _ = four_bar()
+    return pf.Scene(model=scene.model, loops=scene.loops, actuators=actuators, **more)
+
+
+@pytest.mark.parametrize(
+    ("actuators", "says"),
+    [
+        ([], "0 for 1 degree of freedom; undriven: A, where this motion needs 0.389 .* sample 0"),
+        ([{"joint": "O"}, {"joint": "A"}], "2 for 1 degree of freedom: .*keep only 1 of O, A"),
+        (None, "3 for 1 degree of freedom: .*keep only 1 of O, A, C"),
+        ([{"joint": "X"}], "joint 'X' is not there"),
+        ([{"joint": "O"}, {"joint": "O"}], "'O' is listed twice"),
+    ],
+)
+def test_actuators_are_counted_against_the_freedoms_that_loops_leave(actuators, says):
+    q = four_bar()[0].close(np.full(3, 0.5))
+    with pytest.raises((SceneError, UndrivenMotionError), match=says):
+        pf.inverse_dynamics(scene_with(actuators), q, np.zeros(3), np.zeros(3))

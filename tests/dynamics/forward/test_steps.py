@@ -1,14 +1,21 @@
-"""What the constraints of a mechanism do with velocities."""
+"""Steps of forward dynamics, each by itself."""
 
 from __future__ import annotations
 
+import pickle
+import threading
+
 import numpy as np
 import pytest
+from builders import block, plane_friction
 from cases import rocker_driven_four_bar, turning_four_bar
 from mechanisms import FIVE_BAR, five_bar, pin_friction
 
-from pinfric.dynamics.forward.workspace import Workspace
+import pinfric as pf
+from pinfric.dynamics.forward.workspace import Workspace, workspace
 from pinfric.dynamics.samples.closure import consistent_motion
+
+# Constraints: what the constraints of a mechanism do with velocities.
 
 
 @pytest.mark.parametrize("pin", range(4))
@@ -50,3 +57,43 @@ def test_a_pin_that_stops_in_a_fast_mechanism_has_no_speed_left():
     assert abs(slower[index]) < 1e-15
     assert 0.0 < np.abs(slower - v).max() < 1e-6
     np.testing.assert_array_equal(rests, stopped)
+
+
+# Workspace: workspaces: of their own for each thread, and unchanged from call to call.
+
+
+def test_nothing_of_an_instant_changes_with_the_next_call():
+    scene = pf.Scene(model=block(0.5), friction={"slide": plane_friction(0.35, 0.3)})
+    first = pf.forward_dynamics(scene, [0.0], [1.0], [0.0])
+    kept = [np.copy(x) for x in first]
+    pf.forward_dynamics(scene, [0.3], [-2.0], [5.0])
+    for now, then in zip(first, kept, strict=True):
+        np.testing.assert_array_equal(now, then)
+
+
+def test_threads_and_pickles_have_workspaces_of_their_own():
+    scene = pf.Scene(model=block(0.5), friction={"slide": plane_friction(0.35, 0.3)})
+    mine = workspace(scene)
+    assert workspace(scene) is mine
+    other: list[Workspace] = []
+    thread = threading.Thread(target=lambda: other.append(workspace(scene)))
+    thread.start()
+    thread.join()
+    assert other[0] is not mine
+    copied = pickle.loads(pickle.dumps(scene))
+    a = [pf.forward_dynamics(s, [0.0], [1.0], [0.0]).a[0] for s in (scene, copied)]
+    assert a[0] == a[1]
+
+
+def test_the_last_solution_is_no_guess_where_there_may_be_several(monkeypatch):
+    """Newton's method found another of them from it; a search starts from the state alone."""
+    scene = pf.Scene(model=block(0.5), friction={"slide": plane_friction(0.35, 0.3)})
+    ws, guesses = Workspace(scene), []
+    seek = Workspace.search
+    monkeypatch.setattr(
+        Workspace, "search", lambda ws: (guesses.append(ws.modes.friction[0]), seek(ws))[1]
+    )
+    ws.solve(np.zeros(1), np.ones(1), np.zeros(1))
+    ws.solve(np.zeros(1), np.zeros(1), np.full(1, 20.0))
+    assert np.isnan(guesses).all()
+    assert len(guesses) == 1

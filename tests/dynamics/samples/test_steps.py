@@ -1,4 +1,4 @@
-"""Wrenches at joints and links by name."""
+"""Reactions and reversals of samples."""
 
 from __future__ import annotations
 
@@ -8,6 +8,9 @@ import pytest
 from builders import block, plane_friction
 
 import pinfric as pf
+from pinfric.dynamics.samples.reversals import reversals
+
+# Reactions: wrenches at joints and links by name.
 
 
 def test_a_tool_wrench_loads_the_bearings_too():
@@ -33,3 +36,15 @@ def test_a_link_with_a_joints_name_is_the_link():
         pf.Scene(model=block(mass=2.0)), [[0.0]], [[0.0]], [[0.0]], {"slide": push}
     )
     assert bare[0, 0, 0] == pytest.approx(-10.0)
+
+
+# Reversals: reversals between samples, also between the parts of two threads.
+
+
+def test_a_reversal_between_two_threads_parts_is_seen_once():
+    """Four parts of two samples: the sign changes at every border, and each time slower behind."""
+    velocity = np.array([3.0, 2.0, -1.0, -2.0, 1.0, 2.0, -1.0, -2.0])[:, None]
+    expected = [False, False, True, False, True, False, True, False]
+    for threads in (1, 2, 3, 4):
+        found = reversals(velocity, np.zeros(1), threads)
+        assert found[:, 0].tolist() == expected, threads

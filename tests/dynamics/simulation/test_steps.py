@@ -1,0 +1,114 @@
+"""Steps of a simulation, each by itself."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from builders import block, plane_friction
+from simulation_cases import G, arm
+
+import pinfric as pf
+from pinfric.dynamics.simulation.crossing import first_crossing, root
+from pinfric.errors import SimulationError
+
+# Crossing: first crossings of zero in a step.
+
+
+@pytest.mark.parametrize(
+    ("guard", "expected"),
+    [
+        (lambda t: 0.7 - t, 0.7),
+        (lambda t: (t - 0.41) ** 2 + 1e-6, None),
+        (lambda t: (t - 0.41) ** 2 - 1e-6, 0.409),
+        (lambda t: t * (0.5 - t), 0.5),  # starts on zero
+        (lambda t: t - 0.1, 0.0),  # below from the start
+        (lambda t: t**3, None),  # starts on zero and leaves upwards
+        (lambda t: -t, 0.0),  # fires where it starts
+        (lambda t: -1e-12 * np.ones_like(t), None),  # rounding
+        (lambda t: max(0.0, 0.3 - t) if t < 0.6 else 0.55 - t, 0.6),  # a jump
+        (lambda t: 0.0 if t < 0.5 else 0.5 - t, 0.5),  # on zero for a while, then below
+        (
+            lambda t: 1.0 + np.cos(20 * t) - 0.02,
+            (np.pi - np.arccos(0.98)) / 20,
+        ),  # waves between looks
+    ],
+)
+def test_first_crossing(guard, expected):
+    times = np.linspace(0.0, 1.0, 6)
+    found = first_crossing(guard, times, np.array([guard(t) for t in times]), 1e-11)
+    if expected is None:
+        assert found is None
+    else:
+        assert found == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("before", "after"), [(1e-3, -1.0), (0.3, -0.3), (0.5, -1e-9), (2.0, -0.1)]
+)
+def test_the_root_of_a_jump_is_its_far_side(before, after):
+    """There what fired is below zero; a stick or slip that is tried there goes on."""
+    for place in np.random.default_rng(0).uniform(0.1, 0.9, 20):
+
+        def guard(t, place=place):
+            return before if t < place else after
+
+        found = root(guard, 0.0, 1.0)
+        assert guard(found) == after
+        assert found - place < 1e-14
+
+
+# Regularized: regularized friction: its own error, and creep as predicted.
+
+
+def test_regularized_follows_the_belt_with_an_error_of_its_own():
+    """Without a static peak (static = kinetic) it comes as near as its velocity lets it."""
+    scene = pf.Scene(model=block(0.0), friction={"slide": plane_friction(0.3, 0.3)})
+
+    def effort(t, q, v):
+        return np.array([8.0 * np.sin(3 * t)])
+
+    exact = pf.simulate(scene, [0.0], [0.0], effort, 3.0, rtol=1e-10)
+    near = pf.simulate(scene, [0.0], [0.0], effort, 3.0, "regularized")
+    nearer = pf.simulate(
+        scene, [0.0], [0.0], effort, 3.0, "regularized", regularization_velocity=1e-5
+    )
+    errors = [abs(m.q[-1, 0] - exact.q[-1, 0]) for m in (near, nearer)]
+    assert 1e-6 < errors[0] < 1e-2
+    assert errors[1] < 0.1 * errors[0]
+
+
+def test_regularized_creeps_as_predicted():
+    """v = velocity artanh(torque / limit) while the arm has hardly moved."""
+    scene = arm()
+    velocity = 1e-6
+    motion = pf.simulate(
+        scene,
+        [0.0, 0.0],
+        [0.0, 0.0],
+        [0.0, 0.0],
+        100.0,
+        "regularized",
+        regularization_velocity=velocity,
+    )
+    torque = np.array([G * 0.1 + G * 0.3, G * 0.1])  # of both links, of the second one
+    limit = 0.2 * 0.05 * (np.array([2 * G, G]) + 500)
+    speed = velocity * np.arctanh(torque / limit)
+    np.testing.assert_allclose(motion.q[-1], 100 * speed, rtol=1e-3)
+    assert (motion.q[-1] > 1e-5).all()
+
+
+# Scene run: the `simulation` section of a scene file, run.
+
+
+@pytest.mark.parametrize("method", ["event", "timestepping", "regularized"])
+@pytest.mark.parametrize("t_end", [0, 0.0, -1.0])
+def test_an_end_that_is_given_is_not_replaced_by_the_scenes(method, t_end):
+    """At 0 the scene's own two seconds ran."""
+    with pytest.raises(SimulationError, match="t_end"):
+        pf.run_scene(pf.load_scene("pendulum"), t_end=t_end, method=method)
+
+
+def test_without_an_end_it_is_the_scenes():
+    scene = pf.load_scene("pendulum")
+    assert pf.run_scene(scene).t[-1] == scene.simulation.t_end
+    assert pf.run_scene(scene, t_end=0.25).t[-1] == 0.25
