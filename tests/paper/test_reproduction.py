@@ -49,7 +49,7 @@ def test_both_formulations_close_a_loop_alike(printed):
 
 def test_the_readings_are_stated_and_the_figures_drawn(printed):
     answer, folder = printed
-    assert len(answer["readings"]) == 3
+    assert len(answer["readings"]) == 4
     names = {p.name for p in folder.iterdir()}
     assert names == {f"figure_{n}.png" for n in (5, 6, 8, 9, 10)} | {"summary.json"}
 

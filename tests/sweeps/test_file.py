@@ -159,7 +159,7 @@ def test_file_is_read_and_named_in_messages(tmp_path):
     with pytest.raises(SweepError, match=r"my\.sweep\.yaml: `parameters` or `table` is missing"):
         load_sweep(path)
     with pytest.raises(SweepError, match=r"there are: .*panda_pick_and_place\.sweep\.yaml"):
-        load_sweep("panda")
+        load_sweep("panda_pick")
 
 
 def test_example_in_the_guide_fits_the_panda():
