@@ -159,7 +159,7 @@ def test_holds_payloads_and_moves():
 
 @pytest.mark.parametrize("width", [0.005, 0.02, 0.05, 0.2])
 def test_a_smoothed_motion_keeps_its_limits(width):
-    """Without tightening 20 ms exceed them by 5 %; judged by inverse dynamics of its samples."""
+    """Judged by inverse dynamics of its samples."""
     scene, plain = planar(), retime(planar(), WAVE, MOTORS)
     found = retime(scene, WAVE, MOTORS, smooth=width)
     judged = pf.inverse_dynamics(scene, found.trajectory)
