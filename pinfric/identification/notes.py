@@ -123,12 +123,20 @@ def _misfits(found: Estimate, shapes: Sequence[Misfit]) -> list[str]:
 
 
 def _of_falls(found: Estimate) -> list[str]:
-    """Joints whose logs admit two exponents of the fall from rest to motion."""
+    """Joints whose logs admit several exponents of the fall from rest to motion."""
+    falls = zip(found.scene.joint_names, found.falls, found.choice.laws, strict=False)
+    each = [
+        f"{name} {', '.join(f'{n:g}' for n in sorted([fall.exponent, *others]))}"
+        for name, fall, law in falls
+        if fall is not None
+        and law.stribeck
+        and (others := [other.exponent for other in fall.others])
+    ]
+    if not each:
+        return []
     return [
-        f"{found.scene.joint_names[j]}: friction falls from rest to motion as well with the "
-        f"exponent {fall.other.exponent:g} as with {fall.exponent:g}; intervals contain both"
-        for j, fall in enumerate(found.falls)
-        if fall is not None and fall.other is not None and found.choice.laws[j].stribeck
+        "these logs do not tell with which exponent friction falls from rest to motion; "
+        f"intervals contain the coefficients of each: {'; '.join(each)}"
     ]
 
 

@@ -1,9 +1,16 @@
 """Stribeck friction of one joint: friction that falls from rest to motion, and at which speed.
 
-    friction = ... + e+ s(v) [v > 0] - e- s(v) [v < 0],    s = exp(-(|v|/v_s)^n),  n = 1 or 2
+    friction = ... + e+ s(v) [v > 0] - e- s(v) [v < 0],    s = exp(-(|v|/v_s)^n),  1 <= n <= 2
 
 e+ and e- are coefficients like all others. The model is not linear in n and the speed v_s, so those
-that leave the least residual are searched; the covariance has a column for v_s, d/d(log v_s).
+that leave the least residual are searched; the covariance has a column for v_s, d/d(log v_s). Logs
+often hardly tell one n from another, so each n is admitted that fits worse by less than three
+standard errors,
+
+    (|r'|^2 - |r|^2) |d|^2 <= 9 sum of (d_b^T r_b)^2,    d = r' - r
+
+r: the residual with the best n, r': with another one. The sum is over blocks, since residuals are
+autocorrelated.
 """
 
 from __future__ import annotations
@@ -31,10 +38,9 @@ _LEAST_GAIN = 0.04
 #: Speeds that are tried, from the slowest logged sliding to half the fastest.
 _TRIED = 12
 #: n that are tried.
-_EXPONENTS = (1.0, 2.0)
-#: Exponents fit alike whose residuals' sums of squares differ by less than this share: with known
-#: truth it was 1.4 % at most where the wrong one left less.
-_ALIKE = 0.02
+_EXPONENTS = (1.0, 1.5, 2.0)
+#: Standard errors by which an exponent must fit worse to be left out.
+_REJECTED = 3.0
 #: How far log v_s is searched about the best speed tried.
 _AROUND = 1.0
 _FALLS = [SLOT[FALL_FORWARD], SLOT[FALL_BACKWARD]]
@@ -48,14 +54,14 @@ class Fall:
         velocity: v_s, at which 1/e of the excess is left, rad/s or m/s.
         exponent: n.
         forward, backward: the excess at rest, N m or N, about which d/d(log v_s) is taken.
-        other: the best fall with another exponent, where it fits as well.
+        others: the best fall with each other exponent that is admitted.
     """
 
     velocity: float
     exponent: float
     forward: float
     backward: float
-    other: Fall | None = None
+    others: tuple[Fall, ...] = ()
 
 
 def find_fall(
@@ -80,16 +86,17 @@ def find_fall(
     rest = rows.effort * root[:, 0]
     rest = rest - basis @ (basis.T @ rest)
 
-    def fitted(columns: FloatArray) -> tuple[float, FloatArray]:
-        """By how much two columns reduce the residual's sum of squares, and their coefficients."""
+    def fitted(columns: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+        """By how much two columns reduce the residual's squares; coefficients; what they fit."""
         own = columns * root
         own = own - basis @ (basis.T @ own)
         values: FloatArray = np.linalg.lstsq(own, rest, rcond=1e-8)[0].astype(float)
-        return float(np.sum((own @ values) ** 2)) * bool(values.min() > 0.0), values
+        fit = own @ values
+        return float(fit @ fit) * bool(values.min() > 0.0), values, fit
 
     low, high = np.log(np.quantile(speed, (0.01, 0.98)) * (1.0, 0.5))
     tried = np.linspace(low, high, _TRIED)
-    found: list[tuple[float, Fall]] = []
+    found: list[tuple[float, Fall, FloatArray]] = []
     for n in _EXPONENTS:
         # first without the low pass, which changes little away from rest
         gains = [fitted(_ways(rows.velocity, float(np.exp(x)), n))[0] for x in tried]
@@ -97,39 +104,42 @@ def find_fall(
             continue
         middle = tried[int(np.argmax(gains))]
         ends = max(middle - _AROUND, low - _AROUND), min(middle + _AROUND, high)
-        best = float(
-            minimize_scalar(
-                lambda x, n=n: -fitted(_passed(prepared, joint, float(np.exp(x)), n))[0],
-                bounds=ends,
-                method="bounded",
-                options={"xatol": 5e-3},
-            ).x
+        searched = minimize_scalar(
+            lambda x, n=n: -fitted(_passed(prepared, joint, float(np.exp(x)), n))[0],
+            bounds=ends,
+            method="bounded",
+            options={"xatol": 5e-3},
         )
-        velocity = float(np.exp(best))
-        gain, values = fitted(_passed(prepared, joint, velocity, n))
+        velocity = float(np.exp(searched.x))
+        gain, values, fit = fitted(_passed(prepared, joint, velocity, n))
         if gain > 0.0:
-            found.append((gain, Fall(velocity, n, *values.tolist())))
+            found.append((gain, Fall(velocity, n, *values.tolist()), fit))
     if not found:
         return None
-    (gain, fall), *others = sorted(found, key=lambda one: -one[0])
-    alike = [other for own, other in others if gain - own < _ALIKE * (float(rest @ rest) - gain)]
-    return replace(fall, other=alike[0]) if alike else fall
+    gain, fall, best = max(found, key=lambda one: one[0])
+    admitted = []
+    for own, other, fit in found:
+        apart = fit - best
+        scores = np.bincount(rows.block, apart * (rest - best))
+        if (gain - own) * float(apart @ apart) <= _REJECTED**2 * float(scores @ scores):
+            admitted.append(other)
+    return replace(fall, others=tuple(one for one in admitted if one is not fall))
 
 
-def beside_other(prepared: Sequence[Prepared], joint: int, fall: Fall) -> FloatArray:
-    """Return (n,) by how much more friction `fall.other` is than `fall`, of a joint's rows.
+def beside_other(prepared: Sequence[Prepared], joint: int, fall: Fall, other: Fall) -> FloatArray:
+    """Return (n,) by how much more friction another fall is, of a joint's rows.
 
     Args:
         prepared: the logs.
         joint: which one.
-        fall: of its friction, with another one that fits as well.
+        fall: of its friction.
+        other: with another exponent.
     """
-    assert fall.other is not None
-    now, other = (
+    now, then = (
         _passed(prepared, joint, one.velocity, one.exponent) @ [one.forward, one.backward]
-        for one in (fall, fall.other)
+        for one in (fall, other)
     )
-    return np.asarray(other - now)
+    return np.asarray(then - now)
 
 
 def with_falls(prepared: Prepared, falls: tuple[Fall | None, ...]) -> Prepared:

@@ -209,15 +209,18 @@ def _solved(left: FloatArray, right: FloatArray) -> FloatArray:
 
 
 def _other_falls(found: Estimate, place: NDArray[np.int64]) -> Iterator[FloatArray]:
-    """Yield (n,) half the changes of the coefficients with another fall that fits as well.
+    """Yield (n,) the changes of the coefficients with each other exponent that is admitted.
 
-    Half, so that an interval of two standard deviations reaches the other fall's coefficients.
+    Where that one is right they are the error, so its square adds to the variance.
     """
     K, p = len(SLOTS), found.fit.theta.size
-    for j, fall in enumerate(found.falls):
-        if fall is None or fall.other is None or not found.choice.laws[j].stribeck:
-            continue
-        other = fall.other
+    every = [
+        (j, fall, other)
+        for j, fall in enumerate(found.falls)
+        if fall is not None and found.choice.laws[j].stribeck
+        for other in fall.others
+    ]
+    for j, fall, other in every:
         direct = {
             FALL_FORWARD: other.forward - fall.forward,
             FALL_BACKWARD: other.backward - fall.backward,
@@ -227,7 +230,7 @@ def _other_falls(found: Estimate, place: NDArray[np.int64]) -> Iterator[FloatArr
         rest, off = place[~np.isin(place, own)], np.zeros(place.size)
         to, columns = of_joint(rest, j, p)
         rows, right = found.rows[j], np.zeros(p + rest.size)
-        more = beside_other(found.prepared, j, fall)[:, None] * _row_weights(found, j)
+        more = beside_other(found.prepared, j, fall, other)[:, None] * _row_weights(found, j)
         right[to] = -(np.hstack((rows.rigid, rows.slots))[:, columns].T @ more)[:, 0]
         left = _left(found, rest)
         if found.problem.prior.kept:
@@ -235,7 +238,7 @@ def _other_falls(found: Estimate, place: NDArray[np.int64]) -> Iterator[FloatArr
         off[~np.isin(place, own)] = _solved(left, right)[right.size - rest.size :]
         for at, change in zip(own, direct.values(), strict=True):
             off[place == at] = change
-        yield 0.5 * off
+        yield off
 
 
 def _one_sided(found: Estimate, place: NDArray[np.int64]) -> Iterator[FloatArray]:
