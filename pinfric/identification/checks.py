@@ -79,12 +79,15 @@ def check_efforts(scene: Scene, rows: Sequence[Rows], given: Collection[str]) ->
         ):
             factors[j] = slope
     if factors and not _carries(rows, theta, factors):
+        names = zip(scene.joint_names, rows, strict=True)
+        still = ", ".join(name for name, one in names if one.effort.size == 0)
+        dead = f"; {still} never moves in the log: is its encoder dead?" if still else ""
         problems += [
             f"joint {scene.joint_names[j]}: its effort is {slope:.3g} times what the URDF's masses "
             "need: is it at the motor's shaft (--effort-at motor), or in A? Give the factor to N m "
             "by --gain "
             f"{scene.joint_names[j]}=FACTOR ({scene.joint_names[j]}=1 if it is "
-            "in N m, and the masses are wrong or the scene lacks a payload)"
+            f"in N m, and the masses are wrong or the scene lacks a payload){dead}"
             for j, slope in factors.items()
         ]
     if problems:

@@ -186,13 +186,11 @@ def _of_logs(found: Estimate) -> list[str]:
             "one log only: how much friction changes from day to day is not known; "
             "between logs of one robot it changed by 1 to 10 %"
         )
-    if not delay.determined:
-        why = f"standard error {1e3 * delay.standard_error:.1f} ms"
-        if np.isinf(delay.standard_error):
-            why = "its search ended at a bound: the model lacks something"
+    if np.isfinite(delay.standard_error) and not delay.determined:
         lines.append(
-            f"the delay of the efforts is not determined ({why}) and is taken as "
-            f"{1e3 * delay.value:.1f} ms: log faster motion"
+            "the delay of the efforts is not determined (standard error "
+            f"{1e3 * delay.standard_error:.1f} ms) and is taken as {1e3 * delay.value:.1f} ms: log "
+            "faster motion"
         )
     if sum(moving) > 1:
         logs = zip(found.prepared, delay.logs, strict=True)
@@ -206,8 +204,14 @@ def _of_logs(found: Estimate) -> list[str]:
 
 
 def _delays(found: Estimate) -> list[str]:
-    """Joints whose efforts lag by another time; of one that is not explained it says nothing."""
+    """Efforts that lag by no time found, and joints by another one if they are explained."""
     names = found.scene.joint_names
+    if np.isinf(found.delay.standard_error):
+        return [
+            "lack of fit: the delay of the efforts is not determined (its search ended at a "
+            f"bound) and is taken as {1e3 * found.delay.value:.1f} ms: are they logged much later "
+            "than the angles, or by another clock?"
+        ]
     each = [
         f"{names[j]} {1e3 * value:.1f} +- {1e3 * error:.1f} ms"
         for j, (value, error) in other_delays(found.delay).items()
@@ -259,8 +263,8 @@ def _doubted(
     names = found.scene.joint_names
     return {
         "the model does not explain its effort (held-out error / error of the mean effort), so it "
-        "keeps the scene's friction: check sign, zero and unit of its angle and effort, and those "
-        "of its neighbours": [
+        "keeps the scene's friction: check joint, sign, zero and unit of its columns of angle and "
+        "effort, and of its neighbours'": [
             f"{names[j]} {100 * share:.0f} %" for j, share in found.unexplained.items()
         ],
         "the error is above 10 % even on the fitted data, so something is missing or wrong "

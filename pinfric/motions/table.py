@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -90,14 +90,16 @@ def complete_derivatives(
         return v, a
     bare = [i for i in missing if np.isnan(v[0, i])]
     problems += _coarse_rows([columns[i] for i in bare], table.t, table.position[:, bare])
-    apart = gaps(table.t) if missing else ()
+    apart, across = gaps(table.t) if missing else (), dict[str, list[str]]()
     for i in missing:
         q, resolution = table.position[:, i], table.resolution[i]
         holds = find_holds(q, resolution)
         step = float(table.t[1] - table.t[0])
         if resolution > 0.0 and np.ptp(np.diff(table.t)) < 1e-6 * step:
             (holds,) = with_resting_ends(q[:, None], step, [resolution / np.sqrt(12.0)], [holds])
-        problems += _moved_across(columns[i], table.t, q, apart)
+        if moved := [k for k in apart if q[k] != q[k + 1]]:
+            where = listing(f"{table.t[k]:.6g} to {table.t[k + 1]:.6g} s" for k in moved)
+            across.setdefault(where, []).append(columns[i].name)
         try:
             if not np.isnan(v[0, i]):
                 a[:, i] = velocity_derivative(table.t, v[:, i], holds)
@@ -113,6 +115,11 @@ def complete_derivatives(
         if np.isnan(a[0, i]):
             a[:, i] = fitted_a
             warnings += _noise_warning(columns[i], table.t, fitted_a, resolution)
+    problems += [
+        f"joint{'s' * (len(names) > 1)} {', '.join(names)}: moves across gaps in time ({where}), "
+        "where its derivatives are unknown; give .v and .a, or the missing samples"
+        for where, names in across.items()
+    ]
     return v, a
 
 
@@ -169,19 +176,6 @@ def _starts_and_ends_at_speed(
         return np.zeros(speed.size, dtype=bool)
     slowest = np.minimum(np.abs(slopes[0]), np.abs(slopes[-1]))
     return np.asarray(slowest >= _AT_SPEED * speed)
-
-
-def _moved_across(
-    column: JointColumn, t: FloatArray, q: FloatArray, apart: Iterable[int]
-) -> list[str]:
-    moved = [i for i in apart if q[i] != q[i + 1]]
-    if not moved:
-        return []
-    where = listing(f"{t[i]:.6g} to {t[i + 1]:.6g} s" for i in moved)
-    return [
-        f"joint {column.name}: moves across gaps in time ({where}), where its derivatives "
-        "are unknown; give .v and .a, or the missing samples"
-    ]
 
 
 def mismatch_warning(

@@ -65,8 +65,10 @@ def test_efforts_that_were_not_measured_and_logs_that_hardly_move_are_refused():
     dead = short().effort * np.array([1, 1, 0, 1, 1, 1])
     with pytest.raises(IdentificationError, match=f"joint {NAMES[2]}: its effort is always 0"):
         pf.identify(guess(0), replace(short(), effort=dead))
-    after = np.asarray(short().t) > short().t[500]  # 5 s of 20: then it stays where it is
-    stays = np.where(after[:, None], short().q[500], short().q)
+    # 5 s of 20: then it comes to rest
+    rate, since = 100.0, np.maximum(np.arange(len(short().q)) - 500, 0)[:, None] / 100.0
+    runs_out = 0.1 * rate * (short().q[500] - short().q[499]) * (1.0 - np.exp(-since / 0.1))
+    stays = np.where(since > 0.0, short().q[500] + runs_out, short().q)
     with pytest.raises(IdentificationError, match="in 3 blocks of"):
         pf.identify(guess(0), replace(short(), q=stays))
 

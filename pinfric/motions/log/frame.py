@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -176,7 +177,7 @@ def _bad_cells(rows: RawRows, absent: NDArray[np.bool_]) -> list[str]:
         where = listing(
             f"line {lines[i]}, column {names[j]}: {brief(rows.cell(i, j))}" for i, j in words
         )
-        found.append(f"not a number: {where}")
+        found.append(f"not a number: {where}; {_remedy([rows.cell(i, j) for i, j in words])}")
     for j, name in enumerate(names):
         column = rows.frame.values[:, j]
         wrong = np.flatnonzero(~np.isfinite(column) & ~rows.unreadable[:, j]).tolist()
@@ -184,6 +185,15 @@ def _bad_cells(rows: RawRows, absent: NDArray[np.bool_]) -> list[str]:
             where = listing(f"{column[i]:g} at sample {i} (line {lines[i]})" for i in wrong)
             found.append(f"column {name}: {where}; every value must be finite")
     return found
+
+
+def _remedy(cells: Sequence[str]) -> str:
+    """What to do about cells that are no numbers."""
+    if any(re.search(r"\d[.:/-]\d+[.:/-]\d", cell) for cell in cells):
+        return "times are seconds, or ISO 8601 (2026-11-22T10:00:00.25)"
+    if any(re.fullmatch(r"-?\d+,\d+", cell) for cell in cells):
+        return "write decimal points, or separate the columns by semicolons"
+    return "leave these rows out, or log them again"
 
 
 @dataclass(frozen=True)

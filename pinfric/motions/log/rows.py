@@ -121,7 +121,10 @@ def ordered_rows(
         where = listing(
             f"line {lines[i]} (t = {t[i]:.9g} after {t[i - 1]:.9g})" for i in wrong.tolist()
         )
-        problems.append(f"time must increase; it does not at {where}")
+        problems.append(
+            f"time must increase; it does not at {where}; sort the rows by time, or log finer or "
+            "other stamps"
+        )
         return every
     notes.append(
         f"left out {counted(wrong.size, 'row')} with repeated or backward time stamps, the first "

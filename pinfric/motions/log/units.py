@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from pinfric.dynamics.inverse.result import runs
 from pinfric.motions.joint_columns import LIMIT_TOLERANCE, JointColumn, listing
 from pinfric.motions.log.frame import FEWEST
 from pinfric.motions.log.reading import ANGLE_UNITS, TIME_UNITS
@@ -27,8 +28,9 @@ _TOO_FAST, _FASTEST_JOINT = 3.0, 30.0
 _CREEP = 0.01
 #: Share of its velocity limit that some joint of a recording exceeds.
 _CRAWL = 0.02
-#: Rows for which a frozen encoder stands still.
-_FROZEN = 10
+#: Rows for which a frozen encoder stands still; 1/s: no joint stops in less than 1/15 s from its
+#: velocity limit, nor in a like time from less.
+_FROZEN, _STOPPING = 10, 15.0
 #: s since 1970, of the years 2001 to 2096: what a clock shows.
 _EPOCH = (1e9, 4e9)
 
@@ -184,8 +186,9 @@ def fast_angles(
     if not fast:
         return []
     return [
-        f"too fast for a joint ({listing(fast)}): the angles may be in degrees; give "
-        "--unit deg or --unit rad"
+        f"too fast for a joint ({listing(fast)}): are the angles in degrees (--unit deg), the "
+        "times in another unit (--time-unit), or are these other columns (--columns FILE)? "
+        "--unit rad takes them as they are"
     ]
 
 
@@ -220,7 +223,9 @@ def slow_angles(
 def frozen_angles(
     columns: Sequence[JointColumn], t: FloatArray, position: FloatArray, lines: Sequence[int]
 ) -> list[str]:
-    """Return a line for each joint whose angle stands still and then leaps to where it is.
+    """Return a line for each joint whose angle stands still as no joint can.
+
+    It stops from full motion within a row, or leaps afterwards to where the joint is.
 
     Args:
         columns: (nj,) the joints.
@@ -231,18 +236,28 @@ def frozen_angles(
     steps, found = np.diff(t), []
     if t.size < FEWEST or not (steps > 0.0).all():
         return []
+    longest = np.maximum(steps, np.median(steps))
     for column, q in zip(columns, position.T, strict=True):
-        ways = np.abs(np.diff(q))
+        speed = np.abs(np.diff(q)) / longest
         limit = column.velocity_limit if np.isfinite(column.velocity_limit) else _FASTEST_JOINT
-        far = ways > _TOO_FAST * limit * np.maximum(steps, np.median(steps))
-        for i in np.flatnonzero(far).tolist():
-            first = i - int(np.argmax(ways[:i][::-1] > 0.0)) if ways[:i].any() else 0
-            if i - first >= _FROZEN:
+        for first, last in runs(speed == 0.0):
+            if last - first + 1 < _FROZEN:
+                continue
+            before, after = speed[max(first - 3, 0) : first], speed[last + 1 : last + 2]
+            leaps = after.max(initial=0.0) > _TOO_FAST * limit
+            stops = before.size == 3 and before.min() > _STOPPING * limit * longest[first]
+            if leaps or stops:
+                how = (
+                    f"and then jumps by {after[0] * longest[last + 1]:.3g} {column.unit} in line "
+                    f"{lines[last + 2]}"
+                    if leaps
+                    else f"and stopped from {before[-1]:.3g} {column.unit}/s within a row, line "
+                    f"{lines[first + 1]}"
+                )
                 found.append(
                     f"joint {column.name}: its angle stands still from {t[first]:.6g} to "
-                    f"{t[i]:.6g} s and then jumps by {ways[i]:.3g} {column.unit} in line "
-                    f"{lines[i + 1]}, which no joint can: its encoder was frozen; leave that time "
-                    "out, and split the log there"
+                    f"{t[last + 1]:.6g} s {how}, which no joint can: its encoder was frozen; leave "
+                    "that time out, and split the log there"
                 )
                 break
     return found

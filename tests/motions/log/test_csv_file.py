@@ -111,8 +111,15 @@ def test_both_ways_to_read_a_file_give_the_same(mark, tmp_path, monkeypatch):
     [
         ("0.5,1", "the header has 3 columns; rows with another number of cells: line 1001 (2)"),
         ("0.5,1,2,3", "the header has 3 columns; rows with another number of cells: line 1001 (4)"),
-        ("0.5,1,x", "not a number: line 1001, column b: 'x'"),
-        (",1,2", "not a number: line 1001, column t: ''"),
+        (
+            "0.5,1,x",
+            "not a number: line 1001, column b: 'x'; leave these rows out, or log them again",
+        ),
+        (
+            "01.02.2026 8:00:01,1,2",
+            "not a number: line 1001, column t: '01.02.2026 8:00:01'; times are seconds, or ISO "
+            "8601 (2026-11-22T10:00:00.25)",
+        ),
         ("0.5,1,nan", "column b: nan at sample 999 (line 1001); every value must be finite"),
         ("0.5,1,1e999", "column b: inf at sample 999 (line 1001); every value must be finite"),
     ],

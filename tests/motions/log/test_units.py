@@ -79,7 +79,7 @@ def test_a_clock_of_seconds_stays_one(tmp_path):
 def test_small_angles_in_degrees_are_found_by_their_speed(tmp_path):
     text = table(("t", *NAMES), T, np.degrees(0.25 * Q))  # 11.5 at most
     model = arm(lower=-12.5, upper=12.5)
-    with pytest.raises(TrajectoryError, match=r"base_turn 22\.9 rad/s, limit 4\).*--unit deg or"):
+    with pytest.raises(TrajectoryError, match=r"base_turn 22\.9 rad/s, limit 4\).*--unit deg\)"):
         load(tmp_path, text, scene=model)
     np.testing.assert_allclose(load(tmp_path, text, scene=model, unit="deg").q, 0.25 * Q)
     assert load(tmp_path, text, scene=model, unit="rad").q[:, 0].max() > 11.0
@@ -116,3 +116,12 @@ def test_a_frozen_encoder_is_named_by_its_jump(tmp_path):
     assert "joint base_turn: its angle stands still from" in said
     assert f"in line {at[-1] + 3}" in said
     assert "its encoder was frozen" in said
+
+
+def test_a_frozen_encoder_is_named_by_its_stop_from_full_motion(tmp_path):
+    frozen = Q.copy()
+    at = 100 + int(np.argmax(np.abs(V[100:200, 0])))
+    frozen[at:, 0] = frozen[at, 0]
+    said = refused(tmp_path, table(("t", *NAMES), T, frozen), scene=arm(speed=3.0))
+    assert f"joint base_turn: its angle stands still from {T[at]:.6g} to" in said
+    assert f"within a row, line {at + 3}" in said
