@@ -37,6 +37,8 @@ from pinfric.stops.path import Slowed
 _SAMPLE = 1e-3
 #: Tolerances of a stop's simulation (rad, m, and per second).
 _RTOL, _ATOL = 1e-7, 1e-9
+#: Longest step, s: the simulation looks for events 250 times in four of them.
+_LONGEST_STEP = 0.25
 #: A stop that takes longer than this (s) does not end; the first piece that is simulated.
 LONGEST, _PIECE = 5.0, 0.25
 #: Step (s) of time stepping, which passes what the events of a stop cannot.
@@ -248,7 +250,16 @@ def _simulate(
     ws, unpowered = machine.closed(torques), np.zeros(len(machine.scene.drives))
     try:
         motion = simulate_constant(
-            ws, q, v, unpowered, time, machine.carried, rtol=_RTOL, atol=_ATOL, sample_step=_SAMPLE
+            ws,
+            q,
+            v,
+            unpowered,
+            time,
+            machine.carried,
+            rtol=_RTOL,
+            atol=_ATOL,
+            sample_step=_SAMPLE,
+            max_step=_LONGEST_STEP,
         )
     except SimulationError:  # changes between stick and slip that accumulate, in linkages
         motion = simulate(

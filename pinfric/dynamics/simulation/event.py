@@ -9,6 +9,7 @@ and the integration restarts. What rests under constant efforts is not integrate
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -43,6 +44,7 @@ class EventIntegration(Integration):
         allowance: (nc,) how far a guard that was just handled may stay below zero.
         changed: (nc,) when (s) each coordinate changed its mode last.
         recent: times (s) of all changes.
+        _guards_now: (1, nc) guards at the present state, or (0, nc) where they are not known.
     """
 
     def __init__(self, system: System, settings: Settings, record: Recorder) -> None:
@@ -53,6 +55,7 @@ class EventIntegration(Integration):
         self.allowance = np.zeros(self.nc)
         self.changed = np.full(self.nc, -np.inf)
         self.recent: list[float] = []
+        self._guards_now = np.zeros((0, self.nc))
 
     def run(self, q: np.ndarray, v: np.ndarray) -> None:
         """Integrate from t = 0; the record holds what happens.
@@ -66,6 +69,7 @@ class EventIntegration(Integration):
         first_step: float | None = None
         for end in self.ends():
             self.system.control(self.t, *self.state(self.y))
+            self._guards_now = self._guards_now[:0]  # efforts may have jumped
             if self.t > 0.0 and self.record.rows[-1][0] == self.t:
                 self._sample_now()  # what holds after the breakpoint
             while self.t < end:
@@ -117,7 +121,7 @@ class EventIntegration(Integration):
                 self._change_modes(found[1])
                 return None
             self.t, self.y = solver.t, solver.y.copy()
-            self.allowance[self._guards_at_end >= 0.0] = 0.0
+            self.allowance[self._guards_now[-1] >= 0.0] = 0.0
             if self.linked:  # what the integration leaves open is closed: no drift
                 self.y = self.projected(self.y)
                 solver.y, solver.f = self.y.copy(), self.rhs(solver.t, self.y)
@@ -131,7 +135,8 @@ class EventIntegration(Integration):
     def _rests(self) -> bool:
         """Whether nothing moves, and nothing will: the efforts do not change."""
         constant = self.system.effort.finest == np.inf and not self.system.effort.breakpoints.size
-        return constant and not self.linked and not self.rhs(self.t, self.y).any()
+        still = constant and not self.linked and not self.y[self.ws.nv :].any()
+        return still and not self.rhs(self.t, self.y).any()
 
     def _rest(self, end: float) -> None:
         """Record that nothing changes until `end`."""
@@ -227,45 +232,70 @@ class EventIntegration(Integration):
     def _allow(self) -> None:
         """After a change of modes: what is below zero now was handled, and does not fire again."""
         self._watch()
-        guards = self._guards(np.array([self.t]), self.y[None, :])[0]
+        self._guards_now = self._guards(np.array([self.t]), self.y[None, :])
+        guards = self._guards_now[0]
         self.allowance = np.where(guards < -0.5 * self._slack(), -2.0 * guards, 0.0)
 
     def _first_event(
-        self, start: float, end: float, polynomial: object
+        self, start: float, end: float, polynomial: Any
     ) -> tuple[float, np.ndarray] | None:
         """First time in a step at which guards fire, and which do."""
-        assert callable(polynomial)
         if not self.ws.plan.coordinates.dry.any():
-            self._guards_at_end = np.zeros(self.nc)
+            self._guards_now = np.zeros((1, self.nc))
             return None
         longest = max(
             self.settings.t_end, 4 * self.settings.max_step
         )  # more than the default: fewer
         looks = 1 + int((end - start) / longest * _ALL_LOOKS)
         times = np.linspace(start, end, max(_LOOKS, looks))
-        values = self._guards(times, np.ascontiguousarray(polynomial(times).T))
-        self._guards_at_end = values[-1]
+        states = np.ascontiguousarray(polynomial(times).T)
+        known = self._guards_now[:0] if self.linked else self._guards_now
+        values = np.vstack([known, self._guards(times[len(known) :], states[len(known) :])])
+        self._guards_now = values[-1:]
         values, slack = values + self.allowance, self._slack()
-        fired = np.full(self.nc, np.inf)
+        fired, first = np.full(self.nc, np.inf), end
         for c in np.flatnonzero(self.ws.plan.coordinates.dry).tolist():
-
-            def guard(t: float, c: int = c) -> float:
-                return float(self._guard(c, t, polynomial(t)) + self.allowance[c])
-
-            found = first_crossing(guard, times, values[:, c], float(slack[c]))
-            fired[c] = np.inf if found is None else found
+            some = int(times.searchsorted(first, side="left")) + 1  # later ones do not matter
+            found = first_crossing(
+                self._guard(c, polynomial), times[:some], values[:some, c], float(slack[c])
+            )
+            if found is not None:
+                fired[c], first = found, min(first, found)
         time = float(fired.min())
         if np.isinf(time):
             return None
         together = np.flatnonzero(fired <= time + _SAME_TIME * max(1.0, abs(time)))
         return time, together
 
-    def _guard(self, c: int, t: float, y: np.ndarray) -> float:
-        """One guard at one time."""
-        if not self.given.stuck[c]:
-            return float(self._advance(y[None, :])[0, c])
-        self.system.solve_given_modes(t, *self.state(y), self.given)
-        return float(self.ws.margins.nearest[c])
+    def _guard(self, c: int, polynomial: Any) -> Callable[[float], float]:
+        """One guard in a step, with its allowance, as a function of time."""
+        allowed, forward = float(self.allowance[c]), float(self.forward[c])
+
+        def of_friction(t: float) -> float:
+            self.system.solve_given_modes(t, *self.state(polynomial(t)), self.given)
+            return float(self.ws.margins.nearest[c]) + allowed
+
+        def of_speed(t: float) -> float:
+            return float(self._advance(polynomial(t)[None, :])[0, c]) + allowed
+
+        if self.given.stuck[c]:
+            return of_friction
+        if (
+            self.ws.constraints.off_joints
+            or self.ws.mechanism.balls
+            or not hasattr(polynomial, "Q")
+        ):
+            return of_speed
+        # of RK45, one number of its polynomial: a tenth of the time
+        i = self.ws.nv + int(self.ws.plan.coordinates.velocity_index[c])
+        begin, step, v = polynomial.t_old, polynomial.h, float(polynomial.y_old[i])
+        k1, k2, k3, k4 = polynomial.Q[i].tolist()
+
+        def of_joint(t: float) -> float:
+            x = (t - begin) / step
+            return forward * (v + step * x * (k1 + x * (k2 + x * (k3 + x * k4)))) + allowed
+
+        return of_joint
 
     # ------------------------------------------------------------ changes of modes
 
@@ -283,6 +313,7 @@ class EventIntegration(Integration):
         fired = np.union1d(fired[modes.stuck[fired]], stopped).astype(int)
         if not fired.size:  # a ball that turned on: nothing changes its mode
             self._watch()
+            self._guards_now = self._guards_now[:0]
             return
         q, v = self.state(self.y)
         forced: dict[int, float] = {}

@@ -54,7 +54,7 @@ class Integration:
 
     def start(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Return y of the first state, in a chart around it."""
-        self.chart = Chart.at(self.ws.scene.loaded_model(), q)
+        self.chart = Chart.at(self.ws.scene.model, q)
         return np.concatenate([self.chart.coordinates(q), v])
 
     def ends(self) -> Iterator[float]:

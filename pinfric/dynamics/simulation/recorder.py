@@ -234,11 +234,9 @@ def _limits(scene: Scene) -> tuple[list[str], np.ndarray, np.ndarray, np.ndarray
     """Names, indices in q and bounds of the one-number joints that have a range."""
     model = scene.model
     lower, upper = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
-    names, index = [], []
-    for joint, name in zip(list(model.joints)[1:], list(model.names)[1:], strict=True):
-        i = joint.idx_q
-        if joint.nq == 1 == joint.nv and (np.abs([lower[i], upper[i]]) < 1e300).any():
-            names.append(name)
-            index.append(i)
-    found = np.array(index, dtype=int)
+    one = (np.array(model.nqs) == 1) & (np.array(model.nvs) == 1)
+    index = np.array(model.idx_qs)[one]
+    ranged = (np.abs(lower[index]) < 1e300) | (np.abs(upper[index]) < 1e300)
+    found = index[ranged]
+    names = [str(model.names[j]) for j in np.flatnonzero(one)[ranged].tolist()]
     return names, found, lower[found], upper[found]

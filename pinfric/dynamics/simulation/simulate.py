@@ -164,7 +164,7 @@ def simulate_constant(
         t_end: s.
         numbers: of the method `event`.
     """
-    made = Effort(lambda t, q, v: effort, np.zeros(0), np.inf, ws.given)
+    made = Effort(lambda t, q, v: effort, np.zeros(0), np.inf, ws.given, held=True)
     settings = _settings("event", t_end, **numbers)
     system = System(ws, made, [])
     record = Recorder(ws.scene, system, "event", settings.sample_step, carried)
