@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from sizing_cases import MOTOR
 
@@ -90,6 +91,31 @@ def test_on_off_cycle_with_copper_coefficient_matches_matrix_exponentials():
     assert found.peak == pytest.approx(AMBIENT + x[0], rel=1e-9)
     assert found.winding[0] == pytest.approx(found.winding[-1], abs=1e-9)
     assert found.housing[0] == pytest.approx(found.housing[-1], abs=1e-9)
+
+
+@pytest.mark.parametrize("ambient", [20.0, 25.0, 26.0, 40.0, 60.0])
+def test_winding_and_housing_by_integration_of_the_makers_equations(ambient):
+    """C_w T_w' = R (1 + alpha (T_w - 25)) i^2 - (T_w - T_h)/R_wh, and so on, until it repeats."""
+    on, off, current = 3.0, 4.0, 4.0
+
+    def rates(t, T, i):
+        heat = RESISTANCE * (1 + ALPHA * (T[0] - 25.0)) * i**2
+        across = (T[0] - T[1]) / R_WH
+        return [(heat - across) / CAPACITY[0], (across - (T[1] - ambient) / R_HA) / CAPACITY[1]]
+
+    def run(T):
+        hot = solve_ivp(rates, (0, on), T, args=(current,), rtol=1e-10, atol=1e-9).y[:, -1]
+        return hot, solve_ivp(rates, (0, off), hot, args=(0.0,), rtol=1e-10, atol=1e-9).y[:, -1]
+
+    # one cycle is affine: its fixed point from three runs
+    zero, winding, housing = (run(T)[1] for T in ([0.0, 0.0], [1.0, 0.0], [0.0, 1.0]))
+    start = np.linalg.solve(np.eye(2) - np.transpose([winding - zero, housing - zero]), zero)
+    hottest, end = run(start)
+    np.testing.assert_allclose(end, start, atol=1e-6)
+    found = winding_cycle(*square(on, off, current), RESISTANCE, THERMAL, ambient)
+    assert found.peak == pytest.approx(hottest[0], abs=1e-5)
+    assert found.winding[0] == pytest.approx(start[0], abs=1e-5)
+    assert found.housing[0] == pytest.approx(start[1], abs=1e-5)
 
 
 def test_short_cycles_see_the_mean_heat():
