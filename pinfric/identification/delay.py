@@ -11,6 +11,7 @@ a warm robot must not look like a delay.
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -132,7 +133,8 @@ def pooled(found: Sequence[tuple[float, float]]) -> tuple[float, float]:
     scatter = 0.0
     if beyond > 1e-9:
         tried = np.geomspace(1e-2 * errors.min(), 10.0 * np.ptp(values) + errors.max(), 100)
-        scatter = next(float(s) for s in tried if located(float(s))[1] <= 0.0)
+        at = bisect_left(tried, True, key=lambda s: located(float(s))[1] <= 0.0)
+        scatter = float(tried[at])
         mean, _ = located(scatter)
     return mean, float(np.sum(np.hypot(errors, scatter) ** -2.0) ** -0.5)
 

@@ -54,7 +54,7 @@ def swinging_five_bar(stuck, cut, method, static=20.0):
 # Safeguard: a loop's stuck pin is closed at the angle at which it stopped. Without: it turns by
 # 3e-4 rad with time stepping and by 4e-13 rad with events where the loop is cut at it.
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("stuck", ["A", "B", "D"])
+@pytest.mark.parametrize("stuck", ["A", *(pytest.param(s, marks=pytest.mark.slow) for s in "BD")])
 def test_a_stuck_pin_keeps_its_angle_wherever_the_loop_is_cut(stuck, method):
     """Five-bar: one pin sticks for 2 s, the freedom that is left moves, sticks and slips."""
     found = []

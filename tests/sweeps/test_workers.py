@@ -116,6 +116,7 @@ def test_own_processes_survive_a_lost_one(panda, undisturbed):
     assert found.processes == 2
 
 
+@pytest.mark.slow
 def test_processes_that_are_killed_again_and_again_are_said(monkeypatch):
     monkeypatch.setattr("pinfric.sweeps.workers._compute_on_worker", _die)
     scene = pushed_block()
@@ -220,6 +221,7 @@ def _greet_as_ssh(listener):
             held[-1].sendall(b"SSH-2.0-OpenSSH_9.2p1\r\n")
 
 
+@pytest.mark.slow
 def test_script_without_a_main_guard_runs_on_processes(tmp_path):
     script = tmp_path / "script.py"
     script.write_text(

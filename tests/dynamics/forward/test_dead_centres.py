@@ -61,11 +61,13 @@ def bars_at(offset: float, stretched: bool, way: int) -> np.ndarray:
     return np.array([angle, second, np.arctan2(end[1], end[0])])
 
 
-SLOW = [pytest.param(10.0**-k, marks=pytest.mark.slow) for k in (9, 8, 7, 6, 5, 4)]
+SLOW = [pytest.param(10.0**-k, marks=pytest.mark.slow) for k in (11, 10, 9, 8, 7, 6, 5, 4)]
 
 
-@pytest.mark.parametrize("offset", [0.0, 1e-12, 1e-11, 1e-10, 1e-3, *SLOW])
-@pytest.mark.parametrize("mu", [0.3, pytest.param(0.6, marks=pytest.mark.slow), 1.0])
+@pytest.mark.parametrize("offset", [0.0, 1e-12, 1e-3, *SLOW])
+@pytest.mark.parametrize(
+    "mu", [*(pytest.param(mu, marks=pytest.mark.slow) for mu in (0.3, 0.6)), 1.0]
+)
 def test_inverse_holds_forward_and_simulate_agree_about_what_a_four_bar_holds(offset, mu):
     """The rocker's pin rests at its dead centre; its rate was rounding, taken for a motion."""
     still = np.zeros(3)

@@ -214,6 +214,7 @@ def test_drawers_critical_mu_is_length_over_twice_the_offset(mu):
     assert len(result.solutions(0)) == (0 if jams else 1)
 
 
+@pytest.mark.slow
 def test_a_second_solution_that_newton_misses_from_rest_and_far_out_is_found():
     """A ring of five pins, three of them with friction; two states obey."""
     height = [-0.0967089515, 0.0478765526, 0.3418381237, 0.1411391439, -0.0616641828]
