@@ -303,9 +303,12 @@ def equip(scene: Scene, drives: Mapping[int, Candidate], conditions: Conditions)
 
 
 def loads(scene: Scene, drive: int, actuator: int) -> bool:
-    """Whether a drive's mass acts on another joint: the link that holds it hangs on that joint."""
+    """Whether a drive's mass acts on a joint: the link that holds it hangs on that joint.
+
+    In a loop the link may be moved by the drive that it holds.
+    """
     held, joint = driven_joint(scene, drive), driven_joint(scene, actuator)
-    if drive == actuator or held is None or not carried(scene, drive):
+    if held is None or not carried(scene, drive):
         return False
     if scene.loops or joint is None:
         return True

@@ -424,3 +424,22 @@ def test_bundled_drives_move_a_large_arms_shoulder():
     joint, _ = judged(scene, up_and_down(scene, 0.4), pf.load_catalog())
     assert joint.demand.rms > 130
     assert joint.choice is not None
+
+
+def test_each_joints_bearing_carries_what_hangs_on_it():
+    """Three links of 1 kg held out on axes along y, 0.1 m beside them: shear and tilting moment."""
+    model, parent, place = pin.Model(), 0, pin.SE3.Identity()
+    for j in range(3):
+        parent = model.addJoint(parent, pin.JointModelRY(), place, f"j{j}")
+        body = pin.Inertia(1.0, np.array([0.25, 0.1, 0.0]), 0.01 * np.eye(3))
+        model.appendBodyToJoint(parent, body, pin.SE3.Identity())
+        place = pin.SE3(np.eye(3), np.array([0.5, 0.0, 0.0]))
+    scene, zero = pf.Scene(model=model), np.zeros((2, 3))
+    motion = pf.Trajectory.from_arrays(scene, np.array([0.0, 1.0]), zero, zero, zero)
+    for j, joint in enumerate(pf.size(scene, motion).joints):
+        load, weight = joint.demand.bearing, (3 - j) * 9.81
+        assert (load.radial, load.moment) == pytest.approx((weight, 0.1 * weight))
+
+
+def test_a_guide_that_carries_nothing_is_safe_whatever_is_printed():
+    assert guide_safety(BearingRatings(kind="linear guide"), GuideLoad(0.0, 0.0, 0.0)) == np.inf

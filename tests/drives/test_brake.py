@@ -287,3 +287,18 @@ def test_a_load_below_the_cycles_rounding_is_none():
 
 def geared_by(ratio):
     return [{"joint": "table", "transmission": {"ratio": ratio}}]
+
+
+@pytest.mark.parametrize("joint", [pin.JointModelRZ(), pin.JointModelPZ()])
+def test_only_a_linear_motor_has_no_shaft(joint):
+    """A slide whose motor is linear (ratio 1) has no shaft for a brake; a direct drive has."""
+    model = pin.Model()
+    model.addJoint(0, joint, pin.SE3.Identity(), "j")
+    model.appendBodyToJoint(1, pin.Inertia(2.0, np.zeros(3), 0.01 * np.eye(3)), pin.SE3.Identity())
+    scene = pf.Scene(model=model, actuators=[{"joint": "j", "transmission": {"ratio": 1.0}}])
+    zero = np.zeros((2, 1))
+    motion = pf.Trajectory.from_arrays(scene, np.array([0.0, 1.0]), zero, zero, zero)
+    slides = joint.shortname() == "JointModelPZ"
+    (found,) = pf.size(scene, motion).standstills
+    assert (found.shaft is None) == slides
+    assert found.effort == pytest.approx((2.0 * 9.81,) * 2 if slides else (0.0, 0.0), abs=1e-12)

@@ -29,7 +29,7 @@ import pinfric as pf
 from pinfric.drives.catalog_file import load_catalog
 from pinfric.drives.criterion import Status, compare
 from pinfric.drives.demand import DriveCycle
-from pinfric.drives.drivetrain import gear_transmission, motor_cycle, motor_with_gear
+from pinfric.drives.drivetrain import gear_transmission, motor_cycle, motor_with_gear, ratings_of
 from pinfric.drives.limit import Case, Limit
 from pinfric.drives.limits import LIMITS, add_limit, check
 from pinfric.drives.policy import Conditions
@@ -615,3 +615,31 @@ def test_candidate_says_whose_figures_it_uses(tmp_path):
     assert candidate.stand_ins == ("efficiency: gear H",)
     assert candidate.mass == pytest.approx(1.5)
     assert candidate.rotor_inertia == pytest.approx(ROTOR)
+
+
+def test_reserve_and_shortfall_are_told_apart():
+    passes = compare("peak torque", 1.0, 4.0, "N m", "", "")
+    fails = compare("peak torque", 4.0, 1.0, "N m", "", "")
+    assert passes.why == "peak torque: needs 1 N m, has 4 N m (75 % in reserve)"
+    assert fails.why == "peak torque: needs 4 N m, has 1 N m (short by 300 %)"
+
+
+def test_a_bus_voltage_is_a_measure_only_where_it_fails():
+    """A voltage just below the most that is allowed is no tight drive."""
+    assert not compare("bus voltage", 47.0, 48.0, "V", "", "").scaled
+    assert compare("bus voltage", 60.0, 48.0, "V", "", "").scaled
+    assert compare("peak torque", 47.0, 48.0, "N m", "", "").scaled
+    assert not compare("back-driving", 47.0, 48.0, "N m", "", "").scaled
+
+
+def test_a_continuous_torque_from_a_current_says_so(tmp_path):
+    """0.1 N m/A at 4 A; a current's rms is sqrt(2/3) of the equivalent DC motor's constant."""
+    motor = {"continuous_torque": None, "continuous_current": 4.0, "current": "rms"}
+    catalog = one_drive(tmp_path, motor)
+    ratings = ratings_of(catalog.motors["M"])
+    assert ratings.continuous_torque == pytest.approx(0.4)
+    assert ratings.torque_constant == pytest.approx(0.1 * np.sqrt(2 / 3))
+    assert [figure for figure, _ in ratings.derived] == ["continuous torque", "line"]
+    found = criterion(sized(tmp_path, motor), "continuous torque")
+    assert "continuous torque = torque constant x continuous current" in found.note
+    assert "per A rms" not in found.note  # of the line

@@ -9,7 +9,7 @@ from cases import jamming_drawer, resting_four_bar
 import pinfric as pf
 from pinfric.drives.inertia import joint_inertias
 from pinfric.drives.policy import Conditions
-from pinfric.drives.robot import Robot, added_masses, loads, tip_to_base, with_masses
+from pinfric.drives.robot import Robot, added_masses, depth, loads, tip_to_base, with_masses
 from pinfric.dynamics.inverse import interval_ends
 from pinfric.dynamics.samples.reactions import state_wrenches
 from pinfric.errors import SizingError
@@ -95,3 +95,29 @@ def test_a_cycle_that_jams_is_refused():
     motion = pf.Trajectory.from_arrays(case.scene, t, q, q + 1.0, 0 * q + 1.0)
     with pytest.raises(SizingError, match=r"sample 0 of 2 has no efforts \(jammed\)"):
         Robot(case.scene, motion, None, Conditions())
+
+
+def test_depth_counts_the_joints_from_the_ground(arm):
+    scene, _, robot = arm
+    assert [depth(scene, i) for i in range(6)] == [1, 2, 3, 4, 5, 6]
+    # the base axes are the first three, as in the conditions of resonance
+    assert [robot.case(i, {}).hand for i in range(6)] == [False] * 3 + [True] * 3
+
+
+def test_masses_that_load_nothing_leave_the_scene_as_it_is(arm):
+    scene, _, _ = arm
+    assert with_masses(scene, {}) is scene
+    assert with_masses(scene, {0: 5.0, 1: 0.0}) is scene  # on the ground; nothing
+    assert with_masses(scene, {1: 5.0}) is not scene
+
+
+def test_masses_on_a_linkage_are_computed_exactly():
+    """A drive at the coupler's pin sits on the crank and is lifted by itself."""
+    case = resting_four_bar(5)
+    scene = case.scene.with_(actuators=[{"joint": "A"}])
+    motion = pf.Trajectory.from_arrays(scene, np.linspace(0, 1, 5), case.q, case.v, case.a)
+    wanted = pf.inverse_dynamics(with_masses(scene, {0: 2.0}), motion)
+    light = pf.inverse_dynamics(scene, motion)
+    assert np.abs(wanted.effort_upper - light.effort_upper).max() > 0.1
+    found = Robot(scene, motion, None, Conditions()).case(0, {0: 2.0})
+    np.testing.assert_allclose(found.cycle.effort_upper, wanted.effort_upper[:, 0], rtol=1e-12)

@@ -10,6 +10,7 @@ from sizing_cases import MOTOR
 
 from pinfric.drives.catalog import Thermal
 from pinfric.drives.catalog_file import load_catalog
+from pinfric.drives.drivetrain import Ratings
 from pinfric.drives.thermal import mean_winding_temperature, no_load_heat, winding_cycle
 
 THERMAL = Thermal(**MOTOR["thermal"])
@@ -211,3 +212,21 @@ def test_maxons_nominal_torque_is_that_at_its_nominal_speed(name, printed, by_co
     assert slow.peak < thermal.max_winding - 5
     assert no_load_heat(None, 1.0, 1.0, 1.0, 25.0) == 0.0
     assert no_load_heat(thermal, 3 * current, motor.resistance, 100.0, 25.0) == 0.0
+
+
+@pytest.mark.parametrize("lacks", ["winding_time", "housing_time"])
+def test_a_temperature_over_time_needs_both_time_constants(lacks):
+    thermal = THERMAL.model_copy(update={lacks: None})
+    with pytest.raises(ValueError, match="both time constants"):
+        winding_cycle(np.linspace(0, 1, 5), np.ones(5), RESISTANCE, thermal, AMBIENT)
+
+
+def test_the_heat_of_turning_follows_from_the_nominal_point():
+    """At the nominal point copper and turning heat the winding just to its limit."""
+    k, torque, speed = 0.1, 0.3, 400.0
+    ratings = Ratings(torque, torque_constant=k, resistance=0.8, rated_speed=speed, thermal=THERMAL)
+    limit = THERMAL.max_winding
+    copper = (R_WH + R_HA) * 0.8 * (1 + ALPHA * (limit - 25.0)) * (torque / k) ** 2
+    turning = R_HA * ratings.no_load_heat * speed
+    assert copper < limit - 25.0
+    assert copper + turning == pytest.approx(limit - 25.0, rel=0.01)  # the coefficient's digits

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+from cases import resting_four_bar
 from sizing_cases import (
     ACCELERATION,
     COULOMB,
@@ -24,6 +25,7 @@ from sizing_cases import (
 
 import pinfric as pf
 from pinfric.drives.catalog_file import load_catalog
+from pinfric.drives.robot import with_masses
 from pinfric.errors import CatalogError, SizingError, StateError
 from pinfric.motions.summary import summarize
 
@@ -492,3 +494,39 @@ def test_the_next_smaller_says_what_it_lacks(tmp_path):
     short = joint.next_smaller.failed[0]
     assert short.name == "short-term torque"
     assert short.shortfall == f"{100 * (joint.motor.figures.short_term / 0.06 - 1):.3g} %"
+
+
+def test_progress_names_the_pass_and_the_drive(tmp_path):
+    said = []
+    scene = turntable()
+    pf.size(scene, trapezoid(scene), one_drive(tmp_path), progress=said.append)
+    assert said[0] == "pass 1: table"
+
+
+def test_transmissions_of_the_scene_are_said_to_be_replaced(tmp_path):
+    note = "The scene's transmissions are replaced by the candidates'."
+    for gear, there in (({"ratio": 50.0}, True), (None, False)):
+        scene = turntable(actuators=[{"joint": "table", "transmission": gear}])
+        assert (note in pf.size(scene, trapezoid(scene), one_drive(tmp_path)).notes) == there
+
+
+def test_the_other_mass_is_that_of_drives_that_the_links_hold(tmp_path):
+    """Both joints of a light arm take the only drive, 0.6 + 0.9 kg, whoever's masses count."""
+    scene = arm(2, mass=0.1)
+    given = {"inertia_ratio": 1e3, "thermal_time": 1.0}
+    report = pf.size(scene, still(scene), one_drive(tmp_path), conditions=given, on_miss="ignore")
+    assert report.other_mass == pytest.approx(2 * 1.5)
+    held = scene.with_(masses="with_drives")
+    said = pf.size(held, still(held), one_drive(tmp_path), conditions=given, on_miss="ignore")
+    assert said.other_mass is None
+
+
+def test_a_drive_in_a_loop_carries_itself(tmp_path):
+    """It sits on a crank and turns the coupler's pin: its weight is held by its own torque."""
+    case = resting_four_bar(5)
+    scene = case.scene.with_(actuators=[{"joint": "A"}], masses="without_drives")
+    motion = pf.Trajectory.from_arrays(scene, np.linspace(0, 1, 5), case.q, case.v, case.a)
+    report = pf.size(scene, motion, one_drive(tmp_path), on_miss="ignore")
+    exact = pf.inverse_dynamics(with_masses(scene, {0: 1.5}), motion)
+    worst = np.maximum(np.abs(exact.effort_upper), np.abs(exact.effort_lower)).max()
+    assert report.joints[0].demand.peak == pytest.approx(worst, rel=1e-9)
