@@ -3,6 +3,7 @@
     python tools/mutants.py                        100 lines each of `friction` and `dynamics`
     python tools/mutants.py --count 20 --seed 3 friction
     python tools/mutants.py --near friction        by the tests in `tests/friction/` alone
+    python tools/mutants.py drives sizing          by the tests about these rooms
 
 Each mutant changes one line in memory: a comparison, a sign, a product, a number, a condition, or
 it leaves out a statement. Kernels run as plain Python, so nothing is compiled. Tests are collected
@@ -49,12 +50,28 @@ from pinfric.kernels import compiled
 
 ROOT = Path(__file__).parents[1]
 #: The last has what calls `dynamics/inverse/superposed.py`.
-TESTS = (
+ENGINE = (
     "tests/friction",
     "tests/dynamics",
     "tests/judges",
     "tests/sweeps/test_superposition.py",
 )
+DRIVES = (
+    "tests/drives",
+    "tests/sizing",
+    "tests/stops",
+    "tests/judges/test_drives_by_hand.py",
+    "tests/judges/test_any_drives.py",
+)
+#: The tests that are about a room's functions.
+TESTS = {
+    "friction": ENGINE,
+    "dynamics": ENGINE,
+    "drives": DRIVES,
+    "sizing": DRIVES,
+    "motions": ("tests/motions",),
+    "identification": ("tests/identification", "tests/judges/test_identify_coupled.py"),
+}
 #: Mutants that no test can notice, or none should: `file function: line: change | reason`.
 JUDGED = ROOT / "tools/mutants_judged.txt"
 #: Tests that take longer with kernels as plain Python are left out (s of processor time).
@@ -489,7 +506,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=100, help="lines of each room")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--skip", type=int, default=0, help="leave out the first lines")
-    parser.add_argument("--tests", nargs="*", default=TESTS)
+    parser.add_argument("--tests", nargs="*", help="in place of those about the rooms")
     parser.add_argument("--before", type=Path, help="log of an earlier run: its tests first")
     parser.add_argument("--near", action="store_true", help="only these and those of the folder")
     parser.add_argument("--patience", type=float, default=60, help="for all others (s)")
@@ -512,7 +529,9 @@ def main() -> None:
         "-p",
         "no:cacheprovider",
     ]
-    sys.exit(pytest.main([*options, *given.tests], plugins=[Search(mutants, given)]))
+    about = (test for room in given.rooms for test in TESTS.get(room, (f"tests/{room}",)))
+    tests = given.tests or list(dict.fromkeys(about))
+    sys.exit(pytest.main([*options, *tests], plugins=[Search(mutants, given)]))
 
 
 if __name__ == "__main__":
