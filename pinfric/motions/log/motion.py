@@ -1,4 +1,4 @@
-"""From logged positions to a motion: unwrapped, on regular time, low-passed, with its holds kept.
+"""From rows in SI to a motion: on regular time (`regularise`), low-passed (`smooth`), holds kept.
 
 A planned motion passes through unchanged: its positions have no noise but rounding.
 """
@@ -64,21 +64,72 @@ _LOWER, _GAUSSIAN_LOWER = 1.0 / np.sqrt(2.0), 0.5
 _ONE_SIDED = 0.35
 
 
-@dataclass(frozen=True)
-class Settled:
-    """A motion as it is computed with, and where its samples stand in the rows that were read.
+@dataclass
+class Samples:
+    """A log's samples in SI; `regularise` and `smooth` change them.
 
-    Args:
-        table: the motion.
+    Attributes:
+        columns: (nj,) the joints.
+        table: the motion; NaN where velocity or acceleration is to be derived.
         rows: (T,) number of the row, with a fraction where a sample lies between two.
         reading: what was found and done.
-        every: of how many samples the motion has one; `rows` are those of all.
+        problems: what cannot be mended.
+        recorded: the file holds measurements; they are put on regular times, with or without noise,
+            because filters expect that.
+        logged: (T, nj) measured velocities, rad/s or m/s, NaN where there are none: they tell when
+            rows were taken.
+        every: of how many samples the table has one; `rows` are those of all.
     """
 
+    columns: Sequence[JointColumn]
     table: TrajectoryTable
     rows: FloatArray
     reading: Reading
+    problems: list[str]
+    recorded: bool
+    logged: FloatArray | None = None
     every: int = 1
+
+    def said(self, *words: str, **found: Any) -> None:
+        """Add notes and fields to the reading."""
+        self.reading = replace(self.reading, notes=(*self.reading.notes, *words), **found)
+
+    def keep(self, kept: NDArray[np.int64], t: FloatArray | None = None) -> None:
+        """Leave out all other samples, and perhaps change the times of these."""
+        table = self.table
+        if t is not None or kept.size != table.t.size:
+            self.table = replace(
+                table,
+                t=table.t[kept] if t is None else t,
+                position=table.position[kept],
+                velocity=table.velocity[kept],
+                acceleration=table.acceleration[kept],
+                attached={name: phase[kept] for name, phase in table.attached.items()},
+            )
+
+    def left_out(self, count: int, words: str, samples: int | None = None) -> None:
+        """Say that so many samples were left out."""
+        left = self.reading.samples - count if samples is None else samples
+        self.said(words, samples=left, dropped=self.reading.dropped + count)
+
+
+@dataclass(frozen=True)
+class Regular:
+    """Samples on regular times, and the rows behind them.
+
+    Args:
+        even: the samples on regular times.
+        step: s between them.
+        position: (rows, nj) as read, rad or m.
+        t: (rows,) when they were taken, s; None: at the regular times.
+        spread: by how much more noise the regular samples carry at low frequencies than the rows.
+    """
+
+    even: Samples
+    step: float
+    position: FloatArray
+    t: FloatArray | None = None
+    spread: float = 1.0
 
 
 def unwrapped(columns: Sequence[JointColumn], position: FloatArray, notes: list[str]) -> FloatArray:
@@ -110,116 +161,101 @@ def unwrapped(columns: Sequence[JointColumn], position: FloatArray, notes: list[
     return result
 
 
-@dataclass(frozen=True)
-class _Sampled:
-    """Rows and when they were taken, and the same motion on regular times.
+def regularise(samples: Samples) -> Regular | None:
+    """Leave out rows that repeat the row before, and return the motion on regular time.
 
     Args:
-        even: on regular times.
-        step: s between them.
-        position: (rows, nj) as read, rad or m.
-        t: (rows,) when they were taken, s; None: at the regular times.
-        spread: by how much more noise the regular samples carry at low frequencies than the rows.
+        samples: of a file's rows; time increases but for jitter, positions are finite, unwrapped.
+
+    Returns:
+        None for a plan with all its derivatives, and for few rows: these stay as they are.
     """
+    _leave_out_repeats(samples)
+    table = samples.table
+    given = np.isfinite(table.acceleration).all() and np.isfinite(table.velocity).all()
+    timing = None if given else regular_time(table.t)
+    if timing is not None:
+        return _on_regular_time(samples, timing)
+    steps = np.diff(table.t)
+    if not given and 2 < table.t.size < FEWEST and np.median(steps) < _PACE:
+        rows = counted(table.t.size, "row")
+        samples.said(f"{rows}: too few to separate noise from motion, not filtered")
+    if (steps <= 0.0).any():
+        samples.problems.append("time must increase, and is not regular enough to be repaired")
+    return None
 
-    even: Settled
-    step: float
-    position: FloatArray
-    t: FloatArray | None = None
-    spread: float = 1.0
 
-
-def settle(
-    columns: Sequence[JointColumn],
-    plan: TrajectoryTable,
-    options: ReadingOptions,
-    problems: list[str],
-    recorded: bool = False,
-    logged: FloatArray | None = None,
-) -> Settled:
-    """Return the motion behind a file's rows; a planned one unchanged.
+def smooth(samples: Samples, regular: Regular | None, options: ReadingOptions) -> Samples:
+    """Return the motion without its noise; one that has none, or was planned, unchanged.
 
     Args:
-        columns: (nj,) the joints.
-        plan: what the rows say; time increases but for jitter, positions are finite, unwrapped.
-        options: the cutoff.
-        problems: gaps in what must be filtered are appended here.
-        recorded: the file holds measurements; they are put on regular times, with or without noise,
-            because filters expect that.
-        logged: (rows, nj) measured velocities, rad/s or m/s, NaN where there are none: they tell
-            when rows were taken.
+        samples: as `regularise` leaves them.
+        regular: what it returned.
+        options: the cutoff, the thinning.
     """
-    fresh, rows, notes = _fresh_rows(plan)
-    names = [column.name for column in columns]
-    reading = Reading(
-        rows.size,
-        plan.t.size - rows.size,
-        noise=dict.fromkeys(names, 0.0),
-        cutoff=dict.fromkeys(names),
-        notes=notes,
-    )
-    plain = Settled(fresh, rows.astype(np.float64), reading)
-    given = np.isfinite(plan.acceleration).all() and np.isfinite(plan.velocity).all()
-    timing = regular_time(plain.table.t)
-    if timing is None or given:
-        if not given and _is_short_log(plain.table.t):
-            words = (
-                f"{counted(rows.size, 'row')}: too few to separate noise from motion, not filtered"
+    if regular is None:
+        return samples
+    cutoff, even, t = options.cutoff, regular.even, samples.table.t
+    noisy = noisy_joints(regular.position, regular.step, samples.table.resolution, regular.t)
+    if not any(noisy) and not isinstance(cutoff, float):
+        if even is not samples and (samples.recorded or np.array_equal(even.rows, samples.rows)):
+            samples = even
+        levels = [typical_noise(q, regular.t) for q in regular.position.T]
+        samples.said(noise={c.name: x for c, x in zip(samples.columns, levels, strict=True)})
+        return samples
+    samples.problems += gap_problems(t)
+    if regular.t is not None:  # stamps that say when rows were written, not measured
+        by_stamps, by_rows = (
+            sum(roughness(q, at) for q in regular.position.T) for at in (regular.t, None)
+        )
+        if by_rows <= _CONTRADICTED * by_stamps:
+            samples.problems.append(
+                f"positions over the time stamps are rougher ({by_stamps:.2g} rad or m) than over "
+                f"the rows ({by_rows:.2g}): the stamps are write times, not measuring times; give "
+                "the robot's own times"
             )
-            plain = replace(plain, reading=replace(reading, notes=(*notes, words)))
-        if (np.diff(plain.table.t) <= 0.0).any():
-            problems.append("time must increase, and is not regular enough to be repaired")
-        return plain
-    sampled = _on_regular_time(plain, timing, None if logged is None else logged[rows])
-    noisy = noisy_joints(sampled.position, timing.step, plain.table.resolution, sampled.t)
-    if not any(noisy) and not isinstance(options.cutoff, float):
-        even = sampled.even
-        mended = timing.irregular and (recorded or np.array_equal(even.rows, plain.rows))
-        levels = {
-            column.name: typical_noise(q, sampled.t)
-            for column, q in zip(columns, sampled.position.T, strict=True)
-        }
-        chosen = even if mended else plain
-        return replace(chosen, reading=replace(chosen.reading, noise=levels))
-    problems += gap_problems(plain.table.t)
-    problems += _contradictions(sampled)
-    if isinstance(options.cutoff, float):
-        problems += _cutoff_problems(options.cutoff, timing)
-    return plain if problems else _filtered(columns, sampled, noisy, options)
+    if isinstance(cutoff, float):
+        # two periods over the whole log, and half its rate
+        least, most = 2.0 / (regular.step * (even.rows.size - 1)), 0.5 / regular.step
+        if not least <= cutoff < most:
+            samples.problems.append(
+                f"--cutoff {cutoff:g}: this log can be filtered from {least:.3g} to {most:.6g} Hz"
+            )
+    return samples if samples.problems else _filtered(regular, noisy, options)
 
 
-def _fresh_rows(
-    plan: TrajectoryTable,
-) -> tuple[TrajectoryTable, NDArray[np.int64], tuple[str, ...]]:
-    """Return the rows that do not repeat a row before them, which ones they are, and what to say.
+def _leave_out_repeats(samples: Samples) -> None:
+    """Leave out the rows that repeat a row before them.
 
     Times are those of the source, where rows that follow at its rate have clearly less noise than
     rows at the recorder's stamps.
     """
-    rows = np.arange(plan.t.size)
-    if np.isfinite(plan.acceleration).any():
-        return plan, rows, ()
-    if (held := held_rate(plan.position)) is not None:
+    position = samples.table.position
+    if np.isfinite(samples.table.acceleration).any():
+        return
+    rows, t = np.arange(len(position)), None
+    if (held := held_rate(position)) is not None:
         kept = rows[held]
-        return (
-            _rows_of(plan, kept),
-            kept,
-            (
-                f"positions change in every {held.step}th row only: the {rows.size - kept.size} "
-                "rows between are left out",
-            ),
+        words = (
+            f"positions change in every {held.step}th row only: the {rows.size - kept.size} rows "
+            "between are left out"
         )
-    again = repeated_rows(plan.position)
-    if again.size == 0:
-        return plan, rows, ()
-    kept = np.setdiff1d(rows, again)
-    fresh = _rows_of(plan, kept)
-    words = f"left out {counted(again.size, 'row')} that repeat the row before"
-    even = evenly(fresh.t)
-    if even is None or not _less_noise(fresh.position, even, fresh.t):
-        return fresh, kept, (words,)
-    words += f": the source has {1.0 / (even[1] - even[0]):.4g} Hz, less than the log"
-    return replace(fresh, t=even), kept, (words,)
+    else:
+        again = repeated_rows(position)
+        if again.size == 0:
+            return
+        kept = np.setdiff1d(rows, again)
+        words = f"left out {counted(again.size, 'row')} that repeat the row before"
+        stamps = samples.table.t[kept]
+        even = evenly(stamps)
+        if even is not None and _less_noise(position[kept], even, stamps):
+            words += f": the source has {1.0 / (even[1] - even[0]):.4g} Hz, less than the log"
+            t = even
+    samples.keep(kept, t)
+    samples.rows = samples.rows[kept]
+    if samples.logged is not None:
+        samples.logged = samples.logged[kept]
+    samples.left_out(rows.size - kept.size, words)
 
 
 def _less_noise(position: FloatArray, t: FloatArray, than: FloatArray) -> bool:
@@ -228,39 +264,19 @@ def _less_noise(position: FloatArray, t: FloatArray, than: FloatArray) -> bool:
     return own < _CLEARLY * other
 
 
-def _is_short_log(t: FloatArray) -> bool:
-    """Whether so few rows come at the pace of a recording; slower ones somebody wrote."""
-    return 2 < t.size < FEWEST and float(np.median(np.diff(t))) < _PACE
-
-
-def _rows_of(table: TrajectoryTable, rows: NDArray[np.int64]) -> TrajectoryTable:
-    if rows.size == table.t.size:
-        return table
-    attached = {name: phase[rows] for name, phase in table.attached.items()}
-    return TrajectoryTable(
-        table.t[rows],
-        table.position[rows],
-        table.velocity[rows],
-        table.acceleration[rows],
-        attached,
-        table.resolution,
-    )
-
-
-def _on_regular_time(plain: Settled, timing: Timing, logged: FloatArray | None = None) -> _Sampled:
+def _on_regular_time(samples: Samples, timing: Timing) -> Regular:
     """Return the samples on regular time.
 
     Either the stamps jitter and the rows were taken regularly, or the stamps are right. Taken is
     what fits the logged velocities better; without any, what leaves less noise in the positions.
     Stamps that wander are taken as right.
     """
-    table, stamps = plain.table, plain.table.t
+    position, stamps = samples.table.position, samples.table.t
     if not timing.irregular:
-        return _Sampled(plain, timing.step, table.position)
-    reading = replace(plain.reading, jitter=timing.jitter)
-    regular = timing.taken
-    if regular is None or _stamps_are_better(table.position, stamps, regular, logged):
-        return _by_stamps(plain, timing, reading)
+        return Regular(samples, timing.step, position)
+    even, regular = replace(samples), timing.taken
+    if regular is None or _stamps_are_better(position, stamps, regular, samples.logged):
+        return _by_stamps(even, timing)
     assert timing.number is not None
     whole = np.arange(timing.count, dtype=np.float64)
     number = timing.number.astype(np.float64)
@@ -276,11 +292,10 @@ def _on_regular_time(plain: Settled, timing: Timing, logged: FloatArray | None =
         ]
     elif timing.jitter <= ROUNDED * timing.step:
         words = []
-    position = _between(number, table.position, whole) if lost.size else table.position
-    order = np.interp(whole, number, np.arange(number.size))
-    reading = replace(reading, resampled=lost.size, notes=(*reading.notes, *words))
-    even = _resampled(plain, timing, order, position, reading)
-    return _Sampled(even, timing.step, table.position, regular if lost.size else None)
+    even.said(*words, resampled=lost.size)
+    between = _between(number, position, whole) if lost.size else position
+    _resample(even, timing, np.interp(whole, number, np.arange(number.size)), between)
+    return Regular(even, timing.step, position, regular if lost.size else None)
 
 
 def _stamps_are_better(
@@ -303,76 +318,40 @@ def _off(position: FloatArray, t: FloatArray, velocity: FloatArray) -> float:
     return float(np.sqrt(total))
 
 
-def _by_stamps(plain: Settled, timing: Timing, reading: Reading) -> _Sampled:
+def _by_stamps(even: Samples, timing: Timing) -> Regular:
     """Interpolate on the stamps, and say how irregular they are."""
-    table, stamps = plain.table, plain.table.t
+    rows, stamps = even.table.position, even.table.t
     at, steps = np.clip(timing.time, stamps[0], stamps[-1]), np.diff(stamps)
-    words = [
-        f"samples taken at jittering times ({_time(timing.jitter)} RMS): interpolated "
-        f"at {1.0 / timing.step:.6g} Hz"
-    ]
-    if timing.number is None:
-        words = [
-            f"time stamps deviate by {_time(timing.jitter)} RMS from regular time (steps of "
-            f"{_time(steps.min())} to {_time(steps.max())}): interpolated from them at "
-            f"{1.0 / timing.step:.6g} Hz"
-        ]
-    kept = far_apart(stamps, _NEAREST * timing.step)
-    close = stamps.size - kept.size
-    if close:
-        words.append(
-            f"left out {counted(close, 'row')} less than "
-            f"{_time(_NEAREST * timing.step)} after the row before"
-        )
-    position = _between(stamps[kept], table.position[kept], at)
-    order = np.interp(at, stamps, np.arange(stamps.size))
-    reading = replace(
-        reading,
-        dropped=reading.dropped + close,
-        resampled=timing.count,
-        notes=(*reading.notes, *words),
+    words = (
+        f"time stamps deviate by {_time(timing.jitter)} RMS from regular time (steps of "
+        f"{_time(steps.min())} to {_time(steps.max())}): interpolated from them"
+        if timing.number is None
+        else f"samples taken at jittering times ({_time(timing.jitter)} RMS): interpolated"
     )
-    even = _resampled(plain, timing, order, position, reading)
+    even.said(f"{words} at {1.0 / timing.step:.6g} Hz", resampled=timing.count)
+    kept = far_apart(stamps, _NEAREST * timing.step)
+    if close := stamps.size - kept.size:
+        even.left_out(
+            close,
+            f"left out {counted(close, 'row')} less than {_time(_NEAREST * timing.step)} after "
+            "the row before",
+        )
+    between = _between(stamps[kept], rows[kept], at)
+    _resample(even, timing, np.interp(at, stamps, np.arange(stamps.size)), between)
     cells = np.diff(stamps[kept])
     spread = float(np.sqrt(np.mean(cells**2) / (np.mean(cells) * timing.step)))
-    return _Sampled(even, timing.step, table.position[kept], stamps[kept], max(spread, 1.0))
+    return Regular(even, timing.step, rows[kept], stamps[kept], max(spread, 1.0))
 
 
-def _resampled(
-    plain: Settled, timing: Timing, order: FloatArray, position: FloatArray, reading: Reading
-) -> Settled:
-    """Positions at regular times, which lie at `order` in the rows; the rest from the row before.
+def _resample(even: Samples, timing: Timing, order: FloatArray, position: FloatArray) -> None:
+    """Take positions at regular times, at `order` in the rows; all else is of the row before.
 
     Samples between rows have no rounding of their own.
     """
-    nearest = np.floor(order + 1e-9).astype(np.int64)
-    table = replace(_rows_of(plain.table, nearest), t=timing.time, position=position)
-    rows = np.interp(order, np.arange(plain.rows.size), plain.rows)
-    return Settled(table, rows, replace(reading, samples=timing.count))
-
-
-def _contradictions(sampled: _Sampled) -> list[str]:
-    """Refuse stamps that say when rows were written, not when they were measured."""
-    if sampled.t is None:
-        return []
-    by_stamps, by_rows = (
-        sum(roughness(q, t) for q in sampled.position.T) for t in (sampled.t, None)
-    )
-    if by_rows > _CONTRADICTED * by_stamps:
-        return []
-    return [
-        f"positions over the time stamps are rougher ({by_stamps:.2g} rad or m) than over the rows "
-        f"({by_rows:.2g}): the stamps are write times, not measuring times; give the "
-        "robot's own times"
-    ]
-
-
-def _cutoff_problems(cutoff: float, timing: Timing) -> list[str]:
-    """Refuse a cutoff of less than two periods over the whole log, or of half its rate and more."""
-    least, most = 2.0 / float(timing.time[-1] - timing.time[0]), 0.5 / timing.step
-    if least <= cutoff < most:
-        return []
-    return [f"--cutoff {cutoff:g}: this log can be filtered from {least:.3g} to {most:.6g} Hz"]
+    even.keep(np.floor(order + 1e-9).astype(np.int64), timing.time)
+    even.table = replace(even.table, position=position)
+    even.rows = np.interp(order, np.arange(even.rows.size), even.rows)
+    even.said(samples=timing.count, jitter=timing.jitter)
 
 
 def _between(x: FloatArray, position: FloatArray, at: FloatArray) -> FloatArray:
@@ -385,21 +364,16 @@ def _time(seconds: float) -> str:
     return f"{1e3 * seconds:.2g} ms"
 
 
-def _filtered(
-    columns: Sequence[JointColumn],
-    sampled: _Sampled,
-    noisy: Sequence[bool],
-    options: ReadingOptions,
-) -> Settled:
+def _filtered(regular: Regular, noisy: Sequence[bool], options: ReadingOptions) -> Samples:
     """Low-pass what is noisy (all that moves, where the cutoff was given) between its holds."""
-    even, step, thinning = sampled.even, sampled.step, options.thinning
+    even, step, thinning = regular.even, regular.step, options.thinning
     measured, t = even.table.position, even.table.t
     every = thinning.every(step) if thinning else 1
     kept = np.arange(0, t.size, every)
     noise, floor = (
         [
-            sampled.spread * level(q, sampled.t) if is_so else 0.0
-            for q, is_so in zip(sampled.position.T, noisy, strict=True)
+            regular.spread * level(q, regular.t) if is_so else 0.0
+            for q, is_so in zip(regular.position.T, noisy, strict=True)
         ]
         for level in (noise_level, noise_floor)
     )
@@ -408,20 +382,18 @@ def _filtered(
     # how far the low pass may be wrong is not known to more than single precision's digits
     kinds |= {"shift": np.float32, "moving": bool}
     parts: dict[str, NDArray[Any]] = {
-        name: np.empty((kept.size, len(columns)), kind) for name, kind in kinds.items()
+        name: np.empty((kept.size, len(even.columns)), kind) for name, kind in kinds.items()
     }
     passes, spreads = [], []
     for i, q in enumerate(measured.T):
         holds = found[i] if noisy[i] else find_holds(q, float(even.table.resolution[i]))
         passes.append(_chosen_pass(q, step, floor[i], holds, noisy[i], options.cutoff))
-        joint = _low_passed(sampled, i, holds, passes[i], noise[i], thinning)
+        joint = _low_passed(regular, i, holds, passes[i], noise[i], thinning)
         for name, column in parts.items():
             column[:, i] = getattr(joint, name)
         spreads.append(joint.spread)
-    names = [column.name for column in columns]
-    spread = np.array(spreads)
-    reading = replace(
-        even.reading,
+    names, spread = [column.name for column in even.columns], np.array(spreads)
+    even.said(
         noise=dict(zip(names, noise, strict=True)),
         cutoff={name: own.cutoff for name, own in zip(names, passes, strict=True)},
         uncertain=DerivativeNoise(
@@ -432,17 +404,20 @@ def _filtered(
             np.array([own.lost for own in passes]),
         ),
     )
-    line = _noise_line(reading, " or ".join(dict.fromkeys(column.unit for column in columns)))
-    reading = replace(reading, notes=(*reading.notes, line), noise_line=line)
-    table = replace(
-        _rows_of(even.table, kept),
+    unit = " or ".join(dict.fromkeys(column.unit for column in even.columns))
+    line = _noise_line(even.reading, unit)
+    even.said(line, noise_line=line)
+    even.keep(kept)
+    even.table = replace(
+        even.table,
         position=parts["position"],
         velocity=parts["velocity"],
         acceleration=parts["acceleration"],
     )
+    even.every = every
     ends = [0.0 if own.cutoff is None else _ONE_SIDED / own.cutoff for own in passes]
-    settled = Settled(table, even.rows, reading, every)
-    return _without_ends(settled, parts["moving"], np.array(ends), every * step)
+    _leave_out_ends(even, parts["moving"], np.array(ends), every * step)
+    return even
 
 
 @dataclass(frozen=True)
@@ -474,46 +449,39 @@ def _chosen_pass(
     return _Pass(cutoff, gaussian, lost)
 
 
-def _without_ends(
-    settled: Settled, moving: NDArray[np.bool_], ends: FloatArray, step: float
-) -> Settled:
+def _leave_out_ends(
+    even: Samples, moving: NDArray[np.bool_], ends: FloatArray, step: float
+) -> None:
     """Leave out the ends of a log in which a joint moves: there a low pass has one side only.
 
     Args:
-        settled: the filtered motion.
+        even: the filtered motion.
         moving: (T, nj) where a joint is not held.
         ends: (nj,) how long its low pass is unreliable at an end, s.
         step: s between samples.
     """
-    count = len(moving)
+    count, every, uncertain = len(moving), even.every, even.reading.uncertain
     first, last = (
         min(int(np.max(ends * moving[at], initial=0.0) / step + 0.5), count // 4) for at in (0, -1)
     )
     if first == last == 0:
-        return settled
+        return
+    assert uncertain is not None
     inside = slice(first, count - last)
-    table, reading = settled.table, settled.reading
-    assert reading.uncertain is not None
-    uncertain = replace(
-        reading.uncertain,
-        moving=reading.uncertain.moving[inside],
-        acceleration_shift=reading.uncertain.acceleration_shift[inside],
+    even.said(
+        uncertain=replace(
+            uncertain,
+            moving=moving[inside],
+            acceleration_shift=uncertain.acceleration_shift[inside],
+        )
     )
-    words = (
+    even.left_out(
+        (first + last) * every,
         f"left out {_time(first * step)} at the start and {_time(last * step)} at the end, "
-        "where joints move and the low pass has samples on one side only"
+        "where joints move and the low pass has samples on one side only",
     )
-    reading = replace(
-        reading,
-        samples=reading.samples - (first + last) * settled.every,
-        dropped=reading.dropped + (first + last) * settled.every,
-        notes=(*reading.notes, words),
-        uncertain=uncertain,
-    )
-    rows = settled.rows[first * settled.every : (count - last) * settled.every]
-    return replace(
-        settled, table=_rows_of(table, np.arange(count)[inside]), rows=rows, reading=reading
-    )
+    even.rows = even.rows[first * every : (count - last) * every]
+    even.keep(np.arange(count)[inside])
 
 
 @dataclass(frozen=True)
@@ -529,7 +497,7 @@ class _Smoothed:
 
 
 def _low_passed(
-    sampled: _Sampled,
+    regular: Regular,
     joint: int,
     holds: Sequence[tuple[int, int]],
     chosen: _Pass,
@@ -537,9 +505,9 @@ def _low_passed(
     thinning: Thinning | None,
 ) -> _Smoothed:
     """Return one joint's motion, thinned; its whole columns fill much of the memory."""
-    t, step, cutoff, gaussian = sampled.even.table.t, sampled.step, chosen.cutoff, chosen.gaussian
+    t, step, cutoff, gaussian = regular.even.table.t, regular.step, chosen.cutoff, chosen.gaussian
     every = thinning.every(step) if thinning else 1
-    q = sampled.even.table.position[:, joint].copy()
+    q = regular.even.table.position[:, joint].copy()
     moving, shift = np.ones(q.size, dtype=bool), np.zeros(1)
     for first, last in holds:
         q[first : last + 1] = q[first : last + 1].mean()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +18,7 @@ from pinfric.motions.log.columns import PAYLOAD, Columns, Use, find_columns, rea
 from pinfric.motions.log.csv_file import open_csv
 from pinfric.motions.log.files import open_matlab, open_parquet
 from pinfric.motions.log.frame import Log, LogFrame, OpenedLog
-from pinfric.motions.log.motion import Settled, settle, unwrapped
+from pinfric.motions.log.motion import Samples, regularise, smooth, unwrapped
 from pinfric.motions.log.reading import ANGLE_UNITS, Reading, ReadingOptions, Thinning
 from pinfric.motions.log.rows import check_times, gap_problems, mended_effort, ordered_rows
 from pinfric.motions.log.units import (
@@ -64,13 +64,7 @@ def read_log(
         TrajectoryError: the file cannot be opened, or holds nothing to compute with.
     """
     name = source.name if isinstance(source, Log) else str(source)
-    if isinstance(source, Log):
-        log, mapping = source.opened([joint.name for joint in joints]), None
-    else:
-        log, mapping = _open(source, joints), read_mapping(source, options.columns)
-    found = find_columns(
-        log.header, log.first, joints, payloads, mapping, problems, options.currents
-    )
+    log, found, options = _read(source, joints, payloads, options, problems)
     named = choose(list(found.position), problems)
     missing = [column.name for column in named if column.name not in found.position]
     others = listing(map(brief, found.ignored))
@@ -84,9 +78,33 @@ def read_log(
     if not found.time or not named:
         refuse(name, problems)
     notes = [*log.notes, *found.notes, *([f"columns not used: {others}"] if others else [])]
-    options = replace(options, unit=options.unit or (mapping.unit if mapping else None))
-    rows = _in_si(name, log, found, named, options, problems, notes)
-    return _settled(log, found, named, rows, options, problems, notes)
+    samples, efforts = _to_si(name, log, found, named, options, problems, notes)
+    if not problems:
+        samples = smooth(samples, regularise(samples), options)
+        if samples.reading.filtered and found.planned and found.velocity and not log.recorded:
+            samples.said(
+                "velocities in the file are not used: they are derived from filtered positions"
+            )
+        _finish(samples, log.recorded, efforts, options.thinning)
+    return named, samples.table, samples.reading
+
+
+def _read(
+    source: Path | Log,
+    joints: Sequence[JointColumn],
+    payloads: Sequence[str],
+    options: ReadingOptions,
+    problems: list[str],
+) -> tuple[OpenedLog, Columns, ReadingOptions]:
+    """Open a log, and say what its columns are."""
+    if isinstance(source, Log):
+        log, mapping = source.opened([joint.name for joint in joints]), None
+    else:
+        log, mapping = _open(source, joints), read_mapping(source, options.columns)
+    found = find_columns(
+        log.header, log.first, joints, payloads, mapping, problems, options.currents
+    )
+    return log, found, replace(options, unit=options.unit or (mapping.unit if mapping else None))
 
 
 def _open(path: Path, joints: Sequence[JointColumn]) -> OpenedLog:
@@ -103,32 +121,7 @@ def _open(path: Path, joints: Sequence[JointColumn]) -> OpenedLog:
     )
 
 
-def _say_dropped(cells: LogFrame, notes: list[str]) -> None:
-    if cells.dropped:
-        notes.append(
-            f"left out {counted(cells.dropped, 'row')} of "
-            f"{len(cells.values) + cells.dropped}: {cells.why}"
-        )
-    if cells.absent:
-        notes.append(f"{counted(cells.absent, 'row')} without positions skipped")
-
-
-@dataclass(frozen=True)
-class _Measured:
-    """The rows of a log in SI and in order of time.
-
-    Args:
-        plan: what they say of the motion.
-        effort: (T, nj) N m or N; NaN where there is none.
-        dropped: rows left out.
-    """
-
-    plan: TrajectoryTable
-    effort: FloatArray
-    dropped: int
-
-
-def _in_si(
+def _to_si(
     name: str,
     log: OpenedLog,
     found: Columns,
@@ -136,12 +129,16 @@ def _in_si(
     options: ReadingOptions,
     problems: list[str],
     notes: list[str],
-) -> _Measured:
-    """Turn cells into SI, and put the rows in order."""
+) -> tuple[Samples, dict[str, FloatArray]]:
+    """Return the rows in SI and in order of time, and joint -> (rows,) effort."""
     cells = log.read(found.used(), problems)
     if len(cells.values) == 0:
         refuse(name, problems)
-    _say_dropped(cells, notes)
+    if cells.dropped:
+        every = len(cells.values) + cells.dropped
+        notes.append(f"left out {counted(cells.dropped, 'row')} of {every}: {cells.why}")
+    if cells.absent:
+        notes.append(f"{counted(cells.absent, 'row')} without positions skipped")
     uses = [found.position[column.name] for column in named]
     raw = _quantity(cells, {name: Use(use.column) for name, use in found.position.items()}, named)
     known = [use.unit for use in uses]
@@ -156,86 +153,69 @@ def _in_si(
     check_times(t, cells.lines, problems)
     kept = ordered_rows(t, cells.lines, problems, notes)
     taken = slice(None) if kept.size == t.size else kept
-    own_plan = found.planned and bool(found.velocity)
-    if not problems and not own_plan and set(factors) == {1.0}:
-        problems += fast_angles(named, t[kept], position[taken], known, options.unit)
-    if not problems and found.by_header and not options.unit:
-        problems += slow_angles(named, t[kept], position[taken], factors)
-    position = unwrapped(named, position[taken], notes)
-    lines = [cells.lines[i] for i in kept] if kept.size < t.size else cells.lines
-    if not problems and not own_plan:
-        problems += frozen_angles(named, t[kept], position, lines)
+    t, position = t[kept], position[taken]
+    planned, by_header = found.planned and bool(found.velocity), found.by_header
+    if not problems and not planned and set(factors) == {1.0}:
+        problems += fast_angles(named, t, position, known, options.unit)
+    if not problems and by_header and not options.unit:
+        problems += slow_angles(named, t, position, factors)
+    position = unwrapped(named, position, notes)
+    lines = [cells.lines[i] for i in kept] if kept.size < len(cells.lines) else cells.lines
+    if not problems and not planned:
+        problems += frozen_angles(named, t, position, lines)
     velocity, acceleration = (
         _quantity(cells, part, named, _own_units(part, named, factors, options.unit))[taken]
         for part in (found.velocity, found.acceleration)
     )
     attached = {name: _phase(cells, name, problems)[kept] for name in found.payloads}
-    plan = TrajectoryTable(
-        t[kept], position, velocity, acceleration, attached, resolution * np.abs(factors)
+    efforts = {
+        column.name: mended_effort(column.name, effort[taken], lines, problems, notes)
+        for column in named
+        if (use := found.effort.get(column.name))
+        for effort in [use.factor * cells.column(use.column)]
+    }
+    table = TrajectoryTable(
+        t, position, velocity, acceleration, attached, resolution * np.abs(factors)
     )
-    effort = _quantity(cells, found.effort, named)[taken]
-    for i, column in enumerate(named):
-        if column.name in found.effort:
-            effort[:, i] = mended_effort(column.name, effort[:, i], lines, problems, notes)
-    return _Measured(plan, effort, cells.dropped + len(cells.values) - kept.size)
-
-
-def _settled(
-    log: OpenedLog,
-    found: Columns,
-    named: tuple[JointColumn, ...],
-    rows: _Measured,
-    options: ReadingOptions,
-    problems: list[str],
-    notes: list[str],
-) -> Logged:
-    """Settle on the motion behind the rows."""
-    plan = rows.plan
-    if problems:
-        return named, plan, Reading(plan.t.size)
-    logged = plan.velocity if found.velocity else None
-    if log.recorded or not found.planned:
-        notes += _compared(named, plan)
-        nothing = np.broadcast_to(np.nan, plan.position.shape)
-        plan = replace(plan, velocity=nothing, acceleration=nothing)
-    recorded = log.recorded or bool(found.effort)
-    settled = settle(named, plan, options, problems, recorded, logged)
-    if settled.reading.filtered and np.isfinite(plan.velocity).any():
-        notes.append(
-            "velocities in the file are not used: they are derived from filtered positions"
-        )
-    if log.recorded:
-        notes += _smoothed_already(settled.reading)
-        problems += [gap for gap in gap_problems(plan.t) if gap not in problems]
-    reading = replace(
-        settled.reading,
-        dropped=settled.reading.dropped + rows.dropped,
-        effort={
-            column.name: _beside(settled, rows.effort[:, i], options.thinning)
-            for i, column in enumerate(named)
-            if column.name in found.effort
-        },
-        notes=(*notes, *settled.reading.notes),
+    logged = velocity if found.velocity else None
+    if not problems and (log.recorded or not found.planned):
+        notes += _compared(named, table)
+        nothing = np.broadcast_to(np.nan, position.shape)
+        table = replace(table, velocity=nothing, acceleration=nothing)
+    reading = Reading(
+        t.size,
+        cells.dropped + len(cells.values) - t.size,
+        noise={column.name: 0.0 for column in named},
+        cutoff={column.name: None for column in named},
+        notes=tuple(notes),
     )
-    return named, settled.table, reading
+    recorded, rows = log.recorded or bool(found.effort), np.arange(t.size, dtype=np.float64)
+    return Samples(named, table, rows, reading, problems, recorded, logged), efforts
 
 
-def _beside(settled: Settled, effort: FloatArray, thinning: Thinning | None) -> FloatArray:
-    """Return the effort at a motion's samples of that in the rows, (T,)."""
-    whole = np.interp(settled.rows, np.arange(effort.size), effort)
-    if thinning is None or settled.every == 1:
-        return whole
-    t = settled.table.t
-    step = float(t[-1] - t[0]) / ((t.size - 1) * settled.every)
-    return thinning.effort(whole, step)[:: settled.every].copy()  # a view would keep all of it
-
-
-def _smoothed_already(reading: Reading) -> list[str]:
-    """Say that a recording has no noise: something has filtered it before."""
-    if reading.noise_line:
-        return []
-    largest = max(reading.noise.values(), default=0.0)
-    return [f"positions have almost no noise ({largest:.1e}): already smooth, not filtered"]
+def _finish(
+    samples: Samples,
+    recorded: bool,
+    efforts: Mapping[str, FloatArray],
+    thinning: Thinning | None,
+) -> None:
+    """Say that a recording is smooth, refuse its gaps, and take efforts at the samples."""
+    reading, t = samples.reading, samples.table.t
+    if recorded:
+        if not reading.noise_line:  # something has filtered it before
+            largest = max(reading.noise.values(), default=0.0)
+            samples.said(
+                f"positions have almost no noise ({largest:.1e}): already smooth, not filtered"
+            )
+        samples.problems += [gap for gap in gap_problems(t) if gap not in samples.problems]
+    taken = {}
+    for name, effort in efforts.items():
+        whole = np.interp(samples.rows, np.arange(effort.size), effort)
+        if thinning and samples.every > 1:
+            step = float(t[-1] - t[0]) / ((t.size - 1) * samples.every)
+            whole = thinning.effort(whole, step)[:: samples.every].copy()  # a view would keep all
+        taken[name] = whole
+    samples.said(effort=taken)
 
 
 def _quantity(
