@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pinfric.identification.columns import joint_rows, prepare
 from pinfric.identification.estimate import Estimate, reloaded, scale_is_known
-from pinfric.identification.laws import INERTIA, SLOT, SLOTS
+from pinfric.identification.laws import INERTIA, SLOTS
 from pinfric.identification.normal import BlockProducts, FrictionNormalEquations, Normal, above_zero
 from pinfric.identification.parameters import scene_key
 from pinfric.identification.recordings import Recording
@@ -178,7 +178,7 @@ def _weighed(
     factors = {}
     for at, ratio in zip(place.tolist(), (then / now).tolist(), strict=True):
         j, slot = divmod(at, len(SLOTS))
-        if slot != SLOT[INERTIA] and j in found.known:
+        if slot != INERTIA and j in found.known:
             section, key, _ = scene_key(found.scene, j, found.choice.laws[j], slot)
             factors[f"{section}.{found.scene.joint_names[j]}.{key}"] = float(ratio)
     return Advice(name, points, load, factors)

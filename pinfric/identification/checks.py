@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pinfric.errors import IdentificationError, problems_line
 from pinfric.identification.columns import Rows
 from pinfric.identification.inertias import urdf_prior
-from pinfric.identification.laws import BACKWARD, FORWARD, INERTIA, SLOT
+from pinfric.identification.laws import COULOMB, INERTIA, PLAIN
 from pinfric.identification.normal import Fit, Prior, residuals
 from pinfric.model.scene import Scene
 
@@ -31,7 +31,7 @@ _FEWEST = 50
 #: An effort that changes by less than this share of itself is always the same.
 _CONSTANT = 1e-9
 #: The columns of friction and rotor that every drive may have.
-_OWN = [SLOT[name] for name in (FORWARD, BACKWARD, "speed^1", INERTIA)]
+_OWN = [*COULOMB, PLAIN.slots[2], INERTIA]
 #: Logged efforts may exceed a URDF's limit, which is often a continuous one, by this factor; dry
 #: friction is a smaller share of it. From the second on a URDF means that there is none, N m or N.
 _OVER_LIMIT, _MOST_FRICTION, _NO_LIMIT = 1.5, 0.5, 1e6
@@ -114,7 +114,7 @@ def check_limits(
         if joint in given or own.effort.size < _FEWEST or not 0.0 < limits[j] < _NO_LIMIT:
             continue
         most = float(np.quantile(np.abs(own.effort), 0.99))
-        dry = 0.5 * float(fit.slots[j, [SLOT[FORWARD], SLOT[BACKWARD]]].sum())
+        dry = 0.5 * float(fit.slots[j, COULOMB].sum())
         what = (
             f"efforts reach {most:.3g}"
             if most > _OVER_LIMIT * limits[j]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinfric.identification.columns import Rows
-from pinfric.identification.laws import INERTIA, PLAIN, SLOT, SLOTS, Law
+from pinfric.identification.laws import INERTIA, PLAIN, SLOTS, Law
 from pinfric.identification.normal import (
     BlockProducts,
     FrictionNormalEquations,
@@ -58,7 +58,7 @@ class Problem:
 
         A joint without rows takes none, one that moves one way only no Coulomb friction the other.
         """
-        rotor = (SLOT[INERTIA],) if self.rotor else ()
+        rotor = (INERTIA,) if self.rotor else ()
         return [
             tuple(slot for slot in (*rotor, *law.slots) if own[slot])
             for own, law in zip(self._seen, laws, strict=True)

@@ -21,9 +21,9 @@ from pinfric.identification.laws import (
     BACKWARD,
     BEARING,
     FORWARD,
+    GEARS,
     INERTIA,
     SIDES,
-    SLOT,
     SLOTS,
     SPEEDS,
 )
@@ -144,11 +144,11 @@ def prepare(scene: Scene, recording: Recording, thin: int = 1) -> Prepared:
     slides = _sliding(recording, known)[kept]
     effort = _spline(motion.t, _passed(measured, step))
     slots, v = np.zeros((kept.size, nj, len(SLOTS))), recording.velocity
-    slots[:, :, SLOT[INERTIA]] = _passed(recording.acceleration, step)[kept]
-    slots[:, :, SLOT[FORWARD]] = _passed((v > 0.0).astype(np.float64), step)[kept]
-    slots[:, :, SLOT[BACKWARD]] = _passed(-(v < 0.0).astype(np.float64), step)[kept]
-    for name, p in SPEEDS.items():
-        slots[:, :, SLOT[name]] = _passed(np.sign(v) * np.abs(v) ** p, step)[kept]
+    slots[:, :, INERTIA] = _passed(recording.acceleration, step)[kept]
+    slots[:, :, FORWARD] = _passed((v > 0.0).astype(np.float64), step)[kept]
+    slots[:, :, BACKWARD] = _passed(-(v < 0.0).astype(np.float64), step)[kept]
+    for slot, p in SPEEDS.items():
+        slots[:, :, slot] = _passed(np.sign(v) * np.abs(v) ** p, step)[kept]
     return Prepared(
         recording,
         kept,
@@ -251,12 +251,12 @@ def with_loads(prepared: Prepared, scene: Scene, inner: FloatArray) -> Prepared:
     probe = bearings_only(scene)
     rigid, sites = along(probe, motion)
     slots, kept = prepared.slots.copy(), prepared.kept
-    slots[:, :, SLOT[BEARING]] = 0.0
+    slots[:, :, BEARING] = 0.0
     for j, name in enumerate(scene.joint_names):  # one after another: long logs fill the memory
         sign = np.sign(recording.velocity[:, j])
         if name in probe.site_names:
             load = sites[:, probe.site_names.index(name)]
-            slots[:, j, SLOT[BEARING]] = _passed(sign * load, step)[kept]
+            slots[:, j, BEARING] = _passed(sign * load, step)[kept]
         for side, x in zip(SIDES, (rigid[:, j], rigid[:, j] + inner[:, j]), strict=True):
             both = sign * np.abs(x)
             for direction, part in (
@@ -264,7 +264,7 @@ def with_loads(prepared: Prepared, scene: Scene, inner: FloatArray) -> Prepared:
                 ("driven", x * sign < 0.0),
                 ("both", True),
             ):
-                slot = SLOT[f"gear {direction}, {side} side"]
+                slot = GEARS[side, direction]
                 slots[:, j, slot] = _passed(both * part, step)[kept]
     return replace(prepared, slots=slots, load=rigid)
 
@@ -318,7 +318,7 @@ def joint_rows(every: Sequence[Prepared], joint: int, delay: float) -> Rows:
             for name in Rows.__dataclass_fields__
         )
     )
-    forward, backward = joined.slots[:, SLOT[FORWARD]], joined.slots[:, SLOT[BACKWARD]]
+    forward, backward = joined.slots[:, FORWARD], joined.slots[:, BACKWARD]
     for seen, own, other in (
         (joined.velocity > 0.0, forward, backward),
         (joined.velocity < 0.0, backward, forward),

@@ -37,12 +37,14 @@ from pinfric.identification.delay import Delay, common_delay, log_delay
 from pinfric.identification.inertias import consistent_fit, urdf_prior, with_parameters
 from pinfric.identification.laws import (
     BACKWARD,
+    COULOMB,
     FALL_BACKWARD,
     FALL_FORWARD,
+    FALLS,
     FORWARD,
+    GEARS,
     INERTIA,
     PLAIN,
-    SLOT,
     SPEEDS,
     Law,
     candidates,
@@ -243,7 +245,7 @@ def _fall(found: Estimate, joint: int) -> Fall | None:
     law, mine = found.choice.laws[joint], found.question.laws.get(found.scene.joint_names[joint])
     if mine is not None and not mine.stribeck:
         return None
-    beside = {SLOT[INERTIA], *law.slots} - {SLOT[FALL_FORWARD], SLOT[FALL_BACKWARD]}
+    beside = {INERTIA, *law.slots} - set(FALLS)
     return find_fall(
         found.prepared, joint, found.rows[joint], found.row_weights[joint], sorted(beside)
     )
@@ -289,9 +291,9 @@ def _fit(found: Estimate, laws: Sequence[Sequence[Law]]) -> None:
         choice = replace(choice, laws=tuple(one_loss))
         fit = fitted(choice)
     for values, law, own in zip(fit.slots, choice.laws, problem.slots(choice.laws), strict=True):
-        dry = [slot for slot in (SLOT[FORWARD], SLOT[BACKWARD]) if slot in own]
+        dry = [slot for slot in COULOMB if slot in own]
         if law.coulomb and len(dry) == 1:  # it moved one way only
-            values[[SLOT[FORWARD], SLOT[BACKWARD]]] = values[dry[0]]
+            values[COULOMB] = values[dry[0]]
     found.row_weights, found.problem, found.choice, found.fit = row_weights, problem, choice, fit
     if not prior.kept:
         found.scene = question.scene.with_(model=with_parameters(question.scene.model, fit.theta))
@@ -311,7 +313,7 @@ def offered(found: Estimate, joint: int) -> tuple[Law, ...]:
     bearing = entry is not None and entry.bearing is not None
     falls = found.falls[joint] is not None if found.falls else False
     # friction that was fitted without a gear contains the gear's loss at the mean load
-    coulomb = 0.5 * float(found.fit.slots[joint, [SLOT[FORWARD], SLOT[BACKWARD]]].sum())
+    coulomb = 0.5 * float(found.fit.slots[joint, COULOMB].sum())
     left = coulomb - _MOST_LOSS * float(np.mean(np.abs(rows.load)))
     shows_gear = float(np.sqrt(np.mean(rows.load**2))) > left
     laws = candidates(bearing, found.question.motor and shows_gear, both, falls)
@@ -351,10 +353,7 @@ def _at_an_end(problem: Problem, choice: Choice, fit: Fit) -> list[int]:
         if law.load == "gear"
         and replace(law, both_ways=True) in problem.laws[j]
         and not law.both_ways
-        and min(
-            fit.slots[j, SLOT[f"gear {direction}, {law.side} side"]]
-            for direction in ("driving", "driven")
-        )
+        and min(fit.slots[j, GEARS[law.side, direction]] for direction in ("driving", "driven"))
         <= 0.0
     ]
 
@@ -365,12 +364,11 @@ def reloaded(found: Estimate, one: Prepared, scene: Scene | None = None) -> Prep
     inner = np.zeros_like(v)
     for j, values in enumerate(found.fit.slots):
         sign = np.sign(v[:, j])
-        inner[:, j] = values[SLOT[FORWARD]] * (sign > 0.0) - values[SLOT[BACKWARD]] * (sign < 0.0)
-        for name, p in SPEEDS.items():
-            inner[:, j] += values[SLOT[name]] * sign * np.abs(v[:, j]) ** p
+        inner[:, j] = values[FORWARD] * (sign > 0.0) - values[BACKWARD] * (sign < 0.0)
+        for slot, p in SPEEDS.items():
+            inner[:, j] += values[slot] * sign * np.abs(v[:, j]) ** p
         if found.falls and (fall := found.falls[j]) is not None:
             inner[:, j] += falling(v[:, j], fall.velocity, fall.exponent) * (
-                values[SLOT[FALL_FORWARD]] * (sign > 0.0)
-                - values[SLOT[FALL_BACKWARD]] * (sign < 0.0)
+                values[FALL_FORWARD] * (sign > 0.0) - values[FALL_BACKWARD] * (sign < 0.0)
             )
     return with_falls(with_loads(one, scene or found.scene, inner), found.falls)

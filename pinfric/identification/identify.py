@@ -19,12 +19,11 @@ from pinfric.identification.columns import joint_rows, prepare, thinning
 from pinfric.identification.estimate import Estimate, Question, estimate, reloaded
 from pinfric.identification.files import identified_files
 from pinfric.identification.findings import Findings, HeldOut
-from pinfric.identification.laws import BACKWARD, FALL_SPEED, FORWARD, SLOT, SLOTS, Law
+from pinfric.identification.laws import COULOMB, FALL_SPEED, FALLS, SLOTS, Law
 from pinfric.identification.misfit import misfits
 from pinfric.identification.normal import residuals
 from pinfric.identification.notes import notes
 from pinfric.identification.parameters import (
-    RESTING,
     identified_scene,
     on_motor,
     parameters,
@@ -269,8 +268,8 @@ def _rms(x: FloatArray) -> float:
 def _posterior(found: Estimate, known: Uncertainty, seed: int) -> dict[str, FloatArray]:
     """Draws of every coefficient above zero, in the scene's terms."""
     draws = known.draws(found.fit.slots, _DRAWS, seed)
-    slots, ways = found.problem.slots(found.choice.laws), {SLOT[FORWARD], SLOT[BACKWARD]}
-    falls = {SLOT[name] for name in (*RESTING, FALL_SPEED)}  # no key of a sweep
+    slots, ways = found.problem.slots(found.choice.laws), set(COULOMB)
+    falls = {*FALLS, FALL_SPEED}  # no key of a sweep
     result = {}
     for at in known.place.tolist():
         j, slot = divmod(at, len(SLOTS))

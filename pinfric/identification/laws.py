@@ -14,31 +14,25 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 
 #: Exponents of the speed. Below a half, Coulomb friction and its rest interval dissolve in the
 #: speed's term unless slow sliding was logged.
 EXPONENTS = (1.0, 0.8, 0.67, 0.5, 0.33)
 #: Where a gear's losses are proportional to: load alone, or load with the joint's friction.
 SIDES = ("motor", "joint")
-_DIRECTIONS = ("driving", "driven", "both")
+DIRECTIONS = ("driving", "driven", "both")
 
-INERTIA, FORWARD, BACKWARD, BEARING = "inertia", "forward", "backward", "bearing"
-#: By how much friction at rest exceeds friction in motion, and the speed at which it has fallen.
-FALL_FORWARD, FALL_BACKWARD, FALL_SPEED = "fall forward", "fall backward", "fall's speed"
-SPEEDS = {f"speed^{p:g}": p for p in EXPONENTS}
-#: The columns of one joint beside the rigid ones: what each coefficient multiplies.
-SLOTS = (
-    INERTIA,
-    FORWARD,
-    BACKWARD,
-    *SPEEDS,
-    BEARING,
-    *(f"gear {direction}, {side} side" for side in SIDES for direction in _DIRECTIONS),
-    FALL_FORWARD,
-    FALL_BACKWARD,
-    FALL_SPEED,
-)
-SLOT = {name: i for i, name in enumerate(SLOTS)}
+#: Places of one joint's coefficients beside the links': rotor, Coulomb friction by direction,
+INERTIA, FORWARD, BACKWARD = range(3)
+#: powers of the speed (place -> exponent), the bearing, gears (by side and direction),
+SPEEDS = dict(enumerate(EXPONENTS, 3))
+BEARING = 3 + len(EXPONENTS)
+GEARS = {key: BEARING + 1 + i for i, key in enumerate(product(SIDES, DIRECTIONS))}
+#: by how much friction at rest exceeds friction in motion, and the speed at which it has fallen.
+FALL_FORWARD, FALL_BACKWARD, FALL_SPEED = range(BEARING + 7, BEARING + 10)
+SLOTS = range(FALL_SPEED + 1)
+COULOMB, FALLS = [FORWARD, BACKWARD], [FALL_FORWARD, FALL_BACKWARD]
 
 
 @dataclass(frozen=True)
@@ -61,23 +55,16 @@ class Law:
     both_ways: bool = True
     stribeck: bool = False
 
-    @property
-    def speed(self) -> str:
-        """The name of its speed's slot; empty: none."""
-        return "" if self.exponent is None else f"speed^{self.exponent:g}"
-
     @cached_property
     def slots(self) -> tuple[int, ...]:
         """Its coefficients' places in `SLOTS`."""
-        names = [FORWARD, BACKWARD] if self.coulomb else []
-        names += [self.speed] if self.speed else []
-        names += [FALL_FORWARD, FALL_BACKWARD] if self.stribeck else []
-        if self.load == "bearing":
-            names.append(BEARING)
-        elif self.load == "gear":
-            directions = ["both"] if self.both_ways else ["driving", "driven"]
-            names += [f"gear {direction}, {self.side} side" for direction in directions]
-        return tuple(SLOT[name] for name in names)
+        places = COULOMB * self.coulomb + [at for at, p in SPEEDS.items() if p == self.exponent]
+        places += FALLS * self.stribeck + [BEARING] * (self.load == "bearing")
+        if self.load == "gear":
+            places += [
+                GEARS[self.side, x] for x in (DIRECTIONS[2:] if self.both_ways else DIRECTIONS[:2])
+            ]
+        return tuple(places)
 
     @property
     def size(self) -> int:
@@ -87,8 +74,8 @@ class Law:
     def __str__(self) -> str:
         parts = ["Coulomb"] if self.coulomb else []
         parts += ["Stribeck"] if self.stribeck else []
-        if self.speed:
-            parts.append("viscous" if self.exponent == 1.0 else self.speed)
+        if self.exponent is not None:
+            parts.append("viscous" if self.exponent == 1.0 else f"speed^{self.exponent:g}")
         if self.load == "gear":
             parts.append(
                 f"gear {'(one loss)' if self.both_ways else '(two losses)'}, friction on "

@@ -24,7 +24,7 @@ from pinfric.dynamics.samples.reactions import state_wrenches
 from pinfric.dynamics.samples.states import States
 from pinfric.identification.columns import PASS, Prepared, Rows
 from pinfric.identification.estimate import Estimate
-from pinfric.identification.laws import BACKWARD, FALL_SPEED, FORWARD, INERTIA, SLOT
+from pinfric.identification.laws import COULOMB, FALL_SPEED, INERTIA
 from pinfric.identification.normal import orthonormal, residuals
 
 FloatArray = NDArray[np.float64]
@@ -42,7 +42,6 @@ _HARMONICS = tuple(range(1, 13))
 #: Coulomb friction forward and backward that differ by more than this share of their sum may well
 #: be equal, and the effort's sensor off.
 _UNEVEN = 0.15
-DIRECTIONS = [SLOT[FORWARD], SLOT[BACKWARD]]
 #: Directions of a shape do not show if the model's columns leave less than this share of their
 #: square. Hats over the speed make Coulomb friction, and their sum with it could be anything.
 _DESCRIBED = 0.1
@@ -109,7 +108,7 @@ def uneven(found: Estimate) -> dict[int, float]:
     """
     result = {}
     for j in found.known:
-        up, down = found.fit.slots[j, DIRECTIONS].tolist()
+        up, down = found.fit.slots[j, COULOMB].tolist()
         if found.choice.laws[j].coulomb and abs(up - down) > _UNEVEN * (up + down):
             result[j] = 0.5 * (up - down)
     return result
@@ -122,7 +121,7 @@ def _of_joint(found: Estimate, joint: int, track: _Track) -> Iterator[Misfit]:
     if spans < _FEWEST_SPANS:
         return
     law = found.choice.laws[joint]
-    active = [SLOT[INERTIA], *law.slots, *([SLOT[FALL_SPEED]] if law.stribeck else [])]
+    active = [INERTIA, *law.slots, *([FALL_SPEED] if law.stribeck else [])]
     model = np.column_stack((rows.rigid, rows.slots[:, active])) * weight[:, None]
     left = residuals(rows, found.fit, joint) * weight
     shapes = list(_shapes(found, joint, track))

@@ -45,7 +45,7 @@ def notes(
     found: Estimate,
     rest: Mapping[str, RestBound],
     every: Sequence[Parameter],
-    static: Mapping[tuple[int, str], BreakAway],
+    static: Mapping[tuple[int, int], BreakAway],
     shapes: Sequence[Misfit] = (),
 ) -> Notes:
     """Return a line for everything that was read, repaired or left out, or that logs do not show.
@@ -298,7 +298,7 @@ def _of_rest(
     found: Estimate,
     slid: Sequence[int],
     rest: Mapping[str, RestBound],
-    static: Mapping[tuple[int, str], BreakAway],
+    static: Mapping[tuple[int, int], BreakAway],
 ) -> dict[str, list[str]]:
     """What holds do not show."""
     names = found.scene.joint_names

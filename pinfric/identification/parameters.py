@@ -21,14 +21,15 @@ from numpy.typing import NDArray
 from pinfric.identification.columns import Rows
 from pinfric.identification.estimate import Estimate
 from pinfric.identification.laws import (
-    BACKWARD,
     BEARING,
+    COULOMB,
     FALL_BACKWARD,
     FALL_FORWARD,
     FALL_SPEED,
+    FALLS,
     FORWARD,
+    GEARS,
     INERTIA,
-    SLOT,
     SLOTS,
     SPEEDS,
     Law,
@@ -56,8 +57,7 @@ _SLOWEST = 0.02
 
 #: Keys of a transmission that logs of the motor's effort replace.
 _LOSSES = {"efficiency", "back_efficiency", "no_load_torque", "motor_viscous", "rotor_inertia"}
-#: What friction at rest has more than in motion, and the coefficient of that.
-RESTING = {FALL_FORWARD: FORWARD, FALL_BACKWARD: BACKWARD}
+_DRIVEN = [slot for (_, way), slot in GEARS.items() if way == "driven"]
 
 
 @described
@@ -88,30 +88,30 @@ def on_motor(law: Law) -> bool:
 
 def scene_key(scene: Scene, joint: int, law: Law, slot: int) -> tuple[str, str, str]:
     """Return section, name and unit of one coefficient in a scene."""
-    effort, motor, name = effort_unit(scene, joint), on_motor(law), SLOTS[slot]
+    effort, motor = effort_unit(scene, joint), on_motor(law)
     section = "transmission" if motor else "friction"
-    if name in (FORWARD, BACKWARD):
+    if slot in COULOMB:
         # a negative ratio turns the motor backwards where the joint moves forwards
         turned = motor and scene.drives[joint].ratio < 0.0
-        direction = "positive" if (name == FORWARD) != turned else "negative"
+        direction = "positive" if (slot == FORWARD) != turned else "negative"
         return (
             section,
             f"{'no_load_torque' if motor else 'coulomb'}.{direction}",
             ("N m" if motor else effort),
         )
-    if name in RESTING:
-        direction = "positive" if name == FALL_FORWARD else "negative"
+    if slot in FALLS:
+        direction = "positive" if slot == FALL_FORWARD else "negative"
         return section, f"coulomb.{direction}.static", effort
-    if name in SPEEDS:
+    if slot in SPEEDS:
         speed = unit_at(SPEED, "N m" if motor else effort)
         power = "" if law.exponent == 1.0 else f"^{law.exponent:g}"
         unit = f"{'N m' if motor else effort}/({speed}){power}"
         return section, "motor_viscous" if motor else "viscous", unit
-    if name == BEARING:
+    if slot == BEARING:
         return "friction", "mu", ""
-    if name == INERTIA:
+    if slot == INERTIA:
         return "transmission", "rotor_inertia", "kg m^2"
-    return "transmission", "back_efficiency" if "driven" in name else "efficiency", ""
+    return "transmission", "back_efficiency" if slot in _DRIVEN else "efficiency", ""
 
 
 def scene_value(law: Law, slot: int, value: Any, ratio: float) -> Any:
@@ -123,18 +123,17 @@ def scene_value(law: Law, slot: int, value: Any, ratio: float) -> Any:
         value: at the joint, as the linear model has it.
         ratio: |motor turns per joint turn|.
     """
-    name = SLOTS[slot]
-    if name == INERTIA:
+    if slot == INERTIA:
         return value / ratio**2
-    if name.startswith("gear"):
-        return 1.0 - value if "driven" in name else 1.0 / (1.0 + value)
+    if slot in GEARS.values():
+        return 1.0 - value if slot in _DRIVEN else 1.0 / (1.0 + value)
     if on_motor(law):
-        return value / ratio ** (1.0 + (law.exponent or 0.0) * (name in SPEEDS))
+        return value / ratio ** (1.0 + (law.exponent or 0.0) * (slot in SPEEDS))
     return value
 
 
 def parameters(
-    found: Estimate, known: Uncertainty, static: Mapping[tuple[int, str], BreakAway]
+    found: Estimate, known: Uncertainty, static: Mapping[tuple[int, int], BreakAway]
 ) -> tuple[Parameter, ...]:
     """Return every coefficient of the laws found, in the scene's terms.
 
@@ -148,9 +147,9 @@ def parameters(
     for j in found.known:
         for slot in slots[j]:
             result.append(_parameter(found, known, j, slot))
-            if broke := static.get((j, SLOTS[slot])):
+            if broke := static.get((j, slot)):
                 result.append(_static(found, j, slot, broke))
-        if found.fit.slots[j, [SLOT[name] for name in RESTING]].any():
+        if found.fit.slots[j, FALLS].any():
             result.append(_fall_speed(found, known, j))
     return tuple(result)
 
@@ -159,8 +158,8 @@ def _parameter(found: Estimate, known: Uncertainty, joint: int, slot: int) -> Pa
     """Return one coefficient with its interval."""
     law, ratio = found.choice.laws[joint], abs(found.scene.drives[joint].ratio)
     slots = [slot]
-    if SLOTS[slot] in RESTING:  # at rest it adds to the friction in motion
-        slots.append(SLOT[RESTING[SLOTS[slot]]])
+    if slot in FALLS:  # at rest it adds to the friction in motion
+        slots.append(COULOMB[FALLS.index(slot)])
     x = float(found.fit.slots[joint, slots].sum())
     error, reach = known.of([joint * len(SLOTS) + own for own in slots])
 
@@ -194,7 +193,7 @@ def _fall_speed(found: Estimate, known: Uncertainty, joint: int) -> Parameter:
     """The speed at which friction has fallen; its logarithm is what has a standard error."""
     fall, effort = found.falls[joint], effort_unit(found.scene, joint)
     assert fall is not None  # its law has one
-    error, reach = known.of([joint * len(SLOTS) + SLOT[FALL_SPEED]])
+    error, reach = known.of([joint * len(SLOTS) + FALL_SPEED])
     why = "its standard error exceeds half of it" if error > _VAGUE else ""
     low, high = (
         fall.velocity * float(np.exp(np.clip(side * reach, -700.0, 700.0))) for side in (-1, 1)
@@ -213,7 +212,7 @@ def _fall_speed(found: Estimate, known: Uncertainty, joint: int) -> Parameter:
     )
 
 
-def identified_scene(found: Estimate, static: Mapping[tuple[int, str], BreakAway]) -> Scene:
+def identified_scene(found: Estimate, static: Mapping[tuple[int, int], BreakAway]) -> Scene:
     """Return the question's scene with what was found in it; other joints keep what it says.
 
     A joint sticks up to the velocity that these logs' noise gives a joint at rest.
@@ -247,7 +246,7 @@ def _with_losses(given: Transmission | None, losses: Mapping[str, Any]) -> Trans
 
 
 def _entries(
-    found: Estimate, joint: int, static: Mapping[tuple[int, str], BreakAway]
+    found: Estimate, joint: int, static: Mapping[tuple[int, int], BreakAway]
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """A joint's entry of `friction`, and the losses of its drive, as a scene file has them."""
     scene, law, fitted = found.scene, found.choice.laws[joint], found.fit.slots[joint]
@@ -255,31 +254,31 @@ def _entries(
     gear: dict[str, Any] = {}
     ratio = abs(scene.drives[joint].ratio)
     excess = _rest_excess(found.rows[joint], law, fitted)
-    dry = law.coulomb and fitted[[SLOT[FORWARD], SLOT[BACKWARD]]].any()
-    for slot in (SLOT[INERTIA], *law.slots):
+    dry = law.coulomb and fitted[COULOMB].any()
+    for slot in (INERTIA, *law.slots):
         section, key, _ = scene_key(scene, joint, law, slot)
-        name, target = SLOTS[slot], friction if section == "friction" else gear
+        target = friction if section == "friction" else gear
         value = _rounded(scene_value(law, slot, float(fitted[slot]), ratio))
-        if name in (FORWARD, BACKWARD) and dry:
+        if slot in COULOMB and dry:
             head, _, direction = key.partition(".")
             rest = float(fitted[slot]) + excess
-            rest += float(fitted[SLOT[FALL_FORWARD if name == FORWARD else FALL_BACKWARD]])
-            if (joint, name) in static:
-                rest = max(rest if law.stribeck else float(fitted[slot]), static[joint, name].mean)
+            rest += float(fitted[FALL_FORWARD if slot == FORWARD else FALL_BACKWARD])
+            if (joint, slot) in static:
+                rest = max(rest if law.stribeck else float(fitted[slot]), static[joint, slot].mean)
             rest = _rounded(scene_value(law, slot, rest, ratio))
             target.setdefault(head, {})[direction] = {"static": rest, "kinetic": value}
-        elif name in SPEEDS and value:
+        elif slot in SPEEDS and value:
             target[key] = {"coefficient": value, "exponent": law.exponent}
-        elif name == BEARING and value:
+        elif slot == BEARING and value:
             given = found.question.scene.friction[scene.joint_names[joint]]
             assert given.mu is not None  # it was a candidate
             share = given.mu.static / given.mu.kinetic if given.mu.kinetic > 0.0 else 1.0
             share = 1.0 if law.stribeck else share  # else it would fall, too
             target["bearing"] = given.bearing
             target["mu"] = {"static": _rounded(share * value), "kinetic": value}
-        elif value and name not in RESTING:
+        elif value and slot not in FALLS:
             target[key] = value
-    if law.stribeck and fitted[[SLOT[name] for name in RESTING]].any():
+    if law.stribeck and fitted[FALLS].any():
         fall = found.falls[joint]
         assert fall is not None  # its law has one
         friction["stribeck"] = {"velocity": _rounded(fall.velocity), "exponent": fall.exponent}
@@ -298,7 +297,7 @@ def _rest_excess(rows: Rows, law: Law, slots: FloatArray) -> float:
     slowest = STILL
     if law.exponent <= _STEEP:
         slowest = float(np.quantile(np.abs(rows.velocity), _SLOWEST))
-    return float(slots[SLOT[law.speed]]) * slowest**law.exponent
+    return sum(float(slots[at]) * slowest**p for at, p in SPEEDS.items() if p == law.exponent)
 
 
 def _rounded(value: float) -> float:

@@ -16,7 +16,7 @@ from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import runs
 from pinfric.identification.columns import PART, Prepared
 from pinfric.identification.estimate import Estimate
-from pinfric.identification.laws import BACKWARD, FORWARD, SLOT
+from pinfric.identification.laws import BACKWARD, FORWARD, GEARS
 from pinfric.identification.recordings import PEAK_PASS, Recording
 from pinfric.model.described import EFFORT, described, quantity
 from pinfric.model.scene import Scene
@@ -105,7 +105,7 @@ class BreakAway:
     standard_error: float
 
 
-def break_aways(found: Estimate) -> dict[tuple[int, str], BreakAway]:
+def break_aways(found: Estimate) -> dict[tuple[int, int], BreakAway]:
     """Return joint, FORWARD or BACKWARD -> static friction, where three departures or more show it.
 
     Joints whose bearing is in their law are left out: its load is in what holds them.
@@ -117,7 +117,7 @@ def break_aways(found: Estimate) -> dict[tuple[int, str], BreakAway]:
 
     result = {}
     for j, law in enumerate(found.choice.laws):
-        peaks: dict[str, list[float]] = {FORWARD: [], BACKWARD: []}
+        peaks: dict[int, list[float]] = {FORWARD: [], BACKWARD: []}
         for one in found.prepared:
             if law.load != "bearing":
                 for direction, peak in _peaks(found, one, j):
@@ -130,7 +130,7 @@ def break_aways(found: Estimate) -> dict[tuple[int, str], BreakAway]:
     return result
 
 
-def _peaks(found: Estimate, one: Prepared, joint: int) -> Iterator[tuple[str, float]]:
+def _peaks(found: Estimate, one: Prepared, joint: int) -> Iterator[tuple[int, float]]:
     """Direction and largest friction of each departure that was slow enough."""
     recording, rigid = one.recording, one.load[:, joint]
     t, step, v = recording.trajectory.t, recording.step, recording.velocity[:, joint]
@@ -160,8 +160,7 @@ def _friction(
     """The friction sign (x - rigid) that holds, gears' losses taken out of the effort."""
     law, slots = found.choice.laws[joint], found.fit.slots[joint]
     driving, driven, both = (
-        float(slots[SLOT[f"gear {direction}, {law.side} side"]])
-        for direction in ("driving", "driven", "both")
+        float(slots[GEARS[law.side, direction]]) for direction in ("driving", "driven", "both")
     )
     driving, driven = driving + both, driven + both
     if law.side == "joint":

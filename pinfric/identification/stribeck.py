@@ -22,12 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinfric.identification.columns import FEWEST_ROWS, PASS, Prepared, Rows
-from pinfric.identification.laws import (
-    FALL_BACKWARD,
-    FALL_FORWARD,
-    FALL_SPEED,
-    SLOT,
-)
+from pinfric.identification.laws import FALL_SPEED, FALLS
 from pinfric.identification.normal import orthonormal
 from pinfric.motions.log.noise import low_pass
 
@@ -43,7 +38,6 @@ _EXPONENTS = (1.0, 1.5, 2.0)
 _REJECTED = 3.0
 #: How far log v_s is searched about the best speed tried.
 _AROUND = 1.0
-_FALLS = [SLOT[FALL_FORWARD], SLOT[FALL_BACKWARD]]
 
 
 @dataclass(frozen=True)
@@ -150,7 +144,7 @@ def with_falls(prepared: Prepared, falls: tuple[Fall | None, ...]) -> Prepared:
         falls: of each joint.
     """
     recording, slots = prepared.recording, prepared.slots.copy()
-    at = [*_FALLS, SLOT[FALL_SPEED]]
+    at = [*FALLS, FALL_SPEED]
     for j, fall in enumerate(falls):
         if fall is None:
             slots[:, j, at] = 0.0

@@ -23,16 +23,18 @@ from pinfric.identification.influence import influence, of_joint
 from pinfric.identification.laws import (
     BACKWARD,
     BEARING,
+    COULOMB,
     FALL_BACKWARD,
     FALL_FORWARD,
     FALL_SPEED,
+    FALLS,
     FORWARD,
+    GEARS,
     INERTIA,
-    SLOT,
     SLOTS,
     SPEEDS,
 )
-from pinfric.identification.misfit import DIRECTIONS, Misfit, uneven
+from pinfric.identification.misfit import Misfit, uneven
 from pinfric.identification.normal import Normal, above_zero, residuals
 from pinfric.identification.stribeck import beside_other
 
@@ -226,7 +228,7 @@ def _other_falls(found: Estimate, place: NDArray[np.int64]) -> Iterator[FloatArr
             FALL_BACKWARD: other.backward - fall.backward,
             FALL_SPEED: float(np.log(other.velocity / fall.velocity)),
         }
-        own = [j * K + SLOT[name] for name in direct]
+        own = [j * K + slot for slot in direct]
         rest, off = place[~np.isin(place, own)], np.zeros(place.size)
         to, columns = of_joint(rest, j, p)
         rows, right = found.rows[j], np.zeros(p + rest.size)
@@ -244,7 +246,7 @@ def _other_falls(found: Estimate, place: NDArray[np.int64]) -> Iterator[FloatArr
 def _one_sided(found: Estimate, place: NDArray[np.int64]) -> Iterator[FloatArray]:
     """Yield (n,) changes of the coefficients if an offset explains a joint's uneven friction."""
     for j, half in uneven(found).items():
-        at = [j * len(SLOTS) + direction for direction in DIRECTIONS]
+        at = [j * len(SLOTS) + direction for direction in COULOMB]
         yield half * ((place == at[0]) * 1.0 - (place == at[1]))
 
 
@@ -266,7 +268,7 @@ def for_a_further_log(found: Estimate, place: NDArray[np.int64]) -> tuple[FloatA
         The covariance, and L, the fewest logs that a factor is known from: L - 1 is its freedom.
     """
     every = [_log_factors(found, j)[0] for j in range(len(found.rows))]
-    values = found.fit.slots.ravel()[place] * (place % len(SLOTS) != SLOT[INERTIA])
+    values = found.fit.slots.ravel()[place] * (place % len(SLOTS) != INERTIA)
     between = np.zeros((place.size, place.size))
     for j, factors in enumerate(every):
         if len(factors) >= _FEWEST_LOGS:
@@ -280,11 +282,7 @@ def for_a_further_log(found: Estimate, place: NDArray[np.int64]) -> tuple[FloatA
 def _uncertain(found: Estimate) -> NDArray[np.int64]:
     """Places among (nj K,) of coefficients above zero and of the speeds of falling friction."""
     place = above_zero(found.fit, found.problem.slots(found.choice.laws))
-    falls = [
-        j * len(SLOTS) + SLOT[FALL_SPEED]
-        for j in found.known
-        if found.fit.slots[j, [SLOT[FALL_FORWARD], SLOT[FALL_BACKWARD]]].any()
-    ]
+    falls = [j * len(SLOTS) + FALL_SPEED for j in found.known if found.fit.slots[j, FALLS].any()]
     return np.sort(np.append(place, np.array(falls, dtype=np.int64)))
 
 
@@ -297,7 +295,7 @@ def _feedback(found: Estimate, place: NDArray[np.int64]) -> FloatArray:
     result = np.zeros((p + place.size, p + place.size))
     for whole in place.tolist():
         j, slot = divmod(whole, len(SLOTS))
-        slopes = _load_slopes(found, j, SLOTS[slot])
+        slopes = _load_slopes(found, j, slot)
         if slopes is None:
             continue
         to, columns = of_joint(place, j, p)
@@ -307,20 +305,21 @@ def _feedback(found: Estimate, place: NDArray[np.int64]) -> FloatArray:
     return result
 
 
-def _load_slopes(found: Estimate, joint: int, name: str) -> FloatArray | None:
+def _load_slopes(found: Estimate, joint: int, slot: int) -> FloatArray | None:
     """Derivatives (rows, p + K) of a load's column by theta and slots; None: it has no load."""
     rows = found.rows[joint]
     none = np.zeros_like(rows.slots)
-    if name == BEARING:
+    if slot == BEARING:
         slopes = [_bearing_slopes(found, one, joint) for one in found.prepared]
         return np.hstack((np.concatenate(slopes), none))
-    if not name.startswith("gear"):
+    if slot not in GEARS.values():
         return None
+    side, way = next(key for key, place in GEARS.items() if place == slot)
     direction = np.sign(rows.velocity * rows.load)
     direction *= (
-        (direction < 0.0) if "driven" in name else (direction > 0.0) if "driving" in name else 1.0
+        (direction < 0.0) if way == "driven" else (direction > 0.0) if way == "driving" else 1.0
     )
-    inner = [name.endswith("joint side") and slot in _INNER for slot in SLOTS]
+    inner = [side == "joint" and own in _INNER for own in SLOTS]
     return np.hstack((rows.rigid, rows.slots * inner)) * direction[:, None]
 
 
@@ -366,7 +365,7 @@ def between_logs(found: Estimate) -> FloatArray:
 def _log_factors(found: Estimate, joint: int) -> tuple[list[float], list[float]]:
     """Each log's factor on the fitted friction, and its variance by the log's blocks."""
     rows, factors, noise = found.rows[joint], [], []
-    values = np.where(np.arange(len(SLOTS)) == SLOT[INERTIA], 0.0, found.fit.slots[joint])
+    values = np.where(np.arange(len(SLOTS)) == INERTIA, 0.0, found.fit.slots[joint])
     friction, off = rows.slots @ values, residuals(rows, found.fit, joint)
     for log in range(len(found.prepared)):
         own = [

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pinfric.identification.columns import Prepared
 from pinfric.identification.estimate import Estimate
-from pinfric.identification.laws import INERTIA, SLOT
+from pinfric.identification.laws import INERTIA
 from pinfric.model.couples import delivery
 
 FloatArray = NDArray[np.float64]
@@ -118,7 +118,7 @@ def _rows(
         for one, pick in zip(found.prepared, picked, strict=True)
     ]
     for j in found.known:
-        columns = [SLOT[INERTIA], *found.choice.laws[j].slots]
+        columns = [INERTIA, *found.choice.laws[j].slots]
         parts, first = [], 0
         for one, pick, every in zip(found.prepared, picked, regressors, strict=True):
             own = one.slides[pick, j]

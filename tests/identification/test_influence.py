@@ -9,7 +9,7 @@ import pytest
 
 from pinfric.identification.columns import Rows
 from pinfric.identification.influence import influence
-from pinfric.identification.laws import FORWARD, SLOT, SLOTS
+from pinfric.identification.laws import FORWARD, SLOTS
 from pinfric.identification.misfit import Misfit
 from pinfric.identification.normal import BlockProducts, Fit, Prior
 from pinfric.identification.uncertainty import (
@@ -21,7 +21,7 @@ def test_a_shape_leaves_open_what_the_model_takes_of_it_for_its_own():
     """Of a shape with a wave and a constant, only the wave shows beside Coulomb friction."""
     rng, s, count = np.random.default_rng(4), 0.3, 80
     slots, still = np.zeros((count, len(SLOTS))), np.zeros(count)
-    slots[:, SLOT[FORWARD]] = 1.0
+    slots[:, FORWARD] = 1.0
     wave = np.sqrt(2.0) * np.sin(2.0 * np.pi * np.arange(count) / count)
     effort = 2.0 + s * wave + 1e-3 * rng.normal(size=count)
     rows = Rows(
@@ -34,7 +34,7 @@ def test_a_shape_leaves_open_what_the_model_takes_of_it_for_its_own():
         still,
         still,
     )
-    weight, place = np.ones(count), np.array([SLOT[FORWARD]])
+    weight, place = np.ones(count), np.array([FORWARD])
     fit = Fit(np.zeros(10), (np.arange(len(SLOTS)) == place[0])[None, :] * effort.mean())
     grams = [BlockProducts.of(rows, weight, 20)]
     prior = Prior(np.zeros(10), np.full(10, np.inf), np.zeros(10))
@@ -50,7 +50,7 @@ def test_a_shape_leaves_open_what_the_model_takes_of_it_for_its_own():
 
 def test_coefficients_that_one_block_alone_shows_together_are_as_uncertain_as_they_are_large():
     """Before, eleven short logs of a seven-axis arm ended in a singular matrix."""
-    count, place = 40, np.array([SLOT[FORWARD], SLOT["speed^1"]])
+    count, place = 40, np.array([FORWARD, 3])
     slots, still = np.zeros((count, len(SLOTS))), np.zeros(count)
     slots[:4, place] = 1.0  # at one speed, in one of ten blocks
     effort = 3.0 * slots[:, place[0]] + 1e-3 * np.random.default_rng(5).normal(size=count)

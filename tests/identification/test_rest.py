@@ -23,7 +23,7 @@ from identify_cases import (
 )
 
 import pinfric as pf
-from pinfric.identification.laws import BACKWARD, FORWARD, SLOT, SLOTS, Law
+from pinfric.identification.laws import BACKWARD, FORWARD, GEARS, SLOTS, Law
 from pinfric.identification.normal import Fit
 from pinfric.identification.recordings import STILL, Recording, stick_velocity
 from pinfric.identification.rest import _held, break_aways
@@ -104,7 +104,7 @@ def test_a_gears_loss_is_taken_out_of_what_a_joint_broke_away_at(side, way):
     effort = (
         (load + sign * friction) * losing if side == "joint" else load * losing + sign * friction
     )
-    slots = (loss * (np.arange(len(SLOTS)) == SLOT[f"gear both, {side} side"]))[None, :]
+    slots = (loss * (np.arange(len(SLOTS)) == GEARS[side, "both"]))[None, :]
     recording = SimpleNamespace(
         trajectory=SimpleNamespace(t=0.004 * np.arange(825)),
         step=0.004,

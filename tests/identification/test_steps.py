@@ -29,7 +29,7 @@ from pinfric.errors import IdentificationError
 from pinfric.identification.advice import advice_text
 from pinfric.identification.estimate import _at_an_end
 from pinfric.identification.files import posterior_text
-from pinfric.identification.laws import SLOT, SLOTS, Law
+from pinfric.identification.laws import GEARS, SLOTS, Law
 from pinfric.identification.normal import non_negative, residuals
 from pinfric.identification.parameters import _rest_excess
 from pinfric.identification.zeros import turned_zeros
@@ -65,7 +65,7 @@ def test_the_advised_way_points_run_and_leave_rest_on_their_own(found, tmp_path)
 def test_of_two_losses_one_that_is_zero_is_the_end_of_the_masses_scale(found):
     """Masses larger by 1/eta leave a gear without loss driving: then one loss is taken."""
     one, two = Law(load="gear"), Law(load="gear", both_ways=False)
-    driving, driven = SLOT["gear driving, joint side"], SLOT["gear driven, joint side"]
+    driving, driven = GEARS["joint", "driving"], GEARS["joint", "driven"]
     slots = np.zeros((4, len(SLOTS)))
     slots[[0, 2], driven], slots[1, [driving, driven]] = 0.1, (0.05, 0.1)
     choice = replace(found.estimate.choice, laws=(two, two, two, one))
@@ -184,7 +184,7 @@ def test_a_joint_that_moves_one_way_has_the_same_friction_the_other_way():
 def test_friction_that_rises_steeply_from_rest_holds_what_slow_sliding_shows(exponent, speed):
     """Before, exponents above a half had none: 97.1 % of a lift's holds were inside, not 98.5 %."""
     law, rows = Law(exponent=exponent), SimpleNamespace(velocity=np.full(9, 0.1))
-    slots = 20.0 * (np.arange(len(SLOTS)) == SLOT.get(law.speed, -1))
+    slots = 20.0 * np.isin(SLOTS, law.slots[2:])
     expected = 20.0 * speed ** (exponent or 1.0)
     assert _rest_excess(rows, law, slots) == pytest.approx(expected, rel=1e-12)
 

@@ -22,7 +22,7 @@ from identify_cases import (
 
 import pinfric as pf
 from pinfric.identification.columns import Rows
-from pinfric.identification.laws import FORWARD, SLOT, SLOTS, Law
+from pinfric.identification.laws import FORWARD, SLOTS, Law
 from pinfric.identification.normal import Fit
 from pinfric.identification.uncertainty import (
     Uncertainty,
@@ -44,7 +44,7 @@ def test_what_blocks_of_one_log_scatter_is_no_difference_between_logs(factors, s
     """One joint with 2 N m of Coulomb friction, ten rows in each block."""
     factor = np.repeat(np.ravel(factors), 10)
     slots = np.zeros((40, len(SLOTS)))
-    slots[:, SLOT[FORWARD]] = 1.0
+    slots[:, FORWARD] = 1.0
     still = np.zeros(40)
     rows = Rows(
         np.zeros((40, 10)),
@@ -56,7 +56,7 @@ def test_what_blocks_of_one_log_scatter_is_no_difference_between_logs(factors, s
         still,
         still,
     )
-    fit = Fit(np.zeros(10), 2.0 * (np.arange(len(SLOTS)) == SLOT[FORWARD])[None, :])
+    fit = Fit(np.zeros(10), 2.0 * (np.arange(len(SLOTS)) == FORWARD)[None, :])
     found = SimpleNamespace(prepared=[None, None], rows=[rows], fit=fit)
     assert between_logs(found) == pytest.approx([spread], abs=1e-9)
 
@@ -109,7 +109,7 @@ def drag(seed: int, duration: float, rate: float) -> np.ndarray:
 @pytest.mark.parametrize("logs", [2, 3, 5])
 def test_an_interval_covers_a_further_log(logs):
     """Coulomb friction of 2 N m, times a factor that scatters by 5 % from log to log."""
-    rng, slot, inside = np.random.default_rng(logs), SLOT[FORWARD], []
+    rng, slot, inside = np.random.default_rng(logs), FORWARD, []
     fit = Fit(np.zeros(10), (np.arange(len(SLOTS)) == slot)[None, :] * 2.0)
     slots, still = np.zeros((4 * logs, len(SLOTS))), np.zeros(4 * logs)
     slots[:, slot] = 1.0
