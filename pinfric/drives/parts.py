@@ -1,12 +1,63 @@
-"""The parts that conditions give to a joint: its amplifier, its bearing or guide."""
+"""Drives that a file names: the drive, its joint's own parts, and its criteria over a motion."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
 from pinfric.drives.bearing import BearingRatings
 from pinfric.drives.catalog import Amplifier, Catalog
-from pinfric.drives.policy import OTHERS, Conditions
+from pinfric.drives.criterion import Criterion
+from pinfric.drives.demand import drive_cycle, gear_demand
+from pinfric.drives.drivetrain import Candidate, find_drive, motor_cycle
+from pinfric.drives.limit import Case
+from pinfric.drives.limits import check
+from pinfric.drives.policy import BASE_AXES, OTHERS, Conditions
+from pinfric.drives.robot import depth
+from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.errors import CatalogError, choose_from
 from pinfric.model.scene import Scene
+from pinfric.motions.summary import effort_unit
+
+
+def named_drive(
+    scene: Scene, actuator: int, name: str, catalog: Catalog, conditions: Conditions
+) -> Candidate:
+    """Return the drive of a catalogue that `pinfric size` prints by a name, with its joint's parts.
+
+    Raises:
+        CatalogError: there is none for such a joint; as `own_parts`.
+    """
+    linear = effort_unit(scene, actuator) == "N"
+    found = find_drive(catalog, name, linear)
+    if isinstance(found, list):
+        raise CatalogError(f"the catalogue has no drive {name!r}; {choose_from(name, found)}")
+    parts: dict[str, Any] = own_parts(catalog, conditions, scene.drives[actuator].name, linear)
+    return replace(found, **parts)
+
+
+def criteria_over(
+    result: InverseResult,
+    actuator: int,
+    candidate: Candidate,
+    conditions: Conditions,
+    holding: np.ndarray,
+    inertia: float | None,
+) -> tuple[Criterion, ...]:
+    """Return the criteria of a drive over a motion that is repeated, as `size` has them.
+
+    Args:
+        result: of the motion. actuator: the drive's column. candidate: the drive.
+        holding: (T,) of `demand.hold_samples`.
+        inertia: largest about the joint, kg m^2 (kg); None: not known.
+    """
+    cycle = drive_cycle(result, actuator, holding)
+    demand = gear_demand(result, actuator, cycle, carried=candidate.carried)
+    hand = depth(result.scene, actuator) > BASE_AXES
+    motor = motor_cycle(candidate, cycle, conditions)
+    return check(candidate, motor, Case(demand, cycle, inertia, hand, conditions))
 
 
 def own_parts(

@@ -10,8 +10,6 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -20,11 +18,11 @@ from pydantic import BeforeValidator, Field, PrivateAttr
 
 from pinfric.drives.catalog import Catalog
 from pinfric.drives.catalog_file import load_catalog
-from pinfric.drives.drivetrain import Candidate, find_drive
+from pinfric.drives.drivetrain import Candidate
 from pinfric.drives.limit import Limit, idle
 from pinfric.drives.limit import drive as read_drive
 from pinfric.drives.limits import LIMITS, instant_limits
-from pinfric.drives.parts import check_names, own_parts
+from pinfric.drives.parts import check_names, named_drive
 from pinfric.drives.policy import Conditions, GivenConditions, parse_conditions
 from pinfric.drives.robot import equip, geared
 from pinfric.errors import CatalogError, RetimeError, choose_from
@@ -174,9 +172,14 @@ def read_limits(scene: Scene, limits: LimitsLike) -> tuple[DriveLimits, ...]:
             raise RetimeError(
                 f"{where}: there is no drive {name!r}; {choose_from(name, scene.actuator_names)}"
             )
-    lookup = CatalogLookup(scene, catalog, conditions)
+    entries = [*given.values(), others]
+    chosen, wanted = None, Conditions()
+    if any(_name_of(entry) is not None for entry in entries):
+        chosen = load_catalog(catalog)
+        wanted = parse_conditions(conditions, chosen.conditions)
+        check_names(scene, wanted)
     found = []
-    for drive in scene.drives:
+    for i, drive in enumerate(scene.drives):
         entry = given.get(drive.name, others)
         if entry is None:
             raise RetimeError(
@@ -185,7 +188,7 @@ def read_limits(scene: Scene, limits: LimitsLike) -> tuple[DriveLimits, ...]:
             )
         key = drive.name if drive.name in given or where == "limits" else None
         place = f"{where}.{key}" if key else f"{limits}: others"
-        found.append(_limits(place, drive.name, entry, lookup))
+        found.append(_limits(scene, i, place, entry, chosen, wanted))
     return tuple(found)
 
 
@@ -246,50 +249,26 @@ def candidate_limits(candidate: Candidate, conditions: Conditions) -> DriveLimit
     return found
 
 
-class CatalogLookup:
-    """A catalogue and the conditions, read at the first name that is asked for."""
-
-    def __init__(self, scene: Scene, catalog: str, conditions: Mapping[str, Any]) -> None:
-        self.scene, self.file, self.given = scene, catalog, conditions
-
-    @cached_property
-    def catalog(self) -> Catalog:
-        """The catalogue."""
-        return load_catalog(self.file)
-
-    @cached_property
-    def conditions(self) -> Conditions:
-        """What is demanded."""
-        found = parse_conditions(self.given, self.catalog.conditions)
-        check_names(self.scene, found)
-        return found
-
-    def drive(self, where: str, joint: str, name: str) -> DriveLimits:
-        """Return the limits of a drive by its name; `where` says in a message who asks."""
-        found = find_drive(self.catalog, name)
-        if isinstance(found, list):
-            raise RetimeError(
-                f"{where}: {self.file} has no drive {name!r}; {choose_from(name, found)}"
-            )
-        linear = effort_unit(self.scene, self.scene.actuator_names.index(joint)) == "N"
-        parts: dict[str, Any] = own_parts(self.catalog, self.conditions, joint, linear)
-        return candidate_limits(replace(found, **parts), self.conditions)
-
-
-def _limits(where: str, name: str, entry: Any, lookup: CatalogLookup) -> DriveLimits:
-    if isinstance(entry, str):
-        found = lookup.drive(where, name, entry.removeprefix("default:"))
+def _limits(
+    scene: Scene, i: int, where: str, entry: Any, catalog: Catalog | None, conditions: Conditions
+) -> DriveLimits:
+    """The limits of drive i, of which a message says where they are given."""
+    found, name = None, _name_of(entry)
+    if isinstance(entry, dict):
+        entry = {key: value for key, value in entry.items() if key != "drive"}
+    if name is not None and catalog is not None:
+        try:
+            named = named_drive(scene, i, name.removeprefix("default:"), catalog, conditions)
+        except CatalogError as problem:
+            raise RetimeError(f"{where}: {problem}") from None
+        found = candidate_limits(named, conditions)
     elif isinstance(entry, Candidate):
         found = candidate_limits(entry, Conditions())
-    else:
-        chosen = None
-        if isinstance(entry, dict) and "drive" in entry:
-            chosen = lookup.drive(where, name, str(entry["drive"]).removeprefix("default:"))
-            entry = {key: value for key, value in entry.items() if key != "drive"}
-        found = parse(DriveLimits, entry, where, RetimeError)
-        if chosen is not None:
-            own = {key: getattr(found, key) for key in found.model_fields_set}
-            found = chosen.model_copy(update=own)
+    if not isinstance(entry, str | Candidate):
+        own = parse(DriveLimits, entry, where, RetimeError)
+        changed = {key: getattr(own, key) for key in own.model_fields_set}
+        found = own if found is None else found.model_copy(update=changed)
+    assert found is not None
     _check_settled(where, found)
     if math.isfinite(found.stall_torque) != math.isfinite(found.no_load_speed):
         raise RetimeError(
@@ -301,6 +280,12 @@ def _limits(where: str, name: str, entry: Any, lookup: CatalogLookup) -> DriveLi
             "stall_torque with no_load_speed, or effort"
         )
     return found
+
+
+def _name_of(entry: Any) -> str | None:
+    """The drive of the catalogue that limits name, or None."""
+    name = entry.get("drive") if isinstance(entry, dict) else entry
+    return name if isinstance(name, str) else None
 
 
 #: Of each of these rows at least one must bound a drive of the catalogue.

@@ -15,13 +15,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pinfric.drives.criterion import Criterion, Status
-from pinfric.drives.demand import drive_cycle, gear_demand
-from pinfric.drives.drivetrain import motor_cycle
 from pinfric.drives.inertia import load_inertias
-from pinfric.drives.limit import Case
-from pinfric.drives.limits import check, instant_limits
-from pinfric.drives.policy import BASE_AXES
-from pinfric.drives.robot import depth, holds
+from pinfric.drives.limits import instant_limits
+from pinfric.drives.parts import criteria_over
+from pinfric.drives.robot import holds
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.errors import PinfricWarning, RetimeError, TrajectoryError
@@ -582,16 +579,9 @@ def judged_drives(
         result: of the motion, repeated. limits: of the drives.
     """
     holding = holds(result.scene, motion, result.states.v)
-    inertias, found = None, {}
-    for i, (drive, x) in enumerate(zip(result.scene.drives, limits, strict=True)):
-        if x.from_catalog is None:
-            continue
-        candidate, conditions = x.from_catalog
-        if inertias is None:
-            inertias = load_inertias(result)
-        cycle = drive_cycle(result, i, holding)
-        demand = gear_demand(result, i, cycle, carried=candidate.carried)
-        hand = depth(result.scene, i) > BASE_AXES
-        case = Case(demand, cycle, float(inertias[i]), hand, conditions)
-        found[drive.name] = check(candidate, motor_cycle(candidate, cycle, conditions), case)
-    return found
+    named = [(i, x.from_catalog) for i, x in enumerate(limits) if x.from_catalog is not None]
+    inertias = load_inertias(result) if named else np.empty(0)
+    return {
+        result.scene.drives[i].name: criteria_over(result, i, *drive, holding, float(inertias[i]))
+        for i, drive in named
+    }

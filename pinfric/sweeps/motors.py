@@ -10,31 +10,23 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from pinfric.drives.catalog import Catalog
 from pinfric.drives.catalog_file import load_catalog
 from pinfric.drives.criterion import Status, least_margin
-from pinfric.drives.demand import drive_cycle, gear_demand
-from pinfric.drives.drivetrain import (
-    Candidate,
-    Ratings,
-    find_drive,
-    motor_cycle,
-    ratings_of,
-)
-from pinfric.drives.limit import Case, Drives, drive, idle
+from pinfric.drives.drivetrain import Candidate, Ratings, ratings_of
+from pinfric.drives.limit import Drives, drive, idle
 from pinfric.drives.limits import LIMITS, check
-from pinfric.drives.parts import check_names, own_parts
+from pinfric.drives.parts import check_names, criteria_over, named_drive
 from pinfric.drives.policy import BASE_AXES, Conditions, parse_conditions
 from pinfric.drives.robot import depth, equip
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.errors import CatalogError, SizingError, SweepError, choose_from, problems_line
 from pinfric.model.drives import Drive
 from pinfric.model.scene import Scene
-from pinfric.motions.summary import effort_unit
 from pinfric.sweeps.file import MotorOnTrial, SweepFile
 
 if TYPE_CHECKING:
@@ -70,7 +62,6 @@ class Trial:
         drive: which drive it moves. actuator: its column.
         name: in the catalogue; empty where the sweep's file gives the ratings.
         candidate: motor and gear, as rated. conditions: what is demanded.
-        hand: it moves one of the hand axes, beyond the third joint.
         continuous_torque, peak_torque: N m (N); None is not checked.
         max_speed: rad/s (m/s), or None.
         ratio: motor turns per joint turn, 1 for an ideal drive.
@@ -84,7 +75,6 @@ class Trial:
     name: str
     candidate: Candidate
     conditions: Conditions
-    hand: bool
     continuous_torque: float | None
     peak_torque: float | None
     max_speed: float | None
@@ -112,11 +102,8 @@ class Trial:
         assert isinstance(drive, Drive)
         if drive.transmission != candidate.transmission:  # the sample's losses
             candidate = dataclasses.replace(candidate, transmission=drive.transmission)
-        cycle = drive_cycle(result, i, holding)
-        demand = gear_demand(result, i, cycle, carried=candidate.carried)
-        motor = motor_cycle(candidate, cycle, self.conditions)
         inertia = None if inertias is None else float(inertias[i])
-        found = check(candidate, motor, Case(demand, cycle, inertia, self.hand, self.conditions))
+        found = criteria_over(result, i, candidate, self.conditions, holding, inertia)
         codes = {c.name: _CODES.get(c.status, MET) for c in found}
         return least_margin(found), [codes[name] for name in self.checks]
 
@@ -224,7 +211,6 @@ def _trial(
         entry.drive or entry.motor or "",
         judged.candidate,
         conditions,
-        hand,
         **{
             k: None if (x := getattr(ratings, k)) is None else factor * x
             for k, factor in per_shaft.items()
@@ -249,15 +235,13 @@ def _rated(
         assert catalog is not None
         if not isinstance(drive, Drive) or not depth(scene, actuator):
             raise SweepError("cannot have a motor with a gear; give the ratings, or `motor`")
-        linear = effort_unit(scene, actuator) == "N"
-        parts: dict[str, Any] = own_parts(catalog, conditions, drive.name, linear)
-        found = find_drive(catalog, entry.drive, linear)
-        if isinstance(found, list):
-            hint = choose_from(entry.drive, found)
-            raise SweepError(f"the catalogue has no drive {entry.drive!r}; {hint}")
+        try:
+            found = named_drive(scene, actuator, entry.drive, catalog, conditions)
+        except CatalogError as problem:
+            raise SweepError(str(problem)) from None
         if found.transmission is None:
             raise SweepError(f"{entry.drive}: not known: {', '.join(found.missing)}")
-        return dataclasses.replace(found, **parts)
+        return found
     if entry.motor is None:
         return Candidate(drive.name, drive.name, None, 1.0, Ratings())
     assert catalog is not None
