@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -23,6 +23,9 @@ from pinfric.model.urdf import implausible_body
 _FARTHEST, _NEAREST = 50.0, 5e-3
 #: kg per cubic metre of reach: robots have 1 to 60. Less in kg, or fewer links, may be compact.
 _HEAVIEST, _COMPACT, _FEW = 1000.0, 100.0, 3
+#: One of three links or more that is so many times as heavy as all others: its unit is probably
+#: wrong. Of the bundled robots the heaviest link is 1.2 times as heavy as all others.
+_OUTWEIGHS = 100.0
 #: A shape so many times the robot's reach is in another unit.
 _SHAPE_OVER_REACH = 20.0
 #: Outside its shapes by this part of their diagonal, and by so many m: shapes are simplified.
@@ -44,6 +47,8 @@ def link_findings(facts: RobotFacts) -> Iterator[Finding]:
     whole = list(_whole_robot(facts))
     yield from whole
     yield from _fixed_mass(facts)
+    # of a shape the density says more, see `_density`
+    yield from outweighing({f"link {x.name}": x.mass for x in facts.links if not x.has_shapes})
     if any(finding.kind == "lengths" for finding in whole):
         return  # every link's size would be judged by the wrong length
     heavy = any(finding.kind == "masses" for finding in whole)
@@ -109,6 +114,28 @@ def _masses(facts: RobotFacts) -> Finding | None:
         why,
         in_unit(unit, "kg", mass),
         excess,
+    )
+
+
+def outweighing(masses: Mapping[str, float]) -> Iterator[Finding]:
+    """Yield the one body beside which all others count nothing, if there is one.
+
+    Args:
+        masses: of what moves, by what they are called (kg).
+    """
+    *others, (name, mass) = sorted(masses.items(), key=lambda item: item[1]) or [("", 0.0)]
+    rest = sum(other for _, other in others)
+    if sum(other > 0.0 for _, other in others) < _FEW - 1 or mass <= _OUTWEIGHS * rest:
+        return
+    unit = likely_unit(MASSES, lambda size: size * mass < 0.1 * _OUTWEIGHS * rest)
+    yield Finding(
+        Severity.WARNING,
+        "one heavy link",
+        name,
+        f"{mass:.4g} kg, all others that move together {rest:.3g} kg",
+        "such a robot is rare",
+        in_unit(unit, "kg", mass),
+        mass / (_OUTWEIGHS * rest),
     )
 
 

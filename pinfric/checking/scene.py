@@ -19,6 +19,7 @@ from pinfric.checking.findings import (
     in_unit,
     likely_unit,
 )
+from pinfric.checking.links import outweighing
 from pinfric.checking.robot import BEYOND, RobotFacts
 from pinfric.elastic.motion import unloaded_frequency
 from pinfric.model.entry import USUALLY
@@ -164,12 +165,14 @@ def _limits_of(site: Site, scene: Scene) -> tuple[float, float]:
 
 
 def load_findings(scene: Scene) -> Iterator[Finding]:
-    """Yield what makes efforts wrong by a multiple: payloads, and bodies whose mass is missing.
+    """Yield what makes efforts wrong by a multiple: payloads, bodies far too heavy or without mass.
 
     Quick: it reads no mesh, so that every computation can begin with it.
     """
     yield from payload_findings(scene)
     model = scene.model
+    inertias = zip(scene.joint_names, tuple(model.inertias)[1:], strict=True)
+    yield from outweighing({f"what joint {name} moves": body.mass for name, body in inertias})
     root = None if scene.robot is None else read_xml(scene.robot.urdf)
     links = {} if root is None else {link.get("name"): link for link in root.findall("link")}
     for j in range(1, model.njoints):

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from pinfric.errors import CatalogError
+from pinfric.errors import CatalogError, choose_from
 from pinfric.model.entry import Entry, NonNegative, Number, Positive, key, parse
 from pinfric.model.schema import OTHERS as OTHERS
 
@@ -204,6 +204,9 @@ def parse_conditions(given: Conditions | Mapping[str, Any], default: Conditions)
     """
     if isinstance(given, Conditions):
         given = {name: getattr(given, name) for name in given.model_fields_set}
+    for name in given:  # `parse` would suggest none: all keys are there
+        if name not in (names := Conditions.key_names()):
+            raise CatalogError(f"conditions: unknown key `{name}`; {choose_from(name, names)}")
     return parse(Conditions, {**dict(default), **given}, "conditions", CatalogError)
 
 

@@ -240,7 +240,10 @@ def identified_scene(found: Estimate, static: Mapping[tuple[int, int], BreakAway
 
 def _with_losses(given: Transmission | None, losses: Mapping[str, Any]) -> Transmission:
     """A drive's transmission with the losses found; all else of it is what the scene says."""
-    entries: dict[str, Any] = given.model_dump(exclude_unset=True) if given else {"ratio": 1.0}
+    of_all = set(Transmission.model_fields)  # of a kind of one's own its ratio and rotor are left
+    entries: dict[str, Any] = (
+        given.model_dump(exclude_unset=True, include=of_all) if given else {"ratio": 1.0}
+    )
     kept = {key: value for key, value in entries.items() if key not in _LOSSES}
     return Transmission.model_validate({**kept, **losses})
 

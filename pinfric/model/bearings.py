@@ -103,6 +103,11 @@ class Bearing(Entry):
     kind: str
 
     @classmethod
+    def kinds(cls) -> list[str]:
+        """See `Entry.kinds`."""
+        return list(KINDS)
+
+    @classmethod
     def __get_pydantic_json_schema__(
         cls, core: CoreSchema, handler: GetJsonSchemaHandler
     ) -> JsonSchemaValue:

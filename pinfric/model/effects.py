@@ -193,8 +193,7 @@ def _unloaded(actuator: Actuator) -> Actuator:
     gear = actuator.transmission
     if gear is None or not any(any(f(gear).slopes) for f in (driving_loss, driven_loss)):
         return actuator
-    unloaded = gear.model_copy(update={"efficiency": 1.0, "back_efficiency": None})
-    return actuator.model_copy(update={"transmission": unloaded})
+    return actuator.model_copy(update={"transmission": gear.without_load_loss()})
 
 
 def _lossless(actuator: Actuator) -> Actuator:

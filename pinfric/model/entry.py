@@ -28,6 +28,7 @@ from pydantic import (
     ValidationError,
     model_validator,
 )
+from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema
 
 from pinfric.errors import (
@@ -132,6 +133,11 @@ class Entry(BaseModel):
         """Return the keys a mapping may have."""
         return list(cls.model_fields)
 
+    @classmethod
+    def kinds(cls) -> list[str]:
+        """Return the words that its key `kind` may be, if it is a family of classes."""
+        return []
+
     @model_validator(mode="before")
     @classmethod
     def _known_keys(cls, given: Any) -> Any:
@@ -221,12 +227,20 @@ def _problem(problem: Any, entry: type[BaseModel], content: Any, at: tuple[int |
         section = _section_of(problem["loc"][-1], entry, problem["loc"][:-1])
         hint = f"it belongs under `{section}`" if section else problem["input"]
         return f"unknown key `{key}`; {hint}"
-    example = _example(entry, problem["loc"])
+    field, classes = _key_at(entry, problem["loc"])
+    example = _example(field, problem["loc"])
     if kind == "missing":
-        return f"`{key}` is missing{example}"
+        words = () if field is None else get_args(field.annotation)
+        several = len(words) > 1 and all(isinstance(word, str) for word in words)
+        choice = f"; there are: {', '.join(words)}" if several else example
+        return f"`{key}` is missing{choice}"
     if kind == "union_tag_not_found":
         meant = difflib.get_close_matches("kind", map(str, problem["input"]), n=1)
-        return f"`{key}.kind` is missing" + (f"; did you mean it by `{meant[0]}`?" if meant else "")
+        kinds = [name for one in classes if issubclass(one, Entry) for name in one.kinds()]
+        hints = ["is missing"]
+        hints += [f"there are: {', '.join(kinds)}"] if kinds else []
+        hints += [f"did you mean it by `{meant[0]}`?"] if meant else []
+        return f"`{key}.kind` {'; '.join(hints)}"
     if kind == "union_tag_invalid":
         kinds = problem["ctx"]["expected_tags"].replace("'", "").split(", ")
         tag = problem["ctx"]["tag"]
@@ -244,8 +258,10 @@ def _problem(problem: Any, entry: type[BaseModel], content: Any, at: tuple[int |
     return f"`{key}`: {text}" if key else text
 
 
-def _example(entry: type[BaseModel], loc: tuple[int | str, ...]) -> str:
-    """Return "; e.g. {static: 0.15, kinetic: 0.1}" for a key that has an example, else ""."""
+def _key_at(
+    entry: type[BaseModel], loc: tuple[int | str, ...]
+) -> tuple[FieldInfo | None, list[type[BaseModel]]]:
+    """Return the field of a key, None where it is not known, and the entries it may be."""
     classes, field = [entry], None
     for number, part in enumerate(loc):
         owner = next((one for one in classes if part in one.model_fields), None)
@@ -254,6 +270,11 @@ def _example(entry: type[BaseModel], loc: tuple[int | str, ...]) -> str:
             continue
         field = owner.model_fields[str(part)]
         classes = list(_entries_in(field.annotation))
+    return field, classes
+
+
+def _example(field: FieldInfo | None, loc: tuple[int | str, ...]) -> str:
+    """Return "; e.g. {static: 0.15, kinetic: 0.1}" for a key that has an example, else ""."""
     if field is None or not field.examples:
         return ""
     return f"; e.g. {loc[-1]}: {yaml_line(field.examples[0])}"

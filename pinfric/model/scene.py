@@ -156,6 +156,8 @@ class Scene:
         stops: input of `pinfric stop`.
         closed_brakes: drive -> torque (N m) of a closed brake at its motor's shaft: dry friction
             there, in forward dynamics with torques of motors given.
+        start: near which the loops close: joint -> position (rad or m), 0 for those left out, or an
+            array (nq,); None: that of `simulation`.
 
     Attributes:
         mobility: degrees of freedom, undriven velocities and redundant drives.
@@ -181,6 +183,7 @@ class Scene:
     measured: Measured | None = None
     stops: Stops | None = None
     closed_brakes: Mapping[str, float] = field(default_factory=dict)
+    start: Mapping[str, float] | Sequence[float] | None = None
     mobility: Mobility = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -224,6 +227,7 @@ class Scene:
         for name, kind in kinds.items():
             if (entry := getattr(self, name)) is not None:
                 set_(self, name, parse(kind, entry, self.source, at=(name,)))
+        self._check_start()
         self._check_bodies()
         self._check_payloads()
         self._check_tool()
@@ -234,6 +238,28 @@ class Scene:
         self._check_masses()
         set_(self, "mobility", self._mobility(doubts))
         self._mention_driven_base()
+
+    def _check_start(self) -> None:
+        if self.start is None:
+            return
+        where = f"{self.source}: start"
+        if not isinstance(self.start, Mapping):
+            q = real_numbers(where, self.start, SceneError)
+            if q.shape != (self.model.nq,) or not np.isfinite(q).all():
+                raise SceneError(
+                    f"{where}: should be a mapping joint -> position, or {self.model.nq} finite "
+                    f"numbers (nq), found shape {q.shape}"
+                )
+            object.__setattr__(self, "start", tuple(q.tolist()))
+            return
+        for name, position in self.start.items():
+            if name not in self.joint_names:
+                raise SceneError(
+                    f"{where}: there is no joint {name!r}; {choose_from(name, self.joint_names)}"
+                )
+            if np.shape(real_numbers(f"{where}.{name}", position, SceneError)) != ():
+                raise SceneError(f"{where}.{name}: should be one number (rad or m)")
+        object.__setattr__(self, "start", dict(self.start))
 
     def _mention_driven_base(self) -> None:
         """Warn that a floating base is driven where `actuators` are left out."""
@@ -459,9 +485,12 @@ class Scene:
 
     @property
     def start_configuration(self) -> np.ndarray:
-        """(nq,) near which the loops close: `simulation.start.q`, else Pinocchio's neutral one."""
+        """(nq,) near which the loops close: `start`, `simulation.start.q`, else the neutral one."""
+        if self.start is not None and not isinstance(self.start, Mapping):
+            return np.array(self.start)
+        given = self.simulation.start.q if self.simulation and self.start is None else self.start
         q = np.array(pin.neutral(self.model))
-        for name, position in (self.simulation.start.q if self.simulation else {}).items():
+        for name, position in (given or {}).items():
             if name in self.joint_names:
                 joint = self.model.joints[self.model.getJointId(name)]
                 if joint.nq == 1:

@@ -327,7 +327,8 @@ class Actuator(Entry):
         key("other joints that turn this drive, with factors", {"joint_2": 1.0}),
     ] = Field(default_factory=dict)
     transmission: Annotated[
-        Transmission | None, key("gear and motor; without it an ideal drive", {"ratio": 100})
+        SerializeAsAny[Transmission] | None,
+        key("gear and motor; without it an ideal drive", {"ratio": 100}),
     ] = None
     encoder: Annotated[
         Literal["motor", "joint"],

@@ -12,13 +12,23 @@ The motor's viscous friction and rotor inertia are added.
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Iterator
 from itertools import pairwise
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, Self, TypeVar, get_args
 
 import numpy as np
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import (
+    AfterValidator,
+    Field,
+    GetJsonSchemaHandler,
+    ModelWrapValidatorHandler,
+    model_validator,
+)
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
 
+from pinfric.errors import choose_from
 from pinfric.model.brakes import HoldingBrake
 from pinfric.model.entry import (
     USUALLY,
@@ -29,6 +39,7 @@ from pinfric.model.entry import (
     Positive,
     key,
     not_vanishing,
+    register,
     unlikely,
 )
 from pinfric.model.friction_terms import (
@@ -172,6 +183,30 @@ BackEfficiency = Annotated[
 ]
 
 
+class LoadLoss(NamedTuple):
+    """Loss due to the load, g(w) L(|t|): L piecewise linear, g = constant + rise w^exponent.
+
+    Attributes:
+        loads: at which its lines begin, the first at 0 (N m or N at the output).
+        losses, slopes: L there (N m or N), and its slope from there on (1).
+        constant, rise, exponent: of the factor g; w is the motor's speed (rad/s).
+        error: largest error of the fit to the maker's efficiencies over the speed (1).
+    """
+
+    loads: tuple[float, ...]
+    losses: tuple[float, ...]
+    slopes: tuple[float, ...]
+    constant: float = 1.0
+    rise: float = 0.0
+    exponent: float = 1.0
+    error: float = 0.0
+
+    def scaled(self, factor: float) -> LoadLoss:
+        """Return the loss times a factor."""
+        losses, slopes = (tuple(factor * x for x in of) for of in (self.losses, self.slopes))
+        return self._replace(losses=losses, slopes=slopes)
+
+
 class Transmission(Entry):
     """Ratio and losses between motor and joint; torques and inertia at the motor's shaft.
 
@@ -248,8 +283,52 @@ class Transmission(Entry):
         ),
     ] = None
 
+    @classmethod
+    def key_names(cls) -> list[str]:
+        """Return the keys that a mapping may have; of a kind of its own without efficiencies."""
+        own = cls is not Transmission
+        return [name for name in super().key_names() if not (own and name in _NOT_ITS_OWN)] + (
+            [] if own or not GEAR_KINDS else ["kind"]
+        )
+
+    @classmethod
+    def kinds(cls) -> list[str]:
+        """See `Entry.kinds`."""
+        return list(GEAR_KINDS)
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, core: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        """A transmission, or any of the added kinds."""
+        if cls is not Transmission or not GEAR_KINDS:
+            return handler(core)
+        for kind in GEAR_KINDS.values():
+            kind.model_rebuild()  # it may be deferred
+        kinds = [handler(kind.__pydantic_core_schema__) for kind in GEAR_KINDS.values()]
+        return {"anyOf": [handler(core), *kinds]}
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _of_its_kind(cls, value: Any, read: ModelWrapValidatorHandler[Self]) -> Self:
+        """Read a mapping with a key `kind` as the class that was added under this name."""
+        if cls is Transmission and isinstance(value, dict) and "kind" in value:
+            if value["kind"] in GEAR_KINDS:
+                made: Any = GEAR_KINDS[value["kind"]].model_validate(value)
+                return made
+            if GEAR_KINDS:
+                raise ValueError(
+                    f"there is no kind {value['kind']!r}; "
+                    f"{choose_from(str(value['kind']), list(GEAR_KINDS))}"
+                )
+        return read(value)
+
+    def losses(self) -> tuple[LoadLoss, LoadLoss]:
+        """Return the losses due to the load where the motor drives, and where the load drives."""
+        return _makers_loss(self), _makers_driven_loss(self)
+
     @model_validator(mode="after")
-    def _plausible(self) -> Transmission:
+    def _plausible(self) -> Self:
         if self.ratio == 0:
             raise ValueError("ratio must not be 0; give motor turns per joint turn")
         not_vanishing(abs(self.ratio))
@@ -269,6 +348,10 @@ class Transmission(Entry):
         _check_back_driving(self)
         _check_lead(driving, driven_loss(self))
         return self
+
+    def without_load_loss(self) -> Transmission:
+        """Return the transmission without the losses due to the load."""
+        return self.model_copy(update={"efficiency": 1.0, "back_efficiency": None})
 
     def with_losses(self, factor: float) -> Transmission:
         """Return the transmission with all its losses times a factor, exactly at every load.
@@ -310,23 +393,62 @@ class Transmission(Entry):
         )
 
 
-class LoadLoss(NamedTuple):
-    """Loss due to the load, g(w) L(|t|): L piecewise linear, g = constant + rise w^exponent.
+#: Keys of a transmission that follow from the formula of a kind of one's own.
+_NOT_ITS_OWN = ("efficiency", "back_efficiency")
+#: The added classes of transmissions, by their names in a scene file.
+GEAR_KINDS: dict[str, type[OwnTransmission]] = {}
 
-    Attributes:
-        loads: at which its lines begin, the first at 0 (N m or N at the output).
-        losses, slopes: L there (N m or N), and its slope from there on (1).
-        constant, rise, exponent: of the factor g; w is the motor's speed (rad/s).
-        error: largest error of the fit to the maker's efficiencies over the speed (1).
+
+class OwnTransmission(Transmission):
+    """Base class of transmissions whose losses follow from keys of their own.
+
+    A subclass with the decorator `gear_kind` is a new kind; nothing else is edited for it. It has a
+    key `kind`, a `Literal` of one word, keys of its own, and `load_losses`. Ratio, no-load torque,
+    rotor, brake and spring are those of every transmission; efficiencies it has none.
     """
 
-    loads: tuple[float, ...]
-    losses: tuple[float, ...]
-    slopes: tuple[float, ...]
-    constant: float = 1.0
-    rise: float = 0.0
-    exponent: float = 1.0
-    error: float = 0.0
+    kind: str
+    loss_factor: Annotated[NonNegative, key("on the losses due to the load", 1.0, "1")] = 1.0
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_efficiencies(cls, given: Any) -> Any:
+        for name in _NOT_ITS_OWN:
+            if isinstance(given, dict) and name in given:
+                raise ValueError(f"`{name}` follows from its `kind`; leave it out")
+        return given
+
+    @abstractmethod
+    def load_losses(self) -> tuple[LoadLoss, LoadLoss]:
+        """Return the losses due to the load where the motor drives, and where the load drives."""
+
+    def losses(self) -> tuple[LoadLoss, LoadLoss]:
+        """See `Transmission.losses`."""
+        driving, driven = (loss.scaled(self.loss_factor) for loss in self.load_losses())
+        return _rising(driving), driven
+
+    def with_losses(self, factor: float) -> Transmission:
+        """See `Transmission.with_losses`."""
+        scaled = super().with_losses(factor)
+        return scaled.model_copy(update={"loss_factor": factor * self.loss_factor})
+
+    def without_load_loss(self) -> Transmission:
+        """See `Transmission.without_load_loss`."""
+        return self.model_copy(update={"loss_factor": 0.0})
+
+
+_Gear = TypeVar("_Gear", bound=OwnTransmission)
+
+
+def gear_kind(cls: type[_Gear]) -> type[_Gear]:
+    """Decorate a class of transmissions: scene files can then use its `kind`.
+
+    Raises:
+        SceneError: another class has this kind; a class that is run again replaces itself.
+    """
+    (name,) = get_args(cls.model_fields["kind"].annotation)
+    register(GEAR_KINDS, name, cls)
+    return cls
 
 
 def load_part(efficiency: float, load: float, no_load: float) -> float:
@@ -348,6 +470,16 @@ def driving_loss(gear: Transmission) -> LoadLoss:
         ValueError: an impossible gear: the loss is negative, or the motor's torque falls while the
             load grows.
     """
+    return gear.losses()[0]
+
+
+def driven_loss(gear: Transmission) -> LoadLoss:
+    """Return the loss where the load drives: L = (1 - eta_b) |t|, or that of the driving motor."""
+    return gear.losses()[1]
+
+
+def _makers_loss(gear: Transmission) -> LoadLoss:
+    """See `driving_loss`."""
     given = gear.efficiency
     if not isinstance(given, MakersEfficiency):
         return LoadLoss((0.0,), (0.0,), (1.0 / given - 1.0,))
@@ -374,11 +506,11 @@ def driving_loss(gear: Transmission) -> LoadLoss:
     )
 
 
-def driven_loss(gear: Transmission) -> LoadLoss:
-    """Return the loss where the load drives: L = (1 - eta_b) |t|, or that of the driving motor."""
+def _makers_driven_loss(gear: Transmission) -> LoadLoss:
+    """See `driven_loss`."""
     back = gear.back_efficiency
     if back == "same_loss":
-        return driving_loss(gear)
+        return _makers_loss(gear)
     if isinstance(back, BackDriving):
         back = abs(gear.ratio) * back.starting_torque / back.back_driving_torque
     return LoadLoss((0.0,), (0.0,), (0.0 if back is None else 1.0 - back,))

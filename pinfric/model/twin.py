@@ -196,17 +196,21 @@ def _embedding_row(model: pin.Model, index: int) -> tuple[object, ...]:
             f"joint {model.names[index]!r} is a {joint.shortname()}: only revolute, continuous, "
             "prismatic, planar, spherical, translation, free-flyer and mimic joints are supported"
         )
+    turns = float(np.linalg.norm(axis[3:]))
+    pitch = float(axis[:3] @ axis[3:]) / turns**2 if turns else 0.0
+    if abs(pitch) > 1e-12:
+        raise RobotError(
+            f"joint {model.names[index]!r} is helical ({pitch:g} m/rad): write it as a revolute "
+            "joint and, on its axis, a prismatic one with <mimic> and multiplier "
+            f"{pitch:g}; or, if only its nut matters, as a prismatic joint with transmission ratio "
+            f"{1 / pitch:g}"
+        )
     if not abs(np.linalg.norm(axis) - 1.0) < 1e-6:
         raise RobotError(
             f"joint {model.names[index]!r} has an axis of length {np.linalg.norm(axis):g}; give a "
             "direction"
         )
-    if joint.nq == 2:
-        kind = CONTINUOUS
-    else:
-        kind = PRISMATIC if np.allclose(axis[3:], 0) else REVOLUTE
-        if kind == REVOLUTE and not np.allclose(axis[:3], 0):
-            raise RobotError(f"joint {model.names[index]!r} is helical: not supported")
+    kind = CONTINUOUS if joint.nq == 2 else REVOLUTE if turns else PRISMATIC
     return kind, joint.idx_q, joint.idx_v, ratio, shift, axis, nothing
 
 

@@ -96,8 +96,10 @@ class WayPoint(Entry):
 
     @model_validator(mode="after")
     def _one_place(self) -> WayPoint:
-        if bool(self.q) == (self.tool is not None):
-            raise ValueError("give `q`, a number per joint, or `tool`, and not both")
+        if self.q and self.tool is not None:
+            raise ValueError("has `q` and `tool`; give one of them")
+        if not self.q and self.tool is None:
+            raise ValueError("has no `q`, a number per joint, and no `tool`; give one of them")
         return self
 
 

@@ -36,7 +36,7 @@ from pinfric.errors import PinfricWarning, SweepError, choose_from, problems_lin
 from pinfric.model.friction_terms import TERMS, CoulombFriction
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Actuator, Friction, Payload
-from pinfric.model.transmission import MakersEfficiency
+from pinfric.model.transmission import MakersEfficiency, OwnTransmission
 from pinfric.motions.trajectory import Trajectory
 from pinfric.sweeps.distributions import Column, Distribution
 from pinfric.sweeps.file import MOST_SAMPLES, SweepFile
@@ -217,6 +217,10 @@ def _matches(scene: Scene, section: str, key: str, pattern: str) -> tuple[str, .
         )
     for name in found if key == "hysteresis" else ():
         _check_split(scene, name)
+    for drive in scene.drives if section == "transmission" and key in SET else ():
+        gear = drive.transmission
+        if drive.name in found and isinstance(gear, OwnTransmission):
+            raise SweepError(f"{drive.name} has losses of kind {gear.kind!r}; it has no {key}")
     for drive in scene.drives if section == "transmission" and key != "stiffness" else ():
         if drive.name in found and isinstance(_transmission(drive).efficiency, MakersEfficiency):
             raise SweepError(

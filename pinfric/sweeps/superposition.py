@@ -33,7 +33,7 @@ from pinfric.model.laws import Laws, friction_law, law_table
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Friction
-from pinfric.model.transmission import MakersEfficiency
+from pinfric.model.transmission import MakersEfficiency, OwnTransmission
 from pinfric.motions.trajectory import Trajectory
 from pinfric.sweeps.parameters import ELASTIC, SET, Target, apply, mounted_gravity
 
@@ -240,7 +240,12 @@ def _is_linear(scene: Scene, targets: Sequence[Target]) -> bool:
         scene.linkage is None
         and scene.one_drive_each
         and not any(target.key in (*SET, *ELASTIC) for target in targets)
-        and not any(gear is None or isinstance(gear.efficiency, MakersEfficiency) for gear in gears)
+        and not any(
+            gear is None
+            or isinstance(gear, OwnTransmission)
+            or isinstance(gear.efficiency, MakersEfficiency)
+            for gear in gears
+        )
         and all(map(proportional, terms))
         and all(
             site.friction.bearing is None or site.friction.bearing.roll_lever() is None

@@ -5,12 +5,14 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import pinocchio as pin
 import pytest
 from check_cases import GEAR, GOOD_SCENE, SCENE, arm
 
 import pinfric as pf
 from pinfric import cli
 from pinfric.checking.findings import Severity
+from pinfric.checking.scene import load_findings
 
 
 @pytest.mark.parametrize(
@@ -114,3 +116,15 @@ def test_inverse_says_what_makes_efforts_wrong_by_a_multiple(
     assert ended.value.code == 0, said
     assert said.count("warning") == bool(warning), said
     assert warning in said
+
+
+def test_one_link_a_thousand_times_too_heavy_is_asked_about():
+    """`inverse` and `size` ask it, too; no bundled robot is asked."""
+    model = pf.load_scene("three_link").model.copy()
+    assert not [x for x in load_findings(pf.Scene(model)) if x.kind == "one heavy link"]
+    body = model.inertias[2].copy()
+    model.inertias[2] = pin.Inertia(1000 * body.mass, body.lever, 1000 * body.inertia)
+    (found,) = [x for x in load_findings(pf.Scene(model)) if x.kind == "one heavy link"]
+    assert found.place == f"what joint {model.names[2]} moves"
+    assert f"{1000 * body.mass:.4g} kg, all others" in found.text
+    assert "if it is in g" in found.text

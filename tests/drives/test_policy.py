@@ -10,7 +10,16 @@ import pinfric as pf
 from pinfric.drives.catalog import Brake, Gear, Motor
 from pinfric.drives.catalog_file import load_catalog
 from pinfric.drives.criterion import Status
-from pinfric.drives.policy import NEEDS, Conditions, fits, goes_with, kind_of, lacks
+from pinfric.drives.policy import (
+    NEEDS,
+    Conditions,
+    fits,
+    goes_with,
+    kind_of,
+    lacks,
+    parse_conditions,
+)
+from pinfric.errors import CatalogError
 
 STRAIN = {**GEAR, "kind": "strain wave"}
 
@@ -141,3 +150,8 @@ def test_lists_are_by_kind_and_complete_in_the_catalogue_where_they_must_be():
     assert sum(n.startswith("Harmonic Drive CSG") for n in signable) >= 7
     assert set(NEEDS) >= {kind_of(g) for g in catalog.gears.values()}
     assert not any(np.isnan(getattr(Conditions(), key)) for key in ("resonance_base", "ambient"))
+
+
+def test_a_misspelt_condition_is_answered_with_the_right_one():
+    with pytest.raises(CatalogError, match="`resonanse_base`; did you mean 'resonance_base'"):
+        parse_conditions({"resonanse_base": 4}, Conditions())

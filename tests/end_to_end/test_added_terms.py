@@ -28,6 +28,13 @@ from pinfric.model.friction_terms import (
     Stribeck,
     friction_term,
 )
+from pinfric.model.transmission import (
+    GEAR_KINDS,
+    LoadLoss,
+    OwnTransmission,
+    Transmission,
+    gear_kind,
+)
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -53,8 +60,19 @@ def added():
             both_ways = Strength(0.0, self.coefficient, self.coefficient)
             return ((Shape(power=self.exponent), both_ways),)
 
+    @gear_kind
+    class Worm(OwnTransmission):
+        kind: Literal["worm"]
+        lead: Positive
+        rubs: Positive
+
+        def load_losses(self) -> tuple[LoadLoss, LoadLoss]:
+            turned, held = np.tan(self.lead + self.rubs), np.tan(self.lead - self.rubs)
+            driving, driven = turned / np.tan(self.lead) - 1, 1 - held / np.tan(self.lead)
+            return LoadLoss((0.0,), (0.0,), (driving,)), LoadLoss((0.0,), (0.0,), (driven,))
+
     yield
-    del KINDS["collar"], TERMS["power_drag"]
+    del KINDS["collar"], TERMS["power_drag"], GEAR_KINDS["worm"]
 
 
 def test_a_name_that_exists_is_refused():
@@ -211,6 +229,66 @@ def test_their_mistakes_are_named_like_those_of_the_others(tmp_path, friction, s
     with pytest.raises(SceneError, match=says) as caught:
         turntable(tmp_path, friction)
     assert "\n" not in str(caught.value)
+
+
+LEAD, RUBS, RATIO, ROTOR = 0.2, 0.05, 50.0, 1e-4
+WORM = {"kind": "worm", "lead": LEAD, "rubs": RUBS, "ratio": RATIO, "rotor_inertia": ROTOR}
+
+
+def with_gear(folder: Path, **changes) -> pf.Scene:
+    gear = {k: v for k, v in (WORM | changes).items() if v is not None}
+    return turntable(folder, "viscous: 0.1").with_(
+        actuators=[{"joint": "turn", "transmission": gear}]
+    )
+
+
+def test_motor_torques_of_an_added_gear_have_the_closed_form(tmp_path):
+    scene, v = with_gear(tmp_path), np.array([2.0, 2.0, -0.5])
+    a = np.array([3.0, -8.0, -2.0])  # driving, braking, driving backward
+    result = pf.inverse_dynamics(scene, np.zeros((3, 1)), v[:, None], a[:, None])
+    effort = INERTIA * a + 0.1 * v
+    driving = np.sign(effort * v) > 0
+    eta = np.tan(LEAD) / np.tan(LEAD + RUBS)
+    back = np.tan(LEAD - RUBS) / np.tan(LEAD)
+    passed = np.where(driving, effort / eta, effort * back) / RATIO
+    torque = passed + RATIO * ROTOR * a
+    np.testing.assert_allclose(result.motor_torque_lower[:, 0], torque, rtol=1e-12)
+    assert result.check().passed()
+    moved = pf.forward_dynamics(scene, np.zeros((3, 1)), v[:, None], motor_torque=torque[:, None])
+    np.testing.assert_allclose(moved.a[:, 0], a, rtol=1e-10)
+
+
+def test_an_added_gear_can_lose_more_or_nothing(tmp_path):
+    """As the friction of stops, sweeps and effects varies it."""
+    scene = with_gear(tmp_path)
+    gear = scene.actuators[0].transmission
+    plain = Transmission(
+        ratio=RATIO,
+        rotor_inertia=ROTOR,
+        efficiency=np.tan(LEAD) / np.tan(LEAD + RUBS),
+        back_efficiency=np.tan(LEAD - RUBS) / np.tan(LEAD),
+    )
+    for mine, other in zip(
+        gear.with_losses(1.7).losses(), plain.with_losses(1.7).losses(), strict=True
+    ):
+        np.testing.assert_allclose(mine.slopes, other.slopes, rtol=1e-12)
+    unloaded = with_effects(scene, without=["gear"]).actuators[0].transmission
+    assert [loss.slopes for loss in unloaded.losses()] == [(0.0,), (0.0,)]
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"kind": "wurm"}, "transmission`: there is no kind 'wurm'; did you mean 'worm'"),
+        ({"rubs": None}, r"transmission\.rubs` is missing"),
+        ({"rubs": -1}, r"transmission\.rubs`: .*greater than 0"),
+        ({"leed": 0.1}, r"unknown key `.*transmission\.leed`; there are: .*rotor_inertia"),
+        ({"efficiency": 0.7}, "`efficiency` follows from its `kind`; leave it out"),
+    ],
+)
+def test_mistakes_in_an_added_gear_are_named(tmp_path, changes, says):
+    with pytest.raises(SceneError, match=says):
+        with_gear(tmp_path, **changes)
 
 
 def test_nothing_else_knows_them():

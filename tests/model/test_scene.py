@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from builders import block, plane_friction
+from mechanisms import four_bar
 
 import pinfric as pf
 from pinfric.errors import SceneError
@@ -228,3 +229,36 @@ def test_mimic_joints_are_not_sent_to_other_processes():
     state = np.array([0.3]), np.array([0.5]), np.array([2.0])
     here, again = (pf.inverse_dynamics(x, *state) for x in (scene, copy.copy(scene)))
     np.testing.assert_array_equal(again.effort_lower, here.effort_lower)  # a sweep's samples do
+
+
+def test_loops_made_in_code_close_near_their_start():
+    """The two ways to assemble a four-bar: each start gives the one nearest to it."""
+    scene, joints = four_bar()
+    angles = np.array([[0.9, 0.4, 1.6], [0.9, -0.9, -1.9]])  # crank, coupler, rocker
+    q = [scene.close(joints(guess), ["O"]) for guess in angles]
+    assert np.abs(q[0] - q[1]).max() > 0.5
+    for near in q:
+        start = dict(zip(scene.joint_names, near + 0.02, strict=True))
+        for given in (start, near + 0.02):
+            moved = scene.with_(start=given)
+            np.testing.assert_allclose(moved.start_configuration, near + 0.02, rtol=0, atol=1e-15)
+            closed = moved.close(moved.start_configuration)
+            np.testing.assert_allclose(closed, near, rtol=0, atol=0.05)
+            again = pickle.loads(pickle.dumps(moved))
+            assert again == moved
+            assert moved != scene
+
+
+@pytest.mark.parametrize(
+    ("start", "says"),
+    [
+        ({"O": 0.1, "Q": 0.2}, "start: there is no joint 'Q'; there are: O, "),
+        ({"O": "up"}, "start.O: is not an array of numbers"),
+        ({"O": [0.1, 0.2]}, "start.O: should be one number"),
+        ([0.1], r"start: should be a mapping joint -> position, or 3 finite numbers \(nq\), found"),
+        ([0.1, np.nan, 0.0], "or 3 finite numbers"),
+    ],
+)
+def test_a_wrong_start_is_named(start, says):
+    with pytest.raises(SceneError, match=says):
+        four_bar()[0].with_(start=start)

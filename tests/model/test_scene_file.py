@@ -30,7 +30,11 @@ from pinfric.model.scene_file import bundled_folder
         ("actuators: [{joint: wing}]", SceneError, "'swing'"),
         ("actuators: [{cylinder: {name: boom}}]", SceneError, r"`actuators\[0\].cylinder.a`"),
         ("actuators: [{force: {name: push}}]", SceneError, r"`actuators\[0\].force.link`"),
-        ("loops: [{name: rocker}]", SceneError, r"`loops\[0\].kind` is missing"),
+        (
+            "loops: [{name: rocker}]",
+            SceneError,
+            r"`loops\[0\].kind` is missing; there are: spherical, .*, universal; `loops\[0\].a`",
+        ),
     ],
 )
 def test_a_scene_that_does_not_fit_its_robot_is_refused(tmp_path, text, error, says):

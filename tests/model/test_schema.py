@@ -60,7 +60,11 @@ REFUSED = [
         "pinn",
         "kind`: there is no 'pinn'; did .*'pin'",
     ),
-    (["friction", "joint_12", "bearing"], {"radius": 0.1}, r"bearing\.kind` is missing$"),
+    (
+        ["friction", "joint_12", "bearing"],
+        {"radius": 0.1},
+        r"kind` is missing; there are: pin, ",
+    ),
     (["friction", "joint_12", "bearing"], [1], r"bearing`: should be a mapping of keys, found"),
     (["friction", "joint_12", "bearing"], None, "`mu` without `bearing`"),
     (["friction", "joint_12", "mu"], None, "`bearing` without `mu`"),

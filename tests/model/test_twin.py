@@ -162,8 +162,33 @@ def test_external_wrench_relieves_the_joints_that_carry_it():
         np.testing.assert_allclose(wrenches[i], expected, rtol=0, atol=1e-11)
 
 
-def test_a_helical_joint_is_refused_by_name():
+@pytest.mark.parametrize("pitch", [0.1, 1e-4])  # 1e-4: an axis of length 1 to 5e-9
+def test_a_helical_joint_is_refused_with_what_to_write_instead(pitch):
     model = pin.Model()
-    model.addJoint(0, pin.JointModelHX(0.1), pin.SE3.Identity(), "screw")
-    with pytest.raises(RobotError, match="screw"):
+    model.addJoint(0, pin.JointModelHX(pitch), pin.SE3.Identity(), "screw")
+    says = rf"'screw' is helical .* prismatic one with <mimic> and multiplier {pitch:g}; .*ratio"
+    with pytest.raises(RobotError, match=says):
         make_twin(model)
+
+
+def test_a_screw_as_two_joints_has_the_closed_form(tmp_path):
+    """tau = (J + m p^2) a + m g p + mu R m (g + p a): the collar at radius R carries the load."""
+    p, m, J, g, mu, R = 0.01, 2.0, 0.05, 9.81, 0.1, 0.008
+    limit = '<axis xyz="0 0 1"/><limit lower="-9" upper="9" effort="0" velocity="0"/>'
+    (tmp_path / "screw.urdf").write_text(f"""<robot name="screw">
+    <link name="ground"/><link name="spindle"/><link name="nut"><inertial><mass value="{m}"/>
+    <inertia ixx="{J}" iyy="{J}" izz="{J}" ixy="0" ixz="0" iyz="0"/></inertial></link>
+    <joint name="turn" type="revolute"><parent link="ground"/><child link="spindle"/>{limit}</joint>
+    <joint name="rise" type="prismatic"><parent link="spindle"/><child link="nut"/>{limit}
+    <mimic joint="turn" multiplier="{p}"/></joint></robot>""")
+    file = tmp_path / "screw.yaml"
+    file.write_text(
+        "pinfric: 1\nrobot: {urdf: screw.urdf}\nfriction: {turn: {bearing: {kind: pin, radius: "
+        f"0.01, thrust_radius: {R}}}, mu: {{static: {mu}, kinetic: {mu}}}}}}}\n"
+    )
+    scene = pf.load_scene(file)
+    a = np.array([[3.0], [-40.0]])
+    result = pf.inverse_dynamics(scene, [[0.3], [0.1]], [[1.0], [2.0]], a)
+    torque = (J + m * p**2) * a + m * g * p + mu * R * m * (g + p * a)
+    np.testing.assert_allclose(result.effort_lower, torque, rtol=1e-12)
+    assert result.check().passed()

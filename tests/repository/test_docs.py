@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Annotated, Union, get_args
 
 import jsonschema
+import numpy as np
 import pytest
 import yaml
 from pydantic import Field, TypeAdapter
@@ -26,6 +27,7 @@ from pinfric.formats import FORMATS, json_schema
 from pinfric.model.bearings import KINDS, Bearing
 from pinfric.model.entry import Entry, Forms
 from pinfric.model.friction_terms import Stribeck
+from pinfric.model.transmission import GEAR_KINDS
 from pinfric.model.yamlfile import read_yaml
 from pinfric.new_scene import write_new
 from pinfric.sweeps.distributions import Steps
@@ -93,6 +95,18 @@ def test_a_limit_is_added_by_the_steps_of_the_architecture():
         assert [limit.name for limit in LIMITS if limit not in before] == ["coupling torque"]
     finally:
         LIMITS[:] = before
+
+
+def test_a_gear_is_added_by_the_steps_of_the_architecture(capsys):
+    example = next(x for x in architecture_examples() if "gear_kind" in x)
+    try:
+        exec(compile(example, "architecture.md", "exec", dont_inherit=True), {"__name__": "added"})
+        assert "lead" in json_schema("scene")["$defs"]["Worm"]["properties"]
+    finally:
+        GEAR_KINDS.pop("worm", None)
+    torque = float(capsys.readouterr().out.strip("[]\n"))
+    plain = pf.inverse_dynamics(pf.load_scene("pendulum"), [[0.5]], [[1.0]], [[0.0]])
+    assert torque == pytest.approx(plain.effort_upper[0, 0] / 40 * np.tan(0.25) / np.tan(0.2))
 
 
 def test_a_bearing_is_added_by_the_steps_of_the_architecture(capsys):

@@ -29,6 +29,8 @@ from pinfric.model.scene import Scene, expect_scene
 class Instant(NamedTuple):
     """Accelerations and friction at one state (a tuple: a dataclass takes 2 us longer to make).
 
+    Of a batch of states each field is an array whose first axis is the sample.
+
     Attributes:
         a: (nv,) accelerations (rad/s^2, m/s^2); exactly 0 where a joint sticks.
         modes: (ns,) -1, 0, 1: slips backward, sticks, slips forward; of a ball 0, 1.
@@ -66,6 +68,9 @@ class Instant(NamedTuple):
         def some(x: np.ndarray) -> str:
             return np.array2string(x, precision=4, threshold=10, edgeitems=4, max_line_width=10**6)
 
+        if np.ndim(self.a) > 1:
+            shapes = {name: f"{np.shape(x)} array" for name, x in self._asdict().items()}
+            return screen("Instant", counted(len(self.a), "sample"), shapes)
         title = f"{self.status.name.lower()}, {counted(self.iterations, 'pass', 'passes')}"
         return screen(
             "Instant",
@@ -93,7 +98,7 @@ def forward_dynamics(
     motor_torque: np.ndarray | Mapping[str, float] | None = None,
     attached: Iterable[str] | None = None,
 ) -> Instant:
-    """Return the accelerations, modes and friction that efforts cause at one state.
+    """Return the accelerations, modes and friction that efforts cause at one state, or at many.
 
     a = M^-1 (u - h + J_ext^T f_ext + D phi) with phi by the laws of friction (paper eq. 3, 20,
     21). A joint at or below its stick velocity sticks if that is consistent. The solver starts from
@@ -102,8 +107,8 @@ def forward_dynamics(
 
     Args:
         scene: the robot with its friction and drives.
-        q, v: (nq,), (nv,) in rad, m and per second.
-        effort: (na,) what the drives deliver at the joints (N m or N), in the order of
+        q, v: (nq,), (nv,) in rad, m and per second; or (T, nq), (T, nv), for T states.
+        effort: (na,), or (T, na), what the drives deliver at the joints (N m or N), in the order of
             `scene.actuator_names`, which need not be that of the list of actuators; or a mapping
             drive name -> number, in which those left out give 0.
         external: frame name -> (6,) wrench on it, in its axes at its origin (N, N m).
@@ -131,9 +136,44 @@ def forward_dynamics(
     expect_scene(scene, "forward_dynamics")
     given = one_of("forward_dynamics", effort, motor_torque)
     ws = workspace(scene, attached, motors=effort is None)
+    if np.ndim(q) > 1:
+        return _at_each(ws, q, v, given, external)
     applied = None if external is None else applied_wrenches(scene, external, 1)
     solve_state(ws, q, v, given, applied)
     return instant(ws)
+
+
+def _at_each(
+    ws: Workspace,
+    q: np.ndarray,
+    v: np.ndarray,
+    given: np.ndarray | Mapping[str, float],
+    external: Mapping[str, np.ndarray] | None,
+) -> Instant:
+    """The instants of a batch as one, see `Instant`; efforts of one sample are those of all."""
+    samples = len(q)
+    if not samples:
+        raise StateError("forward_dynamics: q has no samples; give at least one state")
+    states = {"q": q, "v": v} | ({} if isinstance(given, Mapping) else {ws.given: given})
+    for name, x in states.items():
+        of_all = name == ws.given and np.ndim(x) < 2
+        if not of_all and (np.ndim(x) != 2 or len(x) != samples):
+            raise StateError(
+                f"forward_dynamics: {name} has shape {np.shape(x)}; q has {samples} samples, so "
+                f"{name} needs {samples} rows"
+            )
+    wrenches = [] if external is None else applied_wrenches(ws.scene, external, samples)
+    found = []
+    for i in range(samples):
+        applied = [AppliedWrench(one.joint, one.wrench[i : i + 1]) for one in wrenches]
+        effort: Any = given if isinstance(given, Mapping) or np.ndim(given) < 2 else given[i]
+        try:
+            solve_state(ws, q[i], v[i], effort, applied or None)
+        except PinfricError as problem:
+            problem.args = (f"sample {i}: {problem}", *problem.args[1:])
+            raise
+        found.append(instant(ws))
+    return Instant._make(np.array(figures) for figures in zip(*found, strict=True))
 
 
 def solve_state(

@@ -405,3 +405,39 @@ def test_joints_that_nothing_pushes_do_not_accelerate_beside_sticking_ones(seed)
     found = pf.forward_dynamics(scene, q, np.zeros(model.nv), push)
     assert not found.modes.any()
     assert not found.a.any()
+
+
+def test_a_batch_is_its_states_one_by_one():
+    """The motion is that of inverse dynamics, which has a path of its own."""
+    scene = pf.load_scene("ur10_machine_tending")
+    rng = np.random.default_rng(3)
+    q, v, a = rng.normal(size=(3, 6, scene.model.nv))
+    motion = pf.inverse_dynamics(scene, q, v, a)
+    batch = pf.forward_dynamics(scene, q, v, motion.effort_lower)
+    np.testing.assert_allclose(batch.a, a, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(batch.wrench, motion.wrench, rtol=0, atol=1e-8)
+    assert {len(figure) for figure in batch} == {6}
+    assert "6 samples" in repr(batch)
+    push = np.arange(36.0).reshape(6, 6)
+    pushed = pf.inverse_dynamics(scene, q, v, a, external={"tool0": push})
+    both = pf.forward_dynamics(scene, q, v, pushed.effort_lower, {"tool0": push})
+    np.testing.assert_allclose(both.a, a, rtol=0, atol=1e-9)
+    one_effort = pf.forward_dynamics(scene, q, v, {})
+    np.testing.assert_array_equal(one_effort.effort, np.zeros((6, 6)))
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"v": np.ones((2, 1))}, r"v has shape \(2, 1\); q has 3 samples, so v needs 3 rows"),
+        ({"v": np.ones(1)}, r"v has shape \(1,\); q has 3 samples"),
+        ({"effort": np.ones((2, 1))}, "effort needs 3 rows"),
+        ({"q": np.ones((0, 1))}, "q has no samples; give at least one state"),
+        ({"q": np.ones((3, 2))}, r"sample 0: q: shape \(2,\); should be \(1,\)"),
+        ({"v": np.array([[0.0], [1.0], [np.nan]])}, "sample 2: v: .*should be finite"),
+    ],
+)
+def test_a_wrong_batch_names_its_sample(change, says):
+    given = {"q": np.ones((3, 1)), "v": np.ones((3, 1)), "effort": np.ones((3, 1))} | change
+    with pytest.raises(StateError, match=says):
+        pf.forward_dynamics(pf.load_scene("pendulum"), **given)
