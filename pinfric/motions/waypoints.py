@@ -96,10 +96,9 @@ class WayPoint(Entry):
 
     @model_validator(mode="after")
     def _one_place(self) -> WayPoint:
-        if self.q and self.tool is not None:
-            raise ValueError("has `q` and `tool`; give one of them")
-        if not self.q and self.tool is None:
-            raise ValueError("has no `q`, a number per joint, and no `tool`; give one of them")
+        if bool(self.q) == (self.tool is not None):
+            both = "`q` and" if self.q else "no `q`, a number per joint, and no"
+            raise ValueError(f"has {both} `tool`; give one of them")
         return self
 
 
