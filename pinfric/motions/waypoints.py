@@ -97,8 +97,7 @@ class WayPoint(Entry):
     @model_validator(mode="after")
     def _one_place(self) -> WayPoint:
         if bool(self.q) == (self.tool is not None):
-            both = "`q` and" if self.q else "no `q`, a number per joint, and no"
-            raise ValueError(f"has {both} `tool`; give one of them")
+            raise ValueError("give one of `q`, a number per joint, and `tool`")
         return self
 
 
