@@ -26,6 +26,7 @@ from pinfric.model.files import file_hash, write_folder
 from pinfric.model.robot import (
     Robot,
     locator,
+    mass_matrix,
     read_robot,
     urdf_file,
 )
@@ -302,8 +303,8 @@ def _actuators_section(robot: Robot) -> list[str]:
 
 def _simulation_section(model: pin.Model) -> list[str]:
     """What `pinfric simulate` runs; nothing where it could not: a joint that moves no mass."""
-    M = pin.crba(model, model.createData(), pin.neutral(model))
-    if np.linalg.eigvalsh(np.triu(M) + np.triu(M, 1).T)[0] <= 1e-12 * max(float(M.max()), 1e-9):
+    M = mass_matrix(model, pin.neutral(model))
+    if np.linalg.eigvalsh(M)[0] <= 1e-12 * max(float(M.max()), 1e-9):
         return [
             "# simulation: not possible, because a joint moves no mass; give its link an <inertial>"
         ]

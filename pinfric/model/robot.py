@@ -182,11 +182,9 @@ def check_kinetic_energy(model: pin.Model, source: str) -> None:
     """
     if model.nv == 0:
         return
-    data = model.createData()
 
     def least(q: np.ndarray) -> tuple[float, np.ndarray]:
-        M = pin.crba(model, data, q)
-        values, vectors = np.linalg.eigh(np.triu(M) + np.triu(M, 1).T)
+        values, vectors = np.linalg.eigh(mass_matrix(model, q))
         return float(values[0] / max(np.abs(values).max(), 1e-300)), vectors[:, 0]
 
     worst = pin.neutral(model)
@@ -206,6 +204,18 @@ def check_kinetic_energy(model: pin.Model, source: str) -> None:
             f"q = {np.array2string(worst, precision=3, separator=', ', max_line_width=10_000)}; "
             "correct the <inertia> of its links"
         )
+
+
+def mass_matrix(model: pin.Model, q: np.ndarray) -> np.ndarray:
+    """Return M(q) (nv, nv), rotors (armatures) included, by columns of RNEA without gravity.
+
+    `crba` is wrong where joints are not numbered depth first, as in some models made in Python.
+    """
+    light = pin.Model(model)
+    light.gravity = pin.Motion.Zero()
+    data, still = light.createData(), np.zeros(model.nv)
+    M = np.array([pin.rnea(light, data, q, still, a) for a in np.eye(model.nv)])
+    return np.asarray(0.5 * (M + M.T))
 
 
 def _worst_pose(model: pin.Model, value: Callable[[np.ndarray], float]) -> np.ndarray:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import chain
+from builders import chain, random_tree
 from robot_cases import joint, link, scene, urdf
 
 import pinfric as pf
 from pinfric.errors import PinfricWarning, RobotError, SceneError
-from pinfric.model.robot import read_robot
+from pinfric.model.robot import mass_matrix, read_robot
 
 
 def two_links(tmp_path, first, second, upper):
@@ -137,3 +137,18 @@ def test_a_model_of_ones_own_with_negative_kinetic_energy_is_refused():
     model.inertias[2] = inertia
     with pytest.raises(RobotError, match="negative kinetic energy"):
         pf.Scene(model=model)
+
+
+def test_joints_that_are_not_numbered_depth_first_are_read_rightly():
+    """Pinocchio's CRBA gives such a model, a tree of seven joints, a negative kinetic energy."""
+    model = random_tree(2265, 7, sliding=0.2)
+    q, v = pin.integrate(model, pin.neutral(model), np.linspace(-1, 1, 7)), np.linspace(1, -1, 7)
+    wrong = pin.crba(model, model.createData(), pin.neutral(model))
+    assert np.linalg.eigvalsh(np.triu(wrong) + np.triu(wrong, 1).T)[0] < 0.0
+    found = mass_matrix(model, q)
+    assert 0.5 * v @ found @ v == pytest.approx(
+        pin.computeKineticEnergy(model, model.createData(), q, v), rel=1e-13
+    )
+    a = pf.forward_dynamics(pf.Scene(model=model), q, v, np.zeros(7)).a
+    data = model.createData()
+    np.testing.assert_allclose(pin.rnea(model, data, q, v, a), 0.0, atol=1e-11)
