@@ -168,7 +168,7 @@ class Workspace:
             self._forget()
         solutions, obeying, resting = self._try(q, v, effort, applied, FREE)
         # one was found; there may be others
-        several = self.modes.figures[0] >= 1.0 or not self._is_sure()
+        several = self.modes.figures[0] >= 1.0 or not self.is_sure()
         if obeying == 1 and not several:
             return
         tries = resting or several or self._geared
@@ -205,7 +205,7 @@ class Workspace:
         turned = TURNED if self.mechanism.balls and given.balls_turn else GIVEN
         solutions, obeying, resting = self._try(q, v, effort, applied, turned)
         found = self.lines.count(solutions, obeying)
-        if resting < 0 or not self._is_sure() or (self._geared and found != Found.SOLVED):
+        if resting < 0 or not self.is_sure() or (self._geared and found != Found.SOLVED):
             found = given_modes(self.problem, self.modes, self.mechanism, self.lines)
             if found == Found.SOLVED:
                 self.finish()
@@ -285,7 +285,7 @@ class Workspace:
             self._leave_dead_centres()
         return found
 
-    def _is_sure(self) -> bool:
+    def is_sure(self) -> bool:
         """Whether there is one answer in the present modes, on whatever lines of gears."""
         return not self._locks or self.locking.jam(self.state[1]) is None
 
@@ -296,7 +296,7 @@ class Workspace:
         """
         self.lines.found.clear()
         found, obeying = self._refit()
-        if found == -1 or not self._is_sure():
+        if found == -1 or not self.is_sure():
             return self._every_line()
         if not obeying and self.closed and self._locks:
             return self._hold()

@@ -14,6 +14,10 @@ those that depend on q need a step below 2 / omega of the oscillation that they 
 A step also ends at exactly zero velocity at a turning point where friction could absorb the rest of
 the velocity. This is a stop only if static friction holds the joint at that instant; otherwise the
 motion reverses.
+
+Where self-locking gears in motion leave no acceleration (`self_locking.py`) a step may still have
+an answer: the rotor stops with a jump. How fast all else then moves depends on the damping of the
+shafts, so such a step is refused as such an instant is.
 """
 
 from __future__ import annotations
@@ -27,8 +31,11 @@ from pinfric.dynamics.forward.workspace import Workspace
 from pinfric.dynamics.simulation.integration import begin, standing
 from pinfric.dynamics.simulation.recorder import Recorder
 from pinfric.dynamics.simulation.system import Settings, System
-from pinfric.errors import AccelerationError
+from pinfric.errors import AccelerationError, GearJam
 from pinfric.friction.modes import Found, Modes
+
+#: What comes to rest in a step at more than so many times its deceleration jumps.
+_JUMP = 3.0
 
 
 def step_through(
@@ -43,6 +50,7 @@ def step_through(
 
     Raises:
         NoConsistentAcceleration: a step has no solution (friction so large that it jams).
+        GearJam: self-locking gears in motion leave no acceleration, or no stable one.
     """
     ws, model = system.ws, system.ws.scene.loaded_model()
     try:
@@ -54,11 +62,15 @@ def step_through(
         start, done = q, done + 1
         middle = pin.integrate(model, q, 0.5 * dt * v)
         system.assemble(t + 0.5 * dt, middle, v, dt)
+        instant = None if ws.is_sure() else _instant(system, t, dt, (middle, v), before)
         rates = ws.constraints.rates(middle, v)
         found = _solve_step(ws, rates, before)
         if found != Found.SOLVED:
             raise ws.failures.failure(found, ws.state).at(t)
-        stopped = bool((ws.modes.stuck & ~before.stuck).any())
+        came_to_rest = ws.modes.stuck & ~before.stuck
+        stopped = bool(came_to_rest.any())
+        if stopped and instant is not None:
+            _refuse_jump(system, t, (middle, v), (rates, *instant), came_to_rest, dt)
         ws.finish()
         v = v + dt * ws.accelerations()
         v = ws.constraints.project(middle, v, ws.modes.stuck)[1]
@@ -81,6 +93,54 @@ def step_through(
         record.progress(end)
 
 
+def _instant(
+    system: System, t: float, dt: float, state: tuple[np.ndarray, np.ndarray], before: Modes
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return accelerations (nv,) and relative ones (nc,) in the modes before a step.
+
+    Args:
+        t, dt, state: the step's start and length (s), the state of which it is assembled.
+
+    Raises:
+        GearJam: there are none.
+    """
+    ws, (q, v) = system.ws, state
+    try:
+        ws.solve_given_modes(q, v, system.u, system.applied, before.kept())
+    except AccelerationError as problem:
+        raise problem.at(t) from None
+    found = ws.a.copy(), ws.modes.rate.copy()
+    ws.assemble(q, v, system.u, system.applied, dt)
+    return found
+
+
+def _refuse_jump(
+    system: System,
+    t: float,
+    state: tuple[np.ndarray, np.ndarray],
+    motion: tuple[np.ndarray, np.ndarray, np.ndarray],
+    stopped: np.ndarray,
+    dt: float,
+) -> None:
+    """Raise the error of the instant at which gears jam, if a step ends in a jump to rest.
+
+    Args:
+        t, state: see `_instant`.
+        motion: relative velocities (nc,), accelerations (nv,), relative ones (nc,).
+        stopped: (nc,) what comes to rest. dt: the step (s).
+    """
+    ws, (q, v), (rates, a, change) = system.ws, state, motion
+    jumps = stopped & (np.abs(rates) > _JUMP * dt * np.abs(change))
+    if not jumps.any():
+        return
+    rests = (stopped & ~jumps) | (ws.modes.stuck & ~stopped)
+    slowing = rates[stopped & ~jumps] / change[stopped & ~jumps]
+    since = float(np.abs(slowing).max(initial=0.0))
+    then = ws.constraints.project(q, v + since * a, rests)[1]
+    system.solve(t + since, q, then)
+    raise ws.failures.failure(Found.NONE, ws.state).at(t)
+
+
 def _begin_with_a_step(
     system: System,
     settings: Settings,
@@ -93,8 +153,10 @@ def _begin_with_a_step(
     A step needs none: friction is what it is at the end of the first step.
 
     Raises:
-        AccelerationError: the problem, where a step has no solution either.
+        AccelerationError: the problem, where a step has no solution either, or a gear jams.
     """
+    if isinstance(problem, GearJam):
+        raise problem
     ws, q = system.ws, state[0]
     v, modes = standing(ws, *state), ws.modes
     rates = ws.constraints.rates(q, v)
@@ -143,11 +205,18 @@ def _hold_or_turn(system: System, t: float, q: np.ndarray, v: np.ndarray, before
     Args:
         t, q, v: the step's end.
         before: the modes before the step.
+
+    Raises:
+        GearJam: a gear that locks where another stops leaves no acceleration, or no stable one.
     """
     ws = system.ws
     stopped = ws.modes.copy()
     ws.modes.at_rest[:] = ws.modes.stuck
     system.assemble(t, q, v)
-    if ws.search(held=before.stuck) != Found.SOLVED:
+    found = ws.search(held=before.stuck)
+    if found != Found.SOLVED:
+        problem = ws.failures.failure(found, ws.state)
+        if isinstance(problem, GearJam):
+            raise problem.at(t)
         ws.modes.take(stopped)  # the next step decides
     ws.finish()
