@@ -263,9 +263,12 @@ def _agree(modes: Modes, mechanism: Mechanism, c: int) -> None:
 def _enumerate(
     query: _Query, forced: dict[int, float], held: np.ndarray | None, fewest: int = 0
 ) -> Found:
-    """Try all modes, with the fewest joints that slip beside the forced ones first."""
+    """Try all modes, with the fewest joints that slip beside the forced ones first.
+
+    Where all answers of these are unstable, a joint that they let stick breaks away: more may slip.
+    """
     modes, mechanism = query.modes, query.mechanism
-    status = Found.NONE
+    status, unstable = Found.NONE, list[Answer]()
     others = [c for c in mechanism.joints(modes.at_rest) if c not in forced]
     kinematics = Kinematics(query.problem, mechanism, modes.at_rest.copy())
     for level in range(fewest, len(others) + 1):
@@ -277,9 +280,10 @@ def _enumerate(
         if len(consistent) > 1 and held is not None:
             stay = held & ~np.isin(np.arange(len(held)), list(forced))
             consistent = [one for one in consistent if one.modes.stuck[stay].all()] or consistent
-        if consistent:
-            return query.choose(consistent)
-    return status
+        if any(answer.stable for answer in consistent):
+            return query.choose(unstable + consistent)
+        unstable += consistent
+    return query.choose(unstable) if unstable else status
 
 
 def _try_all(query: _Query, every: list[dict[int, float]]) -> tuple[Found, list[Answer]]:

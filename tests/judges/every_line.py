@@ -7,8 +7,8 @@ Nothing of pinfric is used. At one state
 with t what each gear delivers along its rate S v, x the bearings' friction along D v, and F one of
 the gear's lines: slope t + offset, for t from least to greatest. What sticks has the rate 0, and
 what its gears and bearings must then add along it lies within what they hold: a gear every t with
-F_-(t) <= u <= F_+(t), a bearing anything up to its limit. What slips least from rest counts. An
-answer is stable where a shaft with a little compliance would stay at it:
+F_-(t) <= u <= F_+(t), a bearing anything up to its limit. What slips least from rest counts, of
+what is stable. An answer is stable where a shaft with a little compliance would stay at it:
 
     diag(slope) + I^1/2 S M^-1 S^T I^1/2 positive definite
 """
@@ -178,11 +178,13 @@ def _places(s: System) -> _Places:
 
 
 def answers(s: System) -> list[Answer]:
-    """Every different acceleration that obeys the laws with as few joints slipping as possible."""
-    places = _places(s)
+    """Every different acceleration that obeys the laws, until one of them is stable.
+
+    Those with the fewest joints slipping first.
+    """
+    places, found = _places(s), list[Answer]()
     rests = np.flatnonzero(np.abs(places.rate) <= STILL)
     for level in range(len(rests) + 1):
-        found: list[Answer] = []
         for slipping in combinations(rests, level):
             for signs in product((1.0, -1.0), repeat=level):
                 ways = np.sign(places.rate)
@@ -191,9 +193,9 @@ def answers(s: System) -> list[Answer]:
                 for answer in _in_modes(s, places, ways, rests):
                     if not any(_same(answer, other) for other in found):
                         found.append(answer)
-        if found:
-            return found
-    return []
+        if any(answer.stable for answer in found):
+            break
+    return found
 
 
 def the_answer(found: list[Answer]) -> np.ndarray | None:

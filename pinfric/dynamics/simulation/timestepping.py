@@ -34,7 +34,7 @@ from pinfric.dynamics.simulation.system import Settings, System
 from pinfric.errors import AccelerationError, GearJam
 from pinfric.friction.modes import Found, Modes
 
-#: What comes to rest in a step at more than so many times its deceleration jumps.
+#: What comes to rest in a step from more than so many times its deceleration jumps.
 _JUMP = 3.0
 
 
@@ -62,15 +62,13 @@ def step_through(
         start, done = q, done + 1
         middle = pin.integrate(model, q, 0.5 * dt * v)
         system.assemble(t + 0.5 * dt, middle, v, dt)
-        instant = None if ws.is_sure() else _instant(system, t, dt, (middle, v), before)
-        rates = ws.constraints.rates(middle, v)
-        found = _solve_step(ws, rates, before)
+        rates, rests = ws.constraints.rates(middle, v), ws.plan.coordinates.dry
+        if not ws.is_sure():
+            before, rests = _at_instant(system, t, dt, (middle, v), rates)
+        found = _solve_step(ws, rates, before, rests)
         if found != Found.SOLVED:
             raise ws.failures.failure(found, ws.state).at(t)
-        came_to_rest = ws.modes.stuck & ~before.stuck
-        stopped = bool(came_to_rest.any())
-        if stopped and instant is not None:
-            _refuse_jump(system, t, (middle, v), (rates, *instant), came_to_rest, dt)
+        stopped = bool((ws.modes.stuck & ~before.stuck).any())
         ws.finish()
         v = v + dt * ws.accelerations()
         v = ws.constraints.project(middle, v, ws.modes.stuck)[1]
@@ -93,52 +91,30 @@ def step_through(
         record.progress(end)
 
 
-def _instant(
-    system: System, t: float, dt: float, state: tuple[np.ndarray, np.ndarray], before: Modes
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return accelerations (nv,) and relative ones (nc,) in the modes before a step.
+def _at_instant(
+    system: System,
+    t: float,
+    dt: float,
+    state: tuple[np.ndarray, np.ndarray],
+    rates: np.ndarray,
+) -> tuple[Modes, np.ndarray]:
+    """Return the modes of a step's instant, and what may be at rest at its end (nc,) bool.
 
     Args:
         t, dt, state: the step's start and length (s), the state of which it is assembled.
+        rates: (nc,) relative velocities.
 
     Raises:
-        GearJam: there are none.
+        GearJam: gears in motion leave no acceleration, or no stable one.
     """
     ws, (q, v) = system.ws, state
     try:
-        ws.solve_given_modes(q, v, system.u, system.applied, before.kept())
+        ws.solve(q, v, system.u, system.applied)
     except AccelerationError as problem:
         raise problem.at(t) from None
-    found = ws.a.copy(), ws.modes.rate.copy()
+    modes, slowing = ws.modes.copy(), _JUMP * dt * np.abs(ws.modes.rate)
     ws.assemble(q, v, system.u, system.applied, dt)
-    return found
-
-
-def _refuse_jump(
-    system: System,
-    t: float,
-    state: tuple[np.ndarray, np.ndarray],
-    motion: tuple[np.ndarray, np.ndarray, np.ndarray],
-    stopped: np.ndarray,
-    dt: float,
-) -> None:
-    """Raise the error of the instant at which gears jam, if a step ends in a jump to rest.
-
-    Args:
-        t, state: see `_instant`.
-        motion: relative velocities (nc,), accelerations (nv,), relative ones (nc,).
-        stopped: (nc,) what comes to rest. dt: the step (s).
-    """
-    ws, (q, v), (rates, a, change) = system.ws, state, motion
-    jumps = stopped & (np.abs(rates) > _JUMP * dt * np.abs(change))
-    if not jumps.any():
-        return
-    rests = (stopped & ~jumps) | (ws.modes.stuck & ~stopped)
-    slowing = rates[stopped & ~jumps] / change[stopped & ~jumps]
-    since = float(np.abs(slowing).max(initial=0.0))
-    then = ws.constraints.project(q, v + since * a, rests)[1]
-    system.solve(t + since, q, then)
-    raise ws.failures.failure(Found.NONE, ws.state).at(t)
+    return modes, ws.plan.coordinates.dry & (np.abs(rates) <= slowing)
 
 
 def _begin_with_a_step(
@@ -164,7 +140,7 @@ def _begin_with_a_step(
     modes.direction[:] = np.where(modes.stuck, 0.0, np.sign(rates))
     modes.direction[:] = ws.mechanism.slip_direction(modes, rates)
     system.assemble(0.0, q, v, next(_steps(system, settings))[2])
-    if _solve_step(ws, rates, modes.copy()) != Found.SOLVED:
+    if _solve_step(ws, rates, modes.copy(), ws.plan.coordinates.dry) != Found.SOLVED:
         raise problem
     ws.finish()
     record.phase(0.0)
@@ -189,10 +165,10 @@ def _between(
     return lambda time: np.asarray(pin.interpolate(model, start, end, (time - t) / dt))
 
 
-def _solve_step(ws: Workspace, rates: np.ndarray, before: Modes) -> Found:
-    """Find the modes at the end of a step, from those before it."""
+def _solve_step(ws: Workspace, rates: np.ndarray, before: Modes, rests: np.ndarray) -> Found:
+    """Find the modes at the end of a step, from those before it, of what may be at rest (nc,)."""
     modes, dry = ws.modes, ws.plan.coordinates.dry
-    modes.at_rest[:] = dry
+    modes.at_rest[:] = rests
     modes.stuck[:] = before.stuck
     # where there is no dry friction there is no mode: the direction only says which way it moves
     modes.direction[:] = np.where(dry, before.direction, np.sign(rates))
@@ -205,18 +181,11 @@ def _hold_or_turn(system: System, t: float, q: np.ndarray, v: np.ndarray, before
     Args:
         t, q, v: the step's end.
         before: the modes before the step.
-
-    Raises:
-        GearJam: a gear that locks where another stops leaves no acceleration, or no stable one.
     """
     ws = system.ws
     stopped = ws.modes.copy()
     ws.modes.at_rest[:] = ws.modes.stuck
     system.assemble(t, q, v)
-    found = ws.search(held=before.stuck)
-    if found != Found.SOLVED:
-        problem = ws.failures.failure(found, ws.state)
-        if isinstance(problem, GearJam):
-            raise problem.at(t)
+    if ws.search(held=before.stuck) != Found.SOLVED:
         ws.modes.take(stopped)  # the next step decides
     ws.finish()
