@@ -141,9 +141,15 @@ def test_a_worm_lifts_holds_is_lowered_and_wedges():
             np.array([256.25, 200.0, -25.0, -12.0, -5.0])[np.searchsorted(times, t, "right")] / 50
         ]
 
-    def run(t_end):
+    def run(t_end, method="event"):
         return pf.simulate(
-            hoist(LIGHT), [0.0], [0.0], t_end=t_end, motor_torque=torque, breakpoints=times
+            hoist(LIGHT),
+            [0.0],
+            [0.0],
+            t_end=t_end,
+            motor_torque=torque,
+            breakpoints=times,
+            method=method,
         )
 
     found = run(0.7)
@@ -153,8 +159,37 @@ def test_a_worm_lifts_holds_is_lowered_and_wedges():
     top = 0.02 * up - 0.5 * (0.2 * up) ** 2 / brake
     assert np.interp(0.4, found.t, found.q[:, 0]) == pytest.approx(top, abs=1e-9)
     assert stop == pytest.approx(next(e.time for e in found.events if e.kind == "stick"), abs=1e-9)
-    with pytest.raises(GearJam, match=r"t = 0\.7 s"):
-        run(0.8)
+    for method in "event", "timestepping":
+        with pytest.raises(GearJam, match=r"t = 0\.7 s"):
+            run(0.8, method=method)
+
+
+@pytest.mark.parametrize("kind", ["worms", "couples"])
+@pytest.mark.parametrize("seeds", [range(8), pytest.param(range(8, 24), marks=pytest.mark.slow)])
+def test_time_stepping_jams_where_events_do(kind, seeds):
+    """It had gone on with a jump to rest, and so with any velocity of what is beside it."""
+    jams = 0
+    for seed in seeds:
+        scene, q, v, torque, _ = KINDS[kind](np.random.default_rng(seed))
+        found = []
+        for method in "event", "timestepping":
+            try:
+                motion = pf.simulate(
+                    scene,
+                    q,
+                    v,
+                    t_end=0.2,
+                    method=method,
+                    motor_torque=lambda t, q, v, torque=torque: torque * np.cos(8.0 * t),
+                )
+                found.append((motion.v[-1], np.inf))
+            except GearJam as problem:
+                found.append((np.zeros(len(v)), problem.time))
+        (events, first), (steps, second) = found
+        assert (first == second == np.inf) or abs(first - second) < 2e-3, seed
+        np.testing.assert_allclose(steps, events, atol=0.02 * max(1.0, np.abs(events).max()))
+        jams += first < np.inf
+    assert jams >= len(seeds) // 4
 
 
 # ---------------------------------------------------------------- what a gear at rest holds

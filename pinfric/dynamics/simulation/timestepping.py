@@ -35,7 +35,7 @@ from pinfric.errors import AccelerationError, GearJam
 from pinfric.friction.modes import Found, Modes
 
 #: What comes to rest in a step from more than so many times its deceleration jumps.
-_JUMP = 3.0
+_JUMP = 2.0
 
 
 def step_through(
@@ -112,9 +112,10 @@ def _at_instant(
         ws.solve(q, v, system.u, system.applied)
     except AccelerationError as problem:
         raise problem.at(t) from None
-    modes, slowing = ws.modes.copy(), _JUMP * dt * np.abs(ws.modes.rate)
+    modes = ws.modes.copy()
+    slows = np.abs(rates) <= -_JUMP * dt * modes.rate * np.sign(rates)
     ws.assemble(q, v, system.u, system.applied, dt)
-    return modes, ws.plan.coordinates.dry & (np.abs(rates) <= slowing)
+    return modes, ws.plan.coordinates.dry & (modes.at_rest | slows)
 
 
 def _begin_with_a_step(
@@ -131,9 +132,10 @@ def _begin_with_a_step(
     Raises:
         AccelerationError: the problem, where a step has no solution either, or a gear jams.
     """
-    if isinstance(problem, GearJam):
-        raise problem
     ws, q = system.ws, state[0]
+    many, stable = ws.lines.many
+    if isinstance(problem, GearJam) or stable != many:
+        raise problem
     v, modes = standing(ws, *state), ws.modes
     rates = ws.constraints.rates(q, v)
     modes.stuck[:] = ws.plan.coordinates.dry & (ws.mechanism.speeds(rates) == 0.0)
