@@ -109,9 +109,7 @@ class Rated(Sourced):
 
     @model_validator(mode="after")
     def _curve_rises_in_temperature(self) -> Rated:
-        at = [point[0] for point in self.ambient_curve or ()]
-        if any(b <= a for a, b in pairwise(at)) or len(at) == 1:
-            raise ValueError("ambient_curve: points [deg C, part], ascending in deg C, two or more")
+        _rising(self, "ambient_curve", "deg C, part")
         return self
 
 
@@ -184,9 +182,7 @@ class Motor(Rated):
     def _figures_agree(self) -> Motor:
         _ascending(self, "continuous_torque", "peak_torque")
         _ascending(self, "continuous_stall_torque", "peak_torque")
-        speeds = [point[0] for point in self.continuous_curve or ()]
-        if any(b <= a for a, b in pairwise(speeds)) or len(speeds) == 1:
-            raise ValueError("continuous_curve: points [rad/s, N m], speeds ascending, two or more")
+        _rising(self, "continuous_curve", "rad/s, N m")
         _ascending(self, "rated_speed", "no_load_speed")
         line = self.no_load_speed, self.rated_speed, self.stall_torque
         if any(x is not None for x in line) and self.nominal_voltage is None:
@@ -433,9 +429,7 @@ class Gear(Sourced):
         _ascending(self, "rated_torque", "repeated_peak_torque")
         _ascending(self, "repeated_peak_torque", "momentary_peak_torque")
         _ascending(self, "average_input_speed", "max_input_speed")
-        speeds = [point[0] for point in self.effort_curve or ()]
-        if any(b <= a for a, b in pairwise(speeds)) or len(speeds) == 1:
-            raise ValueError("effort_curve: points [rad/s, N or N m], speeds ascending, 2 or more")
+        _rising(self, "effort_curve", "rad/s, N or N m")
         if self.bearing is not None and self.bearing.screw != (self.output == "linear"):
             raise ValueError(
                 f"bearing: {self.bearing.kind} at a {self.output} output; a linear output needs "
@@ -633,6 +627,13 @@ class Catalog:
     conditions: Conditions = field(default_factory=Conditions)
     replaced: tuple[str, ...] = ()
     files: tuple[str, ...] = ()
+
+
+def _rising(entry: Sourced, curve: str, point: str) -> None:
+    at = [first for first, _ in getattr(entry, curve) or ()]
+    if any(b <= a for a, b in pairwise(at)) or len(at) == 1:
+        first = point.partition(",")[0]
+        raise ValueError(f"{curve}: points [{point}], {first} ascending, two or more")
 
 
 def _ascending(entry: Sourced, smaller: str, larger: str) -> None:

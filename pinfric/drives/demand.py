@@ -265,7 +265,9 @@ def gear_demand(
         mean_speed=mean(t, speed),
         mean_cubic=average_output_effort(t, worst, speed),
         bearing=bearing,
-        travel=_travel(result, actuator) if unit == "N" else None,
+        travel=None
+        if joint is None or unit != "N"
+        else float(np.ptp(one_number(result.scene.model.joints[joint], result.states.q))),
         guide=guide,
     )
 
@@ -301,13 +303,6 @@ def driven_joint(scene: Scene, actuator: int) -> int | None:
     moved = scene.drives[actuator].velocity_index
     joints = list(enumerate(scene.model.joints))[1:]
     return next((i for i, joint in joints if joint.nv == 1 and joint.idx_v == moved), None)
-
-
-def _travel(result: InverseResult, actuator: int) -> float | None:
-    joint = driven_joint(result.scene, actuator)
-    if joint is None:
-        return None
-    return float(np.ptp(one_number(result.scene.model.joints[joint], result.states.q)))
 
 
 def screw_load(cycle: DriveCycle) -> BearingLoad:

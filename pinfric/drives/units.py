@@ -6,68 +6,38 @@ import math
 
 from pinfric.errors import CatalogError, choose_from
 
+#: SI unit -> the other units of the same quantity, and what one of them is in it.
+_PRINTED: dict[str, dict[str, float]] = {
+    "N m": {
+        **{"mN m": 1e-3, "N cm": 1e-2, "kN m": 1e3},
+        **{"kgf cm": 0.0980665, "oz in": 0.00706155, "lb in": 0.1129848},
+    },
+    "N": {"kN": 1e3, "kgf": 9.80665, "lbf": 4.448222},
+    "rad/s": {"rpm": math.pi / 30, "1/min": math.pi / 30, "deg/s": math.pi / 180},
+    "m/s": {"mm/s": 1e-3},
+    "kg m^2": {"kg cm^2": 1e-4, "g cm^2": 1e-7, "kg mm^2": 1e-6},
+    "kg": {"g": 1e-3, "lb": 0.45359237},
+    "V": {"mV": 1e-3},
+    "A": {"mA": 1e-3},
+    "ohm": {"mohm": 1e-3},
+    "N m/A": {"mN m/A": 1e-3},
+    **{alone: {} for alone in ("N/A", "K/W", "C", "W")},
+    "J": {"kJ": 1e3},
+    "s": {"ms": 1e-3, "min": 60.0},
+    **{alone: {} for alone in ("h", "1/h")},
+    "N m/rad": {"N m/arcmin": 10800 / math.pi},
+    "N/m": {"N/mm": 1e3, "N/um": 1e6},
+    "rad": {"deg": math.pi / 180, "arcmin": math.pi / 10800, "arcsec": math.pi / 648000},
+    "m": {"mm": 1e-3},
+    "1": {"%": 1e-2},
+    "rad/m": {"mm/rev": 1e-3, "m/rev": 1.0},
+    "price": {},
+}
 #: Unit -> (SI unit, factor to it). A lead is turned into a ratio: 2 pi/lead.
 UNITS = {
-    "N m": ("N m", 1.0),
-    "mN m": ("N m", 1e-3),
-    "N cm": ("N m", 1e-2),
-    "kN m": ("N m", 1e3),
-    "kgf cm": ("N m", 0.0980665),
-    "oz in": ("N m", 0.00706155),
-    "lb in": ("N m", 0.1129848),
-    "N": ("N", 1.0),
-    "kN": ("N", 1e3),
-    "kgf": ("N", 9.80665),
-    "lbf": ("N", 4.448222),
-    "rad/s": ("rad/s", 1.0),
-    "rpm": ("rad/s", math.pi / 30),
-    "1/min": ("rad/s", math.pi / 30),
-    "deg": ("rad", math.pi / 180),
-    "deg/s": ("rad/s", math.pi / 180),
-    "m/s": ("m/s", 1.0),
-    "mm/s": ("m/s", 1e-3),
-    "kg m^2": ("kg m^2", 1.0),
-    "kg cm^2": ("kg m^2", 1e-4),
-    "g cm^2": ("kg m^2", 1e-7),
-    "kg mm^2": ("kg m^2", 1e-6),
-    "kg": ("kg", 1.0),
-    "g": ("kg", 1e-3),
-    "lb": ("kg", 0.45359237),
-    "V": ("V", 1.0),
-    "mV": ("V", 1e-3),
-    "A": ("A", 1.0),
-    "mA": ("A", 1e-3),
-    "ohm": ("ohm", 1.0),
-    "mohm": ("ohm", 1e-3),
-    "N m/A": ("N m/A", 1.0),
-    "mN m/A": ("N m/A", 1e-3),
-    "N/A": ("N/A", 1.0),
-    "K/W": ("K/W", 1.0),
-    "C": ("C", 1.0),
-    "W": ("W", 1.0),
-    "J": ("J", 1.0),
-    "kJ": ("J", 1e3),
-    "s": ("s", 1.0),
-    "ms": ("s", 1e-3),
-    "min": ("s", 60.0),
-    "h": ("h", 1.0),
-    "1/h": ("1/h", 1.0),
-    "N m/rad": ("N m/rad", 1.0),
-    "N m/arcmin": ("N m/rad", 10800 / math.pi),
-    "N/m": ("N/m", 1.0),
-    "N/mm": ("N/m", 1e3),
-    "N/um": ("N/m", 1e6),
-    "rad": ("rad", 1.0),
-    "arcmin": ("rad", math.pi / 10800),
-    "arcsec": ("rad", math.pi / 648000),
-    "m": ("m", 1.0),
-    "mm": ("m", 1e-3),
-    "1": ("1", 1.0),
-    "%": ("1", 1e-2),
-    "rad/m": ("rad/m", 1.0),
-    "mm/rev": ("rad/m", 1e-3),
-    "m/rev": ("rad/m", 1.0),
-    "price": ("price", 1.0),
+    unit: (si, factor)
+    for si, others in _PRINTED.items()
+    for unit, factor in {si: 1.0, **others}.items()
 }
 
 _OF_UNIT = {
@@ -113,14 +83,8 @@ _LINEAR = {
 }
 #: Figures of what has a linear output that stay those of what turns before it.
 _AT_INPUT = (
-    "rotor_inertia",
-    "no_load_running_torque",
-    "starting_torque",
-    "rated_speed",
-    "no_load_speed",
-    "average_input_speed",
-    "max_input_speed",
-    "input_inertia",
+    *("rotor_inertia", "no_load_running_torque", "starting_torque", "rated_speed"),
+    *("no_load_speed", "average_input_speed", "max_input_speed", "input_inertia"),
 )
 
 

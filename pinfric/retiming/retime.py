@@ -182,7 +182,11 @@ def retime(
             f"retime: points {points}, sample_rate {sample_rate:g}, tolerance "
             f"{tolerance:g}, smooth {smooth:g}: should be positive"
         )
-    _check_payloads(scene, path)
+    if path.attached is not None and path.attached.shape[1] != len(scene.payloads):
+        raise RetimeError(
+            f"{path.source}: attached: {path.attached.shape[1]} columns for "
+            f"{len(scene.payloads)} payloads"
+        )
     given = read_limits(scene, limits)
     scene = limited_scene(scene, given)
     columns = joint_columns(scene.model, scene.source)
@@ -192,14 +196,6 @@ def retime(
     for text in found.notes:
         warnings.warn(text, PinfricWarning, stacklevel=2)
     return found
-
-
-def _check_payloads(scene: Scene, path: Path) -> None:
-    if path.attached is not None and path.attached.shape[1] != len(scene.payloads):
-        raise RetimeError(
-            f"{path.source}: attached: {path.attached.shape[1]} columns for "
-            f"{len(scene.payloads)} payloads"
-        )
 
 
 def _as_path(scene: Scene, given: object) -> Path:
@@ -466,18 +462,16 @@ class _Retiming:
             here = np.flatnonzero((grid.piece[grid.start] == p) & (grid.s[grid.start] <= place))
             over.add(int(here[-1]))
             if turning[i]:
-                self._widen(p, place, 2.0 * float(samples.rate[i]) / self.policy.sample_rate)
+                near = 2.0 * float(samples.rate[i]) / self.policy.sample_rate
+                for k, (d, piece, a, b) in enumerate(self.zones):  # let zones beside reach to it
+                    if piece == p and a - near < place < b + near:
+                        wider = min(a, place - 0.1 * near), max(b, place + 0.1 * near)
+                        self.zones[k] = d, piece, *wider
         for j in over:
             p, first, last = grid.piece[grid.start[j]], grid.s[grid.start[j]], grid.s[grid.end[j]]
             self.constant.append((int(p), float(first), float(last)))
             grids[p] = distinct(np.array([0.5 * (first + last)]), self.path.pieces[p], grids[p])
         return bool(over)
-
-    def _widen(self, piece: int, s: float, near: float) -> None:
-        """Let the zones of reversals beside a sample reach to it."""
-        for i, (d, p, first, last) in enumerate(self.zones):
-            if p == piece and first - near < s < last + near:
-                self.zones[i] = d, p, min(first, s - 0.1 * near), max(last, s + 0.1 * near)
 
     def motion(self, samples: Samples) -> Trajectory:
         """The samples as a trajectory."""

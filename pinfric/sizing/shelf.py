@@ -247,11 +247,6 @@ def _heat(ratings: Ratings, conditions: Conditions) -> float:
     return number(None if share is None or torque is None else share * torque)
 
 
-def _motor_lacks(motor: Motor, ratings: Ratings) -> tuple[str, ...]:
-    both = SimpleNamespace(**vars(ratings), mass=motor.mass, rotor_inertia=motor.rotor_inertia)
-    return lacks("motor", both)
-
-
 def _of_gears(
     gears: list[tuple[str, Gear, float]],
     motors: Mapping[str, Motor],
@@ -288,7 +283,10 @@ def _of_gears(
         names=[name for name, _, _ in gears],
         motor_names=names,
         gear_lacks=[lacks(kind_of(entry), entry) for entry in entries],
-        motor_lacks=[_motor_lacks(m, r) for m, r in zip(listed, ratings, strict=True)],
+        motor_lacks=[
+            lacks("motor", SimpleNamespace(**vars(r), mass=m.mass, rotor_inertia=m.rotor_inertia))
+            for m, r in zip(listed, ratings, strict=True)
+        ],
         make=lambda g, m: motor_with_gear(names[m], listed[m], *gears[g], ratings[m]),
         bare=lambda g: motor_with_gear("", blank, *gears[g], Ratings()),
         linear=linear,

@@ -306,7 +306,7 @@ def sized_joint(
         peak_without_masses=joint.demand_without_masses.peak,
         rms_without_masses=joint.demand_without_masses.rms,
         load_inertia=joint.load_inertia,
-        choice=_name(joint.choice),
+        choice=None if joint.choice is None else joint.choice.candidate.name,
         candidates=joint.candidates,
         installed=None if joint.installed is None else _installed(joint.installed, beside, lever),
         standstill=still,
@@ -361,7 +361,3 @@ def _installed(taken: Assessment, beside: tuple[Criterion, ...], lever: float) -
         stand_ins=candidate.stand_ins,
         sources=candidate.sources,
     )
-
-
-def _name(assessment: Assessment | None) -> str | None:
-    return None if assessment is None else assessment.candidate.name

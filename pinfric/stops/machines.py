@@ -11,7 +11,7 @@ import numpy as np
 
 from pinfric.errors import StopError, choose_from
 from pinfric.model.scene import Scene
-from pinfric.model.schema import Actuator, Payload, Stops
+from pinfric.model.schema import Stops
 from pinfric.motions.trajectory import Trajectory
 from pinfric.stops.motion import LONGEST, Machine
 
@@ -58,7 +58,13 @@ class Machines:
     @cached_property
     def deceleration(self) -> np.ndarray | None:
         """(nv,) of a motion that the drives impose, rad/s^2 or m/s^2; None: they impose none."""
-        return _deceleration(self.scene, self.settings)
+        settings, drives = self.settings, self.scene.drives
+        if settings.category == 0 or not settings.deceleration:
+            return None
+        found = np.zeros(self.scene.model.nv)
+        for drive in drives:
+            found[drive.velocity_index] = settings.deceleration[drive.name]
+        return found
 
 
 def stop_settings(scene: Scene, category: int | None) -> Stops:
@@ -157,15 +163,6 @@ def _machine(machines: Machines, kind: Kind) -> Machine:
     )
 
 
-def _deceleration(scene: Scene, settings: Stops) -> np.ndarray | None:
-    if settings.category == 0 or not settings.deceleration:
-        return None
-    found = np.zeros(scene.model.nv)
-    for drive in scene.drives:
-        found[drive.velocity_index] = settings.deceleration[drive.name]
-    return found
-
-
 def _limits(scene: Scene) -> Iterator[tuple[str, float]]:
     """The torque at the shaft with which each drive brakes: the URDF's effort limit / |ratio|."""
     for drive in scene.drives:
@@ -184,18 +181,16 @@ def _with(scene: Scene, factor: float, load: float) -> Scene:
     change: dict[str, object] = {}
     if factor != 1.0:
         change["friction"] = {name: f.scaled(factor) for name, f in scene.friction.items()}
-        change["actuators"] = [_losing(a, factor) for a in scene.actuators or ()]
+        change["actuators"] = [
+            a.model_copy(update={"transmission": a.transmission.with_losses(factor)})
+            for a in scene.actuators or ()
+            if a.transmission is not None  # `_check`
+        ]
     if load not in (0.0, 1.0):
-        change["payloads"] = {name: _lighter(p, load) for name, p in scene.payloads.items()}
+        change["payloads"] = {
+            name: p.model_copy(
+                update={"mass": load * p.mass, "inertia": tuple(load * x for x in p.inertia)}
+            )
+            for name, p in scene.payloads.items()
+        }
     return scene.with_(**change) if change else scene
-
-
-def _losing(actuator: Actuator, factor: float) -> Actuator:
-    gear = actuator.transmission
-    assert gear is not None  # `_check`
-    return actuator.model_copy(update={"transmission": gear.with_losses(factor)})
-
-
-def _lighter(payload: Payload, share: float) -> Payload:
-    inertia = tuple(share * x for x in payload.inertia)
-    return payload.model_copy(update={"mass": share * payload.mass, "inertia": inertia})

@@ -159,9 +159,16 @@ def _samples(
     tell = progress or (lambda done, total: None)
     tell(done, n)
     if missing.size:
-        seconds = _try_one(study, missing[:1], values)
+        for _ in range(2):  # kernels are loaded by the first
+            start = perf_counter()
+            compute(study, missing[:1], values[missing[:1]])
+            seconds = perf_counter() - start
         if scheduler is None:
-            used = processes or _worthwhile(seconds * missing.size)
+            used = processes or 1
+            if processes is None and seconds * missing.size >= _SHORT:
+                from joblib import cpu_count
+
+                used = int(cpu_count())
         given = study, _batches(missing, seconds, used or _OF_A_CLUSTER), values
         if scheduler is not None:
             batches = compute_on_cluster(*given, scheduler)
@@ -180,23 +187,6 @@ def _samples(
     if store is not None:
         store.finish(whole)
     return whole, used, resumed
-
-
-def _try_one(study: Study, row: np.ndarray, values: np.ndarray) -> float:
-    """Compute one sample twice (kernels are loaded by the first) and return its time in s."""
-    for _ in range(2):
-        start = perf_counter()
-        compute(study, row, values[row])
-    return perf_counter() - start
-
-
-def _worthwhile(seconds: float) -> int:
-    """Processes for a sweep that takes one of them so long."""
-    if seconds < _SHORT:
-        return 1
-    from joblib import cpu_count
-
-    return int(cpu_count())
 
 
 def _batches(missing: np.ndarray, seconds: float, processes: int) -> Iterator[np.ndarray]:
