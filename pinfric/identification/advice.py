@@ -12,21 +12,19 @@ from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from pinfric.identification.columns import joint_rows, prepare
 from pinfric.identification.estimate import Estimate, reloaded, scale_is_known
-from pinfric.identification.laws import INERTIA, SLOTS
+from pinfric.identification.laws import INERTIA, K
 from pinfric.identification.normal import BlockProducts, FrictionNormalEquations, Normal, above_zero
 from pinfric.identification.parameters import scene_key
 from pinfric.identification.recordings import Recording
+from pinfric.model.arrays import FloatArray
 from pinfric.model.described import described, quantity
 from pinfric.model.scene import Scene
 from pinfric.motions.joint_columns import configurations, joint_columns
 from pinfric.motions.trajectory import Trajectory
 from pinfric.motions.waypoints import WayPoint, WayPointFile, sample_waypoints
-
-FloatArray = NDArray[np.float64]
 
 #: s of each recording that is weighed, and Hz of its samples.
 _DURATION, _RATE = 30.0, 100.0
@@ -177,7 +175,7 @@ def _weighed(
     )
     factors = {}
     for at, ratio in zip(place.tolist(), (then / now).tolist(), strict=True):
-        j, slot = divmod(at, len(SLOTS))
+        j, slot = divmod(at, K)
         if slot != INERTIA and j in found.known:
             section, key, _ = scene_key(found.scene, j, found.choice.laws[j], slot)
             factors[f"{section}.{found.scene.joint_names[j]}.{key}"] = float(ratio)

@@ -9,16 +9,14 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinfric.errors import IdentificationError, problems_line
 from pinfric.identification.columns import Rows
 from pinfric.identification.inertias import urdf_prior
 from pinfric.identification.laws import COULOMB, INERTIA, PLAIN
 from pinfric.identification.normal import Fit, Prior, residuals
+from pinfric.model.arrays import FloatArray
 from pinfric.model.scene import Scene
-
-FloatArray = NDArray[np.float64]
 
 #: Slopes of the logged effort on that of the URDF's masses: right logs gave 0.92 to 1.35 with
 #: correlations from 0.96, URDFs wrong by up to 40 %.

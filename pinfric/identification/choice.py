@@ -7,10 +7,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinfric.identification.columns import Rows
-from pinfric.identification.laws import INERTIA, PLAIN, SLOTS, Law
+from pinfric.identification.laws import INERTIA, PLAIN, K, Law
 from pinfric.identification.normal import (
     BlockProducts,
     FrictionNormalEquations,
@@ -20,8 +19,7 @@ from pinfric.identification.normal import (
     block_errors,
     residuals,
 )
-
-FloatArray = NDArray[np.float64]
+from pinfric.model.arrays import BoolArray, FloatArray, IntArray
 
 #: A law whose RMS error is larger by less than this share is not worse.
 MARGIN = 0.02
@@ -50,7 +48,7 @@ class Problem:
     weights: FloatArray
     prior: Prior
     laws: Sequence[Sequence[Law]]
-    folds: NDArray[np.int64]
+    folds: IntArray
     rotor: bool
 
     def slots(self, laws: Sequence[Law]) -> list[tuple[int, ...]]:
@@ -68,7 +66,7 @@ class Problem:
     def _seen(self) -> list[list[bool]]:
         """Which slots of each joint its rows have anything of."""
         sizes = [gram.products.diagonal(axis1=1, axis2=2).sum(axis=0) for gram in self.grams]
-        return [(size[-len(SLOTS) - 1 : -1] > 0.0).tolist() for size in sizes]
+        return [(size[-K - 1 : -1] > 0.0).tolist() for size in sizes]
 
 
 @dataclass(frozen=True)
@@ -83,7 +81,7 @@ class Choice:
     laws: tuple[Law, ...]
     errors: tuple[Mapping[Law, float], ...]
 
-    def on_motors(self, there: NDArray[np.bool_]) -> Choice:
+    def on_motors(self, there: BoolArray) -> Choice:
         """Return the choice with the friction of some drives (nj,) on their motors' sides."""
 
         def moved(law: Law, motor: bool) -> Law:
@@ -97,7 +95,7 @@ class Choice:
         return replace(self, laws=laws, errors=errors)
 
 
-def held_out_parts(block: NDArray[np.int64], log: NDArray[np.int64]) -> NDArray[np.int64]:
+def held_out_parts(block: IntArray, log: IntArray) -> IntArray:
     """Return with which part each block is held out: whole logs, or neighbouring blocks.
 
     Blocks without rows are in part 0; parts are of blocks, or logs, in which something slides.

@@ -14,20 +14,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
-from pinfric.identification.laws import (
-    BACKWARD,
-    BEARING,
-    FORWARD,
-    GEARS,
-    INERTIA,
-    SIDES,
-    SLOTS,
-    SPEEDS,
-)
+from pinfric.identification.laws import BACKWARD, BEARING, FORWARD, GEARS, INERTIA, SIDES, SPEEDS, K
 from pinfric.identification.recordings import Recording
+from pinfric.model.arrays import BoolArray, FloatArray, IntArray
 from pinfric.model.couples import delivery
 from pinfric.model.friction_terms import LoadFriction
 from pinfric.model.scene import Scene
@@ -38,7 +29,6 @@ from pinfric.motions.trajectory import Trajectory
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
-FloatArray = NDArray[np.float64]
 
 #: Hz of the low pass on all columns: friction's steps at reversals have no end in frequency.
 PASS = 8.0
@@ -68,7 +58,7 @@ class Rows:
 
     Attributes:
         rigid: (n, 10 nj) derivatives of the effort by the links' inertial parameters.
-        slots: (n, len(SLOTS)) what the joint's own coefficients multiply.
+        slots: (n, K) what the joint's own coefficients multiply.
         effort: (n,) measured less what payloads take, N m or N.
         block, log: (n,) to which it belongs.
         time, velocity, load: (n,) s, rad/s, and the rigid effort (N m or N), for pictures.
@@ -77,11 +67,16 @@ class Rows:
     rigid: FloatArray
     slots: FloatArray
     effort: FloatArray
-    block: NDArray[np.int64]
-    log: NDArray[np.int64]
+    block: IntArray
+    log: IntArray
     time: FloatArray
     velocity: FloatArray
     load: FloatArray
+
+    @property
+    def columns(self) -> FloatArray:
+        """(n, 10 nj + K) what the links' and the joint's own coefficients multiply."""
+        return np.hstack((self.rigid, self.slots))
 
 
 @dataclass(frozen=True)
@@ -93,7 +88,7 @@ class Prepared:
         kept: (n,) samples that stay after thinning.
         slides: (n, nj) which rows count.
         rigid: (n, nj, 10 nj).
-        slots: (n, nj, len(SLOTS)); those of loads are 0.
+        slots: (n, nj, K); those of loads are 0.
         effort: time -> (., nj) low-passed, payloads' part taken out. A cubic spline: between
             samples, means of two would have less noise, and delays be drawn there.
         payload: (T, nj) what payloads take, N m or N.
@@ -101,8 +96,8 @@ class Prepared:
     """
 
     recording: Recording
-    kept: NDArray[np.int64]
-    slides: NDArray[np.bool_]
+    kept: IntArray
+    slides: BoolArray
     rigid: FloatArray
     slots: FloatArray
     effort: BSpline
@@ -143,7 +138,7 @@ def prepare(scene: Scene, recording: Recording, thin: int = 1) -> Prepared:
     kept = np.arange(0, motion.t.size, thin * _spacing(step))
     slides = _sliding(recording, known)[kept]
     effort = _spline(motion.t, _passed(measured, step))
-    slots, v = np.zeros((kept.size, nj, len(SLOTS))), recording.velocity
+    slots, v = np.zeros((kept.size, nj, K)), recording.velocity
     slots[:, :, INERTIA] = _passed(recording.acceleration, step)[kept]
     slots[:, :, FORWARD] = _passed((v > 0.0).astype(np.float64), step)[kept]
     slots[:, :, BACKWARD] = _passed(-(v < 0.0).astype(np.float64), step)[kept]
@@ -184,7 +179,7 @@ def along(scene: Scene, motion: Trajectory) -> tuple[FloatArray, FloatArray]:
     return effort, load
 
 
-def _rigid_columns(scene: Scene, recording: Recording, kept: NDArray[np.int64]) -> FloatArray:
+def _rigid_columns(scene: Scene, recording: Recording, kept: IntArray) -> FloatArray:
     """Pinocchio's regressor of the links' inertial parameters, low-passed: (n, nj, 10 nj).
 
     For coupled drives, what they deliver: P times it. A long log's would not fit in memory, so it
@@ -226,7 +221,7 @@ def _passed(columns: FloatArray, step: float) -> FloatArray:
     return np.column_stack([low_pass(column, step, PASS) for column in columns.T])
 
 
-def _sliding(recording: Recording, known: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _sliding(recording: Recording, known: BoolArray) -> BoolArray:
     """(T, nj) where a joint slides and its effort is known, turning points left out."""
     step, v = recording.step, recording.velocity
     slides = (np.abs(v) > recording.slowest) & known
@@ -329,7 +324,7 @@ def joint_rows(every: Sequence[Prepared], joint: int, delay: float) -> Rows:
     return joined
 
 
-def blocks(t: FloatArray) -> tuple[int, NDArray[np.int64]]:
+def blocks(t: FloatArray) -> tuple[int, IntArray]:
     """Return how many blocks of 1 to 5 s a log has, and the block of each sample.
 
     A log of a quarter of an hour or more has 200 longer blocks.

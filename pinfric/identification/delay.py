@@ -16,7 +16,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinfric.identification.columns import Prepared, Rows, joint_rows
 from pinfric.identification.influence import influence
@@ -29,8 +28,7 @@ from pinfric.identification.normal import (
     above_zero,
     weighted,
 )
-
-FloatArray = NDArray[np.float64]
+from pinfric.model.arrays import FloatArray
 
 #: s: delays that can be, and their standard deviation before anything was logged.
 _LEAST, _MOST, _USUAL = -0.03, 0.1, 0.02

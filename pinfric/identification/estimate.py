@@ -12,7 +12,6 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinfric.errors import IdentificationError
 from pinfric.identification.checks import check_efforts, check_limits
@@ -58,10 +57,9 @@ from pinfric.identification.normal import (
 )
 from pinfric.identification.recordings import STILL, Recording
 from pinfric.identification.stribeck import Fall, falling, find_fall, with_falls
+from pinfric.model.arrays import FloatArray
 from pinfric.model.couples import mixed
 from pinfric.model.scene import Scene
-
-FloatArray = NDArray[np.float64]
 
 #: Both losses of a gear show where the load drives and is driven in at least this share of the
 #: rows. A gear loses at most this share of what passes it (an efficiency of two thirds).

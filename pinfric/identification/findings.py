@@ -6,9 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
-from numpy.typing import NDArray
-
 from pinfric.identification.advice import Advice, advise
 from pinfric.identification.estimate import Estimate
 from pinfric.identification.laws import Law
@@ -16,10 +13,9 @@ from pinfric.identification.misfit import Misfit
 from pinfric.identification.parameters import Parameter
 from pinfric.identification.recordings import Recording
 from pinfric.identification.rest import RestBound
+from pinfric.model.arrays import FloatArray
 from pinfric.model.described import EFFORT, derived, described, quantity
 from pinfric.model.scene import Scene
-
-FloatArray = NDArray[np.float64]
 
 
 @described

@@ -6,10 +6,9 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
@@ -19,7 +18,7 @@ from pinfric.identification.columns import joint_rows, prepare, thinning
 from pinfric.identification.estimate import Estimate, Question, estimate, reloaded
 from pinfric.identification.files import identified_files
 from pinfric.identification.findings import Findings, HeldOut
-from pinfric.identification.laws import COULOMB, FALL_SPEED, FALLS, SLOTS, Law
+from pinfric.identification.laws import COULOMB, FALL_SPEED, FALLS, K, Law
 from pinfric.identification.misfit import misfits
 from pinfric.identification.normal import residuals
 from pinfric.identification.notes import notes
@@ -33,6 +32,7 @@ from pinfric.identification.parameters import (
 from pinfric.identification.recordings import Recording, check_scene, read_recordings
 from pinfric.identification.rest import break_aways, rest_bounds
 from pinfric.identification.uncertainty import Uncertainty, uncertainty
+from pinfric.model.arrays import FloatArray
 from pinfric.model.brief import counted, file_name, listed, screen
 from pinfric.model.couples import taking_part
 from pinfric.model.files import write_folder
@@ -42,8 +42,6 @@ from pinfric.motions.log.effort_place import check_effort_place, factors_to_join
 from pinfric.motions.log.frame import Log
 from pinfric.motions.log.judged import JudgedLog, compare_effort
 from pinfric.motions.log.reading import ReadingOptions
-
-FloatArray = NDArray[np.float64]
 
 #: Rows of the posterior: enough for its percentiles from 1 to 99.
 _DRAWS = 400
@@ -128,10 +126,20 @@ def identify(
     scene = replace(scene, measured=None)  # its friction is not used
     _check_options(scene, effort_at, inertia, laws or {})
     logs = [logs] if isinstance(logs, str | Path | Log) else logs
-    _check_logs(logs, held_out)
+    for given in (logs, held_out):
+        for log in given if isinstance(given, list | tuple) else [given]:
+            if not isinstance(log, str | os.PathLike | Log):
+                raise IdentificationError(
+                    f"identify: a log is a {type(log).__name__}; give a file's name, or "
+                    "pf.Log(t, q, effort): measured efforts belong to it"
+                )
     recordings = read_recordings(scene, logs, gain or {}, payloads or {}, options)
     unseen = read_recordings(scene, held_out, gain or {}, {}, options) if held_out else ()
-    recordings, unseen = (_at_joints(scene, read, effort_at) for read in (recordings, unseen))
+    factors = factors_to_joint(scene, effort_at)
+    recordings, unseen = (
+        tuple(replace(one, effort=one.effort * factors) for one in read)
+        for read in (recordings, unseen)
+    )
     question = Question(scene, recordings, effort_at, inertia == "keep", laws or {}, gain or {})
     found = estimate(question, progress or (lambda done, total: None))
     return _identified(found, unseen, seed)
@@ -155,7 +163,11 @@ def _identified(found: Estimate, unseen: Sequence[Recording], seed: int) -> Iden
         laws={names[j]: found.choice.laws[j] for j in found.known},
         parameters=every,
         posterior=_posterior(found, known, seed),
-        errors=_errors(found),
+        errors={
+            name: HeldOut(_rms(rows.effort), float(chosen), float(plain))
+            for name, rows, chosen, plain in zip(names, found.rows, *found.errors, strict=True)
+            if rows.effort.size
+        },
         unseen={one.name: _predicted(found, one) for one in unseen},
         rest=rest,
         spread=spread,
@@ -202,23 +214,6 @@ def running_mean(x: np.ndarray, y: np.ndarray, parts: int = 12) -> tuple[np.ndar
     return np.array([x[k].mean() for k in order]), np.array([y[k].mean() for k in order])
 
 
-def _at_joints(scene: Scene, read: Sequence[Recording], at: str) -> tuple[Recording, ...]:
-    """Return recordings with their efforts stated at the joints."""
-    factors = factors_to_joint(scene, at)
-    return tuple(replace(one, effort=one.effort * factors) for one in read)
-
-
-def _check_logs(*given: Any) -> None:
-    """Refuse what is neither a file's name nor a `Log`, alone or in a list."""
-    each = [log for logs in given for log in (logs if isinstance(logs, list | tuple) else [logs])]
-    for log in each:
-        if not isinstance(log, str | os.PathLike | Log):
-            raise IdentificationError(
-                f"identify: a log is a {type(log).__name__}; give a file's name, or "
-                "pf.Log(t, q, effort): measured efforts belong to it"
-            )
-
-
 def _check_options(scene: Scene, effort_at: str, inertia: str, laws: Mapping[str, Law]) -> None:
     check_effort_place(effort_at, IdentificationError)
     if inertia not in (kinds := ("consistent", "keep")):
@@ -239,15 +234,6 @@ def _check_options(scene: Scene, effort_at: str, inertia: str, laws: Mapping[str
                 f"laws: {name}: {law}: an effort measured after the gear does "
                 "not contain it (--effort-at joint)"
             )
-
-
-def _errors(found: Estimate) -> dict[str, HeldOut]:
-    named = zip(found.scene.joint_names, found.rows, *found.errors, strict=True)
-    return {
-        name: HeldOut(_rms(rows.effort), float(chosen), float(plain))
-        for name, rows, chosen, plain in named
-        if rows.effort.size
-    }
 
 
 def _predicted(found: Estimate, recording: Recording) -> dict[str, HeldOut]:
@@ -272,7 +258,7 @@ def _posterior(found: Estimate, known: Uncertainty, seed: int) -> dict[str, Floa
     falls = {*FALLS, FALL_SPEED}  # no key of a sweep
     result = {}
     for at in known.place.tolist():
-        j, slot = divmod(at, len(SLOTS))
+        j, slot = divmod(at, K)
         if j not in found.known or slot in falls:
             continue
         law = found.choice.laws[j]

@@ -11,11 +11,9 @@ from collections.abc import Sequence
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from pinfric.identification.normal import Fit, Normal, Prior, gram, non_negative, places
-
-FloatArray = NDArray[np.float64]
+from pinfric.model.arrays import FloatArray
 
 #: lambda: one N m of noise for each unit of change relative to the URDF. From 1e-5 to 3e-2
 #: held-out errors are the same; without any, what no log determines drifts to the boundary.

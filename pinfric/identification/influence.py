@@ -21,12 +21,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pinfric.identification.laws import SLOTS
+from pinfric.identification.laws import K
 from pinfric.identification.normal import BlockProducts, Fit, Prior
-
-FloatArray = NDArray[np.float64]
+from pinfric.model.arrays import FloatArray, IntArray
 
 #: Share of a block that is left out. Less than 1: where one block alone shows a coefficient, the
 #: matrix must not be singular.
@@ -35,9 +33,7 @@ _LEFT_OUT = 0.99
 _RIDGE = 1e-10
 
 
-def of_joint(
-    place: NDArray[np.int64], joint: int, p: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def of_joint(place: IntArray, joint: int, p: int) -> tuple[IntArray, IntArray]:
     """Return where theta and one joint's coefficients stand in z, and among the joint's columns.
 
     Args:
@@ -45,8 +41,8 @@ def of_joint(
         joint: its number.
         p: size of theta.
     """
-    own, theta = np.flatnonzero(place // len(SLOTS) == joint), np.arange(p)
-    return np.append(theta, p + own), np.append(theta, p + place[own] % len(SLOTS))
+    own, theta = np.flatnonzero(place // K == joint), np.arange(p)
+    return np.append(theta, p + own), np.append(theta, p + place[own] % K)
 
 
 def influence(
@@ -54,7 +50,7 @@ def influence(
     weights: FloatArray,
     prior: Prior,
     fit: Fit,
-    place: NDArray[np.int64],
+    place: IntArray,
     feedback: FloatArray | float = 0.0,
     unknown: FloatArray | None = None,
 ) -> tuple[FloatArray, int]:

@@ -32,6 +32,7 @@ GEARS = {key: BEARING + 1 + i for i, key in enumerate(product(SIDES, DIRECTIONS)
 #: by how much friction at rest exceeds friction in motion, and the speed at which it has fallen.
 FALL_FORWARD, FALL_BACKWARD, FALL_SPEED = range(BEARING + 7, BEARING + 10)
 SLOTS = range(FALL_SPEED + 1)
+K = len(SLOTS)
 COULOMB, FALLS = [FORWARD, BACKWARD], [FALL_FORWARD, FALL_BACKWARD]
 
 

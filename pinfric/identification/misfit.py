@@ -18,16 +18,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinfric.dynamics.samples.reactions import state_wrenches
 from pinfric.dynamics.samples.states import States
-from pinfric.identification.columns import PASS, Prepared, Rows
+from pinfric.identification.columns import PASS, Prepared
 from pinfric.identification.estimate import Estimate
 from pinfric.identification.laws import COULOMB, FALL_SPEED, INERTIA
 from pinfric.identification.normal import orthonormal, residuals
-
-FloatArray = NDArray[np.float64]
+from pinfric.model.arrays import FloatArray
 
 #: Probability of a shape found by chance, of each of the some 20 shapes of a joint.
 _CHANCE = 1e-4
@@ -117,7 +115,9 @@ def uneven(found: Estimate) -> dict[int, float]:
 def _of_joint(found: Estimate, joint: int, track: _Track) -> Iterator[Misfit]:
     """Shapes of one joint's residual, the largest first."""
     rows, weight = found.rows[joint], np.sqrt(found.row_weights[joint])
-    spans, span = _spans(rows)
+    key = np.column_stack((rows.log, np.floor(rows.time / _SPAN).astype(np.int64)))
+    span = np.unique(key, axis=0, return_inverse=True)[1].ravel()  # of each row
+    spans = int(span.max(initial=-1)) + 1
     if spans < _FEWEST_SPANS:
         return
     law = found.choice.laws[joint]
@@ -174,13 +174,6 @@ def chance(sums: FloatArray) -> float:
     (count, m), total = sums.shape, sums.sum(axis=0)
     T = float(total @ np.linalg.lstsq(sums.T @ sums, total, rcond=1e-10)[0])
     return float(fdtrc(m, count - m, T * (count - m) / (m * max(count - T, 1e-9))))
-
-
-def _spans(rows: Rows) -> tuple[int, NDArray[np.int64]]:
-    """The number of spans of time, and the span of each row."""
-    key = np.column_stack((rows.log, np.floor(rows.time / _SPAN).astype(np.int64)))
-    _, span = np.unique(key, axis=0, return_inverse=True)
-    return int(span.max(initial=-1)) + 1, span.ravel()
 
 
 def _presses(found: Estimate, one: Prepared) -> FloatArray:

@@ -13,12 +13,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinfric.identification.columns import Rows
-from pinfric.identification.laws import SLOTS
-
-FloatArray = NDArray[np.float64]
+from pinfric.identification.laws import K
+from pinfric.model.arrays import BoolArray, FloatArray, IntArray
 
 #: Share of the largest eigenvalue below which columns are combinations of each other.
 _DEPENDENT = 1e-9
@@ -117,11 +115,9 @@ class Normal:
     rows: float
 
     @classmethod
-    def of(
-        cls, grams: Sequence[BlockProducts], blocks: NDArray[np.bool_], weights: FloatArray
-    ) -> Normal:
+    def of(cls, grams: Sequence[BlockProducts], blocks: BoolArray, weights: FloatArray) -> Normal:
         """Sum the blocks' products, joint j with weight `weights[j]`."""
-        K, nj = len(SLOTS), len(grams)
+        nj = len(grams)
         p = grams[0].products.shape[1] - K - 1
         found = cls(
             np.zeros((p, p)),
@@ -162,8 +158,8 @@ class FrictionNormalEquations:
             self.by_slots = np.asarray(solved[:, :-1], dtype=np.float64)
             self.start = np.asarray(solved[:, -1], dtype=np.float64)
         self.left = normal.slots.copy()
-        for start in range(0, len(self.left), len(SLOTS)):
-            place = slice(start, start + len(SLOTS))
+        for start in range(0, len(self.left), K):
+            place = slice(start, start + K)
             self.left[place] -= normal.cross[:, place].T @ self.by_slots
         self.right = normal.right_slots - normal.cross.T @ self.start
 
@@ -249,15 +245,15 @@ def orthonormal(columns: FloatArray) -> FloatArray:
     return np.asarray(scaled @ (vectors[:, kept] / np.sqrt(values[kept])))
 
 
-def places(chosen: Sequence[Sequence[int]]) -> NDArray[np.int64]:
+def places(chosen: Sequence[Sequence[int]]) -> IntArray:
     """Return where the chosen slots of all joints stand among (nj K,)."""
     return np.array(
-        [j * len(SLOTS) + slot for j, slots in enumerate(chosen) for slot in sorted(slots)],
+        [j * K + slot for j, slots in enumerate(chosen) for slot in sorted(slots)],
         dtype=np.int64,
     )
 
 
-def above_zero(fit: Fit, chosen: Sequence[Sequence[int]]) -> NDArray[np.int64]:
+def above_zero(fit: Fit, chosen: Sequence[Sequence[int]]) -> IntArray:
     """Return where those of the chosen coefficients that are not zero stand among (nj K,)."""
     place = places(chosen)
     return place[fit.slots.ravel()[place] > 0.0]

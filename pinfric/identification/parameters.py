@@ -16,7 +16,6 @@ from dataclasses import astuple
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinfric.identification.columns import Rows
 from pinfric.identification.estimate import Estimate
@@ -30,20 +29,19 @@ from pinfric.identification.laws import (
     FORWARD,
     GEARS,
     INERTIA,
-    SLOTS,
     SPEEDS,
+    K,
     Law,
 )
 from pinfric.identification.recordings import STILL, stick_velocity
 from pinfric.identification.rest import BreakAway
 from pinfric.identification.uncertainty import Uncertainty
+from pinfric.model.arrays import FloatArray
 from pinfric.model.described import SPEED, described, quantity, unit_at
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Actuator
 from pinfric.model.transmission import Transmission
 from pinfric.motions.summary import effort_unit
-
-FloatArray = NDArray[np.float64]
 
 #: A standard error of more than this share of a coefficient leaves it undetermined.
 _VAGUE = 0.5
@@ -142,74 +140,47 @@ def parameters(
         known: how far its coefficients are known.
         static: joint, FORWARD or BACKWARD -> friction at which it broke away, where logged.
     """
-    result = []
-    slots = found.problem.slots(found.choice.laws)
+    slots, result = found.problem.slots(found.choice.laws), []
     for j in found.known:
+        law, ratio = found.choice.laws[j], abs(found.scene.drives[j].ratio)
+        fitted, name = found.fit.slots[j], found.scene.joint_names[j]
         for slot in slots[j]:
-            result.append(_parameter(found, known, j, slot))
+            own = [slot]
+            if slot in FALLS:  # at rest it adds to the friction in motion
+                own.append(COULOMB[FALLS.index(slot)])
+            x = float(fitted[own].sum())
+            error, reach = known.of([j * K + at for at in own])
+            ends = (float(scene_value(law, slot, max(x + d, 0.0), ratio)) for d in (-reach, reach))
+            low, high = sorted(ends)
+            value, why = float(scene_value(law, slot, x, ratio)), ""
+            if x == 0.0:
+                why, high = "at its bound, zero", np.nan
+            elif x <= reach:
+                why = "its interval contains zero"
+            elif error > _VAGUE * x:
+                why = "its standard error exceeds half of it"
+            error *= abs(float(scene_value(law, slot, x + 1e-6, ratio)) - value) / 1e-6
+            section, key, unit = scene_key(found.scene, j, law, slot)
+            result.append(
+                Parameter(section, name, key, unit, value, low, high, error, not why, why)
+            )
             if broke := static.get((j, slot)):
-                result.append(_static(found, j, slot, broke))
-        if found.fit.slots[j, FALLS].any():
-            result.append(_fall_speed(found, known, j))
+                x, low, high, error = (
+                    float(scene_value(law, slot, x, ratio)) for x in astuple(broke)
+                )
+                key = f"{key}.static"
+                result.append(Parameter(section, name, key, unit, x, low, high, error, True))
+        if fitted[FALLS].any():  # of the speed the logarithm has a standard error
+            fall, unit = found.falls[j], unit_at(SPEED, effort_unit(found.scene, j))
+            assert fall is not None  # its law has one
+            v, (error, reach) = fall.velocity, known.of([j * K + FALL_SPEED])
+            why = "its standard error exceeds half of it" if error > _VAGUE else ""
+            low, high = (v * float(np.exp(np.clip(x, -700.0, 700.0))) for x in (-reach, reach))
+            key = "stribeck.velocity"
+            result.append(
+                Parameter("friction", name, key, unit, v, low, high, error * v, not why, why)
+            )
     return tuple(result)
-
-
-def _parameter(found: Estimate, known: Uncertainty, joint: int, slot: int) -> Parameter:
-    """Return one coefficient with its interval."""
-    law, ratio = found.choice.laws[joint], abs(found.scene.drives[joint].ratio)
-    slots = [slot]
-    if slot in FALLS:  # at rest it adds to the friction in motion
-        slots.append(COULOMB[FALLS.index(slot)])
-    x = float(found.fit.slots[joint, slots].sum())
-    error, reach = known.of([joint * len(SLOTS) + own for own in slots])
-
-    def scene_number(x: float) -> float:
-        return float(scene_value(law, slot, x, ratio))
-
-    low, high = sorted(scene_number(max(x + side * reach, 0.0)) for side in (-1, 1))
-    value, why = scene_number(x), ""
-    if x == 0.0:
-        why, high = "at its bound, zero", np.nan
-    elif x <= reach:
-        why = "its interval contains zero"
-    elif error > _VAGUE * x:
-        why = "its standard error exceeds half of it"
-    error *= abs(scene_number(x + 1e-6) - value) / 1e-6
-    section, key, unit = scene_key(found.scene, joint, law, slot)
-    name = found.scene.joint_names[joint]
-    return Parameter(section, name, key, unit, value, low, high, error, not why, why)
-
-
-def _static(found: Estimate, joint: int, slot: int, broke: BreakAway) -> Parameter:
-    """Return the friction at which a joint broke away."""
-    law, ratio = found.choice.laws[joint], abs(found.scene.drives[joint].ratio)
-    section, key, unit = scene_key(found.scene, joint, law, slot)
-    value, low, high, error = (float(scene_value(law, slot, x, ratio)) for x in astuple(broke))
-    name = found.scene.joint_names[joint]
-    return Parameter(section, name, f"{key}.static", unit, value, low, high, error, True)
-
-
-def _fall_speed(found: Estimate, known: Uncertainty, joint: int) -> Parameter:
-    """The speed at which friction has fallen; its logarithm is what has a standard error."""
-    fall, effort = found.falls[joint], effort_unit(found.scene, joint)
-    assert fall is not None  # its law has one
-    error, reach = known.of([joint * len(SLOTS) + FALL_SPEED])
-    why = "its standard error exceeds half of it" if error > _VAGUE else ""
-    low, high = (
-        fall.velocity * float(np.exp(np.clip(side * reach, -700.0, 700.0))) for side in (-1, 1)
-    )
-    return Parameter(
-        "friction",
-        found.scene.joint_names[joint],
-        "stribeck.velocity",
-        unit_at(SPEED, effort),
-        fall.velocity,
-        low,
-        high,
-        error * fall.velocity,
-        not why,
-        why,
-    )
 
 
 def identified_scene(found: Estimate, static: Mapping[tuple[int, int], BreakAway]) -> Scene:
@@ -230,22 +201,20 @@ def identified_scene(found: Estimate, static: Mapping[tuple[int, int], BreakAway
         if j in found.known:
             friction[name], losses = _entries(found, j, static)
             if found.question.motor:  # an effort measured after the gear says nothing of it
-                gear = _with_losses(drive.transmission, losses)
+                given_gear = drive.transmission  # all else of it is what the scene says
+                fields = set(Transmission.model_fields)  # of a kind of one's own only these
+                kept = (
+                    given_gear.model_dump(exclude_unset=True, include=fields)
+                    if given_gear
+                    else {"ratio": 1.0}
+                )
+                kept = {key: value for key, value in kept.items() if key not in _LOSSES}
+                gear = Transmission.model_validate({**kept, **losses})
                 drive = drive.model_copy(update={"transmission": gear})
         actuators.append(drive)
     friction = {name: entry for name, entry in friction.items() if entry}
     stick = stick_velocity(scene, found.question.recordings)
     return scene.with_(friction=friction, actuators=actuators, stick_velocity=stick)
-
-
-def _with_losses(given: Transmission | None, losses: Mapping[str, Any]) -> Transmission:
-    """A drive's transmission with the losses found; all else of it is what the scene says."""
-    of_all = set(Transmission.model_fields)  # of a kind of one's own its ratio and rotor are left
-    entries: dict[str, Any] = (
-        given.model_dump(exclude_unset=True, include=of_all) if given else {"ratio": 1.0}
-    )
-    kept = {key: value for key, value in entries.items() if key not in _LOSSES}
-    return Transmission.model_validate({**kept, **losses})
 
 
 def _entries(

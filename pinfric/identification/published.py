@@ -5,18 +5,16 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.identification.findings import Findings
 from pinfric.identification.recordings import STILL
+from pinfric.model.arrays import FloatArray
 from pinfric.model.described import EFFORT, derived, described, quantity
 from pinfric.model.scene import Scene
 from pinfric.model.scene_file import load_scene, measured_scenes
 from pinfric.motions.log.judged import measured_interval
 from pinfric.motions.summary import effort_unit
-
-FloatArray = NDArray[np.float64]
 
 #: So many samples of each log are compared at most.
 _SAMPLES = 1000

@@ -9,17 +9,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinfric.errors import IdentificationError, choose_from
+from pinfric.model.arrays import BoolArray, FloatArray
 from pinfric.model.couples import drive_rates, rate_rows
 from pinfric.model.scene import Scene
 from pinfric.motions.derivatives import SPLINE_GAINS
 from pinfric.motions.log.frame import Log
 from pinfric.motions.log.reading import Reading, ReadingOptions, Thinning
 from pinfric.motions.trajectory import Trajectory, read_trajectory
-
-FloatArray = NDArray[np.float64]
 
 #: rad/s or m/s: a joint that is never faster than this has not moved.
 STILL = 0.01
@@ -71,7 +69,7 @@ class Recording:
         return self.trajectory.reading
 
     @property
-    def rests(self) -> NDArray[np.bool_]:
+    def rests(self) -> BoolArray:
         """(T, nv) where a drive is held."""
         return (self.velocity == 0.0) & (self.acceleration == 0.0)
 

@@ -10,7 +10,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import runs
@@ -18,12 +17,11 @@ from pinfric.identification.columns import PART, Prepared
 from pinfric.identification.estimate import Estimate
 from pinfric.identification.laws import BACKWARD, FORWARD, GEARS
 from pinfric.identification.recordings import PEAK_PASS, Recording
+from pinfric.model.arrays import BoolArray, FloatArray
 from pinfric.model.described import EFFORT, described, quantity
 from pinfric.model.scene import Scene
 from pinfric.motions.log.judged import measured_interval
 from pinfric.motions.log.noise import low_pass
-
-FloatArray = NDArray[np.float64]
 
 #: s: a hold from which a departure counts, what counts as before it and right before it, and what
 #: comes after it.
@@ -85,7 +83,7 @@ def rest_bounds(found: Estimate, scene: Scene) -> tuple[RestBound, ...]:
     return tuple(RestBound(*row) for row in every.tolist())
 
 
-def _held(recording: Recording, stick: float) -> NDArray[np.bool_]:
+def _held(recording: Recording, stick: float) -> BoolArray:
     """(T, nv) where a drive rests or is as slow as one that sticks, for at least a hold's time."""
     held = recording.rests.copy()
     for j, v in enumerate(recording.velocity.T):

@@ -19,14 +19,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinfric.identification.columns import FEWEST_ROWS, PASS, Prepared, Rows
 from pinfric.identification.laws import FALL_SPEED, FALLS
 from pinfric.identification.normal import orthonormal
+from pinfric.model.arrays import FloatArray
 from pinfric.motions.log.noise import low_pass
-
-FloatArray = NDArray[np.float64]
 
 #: Share of a residual's mean square that the fall must explain to be a candidate.
 _LEAST_GAIN = 0.04

@@ -13,7 +13,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.identification.columns import Prepared, bearings_only
@@ -23,7 +22,6 @@ from pinfric.identification.influence import influence, of_joint
 from pinfric.identification.laws import (
     BACKWARD,
     BEARING,
-    COULOMB,
     FALL_BACKWARD,
     FALL_FORWARD,
     FALL_SPEED,
@@ -33,12 +31,12 @@ from pinfric.identification.laws import (
     INERTIA,
     SLOTS,
     SPEEDS,
+    K,
 )
 from pinfric.identification.misfit import Misfit, uneven
 from pinfric.identification.normal import Normal, above_zero, residuals
 from pinfric.identification.stribeck import beside_other
-
-FloatArray = NDArray[np.float64]
+from pinfric.model.arrays import FloatArray, IntArray
 
 #: Share of a standard deviation by which a link's parameter is changed to see what its load does.
 _STEP = 0.1
@@ -63,7 +61,7 @@ class Uncertainty:
             log, which cannot tell.
     """
 
-    place: NDArray[np.int64]
+    place: IntArray
     within: FloatArray
     between: FloatArray
     freedom: int
@@ -142,13 +140,17 @@ def uncertainty(found: Estimate, shapes: Sequence[Misfit] = ()) -> Uncertainty:
     seen = [replace(one, columns=one.columns[:, : one.shown]) for one in shapes]
     of_joints = [[one for one in seen if one.joint == j] for j in {one.joint for one in shapes}]
     biases = [bias(found, own, place) for own in of_joints]
-    for off in (*biases, *_one_sided(found, place), *_other_falls(found, place)):
+    offsets = [  # if an offset explains a joint's uneven friction
+        half * ((place == j * K + FORWARD) * 1.0 - (place == j * K + BACKWARD))
+        for j, half in uneven(found).items()
+    ]
+    for off in (*biases, *offsets, *_other_falls(found, place)):
         within += np.outer(off, off)
     between, logs = for_a_further_log(found, place)
     return Uncertainty(place, within, between, count - 1, logs, between_logs(found))
 
 
-def gradients(found: Estimate, shapes: Sequence[Misfit], place: NDArray[np.int64]) -> FloatArray:
+def gradients(found: Estimate, shapes: Sequence[Misfit], place: IntArray) -> FloatArray:
     """Return (m, p + n) the gradients by the estimate of shapes of one standard deviation each.
 
         A^T W Z,    Z: the columns of all shapes
@@ -165,12 +167,12 @@ def gradients(found: Estimate, shapes: Sequence[Misfit], place: NDArray[np.int64
         to, columns = of_joint(place, one.joint, p)
         rows, last = found.rows[one.joint], first + one.columns.shape[1]
         weighed = one.columns * _row_weights(found, one.joint)
-        result[first:last, to] = weighed.T @ np.hstack((rows.rigid, rows.slots))[:, columns]
+        result[first:last, to] = weighed.T @ rows.columns[:, columns]
         first = last
     return result
 
 
-def bias(found: Estimate, shapes: Sequence[Misfit], place: NDArray[np.int64]) -> FloatArray:
+def bias(found: Estimate, shapes: Sequence[Misfit], place: IntArray) -> FloatArray:
     """Return (n,) changes of the coefficients when one joint's shapes join the model.
 
         [H  G^T    ] [dz]   [0      ]
@@ -193,7 +195,7 @@ def bias(found: Estimate, shapes: Sequence[Misfit], place: NDArray[np.int64]) ->
     return _solved(left, right)[p : p + place.size]
 
 
-def _left(found: Estimate, place: NDArray[np.int64]) -> FloatArray:
+def _left(found: Estimate, place: IntArray) -> FloatArray:
     """(p + n, p + n) the left side of the estimate's normal equations."""
     problem, p = found.problem, found.fit.theta.size
     every = Normal.of(problem.grams, np.ones(problem.folds.size, dtype=bool), problem.weights)
@@ -210,12 +212,12 @@ def _solved(left: FloatArray, right: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.solve(scaled, right / size) / size)
 
 
-def _other_falls(found: Estimate, place: NDArray[np.int64]) -> Iterator[FloatArray]:
+def _other_falls(found: Estimate, place: IntArray) -> Iterator[FloatArray]:
     """Yield (n,) the changes of the coefficients with each other exponent that is admitted.
 
     Where that one is right they are the error, so its square adds to the variance.
     """
-    K, p = len(SLOTS), found.fit.theta.size
+    p = found.fit.theta.size
     every = [
         (j, fall, other)
         for j, fall in enumerate(found.falls)
@@ -233,7 +235,7 @@ def _other_falls(found: Estimate, place: NDArray[np.int64]) -> Iterator[FloatArr
         to, columns = of_joint(rest, j, p)
         rows, right = found.rows[j], np.zeros(p + rest.size)
         more = beside_other(found.prepared, j, fall, other)[:, None] * _row_weights(found, j)
-        right[to] = -(np.hstack((rows.rigid, rows.slots))[:, columns].T @ more)[:, 0]
+        right[to] = -(rows.columns[:, columns].T @ more)[:, 0]
         left = _left(found, rest)
         if found.problem.prior.kept:
             left, right = left[p:, p:], right[p:]
@@ -243,19 +245,12 @@ def _other_falls(found: Estimate, place: NDArray[np.int64]) -> Iterator[FloatArr
         yield off
 
 
-def _one_sided(found: Estimate, place: NDArray[np.int64]) -> Iterator[FloatArray]:
-    """Yield (n,) changes of the coefficients if an offset explains a joint's uneven friction."""
-    for j, half in uneven(found).items():
-        at = [j * len(SLOTS) + direction for direction in COULOMB]
-        yield half * ((place == at[0]) * 1.0 - (place == at[1]))
-
-
 def _row_weights(found: Estimate, joint: int) -> FloatArray:
     """(rows, 1) the weight of each row of a joint."""
     return (found.problem.weights[joint] * found.row_weights[joint])[:, None]
 
 
-def for_a_further_log(found: Estimate, place: NDArray[np.int64]) -> tuple[FloatArray, int]:
+def for_a_further_log(found: Estimate, place: IntArray) -> tuple[FloatArray, int]:
     """Return (n, n) the covariance of a further log's coefficients about those of these logs.
 
         s^2 (1 + 1/L) x x^T    of each joint, s^2: variance of its factor between L logs
@@ -268,25 +263,25 @@ def for_a_further_log(found: Estimate, place: NDArray[np.int64]) -> tuple[FloatA
         The covariance, and L, the fewest logs that a factor is known from: L - 1 is its freedom.
     """
     every = [_log_factors(found, j)[0] for j in range(len(found.rows))]
-    values = found.fit.slots.ravel()[place] * (place % len(SLOTS) != INERTIA)
+    values = found.fit.slots.ravel()[place] * (place % K != INERTIA)
     between = np.zeros((place.size, place.size))
     for j, factors in enumerate(every):
         if len(factors) >= _FEWEST_LOGS:
-            own = values * (place // len(SLOTS) == j)
+            own = values * (place // K == j)
             share = np.var(factors, ddof=1) * (1.0 + 1.0 / len(factors))
             between += share * np.outer(own, own)
     counts = [len(factors) for factors in every if len(factors) >= _FEWEST_LOGS]
     return between, min(counts, default=1)
 
 
-def _uncertain(found: Estimate) -> NDArray[np.int64]:
+def _uncertain(found: Estimate) -> IntArray:
     """Places among (nj K,) of coefficients above zero and of the speeds of falling friction."""
     place = above_zero(found.fit, found.problem.slots(found.choice.laws))
-    falls = [j * len(SLOTS) + FALL_SPEED for j in found.known if found.fit.slots[j, FALLS].any()]
+    falls = [j * K + FALL_SPEED for j in found.known if found.fit.slots[j, FALLS].any()]
     return np.sort(np.append(place, np.array(falls, dtype=np.int64)))
 
 
-def _feedback(found: Estimate, place: NDArray[np.int64]) -> FloatArray:
+def _feedback(found: Estimate, place: IntArray) -> FloatArray:
     """What loads' columns add to H, (p + n, p + n), since they follow from the estimate.
 
     F = A^T W x dA/d(theta, coefficients), x: what multiplies the column
@@ -294,13 +289,13 @@ def _feedback(found: Estimate, place: NDArray[np.int64]) -> FloatArray:
     p = found.fit.theta.size
     result = np.zeros((p + place.size, p + place.size))
     for whole in place.tolist():
-        j, slot = divmod(whole, len(SLOTS))
+        j, slot = divmod(whole, K)
         slopes = _load_slopes(found, j, slot)
         if slopes is None:
             continue
         to, columns = of_joint(place, j, p)
         weight, rows = _row_weights(found, j) * found.fit.slots[j, slot], found.rows[j]
-        every = np.hstack((rows.rigid, rows.slots))[:, columns] * weight
+        every = rows.columns[:, columns] * weight
         result[np.ix_(to, to)] += every.T @ slopes[:, columns]
     return result
 
@@ -365,7 +360,7 @@ def between_logs(found: Estimate) -> FloatArray:
 def _log_factors(found: Estimate, joint: int) -> tuple[list[float], list[float]]:
     """Each log's factor on the fitted friction, and its variance by the log's blocks."""
     rows, factors, noise = found.rows[joint], [], []
-    values = np.where(np.arange(len(SLOTS)) == INERTIA, 0.0, found.fit.slots[joint])
+    values = np.where(np.arange(K) == INERTIA, 0.0, found.fit.slots[joint])
     friction, off = rows.slots @ values, residuals(rows, found.fit, joint)
     for log in range(len(found.prepared)):
         own = [

@@ -11,14 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from pinfric.identification.columns import Prepared
 from pinfric.identification.estimate import Estimate
 from pinfric.identification.laws import INERTIA
+from pinfric.model.arrays import FloatArray, IntArray
 from pinfric.model.couples import delivery
-
-FloatArray = NDArray[np.float64]
 
 #: rad: turns that are tried, and one to either side from which the best small one follows.
 _TURNS, _LITTLE = (0.5 * np.pi, -0.5 * np.pi, np.pi), 0.2
@@ -109,7 +107,7 @@ def _left(found: Estimate, joint: int, turn: float) -> FloatArray:
 
 def _rows(
     found: Estimate, joint: int, turn: float
-) -> Iterator[tuple[FloatArray, FloatArray, FloatArray, NDArray[np.int64], float]]:
+) -> Iterator[tuple[FloatArray, FloatArray, FloatArray, IntArray, float]]:
     """Yield each joint's columns of links and of friction, efforts, spans and weight."""
     thin = max(1, sum(one.kept.size for one in found.prepared) // _SAMPLES)
     picked = [np.arange(0, one.kept.size, thin) for one in found.prepared]
@@ -138,9 +136,7 @@ def _rows(
             yield rigid, friction, effort, span, float(np.sqrt(found.problem.weights[j]))
 
 
-def _regressor(
-    found: Estimate, one: Prepared, at: NDArray[np.int64], joint: int, turn: float
-) -> FloatArray:
+def _regressor(found: Estimate, one: Prepared, at: IntArray, joint: int, turn: float) -> FloatArray:
     """Columns of the links' parameters at some samples, (n, nj, 10 nj), with one angle turned."""
     model, motion = found.scene.model, one.recording.trajectory
     data, step = model.createData(), turn * (np.arange(model.nv) == joint)

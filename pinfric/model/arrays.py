@@ -5,8 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pinfric.errors import PinfricError, StateError
+
+#: Arrays of real numbers, of whole ones, of truths.
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 
 _FLOAT = np.dtype(float)
 #: Content of NumPy's kinds of arrays that are not real numbers; all other kinds hold objects.

@@ -10,11 +10,10 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pinfric.dynamics.inverse.result import runs
-
-FloatArray = NDArray[np.float64]
+from pinfric.model.arrays import FloatArray
 
 #: Two equal samples also occur symmetrically about a turning point; three do not.
 MIN_HOLD_SAMPLES = 3

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pinfric.model.arrays import FloatArray
 from pinfric.model.urdf_file import read_xml
 from pinfric.motions.joint_columns import (
     JointColumn,
@@ -18,8 +18,6 @@ from pinfric.motions.joint_columns import (
     stated_range,
     velocity_warnings,
 )
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,10 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from pinfric.errors import TrajectoryError, problems_line
+from pinfric.model.arrays import FloatArray
 from pinfric.model.coordinates import unwrapped_angle
-
-FloatArray = NDArray[np.float64]
 
 #: rad or m (rad/s, m/s); a value this far beyond a limit is rounding of the file, no violation.
 LIMIT_TOLERANCE = 1.0e-6

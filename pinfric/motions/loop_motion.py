@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinfric.dynamics.samples.closure import (
     complete_configurations,
@@ -13,11 +12,10 @@ from pinfric.dynamics.samples.closure import (
     independent_joints,
 )
 from pinfric.errors import ClosureError, TrajectoryError
+from pinfric.model.arrays import FloatArray
 from pinfric.model.closure import NEARLY_CLOSED, close
 from pinfric.model.scene import Scene
 from pinfric.motions.joint_columns import JointColumn, configurations
-
-FloatArray = NDArray[np.float64]
 
 #: rad, or share of the mechanism's size: what measured positions may miss a closed loop by.
 _MEASURED = 1e-2

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pinfric.model.arrays import BoolArray, FloatArray
 from pinfric.motions.derivatives import (
     acceleration_noise,
     find_holds,
@@ -17,8 +17,6 @@ from pinfric.motions.derivatives import (
 from pinfric.motions.joint_columns import JointColumn, listing
 from pinfric.motions.log.rows import GAP_FACTOR, gaps
 from pinfric.motions.log.still import with_resting_ends
-
-FloatArray = NDArray[np.float64]
 
 #: Share of a joint's peak acceleration that may be rounding noise before it is pointed out.
 _NOISE_SHARE = 0.05
@@ -55,7 +53,7 @@ class TrajectoryTable:
     position: FloatArray
     velocity: FloatArray
     acceleration: FloatArray
-    attached: dict[str, NDArray[np.bool_]]
+    attached: dict[str, BoolArray]
     resolution: FloatArray
 
 
@@ -162,9 +160,7 @@ def _as_points(t: FloatArray, positions: FloatArray) -> str:
     return f"`pinfric_trajectory: 1`, `points: [{way if positions.shape[1] <= _SHOWN else ''}...]`"
 
 
-def _starts_and_ends_at_speed(
-    t: FloatArray, slopes: FloatArray, speed: FloatArray
-) -> NDArray[np.bool_]:
+def _starts_and_ends_at_speed(t: FloatArray, slopes: FloatArray, speed: FloatArray) -> BoolArray:
     """Whether few rows, seldom enough to be stops, begin and end in the middle of a joint's motion.
 
     Args:

@@ -19,8 +19,9 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.errors import TrajectoryError
+from pinfric.model.arrays import FloatArray
 from pinfric.model.scene import Scene
-from pinfric.motions.joint_columns import FloatArray, JointColumn
+from pinfric.motions.joint_columns import JointColumn
 from pinfric.motions.log.reading import ANGLE_UNITS
 from pinfric.motions.waypoints import WayPointFile
 

@@ -15,11 +15,11 @@ from typing import Any, Protocol
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pinfric.dynamics.inverse.result import runs
 from pinfric.errors import PinfricError, PinfricWarning, TrajectoryError, choose_from
-from pinfric.model.arrays import real_numbers
+from pinfric.model.arrays import BoolArray, FloatArray, real_numbers
 from pinfric.model.brief import counted, file_name, listed, screen
 from pinfric.model.files import write_file
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, impossible
@@ -45,8 +45,6 @@ from pinfric.motions.loop_motion import complete_motion, named_columns
 from pinfric.motions.table import TrajectoryTable, complete_derivatives
 from pinfric.motions.tool_points import solve_tool_points
 from pinfric.motions.waypoints import read_waypoints, sample_waypoints
-
-FloatArray = NDArray[np.float64]
 
 
 class HasModel(Protocol):
@@ -97,7 +95,7 @@ class Trajectory:
     q: FloatArray
     v: FloatArray
     a: FloatArray
-    attached: NDArray[np.bool_]
+    attached: BoolArray
     payload_names: tuple[str, ...]
     joint_names: tuple[str, ...]
     source: str
@@ -431,7 +429,7 @@ def _moving_joints(model: pin.Model) -> tuple[tuple[str, ...], tuple[int, ...]]:
 
 def _attached_columns(
     payloads: Mapping[str, bool], given: Mapping[str, ArrayLike], count: int
-) -> NDArray[np.bool_]:
+) -> BoolArray:
     attached = np.empty((count, len(payloads)), dtype=bool)
     for column, (name, default) in enumerate(payloads.items()):
         attached[:, column] = np.asarray(given.get(name, default), dtype=bool)

@@ -22,10 +22,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, model_validator
 
 from pinfric.errors import TrajectoryError, choose_from
+from pinfric.model.arrays import BoolArray, FloatArray
 from pinfric.model.brief import counted
 from pinfric.model.entry import Entry, NonNegative, Number, Positive, Vector3, Version, key, parse
 from pinfric.model.yamlfile import read_yaml
@@ -36,7 +36,6 @@ from pinfric.motions.table import TrajectoryTable
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
-FloatArray = NDArray[np.float64]
 
 #: s; instants closer than this are one: sums of durations carry rounding.
 _SAME_INSTANT = 1.0e-9
@@ -267,7 +266,7 @@ def way_points(
     return _positions(waypoints, columns, payloads, problems, source)
 
 
-def carried_on(waypoints: WayPointFile, payloads: Mapping[str, bool]) -> NDArray[np.bool_]:
+def carried_on(waypoints: WayPointFile, payloads: Mapping[str, bool]) -> BoolArray:
     """Return (number of points, np) which payloads are carried from each point on.
 
     Args:

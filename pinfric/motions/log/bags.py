@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinfric.errors import TrajectoryError
+from pinfric.model.arrays import IntArray
 from pinfric.model.yamlfile import brief
 from pinfric.motions.joint_columns import listing
 from pinfric.motions.log.frame import OpenedLog, arrays_log, check_size
@@ -123,7 +124,7 @@ def _chosen_topic(path: Path, reader: Any, topics: list[str], joint_names: Seque
 
 def _joint_states(
     path: Path, reader: Any, topic: str
-) -> tuple[NDArray[np.int64], dict[tuple[str, ...], _Messages]]:
+) -> tuple[IntArray, dict[tuple[str, ...], _Messages]]:
     """Return a topic's times (ns) and its messages by the joints that they name, at least one."""
     headers, received = array("q"), array("q")
     groups: dict[tuple[str, ...], _Messages] = {}

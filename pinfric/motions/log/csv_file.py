@@ -20,9 +20,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinfric.errors import TrajectoryError
+from pinfric.model.arrays import FloatArray
 from pinfric.model.brief import counted
 from pinfric.model.yamlfile import NOT_UTF_8, brief_path
 from pinfric.motions.joint_columns import listing
@@ -34,8 +34,6 @@ from pinfric.motions.log.frame import (
     check_size,
     usable_rows,
 )
-
-FloatArray = NDArray[np.float64]
 
 #: Rows looked at to see how many digits a file prints.
 _ROWS_FOR_DIGITS = 500

@@ -7,12 +7,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinfric.errors import PinfricError, choose_from
+from pinfric.model.arrays import FloatArray
 from pinfric.model.scene import Scene
-
-FloatArray = NDArray[np.float64]
 
 #: `--effort-at`: what the efforts of a log are, and how a result names them.
 EFFORT_PLACES: Mapping[str, str] = {

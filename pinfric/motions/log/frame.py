@@ -12,11 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pinfric.errors import TrajectoryError
-from pinfric.model.arrays import real_numbers
+from pinfric.model.arrays import BoolArray, FloatArray, real_numbers
 from pinfric.model.yamlfile import brief
 from pinfric.motions.joint_columns import listing
-
-FloatArray = NDArray[np.float64]
 
 #: Share of rows that may be torn or not finite before the file is refused.
 BAD_SHARE = 0.01
@@ -109,7 +107,7 @@ class RawRows:
     """
 
     frame: LogFrame
-    unreadable: NDArray[np.bool_]
+    unreadable: BoolArray
     torn: Sequence[str] = ()
     width: int = 0
     cut: bool = False
@@ -146,7 +144,7 @@ def usable_rows(rows: RawRows, problems: list[str]) -> LogFrame:
     """
     frame = rows.frame
     finite = np.isfinite(frame.values).all(axis=1)
-    absent: NDArray[np.bool_] = np.asarray(rows.unreadable[:, 1:].all(axis=1))
+    absent: BoolArray = np.asarray(rows.unreadable[:, 1:].all(axis=1))
     for i in np.flatnonzero(absent).tolist():
         absent[i] = not any(rows.cell(i, j) for j in range(1, len(frame.names)))
     absent &= not absent.all()
@@ -164,7 +162,7 @@ def usable_rows(rows: RawRows, problems: list[str]) -> LogFrame:
     return replace(frame, dropped=dropped, why=why, absent=int(absent.sum()))
 
 
-def _bad_cells(rows: RawRows, absent: NDArray[np.bool_]) -> list[str]:
+def _bad_cells(rows: RawRows, absent: BoolArray) -> list[str]:
     """Say what is torn, what is no number, and what is not finite."""
     found, lines, names = [], rows.frame.lines, rows.frame.names
     if rows.torn:

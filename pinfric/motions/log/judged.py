@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult, runs
 from pinfric.errors import TrajectoryError
+from pinfric.model.arrays import FloatArray
 from pinfric.model.described import EFFORT, PLACE, described, quantity
 from pinfric.motions.joint_columns import joint_columns
 from pinfric.motions.log.effort_place import (
@@ -23,8 +23,6 @@ from pinfric.motions.log.effort_place import (
 )
 from pinfric.motions.log.reading import DerivativeNoise, Reading
 from pinfric.motions.summary import effort_unit, ends_by_magnitude, rests, rms
-
-FloatArray = NDArray[np.float64]
 
 #: Standard deviations of the efforts' noise that count as uncertain: a peak is the largest of many
 #: noisy values, not one of them.

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pinfric.model.arrays import BoolArray, FloatArray, IntArray
 from pinfric.model.brief import counted
 from pinfric.motions.derivatives import SPLINE_GAINS, find_holds, position_derivatives
 from pinfric.motions.joint_columns import JointColumn
@@ -42,8 +43,6 @@ from pinfric.motions.log.rows import (
 )
 from pinfric.motions.log.still import find_noisy_holds, with_resting_ends
 from pinfric.motions.table import TrajectoryTable
-
-FloatArray = NDArray[np.float64]
 
 #: rad; an angle that steps by more than half of it was wrapped.
 _TURN = 2.0 * np.pi
@@ -94,7 +93,7 @@ class Samples:
         """Add notes and fields to the reading."""
         self.reading = replace(self.reading, notes=(*self.reading.notes, *words), **found)
 
-    def keep(self, kept: NDArray[np.int64], t: FloatArray | None = None) -> None:
+    def keep(self, kept: IntArray, t: FloatArray | None = None) -> None:
         """Leave out all other samples, and perhaps change the times of these."""
         table = self.table
         if t is not None or kept.size != table.t.size:
@@ -449,9 +448,7 @@ def _chosen_pass(
     return _Pass(cutoff, gaussian, lost)
 
 
-def _leave_out_ends(
-    even: Samples, moving: NDArray[np.bool_], ends: FloatArray, step: float
-) -> None:
+def _leave_out_ends(even: Samples, moving: BoolArray, ends: FloatArray, step: float) -> None:
     """Leave out the ends of a log in which a joint moves: there a low pass has one side only.
 
     Args:
@@ -492,7 +489,7 @@ class _Smoothed:
     velocity: FloatArray
     acceleration: FloatArray
     shift: FloatArray
-    moving: NDArray[np.bool_]
+    moving: BoolArray
     spread: list[float]
 
 

@@ -12,11 +12,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pinfric.model.arrays import FloatArray
 from pinfric.motions.derivatives import SPLINE_GAINS
-
-FloatArray = NDArray[np.float64]
 
 _ORDER = 6
 #: rad or m. Encoders end at 27 bits (1e-8 rad); less noise is rounding, or what a filter left.

@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinfric.errors import TrajectoryError
+from pinfric.model.arrays import BoolArray, FloatArray
 from pinfric.model.brief import counted
 from pinfric.model.yamlfile import brief
 from pinfric.motions.joint_columns import JointColumn, listing, refuse
@@ -31,8 +31,6 @@ from pinfric.motions.log.units import (
     unwrapped_steps,
 )
 from pinfric.motions.table import TrajectoryTable, mismatch_warning
-
-FloatArray = NDArray[np.float64]
 
 #: Endings of the files that are read here; a bag may be a folder, too.
 SUFFIXES = (".csv", ".tsv", ".txt", ".csv.gz", ".parquet", ".mat", ".db3", ".mcap")
@@ -277,7 +275,7 @@ def _seconds(
     return t if factor == 1.0 else t * factor
 
 
-def _phase(cells: LogFrame, name: str, problems: list[str]) -> NDArray[np.bool_]:
+def _phase(cells: LogFrame, name: str, problems: list[str]) -> BoolArray:
     values = cells.column(PAYLOAD + name)
     wrong = np.flatnonzero(np.isfinite(values) & (values != 0.0) & (values != 1.0))
     if wrong.size:

@@ -7,12 +7,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinfric.errors import TrajectoryError, choose_from
+from pinfric.model.arrays import BoolArray, FloatArray
 from pinfric.motions.log.noise import low_pass
-
-FloatArray = NDArray[np.float64]
 
 #: rad per unit of angle, s per unit of time.
 ANGLE_UNITS = {"rad": 1.0, "deg": np.pi / 180.0}
@@ -118,7 +116,7 @@ class DerivativeNoise:
         acceleration_cut: (nj,) RMS of the motion above the cutoff that the low pass took away.
     """
 
-    moving: NDArray[np.bool_]
+    moving: BoolArray
     velocity: FloatArray
     acceleration: FloatArray
     acceleration_shift: FloatArray

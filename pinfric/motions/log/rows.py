@@ -6,14 +6,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinfric.dynamics.inverse.result import runs
+from pinfric.model.arrays import BoolArray, FloatArray, IntArray
 from pinfric.model.brief import counted
 from pinfric.motions.joint_columns import listing
 from pinfric.motions.log.frame import BAD_SHARE, FEWEST
-
-FloatArray = NDArray[np.float64]
 
 #: A step this many times the median one is a gap: what happened in it would be invented.
 GAP_FACTOR = 20.0
@@ -54,7 +52,7 @@ class Timing:
     start: float
     step: float
     count: int
-    number: NDArray[np.int64] | None
+    number: IntArray | None
     jitter: float
 
     @property
@@ -99,7 +97,7 @@ def check_times(t: FloatArray, lines: Sequence[int], problems: list[str]) -> Non
 
 def ordered_rows(
     t: FloatArray, lines: Sequence[int], problems: list[str], notes: list[str]
-) -> NDArray[np.int64]:
+) -> IntArray:
     """Return the rows to keep: those whose stamp is later than all before.
 
     Stamps that only jitter about the rows' regular time are all kept.
@@ -168,7 +166,7 @@ def regular_time(t: FloatArray) -> Timing | None:
     return Timing(start, step, int(number[-1]) + 1, number, jitter)
 
 
-def _line(t: FloatArray, number: NDArray[np.int64]) -> tuple[float, float, float]:
+def _line(t: FloatArray, number: IntArray) -> tuple[float, float, float]:
     """Return step, start of the line t = start + step number, and RMS distance from it, s."""
     step, start = np.polyfit(number, t, 1)
     off = t - start - step * number
@@ -188,7 +186,7 @@ def _wandering_time(t: FloatArray) -> Timing | None:
     return Timing(float(t[0]), step, count, None, _line(t, np.arange(t.size))[2])
 
 
-def far_apart(t: FloatArray, least: float) -> NDArray[np.int64]:
+def far_apart(t: FloatArray, least: float) -> IntArray:
     """Return the rows to interpolate between: each at least `least` s after the one before.
 
     A spline through noisy rows that nearly coincide swings far beyond them.
@@ -232,7 +230,7 @@ def held_rate(position: FloatArray) -> slice | None:
     return slice(phase, None, period)
 
 
-def repeated_rows(position: FloatArray) -> NDArray[np.int64]:
+def repeated_rows(position: FloatArray) -> IntArray:
     """Return the rows that repeat the row before them in the middle of a motion.
 
     A recorder that is faster than its source, or a source that is late, has nothing new to write.
@@ -268,7 +266,7 @@ def evenly(t: FloatArray) -> FloatArray | None:
     return even if step > 0.0 and jitter <= _JITTER * step else None
 
 
-def gaps(t: FloatArray) -> NDArray[np.int64]:
+def gaps(t: FloatArray) -> IntArray:
     """Return the rows after which a step is far longer than the median one, of times (rows,) s."""
     steps = np.diff(t)
     return np.flatnonzero(steps > GAP_FACTOR * np.median(steps))
@@ -336,7 +334,7 @@ def mended_effort(
     return result
 
 
-def _zeros(effort: FloatArray) -> NDArray[np.int64]:
+def _zeros(effort: FloatArray) -> IntArray:
     """Rows of short runs of zeros between values of one sign that are not near zero."""
     zero = effort == 0.0
     if not zero.any() or zero.all():
@@ -347,7 +345,7 @@ def _zeros(effort: FloatArray) -> NDArray[np.int64]:
     return _short(zero, lambda a, b: min(abs(a), abs(b)) > near and a * b > 0.0, effort)
 
 
-def _spikes(effort: FloatArray) -> NDArray[np.int64]:
+def _spikes(effort: FloatArray) -> IntArray:
     """Rows of short runs that are far beyond the others."""
     low, high = np.quantile(effort[:: max(1, effort.size // 20_000)], (0.05, 0.95))
     reach = _BEYOND * (high - low)
@@ -355,9 +353,7 @@ def _spikes(effort: FloatArray) -> NDArray[np.int64]:
     return _short(beyond, lambda a, b: True, effort) if reach > 0.0 else np.zeros(0, dtype=np.int64)
 
 
-def _short(
-    flags: NDArray[np.bool_], fits: Callable[[float, float], bool], effort: FloatArray
-) -> NDArray[np.int64]:
+def _short(flags: BoolArray, fits: Callable[[float, float], bool], effort: FloatArray) -> IntArray:
     found = []
     for first, last in runs(flags):
         inside = first > 0 and last + 1 < flags.size and last - first < _LONGEST

@@ -14,11 +14,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinfric.dynamics.inverse.result import runs
-
-FloatArray = NDArray[np.float64]
+from pinfric.model.arrays import FloatArray
 
 #: Standard deviations beyond which a slope, a trend or a bend is no longer noise.
 _SIGNIFICANT = 5.0

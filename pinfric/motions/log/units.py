@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pinfric.dynamics.inverse.result import runs
+from pinfric.model.arrays import FloatArray
 from pinfric.motions.joint_columns import LIMIT_TOLERANCE, JointColumn, listing
 from pinfric.motions.log.frame import FEWEST
 from pinfric.motions.log.reading import ANGLE_UNITS, TIME_UNITS
-
-FloatArray = NDArray[np.float64]
 
 #: Hz; robots log at no less and no more than these.
 _SLOWEST, _FASTEST = 20.0, 20_000.0
