@@ -26,7 +26,7 @@ from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.samples.closure import working_rates
 from pinfric.dynamics.simulation.motion import INTERRUPTED, Motion
 from pinfric.dynamics.simulation.simulate import simulate, simulate_constant
-from pinfric.errors import PinfricWarning, SimulationError, StopError
+from pinfric.errors import AmbiguousAcceleration, PinfricWarning, SimulationError, StopError
 from pinfric.model.closure import velocity_names
 from pinfric.model.robot import link_frame
 from pinfric.model.scene import Scene
@@ -261,7 +261,7 @@ def _simulate(
             sample_step=_SAMPLE,
             max_step=_LONGEST_STEP,
         )
-    except SimulationError:  # changes between stick and slip that accumulate, in linkages
+    except (SimulationError, AmbiguousAcceleration):  # events that accumulate; several answers
         motion = simulate(
             ws.scene,
             q,

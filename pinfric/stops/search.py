@@ -81,6 +81,7 @@ class Stopped:
         beyond: (na, 2) farthest past the lower and the upper limit of each drive's joint, rad or m;
             negative: what is left; minus infinity where there is no limit.
         path: way of the tool, m; None: the scene has no tool.
+        stepped: a part of it is computed by time stepping, which passes what events cannot.
     """
 
     case: Case
@@ -93,6 +94,7 @@ class Stopped:
     energy: np.ndarray
     beyond: np.ndarray
     path: float | None
+    stepped: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -351,6 +353,7 @@ def stopped(cycle: Cycle, case: Case, motion: StopMotion) -> Stopped:
         energy=motion.energy,
         beyond=past(cycle.limits, motion.q[:, cycle.place]).max(axis=0),
         path=path,
+        stepped=any(part.method == "timestepping" for part in motion.parts),
     )
 
 

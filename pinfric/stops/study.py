@@ -184,6 +184,12 @@ def _notes(result: StopResult) -> list[str]:
         lines.append(f"{', '.join(none)}: without a brake, stopped by friction")
     if scene.tool is None:
         lines.append("the scene names no `tool`: its path is not known")
+    stepped = sum(stop.stepped for stop in result.search.found.values())
+    if stepped:
+        lines.append(
+            f"{stepped} stops by time stepping in part, not by events: these accumulate, or several "
+            "accelerations obey the laws of friction at rest"
+        )
     lines.append(
         f"{len(result.search.found)} stops simulated, from {len(result.trajectory.t)} samples of "
         f"{Path(result.trajectory.source).name}: candidates by an estimate, then around the worst"

@@ -11,6 +11,7 @@ from stop_cases import ARM, arm, axis, turntable
 
 import pinfric as pf
 from pinfric.errors import StopError
+from pinfric.stops.machines import Kind, Machines
 from pinfric.stops.motion import Machine, stop_motion, tool_path
 
 
@@ -244,3 +245,24 @@ def test_a_closed_brake_holds_and_is_part_of_the_scene():
     assert not pf.holds(lift(), [0.0], motor_torque=[0.0]).held
     with pytest.raises(pf.PinfricError, match="no drive 'axi'"):
         lift().with_(closed_brakes={"axi": 2.0})
+
+
+def test_several_answers_at_rest_are_passed_by_time_stepping():
+    """Power goes off at a pose at which one set of joints may break away, or another."""
+    scene = pf.load_scene("panda_pick_and_place")
+    gears = []
+    for drive in scene.drives:
+        most = float(scene.model.effortLimit[drive.velocity_index])
+        gear = {"ratio": 100.0, "efficiency": 0.8, "back_efficiency": 0.7, "rotor_inertia": 1e-4}
+        brake = {"torque": 0.012 * most, "engage_time": 0.02}
+        gears.append({"joint": drive.name, "transmission": {**gear, "brake": brake}})
+    settings = {"category": 0, "reaction_time": 0.02, "friction": [0.8, 1.2]}
+    scene = scene.with_(actuators=gears, stops=settings)
+    q = np.array([0.636394, -0.00824784, 0.0, -1.79923, 0.0, 1.79099, 0.7854])
+    stopped = Machines(scene, scene.stops, ()).of(Kind(False, 0.0))
+    motion = stop_motion(stopped, q, np.zeros(7))
+    assert [part.method for part in motion.parts][0] == "timestepping"
+    assert not motion.v[-1].any()
+    # it falls for no longer than the brakes take, and they hold
+    assert motion.rest_time.max() < 0.04
+    assert np.abs(motion.travel[-1]).max() < 0.5 * 9.81 * 0.04**2 / 0.1
