@@ -187,8 +187,8 @@ def _notes(result: StopResult) -> list[str]:
     stepped = sum(stop.stepped for stop in result.search.found.values())
     if stepped:
         lines.append(
-            f"{stepped} stops by time stepping in part, not by events: these accumulate, or several "
-            "accelerations obey the laws of friction at rest"
+            f"{stepped} stops in part by time stepping, not by events: these accumulate, or "
+            "several accelerations obey the laws of friction at rest"
         )
     lines.append(
         f"{len(result.search.found)} stops simulated, from {len(result.trajectory.t)} samples of "

@@ -261,7 +261,7 @@ def test_several_answers_at_rest_are_passed_by_time_stepping():
     q = np.array([0.636394, -0.00824784, 0.0, -1.79923, 0.0, 1.79099, 0.7854])
     stopped = Machines(scene, scene.stops, ()).of(Kind(False, 0.0))
     motion = stop_motion(stopped, q, np.zeros(7))
-    assert [part.method for part in motion.parts][0] == "timestepping"
+    assert motion.parts[0].method == "timestepping"
     assert not motion.v[-1].any()
     # it falls for no longer than the brakes take, and they hold
     assert motion.rest_time.max() < 0.04
