@@ -126,12 +126,17 @@ def bundled_folder() -> Path:
 
 
 def measured_scenes() -> dict[str, Measured]:
-    """Return where the friction of bundled robots was measured, by the scenes' names."""
-    found = {}
+    """Return where the friction of bundled robots was measured, by the scenes' names.
+
+    A scene that repeats the measurement of another is a task of that robot, and is left out.
+    """
+    found: dict[str, Measured] = {}
     for file in sorted(bundled_folder().glob("*.yaml")):
         content = read_yaml(file, SceneError) if file.name.count(".") == 1 else {}
         if measured := content.get("measured"):
-            found[file.stem] = parse(Measured, measured, str(file), at=("measured",))
+            one = parse(Measured, measured, str(file), at=("measured",))
+            if one not in found.values():
+                found[file.stem] = one
     return found
 
 

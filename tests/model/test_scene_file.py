@@ -9,7 +9,7 @@ from robot_cases import joint, link, scene, urdf
 
 import pinfric as pf
 from pinfric.errors import PinfricWarning, RobotError, SceneError
-from pinfric.model.scene_file import bundled_folder
+from pinfric.model.scene_file import bundled_folder, measured_scenes
 
 
 @pytest.mark.parametrize(
@@ -100,3 +100,10 @@ def test_bundled_scenes_say_whose_masses_they_have():
     assert len(files) == 20
     for file in files:
         assert None not in pf.load_scene(file).masses_hold, file
+
+
+def test_a_task_with_a_robots_friction_is_not_listed_as_another_robot():
+    scenes = measured_scenes()
+    task = pf.load_scene("ur10_machine_tending").measured
+    assert scenes["ur10"] == task  # so that its faster cycle is warned of
+    assert "ur10_machine_tending" not in scenes

@@ -28,6 +28,7 @@ from pinfric.show.figure.panel import panel, svg
 from pinfric.show.figure.style import BLUE, RED
 from pinfric.show.pages.page import page
 from pinfric.show.report.html import Marked, mark
+from pinfric.show.report.identify import verdict
 from pinfric.show.report.rows import table_of
 from pinfric.show.report.tables import Table
 from pinfric.show.report.values import digits
@@ -67,6 +68,9 @@ def identification_page(found: Identified) -> str:
         [joint["name"] for joint in joints],
         views=joints,
         found=found,
+        verdict=verdict(summary),
+        doubts=summary.doubts,
+        notes=summary.notes[len(summary.doubts) :],
         laws=table_of("", summary.joints),
         coefficients=_coefficients(summary),
         unseen=table_of("", predicted(summary)),
