@@ -28,8 +28,9 @@ from pinfric.drives.drivetrain import (
     shock_efficiency,
 )
 from pinfric.drives.policy import STAND_INS, Conditions
+from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.model.springs import softest
-from pinfric.motions.summary import ends_by_magnitude
+from pinfric.motions.summary import ends_by_magnitude, rests
 
 #: A number, or an array over gears and motors; NaN: not known.
 Value = Any
@@ -247,6 +248,40 @@ SIGNALS: dict[str, Callable[[Drives], Value]] = {
     "speed": lambda d: d.demand.speed,
     "acceleration": lambda d: largest(d.case.cycle.acceleration),
 }
+
+
+def signals(
+    result: InverseResult, line: np.ndarray | float = 0.0, needed: bool = False
+) -> dict[str, np.ndarray]:
+    """Return what each sample of a motion asks of each drive, (T, na), by the names of `SIGNALS`.
+
+    Magnitudes, the worst of the interval; torque and speed at the motor's shaft.
+
+    Args:
+        result: of inverse dynamics.
+        line: (na,) stall torque/no-load speed, N m s/rad: `voltage` is |T_m + line omega|, to be
+            held against the stall torque.
+        needed: of a drive at rest only the least effort of its interval counts: it can hold.
+    """
+    torque = [result.motor_torque_lower, result.motor_torque_upper]
+    effort = [result.effort_lower, result.effort_upper]
+    v, drives = result.actuator_velocity, result.scene.drives
+    if needed:
+        still = np.stack([rests(result, d) for d in range(len(drives))], axis=1)
+        for pair in (torque, effort):
+            nearer = ends_by_magnitude(*pair)[1]
+            pair[:] = [np.where(still, nearer, end) for end in pair]
+    omega = v * [drive.ratio for drive in drives]
+    return {
+        "motor torque": np.maximum(*map(np.abs, torque)),
+        "voltage": np.maximum(*(np.abs(end + omega * line) for end in torque)),
+        "motor speed": np.abs(omega),
+        "input speed": np.abs(omega),
+        "effort": np.maximum(*map(np.abs, effort)),
+        "speed": np.abs(v),
+        "acceleration": np.abs(result.actuator_acceleration),
+    }
+
 
 Figure = Callable[[Drives], Value]
 Text = str | Callable[[Drives], str]

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from pinfric.drives.limit import signals
 from pinfric.drives.limits import instant_limits
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
@@ -17,7 +18,7 @@ from pinfric.model.couples import rate_rows
 from pinfric.model.drives import gear_table
 from pinfric.model.scene import Scene
 from pinfric.motions.joint_columns import JointColumn, configurations
-from pinfric.motions.summary import effort_unit, ends_by_magnitude, motor_unit, rests
+from pinfric.motions.summary import effort_unit, motor_unit
 from pinfric.retiming.limits import DriveLimits, drive_speeds, joint_speeds
 from pinfric.retiming.path import Path
 from pinfric.retiming.profile import Profile, columns_to_velocities
@@ -242,32 +243,16 @@ def usage(result: InverseResult, limits: Sequence[DriveLimits], needed: bool = F
         limits: (na,) of the drives.
         needed: of a drive at rest only the least torque of its interval counts: it can hold.
     """
-    scene, v, rows = result.scene, result.actuator_velocity, instant_limits()
-    use = np.zeros((*v.shape, len(rows)))
-    joints = np.abs(result.states.v) / joint_speeds(scene)
-    for d, (drive, x) in enumerate(zip(scene.drives, limits, strict=True)):
-        ends = [result.motor_torque_lower[:, d], result.motor_torque_upper[:, d]]
-        efforts = [result.effort_lower[:, d], result.effort_upper[:, d]]
-        if needed:
-            still = rests(result, d)
-            for pair in (ends, efforts):
-                nearer = ends_by_magnitude(*pair)[1]
-                pair[0], pair[1] = (np.where(still, nearer, end) for end in pair)
-        omega = drive.ratio * v[:, d]
-        line = [end + omega * (x.stall_torque / x.no_load_speed) for end in ends]
-        if not np.isfinite(x.stall_torque):
-            line = ends
-        signals = {
-            "motor torque": np.maximum(*map(np.abs, ends)),
-            "voltage": np.maximum(*map(np.abs, line)),
-            "motor speed": np.abs(omega),
-            "input speed": np.abs(omega),
-            "effort": np.maximum(*map(np.abs, efforts)),
-            "speed": np.abs(v[:, d]),
-            "acceleration": np.abs(result.actuator_acceleration[:, d]),
-        }
-        for k, limit in enumerate(rows):
-            use[:, d, k] = signals[str(limit.need)] / x.bound(limit)
-            if limit.need == "speed" and drive.velocity_index >= 0:
-                use[:, d, k] = np.maximum(use[:, d, k], joints[:, drive.velocity_index])
+    rows, drives = instant_limits(), result.scene.drives
+    line = np.array(
+        [x.stall_torque / x.no_load_speed if x.stall_torque < np.inf else 0.0 for x in limits]
+    )
+    asked = signals(result, line, needed)
+    use = np.empty((*asked["speed"].shape, len(rows)))
+    for k, limit in enumerate(rows):
+        use[:, :, k] = asked[str(limit.need)] / [x.bound(limit) for x in limits]
+        if limit.need == "speed":  # the URDF's, of the joints
+            moved = [drive.velocity_index for drive in drives]
+            own = np.abs(result.states.v[:, moved]) / joint_speeds(result.scene)[moved]
+            use[:, :, k] = np.maximum(use[:, :, k], own)
     return use

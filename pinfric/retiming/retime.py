@@ -16,6 +16,7 @@ import numpy as np
 
 from pinfric.drives.criterion import Criterion, Status
 from pinfric.drives.inertia import load_inertias
+from pinfric.drives.limit import signals
 from pinfric.drives.limits import instant_limits
 from pinfric.drives.parts import criteria_over
 from pinfric.drives.robot import holds
@@ -27,8 +28,7 @@ from pinfric.model.couples import mixed
 from pinfric.model.scene import Scene, expect_scene
 from pinfric.model.upward import Shown
 from pinfric.motions.joint_columns import JointColumn, configurations, joint_columns
-from pinfric.motions.summary import ends_by_magnitude
-from pinfric.motions.summary import rms as root_mean_square
+from pinfric.motions.summary import rms
 from pinfric.motions.trajectory import Trajectory
 from pinfric.retiming.limits import DriveLimits, LimitsLike, limited_scene, read_limits
 from pinfric.retiming.path import Path, check_limits, load_path
@@ -499,7 +499,7 @@ class _Retiming:
         ends = np.array([path.pieces[p].x[0 if i == p else -1] for i, p in enumerate(piece)])
         none = np.zeros(n + 1)
         still = problem.states(ends, piece, none, none, path.attached)
-        torque = _worst(still)
+        torque = signals(still)["motor torque"]
         stay = np.array(path.holds)
         asked, near = limit, 0.5 * self.policy.tolerance
         for _ in range(4):
@@ -516,8 +516,8 @@ class _Retiming:
         """Return (na,) the part of its continuous torque that each motor uses over the cycle."""
         judged = inverse_dynamics(self.scene, self.motion(samples))
         assert judged.t is not None  # samples have times
-        rms = [root_mean_square(judged.t, column) for column in _worst(judged).T]
-        return np.array(rms) / [x.over_time[0] for x in self.limits]
+        used = [rms(judged.t, torque) for torque in signals(judged)["motor torque"].T]
+        return np.array(used) / [x.over_time[0] for x in self.limits]
 
     def result(
         self,
@@ -557,11 +557,6 @@ class _Retiming:
             smooth=smooth,
             criteria=judged_drives(judged, trajectory, self.limits),
         )
-
-
-def _worst(result: InverseResult) -> np.ndarray:
-    """(T, na) the motors' torques that heat: the worse end of each interval."""
-    return ends_by_magnitude(result.motor_torque_lower, result.motor_torque_upper)[0]
 
 
 def judged_drives(

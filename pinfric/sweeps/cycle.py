@@ -15,13 +15,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pinfric.drives.inertia import load_inertias
+from pinfric.drives.limit import signals
 from pinfric.drives.robot import holds
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.elastic.motion import elasticity
 from pinfric.errors import PinfricError
 from pinfric.model.scene import Scene
-from pinfric.motions.summary import column_rms, ends_by_magnitude
+from pinfric.motions.summary import column_rms
 from pinfric.motions.trajectory import Trajectory
 from pinfric.sweeps.motors import NOT_CHECKED, Trial
 from pinfric.sweeps.parameters import ELASTIC, Target, apply
@@ -210,14 +211,7 @@ def reduce(result: InverseResult) -> np.ndarray:
         result: with times.
     """
     assert result.t is not None  # a trajectory has them
-    worst, _ = ends_by_magnitude(result.effort_lower, result.effort_upper)
-    motor, _ = ends_by_magnitude(result.motor_torque_lower, result.motor_torque_upper)
-    return np.column_stack(
-        (
-            np.abs(worst).max(axis=0),
-            column_rms(result.t, worst),
-            np.abs(motor).max(axis=0),
-            column_rms(result.t, motor),
-            np.abs(result.actuator_velocity).max(axis=0),
-        )
-    )
+    asked = signals(result)
+    forces = asked["effort"], asked["motor torque"]
+    demands = [x for force in forces for x in (force.max(axis=0), column_rms(result.t, force))]
+    return np.column_stack((*demands, asked["speed"].max(axis=0)))
