@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from judges.every_line import Gear, Loss, System, answers
@@ -64,7 +66,7 @@ def test_of_two_answers_a_light_worm_has_the_stable_one(u):
     found = pf.forward_dynamics(hoist(LIGHT), [0.0], [-0.1], motor_torque=[u / 50])
     assert (found.a[0], found.effort[0]) == pytest.approx(by_hand[1 / 0.4], rel=1e-12)
     assert (found.answers, found.driving.tolist()) == (2, [1])
-    assert "2, this is the stable one" in repr(found)
+    assert "2, this is the stable one; driving [1]" in repr(found)
 
 
 def test_a_worm_that_wedges_is_refused_with_the_rotor_that_it_needs():
@@ -75,6 +77,23 @@ def test_a_worm_that_wedges_is_refused_with_the_rotor_that_it_needs():
     bare = {**WORM, "rotor_inertia": 0.0}
     with pytest.raises(GearJam, match=r"'lift': .*its rotor has no inertia"):
         pf.forward_dynamics(hoist(bare), [0.0], [-0.1], motor_torque=[0.0])
+
+
+@pytest.mark.parametrize(
+    ("kind", "seed", "many", "says"),
+    [
+        ("four-bars", 68, "1 answers, 0 stable", "the one acceleration that obeys its law is unst"),
+        ("four-bars", 114, "2 answers, 0 stable", "2 in 1 mode tried, none of them stable"),
+        ("curves", 84, "3 answers, 2 stable", "3 in 1 mode tried, 2 of them stable"),
+    ],
+)
+def test_a_refusal_says_how_many_answers_there_are_and_the_rotor_for_one(kind, seed, many, says):
+    """As many as the judge finds."""
+    outcome, error = compare(kind, seed)
+    assert outcome == f"refused: {many}"
+    assert re.search(
+        rf"{says}.*there would be one answer with a rotor inertia above \S+ kg", error.reason
+    )
 
 
 def test_more_lines_than_are_tried_leave_it_undecided(monkeypatch):

@@ -83,7 +83,9 @@ class Instant(NamedTuple):
                 "multipliers": some(self.multipliers) if self.multipliers.size else "",
                 "wrench": f"{self.wrench.shape} array",
                 "contraction": f"{self.contraction:.4g}",
-                "answers": f"{self.answers}, this is the stable one" if self.answers > 1 else "",
+                "answers": f"{self.answers}, this is the stable one; driving {some(self.driving)}"
+                if self.answers > 1
+                else "",
             },
         )
 
