@@ -8,7 +8,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from builders import geared_arm, random_states
-from judges.gear_judges import Gear, follow, heat, mesh_reversal, sine_against_load, spun_down
+from judges.gear_judges import (
+    Gear,
+    follow,
+    heat,
+    mesh_reversal,
+    sine_against_load,
+    smoothed,
+    spun_down,
+)
 from judges.test_cylinder_friction import ARM, INERTIA, PIN, RAM, SEAL, G, M, boom, line, needed
 from judges.test_gear_judges import DEMO, PUBLISHED
 from judges.test_gears import LOSSY, WORM, hoist
@@ -151,6 +159,36 @@ def test_a_worm_lowers_at_constant_speed_and_locks_when_the_motor_stops():
         assert found.q[-1, 0] == pytest.approx(-0.1 - 0.1 * (stop - 0.5), abs=near)
         assert [event.kind for event in found.events] == ["stick"]
         assert found.events[0].time == pytest.approx(stop, abs=near)
+
+
+@pytest.mark.parametrize(
+    ("transmission", "gear"),
+    [
+        (LOSSY, Gear(0.8, 0.7, 1.0, 5.0, 2.5)),
+        ({**WORM, "rotor_inertia": 3.0 / 50**2}, Gear(0.4, -0.2, 1.0, 3.0)),
+    ],
+)
+def test_a_regularized_gear_moves_as_a_stiff_integrator_of_its_smoothed_law(transmission, gear):
+    """The loss s (n + mu |t|) with s = tanh(v / 1e-3): lifted, let go, lowered; M = 10."""
+
+    def u(t):
+        return 60.0 - 250.0 * np.sin(12.0 * t)
+
+    found = pf.simulate(
+        hoist(transmission),
+        [0.0],
+        [0.1],
+        t_end=0.8,
+        method="regularized",
+        regularization_velocity=1e-3,
+        rtol=1e-8,
+        atol=1e-11,
+        motor_torque=lambda t, q, v: [u(t) / transmission["ratio"]],
+    )
+    q, v = smoothed(10.0, lambda t: 98.1, u, gear, 0.1, 0.8, 1e-3, found.t)
+    assert v.min() < -0.05 < 0.1 <= v.max()
+    np.testing.assert_allclose(found.q[:, 0], q, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(found.v[:, 0], v, rtol=0, atol=1e-5)
 
 
 def test_the_energy_of_a_minute_of_stick_and_slip_is_accounted_for():
