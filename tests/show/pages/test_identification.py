@@ -1,9 +1,13 @@
 """The identification page."""
 
+from dataclasses import replace
+
 import pytest
 from identify_cases import NAMES
 
+from pinfric.identification.summary import identify_summary
 from pinfric.show.pages.identification import identification_page
+from pinfric.show.report.identify import verdict
 
 
 def test_the_page_shows_every_joint_its_laws_and_what_is_left(found):
@@ -17,3 +21,17 @@ def test_the_page_shows_every_joint_its_laws_and_what_is_left(found):
     assert "overflow-wrap: break-word" in page  # keys in lists of them are wider than a phone
     assert "<script" not in page
     assert "https://" not in page
+
+
+def test_the_page_begins_with_what_contradicts_the_result(found):
+    """A signature's first look: the verdict and each doubt stand before the figures."""
+    pytest.importorskip("jinja2")
+    doubt = "the zero of elbow_joint is off by 0.2 rad"
+    doubted = replace(found, doubts=(doubt,), notes=(doubt, *found.notes))
+    page = identification_page(doubted)
+    head, rest = page.split('class="facts"', 1)
+    assert f"{verdict(identify_summary(doubted))}.".endswith("; 1 doubt.")
+    assert f"{verdict(identify_summary(doubted))}." in head
+    assert f'class="alarm small">{doubt.replace("_joint", "")}' in head
+    assert "is off by 0.2 rad" not in rest  # said once
+    assert "one log only" in rest
