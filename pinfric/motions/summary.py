@@ -216,6 +216,12 @@ def known_rms(t: np.ndarray | None, x: np.ndarray) -> np.ndarray:
     return np.asarray(np.sqrt(total / np.where(time > 0.0, time, np.nan)))
 
 
+def running_integral(t: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Return (T, n) int x dt from the first of the times (T,) on, by the trapezoidal rule."""
+    steps = np.diff(t)[:, None] * (x[1:] + x[:-1]) / 2.0
+    return np.concatenate([np.zeros((1, x.shape[1])), np.cumsum(steps, axis=0)])
+
+
 def integral(t: np.ndarray, x: np.ndarray) -> float:
     """Return int x dt by the trapezoidal rule: as NumPy's, which takes any axis and twice as long.
 

@@ -19,7 +19,6 @@ from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
-from scipy.integrate import cumulative_trapezoid
 
 from pinfric.dynamics.forward.workspace import Workspace
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
@@ -30,7 +29,7 @@ from pinfric.errors import AmbiguousAcceleration, PinfricWarning, SimulationErro
 from pinfric.model.closure import velocity_names
 from pinfric.model.robot import link_frame
 from pinfric.model.scene import Scene
-from pinfric.motions.summary import ends_by_magnitude
+from pinfric.motions.summary import ends_by_magnitude, running_integral
 from pinfric.stops.path import Slowed
 
 #: Longest time between samples of a stop, s; more lie before and after every change.
@@ -111,7 +110,7 @@ class StopMotion:
     @cached_property
     def travel(self) -> np.ndarray:
         """(T, na) way of each drive's joint, rad or m."""
-        return np.asarray(cumulative_trapezoid(self.rate, self.t, axis=0, initial=0.0))
+        return running_integral(self.t, self.rate)
 
     @cached_property
     def rest_time(self) -> np.ndarray:

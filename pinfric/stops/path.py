@@ -16,13 +16,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from scipy.interpolate import CubicHermiteSpline
 
 from pinfric.motions.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicHermiteSpline
 
 #: Longest time of the cycle between places of a stop (s), the least number of them, and the most.
 _STEP, _LEAST, _MOST = 1e-3, 50, 5000
@@ -57,6 +59,8 @@ class CyclePath:
     @cached_property
     def curve(self) -> CubicHermiteSpline:
         """Way of each velocity since the first sample (nv,) over the cycle's time."""
+        from scipy.interpolate import CubicHermiteSpline  # 0.5 s to import
+
         given = self.trajectory
         steps = [
             pin.difference(self.model, *pair)

@@ -22,7 +22,6 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
 
 from pinfric.drives.brake import closing_way
 from pinfric.drives.demand import driven_joint
@@ -33,7 +32,7 @@ from pinfric.dynamics.samples.closure import working_rates
 from pinfric.dynamics.samples.states import States
 from pinfric.errors import StopError
 from pinfric.model.scene import Scene
-from pinfric.motions.summary import effort_unit
+from pinfric.motions.summary import effort_unit, running_integral
 from pinfric.motions.trajectory import Trajectory
 from pinfric.stops.machines import UNLIMITED, Kind, Machines
 from pinfric.stops.motion import Machine, StopMotion, stop_motion, tool_path
@@ -124,7 +123,7 @@ class Cycle:
         """Return a cycle of a scene."""
         scene, (q, v) = machines.scene, (trajectory.q, trajectory.v)
         rate = working_rates(scene, q, v)[0]
-        way = cumulative_trapezoid(rate, trajectory.t, axis=0, initial=0.0)
+        way = running_integral(trajectory.t, rate)
         path, zero, hold = tool_path(scene, (), q), np.zeros_like(v), {}
         for full in {False, bool(machines.full)}:
             least = machines.of(Kind(False, float(full))).scene
