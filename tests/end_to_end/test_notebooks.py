@@ -97,7 +97,8 @@ def test_runs_from_top_to_bottom(file, tmp_path, monkeypatch):
     assert any("<iframe" in output.get("data", {}).get("text/html", "") for output in outputs)
     # a line may arrive in pieces; kernels are compiled in the first run of all
     errors = "".join(o.text for o in outputs if o.output_type == "stream" and o.name == "stderr")
-    usual = re.compile("pinfric: (wrote|compiling|warning: .* (entries are guesses|was measured))")
+    errors = re.sub(r".* faster than friction was measured, .*\n.*\n", "", errors)  # the UR10 is
+    usual = re.compile("pinfric: (wrote|compiling|warning: .* entries are guesses)")
     assert all(usual.match(line) for line in errors.splitlines()), errors
     for now, kept in zip(notebook.cells, read(file).cells, strict=True):
         if now.cell_type == "code":
