@@ -8,7 +8,9 @@ from collections import Counter
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-COUNTED = {tokenize.NAME, tokenize.OP, tokenize.NUMBER, tokenize.STRING}
+#: Since Python 3.12 a formatted string is many tokens, from a start to an end; it counts as one.
+STARTS, ENDS = (getattr(tokenize, f"FSTRING_{end}", None) for end in ("START", "END"))
+COUNTED = {tokenize.NAME, tokenize.OP, tokenize.NUMBER, tokenize.STRING, STARTS}
 
 
 def tokens():
@@ -16,9 +18,11 @@ def tokens():
     found = Counter()
     for file in (ROOT / "pinfric").rglob("*.py"):
         place = file.relative_to(ROOT / "pinfric").parts
+        room, within = place[0] if len(place) > 1 else "top", 0
         with file.open("rb") as opened:
-            count = sum(token.type in COUNTED for token in tokenize.tokenize(opened.readline))
-        found[place[0] if len(place) > 1 else "top"] += count
+            for token in tokenize.tokenize(opened.readline):
+                found[room] += within == 0 and token.type in COUNTED
+                within += (token.type == STARTS) - (token.type == ENDS)
     return found
 
 
