@@ -33,7 +33,9 @@ def named_drive(
     linear = effort_unit(scene, actuator) == "N"
     found = find_drive(catalog, name, linear)
     if isinstance(found, list):
-        raise CatalogError(f"the catalogue has no drive {name!r}; {choose_from(name, found)}")
+        raise CatalogError(
+            f"the catalogue has no drive {name!r} ({catalog.source}); {choose_from(name, found)}"
+        )
     parts: dict[str, Any] = own_parts(catalog, conditions, scene.drives[actuator].name, linear)
     return replace(found, **parts)
 

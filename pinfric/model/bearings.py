@@ -15,7 +15,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
 from functools import cache
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeVar, Union, get_args
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeVar, Union
 
 import numpy as np
 from pydantic import (
@@ -30,7 +30,7 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
 from pinfric.kernels.compiled import kernel
-from pinfric.model.entry import Entry, NonNegative, Number, Positive, key, register, unlikely
+from pinfric.model.entry import Entry, NonNegative, Number, Positive, key, register_kind, unlikely
 
 #: Rows that take one component of the wrench, z along the joint's axis.
 FX, FY, FZ, MX, MY, MZ = np.eye(6)
@@ -168,8 +168,7 @@ def bearing_kind(cls: type[_Kind]) -> type[_Kind]:
     Raises:
         SceneError: another class has this kind; a class that is run again replaces itself.
     """
-    (name,) = get_args(cls.model_fields["kind"].annotation)
-    register(KINDS, name, cls)
+    register_kind(KINDS, cls)
     return cls
 
 

@@ -26,7 +26,7 @@ from pinfric.kernels.compiled import inlined_kernel, kernel
 from pinfric.model.friction_terms import ViscousFriction
 from pinfric.model.laws import power_of
 from pinfric.model.springs import Spring, spring_of
-from pinfric.model.transmission import Transmission, driven_loss, driving_loss
+from pinfric.model.transmission import Transmission
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ def gear_table(
     """
     gears = [_IDEAL if gear is None else gear for gear in transmissions]
     viscous = [gear.motor_viscous or _FRICTIONLESS for gear in gears]
-    losses = [loss for gear in gears for loss in (driving_loss(gear), driven_loss(gear))]
+    losses = [loss for gear in gears for loss in gear.losses()]
     ends = np.cumsum([0, *(len(loss.loads) for loss in losses)], dtype=np.int64)
     no_load = np.array([_no_load(gear) for gear in gears], dtype=float).reshape(-1, 2, 2)
     for d, torque in enumerate(brakes):

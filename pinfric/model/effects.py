@@ -18,7 +18,6 @@ from pinfric.model.friction_terms import TERMS, FrictionTerm
 from pinfric.model.loops import loop_place
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Actuator, Friction, Transmission
-from pinfric.model.transmission import driven_loss, driving_loss
 
 
 @dataclass(frozen=True)
@@ -191,7 +190,7 @@ def _acts(friction: Friction) -> bool:
 def _unloaded(actuator: Actuator) -> Actuator:
     """Without what grows with the load: `efficiency` and `back_efficiency`."""
     gear = actuator.transmission
-    if gear is None or not any(any(f(gear).slopes) for f in (driving_loss, driven_loss)):
+    if gear is None or not any(any(loss.slopes) for loss in gear.losses()):
         return actuator
     return actuator.model_copy(update={"transmission": gear.without_load_loss()})
 

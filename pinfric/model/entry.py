@@ -178,6 +178,12 @@ def register(table: dict[str, Any], name: str, cls: type[BaseModel]) -> None:
     table[name] = cls
 
 
+def register_kind(table: dict[str, Any], cls: type[BaseModel]) -> None:
+    """Write a class into a table under its `kind`, a `Literal` of one word; see `register`."""
+    (name,) = get_args(cls.model_fields["kind"].annotation)
+    register(table, name, cls)
+
+
 def place(path: Iterable[int | str]) -> str:
     """Return the path of a key for messages, e.g. actuators[1].transmission.ratio."""
     parts = (f"[{part}]" if isinstance(part, int) else f".{part}" for part in path)

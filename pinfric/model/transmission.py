@@ -15,7 +15,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterator
 from itertools import pairwise
-from typing import Annotated, Any, Literal, NamedTuple, Self, TypeVar, get_args
+from typing import Annotated, Any, Literal, NamedTuple, Self, TypeVar
 
 import numpy as np
 from pydantic import (
@@ -39,7 +39,7 @@ from pinfric.model.entry import (
     Positive,
     key,
     not_vanishing,
-    register,
+    register_kind,
     unlikely,
 )
 from pinfric.model.friction_terms import (
@@ -325,7 +325,8 @@ class Transmission(Entry):
 
     def losses(self) -> tuple[LoadLoss, LoadLoss]:
         """Return the losses due to the load where the motor drives, and where the load drives."""
-        return _makers_loss(self), _makers_driven_loss(self)
+        driving = _makers_loss(self)
+        return driving, _makers_driven_loss(self, driving)
 
     @model_validator(mode="after")
     def _plausible(self) -> Self:
@@ -334,7 +335,7 @@ class Transmission(Entry):
         not_vanishing(abs(self.ratio))
         if self.hysteresis is not None and self.stiffness is None:
             raise ValueError("`hysteresis` needs `stiffness`: it limits friction behind the spring")
-        driving = driving_loss(self)  # refuses efficiencies that cannot be
+        driving, driven = self.losses()  # refuses efficiencies that cannot be
         if self.efficiency != 1 and self.back_efficiency is None:
             equal = (
                 "take `same_loss`"
@@ -346,7 +347,7 @@ class Transmission(Entry):
                 f" print; equal losses both ways {equal}"
             )
         _check_back_driving(self)
-        _check_lead(driving, driven_loss(self))
+        _check_lead(driving, driven)
         return self
 
     def without_load_loss(self) -> Transmission:
@@ -446,8 +447,7 @@ def gear_kind(cls: type[_Gear]) -> type[_Gear]:
     Raises:
         SceneError: another class has this kind; a class that is run again replaces itself.
     """
-    (name,) = get_args(cls.model_fields["kind"].annotation)
-    register(GEAR_KINDS, name, cls)
+    register_kind(GEAR_KINDS, cls)
     return cls
 
 
@@ -506,11 +506,11 @@ def _makers_loss(gear: Transmission) -> LoadLoss:
     )
 
 
-def _makers_driven_loss(gear: Transmission) -> LoadLoss:
+def _makers_driven_loss(gear: Transmission, driving: LoadLoss) -> LoadLoss:
     """See `driven_loss`."""
     back = gear.back_efficiency
     if back == "same_loss":
-        return _makers_loss(gear)
+        return driving
     if isinstance(back, BackDriving):
         back = abs(gear.ratio) * back.starting_torque / back.back_driving_torque
     return LoadLoss((0.0,), (0.0,), (0.0 if back is None else 1.0 - back,))

@@ -243,7 +243,7 @@ def usage(result: InverseResult, limits: Sequence[DriveLimits], needed: bool = F
         limits: (na,) of the drives.
         needed: of a drive at rest only the least torque of its interval counts: it can hold.
     """
-    rows, drives = instant_limits(), result.scene.drives
+    rows = instant_limits()
     line = np.array(
         [x.stall_torque / x.no_load_speed if x.stall_torque < np.inf else 0.0 for x in limits]
     )
@@ -252,7 +252,6 @@ def usage(result: InverseResult, limits: Sequence[DriveLimits], needed: bool = F
     for k, limit in enumerate(rows):
         use[:, :, k] = asked[str(limit.need)] / [x.bound(limit) for x in limits]
         if limit.need == "speed":  # the URDF's, of the joints
-            moved = [drive.velocity_index for drive in drives]
-            own = np.abs(result.states.v[:, moved]) / joint_speeds(result.scene)[moved]
-            use[:, :, k] = np.maximum(use[:, :, k], own)
+            joints = np.abs(result.states.v) / joint_speeds(result.scene)  # drive i is on joint i
+            use[:, :, k] = np.maximum(use[:, :, k], joints)
     return use

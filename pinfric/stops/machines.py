@@ -182,9 +182,10 @@ def _with(scene: Scene, factor: float, load: float) -> Scene:
     if factor != 1.0:
         change["friction"] = {name: f.scaled(factor) for name, f in scene.friction.items()}
         change["actuators"] = [
-            a.model_copy(update={"transmission": a.transmission.with_losses(factor)})
+            a
+            if a.transmission is None
+            else a.model_copy(update={"transmission": a.transmission.with_losses(factor)})
             for a in scene.actuators or ()
-            if a.transmission is not None  # `_check`
         ]
     if load not in (0.0, 1.0):
         change["payloads"] = {

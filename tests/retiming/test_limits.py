@@ -45,7 +45,8 @@ drives:
     assert found.duration == pytest.approx(np.sqrt(4 * 1.0 / 2.0), rel=1e-3)
     file.write_text(text.replace("AK80-64", "AK80-6000"))
     with pytest.raises(
-        pf.RetimeError, match=r"motors.yaml: drives.j: the catalogue has no drive .*; the nearest"
+        pf.RetimeError,
+        match=r"motors.yaml: drives.j: the catalogue has no drive .* \(default\); the nearest of",
     ):
         retime(lifting(), straight(1.0), file)
     file.write_text("pinfric_motors: 1\nothers: {max_speed: 3.0}\n")
