@@ -30,7 +30,7 @@ from pinfric.drives.catalog_file import load_catalog
 from pinfric.drives.criterion import Status, compare
 from pinfric.drives.demand import DriveCycle
 from pinfric.drives.drivetrain import gear_transmission, motor_cycle, motor_with_gear, ratings_of
-from pinfric.drives.limit import Case, Limit
+from pinfric.drives.limit import Case, Limit, signals
 from pinfric.drives.limits import LIMITS, add_limit, check
 from pinfric.drives.policy import Conditions
 from pinfric.drives.rules import gear_life, resonance
@@ -643,3 +643,16 @@ def test_a_continuous_torque_from_a_current_says_so(tmp_path):
     found = criterion(sized(tmp_path, motor), "continuous torque")
     assert "continuous torque = torque constant x continuous current" in found.note
     assert "per A rms" not in found.note  # of the line
+
+
+def test_what_a_sample_asks_of_a_drive_by_hand():
+    """Speeding up, standing, slowing down; at rest friction may hold it, or stand in its way."""
+    scene = turntable()
+    v, a = np.array([[1.0], [0.0], [1.0]]), np.array([[ACCELERATION], [0.0], [-ACCELERATION]])
+    result = pf.inverse_dynamics(scene, np.zeros((3, 1)), v, a)
+    worst, needed = signals(result, 2.0), signals(result, 2.0, needed=True)
+    assert worst["effort"][:, 0] == pytest.approx([UP, COULOMB, -DOWN])
+    assert needed["effort"][:, 0] == pytest.approx([UP, 0.0, -DOWN])
+    assert worst["voltage"][:, 0] == pytest.approx([UP + 2.0, COULOMB, -DOWN - 2.0])
+    assert needed["voltage"][:, 0] == pytest.approx([UP + 2.0, 0.0, -DOWN - 2.0])
+    assert worst["acceleration"][:, 0] == pytest.approx([ACCELERATION, 0.0, ACCELERATION])

@@ -40,6 +40,14 @@ def test_what_locks_beside_what_slips_is_held(kind, seed):
     np.testing.assert_allclose(a, wanted, rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.parametrize(("kind", "seed", "many"), [("couples", 126, 2), ("couples", 128, 4)])
+def test_answers_that_slip_less_but_do_not_last_are_counted(kind, seed, many):
+    """The stable answer slips more than the unstable ones; the result says that these exist."""
+    assert compare(kind, seed)[0] == f"same: {many} answers, 1 stable"
+    scene, q, v, torque, _ = KINDS[kind](np.random.default_rng([list(KINDS).index(kind), seed]))
+    assert pf.forward_dynamics(scene, q, v, motor_torque=torque).answers == many
+
+
 # ---------------------------------------------------------------- one worm, by hand
 
 #: M = 10, h = 98.1, eta 0.4, eta_b -0.2, n 1, and I = 1: below -eta_b M = 2.

@@ -7,11 +7,12 @@ from functools import cache
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import block, plane_friction
+from builders import block, plane_friction, random_tree
 from scipy.optimize import brentq
 from simulation_cases import Belt, G
 
 import pinfric as pf
+from pinfric.dynamics.simulation.event import EventIntegration
 from pinfric.errors import SimulationError
 
 
@@ -207,3 +208,34 @@ def test_a_pulse_that_starts_at_a_breakpoint_and_is_gone_at_the_next_look():
     assert [e.kind for e in motion.events] == ["slip", "stick"]
     assert motion.events[0].time == 0.5
     assert motion.q[-1, 0] > 0
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-10])
+def test_one_guard_between_looks_is_that_of_all(rtol, monkeypatch):
+    """Of RK45, a joint's speed is read from its polynomial alone; DOP853 takes small tolerances."""
+    compared = []
+    first_event = EventIntegration._first_event
+
+    def look(self, start, end, polynomial):
+        own, self.allowance = self.allowance, np.linspace(0.5, 1.0, self.nc)
+        for t in np.linspace(start, end, 4):
+            guards = self._guards(np.array([t]), polynomial(t)[None, :])[0] + self.allowance
+            mine = [self._guard(c, polynomial)(t) for c in range(self.nc)]
+            np.testing.assert_allclose(mine, guards, rtol=1e-12, atol=1e-12)
+            compared.extend(self.given.stuck)
+        self.allowance = own
+        return first_event(self, start, end, polynomial)
+
+    monkeypatch.setattr(EventIntegration, "_first_event", look)
+    model = random_tree(1, 2)
+    first, second = list(model.names)[1:]
+    friction = {
+        first: {"coulomb": {"static": 1e3, "kinetic": 1e3}},
+        second: {"coulomb": {"static": 0.2, "kinetic": 0.1}},
+    }
+    scene = pf.Scene(model=model, friction=friction)
+    q, v = pin.neutral(model), np.zeros(model.nv)
+    v[model.idx_vs[2]] = 1.0
+    effort = np.full(model.nv, 0.3)
+    pf.simulate(scene, q, v, lambda t, q, v: effort * np.sin(5.0 * t), 1.0, rtol=rtol)
+    assert {bool(stuck) for stuck in compared} == {True, False}
