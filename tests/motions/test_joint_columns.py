@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pinfric.motions.joint_columns import joint_columns, limit_problems, stated_range
+from pinfric.motions.joint_columns import joint_columns, limit_problems, listing, stated_range
 
 
 @pytest.mark.parametrize(
@@ -36,3 +36,8 @@ def test_a_range_of_one_position_holds_the_joint_there():
     assert limit_problems(columns, t, np.full((2, 1), 0.2)) == []
     (problem,) = limit_problems(columns, t, np.array([[0.2], [0.3]]))
     assert "joint a: 0.3 rad is above its upper limit 0.2" in problem
+
+
+def test_a_long_listing_names_ten_and_says_how_many_there_are():
+    assert listing(range(10)) == "0, 1, 2, 3, 4, 5, 6, 7, 8, 9"
+    assert listing(range(11)) == "0, 1, 2, 3, 4, 5, 6, 7, 8, 9, ... (11 in all)"

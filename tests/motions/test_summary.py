@@ -159,18 +159,21 @@ def test_a_cylinder_rests_with_its_own_joint_and_not_with_every_other():
 
 
 @pytest.mark.parametrize(
-    ("name", "changes", "felt"),
+    ("name", "joints", "felt"),
     [
         ("excavator", {}, [[0], [1], [2]]),
         ("four_bar", {}, [[0, 1, 2, 3]]),
-        ("excavator", {"couples": {"stick_pin": 1.0}}, [[0], [1, 2], [1, 2]]),
+        ("excavator", {1: {}, 2: {"couples": {"stick_pin": 1.0}}}, [[0], [1, 2], [1, 2]]),
+        ("excavator", {0: {}}, [[0], [1], [2]]),
     ],
 )
-def test_only_friction_that_a_drive_feels_changes_its_effort(name, changes, felt):
+def test_only_friction_that_a_drive_feels_changes_its_effort(name, joints, felt):
+    """With drives on some joints in place of cylinders, one coupled to the joint before."""
     scene = pf.load_scene(name)
-    if changes:  # one cylinder, then drives on the joints, the last coupled to the one before
-        joints = [{"joint": "stick_pin"}, {"joint": "bucket_pin", **changes}]
-        scene = scene.with_(actuators=[scene.actuators[0], *joints])
+    drives = list(scene.actuators)
+    for d, changes in joints.items():
+        drives[d] = {"joint": scene.joint_names[d], **changes}
+    scene = scene.with_(actuators=drives)
     assert [sites_on(scene, d) for d in range(len(scene.drives))] == felt
     motion = pf.load_trajectory(name, scene)
     row = [len(motion.t) // 3]

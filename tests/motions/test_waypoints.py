@@ -329,3 +329,12 @@ def test_unknown_waypoint_keys_name_the_nearest(tmp_path):
 )
 def test_bad_waypoint_files(tmp_path, text, part):
     assert part in message(write(tmp_path, "move.yaml", text), one_joint_scene())
+
+
+def test_a_misspelt_payload_is_not_said_to_be_let_go_twice(tmp_path):
+    points = "[{q: [0.0], attach: bx}, {q: [1.0], duration: 1.0, detach: box}]"
+    text = f"pinfric_trajectory: 1\nsample_rate: 10\npoints: {points}\n"
+    path = write(tmp_path, "move.yaml", text)
+    said = message(path, one_joint_scene(box=False))
+    assert "unknown payload 'bx'" in said
+    assert "detached already" not in said

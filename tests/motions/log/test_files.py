@@ -1,6 +1,7 @@
 """Logs in the dialects of robots and their tools: columns, units, rows, bags, and bad files."""
 
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from log_cases import (
 
 import pinfric as pf
 from pinfric.errors import PinfricWarning, TrajectoryError
-from pinfric.motions.log.frame import MOST_ROWS
+from pinfric.motions.log.frame import MOST_ROWS, check_size
 
 
 def test_gzipped_files_with_a_mapping_beside_them(tmp_path):
@@ -154,6 +155,12 @@ def test_parquet_that_cannot_be_a_log(tmp_path):
     assert file.stat().st_size < 2**16
     with pytest.raises(TrajectoryError, match=r"log\.parquet: has more than 5,000,000 rows"):
         pf.load_trajectory(file, arm())
+
+
+def test_many_columns_of_fewer_rows_are_too_much_as_well():
+    check_size(Path("log.mat"), 2_500_000, 100)
+    with pytest.raises(TrajectoryError, match=r"log\.mat: has more than 250,000,000 numbers"):
+        check_size(Path("log.mat"), 2_500_001, 100)
 
 
 def test_small_files_that_hold_far_more(tmp_path, monkeypatch):

@@ -7,6 +7,7 @@ from builders import chain
 from log_cases import ARM, LOADED, write_csv
 
 import pinfric as pf
+from pinfric.motions.log.motion import _LOWER
 from pinfric.motions.log.noise import (
     Spectra,
     acceleration_jumps,
@@ -63,6 +64,8 @@ def test_an_encoder_that_flickers_by_one_count_does_not_accelerate(tmp_path):
     q = np.full((t.size, 1), 0.3)
     q[400] += count  # one row
     q[700:] += count  # and from here on
+    for sigma in (noise_level, noise_floor):
+        assert sigma(q[:, 0]) == pytest.approx(count / np.sqrt(12.0), rel=1e-6)
     model = chain(("a", pin.JointModelRZ(), ARM))
     path = write_csv(tmp_path / "a.csv", t, ["a"], q, "%.17g")
     assert np.abs(pf.load_trajectory(path, pf.Scene(model=model)).a).max() < 0.5  # 24 by a spline
@@ -84,3 +87,19 @@ def test_only_profiles_whose_acceleration_jumps_are_filtered_by_a_gaussian(smoot
             seen = [Spectra.of(x, 0.002, noise_floor(x)) for x in q.T]
             found = [acceleration_jumps(one, signal_cutoff(one)) for one in seen]
             assert found == [truth is jerky] * 4
+
+
+def test_the_shift_is_what_a_lower_cutoff_takes_from_a_sine_more(tmp_path):
+    """a (g_lower - g): gains of a Butterworth of order four that runs forth and back."""
+    t, frequency, cutoff = np.arange(0, 6, 0.002), 5.0, 12.0
+    rate = 2 * np.pi * frequency
+    q = 0.5 * np.sin(rate * t) + 2e-5 * np.random.default_rng(4).normal(size=t.size)
+    path = write_csv(tmp_path / "a.csv", t, ["a"], q[:, None], "%.17g")
+    scene = pf.Scene(model=chain(("a", pin.JointModelRZ(), ARM)))
+    motion = pf.load_trajectory(path, scene, pf.ReadingOptions(cutoff=cutoff))
+    tangent = np.tan(np.pi * np.array([_LOWER, 1.0]) * cutoff * 0.002)
+    lower, own = 1.0 / (1.0 + (np.tan(np.pi * frequency * 0.002) / tangent) ** 8)
+    wanted = -(rate**2) * 0.5 * np.sin(rate * motion.t) * (lower - own)
+    found = motion.reading.uncertain.acceleration_shift[:, 0]
+    inside = (motion.t > 1.0) & (motion.t < 5.0)
+    np.testing.assert_allclose(found[inside], wanted[inside], atol=0.05 * np.abs(wanted).max())
