@@ -343,7 +343,7 @@ def low_pass(
         smooth = gaussian_filter1d(longer, width, axis=0, mode="nearest", truncate=6.0)
     else:
         sections = butter(_BUTTERWORTH, cutoff, fs=1.0 / step, output="sos")
-        smooth = sosfiltfilt(sections, longer, axis=0, padlen=min(len(longer) - 1, span))
+        smooth = sosfiltfilt(sections, longer, axis=0, padlen=span)
     return np.asarray(smooth[len(before) : len(before) + count])
 
 

@@ -1,6 +1,8 @@
 """ROS 2 bags, as a folder and as a file."""
 
 import shutil
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from log_cases import (
 
 import pinfric as pf
 from pinfric.errors import TrajectoryError
+from pinfric.motions.log.bags import _joint_states
 from pinfric.motions.log.reading import ReadingOptions
 
 NAMES = ["arm_lift", "gripper", "base_turn"]
@@ -86,6 +89,17 @@ def test_messages_without_names_hold_nothing(tmp_path):
     bare = write_bag(tmp_path / "bare", "SQLITE3", names=lambda i: [])
     with pytest.raises(TrajectoryError, match="no message of topic /joint_states names a joint"):
         pf.load_trajectory(bare, arm())
+
+
+def test_a_bag_of_too_many_messages_is_refused_before_they_are_read():
+    class Reader:
+        connections = tuple(SimpleNamespace(topic="/a", msgcount=n) for n in (5_000_000, 1))
+
+        def messages(self, connections):
+            raise AssertionError("read")
+
+    with pytest.raises(TrajectoryError, match=r"bag: has more than 5,000,000 rows; split it"):
+        _joint_states(Path("bag"), Reader(), "/a")
 
 
 def test_a_joint_named_twice_in_a_message_is_refused(tmp_path):

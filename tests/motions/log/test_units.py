@@ -15,6 +15,9 @@ from log_cases import (
 )
 
 from pinfric.errors import TrajectoryError
+from pinfric.motions.joint_columns import joint_columns
+from pinfric.motions.log.reader import read_log
+from pinfric.motions.log.reading import ReadingOptions
 
 
 def test_units_in_brackets_say_the_quantity(tmp_path):
@@ -125,3 +128,11 @@ def test_a_frozen_encoder_is_named_by_its_stop_from_full_motion(tmp_path):
     said = refused(tmp_path, table(("t", *NAMES), T, frozen), scene=arm(speed=3.0))
     assert f"joint base_turn: its angle stands still from {T[at]:.6g} to" in said
     assert f"within a row, line {at + 3}" in said
+
+
+def test_the_last_digit_of_degrees_is_one_of_radians(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text(table(("t", *NAMES), T, np.degrees(Q), form="%.3f"))
+    columns = joint_columns(arm().model, "")
+    read = read_log(path, columns, (), lambda *_: columns, ReadingOptions(unit="deg"), [])
+    np.testing.assert_allclose(read[1].resolution, np.radians(1e-3))
