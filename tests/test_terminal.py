@@ -58,6 +58,7 @@ def test_wrong_usage_is_one_line(arguments, culprit, capsys):
     assert err.count("\n") == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", [["--json"], []])
 def test_reader_that_leaves_early_sees_no_traceback(files, form):
     process = shell("inverse", "arm.yaml", "way.yaml", *form)

@@ -6,8 +6,10 @@
     python tools/mutants.py drives sizing          by the tests about these rooms
 
 Each mutant changes one line in memory: a comparison, a sign, a product, a number, a condition, or
-it leaves out a statement. Kernels run as plain Python, so nothing is compiled. Tests are collected
-once; everything else happens in forked processes, so that no test sees what another one left:
+it leaves out a statement. Where a room has kernels, all run as plain Python, so nothing is
+compiled; where it has none, they are compiled as ever, and tests take no longer than they do. Tests
+are collected once; everything else happens in forked processes, so that no test sees what another
+one left:
 
 1. The tests of the mutant's own module run, then those of its folder that call its function. One
    that fails counts only if it fails alone, too, and passes alone unbroken. Where numba divides by
@@ -221,13 +223,15 @@ def chosen(room: str, count: int, seed: int, skip: int = 0) -> list[Mutant]:
     ][skip:]
 
 
+def has_kernels(room: str) -> bool:
+    """Whether a file of a room has kernels."""
+    files = (ROOT / "pinfric" / room).rglob("*.py")
+    return any("pinfric.kernels.compiled import" in file.read_text() for file in files)
+
+
 def interpret_kernels() -> None:
     """Make kernels plain functions, before any module with one is imported."""
     np.seterr(all="ignore")
-    hypothesis.settings.register_profile(
-        "mutants", database=None, deadline=None, derandomize=True, max_examples=20
-    )
-    hypothesis.settings.load_profile("mutants")
 
     def as_it_is(function: Any, *_: object, **__: object) -> Any:
         return function
@@ -513,7 +517,12 @@ def main() -> None:
     parser.add_argument("--map", type=Path, help="file: what tests call, kept between runs")
     parser.add_argument("--all", action="store_true", help="run what was judged by hand, too")
     given = parser.parse_args()
-    interpret_kernels()
+    hypothesis.settings.register_profile(
+        "mutants", database=None, deadline=None, derandomize=True, max_examples=20
+    )
+    hypothesis.settings.load_profile("mutants")
+    if any(map(has_kernels, given.rooms)):
+        interpret_kernels()
     mutants = [
         one for room in given.rooms for one in chosen(room, given.count, given.seed, given.skip)
     ]

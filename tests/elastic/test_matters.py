@@ -45,6 +45,7 @@ def test_what_winding_up_takes_of_a_motor():
     assert found.sag is None
 
 
+@pytest.mark.slow
 def test_explain_says_it_only_of_elastic_scenes(capsys):
     scene = pf.load_scene("ur10_machine_tending")
     motion = pf.load_trajectory("ur10_machine_tending", scene)

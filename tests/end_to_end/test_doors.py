@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import doors
+import pytest
 
 import pinfric as pf
 from pinfric.cli import app
@@ -59,12 +60,14 @@ def open_doors(*names, **changes):
     )
 
 
+@pytest.mark.slow
 def test_some_doors_open_with_an_empty_cache():
     done = open_doors("holds", "pinfric catalog")
     assert done.returncode == 0, done.stdout + done.stderr
     assert "2 doors in" in done.stdout
 
 
+@pytest.mark.slow
 def test_a_door_that_does_not_open_is_seen():
     code = "import sys, doors; doors.FUNCTIONS = {'x': '1 / 0'}; sys.argv[1:] = ['x']; doors.main()"
     done = subprocess.run(

@@ -98,6 +98,7 @@ def test_ctrl_c_while_kernels_are_compiled(delay, tmp_path):
     expect_the_end(process)
 
 
+@pytest.mark.slow
 def test_ctrl_c_while_other_processes_work(tmp_path):
     process = begin("two processes", tmp_path)
     wait_for(process, lambda: len(workers(process.pid)) >= 2)
@@ -121,12 +122,14 @@ def test_ctrl_c_after_the_cycles_of_a_sweep(delay, tmp_path):
     assert [p.name for p in (tmp_path / "out").iterdir()] == ["samples.parquet"]
 
 
+@pytest.mark.slow
 def test_a_term_is_a_ctrl_c(tmp_path):
     process = begin("two processes", tmp_path)
     wait_for(process, lambda: len(workers(process.pid)) >= 2)
     expect_the_end(process, terminate, 3.0)
 
 
+@pytest.mark.slow
 def test_processes_end_with_the_one_that_started_them(tmp_path):
     """Also where it could not tell them."""
     process = begin("two processes", tmp_path)
@@ -145,6 +148,7 @@ def wait_for(process, there):
         time.sleep(0.05)
 
 
+@pytest.mark.slow
 def test_ctrl_c_that_is_ignored_stays_ignored(tmp_path):
     """As `nohup` and a shell's `&` have it."""
     process = begin(

@@ -354,6 +354,7 @@ def test_an_option_that_is_none_gives_false_and_zeros(headers, monkeypatch, wron
         monkeypatch.undo()
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_sanitizers_find_nothing(tmp_path):
     scenes = [RICH[4], RICH[7]]

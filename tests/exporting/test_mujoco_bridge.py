@@ -26,6 +26,7 @@ def model_of(scene, **changed):
     return mujoco.MjModel.from_xml_string(text)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [slider, lambda: pf.load_scene("pendulum")])
 def test_it_moves_sticks_and_slips_as_simulate_does(make):
     """Errors at the end after 2 s fall with the step; constants are far off."""

@@ -34,6 +34,7 @@ def test_the_laws_that_made_the_log_are_found(found):
     assert found.delay == pytest.approx(DELAY, abs=1.5e-3)
 
 
+@pytest.mark.slow
 def test_a_gear_is_offered_whose_own_loss_makes_the_coulomb_friction_large():
     scene = truth()
     dry = {"static": 8.0, "kinetic": 8.0}

@@ -44,6 +44,7 @@ def test_the_posterior_is_swept_row_by_row(found, tmp_path):
         assert (np.abs(rows - sample) < 1e-12).all(axis=1).any()
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*hysteresis")
 def test_what_no_log_tells_of_a_drive_stays_in_the_scene(tmp_path):
     """Before, the scene that was written had lost all of these."""

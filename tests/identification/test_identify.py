@@ -98,6 +98,7 @@ def test_a_replay_marks_where_the_log_is_off(found):
         assert length(mild) >= length(now_strong)
 
 
+@pytest.mark.slow
 def test_joints_that_the_model_does_not_explain_are_named_and_get_no_laws(tmp_path):
     turned = replace(short(), q=short().q * np.array([1, -1, 1, 1, 1, 1]))
     laws = dict.fromkeys(NAMES, Law())

@@ -20,6 +20,7 @@ def lacks(one: Identified) -> list[str]:
     return [line for line in one.notes if line.startswith("lack of fit")]
 
 
+@pytest.mark.slow
 def test_the_true_model_lacks_nothing():
     assert lacks(found("true")) == []
     assert np.mean(list(hits(found("true")).values())) >= 0.85
@@ -29,7 +30,7 @@ def test_the_true_model_lacks_nothing():
     ("case", "named"),
     [
         ("position", "its angle"),
-        ("offset", "an offset of"),
+        pytest.param("offset", "an offset of", marks=pytest.mark.slow),
         pytest.param("stribeck", "the speed", marks=pytest.mark.slow),
         pytest.param("motor turn", "the motor's angle (once per turn)", marks=pytest.mark.slow),
         pytest.param("filter", "the rate of change of the effort", marks=pytest.mark.slow),
@@ -59,6 +60,7 @@ def test_an_unknown_payload_leaves_friction_in_its_intervals():
     assert any("scene lacks a payload" in line for line in found("payload").notes)
 
 
+@pytest.mark.slow
 def test_a_bearing_that_the_scene_lacks_is_named():
     laws = dict.fromkeys(NAMES, Law()) | {NAMES[1]: Law(load="gear")}
     one = pf.identify(guess(100, bearing=False), wrong_log("true", 100), laws=laws)

@@ -3,6 +3,7 @@
 from io import StringIO
 
 import numpy as np
+import pytest
 from identify_cases import (
     NAMES,
     Motion,
@@ -49,6 +50,7 @@ def test_the_short_report_is_a_screen_with_all_doubts_and_the_long_one_has_all_n
     assert "one log only" in " ".join(printed(True).split())
 
 
+@pytest.mark.slow
 def test_a_log_that_never_is_fast_says_that_speeds_are_extrapolated():
     fast = excitation(0, 20.0, 100.0)
     motion = Motion(10.0 * fast.t, fast.q, fast.v / 10.0, fast.a / 100.0)

@@ -141,6 +141,7 @@ def test_a_gain_makes_efforts_of_logged_currents(tmp_path):
         read_recordings(guess(3), [path], {}, {}, ReadingOptions())
 
 
+@pytest.mark.slow
 def test_torques_at_the_shafts_are_multiplied_by_the_ratios():
     given = {"inertia": "keep", "laws": dict.fromkeys(NAMES, Law())}
     scene, one = guess(0), short()

@@ -29,6 +29,7 @@ from pinfric.identification.recordings import STILL, Recording, stick_velocity
 from pinfric.identification.rest import _held, break_aways
 
 
+@pytest.mark.slow
 def test_static_friction_shows_where_joints_break_away_slowly():
     logs = [short(), slow_departures((0, 3), 1.3)]
     # the elbow stands in the second log, and its bearing has no load to vary there
@@ -60,6 +61,7 @@ def test_joints_stick_up_to_what_noise_makes_of_their_velocities():
     assert any(line.startswith("the scene's `stick` velocity is") for line in found.notes)
 
 
+@pytest.mark.slow
 def test_a_jump_of_effort_at_departure_is_no_break_away():
     logs = [short(), slow_departures((0, 3), 1.0, rise=0.04)]
     found = pf.identify(guess(0), logs, laws=dict.fromkeys(NAMES, Law()))
@@ -67,6 +69,7 @@ def test_a_jump_of_effort_at_departure_is_no_break_away():
     assert not any(p.name.endswith("static") for p in found.parameters)
 
 
+@pytest.mark.slow
 def test_a_hold_beside_a_motion_bounds_friction_at_rest_and_changes_nothing_else():
     laws = dict.fromkeys(NAMES, Law())
     hold = log(0, 20.0, 100.0, still=tuple(range(6)), name="hold")

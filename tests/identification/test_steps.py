@@ -241,6 +241,7 @@ def test_masses_or_loads_tell_a_zero_that_is_off_by_a_quarter_turn():
         pf.identify(guess(0), turned(2, -np.pi / 2), laws=laws)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turn", [90, -90])
 def test_a_wrong_zero_that_the_last_links_take_up_is_named(turn):
     """Masses move by less than a URDF is off by, and errors stay at 3 %; but another zero fits."""
@@ -261,6 +262,7 @@ def test_masses_are_said_beside_the_urdfs(found):
     assert turned_zeros(found.estimate) == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("joint", "turn"), [(4, 0.2), (2, -0.2)])
 def test_a_zero_that_is_off_by_a_little_is_named(joint, turn):
     """Of wrist 2 a turn of 0.2 rad itself is no better than the errors of its gain."""

@@ -89,6 +89,7 @@ def test_the_posterior_scatters_as_the_intervals_say(found):
     assert np.corrcoef(draws, gear)[0, 1] > 0.3
 
 
+@pytest.mark.slow
 def test_two_logs_say_how_much_friction_differs_between_them():
     laws = dict.fromkeys(NAMES, Law())
     other = short(3)

@@ -175,6 +175,7 @@ def test_friction_at_rest_of_an_undriven_joint_is_what_balances_it():
     assert not pf.holds(cart_pole(), q, [0.0]).held
 
 
+@pytest.mark.slow
 def test_a_simulated_cart_pole_takes_the_effort_it_was_given():
     scene = cart_pole()
     motion = pf.simulate(scene, [0.0, 0.4], [0.1, 0.2], [0.5], 0.3)

@@ -108,6 +108,7 @@ def test_both_solvers_find_the_push_of_the_closed_form(newton, mu):
     assert solve(friction, newton, 1e-14, 2, 1, x) == -1
 
 
+@pytest.mark.slow
 def test_a_four_bar_jams_beyond_its_certificate():
     """Contraction 1 is a bound there: the jam comes 14 to 29 % later."""
     case, near = turning_four_bar(40), slice(34, 39)  # of the turn, where it jams first

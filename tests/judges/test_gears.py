@@ -141,6 +141,7 @@ def test_two_worms_on_one_joint_share_a_load_that_each_may_hold():
     assert found.effort[0] <= -10.0 + 1e-12 or found.effort[0] >= 0.8 - 1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", [0, 40])
 def test_what_gears_and_bearings_at_rest_get_obeys_the_law_of_each(first):
     """min(t/eta, eta_b t) - n <= u <= max(t/eta, eta_b t) + n; bearings within their limits."""

@@ -161,6 +161,7 @@ def test_a_worm_lowers_at_constant_speed_and_locks_when_the_motor_stops():
         assert found.events[0].time == pytest.approx(stop, abs=near)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("transmission", "gear"),
     [

@@ -193,6 +193,7 @@ def test_inverse_dynamics_of_a_simulated_motion_gives_its_efforts_back():
     assert error[moving].max() < 1e-7
 
 
+@pytest.mark.slow
 def test_time_stepping_a_mechanism_is_first_order():
     scene = pf.load_scene("delta")
     q, v = start_state(scene)
@@ -252,6 +253,7 @@ def test_a_motion_goes_to_a_file_and_back_and_knows_its_loops(tmp_path):
 
 # Safeguard: guards know the rounding of loads that cancel, and one freedom's joints break away
 # together. Without: a wrist "slips" alone at 6e-8 s, then a rod and a piston.
+@pytest.mark.slow
 def test_one_freedom_breaks_away_at_once_although_nothing_loads_its_pins():
     """Ramp 0.2 t against a brake of 0.05 N m: at 0.25 s, all four joints, and none before."""
     case = boxer(cylinders=1, angle=1.0)

@@ -187,6 +187,7 @@ def test_a_slider_crank_cut_at_its_guide_is_the_one_cut_at_its_pins(kind, gravit
             np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-12 * size)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drive", ["O", "G"])
 def test_a_guide_that_is_a_loop_slips_and_sticks_when_a_joint_would(drive):
     motions = {}

@@ -59,6 +59,7 @@ def test_branch_and_bound_finds_the_ends_of_every_corner(seed):
     assert found.check().passed(1e-12)
 
 
+@pytest.mark.slow
 def test_a_search_that_may_miss_the_ends_says_so():
     """Fourteen pins under so much friction that branch and bound takes too long."""
     chain = random_chain(21, (6, 4, 4), 0.8)

@@ -14,6 +14,7 @@ def test_the_acceleration_is_the_one_that_obeys_the_laws(kind, seeds):
     assert {compare(kind, seed) for seed in seeds} == {"same"}
 
 
+@pytest.mark.slow
 def test_states_have_up_to_eleven_pins_at_rest_or_sliding():
     trees = [tree_state(seed)[0] for seed in range(60)]
     loops = [loop_state(seed)[0] for seed in range(60)]

@@ -79,6 +79,7 @@ def test_a_stuck_pin_keeps_its_angle_wherever_the_loop_is_cut(stuck, method):
 
 # Safeguard: every step of the integrator knows what stood still in it. Without: samples taken later
 # hold a pin where it stands at the end of the motion.
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["planar_pin", "revolute"])
 @pytest.mark.parametrize("method", METHODS)
 def test_a_pin_that_stops_and_lets_go_stands_in_between(method, kind):
@@ -146,6 +147,7 @@ def pin_rates_of_bars(motion, sample):
 
 # Safeguard: what sticks from the start stands where its loops are closed. Without: pins held at an
 # open place leave a loop that "cannot close", 6e-9 m.
+@pytest.mark.slow
 @pytest.mark.parametrize("cut", ["A", "B"])
 @pytest.mark.parametrize("method", METHODS)
 def test_what_sticks_in_a_loop_given_slightly_open_stands_where_it_is_closed(cut, method):

@@ -145,6 +145,7 @@ def test_a_cache_that_names_a_class_gone_since_is_compiled_anew(tmp_path, monkey
     assert file.load("key") == 42.0
 
 
+@pytest.mark.slow
 def test_what_compiles_is_said_on_a_pipe_and_once(tmp_path):
     (tmp_path / "kernel_of_a_test.py").write_text(KERNEL)
     first, second = (python(tmp_path, "kernel_of_a_test.py") for _ in range(2))
@@ -155,6 +156,7 @@ def test_what_compiles_is_said_on_a_pipe_and_once(tmp_path):
     assert first.stdout == second.stdout == "42.0\n"
 
 
+@pytest.mark.slow
 def test_what_cannot_be_kept_is_said(tmp_path):
     done = python(tmp_path, "-c", KERNEL)  # numba caches no code that is in no file
     assert done.stdout.split()[0] == "42.0"

@@ -192,6 +192,7 @@ def run(folder, *arguments, **more):
     )
 
 
+@pytest.mark.slow
 def test_interpreted_and_compiled_agree(tmp_path):
     cold = run(tmp_path / "empty", "-c", COLD, "interpreted", str(ROOT)).stdout
     compiled = run(os.environ.get("NUMBA_CACHE_DIR", ""), "-c", COLD, "compiled", str(ROOT)).stdout

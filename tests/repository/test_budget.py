@@ -7,6 +7,8 @@ import tomllib
 from collections import Counter
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[2]
 #: Since Python 3.12 a formatted string is many tokens, from a start to an end; it counts as one.
 STARTS, ENDS = (getattr(tokenize, f"FSTRING_{end}", None) for end in ("START", "END"))
@@ -26,6 +28,7 @@ def tokens():
     return found
 
 
+@pytest.mark.slow
 def test_no_room_has_more_tokens_than_its_budget():
     """After a change: raise a number in pyproject.toml, and say in the commit what it bought."""
     budget = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["pinfric"]["tokens"]

@@ -129,6 +129,7 @@ LOOKED_UP = {
 }
 
 
+@pytest.mark.slow
 def test_no_module_writes_into_another():
     """So that nothing of a room above comes into one below but through `model/upward.py`."""
     for name in graph().find_descendants("pinfric") | {"pinfric"}:
@@ -167,6 +168,7 @@ STEPS = {
 }
 
 
+@pytest.mark.slow
 def test_nothing_is_loaded_before_it_is_used(tmp_path):
     """Not even the rest of the package: its public names are there all the same."""
     tell = "\nimport sys; print(*sys.modules)\n"

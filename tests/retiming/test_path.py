@@ -18,6 +18,7 @@ def test_stops_that_are_left_at_once_the_other_way():
     assert retime(planar(), way, MOTORS).excess < 1e-3
 
 
+@pytest.mark.slow
 def test_far_points_that_miss_the_way_are_set_nearer():
     """A curved path on which a third of the points asked for find no speed at one place."""
     points = np.random.default_rng(7).uniform(-1.6, 1.6, (3, 6, 2))[2]

@@ -78,6 +78,7 @@ def test_the_worst_is_that_of_every_sample(found):
     assert found.farthest.path == pytest.approx(max(stop.path for stop in every), rel=0.01)
 
 
+@pytest.mark.slow
 def test_the_worst_of_many_hills_is_found():
     """Two sines of each axis: following the nearest hill upwards missed 15 % of a travel."""
     scene, t = braked(load=False), np.linspace(0.0, 4.0, 241)

@@ -25,6 +25,7 @@ def stored(out, **more):
     return pf.sweep(scene, steady(scene), SWEEP, out=out, processes=1, **more)
 
 
+@pytest.mark.slow
 def test_flipped_bits_are_refused_or_change_nothing(tmp_path):
     written = stored(tmp_path / "first")
     content = (tmp_path / "first" / "samples.parquet").read_bytes()

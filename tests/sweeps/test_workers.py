@@ -298,6 +298,7 @@ def test_without_the_extra_a_cluster_is_refused(monkeypatch):
         pf.sweep(scene, steady(scene), sweep_of(8, speed=uniform(1, 2)), scheduler="tcp://x:1")
 
 
+@pytest.mark.slow
 def test_long_sweeps_take_all_cores(monkeypatch):
     monkeypatch.setattr("pinfric.sweeps.run._SHORT", 0.0)
     monkeypatch.setattr("joblib.cpu_count", lambda: 2)

@@ -61,10 +61,10 @@ def bars_at(offset: float, stretched: bool, way: int) -> np.ndarray:
     return np.array([angle, second, np.arctan2(end[1], end[0])])
 
 
-SLOW = [pytest.param(10.0**-k, marks=pytest.mark.slow) for k in (11, 10, 9, 8, 7, 6, 5, 4)]
+SLOW = [pytest.param(x, marks=pytest.mark.slow) for x in (0.0, *(10.0**-k for k in range(3, 12)))]
 
 
-@pytest.mark.parametrize("offset", [0.0, 1e-12, 1e-3, *SLOW])
+@pytest.mark.parametrize("offset", [1e-12, *SLOW])
 @pytest.mark.parametrize(
     "mu", [*(pytest.param(mu, marks=pytest.mark.slow) for mu in (0.3, 0.6)), 1.0]
 )

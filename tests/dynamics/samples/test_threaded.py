@@ -30,6 +30,7 @@ EVERYTHING = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("samples", [1, 2, 3, 7, 2049])
 def test_threads_change_no_bit(samples):
     """Sliding joints, too: a guide fixed to its parent reads the displacement of its own samples"""
@@ -125,6 +126,7 @@ for threads in (1, 2):
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(len(os.sched_getaffinity(0)) < 2, reason="threads need cores")
 def test_a_forked_process_is_not_ended_by_the_threads_of_its_parent():
     """OpenMP ends a child that asks for threads which its parent has had: it gets one."""

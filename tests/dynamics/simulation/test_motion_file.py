@@ -47,6 +47,7 @@ def assert_same(motion, other):
         np.testing.assert_array_equal(getattr(motion, name), getattr(other, name))
 
 
+@pytest.mark.slow
 def test_flipped_bits_and_torn_ends_are_errors_or_nothing(saved, tmp_path):
     scene, motion, content = saved
     chance = random.Random(1)

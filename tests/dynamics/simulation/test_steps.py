@@ -60,6 +60,7 @@ def test_the_root_of_a_jump_is_its_far_side(before, after):
 # Regularized: regularized friction: its own error, and creep as predicted.
 
 
+@pytest.mark.slow
 def test_regularized_follows_the_belt_with_an_error_of_its_own():
     """Without a static peak (static = kinetic) it comes as near as its velocity lets it."""
     scene = pf.Scene(model=block(0.0), friction={"slide": plane_friction(0.3, 0.3)})

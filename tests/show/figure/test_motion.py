@@ -42,6 +42,7 @@ def many(count, still=3):
     return pf.simulate(scene, np.zeros(count), speed, np.zeros(count), 0.01)
 
 
+@pytest.mark.slow
 def test_the_figure_of_many_joints_is_one_screen_or_two_and_counts_the_rest():
     motion = many(40)
     figure = motion_figure(motion)

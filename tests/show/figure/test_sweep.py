@@ -29,6 +29,7 @@ def test_figure_shows_what_lies_beyond_the_rating(panda):
     assert axes[3].get_xlim()[1] < 2.0
 
 
+@pytest.mark.slow
 def test_figure_survives_samples_without_solution():
     scene = pf.load_scene("drawer")
     motion = pf.load_trajectory("drawer", scene)
@@ -48,6 +49,7 @@ def test_figure_survives_samples_without_solution():
     assert "(1 without a solution)" in figure.get_suptitle()
 
 
+@pytest.mark.slow
 def test_figure_of_many_drives_has_the_largest_and_counts_the_rest():
     model = pin.Model()
     for i in range(20):

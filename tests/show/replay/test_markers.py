@@ -23,6 +23,7 @@ def jammed_drawer():
     return scene, pf.inverse_dynamics(scene, trajectory)
 
 
+@pytest.mark.slow
 def test_jammed_motion_is_replayed_as_jammed():
     scene, result = jammed_drawer()
     assert np.isnan(result.effort_upper).sum() > 100

@@ -30,6 +30,7 @@ def test_page_is_one_file_that_fetches_nothing(three_link, tmp_path):
     assert (shown.frames, shown.duration) == (179, pytest.approx(2.9))
 
 
+@pytest.mark.slow
 def test_pages_of_the_bundled_robots_stay_below_6_mb(tmp_path):
     for name in ("panda_pick_and_place", "so101"):
         scene, result = result_of(name)

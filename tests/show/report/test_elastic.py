@@ -23,6 +23,7 @@ def run(*arguments):
     assert ended.value.code == 0
 
 
+@pytest.mark.slow
 def test_the_command_writes_tables_json_and_a_picture(tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     command = ("inverse", "ur10_machine_tending", "ur10_machine_tending")
