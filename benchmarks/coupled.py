@@ -97,7 +97,7 @@ class _Sample:
     @classmethod
     def of(cls, result: InverseResult, sample: int) -> _Sample | None:
         """Return a sample's problem; None where the drives cannot balance its load."""
-        plan, _, samples, velocity = one_sample(result, sample)
+        plan, samples, velocity = one_sample(result, sample)
         solver = Solver(plan, samples.maps, velocity, result.reversal[sample][None])
         if samples.maps.singular[0]:
             return None

@@ -85,13 +85,18 @@ def loop_state(
     twin: Twin, linkage: Linkage, q: np.ndarray, v: np.ndarray, a: np.ndarray
 ) -> LoopState:
     """Return how far apart the frames of each pair are and how that changes, (n, nq), (n, nv)."""
-    n, nj = len(q), twin.n_joints
-    q_twin, v_twin, a_twin = embedded(twin, q, v, a)
-    parents, placement_p, placement_R = tree_tables(twin)
+    return embedded_state(twin, linkage, *embedded(twin, q, v, a))
+
+
+def embedded_state(
+    twin: Twin, linkage: Linkage, q_twin: np.ndarray, v_twin: np.ndarray, a_twin: np.ndarray
+) -> LoopState:
+    """Return `loop_state` of the twin's states, see `embedded`."""
+    n, nj, (parents, *placement) = len(q_twin), twin.n_joints, tree_tables(twin)
     p, R = np.empty((n, nj, 3)), np.empty((n, nj, 3, 3))
     velocity, acceleration = np.zeros((n, nj, 6)), np.zeros((n, nj, 6))
-    place_links(q_twin, parents, placement_p, placement_R, p, R)
-    if v.any() or a.any():
+    place_links(q_twin, parents, *placement, p, R)
+    if v_twin.any() or a_twin.any():
         move_links(v_twin, a_twin, parents, p, R, velocity, acceleration)
     return _related(twin, linkage, p, R, velocity, acceleration)
 

@@ -316,7 +316,7 @@ def test_what_sharing_leaves_free_moves_no_drive_in_any_basis():
     chance = np.random.default_rng(1)
     ny, nv = 6, 3
     J, y, total = (chance.normal(size=shape) for shape in ((ny, nv), (ny, 2), nv))
-    by_y = -tables.part[:, None] * J[:, tables.velocity_index].T  # of the drives' efforts
+    by_y = -tables.delivery @ J.T  # of the drives' efforts
     still = np.linalg.svd(by_y)[2][3:].T
     moving = chance.normal(size=(ny, tables.shifts))
     free = np.hstack((moving, still)) @ chance.normal(size=(tables.shifts + still.shape[1],) * 2)
@@ -324,7 +324,7 @@ def test_what_sharing_leaves_free_moves_no_drive_in_any_basis():
     assert share_work(tables, plan.entries, total, J, free, y, left)
     np.testing.assert_allclose(by_y @ left, 0.0, atol=1e-12)
     assert np.linalg.matrix_rank(left) == still.shape[1]
-    effort = by_y @ y[:, 0] + tables.part * total[tables.velocity_index]
+    effort = by_y @ y[:, 0] + tables.delivery @ total
     np.testing.assert_allclose((by_y @ moving).T @ (tables.cost * effort), 0.0, atol=1e-12)
 
 

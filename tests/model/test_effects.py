@@ -137,9 +137,9 @@ def count_calls(monkeypatch, solve):
 
     for name in ("reactions", "_plain"):
         counted(inverse_tree, name)
-    for name in ("reactions", "map_friction"):
+    for name in ("transmitted", "map_friction"):
         counted(linkage_batch, name)
-    counted(motor_torques, "motor_torque_bounds")
+    counted(motor_torques, "write_motor_torques")
     counted(interval_ends, "solve_list")
     solve()
     return counts
@@ -148,10 +148,10 @@ def count_calls(monkeypatch, solve):
 @pytest.mark.parametrize(
     ("only", "expected"),
     [
-        ([], {"_plain": 1, "motor_torque_bounds": 4}),
-        (["coulomb", "viscous"], {"_plain": 1, "motor_torque_bounds": 4}),
-        (["load"], {"reactions": 1, "motor_torque_bounds": 4}),
-        (NAMES, {"reactions": 1, "motor_torque_bounds": 4}),
+        ([], {"_plain": 1, "write_motor_torques": 1}),
+        (["coulomb", "viscous"], {"_plain": 1, "write_motor_torques": 1}),
+        (["load"], {"reactions": 1, "write_motor_torques": 1}),
+        (NAMES, {"reactions": 1, "write_motor_torques": 1}),
     ],
     ids=["nothing", "constant friction", "bearings", "everything"],
 )
@@ -164,8 +164,8 @@ def test_what_is_off_is_not_evaluated(monkeypatch, only, expected):
 @pytest.mark.parametrize(
     ("friction", "expected"),
     [
-        ({}, {"reactions": 1, "map_friction": 1}),
-        (pin_friction(0.3), {"reactions": 1, "map_friction": 1, "solve_list": 1}),
+        ({}, {"transmitted": 1, "map_friction": 1}),
+        (pin_friction(0.3), {"transmitted": 1, "map_friction": 1, "solve_list": 1}),
     ],
     ids=["loops alone", "coupled"],
 )

@@ -39,11 +39,9 @@ from pinfric.dynamics.samples.reactions import AppliedWrench, applied_wrenches
 from pinfric.dynamics.samples.states import States, unit_parts
 from pinfric.errors import PinfricError
 from pinfric.kernels.compiled import compile_for, compiling, kernel, record
-from pinfric.model.bearings import Contacts
 from pinfric.model.drives import Gears, write_motor_torques
-from pinfric.model.laws import Laws
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION
-from pinfric.model.scene import Scene, expect_scene, payload_names
+from pinfric.model.scene import Scene, SiteTables, expect_scene, payload_names
 
 
 class InverseInstant(NamedTuple):
@@ -81,9 +79,9 @@ class Sample(NamedTuple):
         q, v, a: (nq,), (1, nv), (1, nv).
         unit_q, unit_count: (nu,) see `maps.Tables`.
         force, h: (1 + nj, 6), (nv,) of Pinocchio's `Data`, see `maps.Supply`.
-        joint, place: (ns,) row of each site's joint, and of the site itself.
+        joint: (ns,) row of each site's joint.
         displacement_q, displacement_ratio, displacement_shift: (ns,), see `Plan`.
-        contacts, laws, velocity_index, ratio: of its sites. gears: of its drives.
+        sites: `Scene.site_tables`, `joint` the row of the site itself. gears: of its drives.
         geared: (1,) bool, whether a drive has a gear.
         turns: (1, na), False: no reversals.
         found: of this sample. wrench: (1, ns, 6).
@@ -101,11 +99,7 @@ class Sample(NamedTuple):
     displacement_q: np.ndarray
     displacement_ratio: np.ndarray
     displacement_shift: np.ndarray
-    place: np.ndarray
-    contacts: Contacts
-    laws: Laws
-    velocity_index: np.ndarray
-    ratio: np.ndarray
+    sites: SiteTables
     gears: Gears
     geared: np.ndarray
     turns: np.ndarray
@@ -137,9 +131,9 @@ def rub(x: Sample) -> bool:
     Returns:
         False if the state is invalid (`is_usual`), or an effort overflows.
     """
-    found = x.found  # once: arrays of a record are counted at every access
+    found, sites = x.found, x.sites  # once: arrays of a record are counted at every access
     for s in range(x.joint.size):
-        found.velocity[0, s] = x.v[0, x.velocity_index[s]] * x.ratio[s]
+        found.velocity[0, s] = x.v[0, sites.velocity_index[s]] * sites.ratio[s]
         found.displacement[0, s] = (
             x.displacement_ratio[s] * x.q[x.displacement_q[s]] + x.displacement_shift[s]
         )
@@ -147,7 +141,7 @@ def rub(x: Sample) -> bool:
             x.wrench[0, s, e] = x.force[1 + x.joint[s], e]
     for i in range(x.h.size):
         found.effort_frictionless[0, i] = x.h[i]
-    bound_within(x.place, x.contacts, x.laws, x.velocity_index, x.ratio, x.wrench, found)
+    bound_within(sites, x.wrench, found)
     lower, upper = found.effort_lower, found.effort_upper
     motor_lower, motor_upper = x.motor_torque_lower, x.motor_torque_upper
     if x.geared[0]:
@@ -161,7 +155,7 @@ def rub(x: Sample) -> bool:
 
 def make_sample(ws: Workspace) -> Sample:
     """Make the buffers of one sample of an open chain, on the Pinocchio data of a workspace."""
-    scene, plan, supply, tables = ws.scene, ws.plan, ws.supplier.supply, ws.scene.site_tables
+    scene, plan, supply = ws.scene, ws.plan, ws.supplier.supply
     ns, na = len(scene.sites), len(scene.drives)
     unit_q, unit_count = unit_parts(scene.model)
     effort, motor = np.zeros((3, 1, na)), np.zeros((2, 1, na))
@@ -179,12 +173,8 @@ def make_sample(ws: Workspace) -> Sample:
         displacement_q=plan.sites.displacement_q,
         displacement_ratio=plan.sites.displacement_ratio,
         displacement_shift=plan.sites.displacement_shift,
-        place=np.arange(ns),
-        contacts=tables.contacts,
-        laws=plan.sites.laws,
-        velocity_index=tables.velocity_index,
-        ratio=tables.ratio,
-        gears=scene_gears(scene),
+        sites=scene.site_tables._replace(joint=np.arange(ns)),
+        gears=scene_gears(scene, brakes=False),
         geared=np.array([geared]),
         turns=np.zeros((1, na), dtype=bool),
         found=TreeSamples._make(

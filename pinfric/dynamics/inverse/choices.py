@@ -15,6 +15,7 @@ from pinfric.dynamics.problem.plan import Plan
 from pinfric.friction.given_modes import solve_given_modes
 from pinfric.friction.law import add_load_slopes, write_loads
 from pinfric.friction.problem import Problem
+from pinfric.kernels.arrays import array, make
 from pinfric.kernels.compiled import kernel
 from pinfric.model.laws import Laws, is_dry, law_at
 
@@ -37,13 +38,13 @@ class Choices(NamedTuple):
         constant: (n, ns) part of its load that is constant: all of it where it cannot vary.
     """
 
-    options: np.ndarray
-    code: np.ndarray
-    direction: np.ndarray
-    way: np.ndarray
-    mu: np.ndarray
-    coulomb: np.ndarray
-    constant: np.ndarray
+    options: np.ndarray = array("n ns", np.int64, 1)
+    code: np.ndarray = array("n ns", np.int64, SLIDES)
+    direction: np.ndarray = array("n ne", fill=1.0)
+    way: np.ndarray = array("4 n ns")
+    mu: np.ndarray = array("4 n ns")
+    coulomb: np.ndarray = array("4 n ns")
+    constant: np.ndarray = array("n ns")
 
 
 class Candidates(NamedTuple):
@@ -74,15 +75,8 @@ def friction_laws(plan: Plan, maps: Maps, velocity: np.ndarray, at_rest: np.ndar
         at_rest: (n, ns) bool, sites that pass through rest beside a sample.
     """
     n, ns = at_rest.shape
-    law = Choices(
-        options=np.ones((n, ns), dtype=np.int64),
-        code=np.full((n, ns), SLIDES),
-        direction=np.ones((n, len(plan.entries.velocity_index))),
-        way=np.zeros((4, n, ns)),
-        mu=np.zeros((4, n, ns)),
-        coulomb=np.zeros((4, n, ns)),
-        constant=np.tile(plan.sites.constant, (n, 1)),
-    )
+    law: Choices = make(Choices, n=n, ns=ns, ne=len(plan.entries.velocity_index))
+    law.constant[:] = plan.sites.constant
     for t in np.flatnonzero(~plan.sites.varies[plan.contacts.site]):
         law.constant[:, plan.contacts.site[t]] += np.linalg.norm(maps.contact[:, t, 0], axis=1)
     ball = plan.sites.entry_count == 3

@@ -6,7 +6,7 @@
 rows. Full pivoting, the paper's choice, finds its rank. A rank below the number of rows means a
 toggle, where drives cannot balance the load. A rank below the number of columns means redundant
 drives, which share the work so that the sum of u^2 / share is least, and redundant closures
-(`affine.share_redundant`).
+(`affine.share`).
 """
 
 from __future__ import annotations
@@ -19,11 +19,13 @@ from pinfric.dynamics.problem.affine import (
     add_friction,
     add_products,
     add_reactions,
+    share,
     solve_balance,
     write_contacts,
 )
 from pinfric.dynamics.problem.plan import Drives, Entries, Plan
-from pinfric.friction.dense import affine, eliminate_full_pivot
+from pinfric.friction.dense import affine
+from pinfric.kernels.arrays import array, make
 from pinfric.kernels.compiled import kernel
 
 
@@ -37,21 +39,17 @@ class Maps(NamedTuple):
         singular: (n,) bool: the drives cannot balance the load here, or the closure changes rank.
     """
 
-    effort: np.ndarray
-    y: np.ndarray
-    contact: np.ndarray
-    singular: np.ndarray
+    effort: np.ndarray = array("n na columns")
+    y: np.ndarray = array("n ny columns")
+    contact: np.ndarray = array("n nt columns 3")
+    singular: np.ndarray = array("n", bool)
 
     @classmethod
     def of(cls, plan: Plan, n: int) -> Maps:
         """Make the arrays for n samples."""
-        columns = 1 + len(plan.entries.site)
-        return cls(
-            np.empty((n, len(plan.drives.part), columns)),
-            np.empty((n, plan.closure.solved, columns)),
-            np.zeros((n, len(plan.contacts.owner), columns, 3)),
-            np.empty(n, dtype=np.bool_),
-        )
+        na, ny, columns = len(plan.drives.action), plan.closure.solved, 1 + len(plan.entries.site)
+        maps: Maps = make(cls, n=n, na=na, ny=ny, nt=len(plan.contacts.owner), columns=columns)
+        return maps
 
 
 @kernel
@@ -149,37 +147,17 @@ def share_work(
     Returns:
         False where the least is not unique.
     """
-    (ny, nf), (na, columns) = free.shape, (t.part.size, y.shape[1])
+    (ny, nf), (na, columns) = free.shape, (t.action.size, y.shape[1])
     effort, along = np.empty((na, columns)), np.zeros((na, nf))
     _write_efforts(t, entries, total_effort, J, y, effort)
-    work, order = np.zeros((nf, nf + columns)), np.empty(nf, np.int64)
     for d in range(na):
-        if t.cost[d] == 0.0:
-            continue
         for f in range(nf):
             if t.velocity_index[d] < 0:
                 along[d, f] = free[t.action[d], f]
-                continue
-            for c in range(ny):
-                along[d, f] -= t.part[d] * J[c, t.velocity_index[d]] * free[c, f]
-        for f in range(nf):
-            for g in range(nf):
-                work[f, g] += t.cost[d] * along[d, f] * along[d, g]
-            for n in range(columns):
-                work[f, nf + n] -= t.cost[d] * along[d, f] * effort[d, n]
-    rank = eliminate_full_pivot(work, nf, order, 0.0)
-    if rank != t.shifts:
-        return False
-    for f in range(rank):
-        for n in range(columns):
-            for c in range(ny):
-                y[c, n] += free[c, order[f]] * work[f, nf + n]
-    for f in range(nf - rank):
-        for c in range(ny):
-            left[c, f] = free[c, order[rank + f]]
-            for r in range(rank):
-                left[c, f] -= free[c, order[r]] * work[r, rank + f]
-    return True
+            for v in range(J.shape[1]):
+                for c in range(ny if t.delivery[d, v] != 0.0 else 0):
+                    along[d, f] -= t.delivery[d, v] * J[c, v] * free[c, f]
+    return share(effort, along, t.cost, free, y, left) == t.shifts
 
 
 @kernel
@@ -200,23 +178,17 @@ def _write_efforts(
     effort: np.ndarray,
 ) -> None:
     """Write the drives' efforts (na, 1 + ne) of one sample."""
-    for d in range(t.part.size):
-        v = t.velocity_index[d]
+    for d in range(effort.shape[0]):
         for k in range(effort.shape[1]):
-            if v < 0:
-                effort[d, k] = y[t.action[d], k]
+            effort[d, k] = y[t.action[d], k] if t.velocity_index[d] < 0 else 0.0
+        for v in range(J.shape[1]):
+            if t.delivery[d, v] == 0.0:
                 continue
-            total = total_effort[v] if k == 0 else -_lever(entries, J, k - 1, v)
-            for c in range(y.shape[0]):
-                total -= J[c, v] * y[c, k]
-            effort[d, k] = t.part[d] * total
-    if t.delivery.size > 0:
-        taken = effort.copy()
-        for d in range(effort.shape[0]):
             for k in range(effort.shape[1]):
-                effort[d, k] = 0.0
-                for e in range(effort.shape[0]):
-                    effort[d, k] += t.delivery[d, e] * taken[e, k]
+                total = total_effort[v] if k == 0 else -_lever(entries, J, k - 1, v)
+                for c in range(y.shape[0]):
+                    total -= J[c, v] * y[c, k]
+                effort[d, k] += t.delivery[d, v] * total
 
 
 @kernel

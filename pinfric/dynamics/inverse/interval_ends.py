@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import product
 from typing import NamedTuple
 
@@ -39,6 +38,7 @@ from pinfric.dynamics.samples.outcome import Status
 from pinfric.friction.given_modes import MOST_SOLUTIONS, Reduced, reduce_problem
 from pinfric.friction.problem import empty_problem
 from pinfric.friction.several import distinct, from_many_starts
+from pinfric.kernels.arrays import array, make
 
 #: Choices of one sample that are all looked at: 2^12, with a ball 2^8. Its nodes of branch and
 #: bound, those of all ends together.
@@ -58,8 +58,7 @@ _TURNS, _STAYS = 60, 1e-12
 _BETWEEN = -1
 
 
-@dataclass(frozen=True)
-class Answer:
+class Answer(NamedTuple):
     """The results of n samples so far.
 
     Attributes:
@@ -72,36 +71,24 @@ class Answer:
         ends: (n, na, 2, ne) friction at each end of each effort.
     """
 
-    lower: np.ndarray
-    upper: np.ndarray
-    phi: np.ndarray
-    load: np.ndarray
-    friction_lower: np.ndarray
-    friction_upper: np.ndarray
-    status: np.ndarray
-    iterations: np.ndarray
-    contraction: np.ndarray
-    searched: np.ndarray
-    ends: np.ndarray
+    lower: np.ndarray = array("n na", fill=np.inf)
+    upper: np.ndarray = array("n na", fill=-np.inf)
+    phi: np.ndarray = array("n ne", fill=np.nan)
+    load: np.ndarray = array("n ns", fill=np.nan)
+    friction_lower: np.ndarray = array("n ns", fill=np.inf)
+    friction_upper: np.ndarray = array("n ns", fill=-np.inf)
+    status: np.ndarray = array("n", np.int8)
+    iterations: np.ndarray = array("n", np.int32)
+    contraction: np.ndarray = array("n")
+    searched: np.ndarray = array("n", bool)
+    ends: np.ndarray = array("n na 2 ne", fill=np.nan)
 
     @classmethod
     def of(cls, plan: Plan, n: int) -> Answer:
         """Make the arrays for n samples, nothing known."""
-        na, ns, ne = len(plan.drives.part), len(plan.sites.joint), len(plan.entries.site)
-        nan, inf = np.nan, np.inf
-        return cls(
-            np.full((n, na), inf),
-            np.full((n, na), -inf),
-            np.full((n, ne), nan),
-            np.full((n, ns), nan),
-            np.full((n, ns), inf),
-            np.full((n, ns), -inf),
-            np.zeros(n, dtype=np.int8),
-            np.zeros(n, dtype=np.int32),
-            np.zeros(n),
-            np.zeros(n, dtype=bool),
-            np.full((n, na, 2, ne), nan),
-        )
+        na, ns, ne = len(plan.drives.action), len(plan.sites.joint), len(plan.entries.site)
+        answer: Answer = make(cls, n=n, na=na, ns=ns, ne=ne)
+        return answer
 
 
 class _Merged(NamedTuple):
@@ -144,16 +131,9 @@ class Solver:
         if len(open_):
             self._find_ends(answer, open_)
         failed = ~np.isin(answer.status, (Status.CONVERGED, Status.AMBIGUOUS))
-        for array in (
-            answer.lower,
-            answer.upper,
-            answer.friction_lower,
-            answer.friction_upper,
-            answer.phi,
-            answer.load,
-            answer.ends,
-        ):
-            array[failed] = np.nan
+        for found in answer:
+            if found.dtype == float and found is not answer.contraction:
+                found[failed] = np.nan
         answer.searched[failed] = False
         return answer
 
@@ -504,8 +484,8 @@ class Solver:
             direction = self._turned(before, balls, drive, side)
             turned = self.candidates(before.sample, before.code, direction)
             turned.figures[:, 1] += before.figures[:, 1]
-            for array, part in zip(c, turned, strict=True):
-                array[turning] = part
+            for whole, part in zip(c, turned, strict=True):
+                whole[turning] = part
             passes = np.bincount(c.sample, c.figures[:, 1], len(answer.iterations))
             within = (answer.iterations + passes)[before.sample] <= MOST_PASSES
             turn = np.abs(direction - before.direction).max(axis=1, initial=0.0)

@@ -14,17 +14,15 @@ import numpy as np
 
 from pinfric.dynamics.inverse.effort_maps import write_wrenches
 from pinfric.dynamics.inverse.interval_ends import MOST_PASSES, Answer, Solver
-from pinfric.dynamics.inverse.linkage_batch import friction_maps, friction_velocities, loop_wrenches
+from pinfric.dynamics.inverse.linkage_batch import link_samples, loop_wrenches
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.inverse.undriven import check_undriven
 from pinfric.dynamics.problem.plan import Plan, inverse_plan
-from pinfric.dynamics.samples.closure import PairRates, pair_rates
 from pinfric.dynamics.samples.motor_torques import motor_torques
 from pinfric.dynamics.samples.outcome import Status
 from pinfric.dynamics.samples.reactions import (
     CHUNK,
     AppliedWrench,
-    Batch,
     check_roll_moments,
     constant_payloads,
 )
@@ -32,22 +30,7 @@ from pinfric.dynamics.samples.reversals import reversals
 from pinfric.dynamics.samples.states import States
 from pinfric.dynamics.samples.threaded import threads_for
 from pinfric.errors import PinfricWarning
-from pinfric.kernels.compiled import KernelArgument
-from pinfric.model.couples import drive_rates
 from pinfric.model.scene import Scene
-
-#: Fields of each batch's answer that are kept.
-_KEPT = (
-    "lower",
-    "upper",
-    "load",
-    "friction_lower",
-    "friction_upper",
-    "status",
-    "iterations",
-    "contraction",
-    "searched",
-)
 
 
 def solve_linkage(
@@ -55,32 +38,44 @@ def solve_linkage(
 ) -> InverseResult:
     """Solve the samples of one slice; the samples beside it are used for reversals only.
 
-    Args, raises: see `inverse.inverse_dynamics`; besides, `closure.pair_rates`.
+    Args, raises: see `inverse.inverse_dynamics`; besides, `closure.check_pairs`.
     """
     argument, around, inner = inverse_plan(scene), states.around(whole), states.inside(whole)
-    plan = argument.given
-    rates = pair_rates(scene, states, around, whole)
-    wider = friction_velocities(plan, states.v[around], rates)
-    velocity = np.ascontiguousarray(wider[inner])
-    reversal = np.zeros((len(velocity), len(scene.sites)), dtype=bool)
-    if states.t is not None:
-        reversal = site_reversals(plan, wider)[inner]
-    answer, frictionless, wrench, multipliers = _solve_batches(
-        scene, argument, states, applied, whole, velocity, reversal, threads
-    )
-    _warn_of_bound(scene, answer, whole.start)
-    _warn_of_search(scene, answer, whole.start)
-    sticking = site_speeds(plan, velocity) <= plan.sites.laws.stick_velocity
+    plan, linkage, na = argument.given, scene.linkage, len(scene.drives)
+    T = whole.stop - whole.start
+    assert linkage is not None
+    threads, answer = threads_for(T, threads), Answer.of(plan, T)
+    frictionless = np.empty((T, len(plan.drives.action)))
+    wrench, solved = np.empty((T, len(scene.sites), 6)), np.empty((T, plan.closure.solved))
+    multipliers = np.empty((T, len(scene.loops), 6))
+    sticking, reversal = np.zeros((2, T, len(scene.sites)), dtype=bool)
+    drive_motion = np.empty((2, around.stop - around.start, na))
+    for part, twin in constant_payloads(scene, states, whole, CHUNK * threads):
+        here = slice(part.start - whole.start, part.stop - whole.start)
+        samples = link_samples(argument, scene, twin, states, applied, part, threads)
+        maps, X, there = samples.maps, samples.X, states.around(part)
+        velocity = samples.velocity[states.inside(part)]
+        if states.t is not None:
+            reversal[here] = site_reversals(plan, samples.velocity)[states.inside(part)]
+        sticking[here] = site_speeds(plan, velocity) <= plan.sites.laws.stick_velocity
+        moved = drive_motion[:, there.start - around.start : there.stop - around.start]
+        moved[0], moved[1] = samples.drive_velocity, samples.drive_acceleration
+        frictionless[here] = maps.effort[:, :, 0]
+        found = Solver(plan, maps, velocity, reversal[here]).solve()
+        for kept, new in zip(answer, found, strict=True):
+            kept[here] = new
+        given = samples.wrench, X, maps.y, found.phi, wrench[here], solved[here]
+        write_wrenches(argument.beside(*given), *given)
+        multipliers[here] = loop_wrenches(linkage, X, solved[here])
+    _warn(scene, answer, whole.start)
     free = (sticking | reversal) & plan.sites.laws.dry  # friction is an interval
     # friction at rest must balance what has no drive, too: what it can do is less
     uncertain = free if scene.mobility.undriven else free[:, plan.sites.entry_count == 3]
     exact = (answer.status == Status.CONVERGED) & ~answer.searched & ~uncertain.any(axis=1)
     check_roll_moments(scene, wrench, whole.start)
-    rates_of_drives = actuator_rates(scene, states, rates, around)
-    na, undriven = len(scene.drives), answer.lower[:, len(scene.drives) :]
-    check_undriven(scene, states, whole, undriven, answer.upper[:, na:])
+    check_undriven(scene, states, whole, answer.lower[:, na:], answer.upper[:, na:])
     efforts = answer.lower[:, :na], answer.upper[:, :na]
-    torques = motor_torques(scene, states, whole, efforts, *rates_of_drives)
+    torques = motor_torques(scene, states, whole, efforts, *drive_motion)
     return InverseResult(
         scene=scene,
         states=states.part(whole),
@@ -103,83 +98,39 @@ def solve_linkage(
         interval_exact=exact,
         interval_searched=answer.searched,
         redundant=plan.closure.multipliers > scene.model.nv - plan.closure.freedoms,
-        actuator_velocity=rates_of_drives[0][inner],
-        actuator_acceleration=rates_of_drives[1][inner],
+        actuator_velocity=drive_motion[0, inner],
+        actuator_acceleration=drive_motion[1, inner],
     )
 
 
-def _solve_batches(
-    scene: Scene,
-    argument: KernelArgument[Plan],
-    states: States,
-    applied: list[AppliedWrench],
-    whole: slice,
-    velocity: np.ndarray,
-    reversal: np.ndarray,
-    threads: int | None,
-) -> tuple[Answer, np.ndarray, np.ndarray, np.ndarray]:
-    """Return answer, efforts without friction, wrenches (T, ns, 6) and multipliers of one slice.
+def _warn(scene: Scene, answer: Answer, first: int) -> None:
+    """Warn of the samples without ends, and of those whose ends come from a search.
 
     Args:
-        scene, states, applied, threads: see `inverse.inverse_dynamics`.
-        argument: the plan of inverse dynamics.
-        whole: the T samples.
-        velocity, reversal: (T, ne), (T, ns), see `choices.friction_laws`.
+        first: number of the first of these samples.
     """
-    linkage, T = scene.linkage, len(velocity)
-    assert linkage is not None
-    threads = threads_for(T, threads)
-    plan = argument.given
-    answer = Answer.of(plan, T)
-    frictionless = np.empty((T, len(plan.drives.part)))
-    wrench, solved = np.empty((T, len(scene.sites), 6)), np.empty((T, plan.closure.solved))
-    multipliers = np.empty((T, len(scene.loops), 6))
-    batch = Batch.of(scene.twin(), min(T, CHUNK * threads))
-    for part, twin in constant_payloads(scene, states, whole, CHUNK * threads):
-        here = slice(part.start - whole.start, part.stop - whole.start)
-        now = batch.first(part.stop - part.start)
-        samples = friction_maps(argument, linkage, twin, states, applied, part, now, threads)
-        maps, X = samples.maps, samples.X
-        frictionless[here] = maps.effort[:, :, 0]
-        found = Solver(plan, maps, velocity[here], reversal[here]).solve()
-        for name in _KEPT:
-            getattr(answer, name)[here] = getattr(found, name)
-        given = samples.wrench, X, maps.y, found.phi, wrench[here], solved[here]
-        write_wrenches(argument.beside(*given), *given)
-        multipliers[here] = loop_wrenches(linkage, X, solved[here])
-    return answer, frictionless, wrench, multipliers
-
-
-def _warn_of_bound(scene: Scene, answer: Answer, first: int) -> None:
-    """Warn of the samples at which the search for the ends of efforts reached its limit."""
     over = (answer.status == Status.NOT_CONVERGED) & (answer.iterations > MOST_PASSES)
-    if not over.any():
-        return
-    samples, contraction = np.flatnonzero(over), answer.contraction[over].max()
-    more = f" and {len(samples) - 1} more" if len(samples) > 1 else ""
-    warnings.warn(
-        f"{scene.source}: sample {first + samples[0]}{more}: undecided: the search for the "
-        f"ends of efforts did not finish within {MOST_PASSES} passes "
-        f"(loads grow with the friction they cause, contraction {contraction:.3g}); remove "
-        "friction from joints where it does not matter, reduce `mu`, or give a state in motion",
-        PinfricWarning,
-        stacklevel=4,
-    )
-
-
-def _warn_of_search(scene: Scene, answer: Answer, first: int) -> None:
-    """Warn of the samples whose ends come from a search."""
-    samples = np.flatnonzero(answer.searched)
-    if not len(samples):
-        return
-    more = f" and {len(samples) - 1} more" if len(samples) > 1 else ""
-    warnings.warn(
-        f"{scene.source}: sample {first + samples[0]}{more}: the intervals of the efforts may be "
-        "too narrow: so many joints at rest load each other that the ends are the best of a "
-        "search; remove friction from joints where it does not matter, or give a state in motion",
-        PinfricWarning,
-        stacklevel=4,
-    )
+    contraction = answer.contraction[over].max(initial=0.0)
+    for samples, what in (
+        (
+            over,
+            "undecided: the search for the ends of efforts did not finish within "
+            f"{MOST_PASSES} passes (loads grow with the friction they cause, contraction "
+            f"{contraction:.3g}); remove friction from joints where it does not matter, reduce "
+            "`mu`, or give a state in motion",
+        ),
+        (
+            answer.searched,
+            "the intervals of the efforts may be too narrow: so many joints at rest load each "
+            "other that the ends are the best of a search; remove friction from joints where it "
+            "does not matter, or give a state in motion",
+        ),
+    ):
+        here = np.flatnonzero(samples)
+        if len(here):
+            more = f" and {len(here) - 1} more" if len(here) > 1 else ""
+            text = f"{scene.source}: sample {first + here[0]}{more}: {what}"
+            warnings.warn(text, PinfricWarning, stacklevel=4)
 
 
 def site_speeds(plan: Plan, velocity: np.ndarray) -> np.ndarray:
@@ -200,7 +151,7 @@ def site_reversals(plan: Plan, velocity: np.ndarray) -> np.ndarray:
 
     Args:
         plan: `Plan`.
-        velocity: (n, ne), `friction_velocities`.
+        velocity: (n, ne), along the friction coordinates.
     """
     stick = plan.sites.laws.stick_velocity
     marked = reversals(np.ascontiguousarray(velocity[:, plan.sites.first_entry]), stick)
@@ -216,13 +167,3 @@ def site_reversals(plan: Plan, velocity: np.ndarray) -> np.ndarray:
         marked[:, s] = False
         marked[np.where(speed[passes] <= speed[passes + 1], passes, passes + 1), s] = True
     return marked
-
-
-def actuator_rates(
-    scene: Scene, states: States, rates: PairRates, around: slice
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return (n, na) velocity and acceleration of what each drive moves, of `around`."""
-    return (
-        drive_rates(scene.drives, states.v[around], rates.rate),
-        drive_rates(scene.drives, states.a[around], rates.rate_derivative),
-    )

@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from pinfric.dynamics.inverse.effort_maps import Maps, map_friction
 from pinfric.dynamics.problem.plan import Plan
-from pinfric.dynamics.samples.closure import PairRates
+from pinfric.dynamics.samples.closure import check_pairs
 from pinfric.dynamics.samples.reactions import (
     AppliedWrench,
     Batch,
-    reactions,
     subtract_external_wrenches,
+    transmitted,
 )
 from pinfric.dynamics.samples.states import States
 from pinfric.kernels.compiled import KernelArgument
-from pinfric.model.closure import action_maps, tree_tables
-from pinfric.model.kinematics import place_links
+from pinfric.model.closure import action_maps, embedded, embedded_state
+from pinfric.model.couples import drive_rates
 from pinfric.model.loops import Linkage
+from pinfric.model.scene import Scene
 from pinfric.model.twin import Twin, project
 
 
@@ -31,53 +33,63 @@ class Samples:
         maps: `effort_maps.Maps`.
         wrench: (n, nj, 6) of the tree without multipliers.
         X: (n, nj + pairs, 6, nx), `kinematics.act_on_joints`.
+        velocity: (m, ne) along each friction coordinate (rad/s or m/s), of the samples
+            `states.around` the batch, as the others.
+        drive_velocity, drive_acceleration: (m, na) of what each drive moves.
     """
 
     maps: Maps
     wrench: np.ndarray
     X: np.ndarray
+    velocity: np.ndarray
+    drive_velocity: np.ndarray
+    drive_acceleration: np.ndarray
 
 
-def friction_maps(
+def link_samples(
     argument: KernelArgument[Plan],
-    linkage: Linkage,
+    scene: Scene,
     twin: Twin,
     states: States,
-    applied: list[AppliedWrench],
+    applied: Sequence[AppliedWrench],
     part: slice,
-    batch: Batch,
     threads: int,
 ) -> Samples:
     """Return everything of a batch as affine functions of the friction (`effort_maps`).
 
     Args:
-        argument, linkage: the plan of inverse dynamics, and the loops.
+        argument, scene: the plan of inverse dynamics, and the scene with its loops.
         twin: with the payloads of this batch.
         states, applied: of all samples.
         part: the samples of this batch.
-        batch: buffers of as many samples.
         threads: of Pinocchio.
+
+    Raises:
+        LoopMotionError, StateError: see `closure.check_pairs`.
     """
-    q, a, n = states.q[part], states.a[part], part.stop - part.start
-    reactions(twin, q, states.v[part], a, batch, threads)
+    plan, linkage, n = argument.given, scene.linkage, part.stop - part.start
+    assert linkage is not None
+    wide, inner = states.around(part), states.inside(part)
+    q, v, a = states.q[wide], states.v[wide], states.a[wide]
+    q_twin, v_twin, a_twin = embedded(twin, q, v, a)
+    state = embedded_state(twin, linkage, q_twin, v_twin, a_twin)
+    check_pairs(linkage, state, wide, part)
+    wrench = np.empty((n, twin.n_joints, 6))
+    batch = Batch(q_twin[inner], v_twin[inner], a_twin[inner], wrench)
+    transmitted(twin, q[inner], v[inner], a[inner], batch, threads)
     subtract_external_wrenches(twin, applied, part, batch)
     tau = np.empty((n, twin.nv))
-    project(batch.wrench, twin.embedding, twin.armature, a, tau)
-    p, R = np.empty((n, twin.n_joints, 3)), np.empty((n, twin.n_joints, 3, 3))
-    place_links(batch.q, *tree_tables(twin), p, R)
-    X, J = action_maps(twin, linkage, p, R)
-    maps = Maps.of(argument.given, n)
-    given = batch.wrench, tau, X, J, q
+    project(wrench, twin.embedding, twin.armature, a[inner], tau)
+    X, J = action_maps(twin, linkage, state.p[inner], state.R[inner])
+    maps = Maps.of(plan, n)
+    given = wrench, tau, X, J, q[inner]
     map_friction(argument.beside(*given), *given, maps)
-    return Samples(maps, batch.wrench, X)
-
-
-def friction_velocities(plan: Plan, v: np.ndarray, rates: PairRates) -> np.ndarray:
-    """Return the relative velocity (n, ne) along each friction coordinate (rad/s or m/s)."""
-    out = plan.entries.ratio * v[:, plan.entries.velocity_index]
+    velocity = np.ascontiguousarray(plan.entries.ratio * v[:, plan.entries.velocity_index])
     loop = plan.entries.action >= 0
-    out[:, loop] = rates.rate[:, plan.entries.action[loop]]
-    return np.ascontiguousarray(out)
+    velocity[:, loop] = state.rate[:, plan.entries.action[loop]]
+    of_drives = zip((v, a), (state.rate, state.rate_derivative), strict=True)
+    rates = (drive_rates(scene.drives, *pair) for pair in of_drives)
+    return Samples(maps, wrench, X, velocity, *rates)
 
 
 def loop_wrenches(linkage: Linkage, X: np.ndarray, solved: np.ndarray) -> np.ndarray:

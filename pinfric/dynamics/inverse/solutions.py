@@ -7,21 +7,13 @@ import numpy as np
 from pinfric.dynamics.inverse.choices import LOWER, SLIDES
 from pinfric.dynamics.inverse.effort_maps import write_wrenches
 from pinfric.dynamics.inverse.interval_ends import Solver
-from pinfric.dynamics.inverse.linkage_batch import (
-    Samples,
-    friction_maps,
-    friction_velocities,
-    loop_wrenches,
-)
-from pinfric.dynamics.problem.plan import Plan, drive_tables, inverse_plan
-from pinfric.dynamics.samples.closure import pair_rates
+from pinfric.dynamics.inverse.linkage_batch import Samples, link_samples, loop_wrenches
+from pinfric.dynamics.problem.plan import Plan, drive_delivery, inverse_plan
 from pinfric.dynamics.samples.outcome import Solution, SolvedMotion
-from pinfric.dynamics.samples.reactions import Batch
 from pinfric.friction.dense import spectral_radius_bound
 from pinfric.friction.given_modes import Reduced, contraction_matrix
 from pinfric.friction.law import write_loads
 from pinfric.friction.several import distinct, from_many_starts
-from pinfric.model.loops import Linkage
 from pinfric.model.scene import Scene
 
 
@@ -29,7 +21,7 @@ def find_solutions(result: SolvedMotion, sample: int) -> tuple[Solution, ...]:
     """Return the states of friction that obey the laws at one sample (`result.solutions`)."""
     if result.scene.linkage is None:
         return (_of_open_chain(result, sample),)
-    plan, linkage, samples, velocity = one_sample(result, sample)
+    plan, samples, velocity = one_sample(result, sample)
     solver = Solver(plan, samples.maps, velocity, result.reversal[sample][None])
     if samples.maps.singular[0]:
         return ()
@@ -39,24 +31,17 @@ def find_solutions(result: SolvedMotion, sample: int) -> tuple[Solution, ...]:
         found = found[~np.isnan(found).any(axis=1)]
     else:
         found = _search(solver)
-    return tuple(_solution(result.scene, linkage, samples, phi) for phi in distinct(found))
+    return tuple(_solution(result.scene, samples, phi) for phi in distinct(found))
 
 
-def one_sample(result: SolvedMotion, sample: int) -> tuple[Plan, Linkage, Samples, np.ndarray]:
-    """Return the solver's input of one sample: plan, linkage, maps, velocities (1, ne)."""
+def one_sample(result: SolvedMotion, sample: int) -> tuple[Plan, Samples, np.ndarray]:
+    """Return the solver's input of one sample: plan, maps, velocities (1, ne)."""
     scene, states = result.scene, result.states
-    linkage = scene.linkage
-    assert linkage is not None
-    argument = inverse_plan(scene)
-    part = slice(sample, sample + 1)
+    argument, part = inverse_plan(scene), slice(sample, sample + 1)
     carried = next(names for start, stop, names in states.phases(scene) if start <= sample < stop)
-    twin = scene.twin(carried)
-    batch = Batch.of(twin, 1)
-    applied = list(result.external)
-    samples = friction_maps(argument, linkage, twin, states, applied, part, batch, 1)
-    rates = pair_rates(scene, states, part, part)
-    velocity = friction_velocities(argument.given, states.v[part], rates)
-    return argument.given, linkage, samples, velocity
+    twin, applied = scene.twin(carried), result.external
+    samples = link_samples(argument, scene, twin, states, applied, part, 1)
+    return argument.given, samples, samples.velocity[states.inside(part)]
 
 
 def reduced_problem(solver: Solver) -> Reduced:
@@ -70,7 +55,7 @@ def find_jamming_site(result: SolvedMotion, sample: int) -> str | None:
     """Return the site whose load grows most with friction (`result.jamming_site`)."""
     if result.scene.linkage is None or not result.scene.site_names:
         return None
-    plan, _, samples, velocity = one_sample(result, sample)
+    plan, samples, velocity = one_sample(result, sample)
     if samples.maps.singular[0]:
         return None
     solver = Solver(plan, samples.maps, velocity, result.reversal[sample][None])
@@ -91,8 +76,9 @@ def _search(solver: Solver) -> np.ndarray:
     return np.asarray(x[:, plan.entries.site] * law.direction[0])
 
 
-def _solution(scene: Scene, linkage: Linkage, samples: Samples, phi: np.ndarray) -> Solution:
-    argument, na = inverse_plan(scene), len(scene.drives)
+def _solution(scene: Scene, samples: Samples, phi: np.ndarray) -> Solution:
+    argument, na, linkage = inverse_plan(scene), len(scene.drives), scene.linkage
+    assert linkage is not None
     plan, maps = argument.given, samples.maps
     ns = len(plan.sites.joint)
     wrench, solved = np.empty((1, ns, 6)), np.empty((1, plan.closure.solved))
@@ -123,13 +109,9 @@ def _of_open_chain(result: SolvedMotion, sample: int) -> Solution:
         result.friction_lower[sample],
         0.0,
     )
-    sites, drives = result.scene.site_tables, drive_tables(result.scene)
-    total = np.zeros(result.scene.model.nv)
+    sites, total = result.scene.site_tables, np.zeros(result.scene.model.nv)
     np.add.at(total, sites.velocity_index, sites.ratio * friction)
-    taken = drives.part * total[drives.velocity_index]
-    if drives.delivery.size:
-        taken = drives.delivery @ taken
-    effort = result.effort_frictionless[sample] - taken
+    effort = result.effort_frictionless[sample] - drive_delivery(result.scene) @ total
     ns = len(friction)
     wrench = np.full((ns, 6), np.nan) if result.wrench is None else result.wrench[sample]
     return Solution(

@@ -183,22 +183,15 @@ def _superpose(basis: np.ndarray, coefficient: np.ndarray, start: int, out: np.n
 @kernel
 def _bound_blocks(wrench: np.ndarray, path: Path, varied: Varied, c: int, now: Cycle) -> None:
     """Write loads, friction and efforts of one cycle from the summed wrenches, block by block."""
-    samples, width, sites = path.v.shape[0], 6 * path.sites.joint.size, path.sites
+    t, samples, width = path.sites, path.v.shape[0], 6 * path.sites.joint.size
     laws = laws_of_row(varied.laws, c % varied.laws.viscous.shape[0])
+    sites = SiteTables(t.joint, t.axis, t.contacts, laws, t.velocity_index, t.ratio)
     for start in range(0, samples, now.wrench.shape[0]):
         stop = min(start + now.wrench.shape[0], samples)
         here = now.wrench[: stop - start]
         if wrench.shape[1] > 0:
             _superpose(wrench, varied.coefficient[c], start * width, here.reshape(-1))
-        bound_within(
-            sites.joint,
-            sites.contacts,
-            laws,
-            sites.velocity_index,
-            sites.ratio,
-            here,
-            part_of(now.samples, start, stop),
-        )
+        bound_within(sites, here, part_of(now.samples, start, stop))
 
 
 @kernel

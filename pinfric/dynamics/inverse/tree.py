@@ -14,7 +14,7 @@ import pinocchio as pin
 
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.inverse.undriven import check_undriven, narrow_friction
-from pinfric.dynamics.problem.plan import drive_tables
+from pinfric.dynamics.problem.plan import drive_delivery
 from pinfric.dynamics.samples.motion_kernels import TreeSamples, bound_efforts
 from pinfric.dynamics.samples.motor_torques import motor_torques
 from pinfric.dynamics.samples.reactions import (
@@ -182,14 +182,13 @@ def _bound(
         threads: each takes a part of the samples.
     """
     balance = twin.embedding, twin.armature, a
-    rubs = sites.joint, sites.contacts, sites.laws, sites.velocity_index, sites.ratio
     if threads == 1:
         if wrench.shape[2] > 0:
             project(wrench, *balance, samples.effort_frictionless)
-        bound_efforts(*rubs, wrench, samples)
+        bound_efforts(sites, wrench, samples)
         return
     with team(threads) as parts:
-        bound_in_parts(parts, wrench, samples, *balance, *rubs)
+        bound_in_parts(parts, wrench, samples, *balance, *sites)
 
 
 def _plain(
@@ -203,15 +202,14 @@ def _on_drives(
     scene: Scene, states: States, whole: slice, found: TreeSamples
 ) -> dict[str, np.ndarray]:
     """Map the joints' efforts to their drives; raises the errors of `check_undriven`."""
-    drives, undriven = drive_tables(scene), list(scene.mobility.undriven)
+    P, undriven = drive_delivery(scene), list(scene.mobility.undriven)
     lower, upper = found.effort_lower, found.effort_upper
     check_undriven(scene, states, whole, lower[:, undriven], upper[:, undriven])
     narrow_friction(scene, found.effort_frictionless, found.friction_lower, found.friction_upper)
-    names = "effort_lower", "effort_upper", "effort_frictionless"
-    efforts = [getattr(found, name)[:, drives.velocity_index] * drives.part for name in names]
-    if drives.delivery.size:  # joints' frictions are independent: so are the ends of their efforts
-        efforts = [*deliver_interval(drives.delivery, *efforts[:2]), efforts[2] @ drives.delivery.T]
-    return dict(zip(names, efforts, strict=True))
+    # joints' frictions are independent: so are the ends of their efforts
+    lower, upper = deliver_interval(P, lower, upper)
+    frictionless = found.effort_frictionless @ P.T
+    return {"effort_lower": lower, "effort_upper": upper, "effort_frictionless": frictionless}
 
 
 def check_finite(scene: Scene, ends: tuple[np.ndarray, np.ndarray], first: int) -> None:

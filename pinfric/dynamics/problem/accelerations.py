@@ -12,10 +12,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from pinfric.dynamics.problem.affine import solve_balance
 from pinfric.dynamics.problem.gearing import add_armature, write_delivered, write_lines
 from pinfric.dynamics.problem.machine import Machine
 from pinfric.dynamics.problem.rates import write_mass_matrix
-from pinfric.friction.dense import eliminate_full_pivot, factorize, solve_dense
+from pinfric.friction.dense import factorize, solve_dense
 from pinfric.kernels.compiled import kernel
 
 #: Outcomes beside 0: all is written.
@@ -25,40 +26,6 @@ _IDLE = 1e-4
 #: A share below this counts as zero, as singular values do (`balance.RANK`): rates divided by it
 #: would be rounding.
 _DEAD = 1e-9
-
-
-@kernel
-def closure_basis(
-    J: np.ndarray, target: np.ndarray, scale: float, Z: np.ndarray, a_closure: np.ndarray
-) -> int:
-    """Write the motions that loops allow and one acceleration with J a = target; return J's rank.
-
-    Full pivoting chooses dependent and independent velocities (paper eq. 5, 6).
-
-    Args:
-        J, target: (nl, nv), (nl,).
-        scale: pivots small beside it are zero.
-        Z: (nv, nv), overwritten; its first nv - rank columns count.
-        a_closure: (nv,), overwritten.
-    """
-    nl, nv = J.shape
-    A, order = np.empty((nl, nv + 1)), np.empty(nv, np.int64)
-    for r in range(nl):
-        for i in range(nv):
-            A[r, i] = J[r, i]
-        A[r, nv] = target[r]
-    rank = eliminate_full_pivot(A, nv, order, scale)
-    for c in range(nv):
-        for f in range(nv):
-            Z[c, f] = 0.0
-    for f in range(nv - rank):
-        Z[order[rank + f], f] = 1.0
-    for c in range(nv):
-        a_closure[order[c]] = A[c, nv] if c < rank else 0.0
-        if c < rank:
-            for f in range(nv - rank):
-                Z[order[c], f] = -A[c, rank + f]
-    return rank
 
 
 @kernel
@@ -281,17 +248,20 @@ def _add_drag(machine: Machine, step: float) -> None:
 
 @kernel
 def _close(machine: Machine, v: np.ndarray, step: float) -> int:
-    """Write Z and a_closure; of a step, such that the loops' rates are zero at its end."""
-    t, w, k = machine.plan.closure, machine.maps, machine.kinematics
-    nl, J = t.multipliers, k.J[0, t.off_joint : t.off_joint + t.multipliers]
-    target = np.empty(nl)
-    for r in range(nl):
-        target[r] = -k.rate_derivative[0, t.off_joint + r]
-        if step > 0.0:
-            target[r] = 0.0
-            for i in range(v.size):
-                target[r] -= J[r, i] * v[i] / step
-    return closure_basis(J, target, t.scale, w.Z, w.a_closure)
+    """Write Z and a_closure, return J's rank; of a step, such that loops' rates end as zero.
+
+    Full pivoting chooses dependent and independent velocities (paper eq. 5, 6).
+    """
+    t, w, k, nv = machine.plan.closure, machine.maps, machine.kinematics, v.size
+    A = np.empty((t.multipliers, nv + 1))
+    for r in range(t.multipliers):
+        row = t.off_joint + r
+        A[r, nv] = 0.0 if step > 0.0 else -k.rate_derivative[0, row]
+        for i in range(nv):
+            A[r, i] = k.J[0, row, i]
+            if step > 0.0:
+                A[r, nv] -= A[r, i] * v[i] / step
+    return solve_balance(A, t.scale, w.a_closure.reshape((nv, 1)), w.Z)
 
 
 @kernel

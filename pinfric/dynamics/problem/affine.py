@@ -93,63 +93,69 @@ def add_reactions(
     Returns:
         False where no way to share is the best.
     """
-    unique = True
-    if free.shape[1] > 0:
-        n, columns = closure.shared, y.shape[1]
-        under_y, among = np.empty((n, 6, columns)), np.empty((n, 6, y.shape[0]))
-        for row in range(n):
-            for e in range(6):
-                for r in range(y.shape[0]):
-                    among[row, e, r] = X[joint[row], e, first + r]
+    unique, (ny, nf), columns = True, free.shape, y.shape[1]
+    if nf > 0:
+        rows = 6 * closure.shared
+        given, along, weight = np.empty((rows, columns)), np.zeros((rows, nf)), np.ones(rows)
+        for i in range(rows):
+            row, e = i // 6, i % 6
+            if e > 2:
+                weight[i] = closure.inverse_length * closure.inverse_length
+            for k in range(columns):
+                given[i, k] = wrench[row, e, k]
+            for r in range(ny):
+                x = X[joint[row], e, first + r]
                 for k in range(columns):
-                    under_y[row, e, k] = wrench[row, e, k]
-            add_products(among[row], 0, y, under_y[row])
-        unique = share_redundant(under_y, among, free, closure.inverse_length, y)
+                    given[i, k] += x * y[r, k]
+                for f in range(nf):
+                    along[i, f] += x * free[r, f]
+        unique = share(given, along, weight, free, y, np.empty((ny, 0))) == nf
     for row in range(joint.size):
         add_products(X[joint[row]], first, y, wrench[row])
     return unique
 
 
 @kernel
-def share_redundant(
-    given: np.ndarray, among: np.ndarray, free: np.ndarray, inverse_length: float, y: np.ndarray
-) -> bool:
-    """Choose the free part of y (ny, columns) so that sum |F|^2 + |M/l|^2 is least.
+def share(
+    given: np.ndarray,
+    along: np.ndarray,
+    weight: np.ndarray,
+    free: np.ndarray,
+    y: np.ndarray,
+    left: np.ndarray,
+) -> int:
+    """Choose the free part of y so that the sum of weight |given + along z|^2 is least; return how
+    many ways that takes.
 
-    The sum is over all joints, including those of loops. So the choice does not depend on where a
-    loop was cut, and it is again affine in friction.
+    Redundant closures share reactions so, sum |F|^2 + |M/l|^2 over all joints, those of loops, too:
+    the choice does not depend on where a loop was cut. Redundant drives share work. It is again
+    affine in friction.
 
     Args:
-        given: (n, 6, columns) wrenches of all joints under y as it is.
-        among: (n, 6, ny) their change per unit y.
-        free: (ny, nf) what may be added to y.
-        inverse_length: 1/l (1/m).
-
-    Returns:
-        False where the least is not unique.
+        given, along: (m, columns), (m, nf) what is weighted, and its change with z.
+        weight: (m,).
+        free: (ny, nf) what may be added to y: free z.
+        y: (ny, columns), changed.
+        left: (ny, as many as wanted), overwritten: what may still be added.
     """
     (ny, nf), columns = free.shape, y.shape[1]
     work, order = np.zeros((nf, nf + columns)), np.empty(nf, np.int64)
-    along = np.empty(nf)
-    for j in range(given.shape[0]):
-        for e in range(6):
-            weight = 1.0 if e < 3 else inverse_length * inverse_length
-            for f in range(nf):
-                along[f] = 0.0
-                for c in range(ny):
-                    along[f] += among[j, e, c] * free[c, f]
-            for f in range(nf):
-                for g in range(nf):
-                    work[f, g] += weight * along[f] * along[g]
-                for n in range(columns):
-                    work[f, nf + n] -= weight * along[f] * given[j, e, n]
-    if eliminate_full_pivot(work, nf, order, 0.0) < nf:
-        return False
-    for f in range(nf):
-        for n in range(columns):
-            for c in range(ny):
+    for i in range(weight.size):
+        for f in range(nf if weight[i] > 0.0 else 0):
+            for g in range(nf):
+                work[f, g] += weight[i] * along[i, f] * along[i, g]
+            for n in range(columns):
+                work[f, nf + n] -= weight[i] * along[i, f] * given[i, n]
+    rank = eliminate_full_pivot(work, nf, order, 0.0)
+    for c in range(ny):
+        for f in range(rank):
+            for n in range(columns):
                 y[c, n] += free[c, order[f]] * work[f, nf + n]
-    return True
+        for f in range(min(nf - rank, left.shape[1])):
+            left[c, f] = free[c, order[rank + f]]
+            for r in range(rank):
+                left[c, f] -= free[c, order[r]] * work[r, rank + f]
+    return rank
 
 
 @kernel

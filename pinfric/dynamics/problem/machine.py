@@ -10,6 +10,7 @@ from pinfric.dynamics.problem.plan import Plan
 from pinfric.dynamics.samples.states import unit_parts
 from pinfric.friction.modes import Modes
 from pinfric.friction.problem import Problem, empty_problem
+from pinfric.kernels.arrays import array, make
 from pinfric.kernels.compiled import record
 from pinfric.model.twin import Twin
 
@@ -77,22 +78,22 @@ class Kinematics(NamedTuple):
         coordinate_rate: (nc,) relative velocity of each coordinate.
     """
 
-    R: np.ndarray
-    p: np.ndarray
-    velocity: np.ndarray
-    acceleration: np.ndarray
-    motion: np.ndarray
-    momentum: np.ndarray
-    X: np.ndarray
-    J: np.ndarray
-    gap: np.ndarray
-    rate: np.ndarray
-    rate_derivative: np.ndarray
-    tilt: np.ndarray
-    terms: np.ndarray
-    D: np.ndarray
-    S: np.ndarray
-    coordinate_rate: np.ndarray
+    R: np.ndarray = array("1 nj 3 3")
+    p: np.ndarray = array("1 nj 3")
+    velocity: np.ndarray = array("1 nj 6")
+    acceleration: np.ndarray = array("1 nj 6")
+    motion: np.ndarray = array("nf 6")
+    momentum: np.ndarray = array("nf 6")
+    X: np.ndarray = array("1 rows 6 nx")
+    J: np.ndarray = array("1 nx nv")
+    gap: np.ndarray = array("1 nx")
+    rate: np.ndarray = array("1 nx")
+    rate_derivative: np.ndarray = array("1 nx")
+    tilt: np.ndarray = array("1 pairs")
+    terms: np.ndarray = array("1 pairs 2")
+    D: np.ndarray = array("nc nv")
+    S: np.ndarray = array("na nv")
+    coordinate_rate: np.ndarray = array("nc")
 
 
 class AffineMaps(NamedTuple):
@@ -110,20 +111,20 @@ class AffineMaps(NamedTuple):
         drag, damping: (nc,) of a time step: drag now, and its change per unit of speed at the end.
     """
 
-    acceleration: np.ndarray
-    multiplier: np.ndarray
-    wrench: np.ndarray
-    delivered: np.ndarray
-    M: np.ndarray
-    Z: np.ndarray
-    freedoms: np.ndarray
-    a_closure: np.ndarray
-    factor: np.ndarray
-    push: np.ndarray
-    push_terms: np.ndarray
-    idle: np.ndarray
-    drag: np.ndarray
-    damping: np.ndarray
+    acceleration: np.ndarray = array("nv columns")
+    multiplier: np.ndarray = array("nl columns")
+    wrench: np.ndarray = array("nr 6 columns")
+    delivered: np.ndarray = array("na columns")
+    M: np.ndarray = array("nv nv")
+    Z: np.ndarray = array("nv nv")
+    freedoms: np.ndarray = array("1", np.int64)
+    a_closure: np.ndarray = array("nv")
+    factor: np.ndarray = array("nv nc")
+    push: np.ndarray = array("nv")
+    push_terms: np.ndarray = array("nv")
+    idle: np.ndarray = array("nc", bool)
+    drag: np.ndarray = array("nc")
+    damping: np.ndarray = array("nc")
 
 
 class GearLines(NamedTuple):
@@ -167,28 +168,27 @@ class Solution(NamedTuple):
         site_modes: (ns,) int8, -1, 0, 1; of a ball 0, 1.
     """
 
-    a: np.ndarray
-    effort: np.ndarray
-    driving: np.ndarray
-    multiplier: np.ndarray
-    least: np.ndarray
-    most: np.ndarray
-    phi: np.ndarray
-    load: np.ndarray
-    wrench: np.ndarray
-    entry_phi: np.ndarray
-    site_modes: np.ndarray
+    a: np.ndarray = array("nv")
+    effort: np.ndarray = array("na")
+    driving: np.ndarray = array("na", np.int8)
+    multiplier: np.ndarray = array("nl")
+    least: np.ndarray = array("nc")
+    most: np.ndarray = array("nc")
+    phi: np.ndarray = array("ns")
+    load: np.ndarray = array("ns")
+    wrench: np.ndarray = array("ns 6")
+    entry_phi: np.ndarray = array("ne")
+    site_modes: np.ndarray = array("ns", np.int8)
 
 
 class Scratch(NamedTuple):
-    """Intermediate results: given (nv,), lower (nv, nv), right (nv, 1 + nc), below, above
-    (nj, 1 + nc, 6)."""
+    """Intermediate results."""
 
-    given: np.ndarray
-    lower: np.ndarray
-    right: np.ndarray
-    below: np.ndarray
-    above: np.ndarray
+    given: np.ndarray = array("nv")
+    lower: np.ndarray = array("nv nv")
+    right: np.ndarray = array("nv columns")
+    below: np.ndarray = array("nj columns 6")
+    above: np.ndarray = array("nj columns 6")
 
 
 class Machine(NamedTuple):
@@ -212,8 +212,8 @@ for _part in (Tree, Supply, Kinematics, AffineMaps, GearLines, Solution, Scratch
 
 def make_machine(twin: Twin, plan: Plan, supply: Supply) -> Machine:
     """Make the buffers of a scene, with the masses of one payload."""
-    tree, drives, coordinates = make_tree(twin), plan.drives, plan.coordinates
-    nv, nj, na, nc = twin.nv, twin.n_joints, len(drives.part), len(coordinates.dry)
+    tree, drives, actions = make_tree(twin), plan.drives, plan.closure.actions
+    pairs, nc = len(actions.pair_kind), len(plan.coordinates.dry)
     geared = drives.gear_coordinate[drives.gear_coordinate >= 0]
     problem = empty_problem(
         np.concatenate([plan.entries.coordinate, geared]),
@@ -221,14 +221,31 @@ def make_machine(twin: Twin, plan: Plan, supply: Supply) -> Machine:
         plan.contacts.owner,
         np.concatenate([plan.sites.constant[plan.entries.site], np.zeros(len(geared))]),
     )
+    sizes = {
+        "nv": twin.nv,
+        "nj": twin.n_joints,
+        "nf": len(tree.freedom_velocity),
+        "nx": len(actions.column_pair),
+        "pairs": pairs,
+        "rows": twin.n_joints + pairs,
+        "nc": nc,
+        "columns": 1 + nc,
+        "na": (na := len(drives.action)),
+        "nl": plan.closure.multipliers,
+        "nr": len(plan.contacts.joint),
+        "ns": len(plan.sites.joint),
+        "ne": len(problem.coordinate),
+    }
     zero = ("way", "delivered", "offset", "reflected", "spent", "arriving")
     lines = {name: np.zeros(na) for name in zero}
     return Machine(
         plan=plan,
         tree=tree,
         supply=supply,
-        kinematics=_make_kinematics(plan, nv, nj, len(tree.freedom_velocity)),
-        maps=_make_maps(plan, nv, na, nc),
+        kinematics=make(Kinematics, **sizes)._replace(
+            D=plan.coordinates.rate_row.copy(), S=drives.rate_row.copy()
+        ),
+        maps=make(AffineMaps, **sizes)._replace(Z=np.eye(twin.nv)),
         lines=GearLines(
             chord=np.zeros(1, dtype=bool),
             slope=np.ones(na),
@@ -237,75 +254,10 @@ def make_machine(twin: Twin, plan: Plan, supply: Supply) -> Machine:
             locking=np.zeros(1, dtype=np.int64),
             **lines,
         ),
-        solution=_make_solution(plan, nv, na, len(problem.coordinate)),
-        scratch=Scratch(
-            given=np.zeros(nv),
-            lower=np.zeros((nv, nv)),
-            right=np.zeros((nv, 1 + nc)),
-            below=np.zeros((nj, 1 + nc, 6)),
-            above=np.zeros((nj, 1 + nc, 6)),
-        ),
+        solution=make(Solution, **sizes),
+        scratch=make(Scratch, **sizes),
         modes=Modes.of(nc, len(problem.coordinate)),
         problem=problem,
-    )
-
-
-def _make_kinematics(plan: Plan, nv: int, nj: int, nf: int) -> Kinematics:
-    actions = plan.closure.actions
-    nx, pairs = len(actions.column_pair), len(actions.pair_kind)
-    return Kinematics(
-        R=np.zeros((1, nj, 3, 3)),
-        p=np.zeros((1, nj, 3)),
-        velocity=np.zeros((1, nj, 6)),
-        acceleration=np.zeros((1, nj, 6)),
-        motion=np.zeros((nf, 6)),
-        momentum=np.zeros((nf, 6)),
-        X=np.zeros((1, nj + pairs, 6, nx)),
-        J=np.zeros((1, nx, nv)),
-        gap=np.zeros((1, nx)),
-        rate=np.zeros((1, nx)),
-        rate_derivative=np.zeros((1, nx)),
-        tilt=np.zeros((1, pairs)),
-        terms=np.zeros((1, pairs, 2)),
-        D=plan.coordinates.rate_row.copy(),
-        S=plan.drives.rate_row.copy(),
-        coordinate_rate=np.zeros(len(plan.coordinates.dry)),
-    )
-
-
-def _make_maps(plan: Plan, nv: int, na: int, nc: int) -> AffineMaps:
-    return AffineMaps(
-        acceleration=np.zeros((nv, 1 + nc)),
-        multiplier=np.zeros((plan.closure.multipliers, 1 + nc)),
-        wrench=np.zeros((len(plan.contacts.joint), 6, 1 + nc)),
-        delivered=np.zeros((na, 1 + nc)),
-        M=np.zeros((nv, nv)),
-        Z=np.eye(nv),
-        freedoms=np.zeros(1, dtype=np.int64),
-        a_closure=np.zeros(nv),
-        factor=np.zeros((nv, nc)),
-        push=np.zeros(nv),
-        push_terms=np.zeros(nv),
-        idle=np.zeros(nc, dtype=bool),
-        drag=np.zeros(nc),
-        damping=np.zeros(nc),
-    )
-
-
-def _make_solution(plan: Plan, nv: int, na: int, ne: int) -> Solution:
-    ns, nc = len(plan.sites.joint), len(plan.coordinates.dry)
-    return Solution(
-        a=np.zeros(nv),
-        effort=np.zeros(na),
-        driving=np.zeros(na, dtype=np.int8),
-        multiplier=np.zeros(plan.closure.multipliers),
-        least=np.zeros(nc),
-        most=np.zeros(nc),
-        phi=np.zeros(ns),
-        load=np.zeros(ns),
-        wrench=np.zeros((ns, 6)),
-        entry_phi=np.zeros(ne),
-        site_modes=np.zeros(ns, dtype=np.int8),
     )
 
 

@@ -9,6 +9,7 @@ coordinate that it drives, for its static friction.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple, cast
 
 import numpy as np
@@ -30,8 +31,7 @@ class Drives(NamedTuple):
     Attributes:
         velocity_index, action: (na,) velocity of each drive, its action; -1 where it has none.
         rate_row: (na, nv) its rate per unit velocity; 0 off the joints.
-        part: (na,) of its joint's effort that each joint drive delivers; 1 off the joints.
-        delivery: (na, na) what of it each does where drives are coupled, else (0, 0): `couples`.
+        delivery: (na, nv) what each delivers of the joints' efforts, see `drive_delivery`.
         cost: (na,) 1 / share of redundant drives, else 0.
         shifts: number of ways to shift work between drives that are not on one joint.
         gears: of the drives, where motors drive them; else without drives.
@@ -41,7 +41,6 @@ class Drives(NamedTuple):
     velocity_index: np.ndarray
     action: np.ndarray
     rate_row: np.ndarray
-    part: np.ndarray
     delivery: np.ndarray
     cost: np.ndarray
     shifts: int
@@ -240,15 +239,11 @@ def make_inverse_plan(scene: Scene) -> Plan:
     if not count:
         return plan
     drives, closure = plan.drives, plan.closure
-    P = drives.delivery
-    if P.size:
-        P = np.block([[P, np.zeros((len(P), count))], [np.zeros((count, len(P))), np.eye(count)]])
     return plan._replace(
         drives=drives._replace(
             velocity_index=np.concatenate([drives.velocity_index, undriven]),
             action=np.concatenate([drives.action, np.full(count, -1)]),
-            delivery=P,
-            part=np.concatenate([drives.part, np.ones(count)]),
+            delivery=np.vstack([drives.delivery, np.eye(scene.model.nv)[undriven]]),
             cost=np.concatenate([drives.cost, np.zeros(count)]),
         ),
         closure=closure._replace(balanced=np.setdiff1d(closure.balanced, undriven)),
@@ -268,14 +263,14 @@ def inverse_plan(scene: Scene) -> KernelArgument[Plan]:
     return cast("KernelArgument[Plan]", argument)
 
 
-def drive_tables(scene: Scene) -> Drives:
-    """Return the drives of `make_plan`, made at first; they live in the scene's twin."""
-    pools = scene.twin().pools
-    known, drives = pools.get("drive tables", (None, None))
-    if known is not scene:
-        drives = make_plan(scene).drives
-        pools["drive tables"] = scene, drives
-    return cast("Drives", drives)
+def drive_delivery(scene: Scene) -> np.ndarray:
+    """Return P (na, nv): u = P tau, tau the joints' efforts; rows off the joints are 0.
+
+    Drives of one joint share its effort (`_shares`); coupled ones see `couples.delivery`.
+    """
+    alone = [replace(drive, couples=()) for drive in scene.drives]
+    own, P = rate_rows(alone, scene.model.nv), delivery(scene.drives, scene.model.nv)
+    return np.asarray(P @ own if P.size else _shares(scene)[0][:, None] * own)
 
 
 #: What a coordinate's rate is: that of a velocity, of an action, or of a coupled drive; else -1.
@@ -351,7 +346,7 @@ def _number_drives(scene: Scene, keys: list[_Key], entries: int, motors: bool) -
         motors: whether motors drive.
     """
     velocity_index = np.array([d.velocity_index for d in scene.drives], dtype=np.int64)
-    part, cost, shifts = _shares(scene, velocity_index)
+    _, cost, shifts = _shares(scene)
     geared = scene.drives if motors else ()
     gears = scene_gears(scene) if motors else gear_table([], [])
     entry, coordinate = np.full((2, len(geared)), -1, dtype=np.int64)
@@ -369,8 +364,7 @@ def _number_drives(scene: Scene, keys: list[_Key], entries: int, motors: bool) -
         velocity_index=velocity_index,
         action=np.array([d.column for d in scene.drives], dtype=np.int64),
         rate_row=rate_rows(scene.drives, scene.model.nv),
-        part=part,
-        delivery=delivery(scene.drives, scene.model.nv),
+        delivery=drive_delivery(scene),
         cost=cost,
         shifts=shifts,
         gears=gears,
@@ -379,8 +373,9 @@ def _number_drives(scene: Scene, keys: list[_Key], entries: int, motors: bool) -
     )
 
 
-def _shares(scene: Scene, velocity_index: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
-    """Part, cost and shifts: how redundant drives share the work, where all of them say so."""
+def _shares(scene: Scene) -> tuple[np.ndarray, np.ndarray, int]:
+    """Each drive's part of its joint's effort, cost and shifts: how redundant drives share work."""
+    velocity_index = np.array([d.velocity_index for d in scene.drives], dtype=np.int64)
     mobility, na = scene.mobility, len(velocity_index)
     share, cost = np.ones(na), np.zeros(na)
     if not mobility.redundant:

@@ -8,12 +8,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
-from pinfric.dynamics.samples.states import States
 from pinfric.errors import ClosureError, LoopMotionError, SceneError, StateError
 from pinfric.model.arrays import real_numbers
 from pinfric.model.closure import (
@@ -38,47 +36,21 @@ _MOTION = 1e-6
 _BATCH = 512
 
 
-@dataclass(frozen=True)
-class PairRates:
-    """Velocities of what is not a joint of the tree, samples first.
-
-    Attributes:
-        rate, rate_derivative: (n, nx) of b relative to a along every action of the linkage.
-    """
-
-    rate: np.ndarray
-    rate_derivative: np.ndarray
-
-
-def pair_rates(scene: Scene, states: States, part: slice, checked: slice) -> PairRates:
-    """Return the rates along all actions, and refuse motions that loops or cylinders prevent.
+def check_pairs(
+    linkage: Linkage, state: LoopState, here: slice, checked: slice, slack: float = 1.0
+) -> None:
+    """Refuse motions that loops or cylinders prevent.
 
     Args:
-        scene: with a linkage.
-        states: all samples.
-        part: the samples wanted.
+        linkage: with the pairs.
+        state: of the samples `here`.
         checked: those of them that are checked.
+        slack: times the usual tolerance.
 
     Raises:
         LoopMotionError: a loop is open, or its velocities or accelerations violate it.
         StateError: the ends of a cylinder coincide.
     """
-    linkage, twin = scene.linkage, scene.twin()
-    assert linkage is not None
-    n, nx = part.stop - part.start, len(linkage.column_pair)
-    out = PairRates(np.empty((n, nx)), np.empty((n, nx)))
-    for start in range(part.start, part.stop, _BATCH):
-        here = slice(start, min(start + _BATCH, part.stop))
-        state = loop_state(twin, linkage, states.q[here], states.v[here], states.a[here])
-        _check(linkage, state, here, checked)
-        there = slice(here.start - part.start, here.stop - part.start)
-        out.rate[there], out.rate_derivative[there] = state.rate, state.rate_derivative
-    return out
-
-
-def _check(
-    linkage: Linkage, state: LoopState, here: slice, checked: slice, slack: float = 1.0
-) -> None:
     samples = np.arange(here.start, here.stop)
     inside = np.logical_and(samples >= checked.start, samples < checked.stop)
     for drive in linkage.drives:
@@ -167,7 +139,7 @@ def check_closed(scene: Scene, q: np.ndarray, v: np.ndarray, slack: float = 1.0)
     assert scene.linkage is not None
     state = loop_state(scene.twin(), scene.linkage, q[None], v[None], np.zeros((1, len(v))))
     state.rate_derivative[:] = 0.0  # accelerations are not given
-    _check(scene.linkage, state, slice(0, 1), slice(0, 1), slack)
+    check_pairs(scene.linkage, state, slice(0, 1), slice(0, 1), slack)
 
 
 def independent_joints(scene: Scene, q: np.ndarray) -> tuple[str, ...]:

@@ -10,8 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from pinfric.kernels.compiled import inlined_kernel, kernel
-from pinfric.model.bearings import Contacts, normal_loads
-from pinfric.model.laws import Laws, friction_bounds
+from pinfric.model.bearings import normal_loads
+from pinfric.model.laws import friction_bounds
+from pinfric.model.scene import SiteTables
 
 
 class TreeSamples(NamedTuple):
@@ -53,38 +54,21 @@ def part_of(x: TreeSamples, i: int, j: int) -> TreeSamples:
     )
 
 
-def bound_efforts(
-    joint: np.ndarray,
-    contacts: Contacts,
-    laws: Laws,
-    velocity_index: np.ndarray,
-    ratio: np.ndarray,
-    wrench: np.ndarray,
-    x: TreeSamples,
-) -> None:
+def bound_efforts(sites: SiteTables, wrench: np.ndarray, x: TreeSamples) -> None:
     """Write loads, friction and the ends of efforts of samples.
 
     Args:
-        joint: (ns,) which of the wrenches is each site's.
-        contacts, laws, velocity_index, ratio: of `Scene.site_tables`.
+        sites: `Scene.site_tables`; `joint` says which of the wrenches is each site's.
         wrench: (n, rows, 6) parent on child; anything where nothing looks at wrenches.
         x: of which `effort_frictionless` is known.
 
     Its steps are kernels; within other kernels it is `bound_within`.
     """
-    normal_loads(wrench, joint, contacts, x.displacement, x.normal_load)
-    friction_bounds(
-        x.velocity, x.normal_load, laws, x.reversal, x.friction_lower, x.friction_upper, x.sticking
-    )
-    effort_bounds(
-        x.effort_frictionless,
-        x.friction_lower,
-        x.friction_upper,
-        velocity_index,
-        ratio,
-        x.effort_lower,
-        x.effort_upper,
-    )
+    lower, upper = x.friction_lower, x.friction_upper
+    normal_loads(wrench, sites.joint, sites.contacts, x.displacement, x.normal_load)
+    friction_bounds(x.velocity, x.normal_load, sites.laws, x.reversal, lower, upper, x.sticking)
+    column = sites.velocity_index, sites.ratio
+    effort_bounds(x.effort_frictionless, lower, upper, *column, x.effort_lower, x.effort_upper)
 
 
 bound_within = inlined_kernel(bound_efforts)

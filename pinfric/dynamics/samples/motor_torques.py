@@ -6,7 +6,7 @@ import numpy as np
 
 from pinfric.dynamics.samples.reversals import reversals
 from pinfric.dynamics.samples.states import States
-from pinfric.model.drives import Drive, Gears, gear_table, motor_torque_bounds
+from pinfric.model.drives import Drive, Gears, gear_table, write_motor_torques
 from pinfric.model.loops import OffJointDrive
 from pinfric.model.scene import Scene
 
@@ -24,7 +24,7 @@ def motor_torques(
     T_m = effort / (r efficiency) + motor_viscous + r J_rotor a, see `drives.motor_torque_bounds`.
 
     Args:
-        scene: with the drives.
+        scene: with the drives; its closed brakes do not count.
         states: of all samples.
         whole: the T samples that are asked for.
         efforts: (T, na) least, (T, na) greatest (N m or N).
@@ -33,30 +33,21 @@ def motor_torques(
     """
     if not any(drive.transmission for drive in scene.drives):
         return efforts
-    stick = np.array([drive_stick_velocity(scene, drive) for drive in scene.drives])
+    gears, inner = scene_gears(scene, brakes=False), states.inside(whole)
     at_rest = np.zeros(velocity.shape, dtype=bool)
     if states.t is not None:
-        at_rest = reversals(velocity, stick)
-    inner = states.inside(whole)
-    lower, upper = (ends.copy() for ends in efforts)
-    for d, drive in enumerate(scene.drives):
-        if drive.transmission is not None:
-            lower[:, d], upper[:, d] = motor_torque_bounds(
-                drive.transmission,
-                lower[:, d],
-                upper[:, d],
-                velocity[inner, d],
-                acceleration[inner, d],
-                at_rest[inner, d],
-                stick[d],
-            )
-    return lower, upper
+        at_rest = reversals(velocity, gears.stick_velocity)
+    lower, upper = (np.ascontiguousarray(ends) for ends in efforts)
+    torques = np.empty_like(lower), np.empty_like(upper)
+    motion = velocity[inner], acceleration[inner], at_rest[inner]
+    write_motor_torques(gears, lower, upper, *motion, *torques)
+    return torques
 
 
-def scene_gears(scene: Scene) -> Gears:
+def scene_gears(scene: Scene, brakes: bool = True) -> Gears:
     """Return the transmissions of a scene's drives, and their closed brakes, as arrays."""
     stick = [drive_stick_velocity(scene, drive) for drive in scene.drives]
-    closed = [scene.closed_brakes.get(drive.name, 0.0) for drive in scene.drives]
+    closed = [scene.closed_brakes.get(drive.name, 0.0) * brakes for drive in scene.drives]
     return gear_table([drive.transmission for drive in scene.drives], stick, closed)
 
 

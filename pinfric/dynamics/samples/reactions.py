@@ -117,6 +117,13 @@ def reactions(
     else:
         with team(threads) as parts:
             embed_in_parts(parts, *embedding)
+    transmitted(twin, q, v, a, batch, threads)
+
+
+def transmitted(
+    twin: Twin, q: np.ndarray, v: np.ndarray, a: np.ndarray, batch: Batch, threads: int
+) -> None:
+    """Write `reactions` of a batch whose states of the twin are there."""
     flat = batch.wrench.reshape(len(q), -1)
     if twin.opened is None:
         data, forces = twin.joint_forces()

@@ -27,6 +27,7 @@ from pinfric.kernels.compiled import parallel_kernel
 from pinfric.model.arrays import whole_number
 from pinfric.model.bearings import Contacts
 from pinfric.model.laws import Laws
+from pinfric.model.scene import SiteTables
 from pinfric.model.twin import Embedding, embed, project
 
 #: Below this many samples a second thread costs more than it brings (Pinocchio's barrier spins).
@@ -95,7 +96,7 @@ def embed_in_parts(
 
 
 @parallel_kernel
-def bound_in_parts(
+def bound_in_parts(  # noqa: PLR0913 - one for each table
     parts: int,
     wrench: np.ndarray,
     x: TreeSamples,
@@ -103,6 +104,7 @@ def bound_in_parts(
     armature: np.ndarray,
     a: np.ndarray,
     joint: np.ndarray,
+    axis: np.ndarray,
     contacts: Contacts,
     laws: Laws,
     velocity_index: np.ndarray,
@@ -119,7 +121,9 @@ def bound_in_parts(
         here = part_of(x, i, j)
         if wrench.shape[2] > 0:
             project(wrench[i:j], joints, armature, a[i:j], here.effort_frictionless)
-        bound_within(joint, contacts, laws, velocity_index, ratio, wrench[i:j], here)
+        # numba's loops on several threads take no tuple of tuples
+        sites = SiteTables(joint, axis, contacts, laws, velocity_index, ratio)
+        bound_within(sites, wrench[i:j], here)
 
 
 @parallel_kernel

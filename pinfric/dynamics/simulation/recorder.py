@@ -154,27 +154,11 @@ class Recorder:
             self._beyond[i] = side
 
     def motion(self, status: str, message: str) -> Motion:
-        """Return what was recorded."""
-        nq, nv = self.system.ws.nq, self.system.ws.nv
-        ns, na = self.system.ws.phi.size, self.system.ws.na
-        motors = self.system.ws.given == "motor_torque"
-        widths: list[tuple[int, ...]] = [
-            (),
-            (nq,),
-            (nv,),
-            (nv,),
-            (na,),
-            (ns,),
-            (ns,),
-            (ns,),
-            (na * motors,),
-        ]
-        columns = [
-            np.array([row[i] for row in self.rows]).reshape((len(self.rows), *w))
-            for i, w in enumerate(widths)
-        ]
+        """Return what was recorded, at least one sample."""
+        columns = (np.array(column) for column in zip(*self.rows, strict=True))
         t, q, v, a, effort, modes, friction, load, torque = columns
-        phase_t = np.array([*self.phase_t, t[-1] if len(t) else 0.0])
+        motors, ns = self.system.ws.given == "motor_torque", self.system.ws.phi.size
+        phase_t = np.array([*self.phase_t, t[-1]])
         phase_modes = np.array(self.phase_modes, dtype=np.int8).reshape(
             len(self.phase_modes), len(self.system.ws.places)
         )

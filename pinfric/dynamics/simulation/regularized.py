@@ -12,17 +12,14 @@ from __future__ import annotations
 import numpy as np
 
 from pinfric.dynamics.simulation.integration import Integration
-from pinfric.dynamics.simulation.recorder import Recorder, along
-from pinfric.dynamics.simulation.system import Settings, System, finite
+from pinfric.dynamics.simulation.recorder import along
+from pinfric.dynamics.simulation.system import finite
 from pinfric.errors import SimulationError
 from pinfric.friction.modes import GivenModes
 
 
 class RegularizedIntegration(Integration):
     """One simulation with smoothed friction."""
-
-    def __init__(self, system: System, settings: Settings, record: Recorder) -> None:
-        super().__init__(system, settings, record)
 
     def solve(self, t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Return a (nv,) with smoothed friction; modes are 0 below the regularization velocity."""

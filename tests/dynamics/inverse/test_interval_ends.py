@@ -157,7 +157,7 @@ def test_a_sticking_balls_ends_are_those_of_its_sphere():
     result = Case(case.scene, case.q[:1], 0 * case.v[:1], 0 * case.a[:1]).inverse()
     assert result.sticking.all()
     assert not result.interval_exact[0]
-    plan, _, samples, velocity = one_sample(result, 0)
+    plan, samples, velocity = one_sample(result, 0)
     solver = Solver(plan, samples.maps, velocity, result.reversal)
     rng = np.random.default_rng(0)
     directions = rng.normal(size=(20_000, 3))
@@ -186,7 +186,7 @@ def test_ends_at_rest_are_the_extremes_of_every_corner():
     result = case.inverse()
     assert result.interval_exact.all()
     for i in range(len(case.q)):
-        plan, _, samples, _ = one_sample(result, i)
+        plan, samples, _ = one_sample(result, i)
         effort, contact = samples.maps.effort[0, 0], samples.maps.contact[0]
         corners = []
         for corner in np.ndindex(2, 2, 2, 2):

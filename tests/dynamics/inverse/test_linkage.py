@@ -161,7 +161,7 @@ def test_redundant_reactions_are_those_of_least_squares(level):
     q, v, a = crank_motion(joints, np.linspace(0.3, 5.9, 7))
     result = pf.inverse_dynamics(scene, q, v, a)
     weight = np.array([1, 1, 1, *[1 / length**2] * 3])
-    _, linkage, samples, _ = one_sample(result, 3)
+    linkage, samples = result.scene.linkage, one_sample(result, 3)[1]
     order = [list(scene.joint_names).index(n) for n in result.site_names[:3]]
     wrenches = np.zeros((4, 6))
     wrenches[[*order, 3]] = result.wrench[3]
@@ -513,7 +513,7 @@ def test_iterations_of_fixed_point_and_newton_up_to_the_jam(capsys):
     rows = []
     for mu in (0.05, 0.1, 0.2, 0.3, 0.4, 0.45, 0.49, 0.499, 0.4999):
         result = jamming_drawer(mu, 1.0).inverse()
-        plan, _, samples, velocity = one_sample(result, 0)
+        plan, samples, velocity = one_sample(result, 0)
         solver = Solver(plan, samples.maps, velocity, result.reversal)
         reduced = reduced_problem(solver)
         z, w = np.zeros(1), np.zeros(1)

@@ -1,0 +1,22 @@
+"""Records of arrays that are described once: a field's default is its shape."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+
+def array(shape: str, kind: type = float, fill: float = 0.0) -> Any:
+    """Return the default of a field: sizes by name or number, type, first value."""
+    return shape.split(), kind, fill
+
+
+def make(fields: Any, **sizes: int) -> Any:
+    """Return a NamedTuple of arrays, of which `array` describes every field."""
+    return fields(
+        **{
+            name: np.full([sizes[n] if n in sizes else int(n) for n in shape], fill, kind)
+            for name, (shape, kind, fill) in fields._field_defaults.items()
+        }
+    )
