@@ -25,7 +25,7 @@ from pinfric.drives.catalog import Brake
 from pinfric.drives.criterion import Criterion, Status, compare
 from pinfric.drives.demand import largest
 from pinfric.drives.inertia import joint_inertias
-from pinfric.drives.policy import Conditions
+from pinfric.drives.policy import Conditions, goes_with, stated
 from pinfric.dynamics.forward.holds import holds
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
@@ -93,6 +93,7 @@ def standstills(
     brakes: Mapping[str, Brake],
     conditions: Conditions,
     fitted: Sequence[str] = (),
+    motors: Sequence[str] = (),
 ) -> tuple[Standstill, ...]:
     """Return the holding of each drive's joint without power, in the order of the drives.
 
@@ -101,6 +102,8 @@ def standstills(
         brakes: of the catalogue. conditions: whether a brake is required, and its reserve.
         fitted: (na,) names of the brakes that the drives of the scene include; "": none. Where it
             is left out, what each joint would need is said.
+        motors: (na,) names of the motors: a brake that is built into others does not count. Where
+            it is left out, those sold alone do.
     """
     zero, states = np.zeros_like(result.states.v), result.states
     still = inverse_dynamics(result.scene, states.q, zero, zero, attached=states.attached)
@@ -112,7 +115,9 @@ def standstills(
         if own is not None and there and drive.transmission is not None:
             inside = brakes[there].rotor_inertia or 0.0  # each brake on trial adds its own
             own = own - drive.transmission.ratio**2 * inside
-        found.append(_standstill(result, still, i, own, brakes, conditions, there))
+        motor = motors[i] if motors else ""
+        fitting = ranked({name: b for name, b in brakes.items() if goes_with(b, motor)})
+        found.append(_standstill(result, still, i, own, fitting, conditions, there))
     return tuple(found)
 
 
@@ -143,10 +148,13 @@ def _standstill(
         conditions.holding_brake == "where_needed" and not held
     )
     torque = None if shaft is None else conditions.brake_factor * shaft[1]
-    name = fitted or (_smallest(torque, stop, brakes) if needed or torque != 0.0 else None)
-    held_by = _torque(torque, name, brakes, conditions.brake_factor, needed)
+    name = fitted or None
+    if not fitted and torque is not None and (needed or torque != 0.0):
+        name = smallest_brake(brakes, torque, stop)
+    held_by = _torque(torque, name, brakes, conditions, needed)
     assert result.t is not None  # size refuses a motion without times
-    criteria = (_unpowered(use, held), held_by, _energy(stop, name, brakes, needed))
+    energy = _energy(stop, name, brakes, stated(conditions, "holding_brake") if needed else "")
+    criteria = (_unpowered(use, held), held_by, energy)
     there = name is not None and (needed or not held) if fitted is None else bool(fitted)
     return Standstill(effort, shaft, use, held, float(result.t[pose]), name, there, criteria)
 
@@ -250,41 +258,51 @@ def _unpowered(use: float | None, held: bool | None) -> Criterion:
     )
 
 
-def ranked(brakes: Mapping[str, Brake]) -> list[str]:
-    """By torque, of equal ones the lightest first, then that of least power."""
-    unknown = np.inf
-    return sorted(
-        brakes,
-        key=lambda name: (
-            brakes[name].torque,
-            brakes[name].mass or unknown,
-            brakes[name].power or unknown,
-        ),
-    )
+def ranked(brakes: Mapping[str, Brake]) -> dict[str, Brake]:
+    """By torque, of equal ones the lightest first, then that of least power, then by name."""
+
+    def order(one: tuple[str, Brake]) -> tuple[float, float, float, str]:
+        name, brake = one
+        return brake.torque, brake.mass or np.inf, brake.power or np.inf, name
+
+    return dict(sorted(brakes.items(), key=order))
 
 
-def _smallest(torque: float | None, stop: Stop | None, brakes: Mapping[str, Brake]) -> str | None:
-    """The first brake that bears the torque and, where printed, the energy of a stop."""
-    for name in ranked(brakes):
-        most = brakes[name].stop_energy
-        stops = stop is None or most is None or stop.energy(brakes[name]) <= most
-        if torque is not None and brakes[name].torque >= torque and stops:
+def smallest_brake(brakes: Mapping[str, Brake], torque: float, stop: Stop | None) -> str | None:
+    """Return the first brake that bears a torque and, where printed, the energy of a stop.
+
+    Args:
+        brakes: in the order of `ranked`. torque: at the shaft, N m.
+        stop: at the shaft, without the brake; None: not known.
+    """
+    for name, brake in brakes.items():
+        most = brake.stop_energy
+        if brake.torque >= torque and (stop is None or most is None or stop.energy(brake) <= most):
             return name
     return None
 
 
 def _torque(
-    wanted: float | None, name: str | None, brakes: Mapping[str, Brake], factor: float, needed: bool
+    wanted: float | None,
+    name: str | None,
+    brakes: Mapping[str, Brake],
+    conditions: Conditions,
+    needed: bool,
 ) -> Criterion:
-    formula = f"{factor:g} max |load|/ratio at rest, without friction <= torque of the brake"
+    said = stated(conditions, "brake_factor", *["holding_brake"] * needed)
+    formula = (
+        f"{conditions.brake_factor:g} max |load|/ratio at rest, without friction <= torque of the "
+        "brake"
+    )
     if name is not None:
         note = f"{name}: {_described(brakes[name])}"
-        return compare(_BRAKE, wanted, brakes[name].torque, "N m", formula, _SOURCE, note=note)
+        torque = brakes[name].torque
+        return compare(_BRAKE, wanted, torque, "N m", formula, _SOURCE, "", note, said)
     strongest = max((brake.torque for brake in brakes.values()), default=None)
     missing = "brakes in the catalogue" if wanted is not None else "gear and motor"
     if needed:
-        note = "" if strongest is None else f"{ranked(brakes)[-1]}, the strongest"
-        return compare(_BRAKE, wanted, strongest, "N m", formula, _SOURCE, missing, note)
+        note = "" if strongest is None else f"{list(brakes)[-1]}, the strongest"
+        return compare(_BRAKE, wanted, strongest, "N m", formula, _SOURCE, missing, note, said)
     note = "no brake of the catalogue holds it" if brakes and wanted else ""
     return Criterion(
         _BRAKE, Status.NOT_REQUIRED, wanted, strongest, "N m", None, formula, _SOURCE, note
@@ -292,8 +310,9 @@ def _torque(
 
 
 def _energy(
-    stop: Stop | None, name: str | None, brakes: Mapping[str, Brake], needed: bool
+    stop: Stop | None, name: str | None, brakes: Mapping[str, Brake], needed: str
 ) -> Criterion:
+    """`needed`: the condition that asks for a brake; empty: none does."""
     formula = "max J omega_1^2/2 T_b/(T_b - |T_load|), omega_1 = |omega| + |T_load| t_engage/J"
     source = "energy balance of a stop under constant load; friction would help"
     brake = None if name is None else brakes[name]
@@ -304,7 +323,7 @@ def _energy(
             "inertia at the shaft, or a brake" if energy is None else "stop energy of the brake"
         )
         note = "" if brake is None or brake.engage_time else "assumed to close at once"
-        return compare(_STOP, energy, allowed, "J", formula, source, missing, note)
+        return compare(_STOP, energy, allowed, "J", formula, source, missing, note, needed)
     return Criterion(_STOP, Status.NOT_REQUIRED, energy, None, "J", None, formula, source, "")
 
 

@@ -44,7 +44,7 @@ class Criterion:
     source: str = quantity("source of the rule", heading="source and remarks")
     note: str = quantity("remark, or the value that is missing", default="")
     condition: str = quantity(
-        "the key of the conditions that sets one side, and its default", default=""
+        "the keys of the conditions that set one side, and their defaults", default=""
     )
     missing: str = quantity("the figure that is missing, where it is not checked", default="")
 
@@ -80,15 +80,17 @@ class Criterion:
     @property
     def why(self) -> str:
         """Return shortfall or reserve in words, or what is missing."""
+        said = self.condition if self.status == Status.FAILS else ""
+        by = f" ({said})" if said else ""
         if self._no_finite_margin and self.note:
-            return f"{self.name}: {self.note}"  # no number says more
+            return f"{self.name}: {self.note}{by}"  # no number says more
         if self.margin is None or self.required is None or self.available is None:
-            return f"{self.name}: {self.status}" + (f": {self.note}" if self.note else "")
+            return f"{self.name}: {self.status}" + (f": {self.note}" if self.note else "") + by
         tail = f"short by {self.shortfall}" if self.margin < 0 else f"{self.shortfall} in reserve"
         unit, ends = f" {self.unit}" if self.unit else "", (self.required, self.available)
         digits = next((d for d in range(4, 9) if len({f"{x:.{d}g}" for x in ends}) == 2), 4)
         needs, has = (f"{x:.{digits}g}{unit}" for x in ends)
-        tail += f"; {self.condition}" if self.margin < 0 and self.condition else ""
+        tail += f"; {said}" if said else ""
         return f"{self.name}: needs {needs}, has {has} ({tail})"
 
 

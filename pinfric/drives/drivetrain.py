@@ -163,11 +163,15 @@ class Ratings:
         share, torque = self.derating(conditions)[0], self.continuous_stall_torque
         return None if torque is None or share is None else share * torque
 
+    @property
+    def max_winding_printed(self) -> float | None:
+        """The maker's permissible winding temperature, deg C, or None."""
+        return None if self.thermal is None else self.thermal.max_winding
+
     def max_winding(self, conditions: Conditions) -> float:
         """Return the permissible winding temperature: the maker's, else the conditions', deg C."""
-        if self.thermal is not None and self.thermal.max_winding is not None:
-            return self.thermal.max_winding
-        return conditions.max_winding
+        printed = self.max_winding_printed
+        return conditions.max_winding if printed is None else printed
 
     def hottest(self, conditions: Conditions) -> float:
         """Return resistance at the permissible winding temperature over that at 25 C."""

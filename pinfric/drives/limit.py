@@ -27,7 +27,7 @@ from pinfric.drives.drivetrain import (
     line_voltage,
     shock_efficiency,
 )
-from pinfric.drives.policy import STAND_INS, Conditions
+from pinfric.drives.policy import STAND_INS, Conditions, stated
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.model.springs import softest
 from pinfric.motions.summary import ends_by_magnitude, rests
@@ -308,7 +308,7 @@ class Limit:
         stage: for whom the row is written: "gear", for gears of a shelf; "pair", for gears and
             motors; "entry", for one gear; "drive", for one drive.
         reserve: a factor on the need, or the condition that is it.
-        condition: the condition that sets one side; a criterion that fails names it.
+        condition: the conditions that set one side; a criterion that fails names them.
         applies: to which drives; to others it says nothing.
         endless: what is said where an infinite figure is available; it passes without a number.
         key: the key of a motor file that gives it by number; empty: none does.
@@ -326,7 +326,7 @@ class Limit:
     note: Text = ""
     stage: str = "drive"
     reserve: str | float = 1.0
-    condition: str = ""
+    condition: Text = ""
     applies: Callable[[Drives], Value] = _always
     endless: str = ""
     key: str = ""
@@ -388,28 +388,18 @@ class Limit:
         own = {"torque": torque, "speed": speed, "effort": d.demand.unit}
         own["place"] = "m" if d.linear else "rad"
         unit = own.get(self.unit, self.unit)
+        keys = self.condition if isinstance(self.condition, str) else self.condition(d)
+        reserve = [self.reserve] if isinstance(self.reserve, str) else []
+        said, margin, status = stated(d.conditions, *reserve, *keys.split()), None, None
         if self.optional and required is None:
             status = Status.NOT_REQUIRED
-            return Criterion(self.name, status, None, available, unit, None, formula, source, note)
-        if self.endless and available == np.inf:
-            passes = Status.PASSES
-            return Criterion(
-                self.name, passes, required, None, unit, 1.0, formula, source, self.endless
-            )
+        elif self.endless and available == np.inf:
+            available, margin, status, note = None, 1.0, Status.PASSES, self.endless
+        if status is not None:
+            figures = required, available, unit, margin
+            return Criterion(self.name, status, *figures, formula, source, note, said)
         note = "; ".join(text for text in (note, self._stand_in(d)) if text)
-        names = (x for x in (self.reserve, self.condition) if isinstance(x, str) and x)
-        said = "; ".join(_of_condition(name, d.conditions) for name in names)
         return compare(self.name, required, available, unit, formula, source, missing, note, said)
-
-
-def _of_condition(name: str, conditions: Conditions) -> str:
-    """Say what a condition is, and its default."""
-    default, given = Conditions.model_fields[name].default, getattr(conditions, name)
-    if not isinstance(given, int | float):
-        return f"conditions.{name}"
-    if given == default:
-        return f"conditions.{name} = {given:g}, its default"
-    return f"conditions.{name} = {given:g}, default {'none' if default is None else f'{default:g}'}"
 
 
 def never(_: Drives) -> bool:

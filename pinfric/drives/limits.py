@@ -50,6 +50,7 @@ from pinfric.drives.policy import (
     EXTRA_LOW_VOLTAGE,
     MOST_OVERVOLTAGE,
     STAND_INS,
+    stated,
 )
 from pinfric.drives.rules import (
     buckling_load,
@@ -98,6 +99,25 @@ def _continuous_note(d: Drives) -> str:
 
 def _lag(d: Drives) -> Lag:
     return heat_lag(d.ratings.thermal, d.ratings.thermal_time, d.conditions)
+
+
+def _cooled(d: Drives) -> str:
+    """The conditions that derate the continuous torque."""
+    of_class = d.ratings.max_winding_printed is None and d.ratings.ambient_curve is None
+    return "ambient" + " max_winding" * of_class
+
+
+def _warmed(d: Drives) -> str:
+    """The same, and the time constant where no motor's is printed."""
+    thermal = d.ratings.thermal
+    own = thermal is not None and thermal.winding_time is not None
+    return _cooled(d) + " thermal_time" * (not own and d.ratings.thermal_time is None)
+
+
+def _stalled(d: Drives) -> str:
+    thermal = d.ratings.thermal
+    own = thermal is not None and thermal.winding_time is not None
+    return _cooled(d) + " thermal_time" * (not own)
 
 
 def _heat_formula(d: Drives) -> str:
@@ -227,15 +247,16 @@ MOTOR_LIMITS = [
     Limit("continuous torque", "motor RMS torque", lambda d: d.heat, "torque",
           lambda d: f"{_RMS}continuous torque{d.output}", _PRACTICE,
           _of_motor("continuous torque"), _continuous_note,
-          stage="pair", condition="ambient", key="continuous_torque"),
+          stage="pair", condition=_cooled, key="continuous_torque"),
     Limit("short-term torque", lambda d: d.asked.short_term, lambda d: d.heat, "torque",
           _heat_formula, lambda d: _lag(d).source, _of_motor("continuous torque"),
           lambda d: d.ratings.continuous_at(d.conditions, d.asked.mean_speed)[1],
-          condition="ambient"),
+          condition=_warmed),
     Limit("overloaded standstill", lambda d: d.asked.overloaded_standstill,
           lambda d: _window(d)[0], "s", _standing_formula, lambda d: _window(d)[1],
           _of_motor("continuous torque"),
-          lambda d: "without end" if d.asked.overloaded_standstill == np.inf else ""),
+          lambda d: "without end" if d.asked.overloaded_standstill == np.inf else "",
+          condition=_stalled),
     Limit("peak torque", "motor torque", "motor.peak_torque", "torque",
           lambda d: f"{d.conditions.peak_factor:g} max |T_m| <= peak torque{d.output}",
           _PRACTICE + ": 20 to 30 %", _of_motor("peak torque"),
@@ -259,22 +280,23 @@ MOTOR_LIMITS = [
           "max |omega| <= maximum speed", _MAKER, "maximum speed", stage="pair", key="max_speed"),
     Limit("winding temperature", _winding_rise, _winding_room, "K", _winding_formula,
           "maxon, Key information: thermal behaviour (two nodes), copper +0.39 %/K",
-          _winding_missing, _winding_note, condition="ambient"),
+          _winding_missing, _winding_note, condition=_cooled),
     Limit("amplifier currents", nothing, nothing, "A",
           "currents of the motor <= those of its amplifier", _MAKER,
           "conditions.amplifiers: which amplifier feeds it", applies=lambda d: not _fed(d)),
     Limit("amplifier peak current", "motor torque", _amplified("peak_current"), "torque",
           "max |T_m| <= torque constant x peak current of the amplifier",
           f"{_MAKER} of the amplifier", _of_amplifier("peak_current"), _amperes("peak_current"),
-          applies=_fed, endless=_NEVER_ABOVE),
+          condition="amplifiers", applies=_fed, endless=_NEVER_ABOVE),
     Limit("amplifier continuous current", "motor RMS torque", _amplified("continuous_current"),
           "torque", f"{_RMS}torque constant x continuous current of the amplifier",
           f"{_MAKER} of the amplifier", _of_amplifier("continuous_current"),
-          _amperes("continuous_current"), applies=_fed, endless=_NEVER_ABOVE),
+          _amperes("continuous_current"), condition="amplifiers", applies=_fed,
+          endless=_NEVER_ABOVE),
     Limit("amplifier overload", lambda d: d.asked.overdriven, _overdrive_time, "s",
           "longest time above the continuous current <= peak_time of the amplifier",
           f"{_MAKER} of the amplifier", _of_amplifier("continuous_current and peak_time"),
-          applies=_fed, endless=_NEVER_ABOVE),
+          condition="amplifiers", applies=_fed, endless=_NEVER_ABOVE),
 ]
 # fmt: on
 
@@ -517,7 +539,8 @@ def _rated(what: str, carried: Callable[[Drives], bool], names: Collection[str])
               _safety_formula, _rule, _of_bearing(static), endless="no load"),
         Limit("life L10", lambda d: number(d.conditions.life), _bearing_life, "h",
               _life_formula, _rule, _of_bearing("dynamic load rating C or pitch diameter"),
-              _life_note, condition="life", endless="it never turns under load", optional=True),
+              _life_note, condition="life shock", endless="it never turns under load",
+              optional=True),
     ]
     # fmt: on
     return [
@@ -616,15 +639,17 @@ def _back_driving(d: Drives) -> Criterion:
         status = Status.NOT_REQUIRED if wanted == "any" else Status.NOT_CHECKED
         text = note or ("" if wanted == "any" else "no value (losses when the load drives)")
         return Criterion(name, status, None, None, "", None, formula, source, text)
+    said = stated(d.conditions, "back_driving")
     assert transmission is not None
     back = driven_efficiency(transmission)
     if wanted == "required":
         locked = "self-locking" if back <= 0 else note
         status = Status.PASSES if back > 0 else Status.FAILS
-        return Criterion(name, status, None, None, "", back, formula, source, locked)
+        return Criterion(name, status, None, None, "", back, formula, source, locked, said)
     status = Status.PASSES if back <= 0 else Status.FAILS
     text = "self-locking" if back <= 0 else "not self-locking: it needs a brake"
-    return Criterion(name, status, None, None, "", -back, "eta_b <= 0: self-locking", source, text)
+    formula = "eta_b <= 0: self-locking"
+    return Criterion(name, status, None, None, "", -back, formula, source, text, said)
 
 
 def _frequency(condition: str, hand: bool) -> Limit:
@@ -667,7 +692,8 @@ JOINT_LIMITS = [
           "gear.momentary_peak_torque", "effort",
           "(|r| T_b + J_r G/J_L)/(eta_b + J_r/J_L) <= limit for momentary peak torque",
           "statics and dynamics of one axis, the gear rigid; pinfric stop simulates all",
-          _brake_missing, lambda d: d.candidate.brake_note, stage="pair", applies=_shocked),
+          _brake_missing, lambda d: d.candidate.brake_note, stage="pair",
+          condition="brake_factor", applies=_shocked),
 ]
 # fmt: on
 

@@ -210,6 +210,24 @@ def parse_conditions(given: Conditions | Mapping[str, Any], default: Conditions)
     return parse(Conditions, {**dict(default), **given}, "conditions", CatalogError)
 
 
+def stated(conditions: Conditions, *names: str) -> str:
+    """Say what some conditions are, and their defaults."""
+    return "; ".join(_stated(name, getattr(conditions, name)) for name in names)
+
+
+def _stated(name: str, given: Any) -> str:
+    default = Conditions.model_fields[name].get_default(call_default_factory=True)
+    if given == default and given:
+        return f"conditions.{name} = {_short(given)}, its default"
+    value = f" = {_short(given)}" if isinstance(given, int | float | str) else ""
+    return f"conditions.{name}{value}, default {_short(default) if default else 'none'}"
+
+
+def _short(value: float | str) -> str:
+    """Return a number with few digits, or a word."""
+    return value if isinstance(value, str) else f"{value:g}"
+
+
 class Need(NamedTuple):
     """A figure that must be known.
 

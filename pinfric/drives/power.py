@@ -22,7 +22,7 @@ from pinfric.drives.criterion import Criterion, Status, compare
 from pinfric.drives.demand import power_figures
 from pinfric.drives.drivetrain import MotorCycle
 from pinfric.drives.duty import Schedule
-from pinfric.drives.policy import Conditions
+from pinfric.drives.policy import Conditions, stated
 from pinfric.dynamics.inverse.result import runs
 from pinfric.model.described import derived, described, quantity
 from pinfric.motions.summary import rms
@@ -150,16 +150,17 @@ def bus_power(
         resistor_power=flow.returned / period if flows else None,
         capacitance=burst / room if room and flows else None,
         criteria=(
-            _supply(flow.driving, conditions.supply_power, bool(left_out or mechanical)),
-            _braking(burst, room, conditions.bus_capacitance),
-            _sag(held, voltages, bool(left_out or mechanical)),
+            _supply(flow.driving, conditions, bool(left_out or mechanical)),
+            _braking(burst, room, conditions),
+            _sag(held, voltages, bool(left_out or mechanical), conditions),
         ),
         lowest=None if held is None or np.isnan(held).any() else float(held.min()),
     )
 
 
-def _braking(burst: float, room: float | None, capacitance: float | None) -> Criterion:
+def _braking(burst: float, room: float | None, conditions: Conditions) -> Criterion:
     """The largest single return (J) against the capacitors; `room`: (U_max^2 - U^2)/2, V^2."""
+    capacitance = conditions.bus_capacitance
     taken = None if room is None or capacitance is None else capacitance * room
     return compare(
         _BRAKING,
@@ -169,6 +170,7 @@ def _braking(burst: float, room: float | None, capacitance: float | None) -> Cri
         "largest single return <= C (U_max^2 - U^2)/2",
         "Servotronix CDHD2 manual, regeneration: E_bus = C/2 (V_max^2 - V_nom^2)",
         "conditions.bus_capacitance and bus_limit",
+        condition=stated(conditions, "bus_capacitance", "bus_limit", "bus_voltage"),
     )
 
 
@@ -188,7 +190,10 @@ def held_voltage(power: np.ndarray, conditions: Conditions) -> np.ndarray | None
 
 
 def _sag(
-    held: np.ndarray | None, voltages: Mapping[str, np.ndarray | None], at_least: bool
+    held: np.ndarray | None,
+    voltages: Mapping[str, np.ndarray | None],
+    at_least: bool,
+    conditions: Conditions,
 ) -> Criterion:
     """What every motor takes against the sagging bus, at the same instant."""
     needed, has = None, None
@@ -213,11 +218,13 @@ def _sag(
         "voltage divider of supply and drives",
         missing,
         "the supply cannot deliver this power through its resistance" if needed == np.inf else "",
+        stated(conditions, "supply_resistance", "bus_voltage"),
     )
 
 
-def _supply(peak: float, supply: float | None, at_least: bool) -> Criterion:
+def _supply(peak: float, conditions: Conditions, at_least: bool) -> Criterion:
     """Power that is known in part can fail a supply, not pass it."""
+    supply = conditions.supply_power
     decided = not at_least or (supply is not None and peak > supply)
     missing = (
         "conditions.supply_power"
@@ -232,6 +239,7 @@ def _supply(peak: float, supply: float | None, at_least: bool) -> Criterion:
         "max sum(T_m omega + R i^2) <= power of the supply",
         "power balance of the bus",
         missing,
+        condition=stated(conditions, "supply_power"),
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from pinfric.drives.criterion import Criterion, compare
-from pinfric.drives.policy import Conditions
+from pinfric.drives.policy import Conditions, stated
 from pinfric.elastic.motion import Elasticity, ToolPlace
 from pinfric.errors import CatalogError
 from pinfric.model.scene import Scene
@@ -60,6 +60,7 @@ def arm_criteria(
                 "motors held, each gear with its tangent at the least torque it holds",
                 "pinfric: natural frequencies over the cycle",
                 missing,
+                condition=stated(conditions, "lowest_frequency"),
             )
         )
     tools = [rest.tool for rest in found.rests if rest.tool is not None] if found else []
@@ -70,7 +71,10 @@ def arm_criteria(
             known_figures = [] if unknown else [x for x in figures if x is not None]
             needed = max(known_figures, default=None)
             why = missing or "the cycle has no rest"
-            criteria.append(compare(name, needed, allowed, "m", formula, _SOURCE, why))
+            said = stated(conditions, key)
+            criteria.append(
+                compare(name, needed, allowed, "m", formula, _SOURCE, why, condition=said)
+            )
     return tuple(criteria)
 
 
@@ -86,14 +90,13 @@ def reversal_criteria(
         scene, found, conditions: as `arm_criteria`.
         backlash: of each drive's gear, rad (m); None: not known.
     """
-    allowed = conditions.reversal_error
-    if allowed is None:
+    if conditions.reversal_error is None:
         return ()
-    return tuple(_reversal(scene, d, found, gap, allowed) for d, gap in enumerate(backlash))
+    return tuple(_reversal(scene, d, found, gap, conditions) for d, gap in enumerate(backlash))
 
 
 def _reversal(
-    scene: Scene, d: int, found: Elasticity | None, backlash: float | None, allowed: float
+    scene: Scene, d: int, found: Elasticity | None, backlash: float | None, conditions: Conditions
 ) -> Criterion:
     """A joint's reversal error: what friction winds up either way, and the play of its gear.
 
@@ -111,7 +114,11 @@ def _reversal(
     lacks += ["backlash of the gear"] * (backlash is None)
     if not lacks and not wound:
         lacks = ["the cycle has no rest that a motion leads to"]
+    allowed, said = conditions.reversal_error or 0.0, stated(conditions, "reversal_error")
     needed = least if not lacks or least > allowed else None  # known in part it can only fail
     unit = "m" if effort_unit(scene, d) == "N" else "rad"
     formula = "max |f(h + b) - f(h - b)| between opposite approaches + backlash"
-    return compare("reversal error", needed, allowed, unit, formula, _SOURCE, ", ".join(lacks))
+    missing = ", ".join(lacks)
+    return compare(
+        "reversal error", needed, allowed, unit, formula, _SOURCE, missing, condition=said
+    )

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from pinfric.drives.brake import Stop
+from pinfric.drives.brake import Stop, smallest_brake
 from pinfric.drives.catalog import Brake, Catalog, Gear, GearMotor, Motor
 from pinfric.drives.criterion import Criterion, Status
 from pinfric.drives.demand import largest, mean
@@ -178,6 +178,7 @@ class _Block:
         ratio: (ng, 1). inertia, mass: (ng, nm). heat: continuous torques at the ambient.
         fits: (ng, nm) the two go together. names: of gears. gear_lacks, motor_lacks: figures.
         make: drive of a gear and a motor by their numbers. linear, at_output: of all.
+        kin: of each motor, those of the same number go with the same `brakes` (`Shelf.brakes_for`).
     """
 
     gear: SimpleNamespace
@@ -195,19 +196,46 @@ class _Block:
     bare: Callable[[int], Candidate]
     linear: bool
     at_output: bool
+    kin: np.ndarray = field(default_factory=lambda: np.zeros(1, dtype=np.int64))
+    brakes: list[dict[str, Brake]] = field(default_factory=list)
+
+    def braked(
+        self, gears: np.ndarray, options: Sequence[Sequence[Sequence[Brake | None]]]
+    ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """Yield largest torque (NaN: none), inertia and mass (n, nm) of each brake on trial.
+
+        Args:
+            gears: (n,) rows. options: of each gear and kin, as of `_Row`; the last one is repeated.
+        """
+        kin = self.kin[gears][:, None] if self.at_output else self.kin
+        for k in range(max(len(own) for row in options for own in row)):
+            held = [[own[min(k, len(own) - 1)] for own in row] for row in options]
+            figures = np.array(
+                [
+                    [
+                        (b.greatest, b.rotor_inertia or 0.0, b.mass or 0.0) if b else _NO_BRAKE
+                        for b in row
+                    ]
+                    for row in held
+                ]
+            )
+            picked = figures[np.arange(len(gears))[:, None], kin]
+            yield picked[..., 0], picked[..., 1], picked[..., 2]
+
+
+#: Largest torque, inertia and mass of a drive's brake where it has none.
+_NO_BRAKE = (np.nan, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
 class Parts:
-    """What a joint has of its own, and what there is beside motors and gears.
+    """What a joint has of its own.
 
     Attributes:
-        own: fields of a candidate that replace the drive's. brakes: the smallest first.
-        banned: names that may not be taken.
+        own: fields of a candidate that replace the drive's. banned: names that may not be taken.
     """
 
     own: Mapping[str, Any] = field(default_factory=dict)
-    brakes: Sequence[tuple[str, Brake]] = ()
     banned: frozenset[str] = frozenset()
 
 
@@ -216,10 +244,13 @@ class Shelf:
 
     Args:
         catalog: what there is. conditions: ambient temperature, for ratings. linear: which joints.
+        brakes: the smallest first.
     """
 
-    def __init__(self, catalog: Catalog, conditions: Conditions, linear: bool) -> None:
-        self.linear, self.conditions = linear, conditions
+    def __init__(
+        self, catalog: Catalog, conditions: Conditions, linear: bool, brakes: Mapping[str, Brake]
+    ) -> None:
+        self.linear, self.conditions, self.brakes = linear, conditions, brakes
         gears = [
             (name, gear, ratio)
             for name, gear in catalog.gears.items()
@@ -232,6 +263,22 @@ class Shelf:
             self.blocks.append(_of_gears(gears, catalog.motors, conditions, linear))
         if alone:
             self.blocks.append(_of_gearmotors(alone, conditions, linear))
+        inside = tuple({str(brake.sold) for brake in brakes.values()} - {"None", "alone"})
+        for block in self.blocks:
+            names = block.names if block.at_output else block.motor_names
+            kin = [
+                tuple(w for w in inside if n.startswith(w)) if n.startswith(inside) else ()
+                for n in names
+            ]
+            first = dict(zip(kin, names, strict=True))
+            number_of = {words: k for k, words in enumerate(first)}
+            block.brakes = [self.brakes_for(name) for name in first.values()]
+            if len(first) > 1 or block.at_output:
+                block.kin = np.array([number_of[words] for words in kin])
+
+    def brakes_for(self, motor: str) -> dict[str, Brake]:
+        """Return the brakes that are sold alone or in this motor, the smallest first."""
+        return {name: brake for name, brake in self.brakes.items() if goes_with(brake, motor)}
 
     @property
     def count(self) -> int:
@@ -325,15 +372,16 @@ def _of_gearmotors(
 
 @dataclass
 class _Row:
-    """A gear at a joint: its losses over the cycle, its brake.
+    """A gear at a joint: its losses over the cycle, the brakes that its drives may get.
 
     Attributes:
-        ends: (T,) twice, torques at the input without rotor. brake: its name, and entry; or None.
-        numbers: of the bounds, see `Search`. margin: the least of its own rows.
+        ends: (T,) twice, torques at the input without rotor. numbers: of the bounds, see `Search`.
+        brakes: of each kin of motors that drives may get, the smallest first; None: none.
+        margin: the least of its own rows. back: eta_b when a brake closes.
     """
 
     ends: tuple[np.ndarray, np.ndarray]
-    brake: tuple[str, Brake] | None
+    brakes: list[list[Brake | None]]
     numbers: tuple[float, ...]
     margin: float
     back: float
@@ -398,20 +446,46 @@ class Search:
             *(mean(t, p * q) for p, q in ((m, m), (m, a), (a, a), (h, h), (h, m), (h, a))),
             *(value for k in (x, y, z) for value in (m[k], h[k], a[k], speed[k])),
         )
-        margin, brake = self._of_entry(bare), self._brake(bare)
-        row = _Row(ends, brake, numbers, margin, shock_efficiency(bare))
+        brakes = self._brakes(block, g, bare)
+        row = _Row(ends, brakes, numbers, self._of_entry(bare), shock_efficiency(bare))
         self._rows[b, g] = row
         return row
 
-    def _brake(self, bare: Candidate) -> tuple[str, Brake] | None:
-        """The smallest brake that holds the joint's load, with its reserve; None: none needed."""
-        needed = self.holding_torque(bare)
-        if needed is None:
+    def _brakes(self, block: _Block, g: int, bare: Candidate) -> list[list[Brake | None]]:
+        """Of each kin of motors the brakes that a drive may get: more than one by stop energy.
+
+        The energy of a stop, T_b (J omega^2 + 2 omega T t + T^2 t^2/J)/2/(T_b - T) with the load T,
+        is convex in J: what the lightest and the heaviest rotor bear, all between them do.
+        """
+        needed, rotors = self.holding_torque(bare), block.inertia[g][block.fits[g]]
+        known = rotors[np.isfinite(rotors)]
+        if needed is None or not len(known):
+            return [[None] for _ in block.brakes]
+        stops, found = [self._stop(bare, J) for J in (known.min(), known.max())], []
+        for brakes in block.brakes:
+            options: list[Brake | None] = []
+            for name, brake in brakes.items():
+                borne = [smallest_brake({name: brake}, needed, stop) for stop in stops]
+                options += [brake] * (brake.torque >= needed)
+                if None not in borne:
+                    break
+            else:
+                options.append(None)
+            found.append(options)
+        return found
+
+    def _stop(self, made: Candidate, inertia: float) -> Stop | None:
+        """The hardest stop by a brake at a drive's shaft, where the load's inertia is known.
+
+        Args:
+            made: gives the ratio. inertia: of rotor and gear input, kg m^2.
+        """
+        load = self.case.load_inertia
+        if load is None:
             return None
-        for name, brake in self.parts.brakes:
-            if brake.torque >= needed and goes_with(brake, ""):
-                return name, brake
-        return None
+        speed = np.abs(made.ratio * self.case.cycle.velocity)
+        at_shaft = np.full(len(speed), load / made.ratio**2 + inertia)
+        return Stop(at_shaft, speed, np.abs(self.case.rest / made.ratio))
 
     def holding_torque(self, drive_: Candidate) -> float | None:
         """Return what a brake at the shaft must hold, N m; None where none is needed.
@@ -432,34 +506,36 @@ class Search:
         rows = [self._row(b, int(g)) for g in gears]
         n = np.array([row.numbers for row in rows]).T[:, :, None]
         mm, ma, aa, hh, hm, ha = n[:6]
-        held = [row.brake[1] if row.brake else None for row in rows]
-        more = np.array([(x.rotor_inertia or 0.0) if x else 0.0 for x in held])[:, None]
-        heavier = np.array([(x.mass or 0.0) if x else 0.0 for x in held])[:, None]
-        torque = [x.greatest if x else np.nan for x in held]
-        J = block.inertia[gears] + more
         motor = block.motor
         if block.at_output:
             motor = SimpleNamespace(**{k: v[gears] for k, v in vars(motor).items()})
-        square = mm + 2 * J * ma + J**2 * aa + hh + 2 * np.abs(hm + J * ha)
-        samples = [(n[k] + J * n[k + 2], n[k + 1], n[k + 3]) for k in (6, 10, 14)]
+        samples = [(n[k], n[k + 1], n[k + 2], n[k + 3]) for k in (6, 10, 14)]
         cool = min(1.0, 1 + COPPER * (conditions.ambient - 25.0))
-        asked = SimpleNamespace(
-            rms=np.sqrt(np.maximum(square, 0.0)) * (1 - 1e-9),
-            peak=np.maximum.reduce([np.abs(m) + h for m, h, _ in samples]) * (1 - 1e-9),
-            voltage=np.maximum.reduce([_least_voltage(motor, *s, cool) for s in samples]),
-        )
         gear = SimpleNamespace(**{k: v[gears] for k, v in vars(block.gear).items()})
         heat = block.heat[gears] if block.at_output else block.heat
         back = np.array([row.back for row in rows])[:, None]
-        d = Drives(
-            self.case, gear, motor, asked, block.ratio[gears], J, heat, back,
-            np.array(torque)[:, None], block.at_output, block.linear,
-        )  # fmt: skip
-        least = np.broadcast_to(np.array([row.margin for row in rows])[:, None], J.shape).copy()
-        for limit in LIMITS:
-            if limit.stage == "pair":
-                least = np.fmin(least, limit.margin(d))
-        return least, block.mass[gears] + heavier
+        own = np.array([row.margin for row in rows])[:, None]
+        best, lightest = np.array(-np.inf), np.array(np.inf)
+        for torque, more, heavier in block.braked(gears, [row.brakes for row in rows]):
+            J = block.inertia[gears] + more
+            square = mm + 2 * J * ma + J**2 * aa + hh + 2 * np.abs(hm + J * ha)
+            ends = [(m + J * a, h, speed) for m, h, a, speed in samples]
+            asked = SimpleNamespace(
+                rms=np.sqrt(np.maximum(square, 0.0)) * (1 - 1e-9),
+                peak=np.maximum.reduce([np.abs(m) + h for m, h, _ in ends]) * (1 - 1e-9),
+                voltage=np.maximum.reduce([_least_voltage(motor, *end, cool) for end in ends]),
+            )
+            d = Drives(
+                self.case, gear, motor, asked, block.ratio[gears], J, heat, back, torque,
+                block.at_output, block.linear,
+            )  # fmt: skip
+            least = np.broadcast_to(own, J.shape).copy()
+            for limit in LIMITS:
+                if limit.stage == "pair":
+                    least = np.fmin(least, limit.margin(d))
+            best = np.maximum(best, least)
+            lightest = np.minimum(lightest, block.mass[gears] + heavier)
+        return best, lightest
 
     @cached_property
     def _gear_margins(self) -> list[np.ndarray]:
@@ -516,27 +592,14 @@ class Search:
     ) -> Assessment:
         """Return a drive judged exactly, with the brake that it needs."""
         motor, needed = None, self.holding_torque(made)
-        if made.transmission is not None:
+        if (gear := made.transmission) is not None:
             ends = row.ends if row else input_torques(made, self.case.cycle)
-            for name, brake in () if needed is None else self.parts.brakes:
-                if brake.torque >= (needed or 0.0) and goes_with(brake, made.motor):
-                    braked = with_brake(made, name, brake)
-                    if self._stops(braked, brake):
-                        made = braked
-                        break
+            if needed is not None:
+                brakes = self.shelf.brakes_for(made.motor)
+                name = smallest_brake(brakes, needed, self._stop(made, gear.rotor_inertia))
+                made = made if name is None else with_brake(made, name, brakes[name])
             motor = motor_cycle(made, self.case.cycle, self.case.conditions, ends)
         return Assessment(made, drive(made, motor, self.case), missing)
-
-    def _stops(self, braked: Candidate, brake: Brake) -> bool:
-        """Whether a brake bears the energy of a stop, where its maker prints what it bears."""
-        gear, load = braked.transmission, self.case.load_inertia
-        if gear is None or load is None or brake.stop_energy is None:
-            return True
-        speed = np.abs(gear.ratio * self.case.cycle.velocity)
-        inertia = np.full(len(speed), load / gear.ratio**2 + gear.rotor_inertia)
-        inside = brake.model_copy(update={"rotor_inertia": None})  # in the drive's already
-        stop = Stop(inertia, speed, np.abs(self.case.rest / gear.ratio))
-        return stop.energy(inside) <= brake.stop_energy
 
     def lightest(self) -> Assessment | None:
         """Return the lightest drive that fits; of equal masses the one of greatest margin."""

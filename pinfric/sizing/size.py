@@ -20,7 +20,7 @@ from typing import Any, Literal
 import numpy as np
 
 from pinfric.drives.brake import Standstill, ranked, standstills
-from pinfric.drives.catalog import Catalog
+from pinfric.drives.catalog import Brake, Catalog
 from pinfric.drives.catalog_file import load_catalog
 from pinfric.drives.criterion import Criterion, Status
 from pinfric.drives.demand import (
@@ -49,18 +49,18 @@ from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.states import MotionLike
 from pinfric.elastic.motion import Elasticity, elasticity
-from pinfric.errors import PinfricWarning, SizingError, choose_from
+from pinfric.errors import PinfricWarning, SizingError, StopError, choose_from
 from pinfric.model.brief import counted, file_name, listed, screen
 from pinfric.model.described import described, quantity
 from pinfric.model.scene import Scene, expect_scene
 from pinfric.model.upward import Shown
 from pinfric.motions.summary import beyond_limits, effort_unit
+from pinfric.motions.trajectory import Trajectory
 from pinfric.sizing.branch import Arm, stiff_enough
 from pinfric.sizing.caveats import caveats, discontinuities, unclosed
 from pinfric.sizing.elastic_arm import arm_criteria, check_tool, reversal_criteria
 from pinfric.sizing.shelf import Ask, Assessment, Parts, Search, Shelf, stiffness_of
-from pinfric.sizing.stopping import chosen_stops
-from pinfric.stops.study import StopResult
+from pinfric.stops.study import StopResult, stop
 
 #: Passes over all joints before an alternating choice is given up; two are usual.
 _MOST_PASSES = 12
@@ -277,9 +277,13 @@ class SizingReport(Shown):
         """Holding of each joint without power, and its brake; in the order of `joints`."""
         catalog = self.catalog or Catalog("no catalogue")
         fitted = [j.installed.candidate.brake if j.installed else "" for j in self.joints]
-        there = dict(brakes_of(catalog, self.given))
+        motors = [j.installed.candidate.motor if j.installed else "" for j in self.joints]
         return standstills(
-            self.result, there, self.conditions, fitted if self.catalog is not None else ()
+            self.result,
+            brakes_of(catalog, self.given),
+            self.conditions,
+            fitted if self.catalog is not None else (),
+            motors,
         )
 
     @property
@@ -509,9 +513,25 @@ class _Sizing:
             return None, ""
         if len(report.duty.repeats) > 1:
             return None, "stops: judged for one cycle, not for a duty of several"
+        taken = [joint.installed for joint in report.joints]
+        names = sorted({a.candidate.brake for a in taken if a is not None} - {""})
+        if slow := [n for n in names if self.catalog.brakes[n].engage_time is None]:
+            return None, (
+                f"stops: {', '.join(slow)} of the catalogue has no `engage_time`; give it the time "
+                "(s) from power-off until it holds, as its maker states it"
+            )
         self.progress("stops of the chosen drives")
-        brakes = self.catalog.brakes
-        return chosen_stops(report.result, report.standstills, brakes, report.trajectory)
+        scene, states = report.scene, report.result.states
+        assert states.t is not None  # size refuses a motion without times
+        carried = states.attached
+        attached = {} if carried is None else dict(zip(scene.payloads, carried.T, strict=True))
+        motion = Trajectory.from_arrays(
+            scene, states.t, states.q, states.v, states.a, attached, source=report.trajectory
+        )
+        try:
+            return stop(scene, motion), ""
+        except StopError as problem:
+            return None, str(problem)
 
     def _added(self, taken: Mapping[int, Assessment]) -> dict[int, float]:
         """The masses that the drives add to the robot's links."""
@@ -524,14 +544,14 @@ class _Sizing:
             return None
         name, linear = self.scene.drives[i].name, effort_unit(self.scene, i) == "N"
         if linear not in self.shelves:
-            self.shelves[linear] = Shelf(self.catalog, self.conditions, linear)
+            brakes = brakes_of(self.catalog, self.scene)
+            self.shelves[linear] = Shelf(self.catalog, self.conditions, linear, brakes)
         case = self.robot.case(i, masses)
         if not friction:
             cycle = case.cycle.without_friction()
             case = case._replace(demand=gear_demand_frictionless(case.demand, cycle), cycle=cycle)
         own = own_parts(self.catalog, self.conditions, name, linear)
-        parts = Parts(own, brakes_of(self.catalog, self.scene), frozenset(self.banned.get(i, ())))
-        return Search(self.shelves[linear], case, parts)
+        return Search(self.shelves[linear], case, Parts(own, frozenset(self.banned.get(i, ()))))
 
     def _choose(self) -> tuple[dict[int, Assessment], int, bool]:
         """The drives taken, the number of passes, and whether the last one changed nothing."""
@@ -669,14 +689,13 @@ class _Sizing:
         return tuple(found)
 
 
-def brakes_of(catalog: Catalog, scene: Scene) -> list[tuple[str, Any]]:
+def brakes_of(catalog: Catalog, scene: Scene) -> dict[str, Brake]:
     """Return the brakes that a robot may have, the smallest first.
 
     Where the scene says how it is stopped: those with an `engage_time`, if there are any.
     """
     timed = {n: brake for n, brake in catalog.brakes.items() if brake.engage_time is not None}
-    there = catalog.brakes if scene.stops is None else timed or catalog.brakes
-    return [(name, there[name]) for name in ranked(there)]
+    return ranked(catalog.brakes if scene.stops is None else timed or catalog.brakes)
 
 
 def gear_demand_frictionless(demand: GearDemand, cycle: DriveCycle) -> GearDemand:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from scipy.linalg import expm
 from sizing_cases import (
@@ -30,13 +31,14 @@ from pinfric.drives.catalog_file import load_catalog
 from pinfric.drives.criterion import Status, compare
 from pinfric.drives.demand import DriveCycle
 from pinfric.drives.drivetrain import gear_transmission, motor_cycle, motor_with_gear, ratings_of
-from pinfric.drives.limit import Case, Limit, signals
+from pinfric.drives.limit import Case, Limit, never, signals
 from pinfric.drives.limits import LIMITS, add_limit, check
-from pinfric.drives.policy import Conditions
+from pinfric.drives.policy import Conditions, parse_conditions
 from pinfric.drives.rules import gear_life, resonance
 from pinfric.errors import CatalogError, SizingError
 from pinfric.model.drives import motor_torque_bounds
 from pinfric.retiming.limits import read_limits
+from pinfric.sizing.shelf import Search
 
 # efforts at the joint: speeding up, running, slowing down; at rest anything in +-COULOMB
 UP, RUN, DOWN = (INERTIA * ACCELERATION + COULOMB, COULOMB, -INERTIA * ACCELERATION + COULOMB)
@@ -50,10 +52,11 @@ PARTS = np.array([RAMP, PLATEAU, RAMP, PAUSE])
 ANGLE = np.array([RATE * RAMP / 2, RATE * PLATEAU, RATE * RAMP / 2])  # turned in each part, rad
 
 
-def sized(tmp_path, motor=None, gear=None, conditions=None, scene=None):
+def sized(tmp_path, motor=None, gear=None, conditions=None, scene=None, on_miss="warn"):
     scene = scene or turntable()
     catalog = one_drive(tmp_path, motor, gear)
-    (joint,) = pf.size(scene, trapezoid(scene), catalog, conditions=conditions).joints
+    report = pf.size(scene, trapezoid(scene), catalog, conditions=conditions, on_miss=on_miss)
+    (joint,) = report.joints
     return joint
 
 
@@ -378,7 +381,8 @@ def test_surroundings_hotter_than_the_winding_may_be_are_said_plainly(tmp_path):
         joint = sized(tmp_path, conditions={"ambient": 130.0})
     text = "ambient temperature 130 C, not below the winding's limit, 125 C"
     for name in ("continuous torque", "short-term torque", "winding temperature"):
-        assert criterion(joint, name).why == f"{name}: {text}"
+        said = f"{name}: {text} (conditions.ambient = 130, default 40)"
+        assert criterion(joint, name).why == said
     assert not any("e+09" in str(w.message) for w in caught)
 
 
@@ -656,3 +660,165 @@ def test_what_a_sample_asks_of_a_drive_by_hand():
     assert worst["voltage"][:, 0] == pytest.approx([UP + 2.0, COULOMB, -DOWN - 2.0])
     assert needed["voltage"][:, 0] == pytest.approx([UP + 2.0, 0.0, -DOWN - 2.0])
     assert worst["acceleration"][:, 0] == pytest.approx([ACCELERATION, 0.0, ACCELERATION])
+
+
+#: Values beside the defaults that every row of the table can be computed with.
+GIVEN = {
+    "life": 2e4,
+    "backlash": 1e-3,
+    "back_driving": "required",
+    "collision_effort": {"table": 50.0},
+    "collisions": {"count": 100, "duration": 0.15},
+    "thermal_time": 300.0,
+    "amplifiers": {"table": "A"},
+}
+#: What else a condition moves, in passing: the winding is warmer, the voltage and the copper loss
+#: with it.
+IN_PASSING = {(row, key) for row in ("speed-torque line",) for key in ("ambient",)}
+SLIDE = {"ratio": 628.3, "output": "linear", "kind": "ball screw", "stroke": 0.5, "stiffness": 1e7}
+SCREW_PARTS = {
+    "screw": {"root_diameter": 0.01, "length": 0.6, "supports": "fixed-fixed"},
+    "bearing": {"kind": "ball screw", "dynamic_rating": 5e3, "static_rating": 9e3},
+}
+NUT_PARTS = {"nut": {"diameter": 0.01, "contact_area": 1e-4, "max_pv": 1e5, "max_pressure": 5e6}}
+RATED = {"dynamic_rating": 2e4, "static_rating": 3e4, "pitch_diameter": 0.07}
+
+
+def variants(tmp_path):
+    """Drives, each with its joint, whose criteria are all rows of the table that `size` has."""
+    amplifier = {
+        "source": "invented",
+        "grade": "R",
+        "continuous_current": 1.0,
+        "peak_current": 20.0,
+    }
+    more = {"amplifiers": {"A": {**amplifier, "peak_time": 10.0}}}
+    bearing = {**GEAR["bearing"], **RATED}
+    curve = {"effort_curve": [[0.0, 60.0], [900.0, 50.0]]}
+    line = {
+        "nominal_voltage": 48.0,
+        "no_load_speed": 480.0,
+        "stall_torque": 5.0,
+        "max_speed": 500.0,
+    }
+    only = {"nominal_voltage": 60.0, "torque_constant": None}
+    brake = {"B": {"source": "invented", "grade": "R", "torque": 5.0}}
+    turning = turntable()
+    for motor, gear in (
+        ({}, {"kind": "strain wave", "bearing": bearing, "backlash": 5e-4}),
+        ({"thermal": None, **line}, curve),
+        ({"thermal": None, "thermal_time": 900.0, **only}, {"stiffness": None}),
+        ({"thermal": {**MOTOR["thermal"], "max_winding": None}}, {}),
+        ({"ambient_curve": [[25.0, 1.0], [90.0, 0.5]]}, {}),
+    ):
+        catalog = one_drive(tmp_path, motor, gear, brakes=brake, **more)
+        yield turning, trapezoid(turning), catalog
+    model = pin.Model()
+    model.addJoint(0, pin.JointModelPZ(), pin.SE3.Identity(), "table")
+    model.appendBodyToJoint(1, pin.Inertia(2.0, np.zeros(3), 0.01 * np.eye(3)), pin.SE3.Identity())
+    lift = pf.Scene(model=model, stick_velocity=0.0)
+    for parts in (SCREW_PARTS, {**NUT_PARTS, "kind": "lead screw"}):
+        gear = {**SLIDE, "bearing": None, "back_driving_torque": None, **parts}
+        yield lift, trapezoid(lift), one_drive(tmp_path, {}, gear, brakes=brake, **more)
+
+
+def changed(conditions, key):
+    """The conditions with another value of one key; None where there is none to try."""
+    given = getattr(conditions, key)
+    others = {
+        "collision_effort": {"table": 60.0},
+        "collisions": {"count": 200, "duration": 0.15},
+        "back_driving": "forbidden",
+    }
+    if isinstance(given, float | int):
+        others[key] = 1.07 * given
+    return parse_conditions({key: others[key]}, conditions) if key in others else None
+
+
+def test_every_row_names_the_conditions_that_set_it_and_their_defaults(tmp_path):
+    """Each condition is changed alone: the rows whose figures change are those that name it."""
+    seen, named = set(), set()
+    for scene, motion, catalog in variants(tmp_path):
+        first = parse_conditions({**GIVEN, "holding_brake": "required"}, Conditions())
+        joint = pf.size(scene, motion, catalog, conditions=first, on_miss="ignore").joints[0]
+
+        def judged(conditions, joint=joint):
+            search = joint.search
+            case = search.case._replace(conditions=conditions)
+            trial = Search(search.shelf, case, search.parts)
+            return {c.name: c for c in trial.judge(0, 0, 0).criteria}
+
+        before = judged(first)
+        seen |= set(before)
+        for key in Conditions.model_fields:
+            if (conditions := changed(first, key)) is None:
+                continue
+            for name, after in judged(conditions).items():
+                figures = [(c.status, c.required, c.available) for c in (before[name], after)]
+                if figures[0] == figures[1] or (name, key) in IN_PASSING:
+                    continue
+                named.add((name, key))
+                assert f"conditions.{key}" in before[name].condition, (name, key)
+        for c in before.values():
+            for part in filter(None, c.condition.split("; ")):
+                key = part.split()[0].strip(",").removeprefix("conditions.")
+                default = getattr(Conditions(), key)
+                shown = f"{default:g}" if isinstance(default, float) else default or "none"
+                own = key not in GIVEN
+                assert part.endswith(", its default" if own else f", default {shown}")
+            if c.status == Status.FAILS:
+                assert c.condition in c.why
+    rows = {limit.name for limit in LIMITS if limit.applies is not never}
+    assert rows - seen <= {
+        "guide static safety",
+        "amplifier currents",
+        *(f"{what} {of}" for what in ("guide", "screw", "bearing") for of in ("loads",)),
+    }
+    assert len(named) > 20
+
+
+@pytest.mark.parametrize(
+    ("given", "row", "said"),
+    [
+        ({"supply_power": 1.0}, "supply power", "supply_power = 1, default none"),
+        (
+            {"supply_resistance": 50.0},
+            "bus voltage under load",
+            "supply_resistance = 50, default none; conditions.bus_voltage = 48, its default",
+        ),
+        (
+            {"bus_limit": 49.0, "bus_capacitance": 1e-6},
+            "braking energy",
+            "bus_capacitance = 1e-06, default none; conditions.bus_limit = 49, default none; "
+            "conditions.bus_voltage = 48, its default",
+        ),
+        ({"reversal_error": 1e-9}, "reversal error", "reversal_error = 1e-09, default none"),
+        ({"lowest_frequency": 90.0}, "lowest frequency", "lowest_frequency = 90, default none"),
+        (
+            {"holding_brake": "required", "brake_factor": 9.0},
+            "holding brake",
+            "brake_factor = 9, default 1.5; conditions.holding_brake = required, default any",
+        ),
+    ],
+)
+def test_what_brakes_bus_and_robot_miss_names_its_condition_too(tmp_path, given, row, said):
+    """A swinging arm on one gear; its brake holds 4 times the load."""
+    model = pin.Model()
+    model.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "table")
+    body = pin.Inertia(2.0, np.array([0.3, 0.0, 0.0]), 0.01 * np.eye(3))
+    model.appendBodyToJoint(1, body, pin.SE3.Identity())
+    scene = pf.Scene(model=model, stick_velocity=0.0)
+    brake = {"source": "invented", "grade": "R", "torque": 4 * 2.0 * 9.81 * 0.3 / 100}
+    catalog = one_drive(tmp_path, {}, {"backlash": 1e-4}, brakes={"B": brake})
+    t = np.linspace(0.0, 1.0, 201)
+    q = 0.4 * np.sin(2 * np.pi * t)
+    motion = pf.Trajectory.from_arrays(scene, t, q[:, None])
+    report = pf.size(scene, motion, catalog, conditions=given, on_miss="ignore")
+    assert report.joints[0].choice is not None
+    (missed,) = [text for text in report.unmet if row in text]
+    assert f"conditions.{said}" in missed
+
+
+def test_back_driving_that_is_missed_names_its_condition(tmp_path):
+    joint = sized(tmp_path, conditions={"back_driving": "forbidden"}, on_miss="ignore")
+    assert "(conditions.back_driving = forbidden, default any)" in joint.nearest.why

@@ -11,7 +11,7 @@ import pytest
 from sizing_cases import GEAR, MOTOR, trapezoid, turntable
 
 import pinfric as pf
-from pinfric.drives.catalog import Catalog, Gear, Motor
+from pinfric.drives.catalog import Brake, Catalog, Gear, Motor
 from pinfric.drives.catalog_file import load_catalog
 from pinfric.drives.criterion import Status
 from pinfric.drives.drivetrain import motor_cycle, motor_with_gear, with_brake
@@ -55,7 +55,7 @@ def test_the_choice_is_that_of_a_search_over_all_drives(arm):
                 if not fits(m, motor, gear) or not known:
                     continue
                 needed = joint.search.holding_torque(made)
-                for name, brake in joint.search.parts.brakes if needed else ():
+                for name, brake in joint.search.shelf.brakes.items() if needed else ():
                     if brake.torque >= needed and brake.sold == "alone":
                         made = with_brake(made, name, brake)
                         break
@@ -64,6 +64,77 @@ def test_the_choice_is_that_of_a_search_over_all_drives(arm):
                 if not any(c.status == Status.FAILS for c in found):
                     best.append((made.mass, made.name))
         assert min(best) == (joint.choice.candidate.mass, joint.choice.candidate.name)
+
+
+def braked_by_hand(made, case, brakes):
+    """The smallest brake that is sold alone or in this motor, holds, and bears a stop's energy."""
+    gear, rest, ratio = made.transmission, np.abs(case.rest), made.ratio
+    load, speed = rest / ratio, np.abs(ratio * case.cycle.velocity)
+    for name, brake in sorted(brakes.items(), key=lambda one: (one[1].torque, one[1].mass)):
+        if brake.sold != "alone" and not made.motor.startswith(brake.sold):
+            continue
+        if brake.torque < 1.5 * load.max():
+            continue
+        inertia = case.load_inertia / ratio**2 + gear.rotor_inertia + brake.rotor_inertia
+        driven = speed + load * brake.engage_time / inertia
+        energy = (inertia / 2 * driven**2 * brake.torque / (brake.torque - load)).max()
+        if energy <= brake.stop_energy:
+            return with_brake(made, name, brake)
+    return made
+
+
+@pytest.mark.parametrize("inner", [0.3, 3.0])
+def test_brakes_inside_motors_and_weak_ones_leave_the_lightest_drive(arm, inner):
+    """Brakes of one maker's motors, lighter or heavier; others that bear too little energy."""
+    whole = arm[2]
+    same = {"source": "invented", "grade": "R", "engage_time": 0.02}
+    brakes = {
+        f"{sold} {torque:g}": Brake(
+            **same,
+            torque=torque,
+            torque_max=(1.0 if factor < 1 else factor) * torque,
+            mass=factor * mass,
+            rotor_inertia=2e-6,
+            stop_energy=energy,
+            sold=sold,
+        )
+        for sold, factor in (("alone", 1.0), ("maxon EC 90", inner))
+        for torque, mass, energy in (
+            (1.0, 0.4, 0.5),
+            (1.7, 0.3, 12.0),
+            (2.3, 0.5, 40.0),
+            (9.0, 2.0, 900.0),
+        )
+    }
+    gears = {n: g for n, g in whole.gears.items() if "CSG" in n and not lacks(kind_of(g), g)}
+    motors = {n: m for n, m in whole.motors.items() if n.startswith(("maxon EC 90", "maxon EC 60"))}
+    report = sized(arm, replace(whole, gears=gears, motors=motors, gearmotors={}, brakes=brakes))
+    for joint in report.joints[1:3]:
+        case, best = joint.search.case, []
+        for g, gear in gears.items():
+            for m, motor in motors.items():
+                made = motor_with_gear(m, motor, g, gear, gear.ratios[0])
+                if not fits(m, motor, gear) or made.transmission is None or made.mass is None:
+                    continue
+                made = braked_by_hand(made, case, brakes)
+                found = check(made, motor_cycle(made, case.cycle, case.conditions), case)
+                if not any(c.status == Status.FAILS for c in found):
+                    best.append((made.mass, made.name, made.brake))
+        mine = joint.choice.candidate
+        assert min(best) == (mine.mass, mine.name, mine.brake)
+
+
+def test_a_brake_inside_another_motor_holds_no_joint(arm):
+    """Where the only brakes are those of other motors a joint that needs one is missed."""
+    whole = arm[2]
+    inside = {n: b for n, b in whole.brakes.items() if b.sold != "alone"}
+    report = sized(arm, replace(whole, brakes=inside), holding_brake="where_needed")
+    for joint, still in zip(report.joints, report.standstills, strict=True):
+        assert not joint.choice.candidate.brake
+        assert still.brake is None
+        assert not still.fitted
+    lift = report.standstills[1]
+    assert (lift.held, lift.torque.status) == (False, Status.NOT_CHECKED)
 
 
 def test_bounds_never_exceed_what_they_bound(arm):
