@@ -41,7 +41,7 @@ from pathlib import Path
 from types import CodeType, FunctionType
 from typing import Any, NamedTuple
 
-import pinfric  # noqa: F401  # isort: skip: before Pinocchio
+import pinfric  # isort: skip: before Pinocchio
 
 import hypothesis
 import numpy as np
@@ -521,8 +521,10 @@ def main() -> None:
         "mutants", database=None, deadline=None, derandomize=True, max_examples=20
     )
     hypothesis.settings.load_profile("mutants")
-    if any(map(has_kernels, given.rooms)):
+    if interpreted := any(map(has_kernels, given.rooms)):
         interpret_kernels()
+    else:  # once, for all processes that are forked from this one
+        pinfric.warm_up(pinfric.load_scene("ur10_machine_tending"))
     mutants = [
         one for room in given.rooms for one in chosen(room, given.count, given.seed, given.skip)
     ]
@@ -532,7 +534,7 @@ def main() -> None:
         "-n",
         "0",
         "-m",
-        "not slow",
+        "not slow" if interpreted else "",
         "-W",
         "ignore::RuntimeWarning",
         "-p",
