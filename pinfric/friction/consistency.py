@@ -12,6 +12,7 @@ from pinfric.friction.given_modes import MOST_SOLUTIONS, solve_given_modes
 from pinfric.friction.law import site_limits, sliding, stick_limits, write_loads
 from pinfric.friction.modes import Modes
 from pinfric.friction.problem import Problem
+from pinfric.friction.sliding import slide
 from pinfric.kernels.compiled import kernel
 
 #: How far beyond its law a sticking or slipping coordinate may be, relative to the terms: rounding.
@@ -156,6 +157,8 @@ def try_modes(problem: Problem, modes: Modes) -> tuple[int, int]:
     Returns:
         (number of solutions or -1, how many of them obey), see `solve_given_modes`.
     """
+    if slide(problem, modes):
+        return 1, 1
     friction = modes.friction
     solutions = np.empty((MOST_SOLUTIONS, friction.size))
     found = solve_given_modes(

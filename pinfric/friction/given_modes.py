@@ -20,7 +20,7 @@ from pinfric.friction.problem import Problem
 from pinfric.kernels.compiled import kernel
 
 #: A residual below this many times the size of the terms it is the difference of is rounding.
-_RESIDUAL = 1e-15
+RESIDUAL = 1e-15
 #: What Newton must reach to have found a solution, for each term of a residual.
 _FOUND = 1e-13
 #: A fixed-point pass that leaves more of the residual than this is slower than Newton's.
@@ -204,7 +204,7 @@ def newton(reduced: Reduced, z: np.ndarray, fast: bool) -> tuple[float, int]:
     """
     nz = z.size
     rest, size, p = np.empty(nz), np.empty(nz), np.empty(3)
-    tolerance = _RESIDUAL * (8 + nz)
+    tolerance = RESIDUAL * (8 + nz)
     error = residual(reduced, z, rest, size, p)
     if error <= tolerance:
         return error, 0
@@ -288,7 +288,7 @@ def settles(reduced: Reduced, z: np.ndarray) -> bool:
             step, bound = 0.0, 0.0
             for j in range(nz):
                 step += inverse[i, j] * rest[j]
-                bound += abs(inverse[i, j]) * (abs(rest[j]) + _RESIDUAL * size)
+                bound += abs(inverse[i, j]) * (abs(rest[j]) + RESIDUAL * size)
             z[i] -= step
             error = max(error, bound)
         if error <= _DISTINCT * size:

@@ -8,7 +8,7 @@ import pickle
 import re
 import sys
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
@@ -227,9 +227,17 @@ def record(fields: type) -> Any:
 _BOXES: dict[type, Any] = {}
 
 
-def boxed(values: Fields) -> Fields:
-    """Return the record of a NamedTuple; its fields are records, too, if their classes have one."""
-    parts = [boxed(part) if type(part) in _BOXES else part for part in values]
+def boxed(values: Fields, kept: Sequence[KernelArgument[Any]] = ()) -> Fields:
+    """Return the record of a NamedTuple; its fields are records, too, if their classes have one.
+
+    Args:
+        values: the NamedTuple.
+        kept: fields of it whose records are there.
+    """
+    known, parts = {id(one.given): one for one in kept}, []
+    for part in values:
+        inner = boxed(part) if type(part) in _BOXES and id(part) not in known else part
+        parts.append(known[id(part)].record() if id(part) in known else inner)
     return cast("Fields", _BOXES[type(values)](type(values)(*parts)))
 
 
@@ -240,26 +248,31 @@ class KernelArgument(Generic[Fields]):
 
     Args:
         given: the NamedTuple, an attribute.
+        kept: arguments that are fields of it.
     """
 
-    def __init__(self, given: Fields) -> None:
-        self.given = given
-        self._boxed = boxed(given) if _is_kept(given) else None
+    def __init__(self, given: Fields, *kept: KernelArgument[Any]) -> None:
+        self.given, self._kept = given, kept
+        self._boxed: Fields | None = None
+        if _is_kept(given):
+            self.record()
+
+    def record(self) -> Fields:
+        """Return the record, made at first."""
+        if self._boxed is None:
+            self._boxed = boxed(self.given, self._kept)
+        return self._boxed
 
     @property
     def now(self) -> Fields:
         """The argument for a kernel now."""
-        if self._boxed is None:
-            if not CLOCK.is_over():
-                return self.given
-            self._boxed = boxed(self.given)
-        return self._boxed
+        if self._boxed is not None:
+            return self._boxed
+        return self.record() if CLOCK.is_over() else self.given
 
     def beside(self, *arrays: np.ndarray) -> Fields:
         """Return the argument for a kernel whose other arguments are these arrays."""
-        if self._boxed is None and not is_small(arrays):
-            self._boxed = boxed(self.given)
-        return self.now
+        return self.record() if self._boxed is None and not is_small(arrays) else self.now
 
 
 def _is_kept(values: Any) -> bool:

@@ -102,7 +102,9 @@ def make_effort(
                 f"{', '.join(scene.actuator_names)}; a table over time is (times, values)"
             )
         made = Effort(lambda t, q, v: values, np.zeros(0), np.inf)
-    return Effort(made.function, np.union1d(made.breakpoints, own), made.finest, given)
+    breaks = np.union1d(made.breakpoints, own)
+    constant = made.finest == np.inf and not breaks.size  # asked once
+    return Effort(made.function, breaks, made.finest, given, held=constant)
 
 
 def by_name(names: Sequence[str], given: Mapping[str, Any], what: str) -> np.ndarray:

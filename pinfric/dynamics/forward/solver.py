@@ -131,9 +131,9 @@ def rub(x: Sample) -> bool:
     Returns:
         False if the state is invalid (`is_usual`), or an effort overflows.
     """
-    found, sites = x.found, x.sites  # once: arrays of a record are counted at every access
+    found = x.found  # once: arrays of a record are counted at every access
     for s in range(x.joint.size):
-        found.velocity[0, s] = x.v[0, sites.velocity_index[s]] * sites.ratio[s]
+        found.velocity[0, s] = x.v[0, x.sites.velocity_index[s]] * x.sites.ratio[s]
         found.displacement[0, s] = (
             x.displacement_ratio[s] * x.q[x.displacement_q[s]] + x.displacement_shift[s]
         )
@@ -141,7 +141,7 @@ def rub(x: Sample) -> bool:
             x.wrench[0, s, e] = x.force[1 + x.joint[s], e]
     for i in range(x.h.size):
         found.effort_frictionless[0, i] = x.h[i]
-    bound_within(sites, x.wrench, found)
+    bound_within(x.sites, x.wrench, found)
     lower, upper = found.effort_lower, found.effort_upper
     motor_lower, motor_upper = x.motor_torque_lower, x.motor_torque_upper
     if x.geared[0]:

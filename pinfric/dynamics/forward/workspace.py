@@ -29,7 +29,7 @@ from pinfric.dynamics.problem.instant import (
     solve_instant,
 )
 from pinfric.dynamics.problem.machine import Machine, make_machine
-from pinfric.dynamics.problem.plan import make_plan
+from pinfric.dynamics.problem.plan import kept_plan
 from pinfric.dynamics.problem.rates import is_exact, measure_rates, relate
 from pinfric.dynamics.problem.supply import Supplier
 from pinfric.dynamics.samples.reactions import AppliedWrench
@@ -89,14 +89,15 @@ class Workspace:
         self.given = "motor_torque" if motors else "effort"
         self.scene, self.twin = scene, scene.twin(attached)
         self.nq, self.nv, self.na = scene.model.nq, self.twin.nv, len(scene.drives)
-        self.plan = t = make_plan(scene, motors)
+        kept = kept_plan(scene, self.given)
+        self.plan = t = kept.given
         coordinates, drives = t.coordinates, t.drives
         self.locked = False
         self.must_project = scene.linkage is not None or self.nq != self.nv
         self.supplier = Supplier(self.twin)
         self.closed = t.closure.dependent
         self.machine = m = make_machine(self.twin, t, self.supplier.supply)
-        self._argument = KernelArgument(m)
+        self._argument = KernelArgument(m, kept)
         self.problem, self.modes = m.problem, m.modes
         self.mechanism = Mechanism(
             self.closed,

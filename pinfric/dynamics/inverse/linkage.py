@@ -17,7 +17,7 @@ from pinfric.dynamics.inverse.interval_ends import MOST_PASSES, Answer, Solver
 from pinfric.dynamics.inverse.linkage_batch import link_samples, loop_wrenches
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.inverse.undriven import check_undriven
-from pinfric.dynamics.problem.plan import Plan, inverse_plan
+from pinfric.dynamics.problem.plan import Plan, kept_plan
 from pinfric.dynamics.samples.motor_torques import motor_torques
 from pinfric.dynamics.samples.outcome import Status
 from pinfric.dynamics.samples.reactions import (
@@ -40,7 +40,11 @@ def solve_linkage(
 
     Args, raises: see `inverse.inverse_dynamics`; besides, `closure.check_pairs`.
     """
-    argument, around, inner = inverse_plan(scene), states.around(whole), states.inside(whole)
+    argument, around, inner = (
+        kept_plan(scene, "inverse"),
+        states.around(whole),
+        states.inside(whole),
+    )
     plan, linkage, na = argument.given, scene.linkage, len(scene.drives)
     T = whole.stop - whole.start
     assert linkage is not None

@@ -8,7 +8,7 @@ from pinfric.dynamics.inverse.choices import LOWER, SLIDES
 from pinfric.dynamics.inverse.effort_maps import write_wrenches
 from pinfric.dynamics.inverse.interval_ends import Solver
 from pinfric.dynamics.inverse.linkage_batch import Samples, link_samples, loop_wrenches
-from pinfric.dynamics.problem.plan import Plan, drive_delivery, inverse_plan
+from pinfric.dynamics.problem.plan import Plan, drive_delivery, kept_plan
 from pinfric.dynamics.samples.outcome import Solution, SolvedMotion
 from pinfric.friction.dense import spectral_radius_bound
 from pinfric.friction.given_modes import Reduced, contraction_matrix
@@ -37,7 +37,7 @@ def find_solutions(result: SolvedMotion, sample: int) -> tuple[Solution, ...]:
 def one_sample(result: SolvedMotion, sample: int) -> tuple[Plan, Samples, np.ndarray]:
     """Return the solver's input of one sample: plan, maps, velocities (1, ne)."""
     scene, states = result.scene, result.states
-    argument, part = inverse_plan(scene), slice(sample, sample + 1)
+    argument, part = kept_plan(scene, "inverse"), slice(sample, sample + 1)
     carried = next(names for start, stop, names in states.phases(scene) if start <= sample < stop)
     twin, applied = scene.twin(carried), result.external
     samples = link_samples(argument, scene, twin, states, applied, part, 1)
@@ -77,7 +77,7 @@ def _search(solver: Solver) -> np.ndarray:
 
 
 def _solution(scene: Scene, samples: Samples, phi: np.ndarray) -> Solution:
-    argument, na, linkage = inverse_plan(scene), len(scene.drives), scene.linkage
+    argument, na, linkage = kept_plan(scene, "inverse"), len(scene.drives), scene.linkage
     assert linkage is not None
     plan, maps = argument.given, samples.maps
     ns = len(plan.sites.joint)

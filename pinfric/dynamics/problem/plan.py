@@ -9,6 +9,7 @@ coordinate that it drives, for its static friction.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple, cast
 
@@ -250,16 +251,28 @@ def make_inverse_plan(scene: Scene) -> Plan:
     )
 
 
-def inverse_plan(scene: Scene) -> KernelArgument[Plan]:
-    """Return the plan of inverse dynamics, made at first; it lives in the scene's twin.
+#: Makers of the plans of a scene, by what is asked.
+_MAKERS: dict[str, Callable[[Scene], Plan]] = {
+    "effort": make_plan,
+    "motor_torque": lambda scene: make_plan(scene, motors=True),
+    "inverse": make_inverse_plan,
+}
+
+
+def kept_plan(scene: Scene, asked: str) -> KernelArgument[Plan]:
+    """Return a plan, made at first; it lives in the scene's twin.
 
     Scenes that differ only in friction may share a twin; the last one used has its plan.
+
+    Args:
+        scene: the robot with its friction and drives.
+        asked: "inverse", or what forward dynamics is given: "effort" or "motor_torque".
     """
-    pools = scene.twin().pools
-    known, argument = pools.get("inverse plan", (None, None))
+    pools, key = scene.twin().pools, ("plan", asked)
+    known, argument = pools.get(key, (None, None))
     if known is not scene:
-        argument = KernelArgument(make_inverse_plan(scene))
-        pools["inverse plan"] = scene, argument
+        argument = KernelArgument(_MAKERS[asked](scene))
+        pools[key] = scene, argument
     return cast("KernelArgument[Plan]", argument)
 
 
