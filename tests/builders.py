@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Iterable
+
 import numpy as np
 import pinocchio as pin
 
@@ -128,19 +131,37 @@ def _random_bearing(rng: np.random.Generator, slides: bool) -> dict:
     }
 
 
-def chain(*links: tuple, gravity: float = 9.81) -> pin.Model:
+def lump(mass: float, place: object = (0.0, 0.0, 0.0), moment: float = 0.01) -> pin.Inertia:
+    """A body of that mass (kg), its centre at `place` (m); the same moment (kg m^2) every way."""
+    return pin.Inertia(mass, np.array(place, dtype=float), moment * np.eye(3))
+
+
+def dry(static: float, kinetic: float | None = None, **more: object) -> dict:
+    """Friction entry of a joint without load; kinetic as static where it is not given."""
+    kinetic = static if kinetic is None else kinetic
+    return {"coulomb": {"static": static, "kinetic": kinetic}, **more}
+
+
+def chain(*links: tuple, gravity: float = 9.81, beside: bool = False) -> pin.Model:
     """A model of joints one behind the other: name, joint, body, (3,) m from the one before.
 
-    Body and place may be left out; without limits.
+    Body and place may be left out; without limits. Or all of them beside each other, on the ground.
     """
     model = pin.Model()
-    for parent, (name, joint, *rest) in enumerate(links):
+    for before, (name, joint, *rest) in enumerate(links):
         place = np.array(rest[1] if len(rest) > 1 else [0.0, 0.0, 0.0])
-        model.addJoint(parent, joint, pin.SE3(np.eye(3), place), name)
+        model.addJoint(0 if beside else before, joint, pin.SE3(np.eye(3), place), name)
         if rest:
-            model.appendBodyToJoint(parent + 1, rest[0], pin.SE3.Identity())
+            model.appendBodyToJoint(before + 1, rest[0], pin.SE3.Identity())
     model.gravity.linear = np.array([0.0, 0.0, -gravity])
     return model
+
+
+def row(names: Iterable[str], body: pin.Inertia, step: float) -> pin.Model:
+    """Equal links along x that turn about y, `step` (m) from one joint to the next."""
+    first = [0.0, 0.0, 0.0]
+    places = itertools.chain([first], itertools.repeat([step, 0.0, 0.0]))
+    return chain(*((name, pin.JointModelRY(), body, x) for name, x in zip(names, places)))  # noqa: B905
 
 
 def block(angle: float = 0.0, mass: float = 2.0) -> pin.Model:
@@ -152,6 +173,14 @@ def block(angle: float = 0.0, mass: float = 2.0) -> pin.Model:
         joint, pin.Inertia(mass, np.zeros(3), 0.01 * np.eye(3)), pin.SE3.Identity()
     )
     return model
+
+
+def sliding_block(
+    friction: dict | None = None, angle: float = 0.0, mass: float = 2.0, **scene: object
+) -> pf.Scene:
+    """The `block` as a scene, with that friction at its slide."""
+    entries = {} if friction is None else {"slide": friction}
+    return pf.Scene(model=block(angle, mass), friction=entries, **scene)
 
 
 def guided(offset: float, angle: float = 0.3) -> pf.Scene:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from builders import dry, lump
 from judges.planar_newton_euler import FourBar, bar_angles, bar_rates
 from mechanisms import add_link, bar, four_bar, grounded_model, pin_friction, shifted
 
@@ -39,7 +40,7 @@ class Case:
 def drawer_scene(mu, static=None, length=0.3, offset=0.3, mass=4.0):
     """A drawer on two pads `length` apart, pushed `offset` beside its middle."""
     model = grounded_model((0.0, 0.0, -9.81))
-    body = pin.Inertia(mass, np.zeros(3), 0.05 * np.eye(3))
+    body = lump(mass, moment=0.05)
     add_link(model, 0, pin.JointModelPX(), pin.SE3.Identity(), "drawer", body)
     friction = {
         "bearing": {"kind": "guide", "length": length},
@@ -240,7 +241,7 @@ def slider_crank(angles, mu=0.3, mass=0.8, rate=10.0, gravity=9.81):
     model = grounded_model((0.0, -gravity, 0.0))
     crank = add_link(model, 0, pin.JointModelRZ(), pin.SE3.Identity(), "crank")
     add_link(model, crank, pin.JointModelRZ(), shifted(r), "rod")
-    body = pin.Inertia(mass, np.zeros(3), 1e-3 * np.eye(3))
+    body = lump(mass, moment=1e-3)
     add_link(model, 0, pin.JointModelPX(), pin.SE3.Identity(), "piston", body)
     guide = {"bearing": {"kind": "guide", "length": 0.06}, "mu": {"static": mu, "kinetic": mu}}
     loop = {
@@ -351,7 +352,7 @@ def boxer(cylinders=2, angle=0.0, rate=0.0, mu=0.1, brake=0.05):
     """
     model = grounded_model((0.0, 0.0, 0.0))
     crank = add_link(model, 0, pin.JointModelRZ(), pin.SE3.Identity(), "crank", bar(1.0, 0.2, -0.1))
-    friction = {"crank": {"coulomb": {"static": brake, "kinetic": brake}}}
+    friction = {"crank": dry(brake)}
     loops, guess = [], [angle]
     guide = {
         "bearing": {"kind": "guide", "length": 0.1, "width": 0.1},
@@ -361,7 +362,7 @@ def boxer(cylinders=2, angle=0.0, rate=0.0, mu=0.1, brake=0.05):
     for k, side in ((1, 1.0), (2, -1.0))[:cylinders]:
         add_link(model, crank, pin.JointModelRZ(), shifted(side * 0.1), f"rod_{k}", bar(0.4, 0.3))
         turned = pin.SE3(pin.rpy.rpyToMatrix(0, 0, 0 if side > 0 else np.pi), np.zeros(3))
-        body = pin.Inertia(0.5, np.zeros(3), 1e-3 * np.eye(3))
+        body = lump(0.5, moment=1e-3)
         add_link(model, 0, pin.JointModelPX(), turned, f"piston_{k}", body)
         loops.append(
             {

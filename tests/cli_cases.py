@@ -39,5 +39,11 @@ points:
 def run(*arguments):
     """Exit code of `pinfric ARGUMENTS`, in this process."""
     with pytest.raises(SystemExit) as ended:
-        cli.main(list(arguments))
+        cli.main([*map(str, arguments)])
     return ended.value.code
+
+
+def told(capsys, *arguments, code=0):
+    """What `pinfric ARGUMENTS` prints, as (out, err), where it ends with `code`."""
+    assert run(*arguments) == code
+    return capsys.readouterr()

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import chain, random_friction, random_inertia, random_tree
+from builders import chain, dry, lump, random_friction, random_inertia, random_tree
 
 import pinfric as pf
 from pinfric.dynamics.forward.compensation import CompensationOptions
@@ -106,9 +106,9 @@ def _gear(rng, k):
 
 def worm():
     """A self-locking hinge whose friction is about as large as its weight, which drives it."""
-    body = pin.Inertia(1.0, np.array([0.6, 0.0, 0.0]), 0.1 * np.eye(3))
+    body = lump(1.0, [0.6, 0.0, 0.0], 0.1)
     gear = {"ratio": 40.0, "efficiency": 0.5, "back_efficiency": -0.6}
-    friction = {"hinge": {"coulomb": {"static": 5.0, "kinetic": 5.0}}}
+    friction = {"hinge": dry(5.0)}
     actuators = [{"joint": "hinge", "transmission": gear}]
     model = chain(("hinge", pin.JointModelRY(), body))
     return pf.Scene(model, friction=friction, actuators=actuators, source="worm.yaml")

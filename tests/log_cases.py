@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import chain
+from builders import chain, lump
 
 import pinfric as pf
 from pinfric.errors import TrajectoryError
@@ -20,7 +20,7 @@ V = np.column_stack((1.6 * np.cos(2 * T), -0.6 * np.sin(3 * T)))
 
 def arm(lower=-2.0, upper=2.0, speed=4.0):
     """Two joints, `base_turn` and `arm_lift`, both limited."""
-    body = pin.Inertia(2.0, np.array([0.3, 0, 0]), 0.02 * np.eye(3))
+    body = lump(2.0, [0.3, 0, 0], 0.02)
     model = chain(("base_turn", pin.JointModelRZ(), body), ("arm_lift", pin.JointModelRY(), body))
     model.effortLimit[:], model.velocityLimit[:] = 100.0, speed
     model.lowerPositionLimit[:], model.upperPositionLimit[:] = lower, upper
@@ -138,7 +138,7 @@ points:
 """
 
 
-ARM = pin.Inertia(1.0, np.array([0.3, 0, 0]), 0.01 * np.eye(3))
+ARM = lump(1.0, [0.3, 0, 0])
 
 
 #: Drives whose efforts are more than rounding beside the others'.

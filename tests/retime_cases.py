@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
-import pytest
-from builders import chain
+from builders import chain, lump
+from mechanisms import pin_friction
 
 import pinfric as pf
-from pinfric import cli
 from pinfric.retiming.path import Path
 
 
@@ -28,12 +27,10 @@ def straight(end, start=0.0):
 
 def planar(friction=True):
     """Two links that hang, with all kinds of friction and gears that lose."""
-    upper = pin.Inertia(3.0, np.array([0, 0, -0.2]), 0.05 * np.eye(3))
-    lower = pin.Inertia(1.5, np.array([0, 0, -0.15]), 0.02 * np.eye(3))
+    upper = lump(3.0, [0, 0, -0.2], 0.05)
+    lower = lump(1.5, [0, 0, -0.15], 0.02)
     model = chain(("a", pin.JointModelRY(), upper), ("b", pin.JointModelRY(), lower, [0, 0, -0.4]))
-    entry = {
-        "bearing": {"kind": "pin", "radius": 0.03},
-        "mu": {"static": 0.15, "kinetic": 0.1},
+    entry = pin_friction(0.1, 0.03, static=0.15) | {
         "coulomb": {
             "positive": {"static": 0.5, "kinetic": 0.4},
             "negative": {"static": 0.4, "kinetic": 0.3},
@@ -67,7 +64,7 @@ MOTORS = {"a": {"peak_torque": 0.32}, "b": {"peak_torque": 0.12}}
 
 def lifting():
     """A joint about a horizontal axis, with a weight at 0.5 m: 9.81 N m at q = 90 deg."""
-    weight = pin.Inertia(2.0, np.array([0, 0, -0.5]), 1e-3 * np.eye(3))
+    weight = lump(2.0, [0, 0, -0.5], 1e-3)
     model = chain(("j", pin.JointModelRY(), weight))
     model.upperPositionLimit[:] = 3.0
     model.lowerPositionLimit[:] = -3.0
@@ -86,9 +83,3 @@ URDF = """<robot name="table"><link name="base"/><link name="plate"><inertial><m
   <inertia ixx="1" iyy="1" izz="2" ixy="0" ixz="0" iyz="0"/></inertial></link>
   <joint name="table" type="continuous"><parent link="base"/><child link="plate"/>
   <axis xyz="0 0 1"/><limit effort="40" velocity="3"/></joint></robot>"""
-
-
-def run(*arguments):
-    with pytest.raises(SystemExit) as ended:
-        cli.main(list(arguments))
-    return ended.value.code

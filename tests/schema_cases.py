@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import copy
 
+from builders import dry
 from hypothesis import strategies as st
+from mechanisms import pin_friction
 
 WHOLE = {
     "pinfric": 1,
@@ -24,14 +26,10 @@ WHOLE = {
         "masses": "with_drives",
     },
     "friction": {
-        "joint_12": {
-            "bearing": {"kind": "pin", "radius": 0.08, "length": 0.10},
-            "mu": {"static": 0.35, "kinetic": 0.30},
-            "stribeck": {"velocity": 0.02, "exponent": 2},
-            "coulomb": {"static": 0.5, "kinetic": 0.4},
-            "viscous": 0.1,
-            "stick_velocity": 1.0e-6,
-        },
+        "joint_12": pin_friction(0.30, 0.08, static=0.35, length=0.10)
+        | dry(
+            0.5, 0.4, stribeck={"velocity": 0.02, "exponent": 2}, viscous=0.1, stick_velocity=1.0e-6
+        ),
         "joint_23": {
             "coulomb": {
                 "positive": {"static": 2, "kinetic": 1},

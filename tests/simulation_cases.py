@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import pinocchio as pin
-from builders import block, plane_friction
+from builders import block, lump, plane_friction, row
+from mechanisms import pin_friction
 
 import pinfric as pf
 
@@ -79,16 +79,6 @@ class Belt:
 
 def arm() -> pf.Scene:
     """Two links under gravity, horizontal, held by the static friction of their pins."""
-    model = pin.Model()
-    parent, placement = 0, pin.SE3.Identity()
-    friction = {}
-    for i in range(2):
-        parent = model.addJoint(parent, pin.JointModelRY(), placement, f"pin_{i}")
-        body = pin.Inertia(1.0, np.array([0.1, 0, 0]), 0.01 * np.eye(3))
-        model.appendBodyToJoint(parent, body, pin.SE3.Identity())
-        placement = pin.SE3(np.eye(3), np.array([0.2, 0, 0]))
-        friction[f"pin_{i}"] = {
-            "bearing": {"kind": "pin", "radius": 0.05, "preload": 500.0},
-            "mu": {"static": 0.25, "kinetic": 0.2},
-        }
-    return pf.Scene(model=model, friction=friction)
+    names = ("pin_0", "pin_1")
+    friction = dict.fromkeys(names, pin_friction(0.2, 0.05, static=0.25, preload=500.0))
+    return pf.Scene(row(names, lump(1.0, [0.1, 0, 0]), 0.2), friction=friction)

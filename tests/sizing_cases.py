@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import yaml
+from builders import chain, dry, lump
 
 import pinfric as pf
 from pinfric.drives.catalog_file import load_catalog
@@ -79,12 +80,10 @@ def one_drive(tmp_path, motor=None, gear=None, **more):
 
 def turntable(**scene):
     """One body whose effort is INERTIA x acceleration + friction."""
-    model = pin.Model()
-    model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "table")
     body = pin.Inertia(1.0, np.zeros(3), INERTIA * np.diag([0.5, 0.5, 1.0]))
-    model.appendBodyToJoint(1, body, pin.SE3.Identity())
+    model = chain(("table", pin.JointModelRZ(), body))
     if "friction" not in scene:
-        scene["friction"] = {"table": {"coulomb": {"static": COULOMB, "kinetic": COULOMB}}}
+        scene["friction"] = {"table": dry(COULOMB)}
     scene.setdefault("stick_velocity", 0.0)  # rest is v = 0 exactly: the cycle has no jitter
     return pf.Scene(model=model, **scene)
 
@@ -117,11 +116,9 @@ def hour_with_a_stall(stall=300.0, move=2.0):
     Returns:
         scene, trajectory of an hour, and what `one_drive` takes: a drive that it fits but for this.
     """
-    model = pin.Model()
-    model.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "table")
     effort = 2.5 * MOTOR["continuous_torque"] * GEAR["ratio"] * GEAR["efficiency"]
-    body = pin.Inertia(effort / 9.81, np.array([1.0, 0.0, 0.0]), 0.01 * np.eye(3))
-    model.appendBodyToJoint(1, body, pin.SE3.Identity())
+    body = lump(effort / 9.81, [1.0, 0.0, 0.0])
+    model = chain(("table", pin.JointModelRY(), body))
     scene = pf.Scene(model=model, stick_velocity=0.0)
     s = np.linspace(0.0, 1.0, 101)
     shape = 10 * s**3 - 15 * s**4 + 6 * s**5

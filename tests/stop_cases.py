@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
-from builders import chain
+from builders import chain, lump
+from mechanisms import shifted
 
 import pinfric as pf
 
@@ -28,11 +29,9 @@ def arm(gravity=-9.81):
     parent, offset = 0, pin.SE3.Identity()
     for k, name in enumerate(("lift", "elbow")):
         parent = model.addJoint(parent, pin.JointModelRY(), offset, name)
-        body = pin.Inertia(
-            ARM["masses"][k], np.array([ARM["centres"][k], 0, 0]), ARM["inertias"][k] * np.eye(3)
-        )
+        body = lump(ARM["masses"][k], [ARM["centres"][k], 0, 0], ARM["inertias"][k])
         model.appendBodyToJoint(parent, body, pin.SE3.Identity())
-        offset = pin.SE3(np.eye(3), np.array([ARM["lengths"][k], 0.0, 0.0]))
+        offset = shifted(ARM["lengths"][k])
     model.addBodyFrame("tip", parent, offset, 0)
     return pf.Scene(
         model,
@@ -60,5 +59,5 @@ def axis(joint, body, friction, gravity, **gear):
 
 def turntable(friction=0.0, **losses):
     """1 kg m^2 about the vertical, behind a rotor of 1 kg m^2 at the joint: 100^2 x 1e-4."""
-    body = pin.Inertia(1.0, np.zeros(3), np.eye(3))
+    body = lump(1.0, moment=1.0)
     return axis(pin.JointModelRZ(), body, friction, 0.0, ratio=100.0, rotor_inertia=1e-4, **losses)

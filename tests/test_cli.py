@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from cli_cases import SCENE, run
+from cli_cases import SCENE, run, told
 from envelopes import result_of, validated
 
 from pinfric import cli
@@ -158,21 +158,9 @@ def test_warning_is_one_line_on_stderr_and_in_the_json(files, capsys):
 
 
 def test_size_prints_each_joints_demand_and_choice(capsys, tmp_path):
-    with pytest.raises(SystemExit) as stop:
-        cli.main(
-            [
-                "size",
-                "panda_pick_and_place",
-                "panda_pick_and_place.csv",
-                "--catalog",
-                "default",
-                "--json",
-                "--out",
-                str(tmp_path / "out"),
-            ]
-        )
-    assert stop.value.code == 0
-    joints = result_of(capsys.readouterr().out)["joints"]
+    given = "panda_pick_and_place", "panda_pick_and_place.csv", "--catalog", "default"
+    said = told(capsys, "size", *given, "--json", "--out", tmp_path / "out")
+    joints = result_of(said.out)["joints"]
     keys = {"peak", "rms", "breakaway", "holding", "speed", "choice", "installed", "candidates"}
     assert len(joints) == 7
     assert all(keys <= joint.keys() for joint in joints)

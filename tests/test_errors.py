@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from cli_cases import told
 
 from pinfric import cli
 from pinfric.errors import PinfricError, SceneError, choose_from, one_line, problems_line
@@ -53,10 +54,7 @@ def test_of_long_lists_the_nearest_three_names_are_said():
 def test_a_file_name_cannot_break_the_line(command, tmp_path, capsys):
     name = str(tmp_path / "no\nsuch\x1b[31m\rfile")
     more = ["ur5_pick_and_place.csv"] if command == "inverse" else []
-    with pytest.raises(SystemExit) as ended:
-        cli.main([command, name, *more])
-    assert ended.value.code == cli.BAD_INPUT
-    error = capsys.readouterr().err
+    error = told(capsys, command, name, *more, code=cli.BAD_INPUT).err
     assert error.count("\n") == 1
     assert error.strip().isprintable()
     assert r"no\nsuch\x1b[31m\rfile" in error

@@ -5,18 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import block
+from builders import block, chain, dry, sliding_block
+from cli_cases import told
 from envelopes import result_of
 
 import pinfric as pf
 from pinfric.accuracy.explain import explain
-from pinfric.cli import main
 from pinfric.motions.summary import known_rms
 from pinfric.motions.trajectory import Trajectory
 
 
 def test_changes_are_those_of_the_drive_by_hand():
-    friction = {"slide": {"coulomb": {"static": 3.0, "kinetic": 3.0}, "viscous": 2.0}}
+    friction = {"slide": dry(3.0, viscous=2.0)}
     scene = pf.Scene(model=block(mass=2.0), friction=friction)
     t = np.linspace(0.0, 1.0, 101)
     v = np.full((101, 1), 0.5)
@@ -32,7 +32,7 @@ def test_changes_are_those_of_the_drive_by_hand():
 
 def test_rms_is_over_time_not_over_samples():
     """A second of motion in many samples, a slow minute in few; jams are left out of both."""
-    scene = pf.Scene(model=block(mass=2.0), friction={"slide": {"viscous": 2.0}})
+    scene = sliding_block({"viscous": 2.0})
     t = np.concatenate([np.linspace(0.0, 1.0, 201), [1.1, 30.0, 61.0]])
     v = np.where(t <= 1.0, 0.01, 0.5)
     motion = Trajectory.from_arrays(scene, t, t[:, None], v[:, None], np.zeros((len(t), 1)))
@@ -79,19 +79,13 @@ def test_what_gears_lose_with_their_load_is_a_row_each():
 
 def three_wheels():
     """Three wheels of 2 kg m^2 on fixed axles, without weight."""
-    model = pin.Model()
-    for i in range(3):
-        wheel = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), f"wheel_{i}")
-        body = pin.Inertia(1.0, np.zeros(3), np.diag([1.0, 1.0, 2.0]))
-        model.appendBodyToJoint(wheel, body, pin.SE3.Identity())
-    return model
+    body = pin.Inertia(1.0, np.zeros(3), np.diag([1.0, 1.0, 2.0]))
+    return chain(*((f"wheel_{i}", pin.JointModelRZ(), body) for i in range(3)), beside=True)
 
 
 def test_the_command_prints_what_it_measured(capsys):
-    with pytest.raises(SystemExit) as stop:
-        main(["explain", "three_link", "three_link.waypoints.yaml", "--json"])
-    assert stop.value.code == 0
-    answer = result_of(capsys.readouterr().out)
+    said = told(capsys, "explain", "three_link", "three_link.waypoints.yaml", "--json")
+    answer = result_of(said.out)
     load = next(e for e in answer["effects"] if e["name"] == "load")
     assert load["on"]
     assert load["why"] == "friction.joint_12.bearing"
@@ -100,6 +94,4 @@ def test_the_command_prints_what_it_measured(capsys):
     assert answer["plain_us"] > 0
     off = next(e for e in answer["effects"] if e["name"] == "payload")
     assert off["cost_us"] is None
-    with pytest.raises(SystemExit):
-        main(["explain", "three_link"])
-    assert "friction.joint_12.bearing" in capsys.readouterr().out
+    assert "friction.joint_12.bearing" in told(capsys, "explain", "three_link").out

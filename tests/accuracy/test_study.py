@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 from accuracy_cases import of
-from builders import block
+from builders import sliding_block
 
 import pinfric as pf
 from pinfric.accuracy.study import (
@@ -42,7 +42,7 @@ def test_a_failure_is_a_row():
         raise SimulationError("it cannot go on")
 
     still = np.zeros((3, 1))
-    scene = pf.Scene(model=block())
+    scene = sliding_block()
     judge = Judge("still", scene, lambda t: np.zeros((len(t), 1)), ())
     sound = Track(np.arange(3.0), still, ((),), 7)
     lost = Track(np.arange(3.0), np.full((3, 1), np.nan), ((),), 7)
@@ -138,7 +138,7 @@ def test_every_method_has_five_settings_or_more():
 
 def test_errors_of_stick_ends_by_hand():
     true = (StickInterval("a", 1.0, 2.0), StickInterval("b", 3.0, 4.0))
-    judge = Judge("hand", pf.Scene(model=block()), lambda t: t, true)
+    judge = Judge("hand", sliding_block(), lambda t: t, true)
     nothing = np.zeros(0)
     short = (StickInterval("a", 0.9, 1.1), StickInterval("a", 1.2, 2.3), StickInterval("b", 3, 4))
     assert judge.stick_errors(Track(nothing, nothing, (short,), 0)) == pytest.approx([0.3, 0.0])

@@ -9,9 +9,9 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pytest
 from check_cases import GEAR, GOOD_SCENE, SCENE, TIP, J, arm, errors
+from cli_cases import told
 
 import pinfric as pf
-from pinfric import cli
 from pinfric.checking.findings import Severity
 from pinfric.errors import PinfricError, PinfricWarning, RobotError
 from pinfric.model.robot import example_robot_data
@@ -192,10 +192,7 @@ def test_new_writes_the_urdfs_ratios_and_dynamics_and_lists_doubts_once(tmp_path
         dynamics='<dynamics friction="0.3" damping="0.7"/>',
         tip=TIP.format(J=J.replace('izz="0.0008"', 'izz="0.9"')),
     )
-    with pytest.raises(SystemExit) as left:
-        cli.main(["new", str(urdf), "--out", str(tmp_path / "out")])
-    said = capsys.readouterr()
-    assert left.value.code == 0
+    said = told(capsys, "new", urdf, "--out", tmp_path / "out")
     assert said.err == ""
     assert said.out.count("triangle") == 1
     text = (tmp_path / "out/arm.yaml").read_text()

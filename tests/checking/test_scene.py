@@ -8,9 +8,9 @@ from pathlib import Path
 import pinocchio as pin
 import pytest
 from check_cases import GEAR, GOOD_SCENE, SCENE, arm
+from cli_cases import told
 
 import pinfric as pf
-from pinfric import cli
 from pinfric.checking.findings import Severity
 from pinfric.checking.scene import load_findings
 
@@ -110,10 +110,7 @@ def test_inverse_says_what_makes_efforts_wrong_by_a_multiple(
     arm(tmp_path, more=GEAR.format(joint="swing", ratio=120), **robot)
     Path("scene.yaml").write_text(SCENE.format(**(GOOD_SCENE | {"payload": payload})))
     Path("way.csv").write_text("t,swing,turn\n" + "".join(f"{0.1 * i},0,0\n" for i in range(9)))
-    with pytest.raises(SystemExit) as ended:
-        cli.main(["inverse", "scene.yaml", "way.csv"])
-    said = capsys.readouterr().err
-    assert ended.value.code == 0, said
+    said = told(capsys, "inverse", "scene.yaml", "way.csv").err
     assert said.count("warning") == bool(warning), said
     assert warning in said
 

@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from builders import chain, dry, lump, row
+from mechanisms import pin_friction, shifted
 from sizing_cases import COULOMB, GEAR, one_drive, trapezoid, turntable, write_catalog
 
 import pinfric as pf
@@ -87,11 +89,9 @@ def test_means_weight_by_speed_and_by_the_exponent_of_the_rolling_elements():
 
 def boom(mass=3.0, arm=0.4, height=0.1):
     """A load out on an arm about a vertical axis: it hangs on the bearing, and swings out."""
-    model = pin.Model()
-    model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "table")
-    body = pin.Inertia(mass, np.array([arm, 0.0, height]), 0.01 * np.eye(3))
-    model.appendBodyToJoint(1, body, pin.SE3.Identity())
-    friction = {"table": {"coulomb": {"static": COULOMB, "kinetic": COULOMB}}}
+    body = lump(mass, [arm, 0.0, height])
+    model = chain(("table", pin.JointModelRZ(), body))
+    friction = {"table": dry(COULOMB)}
     return pf.Scene(model=model, friction=friction, stick_velocity=0.0)
 
 
@@ -129,9 +129,7 @@ def test_friction_and_payload_phases(tmp_path):
     """Friction about the axis loads no bearing; a payload does while it is carried."""
     payload = {"box": {"link": "hand", "mass": 2.0, "com": [0.0, 0.0, 0.0]}}
     model = boom().model.copy()
-    model.addFrame(
-        pin.Frame("hand", 1, pin.SE3(np.eye(3), np.array([0.4, 0, 0])), pin.FrameType.BODY)
-    )
+    model.addFrame(pin.Frame("hand", 1, shifted(0.4), pin.FrameType.BODY))
     scene = pf.Scene(model=model, payloads=payload)
     plain = trapezoid(scene)
     carried = {"box": plain.t > 1.0}
@@ -141,12 +139,7 @@ def test_friction_and_payload_phases(tmp_path):
         pf.Scene(
             model=model,
             payloads=payload,
-            friction={
-                "table": {
-                    "bearing": {"kind": "pin", "radius": 0.02},
-                    "mu": {"static": 0.1, "kinetic": 0.1},
-                }
-            },
+            friction={"table": pin_friction(0.1, 0.02)},
         ),
     ):
         joint, found = judged(other, motion, one_drive(tmp_path, gear={"bearing": CROSSED}))
@@ -158,10 +151,8 @@ def test_friction_further_out_is_not_taken_for_the_joints_own():
     """Wrenches are known where something rubs: here at the second of two joints only."""
     model = boom().model.copy()
     outer = model.addJoint(1, pin.JointModelRX(), pin.SE3(np.eye(3), np.ones(3)), "outer")
-    model.appendBodyToJoint(
-        outer, pin.Inertia(2.0, np.array([0.1, 0.2, 0.3]), np.eye(3)), pin.SE3.Identity()
-    )
-    pinned = {"bearing": {"kind": "pin", "radius": 0.02}, "mu": {"static": 0.1, "kinetic": 0.1}}
+    model.appendBodyToJoint(outer, lump(2.0, [0.1, 0.2, 0.3], 1.0), pin.SE3.Identity())
+    pinned = pin_friction(0.1, 0.02)
     q, v, a = np.array([[0.3, 0.5], [0.1, 2.0], [1.0, -3.0]])
     loads = [
         joint_loads(pf.inverse_dynamics(pf.Scene(model=model, friction=rubs), q, v, a), 0)
@@ -213,11 +204,7 @@ def test_sliding_joints_have_no_bearing_to_check(tmp_path):
 
 def sledge(mass, place):
     """A body on a level rail along x; its centre of mass at `place` of the carriage."""
-    model = pin.Model()
-    model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "x")
-    model.appendBodyToJoint(
-        1, pin.Inertia(mass, np.array(place), 0.01 * np.eye(3)), pin.SE3.Identity()
-    )
+    model = chain(("x", pin.JointModelPX(), lump(mass, place)))
     return pf.Scene(model=model)
 
 
@@ -301,9 +288,7 @@ def test_ratings_that_cannot_be_reckoned_with_are_refused(tmp_path, ratings, tex
 
 
 def lift(mass=4.0):
-    model = pin.Model()
-    model.addJoint(0, pin.JointModelPZ(), pin.SE3.Identity(), "lift")
-    model.appendBodyToJoint(1, pin.Inertia(mass, np.zeros(3), 0.01 * np.eye(3)), pin.SE3.Identity())
+    model = chain(("lift", pin.JointModelPZ(), lump(mass)))
     return pf.Scene(model=model)
 
 
@@ -416,10 +401,8 @@ def test_bundled_linear_drives_lift_a_torso_and_close_a_gripper():
 
 def test_bundled_drives_move_a_large_arms_shoulder():
     """A UR10's, stretched out: 14 kg at 1 m, 0.4 rad up and down in 4 s."""
-    model = pin.Model()
-    model.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "shoulder")
-    body = pin.Inertia(14.0, np.array([1.0, 0.0, 0.0]), 0.01 * np.eye(3))
-    model.appendBodyToJoint(1, body, pin.SE3.Identity())
+    body = lump(14.0, [1.0, 0.0, 0.0])
+    model = chain(("shoulder", pin.JointModelRY(), body))
     scene = pf.Scene(model=model)
     joint, _ = judged(scene, up_and_down(scene, 0.4), pf.load_catalog())
     assert joint.demand.rms > 130
@@ -428,13 +411,8 @@ def test_bundled_drives_move_a_large_arms_shoulder():
 
 def test_each_joints_bearing_carries_what_hangs_on_it():
     """Three links of 1 kg held out on axes along y, 0.1 m beside them: shear and tilting moment."""
-    model, parent, place = pin.Model(), 0, pin.SE3.Identity()
-    for j in range(3):
-        parent = model.addJoint(parent, pin.JointModelRY(), place, f"j{j}")
-        body = pin.Inertia(1.0, np.array([0.25, 0.1, 0.0]), 0.01 * np.eye(3))
-        model.appendBodyToJoint(parent, body, pin.SE3.Identity())
-        place = pin.SE3(np.eye(3), np.array([0.5, 0.0, 0.0]))
-    scene, zero = pf.Scene(model=model), np.zeros((2, 3))
+    scene = pf.Scene(row(("j0", "j1", "j2"), lump(1.0, [0.25, 0.1, 0.0]), 0.5))
+    zero = np.zeros((2, 3))
     motion = pf.Trajectory.from_arrays(scene, np.array([0.0, 1.0]), zero, zero, zero)
     for j, joint in enumerate(pf.size(scene, motion).joints):
         load, weight = joint.demand.bearing, (3 - j) * 9.81

@@ -7,6 +7,8 @@ from itertools import product
 import numpy as np
 import pinocchio as pin
 import pytest
+from builders import chain, dry, lump, row
+from mechanisms import pin_friction, shifted
 from sizing_cases import COULOMB, one_drive, trapezoid, turntable
 
 import pinfric as pf
@@ -24,20 +26,8 @@ POSES = np.array([[0.3, -1.2], [1.0, 0.4], [0.1, 1.3], [-0.8, 1.7]])
 
 def arm():
     """Two links in a vertical plane on pins, whose loads at rest are the weights they carry."""
-    model, parent, place = pin.Model(), 0, pin.SE3.Identity()
-    for j in range(2):
-        parent = model.addJoint(parent, pin.JointModelRY(), place, f"joint_{j + 1}")
-        body = pin.Inertia(MASS, np.array([LENGTH / 2, 0, 0]), 0.01 * np.eye(3))
-        model.appendBodyToJoint(parent, body, pin.SE3.Identity())
-        place = pin.SE3(np.eye(3), np.array([LENGTH, 0, 0]))
-    friction = {
-        f"joint_{j + 1}": {
-            "bearing": {"kind": "pin", "radius": RADIUS[j]},
-            "coulomb": {"static": 0.0, "kinetic": 0.0},
-            "mu": {"static": MU, "kinetic": MU},
-        }
-        for j in range(2)
-    }
+    model = row(("joint_1", "joint_2"), lump(MASS, [LENGTH / 2, 0, 0]), LENGTH)
+    friction = {f"joint_{j + 1}": pin_friction(MU, RADIUS[j]) | dry(0.0) for j in range(2)}
     gear = {
         "ratio": RATIO,
         "efficiency": ETA,
@@ -97,7 +87,7 @@ def test_what_a_brake_must_bear_is_what_a_search_over_friction_finds(joint):
 def test_a_brake_bears_a_payload_where_it_is_carried_and_only_there():
     whole = arm()
     model, mass = whole.model.copy(), 4.0
-    tip = pin.SE3(np.eye(3), np.array([LENGTH, 0, 0]))
+    tip = shifted(LENGTH)
     model.addFrame(pin.Frame("hand", 2, tip, pin.FrameType.BODY))
     box = {"link": "hand", "mass": mass, "com": [0.0, 0.0, 0.0], "attached": False}
     scene = pf.Scene(
@@ -277,7 +267,7 @@ def test_a_load_below_the_cycles_rounding_is_none():
     scene = turntable(friction={})
     model = scene.model.copy()
     model.jointPlacements[1] = pin.SE3(pin.exp3(np.array([1e-17, 0.0, 0.0])), np.zeros(3))
-    model.inertias[1] = pin.Inertia(1.0, np.array([0.3, 0.0, 0.0]), 2 * np.eye(3))
+    model.inertias[1] = lump(1.0, [0.3, 0.0, 0.0], 2)
     leaning = pf.Scene(model=model, stick_velocity=0.0, actuators=geared_by(100.0))
     result = pf.inverse_dynamics(leaning, trapezoid(leaning))
     (found,) = standstills(result, {}, Conditions(holding_brake="required"))
@@ -292,9 +282,7 @@ def geared_by(ratio):
 @pytest.mark.parametrize("joint", [pin.JointModelRZ(), pin.JointModelPZ()])
 def test_only_a_linear_motor_has_no_shaft(joint):
     """A slide whose motor is linear (ratio 1) has no shaft for a brake; a direct drive has."""
-    model = pin.Model()
-    model.addJoint(0, joint, pin.SE3.Identity(), "j")
-    model.appendBodyToJoint(1, pin.Inertia(2.0, np.zeros(3), 0.01 * np.eye(3)), pin.SE3.Identity())
+    model = chain(("j", joint, lump(2.0)))
     scene = pf.Scene(model=model, actuators=[{"joint": "j", "transmission": {"ratio": 1.0}}])
     zero = np.zeros((2, 1))
     motion = pf.Trajectory.from_arrays(scene, np.array([0.0, 1.0]), zero, zero, zero)

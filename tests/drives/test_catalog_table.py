@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cli_cases import run, told
 from sizing_cases import GEAR, MOTOR, trapezoid, turntable, write_catalog
 
 import pinfric as pf
-from pinfric.cli import main
 from pinfric.drives.bearing import BearingRatings, Factors
 from pinfric.drives.catalog import Brake, Gear, GearMotor, Motor, Thermal
 from pinfric.drives.catalog_file import load_catalog
@@ -364,11 +364,7 @@ def test_bill_of_materials_of_a_frameless_kit_adds_up_to_the_drive(tmp_path):
 
 def test_command_line_imports_and_sizes_with_it(tmp_path, capsys):
     path = table(tmp_path, "M 1,224,900,44,6000,390,1.35,7.17,312.5,,\n")
-    with pytest.raises(SystemExit) as ended:
-        main(["catalog", str(path), "--out", str(tmp_path / "mine.yaml")])
-    assert ended.value.code == 0
-    assert "mine.yaml: 1 motor\n" in capsys.readouterr().err
+    said = told(capsys, "catalog", path, "--out", tmp_path / "mine.yaml")
+    assert "mine.yaml: 1 motor\n" in said.err
     assert load_catalog(tmp_path / "mine.yaml").motors["M 1"].mass == 0.39
-    with pytest.raises(SystemExit) as ended:
-        main(["catalog", str(tmp_path / "none.csv")])
-    assert ended.value.code == 2
+    assert run("catalog", tmp_path / "none.csv") == 2

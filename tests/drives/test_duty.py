@@ -7,6 +7,7 @@ from dataclasses import astuple, replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from builders import chain
 from sizing_cases import (
     ACCELERATION,
     COULOMB,
@@ -177,10 +178,7 @@ def test_overloads_are_counted_against_what_the_gear_bears(tmp_path, gear, borne
 
 
 def two_joints():
-    model = pin.Model()
-    for name in ("a", "b"):
-        model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), name)
-    return pf.Scene(model=model)
+    return pf.Scene(chain(*((name, pin.JointModelRZ()) for name in "ab"), beside=True))
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+from builders import chain, dry
 from sizing_cases import MOTOR, one_drive, trapezoid, turntable
 
 import pinfric as pf
@@ -16,12 +17,9 @@ from pinfric.motions.summary import ends_by_magnitude
 
 def tables(second=1.0):
     """Two turntables on one ground; the second's inertia is a multiple of the first's."""
-    model = pin.Model()
-    for k, scale in enumerate((1.0, second)):
-        model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), f"table_{k}")
-        body = pin.Inertia(1.0, np.zeros(3), scale * np.diag([1.0, 1.0, 2.0]))
-        model.appendBodyToJoint(k + 1, body, pin.SE3.Identity())
-    return pf.Scene(model=model, stick_velocity=0.0)
+    bodies = [pin.Inertia(1.0, np.zeros(3), x * np.diag([1.0, 1.0, 2.0])) for x in (1.0, second)]
+    both = ((f"table_{k}", pin.JointModelRZ(), body) for k, body in enumerate(bodies))
+    return pf.Scene(chain(*both, beside=True), stick_velocity=0.0)
 
 
 def turning(scene, delay=0, samples=60):
@@ -86,7 +84,7 @@ def test_a_bus_may_rise_to_its_limit_only():
 
 
 def test_a_bus_into_which_nothing_flows_needs_nothing(tmp_path):
-    scene = turntable(friction={"table": {"coulomb": {"static": 40.0, "kinetic": 40.0}}})
+    scene = turntable(friction={"table": dry(40.0)})
     bus = pf.size(scene, trapezoid(scene), one_drive(tmp_path), on_miss="ignore").bus
     assert (bus.returned, bus.resistor, bus.capacitance) == (0.0, None, None)
     assert bus.remedy.startswith("no energy is fed back")
@@ -149,7 +147,7 @@ def test_values_of_parts_have_the_prefix_of_their_unit(value, said):
 
 
 def test_drives_that_feed_nothing_back_do_not_speak_for_others(tmp_path):
-    still = {"coulomb": {"static": 40.0, "kinetic": 40.0}}
+    still = dry(40.0)
     scene = tables().with_(friction={"table_0": still, "table_1": still})
     catalog = one_drive(tmp_path)
     report = pf.size(scene, turning(scene), catalog, on_miss="ignore")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+from builders import chain, lump
 from sizing_cases import write_catalog
 
 import pinfric as pf
@@ -48,9 +49,7 @@ def test_dn_value():
 
 def lifted(tmp_path, entry, mass):
     """A slide that is lifted by 0.2 m in a second, on one screw."""
-    model = pin.Model()
-    model.addJoint(0, pin.JointModelPZ(), pin.SE3.Identity(), "lift")
-    model.appendBodyToJoint(1, pin.Inertia(mass, np.zeros(3), 0.01 * np.eye(3)), pin.SE3.Identity())
+    model = chain(("lift", pin.JointModelPZ(), lump(mass)))
     scene = pf.Scene(model=model)
     t = np.linspace(0.0, 2.0, 201)
     q = 0.1 * (1 - np.cos(np.pi * t))

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from builders import lump
+from cli_cases import told
 from envelopes import result_of
 
 import pinfric as pf
-from pinfric import cli
 from pinfric.accuracy.explain import explain
 from pinfric.elastic.matters import bandwidth, elastic_effect
 from pinfric.show.report.explain import elastic_lines
@@ -27,7 +28,7 @@ def test_what_winding_up_takes_of_a_motor():
     import pinocchio as pin
     from builders import chain
 
-    body = pin.Inertia(4.0, np.array([0.5, 0, 0]), 0.2 * np.eye(3))
+    body = lump(4.0, [0.5, 0, 0], 0.2)
     gear = {"ratio": 50.0, "rotor_inertia": 1e-3, "stiffness": 2e3}
     scene = pf.Scene(
         chain(("pin", pin.JointModelRY(), body), gravity=0.0),
@@ -54,9 +55,7 @@ def test_explain_says_it_only_of_elastic_scenes(capsys):
     assert effect.interval == pytest.approx(0.223e-3, abs=1e-6)
     assert effect.motor_share < 2e-3
     for name, elastic in (("ur10_machine_tending", True), ("pendulum", False)):
-        with pytest.raises(SystemExit):
-            cli.main(["explain", name, "--json"])
-        found = result_of(capsys.readouterr().out)
+        found = result_of(told(capsys, "explain", name, "--json").out)
         assert (found["elastic"] is not None) == elastic
     assert explain(scene).elastic.bandwidth is None
 

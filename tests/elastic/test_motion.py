@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import chain, gantry, geared_arm
+from builders import chain, gantry, geared_arm, lump
+from mechanisms import shifted
 
 import pinfric as pf
 from pinfric.elastic.motion import elasticity, free_frequencies, trajectory_frequencies
@@ -26,16 +27,16 @@ def dry(limit: float) -> dict:
 def planar_arm(friction: dict | None = None, **more: object) -> pf.Scene:
     """Two links of 0.5 and 0.4 m that turn about y, point masses at 0.3 and 0.25 m, a tool."""
     links = [
-        ("a", pin.JointModelRY(), pin.Inertia(6.0, np.array([0.3, 0, 0]), 0.1 * np.eye(3))),
+        ("a", pin.JointModelRY(), lump(6.0, [0.3, 0, 0], 0.1)),
         (
             "b",
             pin.JointModelRY(),
-            pin.Inertia(3.0, np.array([0.25, 0, 0]), 0.04 * np.eye(3)),
+            lump(3.0, [0.25, 0, 0], 0.04),
             [0.5, 0.0, 0.0],
         ),
     ]
     model = chain(*links)
-    place = pin.SE3(np.eye(3), np.array([0.4, 0.0, 0.0]))
+    place = shifted(0.4)
     model.addFrame(pin.Frame("tool", 2, 0, place, pin.FrameType.BODY))
     actuators = [
         {"joint": "a", "transmission": gear(LINES)},
@@ -64,11 +65,9 @@ def gravity_torque(q: np.ndarray) -> np.ndarray:
 
 def test_sag_interval_and_reversal_of_one_axis():
     """A horizontal bar with stiction: delta = f(m g l -+ b), at the tool l delta."""
-    body = pin.Inertia(4.0, np.array([0.5, 0, 0]), 0.2 * np.eye(3))
+    body = lump(4.0, [0.5, 0, 0], 0.2)
     model = chain(("pin", pin.JointModelRY(), body))
-    model.addFrame(
-        pin.Frame("tip", 1, 0, pin.SE3(np.eye(3), np.array([0.8, 0, 0])), pin.FrameType.BODY)
-    )
+    model.addFrame(pin.Frame("tip", 1, 0, shifted(0.8), pin.FrameType.BODY))
     scene = pf.Scene(
         model,
         friction={"pin": {"coulomb": {"static": 3.0, "kinetic": 2.0}}},

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import pytest
+from cli_cases import run as command
+from cli_cases import told
 
 from pinfric import cli
 
@@ -91,13 +93,12 @@ def run(folder, monkeypatch, capsys, changes, trajectory):
             (folder / name).write_text(text)
     monkeypatch.chdir(folder)
     before = sorted(folder.rglob("*"))
-    with pytest.raises(SystemExit) as ended:
-        cli.main(["inverse", "arm.yaml", trajectory, "--out", "results", "--json"])
+    code = command("inverse", "arm.yaml", trajectory, "--out", "results", "--json")
     streams = capsys.readouterr()
-    if ended.value.code:
+    if code:
         assert streams.out == ""
         assert sorted(folder.rglob("*")) == before
-    return ended.value.code, streams.err
+    return code, streams.err
 
 
 def expect_one_line(code, error, words):
@@ -181,10 +182,7 @@ def test_a_name_that_is_none_or_a_folders(given, words, tmp_path, monkeypatch, c
         (tmp_path / name).write_text(content)
     (tmp_path / "parts").mkdir()
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(SystemExit) as ended:
-        cli.main(given)
-    error = capsys.readouterr().err
-    assert ended.value.code == cli.BAD_INPUT
+    error = told(capsys, *given, code=cli.BAD_INPUT).err
     assert error.startswith(f"pinfric: error: {words}")
     assert len(error.splitlines()) == 1
 
@@ -200,9 +198,7 @@ def test_a_mesh_that_is_nowhere_costs_no_more_than_itself(corner, tmp_path, monk
     (tmp_path / "arm.yaml").write_text(SCENE)
     (tmp_path / "motion.csv").write_text(MOTION)
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(SystemExit) as ended:
-        cli.main(["replay", "arm.yaml", "motion.csv", "--html", "page.html"])
-    assert ended.value.code == 0
-    (line,) = capsys.readouterr().err.splitlines()
+    said = told(capsys, "replay", "arm.yaml", "motion.csv", "--html", "page.html")
+    (line,) = said.err.splitlines()
     assert line.startswith("pinfric: warning: ")
     assert "part.stl" in line

@@ -8,6 +8,7 @@ import warnings
 
 import numpy as np
 import pytest
+from cli_cases import told
 
 import pinfric as pf
 from pinfric import cli
@@ -68,10 +69,7 @@ def folder(tmp_path_factory):
 @pytest.mark.parametrize(("typed", "answer"), COMMANDS, ids=[typed for typed, _ in COMMANDS])
 def test_a_mistake_on_the_command_line_is_answered(folder, capsys, monkeypatch, typed, answer):
     monkeypatch.chdir(folder)
-    with pytest.raises(SystemExit) as ended:
-        cli.main(typed.split())
-    *notices, error = capsys.readouterr().err.splitlines()
-    assert ended.value.code == cli.BAD_INPUT
+    *notices, error = told(capsys, *typed.split(), code=cli.BAD_INPUT).err.splitlines()
     assert error.startswith("pinfric: error: ")
     assert answer in error
     assert all(line.startswith("pinfric: ") for line in notices)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from cli_cases import told
 from envelopes import result_of
 
 from pinfric import cli
@@ -40,16 +41,8 @@ def log(tmp_path, monkeypatch):
     return "log.csv"
 
 
-def run(capsys, *arguments):
-    with pytest.raises(SystemExit) as done:
-        cli.main(arguments)
-    streams = capsys.readouterr()
-    return done.value.code, streams.out, streams.err
-
-
 def test_inverse_says_how_far_efforts_are_known(log, capsys, tmp_path):
-    code, out, err = run(capsys, "inverse", "ur10.yaml", log, "--out", "out")
-    assert code == 0
+    out, err = told(capsys, "inverse", "ur10.yaml", log, "--out", "out")
     assert "warning: log.csv: filtered at" in err
     assert "rad, peak efforts known to" in out.replace("\n", " ").replace("  ", " ")
     assert out.count("±") == 1  # no joint's effort is known to no better than a tenth
@@ -66,26 +59,24 @@ def test_inverse_says_how_far_efforts_are_known(log, capsys, tmp_path):
 
 
 def test_a_cutoff_is_set_or_forbidden_on_every_command(log, capsys):
-    _, out, _ = run(capsys, "inverse", "ur10.yaml", log, "--cutoff", "5", "--json")
+    out = told(capsys, "inverse", "ur10.yaml", log, "--cutoff", "5", "--json").out
     assert result_of(out)["input"]["cutoff"]["elbow_joint"] == 5.0
-    _, out, _ = run(capsys, "inverse", "ur10.yaml", log, "--cutoff", "none", "--json")
+    out = told(capsys, "inverse", "ur10.yaml", log, "--cutoff", "none", "--json").out
     found = result_of(out)["input"]
     assert set(found["cutoff"].values()) == {None}
-    _, out, _ = run(capsys, "inverse", "ur10.yaml", log, "--cutoff", "none")
+    out = told(capsys, "inverse", "ur10.yaml", log, "--cutoff", "none").out
     assert out.count("±") > 4  # beside the peaks
     assert found["peak_uncertainty"]["shoulder_lift_joint"] > 100.0
     for command in ("size", "explain"):
-        code, _, err = run(capsys, command, "ur10.yaml", log, "--cutoff", "5")
-        assert code == 0
+        err = told(capsys, command, "ur10.yaml", log, "--cutoff", "5").err
         assert "filtered at 5 Hz" in err
     for command in ("sweep", "replay"):
-        _, out, _ = run(capsys, command, "--help")
+        out = told(capsys, command, "--help").out
         assert all(f"--{o}" in out for o in ("columns", "unit", "time-unit", "cutoff"))
 
 
 def test_units_that_there_are_not(log, capsys):
-    code, _, err = run(capsys, "inverse", "ur10.yaml", log, "--unit", "grad")
-    assert code == cli.BAD_INPUT
+    err = told(capsys, "inverse", "ur10.yaml", log, "--unit", "grad", code=cli.BAD_INPUT).err
     assert err == "pinfric: error: --unit grad: did you mean 'rad'? there are: rad, deg\n"
 
 
@@ -106,6 +97,5 @@ def test_the_figure_says_how_far_efforts_are_known(log):
 def test_efforts_of_zero_in_a_log_have_no_relative_error(log, capsys, tmp_path):
     rows = (tmp_path / log).read_text().replace("100\n", "0\n")
     (tmp_path / log).write_text(rows)
-    code, out, _ = run(capsys, "inverse", "ur10.yaml", log)
-    assert code == 0
+    out, _ = told(capsys, "inverse", "ur10.yaml", log)
     assert "nan" not in out

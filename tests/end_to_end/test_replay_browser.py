@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from builders import chain
 
 import pinfric as pf
 from pinfric.model.robot import example_robot_data
@@ -413,12 +414,8 @@ def test_limits_have_rows_that_say_which_one_holds_back(browser, tmp_path):
 
 def test_names_are_text_whatever_is_in_them(browser, tmp_path):
     names = ['<b>&" onclick="x', "<img src=x onerror=alert(1)>", "</script>a/b", "<object>"]
-    model = pin.Model()
-    for joint, name in enumerate(names):
-        place = pin.SE3(np.eye(3), np.array([0.3, 0.0, 0.0]))
-        model.addJoint(joint, pin.JointModelRY(), place, name)
-        body = pin.Inertia.FromBox(1.0, 0.3, 0.1, 0.1)
-        model.appendBodyToJoint(joint + 1, body, pin.SE3.Identity())
+    link = pin.JointModelRY(), pin.Inertia.FromBox(1.0, 0.3, 0.1, 0.1), [0.3, 0.0, 0.0]
+    model = chain(*((name, *link) for name in names))
     scene = pf.Scene(model=model, friction={name: {"viscous": 0.1} for name in names})
     t = np.linspace(0.0, 1.0, 51)
     v = np.ones((51, 4))

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from cli_cases import told
 from identify_cases import LOGS, needs_logs
 from scipy.io import loadmat
 
 import pinfric as pf
-from pinfric import cli
 from pinfric.model.robot import with_payloads
 from pinfric.motions.log.judged import judge_log
 from pinfric.motions.log.reading import ReadingOptions
@@ -381,10 +381,7 @@ def test_a_recorded_motion_beside_its_bundled_scene(name, tmp_path):
 
 
 def test_every_measured_robot_is_listed(capsys):
-    with pytest.raises(SystemExit) as ended:
-        cli.main(["robots"])
-    printed = capsys.readouterr().out
-    assert ended.value.code == 0
+    printed = told(capsys, "robots").out
     for name in (*PUBLISHED, "so101"):
         assert re.search(rf"^{name} +\S.* +[ABC] ", printed, re.MULTILINE), name
 

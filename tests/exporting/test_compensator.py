@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import chain
+from builders import chain, dry, lump
 from export_cases import (
     COMPILER,
     RICH,
@@ -35,8 +35,8 @@ from pinfric.model.urdf import implausible_body
 def arm(folder, coulomb):
     """The scene that `identify` writes of an arm: each has the same file's name."""
     folder.mkdir()
-    body = pin.Inertia(1.0, np.zeros(3), np.eye(3))
-    friction = {"hinge": {"coulomb": {"static": coulomb, "kinetic": coulomb}}}
+    body = lump(1.0, moment=1.0)
+    friction = {"hinge": dry(coulomb)}
     model = chain(("hinge", pin.JointModelRZ(), body))
     return pf.Scene(model, friction=friction, source=str(folder / "scene.yaml"))
 

@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 import pytest
-from builders import block
+from builders import dry, sliding_block
 from export_cases import moved
 
 import pinfric as pf
@@ -14,10 +14,8 @@ import pinfric as pf
 
 def test_what_is_constant_comes_back():
     gear = {"ratio": -50.0, "rotor_inertia": 2e-4, "motor_viscous": 1e-3, "no_load_torque": 0.02}
-    scene = pf.Scene(
-        model=block(mass=2.0),
-        friction={"slide": {"coulomb": {"static": 3.0, "kinetic": 3.0}, "viscous": 2.0}},
-        actuators=[{"joint": "slide", "transmission": gear}],
+    scene = sliding_block(
+        dry(3.0, viscous=2.0), actuators=[{"joint": "slide", "transmission": gear}]
     )
     (joint,) = pf.export(scene, moved(scene)).joints
     found = [joint.frictionloss, joint.damping, joint.armature]
@@ -30,8 +28,8 @@ def test_what_is_constant_comes_back():
 
 def test_no_constant_is_negative_and_none_fits_better():
     """Friction that falls with the speed asks for a negative damping."""
-    stribeck = {"coulomb": {"static": 5.0, "kinetic": 1.0}, "stribeck": {"velocity": 0.7}}
-    scene = pf.Scene(model=block(mass=2.0), friction={"slide": stribeck})
+    stribeck = dry(5.0, 1.0, stribeck={"velocity": 0.7})
+    scene = sliding_block(stribeck)
     motion = moved(scene)
     (joint,) = pf.export(scene, motion).joints
     result = pf.inverse_dynamics(scene, motion)
@@ -65,7 +63,7 @@ def test_the_worst_sample_is_where_the_error_is(ur5):
 
 
 def test_constants_that_a_motion_does_not_tell_apart_are_said():
-    scene = pf.Scene(model=block(), friction={"slide": {"viscous": 2.0}})
+    scene = sliding_block({"viscous": 2.0})
     t = np.linspace(0.0, 1.0, 50)
     v = np.full((50, 1), 0.5)
     steady = pf.Trajectory.from_arrays(scene, t, 0.5 * t[:, None], v, np.zeros((50, 1)))

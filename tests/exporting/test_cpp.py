@@ -9,7 +9,7 @@ import compensator_time
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import chain, random_tree
+from builders import chain, dry, lump, random_tree
 from cases import drawer_scene
 from export_cases import (
     BUNDLED,
@@ -288,8 +288,8 @@ def test_limits_hold(headers):
 
 def test_hold_asks_for_break_away_and_fades_as_the_joint_slips(headers):
     gear = {"ratio": 50.0, "no_load_torque": {"static": 0.04, "kinetic": 0.02}}
-    model = chain(("hinge", pin.JointModelRZ(), pin.Inertia(1.0, np.zeros(3), np.eye(3))))
-    friction = {"hinge": {"coulomb": {"static": 5.0, "kinetic": 3.0}}}
+    model = chain(("hinge", pin.JointModelRZ(), lump(1.0, moment=1.0)))
+    friction = {"hinge": dry(5.0, 3.0)}
     scene = pf.Scene(
         model,
         friction=friction,
@@ -489,9 +489,7 @@ def _ancestors(bodies, k):
 
 
 def planar():
-    model = pin.Model()
-    model.addJoint(0, pin.JointModelPlanar(), pin.SE3.Identity(), "skates")
-    model.appendBodyToJoint(1, pin.Inertia.Random(), pin.SE3.Identity())
+    model = chain(("skates", pin.JointModelPlanar(), pin.Inertia.Random()))
     return pf.Scene(model=model)
 
 

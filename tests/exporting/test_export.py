@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import block, random_tree
+from builders import block, chain, random_tree, sliding_block
 from export_cases import moved
 
 import pinfric as pf
@@ -13,9 +13,7 @@ from pinfric.errors import PinfricError
 
 
 def planar():
-    model = pin.Model()
-    model.addJoint(0, pin.JointModelPlanar(), pin.SE3.Identity(), "skates")
-    model.appendBodyToJoint(1, pin.Inertia.Random(), pin.SE3.Identity())
+    model = chain(("skates", pin.JointModelPlanar(), pin.Inertia.Random()))
     return pf.Scene(model=model)
 
 
@@ -48,11 +46,11 @@ def changed():
         (planar, "mjcf", r"skates \(3 degrees of freedom\)"),
         (mimic, "mjcf", "'finger' mimics another"),
         (impossible, "mjcf", "'slide' moves a body that MuJoCo refuses: .*triangle"),
-        (lambda: pf.Scene(model=block()), "urdf", "no URDF .*export to mjcf"),
+        (lambda: sliding_block(), "urdf", "no URDF .*export to mjcf"),
         (changed, "urdf", r"not the one of three_link.urdf \(inertias\)"),
         (lambda: pf.load_scene("panda_pick_and_place"), "ur", "'panda_joint1' is not a joint of"),
         (lambda: pf.Scene(model=random_tree(0, joints=0)), "ur", "no joint 'shoulder_pan_joint'"),
-        (lambda: pf.Scene(model=block()), "stl", "'stl': there are: mjcf, urdf, ur, sdf"),
+        (lambda: sliding_block(), "stl", "'stl': there are: mjcf, urdf, ur, sdf"),
     ],
 )
 def test_what_cannot_be_exported_is_named(scene, to, message):
@@ -65,7 +63,7 @@ def test_a_law_by_direction_is_said_to_be_left_out():
         "positive": {"static": 3.0, "kinetic": 3.0},
         "negative": {"static": 1.0, "kinetic": 1.0},
     }
-    scene = pf.Scene(model=block(), friction={"slide": {"coulomb": pair}})
+    scene = sliding_block({"coulomb": pair})
     made = pf.export(scene, moved(scene))
     lost = "the direction of friction.slide.coulomb: one constant for both directions"
     assert lost in made.left_out

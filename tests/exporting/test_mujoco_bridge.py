@@ -6,7 +6,8 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import chain, random_states
+from builders import chain, dry, lump, random_states
+from mechanisms import pin_friction, shifted
 from mujoco_bridge import compare, loaded, made, slider
 
 import pinfric as pf
@@ -18,9 +19,9 @@ def arm(payload=0.0):
     return loaded(scene, "tool0", payload) if payload else scene
 
 
-def model_of(scene, **changed):
+def model_of(scene, **edits):
     text = pf.export(scene).text
-    for old, new in changed.get("edit", {}).items():
+    for old, new in edits.items():
         assert old in text
         text = text.replace(old, new)
     return mujoco.MjModel.from_xml_string(text)
@@ -108,8 +109,8 @@ def branched():
     """Two arms side by side: MuJoCo's order of joints is not the model's."""
     model = pin.Model()
     side = pin.SE3(np.eye(3), np.array([0.0, 0.5, 0.0]))
-    out = pin.SE3(np.eye(3), np.array([0.4, 0.0, 0.1]))
-    body = pin.Inertia(2.0, np.array([0.2, 0.05, 0.0]), 0.05 * np.eye(3))
+    out = shifted(0.4, 0.1)
+    body = lump(2.0, [0.2, 0.05, 0.0], 0.05)
     first = model.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "a")
     second = model.addJoint(0, pin.JointModelRY(), side, "b")
     for parent, name in ((first, "a2"), (second, "b2")):
@@ -118,11 +119,7 @@ def branched():
         model.appendBodyToJoint(j, body, pin.SE3.Identity())
         model.addFrame(pin.Frame(f"link_{j}", j, pin.SE3.Identity(), pin.FrameType.BODY))
     friction = {
-        name: {
-            "bearing": {"kind": "pin", "radius": r},
-            "mu": {"static": 0.3, "kinetic": 0.2},
-            "viscous": r,
-        }
+        name: pin_friction(0.2, r, static=0.3) | {"viscous": r}
         for name, r in zip(("a", "b", "a2", "b2"), (0.05, 0.1, 0.15, 0.2), strict=True)
     }
     gears = [
@@ -157,9 +154,9 @@ TIP = 'axis="0.0 1.0 0.0"'
 
 def test_a_contact_at_the_tool_loads_the_joint():
     """A bar that rests on a floor: its bearing bears what the floor does not."""
-    body = pin.Inertia(3.0, np.array([0.5, 0.0, 0.0]), 0.1 * np.eye(3))
+    body = lump(3.0, [0.5, 0.0, 0.0], 0.1)
     model = chain(("hinge", pin.JointModelRY(), body))
-    model.jointPlacements[1] = pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.15]))
+    model.jointPlacements[1] = shifted(0.0, 0.15)
     model.addFrame(pin.Frame("bar", 1, pin.SE3.Identity(), pin.FrameType.BODY))
     bearing = {"kind": "pin", "radius": 0.02}
     friction = {"hinge": {"bearing": bearing, "mu": {"static": 0.2, "kinetic": 0.1}}}
@@ -190,7 +187,7 @@ def test_a_contact_at_the_tool_loads_the_joint():
 
 
 def geared(efficiency, back, rotor):
-    body = pin.Inertia(5.0, np.array([0.3, 0.0, 0.0]), 0.1 * np.eye(3))
+    body = lump(5.0, [0.3, 0.0, 0.0], 0.1)
     gear = {
         "ratio": 50.0,
         "efficiency": efficiency,
@@ -199,7 +196,7 @@ def geared(efficiency, back, rotor):
     }
     model = chain(("hinge", pin.JointModelRY(), body))
     model.addFrame(pin.Frame("bar", 1, pin.SE3.Identity(), pin.FrameType.BODY))
-    friction = {"hinge": {"coulomb": {"static": 1.0, "kinetic": 0.8}}}
+    friction = {"hinge": dry(1.0, 0.8)}
     actuators = [{"joint": "hinge", "transmission": gear}]
     return pf.Scene(model, friction=friction, actuators=actuators, source="geared.yaml")
 
@@ -228,61 +225,69 @@ def test_a_gear_that_jams_is_refused():
         friction.step(data)
 
 
-def test_a_model_of_another_robot_is_named():
-    scene = arm()
-    with pytest.raises(PinfricError, match=r"masses beyond joint 'wrist_3_joint' .* payload"):
-        pf.mujoco_friction(scene, model_of(arm(5.0)))
-    with pytest.raises(PinfricError, match=r"no joint 'elbow_joint'"):
-        pf.mujoco_friction(scene, model_of(scene, edit={"elbow_joint": "elbow"}))
-    turned = {'name="elbow_joint" axis="0.0 1.0 0.0"': 'name="elbow_joint" axis="0.0 1.0 0.1"'}
-    with pytest.raises(PinfricError, match="the axis of joint 'elbow_joint' is"):
-        pf.mujoco_friction(scene, model_of(scene, edit=turned))
-    shifted = {'pos="0.0 -0.1719 0.612"': 'pos="0.0 -0.1719 0.613"'}
-    with pytest.raises(PinfricError, match="joint 'elbow_joint' is another in the MuJoCo model"):
-        pf.mujoco_friction(scene, model_of(scene, edit=shifted))
-    first = {
-        'name="shoulder_pan_joint" axis="0.0 0.0 1.0"': 'name="shoulder_pan_joint" axis="0 0 -1"'
-    }
-    with pytest.raises(PinfricError, match="the axis of joint 'shoulder_pan_joint' is"):
-        pf.mujoco_friction(scene, model_of(scene, edit=first))
-    between = {'<joint name="elbow_joint"': '<joint name="more"/><joint name="elbow_joint"'}
-    with pytest.raises(PinfricError, match="has the joint 'more' beside or above 'elbow_joint'"):
-        pf.mujoco_friction(scene, model_of(scene, edit=between))
-    tilted = {'pos="0.0 0.0 0.1273" quat="1.0 0.0': 'pos="0.0 0.0 0.1273" quat="1.0 0.01'}
-    with pytest.raises(PinfricError, match="gravity has another direction at joint 'shoulder_pan"):
-        pf.mujoco_friction(scene, model_of(scene, edit=tilted))
-    slid = {'axis="0.0 1.0 0.0" type="hinge"': 'axis="0.0 1.0 0.0" type="slide"'}
-    with pytest.raises(PinfricError, match="is of another kind"):
-        pf.mujoco_friction(scene, model_of(scene, edit=slid))
-    lighter = {"-9.81": "-1.62"}
-    with pytest.raises(PinfricError, match="gravity is"):
-        pf.mujoco_friction(scene, model_of(scene, edit=lighter))
-
-
 @pytest.mark.parametrize(
-    ("edit", "message"),
+    ("old", "new", "message"),
     [
-        ({'integrator="implicitfast"': 'integrator="RK4"'}, "RK4"),
+        ("elbow_joint", "elbow", "no joint 'elbow_joint'"),
         (
-            {"<worldbody>": '<option><flag constraint="disable"/></option><worldbody>'},
+            'elbow_joint" axis="0.0 1.0 0.0"',
+            'elbow_joint" axis="0.0 1.0 0.1"',
+            "the axis of joint 'elbow_joint' is",
+        ),
+        (
+            'pos="0.0 -0.1719 0.612"',
+            'pos="0.0 -0.1719 0.613"',
+            "joint 'elbow_joint' is another in the MuJoCo model",
+        ),
+        (
+            'pan_joint" axis="0.0 0.0 1.0"',
+            'pan_joint" axis="0 0 -1"',
+            "the axis of joint 'shoulder_pan_joint' is",
+        ),
+        (
+            '<joint name="elbow_joint"',
+            '<joint name="more"/><joint name="elbow_joint"',
+            "has the joint 'more' beside or above 'elbow_joint'",
+        ),
+        (
+            'pos="0.0 0.0 0.1273" quat="1.0 0.0',
+            'pos="0.0 0.0 0.1273" quat="1.0 0.01',
+            "gravity has another direction at joint 'shoulder_pan",
+        ),
+        (
+            'axis="0.0 1.0 0.0" type="hinge"',
+            'axis="0.0 1.0 0.0" type="slide"',
+            "is of another kind",
+        ),
+        ("-9.81", "-1.62", "gravity is"),
+        # what would change friction
+        ('integrator="implicitfast"', 'integrator="RK4"', "RK4"),
+        (
+            "<worldbody>",
+            '<option><flag constraint="disable"/></option><worldbody>',
             "flag constraint is disabled",
         ),
         (
-            {"<actuator>": '<equality><joint joint1="elbow_joint"/></equality><actuator>'},
+            "<actuator>",
+            '<equality><joint joint1="elbow_joint"/></equality><actuator>',
             "an equality acts on joint 'elbow_joint'",
         ),
         (
-            {
-                "<actuator>": '<tendon><fixed name="cord"><joint joint="wrist_1_joint" coef="1"/>'
-                "</fixed></tendon><actuator>"
-            },
+            "<actuator>",
+            '<tendon><fixed name="cord"><joint joint="wrist_1_joint" coef="1"/></fixed></tendon>'
+            "<actuator>",
             "a fixed tendon acts on joint 'wrist_1_joint'",
         ),
     ],
 )
-def test_what_would_change_friction_is_refused(edit, message):
+def test_a_model_of_another_robot_or_with_other_friction_is_named(old, new, message):
     with pytest.raises(PinfricError, match=message):
-        pf.mujoco_friction(arm(), model_of(arm(), edit=edit))
+        pf.mujoco_friction(arm(), model_of(arm(), **{old: new}))
+
+
+def test_a_model_that_carries_more_is_named():
+    with pytest.raises(PinfricError, match=r"masses beyond joint 'wrist_3_joint' .* payload"):
+        pf.mujoco_friction(arm(), model_of(arm(5.0)))
 
 
 ROPE = '<tendon><spatial name="rope" {}><site site="wall"/><site site="tool"/></spatial></tendon>'
@@ -352,7 +357,7 @@ def test_a_robot_may_stand_on_a_cart():
     """Joints under the base are no concern of its friction."""
     cart = '<worldbody><body><freejoint/><geom size="0.3" mass="50"/>'
     edit = {"<worldbody>": cart, "</worldbody>": "</body></worldbody>"}
-    friction = pf.mujoco_friction(arm(), model_of(arm(), edit=edit))
+    friction = pf.mujoco_friction(arm(), model_of(arm(), **edit))
     data = mujoco.MjData(friction.model)
     friction.start(data)
     friction.step(data)

@@ -9,8 +9,9 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import chain
+from builders import chain, dry, lump
 from export_cases import needs_compiler
+from mechanisms import pin_friction, shifted
 from mujoco.rollout import rollout
 from mujoco_bridge import loaded, made, random_motion, slider
 
@@ -26,19 +27,15 @@ def arm():
 
 def bar():
     """A bar with a pin that a motor lowers on a floor, and with a stop."""
-    body = pin.Inertia(3.0, np.array([0.5, 0.0, 0.0]), 0.1 * np.eye(3))
+    body = lump(3.0, [0.5, 0.0, 0.0], 0.1)
     model = chain(("hinge", pin.JointModelRY(), body))
-    model.jointPlacements[1] = pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.15]))
+    model.jointPlacements[1] = shifted(0.0, 0.15)
     model.armature[:] = 0.1
     model.lowerPositionLimit[:], model.upperPositionLimit[:] = -0.4, 1.0
     model.addFrame(pin.Frame("bar", 1, pin.SE3.Identity(), pin.FrameType.BODY))
     friction = {
-        "hinge": {
-            "bearing": {"kind": "pin", "radius": 0.02},
-            "mu": {"static": 0.3, "kinetic": 0.2},
-            "stribeck": {"velocity": 0.1},
-            "viscous": {"coefficient": 0.2, "exponent": 0.7},
-        }
+        "hinge": pin_friction(0.2, 0.02, static=0.3)
+        | {"stribeck": {"velocity": 0.1}, "viscous": {"coefficient": 0.2, "exponent": 0.7}}
     }
     gear = {
         "ratio": 50.0,
@@ -226,11 +223,11 @@ def test_without_a_compiler_it_says_so(monkeypatch):
 
 
 def worm():
-    body = pin.Inertia(5.0, np.array([0.3, 0.0, 0.0]), 0.1 * np.eye(3))
+    body = lump(5.0, [0.3, 0.0, 0.0], 0.1)
     gear = {"ratio": 50.0, "efficiency": 0.3, "back_efficiency": -0.8, "rotor_inertia": 1e-7}
     model = chain(("hinge", pin.JointModelRY(), body))
     model.addFrame(pin.Frame("bar", 1, pin.SE3.Identity(), pin.FrameType.BODY))
-    friction = {"hinge": {"coulomb": {"static": 1.0, "kinetic": 0.8}}}
+    friction = {"hinge": dry(1.0, 0.8)}
     actuators = [{"joint": "hinge", "transmission": gear}]
     return pf.Scene(model, friction=friction, actuators=actuators, source="worm.yaml")
 

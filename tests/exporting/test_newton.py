@@ -7,14 +7,14 @@ import types
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import chain
+from builders import chain, dry, lump
 
 import pinfric as pf
 
 
 def hinge():
-    body = pin.Inertia(1.0, np.zeros(3), np.eye(3))
-    friction = {"coulomb": {"static": 3.0, "kinetic": 3.0}, "viscous": 0.5}
+    body = lump(1.0, moment=1.0)
+    friction = dry(3.0, viscous=0.5)
     return pf.Scene(chain(("hinge", pin.JointModelRZ(), body)), friction={"hinge": friction})
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import chain
+from builders import chain, lump
 
 import pinfric as pf
 
@@ -13,7 +13,7 @@ STEP = 1e-3
 
 
 def hinge(dry=3.0, viscous=0.5):
-    body = pin.Inertia(1.0, np.zeros(3), np.eye(3))
+    body = lump(1.0, moment=1.0)
     friction = {"coulomb": {"static": dry, "kinetic": dry}, "viscous": viscous}
     return pf.Scene(chain(("hinge", pin.JointModelRZ(), body)), friction={"hinge": friction})
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import chain
+from builders import chain, lump
 from identify_cases import (
     NAMES,
     guess,
@@ -52,7 +52,7 @@ def test_efforts_off_by_a_factor_are_asked_about_at_joints_that_carry(factor):
 
 def test_a_turned_sign_shows_by_inertia_where_it_is_more_than_friction():
     t = np.arange(0.0, 12.0, 0.01)
-    model = chain(("turntable", pin.JointModelRZ(), pin.Inertia(5.0, np.zeros(3), np.eye(3))))
+    model = chain(("turntable", pin.JointModelRZ(), lump(5.0, moment=1.0)))
     effort = 0.5 * np.sign(np.cos(3.0 * t)) - 9.0 * np.sin(3.0 * t)
     given = pf.Log(t, np.sin(3.0 * t)[:, None], effort[:, None])
     found = pf.identify(pf.Scene(model), given, laws={"turntable": Law()})

@@ -33,6 +33,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from cli_cases import told
 from identify_cases import (
     NAMES,
     ROTOR,
@@ -47,7 +48,6 @@ from identify_cases import (
 )
 
 import pinfric as pf
-from pinfric import cli
 from pinfric.errors import IdentificationError
 from pinfric.identification.files import scene_text
 from pinfric.identification.identify import beside_measured
@@ -150,33 +150,21 @@ def test_the_command_writes_what_runs(tmp_path, capsys, monkeypatch):
     urdf = "example-robot-data:ur_description/urdf/ur5_robot.urdf"
     Path("arm.yaml").write_text(f"pinfric: 1\nrobot: {{urdf: '{urdf}'}}\n")
     csv_log(tmp_path / "arm.csv", 2, rate=40.0)
-    code, out, err = run(
-        capsys, "identify", "arm.yaml", "arm.csv", "--inertia", "keep", "--out", "found"
-    )
-    assert code == 0, err
+    given = "identify", "arm.yaml", "arm.csv"
+    out = told(capsys, *given, "--inertia", "keep", "--out", "found").out
     assert "friction over the published one of ur5e (grade A), joint by joint: " in out
     written = {path.name for path in Path("found").iterdir()}
     assert {"scene.yaml", "posterior.csv", "sweep.yaml", "report.html", "summary.json"} <= written
     assert "robot.urdf" not in written
-    code, out, _ = run(
-        capsys, "inverse", "found/scene.yaml", "arm.csv", "--effort-at", "motor", "--out", "again"
-    )
-    assert code == 0
+    again = "inverse", "found/scene.yaml", "arm.csv", "--effort-at", "motor", "--out", "again"
+    out = told(capsys, *again).out
     assert "logged efforts (torques at the motors' shafts) compared with computed ones" in out
     assert Path("again/measured.png").stat().st_size > 10_000
     for bad, said in (
         (("--gain", "elbow"), "should be NAME=VALUE"),
         (("--effort-at", "shaft"), "'--effort-at': 'shaft'"),
     ):
-        code, _, err = run(capsys, "identify", "arm.yaml", "arm.csv", *bad)
-        assert (code, said in err) == (2, True)
-
-
-def run(capsys, *arguments: str) -> tuple[int, str, str]:
-    with pytest.raises(SystemExit) as ended:
-        cli.main(arguments)
-    captured = capsys.readouterr()
-    return ended.value.code, captured.out, captured.err
+        assert said in told(capsys, *given, *bad, code=2).err
 
 
 def test_published_figures_of_the_robot_stand_beside_what_was_found(found):

@@ -50,7 +50,7 @@ def test_a_gain_makes_n_m_of_currents():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("change", "said"),
     [
         ({"gain": {"elbow": 2.0}}, "there is no joint 'elbow'"),
         ({"gain": {NAMES[2]: 0.0}}, "should be finite, not zero"),
@@ -60,27 +60,21 @@ def test_a_gain_makes_n_m_of_currents():
         ({"effort_at": "shaft"}, "--effort-at shaft"),
         ({"inertia": "new"}, "--inertia new"),
         ({"laws": {"elbow": Law()}}, "there is no joint 'elbow'"),
+        ({"logs": lambda x: replace(x, effort=None)}, "no measured effort of shoulder_pan_joint"),
+        (
+            {"logs": lambda x: replace(x, t=x.t[:90], q=x.q[:90], effort=x.effort[:90])},
+            "samples can be used; at least 100 are needed",
+        ),
+        ({"logs": lambda _: "ur5_pick_and_place.waypoints.yaml"}, "holds way-points"),
+        ({"logs": lambda _: []}, "needs a log"),
+        ({"logs": lambda x: [x, replace(x, name="again")]}, "are the same log"),
     ],
 )
-def test_what_is_not_there_is_named(arguments, said):
+def test_what_is_not_there_or_no_log_is_named(change, said):
+    given = {"logs": lambda x: x} | change
+    logs = given.pop("logs")(short())
     with pytest.raises(IdentificationError, match=said):
-        pf.identify(guess(0), short(), **arguments)
-
-
-def test_logs_without_efforts_or_time_are_refused():
-    with pytest.raises(IdentificationError, match="no measured effort of shoulder_pan_joint"):
-        pf.identify(guess(0), replace(short(), effort=None))
-    with pytest.raises(IdentificationError, match="samples can be used; at least 100 are needed"):
-        pf.identify(
-            guess(0),
-            replace(short(), t=short().t[:90], q=short().q[:90], effort=short().effort[:90]),
-        )
-    with pytest.raises(IdentificationError, match="holds way-points"):
-        pf.identify(pf.load_scene("ur5_pick_and_place"), "ur5_pick_and_place.waypoints.yaml")
-    with pytest.raises(IdentificationError, match="needs a log"):
-        pf.identify(guess(0), [])
-    with pytest.raises(IdentificationError, match="are the same log"):
-        pf.identify(guess(0), [short(), replace(short(), name="again")])
+        pf.identify(guess(0), logs, **given)
 
 
 def test_a_long_log_is_prepared_in_parts_as_in_one(monkeypatch):

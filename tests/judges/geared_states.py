@@ -17,6 +17,8 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from builders import chain, dry, lump
+from mechanisms import shifted
 
 if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
@@ -159,15 +161,13 @@ def _no_loops(n: int) -> tuple[np.ndarray, np.ndarray]:
 def worm(rng: Rng) -> Case:
     """A load on a vertical slide behind a worm, with a light or a heavy rotor."""
     mass = float(rng.uniform(2.0, 30.0))
-    model = pin.Model()
-    joint = model.addJoint(0, pin.JointModelPZ(), pin.SE3.Identity(), "lift")
-    body = pin.Inertia(mass, np.zeros(3), 0.01 * np.eye(3))
-    model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+    body = lump(mass)
+    model = chain(("lift", pin.JointModelPZ(), body))
     ratio = float(rng.choice([-1.0, 1.0]) * rng.uniform(20, 80))
     gear = constant_gear(rng, ratio, float(10 ** rng.uniform(-1.5, 0.5)), True, mass)
     friction, bearings = {}, []
     if rng.random() < 0.5:
-        friction = {"lift": {"coulomb": {"static": 8.0, "kinetic": 6.0}}}
+        friction = {"lift": dry(8.0, 6.0)}
         bearings = [Bearing(6.0, 8.0)]
     q, v = np.zeros(1), np.array([rng.choice([0.0, 0.0, 0.3, -0.3])])
     parts = np.array([[mass]]), np.array([mass * 9.81]), *_no_loops(1)
@@ -212,7 +212,7 @@ def arm(
             gears.append(constant_gear(rng, ratio, share, rng.random() < locks, float(M[j, j])))
         if rng.random() < 0.5:
             static = float(rng.uniform(0.3, 3.0))
-            friction[name] = {"coulomb": {"static": static, "kinetic": 0.7 * static}}
+            friction[name] = dry(static, 0.7 * static)
             bearings.append(Bearing(0.7 * static, static))
             D.append(np.eye(n)[j])
             if mu:
@@ -299,7 +299,7 @@ def bars(rng: Rng, five: bool = False) -> Case:
         gears.append(gear)
     for name in names:
         if rng.random() < 0.4:
-            friction[name] = {"coulomb": {"static": 0.06, "kinetic": 0.05}}
+            friction[name] = dry(0.06, 0.05)
             bearings.append(Bearing(0.05, 0.06))
             D.append(np.eye(n)[names.index(name)])
     torque, system = _system(
@@ -363,7 +363,7 @@ def crane(rng: Rng) -> Case:
     links = [("boom", 1.0, 40.0), ("arm", 0.7, 20.0)]
     model.addFrame(pin.Frame("ground", 0, 0, pin.SE3.Identity(), pin.FrameType.BODY))
     for k, (name, length, mass) in enumerate(links[: int(rng.integers(1, 3))]):
-        place = pin.SE3(np.eye(3), np.array([1.0 if k else 0.0, 0.0, 0.0]))
+        place = shifted(1.0 if k else 0.0)
         parent = model.addJoint(parent, pin.JointModelRY(), place, f"pivot_{name}")
         body = pin.Inertia(mass, np.array([0.5 * length, 0, 0]), np.diag([0.1, 3.0, 3.0]))
         model.appendBodyToJoint(parent, body, pin.SE3.Identity())
@@ -395,12 +395,12 @@ def crane(rng: Rng) -> Case:
         ends = {"a": {"link": a, "xyz": at}, "b": {"link": b, "xyz": on}}
         actuators.append({"cylinder": {"name": name, **ends}, "transmission": gear})
         if rng.random() < 0.4:
-            friction[name] = {"coulomb": {"static": 60.0, "kinetic": 50.0}}
+            friction[name] = dry(60.0, 50.0)
             bearings.append(Bearing(50.0, 60.0))
             D.append(S[k])
             turn.append(bend[k])
         if rng.random() < 0.4:
-            friction[model.names[k + 1]] = {"coulomb": {"static": 6.0, "kinetic": 5.0}}
+            friction[model.names[k + 1]] = dry(6.0, 5.0)
             bearings.append(Bearing(5.0, 6.0))
             D.append(np.eye(n)[k])
             turn.append(0.0)

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from builders import dry
 from mechanisms import add_link, bar, grounded_model, shifted
 from scipy.optimize import linprog
 
@@ -91,7 +92,7 @@ def random_mechanism(seed: int, decades: float = 12.0) -> Mechanism:
             for side, link, at in (("a", *ends[:2]), ("b", *ends[2:]))
         },
     }
-    friction = {n: {"coulomb": {"static": x, "kinetic": x}} for n, x in limits.items()}
+    friction = {n: dry(x) for n, x in limits.items()}
     scene = pf.Scene(model=model, friction=friction, loops=[loop], actuators=actuators)
     effort = np.array(
         [

@@ -3,8 +3,8 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import random_friction, random_states, random_tree
-from mechanisms import add_link, bar, four_bar, grounded_model, pin_friction
+from builders import chain, dry, lump, random_friction, random_states, random_tree, row
+from mechanisms import add_link, bar, four_bar, grounded_model, pin_friction, shifted
 
 import pinfric as pf
 from pinfric.dynamics.inverse.effort_maps import share_work
@@ -17,8 +17,8 @@ ARM = POLE * LENGTH / 2  # first moment about the pin
 INERTIA = POLE * LENGTH**2 / 3
 G = 9.81
 RUBS = {
-    "cart": {"coulomb": {"static": 0.3, "kinetic": 0.2}, "viscous": 0.1},
-    "pole": {"coulomb": {"static": 0.02, "kinetic": 0.01}},
+    "cart": dry(0.3, 0.2, viscous=0.1),
+    "pole": dry(0.02, 0.01),
 }
 
 
@@ -37,7 +37,7 @@ def boom(share=None, bucket=False, friction=None):
     model = grounded_model()
     arm = add_link(model, 0, pin.JointModelRZ(), pin.SE3.Identity(), "boom", bar(2.0, 1.0))
     if bucket:
-        at = pin.SE3(np.eye(3), np.array([1.0, 0.0, 0.0]))
+        at = shifted(1.0)
         add_link(model, arm, pin.JointModelRZ(), at, "bucket", bar(0.7, 0.3))
     given = [{"share": w} for w in share] if share is not None else [{}, {}]
     ram = {
@@ -136,13 +136,7 @@ def test_all_joints_without_a_drive_that_need_one_are_named_in_one_line():
 
 def chain_of_three():
     """Three level links one after the other; only the first has a drive."""
-    model, parent, place = pin.Model(), 0, pin.SE3.Identity()
-    for name in "abc":
-        parent = model.addJoint(parent, pin.JointModelRY(), place, name)
-        body = pin.Inertia(1.0, np.array([0.2, 0.0, 0.0]), 0.01 * np.eye(3))
-        model.appendBodyToJoint(parent, body, pin.SE3.Identity())
-        place = pin.SE3(np.eye(3), np.array([0.4, 0.0, 0.0]))
-    return pf.Scene(model=model, actuators=[{"joint": "a"}])
+    return pf.Scene(row("abc", lump(1.0, [0.2, 0.0, 0.0]), 0.4), actuators=[{"joint": "a"}])
 
 
 @pytest.mark.parametrize("digits", [16, 4])
@@ -163,7 +157,7 @@ def test_a_pole_swung_without_gravity_needs_no_drive_whatever_its_digits():
 
 
 def test_friction_at_rest_of_an_undriven_joint_is_what_balances_it():
-    held = {"pole": {"coulomb": {"static": 2.0, "kinetic": 1.0}}}
+    held = {"pole": dry(2.0, 1.0)}
     scene = cart_pole(held)
     q, still = np.array([0.0, 0.3]), np.zeros(2)
     found = pf.inverse_dynamics(scene, q, still, still)
@@ -225,7 +219,7 @@ def test_a_hanging_bucket_lets_the_boom_be_computed_at_rest_and_says_it_is_a_bou
         (1.0, 1.0),
         bucket=True,
         friction={
-            "boom": {"coulomb": {"static": 0.5, "kinetic": 0.4}},
+            "boom": dry(0.5, 0.4),
             "bucket": pin_friction(0.1, radius=0.02, static=0.2),
         },
     )
@@ -276,7 +270,7 @@ def test_a_cylinder_and_a_motor_on_one_joint_share_by_their_levers():
     found = pf.inverse_dynamics(boom(shares), [angle], [0.7], [a])
     np.testing.assert_allclose(found.effort_lower[0], by_hand, rtol=1e-12)
     assert found.check().passed()
-    rubs = {"boom": {"coulomb": {"static": 3.0, "kinetic": 2.0}}}
+    rubs = {"boom": dry(3.0, 2.0)}
     rest = pf.inverse_dynamics(boom(shares, friction=rubs), [angle], [0.0], [a])
     for end, side in ((rest.effort_lower, -3.0), (rest.effort_upper, 3.0)):
         np.testing.assert_allclose(end[0], by_hand * (1.0 + side / tau), rtol=1e-12)
@@ -366,12 +360,8 @@ def test_a_scene_says_what_no_drive_moves():
 
 def listed_backwards():
     """Two sliders on one another; the list of drives begins with the outer one."""
-    model = pin.Model()
-    model.gravity = pin.Motion.Zero()
-    for parent, name, mass in ((0, "inner", 2.0), (1, "outer", 3.0)):
-        joint = model.addJoint(parent, pin.JointModelPX(), pin.SE3.Identity(), name)
-        body = pin.Inertia(mass, np.zeros(3), 0.1 * np.eye(3))
-        model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+    slides = [(n, pin.JointModelPX(), lump(m, moment=0.1)) for n, m in (("inner", 2), ("outer", 3))]
+    model = chain(*slides, gravity=0.0)
     ratios = {"outer": 2.0, "inner": 5.0}
     drives = [{"joint": name, "transmission": {"ratio": ratio}} for name, ratio in ratios.items()]
     return pf.Scene(model=model, actuators=drives)

@@ -146,10 +146,7 @@ def test_mass_ratios_of_a_million(ratio):
 # one.
 @pytest.mark.parametrize("length", [1e-6, 1e6])
 def test_pins_a_micrometre_and_a_thousand_kilometres_long(length):
-    friction = {
-        "bearing": {"kind": "pin", "radius": 0.01, "length": length},
-        "mu": {"static": 0.3, "kinetic": 0.3},
-    }
+    friction = pin_friction(0.3, length=length)
     gravity = (1.0, -8.0, 5.0)  # out of the plane: pins carry moments
     with pytest.warns(pf.PinfricWarning) if length > 1 else nullcontext():
         case = turning_four_bar(24, "B", "revolute", gravity=gravity, friction=friction)

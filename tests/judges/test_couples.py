@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import gantry, random_friction, random_states, random_tree
+from builders import dry, gantry, lump, random_friction, random_states, random_tree
+from mechanisms import pin_friction, shifted
 from scipy.optimize import linprog
 
 import pinfric as pf
@@ -55,7 +56,7 @@ def _planar(lengths: tuple[float, float] = (0.4, 0.3)) -> pin.Model:
     """Two parallel axes in a vertical plane, point masses 3 and 2 kg at the links' ends."""
     model = pin.Model()
     for parent, (length, mass) in enumerate(zip((0.0, lengths[0]), (3.0, 2.0), strict=True)):
-        place = pin.SE3(np.eye(3), np.array([length, 0.0, 0.0]))
+        place = shifted(length)
         added = model.addJoint(parent, pin.JointModelRZ(), place, f"j{parent + 1}")
         body = pin.Inertia(mass, np.array([lengths[parent], 0.0, 0.0]), np.zeros((3, 3)))
         model.appendBodyToJoint(added, body, pin.SE3.Identity())
@@ -183,10 +184,7 @@ def test_a_gantry_on_two_belts_is_the_one_turned_by_45_degrees() -> None:
 
 def test_joints_and_gears_stick_and_slip_together() -> None:
     """Two joints' friction and two gears' on two freedoms: work goes where it should."""
-    friction = {
-        name: {"coulomb": {"static": most, "kinetic": 2.0}}
-        for name, most in (("j1", 3.0), ("j2", 2.0))
-    }
+    friction = {name: dry(most, 2.0) for name, most in (("j1", 3.0), ("j2", 2.0))}
     gear = {"ratio": 20.0, "no_load_torque": {"static": 0.09, "kinetic": 0.05}} | {
         "efficiency": 0.9,
         "back_efficiency": 0.8,
@@ -226,10 +224,7 @@ def test_beside_a_loop_the_couples_reach_the_efforts() -> None:
     model = random_tree(4, 3, sliding=0.0)
     model.addBodyFrame("tip", 3, pin.SE3.Identity(), 0)
     names = list(model.names)[1:]
-    friction = {
-        name: {"bearing": {"kind": "pin", "radius": 0.02}, "mu": {"static": 0.12, "kinetic": 0.1}}
-        for name in names
-    }
+    friction = {name: pin_friction(0.1, 0.02, static=0.12) for name in names}
     actuators = [
         {"joint": names[1], "transmission": _LOSSY},
         {"joint": names[2], "couples": {names[1]: 0.8}, "transmission": _LOSSY},
@@ -301,7 +296,7 @@ robot: {urdf: "example-robot-data:ur_description/urdf/ur5_robot.urdf"}
 actuators: [{joint: wrist_2_joint}, {joint: wrist_3_joint, couples: {wrist_2_joint: 1.0}}]
 """)
     assert pf.load_scene(tmp_path / "scene.yaml").drives[1].couples == ((4, 1.0),)
-    friction = {name: {"coulomb": {"static": 2.0, "kinetic": 1.0}} for name in ("j1", "j2")}
+    friction = {name: dry(2.0, 1.0) for name in ("j1", "j2")}
     actuators = [{"joint": "j1"}, {"joint": "j2", "couples": {"j1": -0.5}}]
     scene = pf.Scene(model, friction=friction, actuators=actuators)
     q, v = np.array([[0.1, 0.2], [0.3, -0.4]]), np.array([[0.0, 1.0], [1.0, 0.5]])
@@ -402,10 +397,7 @@ def test_coupled_worms_hold_where_something_holds(
     names = [f"j{n}" for n in range(1, 5)]
     scene = pf.Scene(
         _wrist(),
-        friction={
-            name: {"coulomb": {"static": f, "kinetic": 0.7 * f}}
-            for name, f in zip(names, most, strict=True)
-        },
+        friction={name: dry(f, 0.7 * f) for name, f in zip(names, most, strict=True)},
         actuators=[
             {
                 "joint": name,
@@ -428,8 +420,8 @@ def test_coupled_worms_hold_where_something_holds(
 def test_joints_that_coupled_gears_hold_between_them_stand_exactly(method: str) -> None:
     """Motors turn by n1 (q1 + c q2), n2 (q2 + d q1): both held, both joints are; q3 swings."""
     model = _planar()
-    third = model.addJoint(2, pin.JointModelRZ(), pin.SE3(np.eye(3), np.array([0.3, 0, 0])), "j3")
-    body = pin.Inertia(1.0, np.array([0.2, 0.1, 0.0]), 0.01 * np.eye(3))
+    third = model.addJoint(2, pin.JointModelRZ(), shifted(0.3), "j3")
+    body = lump(1.0, [0.2, 0.1, 0.0])
     model.appendBodyToJoint(third, body, pin.SE3.Identity())
     model.gravity.linear = np.array([0.0, -1.0, 0.0])
     gear = {"efficiency": 0.7, "back_efficiency": 0.5, "no_load_torque": 0.5}

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+from builders import dry
+from mechanisms import pin_friction, shifted
 
 import pinfric as pf
 from pinfric.errors import SceneError
@@ -28,7 +30,7 @@ SEAL = {
     "coulomb": {"static": 300.0, "kinetic": 200.0},
     "viscous": {"coefficient": 80.0, "exponent": 0.5},
 }
-PIN = {"bearing": {"kind": "pin", "radius": 0.03}, "mu": {"static": 0.15, "kinetic": 0.1}}
+PIN = pin_friction(0.1, 0.03, static=0.15)
 
 
 def with_ground(joint):
@@ -128,7 +130,7 @@ def test_a_slide_in_line_with_its_cylinder_stops_and_stays(method, tolerance):
             "b": {"link": "boom"},
         }
     }
-    friction = {"ram": {"coulomb": {"static": 5.0, "kinetic": 4.0}}}
+    friction = {"ram": dry(5.0, 4.0)}
     scene = pf.Scene(model=model, friction=friction, actuators=[ram])
     motion = pf.simulate(scene, [0.0], [1.0], [0.0], 1.0, method)
     moved = np.minimum(motion.t, 0.5)
@@ -160,9 +162,7 @@ def test_a_cylinder_that_sticks_keeps_its_length_while_the_mechanism_moves_on():
     model, row = with_ground(pin.JointModelRY())
     bar = pin.Inertia(3.0, np.array([0.4, 0.0, 0.0]), np.diag([0.01, 0.2, 0.2]))
     model.appendBodyToJoint(row, bar, pin.SE3.Identity())
-    elbow = model.addJoint(
-        row, pin.JointModelRY(), pin.SE3(np.eye(3), np.array([0.8, 0.0, 0.0])), "elbow"
-    )
+    elbow = model.addJoint(row, pin.JointModelRY(), shifted(0.8), "elbow")
     model.appendBodyToJoint(elbow, bar, pin.SE3.Identity())
     model.addBodyFrame("forearm", elbow, pin.SE3.Identity(), 0)
     ram = {
@@ -172,7 +172,7 @@ def test_a_cylinder_that_sticks_keeps_its_length_while_the_mechanism_moves_on():
             "b": {"link": "forearm", "xyz": [0.5, 0.0, 0.0]},
         }
     }
-    friction = {"ram": {"coulomb": {"static": 5e3, "kinetic": 5e3}}}
+    friction = {"ram": dry(5e3)}
     scene = pf.Scene(model=model, friction=friction, actuators=[ram, {"joint": "elbow"}])
     motion = pf.simulate(scene, [0.1, 0.3], [0.0, 0.0], [0.0, 0.0], 1.0)
     fore = 0.8 * np.stack([np.cos(motion.q[:, 0]), -np.sin(motion.q[:, 0])], axis=1)

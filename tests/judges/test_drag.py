@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+from builders import chain, lump
 from scipy.optimize import brentq
 
 import pinfric as pf
@@ -40,10 +41,8 @@ def load_drag():
 
 def block(friction: dict) -> pf.Scene:
     """M on a level slide that carries its weight; load M g."""
-    model = pin.Model()
-    joint = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "slide")
-    body = pin.Inertia(M, np.zeros(3), 0.01 * np.eye(3))
-    model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+    body = lump(M)
+    model = chain(("slide", pin.JointModelPX(), body))
     return pf.Scene(model=model, friction={"slide": friction})
 
 

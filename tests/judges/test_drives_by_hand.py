@@ -20,6 +20,7 @@ from types import SimpleNamespace
 import numpy as np
 import pinocchio as pin
 import pytest
+from builders import chain, dry
 from sizing_cases import write_catalog
 
 import pinfric as pf
@@ -58,11 +59,9 @@ def motion(scene, parts, samples=200):
 
 
 def scene_of(joint, mass, inertia, coulomb):
-    model = pin.Model()
-    model.addJoint(0, joint, pin.SE3.Identity(), "axis")
     body = pin.Inertia(mass, np.zeros(3), inertia * np.diag([0.5, 0.5, 1.0]))
-    model.appendBodyToJoint(1, body, pin.SE3.Identity())
-    friction = {"axis": {"coulomb": {"static": coulomb, "kinetic": coulomb}}} if coulomb else {}
+    model = chain(("axis", joint, body))
+    friction = {"axis": dry(coulomb)} if coulomb else {}
     return pf.Scene(model=model, friction=friction, stick_velocity=0.0)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from builders import random_states, random_tree
+from builders import dry, random_states, random_tree
 
 import pinfric as pf
 
@@ -44,7 +44,7 @@ def test_inverse_dynamics_gives_the_motor_torques_back(seed):
         {"joint": name, "transmission": made(rng, float(r))}
         for name, r in zip(names, ratio, strict=True)
     ]
-    friction = {name: {"coulomb": {"static": 1.0, "kinetic": 0.7}} for name in names[::2]}
+    friction = {name: dry(1.0, 0.7) for name in names[::2]}
     scene = pf.Scene(model=model, friction=friction, actuators=actuators)
     (q,), (v,), _ = random_states(model, seed, 1)
     v = v * (rng.random(len(v)) < (0.0, 0.5, 1.0)[seed % 3])

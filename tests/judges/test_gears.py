@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import geared_arm, random_states, random_tree
+from builders import chain, dry, geared_arm, lump, random_states, random_tree
 from judges.gear_enumeration import Arm, fewest, judge, locking_arm, random_arm, random_state
 
 import pinfric as pf
@@ -30,10 +30,8 @@ ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 
 def hoist(gear: dict, mass: float = 10.0, friction: dict | None = None) -> pf.Scene:
     """A load on a vertical slide: M = mass, h = mass g; a joint drive with the given gear."""
-    model = pin.Model()
-    joint = model.addJoint(0, pin.JointModelPZ(), pin.SE3.Identity(), "lift")
-    body = pin.Inertia(mass, np.zeros(3), 0.01 * np.eye(3))
-    model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+    body = lump(mass)
+    model = chain(("lift", pin.JointModelPZ(), body))
     actuators = [{"joint": "lift", "transmission": gear}]
     friction = {"lift": {"coulomb": friction}} if friction else {}
     return pf.Scene(model=model, friction=friction, actuators=actuators)
@@ -194,11 +192,8 @@ def test_worms_side_by_side_are_lowered_at_once(count):
 
     Motor and load push the same way: each holds little and much load and slips between.
     """
-    model = pin.Model()
-    for k in range(count):
-        joint = model.addJoint(0, pin.JointModelPZ(), pin.SE3.Identity(), f"lift_{k}")
-        body = pin.Inertia(10.0, np.zeros(3), 0.01 * np.eye(3))
-        model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+    lifts = [(f"lift_{k}", pin.JointModelPZ(), lump(10.0)) for k in range(count)]
+    model = chain(*lifts, beside=True)
     gear = {**WORM, "rotor_inertia": 5.0 / 50**2}
     actuators = [{"joint": name, "transmission": gear} for name in tuple(model.names)[1:]]
     scene = pf.Scene(model=model, actuators=actuators)
@@ -214,13 +209,9 @@ def test_one_of_many_joints_at_rest_slips_whatever_else_rests(count, lowered):
 
     Beyond eight joints at rest the loads of gears that slip were written over what was found.
     """
-    model = pin.Model()
-    for k in range(count):
-        kind = pin.JointModelPZ() if k < lowered else pin.JointModelPX()
-        joint = model.addJoint(0, kind, pin.SE3.Identity(), f"slide_{k}")
-        mass = 10.0 if k < lowered else 1.0
-        body = pin.Inertia(mass, np.zeros(3), 0.01 * np.eye(3))
-        model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+    kinds = [(pin.JointModelPZ(), 10.0)] * lowered + [(pin.JointModelPX(), 1.0)] * (count - lowered)
+    slides = [(f"slide_{k}", kind, lump(mass)) for k, (kind, mass) in enumerate(kinds)]
+    model = chain(*slides, beside=True)
     names = tuple(model.names)[1:]
     lossy = {"ratio": 1.0, "efficiency": 0.8, "back_efficiency": 0.7}
     worm = {**WORM, "rotor_inertia": 5.0 / 50**2}
@@ -228,7 +219,7 @@ def test_one_of_many_joints_at_rest_slips_whatever_else_rests(count, lowered):
         {"joint": name, "transmission": worm if k < lowered else lossy}
         for k, name in enumerate(names)
     ]
-    coulomb = {"coulomb": {"static": 1.0, "kinetic": 1.0}}
+    coulomb = dry(1.0)
     scene = pf.Scene(
         model=model, friction=dict.fromkeys(names[lowered:], coulomb), actuators=actuators
     )
@@ -297,18 +288,23 @@ def test_a_lossless_gear_is_armature_and_ratio():
     np.testing.assert_allclose(found.a, wanted, rtol=1e-10)
 
 
-def test_what_cannot_be_given_is_said():
-    scene = hoist(LOSSY)
-    with pytest.raises(StateError, match="neither of effort and motor_torque; give one of them"):
-        pf.forward_dynamics(scene, [0.0], [0.0])
-    with pytest.raises(StateError, match="both of effort and motor_torque"):
-        pf.forward_dynamics(scene, [0.0], [0.0], [1.0], motor_torque=[1.0])
-    with pytest.raises(StateError, match=r"motor_torque: shape \(2,\); should be \(1,\)"):
-        pf.forward_dynamics(scene, [0.0], [0.0], motor_torque=[1.0, 2.0])
-    with pytest.raises(StateError, match="motor_torque: column 0 is nan"):
-        pf.forward_dynamics(scene, [0.0], [0.0], motor_torque=[np.nan])
+@pytest.mark.parametrize(
+    ("effort", "torque", "says"),
+    [
+        (None, None, "neither of effort and motor_torque; give one of them"),
+        ([1.0], [1.0], "both of effort and motor_torque"),
+        (None, [1.0, 2.0], r"motor_torque: shape \(2,\); should be \(1,\)"),
+        (None, [np.nan], "motor_torque: column 0 is nan"),
+    ],
+)
+def test_what_cannot_be_given_is_said(effort, torque, says):
+    with pytest.raises(StateError, match=says):
+        pf.forward_dynamics(hoist(LOSSY), [0.0], [0.0], effort, motor_torque=torque)
+
+
+def test_a_torque_of_a_motor_needs_a_transmission():
     with pytest.raises(SceneError, match="motor_torque: drive 'lift' has no transmission"):
-        pf.forward_dynamics(scene.with_(actuators=None), [0.0], [0.0], motor_torque=[1.0])
+        forward(hoist(LOSSY).with_(actuators=None), 0.0, 1.0)
 
 
 @pytest.fixture(scope="module")

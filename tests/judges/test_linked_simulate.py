@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import yaml
+from builders import dry
 from cases import boxer
 from dynamics.forward.test_forward import mimic_scene
 from mechanisms import add_link, bar, four_bar, grounded_model, shifted
@@ -123,7 +124,7 @@ def pendulum_with_constant_friction(start, torque, t_end):
 def test_a_swinging_parallelogram_comes_to_rest_where_one_pendulum_does(method):
     """Constant friction in all four pins, the loop's too, is four times that in one pendulum."""
     coulomb = 0.05
-    scene = parallelogram_scene({"coulomb": {"static": coulomb, "kinetic": coulomb}})
+    scene = parallelogram_scene(dry(coulomb))
     stop, angle = pendulum_with_constant_friction(0.8, 4 * coulomb, 10.0)
     motion = pf.simulate(
         scene, swing(0.8), np.zeros(3), [0.0], stop + 0.5, method, **METHODS[method]
@@ -147,7 +148,7 @@ def test_a_swinging_parallelogram_comes_to_rest_where_one_pendulum_does(method):
 def test_stick_and_slip_of_a_driven_mechanism_by_the_one_pendulum():
     """A torque that grows slowly: it holds until gravity and friction are overcome, to 1e-9 s."""
     coulomb = 0.05
-    scene = parallelogram_scene({"coulomb": {"static": coulomb, "kinetic": 0.8 * coulomb}})
+    scene = parallelogram_scene(dry(coulomb, 0.8 * coulomb))
     motion = pf.simulate(scene, swing(0.02), np.zeros(3), {"crank": lambda t: 0.3 * t}, 2.0)
     breakaway = (STIFFNESS * INERTIA * np.sin(0.02) + 4 * coulomb) / 0.3
     slips = [event for event in motion.events if event.kind == "slip"][:4]

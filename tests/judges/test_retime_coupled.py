@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from builders import gantry
+from builders import dry, gantry
 
 import pinfric as pf
 from pinfric.errors import RetimeError
@@ -44,7 +44,7 @@ def test_belts_are_as_fast_as_slides_along_them() -> None:
 
 def test_friction_at_coupled_joints_is_refused() -> None:
     model, actuators = gantry(False, _GEAR)
-    friction = {"x": {"coulomb": {"static": 3.0, "kinetic": 2.0}}}
+    friction = {"x": dry(3.0, 2.0)}
     scene = pf.Scene(model, friction=friction, actuators=actuators)
     path = Path.from_waypoints([[0.0, 0.0], [0.5, 0.4]])
     with pytest.raises(RetimeError, match="retime accepts friction of coupled drives"):

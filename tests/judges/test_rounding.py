@@ -11,7 +11,7 @@ from contextlib import nullcontext
 
 import numpy as np
 import pytest
-from builders import block, plane_friction
+from builders import dry, plane_friction, sliding_block
 from cases import boxer, four_bars_in_a_row, resting_four_bar, rocker_driven_four_bar
 from dynamics.simulation.test_simulate import Belt, pinned_body
 from judges.test_linked_simulate import parallelogram_scene, swing
@@ -35,7 +35,7 @@ def of_case(case, effort, t_end, sample=0):
 
 
 def swinging_parallelogram():
-    coulomb = {"coulomb": {"static": 0.05, "kinetic": 0.05}}
+    coulomb = dry(0.05)
     return parallelogram_scene(coulomb), swing(0.8), np.zeros(3), [0.0], 5.2
 
 
@@ -50,7 +50,7 @@ def belt():
 
 def pushed_block():
     """A ramp up to the static limit itself, and a plateau there: it holds."""
-    scene = pf.Scene(model=block(0.0), friction={"slide": plane_friction(0.35, 0.3)})
+    scene = sliding_block(plane_friction(0.35, 0.3))
     limit = 0.35 * 2 * 9.81
     return scene, [0.0], [0.0], ([0.0, 1.0, 5.0], [[0.0], [limit], [limit]]), 2.0
 
@@ -122,7 +122,7 @@ def test_time_stepping_takes_no_turning_point_for_a_stop(steps):
     mu g. The step that meets a turn may end at exactly zero velocity; how many do depends on dt.
     """
     mu, omega = 0.05, 4.0
-    scene = pf.Scene(model=block(0.0), friction={"slide": plane_friction(mu, mu)})
+    scene = sliding_block(plane_friction(mu, mu))
     mass, lost = 2.0, 2 * mu * 9.81 / omega**2
     turns = int(np.ceil((1.0 - mu * 9.81 / omega**2) / lost))
     stop = turns * np.pi / omega

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+from builders import dry
 from judges.planar_newton_euler import FourBar, bar_angles, bar_rates
 from mechanisms import FIVE_BAR, LENGTHS, five_bar, four_bar, spatial_loop
 
@@ -38,7 +39,7 @@ def pin_angles(motion, pins):
 
 
 def coulomb(static, viscous=0.0):
-    return {"coulomb": {"static": static, "kinetic": 0.8 * static}, "viscous": viscous}
+    return dry(static, 0.8 * static, viscous=viscous)
 
 
 def swinging_five_bar(stuck, cut, method, static=20.0):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import random_friction, random_states, random_tree
+from builders import chain, random_friction, random_states, random_tree
 
 import pinfric as pf
 from pinfric.dynamics.judge.plain_laws import plain_normal_load
@@ -132,10 +132,8 @@ def test_kernel_equals_the_formulas_written_out(seed):
 
 def test_horizontal_pin_under_weight():
     # a disc of 3 kg hung on a horizontal pin through its centre: friction mu R m g, no more
-    model = pin.Model()
-    added = model.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "pin")
     disc = pin.Inertia(3.0, np.zeros(3), np.diag([0.1, 0.2, 0.1]))
-    model.appendBodyToJoint(added, disc, pin.SE3.Identity())
+    model = chain(("pin", pin.JointModelRY(), disc))
     bearing = {"kind": "pin", "radius": 0.02, "length": 0.1}
     scene = pf.Scene(
         model=model, friction={"pin": {"bearing": bearing, "mu": {"static": 0.4, "kinetic": 0.25}}}

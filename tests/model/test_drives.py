@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import block, plane_friction
+from builders import block, plane_friction, sliding_block
 
 import pinfric as pf
 from pinfric.model.drives import motor_torque_bounds
@@ -86,7 +86,7 @@ def test_a_reversing_transmission_turns_the_interval_over():
 
 
 def test_without_a_transmission_the_motor_is_the_joint():
-    scene = pf.Scene(model=block(0.1), friction={"slide": plane_friction(0.3, 0.2)})
+    scene = sliding_block(plane_friction(0.3, 0.2), 0.1)
     result = pf.inverse_dynamics(scene, *np.zeros((3, 1, 1)))
     assert result.motor_torque_lower[0, 0] == result.effort_lower[0, 0]
     assert result.motor_torque_upper[0, 0] == result.effort_upper[0, 0]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+from builders import lump
 
 from pinfric.model.equivalent_box import equivalent_box
 
@@ -32,7 +33,7 @@ def test_box_of_equal_inertia_has_the_bodys_moments():
 @pytest.mark.parametrize(("mass", "drawn"), [(1.0, True), (1e-300, False), (1e-30, False)])
 def test_an_inertia_without_mass_is_no_box_beyond_every_machine(mass, drawn):
     """0.1 kg m^2 with 1e-300 kg is a cube of 8e149 m, which single precision does not hold."""
-    box = equivalent_box(pin.Inertia(mass, np.zeros(3), 0.1 * np.eye(3)))
+    box = equivalent_box(lump(mass, moment=0.1))
     assert (box is not None) == drawn
     if drawn:
         np.testing.assert_allclose(box.edges, np.sqrt(0.6), rtol=1e-12)

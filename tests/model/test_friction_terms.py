@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from builders import block
+from builders import sliding_block
 
 import pinfric as pf
 from pinfric.errors import SceneError
@@ -15,7 +15,7 @@ METHODS = [("event", 1e-6), ("timestepping", 1e-3), ("regularized", 1e-6)]
 
 
 def sliding(viscous, **more):
-    return pf.Scene(model=block(0.0, mass=M), friction={"slide": {"viscous": viscous, **more}})
+    return sliding_block({"viscous": viscous, **more}, mass=M)
 
 
 def test_a_number_is_the_coefficient_of_the_speed_itself():

@@ -4,7 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from builders import block, plane_friction, random_friction, random_states, random_tree
+from builders import (
+    plane_friction,
+    random_friction,
+    random_states,
+    random_tree,
+    sliding_block,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -164,7 +170,7 @@ def test_kernel_equals_the_law_written_out(seed):
 def test_block_on_an_incline_holds_by_itself_up_to_the_static_threshold(side):
     mu = 0.35
     angle = np.arctan(mu) + side * 1e-3
-    scene = pf.Scene(model=block(angle), friction={"slide": plane_friction(mu, mu)})
+    scene = sliding_block(plane_friction(mu, mu), angle)
     result = pf.inverse_dynamics(scene, *np.zeros((3, 1, 1)))
     holds_alone = result.effort_lower[0, 0] <= 0 <= result.effort_upper[0, 0]
     assert holds_alone == (side < 0)

@@ -9,7 +9,7 @@ import warnings
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import block, plane_friction
+from builders import block, chain, lump, plane_friction, sliding_block
 from mechanisms import four_bar
 
 import pinfric as pf
@@ -117,11 +117,8 @@ def test_friction_and_payloads_cannot_be_assigned():
 
 
 def test_a_base_that_floats_is_not_driven_without_a_word():
-    model = pin.Model()
-    base = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
-    leg = model.addJoint(base, pin.JointModelRY(), pin.SE3.Identity(), "leg")
-    for joint in (base, leg):
-        model.appendBodyToJoint(joint, pin.Inertia.Random(), pin.SE3.Identity())
+    base = "base", pin.JointModelFreeFlyer(), pin.Inertia.Random()
+    model = chain(base, ("leg", pin.JointModelRY(), pin.Inertia.Random()))
     with pytest.warns(pf.PinfricWarning, match=r"base 'base' gets six.*actuators=(.*)$") as caught:
         pf.Scene(model=model)
     (said,) = caught
@@ -130,7 +127,7 @@ def test_a_base_that_floats_is_not_driven_without_a_word():
         warnings.simplefilter("error")
         scene = pf.Scene(model=model, actuators=eval(offered))  # what the line says to write
         assert scene.actuator_names == ("leg",)
-        pf.Scene(model=block())  # a joint on the ground may be driven
+        sliding_block()  # a joint on the ground may be driven
 
 
 def test_scenes_are_keys_as_they_are_equal():
@@ -199,7 +196,7 @@ def test_a_guess_that_is_replaced_is_no_guess_any_more():
 
 def test_the_base_is_not_counted_among_what_moves():
     model = block(mass=2.0)
-    model.inertias[0] = pin.Inertia(7.0, np.zeros(3), np.eye(3))
+    model.inertias[0] = lump(7.0, moment=1.0)
     assert "1 joint, 2 kg that move" in repr(pf.Scene(model=model))
 
 
@@ -217,10 +214,8 @@ def test_copies_are_scenes_like_the_first():
 
 def test_mimic_joints_are_not_sent_to_other_processes():
     """Pinocchio's pickle of them ends the process that uses it."""
-    model = pin.Model()
-    for name in ("leader", "follower"):
-        joint = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), name)
-        model.appendBodyToJoint(joint, pin.Inertia.Random(), pin.SE3.Identity())
+    both = ((n, pin.JointModelRZ(), pin.Inertia.Random()) for n in ("leader", "follower"))
+    model = chain(*both, beside=True)
     followed = pin.transformJointIntoMimic(model, 1, 2, 0.5, 0.0)
     assert pickle.loads(pickle.dumps(pf.Scene(model=model))).joint_names == ("leader", "follower")
     scene = pf.Scene(model=followed)

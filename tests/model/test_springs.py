@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import chain
+from builders import chain, lump
 
 import pinfric as pf
 from pinfric.model.springs import (
@@ -126,5 +126,5 @@ def test_a_tool_fixed_to_the_ground():
 
 
 def _pendulum():
-    body = pin.Inertia(1.0, np.array([0.0, 0.0, 0.5]), 0.01 * np.eye(3))
+    body = lump(1.0, [0.0, 0.0, 0.5])
     return chain(("pin", pin.JointModelRX(), body))

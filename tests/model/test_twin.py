@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import random_inertia, random_states, random_tree
+from builders import chain, random_inertia, random_states, random_tree
 from robot_cases import each_robot
 
 import pinfric as pf
@@ -164,8 +164,7 @@ def test_external_wrench_relieves_the_joints_that_carry_it():
 
 @pytest.mark.parametrize("pitch", [0.1, 1e-4])  # 1e-4: an axis of length 1 to 5e-9
 def test_a_helical_joint_is_refused_with_what_to_write_instead(pitch):
-    model = pin.Model()
-    model.addJoint(0, pin.JointModelHX(pitch), pin.SE3.Identity(), "screw")
+    model = chain(("screw", pin.JointModelHX(pitch)))
     says = rf"'screw' is helical .* prismatic one with <mimic> and multiplier {pitch:g}; .*ratio"
     with pytest.raises(RobotError, match=says):
         make_twin(model)

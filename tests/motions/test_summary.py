@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
+from builders import chain, dry, lump
 
 import pinfric as pf
 from pinfric.errors import StateError
@@ -38,10 +39,8 @@ MIMIC = """<robot name="fingers">
 
 def turntable(joint=None, **scene):
     """One body whose effort is INERTIA x acceleration: its weight never acts on the drive."""
-    model = pin.Model()
-    model.addJoint(0, joint or pin.JointModelRZ(), pin.SE3.Identity(), "table")
-    body = pin.Inertia(INERTIA, np.zeros(3), INERTIA * np.eye(3))
-    model.appendBodyToJoint(1, body, pin.SE3.Identity())
+    body = lump(INERTIA, moment=INERTIA)
+    model = chain(("table", joint or pin.JointModelRZ(), body))
     return pf.Scene(model=model, **scene)
 
 
@@ -52,7 +51,7 @@ def summary(t, v, a, **scene) -> ActuatorSummary:
     return summarize(result)[0]
 
 
-DRY = {"friction": {"table": {"coulomb": {"static": 3.0, "kinetic": 2.0}}}}
+DRY = {"friction": {"table": dry(3.0, 2.0)}}
 
 
 def test_constant_effort_has_its_own_magnitude_as_peak_and_rms():
@@ -143,7 +142,7 @@ def test_efforts_beyond_the_limit_of_the_urdf_are_named(limit):
 
 def test_drive_sticks_with_its_mimic_follower():
     model = pin.buildModelFromXML(MIMIC, mimic=True)
-    scene = pf.Scene(model=model, friction={"mirror": {"coulomb": {"static": 1, "kinetic": 1}}})
+    scene = pf.Scene(model=model, friction={"mirror": dry(1)})
     v = np.array([[1.0], [0.0], [0.0], [0.0]])
     result = pf.inverse_dynamics(scene, 0 * v, v, 0 * v, t=np.arange(4.0))
     (s,) = summarize(result)

@@ -99,22 +99,31 @@ def test_with_speed_scales_time_and_derivatives():
             slow.with_speed(bad)
 
 
-def test_from_arrays_checks_everything():
+GOOD = np.tile([0.0, 0.1, 1.0, 0.0], (3, 1))
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (
+            {"q": GOOD[:, :3], "v": np.zeros((2, 3))},
+            r"2 problems: q has shape \(3, 3\).*; v has shape",
+        ),
+        ({"attached": {"bix": True}}, "unknown payload 'bix'"),
+        ({"t": [0, 1, 1]}, "time must increase; it does not after samples 1"),
+        ({"q": GOOD + np.array([9, 0, 0, 0])}, "joint a: 9 rad is above"),
+        ({"q": GOOD * 1.1}, r"q\[2:4\] is \(cos, sin\).*samples 0, 1, 2"),
+        ({"q": np.where([[0], [1], [0]], np.nan, GOOD)}, "q is not finite at samples 1"),
+    ],
+)
+def test_from_arrays_checks_everything(change, says):
+    with pytest.raises(TrajectoryError, match=says):
+        Trajectory.from_arrays(arm_scene(box=True), **{"t": [0, 1, 2], "q": GOOD} | change)
+
+
+def test_from_arrays_keeps_what_is_attached():
     scene = arm_scene(box=True)
-    good = np.tile([0.0, 0.1, 1.0, 0.0], (3, 1))
-    with pytest.raises(TrajectoryError, match=r"2 problems: q has shape \(3, 3\).*; v has shape"):
-        Trajectory.from_arrays(scene, [0, 1, 2], good[:, :3], v=np.zeros((2, 3)))
-    with pytest.raises(TrajectoryError, match="unknown payload 'bix'"):
-        Trajectory.from_arrays(scene, [0, 1, 2], good, attached={"bix": True})
-    with pytest.raises(TrajectoryError, match="time must increase; it does not after samples 1"):
-        Trajectory.from_arrays(scene, [0, 1, 1], good)
-    with pytest.raises(TrajectoryError, match="joint a: 9 rad is above"):
-        Trajectory.from_arrays(scene, [0, 1, 2], good + np.array([9, 0, 0, 0]))
-    with pytest.raises(TrajectoryError, match=r"q\[2:4\] is \(cos, sin\).*samples 0, 1, 2"):
-        Trajectory.from_arrays(scene, [0, 1, 2], good * 1.1)
-    with pytest.raises(TrajectoryError, match="q is not finite at samples 1"):
-        Trajectory.from_arrays(scene, [0, 1, 2], np.where([[0], [1], [0]], np.nan, good))
-    kept = Trajectory.from_arrays(scene, [0, 1, 2], good, attached={"box": [1, 0, 1]})
+    kept = Trajectory.from_arrays(scene, [0, 1, 2], GOOD, attached={"box": [1, 0, 1]})
     np.testing.assert_array_equal(kept.attached[:, 0], [True, False, True])
 
 

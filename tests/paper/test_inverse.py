@@ -247,19 +247,26 @@ def test_iteration_that_cannot_settle_says_where():
     np.testing.assert_array_equal(caught.value.samples, [0, 1])
 
 
-def test_input_that_cannot_be_is_refused():
-    case = three_link()
-    bodies, joints = case.mechanism.bodies, case.mechanism.joints
-    with pytest.raises(PinfricError, match="no earlier joint places 'link_1'"):
-        Mechanism(bodies, joints[1:], (0, 0, 0))
-    with pytest.raises(PinfricError, match="cannot place body 'link_1'"):
-        Mechanism(bodies, (joints[0], joints[0]), (0, 0, 0))
-    with pytest.raises(PinfricError, match="link_3"):
-        Mechanism(bodies, joints[:2], (0, 0, 0))
-    with pytest.raises(PinfricError, match="position must be"):
-        inverse(case.mechanism, [0, 0], [0, 0], [0, 0])
-    with pytest.raises(PinfricError, match="consistent, literal"):
-        three_link("printed")
-    idle = Actuator("idle", GROUND, "bar", (0.0, 0.0, 0.0), force=(0.0, 1.0, 0.0))
-    with pytest.raises(PinfricError, match="undriven"):
-        inverse(replace(pushed_pendulum(), actuators=(idle,)), [0.8], [2.0], [3.0])
+IDLE = Actuator("idle", GROUND, "bar", (0.0, 0.0, 0.0), force=(0.0, 1.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("made", "message"),
+    [
+        (lambda b, j: Mechanism(b, j[1:], (0, 0, 0)), "no earlier joint places 'link_1'"),
+        (lambda b, j: Mechanism(b, (j[0], j[0]), (0, 0, 0)), "cannot place body 'link_1'"),
+        (lambda b, j: Mechanism(b, j[:2], (0, 0, 0)), "link_3"),
+        (lambda b, j: inverse(three_link().mechanism, *[[0, 0]] * 3), "position must be"),
+        (lambda b, j: three_link("printed"), "consistent, literal"),
+        (
+            lambda b, j: inverse(
+                replace(pushed_pendulum(), actuators=(IDLE,)), [0.8], [2.0], [3.0]
+            ),
+            "undriven",
+        ),
+    ],
+)
+def test_input_that_cannot_be_is_refused(made, message):
+    mechanism = three_link().mechanism
+    with pytest.raises(PinfricError, match=message):
+        made(mechanism.bodies, mechanism.joints)

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import pytest
+from cli_cases import run, told
 from envelopes import result_of
-
-from pinfric.cli import main
 
 
 @pytest.fixture(scope="module")
@@ -16,9 +15,8 @@ def printed(tmp_path_factory):
 
     folder = tmp_path_factory.mktemp("paper") / "out"
     text = io.StringIO()
-    with contextlib.redirect_stdout(text), pytest.raises(SystemExit) as stop:
-        main(["paper", "--json", "--out", str(folder)])
-    assert stop.value.code == 0
+    with contextlib.redirect_stdout(text):
+        assert run("paper", "--json", "--out", folder) == 0
     return result_of(text.getvalue()), folder
 
 
@@ -55,10 +53,8 @@ def test_the_readings_are_stated_and_the_figures_drawn(printed):
 
 
 def test_the_literal_reading_sticks_early_and_stops(capsys):
-    with pytest.raises(SystemExit) as stop:
-        main(["paper", "--reading", "literal", "--json"])
-    assert stop.value.code == 0
-    examples = {e["name"]: e for e in result_of(capsys.readouterr().out)["examples"]}
+    said = told(capsys, "paper", "--reading", "literal", "--json")
+    examples = {e["name"]: e for e in result_of(said.out)["examples"]}
     for name, example in examples.items():
         start, end = example["stick"]
         assert start < STICKS[name][0][0]  # earlier than printed
@@ -66,7 +62,5 @@ def test_the_literal_reading_sticks_early_and_stops(capsys):
 
 
 def test_an_unknown_reading_is_refused(capsys):
-    with pytest.raises(SystemExit) as stop:
-        main(["paper", "--reading", "own"])
-    assert stop.value.code == 2
-    assert "there are consistent, literal" in capsys.readouterr().err
+    error = told(capsys, "paper", "--reading", "own", code=2).err
+    assert "there are consistent, literal" in error

@@ -16,10 +16,10 @@ import jsonschema
 import numpy as np
 import pytest
 import yaml
+from cli_cases import told
 from pydantic import Field, TypeAdapter
 
 import pinfric as pf
-from pinfric import cli
 from pinfric.drives.catalog import Brake, CatalogFile
 from pinfric.drives.limits import LIMITS
 from pinfric.errors import PinfricError
@@ -251,6 +251,4 @@ def test_new_scenes_name_a_schema_that_accepts_them(tmp_path):
 
 
 def test_the_command_prints_the_schema(capsys):
-    with pytest.raises(SystemExit) as ended:
-        cli.main(["schema", "sweep"])
-    assert (ended.value.code, json.loads(capsys.readouterr().out)) == (0, json_schema("sweep"))
+    assert json.loads(told(capsys, "schema", "sweep").out) == json_schema("sweep")

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 import typer
 import yaml
+from cli_cases import told
 
 import pinfric as pf
 from pinfric import cli
@@ -45,10 +46,7 @@ def test_sample_is_what_the_first_command_prints(monkeypatch, capsys):
     monkeypatch.chdir(ROOT)
     monkeypatch.setenv("COLUMNS", "80")
     arguments = blocks("bash")[0].split("pinfric ")[1].split()
-    with pytest.raises(SystemExit) as ended:
-        cli.main(arguments)
-    assert ended.value.code == 0
-    printed = [line.rstrip() for line in capsys.readouterr().out.splitlines()]
+    printed = [line.rstrip() for line in told(capsys, *arguments).out.splitlines()]
     assert printed == blocks("text")[0].splitlines()
     assert blocks("text", GUIDE / "first_result.md") == blocks("text")
 

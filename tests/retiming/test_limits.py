@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import yaml
-from builders import chain
+from builders import chain, lump
 from retime_cases import lifting, straight
 from sizing_cases import GEAR, MOTOR, one_drive, turntable, write_catalog
 
@@ -125,7 +125,7 @@ def test_drives_of_a_retimed_arm_are_those_that_size_judges(tmp_path, masses):
     (tmp_path / "motors.yaml").write_text(yaml.safe_dump(motors))
     dry = {"static": 2.0, "kinetic": 2.0}
     friction = {"joint_1": {"coulomb": dry, "includes_drive": True}, "joint_2": {"coulomb": dry}}
-    upper, lower = (pin.Inertia(1.0, np.array([0.25, 0, 0]), 0.01 * np.eye(3)) for _ in range(2))
+    upper, lower = (lump(1.0, [0.25, 0, 0]) for _ in range(2))
     joints = [
         ("joint_1", pin.JointModelRY(), upper),
         ("joint_2", pin.JointModelRY(), lower, [0.5, 0, 0]),

@@ -30,28 +30,38 @@ def test_far_points_that_miss_the_way_are_set_nearer():
     assert found.duration == pytest.approx(finest.duration, rel=3e-3)
 
 
-def test_kinks_and_repeated_points_are_refused():
-    with pytest.raises(pf.PinfricError, match=r"points\[2\]: the same position as points\[1\]"):
-        Path.from_waypoints([[0.0], [1.0], [1.0]])
-    knots = np.array([0.0, 1.0, 2.0])
-    bent = PPoly(np.array([[[1.0, 0.0], [0.0, 1.0]], [[0.0, 0.0], [1.0, 0.0]]]), knots)
+ENDS, THREE = [[0.0], [1.0]], [[0.0], [0.5], [1.0]]
+MIDDLE = [False, True, False]
+
+
+@pytest.mark.parametrize(
+    ("points", "more", "message"),
+    [
+        ([*ENDS, [1.0]], {}, r"points\[2\]: the same position as points\[1\]"),
+        ([*ENDS, [0.5]], {"via": MIDDLE}, r"no joint moves with s at s = 0.875"),
+        (ENDS, {"holds": [0.0, -1.0]}, r"stop 1: hold -1 s, should be 0 or more"),
+        (
+            THREE,
+            {"via": MIDDLE, "holds": [0.0, 1.0, 0.0]},
+            "a via point is passed without a stop and cannot",
+        ),
+        (ENDS, {"attached": [[True]]}, "attached need one entry for each of 2 points"),
+        (THREE, {"attached": [True, True, False]}, r"attached: shape \(3,\)"),
+        (ENDS, {"via": [True, False]}, r"points\[0\].via"),
+    ],
+)
+def test_points_that_are_no_path_are_refused(points, more, message):
+    with pytest.raises(pf.PinfricError, match=message):
+        Path.from_waypoints(points, **more)
+
+
+def test_corners_and_payloads_that_are_not_there_are_refused():
+    bent = np.array([[[1.0, 0.0], [0.0, 1.0]], [[0.0, 0.0], [1.0, 0.0]]])
     with pytest.raises(pf.PinfricError, match="a corner at s = 1"):
-        Path((bent,))
-    with pytest.raises(pf.PinfricError, match=r"no joint moves with s at s = 0.875"):
-        Path.from_waypoints([[0.0], [1.0], [0.5]], via=[False, True, False])
-    with pytest.raises(pf.PinfricError, match=r"stop 1: hold -1 s, should be 0 or more"):
-        Path.from_waypoints([[0.0], [1.0]], holds=[0.0, -1.0])
-    with pytest.raises(pf.PinfricError, match="a via point is passed without a stop and cannot"):
-        Path.from_waypoints([[0.0], [0.5], [1.0]], via=[False, True, False], holds=[0.0, 1.0, 0.0])
-    with pytest.raises(pf.PinfricError, match="attached need one entry for each of 2 points"):
-        Path.from_waypoints([[0.0], [1.0]], attached=[[True]])
-    load = Path.from_waypoints([[0.0], [1.0]], attached=[[True], [True]])
+        Path((PPoly(bent, np.arange(3.0)),))
+    load = Path.from_waypoints(ENDS, attached=[[True], [True]])
     with pytest.raises(pf.RetimeError, match="1 columns for 0 payloads"):
         retime(one_joint(), load, {"j": {"peak_torque": 1.0}})
-    with pytest.raises(pf.PinfricError, match=r"attached: shape \(3,\)"):
-        Path.from_waypoints([[0.0], [0.5], [1.0]], attached=[True, True, False])
-    with pytest.raises(pf.PinfricError, match=r"points\[0\].via"):
-        Path.from_waypoints([[0.0], [1.0]], via=[True, False])
 
 
 def test_a_motion_that_turns_back_between_samples_stops_there():

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import chain
+from builders import chain, dry
+from mechanisms import pin_friction
 from retime_cases import MOTORS, STOPS, WAVE, one_joint, planar, straight
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
@@ -40,7 +41,7 @@ def along_a_line(up, down, distance):
 
 def test_coulomb_viscous_and_a_speed_torque_line():
     inertia, coulomb, viscous = 2.0, 1.0, 0.6
-    friction = {"j": {"coulomb": {"static": 1.0, "kinetic": 1.0}, "viscous": viscous}}
+    friction = {"j": dry(1.0, viscous=viscous)}
     scene = one_joint(inertia=inertia, friction=friction)
     stall, free, peak = 8.0, 10.0, 5.0
     limits = {"j": {"peak_torque": peak, "stall_torque": stall, "no_load_speed": free}}
@@ -83,9 +84,7 @@ def test_pendulum_whose_pin_feels_its_load():
     """Against the phase plane of m l^2 a = T - m g l sin(q) - mu r |F|, integrated by itself."""
     m, length, mu, radius, g, torque = 2.0, 0.5, 0.2, 0.1, 9.81, 14.0
     weight = pin.Inertia(m, np.array([0, 0, -length]), np.zeros((3, 3)))
-    friction = {
-        "j": {"bearing": {"kind": "pin", "radius": radius}, "mu": {"static": mu, "kinetic": mu}}
-    }
+    friction = {"j": pin_friction(mu, radius)}
     scene = pf.Scene(chain(("j", pin.JointModelRY(), weight), gravity=g), friction=friction)
 
     def slope(q, x, drive):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import chain
+from builders import chain, lump
 from retime_cases import WAVE, one_joint, planar, straight
 
 import pinfric as pf
@@ -39,7 +39,7 @@ friction:
 
 
 def test_guides_on_the_parent():
-    body = pin.Inertia(2.0, np.zeros(3), 0.01 * np.eye(3))
+    body = lump(2.0)
     model = chain(("lead", pin.JointModelPX(), body))
     guide = {"kind": "guide", "length": 0.2, "width": 0.1, "on": "parent", "preload": 5.0}
     scene = pf.Scene(

@@ -8,7 +8,7 @@ import pickle
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import block, plane_friction
+from builders import chain, dry, plane_friction, sliding_block
 from dynamics.forward.test_forward import mimic_scene
 from matplotlib.figure import Figure
 from sizing_cases import one_drive, trapezoid, turntable
@@ -34,18 +34,16 @@ def panda():
 
 def crowd(count=150):
     """More joints than a screen has lines, with names wider than it."""
-    model = pin.Model()
-    for i in range(count):
-        model.addJoint(i, pin.JointModelRZ(), pin.SE3.Identity(), f"{LONG}_{i}")
-        model.appendBodyToJoint(i + 1, pin.Inertia.Random(), pin.SE3.Identity())
-    friction = {f"{LONG}_{i}": {"coulomb": {"static": 2.0, "kinetic": 1.0}} for i in range(count)}
+    names = [f"{LONG}_{i}" for i in range(count)]
+    model = chain(*((name, pin.JointModelRZ(), pin.Inertia.Random()) for name in names))
+    friction = dict.fromkeys(names, dry(2.0, 1.0))
     return pf.Scene(model=model, friction=friction, source=f"/a/long/folder/{LONG * 3}.yaml")
 
 
 def everything(panda):
     scene, motion, result = panda
     yield from (scene, motion, result)
-    slope = pf.Scene(model=block(), friction={"slide": plane_friction(0.5, 0.3)})
+    slope = sliding_block(plane_friction(0.5, 0.3))
     yield pf.forward_dynamics(slope, [0.0], [1.0], [0.0])
     yield pf.simulate(slope, [0.0], [1.0], np.zeros(1), 1.0)
     yield pf.size(scene, motion)
@@ -82,7 +80,7 @@ def test_repr_names_robot_samples_peaks_and_sticks(panda):
 
 
 def test_repr_of_a_result_without_solution_or_times_says_so():
-    slope = pf.Scene(model=block(), friction={"slide": plane_friction(0.5, 0.3)})
+    slope = sliding_block(plane_friction(0.5, 0.3))
     instants = pf.inverse_dynamics(slope, [[0.0]], [[1.0]], [[0.0]])
     assert "1 sample\n" in repr(instants)
     lost = np.full_like(instants.effort_lower, np.nan)
@@ -90,7 +88,7 @@ def test_repr_of_a_result_without_solution_or_times_says_so():
         **{**instants.__dict__, "effort_lower": lost, "effort_upper": lost, "status": np.array([1])}
     )
     assert "1 jammed" in repr(broken)
-    bare = pf.Scene(model=block())
+    bare = sliding_block()
     assert "friction  none" in repr(bare)
 
 
@@ -127,7 +125,7 @@ def test_summary_has_the_figures_of_the_json(panda, tmp_path):
 
 def test_summary_of_a_motion_is_the_slides_closed_form():
     """A 2 kg block, mu 0.3, starts at 1 m/s without a drive: 1 J of heat, at rest at v / (mu g)."""
-    slope = pf.Scene(model=block(), friction={"slide": plane_friction(0.5, 0.3)})
+    slope = sliding_block(plane_friction(0.5, 0.3))
     motion = pf.simulate(slope, [0.0], [1.0], np.zeros(1), 1.0)
     row = motion.summary().loc["slide"]
     assert row["heat"] == pytest.approx(1.0, rel=1e-9)
@@ -167,16 +165,15 @@ def test_plot_is_a_matplotlib_figure(panda):
 
 
 def test_dataframe_begins_with_the_motion_in_one_number_a_joint():
-    model = pin.Model()
-    for i, joint in enumerate(
-        (pin.JointModelRUBZ(), pin.JointModelPX(), pin.JointModelSpherical())
-    ):
-        model.addJoint(i, joint, pin.SE3.Identity(), ("wheel", "slide", "ball")[i])
-        model.appendBodyToJoint(i + 1, pin.Inertia.Random(), pin.SE3.Identity())
-    scene = pf.Scene(model=model)
+    kinds = {
+        "wheel": pin.JointModelRUBZ(),
+        "slide": pin.JointModelPX(),
+        "ball": pin.JointModelSpherical(),
+    }
+    scene = pf.Scene(chain(*((*kind, pin.Inertia.Random()) for kind in kinds.items())))
     t = np.linspace(0.0, 2.0, 21)
     angle = 5.0 * t  # beyond pi: the column goes on where cosine and sine turn round
-    q = np.zeros((21, model.nq))
+    q = np.zeros((21, scene.model.nq))
     q[:, 0], q[:, 1], q[:, 2], q[:, 6] = np.cos(angle), np.sin(angle), 0.1 * t, 1.0
     v = np.tile([5.0, 0.1, 0.0, 0.0, 0.0], (21, 1))
     frame = pf.inverse_dynamics(scene, q, v, 0 * v, t=t).to_dataframe()

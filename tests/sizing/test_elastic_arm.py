@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import chain
+from builders import chain, dry, lump
+from cli_cases import told
+from mechanisms import shifted
 from sizing_cases import GEAR, one_drive
 
 import pinfric as pf
-from pinfric.cli import main
 from pinfric.drives.catalog_file import load_catalog
 from pinfric.drives.criterion import Status
 from pinfric.drives.inertia import joint_inertias
@@ -30,18 +31,18 @@ LINES = {"k1": 1e4, "k2": 1.4e4, "k3": 1.6e4, "t1": 3.9, "t2": 12}
 def arm():
     """Two vertical axes, one behind the other: no gravity, inertias that are written down."""
     links = [
-        ("a", pin.JointModelRZ(), pin.Inertia(2.0, np.array([0.2, 0, 0]), 0.02 * np.eye(3))),
+        ("a", pin.JointModelRZ(), lump(2.0, [0.2, 0, 0], 0.02)),
         (
             "b",
             pin.JointModelRZ(),
-            pin.Inertia(1.0, np.array([0.15, 0, 0]), 0.01 * np.eye(3)),
+            lump(1.0, [0.15, 0, 0]),
             [0.4, 0.0, 0.0],
         ),
     ]
     model = chain(*links)
-    place = pin.SE3(np.eye(3), np.array([0.3, 0.0, 0.0]))
+    place = shifted(0.3)
     model.addFrame(pin.Frame("tool", 2, 0, place, pin.FrameType.BODY))
-    friction = {name: {"coulomb": {"static": 2.0, "kinetic": 1.5}} for name in "ab"}
+    friction = {name: dry(2.0, 1.5) for name in "ab"}
     scene = pf.Scene(model, friction=friction, tool="tool")
     s = np.linspace(0, 1, 201)
     shape = 10 * s**3 - 15 * s**4 + 6 * s**5
@@ -168,9 +169,8 @@ def test_the_scenes_own_gears_are_judged_without_a_catalogue(capsys):
     )
     assert [c.status for c in report.arm_criteria] == [Status.PASSES, Status.FAILS]
     assert report.unmet[0].startswith("robot: tool interval: needs 0.0002232 m, has 0.0001 m")
-    with pytest.raises(SystemExit):
-        main(["size", "ur10_machine_tending", "ur10_machine_tending"])
-    assert "lowest frequency, motors held: 8.17 Hz" in capsys.readouterr().out
+    printed = told(capsys, "size", "ur10_machine_tending", "ur10_machine_tending").out
+    assert "lowest frequency, motors held: 8.17 Hz" in printed
 
 
 def test_the_page_says_it_too(arm, tmp_path):
@@ -181,9 +181,7 @@ def test_the_page_says_it_too(arm, tmp_path):
 
 
 def test_sizing_of_rigid_gears_says_nothing_of_it(capsys, tmp_path):
-    with pytest.raises(SystemExit):
-        main(["size", "pendulum", "pendulum", "--json", "--out", str(tmp_path)])
-    found = capsys.readouterr().out
+    found = told(capsys, "size", "pendulum", "pendulum", "--json", "--out", tmp_path).out
     assert "Elastic gears" not in (tmp_path / "report.html").read_text()
     assert '"elasticity": null' in found
     assert '"robot"' not in found

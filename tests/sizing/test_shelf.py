@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from builders import dry
 from sizing_cases import GEAR, MOTOR, trapezoid, turntable
 
 import pinfric as pf
@@ -253,7 +254,7 @@ def test_what_if_says_what_another_scene_gets(arm):
     assert [row.without_masses for row in said] == drives(weightless)
     smooth = sized((scene.with_(masses="with_drives", friction={}), motion, catalog))
     assert said[-1].frictionless == drives(smooth)[-1]
-    rough = {name: {"coulomb": {"static": 30.0, "kinetic": 30.0}} for name in scene.joint_names}
+    rough = {name: dry(30.0) for name in scene.joint_names}
     stuck = sized((scene.with_(friction=rough), motion, catalog)).what_if()
     heavy = sized((scene.with_(masses="with_drives", friction=rough), motion, catalog))
     assert [row.without_masses for row in stuck] == drives(heavy)

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+from builders import chain, dry, lump, row
 from cases import resting_four_bar
+from mechanisms import pin_friction, shifted
 from sizing_cases import (
     ACCELERATION,
     COULOMB,
@@ -39,14 +41,8 @@ def demand(scene=None):
 
 def arm(links=2, mass=1.0, length=0.5, friction=None):
     """Links hanging on axes along y, held out along x: gravity loads every joint."""
-    model = pin.Model()
-    parent, place = 0, pin.SE3.Identity()
-    for j in range(links):
-        parent = model.addJoint(parent, pin.JointModelRY(), place, f"joint_{j + 1}")
-        body = pin.Inertia(mass, np.array([length / 2, 0, 0]), 0.01 * np.eye(3))
-        model.appendBodyToJoint(parent, body, pin.SE3.Identity())
-        place = pin.SE3(np.eye(3), np.array([length, 0, 0]))
-    return pf.Scene(model=model, friction=friction or {})
+    names = (f"joint_{j + 1}" for j in range(links))
+    return pf.Scene(row(names, lump(mass, [length / 2, 0, 0]), length), friction=friction or {})
 
 
 def still(scene, duration=1.0):
@@ -97,7 +93,7 @@ def test_holding_and_breakaway_are_the_ends_of_the_interval():
 
 def test_holding_interval_of_a_geared_joint(tmp_path):
     # 1 kg at 0.25 m held out level: t = 2.4525 N m; the bearing breaks away at b = 0.5 N m
-    scene = arm(1, friction={"joint_1": {"coulomb": {"static": 0.5, "kinetic": 0.4}}})
+    scene = arm(1, friction={"joint_1": dry(0.5, 0.4)})
     load, b = 9.81 * 0.25, 0.5
     catalog = one_drive(tmp_path, gear={"no_load_running_torque": 0.01, "starting_torque": None})
     (joint,) = pf.size(scene, still(scene), catalog).joints
@@ -195,10 +191,8 @@ def test_nothing_that_fits_names_the_nearest_miss_and_by_how_much(tmp_path):
 
 
 def test_sliding_joint_takes_linear_gears_only(tmp_path):
-    model = pin.Model()
-    model.addJoint(0, pin.JointModelPZ(), pin.SE3.Identity(), "lift")
-    body = pin.Inertia(4.0, np.zeros(3), 0.01 * np.eye(3))
-    model.appendBodyToJoint(1, body, pin.SE3.Identity())
+    body = lump(4.0)
+    model = chain(("lift", pin.JointModelPZ(), body))
     scene = pf.Scene(model=model)
     screw = {
         "source": "invented",
@@ -247,9 +241,9 @@ def test_drives_of_one_arm_do_not_load_the_other(tmp_path):
         parent, place = 0, pin.SE3(np.eye(3), np.array([0, side, 0]))
         for j in range(2):
             parent = model.addJoint(parent, pin.JointModelRY(), place, f"arm_{side:g}_{j}")
-            body = pin.Inertia(1.0, np.array([0.25, 0, 0]), 0.01 * np.eye(3))
+            body = lump(1.0, [0.25, 0, 0])
             model.appendBodyToJoint(parent, body, pin.SE3.Identity())
-            place = pin.SE3(np.eye(3), np.array([0.5, 0, 0]))
+            place = shifted(0.5)
     scene = pf.Scene(model=model)
     report = pf.size(scene, still(scene), one_drive(tmp_path), conditions={"inertia_ratio": 100})
     alone = pf.size(arm(2), still(arm(2)), one_drive(tmp_path), conditions={"inertia_ratio": 100})
@@ -322,11 +316,8 @@ def test_neglecting_friction_would_have_bought_a_smaller_drive(tmp_path):
 
 
 def test_friction_that_holds_the_old_drive_gives_way_to_the_new_ones(tmp_path):
-    pin_of_5cm = {
-        "bearing": {"kind": "pin", "radius": 0.05, "length": 0.1},
-        "mu": {"static": 0.1, "kinetic": 0.1},
-    }
-    own = pin_of_5cm | {"coulomb": {"static": 2.0, "kinetic": 1.5}, "viscous": 1.0}
+    pin_of_5cm = pin_friction(0.1, 0.05, length=0.1)
+    own = pin_of_5cm | dry(2.0, 1.5, viscous=1.0)
     entries = pin_of_5cm, own, own | {"includes_drive": True}
     bare, kept, replaced = (arm(1, friction={"joint_1": entry}) for entry in entries)
     reports = [
@@ -343,10 +334,8 @@ def test_friction_that_holds_the_old_drive_gives_way_to_the_new_ones(tmp_path):
 
 @pytest.mark.filterwarnings("ignore:.*no candidates. motors and gears are for joints with one axis")
 def test_planar_joint_gets_its_demand_but_no_drive(tmp_path):
-    model = pin.Model()
-    model.addJoint(0, pin.JointModelPlanar(), pin.SE3.Identity(), "base")
-    body = pin.Inertia(4.0, np.zeros(3), 0.01 * np.eye(3))
-    model.appendBodyToJoint(1, body, pin.SE3.Identity())
+    body = lump(4.0)
+    model = chain(("base", pin.JointModelPlanar(), body))
     scene = pf.Scene(model=model)
     zero, q = np.zeros((2, 3)), np.array([[0, 0, 1, 0], [0, 0, 1, 0]], dtype=float)
     motion = pf.Trajectory.from_arrays(scene, [0.0, 1.0], q, zero, zero)
@@ -470,9 +459,7 @@ def test_a_cycle_that_closes_but_for_noise_says_nothing():
 
 
 def test_full_turns_of_a_continuous_joint_close():
-    model = pin.Model()
-    model.addJoint(0, pin.JointModelRUBZ(), pin.SE3.Identity(), "table")
-    model.appendBodyToJoint(1, pin.Inertia(1.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
+    model = chain(("table", pin.JointModelRUBZ(), lump(1.0, moment=1.0)))
     scene = pf.Scene(model=model)
     angle = np.linspace(0.0, 4 * np.pi, 200)
     q, v = np.column_stack([np.cos(angle), np.sin(angle)]), np.ones((200, 1))

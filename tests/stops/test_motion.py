@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from builders import lump
 from stop_cases import ARM, arm, axis, turntable
 
 import pinfric as pf
@@ -29,7 +30,7 @@ def machine(scene, torque, delay, drive_torque=0.0, deceleration=None):
 
 def lift(friction=20.0):
     """10 kg on a vertical screw, 200 rad/m, with 20 kg of rotor: 200^2 x 5e-4; 98.1 N of weight."""
-    body = pin.Inertia(10.0, np.zeros(3), np.eye(3))
+    body = lump(10.0, moment=1.0)
     return axis(pin.JointModelPZ(), body, friction, 9.81, ratio=200.0, rotor_inertia=5e-4)
 
 

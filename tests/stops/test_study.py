@@ -6,11 +6,11 @@ import json
 
 import numpy as np
 import pytest
+from cli_cases import told
 from envelopes import result_of
 from stop_cases import ARM, arm, turntable
 
 import pinfric as pf
-from pinfric import cli
 from pinfric.drives.criterion import Status
 from pinfric.errors import StopError, TrajectoryError
 from pinfric.stops.machines import Kind
@@ -357,10 +357,7 @@ stops: {{category: 0, reaction_time: 0.01, per_hour: 4}}
 
 def test_the_command_prints_and_writes(files, capsys):
     given = ["stop", str(files / "scene.yaml"), "pendulum", "--out", str(files / "out")]
-    with pytest.raises(SystemExit) as ended:
-        cli.main(given)
-    said = capsys.readouterr().out
-    assert ended.value.code == 0
+    said = told(capsys, *given).out
     assert said.startswith("every stop ends within")
     assert "no criterion fails" in said
     assert "by payload and speed" in said

@@ -4,6 +4,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from builders import dry
 from sweep_cases import pushed_block, steady, sweep_of, uniform
 
 import pinfric as pf
@@ -147,7 +148,7 @@ def test_figures_do_not_depend_on_the_batch():
 
 
 def test_scenes_without_bearings_or_friction_are_sums_too():
-    for friction in ({}, {"panda_joint2": {"coulomb": {"static": 2.0, "kinetic": 1.0}}}):
+    for friction in ({}, {"panda_joint2": dry(2.0, 1.0)}):
         scene = arm().with_(friction=friction)
         study, values = study_of(
             scene, swing(scene), speed=ALL["speed"], payload__box__mass=ALL["payload.box.mass"]

@@ -5,7 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import block, guided, plane_friction, random_friction, random_states, random_tree
+from builders import (
+    block,
+    chain,
+    guided,
+    lump,
+    plane_friction,
+    random_friction,
+    random_states,
+    random_tree,
+    sliding_block,
+)
+from mechanisms import pin_friction, shifted
 
 import pinfric as pf
 from pinfric.errors import (
@@ -31,22 +42,14 @@ def pinned_body(b: float, mu_static: float | None = None) -> pf.Scene:
 
     b = mu R m l / J about the pin, with m = l = J = 1 and R = 0.1.
     """
-    model = pin.Model()
-    model.gravity.linear = np.zeros(3)
-    joint = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "pin")
     body = pin.Inertia(1.0, np.array([1.0, 0, 0]), np.zeros((3, 3)))
-    model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+    model = chain(("pin", pin.JointModelRZ(), body), gravity=0.0)
     mu = b / 0.1
     static = mu if mu_static is None else mu_static
     with pytest.warns(pf.PinfricWarning) if static > 2 else _nothing():
         return pf.Scene(
             model=model,
-            friction={
-                "pin": {
-                    "bearing": {"kind": "pin", "radius": 0.1},
-                    "mu": {"static": static, "kinetic": mu},
-                }
-            },
+            friction={"pin": pin_friction(mu, 0.1, static=static)},
         )
 
 
@@ -126,12 +129,7 @@ def test_a_floating_base_and_continuous_joints():
     model.appendBodyToJoint(wheel, pin.Inertia.Random(), pin.SE3.Identity())
     scene = pf.Scene(
         model=model,
-        friction={
-            "wheel": {
-                "bearing": {"kind": "pin", "radius": 0.02, "length": 0.1},
-                "mu": {"static": 0.2, "kinetic": 0.1},
-            }
-        },
+        friction={"wheel": pin_friction(0.1, 0.02, static=0.2, length=0.1)},
     )
     q, v, u = random_states(model, 1, 3)
     for i in range(3):
@@ -144,13 +142,8 @@ def test_a_floating_base_and_continuous_joints():
 
 def mimic_scene(static: float = 0.3) -> pf.Scene:
     """Two fingers, the second mimics the first backwards at 0.7; friction in both."""
-    model = pin.Model()
-    model.gravity.linear = np.array([0, 0, -9.81])
-    first = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "finger_1")
-    model.appendBodyToJoint(first, pin.Inertia.Random(), pin.SE3.Identity())
-    second = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "finger_2")
-    model.appendBodyToJoint(second, pin.Inertia.Random(), pin.SE3.Identity())
-    model = pin.transformJointIntoMimic(model, first, second, -0.7, 0.1)
+    fingers = ((f"finger_{k}", pin.JointModelPX(), pin.Inertia.Random()) for k in (1, 2))
+    model = pin.transformJointIntoMimic(chain(*fingers, beside=True), 1, 2, -0.7, 0.1)
     entry = {
         "coulomb": {
             "positive": {"static": static + 1, "kinetic": static + 0.5},
@@ -182,7 +175,7 @@ def test_a_block_on_an_incline_starts_at_the_static_threshold(sign):
     mu = 0.35
     for eps, modes in ((-1e-9, [0]), (1e-9, [sign])):
         angle = np.arctan(mu * (1 + eps))
-        scene = pf.Scene(model=block(sign * angle), friction={"slide": plane_friction(mu, 0.3)})
+        scene = sliding_block(plane_friction(mu, 0.3), sign * angle)
         instant = pf.forward_dynamics(scene, [0.0], [0.0], [0.0])
         assert instant.modes.tolist() == modes
         if modes != [0]:
@@ -194,7 +187,7 @@ def test_a_sliding_block_speeds_up_or_slows_down_at_the_kinetic_threshold():
     mu = 0.3
     for eps in (-1e-3, 1e-3):
         angle = np.arctan(mu * (1 + eps))
-        scene = pf.Scene(model=block(angle), friction={"slide": plane_friction(0.35, mu)})
+        scene = sliding_block(plane_friction(0.35, mu), angle)
         down = pf.forward_dynamics(scene, [0.0], [1.0], [0.0]).a[0]
         up = pf.forward_dynamics(scene, [0.0], [-1.0], [0.0]).a[0]
         assert np.sign(down) == np.sign(eps)
@@ -204,21 +197,21 @@ def test_a_sliding_block_speeds_up_or_slows_down_at_the_kinetic_threshold():
 
 def test_held_between_the_two_limits_stick_has_priority():
     angle = np.arctan(0.32)  # above kinetic 0.3, below static 0.35: both are consistent
-    scene = pf.Scene(model=block(angle), friction={"slide": plane_friction(0.35, 0.3)})
+    scene = sliding_block(plane_friction(0.35, 0.3), angle)
     assert pf.forward_dynamics(scene, [0.0], [0.0], [0.0]).modes.tolist() == [0]
 
 
 def test_at_rest_a_stribeck_law_starts_from_its_static_value():
     friction = plane_friction(0.35, 0.3, stribeck={"velocity": 0.1})
     angle = np.arctan(0.36)
-    scene = pf.Scene(model=block(angle), friction={"slide": friction})
+    scene = sliding_block(friction, angle)
     instant = pf.forward_dynamics(scene, [0.0], [0.0], [0.0])
     expected = G * (np.sin(angle) - 0.35 * np.cos(angle))
     assert instant.a[0] == pytest.approx(expected, rel=1e-10)
 
 
 def test_viscous_friction_alone_never_sticks():
-    scene = pf.Scene(model=block(1e-8), friction={"slide": {"viscous": 2.0}})
+    scene = sliding_block({"viscous": 2.0}, 1e-8)
     assert pf.forward_dynamics(scene, [0.0], [0.0], [0.0]).a[0] == pytest.approx(G * 1e-8)
     moving = pf.forward_dynamics(scene, [0.0], [3.0], [0.0])
     assert moving.a[0] == pytest.approx(G * 1e-8 - 3.0)
@@ -227,7 +220,7 @@ def test_viscous_friction_alone_never_sticks():
 
 def test_below_its_stick_velocity_a_joint_sticks():
     friction = plane_friction(0.35, 0.3, stick_velocity=1e-3)
-    scene = pf.Scene(model=block(0.1), friction={"slide": friction})
+    scene = sliding_block(friction, 0.1)
     assert pf.forward_dynamics(scene, [0.0], [1e-3], [0.0]).modes.tolist() == [0]
     assert pf.forward_dynamics(scene, [0.0], [1.001e-3], [0.0]).modes.tolist() == [1]
 
@@ -287,7 +280,7 @@ def many_blocks(n: int, mu: float = 0.3) -> tuple[pf.Scene, np.ndarray]:
     for i, angle in enumerate(angles):
         tilted = pin.SE3(pin.rpy.rpyToMatrix(0.0, angle, 0.0), np.zeros(3))
         joint = model.addJoint(0, pin.JointModelPX(), tilted, f"block_{i}")
-        body = pin.Inertia(1.0 + i, np.zeros(3), 0.01 * np.eye(3))
+        body = lump(1.0 + i)
         model.appendBodyToJoint(joint, body, pin.SE3.Identity())
     names = list(model.names)[1:]
     return pf.Scene(model=model, friction={n: plane_friction(mu, mu) for n in names}), angles
@@ -348,8 +341,7 @@ def test_bad_input(q, v, u, message, friction):
 
 
 def test_a_joint_that_moves_no_mass_is_an_error():
-    model = pin.Model()
-    model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "slide")
+    model = chain(("slide", pin.JointModelPX()))
     with pytest.raises(SceneError, match=r"moves no mass \(slide\)"):
         pf.forward_dynamics(pf.Scene(model=model), [0.0], [0.0], [1.0])
 
@@ -358,7 +350,7 @@ def test_the_joint_that_moves_no_mass_is_named_among_others():
     model, parent = pin.Model(), 0
     heavy = pin.Inertia.FromSphere(1.0, 0.1)
     bodies = [heavy, heavy, pin.Inertia.Zero()]
-    away = pin.SE3(np.eye(3), np.array([0.3, 0.0, 0.0]))
+    away = shifted(0.3)
     for name, body in zip(("first", "second", "third"), bodies, strict=True):
         parent = model.addJoint(parent, pin.JointModelRZ(), away, name)
         model.appendBodyToJoint(parent, body, away)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import block, plane_friction
+from builders import chain, dry, plane_friction, sliding_block
 from cases import ball_tripod, resting_four_bar
 from friction_cases import G, near_the_limit, random_chain
 from judges.limits_apart import WORM, least_use, random_mechanism
@@ -166,7 +166,7 @@ def test_a_five_bar_breaks_away_where_no_stick_is_left(seed):
 
 @pytest.mark.parametrize("angle", [0.1, 0.3, 0.33, 0.34])
 def test_a_block_on_an_incline_needs_tan_over_mu(angle):
-    scene = pf.Scene(model=block(angle), friction={"slide": plane_friction(0.35, 0.3)})
+    scene = sliding_block(plane_friction(0.35, 0.3), angle)
     found = pf.holds(scene, [0.0], [0.0])
     assert found.use == pytest.approx(np.tan(angle) / 0.35, rel=1e-12)
     assert found.held == (np.tan(angle) <= 0.35)
@@ -196,7 +196,7 @@ def test_a_small_limit_counts_beside_a_large_one(decades):
     add_link(model, 0, pin.JointModelRZ(), shifted(2.0), "pan", bar(1.0, 0.1))
     gears = {"hoist": WORM, "pan": {"ratio": 1.0}}
     drives = [{"joint": name, "transmission": gear} for name, gear in gears.items()]
-    friction = {"pan": {"coulomb": {"static": 0.03, "kinetic": 0.03}}}
+    friction = {"pan": dry(0.03)}
     scene = pf.Scene(model=model, friction=friction, actuators=drives)
     for need, held in ((0.05, False), (0.03 * (1 + 1e-9), False), (0.03 * (1 - 1e-9), True)):
         found = pf.holds(scene, [0.0, 0.0], motor_torque=[0.0, need])
@@ -253,7 +253,7 @@ def test_a_joint_without_friction_does_not_rest():
     model = grounded_model()
     arm = add_link(model, 0, pin.JointModelRZ(), pin.SE3.Identity(), "arm", bar(1.0, 0.3))
     add_link(model, arm, pin.JointModelRZ(), shifted(0.3), "hand", bar(0.5, 0.2))
-    scene = pf.Scene(model=model, friction={"arm": {"coulomb": {"static": 50, "kinetic": 50}}})
+    scene = pf.Scene(model=model, friction={"arm": dry(50)})
     found = pf.holds(scene, [0.2, 0.1], [0.0, 0.0])
     assert found.held is False
     assert found.moving == ("hand",)
@@ -275,13 +275,9 @@ def test_a_joint_without_friction_moves_however_weakly_it_is_pushed(push):
 @pytest.mark.parametrize("degrees", [0, 20, 45, 60, 80])
 def test_what_is_balanced_to_rounding_is_held_by_the_least_friction(degrees):
     """A ton at 3 m: the effort that balances it is known to 1e-11 N m at best."""
-    model = pin.Model()
-    joint = model.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "arm")
     body = pin.Inertia(1000.0, np.array([3.0, 0, 0]), np.zeros((3, 3)))
-    model.appendBodyToJoint(joint, body, pin.SE3.Identity())
-    scene = pf.Scene(
-        model=model, friction={"arm": {"coulomb": {"static": 1e-14, "kinetic": 1e-14}}}
-    )
+    model = chain(("arm", pin.JointModelRY(), body))
+    scene = pf.Scene(model=model, friction={"arm": dry(1e-14)})
     q = np.array([np.radians(degrees)])
     balance = -1000.0 * 9.81 * 3.0 * np.cos(q)
     for effort in (balance * (1 - 4e-16), balance, balance * (1 + 4e-16)):

@@ -12,7 +12,16 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import block, plane_friction, random_friction, random_states, random_tree
+from builders import (
+    block,
+    chain,
+    lump,
+    plane_friction,
+    random_friction,
+    random_states,
+    random_tree,
+    sliding_block,
+)
 from cases import ball_tripod, drawer_scene, jamming_drawer, resting_four_bar, turning_four_bar
 from mechanisms import crank_rates, cut_slider_crank, four_bar, pin_friction
 
@@ -44,9 +53,7 @@ def floating(model):
     """The model with its first joint on a floating base."""
     base = pin.Model()
     root = base.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
-    base.appendBodyToJoint(
-        root, pin.Inertia(2.0, np.array([0.0, 0.1, 0.0]), 0.1 * np.eye(3)), pin.SE3.Identity()
-    )
+    base.appendBodyToJoint(root, lump(2.0, [0.0, 0.1, 0.0], 0.1), pin.SE3.Identity())
     base.addFrame(pin.Frame("trunk", root, pin.SE3.Identity(), pin.FrameType.BODY))
     return pin.appendModel(base, model, base.getFrameId("trunk"), pin.SE3.Identity())
 
@@ -73,10 +80,7 @@ def panda():
     model = pin.buildModelFromUrdf(str(urdf), mimic=True)
     assert len(model.mimicking_joints) == 1
     model.armature = np.linspace(0.1, 0.8, model.nv)
-    turning = {
-        "bearing": {"kind": "pin", "radius": 0.05, "length": 0.1},
-        "mu": {"static": 0.15, "kinetic": 0.1},
-    }
+    turning = pin_friction(0.1, 0.05, static=0.15, length=0.1)
     sliding = {
         "coulomb": {"static": 3.0, "kinetic": 2.0},
         "viscous": 4.0,
@@ -282,15 +286,18 @@ def test_a_quadruped_with_friction_stands_on_its_feet_as_in_batches(speed):
 
 
 @pytest.mark.parametrize("method", ["inverse", "forward"])
-def test_a_wrench_on_no_frame_is_refused(method):
-    scene, (q, *_), (v, *_), (a, *_) = EVERY[0]
-    call = getattr(scene.solver(), method)
-    with pytest.raises(SceneError, match="there is no frame 'foot'"):
-        call(q, v, a, external={"foot": np.ones(6)})
-    with pytest.raises(StateError, match=r"shape \(3,\)"):
-        call(q, v, a, external={scene.joint_names[0]: np.ones(3)})
-    with pytest.raises(StateError, match="should be a mapping"):
-        call(q, v, a, external=np.ones(6))
+@pytest.mark.parametrize(
+    ("external", "error", "says"),
+    [
+        ({"foot": np.ones(6)}, SceneError, "there is no frame 'foot'"),
+        ({EVERY[0][0].joint_names[0]: np.ones(3)}, StateError, r"shape \(3,\)"),
+        (np.ones(6), StateError, "should be a mapping"),
+    ],
+)
+def test_a_wrench_on_no_frame_is_refused(method, external, error, says):
+    scene, *state = EVERY[0]
+    with pytest.raises(error, match=says):
+        getattr(scene.solver(), method)(*(x[0] for x in state), external=external)
 
 
 def test_payloads_are_those_asked_for():
@@ -366,7 +373,7 @@ def test_the_caller_s_arrays_stay_his():
 
 @pytest.mark.parametrize("kind", ["list", "single", "strided", "whole"])
 def test_states_may_come_as_other_numbers(kind):
-    scene = pf.Scene(model=block(0.1), friction={"slide": plane_friction(0.3, 0.2)})
+    scene = sliding_block(plane_friction(0.3, 0.2), 0.1)
     given = np.array([1.0]), np.array([2.0]), np.array([3.0])
     changed = {
         "list": lambda x: x.tolist(),
@@ -429,10 +436,8 @@ def test_an_effort_that_overflows_is_refused():
 
 
 def test_a_guide_that_cannot_carry_a_moment_is_refused():
-    model = pin.Model()
-    joint = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "slide")
-    body = pin.Inertia(1.0, np.array([0.0, 0.1, 0.0]), 0.01 * np.eye(3))
-    model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+    body = lump(1.0, [0.0, 0.1, 0.0])
+    model = chain(("slide", pin.JointModelPX(), body))
     guide = {"bearing": {"kind": "guide", "length": 0.2}, "mu": {"static": 0.1, "kinetic": 0.1}}
     solver = pf.Scene(model=model, friction={"slide": guide}).solver()
     for method in (solver.inverse, solver.forward):
@@ -469,7 +474,7 @@ def test_a_jam_is_said():
 
 
 def test_a_model_changed_later_does_not_reach_the_solver():
-    for scene in (drawer_scene(0.2), pf.Scene(model=block(0.3))):
+    for scene in (drawer_scene(0.2), sliding_block(angle=0.3)):
         solver, one = scene.solver(), np.ones(1)
         before = (
             solver.inverse(one, one, one).effort_lower.copy(),

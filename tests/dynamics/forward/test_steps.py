@@ -7,7 +7,7 @@ import threading
 
 import numpy as np
 import pytest
-from builders import block, plane_friction
+from builders import plane_friction, sliding_block
 from cases import rocker_driven_four_bar, turning_four_bar
 from mechanisms import FIVE_BAR, five_bar, pin_friction
 
@@ -63,7 +63,7 @@ def test_a_pin_that_stops_in_a_fast_mechanism_has_no_speed_left():
 
 
 def test_nothing_of_an_instant_changes_with_the_next_call():
-    scene = pf.Scene(model=block(0.5), friction={"slide": plane_friction(0.35, 0.3)})
+    scene = sliding_block(plane_friction(0.35, 0.3), 0.5)
     first = pf.forward_dynamics(scene, [0.0], [1.0], [0.0])
     kept = [np.copy(x) for x in first]
     pf.forward_dynamics(scene, [0.3], [-2.0], [5.0])
@@ -72,7 +72,7 @@ def test_nothing_of_an_instant_changes_with_the_next_call():
 
 
 def test_threads_and_pickles_have_workspaces_of_their_own():
-    scene = pf.Scene(model=block(0.5), friction={"slide": plane_friction(0.35, 0.3)})
+    scene = sliding_block(plane_friction(0.35, 0.3), 0.5)
     mine = workspace(scene)
     assert workspace(scene) is mine
     other: list[Workspace] = []
@@ -87,7 +87,7 @@ def test_threads_and_pickles_have_workspaces_of_their_own():
 
 def test_the_last_solution_is_no_guess_where_there_may_be_several(monkeypatch):
     """Newton's method found another of them from it; a search starts from the state alone."""
-    scene = pf.Scene(model=block(0.5), friction={"slide": plane_friction(0.35, 0.3)})
+    scene = sliding_block(plane_friction(0.35, 0.3), 0.5)
     ws, guesses = Workspace(scene), []
     seek = Workspace.search
     monkeypatch.setattr(

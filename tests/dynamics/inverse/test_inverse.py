@@ -7,7 +7,17 @@ import pickle
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import block, plane_friction, random_friction, random_states, random_tree
+from builders import (
+    block,
+    chain,
+    dry,
+    lump,
+    plane_friction,
+    random_friction,
+    random_states,
+    random_tree,
+    sliding_block,
+)
 from cases import turning_four_bar
 from inverse_cases import scene_of
 
@@ -58,11 +68,10 @@ def test_random_trees_satisfy_their_own_check(seed):
 def test_block_on_a_moving_body(v1, v2, expected):
     """Paper eq. 18-22: F = m a1 + mu_k N sign(v1 - v2), or an interval of +- mu_s N."""
     m, a1, a2, mu_s, mu_k = 2.0, 0.7, -0.4, 0.5, 0.3
-    model = pin.Model()
-    carrier = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "carrier")
-    model.appendBodyToJoint(carrier, pin.Inertia(5.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
-    slide = model.addJoint(carrier, pin.JointModelPX(), pin.SE3.Identity(), "slide")
-    model.appendBodyToJoint(slide, pin.Inertia(m, np.zeros(3), np.eye(3)), pin.SE3.Identity())
+    model = chain(
+        ("carrier", pin.JointModelPX(), lump(5.0, moment=1.0)),
+        ("slide", pin.JointModelPX(), lump(m, moment=1.0)),
+    )
     scene = pf.Scene(model=model, friction={"slide": plane_friction(mu_s, mu_k)})
     result = pf.inverse_dynamics(scene, [[0.0, 0.0]], [[v2, v1 - v2]], [[a2, a1 - a2]])
     N = m * 9.81
@@ -78,10 +87,8 @@ def test_block_on_a_moving_body(v1, v2, expected):
 def test_pendulum_on_a_pin():
     """u = J theta'' + m g c sin(theta) + mu R |F| sign(theta'), F by hand."""
     m, c, J, R, mu, g = 1.3, 0.25, 0.05, 0.02, 0.3, 9.81
-    model = pin.Model()
-    pivot = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "pivot")
     body = pin.Inertia(m, np.array([c, 0.0, 0.0]), np.diag([J, J, J]))
-    model.appendBodyToJoint(pivot, body, pin.SE3.Identity())
+    model = chain(("pivot", pin.JointModelRZ(), body))
     model.gravity.linear = np.array([g, 0.0, 0.0])
     bearing = {"kind": "pin", "radius": R}
     scene = pf.Scene(
@@ -98,7 +105,7 @@ def test_pendulum_on_a_pin():
 
 
 def test_a_reversal_between_samples_is_an_interval_at_the_slower_one():
-    scene = pf.Scene(model=block(), friction={"slide": plane_friction(0.5, 0.3)})
+    scene = sliding_block(plane_friction(0.5, 0.3))
     v = np.array([[0.3], [0.1], [-0.2], [-0.4]])
     result = pf.inverse_dynamics(scene, np.zeros((4, 1)), v, np.zeros((4, 1)), t=np.arange(4.0))
     N = 2.0 * 9.81
@@ -108,7 +115,7 @@ def test_a_reversal_between_samples_is_an_interval_at_the_slower_one():
 
 
 def test_passing_through_a_sticking_sample_is_no_second_interval():
-    scene = pf.Scene(model=block(), friction={"slide": plane_friction(0.5, 0.3)})
+    scene = sliding_block(plane_friction(0.5, 0.3))
     v = np.array([[0.3], [0.0], [-0.2]])
     result = pf.inverse_dynamics(scene, np.zeros((3, 1)), v, np.zeros((3, 1)), t=np.arange(3.0))
     assert not result.reversal.any()
@@ -176,7 +183,7 @@ def test_mimic_followers_give_their_friction_to_the_leader():
         <mimic joint="a_lead" multiplier="-2.0" offset="0.1"/></joint></robot>"""
     model = pin.buildModelFromXML(urdf, mimic=True)
     friction = {
-        "a_lead": {"coulomb": {"static": 4.0, "kinetic": 3.0}},
+        "a_lead": dry(4.0, 3.0),
         "b_follow": {
             "coulomb": {
                 "positive": {"static": 7.0, "kinetic": 5.0},

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from builders import sliding_block
 from cases import (
     Case,
     crank_motion,
@@ -473,12 +474,12 @@ def test_external_wrenches_and_payloads_act_in_loops():
 
 
 def test_open_chains_do_not_come_here(monkeypatch):
-    from builders import block, plane_friction
+    from builders import plane_friction
 
     import pinfric.dynamics.inverse.inverse as module
 
     monkeypatch.setattr(module, "solve_linkage", None)
-    scene = pf.Scene(model=block(), friction={"slide": plane_friction(0.5, 0.3)})
+    scene = sliding_block(plane_friction(0.5, 0.3))
     result = pf.inverse_dynamics(scene, [[0.0]], [[1.0]], [[0.0]])
     assert result.interval_exact.all()
     assert (result.multipliers, result.redundant) == (None, False)

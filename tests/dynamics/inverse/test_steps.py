@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from builders import block, plane_friction, random_states, random_tree
+from builders import dry, plane_friction, random_states, random_tree, sliding_block
 from inverse_cases import scene_of
 
 import pinfric as pf
@@ -27,7 +27,7 @@ def test_check_sees_a_wrong_effort_a_wrong_friction_and_a_wrong_wrench():
 
 
 def test_stick_intervals_and_dataframe():
-    scene = pf.Scene(model=block(), friction={"slide": plane_friction(0.5, 0.3)})
+    scene = sliding_block(plane_friction(0.5, 0.3))
     t = np.linspace(0, 1, 11)
     v = np.where((t > 0.25) & (t < 0.65), 0.0, 1.0)[:, None]
     result = pf.inverse_dynamics(scene, np.zeros((11, 1)), v, np.zeros((11, 1)), t=t)
@@ -50,7 +50,7 @@ def test_repr_offers_what_a_result_without_times_can_do():
 
 
 def test_repr_has_peaks_below_one():
-    scene = pf.Scene(model=block(), friction={"slide": plane_friction(0.5, 0.3)})
+    scene = sliding_block(plane_friction(0.5, 0.3))
     small = pf.inverse_dynamics(scene, [[0.0]] * 2, [[1.0]] * 2, [[-0.3 * 9.81], [-2.8]])
     assert "peaks     1: slide 0.286 (N m or N)" in repr(small)
 
@@ -73,9 +73,7 @@ def test_an_open_chain_never_iterates(monkeypatch):
 
 def test_constant_friction_computes_no_reactions(monkeypatch):
     model = random_tree(6)
-    scene = pf.Scene(
-        model=model, friction={"joint_2": {"coulomb": {"static": 2.0, "kinetic": 1.0}}}
-    )
+    scene = pf.Scene(model=model, friction={"joint_2": dry(2.0, 1.0)})
     monkeypatch.setattr(inverse_tree, "reactions", lambda *_: pytest.fail("twin was called"))
     q, v, a = random_states(model, 6, 4)
     result = pf.inverse_dynamics(scene, q, np.abs(v), a)

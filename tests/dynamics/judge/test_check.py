@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from builders import block, plane_friction
+from builders import plane_friction, sliding_block
 from cases import (
     Case,
     ball_tripod,
@@ -20,7 +20,6 @@ from cases import (
 )
 from mechanisms import pin_friction
 
-import pinfric as pf
 from pinfric.dynamics.inverse import interval_ends, result
 from pinfric.dynamics.inverse.choices import LOWER, UPPER
 from pinfric.dynamics.samples.outcome import Status
@@ -33,7 +32,7 @@ def at_rest(case):
 
 
 def resting_block():
-    scene = pf.Scene(model=block(), friction={"slide": plane_friction(0.5, 0.3)})
+    scene = sliding_block(plane_friction(0.5, 0.3))
     return Case(scene, *np.zeros((3, 1, 1)))
 
 
@@ -209,7 +208,7 @@ def toggle():
 
 
 def moving_block():
-    scene = pf.Scene(model=block(), friction={"slide": plane_friction(0.5, 0.3)})
+    scene = sliding_block(plane_friction(0.5, 0.3))
     return Case(scene, *np.ones((3, 1, 1)))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import block
+from builders import block, chain, lump, sliding_block
 
 import pinfric as pf
 from pinfric.errors import SceneError, StateError
@@ -54,7 +54,7 @@ def test_wrong_states_are_named(change, says):
 
 
 def test_numbers_of_numpys_other_types_are_numbers():
-    scene = pf.Scene(model=block())
+    scene = sliding_block()
     whole, half = np.ones((4, 1), dtype=np.int32), np.full((4, 1), 0.5, dtype=np.float32)
     expected = pf.inverse_dynamics(scene, np.ones((4, 1)), np.full((4, 1), 0.5), np.ones((4, 1)))
     parts = list(pf.inverse_dynamics(scene, whole, half, whole, chunks=np.int64(3)))
@@ -63,10 +63,8 @@ def test_numbers_of_numpys_other_types_are_numbers():
 
 
 def test_directions_off_their_circle_are_normalized_with_a_warning():
-    model = pin.Model()
-    joint = model.addJoint(0, pin.JointModelRUBZ(), pin.SE3.Identity(), "wheel")
-    body = pin.Inertia(1.0, np.array([0.1, 0, 0]), np.eye(3))
-    model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+    body = lump(1.0, [0.1, 0, 0], 1.0)
+    model = chain(("wheel", pin.JointModelRUBZ(), body))
     model.gravity.linear = np.array([0.0, -9.81, 0.0])
     scene = pf.Scene(model=model)
     with pytest.warns(pf.PinfricWarning, match="normalized"):
@@ -87,6 +85,6 @@ def test_efforts_beyond_numbers_are_refused():
     with pytest.raises(StateError, match="effort of slide at sample 1 overflows"):  # the motor's
         pf.inverse_dynamics(geared, np.zeros((2, 1)), np.zeros((2, 1)), [[0.0], [1e10]])
     with pytest.raises(StateError, match=r"v: sample 0, column 0 is 1e.300; should be finite"):
-        pf.inverse_dynamics(pf.Scene(model=block()), [[0.0]], [[1e300]], [[0.0]])
+        pf.inverse_dynamics(sliding_block(), [[0.0]], [[1e300]], [[0.0]])
     with pytest.raises(SceneError, match=r"viscous`: should be at most 1e.12"):
         pf.Scene(model=model, friction={"slide": {"viscous": 1e200}})

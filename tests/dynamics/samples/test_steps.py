@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import block, plane_friction
+from builders import block, plane_friction, sliding_block
+from mechanisms import shifted
 
 import pinfric as pf
 from pinfric.dynamics.samples.reversals import reversals
@@ -26,15 +27,13 @@ def test_a_tool_wrench_loads_the_bearings_too():
 def test_a_link_with_a_joints_name_is_the_link():
     model = block(mass=2.0)
     model.addFrame(pin.Frame("slide", 1, pin.SE3.Identity(), pin.FrameType.JOINT))
-    lifted = pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.5]))
+    lifted = shifted(0.0, 0.5)
     model.addFrame(pin.Frame("slide", 1, lifted, pin.FrameType.BODY))
     scene = pf.Scene(model=model)
     push = np.array([10.0, 0, 0, 0, 0, 0])
     wrench = pf.joint_wrenches(scene, [[0.0]], [[0.0]], [[0.0]], {"slide": push})
     assert wrench[0, 0, 4] == pytest.approx(-10.0 * 0.5)
-    bare = pf.joint_wrenches(
-        pf.Scene(model=block(mass=2.0)), [[0.0]], [[0.0]], [[0.0]], {"slide": push}
-    )
+    bare = pf.joint_wrenches(sliding_block(), [[0.0]], [[0.0]], [[0.0]], {"slide": push})
     assert bare[0, 0, 0] == pytest.approx(-10.0)
 
 

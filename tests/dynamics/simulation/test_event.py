@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import block, plane_friction, random_tree
+from builders import chain, dry, lump, plane_friction, random_tree, sliding_block
 from scipy.optimize import brentq
 from simulation_cases import Belt, G
 
@@ -69,7 +69,7 @@ def test_restart_exactly_on_a_guard(at):
 @pytest.mark.parametrize("excess", [-1e-9, 0.0, 1e-9, 1e-6])
 def test_an_effort_that_just_reaches_break_away(excess):
     """A ramp up to the static limit, and a plateau there: it sticks up to the limit itself."""
-    scene = pf.Scene(model=block(0.0), friction={"slide": plane_friction(0.35, 0.3)})
+    scene = sliding_block(plane_friction(0.35, 0.3))
     limit = 0.35 * 2 * G
     ramp = [0.0, 1.0, 5.0], [[0.0], [limit * (1 + excess)], [limit * (1 + excess)]]
     motion = pf.simulate(scene, [0.0], [0.0], ramp, 3.0)
@@ -86,7 +86,7 @@ def test_an_effort_that_just_reaches_break_away(excess):
 
 @pytest.mark.parametrize("peak", [1 - 1e-7, 1 + 1e-7])
 def test_a_peak_of_effort_that_grazes_the_limit_between_two_looks(peak):
-    scene = pf.Scene(model=block(0.0), friction={"slide": plane_friction(0.35, 0.3)})
+    scene = sliding_block(plane_friction(0.35, 0.3))
     limit = 0.35 * 2 * G
 
     def effort(t, q, v):
@@ -101,7 +101,7 @@ def test_a_peak_of_effort_that_grazes_the_limit_between_two_looks(peak):
 @pytest.mark.parametrize("gap", [1e-6, -1e-6])
 def test_a_velocity_that_grazes_zero_between_two_looks(gap):
     """v = (t - 0.777)^2 + gap: it reaches zero, sticks for a moment and goes on, or never does."""
-    scene = pf.Scene(model=block(0.0), friction={"slide": plane_friction(0.1, 0.1)})
+    scene = sliding_block(plane_friction(0.1, 0.1))
     kinetic = 0.1 * 2 * G
 
     def effort(t, q, v):
@@ -117,15 +117,9 @@ def test_a_velocity_that_grazes_zero_between_two_looks(gap):
 
 
 def test_events_at_one_instant_are_handled_together():
-    model = pin.Model()
-    for i in range(3):
-        joint = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), f"block_{i}")
-        model.appendBodyToJoint(
-            joint, pin.Inertia(1.0 + i, np.zeros(3), 0.01 * np.eye(3)), pin.SE3.Identity()
-        )
-    scene = pf.Scene(
-        model=model, friction={f"block_{i}": plane_friction(0.3, 0.3) for i in range(3)}
-    )
+    blocks = {f"block_{i}": lump(1.0 + i) for i in range(3)}
+    model = chain(*((n, pin.JointModelPX(), body) for n, body in blocks.items()), beside=True)
+    scene = pf.Scene(model=model, friction=dict.fromkeys(blocks, plane_friction(0.3, 0.3)))
     motion = pf.simulate(scene, np.zeros(3), np.ones(3), np.zeros(3), 1.0)
     times = [e.time for e in motion.events]
     assert [e.kind for e in motion.events] == ["stick"] * 3
@@ -136,7 +130,7 @@ def test_events_at_one_instant_are_handled_together():
 
 def test_events_that_accumulate_end_in_an_error_and_timestepping_passes():
     """An effort that always drives back to zero velocity: any slip ends at once."""
-    scene = pf.Scene(model=block(0.0), friction={"slide": plane_friction(0.1, 0.1)})
+    scene = sliding_block(plane_friction(0.1, 0.1))
 
     def back(t, q, v):
         return np.array([-10.0 if v[0] > 0 else 10.0])
@@ -151,7 +145,7 @@ def test_events_that_accumulate_end_in_an_error_and_timestepping_passes():
 
 
 def test_an_effort_that_switches_every_millisecond():
-    scene = pf.Scene(model=block(0.0), friction={"slide": plane_friction(0.1, 0.1)})
+    scene = sliding_block(plane_friction(0.1, 0.1))
 
     breaks = np.arange(1, 100) * 1e-3
 
@@ -169,13 +163,11 @@ def test_an_effort_that_switches_every_millisecond():
 @pytest.mark.parametrize(("limit", "spin", "part"), [(20.0, 20.0, 0.2), (40.0, 35.0, 0.1)])
 def test_a_shorter_max_step_is_no_fewer_looks(limit, spin, part):
     """An unbalanced rotor speeds up on a cart at rest; long steps hold several of its turns."""
-    model = pin.Model()
-    cart = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "cart")
-    model.appendBodyToJoint(cart, pin.Inertia(5.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
-    rotor = model.addJoint(cart, pin.JointModelRZ(), pin.SE3.Identity(), "rotor")
-    body = pin.Inertia(0.2, np.array([0.1, 0.0, 0.0]), 1e-3 * np.eye(3))
-    model.appendBodyToJoint(rotor, body, pin.SE3.Identity())
-    friction = {"cart": {"coulomb": {"static": limit, "kinetic": 0.8 * limit}}}
+    body = lump(0.2, [0.1, 0.0, 0.0], 1e-3)
+    model = chain(
+        ("cart", pin.JointModelPX(), lump(5.0, moment=1.0)), ("rotor", pin.JointModelRZ(), body)
+    )
+    friction = {"cart": dry(limit, 0.8 * limit)}
     scene, end, torque = pf.Scene(model=model, friction=friction), 4.0, spin * (1e-3 + 0.2 * 0.01)
 
     def beyond(t):
@@ -198,7 +190,7 @@ def test_too_many_events_are_an_error():
 
 
 def test_a_pulse_that_starts_at_a_breakpoint_and_is_gone_at_the_next_look():
-    scene = pf.Scene(model=block(0.0), friction={"slide": plane_friction(0.35, 0.3)})
+    scene = sliding_block(plane_friction(0.35, 0.3))
     limit = 0.35 * 2 * G
 
     def effort(t, q, v):
@@ -230,8 +222,8 @@ def test_one_guard_between_looks_is_that_of_all(rtol, monkeypatch):
     model = random_tree(1, 2)
     first, second = list(model.names)[1:]
     friction = {
-        first: {"coulomb": {"static": 1e3, "kinetic": 1e3}},
-        second: {"coulomb": {"static": 0.2, "kinetic": 0.1}},
+        first: dry(1e3),
+        second: dry(0.2, 0.1),
     }
     scene = pf.Scene(model=model, friction=friction)
     q, v = pin.neutral(model), np.zeros(model.nv)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import block, random_states, random_tree
+from builders import random_states, random_tree, sliding_block
 from simulation_cases import slope, swing
 
 import pinfric as pf
@@ -42,7 +42,7 @@ def test_efforts_between_samples_are_those_of_their_own_piece():
     At a breakpoint the function is asked beside it, on the side that the samples are on.
     """
     breaks = [0.3, 0.5, 1.0]
-    scene = pf.Scene(model=block())
+    scene = sliding_block()
     motion = pf.simulate(
         scene, [0.0], [0.0], lambda t, q, v: [np.sin(10 * t)], 1.0, breakpoints=breaks
     )
@@ -74,7 +74,7 @@ def test_energy_halves_steps_where_a_lossy_gears_effort_changes_its_sign(
             "back_efficiency": 2 - 1 / efficiency,
         },
     }
-    scene = pf.Scene(model=block(), actuators=[drive])
+    scene = sliding_block(actuators=[drive])
     motion = pf.simulate(
         scene, [0.0], [1.0], t_end=1.0, motor_torque={"slide": lambda t: 0.01 * np.sin(10 * t)}
     )
@@ -93,7 +93,7 @@ def test_energy_ends_where_a_gears_effort_is_rounding(monkeypatch):
         "joint": "slide",
         "transmission": {"ratio": 10.0, "efficiency": 0.8, "back_efficiency": 0.75},
     }
-    scene = pf.Scene(model=block(), actuators=[drive])
+    scene = sliding_block(actuators=[drive])
     motion = pf.simulate(scene, [0.0], [1.0], t_end=0.1, motor_torque=[0.01])
     sample, rng, asked = Dense.sample, np.random.default_rng(0), []
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from builders import block, plane_friction
+from builders import block, plane_friction, sliding_block
 from judges.test_gears import LOSSY, hoist
 from simulation_cases import slope, swing
 
@@ -184,7 +184,7 @@ def test_a_file_of_another_scene_is_refused_and_the_difference_named(tmp_path):
     heavier = pf.Scene(model=block(0.0, 3.0), friction=scene.friction)
     with pytest.raises(SimulationError, match=r"differs in inertias$"):
         pf.load_motion(path, heavier)
-    slippery = pf.Scene(model=block(), friction={"slide": plane_friction(0.2, 0.1)})
+    slippery = sliding_block(plane_friction(0.2, 0.1))
     with pytest.raises(SimulationError, match=r"differs in friction$"):
         pf.load_motion(path, slippery)
     light = block()

@@ -5,7 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import block, plane_friction, random_friction, random_states, random_tree
+from builders import (
+    block,
+    chain,
+    dry,
+    lump,
+    plane_friction,
+    random_friction,
+    random_states,
+    random_tree,
+    sliding_block,
+)
+from mechanisms import pin_friction
 from simulation_cases import Belt, arm
 
 import pinfric as pf
@@ -46,16 +57,11 @@ def test_samples_of_a_stick_are_at_rest_exactly_and_inverse_dynamics_sees_them()
 
 
 def pinned_body(b: float) -> pf.Scene:
-    model = pin.Model()
-    model.gravity.linear = np.zeros(3)
-    joint = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "pin")
     body = pin.Inertia(1.0, np.array([1.0, 0, 0]), np.zeros((3, 3)))
-    model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+    model = chain(("pin", pin.JointModelRZ(), body), gravity=0.0)
     return pf.Scene(
         model=model,
-        friction={
-            "pin": {"bearing": {"kind": "pin", "radius": 1.0}, "mu": {"static": b, "kinetic": b}}
-        },
+        friction={"pin": pin_friction(b, 1.0)},
     )
 
 
@@ -81,24 +87,16 @@ def test_a_motion_that_runs_into_an_inconsistency_says_when_and_keeps_what_it_ha
 
     Another body rests on a pin of its own, which the error must not name.
     """
-    model = pin.Model()
-    model.gravity.linear = np.zeros(3)
-    joint = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "pin")
-    model.appendBodyToJoint(
-        joint, pin.Inertia(1e-9, np.zeros(3), np.diag([1.0, 1, 1.0])), pin.SE3.Identity()
-    )
-    slide = model.addJoint(joint, pin.JointModelPX(), pin.SE3.Identity(), "arm")
-    model.appendBodyToJoint(
-        slide, pin.Inertia(1.0, np.zeros(3), np.zeros((3, 3))), pin.SE3.Identity()
+    model = chain(
+        ("pin", pin.JointModelRZ(), pin.Inertia(1e-9, np.zeros(3), np.diag([1.0, 1, 1.0]))),
+        ("arm", pin.JointModelPX(), pin.Inertia(1.0, np.zeros(3), np.zeros((3, 3)))),
+        gravity=0.0,
     )
     rest = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "rest")
-    beside = pin.Inertia(1.0, np.array([0.3, 0, 0]), 0.01 * np.eye(3))
+    beside = lump(1.0, [0.3, 0, 0])
     model.appendBodyToJoint(rest, beside, pin.SE3.Identity())
     mu_radius = 2.2
-    entry = {
-        "bearing": {"kind": "pin", "radius": mu_radius / 2.0},
-        "mu": {"static": 2.0, "kinetic": 2.0},
-    }
+    entry = pin_friction(2.0, mu_radius / 2.0)
     friction = {"rest": entry, "pin": entry}
     with pytest.warns(pf.PinfricWarning, match="radius"):
         scene = pf.Scene(model=model, friction=friction)
@@ -135,11 +133,8 @@ def test_energy_is_balanced_on_random_trees(seed):
 
 def test_a_free_body_keeps_its_momentum_and_energy():
     """A tumbling free-flyer: the chart has to move along many times."""
-    model = pin.Model()
-    model.gravity.linear = np.zeros(3)
-    base = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
     body = pin.Inertia(2.0, np.array([0.1, 0.2, 0.3]), np.diag([0.1, 0.2, 0.25]))
-    model.appendBodyToJoint(base, body, pin.SE3.Identity())
+    model = chain(("base", pin.JointModelFreeFlyer(), body), gravity=0.0)
     scene = pf.Scene(model=model)
     q0, v0 = pin.neutral(model), np.array([0.3, -0.2, 0.1, 1.0, 4.0, 0.5])
     motion = pf.simulate(scene, q0, v0, np.zeros(6), 5.0, rtol=1e-10, atol=1e-12)
@@ -155,10 +150,8 @@ def test_a_free_body_keeps_its_momentum_and_energy():
 
 @pytest.mark.parametrize("joint", [pin.JointModelPlanar, pin.JointModelSpherical])
 def test_joints_of_many_degrees_keep_their_energy(joint):
-    model = pin.Model()
-    index = model.addJoint(0, joint(), pin.SE3.Identity(), "base")
     body = pin.Inertia(2.0, np.array([0.1, 0.2, 0.0]), np.diag([0.1, 0.2, 0.25]))
-    model.appendBodyToJoint(index, body, pin.SE3.Identity())
+    model = chain(("base", joint(), body))
     scene = pf.Scene(model=model)
     motion = pf.simulate(
         scene,
@@ -185,18 +178,11 @@ def test_joints_of_many_degrees_keep_their_energy(joint):
 
 def test_a_continuous_joint_moves_like_a_revolute_one():
     def pendulum(kind):
-        model = pin.Model()
-        joint = model.addJoint(0, kind(), pin.SE3.Identity(), "pin")
-        body = pin.Inertia(1.0, np.array([0, 0.3, 0.2]), 0.01 * np.eye(3))
-        model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+        body = lump(1.0, [0, 0.3, 0.2])
+        model = chain(("pin", kind(), body))
         return pf.Scene(
             model=model,
-            friction={
-                "pin": {
-                    "bearing": {"kind": "pin", "radius": 0.05},
-                    "mu": {"static": 0.3, "kinetic": 0.25},
-                }
-            },
+            friction={"pin": pin_friction(0.25, 0.05, static=0.3)},
         )
 
     fine = {"rtol": 1e-10, "atol": 1e-12}
@@ -290,7 +276,7 @@ def test_what_balances_to_rounding_stays_where_friction_is_next_to_nothing():
     """The effort misses the weight by rounding, and the limit is smaller still."""
     model = block(0.4, 3.7)
     weight = pin.rnea(model, model.createData(), np.zeros(1), np.zeros(1), np.zeros(1))
-    friction = {"slide": {"coulomb": {"static": 1e-16, "kinetic": 1e-16}}}
+    friction = {"slide": dry(1e-16)}
     scene = pf.Scene(model=model, friction=friction)
     for effort in (np.nextafter(weight, 0.0), weight, np.nextafter(weight, -100.0)):
         motion = pf.simulate(scene, [0.0], [0.0], effort, 5.0)
@@ -301,7 +287,7 @@ def test_what_balances_to_rounding_stays_where_friction_is_next_to_nothing():
 
 def test_what_overflows_in_the_integrator_is_no_warning_of_its_own():
     """A block of 1e-300 kg: accelerations are numbers, their squares in SciPy's norms are none."""
-    scene = pf.Scene(model=block(0.0, 1e-300), friction={"slide": plane_friction(0.1, 0.1)})
+    scene = sliding_block(plane_friction(0.1, 0.1), mass=1e-300)
 
     def effort(t, q, v):
         return [28.0 * np.sin(6.0 * t)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from builders import block, plane_friction
+from builders import plane_friction, sliding_block
 from simulation_cases import G, arm
 
 import pinfric as pf
@@ -63,7 +63,7 @@ def test_the_root_of_a_jump_is_its_far_side(before, after):
 @pytest.mark.slow
 def test_regularized_follows_the_belt_with_an_error_of_its_own():
     """Without a static peak (static = kinetic) it comes as near as its velocity lets it."""
-    scene = pf.Scene(model=block(0.0), friction={"slide": plane_friction(0.3, 0.3)})
+    scene = sliding_block(plane_friction(0.3, 0.3))
 
     def effort(t, q, v):
         return np.array([8.0 * np.sin(3 * t)])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import block, plane_friction
+from builders import block, chain, plane_friction, sliding_block
 from simulation_cases import SHORT, G, slope
 
 import pinfric as pf
@@ -209,7 +209,7 @@ def test_a_controller_is_asked_once_a_period_as_in_the_exact_recursion(method, p
 
 def test_what_a_controller_breaks_away_slips_from_the_instant_of_its_period():
     """An integral grows until the friction of a joint at rest no longer holds."""
-    scene = pf.Scene(model=block(0.0), friction={"slide": plane_friction(0.35, 0.3)})
+    scene = sliding_block(plane_friction(0.35, 0.3))
     limit, period = 0.35 * 2.0 * 9.81, 0.01
     for method in ("event", "timestepping"):
         calls = []
@@ -232,9 +232,7 @@ def test_what_a_controller_breaks_away_slips_from_the_instant_of_its_period():
 @pytest.mark.parametrize("angle", [1e-12, 1e-9, -7e-9, 2.0])
 def test_the_difference_of_angles_keeps_small_ones(angle):
     """Pinocchio's does not, for 1 % of the angles from which it starts."""
-    model = pin.Model()
-    model.addJoint(0, pin.JointModelRUBZ(), pin.SE3.Identity(), "turn")
-    model.addJoint(1, pin.JointModelRZ(), pin.SE3.Identity(), "lift")
+    model = chain(("turn", pin.JointModelRUBZ()), ("lift", pin.JointModelRZ()))
     for first in np.random.default_rng(0).uniform(-np.pi, np.pi, 1000):
         start = np.array([np.cos(first), np.sin(first), 0.0])
         end = np.array([np.cos(first + angle), np.sin(first + angle), angle])
@@ -242,9 +240,7 @@ def test_the_difference_of_angles_keeps_small_ones(angle):
 
 
 def test_a_configuration_off_its_manifold_is_normalized_with_a_warning():
-    model = pin.Model()
-    joint = model.addJoint(0, pin.JointModelRUBX(), pin.SE3.Identity(), "wheel")
-    model.appendBodyToJoint(joint, pin.Inertia.Random(), pin.SE3.Identity())
+    model = chain(("wheel", pin.JointModelRUBX(), pin.Inertia.Random()))
     with pytest.warns(pf.PinfricWarning, match="manifold"):
         motion = pf.simulate(pf.Scene(model=model), [2.0, 0.0], [1.0], [0.0], 0.1)
     np.testing.assert_allclose(np.linalg.norm(motion.q, axis=1), 1.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from builders import block, plane_friction
+from builders import dry, plane_friction, sliding_block
 from mechanisms import FIVE_BAR, five_bar
 from simulation_cases import Belt
 
@@ -42,7 +42,7 @@ def test_timestepping_meets_the_events_of_the_belt_to_its_step():
 
 def test_timestepping_is_stable_at_any_step():
     """One step of 10 s with friction far beyond what explicit friction would survive."""
-    scene = pf.Scene(model=block(0.0), friction={"slide": plane_friction(0.5, 0.5, viscous=1e6)})
+    scene = sliding_block(plane_friction(0.5, 0.5, viscous=1e6))
     motion = pf.simulate(scene, [0.0], [5.0], [0.0], 100.0, "timestepping", dt=10.0)
     assert (motion.v[1:] == 0).all()
     assert np.isfinite(motion.q).all()
@@ -51,7 +51,7 @@ def test_timestepping_is_stable_at_any_step():
 @pytest.mark.parametrize("speed", [0.0, 0.5])
 def test_a_loop_s_pin_that_sticks_keeps_its_angle(speed):
     """From the start, or from where it stops; two arms of two bars meet in it."""
-    weak, strong = ({"coulomb": {"static": f, "kinetic": 0.8 * f}} for f in (0.02, 0.5))
+    weak, strong = (dry(f, 0.8 * f) for f in (0.02, 0.5))
     friction = dict.fromkeys(FIVE_BAR, weak) | {"B": strong}
     scene, q = five_bar("B", friction, gravity=(0.0, 0.0, 0.0))
     v = consistent_motion(scene, q[None], ["O", "D"], [[speed, 0.0]], [[0.0, 0.0]])[0][0]

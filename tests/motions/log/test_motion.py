@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import chain
+from builders import chain, lump
 from log_cases import (
     LOADED,
     NAMES,
@@ -35,7 +35,7 @@ def test_a_recording_of_few_rows_says_that_it_is_not_judged(tmp_path):
 @pytest.mark.parametrize("joint", [pin.JointModelRZ, pin.JointModelRUBZ])
 def test_wrapped_angles_take_no_effort(joint, tmp_path):
     """At constant speed about a vertical axis nothing is needed, also where the angle wraps."""
-    model = chain(("wheel", joint(), pin.Inertia(2.0, np.zeros(3), 0.5 * np.eye(3))))
+    model = chain(("wheel", joint(), lump(2.0, moment=0.5)))
     wrapped = np.angle(np.exp(1j * (2.0 + 1.5 * T)))
     motion = load(tmp_path, table(("t", "wheel"), T, wrapped), scene=pf.Scene(model=model))
     effort = pf.inverse_dynamics(pf.Scene(model=model), motion).effort_upper

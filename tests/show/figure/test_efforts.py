@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+from builders import chain, dry
 
 import pinfric as pf
 from pinfric.errors import PinfricError
@@ -12,15 +13,13 @@ from pinfric.motions.summary import summarize
 from pinfric.show.figure.efforts import brief_ticks, effort_figure, thinned
 from pinfric.show.report.values import digits
 
-DRY = {"coulomb": {"static": 3.0, "kinetic": 2.0}}
+DRY = dry(3.0, 2.0)
 
 
 def result(n_joints=2, samples=101, friction=DRY, payload_phase=False):
     """Upright axes: joint 0 turns, and rests from 4 to 6 s; the others turn all the time."""
-    model = pin.Model()
-    for i in range(n_joints):
-        model.addJoint(i, pin.JointModelRZ(), pin.SE3.Identity(), f"joint_{i}")
-        model.appendBodyToJoint(i + 1, pin.Inertia.Random(), pin.SE3.Identity())
+    links = ((f"joint_{i}", pin.JointModelRZ(), pin.Inertia.Random()) for i in range(n_joints))
+    model = chain(*links)
     model.addBodyFrame("tool", n_joints, pin.SE3.Identity(), 0)
     t = np.linspace(0, 10, samples)
     v = np.ones((samples, n_joints))

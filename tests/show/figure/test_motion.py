@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import block, plane_friction
+from builders import chain, dry, plane_friction, sliding_block
 
 import pinfric as pf
 from pinfric.show.figure.motion import motion_figure
@@ -13,7 +13,7 @@ from pinfric.show.motion_summary import motion_summary
 
 
 def test_the_figure_shades_stick_and_has_a_panel_per_site():
-    scene = pf.Scene(model=block(), friction={"slide": plane_friction(0.5, 0.3)})
+    scene = sliding_block(plane_friction(0.5, 0.3))
     motion = pf.simulate(scene, [0.0], [1.0], np.zeros(1), 1.0)
     assert motion.stick_intervals()[0].start == pytest.approx(1.0 / (0.3 * 9.81), rel=1e-6)
     figure = motion_figure(motion)
@@ -26,17 +26,10 @@ def test_the_figure_shades_stick_and_has_a_panel_per_site():
 
 def many(count, still=3):
     """A chain of `count` joints: the first rubs a little, the last `still` are held."""
-    model = pin.Model()
-    parent = 0
-    for i in range(count):
-        place = pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.1]))
-        parent = model.addJoint(parent, pin.JointModelRZ(), place, f"finger_{i}_joint")
-        model.appendBodyToJoint(parent, pin.Inertia.FromSphere(0.1, 0.02), pin.SE3.Identity())
-    held = {
-        f"finger_{i}_joint": {"coulomb": {"static": 9.0, "kinetic": 8.0}}
-        for i in range(count - still, count)
-    }
-    held["finger_0_joint"] = {"coulomb": {"static": 1e-4, "kinetic": 1e-4}}
+    link = pin.JointModelRZ(), pin.Inertia.FromSphere(0.1, 0.02), [0.0, 0.0, 0.1]
+    model = chain(*((f"finger_{i}_joint", *link) for i in range(count)))
+    held = {f"finger_{i}_joint": dry(9.0, 8.0) for i in range(count - still, count)}
+    held["finger_0_joint"] = dry(1e-4)
     scene = pf.Scene(model=model, friction=held)
     speed = np.append(np.full(count - still, 1.0), np.zeros(still))
     return pf.simulate(scene, np.zeros(count), speed, np.zeros(count), 0.01)

@@ -3,6 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from builders import chain, dry, lump
 from sweep_cases import sweep_of, uniform
 
 import pinfric as pf
@@ -51,13 +52,9 @@ def test_figure_survives_samples_without_solution():
 
 @pytest.mark.slow
 def test_figure_of_many_drives_has_the_largest_and_counts_the_rest():
-    model = pin.Model()
-    for i in range(20):
-        model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), f"slide_{i}")
-        body = pin.Inertia(1.0 + i, np.zeros(3), 0.1 * np.eye(3))
-        model.appendBodyToJoint(i + 1, body, pin.SE3.Identity())
-    friction = {"coulomb": {"static": 1.0, "kinetic": 1.0}}
-    scene = pf.Scene(model=model, friction={name: friction for name in list(model.names)[1:]})
+    names = [f"slide_{i}" for i in range(20)]
+    slides = ((n, pin.JointModelPX(), lump(1.0 + i, moment=0.1)) for i, n in enumerate(names))
+    scene = pf.Scene(chain(*slides, beside=True), friction=dict.fromkeys(names, dry(1.0)))
     t = np.linspace(0.0, 1.0, 11)
     ones = np.ones((11, 20))
     motion = pf.Trajectory.from_arrays(scene, t, t[:, None] * ones, ones, ones)

@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import pinocchio as pin
 import pytest
+from builders import dry
 from replay_cases import ROBOTS, page_data
 from trimesh import creation
 
@@ -57,7 +58,7 @@ def test_force_drive_is_drawn_with_its_tip_where_it_pushes():
 
 def test_rings_at_small_links_are_small_and_those_at_large_ones_are_not():
     scene = pf.load_scene(ROBOTS / "pendulum.yaml")
-    friction = {"joint_1": {"coulomb": {"static": 1.0, "kinetic": 1.0}}}
+    friction = {"joint_1": dry(1.0)}
     (site,) = scene.with_(friction=friction).sites
     found = {}
     for extent in (0.06, 0.6):

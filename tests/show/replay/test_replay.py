@@ -7,6 +7,7 @@ import json
 import numpy as np
 import pinocchio as pin
 import pytest
+from builders import chain, lump
 from replay_cases import arm
 
 import pinfric as pf
@@ -55,11 +56,7 @@ def test_json_is_what_the_command_prints(three_link, tmp_path):
 
 def pushed():
     """2 kg m^2 that 4 N m speed up for 1 s, that rests on at 2 rad/s, that 6 N m brake; rest."""
-    model = pin.Model()
-    joint = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "j")
-    model.appendBodyToJoint(
-        joint, pin.Inertia(1.0, np.zeros(3), 2.0 * np.eye(3)), pin.SE3.Identity()
-    )
+    model = chain(("j", pin.JointModelRZ(), lump(1.0, moment=2.0)))
     t = np.arange(3001) / 1000.0
     a = np.select([t <= 1.0, t <= 2.0, t < 2.0 + 2 / 3], [2.0, 0.0, -3.0], 0.0)[:, None]
     v = np.where(t <= 1.0, 2.0 * t, np.clip(2.0 - 3.0 * (t - 2.0), 0.0, 2.0))[:, None]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from mechanisms import add_link, bar, four_bar, grounded_model, pin_friction
+from mechanisms import add_link, bar, four_bar, grounded_model, pin_friction, shifted
 
 import pinfric as pf
 from pinfric.show.replay.page import RecordingWindow
@@ -26,7 +26,7 @@ def boom():
         model,
         0,
         pin.JointModelRY(),
-        pin.SE3(np.eye(3), np.array([0, 0, 0.5])),
+        shifted(0, 0.5),
         "boom",
         bar(20.0, 1.5),
     )

@@ -7,10 +7,10 @@ import json
 import pandas as pd
 import pytest
 from accuracy_cases import of, studied_pendulum
+from cli_cases import told
 from envelopes import result_of
 
 import pinfric as pf
-from pinfric import cli
 from pinfric.accuracy import study
 from pinfric.accuracy.study import Accuracy
 from pinfric.show.figure.accuracy import accuracy_figure
@@ -27,20 +27,12 @@ def few_settings(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
 
 
-def run(*arguments):
-    """Exit code of `pinfric accuracy ARGUMENTS`, in this process."""
-    with pytest.raises(SystemExit) as ended:
-        cli.main(["accuracy", *arguments])
-    return ended.value.code
-
-
 def refuse(constant):
     raise AssertionError(f"{constant} is no JSON")
 
 
 def test_json_has_every_run_and_nothing_else_is_printed(capsys):
-    assert run("pendulum", "--json") == 0
-    out, err = capsys.readouterr()
+    out, err = told(capsys, "accuracy", "pendulum", "--json")
     assert err == ""
     json.loads(out, parse_constant=refuse)
     answer = result_of(out)
@@ -60,8 +52,7 @@ def test_json_has_every_run_and_nothing_else_is_printed(capsys):
 
 
 def test_out_has_picture_csv_and_summary(tmp_path, capsys):
-    assert run("pendulum", "--json", "--out", "results/a") == 0
-    out, err = capsys.readouterr()
+    out, err = told(capsys, "accuracy", "pendulum", "--json", "--out", "results/a")
     folder = tmp_path / "results" / "a"
     assert sorted(p.name for p in folder.iterdir()) == [
         "accuracy.csv",
@@ -87,8 +78,7 @@ def test_out_has_picture_csv_and_summary(tmp_path, capsys):
     ],
 )
 def test_bad_input_is_a_message_and_exit_code_2(arguments, expected, capsys):
-    assert run(*arguments) == 2
-    out, err = capsys.readouterr()
+    out, err = told(capsys, "accuracy", *arguments, code=2)
     assert out == ""
     assert err.startswith("pinfric: error: ")
     assert expected in err
@@ -98,8 +88,7 @@ def test_bad_input_is_a_message_and_exit_code_2(arguments, expected, capsys):
 def test_a_folder_that_cannot_be_written_is_a_message(monkeypatch, capsys):
     nothing = Accuracy(pf.load_scene("pendulum"), ())
     monkeypatch.setattr("pinfric.accuracy.study.accuracy", lambda *_, **__: nothing)
-    assert run("pendulum", "--out", "/proc/nowhere") == 2
-    out, err = capsys.readouterr()
+    out, err = told(capsys, "accuracy", "pendulum", "--out", "/proc/nowhere", code=2)
     assert (out, len(err.splitlines())) == ("", 1)
     assert err.startswith("pinfric: error: ")
     assert "/proc/nowhere" in err

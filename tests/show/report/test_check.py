@@ -4,31 +4,21 @@ from __future__ import annotations
 
 import pytest
 from check_cases import TIP, J, arm
+from cli_cases import run, told
 from envelopes import result_of, validated
-
-from pinfric import cli
-
-
-def run(capsys, *arguments):
-    with pytest.raises(SystemExit) as left:
-        cli.main(["check", *map(str, arguments)])
-    said = capsys.readouterr()
-    return left.value.code, said.out, said.err
 
 
 def test_exit_codes_and_json(tmp_path, capsys):
     good = arm(tmp_path)
-    assert run(capsys, good, "--strict")[0] == 0
+    assert run("check", good, "--strict") == 0
     doubtful = arm(tmp_path, low=0, high=0)
-    assert run(capsys, doubtful)[0] == 0
-    code, out, err = run(capsys, doubtful, "--strict")
-    assert (code, len(err.splitlines())) == (2, 1)
+    assert told(capsys, "check", doubtful)
+    out, err = told(capsys, "check", doubtful, "--strict", code=2)
+    assert len(err.splitlines()) == 1
     assert "joint swing: limits 0 to 0" in err
     assert "1 warning" in out
     wrong = arm(tmp_path, low=-180, high=180)
-    code, out, err = run(capsys, wrong, "--json")
-    assert code == 2
-    found = result_of(out)
+    found = result_of(told(capsys, "check", wrong, "--json", code=2).out)
     assert found["errors"] == 1
     assert found["findings"][0]["if_unit"].startswith("if they are in degrees")
     assert found["findings"][0]["severity"] == "error"
@@ -38,8 +28,8 @@ def test_exit_codes_and_json(tmp_path, capsys):
 def test_what_is_no_robot_is_one_line(tmp_path, capsys, content):
     file = tmp_path / "robot.urdf"
     file.write_text(content)
-    code, out, err = run(capsys, file)
-    assert (code, out, len(err.splitlines())) == (2, "", 1)
+    out, err = told(capsys, "check", file, code=2)
+    assert (out, len(err.splitlines())) == ("", 1)
     assert "robot.urdf" in err
 
 
@@ -56,9 +46,6 @@ def test_the_warning_of_an_implausible_body_reaches_every_commands_json(
     rows = "".join(f"{0.1 * i:.1f},{0.01 * i},0\n" for i in range(12))
     (tmp_path / "motion.csv").write_text("t,swing,turn\n" + rows)
     motion = [] if command == "simulate" else ["motion.csv"]
-    with pytest.raises(SystemExit) as left:
-        cli.main([command, "scene.yaml", *motion, "--json"])
-    said = capsys.readouterr()
-    assert left.value.code == 0
+    said = told(capsys, command, "scene.yaml", *motion, "--json")
     assert sum("'tip'" in line for line in said.err.splitlines()) == 1
     assert any("'tip'" in text for text in validated(said.out)["warnings"])

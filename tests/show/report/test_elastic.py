@@ -6,32 +6,24 @@ import json
 
 import numpy as np
 import pytest
+from cli_cases import told
 from envelopes import result_of
 from matplotlib import image
 
 import pinfric as pf
-from pinfric import cli
 from pinfric.elastic.summary import elastic_summary
 from pinfric.model.described import in_json
 from pinfric.show.inverse_summary import inverse_summary
 from pinfric.show.report.inverse import inverse_report
 
 
-def run(*arguments):
-    with pytest.raises(SystemExit) as ended:
-        cli.main(list(arguments))
-    assert ended.value.code == 0
-
-
 @pytest.mark.slow
 def test_the_command_writes_tables_json_and_a_picture(tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     command = ("inverse", "ur10_machine_tending", "ur10_machine_tending")
-    run(*command)
-    short = " ".join(capsys.readouterr().out.split())
+    short = " ".join(told(capsys, *command).out.split())
     assert "tool0 is up to 2.38 mm off at rest, and friction leaves ±0.223 mm open" in short
-    run(*command, "-v", "--out", str(tmp_path))
-    printed = capsys.readouterr().out
+    printed = told(capsys, *command, "-v", "--out", tmp_path).out
     row = next(line for line in printed.splitlines() if line.startswith("4.70\N{EN DASH}6.20"))
     assert row.split()[1:5] == ["blank", "2.31", "0.190", "1.80"]
     assert "lowest frequency, motors held: 8.17 Hz at 7.00 s" in printed
@@ -51,8 +43,8 @@ def test_rigid_scenes_print_and_write_what_they_did(tmp_path, capsys, monkeypatc
         raise AssertionError("nothing here is elastic")
 
     monkeypatch.setattr("pinfric.elastic.motion.elasticity", never)  # no time, too
-    run("inverse", "pendulum", "pendulum", "--out", str(tmp_path), "--json")
-    content = result_of(capsys.readouterr().out)
+    said = told(capsys, "inverse", "pendulum", "pendulum", "--out", tmp_path, "--json")
+    content = result_of(said.out)
     assert content["elasticity"] is None
     assert sorted(f.name for f in tmp_path.iterdir()) == [
         "efforts.csv",

@@ -4,39 +4,30 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
+from cli_cases import run, told
 from envelopes import result_of
 from export_cases import (
     rich,
 )
 
 import pinfric as pf
-from pinfric.cli import main
 from pinfric.exporting.constants import TERMS
 from pinfric.show.report.export import export_report
 
 ROBOTS = Path(__file__).parents[3] / "robots"
 
 
-def run(*arguments):
-    with pytest.raises(SystemExit) as ended:
-        main(["export", *arguments])
-    return ended.value.code
-
-
 def test_the_command_writes_and_says_what_it_costs(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "80")
-    given = "ur5_pick_and_place", "--trajectory", "ur5_pick_and_place.csv"
-    assert run(*given, "--to", "mjcf", "--json") == 0
-    answer = result_of(capsys.readouterr().out)
+    given = "export", "ur5_pick_and_place", "--trajectory", "ur5_pick_and_place.csv"
+    answer = result_of(told(capsys, *given, "--to", "mjcf", "--json").out)
     assert answer["file"] == "ur5_pick_and_place.mjcf.xml"
     assert {*TERMS, "error_rms", "worst_load", "rest_upper"} <= answer["joints"][0].keys()
     assert answer["joints"][4]["unmoved"]
     assert answer["joints"][4]["fitted_rms"] <= answer["joints"][4]["error_rms"]
     assert any("break-away friction" in line for line in answer["left_out"])
-    assert run(*given, "--to", "urdf", "--out", "a/b") == 0
-    out = capsys.readouterr().out
+    out = told(capsys, *given, "--to", "urdf", "--out", "a/b").out
     assert "never moves" in out
     assert "rotor inertias" in out
     assert run(*given, "--to", "ur", "--out", "c/friction.script") == 0
@@ -53,10 +44,10 @@ def test_bad_input_is_one_line_and_writes_nothing(tmp_path, monkeypatch, capsys)
     for name in ("three_link.yaml", "three_link.urdf"):
         (tmp_path / name).write_bytes((ROBOTS / name).read_bytes())
     before = (tmp_path / "three_link.urdf").read_bytes()
-    assert run("three_link.yaml", "--to", "urdf", "--out", "three_link.urdf") == 2
-    assert "three_link.urdf: is the scene's own URDF" in capsys.readouterr().err
-    assert run("four_bar", "--to", "mjcf") == 2
-    assert run("three_link.yaml", "--to", "stl") == 2
+    same = "export", "three_link.yaml", "--to", "urdf", "--out", "three_link.urdf"
+    assert "three_link.urdf: is the scene's own URDF" in told(capsys, *same, code=2).err
+    assert run("export", "four_bar", "--to", "mjcf") == 2
+    assert run("export", "three_link.yaml", "--to", "stl") == 2
     assert sorted(p.name for p in tmp_path.iterdir()) == ["three_link.urdf", "three_link.yaml"]
     assert (tmp_path / "three_link.urdf").read_bytes() == before
 
@@ -66,23 +57,23 @@ def test_the_command_writes_a_header_and_its_test_and_says_what_constants_miss(
 ):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "120")
-    given = "ur10_machine_tending", "--trajectory", "ur10_machine_tending", "--to", "cpp"
-    assert run(*given, "--frame", "tool0", "--frame", "wrist_1_link", "--out", "made") == 0
-    out = capsys.readouterr().out
+    given = "export", "ur10_machine_tending", "--trajectory", "ur10_machine_tending", "--to", "cpp"
+    frames = "--frame", "tool0", "--frame", "wrist_1_link"
+    out = told(capsys, *given, *frames, "--out", "made").out
     assert "the header uses the present load and needs no constants" in out
     name = "pinfric_ur10_machine_tending"
     assert sorted(p.name for p in Path("made").iterdir()) == [f"{name}.hpp", f"{name}_test.cpp"]
     text = Path("made", f"{name}.hpp").read_text()
     assert 'frames[] = {"tool0", "wrist_1_link"}' in text
-    assert run(*given, "--json", "--out", "again") == 0
-    joints = {joint["joint"]: joint for joint in result_of(capsys.readouterr().out)["joints"]}
+    answer = result_of(told(capsys, *given, "--json", "--out", "again").out)
+    joints = {joint["joint"]: joint for joint in answer["joints"]}
     lift, wrist = joints["shoulder_lift_joint"], joints["wrist_3_joint"]
     assert lift["error_rms"] > 1.0 > 0.1 > wrist["error_rms"]  # the lift carries, the wrist not
-    assert run("four_bar", "--to", "cpp") == 2
-    assert "the loop 'rocker_pin'" in capsys.readouterr().err
+    error = told(capsys, "export", "four_bar", "--to", "cpp", code=2).err
+    assert "the loop 'rocker_pin'" in error
     assert run(*given, "--frame", "tol0", "--out", "none") == 2
     assert not Path("none").exists()
-    assert run("so101", "--to", "mjcf", "--frame", "gripper") == 2
+    assert run("export", "so101", "--to", "mjcf", "--frame", "gripper") == 2
 
 
 def test_coupled_drives_are_exported_without_constants():

@@ -3,22 +3,15 @@
 from __future__ import annotations
 
 import pytest
+from cli_cases import told
 from envelopes import result_of
 
 import pinfric as pf
-from pinfric.cli import main
-
-
-def run(capsys, *arguments, code=0):
-    with pytest.raises(SystemExit) as stop:
-        main(["simulate", *map(str, arguments)])
-    assert stop.value.code == code
-    return capsys.readouterr()
 
 
 @pytest.mark.parametrize("method", ["event", "timestepping", "regularized"])
 def test_the_scenes_own_simulation_runs_by_every_method(capsys, method):
-    answer = result_of(run(capsys, "pendulum", "--method", method, "--json").out)
+    answer = result_of(told(capsys, "simulate", "pendulum", "--method", method, "--json").out)
     assert answer["method"] == method
     assert answer["t_end"] == pytest.approx(2.0)
     energy = answer["energy"]
@@ -34,7 +27,7 @@ def test_the_scenes_own_simulation_runs_by_every_method(capsys, method):
 
 
 def test_files_and_table(capsys, tmp_path):
-    printed = run(capsys, "three_link", "--t-end", 0.6, "--out", tmp_path / "out").out
+    printed = told(capsys, "simulate", "three_link", "--t-end", 0.6, "--out", tmp_path / "out").out
     assert "joint_12  0.519107  0.557644" in printed
     assert {p.name for p in (tmp_path / "out").iterdir()} == {
         "motion.csv",
@@ -58,6 +51,6 @@ def test_files_and_table(capsys, tmp_path):
     ],
 )
 def test_what_cannot_be_simulated_is_said_in_one_line(capsys, arguments, says):
-    error = run(capsys, *arguments, code=2).err
+    error = told(capsys, "simulate", *arguments, code=2).err
     assert says in error
     assert error.count("\n") == 1

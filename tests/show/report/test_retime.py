@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from cli_cases import run
 from envelopes import result_of
-from retime_cases import run
 
 import pinfric as pf
 from pinfric import cli

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import itertools
 import os
 import re
 from dataclasses import replace
@@ -10,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from builders import chain, dry
 from report_cases import FINGERS, printed
 from rich.console import Console
 
@@ -27,28 +29,19 @@ from pinfric.terminal import show
 WIDTHS = (40, 60, 80, 120)
 
 
-def chain(names):
+def linked(names):
     """Links of 0.1 m in a row; every third joint slides."""
-    model = pin.Model()
-    parent = 0
-    for i, name in enumerate(names):
-        joint = pin.JointModelPY() if i % 3 == 2 else pin.JointModelRZ()
-        place = pin.SE3(np.eye(3), np.array([0.1, 0.0, 0.0]))
-        parent = model.addJoint(parent, joint, place, name)
-        inertia = pin.Inertia.FromBox(0.1, 0.1, 0.02, 0.02)
-        model.appendBodyToJoint(parent, inertia, pin.SE3.Identity())
-    return model
+    kinds = itertools.cycle([pin.JointModelRZ(), pin.JointModelRZ(), pin.JointModelPY()])
+    body = pin.Inertia.FromBox(0.1, 0.1, 0.02, 0.02)
+    return chain(*((n, kind, body, [0.1, 0, 0]) for n, kind in zip(names, kinds, strict=False)))
 
 
 @pytest.fixture(scope="module")
 def humanoid():
     """48 joints with long names, of which some hold still."""
     assert len(FINGERS) == 48
-    friction = {
-        name: {"coulomb": {"static": 0.12 + 0.01 * i, "kinetic": 0.1}}
-        for i, name in enumerate(FINGERS)
-    }
-    scene = pf.Scene(model=chain(FINGERS), friction=friction, source="humanoid.yaml")
+    friction = {name: dry(0.12 + 0.01 * i, 0.1) for i, name in enumerate(FINGERS)}
+    scene = pf.Scene(model=linked(FINGERS), friction=friction, source="humanoid.yaml")
     t = np.linspace(0.0, 2.0, 201)
     reach = 0.1 / (1 + np.arange(48))
     q = reach * (1 - np.cos(np.pi * t))[:, None]

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import block, plane_friction, random_tree
+from builders import plane_friction, random_tree, sliding_block
 from replay_cases import ROBOTS, page_data, result_of
 
 import pinfric as pf
@@ -50,7 +50,7 @@ def test_a_gear_holds_by_itself_where_its_motor_may_be_without_torque(gear, hold
         if gear is None
         else {"joint": "slide", "transmission": {"ratio": 50.0, **gear}}
     )
-    scene = pf.Scene(model=block(np.deg2rad(30.0), 2.0), actuators=[drive])
+    scene = sliding_block(angle=np.deg2rad(30.0), actuators=[drive])
     t = np.linspace(0.0, 3.0, 301)
     moving = (t > 1.0) & (t < 2.0)
     v = np.where(moving, 1.0 - np.cos(2 * np.pi * t), 0.0)[:, None]
@@ -62,7 +62,7 @@ def test_a_gear_holds_by_itself_where_its_motor_may_be_without_torque(gear, hold
 
 def test_a_gear_without_a_load_holds_nothing():
     worm = {"ratio": 50.0, "efficiency": 0.4, "back_efficiency": -0.2, "no_load_torque": 0.1}
-    scene = pf.Scene(model=block(), actuators=[{"joint": "slide", "transmission": worm}])
+    scene = sliding_block(actuators=[{"joint": "slide", "transmission": worm}])
     still = np.zeros((11, 1))
     result = pf.inverse_dynamics(scene, still, still, still, t=np.linspace(0.0, 1.0, 11))
     assert make_frames(scene, result).gears == {}
@@ -70,10 +70,8 @@ def test_a_gear_without_a_load_holds_nothing():
 
 def test_a_gear_holds_in_a_simulation_while_its_joint_rests():
     worm = {"ratio": 50.0, "efficiency": 0.4, "back_efficiency": -0.2}
-    scene = pf.Scene(
-        model=block(),
-        friction={"slide": plane_friction(0.5, 0.5)},
-        actuators=[{"joint": "slide", "transmission": worm}],
+    scene = sliding_block(
+        plane_friction(0.5, 0.5), actuators=[{"joint": "slide", "transmission": worm}]
     )
     motion = pf.simulate(scene, [0.0], [1.0], np.array([5.0]), 1.0)
     (interval,) = motion.stick_intervals()
