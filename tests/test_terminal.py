@@ -5,12 +5,16 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
-from cli_cases import ROOT, run
+from cli_cases import ROOT, run, told
 
 from pinfric import __version__, cli, terminal
+from pinfric.errors import PinfricError, SceneError, choose_from, one_line, problems_line
+from pinfric.formats import FORMATS
+from pinfric.model.entry import parse
 
 
 def shell(*arguments, **options):
@@ -100,3 +104,105 @@ def test_verbose_adds_files_versions_and_time(capsys):
     assert lines[3].startswith("pinfric: took ")
     assert run("-v", "check", "nowhere.yaml") == cli.BAD_INPUT
     assert capsys.readouterr().err.splitlines()[-1].startswith("pinfric: error: there is no file")
+
+
+# Every message is one line of a readable length, whatever the names in it hold.
+
+
+HOSTILE = "a\nb\r\x1b[2Kc\x00\x85\u2028\ud800"
+
+
+def test_a_message_has_no_letter_that_a_terminal_obeys():
+    text = str(PinfricError(HOSTILE))
+    assert text == r"a\nb\r\x1b[2Kc\x00\x85\u2028\ud800"
+    assert len(text.splitlines()) == 1
+    text.encode()  # no half of a surrogate pair
+    assert one_line("μ 0.5 – µm") == "μ 0.5 – µm"  # noqa: RUF001 - letters that are shown
+    assert str(SceneError("x" * 100_000)).startswith("xxx")
+    assert len(str(SceneError("x" * 100_000))) < 10_000
+
+
+def test_problems_are_counted_and_cut():
+    assert problems_line("m.csv", ["one"]) == "m.csv: one"
+    assert problems_line("m.csv", ["one", "two", "one"]) == "m.csv: 2 problems: one; two"
+    many = problems_line("m.csv", [f"no {i}" for i in range(1000)])
+    assert many == "m.csv: 1000 problems: no 0; no 1; no 2; no 3; no 4; and 995 more"
+
+
+@pytest.mark.parametrize(
+    ("name", "allowed", "taken", "says"),
+    [
+        ("swnig", ("swing", "lift"), (), "did you mean 'swing'? there are: swing, lift"),
+        ("zzz", ("swing", "lift"), (), "there are: swing, lift"),
+        ("t21", ("t1", "t2"), ("t1",), "did you mean 't2'? there are: t1, t2"),
+        ("swnig", ("swing",), ("swing",), "there are: swing"),
+        ("swing", (), (), "there are none"),
+    ],
+)
+def test_the_nearest_name_that_is_free_is_offered(name, allowed, taken, says):
+    assert choose_from(name, allowed, taken=taken) == says
+
+
+def test_of_long_lists_the_nearest_three_names_are_said():
+    names = [f"joint{i}" for i in range(1000)]
+    text = choose_from("jiont7", names)
+    assert text.startswith("the nearest of 1000: 'joint7', ")
+    assert text.count("'") == 6
+    assert choose_from("INT99", names) == "the nearest of 1000: 'joint99', 'joint990', 'joint991'"
+
+
+@pytest.mark.parametrize("command", ["explain", "inverse", "replay", "new", "simulate"])
+def test_a_file_name_cannot_break_the_line(command, tmp_path, capsys):
+    name = str(tmp_path / "no\nsuch\x1b[31m\rfile")
+    more = ["ur5_pick_and_place.csv"] if command == "inverse" else []
+    error = told(capsys, command, name, *more, code=cli.BAD_INPUT).err
+    assert error.count("\n") == 1
+    assert error.strip().isprintable()
+    assert r"no\nsuch\x1b[31m\rfile" in error
+
+
+# The start of a process: help without heavy imports.
+
+
+def test_help_and_version(capsys):
+    declared = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    for arguments, expected in (
+        ((), "inverse"),
+        (("--help",), "inverse"),
+        (("inverse", "--help"), "--threads"),
+        (("--version",), declared),
+    ):
+        assert run(*arguments) == 0
+        assert expected in capsys.readouterr().out
+
+
+def test_importing_the_command_line_imports_nothing_heavy():
+    heavy = "numpy", "pinocchio", "numba", "matplotlib", "pandas", "pydantic", "yaml", "scipy"
+    code = f"import sys, pinfric.cli; print([m for m in {heavy} if m in sys.modules])"
+    out = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
+    assert out.stdout.strip() == "[]"
+
+
+def test_the_list_of_commands_is_whole_and_options_have_short_names(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    assert run("-h") == 0
+    assert "..." not in capsys.readouterr().out.replace("[ARGS]...", "")
+    assert run("-V") == run("--version") == 0
+    assert len(set(capsys.readouterr().out.splitlines())) == 1
+
+
+# Versions of file formats.
+
+
+@pytest.mark.parametrize("version", [True, 2, "1"])
+@pytest.mark.parametrize("name", ["scene", "waypoints", "sweep", "motors", "catalog"])
+def test_other_versions_are_refused(name, version):
+    key = next(key for key in FORMATS[name].model_fields if key.startswith("pinfric"))
+    with pytest.raises(PinfricError, match=f"`{key}`: (should be a number|should be 1)"):
+        parse(FORMATS[name], {key: version}, "file", PinfricError)

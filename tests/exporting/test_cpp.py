@@ -36,12 +36,6 @@ from pinfric.dynamics.forward.compensation import CompensationOptions
 from pinfric.errors import PinfricError
 from pinfric.exporting.cpp import cpp_files, default_frames, namespace
 from pinfric.model.couples import rate_rows
-from pinfric.motions.joint_columns import single_positions
-
-
-def positions(scene, q):
-    return single_positions(q, [joint.nq for joint in list(scene.model.joints)[1:] if joint.nq])
-
 
 COMPARED = (
     "effort_frictionless",

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from builders import random_friction, random_tree
 from friction_cases import (
     a_tree,
     random_problem,
     solved,
 )
 
+import pinfric as pf
+from pinfric.dynamics.judge.plain_laws import plain_normal_load
 from pinfric.friction.consistency import SHOULD_STICK, site_friction
 from pinfric.friction.law import stick_limits
 from pinfric.friction.modes import Modes
@@ -75,3 +78,19 @@ def test_what_one_coordinate_shares_leaves_the_sites_of_others_alone():
     site_friction(p, m, lower, upper, phi)
     assert phi[2] == -0.7
     assert phi[:2].sum() == pytest.approx(4.0)
+
+
+# Normal loads of contacts against the bearings' formulas in plain NumPy.
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_contact_maps_give_the_normal_load(seed):
+    rng = np.random.default_rng(seed)
+    model = random_tree(seed, 6, sliding=0.5)
+    scene = pf.Scene(model=model, friction=random_friction(model, seed))
+    contacts = scene.site_tables.contacts
+    for k, site in enumerate(scene.sites):
+        B, C = contacts.map[contacts.site == k], contacts.map_moved[contacts.site == k]
+        wrench, s = rng.normal(size=6) * 10, float(rng.normal())
+        load = contacts.constant[k] + np.linalg.norm((B + s * C) @ wrench, axis=1).sum()
+        assert load == pytest.approx(plain_normal_load(site, wrench, s), rel=1e-13)

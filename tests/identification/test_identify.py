@@ -46,6 +46,7 @@ from identify_cases import (
     short,
     truth,
 )
+from printed import assert_printed
 
 import pinfric as pf
 from pinfric.errors import IdentificationError
@@ -147,18 +148,19 @@ def test_a_log_of_six_seconds_is_taken_with_wider_intervals():
 
 def test_the_command_writes_what_runs(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "80")
     urdf = "example-robot-data:ur_description/urdf/ur5_robot.urdf"
     Path("arm.yaml").write_text(f"pinfric: 1\nrobot: {{urdf: '{urdf}'}}\n")
     csv_log(tmp_path / "arm.csv", 2, rate=40.0)
     given = "identify", "arm.yaml", "arm.csv"
     out = told(capsys, *given, "--inertia", "keep", "--out", "found").out
-    assert "friction over the published one of ur5e (grade A), joint by joint: " in out
+    assert_printed(__file__, "identify", out)
     written = {path.name for path in Path("found").iterdir()}
     assert {"scene.yaml", "posterior.csv", "sweep.yaml", "report.html", "summary.json"} <= written
     assert "robot.urdf" not in written
     again = "inverse", "found/scene.yaml", "arm.csv", "--effort-at", "motor", "--out", "again"
     out = told(capsys, *again).out
-    assert "logged efforts (torques at the motors' shafts) compared with computed ones" in out
+    assert_printed(__file__, "inverse_of_a_log", out)
     assert Path("again/measured.png").stat().st_size > 10_000
     for bad, said in (
         (("--gain", "elbow"), "should be NAME=VALUE"),

@@ -65,7 +65,6 @@ def test_a_gain_makes_n_m_of_currents():
             {"logs": lambda x: replace(x, t=x.t[:90], q=x.q[:90], effort=x.effort[:90])},
             "samples can be used; at least 100 are needed",
         ),
-        ({"logs": lambda _: "ur5_pick_and_place.waypoints.yaml"}, "holds way-points"),
         ({"logs": lambda _: []}, "needs a log"),
         ({"logs": lambda x: [x, replace(x, name="again")]}, "are the same log"),
     ],
@@ -75,6 +74,11 @@ def test_what_is_not_there_or_no_log_is_named(change, said):
     logs = given.pop("logs")(short())
     with pytest.raises(IdentificationError, match=said):
         pf.identify(guess(0), logs, **given)
+
+
+def test_way_points_are_no_log():
+    with pytest.raises(IdentificationError, match="holds way-points"):
+        pf.identify(pf.load_scene("ur5_pick_and_place"), "ur5_pick_and_place.waypoints.yaml")
 
 
 def test_a_long_log_is_prepared_in_parts_as_in_one(monkeypatch):

@@ -168,11 +168,6 @@ def break_away(h, gear):
     return min(ends) - gear.n, max(ends) + gear.n
 
 
-def smallest_inertia(M, gear):
-    """I above which a moving self-locking gear has one answer: I + eta_b M > 0."""
-    return -gear.eta_b * M
-
-
 def smoothed(M, h, u, gear, v0, t_end, width, times):
     """q, v (2, n) with s = tanh(v/width) for the direction: stiff, by SciPy, never quite at rest.
 

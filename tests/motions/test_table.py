@@ -8,6 +8,7 @@ import pytest
 from builders import chain
 
 from pinfric.errors import TrajectoryError
+from pinfric.motions.joint_columns import joint_columns, limit_problems, listing, stated_range
 from pinfric.motions.trajectory import Trajectory, load_trajectory
 from pinfric.motions.waypoints import quintic
 
@@ -186,3 +187,42 @@ def test_stops_with_their_velocities_are_said_not_to_fit(tmp_path):
     text = "t,a,a.v\n0,0,0\n1,0.5,0\n2,1.2,0\n3,0,0\n"
     (warning,) = load(tmp_path, text).warnings
     assert "joint a: the velocities given do not fit the positions" in warning
+
+
+# Ranges of joints: what counts as a limit.
+
+
+@pytest.mark.parametrize(
+    ("given", "stated"),
+    [
+        ((0.0, 0.0), (-np.inf, np.inf)),
+        ((0.2, 0.2), (0.2, 0.2)),
+        ((-1.0, 0.0), (-1.0, 0.0)),
+        ((-np.inf, 1.0), (-np.inf, 1.0)),
+        ((-1.7e308, 1.7e308), (-np.inf, np.inf)),
+    ],
+)
+def test_only_zero_to_zero_is_no_limit(given, stated):
+    assert stated_range(*given) == stated
+    model = pin.Model()
+    low, high = (np.array([x]) for x in given)
+    model.addJoint(
+        0, pin.JointModelRZ(), pin.SE3.Identity(), "a", np.ones(1), np.ones(1), low, high
+    )
+    (column,) = joint_columns(model)
+    assert (column.lower, column.upper) == stated
+
+
+def test_a_range_of_one_position_holds_the_joint_there():
+    model = pin.Model()
+    at = np.array([0.2])
+    model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "a", np.ones(1), np.ones(1), at, at)
+    columns, t = joint_columns(model), np.arange(2.0)
+    assert limit_problems(columns, t, np.full((2, 1), 0.2)) == []
+    (problem,) = limit_problems(columns, t, np.array([[0.2], [0.3]]))
+    assert "joint a: 0.3 rad is above its upper limit 0.2" in problem
+
+
+def test_a_long_listing_names_ten_and_says_how_many_there_are():
+    assert listing(range(10)) == "0, 1, 2, 3, 4, 5, 6, 7, 8, 9"
+    assert listing(range(11)) == "0, 1, 2, 3, 4, 5, 6, 7, 8, 9, ... (11 in all)"

@@ -24,16 +24,17 @@ from pinfric.retiming.limits import candidate_limits, read_limits
 from pinfric.retiming.path import Path
 from pinfric.retiming.retime import retime
 
-
-def test_motors_file_with_a_drive_of_the_catalogue(tmp_path):
-    """Its figures at the motor's shaft: a gearmotor's are printed at the output."""
-    text = """pinfric_motors: 1
+DRIVE = """pinfric_motors: 1
 conditions: {peak_factor: 1.0, bus_voltage: 24.0}
 drives:
   j: {drive: CubeMars AK80-64, acceleration: 2.0}
 """
+
+
+def test_motors_file_with_a_drive_of_the_catalogue(tmp_path):
+    """Its figures at the motor's shaft: a gearmotor's are printed at the output."""
     file = tmp_path / "motors.yaml"
-    file.write_text(text)
+    file.write_text(DRIVE)
     limits = read_limits(lifting(), file)[0]
     entry = load_catalog().gearmotors["CubeMars AK80-64"]
     assert limits.acceleration == 2.0
@@ -43,21 +44,33 @@ drives:
     )
     found = retime(lifting(), straight(1.0), file)
     assert found.duration == pytest.approx(np.sqrt(4 * 1.0 / 2.0), rel=1e-3)
-    file.write_text(text.replace("AK80-64", "AK80-6000"))
-    with pytest.raises(
-        pf.RetimeError,
-        match=r"motors.yaml: drives.j: the catalogue has no drive .* \(default\); the nearest of",
-    ):
-        retime(lifting(), straight(1.0), file)
-    file.write_text("pinfric_motors: 1\nothers: {max_speed: 3.0}\n")
-    with pytest.raises(pf.RetimeError, match=r"motors.yaml: others: nothing limits its torque"):
-        retime(lifting(), straight(1.0), file)
-    file.write_text("pinfric_motors: 1\ndrives: {jay: {peak_torque: 3.0}}\n")
-    with pytest.raises(pf.RetimeError, match=r"motors.yaml: drives: there is no drive 'jay'"):
-        retime(lifting(), straight(1.0), file)
-    file.write_text(text.replace("drives", "motors"))
-    with pytest.raises(pf.PinfricError, match="unknown key `motors`"):
-        retime(lifting(), straight(1.0), file)
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "says"),
+    [
+        (
+            DRIVE.replace("AK80-64", "AK80-6000"),
+            pf.RetimeError,
+            r"drives.j: the catalogue has no drive .* \(default\); the nearest of",
+        ),
+        (
+            "pinfric_motors: 1\nothers: {max_speed: 3.0}",
+            pf.RetimeError,
+            "others: nothing limits its torque",
+        ),
+        (
+            "pinfric_motors: 1\ndrives: {jay: {peak_torque: 3.0}}",
+            pf.RetimeError,
+            "drives: there is no drive 'jay'",
+        ),
+        (DRIVE.replace("drives", "motors"), pf.PinfricError, "unknown key `motors`"),
+    ],
+)
+def test_motors_files_that_cannot_be_are_refused(tmp_path, text, error, says):
+    (tmp_path / "motors.yaml").write_text(text)
+    with pytest.raises(error, match=f"motors.yaml: {says}"):
+        retime(lifting(), straight(1.0), tmp_path / "motors.yaml")
 
 
 def table_drive(tmp_path, gear=None, motor=None, **conditions):

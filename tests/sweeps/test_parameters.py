@@ -6,11 +6,20 @@ import warnings
 
 import numpy as np
 import pytest
+from scipy import stats
 from sweep_cases import BOX, MASS, MU, G, pushed_block, run, steady, sweep_of, uniform
 
 import pinfric as pf
 from pinfric.errors import SweepError
 from pinfric.model.described import in_json
+from pinfric.sweeps.distributions import (
+    Choice,
+    LogNormal,
+    Normal,
+    Steps,
+    TruncatedNormal,
+    Uniform,
+)
 from pinfric.sweeps.file import SweepFile, load_sweep
 from pinfric.sweeps.parameters import apply, draw, resolve
 from pinfric.sweeps.summary import sweep_summary
@@ -245,3 +254,35 @@ def test_mounting_turns_gravity_and_speed_scales_time():
     np.testing.assert_allclose(found.figure("peak")[:, 0], effort, rtol=1e-12)
     np.testing.assert_allclose(found.figure("speed")[:, 0], 1.3 * speed, rtol=1e-12)
     assert np.ptp(roll) > 0.1
+
+
+# Quantiles of distributions against SciPy.
+
+
+U = (np.arange(4000) + 0.5) / 4000
+
+
+@pytest.mark.parametrize(
+    ("distribution", "reference"),
+    [
+        (Normal(mean=2.0, std=0.3), stats.norm(2.0, 0.3)),
+        (Uniform(low=-1.0, high=3.0), stats.uniform(-1.0, 4.0)),
+        (LogNormal(median=2.0, sigma=0.5), stats.lognorm(0.5, scale=2.0)),
+        (TruncatedNormal(mean=1.0, std=0.5, low=0.2, high=1.7), stats.truncnorm(-1.6, 1.4, 1, 0.5)),
+        (TruncatedNormal(mean=0.0, std=1.0, low=1.0), stats.truncnorm(1.0, np.inf)),
+    ],
+)
+def test_quantiles_are_scipys(distribution, reference):
+    np.testing.assert_allclose(distribution.quantile(U), reference.ppf(U), rtol=1e-9, atol=1e-12)
+    ends = distribution.quantile(np.array([0.0, 1 - 2.0**-53]))
+    assert np.isfinite(ends).all()
+    low, high = distribution.support
+    assert low <= ends[0] <= ends[1] <= high
+
+
+def test_choices_and_steps_come_as_often_as_each_other():
+    values = Choice(values=(3.0, 1.0)).quantile(U)
+    np.testing.assert_array_equal(values, np.repeat([3.0, 1.0], 2000))
+    there, counts = np.unique(Steps(low=0.0, high=1.0, count=5).quantile(U), return_counts=True)
+    np.testing.assert_allclose(there, [0.0, 0.25, 0.5, 0.75, 1.0])
+    assert set(counts) == {800}

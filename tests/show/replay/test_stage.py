@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pinocchio as pin
 import pytest
+from builders import random_tree
 from mechanisms import add_link, bar, four_bar, grounded_model, pin_friction, shifted
+from replay_cases import ROBOTS, arm, drawn
 
 import pinfric as pf
+from pinfric.errors import PinfricWarning
+from pinfric.show.replay.meshes import urdf_visuals
 from pinfric.show.replay.page import RecordingWindow
+from pinfric.show.replay.shapes import robot_shapes
 from pinfric.show.replay.stage import SEGMENTS, SIDES, _tube, set_stage, tool_stops
 from pinfric.show.timeline.frames import make_frames
 
@@ -81,3 +88,58 @@ def test_marks_stand_where_the_tool_stops():
     for place in wanted:
         assert np.linalg.norm(found - place, axis=1).min() < 1e-3
     assert not len(tool_stops(scene.with_(tool=None), frames.placement))
+
+
+# The look of a robot: visuals, or shapes from inertias.
+
+
+def test_robot_without_urdf_is_drawn_from_its_inertias():
+    scene = pf.Scene(model=random_tree(2, joints=4))
+    shapes = robot_shapes(scene)
+    assert [shape.joint for shape in shapes if shape.kind == "body"] == [1, 2, 3, 4]
+    assert sum(shape.kind == "line" for shape in shapes) == 4
+    window = drawn(scene)
+    assert (
+        sum(b"/body_" in command and b"set_object" in command for command in window.commands) == 4
+    )
+
+
+OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+
+
+def test_mesh_beside_the_urdf_is_scaled_and_painted(tmp_path):
+    (tmp_path / "meshes").mkdir()
+    (tmp_path / "meshes" / "plate.obj").write_text(OBJ)
+    scene = arm(tmp_path, "meshes/plate.obj")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        shapes = robot_shapes(scene)
+    (plate,) = [shape for shape in shapes if shape.joint == 1]
+    assert plate.kind == "visual"
+    np.testing.assert_allclose(plate.mesh.vertices.max(axis=0), [2, 2, 0])
+    assert tuple(plate.mesh.visual.vertex_colors[0]) == (255, 0, 0, 128)
+
+
+def test_missing_and_broken_meshes_become_shapes_with_one_warning(tmp_path):
+    (tmp_path / "broken.stl").write_bytes(b"solid nothing")
+    scene = arm(tmp_path, "package://nowhere/a.dae", "broken.stl", "c.obj")
+    with pytest.warns(PinfricWarning) as caught:
+        shapes = robot_shapes(scene)
+    assert len(caught) == 1
+    text = str(caught[0].message)
+    assert all(name in text for name in ("nowhere/a.dae", "broken.stl", "c.obj", "arm.urdf"))
+    assert [shape.joint for shape in shapes if shape.kind == "body"] == [1]
+
+
+# Primitives and meshes of a URDF.
+
+
+def test_urdfs_primitives_are_drawn_as_they_are():
+    scene = pf.load_scene(ROBOTS / "three_link.yaml")
+    visuals, missing = urdf_visuals(scene.model, scene.robot)
+    assert (len(visuals), missing) == (6, {})
+    bar = visuals[1]  # link_1's box, 0.07 x 0.4 x 0.07 at (0, 0.2, 0), red
+    assert bar.joint == 1
+    np.testing.assert_allclose(np.ptp(bar.mesh.vertices, axis=0), [0.07, 0.4, 0.07])
+    np.testing.assert_array_equal(bar.placement.translation, [0, 0.2, 0])
+    assert tuple(bar.mesh.visual.vertex_colors[0]) == (204, 76, 64, 255)

@@ -6,9 +6,11 @@ import pytest
 from check_cases import TIP, J, arm
 from cli_cases import run, told
 from envelopes import result_of, validated
+from printed import assert_printed
 
 
-def test_exit_codes_and_json(tmp_path, capsys):
+def test_exit_codes_and_json(tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
     good = arm(tmp_path)
     assert run("check", good, "--strict") == 0
     doubtful = arm(tmp_path, low=0, high=0)
@@ -16,7 +18,7 @@ def test_exit_codes_and_json(tmp_path, capsys):
     out, err = told(capsys, "check", doubtful, "--strict", code=2)
     assert len(err.splitlines()) == 1
     assert "joint swing: limits 0 to 0" in err
-    assert "1 warning" in out
+    assert_printed(__file__, "check", out.replace(str(doubtful.parent), "."))
     wrong = arm(tmp_path, low=-180, high=180)
     found = result_of(told(capsys, "check", wrong, "--json", code=2).out)
     assert found["errors"] == 1

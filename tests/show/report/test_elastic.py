@@ -9,6 +9,7 @@ import pytest
 from cli_cases import told
 from envelopes import result_of
 from matplotlib import image
+from printed import assert_printed
 
 import pinfric as pf
 from pinfric.elastic.summary import elastic_summary
@@ -21,13 +22,8 @@ from pinfric.show.report.inverse import inverse_report
 def test_the_command_writes_tables_json_and_a_picture(tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     command = ("inverse", "ur10_machine_tending", "ur10_machine_tending")
-    short = " ".join(told(capsys, *command).out.split())
-    assert "tool0 is up to 2.38 mm off at rest, and friction leaves ±0.223 mm open" in short
-    printed = told(capsys, *command, "-v", "--out", tmp_path).out
-    row = next(line for line in printed.splitlines() if line.startswith("4.70\N{EN DASH}6.20"))
-    assert row.split()[1:5] == ["blank", "2.31", "0.190", "1.80"]
-    assert "lowest frequency, motors held: 8.17 Hz at 7.00 s" in printed
-    assert "frequencies at that time, motors free: 35.3, 47.3, 54.1, 60.2, 88.6, 244 Hz" in printed
+    assert_printed(__file__, "inverse", told(capsys, *command).out)
+    assert_printed(__file__, "inverse_verbose", told(capsys, *command, "-v", "--out", tmp_path).out)
     found = result_of((tmp_path / "summary.json").read_text())["elasticity"]
     assert found["tool"] == "tool0"
     assert found["lowest_frequency"]["least"] == pytest.approx(8.1726, abs=1e-3)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from cli_cases import told
 from envelopes import result_of
+from printed import assert_printed
 
 import pinfric as pf
 
@@ -26,9 +27,10 @@ def test_the_scenes_own_simulation_runs_by_every_method(capsys, method):
         assert sticks[0]["end"] == pytest.approx(1.2128, abs=5e-3)
 
 
-def test_files_and_table(capsys, tmp_path):
+def test_files_and_table(capsys, tmp_path, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
     printed = told(capsys, "simulate", "three_link", "--t-end", 0.6, "--out", tmp_path / "out").out
-    assert "joint_12  0.519107  0.557644" in printed
+    assert_printed(__file__, "simulate", printed)
     assert {p.name for p in (tmp_path / "out").iterdir()} == {
         "motion.csv",
         "motion.npz",

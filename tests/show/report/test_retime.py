@@ -5,18 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from cli_cases import run
+from cli_cases import run, told
 from envelopes import result_of
+from printed import assert_printed
 
 import pinfric as pf
 from pinfric import cli
 
 
 def test_retime_prints_writes_and_its_trajectory_is_one_for_all(files, capsys):
-    assert run("retime", "table.yaml", "way.yaml", "--out", "out") == 0
-    out, _ = capsys.readouterr()
+    out = told(capsys, "retime", "table.yaml", "way.yaml", "--out", "out").out
     assert max(map(len, out.splitlines())) <= 80
-    assert "effort" in out
+    assert_printed(__file__, "retime", out)
     assert {f.name for f in Path("out").iterdir()} == {
         "trajectory.csv",
         "retime.png",

@@ -3,6 +3,7 @@
 import json
 
 import pytest
+from printed import assert_printed
 from sweep_cases import BOX, pushed_block, steady, steps, sweep_of, uniform
 
 import pinfric as pf
@@ -82,9 +83,7 @@ def test_drive_of_the_catalogue_shows_what_fails_and_what_was_not_checked(capsys
     met = result.trials[0].met(result)["gear repeated peak torque"]
     assert 0 < met.sum() < 20
     assert f"{100 * (1 - met.mean()):.1f} %" in text.split("motors: share of samples")[1]
-    assert "joint2: speed-torque line, winding temperature" in text
-    assert "joint4: only ratings are checked (peak times 1.2)" in text
-    assert "drive masses added to the parent links: joint2 1.54 kg" in text  # kit: 1.25 x 1.23
+    assert_printed(__file__, "sweep", "\n".join(lines))  # joint2 1.54 kg: a kit, 1.25 x 1.23
     sweep_figure(result).draw_without_rendering()
     content = json.loads(as_text(in_json(sweep_summary(result))))["motors"]
     assert content[0]["criteria"]["gear repeated peak torque"]["value"] == met.mean()
