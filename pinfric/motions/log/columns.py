@@ -368,8 +368,6 @@ def _apply(
                 )
                 continue
             getattr(found, quantity)[joint] = use
-            if column in found.ignored:
-                found.ignored.remove(column)
 
 
 def _renamed(column: str, header: Sequence[str]) -> JointMapping:
