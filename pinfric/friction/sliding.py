@@ -28,20 +28,48 @@ def slide(problem: Problem, modes: Modes) -> bool:
         problem: `Problem`.
         modes: `Modes`; its `friction` is where the solve starts from.
     """
-    x, load, (nc, ns) = modes.friction, modes.load, (modes.friction.size, modes.load.size)
-    for c in range(nc):
+    x, rate = modes.friction, modes.rate
+    for c in range(x.size):
         if modes.stuck[c] or modes.at_rest[c]:
             return False
-    gain, offset, place, nz = np.empty(ns), np.empty(nc), np.full(nc, -1, np.int64), 0
-    slip_law(problem, modes.stuck, modes.direction, gain, offset)
+    if not slide_along(problem, modes.stuck, modes.direction, x, modes.load, modes.figures):
+        return False
+    for c in range(x.size):
+        modes.verdict[c], rate[c] = 0, problem.rate_free[c]
+        for d in range(x.size):
+            rate[c] += problem.rate_slope[c, d] * x[d]
+    return True
+
+
+@kernel
+def slide_along(
+    problem: Problem,
+    nobody: np.ndarray,
+    direction: np.ndarray,
+    x: np.ndarray,
+    load: np.ndarray,
+    figures: np.ndarray,
+) -> bool:
+    """Write friction and loads where all slips in given directions; False: see `slide`.
+
+    Args:
+        problem, direction: see `slip_law`.
+        nobody: (nc,) False.
+        x: (nc,), overwritten; where the solve starts from, NaN in the first place: from 0.
+        load: (ns,), overwritten.
+        figures: (2,), overwritten: contraction, passes.
+    """
+    (nc, ns), nz = (x.size, load.size), 0
+    gain, offset, place = np.empty(ns), np.empty(nc), np.full(nc, -1, np.int64)
+    slip_law(problem, nobody, direction, gain, offset)
     for t in range(problem.contact_site.size):
         s = problem.contact_site[t]
         if gain[s] != 0.0 and place[problem.coordinate[s]] < 0:
             place[problem.coordinate[s]] = nz
             nz += 1
     J, rest = np.empty((nz, nz)), np.empty(nz)
-    contraction = _contraction(problem, gain, place, J, rest)
-    if nz == 0 or not contraction < _CLEAR:
+    figures[0] = _contraction(problem, gain, place, J, rest)
+    if nz == 0 or not figures[0] < _CLEAR:
         return False
     for s in range(ns):
         offset[problem.coordinate[s]] += gain[s] * problem.constant[s]
@@ -50,12 +78,8 @@ def slide(problem: Problem, modes: Modes) -> bool:
         if place[c] < 0 or not started:
             x[c] = offset[c] if place[c] < 0 else 0.0
     for passes in range(_PASSES):
+        figures[1] = passes
         if _residual(problem, gain, offset, place, x, load, J, rest) <= RESIDUAL * (8 + nz):
-            modes.figures[0], modes.figures[1] = contraction, passes
-            for c in range(nc):
-                modes.verdict[c], modes.rate[c] = 0, problem.rate_free[c]
-                for d in range(nc):
-                    modes.rate[c] += problem.rate_slope[c, d] * x[d]
             return True
         _solve(J, rest)
         for c in range(nc):

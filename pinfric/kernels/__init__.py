@@ -3,7 +3,7 @@
 Takes: functions with the decorator `kernel`.
 
 Steps: `compiled` compiles and caches them by their sources; `interpreted` runs them without
-compiling.
+compiling; `arrays` makes the buffers that they write.
 
 Gives: the same function, fast.
 """

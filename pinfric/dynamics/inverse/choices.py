@@ -15,6 +15,7 @@ from pinfric.dynamics.problem.plan import Plan
 from pinfric.friction.given_modes import solve_given_modes
 from pinfric.friction.law import add_load_slopes, write_loads
 from pinfric.friction.problem import Problem
+from pinfric.friction.sliding import slide_along
 from pinfric.kernels.arrays import array, make
 from pinfric.kernels.compiled import kernel
 from pinfric.model.laws import Laws, is_dry, law_at
@@ -151,6 +152,7 @@ def solve_list(
     """
     ns, direction = base.constant.size, candidates.direction
     nobody, no_guess, way = np.zeros(ns, np.bool_), np.full(1, np.nan), np.empty(ns)
+    load = np.empty(ns)
     for m in range(candidates.sample.size):
         i = candidates.sample[m]
         for s in range(ns):
@@ -166,9 +168,10 @@ def solve_list(
                 for k in range(entry_site.size):
                     along = direction[m, k] * contact[i, t, 1 + k, e]
                     base.contact[r, 1 + entry_site[k], e] += along
-        candidates.found[m] = solve_given_modes(
-            base, nobody, way, no_guess, candidates.x[m], candidates.figures[m]
-        )
+        x, figures, candidates.found[m] = candidates.x[m], candidates.figures[m], 1
+        if not slide_along(base, nobody, way, x[0], load, figures):
+            x[0] = 0.0
+            candidates.found[m] = solve_given_modes(base, nobody, way, no_guess, x, figures)
 
 
 @kernel

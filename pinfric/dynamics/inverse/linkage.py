@@ -48,7 +48,7 @@ def solve_linkage(
     plan, linkage, na = argument.given, scene.linkage, len(scene.drives)
     T = whole.stop - whole.start
     assert linkage is not None
-    threads, answer = threads_for(T, threads), Answer.of(plan, T)
+    threads, parts = threads_for(T, threads), []
     frictionless = np.empty((T, len(plan.drives.action)))
     wrench, solved = np.empty((T, len(scene.sites), 6)), np.empty((T, plan.closure.solved))
     multipliers = np.empty((T, len(scene.loops), 6))
@@ -66,11 +66,11 @@ def solve_linkage(
         moved[0], moved[1] = samples.drive_velocity, samples.drive_acceleration
         frictionless[here] = maps.effort[:, :, 0]
         found = Solver(plan, maps, velocity, reversal[here]).solve()
-        for kept, new in zip(answer, found, strict=True):
-            kept[here] = new
+        parts.append(found)
         given = samples.wrench, X, maps.y, found.phi, wrench[here], solved[here]
         write_wrenches(argument.beside(*given), *given)
         multipliers[here] = loop_wrenches(linkage, X, solved[here])
+    answer = Answer(*map(np.concatenate, zip(*parts, strict=True)))
     _warn(scene, answer, whole.start)
     free = (sticking | reversal) & plan.sites.laws.dry  # friction is an interval
     # friction at rest must balance what has no drive, too: what it can do is less
