@@ -659,7 +659,7 @@ def _frequency(condition: str, hand: bool) -> Limit:
         _resonance,
         "Hz",
         "f = sqrt(K_1/max J_load)/(2 pi), all other joints rigid",
-        "rule of a maker of strain wave gears: 8 Hz base axes, 15 Hz hand axes (retyped, not read)",
+        "pinfric's default, as a maker's rule is quoted: 8 Hz base axes, 15 Hz hand axes",
         lambda d: _LOOPS if d.case.load_inertia is None else "stiffness",
         stage="gear",
         condition=condition,

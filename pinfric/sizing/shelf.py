@@ -162,11 +162,15 @@ def rank(assessment: Assessment) -> tuple[float, float, str]:
 
 @dataclass(frozen=True)
 class Ask:
-    """A product that cannot be signed, and the figures to ask its maker for."""
+    """A product that cannot be signed, and the figures to ask its maker for.
+
+    `source` is where the others are from.
+    """
 
     name: str
     figures: tuple[str, ...]
     mass: float | None
+    source: str
 
 
 @dataclass
@@ -177,6 +181,7 @@ class _Block:
         gear, motor: figures; gears (ng, 1), motors (nm,), of gearmotors both (ng, 1).
         ratio: (ng, 1). inertia, mass: (ng, nm). heat: continuous torques at the ambient.
         fits: (ng, nm) the two go together. names: of gears. gear_lacks, motor_lacks: figures.
+        sources: of gears. motor_sources: of motors.
         make: drive of a gear and a motor by their numbers. linear, at_output: of all.
         kin: of each motor, those of the same number go with the same `brakes` (`Shelf.brakes_for`).
     """
@@ -192,6 +197,8 @@ class _Block:
     motor_names: list[str]
     gear_lacks: list[tuple[str, ...]]
     motor_lacks: list[tuple[str, ...]]
+    sources: list[str]
+    motor_sources: list[str]
     make: Callable[[int, int], Candidate]
     bare: Callable[[int], Candidate]
     linear: bool
@@ -334,6 +341,8 @@ def _of_gears(
             lacks("motor", SimpleNamespace(**vars(r), mass=m.mass, rotor_inertia=m.rotor_inertia))
             for m, r in zip(listed, ratings, strict=True)
         ],
+        sources=[entry.source for entry in entries],
+        motor_sources=[motor.source for motor in listed],
         make=lambda g, m: motor_with_gear(names[m], listed[m], *gears[g], ratings[m]),
         bare=lambda g: motor_with_gear("", blank, *gears[g], Ratings()),
         linear=linear,
@@ -363,6 +372,8 @@ def _of_gearmotors(
         motor_names=[""],
         gear_lacks=[lacks(kind_of(entry, gearmotor=True), entry) for entry in entries],
         motor_lacks=[()],
+        sources=[entry.source for entry in entries],
+        motor_sources=[""],
         make=lambda g, _: gearmotor_drive(*alone[g]),
         bare=lambda g: gearmotor_drive(*alone[g]),
         linear=linear,
@@ -683,7 +694,7 @@ class Search:
                 if not figures or self._gear_margins[b][g] < 0 or (mass and mass >= below):
                     continue
                 if self._of_entry(replace(block.bare(g), **self.parts.own)) >= 0:
-                    found.setdefault(name, Ask(name, figures, mass))
+                    found.setdefault(name, Ask(name, figures, mass, block.sources[g]))
             if block.at_output:
                 continue
             known = [g for g in range(len(block.names)) if not self._gear_lacks(block, g)]
@@ -697,7 +708,7 @@ class Search:
             for m in np.flatnonzero(might):
                 if figures := block.motor_lacks[m]:
                     name = block.motor_names[m]
-                    found.setdefault(name, Ask(name, figures, None))
+                    found.setdefault(name, Ask(name, figures, None, block.motor_sources[m]))
         return tuple(sorted(found.values(), key=lambda a: (len(a.figures), a.mass or 0.0, a.name)))
 
 

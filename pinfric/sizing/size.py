@@ -171,7 +171,7 @@ class JointSizing:
             first = self.ask[0]
             return (
                 f"{none}; {first.name} cannot be signed: ask its maker for "
-                f"{', '.join(first.figures)}"
+                f"{', '.join(first.figures)} (its other figures: {first.source})"
             )
         closest = self.search.nearest(worst=-np.inf)
         if closest is None:

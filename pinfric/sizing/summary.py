@@ -66,6 +66,7 @@ class ToAsk:
     figures: str = quantity("that its maker must be asked for", heading="ask its maker for")
     mass: float | None = quantity("with its lightest partner; none: not known", "kg")
     joints: tuple[str, ...] = quantity("at which it might do", heading="joints")
+    source: str = quantity("its maker's document that the other figures are from")
 
 
 @described
@@ -290,7 +291,9 @@ def to_ask(report: SizingReport) -> tuple[ToAsk, ...]:
         for ask in joint.ask:
             found.setdefault(ask.name, []).append(joint.name)
     order = sorted(asked.values(), key=lambda a: (len(a.figures), -len(found[a.name]), a.name))
-    return tuple(ToAsk(a.name, ", ".join(a.figures), a.mass, tuple(found[a.name])) for a in order)
+    return tuple(
+        ToAsk(a.name, ", ".join(a.figures), a.mass, tuple(found[a.name]), a.source) for a in order
+    )
 
 
 def sized_joint(

@@ -56,7 +56,7 @@ def test_a_drive_that_lacks_a_figure_cannot_be_signed(tmp_path, part, figure, as
     assert joint.assessments[0].lacks == (asked,)
     product = "M" if part == "motor" else "G"
     assert f"table: none of 1 candidate fits; {product} cannot be signed" in joint.no_fit
-    assert asked in joint.no_fit
+    assert f"{asked} (its other figures: invented)" in joint.no_fit
 
 
 def test_a_gear_that_fails_by_what_is_known_is_not_asked_for(tmp_path):

@@ -52,7 +52,7 @@ def percentage(x: float) -> str:
     if not math.isfinite(x):
         return "n/a"
     if x <= -10:
-        return f"{1 - x:.3g} times the limit"
+        return "more than 10 times the limit"
     near = abs(x) < 0.005 or abs(x - 0.1) < 0.005
     text = f"{100 * x:.{1 if near and x else 0}f} %"
     return text if text != "-0.0 %" else f"{min(100 * x, -0.01):.1g} %"  # a miss, not a fit
