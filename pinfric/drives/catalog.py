@@ -213,7 +213,8 @@ class GearMotor(Rated):
     """
 
     ratio: Annotated[
-        Positive, key("motor turns per turn of the output; rad/m of a linear one", 64.0, "1")
+        Positive,
+        key("motor turns per turn of the output; rad/m of a linear one", 64.0, "1 or rad/m"),
     ]
     output: Annotated[Literal["rotary", "linear"], key("motion of its output", "rotary")] = "rotary"
     continuous_torque: Annotated[Positive | None, key("continuous output", 48.0, "N m or N")] = None
@@ -227,7 +228,7 @@ class GearMotor(Rated):
     rated_speed: Annotated[Positive | None, key("at continuous torque", 5.0, "rad/s or m/s")] = None
     max_speed: Annotated[Positive | None, key("permissible", 7.0, "rad/s or m/s")] = None
     rotor_inertia: Annotated[
-        Positive | None, key("of the rotor, at the motor's speed", 5e-05, "kg m^2")
+        Positive | None, key("of the rotor, at the motor's speed", 5e-05, "kg m^2 or kg")
     ] = None
     mass: Annotated[Positive | None, key("of motor and gear", 0.85, "kg")] = None
     torque_constant: Annotated[
@@ -239,10 +240,11 @@ class GearMotor(Rated):
     ] = "dc"
     stiffness: Annotated[
         Stiffness | None,
-        key("of the output, its rotor held, N/m of a linear one; as of a gear", 16000, "N m/rad"),
+        key("of the output, its rotor held; as of a gear", 16000, "N m/rad or N/m"),
     ] = None
     backlash: Annotated[
-        NonNegative | None, key("of the output, its input held: the whole angle", 0.00087, "rad")
+        NonNegative | None,
+        key("of the output, its input held: the whole angle", 0.00087, "rad or m"),
     ] = None
     friction: Annotated[
         OutputFriction | None, key("at the output", {"base": 0.5, "load_dependent": 0.1})
@@ -312,7 +314,7 @@ class Gear(Sourced):
             "motor turns per output turn, or a list of ratios with the same figures; rad/m where "
             "the output is linear",
             [50, 80, 100],
-            "1",
+            "1 or rad/m",
         ),
     ]
     kind: Annotated[str, key("type; strain wave gears have rules of their own", "strain wave")] = ""
@@ -385,17 +387,18 @@ class Gear(Sourced):
     stiffness: Annotated[
         Stiffness | None,
         key(
-            "of the output, N/m of a linear one: a number (K1, where several are printed), or "
-            "lines as a scene's transmission takes them",
+            "of the output: a number (K1, where several are printed), or lines as a scene's "
+            "transmission takes them",
             {"k1": 16000, "k2": 25000, "k3": 29000, "t1": 7.0, "t2": 25.0},
-            "N m/rad",
+            "N m/rad or N/m",
         ),
     ] = None
     hysteresis: Annotated[
-        Positive | None, key("hysteresis loss, the whole width at zero torque", 0.00029, "rad")
+        Positive | None, key("hysteresis loss, the whole width at zero torque", 0.00029, "rad or m")
     ] = None
     backlash: Annotated[
-        NonNegative | None, key("of the output, its input held: the whole angle", 0.00087, "rad")
+        NonNegative | None,
+        key("of the output, its input held: the whole angle", 0.00087, "rad or m"),
     ] = None
     stroke: Annotated[Positive | None, key("of a linear output", 0.3, "m")] = None
     screw: Annotated[

@@ -74,9 +74,9 @@ def _beyond_usual(section: str, entry: Sourced) -> Iterator[str]:
         value = getattr(entry, rating, None)
         if rating == "stiffness" and value is not None:
             value = softest(value)
-        unit = "motor turns per output turn" if rating == "ratio" else unit_of(rating)
         if value is None or getattr(entry, "output", "") == "linear":
             continue
+        unit = "motor turns per output turn" if rating == "ratio" else unit_of(type(entry), rating)
         for x in value if isinstance(value, tuple) else (value,):
             if not (least <= x <= greatest or (x == 0 and rating == "input_inertia")):
                 yield (

@@ -23,7 +23,7 @@ from pinfric.drives.catalog import (
     Sourced,
     Text,
 )
-from pinfric.drives.units import FIGURES, in_si, unit_of
+from pinfric.drives.units import cells_of, in_si, unit_of
 from pinfric.errors import CatalogError, PinfricError, choose_from
 from pinfric.model.entry import Entry, Forms, key, parse
 from pinfric.model.files import write_file
@@ -38,23 +38,6 @@ _SECTIONS: dict[str, type[Sourced]] = {
 }
 #: What a cell says instead of nothing.
 _NOTHING = ("", "-", "\N{EN DASH}", "\N{EM DASH}", "n/a", "N/A")
-_TEXTS = (
-    "name",
-    "source",
-    "grade",
-    "note",
-    "dimensions",
-    "kind",
-    "output",
-    "bearing.kind",
-    "ratings.kind",
-    "screw.supports",
-    "current",
-    "resistance_of",
-    "mounting",
-    "input",
-    "sold",
-)
 _NUMBER = re.compile(r"([-+]?[.,]?\d[\d.,']*(?:[eE][-+]?\d+)?)\s*(.*)")
 #: A number whose marks may separate thousands, and nothing else if there are several.
 _THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(?:,\d{3})+|[-+]?[1-9]\d{0,2}(?:\.\d{3})+")
@@ -90,7 +73,7 @@ class TableMapping(Entry):
 
     @model_validator(mode="after")
     def _figures_exist(self) -> TableMapping:
-        known = [*FIGURES, *_TEXTS]
+        known = ["name", *cells_of(_SECTIONS[self.section])]
         for figure in self.columns:
             if figure.removeprefix("stand_ins.") not in known:
                 raise ValueError(f"unknown figure `{figure}`; {choose_from(figure, known)}")
@@ -131,7 +114,8 @@ def import_table(table: str | Path, mapping: str | Path | None = None) -> dict[s
     }
     entries: dict[str, Any] = {}
     delimiter, rows = _rows(path, cells, where)
-    numbers = [given.column for figure, given in cells.items() if figure in FIGURES]
+    of_rows = cells_of(_SECTIONS[wanted.section])
+    numbers = [given.column for figure, given in cells.items() if of_rows.get(figure)]
     mark = _decimal_mark(path, delimiter, (row[column] for _, row in rows for column in numbers))
     problems = []
     for line, row in rows:
@@ -236,8 +220,9 @@ def _row_problems(
             continue
         try:
             screw = figure == "rotor_inertia" and entry.get("ratio", 1.0) != 1.0
-            turning = wanted.section == "gears" or screw
-            unit = unit_of(figure, linear, turning) if figure in FIGURES else ""
+            kind = _SECTIONS[wanted.section]
+            words = figure.startswith("stand_ins.")
+            unit = "" if words else unit_of(kind, figure, linear and not screw)
             value = _figure(text, given.unit, unit, mark) if unit else text
         except CatalogError as problem:
             yield f"{figure}: {problem}"

@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from functools import cache
+from types import UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pinfric.errors import CatalogError, choose_from
+from pinfric.model.entry import Entry
 
 #: SI unit -> the other units of the same quantity, and what one of them is in it.
 _PRINTED: dict[str, dict[str, float]] = {
@@ -31,6 +36,9 @@ _PRINTED: dict[str, dict[str, float]] = {
     "m": {"mm": 1e-3},
     "1": {"%": 1e-2},
     "rad/m": {"mm/rev": 1e-3, "m/rev": 1.0},
+    "Pa": {"MPa": 1e6, "N/mm^2": 1e6, "GPa": 1e9},
+    "m^2": {"mm^2": 1e-6, "cm^2": 1e-4},
+    **{alone: {} for alone in ("Pa m/s", "kg/m^3", "mm rpm", "N m s/rad", "N s/m")},
     "price": {},
 }
 #: Unit -> (SI unit, factor to it). A lead is turned into a ratio: 2 pi/lead.
@@ -40,66 +48,48 @@ UNITS = {
     for unit, factor in {si: 1.0, **others}.items()
 }
 
-_OF_UNIT = {
-    "N m": "continuous_torque continuous_stall_torque peak_torque stall_torque rated_torque "
-    "average_torque repeated_peak_torque momentary_peak_torque no_load_running_torque "
-    "starting_torque back_driving_torque torque torque_max bearing.max_moment "
-    "bearing.static_moment bearing.static_roll ratings.max_moment ratings.static_moment "
-    "ratings.static_roll stiffness.t1 stiffness.t2",
-    "N": "bearing.max_radial bearing.max_axial bearing.dynamic_rating bearing.static_rating "
-    "ratings.max_radial ratings.max_axial ratings.dynamic_rating ratings.static_rating",
-    "rad/s": "max_speed no_load_speed rated_speed average_input_speed max_input_speed",
-    "kg m^2": "rotor_inertia input_inertia",
-    "kg": "mass",
-    "V": "nominal_voltage max_voltage voltage",
-    "W": "power",
-    "J": "stop_energy",
-    "1/h": "stops_per_hour",
-    "ohm": "resistance",
-    "A": "continuous_current",
-    "N m/A": "torque_constant",
-    "C": "thermal.max_winding rated_ambient",
-    "K/W": "thermal.winding_housing thermal.housing_ambient",
-    "h": "nominal_life",
-    "s": "thermal_time thermal.winding_time thermal.housing_time release_time engage_time",
-    "N m/rad": "stiffness stiffness.k1 stiffness.k2 stiffness.k3",
-    "rad": "hysteresis backlash",
-    "price": "price",
-    "m": "stroke bearing.pitch_diameter bearing.spacing bearing.offset ratings.pitch_diameter "
-    "ratings.spacing ratings.offset screw.root_diameter screw.length screw.ball_circle",
-    "1": "ratio efficiency back_efficiency bearing.static_safety ratings.static_safety "
-    "momentary_peaks mu radial axial moment",
-}
-#: Figure -> its unit; what is before a point is a part of an entry.
-FIGURES = {figure: unit for unit, figures in _OF_UNIT.items() for figure in figures.split()}
-#: The same of what slides: the output of linear gears, all of linear motors.
-_LINEAR = {
-    "N m": "N",
-    "rad/s": "m/s",
-    "N m/rad": "N/m",
-    "N m/A": "N/A",
-    "kg m^2": "kg",
-    "rad": "m",
-}
-#: Figures of what has a linear output that stay those of what turns before it.
-_AT_INPUT = (
-    *("rotor_inertia", "no_load_running_torque", "starting_torque", "rated_speed"),
-    *("no_load_speed", "average_input_speed", "max_input_speed", "input_inertia"),
-)
+#: As the keys of entries say it -> as tables do.
+_MEANT = {"Ohm": "ohm", "deg C": "C", "of the catalogue's currency": "price"}
 
 
-def unit_of(figure: str, linear: bool = False, turning: bool = False) -> str:
-    """Return the SI unit of a figure.
+@cache
+def cells_of(entry: type[Entry]) -> dict[str, str]:
+    """Return what a table of entries may have a column for, and its unit; "" of words.
 
-    Args:
-        figure: of `FIGURES`. linear: of what slides.
-        turning: what stands before its output turns: a gear's input, a rotor with a screw.
+    A key of a part has a point ("thermal.winding_time"). "A or B": A where the output turns.
     """
-    if linear and figure == "ratio":
-        return "rad/m"
-    unit, part = FIGURES[figure], figure.partition(".")[0]
-    turns = not linear or (turning and figure in _AT_INPUT) or part not in (figure, "stiffness")
-    return unit if turns else _LINEAR.get(unit, unit)
+    found: dict[str, str] = {}
+    for name, field in entry.model_fields.items():
+        kinds = list(_kinds(field.annotation))
+        for part in kinds:
+            if isinstance(part, type) and issubclass(part, Entry):
+                inner = cells_of(part).items()
+                found |= {f"{name}.{key}": unit for key, unit in inner if "." not in key}
+        if float in kinds or str in kinds:
+            extra = field.json_schema_extra
+            unit = str(extra["unit"]) if isinstance(extra, dict) and float in kinds else ""
+            found[name] = _MEANT.get(unit, unit)
+    return found
+
+
+def _kinds(annotation: Any) -> Iterator[Any]:
+    """The types that a value may have; of words that are listed `str`."""
+    origin = get_origin(annotation)
+    if origin is Literal:
+        yield str
+    elif origin is Annotated:
+        yield from _kinds(get_args(annotation)[0])
+    elif origin in (Union, UnionType):
+        for member in get_args(annotation):
+            yield from _kinds(member)
+    else:
+        yield annotation
+
+
+def unit_of(entry: type[Entry], figure: str, linear: bool = False) -> str:
+    """Return the SI unit of a figure of an entry, "" of words; `linear`: its output slides."""
+    turning, _, sliding = cells_of(entry)[figure].partition(" or ")
+    return sliding if linear and sliding else turning
 
 
 def in_si(value: float, unit: str, wanted: str) -> float:

@@ -15,11 +15,11 @@ from sizing_cases import GEAR, MOTOR, trapezoid, turntable, write_catalog
 
 import pinfric as pf
 from pinfric.drives.bearing import BearingRatings, Factors
-from pinfric.drives.catalog import Brake, Gear, GearMotor, Motor, Thermal
+from pinfric.drives.catalog import BearingEntry, Brake, Gear, GearMotor, Motor, Screw, Thermal
 from pinfric.drives.catalog_file import load_catalog
 from pinfric.drives.table import import_table
 from pinfric.drives.table import write_catalog as write_content
-from pinfric.drives.units import FIGURES, UNITS, in_si, unit_of
+from pinfric.drives.units import UNITS, cells_of, in_si, unit_of
 from pinfric.errors import CatalogError
 from pinfric.model.entry import Entry
 from pinfric.show.report.bill import bill_of_materials
@@ -259,7 +259,7 @@ def test_all_rows_that_cannot_be_are_named_in_one_error(tmp_path):
         ("section: motors\ncolumns: {name: Typ}\n", "has no column 'Typ'; did you mean 'Type'"),
         ("section: motors\ncolumns: {mass: Weight}\n", "which column has the names"),
         ("section: motor\ncolumns: {name: Type}\n", "'motors'"),
-        ("section: motors\ncolumns: {name: Type, masss: n}\n", "the nearest of [0-9]+: 'mass'"),
+        ("section: motors\ncolumns: {name: Type, masss: n}\n", "did you mean 'mass'"),
     ],
 )
 def test_mappings_that_cannot_be(tmp_path, mapping, text):
@@ -279,31 +279,59 @@ def test_files_that_cannot_be_read(tmp_path):
 
 
 def test_every_number_of_an_entry_has_a_unit_by_which_it_can_be_imported():
-    parts: tuple[tuple[type[Entry], str], ...] = (
-        (Motor, ""),
-        (Gear, ""),
-        (GearMotor, ""),
-        (Thermal, "thermal."),
-        (BearingRatings, "bearing."),
-        (BearingRatings, "ratings."),
-        (Brake, ""),
+    parts: tuple[tuple[type[Entry], type[Entry], str], ...] = (
+        (Motor, Motor, ""),
+        (Gear, Gear, ""),
+        (GearMotor, GearMotor, ""),
+        (Motor, Thermal, "thermal."),
+        (Gear, Screw, "screw."),
+        (Gear, BearingRatings, "bearing."),
+        (BearingEntry, BearingRatings, "ratings."),
+        (Brake, Brake, ""),
     )
-    for model, prefix in parts:
-        for name, field in model.model_fields.items():
+    for entry, part, prefix in parts:
+        for name, field in part.model_fields.items():
             if "float" in str(field.annotation) and field.annotation is not Factors:
                 if name in ("continuous_curve", "ambient_curve", "effort_curve"):
                     continue  # many numbers, in no one cell
-                assert f"{prefix}{name}" in FIGURES
-    assert set(FIGURES.values()) <= {si for si, _ in UNITS.values()}
-    assert unit_of("continuous_torque", linear=True) == "N"
-    assert unit_of("max_input_speed", linear=True, turning=True) == "rad/s"
-    slides = {unit_of(figure, linear=True) for figure in FIGURES} - {"rad/m"}
-    assert slides <= {si for si, _ in UNITS.values()}
-    assert (unit_of("stiffness.k1", linear=True), unit_of("stiffness.t1", linear=True)) == (
-        "N/m",
-        "N",
-    )
+                assert cells_of(entry)[f"{prefix}{name}"]
+        for unit in filter(None, cells_of(entry).values()):
+            assert {UNITS[one] for one in unit.split(" or ")} == {
+                (x, 1.0) for x in unit.split(" or ")
+            }
+    assert unit_of(Gear, "rated_torque", linear=True) == "N"
+    assert unit_of(Gear, "max_input_speed", linear=True) == "rad/s"
+    assert unit_of(GearMotor, "max_speed", linear=True) == "m/s"
+    assert unit_of(Gear, "ratio", linear=True) == "rad/m"
+    slides = [unit_of(Gear, f"stiffness.{x}", linear=True) for x in ("k1", "t1")]
+    assert slides == ["N/m", "N"]
     assert in_si(3.0, "N·m/arcmin", "N m/rad") == pytest.approx(3 * 10800 / np.pi)
+
+
+def test_a_linear_actuator_is_read_at_its_output(tmp_path):
+    """Its speeds are the rod's, its rotor turns before the screw; a linear motor's slides."""
+    head = "Type,F,v,lead,J,K\n"
+    mapping = """
+section: gearmotors
+columns:
+  name: Type
+  continuous_torque: {column: F, unit: kN}
+  max_speed: {column: v, unit: mm/s}
+  ratio: {column: lead, unit: mm/rev}
+  rotor_inertia: {column: J, unit: kg cm^2}
+  stiffness: {column: K, unit: N/um}
+every: {source: invented, grade: R, output: linear}
+"""
+    path = table(tmp_path, "rod,2,300,5,0.4,90\n", head, mapping)
+    (rod,) = import_table(path)["gearmotors"].values()
+    assert (rod["continuous_torque"], rod["max_speed"]) == pytest.approx((2000.0, 0.3))
+    assert (rod["ratio"], rod["rotor_inertia"]) == pytest.approx((2 * np.pi / 5e-3, 4e-5))
+    assert rod["stiffness"] == pytest.approx(9e7)
+    direct = mapping.replace("mm/rev", "rad/m").replace("kg cm^2", "kg").replace("kN", "N")
+    (slide,) = import_table(table(tmp_path, "rod,2,300,1,0.4,90\n", head, direct))[
+        "gearmotors"
+    ].values()
+    assert (slide["continuous_torque"], slide["rotor_inertia"]) == (2.0, 0.4)
 
 
 def test_bill_of_materials_counts_parts_over_joints(tmp_path):
