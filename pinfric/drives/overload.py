@@ -22,6 +22,7 @@ import numpy as np
 from pinfric.drives.catalog import Thermal
 from pinfric.drives.duty import Schedule, once
 from pinfric.drives.policy import Conditions
+from pinfric.drives.thermal import settled
 from pinfric.kernels.compiled import kernel
 
 
@@ -80,15 +81,16 @@ def settled_heat(t: np.ndarray, x: np.ndarray, lag: Lag, duty: Schedule | None =
     largest = float(np.abs(x).max())
     if len(t) == 1 or not largest > 0:  # also NaN
         return largest
-    part, schedule = x / largest, duty or once(len(t))
-    mean = _settled_heat(
-        t,
-        part * part,  # cannot overflow
-        np.array(lag.times),
-        np.array(lag.parts),
-        np.array(schedule.starts),
-        schedule.counts,
-    )
+    schedule, y = duty or once(len(t)), np.square(x / largest)  # cannot overflow
+    ratio = np.diff(t)[:, None] / np.array([lag.times[0], lag.times[-1]])
+    lost = -np.expm1(-ratio)
+    # of the ramp's second half; a short step leaves half of it
+    late = np.where(ratio > 1e-6, 1.0 - lost / ratio, 0.5 * ratio)
+    maps = np.zeros((len(ratio), 6))
+    maps[:, [0, 3]] = 1.0 - lost
+    maps[:, 4:] = y[:-1, None] * lost + np.diff(y)[:, None] * late
+    parts = np.array([*lag.parts, 0.0][:2])
+    mean = settled(maps, np.array(schedule.starts), schedule.counts, parts)[2]
     return largest * min(float(np.sqrt(mean)), 1.0)  # rounding must not lift it above the peak
 
 
@@ -110,46 +112,6 @@ def longest_above(
         order, t = duty.played(t)
         x, where = x[order], where[order]
     return float(_longest_above(t, np.abs(x), limit, where))
-
-
-@kernel
-def _settled_heat(
-    t: np.ndarray,
-    y: np.ndarray,
-    times: np.ndarray,
-    parts: np.ndarray,
-    starts: np.ndarray,
-    counts: np.ndarray,
-) -> float:
-    """Return the greatest sum of parts of theta, tau theta' + theta = y, settled, at a sample."""
-    nodes = times.size
-    decay, gain = np.ones((t.size, nodes)), np.zeros((t.size, nodes))
-    for k in range(t.size - 1):
-        step = t[k + 1] - t[k]
-        for n in range(nodes):
-            ratio = step / times[n]
-            lost = -np.expm1(-ratio)
-            # of the ramp's second half; a short step leaves half of it
-            late = 1.0 - lost / ratio if ratio > 1e-6 else 0.5 * ratio
-            decay[k, n] = 1.0 - lost
-            gain[k, n] = y[k] * lost + (y[k + 1] - y[k]) * late
-    whole, sum_ = np.ones(nodes), np.zeros(nodes)
-    for part in range(counts.size):
-        for _ in range(counts[part]):
-            for k in range(starts[part], starts[part + 1] - 1):
-                for n in range(nodes):
-                    whole[n] *= decay[k, n]
-                    sum_[n] = decay[k, n] * sum_[n] + gain[k, n]
-    theta, most = sum_ / (1.0 - whole), 0.0
-    for part in range(counts.size):
-        for _ in range(counts[part]):
-            for k in range(starts[part], starts[part + 1] - 1):
-                now = 0.0
-                for n in range(nodes):
-                    theta[n] = decay[k, n] * theta[n] + gain[k, n]
-                    now += parts[n] * theta[n]
-                most = max(most, now)
-    return most
 
 
 @kernel

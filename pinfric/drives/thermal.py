@@ -89,7 +89,8 @@ def winding_cycle(
     between = 0.5 * (at_housing[:-1] + at_housing[1:])
     maps = _maps(np.diff(t), heat, between, warm, copper, capacity, conductance)
     schedule = duty or once(len(t))
-    rise, runaway = _settled(maps, np.array(schedule.starts), schedule.counts)
+    starts, nothing = np.array(schedule.starts), np.zeros(2)
+    rise, runaway, _ = settled(maps, starts, schedule.counts, nothing)
     if runaway:
         rise = np.full((len(t), 2), np.inf)
     return WindingCycle(ambient + rise[:, 0], ambient + rise[:, 1], bool(runaway))
@@ -198,12 +199,17 @@ def _maps(
 
 
 @kernel
-def _settled(maps: np.ndarray, starts: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, bool]:
-    """Return (T, 2) largest rises above ambient of winding and housing, and whether they run away.
+def settled(
+    maps: np.ndarray, starts: np.ndarray, counts: np.ndarray, parts: np.ndarray
+) -> tuple[np.ndarray, bool, float]:
+    """Return (T, 2) largest rises of two nodes in a period that repeats, and their greatest sum.
+
+    Between them whether they run away: they have no fixed point then, and 0 is returned of each.
 
     Args:
-        maps: of `_maps`.
+        maps: (T - 1, 6) what each interval does to the rises, x -> Phi x + g: Phi by rows, then g.
         starts, counts: (K + 1,), (K,) of the cycles: first samples, and how often each is run.
+        parts: (2,) of each rise in the sum.
     """
     p00, p01, p10, p11, g0, g1 = 1.0, 0.0, 0.0, 1.0, 0.0, 0.0
     for part in range(counts.size):
@@ -216,9 +222,9 @@ def _settled(maps: np.ndarray, starts: np.ndarray, counts: np.ndarray) -> tuple[
     # all entries of Phi are positive: its spectral radius is below 1 exactly if I - Phi has
     # positive leading minors (an M-matrix)
     determinant = (1 - p00) * (1 - p11) - p01 * p10
-    rise = np.zeros((starts[-1], 2))
+    rise, most = np.zeros((starts[-1], 2)), 0.0
     if not (p00 < 1.0 and determinant > 0.0):
-        return rise, True
+        return rise, True, most
     x0 = ((1 - p11) * g0 + p01 * g1) / determinant
     x1 = (p10 * g0 + (1 - p00) * g1) / determinant
     for part in range(counts.size):
@@ -228,4 +234,5 @@ def _settled(maps: np.ndarray, starts: np.ndarray, counts: np.ndarray) -> tuple[
                     m00, m01, m10, m11, c0, c1 = maps[k - 1]
                     x0, x1 = m00 * x0 + m01 * x1 + c0, m10 * x0 + m11 * x1 + c1
                 rise[k, 0], rise[k, 1] = max(rise[k, 0], x0), max(rise[k, 1], x1)
-    return rise, False
+                most = max(most, parts[0] * x0 + parts[1] * x1)
+    return rise, False, most
