@@ -97,3 +97,13 @@ def test_a_joint_that_stands_still_in_a_noisy_log_is_held(tmp_path):
     np.testing.assert_allclose(motion.v[:, 0], 2 * np.cos(2 * t), atol=2e-3)
     np.testing.assert_allclose(motion.a[:, 0], -4 * np.sin(2 * t), atol=0.1)  # also at the ends
     np.testing.assert_allclose(motion.a[300:-300, 0], -4 * np.sin(2 * t)[300:-300], atol=0.02)
+
+
+def test_a_hold_shorter_than_the_ramps_beside_it_has_its_own_ends():
+    """It slows down by 0.2 rad/s^2, stands for 0.12 s and speeds up as slowly."""
+    t = 0.002 * np.arange(2000)
+    first, last = 1000, 1060
+    q = 0.1 * (np.maximum(t - t[last], 0.0) ** 2 - np.maximum(t[first] - t, 0.0) ** 2)
+    noise = 1e-5 * np.random.default_rng(1).normal(size=t.size)
+    ((found,),) = find_noisy_holds((q + noise)[:, None], 0.002, [1e-5])
+    assert found == pytest.approx((first, last), abs=5)
