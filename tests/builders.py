@@ -15,6 +15,12 @@ _ALIGNED = [pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ]
 _SLIDING = [pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ]
 
 
+def example(name: object, motion: object = None) -> tuple[pf.Scene, pf.Trajectory]:
+    """A scene that comes with pinfric and its motion, or another one."""
+    scene = pf.load_scene(name)
+    return scene, pf.load_trajectory(motion or name, scene)
+
+
 def random_inertia(rng: np.random.Generator) -> pin.Inertia:
     """A body that can exist: a cloud of positive point masses."""
     points = rng.normal(scale=0.2, size=(8, 3)) + rng.normal(scale=0.1, size=3)

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import chain, dry, lump, random_friction, random_inertia, random_tree
+from builders import chain, dry, example, lump, random_friction, random_inertia, random_tree
 
 import pinfric as pf
 from pinfric.dynamics.forward.compensation import CompensationOptions
@@ -287,8 +287,7 @@ def loadable():
 @cache
 def exported_ur5():
     """The arm, its motion, what is exported of them, and inverse dynamics."""
-    scene = pf.load_scene("ur5_pick_and_place")
-    motion = pf.load_trajectory("ur5_pick_and_place.csv", scene)
+    scene, motion = example("ur5_pick_and_place", "ur5_pick_and_place.csv")
     return scene, motion, pf.export(scene, motion), pf.inverse_dynamics(scene, motion)
 
 

@@ -6,6 +6,7 @@ from functools import cache
 
 import builders
 import numpy as np
+from builders import example
 
 import pinfric as pf
 
@@ -60,8 +61,7 @@ def run(scene, motion, sweep, **more):
 @cache
 def swept_panda():
     """A sweep of the bundled panda with motors on trial."""
-    scene = pf.load_scene("panda_pick_and_place")
-    motion = pf.load_trajectory("panda_pick_and_place.csv", scene)
+    scene, motion = example("panda_pick_and_place", "panda_pick_and_place.csv")
     varied = sweep_of(
         40,
         payload__box__mass=uniform(1.0, 3.0),

@@ -26,8 +26,7 @@ def test_table_is_printed_within_80_columns(files, capsys):
 
 
 def test_json_has_the_figures_of_every_joint(files, capsys):
-    assert run("inverse", "arm.yaml", "way.yaml", "--json") == 0
-    envelope = validated(capsys.readouterr().out)
+    envelope = validated(told(capsys, "inverse", "arm.yaml", "way.yaml", "--json").out)
     answer = envelope["result"]
     assert (envelope["scene"], answer["trajectory"]) == ("arm.yaml", "way.yaml")
     assert {"arm.yaml", "way.yaml"} <= envelope["inputs"].keys()
@@ -58,8 +57,7 @@ def test_json_has_the_figures_of_every_joint(files, capsys):
 
 
 def test_out_holds_efforts_figure_and_summary(files, capsys):
-    assert run("inverse", "arm.yaml", "way.yaml", "--json", "--out", "results/run1") == 0
-    out, err = capsys.readouterr()
+    out, err = told(capsys, "inverse", "arm.yaml", "way.yaml", "--json", "--out", "results/run1")
     folder = files / "results" / "run1"
     assert sorted(p.name for p in folder.iterdir()) == [
         "efforts.csv",
@@ -86,8 +84,10 @@ def test_failure_while_writing_leaves_the_old_results_and_nothing_half(files, ca
 
     monkeypatch.setattr(Figure, "savefig", full)
     capsys.readouterr()
-    assert run("inverse", "arm.yaml", "way.yaml", "--out", "out") == 2
-    assert "out: cannot be written: No space left on device" in capsys.readouterr().err
+    assert (
+        "out: cannot be written: No space left on device"
+        in told(capsys, "inverse", "arm.yaml", "way.yaml", "--out", "out", code=2).err
+    )
     assert {p.name: p.read_bytes() for p in (files / "out").iterdir()} == before
     assert run("inverse", "arm.yaml", "way.yaml", "--out", "new/deep") == 2
     assert sorted(p.name for p in files.iterdir()) == listing
@@ -97,8 +97,7 @@ def test_out_that_is_a_file_is_refused_before_any_work(files, capsys, monkeypatc
     monkeypatch.setattr(
         "pinfric.model.scene_file.load_scene", lambda _: pytest.fail("work was done")
     )
-    assert run("inverse", "arm.yaml", "way.yaml", "--out", "arm.yaml") == 2
-    error = capsys.readouterr().err
+    error = told(capsys, "inverse", "arm.yaml", "way.yaml", "--out", "arm.yaml", code=2).err
     assert error.count("\n") == 1
     assert "arm.yaml: cannot be written" in error
 
@@ -109,8 +108,7 @@ def test_folder_in_the_place_of_a_result_leaves_the_old_results(files, capsys):
     (files / "out" / "efforts.png").mkdir()
     before = (files / "out" / "efforts.csv").stat()
     capsys.readouterr()
-    assert run("inverse", "arm.yaml", "way.yaml", "--out", "out") == 2
-    error = capsys.readouterr().err
+    error = told(capsys, "inverse", "arm.yaml", "way.yaml", "--out", "out", code=2).err
     assert "out: cannot be written: it contains a folder efforts.png" in error
     assert error.count("\n") == 1
     assert (files / "out" / "efforts.csv").stat() == before
@@ -120,8 +118,7 @@ def test_folder_in_the_place_of_a_result_leaves_the_old_results(files, capsys):
 def test_name_no_file_system_takes_is_one_short_line(files, capsys, place):
     arguments = ["arm.yaml", "way.yaml", "--out", "out"]
     arguments[place] = "x" * 5000
-    assert run("inverse", *arguments) == 2
-    error = capsys.readouterr().err
+    error = told(capsys, "inverse", *arguments, code=2).err
     assert "File name too long" in error
     assert error.count("\n") == 1
     assert len(error) < 300
@@ -138,8 +135,7 @@ def test_bundled_robots_have_one_line_per_joint_at_80_columns(
     from pinfric.show.report.names import short_names
 
     monkeypatch.setenv("COLUMNS", "80")
-    assert run("inverse", scene, trajectory) == 0
-    lines = capsys.readouterr().out.splitlines()
+    lines = told(capsys, "inverse", scene, trajectory).out.splitlines()
     assert max(map(len, lines)) <= 80
     firsts = [line.split()[0] for line in lines if line.strip()]
     for name in short_names(pf.load_scene(scene).actuator_names).values():
@@ -148,8 +144,7 @@ def test_bundled_robots_have_one_line_per_joint_at_80_columns(
 
 def test_warning_is_one_line_on_stderr_and_in_the_json(files, capsys):
     (files / "arm.yaml").write_text(SCENE.replace("0.05", "5"))  # cm for m
-    assert run("inverse", "arm.yaml", "way.yaml", "--json") == 0
-    out, err = capsys.readouterr()
+    out, err = told(capsys, "inverse", "arm.yaml", "way.yaml", "--json")
     assert err.startswith("pinfric: warning: ")
     assert err.count("\n") == 1
     assert "bearing.radius" in err
@@ -175,25 +170,28 @@ def test_size_prints_each_joints_demand_and_choice(capsys, tmp_path):
 def test_size_takes_conditions(capsys, tmp_path):
     size = ("size", "pendulum", "pendulum", "--catalog", "default", "--json")
     asked = ("--condition", "peak_factor=1.7", "--condition", "holding_brake=required")
-    assert run(*size, *asked, "--out", str(tmp_path / "out")) == 0
-    (joint,) = result_of(capsys.readouterr().out)["joints"]
+    (joint,) = result_of(told(capsys, *size, *asked, "--out", str(tmp_path / "out")).out)["joints"]
     assert joint["installed"]["brake"]
     (peak,) = (c for c in joint["installed"]["criteria"] if c["name"] == "peak torque")
-    assert run(*size) == 0
-    (joint,) = result_of(capsys.readouterr().out)["joints"]
+    (joint,) = result_of(told(capsys, *size).out)["joints"]
     (usual,) = (c for c in joint["installed"]["criteria"] if c["name"] == "peak torque")
     assert peak["required"] == pytest.approx(usual["required"] * 1.7 / 1.2)
     assert "--condition=peak_factor=1.7" in (tmp_path / "out/report.html").read_text()
-    assert run(*size, "--condition", "peak_factor") == cli.BAD_INPUT
-    assert "'peak_factor': should be NAME=VALUE" in capsys.readouterr().err
-    assert run(*size, "--condition", "peak=2") == cli.BAD_INPUT
-    assert "conditions: unknown key `peak`" in capsys.readouterr().err
+    assert (
+        "'peak_factor': should be NAME=VALUE"
+        in told(capsys, *size, "--condition", "peak_factor", code=cli.BAD_INPUT).err
+    )
+    assert (
+        "conditions: unknown key `peak`"
+        in told(capsys, *size, "--condition", "peak=2", code=cli.BAD_INPUT).err
+    )
 
 
 def test_size_takes_several_cycles_and_refuses_shares_that_do_not_add_up(files, capsys):
     size = ("size", "arm.yaml", "--cycle", "way.yaml:0.7", "--cycle", "way.yaml:")
-    assert run(*size[:-1], "way.yaml:0.3", "--period", "100", "--on", "0.5", "--json") == 0
-    found = result_of(capsys.readouterr().out)
+    found = result_of(
+        told(capsys, *size[:-1], "way.yaml:0.3", "--period", "100", "--on", "0.5", "--json").out
+    )
     assert found["cycle_time"] == pytest.approx(100.0)
     assert found["off"] == pytest.approx(50.0)
     times = [cycle["repeats"] for cycle in found["cycles"]]
@@ -201,8 +199,7 @@ def test_size_takes_several_cycles_and_refuses_shares_that_do_not_add_up(files, 
     assert run(*size[:-1], "way.yaml:0.2") == cli.BAD_INPUT
     error = "pinfric: error: duty: the shares 0.7, 0.2 add up to 0.9; "
     assert capsys.readouterr().err.startswith(error)
-    assert run("size", "arm.yaml") == cli.BAD_INPUT
-    assert "give one TRAJECTORY" in capsys.readouterr().err
+    assert "give one TRAJECTORY" in told(capsys, "size", "arm.yaml", code=cli.BAD_INPUT).err
 
 
 SWEEP = """
@@ -218,13 +215,11 @@ motors: {shoulder: {peak_torque: 40.0}}
 
 def test_sweep_prints_tables_and_writes_samples_figure_and_summary(files, capsys):
     (files / "s.yaml").write_text(SWEEP)
-    assert run("sweep", "arm.yaml", "way.yaml", "s.yaml", "--out", "out") == 0
-    printed = capsys.readouterr()
+    printed = told(capsys, "sweep", "arm.yaml", "way.yaml", "s.yaml", "--out", "out")
     assert_printed(__file__, "sweep", printed.out)
     names = {"samples.parquet", "sweep.png", "summary.json"}
     assert {p.name for p in (files / "out").iterdir()} == names
-    assert run("sweep", "arm.yaml", "way.yaml", "s.yaml", "--out", "out", "--json") == 0
-    again = capsys.readouterr()
+    again = told(capsys, "sweep", "arm.yaml", "way.yaml", "s.yaml", "--out", "out", "--json")
     assert "20 cycles, 20 of them from before" in again.err
     summary = validated(again.out)
     assert summary == json.loads((files / "out" / "summary.json").read_text())
@@ -262,8 +257,10 @@ def test_sweep_into_the_folder_of_another_is_refused(files, capsys):
     (files / "s.yaml").write_text(SWEEP)
     assert run("sweep", "arm.yaml", "way.yaml", "s.yaml", "--out", "out") == 0
     (files / "s.yaml").write_text(SWEEP.replace("seed: 1", "seed: 2"))
-    assert run("sweep", "arm.yaml", "way.yaml", "s.yaml", "--out", "out") == 2
-    assert "holds samples of another sweep (different: sweep)" in capsys.readouterr().err
+    assert (
+        "holds samples of another sweep (different: sweep)"
+        in told(capsys, "sweep", "arm.yaml", "way.yaml", "s.yaml", "--out", "out", code=2).err
+    )
 
 
 def test_names_that_are_not_utf_8_hold_results(files, capsys):
@@ -286,7 +283,6 @@ def test_a_name_without_letters_in_any_font_is_one_line(files, capsys):
     for name in ("arm.urdf", "arm.yaml"):
         text = (files / name).read_text().replace("shoulder", "\U00012000\U00012001")
         (files / name).write_text(text)
-    assert run("inverse", "arm.yaml", "way.yaml", "--out", "found") == 0
-    said = capsys.readouterr().err
+    said = told(capsys, "inverse", "arm.yaml", "way.yaml", "--out", "found").err
     assert "Glyph" not in said
     assert said.count("the pictures show boxes for letters of names that no font here has") == 1

@@ -54,8 +54,7 @@ def test_defect_is_one_line_unless_a_traceback_is_asked_for(files, capsys, monke
     ],
 )
 def test_wrong_usage_is_one_line(arguments, culprit, capsys):
-    assert run(*arguments) == 2
-    out, err = capsys.readouterr()
+    out, err = told(capsys, *arguments, code=2)
     assert out == ""
     assert err.startswith("pinfric: error: ")
     assert culprit in err
@@ -83,27 +82,28 @@ def test_interrupt_exits_130_with_one_line(files, capsys, monkeypatch):
 
 def test_quiet_leaves_verdicts_and_errors(capsys, tmp_path):
     command = ("inverse", "pendulum", "pendulum", "--out", str(tmp_path))
-    assert run(*command) == 0
-    loud = capsys.readouterr()
+    loud = told(capsys, *command)
     assert "wrote" in loud.err
     verdict = "all 2801 samples solved; efforts are within the URDF's limits\n"
     assert loud.out.startswith(verdict)
-    assert run("-q", *command) == 0
-    assert capsys.readouterr() == (verdict, "")
-    assert run(*command, "--quiet") == 0
-    assert capsys.readouterr() == (verdict, "")
-    assert run("-q", "inverse", "pendulum", "nowhere.csv") == cli.BAD_INPUT
-    assert "there is no file" in capsys.readouterr().err
+    assert told(capsys, "-q", *command) == (verdict, "")
+    assert told(capsys, *command, "--quiet") == (verdict, "")
+    assert (
+        "there is no file"
+        in told(capsys, "-q", "inverse", "pendulum", "nowhere.csv", code=cli.BAD_INPUT).err
+    )
 
 
 def test_verbose_adds_files_versions_and_time(capsys):
-    assert run("check", "pendulum", "-v") == 0
-    lines = capsys.readouterr().err.splitlines()
+    lines = told(capsys, "check", "pendulum", "-v").err.splitlines()
     assert [Path(line).name for line in lines[:2]] == ["pendulum.yaml", "pendulum.urdf"]
     assert lines[2].startswith(f"pinfric: versions: pinfric {__version__}, Python 3.")
     assert lines[3].startswith("pinfric: took ")
-    assert run("-v", "check", "nowhere.yaml") == cli.BAD_INPUT
-    assert capsys.readouterr().err.splitlines()[-1].startswith("pinfric: error: there is no file")
+    assert (
+        told(capsys, "-v", "check", "nowhere.yaml", code=cli.BAD_INPUT)
+        .err.splitlines()[-1]
+        .startswith("pinfric: error: there is no file")
+    )
 
 
 # Every message is one line of a readable length, whatever the names in it hold.
@@ -172,8 +172,7 @@ def test_help_and_version(capsys):
         (("inverse", "--help"), "--threads"),
         (("--version",), declared),
     ):
-        assert run(*arguments) == 0
-        assert expected in capsys.readouterr().out
+        assert expected in told(capsys, *arguments).out
 
 
 def test_importing_the_command_line_imports_nothing_heavy():
@@ -191,8 +190,7 @@ def test_importing_the_command_line_imports_nothing_heavy():
 
 def test_the_list_of_commands_is_whole_and_options_have_short_names(capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
-    assert run("-h") == 0
-    assert "..." not in capsys.readouterr().out.replace("[ARGS]...", "")
+    assert "..." not in told(capsys, "-h").out.replace("[ARGS]...", "")
     assert run("-V") == run("--version") == 0
     assert len(set(capsys.readouterr().out.splitlines())) == 1
 

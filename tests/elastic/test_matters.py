@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from builders import lump
+from builders import example, lump
 from cli_cases import told
 from envelopes import result_of
 
@@ -48,8 +48,7 @@ def test_what_winding_up_takes_of_a_motor():
 
 @pytest.mark.slow
 def test_explain_says_it_only_of_elastic_scenes(capsys):
-    scene = pf.load_scene("ur10_machine_tending")
-    motion = pf.load_trajectory("ur10_machine_tending", scene)
+    scene, motion = example("ur10_machine_tending")
     effect = explain(scene, motion).elastic
     assert effect.sag == pytest.approx(2.38e-3, abs=5e-6)
     assert effect.interval == pytest.approx(0.223e-3, abs=1e-6)
@@ -62,8 +61,7 @@ def test_explain_says_it_only_of_elastic_scenes(capsys):
 
 def test_explain_says_whose_wind_up_the_controller_corrects():
     """Sag and range were 0 without a word."""
-    scene = pf.load_scene("ur10_machine_tending")
-    motion = pf.load_trajectory("ur10_machine_tending", scene)
+    scene, motion = example("ur10_machine_tending")
     at_joint = [a.model_copy(update={"encoder": "joint"}) for a in scene.actuators]
     for given, names in ((scene, ()), (scene.with_(actuators=at_joint), scene.actuator_names)):
         found = elastic_effect(pf.inverse_dynamics(given, motion))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import chain, gantry, geared_arm, lump
+from builders import chain, example, gantry, geared_arm, lump
 from mechanisms import shifted
 
 import pinfric as pf
@@ -211,8 +211,7 @@ def test_a_four_bar_with_an_elastic_crank():
 def test_loops_keep_the_place_that_their_approach_left():
     """Of a four-bar and of a delta robot: inside the interval, on its own side of the middle."""
     for name, tool in (("four_bar", "coupler"), ("delta", "platform")):
-        scene = pf.load_scene(name)
-        motion = pf.load_trajectory(name, scene)
+        scene, motion = example(name)
         drives = [
             a.model_copy(update={"transmission": Transmission(ratio=100.0, stiffness=1e4)})
             for a in scene.actuators

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from builders import example
 from cli_cases import told
 from envelopes import result_of
 
@@ -86,8 +87,7 @@ def test_the_figure_says_how_far_efforts_are_known(log):
     from pinfric.motions.log.judged import judge_log
     from pinfric.show.figure.efforts import effort_figure
 
-    scene = pf.load_scene("ur10.yaml")
-    motion = pf.load_trajectory(log, scene)
+    scene, motion = example("ur10.yaml", log)
     result = pf.inverse_dynamics(scene, motion)
     figure = effort_figure(result, log, log=judge_log(result, motion.reading))
     texts = [text.get_text() for text in figure.texts]

@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 
 import pytest
+from builders import example
 from processes import listening, workers
 
 import pinfric as pf
@@ -16,8 +17,7 @@ pytestmark = pytest.mark.filterwarnings("ignore:zmq.eventloop:DeprecationWarning
 
 
 def test_a_sweep_on_two_processes_opens_no_port():
-    scene = pf.load_scene("panda_pick_and_place")
-    trajectory = pf.load_trajectory("panda_pick_and_place.csv", scene)
+    scene, trajectory = example("panda_pick_and_place", "panda_pick_and_place.csv")
     sweep = {
         "pinfric_sweep": 1,
         "samples": 8,

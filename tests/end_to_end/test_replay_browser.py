@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import chain
+from builders import chain, example
 
 import pinfric as pf
 from pinfric.model.robot import example_robot_data
@@ -122,16 +122,14 @@ def three_link(browser, three_link_page):
 
 @pytest.fixture(scope="module")
 def three_link_page(tmp_path_factory):
-    scene = pf.load_scene(ROBOTS / "three_link.yaml")
-    trajectory = pf.load_trajectory(ROBOTS / "three_link.waypoints.yaml", scene)
+    scene, trajectory = example(ROBOTS / "three_link.yaml", ROBOTS / "three_link.waypoints.yaml")
     result = pf.inverse_dynamics(scene, trajectory)
     shown = pf.replay(scene, result, html=tmp_path_factory.mktemp("page") / "three_link.html")
     return scene, result, shown.html
 
 
 def solved(name):
-    scene = pf.load_scene(ROBOTS / f"{name}.yaml")
-    trajectory = pf.load_trajectory(ROBOTS / f"{name}.waypoints.yaml", scene)
+    scene, trajectory = example(ROBOTS / f"{name}.yaml", ROBOTS / f"{name}.waypoints.yaml")
     return scene, pf.inverse_dynamics(scene, trajectory)
 
 
@@ -483,8 +481,9 @@ def test_sticks_shorter_than_a_frame_are_listed_and_shown(browser, tmp_path):
 
 
 def test_panda_with_meshes_and_box(browser, tmp_path):
-    scene = pf.load_scene(ROBOTS / "panda_pick_and_place.yaml")
-    trajectory = pf.load_trajectory(ROBOTS / "panda_pick_and_place.waypoints.yaml", scene)
+    scene, trajectory = example(
+        ROBOTS / "panda_pick_and_place.yaml", ROBOTS / "panda_pick_and_place.waypoints.yaml"
+    )
     result = pf.inverse_dynamics(scene, trajectory)
     shown = pf.replay(scene, result, html=tmp_path / "panda.html")
     page = Page(browser, shown.html)

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import random_states, random_tree
+from builders import example, random_states, random_tree
 from export_cases import moved
 
 import pinfric as pf
@@ -78,8 +78,7 @@ def test_mujoco_misses_what_the_file_states(ur5):
 
 def test_mujocos_friction_is_soft_in_the_samples_that_the_file_names():
     """Constants along the motion, computed here, differ from mj_inverse there and only there."""
-    scene = pf.load_scene("ur10_machine_tending")
-    motion = pf.load_trajectory("ur10_machine_tending", scene)
+    scene, motion = example("ur10_machine_tending")
     scene = scene.with_(payloads={})
     bare = pf.Trajectory.from_arrays(scene, motion.t, motion.q, motion.v, motion.a)
     made, result = pf.export(scene, bare), pf.inverse_dynamics(scene, bare)
@@ -176,8 +175,7 @@ def test_limits_frames_and_odd_names_are_there():
 
 def test_joints_that_never_move_in_the_motion_are_held():
     """0.5 N m at the Panda's joint 5, which the motion holds still: friction 0 let it turn."""
-    scene = pf.load_scene("panda_pick_and_place")
-    motion = pf.load_trajectory("panda_pick_and_place.csv", scene)
+    scene, motion = example("panda_pick_and_place", "panda_pick_and_place.csv")
     made = pf.export(scene, motion)
     still = [joint for joint in made.joints if joint.unmoved]
     assert [joint.joint[-1] for joint in still] == ["3", "5", "7"]

@@ -117,7 +117,7 @@ def branched():
         model.addJoint(parent, pin.JointModelRZ(), out, name)
     for j in range(1, 5):
         model.appendBodyToJoint(j, body, pin.SE3.Identity())
-        model.addFrame(pin.Frame(f"link_{j}", j, pin.SE3.Identity(), pin.FrameType.BODY))
+        model.addBodyFrame(f"link_{j}", j, pin.SE3.Identity(), 0)
     friction = {
         name: pin_friction(0.2, r, static=0.3) | {"viscous": r}
         for name, r in zip(("a", "b", "a2", "b2"), (0.05, 0.1, 0.15, 0.2), strict=True)
@@ -157,7 +157,7 @@ def test_a_contact_at_the_tool_loads_the_joint():
     body = lump(3.0, [0.5, 0.0, 0.0], 0.1)
     model = chain(("hinge", pin.JointModelRY(), body))
     model.jointPlacements[1] = shifted(0.0, 0.15)
-    model.addFrame(pin.Frame("bar", 1, pin.SE3.Identity(), pin.FrameType.BODY))
+    model.addBodyFrame("bar", 1, pin.SE3.Identity(), 0)
     bearing = {"kind": "pin", "radius": 0.02}
     friction = {"hinge": {"bearing": bearing, "mu": {"static": 0.2, "kinetic": 0.1}}}
     scene = pf.Scene(model, friction=friction, source="bar.yaml")
@@ -195,7 +195,7 @@ def geared(efficiency, back, rotor):
         "rotor_inertia": rotor,
     }
     model = chain(("hinge", pin.JointModelRY(), body))
-    model.addFrame(pin.Frame("bar", 1, pin.SE3.Identity(), pin.FrameType.BODY))
+    model.addBodyFrame("bar", 1, pin.SE3.Identity(), 0)
     friction = {"hinge": dry(1.0, 0.8)}
     actuators = [{"joint": "hinge", "transmission": gear}]
     return pf.Scene(model, friction=friction, actuators=actuators, source="geared.yaml")

@@ -32,7 +32,7 @@ def bar():
     model.jointPlacements[1] = shifted(0.0, 0.15)
     model.armature[:] = 0.1
     model.lowerPositionLimit[:], model.upperPositionLimit[:] = -0.4, 1.0
-    model.addFrame(pin.Frame("bar", 1, pin.SE3.Identity(), pin.FrameType.BODY))
+    model.addBodyFrame("bar", 1, pin.SE3.Identity(), 0)
     friction = {
         "hinge": pin_friction(0.2, 0.02, static=0.3)
         | {"stribeck": {"velocity": 0.1}, "viscous": {"coefficient": 0.2, "exponent": 0.7}}
@@ -226,7 +226,7 @@ def worm():
     body = lump(5.0, [0.3, 0.0, 0.0], 0.1)
     gear = {"ratio": 50.0, "efficiency": 0.3, "back_efficiency": -0.8, "rotor_inertia": 1e-7}
     model = chain(("hinge", pin.JointModelRY(), body))
-    model.addFrame(pin.Frame("bar", 1, pin.SE3.Identity(), pin.FrameType.BODY))
+    model.addBodyFrame("bar", 1, pin.SE3.Identity(), 0)
     friction = {"hinge": dry(1.0, 0.8)}
     actuators = [{"joint": "hinge", "transmission": gear}]
     return pf.Scene(model, friction=friction, actuators=actuators, source="worm.yaml")

@@ -361,7 +361,7 @@ def crane(rng: Rng) -> Case:
     """A boom and an arm, each on a lead screw between links; pins and seals rub."""
     model, parent = pin.Model(), 0
     links = [("boom", 1.0, 40.0), ("arm", 0.7, 20.0)]
-    model.addFrame(pin.Frame("ground", 0, 0, pin.SE3.Identity(), pin.FrameType.BODY))
+    model.addBodyFrame("ground", 0, pin.SE3.Identity(), 0)
     for k, (name, length, mass) in enumerate(links[: int(rng.integers(1, 3))]):
         place = shifted(1.0 if k else 0.0)
         parent = model.addJoint(parent, pin.JointModelRY(), place, f"pivot_{name}")

@@ -11,6 +11,7 @@ import dataclasses
 import coupled as module
 import numpy as np
 import pytest
+from builders import example
 from cases import Case, drawer_forces, jamming_drawer, turning_four_bar
 from coupled import (
     SHARES,
@@ -134,8 +135,7 @@ def test_passes_without_end_are_rows_with_a_reason(monkeypatch):
 
 
 def test_where_nothing_couples_or_slides_there_is_nothing_to_study():
-    scene = pf.load_scene("pendulum")
-    trajectory = pf.load_trajectory("pendulum.waypoints.yaml", scene)
+    scene, trajectory = example("pendulum", "pendulum.waypoints.yaml")
     assert coupled(pf.inverse_dynamics(scene, trajectory)) == ()
     case = jamming_drawer(0.3)
     assert coupled(dataclasses.replace(case, v=0 * case.v, a=0 * case.a).inverse()) == ()

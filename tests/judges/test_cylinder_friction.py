@@ -36,7 +36,7 @@ PIN = pin_friction(0.1, 0.03, static=0.15)
 def with_ground(joint):
     model = pin.Model()
     row = model.addJoint(0, joint, pin.SE3.Identity(), "pivot")
-    model.addFrame(pin.Frame("ground", 0, 0, pin.SE3.Identity(), pin.FrameType.BODY))
+    model.addBodyFrame("ground", 0, pin.SE3.Identity(), 0)
     model.addBodyFrame("boom", row, pin.SE3.Identity(), 0)
     return model, row
 

@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import pinocchio as pin
 import pytest
+from builders import example
 
 import pinfric as pf
 from pinfric.errors import PinfricError
@@ -71,7 +72,7 @@ def scene_of(mechanism: Mechanism) -> pf.Scene:
     """The same mechanism for the reduced formulation: its joint frames parallel to the ground."""
     model = pin.Model()
     model.gravity.linear = np.asarray(mechanism.gravity, float)
-    model.addFrame(pin.Frame(GROUND, 0, pin.SE3.Identity(), pin.FrameType.BODY))
+    model.addBodyFrame(GROUND, 0, pin.SE3.Identity(), 0)
     body = {b.name: b for b in mechanism.bodies}
     origin, ids = {GROUND: np.zeros(3)}, {GROUND: 0}
     for joint in mechanism.joints:
@@ -243,8 +244,7 @@ def four_bar() -> Mechanism:
 
 def bundled(name, mechanism, samples):
     """A bundled scene, its own motion (q, v, a), and the same for the mechanism."""
-    scene = pf.load_scene(name)
-    motion = pf.load_trajectory(f"{name}.waypoints.yaml", scene)
+    scene, motion = example(name, f"{name}.waypoints.yaml")
     every = slice(None, None, len(motion.t) // samples)
     q, v, a = motion.q[every], motion.v[every], motion.a[every]
     columns = {c.name: c for c in joint_columns(scene.model, name)}

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import yaml
-from builders import dry
+from builders import dry, example
 from cases import boxer
 from dynamics.forward.test_forward import mimic_scene
 from mechanisms import add_link, bar, four_bar, grounded_model, shifted
@@ -283,8 +283,7 @@ def test_a_boxer_runs_through_its_dead_centres():
 # straight up, two of a ball's axes stop at once and the third later, and energy() cannot close the
 # loop that stands.
 def test_a_ball_stops_about_all_its_axes_at_once():
-    plain = pf.load_scene("delta")
-    up = pf.load_trajectory("delta", plain)
+    plain, up = example("delta")
     sample = int(np.argmax(up.v[:90, -1]))
     scene = plain.with_(closed_brakes=dict.fromkeys(plain.actuator_names, 1.5))
     q, v = up.q[sample], up.v[sample]

@@ -30,7 +30,7 @@ EVERYTHING = {
 
 def whole_scene(seed=1, joints=4):
     model = random_tree(seed, joints, sliding=0.0)
-    model.addFrame(pin.Frame("tool", joints, pin.SE3.Identity(), pin.FrameType.BODY))
+    model.addBodyFrame("tool", joints, pin.SE3.Identity(), 0)
     gear = {"ratio": 50.0, "efficiency": 0.9, "back_efficiency": 0.85, "rotor_inertia": 1e-5}
     return pf.Scene(
         model=model,

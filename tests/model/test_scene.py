@@ -24,7 +24,7 @@ BOX = {"box": {"link": "tray", "mass": 1.0, "com": [0.0, 0.0, 0.1], "attached": 
 
 def made(**more):
     model = block()
-    model.addFrame(pin.Frame("tray", 1, pin.SE3.Identity(), pin.FrameType.BODY))
+    model.addBodyFrame("tray", 1, pin.SE3.Identity(), 0)
     return pf.Scene(model=model, friction=FRICTION, payloads=BOX, **more)
 
 

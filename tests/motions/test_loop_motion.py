@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from builders import example
 from cases import crank_motion
 from mechanisms import four_bar
 
@@ -42,8 +43,7 @@ def test_a_csv_names_only_the_independent_joint(tmp_path):
 
 
 def test_all_joints_named_without_derivatives_are_made_consistent(tmp_path):
-    scene = pf.load_scene(ROBOTS / "four_bar.yaml")
-    whole = pf.load_trajectory(ROBOTS / "four_bar.waypoints.yaml", scene)
+    scene, whole = example(ROBOTS / "four_bar.yaml", ROBOTS / "four_bar.waypoints.yaml")
     path = tmp_path / "all.csv"
     t, position = whole.t[100:400], whole.joint_positions()[100:400]
     np.savetxt(

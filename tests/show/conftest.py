@@ -3,6 +3,7 @@
 from functools import cache
 
 import pytest
+from builders import example
 from exporting.conftest import headers, ur5
 from identification.conftest import found
 from retiming.conftest import files
@@ -20,8 +21,7 @@ def panda():
 
 @cache
 def elastic_door():
-    scene = pf.load_scene("ur10_machine_tending")
-    motion = pf.load_trajectory("ur10_machine_tending", scene)
+    scene, motion = example("ur10_machine_tending")
     return pf.elasticity(pf.inverse_dynamics(scene, motion))
 
 

@@ -8,7 +8,7 @@ import pickle
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import chain, dry, plane_friction, sliding_block
+from builders import chain, dry, example, plane_friction, sliding_block
 from dynamics.forward.test_forward import mimic_scene
 from matplotlib.figure import Figure
 from sizing_cases import one_drive, trapezoid, turntable
@@ -27,8 +27,7 @@ LONG = "a_very_long_name_of_a_joint_that_some_exporter_made_up_from_the_path_of_
 
 @pytest.fixture(scope="module")
 def panda():
-    scene = pf.load_scene("panda_pick_and_place")
-    motion = pf.load_trajectory("panda_pick_and_place.csv", scene)
+    scene, motion = example("panda_pick_and_place", "panda_pick_and_place.csv")
     return scene, motion, pf.inverse_dynamics(scene, motion)
 
 

@@ -6,6 +6,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+from builders import example
 
 import pinfric as pf
 from pinfric.sizing.branch import Arm, stiff_enough
@@ -63,8 +64,7 @@ def test_branch_and_bound_finds_what_an_enumeration_finds(seed, joints, drives):
 
 def test_a_whole_arm_swings_as_fast_as_it_is_asked_to():
     """Each axis alone allows a softer arm; the frequency is that of the report's own modes."""
-    scene = pf.load_scene("scara")
-    motion = pf.load_trajectory("scara", scene)
+    scene, motion = example("scara")
     alone = pf.size(scene, motion, "default", on_miss="ignore")
     lowest = float(alone.elastic.frequency.min())
     wanted = 1.15 * lowest

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import chain, dry, lump
+from builders import chain, dry, example, lump
 from cli_cases import told
 from mechanisms import shifted
 from sizing_cases import GEAR, one_drive
@@ -162,8 +162,7 @@ def test_a_tool_must_be_named(arm, tmp_path):
 
 
 def test_the_scenes_own_gears_are_judged_without_a_catalogue(capsys):
-    scene = pf.load_scene("ur10_machine_tending")
-    motion = pf.load_trajectory("ur10_machine_tending", scene)
+    scene, motion = example("ur10_machine_tending")
     report = pf.size(
         scene, motion, conditions={"tool_interval": 1e-4, "tool_sag": 3e-3}, on_miss="ignore"
     )
@@ -188,8 +187,7 @@ def test_sizing_of_rigid_gears_says_nothing_of_it(capsys, tmp_path):
 
 
 def test_inertias_are_those_of_pinocchio_one_by_one():
-    scene = pf.load_scene("ur5_pick_and_place")
-    motion = pf.load_trajectory("ur5_pick_and_place", scene)
+    scene, motion = example("ur5_pick_and_place")
     result = pf.inverse_dynamics(scene, motion)
     found = joint_inertias(scene, result.states)
     for sample in (0, 400, 900):

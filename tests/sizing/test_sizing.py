@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import chain, dry, lump, row
+from builders import chain, dry, example, lump, row
 from cases import resting_four_bar
 from mechanisms import pin_friction, shifted
 from sizing_cases import (
@@ -347,8 +347,7 @@ def test_planar_joint_gets_its_demand_but_no_drive(tmp_path):
 
 def test_cylinders_are_sized_by_their_own_rate():
     """Independent: lengths from Pinocchio's frames; rates by differences, work by trapezoids."""
-    scene = pf.load_scene("excavator")
-    motion = pf.load_trajectory("excavator.waypoints.yaml", scene)
+    scene, motion = example("excavator", "excavator.waypoints.yaml")
     report = pf.size(scene, motion)
     result = pf.inverse_dynamics(scene, motion)
     model, data = scene.model, scene.model.createData()
@@ -368,8 +367,7 @@ def test_cylinders_are_sized_by_their_own_rate():
 
 @pytest.mark.filterwarnings("ignore:.*no candidates. motors and gears are for joints with one axis")
 def test_a_catalogue_without_motors_or_gears_says_that_nothing_can_be_chosen(tmp_path):
-    scene = pf.load_scene("excavator")
-    motion = pf.load_trajectory("excavator.waypoints.yaml", scene)
+    scene, motion = example("excavator", "excavator.waypoints.yaml")
     report = pf.size(scene, motion, "default")
     assert len(report.no_fit) == 3
     assert report.no_fit[0].startswith("boom_cylinder: no candidates: motors and gears are")
@@ -431,7 +429,7 @@ def test_a_cycle_that_does_not_close_says_what_and_by_how_much(tmp_path):
     payload = {"box": {"link": "table", "mass": 1.0, "com": [0.0, 0.0, 0.0]}}
     scene = turntable()
     model = scene.model.copy()
-    model.addFrame(pin.Frame("table", 1, pin.SE3.Identity(), pin.FrameType.BODY))
+    model.addBodyFrame("table", 1, pin.SE3.Identity(), 0)
     scene = pf.Scene(model=model, payloads=payload, friction=scene.friction)
     carried = {"box": np.arange(51) > 20}
     report = pf.size(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from builders import example
 from stop_cases import arm, turntable
 
 import pinfric as pf
@@ -99,8 +100,7 @@ def test_a_curved_path_ends_where_small_steps_end(sample, d):
 
 def test_no_axis_of_a_robot_is_slowed_by_more_than_it_may_be():
     """From everywhere on a cycle of a UR10, each axis as much as the cycle itself slows it."""
-    scene = pf.load_scene("ur10_machine_tending")
-    motion = pf.load_trajectory("ur10_machine_tending", scene)
+    scene, motion = example("ur10_machine_tending")
     path, d = CyclePath(scene.model, motion), 1.05 * np.abs(motion.a).max(axis=0)
     most = 0.0
     for sample in range(0, len(motion.t), 60):

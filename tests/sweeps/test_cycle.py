@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from builders import example
 from sweep_cases import run, sweep_of, uniform
 
 import pinfric as pf
@@ -12,8 +13,7 @@ from pinfric.sweeps.cycle import FIGURES
 
 
 def test_samples_are_single_runs_of_the_changed_scene():
-    scene = pf.load_scene("panda_pick_and_place")
-    motion = pf.load_trajectory("panda_pick_and_place.csv", scene)
+    scene, motion = example("panda_pick_and_place", "panda_pick_and_place.csv")
     found = run(
         scene,
         motion,

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import yaml
+from builders import example
 from sweep_cases import MASS, MU, G, pushed_block, run, steady, steps, sweep_of, uniform
 
 import pinfric as pf
@@ -39,8 +40,7 @@ def test_grid_has_every_combination_once():
 
 
 def test_samples_that_jam_are_counted_not_hidden():
-    scene = pf.load_scene("drawer")
-    motion = pf.load_trajectory("drawer", scene)
+    scene, motion = example("drawer")
     sweep = sweep_of(
         sampling="grid",
         motors={"push": {"peak_torque": 1e6}},
@@ -71,15 +71,13 @@ def test_sample_that_is_refused_says_why():
 
 
 def test_speeds_beyond_the_urdfs_limits_are_noticed():
-    scene = pf.load_scene("panda_pick_and_place")
-    motion = pf.load_trajectory("panda_pick_and_place.csv", scene)
+    scene, motion = example("panda_pick_and_place", "panda_pick_and_place.csv")
     with pytest.warns(pf.PinfricWarning, match="in 1 of 2 samples a joint is faster"):
         run(scene, motion, sweep_of(sampling="grid", speed=steps(0.5, 20.0, 2)))
 
 
 def test_bundled_sweep_fits_its_scene():
-    scene = pf.load_scene("panda_pick_and_place")
-    motion = pf.load_trajectory("panda_pick_and_place.csv", scene)
+    scene, motion = example("panda_pick_and_place", "panda_pick_and_place.csv")
     entries, source = load_sweep("panda_pick_and_place")
     assert source.endswith(BUNDLED)
     with open(source, encoding="utf-8") as file:

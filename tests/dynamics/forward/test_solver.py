@@ -54,7 +54,7 @@ def floating(model):
     base = pin.Model()
     root = base.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
     base.appendBodyToJoint(root, lump(2.0, [0.0, 0.1, 0.0], 0.1), pin.SE3.Identity())
-    base.addFrame(pin.Frame("trunk", root, pin.SE3.Identity(), pin.FrameType.BODY))
+    base.addBodyFrame("trunk", root, pin.SE3.Identity(), 0)
     return pin.appendModel(base, model, base.getFrameId("trunk"), pin.SE3.Identity())
 
 

@@ -156,7 +156,7 @@ def test_chunks_are_the_whole_in_pieces(chunks):
 
 def test_a_payload_acts_only_while_it_is_attached():
     model = block(mass=2.0)
-    model.addFrame(pin.Frame("table", 1, pin.SE3.Identity(), pin.FrameType.BODY))
+    model.addBodyFrame("table", 1, pin.SE3.Identity(), 0)
     payloads = {"box": {"link": "table", "mass": 3.0, "com": [0.0, 0.0, 0.1], "attached": False}}
     scene = pf.Scene(model=model, friction={"slide": plane_friction(0.5, 0.5)}, payloads=payloads)
     attached = np.array([[False], [True], [True], [False]])
@@ -213,7 +213,7 @@ def test_a_scene_survives_pickling():
 
 def test_a_motion_made_for_another_robot_or_other_payloads_is_refused_or_reordered():
     model = block(mass=2.0)
-    model.addFrame(pin.Frame("table", 1, pin.SE3.Identity(), pin.FrameType.BODY))
+    model.addBodyFrame("table", 1, pin.SE3.Identity(), 0)
     one, two = ({"link": "table", "mass": m, "com": [0.0, 0.0, 0.0]} for m in (1.0, 10.0))
     there = pf.Scene(model=model, payloads={"one": one, "two": two})
     here = pf.Scene(model=model, payloads={"two": two, "one": one})

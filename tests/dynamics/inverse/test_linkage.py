@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import sliding_block
+from builders import example, sliding_block
 from cases import (
     Case,
     crank_motion,
@@ -490,8 +490,7 @@ def test_open_chains_do_not_come_here(monkeypatch):
 
 @pytest.mark.parametrize("name", ["four_bar", "slider_crank", "drawer", "excavator", "delta"])
 def test_bundled_mechanisms_run_and_check(name):
-    scene = pf.load_scene(ROBOTS / f"{name}.yaml")
-    motion = pf.load_trajectory(ROBOTS / f"{name}.waypoints.yaml", scene)
+    scene, motion = example(ROBOTS / f"{name}.yaml", ROBOTS / f"{name}.waypoints.yaml")
     result = pf.inverse_dynamics(scene, motion)
     assert (result.status == Status.CONVERGED).all()
     assert motion.warnings == ()

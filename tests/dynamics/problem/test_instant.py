@@ -59,7 +59,7 @@ def test_a_tree_is_a_linkage_without_loops(seed):
     free = tree(seed, 3)
     model = free.model
     link = model.names[3]
-    model.addFrame(pin.Frame(link, 3, pin.SE3.Identity(), pin.FrameType.BODY))
+    model.addBodyFrame(link, 3, pin.SE3.Identity(), 0)
     free = pf.Scene(model=model, friction=free.friction)
     at, way = np.array([0.1, -0.2, 0.3]), np.array([0.6, 0.0, 0.8])
     drives = [{"joint": model.names[j]} for j in (1, 2)]

@@ -47,7 +47,7 @@ from pinfric.errors import SceneError, StateError
 )
 def test_wrong_states_are_named(change, says):
     model = block()
-    model.addFrame(pin.Frame("table", 1, pin.SE3.Identity(), pin.FrameType.BODY))
+    model.addBodyFrame("table", 1, pin.SE3.Identity(), 0)
     scene = pf.Scene(model=model)
     given = {"q": np.zeros((3, 1)), "v": np.zeros((3, 1)), "a": np.zeros((3, 1)), **change}
     with pytest.raises(StateError, match=says) as error:
@@ -100,7 +100,7 @@ def test_efforts_beyond_numbers_are_refused():
 
 def test_a_tool_wrench_loads_the_bearings_too():
     model = block(mass=2.0)
-    model.addFrame(pin.Frame("table", 1, pin.SE3.Identity(), pin.FrameType.BODY))
+    model.addBodyFrame("table", 1, pin.SE3.Identity(), 0)
     scene = pf.Scene(model=model, friction={"slide": plane_friction(0.5, 0.5)})
     # pressed down by 100 N and pulled back by 7 N
     tool = np.array([-7.0, 0.0, -100.0, 0.0, 0.0, 0.0])

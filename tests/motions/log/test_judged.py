@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import chain
+from builders import chain, example
 from identify_cases import LOGS, needs_logs
 from log_cases import ARM, LOADED, peaks, write_csv
 
@@ -16,8 +16,7 @@ from pinfric.motions.log.reading import ReadingOptions
 def test_a_real_ur10_beside_its_measured_efforts(tmp_path):
     urdf = "example-robot-data:ur_description/urdf/ur10_robot.urdf"
     (tmp_path / "ur10.yaml").write_text(f'pinfric: 1\nrobot: {{urdf: "{urdf}"}}\n')
-    scene = pf.load_scene(tmp_path / "ur10.yaml")
-    motion = pf.load_trajectory(LOGS / "ur10" / "ur10_exciting_trajectory.db3", scene)
+    scene, motion = example(tmp_path / "ur10.yaml", LOGS / "ur10" / "ur10_exciting_trajectory.db3")
     assert (motion.reading.samples, motion.reading.dropped, motion.reading.resampled) == (
         3441,
         0,

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import chain, lump
+from builders import chain, example, lump
 from log_cases import (
     LOADED,
     NAMES,
@@ -90,8 +90,7 @@ def test_a_given_cutoff_is_taken(smooth, tmp_path):
 def test_bundled_files_pass_through_bit_for_bit(name, tmp_path):
     from pinfric.motions.derivatives import find_holds, position_derivatives
 
-    scene = pf.load_scene(ROBOTS / f"{name}.yaml")
-    plan = pf.load_trajectory(ROBOTS / f"{name}.csv", scene)
+    scene, plan = example(ROBOTS / f"{name}.yaml", ROBOTS / f"{name}.csv")
     assert not plan.reading.notes
     cells = np.loadtxt(ROBOTS / f"{name}.csv", delimiter=",", skiprows=1)
     header = (ROBOTS / f"{name}.csv").read_text().splitlines()[0].split(",")
@@ -138,8 +137,7 @@ def test_a_motion_with_power_up_to_its_cutoff_keeps_its_peaks(smooth, seed, tmp_
 
 @pytest.mark.parametrize("name", ["four_bar", "slider_crank"])
 def test_noisy_logs_of_all_joints_of_a_loop_are_closed(name, tmp_path):
-    scene = pf.load_scene(ROBOTS / f"{name}.yaml")
-    plan = pf.load_trajectory(ROBOTS / f"{name}.waypoints.yaml", scene)
+    scene, plan = example(ROBOTS / f"{name}.yaml", ROBOTS / f"{name}.waypoints.yaml")
     q = plan.joint_positions() + 1e-5 * np.random.default_rng(1).normal(size=(plan.t.size, 3))
     path = write_csv(tmp_path / "log.csv", plan.t, plan.joint_names, q)
     motion = pf.load_trajectory(path, scene)

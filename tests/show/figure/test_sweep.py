@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import chain, dry, lump
+from builders import chain, dry, example, lump
 from sweep_cases import sweep_of, uniform
 
 import pinfric as pf
@@ -32,8 +32,7 @@ def test_figure_shows_what_lies_beyond_the_rating(panda):
 
 @pytest.mark.slow
 def test_figure_survives_samples_without_solution():
-    scene = pf.load_scene("drawer")
-    motion = pf.load_trajectory("drawer", scene)
+    scene, motion = example("drawer")
     with pytest.warns(pf.PinfricWarning, match="no solution"):
         result = pf.sweep(
             scene,

@@ -7,7 +7,7 @@ import warnings
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import random_tree
+from builders import example, random_tree
 from mechanisms import add_link, bar, four_bar, grounded_model, pin_friction, shifted
 from replay_cases import ROBOTS, arm, drawn
 
@@ -76,8 +76,7 @@ def test_first_faces_of_an_arc_are_its_beginning():
 
 def test_marks_stand_where_the_tool_stops():
     """At the five places of the way-points, and nowhere for a scene without a tool."""
-    scene = pf.load_scene("ur10_machine_tending")
-    motion = pf.load_trajectory("ur10_machine_tending", scene)
+    scene, motion = example("ur10_machine_tending")
     frames = make_frames(scene, pf.inverse_dynamics(scene, motion), 30.0)
     data, frame, wanted = scene.model.createData(), scene.model.getFrameId("tool0"), []
     for t in (0.1, 1.2, 2.0, 5.0, 7.2):  # ready, above A, A, door, chuck

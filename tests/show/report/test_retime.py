@@ -27,23 +27,28 @@ def test_retime_prints_writes_and_its_trajectory_is_one_for_all(files, capsys):
     up, down = 37.0 / 2.0, 43.0 / 2.0
     move = 1.5 / 3.0 + 0.5 * 3.0 * (1 / up + 1 / down)
     assert summary["duration"] == pytest.approx(2 * move + 0.6, rel=1e-4)
-    assert run("inverse", "table.yaml", "out/trajectory.csv", "--json") == 0
-    (joint,) = result_of(capsys.readouterr().out)["joints"]
+    (joint,) = result_of(told(capsys, "inverse", "table.yaml", "out/trajectory.csv", "--json").out)[
+        "joints"
+    ]
     assert joint["peak"] == pytest.approx(40.0, rel=1e-3)
-    assert run("retime", "table.yaml", "out/trajectory.csv", "--json", "--smooth", "10") == 0
-    again = result_of(capsys.readouterr().out)
+    again = result_of(
+        told(capsys, "retime", "table.yaml", "out/trajectory.csv", "--json", "--smooth", "10").out
+    )
     assert again["duration"] == pytest.approx(summary["duration"] + 0.02, rel=1e-3)
     assert again["before"] == pytest.approx(summary["duration"], abs=2e-3)
 
 
 def test_retime_of_what_cannot_be_is_one_line(files, capsys):
     Path("motors.yaml").write_text("pinfric_motors: 1\ndrives: {table: {peak_torque: 2.0}}\n")
-    assert run("retime", "table.yaml", "way.yaml", "--motors", "motors.yaml") == cli.BAD_INPUT
-    error = capsys.readouterr().err
+    error = told(
+        capsys, "retime", "table.yaml", "way.yaml", "--motors", "motors.yaml", code=cli.BAD_INPUT
+    ).err
     assert "drive 'table' cannot break away: needs 3 N m of its motor, has 2" in error
     assert error.count("\n") == 1
-    assert run("retime", "four_bar", "way.yaml") == cli.BAD_INPUT
-    assert "retime is for open chains" in capsys.readouterr().err
+    assert (
+        "retime is for open chains"
+        in told(capsys, "retime", "four_bar", "way.yaml", code=cli.BAD_INPUT).err
+    )
     assert run("retime", "table.yaml", "none.yaml") == cli.BAD_INPUT
 
 

@@ -7,7 +7,7 @@ import re
 
 import numpy as np
 import pytest
-from cli_cases import run
+from cli_cases import told
 from described_cases import After
 from report_cases import FINGERS, printed
 
@@ -149,8 +149,7 @@ def test_figures_have_three_digits(x, text):
 
 def test_rounding_is_printed_as_zero(capsys):
     # the UR5's last axis is upright all the way: what RNEA leaves there, 2e-12 N m, is rounding
-    assert run("inverse", "ur5_pick_and_place", "ur5_pick_and_place.csv") == 0
-    lines = capsys.readouterr().out.splitlines()
+    lines = told(capsys, "inverse", "ur5_pick_and_place", "ur5_pick_and_place.csv").out.splitlines()
     effort = next(line for line in lines if line.startswith("wrist_3"))
     assert " 0, 0 " in effort
     assert not any("e-" in line for line in lines)

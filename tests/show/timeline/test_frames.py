@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import plane_friction, random_tree, sliding_block
+from builders import example, plane_friction, random_tree, sliding_block
 from replay_cases import ROBOTS, page_data, result_of
 
 import pinfric as pf
@@ -196,8 +196,7 @@ def test_simulation_that_ended_early_says_so_on_its_page(pendulum_motion):
 
 
 def solved(name):
-    scene = pf.load_scene(ROBOTS / f"{name}.yaml")
-    trajectory = pf.load_trajectory(ROBOTS / f"{name}.waypoints.yaml", scene)
+    scene, trajectory = example(ROBOTS / f"{name}.yaml", ROBOTS / f"{name}.waypoints.yaml")
     return scene, pf.inverse_dynamics(scene, trajectory)
 
 
