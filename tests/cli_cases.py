@@ -47,3 +47,11 @@ def told(capsys, *arguments, code=0):
     """What `pinfric ARGUMENTS` prints, as (out, err), where it ends with `code`."""
     assert run(*arguments) == code
     return capsys.readouterr()
+
+
+def refused(capsys, *arguments):
+    """The one line that `pinfric ARGUMENTS` says on stderr, and nothing else, as bad input."""
+    out, err = told(capsys, *arguments, code=cli.BAD_INPUT)
+    assert (out, err.count("\n")) == ("", 1)
+    assert err.startswith("pinfric: error: ")
+    return err

@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 from builders import example
-from cli_cases import told
+from cli_cases import refused, told
 from envelopes import result_of
-
-from pinfric import cli
 
 SCENE = """pinfric: 1
 robot: {urdf: "example-robot-data:ur_description/urdf/ur10_robot.urdf"}
@@ -77,7 +75,7 @@ def test_a_cutoff_is_set_or_forbidden_on_every_command(log, capsys):
 
 
 def test_units_that_there_are_not(log, capsys):
-    err = told(capsys, "inverse", "ur10.yaml", log, "--unit", "grad", code=cli.BAD_INPUT).err
+    err = refused(capsys, "inverse", "ur10.yaml", log, "--unit", "grad")
     assert err == "pinfric: error: --unit grad: did you mean 'rad'? there are: rad, deg\n"
 
 

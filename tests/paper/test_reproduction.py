@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from cli_cases import run, told
+from cli_cases import refused, run, told
 from envelopes import result_of
 
 
@@ -62,5 +62,5 @@ def test_the_literal_reading_sticks_early_and_stops(capsys):
 
 
 def test_an_unknown_reading_is_refused(capsys):
-    error = told(capsys, "paper", "--reading", "own", code=2).err
+    error = refused(capsys, "paper", "--reading", "own")
     assert "there are consistent, literal" in error

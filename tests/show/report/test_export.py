@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from cli_cases import run, told
+from cli_cases import refused, run, told
 from envelopes import result_of
 from export_cases import (
     rich,
@@ -45,7 +45,7 @@ def test_bad_input_is_one_line_and_writes_nothing(tmp_path, monkeypatch, capsys)
         (tmp_path / name).write_bytes((ROBOTS / name).read_bytes())
     before = (tmp_path / "three_link.urdf").read_bytes()
     same = "export", "three_link.yaml", "--to", "urdf", "--out", "three_link.urdf"
-    assert "three_link.urdf: is the scene's own URDF" in told(capsys, *same, code=2).err
+    assert "three_link.urdf: is the scene's own URDF" in refused(capsys, *same)
     assert run("export", "four_bar", "--to", "mjcf") == 2
     assert run("export", "three_link.yaml", "--to", "stl") == 2
     assert sorted(p.name for p in tmp_path.iterdir()) == ["three_link.urdf", "three_link.yaml"]
@@ -69,7 +69,7 @@ def test_the_command_writes_a_header_and_its_test_and_says_what_constants_miss(
     joints = {joint["joint"]: joint for joint in answer["joints"]}
     lift, wrist = joints["shoulder_lift_joint"], joints["wrist_3_joint"]
     assert lift["error_rms"] > 1.0 > 0.1 > wrist["error_rms"]  # the lift carries, the wrist not
-    error = told(capsys, "export", "four_bar", "--to", "cpp", code=2).err
+    error = refused(capsys, "export", "four_bar", "--to", "cpp")
     assert "the loop 'rocker_pin'" in error
     assert run(*given, "--frame", "tol0", "--out", "none") == 2
     assert not Path("none").exists()
