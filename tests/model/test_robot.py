@@ -9,7 +9,7 @@ from builders import chain, random_tree
 from robot_cases import joint, link, scene, urdf
 
 import pinfric as pf
-from pinfric.errors import PinfricWarning, RobotError, SceneError
+from pinfric.errors import PinfricWarning, RobotError
 from pinfric.model.robot import mass_matrix, read_robot
 
 
@@ -100,20 +100,6 @@ def test_the_notice_of_urdf_dynamics_names_four_joints_of_many(tmp_path):
             )
         )
     assert all(len(str(warning.message)) < 400 for warning in said)
-
-
-@pytest.mark.parametrize(
-    ("payload", "says"),
-    [
-        ("{link: amr, mass: 1, com: [0, 0, 0]}", r"payloads\.box\.link.*'arm'"),
-        ("{link: arm, mass: 1, com: [0, 0, 0], inertia: [1, 0, 0, 1, 0, 3]}", "triangle"),
-    ],
-)
-def test_payloads_are_checked_like_links(tmp_path, payload, says):
-    urdf(tmp_path, link("arm"), joint())
-    text = f"robot: {{urdf: robot.urdf, payloads: {{box: {payload}}}}}"
-    with pytest.raises(SceneError, match=says):
-        pf.load_scene(scene(tmp_path, text))
 
 
 def test_payload_on_a_link_behind_a_fixed_joint(tmp_path):

@@ -11,36 +11,45 @@ import pinfric as pf
 from pinfric.errors import PinfricWarning, RobotError, SceneError
 from pinfric.model.scene_file import bundled_folder, measured_scenes
 
+PAYLOAD = "robot: {{urdf: robot.urdf, payloads: {{box: {}}}}}"
+
 
 @pytest.mark.parametrize(
-    ("text", "error", "says"),
+    ("text", "says"),
     [
-        ("friction: {swnig: {viscous: 1}}", SceneError, "no joint 'swnig'"),
+        ("friction: {swnig: {viscous: 1}}", "no joint 'swnig'"),
         (
             "friction: {swing: {bearing: {kind: guide, length: 0.1}, mu: {static: 0, kinetic: 0}}}",
-            SceneError,
             "a guide does not fit a turning joint; take pin",
         ),
         (
             "friction: {swing: {bearing: {kind: ball, radius: 0.1}, mu: {static: 0, kinetic: 0}}}",
-            SceneError,
             "take pin or linear .a ball fits a spherical loop",
         ),
-        ("actuators: [{joint: swing}, {joint: swing}]", SceneError, "listed twice"),
-        ("actuators: [{joint: wing}]", SceneError, "'swing'"),
-        ("actuators: [{cylinder: {name: boom}}]", SceneError, r"`actuators\[0\].cylinder.a`"),
-        ("actuators: [{force: {name: push}}]", SceneError, r"`actuators\[0\].force.link`"),
+        ("actuators: [{joint: swing}, {joint: swing}]", "listed twice"),
+        ("actuators: [{joint: wing}]", "'swing'"),
+        ("actuators: [{cylinder: {name: boom}}]", r"`actuators\[0\].cylinder.a`"),
+        ("actuators: [{force: {name: push}}]", r"`actuators\[0\].force.link`"),
+        (
+            "robot: {urdf: robot.urdf, masses: with_drive}",
+            r"`robot\.masses`: should be 'with_drives' or 'wi",
+        ),
+        (PAYLOAD.format("{link: amr, mass: 1, com: [0, 0, 0]}"), r"payloads\.box\.link.*'arm'"),
+        (
+            PAYLOAD.format("{link: arm, mass: 1, com: [0, 0, 0], inertia: [1, 0, 0, 1, 0, 3]}"),
+            "triangle",
+        ),
         (
             "loops: [{name: rocker}]",
-            SceneError,
             r"`loops\[0\].kind` is missing; there are: spherical, .*, universal; `loops\[0\].a`",
         ),
     ],
 )
-def test_a_scene_that_does_not_fit_its_robot_is_refused(tmp_path, text, error, says):
+def test_a_scene_that_does_not_fit_its_robot_is_refused(tmp_path, text, says):
     urdf(tmp_path, link("arm"), joint())
-    with pytest.raises(error, match=says):
-        pf.load_scene(scene(tmp_path, "robot: {urdf: robot.urdf}\n" + text))
+    text = text if text.startswith("robot") else "robot: {urdf: robot.urdf}\n" + text
+    with pytest.raises(SceneError, match=says):
+        pf.load_scene(scene(tmp_path, text))
 
 
 def test_bundled_scenes_are_found_by_name_from_any_folder(tmp_path, monkeypatch):
@@ -86,13 +95,6 @@ def test_a_scene_says_whose_masses_the_links_have():
     ):
         with pytest.raises(SceneError, match=says):
             arm.with_(masses=wrong)
-
-
-def test_a_scene_that_says_otherwise_whose_masses_it_has_is_refused(tmp_path):
-    urdf(tmp_path, link("arm"), joint())
-    file = scene(tmp_path, "robot: {urdf: robot.urdf, masses: with_drive}")
-    with pytest.raises(SceneError, match=r"`robot\.masses`: should be 'with_drives' or 'wi"):
-        pf.load_scene(file)
 
 
 def test_bundled_scenes_say_whose_masses_they_have():
