@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+from builders import example
 
 import pinfric as pf
 from pinfric.show.replay.page import RecordingWindow
@@ -17,8 +18,7 @@ ROBOTS = Path(__file__).parents[1] / "robots"
 
 
 def bundled(name):
-    scene = pf.load_scene(ROBOTS / f"{name}.yaml")
-    return scene, pf.load_trajectory(ROBOTS / f"{name}.waypoints.yaml", scene)
+    return example(ROBOTS / f"{name}.yaml", ROBOTS / f"{name}.waypoints.yaml")
 
 
 def result_of(name):

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from builders import example
 from cli_cases import told
 from identify_cases import LOGS, needs_logs
 from scipy.io import loadmat
@@ -28,8 +29,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::pinfric.errors.PinfricWarning")
 
 
 def load(name):
-    scene = pf.load_scene(ROBOTS / f"{name}.yaml")
-    return scene, pf.load_trajectory(ROBOTS / f"{name}.waypoints.yaml", scene)
+    return example(ROBOTS / f"{name}.yaml", ROBOTS / f"{name}.waypoints.yaml")
 
 
 def com_motion(model, q, v):

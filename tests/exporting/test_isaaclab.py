@@ -8,6 +8,7 @@ import types
 
 import numpy as np
 import pytest
+from builders import example
 
 import pinfric as pf
 
@@ -43,8 +44,7 @@ def documented(monkeypatch):
 
 @pytest.mark.usefixtures("documented")
 def test_the_configuration_holds_the_constants():
-    scene = pf.load_scene("ur5_pick_and_place")
-    made = pf.export(scene, pf.load_trajectory("ur5_pick_and_place.csv", scene), "isaaclab")
+    made = pf.export(*example("ur5_pick_and_place", "ur5_pick_and_place.csv"), "isaaclab")
     read = {}
     exec(made.text, read)
     arm = read["ACTUATORS"]["arm"]

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import chain, dry, lump
+from builders import chain, dry, example, lump
 
 import pinfric as pf
 from pinfric.errors import StateError
@@ -152,8 +152,7 @@ def test_drive_sticks_with_its_mimic_follower():
 
 def test_a_cylinder_rests_with_its_own_joint_and_not_with_every_other():
     """The way-points hold for 1.5 s; boom, then bucket, stand while the others move on."""
-    scene = pf.load_scene("excavator")
-    result = pf.inverse_dynamics(scene, pf.load_trajectory("excavator", scene))
+    result = pf.inverse_dynamics(*example("excavator"))
     assert [s.stick_time for s in summarize(result)] == pytest.approx([5.0, 3.0, 1.5])
 
 

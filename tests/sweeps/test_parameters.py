@@ -6,6 +6,7 @@ import warnings
 
 import numpy as np
 import pytest
+from builders import example
 from scipy import stats
 from sweep_cases import BOX, MASS, MU, G, pushed_block, run, steady, sweep_of, uniform
 
@@ -27,8 +28,7 @@ from pinfric.sweeps.summary import sweep_summary
 
 @pytest.fixture(scope="module")
 def arm():
-    scene = pf.load_scene("ur10_machine_tending")
-    return scene, pf.load_trajectory("ur10_machine_tending", scene)
+    return example("ur10_machine_tending")
 
 
 def grid(**parameters):
@@ -113,9 +113,8 @@ def test_other_sweeps_of_an_elastic_arm_have_no_such_figures(arm):
     ],
 )
 def test_rigid_gears_have_nothing_to_vary(key, scene, message):
-    rigid = pf.load_scene(scene)
     with pytest.raises(SweepError, match=message):
-        pf.sweep(rigid, pf.load_trajectory(scene, rigid), grid(**{key: [1.0]}), processes=1)
+        pf.sweep(*example(scene), grid(**{key: [1.0]}), processes=1)
 
 
 def test_factors_must_be_above_zero_and_friction_the_same_both_ways(arm):

@@ -14,6 +14,7 @@ from time import monotonic, sleep
 
 import numpy as np
 import pytest
+from builders import example
 from processes import workers
 from sweep_cases import pushed_block, steady, sweep_of, uniform
 
@@ -50,8 +51,7 @@ def _limit():
 
 @pytest.fixture(scope="module")
 def panda():
-    scene = pf.load_scene("panda_pick_and_place")
-    return scene, pf.load_trajectory("panda_pick_and_place.csv", scene)
+    return example("panda_pick_and_place", "panda_pick_and_place.csv")
 
 
 @pytest.fixture(scope="module")

@@ -310,8 +310,7 @@ def test_a_cylinder_against_its_lever_with_the_pins_friction():
 
 
 def excavator():
-    scene = pf.load_scene(ROBOTS / "excavator.yaml")
-    return scene, pf.load_trajectory(ROBOTS / "excavator.waypoints.yaml", scene)
+    return example(ROBOTS / "excavator.yaml", ROBOTS / "excavator.waypoints.yaml")
 
 
 def test_excavators_cylinders_without_friction_are_virtual_work():

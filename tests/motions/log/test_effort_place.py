@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from builders import example
 
 import pinfric as pf
 from pinfric.errors import TrajectoryError
@@ -14,8 +15,7 @@ JOINT = "panda_joint1"
 
 @pytest.fixture(scope="module")
 def result():
-    scene = pf.load_scene("panda_pick_and_place")
-    return pf.inverse_dynamics(scene, pf.load_trajectory("panda_pick_and_place", scene))
+    return pf.inverse_dynamics(*example("panda_pick_and_place"))
 
 
 def logged(result, at):

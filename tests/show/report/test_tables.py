@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import chain, dry
+from builders import chain, dry, example
 from report_cases import FINGERS, printed
 from rich.console import Console
 
@@ -160,8 +160,7 @@ def between(least, worst, scale):
 
 @pytest.mark.parametrize("width", WIDTHS)
 def test_panda_fits(width):
-    scene = pf.load_scene("panda_pick_and_place")
-    result = pf.inverse_dynamics(scene, pf.load_trajectory("panda_pick_and_place.csv", scene))
+    result = pf.inverse_dynamics(*example("panda_pick_and_place", "panda_pick_and_place.csv"))
     lines = printed(
         inverse_report(result, inverse_summary(result, "panda_pick_and_place.csv")), width
     )
