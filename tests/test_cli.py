@@ -247,7 +247,7 @@ def test_sweep_that_cannot_be_is_one_line_and_exit_code_2(
 
 def test_sweep_into_the_folder_of_another_is_refused(files, capsys):
     (files / "s.yaml").write_text(SWEEP)
-    assert run("sweep", "arm.yaml", "way.yaml", "s.yaml", "--out", "out") == 0
+    told(capsys, "sweep", "arm.yaml", "way.yaml", "s.yaml", "--out", "out")
     (files / "s.yaml").write_text(SWEEP.replace("seed: 1", "seed: 2"))
     assert "holds samples of another sweep (different: sweep)" in refused(
         capsys, "sweep", "arm.yaml", "way.yaml", "s.yaml", "--out", "out"
