@@ -140,3 +140,10 @@ def test_time_steps_that_cannot_be_meant(tmp_path):
     file = tmp_path / "a.csv"
     file.write_text("t,a\n0,0\n1e-300,0.1\n1,0.2\n2,0.3\n")
     assert "time steps below 1e-09 s are refused: line 3" in message(file, one_joint_scene())
+
+
+def test_a_motion_shows_its_joints_speeds(tmp_path):
+    path = write(tmp_path, "m.csv", "t,a,a.v,a.a\n0,0,0.25,0\n1,0.25,0.25,0\n")
+    assert "speeds  1: a 0.25 (largest, rad/s or m/s)" in repr(
+        load_trajectory(path, one_joint_scene())
+    )
