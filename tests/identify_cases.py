@@ -13,6 +13,7 @@ import pytest
 
 import pinfric as pf
 from pinfric.identification.identify import Identified
+from pinfric.identification.laws import Law
 
 #: Recordings of real robots, too large for the repository.
 LOGS = Path(__file__).parents[2] / "shared" / "data"
@@ -236,6 +237,8 @@ def slow_departures(
 
 
 NAMES = truth().joint_names
+#: No load, no Stribeck effect: laws that are given, so that none is chosen.
+PLAIN = dict.fromkeys(NAMES, Law())
 
 
 def csv_log(path: Path, seed: int, rate: float = 125.0, torn: tuple[int, ...] = ()) -> Path:

@@ -12,7 +12,12 @@ from pinfric.motions.log.reading import ReadingOptions
 T = np.arange(400) / 200.0
 
 
-Q = np.column_stack((0.8 * np.sin(2 * T), 0.3 + 0.2 * np.cos(3 * T)))
+def swung(t):
+    """Positions of both joints at times, (T, 2)."""
+    return np.column_stack((0.8 * np.sin(2 * t), 0.3 + 0.2 * np.cos(3 * t)))
+
+
+Q = swung(T)
 
 
 V = np.column_stack((1.6 * np.cos(2 * T), -0.6 * np.sin(3 * T)))
@@ -110,9 +115,7 @@ DIALECTS = {
 
 def noisy(t, seed=5):
     rng = np.random.default_rng(seed)
-    return np.column_stack((0.8 * np.sin(2 * t), 0.3 + 0.2 * np.cos(3 * t))) + 1e-5 * rng.normal(
-        size=(t.size, 2)
-    )
+    return swung(t) + 1e-5 * rng.normal(size=(t.size, 2))
 
 
 SCENE = """pinfric: 1

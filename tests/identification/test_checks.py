@@ -11,6 +11,7 @@ import pytest
 from builders import chain, lump
 from identify_cases import (
     NAMES,
+    PLAIN,
     guess,
     short,
     truth,
@@ -76,7 +77,7 @@ def test_efforts_that_were_not_measured_and_logs_that_hardly_move_are_refused():
 def test_logs_of_two_robots_are_refused():
     other = replace(short(3), effort=2.2 * short(3).effort, name="other")
     with pytest.raises(IdentificationError, match="logs of two robots"):
-        pf.identify(guess(0), [short(), other], laws=dict.fromkeys(NAMES, Law()))
+        pf.identify(guess(0), [short(), other], laws=PLAIN)
 
 
 def test_robots_whose_efforts_no_log_tells_apart_are_refused():
@@ -106,6 +107,5 @@ def test_efforts_of_a_wrist_beyond_its_limit_are_refused(factor):
     """Before, N mm gave Coulomb friction of thousands of N m at a joint with a limit of 28."""
     scale = np.where(np.arange(6) == 5, factor, 1.0)  # no weight tells its unit
     given = replace(short(), effort=short().effort * scale)
-    laws = dict.fromkeys(NAMES, Law())
     with pytest.raises(IdentificationError, match=f"joint {NAMES[5]}: its .* limits it to 28"):
-        pf.identify(guess(0), given, laws=laws)
+        pf.identify(guess(0), given, laws=PLAIN)

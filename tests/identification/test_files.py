@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from identify_cases import (
     NAMES,
+    PLAIN,
     RATIO,
     excitation,
     guess,
@@ -63,9 +64,9 @@ def test_what_no_log_tells_of_a_drive_stays_in_the_scene(tmp_path):
     }
     robot = pf.load_scene("ur5_pick_and_place").robot
     scene = guess(0).with_(actuators=actuators, stops=stops, robot=robot)
-    laws = dict.fromkeys(NAMES, Law()) | {NAMES[1]: Law(load="gear")}
+    laws = PLAIN | {NAMES[1]: Law(load="gear")}
     for at in ("reflected", "joint"):
-        taken = laws if at == "reflected" else dict.fromkeys(NAMES, Law())
+        taken = laws if at == "reflected" else PLAIN
         found = pf.identify(scene, short(), laws=taken, effort_at=at, inertia="keep")
         found.save(tmp_path)
         read = pf.load_scene(tmp_path / "scene.yaml")

@@ -36,6 +36,7 @@ import yaml
 from cli_cases import refused, told
 from identify_cases import (
     NAMES,
+    PLAIN,
     ROTOR,
     VISCOUS,
     csv_log,
@@ -52,7 +53,6 @@ import pinfric as pf
 from pinfric.errors import IdentificationError
 from pinfric.identification.files import scene_text
 from pinfric.identification.identify import beside_measured
-from pinfric.identification.laws import Law
 from pinfric.identification.published import beside_published
 from pinfric.identification.summary import identify_summary
 from pinfric.model.described import in_json
@@ -102,10 +102,9 @@ def test_a_replay_marks_where_the_log_is_off(found):
 @pytest.mark.slow
 def test_joints_that_the_model_does_not_explain_are_named_and_get_no_laws(tmp_path):
     turned = replace(short(), q=short().q * np.array([1, -1, 1, 1, 1, 1]))
-    laws = dict.fromkeys(NAMES, Law())
     guesses = {f"friction.{NAMES[j]}.viscous": "2 % of its load" for j in (0, 2)}
     assumed = Assumed(by="pinfric new arm.urdf", date="2026-11-22", version="0", values=guesses)
-    found = pf.identify(guess(0).with_(assumed=assumed), turned, inertia="keep", laws=laws)
+    found = pf.identify(guess(0).with_(assumed=assumed), turned, inertia="keep", laws=PLAIN)
     assert set(found.scene.assumed.values) == {f"friction.{NAMES[2]}.viscous"}
     line = next(line for line in found.notes if line.startswith("the model does not explain it"))
     assert NAMES[1] in line
@@ -124,13 +123,12 @@ def test_joints_that_the_model_does_not_explain_are_named_and_get_no_laws(tmp_pa
     assert (text["law"], text["error"]["error"] > 0.5 * text["error"]["rms"]) == (None, True)
     noise = np.random.default_rng(0).normal(size=short().effort.shape)
     with pytest.raises(IdentificationError, match="the model explains no joint's effort"):
-        pf.identify(guess(0), replace(short(), effort=noise), inertia="keep", laws=laws)
+        pf.identify(guess(0), replace(short(), effort=noise), inertia="keep", laws=PLAIN)
 
 
 def test_a_log_of_six_seconds_is_taken_with_wider_intervals():
-    laws = dict.fromkeys(NAMES, Law())
     brief = replace(short(), t=short().t[:600], q=short().q[:600], effort=short().effort[:600])
-    less, more = (pf.identify(guess(0), one, laws=laws) for one in (brief, short()))
+    less, more = (pf.identify(guess(0), one, laws=PLAIN) for one in (brief, short()))
     assert less.estimate.problem.folds.size == 6
     width = [
         [(p.high - p.low) / p.value for p in one.parameters if p.name == "viscous"]

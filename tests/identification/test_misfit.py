@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from identify_cases import COULOMB, DELAY, NAMES, VISCOUS, guess, whole_friction
+from identify_cases import COULOMB, DELAY, NAMES, PLAIN, VISCOUS, guess, whole_friction
 from identify_wrong_models import found, hits, wrong_log
 
 import pinfric as pf
@@ -62,7 +62,7 @@ def test_an_unknown_payload_leaves_friction_in_its_intervals():
 
 @pytest.mark.slow
 def test_a_bearing_that_the_scene_lacks_is_named():
-    laws = dict.fromkeys(NAMES, Law()) | {NAMES[1]: Law(load="gear")}
+    laws = PLAIN | {NAMES[1]: Law(load="gear")}
     one = pf.identify(guess(100, bearing=False), wrong_log("true", 100), laws=laws)
     (line,) = lacks(one)
     assert line.startswith(f"lack of fit: {NAMES[2]}: ")

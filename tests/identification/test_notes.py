@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from identify_cases import (
     NAMES,
+    PLAIN,
     Motion,
     excitation,
     guess,
@@ -16,7 +17,6 @@ from identify_cases import (
 from rich.console import Console
 
 import pinfric as pf
-from pinfric.identification.laws import Law
 from pinfric.identification.summary import identify_summary
 from pinfric.show.report.identify import identify_report
 
@@ -56,7 +56,7 @@ def test_a_log_that_never_is_fast_says_that_speeds_are_extrapolated():
     motion = Motion(10.0 * fast.t, fast.q, fast.v / 10.0, fast.a / 100.0)
     noise = short().effort - motor_effort(truth(), fast)
     slow = pf.Log(motion.t, short().q, motor_effort(truth(), motion) + noise)
-    found = pf.identify(guess(0), slow, inertia="keep", laws=dict.fromkeys(NAMES, Law()))
+    found = pf.identify(guess(0), slow, inertia="keep", laws=PLAIN)
     line = next(line for line in found.notes if line.startswith("never fast"))
     assert NAMES[1] in line
     # what is slow tells no delay either

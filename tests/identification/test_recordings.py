@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from identify_cases import (
     NAMES,
+    PLAIN,
     VISCOUS,
     csv_log,
     excitation,
@@ -43,9 +44,8 @@ def test_a_payload_is_of_the_log_at_its_path(tmp_path):
 
 
 def test_a_gain_makes_n_m_of_currents():
-    laws = dict.fromkeys(NAMES, Law())
     current = replace(short(), effort=short().effort * np.array([1, 0.07, 1, 1, 1, 1]))
-    found = pf.identify(guess(0), current, gain={NAMES[1]: 1 / 0.07}, laws=laws)
+    found = pf.identify(guess(0), current, gain={NAMES[1]: 1 / 0.07}, laws=PLAIN)
     assert parameter(found, "friction", 1, "viscous").value == pytest.approx(VISCOUS[1], rel=0.1)
 
 
@@ -141,7 +141,7 @@ def test_a_gain_makes_efforts_of_logged_currents(tmp_path):
 
 @pytest.mark.slow
 def test_torques_at_the_shafts_are_multiplied_by_the_ratios():
-    given = {"inertia": "keep", "laws": dict.fromkeys(NAMES, Law())}
+    given = {"inertia": "keep", "laws": PLAIN}
     scene, one = guess(0), short()
     ratio = np.array([drive.ratio for drive in scene.drives])
     found, reflected = (

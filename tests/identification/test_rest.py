@@ -12,6 +12,7 @@ from builders import chain
 from identify_cases import (
     COULOMB,
     NAMES,
+    PLAIN,
     excitation,
     guess,
     log,
@@ -33,7 +34,7 @@ from pinfric.identification.rest import _held, break_aways
 def test_static_friction_shows_where_joints_break_away_slowly():
     logs = [short(), slow_departures((0, 3), 1.3)]
     # the elbow stands in the second log, and its bearing has no load to vary there
-    laws = dict.fromkeys(NAMES, Law()) | {NAMES[2]: Law(load="bearing")}
+    laws = PLAIN | {NAMES[2]: Law(load="bearing")}
     found = pf.identify(guess(0), logs, laws=laws)
     for joint in (0, 3):
         for way, kinetic in zip(("positive", "negative"), COULOMB[joint], strict=True):
@@ -53,7 +54,7 @@ def test_joints_stick_up_to_what_noise_makes_of_their_velocities():
     motion, rng = excitation(0, 20.0, 100.0), np.random.default_rng(1)
     noisy = motion.q + 2e-5 * rng.normal(size=motion.q.shape)
     given = pf.Log(motion.t, noisy, motor_effort(truth(), motion))
-    found = pf.identify(guess(0), given, laws=dict.fromkeys(NAMES, Law()))
+    found = pf.identify(guess(0), given, laws=PLAIN)
     seen = found.recordings[0].trajectory
     here = motion.v[np.rint(100.0 * seen.t).astype(int)]
     off = np.std((seen.v - here)[100:-100], axis=0).max()
@@ -64,16 +65,15 @@ def test_joints_stick_up_to_what_noise_makes_of_their_velocities():
 @pytest.mark.slow
 def test_a_jump_of_effort_at_departure_is_no_break_away():
     logs = [short(), slow_departures((0, 3), 1.0, rise=0.04)]
-    found = pf.identify(guess(0), logs, laws=dict.fromkeys(NAMES, Law()))
+    found = pf.identify(guess(0), logs, laws=PLAIN)
     assert found.rest[NAMES[0]].seconds > 5.0
     assert not any(p.name.endswith("static") for p in found.parameters)
 
 
 @pytest.mark.slow
 def test_a_hold_beside_a_motion_bounds_friction_at_rest_and_changes_nothing_else():
-    laws = dict.fromkeys(NAMES, Law())
     hold = log(0, 20.0, 100.0, still=tuple(range(6)), name="hold")
-    alone, both = (pf.identify(guess(0), logs, laws=laws) for logs in (short(), [short(), hold]))
+    alone, both = (pf.identify(guess(0), logs, laws=PLAIN) for logs in (short(), [short(), hold]))
     assert "no joint slides in hold: used for bounds on friction at rest" in both.notes
     assert any(line.startswith("one log only") for line in both.notes)
     assert both.delay == pytest.approx(alone.delay, rel=1e-9)

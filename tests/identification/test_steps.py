@@ -14,6 +14,7 @@ from identify_cases import (
     COULOMB,
     EFFICIENCY,
     NAMES,
+    PLAIN,
     excitation,
     guess,
     log,
@@ -95,8 +96,7 @@ def test_corrected_links_can_exist(found):
 
 
 def test_kept_inertias_stay_and_an_effort_behind_the_gear_needs_no_rotor():
-    laws = dict.fromkeys(NAMES, Law())
-    found = pf.identify(truth(), short(), inertia="keep", effort_at="joint", laws=laws)
+    found = pf.identify(truth(), short(), inertia="keep", effort_at="joint", laws=PLAIN)
     assert found.scene.model == truth().model
     assert all(p.section == "friction" for p in found.parameters)
     assert "inertias were kept" in "\n".join(found.notes)
@@ -107,7 +107,7 @@ def test_kept_inertias_stay_and_an_effort_behind_the_gear_needs_no_rotor():
 
 def test_both_losses_of_a_gear_show_where_masses_are_known():
     gear = Law(load="gear", both_ways=False)
-    laws = dict.fromkeys(NAMES, Law()) | {NAMES[1]: gear, NAMES[2]: Law(load="bearing")}
+    laws = PLAIN | {NAMES[1]: gear, NAMES[2]: Law(load="bearing")}
     found = pf.identify(truth(), short(), inertia="keep", laws=laws)
     drives, driven = (
         parameter(found, "transmission", 1, name).value
@@ -122,8 +122,7 @@ def test_both_losses_of_a_gear_show_where_masses_are_known():
 
 
 def test_a_joint_that_never_moves_keeps_what_the_scene_says():
-    laws = dict.fromkeys(NAMES, Law())
-    found = pf.identify(guess(1), short(still=(2,)), laws=laws)
+    found = pf.identify(guess(1), short(still=(2,)), laws=PLAIN)
     assert f"keeps the scene's friction: {NAMES[2]}" in "\n".join(found.notes)
     assert found.scene.friction[NAMES[2]] == guess(1).friction[NAMES[2]]
     assert all(p.joint != NAMES[2] for p in found.parameters)
@@ -136,7 +135,7 @@ def test_held_out_errors_count_outliers_in_full():
     bursts = np.zeros_like(short().effort)
     bursts[np.arange(len(bursts)) % 200 < 20, 5] = 2.0
     log = replace(short(), effort=short().effort + bursts)
-    found = pf.identify(guess(0), log, laws=dict.fromkeys(NAMES, Law()))
+    found = pf.identify(guess(0), log, laws=PLAIN)
     fitted = residuals(found.estimate.rows[5], found.estimate.fit, 5)
     assert found.errors[NAMES[5]].error > np.sqrt(np.mean(fitted**2))
 
@@ -162,7 +161,7 @@ def test_a_joint_that_moves_one_way_has_the_same_friction_the_other_way():
     motion.q[:, 5] = 0.3 * t - 0.25 * np.cos(0.8 * t)
     motion.v[:, 5], motion.a[:, 5] = 0.3 + 0.2 * np.sin(0.8 * t), 0.16 * np.cos(0.8 * t)
     log = pf.Log(t, motion.q, motor_effort(truth(), motion))
-    found = pf.identify(guess(0), log, laws=dict.fromkeys(NAMES, Law()))
+    found = pf.identify(guess(0), log, laws=PLAIN)
     assert (
         "hardly slides backward, the Coulomb friction of the other direction is used: "
         f"{NAMES[5]}" in found.notes
@@ -226,19 +225,18 @@ def test_stribeck_friction_is_chosen_where_it_is_and_only_there():
 
 
 def test_masses_or_loads_tell_a_zero_that_is_off_by_a_quarter_turn():
-    laws = dict.fromkeys(NAMES, Law())
 
     def turned(joint: int, angle: float) -> pf.Log:
         return replace(short(), q=short().q + angle * (np.arange(6) == joint))
 
     line = next(
         line
-        for line in pf.identify(guess(0), turned(3, np.pi / 2), laws=laws).notes
+        for line in pf.identify(guess(0), turned(3, np.pi / 2), laws=PLAIN).notes
         if line.startswith("masses that differ from the URDF's by more than 50 %")
     )
     assert NAMES[4] in line
     with pytest.raises(IdentificationError, match=f"{NAMES[1]}: its effort is"):
-        pf.identify(guess(0), turned(2, -np.pi / 2), laws=laws)
+        pf.identify(guess(0), turned(2, -np.pi / 2), laws=PLAIN)
 
 
 @pytest.mark.slow
@@ -246,9 +244,7 @@ def test_masses_or_loads_tell_a_zero_that_is_off_by_a_quarter_turn():
 def test_a_wrong_zero_that_the_last_links_take_up_is_named(turn):
     """Masses move by less than a URDF is off by, and errors stay at 3 %; but another zero fits."""
     off = np.deg2rad(turn) * (np.arange(6) == 4)
-    found = pf.identify(
-        guess(0), replace(short(), q=short().q + off), laws=dict.fromkeys(NAMES, Law())
-    )
+    found = pf.identify(guess(0), replace(short(), q=short().q + off), laws=PLAIN)
     assert max(one.error / one.rms for one in found.errors.values()) < 0.05
     line = next(line for line in found.notes if "another zero" in line)
     assert f"%: {NAMES[4]} {-turn:+d} degrees;" in line
@@ -268,7 +264,7 @@ def test_a_zero_that_is_off_by_a_little_is_named(joint, turn):
     """Of wrist 2 a turn of 0.2 rad itself is no better than the errors of its gain."""
     given = log(4, 60.0, 100.0)
     turned = replace(given, q=given.q + turn * (np.arange(6) == joint))
-    found = pf.identify(guess(4), turned, laws=dict.fromkeys(NAMES, Law()))
+    found = pf.identify(guess(4), turned, laws=PLAIN)
     line = next(line for line in found.notes if "another zero" in line)
     degrees = float(re.search(rf"{NAMES[joint]} ([+-]\d+) degrees", line)[1])
     assert degrees == pytest.approx(-np.degrees(turn), abs=6.0)

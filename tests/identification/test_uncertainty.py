@@ -13,6 +13,7 @@ from identify_cases import (
     EFFICIENCY,
     MU,
     NAMES,
+    PLAIN,
     VISCOUS,
     excitation,
     guess,
@@ -22,7 +23,7 @@ from identify_cases import (
 
 import pinfric as pf
 from pinfric.identification.columns import Rows
-from pinfric.identification.laws import FORWARD, SLOTS, Law
+from pinfric.identification.laws import FORWARD, SLOTS
 from pinfric.identification.normal import Fit
 from pinfric.identification.uncertainty import (
     Uncertainty,
@@ -91,10 +92,9 @@ def test_the_posterior_scatters_as_the_intervals_say(found):
 
 @pytest.mark.slow
 def test_two_logs_say_how_much_friction_differs_between_them():
-    laws = dict.fromkeys(NAMES, Law())
     other = short(3)
     warm = replace(other, effort=other.effort - 0.3 * drag(3, 20.0, 100.0), name="warm")
-    found = pf.identify(guess(0), [short(), warm], laws=laws)
+    found = pf.identify(guess(0), [short(), warm], laws=PLAIN)
     # a third of joint 6's viscous friction was taken off in one of them, and it is most of it
     assert 0.05 < found.spread[NAMES[5]] < 0.25
     assert found.delay == pytest.approx(DELAY, abs=0.0015)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from log_cases import NAMES, PLAIN, Q, T, load, noisy, refused, table
+from log_cases import NAMES, PLAIN, Q, T, load, noisy, refused, swung, table
 
 from pinfric.motions.log.rows import mended_effort
 
@@ -60,7 +60,7 @@ def test_measurements_at_wandering_stamps_are_interpolated_on_them(noise, tmp_pa
     """Taken as regular, their accelerations were 20 times too large."""
     rng = np.random.default_rng(0)
     t = np.cumsum(0.002 * (1.0 + 0.1 * rng.exponential(size=4000)))
-    q = np.column_stack((0.8 * np.sin(2 * t), 0.3 + 0.2 * np.cos(3 * t)))
+    q = swung(t)
     q += noise * rng.normal(size=q.shape)
     rows = table(("t", *NAMES, *(f"{n}/effort" for n in NAMES)), t, q, 7.0 * q, form="%.17g")
     motion = load(tmp_path, rows)
@@ -76,7 +76,7 @@ def test_measurements_at_wandering_stamps_are_interpolated_on_them(noise, tmp_pa
 def test_stamps_of_writing_are_refused(tmp_path):
     """Rows written in bursts of ten: positions are smooth from row to row, not over the stamps."""
     t = np.arange(4000) / 500.0
-    q = 0.1 * np.column_stack((0.8 * np.sin(2 * t), 0.3 + 0.2 * np.cos(3 * t)))
+    q = 0.1 * swung(t)
     q += 1e-5 * np.random.default_rng(0).normal(size=q.shape)
     written = np.arange(4000) // 10 * 0.02 + np.arange(4000) % 10 * 1e-3
     message = refused(tmp_path, table(("t", *NAMES), written, q))
@@ -85,7 +85,7 @@ def test_stamps_of_writing_are_refused(tmp_path):
 
 def test_a_plan_with_steps_of_its_own_stays_a_plan(tmp_path):
     t = np.cumsum(np.where(np.arange(400) % 80 < 40, 0.002, 0.008))
-    q = np.column_stack((0.8 * np.sin(2 * t), 0.3 + 0.2 * np.cos(3 * t)))
+    q = swung(t)
     motion = load(tmp_path, table(("t", *NAMES), t, q, form="%.17g"))
     assert motion.warnings == ()
     np.testing.assert_array_equal(motion.t, t)
@@ -102,7 +102,7 @@ def test_a_long_gap_in_a_noisy_log_is_refused(tmp_path):
 def test_a_clock_that_rounds_stamps_adds_no_acceleration(noise, tmp_path):
     """Stamps off by 0.4 us at 500 Hz would be 0.8 rad/s^2 (RMS) by a spline through them."""
     t = np.arange(1000) / 500.0
-    q = np.column_stack((0.8 * np.sin(2 * t), 0.3 + 0.2 * np.cos(3 * t)))
+    q = swung(t)
     q += noise * np.random.default_rng(5).normal(size=q.shape)
     stamps = 1.7e9 + t + 4e-7 * np.random.default_rng(6).normal(size=t.size)
     motion = load(tmp_path, table(("__time", *NAMES), stamps, q, form="%.17g"))
@@ -121,7 +121,7 @@ def test_positions_held_from_a_slower_source(tmp_path):
 def test_rows_that_repeat_a_slower_source_are_left_out(tmp_path):
     """A recorder of 30 Hz writes the state of a source of 29.2 Hz: now and then twice the same."""
     source, recorder = np.arange(600) / 29.2, (np.arange(600) + 0.5) / 30.0
-    q = np.column_stack((0.8 * np.sin(2 * source), 0.3 + 0.2 * np.cos(3 * source)))
+    q = swung(source)
     q += 1e-5 * np.random.default_rng(5).normal(size=q.shape)
     last = np.floor(recorder * 29.2).astype(int)
     motion = load(tmp_path, table(("t", *NAMES), recorder, q[last]))
@@ -137,7 +137,7 @@ def test_a_late_source_is_not_one_of_a_lower_rate(tmp_path):
     again = np.arange(600)
     again[50::97] -= 1  # nothing new had come
     t = np.arange(600) / 30.0
-    q = np.column_stack((0.8 * np.sin(2 * t), 0.3 + 0.2 * np.cos(3 * t)))
+    q = swung(t)
     q += 1e-5 * np.random.default_rng(5).normal(size=q.shape)
     motion = load(tmp_path, table(("t", *NAMES), t, q[again]))
     assert motion.warnings[0] == "left out 6 rows that repeat the row before"

@@ -11,6 +11,7 @@ from log_cases import (
     arm,
     load,
     refused,
+    swung,
     table,
 )
 
@@ -68,7 +69,7 @@ def test_milliseconds_of_slow_logs_are_recognised(name, tmp_path):
 
 def test_whole_numbers_that_count_by_one_may_be_milliseconds(tmp_path):
     t = np.arange(2000) / 1000.0
-    q = np.column_stack((0.8 * np.sin(2 * t), 0.3 + 0.2 * np.cos(3 * t)))
+    q = swung(t)
     text = table(("t", *NAMES), np.arange(2000), q)
     assert "steps of 1 may be ms (1000 Hz) or s (1 Hz); give" in refused(tmp_path, text)
     np.testing.assert_allclose(load(tmp_path, text, time_unit="ms").t, t)
