@@ -234,10 +234,15 @@ def boxed(values: Fields, kept: Sequence[KernelArgument[Any]] = ()) -> Fields:
         values: the NamedTuple.
         kept: fields of it whose records are there.
     """
-    known, parts = {id(one.given): one for one in kept}, []
-    for part in values:
-        inner = boxed(part) if type(part) in _BOXES and id(part) not in known else part
-        parts.append(known[id(part)].record() if id(part) in known else inner)
+    known = {id(one.given): one for one in kept}
+    parts = [
+        known[id(part)].record()
+        if id(part) in known
+        else boxed(part)
+        if type(part) in _BOXES
+        else part
+        for part in values
+    ]
     return cast("Fields", _BOXES[type(values)](type(values)(*parts)))
 
 

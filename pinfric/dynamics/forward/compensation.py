@@ -25,12 +25,12 @@ from pinfric.dynamics.samples.motor_torques import scene_gears
 from pinfric.errors import PinfricError, StateError
 from pinfric.kernels.compiled import kernel
 from pinfric.model.arrays import real_numbers
-from pinfric.model.bearings import Contacts, normal_loads
+from pinfric.model.bearings import normal_loads
 from pinfric.model.couples import delivery, rate_rows, taking_part
 from pinfric.model.drives import Gears, gear_drag, gear_line
-from pinfric.model.laws import Laws, law_at
+from pinfric.model.laws import law_at
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, impossible
-from pinfric.model.scene import Scene
+from pinfric.model.scene import Scene, SiteTables
 from pinfric.model.twin import PRISMATIC
 
 
@@ -78,19 +78,14 @@ class Compensated(NamedTuple):
     """Constant tables of a scene for the kernels.
 
     Attributes:
-        velocity_index, ratio: (ns,) of the sites.
-        joint, place: (ns,) row of each site's joint, and of the site itself.
-        contacts, laws, gears: of the scene.
+        joint: (ns,) row of each site's joint.
+        sites: `Scene.site_tables`, `joint` the row of the site itself. gears: of the scene.
         rate, delivery: (na, nv), (na, na) of drives, see `couples`.
         together: (na,) whether a drive's joint turns with other drives: its directions differ.
     """
 
-    velocity_index: np.ndarray
-    ratio: np.ndarray
     joint: np.ndarray
-    place: np.ndarray
-    contacts: Contacts
-    laws: Laws
+    sites: SiteTables
     gears: Gears
     rate: np.ndarray
     delivery: np.ndarray
@@ -168,12 +163,8 @@ def make_compensated(scene: Scene) -> Compensated:
     tables, nv, drives = scene.site_tables, scene.model.nv, scene.drives
     P, part = delivery(drives, nv), taking_part(drives)
     return Compensated(
-        velocity_index=tables.velocity_index,
-        ratio=tables.ratio,
         joint=tables.joint,
-        place=np.arange(len(scene.sites)),
-        contacts=tables.contacts,
-        laws=tables.laws,
+        sites=tables._replace(joint=np.arange(len(scene.sites))),
         gears=scene_gears(scene),
         rate=rate_rows(drives, nv),
         delivery=P if P.size else np.eye(len(drives)),
@@ -207,7 +198,7 @@ def compensate_state(
         if given is not None and impossible(given).any():
             raise StateError(f"{name}: holds NaN, Inf or more than {LARGEST_OF_A_MOTION:g}")
     load = np.zeros((1, len(scene.sites)))
-    normal_loads(wrench, tables.place, tables.contacts, displacement, load)
+    normal_loads(wrench, tables.sites.joint, tables.sites.contacts, displacement, load)
     v_ref, error, v_now = (motion[name] for name in ("v_ref", "error", "v_now"))
     assert v_ref is not None
     rows, nothing = options.table(scene), np.zeros(len(v_ref))
@@ -349,10 +340,10 @@ def friction_of(
         dry, drag: (na,) N m or N, overwritten.
     """
     ahead, back, rest, slow = np.zeros((4, v.size))
-    for s in range(t.ratio.size):
-        i, r = t.velocity_index[s], t.ratio[s]
+    for s in range(load.size):
+        i, r = t.sites.velocity_index[s], t.sites.ratio[s]
         rate, size, leaving, c = r * v[i], abs(r), to.joint_leaving[i], load[s]
-        now = law_at(t.laws, s, rate)
+        now = law_at(t.sites.laws, s, rate)
         mu = (1.0 - leaving) * now.mu + leaving * now.static_mu
         forward = (1.0 - leaving) * now.forward + leaving * now.static_forward
         backward = (1.0 - leaving) * now.backward + leaving * now.static_backward

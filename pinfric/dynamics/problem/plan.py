@@ -9,7 +9,6 @@ coordinate that it drives, for its static friction.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple, cast
 
@@ -251,14 +250,6 @@ def make_inverse_plan(scene: Scene) -> Plan:
     )
 
 
-#: Makers of the plans of a scene, by what is asked.
-_MAKERS: dict[str, Callable[[Scene], Plan]] = {
-    "effort": make_plan,
-    "motor_torque": lambda scene: make_plan(scene, motors=True),
-    "inverse": make_inverse_plan,
-}
-
-
 def kept_plan(scene: Scene, asked: str) -> KernelArgument[Plan]:
     """Return a plan, made at first; it lives in the scene's twin.
 
@@ -271,7 +262,8 @@ def kept_plan(scene: Scene, asked: str) -> KernelArgument[Plan]:
     pools, key = scene.twin().pools, ("plan", asked)
     known, argument = pools.get(key, (None, None))
     if known is not scene:
-        argument = KernelArgument(_MAKERS[asked](scene))
+        inverse, motors = asked == "inverse", asked == "motor_torque"
+        argument = KernelArgument(make_inverse_plan(scene) if inverse else make_plan(scene, motors))
         pools[key] = scene, argument
     return cast("KernelArgument[Plan]", argument)
 
