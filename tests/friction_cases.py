@@ -21,6 +21,9 @@ from pinfric.friction.modes import Modes
 from pinfric.friction.problem import Problem, empty_problem
 from pinfric.friction.rest import Mechanism, solve
 
+#: Rows of coordinates that have none, see `gears.write_rows`.
+NO_GEARS = np.empty((0, 3))
+
 
 def random_problem(seed, nc=4, strength=0.15, shared=False, static=1.2) -> Problem:
     """A coupled problem of the kind a robot makes; `shared`: two sites on coordinate 0."""

@@ -8,6 +8,16 @@ from __future__ import annotations
 
 import numpy as np
 
+from pinfric.friction.gears import (
+    FEW_PASSES,
+    MOST_PASSES,
+    fit,
+    gear_margins,
+    gear_site,
+    guess_lines,
+    slip_friction,
+    write_rows,
+)
 from pinfric.friction.given_modes import MOST_SOLUTIONS, solve_given_modes
 from pinfric.friction.law import site_limits, sliding, stick_limits, write_loads
 from pinfric.friction.modes import Modes
@@ -143,35 +153,61 @@ def _judge_resting(problem: Problem, modes: Modes) -> int:
         elif not modes.direction[c] * modes.rate[c] >= -ROUNDING * terms:
             verdict[c] = SHOULD_STICK
         wrong += verdict[c] != 0
+    for g in range(problem.gear_rotor.shape[0]):  # slips the way its law is broken: a worm's may be
+        c = problem.coordinate[gear_site(problem, g)]  # against the load
+        if modes.stuck[c] and abs(verdict[c]) == 1:
+            backward, forward = gear_margins(problem, modes, g)
+            if min(backward, forward) < 0.0:
+                verdict[c] = -1 if backward < forward else 1
     return wrong
 
 
 @kernel
-def try_modes(problem: Problem, modes: Modes) -> tuple[int, int]:
+def try_modes(problem: Problem, modes: Modes, chosen: bool) -> tuple[int, int]:
     """Solve given modes and judge the solutions; write the first that obeys, else the first.
+
+    Every gear in motion is on the line that fits, by Newton's method over the lines.
 
     Args:
         problem: `Problem`.
-        modes: `Modes`; its `friction` is where the solve starts from.
+        modes: `Modes`; its `friction` and `effort` are where the solve starts from.
+        chosen: whether gears in motion are to keep their lines instead; solutions off them do not
+            count.
 
     Returns:
         (number of solutions or -1, how many of them obey), see `solve_given_modes`.
     """
-    if slide(problem, modes):
+    if not chosen and slide(problem, modes):
         return 1, 1
-    friction = modes.friction
-    solutions = np.empty((MOST_SOLUTIONS, friction.size))
-    found = solve_given_modes(
-        problem, modes.stuck, modes.direction, friction, solutions, modes.figures
-    )
-    first, obeying = 0, 0
-    for i in range(found - 1, -1, -1):
-        friction[:] = solutions[i]
-        evaluate(problem, friction, modes.load, modes.rate)
-        if judge(problem, modes) == 0:
-            first, obeying = i, obeying + 1
-    if first > 0:  # another was written last
-        friction[:] = solutions[first]
-        evaluate(problem, friction, modes.load, modes.rate)
-        judge(problem, modes)
-    return found, obeying
+    nc, ng = modes.stuck.size, modes.effort.size
+    friction, guess, solutions = modes.friction, modes.friction, np.empty((MOST_SOLUTIONS, nc))
+    lines, rows = np.empty((ng, 4)), np.empty((nc if ng > 0 else 0, 3))
+    for passes in range(MOST_PASSES):
+        if ng > 0:
+            guess = np.empty(nc)
+            slip_friction(problem, modes, guess)
+            write_rows(problem, modes, passes > FEW_PASSES and passes % 2 == 1, lines, rows)
+            if passes == 0 and not chosen:
+                guess_lines(problem, modes, guess, lines, rows)
+        found = solve_given_modes(
+            problem, modes.stuck, modes.direction, rows, guess, solutions, modes.figures
+        )
+        first, obeying, wrong, there = -1, 0, 0, 0
+        for i in range(found - 1, -1, -1):
+            friction[:] = solutions[i]
+            evaluate(problem, friction, modes.load, modes.rate)
+            left, changed = fit(problem, modes, lines, True) if ng > 0 else (0, 0)
+            if left > 0 and chosen:
+                continue
+            obeys = judge(problem, modes) == 0
+            there, obeying = there + 1, obeying + obeys
+            if first < 0 or obeys or obeying == 0:
+                first, wrong = i, left + changed
+        if first > 0:  # another was written last
+            friction[:] = solutions[first]
+            evaluate(problem, friction, modes.load, modes.rate)
+            fit(problem, modes, lines, True)
+            judge(problem, modes)
+        if chosen or found <= 0 or wrong == 0:
+            return min(found, there), obeying
+    return -1, 0

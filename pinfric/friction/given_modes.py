@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pinfric.friction.dense import largest, solve_dense, spectral_radius_bound
+from pinfric.friction.gears import are_bound, bind
 from pinfric.friction.law import add_load_slopes, contact_force, contact_terms, slip_law
 from pinfric.friction.problem import Problem
 from pinfric.kernels.compiled import kernel
@@ -60,22 +61,25 @@ class Reduced(NamedTuple):
 
 @kernel
 def reduce_problem(
-    problem: Problem, stuck: np.ndarray, direction: np.ndarray
+    problem: Problem, stuck: np.ndarray, direction: np.ndarray, rows: np.ndarray
 ) -> tuple[int, Reduced]:
     """Return the length of z and the problem in it.
 
-    Sticking coordinates are eliminated by r = 0, slipping ones whose load is constant by their law.
+    Sticking coordinates are eliminated by r = 0, gears on their lines by theirs, slipping
+    coordinates whose load is constant by their law.
 
     Args:
         problem, stuck, direction: see `slip_law`.
+        rows: (nc, 3), `gears.write_rows`; (0, 3) without gears.
 
     Returns:
-        Length of z, or -1 where the sticking coordinates' equations are singular; `Reduced`.
+        Length of z, or -1 where the equations of what sticks and of gears are singular; `Reduced`.
     """
     nc, ns = stuck.size, problem.constant.size
     law, site_gain, unknown = np.empty(nc), np.empty(ns), np.full(nc, -1, np.int64)
     slip_law(problem, stuck, direction, site_gain, law)
-    nz = count = sticking = 0
+    nz = count = 0
+    bound = are_bound(stuck, rows)
     for t in range(problem.contact_site.size):
         s = problem.contact_site[t]
         c = problem.coordinate[s]
@@ -88,51 +92,21 @@ def reduce_problem(
         law[problem.coordinate[s]] += site_gain[s] * problem.constant[s]
     X, offset = np.zeros((nc, 1 + nz)), np.empty(nz)
     for c in range(nc):
-        sticking += stuck[c]
         if unknown[c] >= 0:
             X[c, 1 + unknown[c]], offset[unknown[c]] = 1.0, law[c]
         elif not stuck[c]:
             X[c, 0] = law[c]
     place, gain, contact = np.empty(count, np.int64), np.empty(count), np.zeros((count, 1 + nz, 3))
     reduced = Reduced(unknown, X, offset, place, gain, contact)
-    if sticking > 0 and not _hold(problem, stuck, X):
+    if bound.any() and not bind(problem, bound, rows, X):
         return -1, reduced
-    _reduce_contacts(problem, stuck, site_gain, reduced)
+    _reduce_contacts(problem, bound, site_gain, reduced)
     return nz, reduced
 
 
 @kernel
-def _hold(problem: Problem, stuck: np.ndarray, X: np.ndarray) -> bool:
-    """Write the friction of the sticking coordinates, r = 0; False where that is singular.
-
-    Args:
-        problem, stuck: see `slip_law`.
-        X: (nc, nz + 1), of the slipping coordinates; the other rows are overwritten.
-    """
-    nc, columns = X.shape
-    held = np.flatnonzero(stuck)
-    nh = held.size
-    A, B = np.empty((nh, nh)), np.empty((nh, columns))
-    for i in range(nh):
-        c = held[i]
-        for j in range(nh):
-            A[i, j] = problem.rate_slope[c, held[j]]
-        for j in range(columns):
-            B[i, j] = -problem.rate_free[c] if j == 0 else 0.0
-            for d in range(nc):
-                if not stuck[d]:
-                    B[i, j] -= problem.rate_slope[c, d] * X[d, j]
-    if not solve_dense(A, B):
-        return False
-    for i in range(nh):
-        for j in range(columns):
-            X[held[i], j] = B[i, j]
-    return True
-
-
-@kernel
 def _reduce_contacts(
-    problem: Problem, stuck: np.ndarray, site_gain: np.ndarray, reduced: Reduced
+    problem: Problem, bound: np.ndarray, site_gain: np.ndarray, reduced: Reduced
 ) -> None:
     """Write whose friction follows each contact force that counts, and the force as a map of z."""
     unknown, X, _, place, gain, contact = reduced
@@ -145,8 +119,8 @@ def _reduce_contacts(
         for e in range(3):
             contact[n, 0, e] = problem.contact[t, 0, e]
         for c in range(unknown.size):
-            # what slips is a number or one of z
-            first, last = (0, columns) if stuck[c] else (1 + unknown[c], 2 + unknown[c])
+            # what slips without a gear is a number or one of z
+            first, last = (0, columns) if bound[c] else (1 + unknown[c], 2 + unknown[c])
             for j in range(first, last):
                 for e in range(3):
                     contact[n, j, e] += X[c, j] * problem.contact[t, 1 + c, e]
@@ -333,16 +307,17 @@ def solve_given_modes(
     problem: Problem,
     stuck: np.ndarray,
     direction: np.ndarray,
+    rows: np.ndarray,
     guess: np.ndarray,
     solutions: np.ndarray,
     figures: np.ndarray,
 ) -> int:
-    """Find the friction in given modes; several solutions if contraction allows them.
+    """Find the friction in given modes and lines; several solutions if contraction allows them.
 
     Args:
         problem: `Problem`.
-        stuck, direction: see `slip_law`.
-        guess: (nc,) friction to start from; NaN in the first place: none.
+        stuck, direction, rows: see `reduce_problem`.
+        guess: (nc,) friction of bearings to start from; NaN in the first place: none.
         solutions: (MOST_SOLUTIONS, nc), overwritten with the solutions found.
         figures: (2,), overwritten: contraction, passes.
 
@@ -351,7 +326,7 @@ def solve_given_modes(
         is certain (the solver fails because of rounding).
     """
     figures[0] = figures[1] = 0.0
-    nz, reduced = reduce_problem(problem, stuck, direction)
+    nz, reduced = reduce_problem(problem, stuck, direction, rows)
     if nz < 0:
         return 0
     if nz == 0:

@@ -32,6 +32,7 @@ class Modes(NamedTuple):
             the speed or the caller fixes it, and the judge ignores it.
         friction: (nc,) N m or N; the guess of the next solve, NaN in the first place: none.
         load: (ns,) N m or N.
+        effort: (ng,) that gears deliver (N m or N), which says on which line each is.
         rate: (nc,) relative acceleration, or what the problem says.
         verdict: (nc,) int: 0 obeys its law; -1, 1 held beyond its static limit, the way it would
             slip; `consistency.SHOULD_STICK` slips against its direction.
@@ -43,13 +44,14 @@ class Modes(NamedTuple):
     at_rest: np.ndarray
     friction: np.ndarray
     load: np.ndarray
+    effort: np.ndarray
     rate: np.ndarray
     verdict: np.ndarray
     figures: np.ndarray
 
     @classmethod
-    def of(cls, nc: int, ns: int) -> Modes:
-        """Make the arrays for nc coordinates and ns sites."""
+    def of(cls, nc: int, ns: int, ng: int = 0) -> Modes:
+        """Make the arrays for nc coordinates, ns sites and ng gears."""
         friction = np.zeros(nc)
         friction[:1] = np.nan
         return cls(
@@ -58,6 +60,7 @@ class Modes(NamedTuple):
             np.zeros(nc, dtype=bool),
             friction,
             np.zeros(ns),
+            np.zeros(ng),
             np.zeros(nc),
             np.zeros(nc, dtype=np.int64),
             np.zeros(2),

@@ -10,6 +10,8 @@ depend on friction are affine in x (paper eq. 3, 16, 17):
     slipping    x = -sum |ratio| direction (mu c + coulomb) - drag                  (paper eq. 20)
     sticking    r = 0 and x within the two static limits                            (paper eq. 21)
 
+A gear with losses has one more entry on the coordinate that it drives, see `gears.py`.
+
 The module that writes a `Problem` (forward dynamics, a time step) determines what r is. The problem
 does not depend on the robot.
 """
@@ -22,9 +24,10 @@ import numpy as np
 
 
 class Problem(NamedTuple):
-    """One coupled friction problem: nc coordinates, ns sites, nt contact forces.
+    """One coupled friction problem: nc coordinates, ns sites, nt contact forces, ng gears.
 
-    A site here is one entry of the plan: a ball has three, and a gear with losses has one.
+    A site here is one entry of the plan: a ball has three, and a gear with losses has one, one of
+    the last ng.
 
     Attributes:
         rate_free: (nc,) r without friction.
@@ -39,6 +42,11 @@ class Problem(NamedTuple):
         mu_slip, mu_stick: (ns,) coefficients of the load at the present speed, and at rest.
         coulomb_slip, coulomb_stick: (ns, 2) constant friction against forward, backward motion.
         drag: (ns,) viscous friction against the site's present velocity.
+        gear_rotor: (ng, 2) what arrives at each at r = 0 (N m or N), and its rotor's inertia per r.
+        gear_lines: (ng, 4, n, 3) slope, offset and least effort of the lines of each, in ascending
+            order, of forward and of backward motion and then of both from rest; a line that is
+            there only to fill the table repeats the last slope and begins at inf.
+        gear_held: (ng, m, 2) the intervals of efforts that each holds at rest; inf, -inf: none.
     """
 
     rate_free: np.ndarray
@@ -54,6 +62,14 @@ class Problem(NamedTuple):
     coulomb_slip: np.ndarray
     coulomb_stick: np.ndarray
     drag: np.ndarray
+    gear_rotor: np.ndarray
+    gear_lines: np.ndarray
+    gear_held: np.ndarray
+
+    @property
+    def gear_coordinate(self) -> np.ndarray:
+        """(ng,) coordinate of each gear."""
+        return self.coordinate[len(self.coordinate) - len(self.gear_rotor) :]
 
     @property
     def grip(self) -> np.ndarray:
@@ -62,9 +78,17 @@ class Problem(NamedTuple):
 
 
 def empty_problem(
-    coordinate: np.ndarray, ratio: np.ndarray, contact_site: np.ndarray, constant: np.ndarray
+    coordinate: np.ndarray,
+    ratio: np.ndarray,
+    contact_site: np.ndarray,
+    constant: np.ndarray,
+    gears: int = 0,
+    lines: int = 1,
 ) -> Problem:
-    """Return a problem of the given structure whose numbers are still to be written."""
+    """Return a problem of the given structure whose numbers are still to be written.
+
+    The last sites are those of the gears, of so many lines each way at most.
+    """
     ns, nt = len(coordinate), len(contact_site)
     nc = int(coordinate.max()) + 1 if ns else 0
     return Problem(
@@ -81,6 +105,9 @@ def empty_problem(
         coulomb_slip=np.zeros((ns, 2)),
         coulomb_stick=np.zeros((ns, 2)),
         drag=np.zeros(ns),
+        gear_rotor=np.zeros((gears, 2)),
+        gear_lines=np.zeros((gears, 4, lines, 3)),
+        gear_held=np.zeros((gears, 2 * lines + 1, 2)),
     )
 
 

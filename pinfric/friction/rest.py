@@ -26,6 +26,15 @@ import numpy as np
 from pinfric.friction.anderson import anderson
 from pinfric.friction.balance import FITS, RANK
 from pinfric.friction.consistency import ROUNDING, evaluate, judge, try_modes
+from pinfric.friction.gears import (
+    FEW_PASSES,
+    MOST_PASSES,
+    fit,
+    hold_chosen,
+    lines_and_rows,
+    ways_to_hold,
+    without_gears,
+)
 from pinfric.friction.holding import decide
 from pinfric.friction.law import add_load_slopes, slip_law, stick_limits
 from pinfric.friction.modes import Modes
@@ -160,40 +169,62 @@ class Mechanism:
         return bool(self.groups(stuck))
 
 
-def solve(problem: Problem, modes: Modes, mechanism: Mechanism) -> tuple[int, int]:
+def solve(
+    problem: Problem, modes: Modes, mechanism: Mechanism, chosen: bool = False
+) -> tuple[int, int]:
     """Solve the present modes; return (number of solutions or -1, how many obey the laws).
 
     Joints that can only move together share their friction.
+
+    Args:
+        problem, modes, mechanism: what to solve.
+        chosen: whether gears in motion are to keep their lines, those of `modes.effort`; no
+            solution is off them.
     """
-    groups = mechanism.groups(modes.stuck)
-    if not groups:
-        found, obeying = try_modes(problem, modes)
-        if found <= 0:
-            modes.friction[:1] = np.nan  # what is there is no guess for the next solve
-        if mechanism.closed:
+    if chosen:
+        hold_chosen(problem, modes)
+    if not mechanism.closed:
+        return _apart(problem, modes, chosen)
+    found, obeying = _together(problem, modes, mechanism, chosen)
+    if not obeying and modes.effort.size:
+        ways = list(ways_to_hold(problem, modes))
+        for efforts in ways if len(ways) > 1 else ():
+            modes.effort[:] = efforts
+            hold_chosen(problem, modes)
+            found, obeying = _together(problem, modes, mechanism, chosen)
+            if obeying:
+                break
+    return found, obeying
+
+
+def _apart(problem: Problem, modes: Modes, chosen: bool) -> tuple[int, int]:
+    """`solve` where no friction is shared."""
+    found, obeying = try_modes(problem, modes, chosen)
+    if found <= 0:
+        modes.friction[:1] = np.nan  # what is there is no guess for the next solve
+    return int(found), int(obeying)
+
+
+def _together(
+    problem: Problem, modes: Modes, mechanism: Mechanism, chosen: bool
+) -> tuple[int, int]:
+    """`solve` of a mechanism, with the intervals that gears at rest hold as they are."""
+    for passes in range(MOST_PASSES):
+        lines, rows = lines_and_rows(problem, modes, passes > FEW_PASSES and passes % 2 == 1)
+        plain, of_y = without_gears(problem, modes, rows)
+        mechanism.slope = None if plain is problem else plain.rate_slope
+        groups = mechanism.groups(modes.stuck)
+        if not groups:
+            found, obeying = _apart(problem, modes, chosen)
             mechanism.way[:] = np.where(modes.stuck, -np.sign(modes.friction), modes.direction)
-        return int(found), int(obeying)
-    step = _Shared(problem, modes, mechanism, groups)
-    start = np.zeros(len(modes.stuck))
-    if step.sharp < 1e-12 and np.isfinite(modes.friction).all():
-        start[:] = modes.friction  # exact whatever it starts from
-    x, passes = anderson(step, start, step.sharp)
-    if x is None and step.possible:
-        step.follows_loads = False
-        x, more = anderson(step, start, step.sharp)
-        passes += more
-    modes.figures[:] = np.nan, passes
-    if not step.possible:
-        modes.friction[:1] = np.nan
-        return 0, 0
-    modes.friction[:] = step(start) if x is None else x
-    evaluate(problem, modes.friction, modes.load, modes.rate)
-    held = (x is None or step.is_beyond()) and _hold_otherwise(step)
-    broken = step.judge()
-    if x is None and not held:  # beyond its limits friction may grow without bound: it breaks away
-        modes.friction[:1] = np.nan
-        return (1 if broken else -1), 0
-    return 1, int(broken == 0)
+            return found, obeying
+        step = _Shared(problem, plain, of_y, modes, mechanism, groups)
+        found, obeying, left, changed = step.solve(lines)
+        if found > 0 and chosen and left:
+            return 0, 0
+        if found <= 0 or not left + changed:
+            return found, obeying
+    return -1, 0
 
 
 def _hold_otherwise(step: _Shared) -> bool:
@@ -201,10 +232,9 @@ def _hold_otherwise(step: _Shared) -> bool:
     modes, ball = step.modes, step.mechanism.ball
     if ball[modes.stuck].any() or step.gain.any() or step.offset.any():
         return False  # a ball's limit is a sphere; what slides has friction that loads decide
-    found = decide(step.given, step.mechanism.factor, modes.stuck, slope=step.mechanism.slope)
+    found = decide(step.plain, step.mechanism.factor, modes.stuck, slope=step.mechanism.slope)
     if found.held:
-        modes.friction[:] = found.friction
-        evaluate(step.problem, modes.friction, modes.load, modes.rate)
+        step.write(found.friction)
     return bool(found.held)
 
 
@@ -212,9 +242,15 @@ class _Shared:
     """One pass x -> G(x) of a problem in which groups share their friction."""
 
     def __init__(
-        self, problem: Problem, modes: Modes, mechanism: Mechanism, groups: list[Group]
+        self,
+        problem: Problem,
+        plain: Problem,
+        of_y: np.ndarray,
+        modes: Modes,
+        mechanism: Mechanism,
+        groups: list[Group],
     ) -> None:
-        self.given, self.problem = problem, bounded(problem)
+        self.given, self.plain, self.problem, self.of_y = problem, plain, bounded(plain), of_y
         self.modes, self.mechanism = modes, mechanism
         nc, ns = len(modes.stuck), len(problem.constant)
         self.gain, self.offset = np.empty(ns), np.empty(nc)
@@ -230,6 +266,35 @@ class _Shared:
         self.push = np.zeros(nc)
         self.weakest: list[np.ndarray | None] = [None] * len(groups)
         self.sharp = 4e-15 if all(len(A) == 1 for _, _, A in self.groups) else 1e-9
+
+    def solve(self, lines: np.ndarray) -> tuple[int, int, int, int]:
+        """(number of solutions or -1, how many obey), and what `fit` returns of lines (ng, 4)."""
+        modes, start = self.modes, np.zeros(len(self.modes.stuck))
+        if self.sharp < 1e-12 and np.isfinite(modes.friction).all():
+            start[:] = modes.friction  # exact whatever it starts from
+        x, passes = anderson(self, start, self.sharp)
+        if x is None and self.possible:
+            self.follows_loads = False
+            x, more = anderson(self, start, self.sharp)
+            passes += more
+        modes.figures[:] = np.nan, passes
+        if not self.possible:
+            modes.friction[:1] = np.nan
+            return 0, 0, 0, 0
+        self.write(self(start) if x is None else x)
+        held = (x is None or self.is_beyond()) and _hold_otherwise(self)
+        left, changed = fit(self.given, modes, lines, True)
+        broken = self.judge()
+        if x is None and not held:  # beyond its limits friction may grow without bound: breaks away
+            modes.friction[:1] = np.nan
+            return (1 if broken else -1), 0, 0, 0
+        return 1, int(broken == 0), left, changed
+
+    def write(self, y: np.ndarray) -> None:
+        """Write the friction of a solution, its loads and rates."""
+        self.y, modes = y, self.modes
+        modes.friction[:] = self.of_y[:, 0] + self.of_y[:, 1:] @ y if self.of_y.size else y
+        evaluate(self.given, modes.friction, modes.load, modes.rate)
 
     def __call__(self, x: np.ndarray) -> np.ndarray:
         p, modes = self.problem, self.modes
@@ -276,7 +341,7 @@ class _Shared:
         """Write `verdict` and `way`; return how many coordinates break their law."""
         p, m, way = self.problem, self.modes, self.mechanism.way
         at_rest = m.at_rest & ~self.shared
-        judge(p, m._replace(at_rest=at_rest))
+        judge(self.given, m._replace(at_rest=at_rest))
         stick_limits(p, m.load, self.least, self.most)
         way[:] = np.where(m.stuck, -np.sign(m.friction), m.direction)
         for group, _, _ in self.groups:
@@ -298,7 +363,7 @@ class _Shared:
 
     def _against_limits(self, group: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Friction of each joint of a group, its limit, and whether it is beyond (not rounding)."""
-        x, block = self.modes.friction[group], self.mechanism.block[group]
+        x, block = self.y[group], self.mechanism.block[group]
         size = joint_sizes(x, block)
         limit = np.where(x > 0.0, self.most[group], -self.least[group])
         ball = self.mechanism.ball[group]

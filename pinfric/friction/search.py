@@ -12,14 +12,15 @@ A search ends after `MOST_PASSES` passes of its solves; it is then `UNDECIDED`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from pinfric.friction.balance import FITS, RANK
 from pinfric.friction.consistency import SHOULD_STICK, evaluate, judge
+from pinfric.friction.gears import choices, fit, jam, lines_and_rows
 from pinfric.friction.modes import Found, Modes
 from pinfric.friction.problem import Problem
 from pinfric.friction.rest import Mechanism, solve
@@ -41,42 +42,29 @@ _TURNED, _NEARLY, _FARTHER = 1e-8, 0.03, 30.0
 
 
 class Answer(NamedTuple):
-    """A solution that obeys the laws.
-
-    Attributes:
-        modes: with its friction.
-        stable: whether a shaft with a little compliance would stay at it.
-        delivered: (na,) efforts that say which line each gear is on.
-    """
+    """A solution that obeys the laws, with its friction; see `gears.py` for which are stable."""
 
     modes: Modes
     stable: bool = True
-    delivered: np.ndarray | None = None
 
 
 @dataclass
-class Lines:
-    """How a problem depends on its modes if drives have gears, and what the last search counted.
+class Count:
+    """What a search counted.
 
     Attributes:
-        settle: solves the modes as they are, as `rest.solve` does, which it is without gears.
-        take: makes an answer the present one; None without gears.
-        found: the answers that the last `settle` found, if gears may have several; else empty.
-        many: how many answers, of the last search, and how many of them are stable.
+        many: how many answers, and how many of them are stable.
         tried: in how many modes it looked for them.
         unsure: whether gears allow more choices than are tried, so that there may be others.
     """
 
-    settle: Callable[[], tuple[int, int]] | None = None
-    take: Callable[[Answer], None] | None = None
-    found: list[Answer] = field(default_factory=list)
     many: tuple[int, int] = (1, 1)
     tried: int = 1
     unsure: bool = False
 
-    def count(self, solutions: int, obeying: int) -> Found:
+    def single(self, solutions: int, obeying: int) -> Found:
         """Return how a search of a single mode ends, from what `rest.solve` returns."""
-        self.many, self.tried = (obeying, obeying), 1
+        self.many, self.tried, self.unsure = (obeying, obeying), 1, False
         return outcome(solutions, obeying)
 
 
@@ -85,38 +73,46 @@ class _Query:
 
     Attributes:
         problem, modes, mechanism: see `search`.
-        lines: what gears do, and what is counted.
+        count: what is counted.
+        found: the answers in the modes solved last, if gears may have several; else empty.
         left: passes.
         every: whether all solutions of given modes are wanted, where there may be several.
         unsure: whether the search for all solutions of some modes reached its limit.
     """
 
     def __init__(
-        self,
-        problem: Problem,
-        modes: Modes,
-        mechanism: Mechanism,
-        lines: Lines | None,
-        every: bool,
+        self, problem: Problem, modes: Modes, mechanism: Mechanism, count: Count, every: bool
     ) -> None:
         self.every, self.left, self.unsure = every, MOST_PASSES, False
         self.problem, self.modes, self.mechanism = problem, modes, mechanism
-        self.lines = lines or Lines()
-        self.lines.many, self.lines.tried, self.lines.unsure = (0, 0), 0, False
+        self.count, self.found = count, list[Answer]()
+        count.many, count.tried, count.unsure = (0, 0), 0, False
 
     def settle(self) -> tuple[int, int]:
-        """Solve the modes as they are; see `rest.solve`."""
-        if self.lines.settle:
-            return self.lines.settle()
-        return solve(self.problem, self.modes, self.mechanism)
+        """Solve the modes as they are, on every line that may fit where gears may have several.
+
+        `found` are then the answers. See `rest.solve`.
+        """
+        self.found = []
+        solutions, obeying = solve(self.problem, self.modes, self.mechanism)
+        if not self.modes.effort.size or (solutions >= 0 and not jam(self.problem, self.modes)):
+            return solutions, obeying
+        every, m, solved = choices(self.problem, self.modes), self.modes, list[Answer]()
+        self.count.unsure |= every is None
+        for efforts, stable in every or ():
+            m.effort[:] = efforts
+            solutions, obeying = solve(self.problem, m, self.mechanism, chosen=True)
+            if solutions > 0:
+                solved.append(Answer(m.copy(), stable))
+                self.found += solved[-1:] * (obeying > 0)
+        if solved:
+            self._take(max(self.found or solved, key=lambda answer: answer.stable))
+        return len(solved), len(self.found)
 
     def _take(self, answer: Answer) -> None:
         """Make an answer the present one."""
-        if self.lines.take:
-            self.lines.take(answer)
-        else:
-            self.modes.take(answer.modes)
-            self.settle()
+        self.modes.take(answer.modes)
+        solve(self.problem, self.modes, self.mechanism, chosen=True)
 
     def solve(self) -> tuple[int, int]:
         """Solve the modes as they are, all solutions of them if wanted; see `rest.solve`."""
@@ -129,24 +125,24 @@ class _Query:
 
     def end(self, solutions: int, obeying: int) -> Found:
         """Return how the search ends with the modes just solved; the answer is the present one."""
-        if self.lines.found:
-            return self.choose(list(self.lines.found))
-        self.lines.many = obeying, obeying
+        if self.found:
+            return self.choose(list(self.found))
+        self.count.many = obeying, obeying
         return self.sure(outcome(solutions, obeying))
 
     def sure(self, found: Found) -> Found:
         """Return how the search ends, where what it may have missed would change that."""
-        unsure = self.lines.unsure and found == Found.NONE
-        unsure |= found == Found.SOLVED and (self.unsure or self.lines.unsure)
+        unsure = self.count.unsure and found == Found.NONE
+        unsure |= found == Found.SOLVED and (self.unsure or self.count.unsure)
         return Found.UNDECIDED if unsure else found
 
     def choose(self, answers: list[Answer]) -> Found:
         """Make the answer the present one: of several the only stable one."""
         stable = [answer for answer in answers if answer.stable]
-        self.lines.many = len(answers), len(stable)
+        self.count.many = len(answers), len(stable)
         best = (stable or answers)[0]
         self._take(best)  # others were tried since
-        if not _same(Answer(self.modes), best):
+        if not _same(self.modes, best.modes):
             return Found.UNDECIDED
         if len(stable) == 1:
             return Found.SOLVED
@@ -156,7 +152,8 @@ class _Query:
         """Look for solutions that Newton's method has missed; see `solve`."""
         modes, problem = self.modes, self.problem
         kept = modes.copy()
-        every = find_all(problem, modes.stuck, modes.direction)
+        lines, rows = lines_and_rows(problem, modes)
+        every = find_all(problem, modes.stuck, modes.direction, rows)
         self.left -= every.parts
         self.unsure |= every.complete is False
         if len(every.solutions) <= found[0]:
@@ -165,6 +162,7 @@ class _Query:
         for x in every.solutions:
             modes.friction[:] = x
             evaluate(problem, modes.friction, modes.load, modes.rate)
+            fit(problem, modes, lines, True)
             if judge(problem, modes) == 0:
                 obeying += 1
                 kept = modes.copy()
@@ -178,7 +176,7 @@ def search(
     mechanism: Mechanism,
     forced: Mapping[int, float] | None = None,
     held: np.ndarray | None = None,
-    lines: Lines | None = None,
+    count: Count | None = None,
 ) -> Found:
     """Find the modes of the coordinates at rest; those that move keep theirs.
 
@@ -191,9 +189,9 @@ def search(
         forced: coordinate -> direction it must slip in (it has just broken away).
         held: (nc,) bool, coordinates that were sticking until now: of several solutions with
             equally few slipping joints, the one in which all of these stick is chosen.
-        lines: how the problem follows the modes, if it does.
+        count: overwritten with what was counted.
     """
-    query = _Query(problem, modes, mechanism, lines, every=True)
+    query = _Query(problem, modes, mechanism, count or Count(), every=True)
     together = mechanism.is_dependent(modes.at_rest)
     passing = modes.at_rest & mechanism.idle
     if together:
@@ -203,7 +201,7 @@ def search(
     at_rest = modes.at_rest.copy()
     for _ in range(3):
         if together and not mechanism.is_dependent(at_rest):
-            found = search(problem, modes, mechanism, forced, held, lines)
+            found = search(problem, modes, mechanism, forced, held, count)
         else:
             found = _search_open(query, dict(forced or {}), held)
         if (modes.direction[passing] * modes.rate[passing] >= 0.0).all():
@@ -226,7 +224,7 @@ def _search_open(query: _Query, forced: dict[int, float], held: np.ndarray | Non
     modes, mechanism = query.modes, query.mechanism
     rests, together = modes.at_rest, mechanism.is_dependent(modes.at_rest)
     if not rests.any():
-        query.lines.tried += 1
+        query.count.tried += 1
         return query.end(*query.solve())
     if len(mechanism.joints(rests)) > MOST_ENUMERATED:
         _stick(modes, mechanism, forced)
@@ -293,16 +291,16 @@ def _try_all(query: _Query, every: list[dict[int, float]]) -> tuple[Found, list[
         if query.left <= 0:
             return Found.UNDECIDED, []
         _stick(modes, query.mechanism, ways)
-        query.lines.tried += 1
+        query.count.tried += 1
         solutions, obeying = _settle(query)
         if solutions < 0:
             status = Found.NOT_CONVERGED
-        answers = list(query.lines.found)
+        answers = list(query.found)
         if obeying > 1 and not answers:
-            query.lines.many = obeying, obeying
+            query.count.many = obeying, obeying
             return Found.AMBIGUOUS, []
         for answer in answers or [Answer(modes.copy())] * (obeying == 1):
-            if not any(_same(answer, other) for other in consistent):
+            if not any(_same(answer.modes, other.modes) for other in consistent):
                 consistent.append(answer)
     return status, consistent
 
@@ -333,18 +331,11 @@ def _moves_against(problem: Problem, modes: Modes, part: float) -> bool:
     return bool((against > part * terms).any())
 
 
-def _same(one: Answer, other: Answer) -> bool:
+def _same(one: Modes, other: Modes) -> bool:
     """Return whether two solutions are one acceleration (what is at its limit slips at rate 0)."""
-    for x, y in (
-        (one.modes.friction, other.modes.friction),
-        (one.delivered, other.delivered),
-    ):
-        if x is None or y is None:
-            continue
-        size = max(np.abs(x).max(initial=0.0), np.abs(y).max(initial=0.0))
-        if not np.abs(x - y).max(initial=0.0) <= _SAME * size:
-            return False
-    return True
+    x, y = one.friction, other.friction
+    size = max(np.abs(x).max(initial=0.0), np.abs(y).max(initial=0.0))
+    return bool(np.abs(x - y).max(initial=0.0) <= _SAME * size)
 
 
 def outcome(solutions: int, obeying: int) -> Found:
@@ -374,10 +365,10 @@ class _Patience:
         return self.left >= 0
 
 
-def given(problem: Problem, modes: Modes, mechanism: Mechanism, lines: Lines) -> Found:
+def given(problem: Problem, modes: Modes, mechanism: Mechanism, count: Count) -> Found:
     """Solve the modes as they are; of several answers that gears leave the only stable one."""
-    query = _Query(problem, modes, mechanism, lines, every=False)
-    query.lines.tried += 1
+    query = _Query(problem, modes, mechanism, count, every=False)
+    query.count.tried += 1
     return query.end(*query.solve())
 
 
@@ -385,7 +376,7 @@ def follow(
     problem: Problem,
     modes: Modes,
     mechanism: Mechanism,
-    lines: Lines | None = None,
+    count: Count | None = None,
 ) -> Found:
     """Find consistent modes from those given, by block pivoting with Murty's rule as a safeguard.
 
@@ -396,9 +387,9 @@ def follow(
     constant.
 
     Args:
-        problem, modes, mechanism, lines: see `search`; the modes given are where it starts.
+        problem, modes, mechanism, count: see `search`; the modes given are where it starts.
     """
-    return _follow(_Query(problem, modes, mechanism, lines, every=False), set())
+    return _follow(_Query(problem, modes, mechanism, count or Count(), every=False), set())
 
 
 def _follow(query: _Query, fixed: set[int]) -> Found:
@@ -408,7 +399,7 @@ def _follow(query: _Query, fixed: set[int]) -> Found:
     for _ in range(_CHANGES + _FOR_EACH * len(modes.stuck)):
         if query.left <= 0:
             return Found.UNDECIDED
-        query.lines.tried += 1
+        query.count.tried += 1
         solutions, obeying = query.solve()
         if solutions <= 0:
             return outcome(solutions, 0)

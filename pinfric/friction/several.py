@@ -47,14 +47,16 @@ class Frictions(NamedTuple):
     complete: bool | None
 
 
-def find_all(problem: Problem, stuck: np.ndarray, direction: np.ndarray) -> Frictions:
+def find_all(
+    problem: Problem, stuck: np.ndarray, direction: np.ndarray, rows: np.ndarray
+) -> Frictions:
     """Return all frictions that fit given modes, of up to `MOST_COUPLED` that follow loads.
 
     Args:
         problem: `Problem`.
-        stuck, direction: (nc,) the modes.
+        stuck, direction: (nc,) the modes. rows: (nc, 3), `gears.write_rows`.
     """
-    nz, reduced = reduce_problem(problem, stuck, direction)
+    nz, reduced = reduce_problem(problem, stuck, direction, rows)
     if not 0 < nz <= MOST_COUPLED:
         return Frictions([], 0, None)
     found, parts, complete = _Rays(reduced).search()

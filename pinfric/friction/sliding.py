@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pinfric.friction.dense import spectral_radius_bound
+from pinfric.friction.dense import solve_dense, spectral_radius_bound
+from pinfric.friction.gears import fit, gear_site, write_rows
 from pinfric.friction.given_modes import RESIDUAL
 from pinfric.friction.law import slip_law
 from pinfric.friction.modes import Modes
@@ -16,61 +17,44 @@ from pinfric.kernels.compiled import kernel
 
 #: Below this contraction elimination needs no pivots: what is subtracted from 1 stays below it.
 _CLEAR = 0.9
+#: Slopes of gears' lines below this are left to `given_modes`.
+_RISES = 0.02
 #: Passes of Newton's method, of which four are usual; `given_modes` takes over after them.
 _PASSES = 12
 
 
 @kernel
-def slide(problem: Problem, modes: Modes) -> bool:
+def slide(problem: Problem, modes: Modes) -> bool:  # noqa: C901
     """Write the solution in modes in which nothing rests; False: that is left to `given_modes`.
+
+    Newton's method goes over the lines of gears, too, if they rise.
 
     Args:
         problem: `Problem`.
-        modes: `Modes`; its `friction` is where the solve starts from.
+        modes: `Modes`; its `friction` and `effort` are where the solve starts from.
     """
-    x, rate = modes.friction, modes.rate
-    for c in range(x.size):
+    x, load, (nc, ns) = modes.friction, modes.load, (modes.friction.size, modes.load.size)
+    for c in range(nc):
         if modes.stuck[c] or modes.at_rest[c]:
             return False
-    if not slide_along(problem, modes.stuck, modes.direction, x, modes.load, modes.figures):
-        return False
-    for c in range(x.size):
-        modes.verdict[c], rate[c] = 0, problem.rate_free[c]
-        for d in range(x.size):
-            rate[c] += problem.rate_slope[c, d] * x[d]
-    return True
-
-
-@kernel
-def slide_along(
-    problem: Problem,
-    nobody: np.ndarray,
-    direction: np.ndarray,
-    x: np.ndarray,
-    load: np.ndarray,
-    figures: np.ndarray,
-) -> bool:
-    """Write friction and loads where all slips in given directions; False: see `slide`.
-
-    Args:
-        problem, direction: see `slip_law`.
-        nobody: (nc,) False.
-        x: (nc,), overwritten; where the solve starts from, NaN in the first place: from 0.
-        load: (ns,), overwritten.
-        figures: (2,), overwritten: contraction, passes.
-    """
-    (nc, ns), nz = (x.size, load.size), 0
-    gain, offset, place = np.empty(ns), np.empty(nc), np.full(nc, -1, np.int64)
-    slip_law(problem, nobody, direction, gain, offset)
+    gain, offset, place, nz = np.empty(ns), np.empty(nc), np.full(nc, -1, np.int64), 0
+    slip_law(problem, modes.stuck, modes.direction, gain, offset)
     for t in range(problem.contact_site.size):
         s = problem.contact_site[t]
         if gain[s] != 0.0 and place[problem.coordinate[s]] < 0:
             place[problem.coordinate[s]] = nz
             nz += 1
+    ng = modes.effort.size
+    for g in range(ng):
+        c = problem.coordinate[gear_site(problem, g)]
+        if place[c] < 0:
+            place[c] = nz
+            nz += 1
     J, rest = np.empty((nz, nz)), np.empty(nz)
-    figures[0] = _contraction(problem, gain, place, J, rest)
-    if nz == 0 or not figures[0] < _CLEAR:
+    contraction = _contraction(problem, gain, place, J, rest)
+    if nz == 0 or not contraction < _CLEAR:
         return False
+    back, lines, rows = J if ng == 0 else J.copy(), np.empty((ng, 4)), np.empty((nc, 3))
     for s in range(ns):
         offset[problem.coordinate[s]] += gain[s] * problem.constant[s]
     started = x[0] == x[0]
@@ -78,8 +62,24 @@ def slide_along(
         if place[c] < 0 or not started:
             x[c] = offset[c] if place[c] < 0 else 0.0
     for passes in range(_PASSES):
-        figures[1] = passes
-        if _residual(problem, gain, offset, place, x, load, J, rest) <= RESIDUAL * (8 + nz):
+        error = _residual(problem, gain, offset, place, x, load, J, rest)
+        if ng > 0:
+            _write_rates(problem, modes)
+            if passes > 0:
+                fit(problem, modes, lines, False)
+            write_rows(problem, modes, False, lines, rows)
+            if not rows[:, 0].min() > _RISES:
+                break
+            error = _with_gears(problem, modes, rows, place, J, rest)
+        if error <= RESIDUAL * (8 + nz) and (ng == 0 or fit(problem, modes, lines, False)[0] == 0):
+            if ng > 0:
+                contraction = _behind_gears(problem, rows, place, back, J, rest)
+                if not contraction < _CLEAR:
+                    break
+            modes.figures[0], modes.figures[1] = contraction, passes
+            modes.verdict[:] = 0
+            if ng == 0:
+                _write_rates(problem, modes)
             return True
         _solve(J, rest)
         for c in range(nc):
@@ -87,6 +87,72 @@ def slide_along(
                 x[c] -= rest[place[c]]
     x[0] = np.nan
     return False
+
+
+@kernel
+def _write_rates(problem: Problem, modes: Modes) -> None:
+    for c in range(modes.rate.size):
+        modes.rate[c] = problem.rate_free[c]
+        for d in range(modes.rate.size):
+            modes.rate[c] += problem.rate_slope[c, d] * modes.friction[d]
+
+
+@kernel
+def _with_gears(
+    problem: Problem,
+    modes: Modes,
+    rows: np.ndarray,
+    place: np.ndarray,
+    J: np.ndarray,
+    rest: np.ndarray,
+) -> float:
+    """Turn x - y into a (x - y) + b r - g; return the largest, relative to its terms."""
+    worst = 0.0
+    for c in range(place.size):
+        k, along, across, given = place[c], rows[c, 0], rows[c, 1], rows[c, 2]
+        if k < 0:
+            continue
+        terms = abs(problem.rate_free[c])
+        for d in range(place.size):
+            terms += abs(problem.rate_slope[c, d] * modes.friction[d])
+        terms = abs(along * modes.friction[c]) + abs(across) * terms + abs(given)
+        rest[k] = along * rest[k] + across * modes.rate[c] - given
+        for d in range(place.size):
+            if place[d] >= 0:
+                slope = across * problem.rate_slope[c, d]
+                J[k, place[d]] = along * J[k, place[d]] + slope
+        if not abs(rest[k]) < 1e300:
+            return np.inf
+        if rest[k] != 0.0:
+            worst = max(worst, abs(rest[k]) / terms)
+    return worst
+
+
+@kernel
+def _behind_gears(
+    problem: Problem,
+    rows: np.ndarray,
+    place: np.ndarray,
+    back: np.ndarray,
+    J: np.ndarray,
+    vector: np.ndarray,
+) -> float:
+    """Bound how much of a change of y comes back, |y'| <= back |dx/dy| |y|; J is overwritten."""
+    of_y, A = np.zeros(back.shape), np.zeros(back.shape)
+    for c in range(place.size):
+        if place[c] >= 0:
+            of_y[place[c], place[c]] = rows[c, 0]
+            for d in range(place.size):
+                if place[d] >= 0:
+                    J[place[c], place[d]] = rows[c, 1] * problem.rate_slope[c, d]
+            J[place[c], place[c]] += rows[c, 0]
+    if not solve_dense(J, of_y):
+        return np.inf
+    for i in range(vector.size):
+        for j in range(vector.size):
+            for k in range(vector.size):
+                A[i, k] += back[i, j] * abs(of_y[j, k])
+    return spectral_radius_bound(A, vector)
 
 
 @kernel

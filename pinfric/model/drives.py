@@ -157,6 +157,11 @@ def lossy_gears(gears: Gears) -> np.ndarray:
     return np.asarray(loss | (gears.no_load_static > 0.0).any(axis=1))
 
 
+def most_lines(gears: Gears) -> int:
+    """Return how many lines a gear has in one direction at most; both losses make it one curve."""
+    return int((gears.last - gears.first).sum(axis=1).max(initial=1))
+
+
 @inlined_kernel
 def gears_of_row(gears: Gears, row: int) -> Gears:
     """Return one row of gears whose varying fields have a leading axis of rows."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from friction_cases import (
+    NO_GEARS,
     plain_limits,
     plain_loads,
     plain_slip_friction,
@@ -28,7 +29,7 @@ def test_the_jacobian_is_the_derivative_of_the_residual(seed):
     nc = len(p.rate_free)
     stuck, direction = np.zeros(nc, bool), np.where(np.arange(nc) % 2, 1.0, -1.0)
     stuck[1], direction[1] = seed % 3 == 0, 0.0 if seed % 3 == 0 else 1.0
-    nz, reduced = coupling.reduce_problem(p, stuck, direction)
+    nz, reduced = coupling.reduce_problem(p, stuck, direction, NO_GEARS)
     z = np.random.default_rng(seed).normal(size=nz)
 
     def at(z):
@@ -108,7 +109,8 @@ def solve_as_python(p, direction=1.0, **others):
     with pytest.MonkeyPatch.context() as patch:
         for name, other in others.items():
             patch.setitem(function.__globals__, name, other)
-        found = function(p, np.zeros(nc, bool), direction * np.ones(nc), guess, solutions, figures)
+        way = direction * np.ones(nc)
+        found = function(p, np.zeros(nc, bool), way, NO_GEARS, guess, solutions, figures)
     return solutions[:found], figures
 
 
@@ -151,7 +153,7 @@ def test_a_solution_is_refined_to_rounding_only_where_it_is_near(seed):
     """A part in 1e8 beside the solution is so near; where loads double friction none is."""
     p = random_problem(seed, strength=0.05)
     (exact,), _ = solve_as_python(p)
-    nz, reduced = coupling.reduce_problem(p, np.zeros(4, bool), np.ones(4))
+    nz, reduced = coupling.reduce_problem(p, np.zeros(4, bool), np.ones(4), NO_GEARS)
     z = exact[np.argsort(reduced.unknown)] * (1.0 + 1e-8 * np.array([1.0, -1.0, 2.0, -0.5]))
     before = np.full((nz, nz), np.nan)
     del before  # what a new array of this size may hold
@@ -161,7 +163,7 @@ def test_a_solution_is_refined_to_rounding_only_where_it_is_near(seed):
     p = random_problem(seed, nc=1)
     p.contact[:], p.mu_slip[:], p.coulomb_slip[:], p.constant[:] = 0.0, 1.0, 1.0, 0.0
     p.contact[0, 1, 0] = 1.0
-    _, reduced = coupling.reduce_problem(p, np.zeros(1, bool), -np.ones(1))
+    _, reduced = coupling.reduce_problem(p, np.zeros(1, bool), -np.ones(1), NO_GEARS)
     assert not coupling.settles(reduced, np.array([1e15]))
 
 

@@ -129,7 +129,12 @@ def test_a_ball_slips_against_the_effort_on_it(seed, monkeypatch):
         return -np.linalg.solve(S + g * np.eye(3), r)
 
     held, solves, plain = float(np.linalg.norm(beside(0.0))), [], search.solve
-    monkeypatch.setattr(search, "solve", lambda *given: solves.append(1) or plain(*given))
+
+    def counted(*given, **options):
+        solves.append(1)
+        return plain(*given, **options)
+
+    monkeypatch.setattr(search, "solve", counted)
     p = random_problem(seed, nc=3, strength=0.0)
     p.rate_slope[:], p.rate_free[:], p.rate_scale[:] = S, r, np.abs(r)
     ball, none = np.ones(3, bool), np.zeros(3, bool)
@@ -198,30 +203,23 @@ def test_a_search_that_runs_out_of_passes_is_followed_to_a_solution_or_undecided
 
 
 @pytest.mark.parametrize("worth", [(-1, 0), (0, 0)])
-def test_an_answer_that_does_not_come_again_is_none(worth):
-    """With gears each mode has lines of its own: the modes kept are solved again at the end.
-
-    Whether that gave anything was not asked.
-    """
+def test_an_answer_that_does_not_come_again_is_none(worth, monkeypatch):
+    """The modes kept are solved again at the end. Whether that gave anything was not asked."""
     p = random_problem(3, nc=2, strength=0.05, static=1.0)
     m, mechanism = Modes.of(2, 2), a_tree(2)
     m.at_rest[:] = True
     tried = {}
 
-    def settle():
+    def settle(problem, modes, mechanism, chosen=False):
         key = m.direction.tobytes()
         tried[key] = tried.get(key, 0) + 1
         if tried[key] == 1:
-            return solve(p, m, mechanism)
+            return solve(problem, modes, mechanism, chosen)
         m.friction[:] = np.nan
         return worth
 
-    def take(answer):
-        m.take(answer.modes)
-        settle()
-
-    lines = search.Lines(settle, take)
-    assert search.search(p, m, mechanism, lines=lines) == Found.UNDECIDED
+    monkeypatch.setattr(search, "solve", settle)
+    assert search.search(p, m, mechanism) == Found.UNDECIDED
 
 
 def test_what_is_not_a_number_obeys_no_law():

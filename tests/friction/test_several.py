@@ -7,6 +7,7 @@ import itertools
 import numpy as np
 import pytest
 from friction_cases import (
+    NO_GEARS,
     a_tree,
     plain_limits,
     plain_loads,
@@ -48,7 +49,7 @@ def test_no_solution_is_left_out_where_forces_lie_on_a_line(seed):
     expected = by_signs(p, direction)
     m = Modes.of(2, 2)
     m.direction[:] = direction
-    found, parts, complete = find_all(p, m.stuck, m.direction)
+    found, parts, complete = find_all(p, m.stuck, m.direction, NO_GEARS)
     assert complete
     assert 0 < parts < 1000
     order = np.lexsort(np.array(expected).reshape(-1, 2).T)
@@ -113,7 +114,7 @@ def test_a_second_solution_far_from_the_first_makes_it_ambiguous(seed):
     (found, _), m = solved(p, np.zeros(2, bool), direction)
     assert found == 1
     assert m.figures[0] > 1.0
-    every = find_all(p, m.stuck, m.direction).solutions
+    every = find_all(p, m.stuck, m.direction, NO_GEARS).solutions
     assert len(every) == 2
     for x in every:
         np.testing.assert_allclose(
@@ -128,7 +129,7 @@ def test_a_second_solution_far_from_the_first_makes_it_ambiguous(seed):
 def test_of_two_solutions_in_the_same_modes_those_that_move_so_count(seed):
     """Efforts such that the first, then the second solution starts in the direction of its slip."""
     p, direction = plane_problem(seed)
-    every = find_all(p, np.zeros(2, bool), direction).solutions
+    every = find_all(p, np.zeros(2, bool), direction, NO_GEARS).solutions
     for x in every:
         p.rate_free[:] = 0.1 * direction - p.rate_slope @ x
         p.rate_scale[:] = np.abs(p.rate_free)
@@ -147,7 +148,7 @@ def test_of_two_solutions_in_the_same_modes_those_that_move_so_count(seed):
 def test_no_solution_is_left_out_where_forces_turn_in_a_plane(seed):
     """Whatever SciPy finds from 60 starts on every scale is among them."""
     p, direction = plane_problem(seed)
-    every = find_all(p, np.zeros(2, bool), direction)
+    every = find_all(p, np.zeros(2, bool), direction, NO_GEARS)
     assert every.complete
     rng = np.random.default_rng(seed)
 
@@ -168,6 +169,6 @@ def test_a_search_for_all_solutions_that_ends_at_its_bound_is_undecided(seed, mo
     m = Modes.of(2, 2)
     m.direction[:] = direction
     monkeypatch.setattr("pinfric.friction.several.MOST_PARTS", 2)
-    found = find_all(p, m.stuck, m.direction)
+    found = find_all(p, m.stuck, m.direction, NO_GEARS)
     assert found.complete is False
     assert search.search(p, m, a_tree(2)) == Found.UNDECIDED

@@ -12,8 +12,8 @@ from judges.test_gears import WORM, hoist
 from scipy.integrate import solve_ivp
 
 import pinfric as pf
-from pinfric.dynamics.forward import self_locking
 from pinfric.errors import GearJam, UndecidedAcceleration
+from pinfric.friction import gears
 from pinfric.model.drives import gear_table, held_efforts
 from pinfric.model.transmission import Transmission
 
@@ -106,7 +106,7 @@ def test_a_refusal_says_how_many_answers_there_are_and_the_rotor_for_one(kind, s
 
 def test_more_lines_than_are_tried_leave_it_undecided(monkeypatch):
     """It said that no acceleration obeys, where one does."""
-    monkeypatch.setattr(self_locking, "_MOST_LINES", 1)
+    monkeypatch.setattr(gears, "_MOST_LINES", 1)
     with pytest.raises(UndecidedAcceleration, match=r"0 in \d modes? tried; .* lines"):
         pf.forward_dynamics(hoist(LIGHT), [0.0], [-0.1], motor_torque=[-15.0 / 50])
 

@@ -7,7 +7,6 @@ from typing import NoReturn
 
 import numpy as np
 
-from pinfric.dynamics.forward.self_locking import LockingGears
 from pinfric.dynamics.problem.accelerations import NOT_FINITE, TOGGLE
 from pinfric.dynamics.problem.machine import Machine
 from pinfric.dynamics.samples.reactions import AppliedWrench
@@ -22,8 +21,9 @@ from pinfric.errors import (
     ToggleError,
     UndecidedAcceleration,
 )
+from pinfric.friction.gears import jam
 from pinfric.friction.modes import Found
-from pinfric.friction.search import MOST_ENUMERATED, MOST_PASSES, Lines
+from pinfric.friction.search import MOST_ENUMERATED, MOST_PASSES, Count
 from pinfric.model.mobility import lightest_joint
 from pinfric.model.scene import Scene
 
@@ -35,12 +35,10 @@ State = tuple[np.ndarray, np.ndarray, np.ndarray, list[AppliedWrench] | None, fl
 class Failures:
     """The errors of a workspace's scene."""
 
-    def __init__(
-        self, scene: Scene, machine: Machine, given: str, locking: LockingGears, lines: Lines
-    ) -> None:
+    def __init__(self, scene: Scene, machine: Machine, given: str, count: Count) -> None:
         """Take the scene, its tables and buffers; `given` is "effort" or "motor_torque"."""
         self._scene, self._machine, self._given = scene, machine, given
-        self._locking, self._lines = locking, lines
+        self._count = count
         self._plan, self._modes, plan = machine.plan, machine.modes, machine.plan
         self._guides = [
             (int(s), scene.sites[s].axis.tolist(), float(plan.sites.roll_lever[s]))
@@ -96,12 +94,12 @@ class Failures:
 
     def failure(self, found: Found, state: State) -> AccelerationError:
         """Return the error with the reason and the joint for which no acceleration was found."""
-        jam = self._jam(found, state)
-        if jam and found in (Found.NONE, Found.UNSTABLE):
-            return jam
+        jammed = self._jam(found, state)
+        if jammed and found in (Found.NONE, Found.UNSTABLE):
+            return jammed
         contraction, resting = self._modes.figures[0], int(self._modes.at_rest.sum())
         finding: type[AccelerationError] = NoConsistentAcceleration
-        (many, stable), tried = self._lines.many, self._lines.tried
+        (many, stable), tried = self._count.many, self._count.tried
         counted = f"{many} in {tried} mode{'s' * (tried != 1)} tried"
         reason = f"{counted}; neither sticking nor slipping either way is consistent"
         if contraction >= 1.0:
@@ -122,7 +120,7 @@ class Failures:
                 )
         elif found == Found.NOT_CONVERGED:
             reason = f"the coupled solve does not reach its tolerance (contraction {contraction})"
-        elif found == Found.UNDECIDED and self._lines.unsure:
+        elif found == Found.UNDECIDED and self._count.unsure:
             finding = UndecidedAcceleration
             reason = (
                 f"{counted}; self-locking gears in motion allow more choices of lines than are "
@@ -136,8 +134,8 @@ class Failures:
             )
         elif resting > MOST_ENUMERATED:
             reason += f"; with more than {MOST_ENUMERATED} joints at rest not every mode is tried"
-        if jam:
-            reason += f"; joint {jam.site!r}: {jam.reason}"
+        if jammed:
+            reason += f"; joint {jammed.site!r}: {jammed.reason}"
         return finding(*self._as_given(state), self._worst_site(), reason, given=self._given)
 
     def _as_given(self, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -147,26 +145,28 @@ class Failures:
 
     def _jam(self, found: Found, state: State) -> GearJam | None:
         """The error for moving self-locking gears without an answer, or a single stable one."""
-        m = self._modes
-        jam = self._locking.jam(state[1])
-        if jam is None and m.at_rest.any():  # they move with all that may slip, if at all
+        m, drives = self._modes, self._plan.drives
+        worm = jam(self._machine.problem, m)
+        if worm is None and m.at_rest.any():  # they move with all that may slip, if at all
             kept = m.stuck.copy()
             m.stuck[m.at_rest] = False
-            jam = self._locking.jam(state[1])
+            worm = jam(self._machine.problem, m)
             m.stuck[:] = kept
-        if jam is None:
+        if worm is None:
             return None
-        d, eigenvalue, enough = jam
+        d = int(np.flatnonzero(drives.gear_entry >= 0)[worm.gear])
+        enough = worm.inertia * (state[4] or 1.0) / drives.gears.ratio[d] ** 2
         reason = (
-            f"E + I^1/2 M^-1 I^1/2 has the eigenvalue {eigenvalue:.3g}; there would be one answer "
-            f"with a rotor inertia above {enough:.6g} kg m^2, or with a gear that does not lock"
+            f"E + I^1/2 M^-1 I^1/2 has the eigenvalue {worm.eigenvalue:.3g}; there would be one "
+            f"answer with a rotor inertia above {enough:.6g} kg m^2, or with a gear that does not "
+            "lock"
         )
-        if self._plan.drives.gears.rotor_inertia[d] == 0.0:
+        if drives.gears.rotor_inertia[d] == 0.0:
             reason = f"its rotor has no inertia; {reason}"
         if found == Found.UNSTABLE:
             reason = f"the one acceleration that obeys its law is unstable; {reason}"
         elif found == Found.NONE:
-            tried = self._lines.tried
+            tried = self._count.tried
             reason = f"no acceleration obeys its law ({tried} modes tried); {reason}"
         return GearJam(
             *self._as_given(state), self._scene.drives[d].name, reason, given=self._given

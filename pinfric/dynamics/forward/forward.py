@@ -50,7 +50,7 @@ class Instant(NamedTuple):
         effort: (na,) efforts of the drives at the joints (N m or N): as given, or the motors'
             torques after the losses of the gears.
         driving: (na,) int8, of gears that move: 1 where the motor drives, -1 where the load does.
-        answers: how many accelerations obey the laws (`self_locking.py`); of several this is the
+        answers: how many accelerations obey the laws (`friction/gears.py`); of several this is the
             only stable one.
     """
 
@@ -240,7 +240,7 @@ def solution(ws: Workspace) -> Instant:
         int(passes),
         ws.effort,
         ws.machine.solution.driving,
-        ws.lines.many[0],
+        ws.count.many[0],
     )
 
 
@@ -260,7 +260,7 @@ def instant(ws: Workspace) -> Instant:
         int(passes),
         ws.effort.copy(),
         ws.machine.solution.driving.copy(),
-        ws.lines.many[0],
+        ws.count.many[0],
     )
 
 

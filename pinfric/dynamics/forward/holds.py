@@ -14,6 +14,7 @@ from pinfric.dynamics.samples.reactions import AppliedWrench, applied_wrenches
 from pinfric.errors import AccelerationError
 from pinfric.friction.balance import RANK, Balance
 from pinfric.friction.consistency import evaluate
+from pinfric.friction.gears import hold_chosen, lines_and_rows, ways_to_hold, without_gears
 from pinfric.friction.holding import Verdict, decide
 from pinfric.model.scene import Scene, expect_scene
 
@@ -129,9 +130,9 @@ def _decide_all(
     `held` is False, and proved, only if it is so for every way.
     """
     verdicts, shown = [], True
-    for efforts in ws.locking.ways_to_hold():
-        ws.machine.lines.delivered[:] = efforts
-        ws.couple()
+    for efforts in ways_to_hold(ws.problem, ws.modes):
+        ws.modes.effort[:] = efforts
+        hold_chosen(ws.problem, ws.modes)
         verdicts.append(_decide(ws, q, effort, applied))
         if verdicts[-1].held:
             return verdicts[-1]
@@ -153,7 +154,10 @@ def _decide(
     if not dry.any():
         return Verdict(True, 0.0, np.zeros(len(dry)), True, True)
     if not ws.mechanism.balls:
-        return decide(ws.problem, ws.mechanism.factor, dry, _statics(ws, dry), least=True)
+        plain, of_y = without_gears(ws.problem, ws.modes, lines_and_rows(ws.problem, ws.modes)[1])
+        shift = of_y[:, 0] if of_y.size else np.zeros(len(dry))
+        found = decide(plain, ws.mechanism.factor, dry, _statics(ws, dry, shift), least=True)
+        return replace(found, friction=found.friction + shift)
     # a ball's limit is a sphere: its friction is found as in forward dynamics, without a proof
     try:
         ws.solve(q, np.zeros(ws.nv), effort, applied)
@@ -168,8 +172,10 @@ def _decide(
     return Verdict(True if held else None, use, friction, held)
 
 
-def _statics(ws: Workspace, resting: np.ndarray) -> Balance:
+def _statics(ws: Workspace, resting: np.ndarray, shift: np.ndarray) -> Balance:
     """The equilibrium of friction at rest, Z^T D^T x = Z^T (h - S u), with Z all motions.
+
+    Friction is counted from a shift (nc,).
 
     It does not contain the mass matrix, through which the rounding of a large effort would affect a
     small limit. If some motions Z B are not held at all, it contains their inertia.
@@ -178,7 +184,8 @@ def _statics(ws: Workspace, resting: np.ndarray) -> Balance:
     dead = ~ws.mechanism.factor[:, resting].any(axis=0)
     d = int(w.freedoms[0])
     Z = w.Z[:, :d] if ws.closed else np.eye(ws.nv)
-    rows, need, terms = Z.T @ D.T, -Z.T @ w.push, np.abs(Z.T) @ _terms(ws)
+    push = w.push + D.T @ shift[resting]
+    rows, need, terms = Z.T @ D.T, -Z.T @ push, np.abs(Z.T) @ _terms(ws)
     rows[:, dead] = 0.0
     size = np.linalg.norm(rows, axis=0)
     left, values, _ = np.linalg.svd(rows / np.where(dead, 1.0, size))

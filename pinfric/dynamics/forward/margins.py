@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from pinfric.dynamics.forward.self_locking import LockingGears
-from pinfric.dynamics.problem.gearing import gear_margins
 from pinfric.dynamics.problem.machine import Machine
 from pinfric.friction.consistency import ROUNDING
+from pinfric.friction.gears import gear_margins
 from pinfric.friction.rest import Mechanism
-from pinfric.kernels.compiled import KernelArgument
 
 #: Margin used in place of an infinite one.
 _MOST_MARGIN = 1e300
@@ -18,14 +16,8 @@ _MOST_MARGIN = 1e300
 class Margins:
     """The margins of a workspace's solution."""
 
-    def __init__(
-        self,
-        argument: KernelArgument[Machine],
-        mechanism: Mechanism,
-        locking: LockingGears,
-    ) -> None:
-        self._argument, self._machine = argument, argument.given
-        self._modes, self._mechanism, self._locking = self._machine.modes, mechanism, locking
+    def __init__(self, machine: Machine, mechanism: Mechanism) -> None:
+        self._machine, self._modes, self._mechanism = machine, machine.modes, mechanism
 
     def both(self) -> np.ndarray:
         """Return the distances of sticking friction from its two static limits (2, nc), N m or N.
@@ -38,10 +30,14 @@ class Margins:
         for ball in self._mechanism.balls:
             size, most = np.linalg.norm(x[ball]), limits.most[ball]
             out[:, ball] = most + size, most - size
-        for gears in self._locking.by_coordinate(self._modes.stuck):
-            ends = [gear_margins(self._argument.now, d) for d in gears]
-            backward, forward = max(ends, key=min)
-            out[:, self._machine.plan.drives.gear_coordinate[gears[0]]] = forward, backward
+        p, worms = self._machine.problem, dict[int, tuple[float, float]]()
+        for g in np.flatnonzero(p.gear_lines[..., 0].min(axis=(1, 2)) <= 0.0):
+            c = int(p.gear_coordinate[g])
+            if self._modes.stuck[c]:  # of several on one joint the one that holds best
+                ends = gear_margins(p, self._modes, g)
+                worms[c] = max(worms.get(c, ends), ends, key=min)
+        for c, (backward, forward) in worms.items():
+            out[:, c] = forward, backward
         return np.minimum(out, _MOST_MARGIN)
 
     def rounding(self) -> np.ndarray:

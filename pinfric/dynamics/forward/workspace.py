@@ -13,18 +13,13 @@ import numpy as np
 from pinfric.dynamics.forward.constraints import Constraints
 from pinfric.dynamics.forward.failures import Failures, State
 from pinfric.dynamics.forward.margins import Margins
-from pinfric.dynamics.forward.self_locking import LockingGears
-from pinfric.dynamics.problem.gearing import FEW_PASSES, gear_margins, refit
-from pinfric.dynamics.problem.gearing import MOST_PASSES as MOST_LINES
 from pinfric.dynamics.problem.instant import (
     FREE,
     GIVEN,
     NOT_TRIED,
-    SETTLED,
     TURNED,
     accelerations_under_friction,
     assemble,
-    couple,
     finish,
     solve_instant,
 )
@@ -39,22 +34,22 @@ from pinfric.errors import (
     SceneError,
 )
 from pinfric.friction.consistency import evaluate, judge, try_modes
+from pinfric.friction.gears import fit, gear_margins, hold_chosen, jam, write_rows
 from pinfric.friction.given_modes import reduce_problem
 from pinfric.friction.law import add_load_slopes, stick_limits
 from pinfric.friction.minimax import least_violation
 from pinfric.friction.modes import Found, GivenModes, Modes
 from pinfric.friction.problem import Problem
 from pinfric.friction.rest import Mechanism, solve
-from pinfric.friction.search import MOST_ENUMERATED, Answer, Lines, follow, search
+from pinfric.friction.search import MOST_ENUMERATED, Count, follow, search
 from pinfric.friction.search import given as given_modes
 from pinfric.kernels.compiled import KernelArgument, compile_for, compiling
 from pinfric.model.closure import guesses
+from pinfric.model.drives import slope_range
 from pinfric.model.scene import Scene, payload_names
 
 #: An effort (N m or N) that no joint at rest can hold.
 _OVERWHELMING = 1e8
-#: Changes of what gears at rest hold, with one line of those in motion.
-_HOLDS = 4
 
 
 class Workspace:
@@ -67,9 +62,9 @@ class Workspace:
         mechanism: the coupling of its coordinates.
         must_project: whether a configuration can be invalid: open loops, unnormalized quaternions.
         closed: whether coordinates may depend on each other, see `Closure.dependent`.
-        state: the last state, to which `search`, `couple`, `finish` and failures refer.
+        state: the last state, to which `search`, `finish` and failures refer.
         constraints, margins, failures: of its scene and its solution.
-        locking: its self-locking gears.
+        count: what its last search counted.
         a, effort, phi, load, wrench: (nv,), (na,), (ns,), (ns,), (ns, 6) of the solution:
             accelerations, efforts of the drives, friction, normal load and wrench of each site.
         multipliers: (nl,) forces that close loops, of side a on side b, in the order of the
@@ -117,6 +112,8 @@ class Workspace:
         self.least, self.most = found.least, found.most
         geared = drives.gear_coordinate[drives.gear_coordinate >= 0]
         self._geared = bool(geared.size)
+        every = ((d, x) for d in np.flatnonzero(drives.gear_coordinate >= 0) for x in (0.0, 1e6))
+        self._locks = any(slope_range(drives.gears, d, x)[0] <= 0.0 for d, x in every)
         names = zip(scene.site_names, t.site_coordinate.tolist(), strict=True)
         self.places = [(name, c, bool(coordinates.ball[c])) for name, c in names]
         self._alone = np.setdiff1d(geared, t.entries.coordinate)
@@ -124,12 +121,10 @@ class Workspace:
         self.places += [(scene.drives[of.index(c)].name, c, False) for c in self._alone.tolist()]
         self._kept: tuple[object, ...] | None = None
         self.state: State
-        self.locking = LockingGears(m)
-        self._locks = bool(self.locking.gears.size)
         self.constraints = Constraints(scene, self.supplier, self._argument)
-        self.margins = Margins(self._argument, self.mechanism, self.locking)
-        self.lines = Lines(self._settle, self._take) if self._geared else Lines()
-        self.failures = Failures(scene, m, self.given, self.locking, self.lines)
+        self.margins = Margins(m, self.mechanism)
+        self.count = Count()
+        self.failures = Failures(scene, m, self.given, self.count)
 
     @property
     def argument(self) -> Machine:
@@ -175,7 +170,7 @@ class Workspace:
         tries = resting or several or self._geared
         if tries:
             self._forget()
-        found = self.search() if tries else self.lines.count(solutions, obeying)
+        found = self.search() if tries else self.count.single(solutions, obeying)
         if found != Found.SOLVED:
             raise self.failures.failure(found, self.state)
         self.finish()
@@ -186,7 +181,7 @@ class Workspace:
         Where there may be several it would decide which is found: the state alone has to.
         """
         self.modes.friction[:1] = np.nan
-        self.modes.load[:] = self.machine.lines.delivered[:] = 0.0
+        self.modes.load[:] = self.modes.effort[:] = 0.0
 
     def solve_given_modes(
         self,
@@ -205,9 +200,9 @@ class Workspace:
             return  # nothing moves and nothing has changed
         turned = TURNED if self.mechanism.balls and given.balls_turn else GIVEN
         solutions, obeying, resting = self._try(q, v, effort, applied, turned)
-        found = self.lines.count(solutions, obeying)
+        found = self.count.single(solutions, obeying)
         if resting < 0 or not self.is_sure() or (self._geared and found != Found.SOLVED):
-            found = given_modes(self.problem, self.modes, self.mechanism, self.lines)
+            found = given_modes(self.problem, self.modes, self.mechanism, self.count)
             if found == Found.SOLVED:
                 self.finish()
         if found != Found.SOLVED:
@@ -231,18 +226,16 @@ class Workspace:
         choice: int,
     ) -> tuple[int, int, int]:
         """(solutions, how many obey, how many rest); -1 rest: modes were given and not tried."""
-        self._kept, self.lines.many, self.lines.tried = None, (1, 1), 1
+        self._kept, self.count.many, self.count.tried = None, (1, 1), 1
         self.state = q, v, effort, applied, 0.0
         self.supplier.at(q, v, applied)
-        refused, solutions, obeying, resting = solve_instant(
-            self.argument, q, v, effort, choice, 0.0
-        )
+        refused, solutions, obeying, resting = solve_instant(self.argument, q, v, effort, choice)
         self.locked = False
         if refused == 0:
             return solutions, obeying, resting
         if refused != NOT_TRIED:
             self.failures.refuse(refused, self.state)
-        self._take_factor()
+        self.mechanism.factor = self.machine.maps.factor[: self.machine.maps.freedoms[0]]
         return solutions, obeying, resting if choice == FREE else -1
 
     def assemble(
@@ -269,118 +262,20 @@ class Workspace:
         refused = assemble(self.argument, q, v, effort, step)
         if refused:
             self.failures.refuse(refused, self.state)
-        self._take_factor()
-
-    def _take_factor(self) -> None:
-        """Let the mechanism have the factor of the rates' slope, or the slope itself."""
-        maps, locking = self.machine.maps, self.machine.lines.locking[0] > 0
-        self.mechanism.factor = maps.factor[: maps.freedoms[0]]
-        self.mechanism.slope = self.problem.rate_slope if locking else None
+        self.mechanism.factor = self.machine.maps.factor[: self.machine.maps.freedoms[0]]
 
     def search(
         self, forced: Mapping[int, float] | None = None, held: np.ndarray | None = None
     ) -> Found:
         """Search the modes of what is at rest; see `friction/search.py`."""
-        found = search(self.problem, self.modes, self.mechanism, forced, held, self.lines)
+        found = search(self.problem, self.modes, self.mechanism, forced, held, self.count)
         if found == Found.SOLVED and self.closed:
             self._leave_dead_centres()
         return found
 
     def is_sure(self) -> bool:
         """Whether there is one answer in the present modes, on whatever lines of gears."""
-        return not self._locks or self.locking.jam(self.state[1]) is None
-
-    def _settle(self) -> tuple[int, int]:
-        """Solve the modes as they are, every gear on the line that fits; see `rest.solve`.
-
-        Where several lines may fit, on all of them: `lines.found` are then the answers.
-        """
-        self.lines.found.clear()
-        found, obeying = self._refit()
-        if found == -1 or not self.is_sure():
-            return self._every_line()
-        if not obeying and self.closed and self._locks:
-            return self._hold()
-        return found, obeying
-
-    def _refit(self) -> tuple[int, int]:
-        """Solve the modes on lines that are left for others until they fit."""
-        q, v, effort, _, step = self.state
-        if not self.closed:
-            refused, found, obeying, _ = solve_instant(self.argument, q, v, effort, SETTLED, step)
-            if refused:
-                self.failures.refuse(refused, self.state)
-            return found, obeying
-        lines = self.machine.lines
-        for passes in range(MOST_LINES):
-            lines.chord[0] = passes > FEW_PASSES and passes % 2 == 1
-            self.couple()
-            lines.chord[0] = False
-            found, obeying = solve(self.problem, self.modes, self.mechanism)
-            if found <= 0 or not refit(self.argument, False):
-                return found, obeying
-        return -1, 0
-
-    def _every_line(self) -> tuple[int, int]:
-        """Solve the modes with gears in motion on every line that may fit; see `_settle`."""
-        m, delivered, answers, solved = self.modes, self.machine.lines.delivered, [], []
-        _, v, given, _, _ = self.state
-        for efforts, stable in self.locking.choices(v, given):
-            delivered[:] = efforts
-            found, obeying = self._hold()
-            if found > 0:
-                answer = Answer(m.copy(), stable, delivered.copy())
-                solved.append(answer)
-                answers += [answer] * (obeying > 0)
-        self.lines.unsure |= self.locking.exceeded
-        self.locking.exceeded = False
-        if solved:
-            self._take(max(answers or solved, key=lambda answer: answer.stable))
-        self.lines.found[:] = answers
-        return len(solved), len(answers)
-
-    def _hold(self) -> tuple[int, int]:
-        """Solve the modes with gears in motion on their present lines, and those at rest as fits.
-
-        (0, 0) where a gear leaves its line.
-        """
-        for _ in range(_HOLDS):
-            found, obeying, wrong = self._try_lines()
-            if wrong < 0:
-                return 0, 0
-            if found <= 0 or not wrong:
-                break
-        if self.closed and not obeying:
-            ways = list(self.locking.ways_to_hold())
-            for efforts in ways if len(ways) > 1 else ():
-                self.machine.lines.delivered[:] = efforts
-                found, obeying, wrong = self._try_lines()
-                if found > 0 and obeying and wrong >= 0:
-                    break
-        return max(found, 0), obeying
-
-    def _try_lines(self) -> tuple[int, int, int]:
-        """(solutions, how many obey, how many gears do not fit), see `refit`."""
-        self.couple()
-        found, obeying = solve(self.problem, self.modes, self.mechanism)
-        return found, obeying, refit(self.argument, True) if found > 0 else 0
-
-    def _take(self, answer: Answer) -> None:
-        """Make an answer the present one."""
-        self.modes.take(answer.modes)
-        if answer.delivered is None:
-            self._settle()
-        else:
-            self.machine.lines.delivered[:] = answer.delivered
-            self._hold()
-
-    def couple(self) -> None:
-        """Write the coupled problem of the present state once more, with other lines of gears."""
-        q, v, effort, _, step = self.state
-        refused = couple(self.argument, q, v, effort, step)
-        if refused:
-            self.failures.refuse(refused, self.state)
-        self._take_factor()
+        return not self._locks or jam(self.problem, self.modes) is None
 
     def _leave_dead_centres(self) -> None:
         """Let joints that rest at their dead centre slip in the direction of the mechanism.
@@ -404,13 +299,13 @@ class Workspace:
         way = np.sign(self.problem.rate_free[dead])
         self.assemble(q, v, effort, applied)
         m.stuck[dead], m.direction[dead], m.at_rest[dead] = way == 0.0, way, False
-        if self._settle()[1] != 1:
+        if solve(self.problem, m, self.mechanism)[1] != 1:
             m.take(kept)
-            self._settle()
+            solve(self.problem, m, self.mechanism)
 
     def search_step(self) -> Found:
         """Search the modes at the end of a time step, from those in `modes`, else all of them."""
-        return _follow_or_search(self.problem, self.modes, self.mechanism, self.lines)
+        return _follow_or_search(self.problem, self.modes, self.mechanism, self.count)
 
     @property
     def place_modes(self) -> np.ndarray:
@@ -433,16 +328,16 @@ class Workspace:
             self.a[:] = 0.0
 
 
-def _follow_or_search(problem: Problem, modes: Modes, mechanism: Mechanism, lines: Lines) -> Found:
+def _follow_or_search(problem: Problem, modes: Modes, mechanism: Mechanism, count: Count) -> Found:
     """Follow the modes; in a mechanism then start from all stick; if both fail, try all modes."""
     start = modes.copy()
-    found = follow(problem, modes, mechanism, lines)
+    found = follow(problem, modes, mechanism, count)
     if found != Found.SOLVED and mechanism.closed:
         modes.take(start)
         modes.stuck[modes.at_rest], modes.direction[modes.at_rest] = True, 0.0
-        found = follow(problem, modes, mechanism, lines)
+        found = follow(problem, modes, mechanism, count)
     if found != Found.SOLVED and int(modes.at_rest.sum()) <= MOST_ENUMERATED:
-        return search(problem, modes, mechanism, lines=lines)
+        return search(problem, modes, mechanism, count=count)
     return found
 
 
@@ -458,16 +353,13 @@ def rehearse(ws: Workspace) -> None:
     m = ws.argument
     state = m, q, v, effort
     for made, arguments in (
-        (solve_instant, (*state, FREE, 0.0)),
+        (solve_instant, (*state, FREE)),
         (assemble, (*state, 0.0)),
-        (couple, (*state, 0.0)),
         (finish, (m,)),
         (accelerations_under_friction, (m, ws.a)),
-        (refit, (m, True)),
         (relate, (m, v)),
         (measure_rates, (m, v)),
         (is_exact, (m, q)),
-        (gear_margins, (m, 0)),
         *_kernels_of_search(ws.problem, ws.modes),
     ):
         compile_for(made, *arguments)
@@ -482,13 +374,18 @@ def rehearse(ws: Workspace) -> None:
 def _kernels_of_search(problem: Problem, modes: Modes) -> list[tuple[Any, tuple[Any, ...]]]:
     """Return the kernels that a search of modes calls by itself, with arguments of their types."""
     line, empty = np.empty(0), np.empty((0, 0))
+    lines, rows = np.empty((len(modes.effort), 4)), np.empty((len(modes.stuck), 3))
     return [
-        (try_modes, (problem, modes)),
+        (try_modes, (problem, modes, False)),
+        (hold_chosen, (problem, modes)),
+        (gear_margins, (problem, modes, 0)),
+        (fit, (problem, modes, lines, True)),
+        (write_rows, (problem, modes, True, lines, rows)),
         (judge, (problem, modes)),
         (evaluate, (problem, modes.friction, modes.load, modes.rate)),
         (stick_limits, (problem, modes.load, line, line)),
         (add_load_slopes, (problem.contact, problem.coordinate, line, line, empty)),
-        (reduce_problem, (problem, modes.stuck, modes.direction)),
+        (reduce_problem, (problem, modes.stuck, modes.direction, rows)),
         (least_violation, (empty, line, line, 0, 0.0, line)),
     ]
 

@@ -14,8 +14,9 @@ from pinfric.dynamics.inverse.effort_maps import Maps
 from pinfric.dynamics.problem.plan import Plan
 from pinfric.friction.given_modes import solve_given_modes
 from pinfric.friction.law import add_load_slopes, write_loads
+from pinfric.friction.modes import Modes
 from pinfric.friction.problem import Problem
-from pinfric.friction.sliding import slide_along
+from pinfric.friction.sliding import slide
 from pinfric.kernels.arrays import array, make
 from pinfric.kernels.compiled import kernel
 from pinfric.model.laws import Laws, is_dry, law_at
@@ -152,7 +153,8 @@ def solve_list(
     """
     ns, direction = base.constant.size, candidates.direction
     nobody, no_guess, way = np.zeros(ns, np.bool_), np.full(1, np.nan), np.empty(ns)
-    load = np.empty(ns)
+    load, rate, verdict = np.empty(ns), np.empty(ns), np.empty(ns, np.int64)
+    no_gears, no_effort = np.empty((0, 3)), np.empty(0)
     for m in range(candidates.sample.size):
         i = candidates.sample[m]
         for s in range(ns):
@@ -169,9 +171,12 @@ def solve_list(
                     along = direction[m, k] * contact[i, t, 1 + k, e]
                     base.contact[r, 1 + entry_site[k], e] += along
         x, figures, candidates.found[m] = candidates.x[m], candidates.figures[m], 1
-        if not slide_along(base, nobody, way, x[0], load, figures):
+        slips = Modes(nobody, way, nobody, x[0], load, no_effort, rate, verdict, figures)
+        if not slide(base, slips):
             x[0] = 0.0
-            candidates.found[m] = solve_given_modes(base, nobody, way, no_guess, x, figures)
+            candidates.found[m] = solve_given_modes(
+                base, nobody, way, no_gears, no_guess, x, figures
+            )
 
 
 @kernel

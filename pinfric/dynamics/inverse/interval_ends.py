@@ -190,7 +190,7 @@ class Solver:
         self._solve(one)  # writes the problem of the last candidate
         way = self.law.way[one.code[0], one.sample[0], np.arange(one.code.shape[1])]
         nobody = np.zeros(len(way), dtype=bool)
-        return (*reduce_problem(self.base, nobody, way), way)
+        return (*reduce_problem(self.base, nobody, way, np.empty((0, 3))), way)
 
     def _phi(self, c: Candidates, solution: int) -> np.ndarray:
         """(m, ne) friction coordinates of one of the solutions."""

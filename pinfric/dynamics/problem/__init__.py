@@ -4,6 +4,6 @@ The steps for a state, in order: `plan` gives the indices of drives, friction, c
 the scene in the arrays; `machine` makes the arrays that kernels write; `supply` gets poses, bias
 forces and inertias from Pinocchio; `rates` writes velocities and each joint's law of friction;
 `accelerations` and `wrenches` write accelerations, multipliers, wrenches and contact forces as
-affine functions of friction, with the gears' lines of `gearing`. Inverse dynamics uses `affine` as
-well. `instant` does all steps in one call, tries modes and finishes.
+affine functions of friction, `gearing` rotors and the laws of gears. Inverse dynamics uses `affine`
+as well. `instant` does all steps in one call, tries modes and finishes.
 """

@@ -4,8 +4,7 @@
     a = a_closure + Z (Z^T M Z)^-1 Z^T (push + D^T x),     push = S u - h - M a_closure
     r = D a + dD/dt v = rate_free + rate_slope x,     rate_slope = D Z (Z^T M Z)^-1 Z^T D^T
 
-Z are the motions that loops allow; for a tree Z = 1 and a_closure = 0. Each gear on a line that
-does not rise adds a row, see `gearing`.
+Z are the motions that loops allow; for a tree Z = 1 and a_closure = 0.
 """
 
 from __future__ import annotations
@@ -13,10 +12,10 @@ from __future__ import annotations
 import numpy as np
 
 from pinfric.dynamics.problem.affine import solve_balance
-from pinfric.dynamics.problem.gearing import add_armature, write_delivered, write_lines
+from pinfric.dynamics.problem.gearing import add_armature, write_delivered, write_gears
 from pinfric.dynamics.problem.machine import Machine
 from pinfric.dynamics.problem.rates import write_mass_matrix
-from pinfric.friction.dense import factorize, solve_dense
+from pinfric.friction.dense import factorize
 from pinfric.kernels.compiled import kernel
 
 #: Outcomes beside 0: all is written.
@@ -29,11 +28,10 @@ _DEAD = 1e-9
 
 
 @kernel
-def _reduce(machine: Machine, given: np.ndarray, d: int, closed: bool) -> bool:  # noqa: C901
+def _reduce(machine: Machine, d: int, closed: bool) -> bool:  # noqa: C901
     """Write accelerations and the factor A of D a_slope = A^T A; False: M is singular.
 
     Args:
-        given: (na,) what drives are given.
         d: number of freedoms.
         closed: whether loops leave fewer than nv of them; else Z is 1.
     """
@@ -61,13 +59,9 @@ def _reduce(machine: Machine, given: np.ndarray, d: int, closed: bool) -> bool: 
                 Y[f, 0] += Z[i, f] * push[i]
                 for c in range(nc):
                     Y[f, 1 + c] += Z[i, f] * D[c, i]
-    if machine.lines.locking[0] > 0:
-        if not _reduce_locking(machine, given, L, Y, closed):
-            return False
-    elif factorize(L):
-        substitute(L, Y, w.factor)
-    else:
+    if not factorize(L):
         return False
+    substitute(L, Y, w.factor)
     for i in range(nv):
         for k in range(1 + nc):
             a_map[i, k] = a_closure[i] if k == 0 else 0.0
@@ -77,48 +71,6 @@ def _reduce(machine: Machine, given: np.ndarray, d: int, closed: bool) -> bool: 
             for f in range(d):
                 for k in range(1 + nc):
                     a_map[i, k] += Z[i, f] * Y[f, k]
-    return True
-
-
-@kernel
-def _reduce_locking(
-    machine: Machine, given: np.ndarray, L: np.ndarray, Y: np.ndarray, closed: bool
-) -> bool:
-    """Solve for the motions and the efforts of gears whose lines do not rise; False: singular.
-
-    [L  -Z^T S^T; I S Z  slope] [f; t] = [Y; given - offset - I S a_closure]
-
-    Args:
-        given: (na,).
-        L, Y: (d, d), (d, 1 + nc); overwritten, Y with f.
-        closed: see `_reduce`.
-    """
-    lines, w, S = machine.lines, machine.maps, machine.kinematics.S
-    (d, columns), k = Y.shape, lines.locking[0]
-    A, B, row = np.zeros((d + k, d + k)), np.zeros((d + k, columns)), d
-    A[:d, :d], B[:d] = L, Y
-    if not factorize(L):
-        return False
-    substitute(L, Y, w.factor)  # the rates' directions: what is found is overwritten below
-    for g in range(given.size):
-        if lines.slope[g] > 0.0:
-            continue
-        A[row, row], B[row, 0] = lines.slope[g], given[g] - lines.offset[g]
-        for i in range(S.shape[1]):
-            B[row, 0] -= lines.reflected[g] * S[g, i] * w.a_closure[i]
-            for f in range(d):
-                share = S[g, i] * w.Z[i, f] if closed else S[g, i] if i == f else 0.0
-                A[f, row] -= share
-                A[row, f] += lines.reflected[g] * share
-        row += 1
-    if not solve_dense(A, B):
-        return False
-    Y[:] = B[:d]
-    row = d
-    for g in range(given.size):
-        if lines.slope[g] <= 0.0:
-            w.delivered[g] = B[row]
-            row += 1
     return True
 
 
@@ -154,7 +106,6 @@ def _write_problem_rates(machine: Machine, v: np.ndarray, step: float) -> None:
     D, a_map, factor, terms, d = k.D, w.acceleration, w.factor, w.push_terms, w.freedoms[0]
     action, rate_derivative = machine.plan.coordinates.action, k.rate_derivative
     rate_free, rate_scale, rate_slope = p.rate_free, p.rate_scale, p.rate_slope
-    locking = machine.lines.locking[0] > 0
     nc, nv = D.shape
     scale = step if step > 0.0 else 1.0
     root, dead = np.sqrt(scale), np.zeros(nc, np.bool_)
@@ -178,10 +129,8 @@ def _write_problem_rates(machine: Machine, v: np.ndarray, step: float) -> None:
     for c in range(nc):
         for e in range(c + 1):
             total = 0.0
-            for f in range(0 if locking else d):
+            for f in range(d):
                 total += factor[f, c] * factor[f, e]
-            for i in range(nv if locking else 0):
-                total += scale * D[c, i] * a_map[i, 1 + e]
             rate_slope[c, e] = rate_slope[e, c] = total
 
 
@@ -212,17 +161,14 @@ def _find_dead_centres(machine: Machine, dead: np.ndarray) -> None:
 
 
 @kernel
-def write_given(machine: Machine, effort: np.ndarray) -> None:
-    """Write S u, the generalized effort of the drives, along the lines of their gears that rise."""
-    given, lines, S = machine.scratch.given, machine.lines, machine.kinematics.S
+def _write_given(machine: Machine) -> None:
+    """Write S u, the generalized effort of the drives."""
+    given, S = machine.scratch.given, machine.kinematics.S
     for i in range(given.size):
         given[i] = 0.0
-    for d in range(effort.size):
-        if lines.slope[d] <= 0.0:
-            continue
-        on_line = (effort[d] - lines.offset[d]) / lines.slope[d]
+    for d in range(S.shape[0]):
         for i in range(given.size):
-            given[i] += S[d, i] * on_line
+            given[i] += S[d, i] * machine.rotors.arriving[d]
 
 
 @kernel
@@ -268,18 +214,22 @@ def _close(machine: Machine, v: np.ndarray, step: float) -> int:
 def write_accelerations(
     machine: Machine, q: np.ndarray, v: np.ndarray, effort: np.ndarray, step: float
 ) -> int:
-    """Write accelerations and relative accelerations as maps of friction, with the lines of gears.
+    """Write accelerations and relative accelerations as maps of friction.
 
     Args, returns: see `instant.assemble`. Rates and laws must be written.
     """
     t, w = machine.plan.closure, machine.maps
     M, h, given, terms, push = w.M, machine.supply.h, machine.scratch.given, w.push_terms, w.push
     nv, closed, rank = v.size, t.multipliers > 0, 0
-    if machine.plan.drives.gear_entry.size > 0:
-        write_lines(machine, v, effort, step)
-    write_given(machine, effort)
+    motors = machine.plan.drives.gears.ratio.size > 0
+    if motors:
+        write_gears(machine, v, effort, step)
+    else:
+        machine.rotors.arriving[:] = effort
+    _write_given(machine)
     write_mass_matrix(machine)
-    machine.lines.locking[0] = add_armature(machine)
+    if motors:
+        add_armature(machine)
     if step > 0.0:
         _add_drag(machine, step)
     if closed:
@@ -295,13 +245,13 @@ def write_accelerations(
             for j in range(nv):
                 push[i] -= M[i, j] * w.a_closure[j]
         size += abs(push[i]) + abs(v[i])
-    if not _reduce(machine, effort, nv - rank, closed):
+    if not _reduce(machine, nv - rank, closed):
         for i in range(nv):
             for j in range(nv):
                 size += abs(M[i, j])
         return SINGULAR if size < np.inf else NOT_FINITE
     if not size < np.inf:
         return NOT_FINITE
-    write_delivered(machine, effort)
+    write_delivered(machine)
     _write_problem_rates(machine, v, step)
     return 0

@@ -10,60 +10,24 @@ from __future__ import annotations
 
 import numpy as np
 
-from pinfric.dynamics.problem.accelerations import (
-    NOT_FINITE,
-    substitute,
-    write_accelerations,
-    write_given,
-)
-from pinfric.dynamics.problem.gearing import (
-    FEW_PASSES,
-    MOST_PASSES,
-    add_armature,
-    face_gears,
-    guess_delivered,
-    refit,
-    write_efforts,
-    write_lines,
-)
+from pinfric.dynamics.problem.accelerations import NOT_FINITE, write_accelerations
+from pinfric.dynamics.problem.gearing import write_efforts
 from pinfric.dynamics.problem.machine import Machine
-from pinfric.dynamics.problem.rates import ball_speed, move, write_laws, write_mass_matrix
+from pinfric.dynamics.problem.rates import ball_speed, move, write_laws
 from pinfric.dynamics.problem.wrenches import write_wrenches
 from pinfric.friction.consistency import site_friction, try_modes
-from pinfric.friction.dense import affine, factorize
-from pinfric.friction.law import slip_law, stick_limits
+from pinfric.friction.dense import affine
+from pinfric.friction.law import stick_limits
 from pinfric.kernels.compiled import kernel
 
 #: Modes that `solve_instant` tries: those of the velocities; those in `modes`; the same, with balls
-#: directed against their motion; those in `modes`, for the state that was assembled last.
+#: directed against their motion.
 #: Coordinates without dry friction are always directed against their motion.
-FREE, GIVEN, TURNED, SETTLED = range(4)
+FREE, GIVEN, TURNED = range(3)
 #: An outcome of `solve_instant`, beside 0 and those of `write_accelerations`: joints stick that may
 #: share their friction, and the caller has to find it.
 NOT_TRIED = 4
 _EPS = float(np.finfo(float).eps)
-#: Acceleration below this multiple of effort over inertia counts as small.
-_HELD = 1e9
-
-
-@kernel
-def prepare(machine: Machine, v: np.ndarray, effort: np.ndarray, step: float) -> None:
-    """Write kinematics, rates and laws of a state, which gears do not change; see `assemble`."""
-    move(machine, v)
-    write_laws(machine, step)
-
-
-@kernel
-def couple(machine: Machine, q: np.ndarray, v: np.ndarray, effort: np.ndarray, step: float) -> int:
-    """Write the coupled problem and all maps of a prepared state, with the lines of its gears.
-
-    Args, returns: see `assemble`.
-    """
-    face_gears(machine)
-    outcome = write_accelerations(machine, q, v, effort, step)
-    if outcome != 0:
-        return outcome
-    return 0 if write_wrenches(machine, q) else NOT_FINITE
 
 
 @kernel
@@ -82,8 +46,18 @@ def assemble(
     Returns:
         0, `NOT_FINITE`, `SINGULAR`, or `TOGGLE`: the loops allow more motions than elsewhere.
     """
-    prepare(machine, v, effort, step)
-    return couple(machine, q, v, effort, step)
+    move(machine, v)
+    write_laws(machine, step)
+    return _couple(machine, q, v, effort, step)
+
+
+@kernel
+def _couple(machine: Machine, q: np.ndarray, v: np.ndarray, effort: np.ndarray, step: float) -> int:
+    """`assemble` where rates and laws are written."""
+    outcome = write_accelerations(machine, q, v, effort, step)
+    if outcome != 0:
+        return outcome
+    return 0 if write_wrenches(machine, q) else NOT_FINITE
 
 
 @kernel
@@ -179,91 +153,37 @@ def finish(machine: Machine) -> None:
 
 
 @kernel
-def _guess_lines(machine: Machine, v: np.ndarray, effort: np.ndarray) -> None:
-    """Choose the lines of gears in a tree by accelerations with the loads of the last solution.
-
-    At a fraction of a pass of `couple`, which then mostly is the only one.
-    """
-    m, p, M, D = machine.modes, machine.problem, machine.maps.M, machine.kinematics.D
-    L, a, given = machine.scratch.lower, np.empty((v.size, 1)), machine.scratch.given
-    velocity_index = machine.plan.coordinates.velocity_index
-    gain, x = np.empty(p.constant.size), np.empty(m.stuck.size)
-    slip_law(p, m.stuck, m.direction, gain, x)
-    for e in range(machine.plan.entries.site.size):
-        x[p.coordinate[e]] += gain[e] * m.load[e]
-    face_gears(machine)
-    for _ in range(FEW_PASSES):
-        write_lines(machine, v, effort, 0.0)
-        write_given(machine, effort)
-        write_mass_matrix(machine)
-        if add_armature(machine) > 0:
-            return
-        for i in range(v.size):
-            a[i, 0] = given[i] - machine.supply.h[i]
-            for j in range(i + 1):
-                L[i, j] = M[i, j]
-        for c in range(m.stuck.size):
-            for i in range(v.size):
-                a[i, 0] += D[c, i] * x[c]
-            i = velocity_index[c]
-            if m.stuck[c] and i >= 0:
-                L[i, i] *= _HELD
-        if not factorize(L):
-            return
-        substitute(L, a, machine.maps.factor)
-        if guess_delivered(machine, effort, a) == 0:
-            return
-
-
-@kernel
 def solve_instant(
-    machine: Machine, q: np.ndarray, v: np.ndarray, effort: np.ndarray, choice: int, step: float
+    machine: Machine, q: np.ndarray, v: np.ndarray, effort: np.ndarray, choice: int
 ) -> tuple[int, int, int, int]:
-    """Assemble, try the modes with every gear on the line that fits, and finish: one call.
-
-    With modes given, what a gear passes on rises with what arrives at it. So for gears that do not
-    lock themselves Newton's method over the lines ends at the one solution.
+    """Assemble, try the modes, and finish: one call.
 
     Args:
         machine ... effort: see `assemble`.
-        choice: `FREE`, `GIVEN` or `TURNED`; or `SETTLED`: the modes in `modes`, of the state that
-            was assembled last, and nothing is finished.
-        step: see `assemble`; 0 but for `SETTLED`.
+        choice: `FREE`, `GIVEN` or `TURNED`.
 
     Returns:
         (outcome, number of solutions or -1, how many obey, how many are at rest); the outcome is
         `NOT_TRIED` where joints that may share their friction stick: no modes were tried.
     """
-    m, closure = machine.modes, machine.plan.closure
-    resting = 0
-    if choice != SETTLED:
-        prepare(machine, v, effort, 0.0)
-        if choice == FREE:
-            resting = _face(machine)
-        else:
-            m.at_rest[:] = False
-            _turn(machine, choice == TURNED)
-    gears = machine.plan.drives.gears.ratio.size
-    if choice != SETTLED and gears > 0 and closure.multipliers == 0:
-        _guess_lines(machine, v, effort)
-    found = obeying = 0
-    for passes in range(MOST_PASSES):
-        machine.lines.chord[0] = passes > FEW_PASSES and passes % 2 == 1
-        outcome = couple(machine, q, v, effort, step)
-        machine.lines.chord[0] = False
-        if outcome != 0:
-            return outcome, 0, 0, 0
-        if closure.dependent:
-            for c in range(m.stuck.size):
-                if m.stuck[c]:
-                    return NOT_TRIED, 0, 0, resting
-        found, obeying = try_modes(machine.problem, m)
-        if found <= 0 or refit(machine, False) == 0:
-            break
-        if passes == MOST_PASSES - 1:
-            found, obeying = -1, 0
+    m, resting = machine.modes, 0
+    move(machine, v)
+    write_laws(machine, 0.0)
+    if choice == FREE:
+        resting = _face(machine)
+    else:
+        m.at_rest[:] = False
+        _turn(machine, choice == TURNED)
+    outcome = _couple(machine, q, v, effort, 0.0)
+    if outcome != 0:
+        return outcome, 0, 0, 0
+    if machine.plan.closure.dependent:
+        for c in range(m.stuck.size):
+            if m.stuck[c]:
+                return NOT_TRIED, 0, 0, resting
+    found, obeying = try_modes(machine.problem, m, False)
     if found <= 0:
         m.friction[:1] = np.nan  # no guess for the next solve
-    elif obeying == 1 and choice != SETTLED:
+    elif obeying == 1:
         finish(machine)
     return 0, found, obeying, resting

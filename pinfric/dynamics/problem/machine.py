@@ -12,6 +12,7 @@ from pinfric.friction.modes import Modes
 from pinfric.friction.problem import Problem, empty_problem
 from pinfric.kernels.arrays import array, make
 from pinfric.kernels.compiled import record
+from pinfric.model.drives import most_lines
 from pinfric.model.twin import Twin
 
 
@@ -101,11 +102,11 @@ class AffineMaps(NamedTuple):
 
     Attributes:
         acceleration: (nv, 1 + nc). multiplier: (nl, 1 + nc). wrench: (nr, 6, 1 + nc).
-        delivered: (na, 1 + nc) efforts of the drives.
+        delivered: (na, 1 + nc) efforts of the drives, without the friction of gears.
         M: (nv, nv) mass matrix, with armature; of a time step with drag.
         Z: (nv, nv) motions that loops allow, in its first columns; `freedoms`: (1,) how many.
         a_closure: (nv,) one acceleration that keeps them closed.
-        factor: (nv, nc) A of rate_slope = A^T A, its first d rows; of other gears if lines fall.
+        factor: (nv, nc) A of rate_slope = A^T A, its first d rows.
         push, push_terms: (nv,) S u - h - M a_closure; size of S u and h.
         idle: (nc,) whether a joint is near its dead centre.
         drag, damping: (nc,) of a time step: drag now, and its change per unit of speed at the end.
@@ -127,32 +128,17 @@ class AffineMaps(NamedTuple):
     damping: np.ndarray = array("nc")
 
 
-class GearLines(NamedTuple):
-    """The line that each drive's gear follows (`drives.gear_line`), na drives.
+class Rotors(NamedTuple):
+    """Rotors of the na drives, as armature: what each delivers if its gear loses nothing.
 
     Attributes:
-        way: (na,) direction of the line that each gear follows; 0: without loss.
-        delivered: (na,) the effort around which lines are chosen.
-        chord: (1,) bool, whether lines of the mean slope are taken.
-        slope, offset, reflected: (na,) of the lines, with drag, and the rotors' inertia; 1, 0, 0
-            where efforts are given.
-        spent: (na,) part of the offset that is no loss of the gear: drag, inertia.
-        ends, held: (na, 2) efforts between which each line holds, and which the gear holds at rest.
-        arriving: (na,) what arrives at each gear at rest: r T_m, less drag and inertia.
-        locking: (1,) int, how many lines do not rise.
+        inertia: (na,) reflected to the drive's rate, of a time step with drag; 0 where efforts are
+            given.
+        arriving: (na,) r T_m, or the effort, less drag and what the rotor takes at a = 0.
     """
 
-    way: np.ndarray
-    delivered: np.ndarray
-    chord: np.ndarray
-    slope: np.ndarray
-    offset: np.ndarray
-    reflected: np.ndarray
-    spent: np.ndarray
-    ends: np.ndarray
-    held: np.ndarray
-    arriving: np.ndarray
-    locking: np.ndarray
+    inertia: np.ndarray = array("na")
+    arriving: np.ndarray = array("na")
 
 
 class Solution(NamedTuple):
@@ -199,14 +185,14 @@ class Machine(NamedTuple):
     supply: Supply
     kinematics: Kinematics
     maps: AffineMaps
-    lines: GearLines
+    rotors: Rotors
     solution: Solution
     scratch: Scratch
     modes: Modes
     problem: Problem
 
 
-for _part in (Tree, Supply, Kinematics, AffineMaps, GearLines, Solution, Scratch, Machine):
+for _part in (Tree, Supply, Kinematics, AffineMaps, Rotors, Solution, Scratch, Machine):
     record(_part)
 
 
@@ -220,6 +206,8 @@ def make_machine(twin: Twin, plan: Plan, supply: Supply) -> Machine:
         np.concatenate([plan.entries.ratio, np.ones(len(geared))]),
         plan.contacts.owner,
         np.concatenate([plan.sites.constant[plan.entries.site], np.zeros(len(geared))]),
+        len(geared),
+        most_lines(drives.gears),
     )
     sizes = {
         "nv": twin.nv,
@@ -230,14 +218,12 @@ def make_machine(twin: Twin, plan: Plan, supply: Supply) -> Machine:
         "rows": twin.n_joints + pairs,
         "nc": nc,
         "columns": 1 + nc,
-        "na": (na := len(drives.action)),
+        "na": len(drives.action),
         "nl": plan.closure.multipliers,
         "nr": len(plan.contacts.joint),
         "ns": len(plan.sites.joint),
         "ne": len(problem.coordinate),
     }
-    zero = ("way", "delivered", "offset", "reflected", "spent", "arriving")
-    lines = {name: np.zeros(na) for name in zero}
     return Machine(
         plan=plan,
         tree=tree,
@@ -246,17 +232,10 @@ def make_machine(twin: Twin, plan: Plan, supply: Supply) -> Machine:
             D=plan.coordinates.rate_row.copy(), S=drives.rate_row.copy()
         ),
         maps=make(AffineMaps, **sizes)._replace(Z=np.eye(twin.nv)),
-        lines=GearLines(
-            chord=np.zeros(1, dtype=bool),
-            slope=np.ones(na),
-            ends=np.zeros((na, 2)),
-            held=np.zeros((na, 2)),
-            locking=np.zeros(1, dtype=np.int64),
-            **lines,
-        ),
+        rotors=make(Rotors, **sizes),
         solution=make(Solution, **sizes),
         scratch=make(Scratch, **sizes),
-        modes=Modes.of(nc, len(problem.coordinate)),
+        modes=Modes.of(nc, len(problem.coordinate), len(geared)),
         problem=problem,
     )
 

@@ -118,7 +118,7 @@ def _balance(machine: Machine, free: np.ndarray) -> int:
         machine: accelerations are written.
         free: (nl, nl), overwritten: its first nl - rank columns (redundant closures).
     """
-    t, w, k, lines = machine.plan.closure, machine.maps, machine.kinematics, machine.lines
+    t, w, k = machine.plan.closure, machine.maps, machine.kinematics
     M, D, a_map, given = w.M, k.D, w.acceleration, machine.scratch.given
     nl, (nc, nv) = t.multipliers, D.shape
     A = np.empty((nv, nl + 1 + nc))
@@ -129,9 +129,6 @@ def _balance(machine: Machine, free: np.ndarray) -> int:
             total = -given[i] if n == 0 else -D[n - 1, i]
             for j in range(nv):
                 total += M[i, j] * a_map[j, n]
-            for d in range(lines.slope.size):
-                if lines.slope[d] <= 0.0:
-                    total -= k.S[d, i] * w.delivered[d, n]
             A[i, nl + n] = total
     return solve_balance(A, t.scale, w.multiplier, free)
 

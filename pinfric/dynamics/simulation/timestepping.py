@@ -15,7 +15,7 @@ A step also ends at exactly zero velocity at a turning point where friction coul
 the velocity. This is a stop only if static friction holds the joint at that instant; otherwise the
 motion reverses.
 
-Where self-locking gears in motion leave no acceleration (`self_locking.py`) a step may still have
+Where self-locking gears in motion leave no acceleration (`friction/gears.py`) a step may still have
 an answer: the rotor stops with a jump. How fast all else then moves depends on the damping of the
 shafts, so such a step is refused as such an instant is.
 """
@@ -133,7 +133,7 @@ def _begin_with_a_step(
         AccelerationError: the problem, where a step has no solution either, or a gear jams.
     """
     ws, q = system.ws, state[0]
-    many, stable = ws.lines.many
+    many, stable = ws.count.many
     if isinstance(problem, GearJam) or stable != many:
         raise problem
     v, modes = standing(ws, *state), ws.modes

@@ -1,0 +1,472 @@
+"""Gears with losses as entries of a `Problem`: friction that follows the effort they deliver.
+
+A gear gets u - I r, u what arrives at r = 0, and delivers t with the friction x of its entry:
+
+    t = u - I r + x,      u - I r = slope t + offset       in motion: lines, by the direction
+                          lower(t) <= u <= upper(t)        at rest: intervals of t
+
+The rotor's inertia I is an armature whatever the gear does, so the problem does not depend on its
+modes. In given modes and lines all coordinates have rows, with y the friction of the bearings:
+
+    a (x - y) + b r = g,     (1, 0, 0) slips, (0, 1, 0) sticks, (slope, (1 - slope) I, ...) a gear
+
+Newton's method over the lines ends at the one solution of gears that do not lock themselves. Others
+have one for every u if and only if diag(least slope) + I^1/2 W I^1/2 is positive definite,
+W the rates by efforts without rotors and without what sticks. A solution is stable, one at which a
+shaft with a little compliance would stay, if it is so with the slopes of its own lines.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import product
+from math import prod
+from typing import NamedTuple
+
+import numpy as np
+
+from pinfric.friction.dense import solve_dense
+from pinfric.friction.law import site_limits, slip_law
+from pinfric.friction.modes import Modes
+from pinfric.friction.problem import Problem
+from pinfric.kernels.compiled import inlined_kernel, kernel
+
+#: An effort beyond its line by this fraction of the terms of its sum is rounding.
+_ROUNDING = 1e-12
+#: Up to so many choices of what gears hold, and of lines, are tried; of lines where bearings follow
+#: their loads.
+_MOST_HOLDS, _MOST_LINES, _MOST_LOADED = 64, 200_000, 4096
+#: A gear's effort beyond a line by this share of all efforts may be rounding.
+_NEAR = 1e-9
+
+
+#: Passes of Newton's method over lines; with every second one a chord; after which none was found.
+FEW_PASSES, MOST_PASSES = 6, 200
+
+
+@inlined_kernel
+def gear_site(problem: Problem, g: int) -> int:
+    """Return the site of a gear: they are the last ones."""
+    return problem.coordinate.size - problem.gear_rotor.shape[0] + g
+
+
+@kernel
+def _line(problem: Problem, g: int, law: int, effort: float) -> tuple[float, float, float, float]:
+    """Return slope, offset and ends of a gear's line around an effort, see `Problem`.
+
+    Where two lines meet, the one of larger efforts.
+    """
+    lines, k = problem.gear_lines[g, law], 0
+    while k + 1 < lines.shape[0] and lines[k + 1, 2] <= effort:
+        k += 1
+    end = lines[k + 1, 2] if k + 1 < lines.shape[0] else np.inf
+    return lines[k, 0], lines[k, 1], lines[k, 2], end
+
+
+@inlined_kernel
+def write_rows(
+    problem: Problem, modes: Modes, chord: bool, lines: np.ndarray, rows: np.ndarray
+) -> None:
+    """Write the lines of gears in motion, around `modes.effort`, and the rows of coordinates.
+
+    Args:
+        problem, modes: of which modes and efforts count.
+        chord: whether lines have the mean slope through the law: such lines lead to the solution
+            whatever they start from, if there is one for every u.
+        lines: (ng, 4) slope, offset and ends, overwritten.
+        rows: (nc, 3) of the module's text, overwritten.
+    """
+    for c in range(modes.stuck.size):
+        rows[c, 0], rows[c, 1], rows[c, 2] = (0.0, 1.0, 0.0) if modes.stuck[c] else (1.0, 0.0, 0.0)
+    for g in range(problem.gear_rotor.shape[0]):
+        c = problem.coordinate[gear_site(problem, g)]
+        way, t = modes.direction[c], modes.effort[g]
+        if modes.stuck[c]:
+            continue
+        slope, offset, low, high = _line(problem, g, 0 if way > 0.0 else 1, t)
+        if chord:
+            least, most = slope_range(problem, g)
+            mean = 0.5 * (least + most)
+            if mean > 0.0 and most > least:
+                slope, offset = mean, offset + (slope - mean) * t
+                low, high = np.inf, -np.inf  # to be left for a line of the gear's own
+        slope, offset = 1.0 + abs(way) * (slope - 1.0), abs(way) * offset
+        lines[g, 0], lines[g, 1], lines[g, 2], lines[g, 3] = slope, offset, low, high
+        given, inertia = problem.gear_rotor[g, 0], problem.gear_rotor[g, 1]
+        others = rows[c, 0]
+        rows[c, 2] = slope * rows[c, 2] + others * ((1.0 - slope) * given - offset)
+        rows[c, 1] = slope * rows[c, 1] + others * (1.0 - slope) * inertia
+        rows[c, 0] = slope * others
+
+
+@kernel
+def slope_range(problem: Problem, g: int) -> tuple[float, float]:
+    """Return the least and the greatest slope of a gear in motion at its speed."""
+    slopes = problem.gear_lines[g, :2, :, 0]
+    return slopes.min(), slopes.max()
+
+
+@inlined_kernel
+def are_bound(stuck: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Return of which coordinates (nc,) more than the bearings decides the friction.
+
+    Args:
+        stuck: (nc,) bool. rows: (nc, 3), or (0, 3) without gears.
+    """
+    if rows.shape[0] == 0:
+        return stuck
+    bound = np.empty(stuck.size, np.bool_)
+    for c in range(stuck.size):
+        bound[c] = rows[c, 0] != 1.0 or rows[c, 1] != 0.0 or rows[c, 2] != 0.0
+    return bound
+
+
+@kernel
+def bind(problem: Problem, bound: np.ndarray, rows: np.ndarray, X: np.ndarray) -> bool:
+    """Write the friction of coordinates that stick or have gears; False: it is singular.
+
+    Args:
+        problem: `Problem`.
+        bound, rows: (nc,) which; (nc, 3), or (0, 3) without gears.
+        X: (nc, columns) y as a map, overwritten with x.
+    """
+    nc, columns = X.shape
+    held = np.flatnonzero(bound)
+    n = held.size
+    A, B = np.empty((n, n)), np.empty((n, columns))
+    for i in range(n):
+        c, across, along, rest = held[i], 0.0, 1.0, 0.0
+        if rows.shape[0] > 0:
+            across, along, rest = rows[c, 0], rows[c, 1], rows[c, 2]
+        for j in range(n):
+            A[i, j] = along * problem.rate_slope[c, held[j]]
+        A[i, i] += across
+        for k in range(columns):
+            B[i, k] = across * X[c, k]
+            if k == 0:
+                B[i, k] += rest - along * problem.rate_free[c]
+            for d in range(nc):
+                if not bound[d]:
+                    B[i, k] -= along * problem.rate_slope[c, d] * X[d, k]
+    if not solve_dense(A, B):
+        return False
+    for i in range(n):
+        for k in range(columns):
+            X[held[i], k] = B[i, k]
+    return True
+
+
+@inlined_kernel
+def slip_friction(problem: Problem, modes: Modes, y: np.ndarray) -> None:
+    """Write the friction y (nc,) of bearings that slip, under the loads in `modes`; 0 of others.
+
+    Where no friction is known the loads are not, either, and taken as zero.
+    """
+    if modes.friction[0] != modes.friction[0]:
+        modes.load[:] = 0.0
+    gain = np.empty(modes.load.size)
+    slip_law(problem, modes.stuck, modes.direction, gain, y)
+    for s in range(gain.size):
+        y[problem.coordinate[s]] += gain[s] * modes.load[s]
+
+
+@inlined_kernel
+def guess_lines(
+    problem: Problem, modes: Modes, y: np.ndarray, lines: np.ndarray, rows: np.ndarray
+) -> None:
+    """Choose lines with the loads of the last solution, of which `slip_friction` gives y (nc,).
+
+    At a fraction of a full solve, of which one is mostly enough then.
+
+    Args:
+        lines, rows: see `write_rows`; overwritten.
+    """
+    nc = y.size
+    X = np.empty((nc, 1))
+    for _ in range(FEW_PASSES):
+        for c in range(nc):
+            X[c, 0] = y[c]
+        if not bind(problem, are_bound(modes.stuck, rows), rows, X):
+            return
+        for c in range(nc):
+            modes.friction[c], modes.rate[c] = X[c, 0], problem.rate_free[c]
+            for d in range(nc):
+                modes.rate[c] += problem.rate_slope[c, d] * X[d, 0]
+        if fit(problem, modes, lines, False)[0] == 0:
+            return
+        write_rows(problem, modes, False, lines, rows)
+
+
+@inlined_kernel
+def fit(problem: Problem, modes: Modes, lines: np.ndarray, rests: bool) -> tuple[int, int]:
+    """Write the efforts of gears, of which friction, loads and rates are written, into `modes`.
+
+    What a gear at rest holds is the interval in which the bearings beside it have the most room.
+
+    Args:
+        problem: its limits of gears at rest are overwritten.
+        modes: `Modes`.
+        lines: on which it was solved, see `write_rows`.
+        rests: whether to look at gears at rest.
+
+    Returns:
+        How many gears left their line, and how many hold another interval than before.
+    """
+    left = changed = 0
+    for g in range(problem.gear_rotor.shape[0]):
+        c = problem.coordinate[gear_site(problem, g)]
+        given, inertia = problem.gear_rotor[g, 0], problem.gear_rotor[g, 1]
+        if modes.stuck[c]:
+            if rests:
+                below, above = _beside(problem, modes, g)
+                t = given + modes.friction[c]
+                changed += _hold(problem, modes, g, t - above, t - below, t)
+            continue
+        arriving, slope, offset = given - inertia * modes.rate[c], lines[g, 0], lines[g, 1]
+        if slope != 0.0:
+            t = (arriving - offset) / slope
+        else:
+            y = np.empty(modes.stuck.size)
+            slip_friction(problem, modes, y)
+            t = arriving + modes.friction[c] - y[c]
+            for other in range(problem.gear_rotor.shape[0]):
+                if other != g and problem.coordinate[gear_site(problem, other)] == c:
+                    its = (
+                        problem.gear_rotor[other, 0] - problem.gear_rotor[other, 1] * modes.rate[c]
+                    )
+                    t -= (its - lines[other, 1]) / lines[other, 0] - its
+        beyond = max(lines[g, 2] - t, t - lines[g, 3])
+        if not beyond <= 0.0:
+            terms = abs(modes.rate[c]) + problem.rate_scale[c]
+            for d in range(modes.friction.size):
+                terms += abs(problem.rate_slope[c, d] * modes.friction[d])
+            terms = abs(given) + abs(offset) + inertia * terms
+            left += not beyond * max(abs(slope), 1e-3) <= _ROUNDING * terms
+        modes.effort[g] = t
+    return left, changed
+
+
+@kernel
+def _hold(problem: Problem, modes: Modes, g: int, low: float, high: float, effort: float) -> bool:
+    """Let a gear at rest hold the interval that most efforts low to high are in, or the nearest.
+
+    Returns:
+        Whether it is another than before.
+    """
+    held, given, e = problem.gear_held[g], problem.gear_rotor[g, 0], gear_site(problem, g)
+    best, chosen = -np.inf, 0
+    for k in range(held.shape[0]):
+        inside = min(high, held[k, 1]) - max(low, held[k, 0])
+        if inside > best:
+            best, chosen = inside, k
+    least, most = held[chosen, 0], held[chosen, 1]
+    changed = problem.coulomb_stick[e, 0] != given - least
+    problem.coulomb_stick[e, 0], problem.coulomb_stick[e, 1] = given - least, most - given
+    modes.effort[g] = min(max(effort, least), most)
+    return changed
+
+
+@kernel
+def hold_chosen(problem: Problem, modes: Modes) -> None:
+    """Let gears at rest hold the intervals of the efforts in `modes`."""
+    for g in range(problem.gear_rotor.shape[0]):
+        if modes.stuck[problem.coordinate[gear_site(problem, g)]]:
+            t = modes.effort[g]
+            _hold(problem, modes, g, t, t, t)
+
+
+@kernel
+def _beside(problem: Problem, modes: Modes, g: int) -> tuple[float, float]:
+    """Return the least and the greatest friction of all that rests beside a gear."""
+    least = greatest = 0.0
+    for e in range(problem.coordinate.size):
+        own = gear_site(problem, g)
+        if problem.coordinate[e] == problem.coordinate[own] and e != own:
+            ends = site_limits(problem, modes.load, e)
+            least, greatest = least + ends[0], greatest + ends[1]
+    return least, greatest
+
+
+@kernel
+def gear_margins(problem: Problem, modes: Modes, g: int) -> tuple[float, float]:
+    """Return the distances of the torque at a gear at rest above lower(t) and below upper(t).
+
+    Each is the largest over all efforts t that the friction beside the gear allows; below 0 the
+    gear slips backward or forward. Both are finite and continuous, also where a self-locking gear
+    begins to hold any effort.
+    """
+    given = problem.gear_rotor[g, 0]
+    needed = given + modes.friction[problem.coordinate[gear_site(problem, g)]]
+    least, greatest = _beside(problem, modes, g)
+    if not greatest - least < np.inf:  # another gear holds it, whatever the load
+        return np.inf, np.inf
+    lower, upper, start = np.inf, -np.inf, needed - greatest
+    while True:
+        slope, offset, _, end_down = _line(problem, g, 3, start)
+        rise, shift, _, end_up = _line(problem, g, 2, start)
+        end = min(needed - least, end_down, end_up)
+        lower = min(lower, slope * start + offset, slope * end + offset)
+        upper = max(upper, rise * start + shift, rise * end + shift)
+        if end >= needed - least:
+            return given - lower, upper - given
+        start = end
+
+
+def lines_and_rows(problem: Problem, modes: Modes, chord: bool = False) -> tuple[np.ndarray, ...]:
+    """Return lines (ng, 4) and rows (nc, 3) of modes, see `write_rows`; (0, 3) without gears."""
+    gears, coordinates = len(modes.effort), len(modes.stuck)
+    lines, rows = np.empty((gears, 4)), np.empty((coordinates if gears else 0, 3))
+    if gears:
+        write_rows(problem, modes, chord, lines, rows)
+    return lines, rows
+
+
+def without_gears(problem: Problem, modes: Modes, rows: np.ndarray) -> tuple[Problem, np.ndarray]:
+    """Return the same problem for y, the friction without gears in motion, and x = map (1, y).
+
+    At rest, y is counted from the friction nearest to zero that its gears hold.
+    """
+    if not problem.gear_rotor.shape[0]:
+        return problem, np.empty(0)
+    nc, R = len(rows), problem.rate_slope
+    x, stick = np.eye(nc, 1 + nc, 1), problem.coulomb_stick.copy()
+    sites = np.arange(len(problem.coordinate))[len(problem.coordinate) - len(problem.gear_rotor) :]
+    for e in sites[modes.stuck[problem.gear_coordinate]]:
+        nearest = min(max(0.0, -stick[e, 0]), stick[e, 1])
+        x[problem.coordinate[e], 0] += nearest
+        stick[e] += nearest, -nearest
+    bound = np.flatnonzero((rows != (1.0, 0.0, 0.0)).any(axis=1) & ~modes.stuck)
+    a, b, g = rows[bound].T
+    right = -b[:, None] * np.column_stack([problem.rate_free[bound] + R[bound] @ x[:, 0], R[bound]])
+    right[:, 0] += g
+    right[:, 1 + bound] = np.diag(a)
+    x[bound] = np.linalg.solve(np.diag(a) + b[:, None] * R[np.ix_(bound, bound)], right)
+    every = np.concatenate([np.eye(1, 1 + nc), x])
+    return problem._replace(
+        rate_free=problem.rate_free + R @ x[:, 0],
+        rate_slope=R @ x[:, 1:],
+        contact=np.einsum("tie,ij->tje", problem.contact, every),
+        coulomb_stick=stick,
+    ), x
+
+
+# ---------------------------------------------------------------- all solutions
+
+
+class Jam(NamedTuple):
+    """A self-locking gear in motion beside which u does not determine the motion.
+
+    Attributes:
+        gear: which. eigenvalue: the least, of the module's text.
+        inertia: I above which this gear does not jam, at the joint, per unit of r.
+    """
+
+    gear: int
+    eigenvalue: float
+    inertia: float
+
+
+def jam(problem: Problem, modes: Modes) -> Jam | None:
+    """Return the gear that jams; None if there is one answer for every u in given modes."""
+    if not problem.gear_rotor.shape[0] or problem.gear_lines[:, :2, :, 0].min() > 0.0:
+        return None
+    moves, W = _coupling(problem, modes)
+    share = np.abs(modes.direction[problem.gear_coordinate[moves]])
+    share[share == 0.0] = 1.0  # whichever way
+    back = 1.0 + share * (problem.gear_lines[moves, :2, :, 0].min(axis=(1, 2), initial=1.0) - 1.0)
+    if not (back <= 0.0).any():
+        return None
+    root = np.sqrt(problem.gear_rotor[moves, 1])
+    E = np.diag(back) + root[:, None] * W * root
+    size, axes = np.linalg.eigh(E)
+    if size[0] > 0.0:
+        return None
+    worst = int(np.argmax(np.where(back <= 0.0, np.abs(axes[:, 0]), -1.0)))
+    others = (np.arange(len(back)) != worst) & (np.diag(E) > 0.0)
+    across = root[others] * W[worst, others]
+    left = W[worst, worst] - across @ np.linalg.pinv(E[np.ix_(others, others)]) @ across
+    enough = -back[worst] / left if left > 0.0 else np.inf
+    return Jam(int(moves[worst]), float(size[0]), float(enough))
+
+
+def _coupling(problem: Problem, modes: Modes) -> tuple[np.ndarray, np.ndarray]:
+    """Which gears move (m,), and W of the module's text (m, m)."""
+    coordinate = problem.gear_coordinate
+    moves, stuck = np.flatnonzero(~modes.stuck[coordinate]), modes.stuck
+    c, R = coordinate[moves], problem.rate_slope
+    across = R[np.ix_(c, stuck)]
+    W = (
+        R[np.ix_(c, c)]
+        - across @ np.linalg.pinv(R[np.ix_(stuck, stuck)], hermitian=True) @ across.T
+    )
+    W = W @ np.linalg.inv(np.eye(len(c)) - problem.gear_rotor[moves, 1][:, None] * W)
+    return moves, 0.5 * (W + W.T)
+
+
+def choices(problem: Problem, modes: Modes) -> list[tuple[np.ndarray, bool]] | None:
+    """Return efforts (ng,) on every choice of lines that may fit, and whether it is stable.
+
+    None where there are too many. The present modes must be solved, on any lines. Where no friction
+    follows loads all is linear, and lines that do not fit are left out.
+    """
+    moves, W = _coupling(problem, modes)
+    coordinate, t = problem.gear_coordinate[moves], modes.effort[moves]
+    every = [
+        _lines_of(problem, int(g), float(modes.direction[c]))
+        for g, c in zip(moves, coordinate, strict=True)
+    ]
+    slides = ~modes.stuck[problem.coordinate[problem.contact_site]]
+    loaded = bool((problem.mu_slip[problem.contact_site] * slides).any())
+    if prod(len(lines) for lines in every) > (_MOST_LOADED if loaded else _MOST_LINES):
+        return None
+    given, inertia = problem.gear_rotor[moves].T
+    table = np.array(list(product(*every)))
+    A = inertia[:, None] * W + np.eye(len(moves)) * table[:, :, 0][:, None, :]
+    fits = np.ones(len(table), dtype=bool)
+    if not loaded and np.isfinite(modes.rate).all() and np.isfinite(t).all():
+        right = given - inertia * (modes.rate[coordinate] - W @ t) - table[:, :, 1]
+        fits = np.linalg.det(A) != 0.0
+        found = np.full(right.shape, np.nan)
+        found[fits] = np.linalg.solve(A[fits], right[fits][:, :, None])[:, :, 0]
+        slack = _NEAR * (np.abs(found).max(axis=1) + np.abs(given).max())[:, None]
+        fits = ((table[:, :, 2] - slack <= found) & (found <= table[:, :, 3] + slack)).all(axis=1)
+    root, out = np.sqrt(inertia), []
+    for lines in table[fits]:
+        least = np.linalg.eigvalsh(np.diag(lines[:, 0]) + root[:, None] * W * root)[0]
+        efforts = modes.effort.copy()
+        efforts[moves] = [_inside(low, high) for low, high in lines[:, 2:]]
+        out.append((efforts, bool(least > 0.0)))
+    return out
+
+
+def _lines_of(problem: Problem, g: int, way: float) -> list[tuple[float, float, float, float]]:
+    """(slope, offset, least, greatest effort) of every line of a gear in motion."""
+    lines = problem.gear_lines[g, 0 if way > 0.0 else 1]
+    lines = lines[lines[:, 2] < np.inf]
+    slopes = 1.0 + abs(way) * (lines[:, 0] - 1.0)
+    ends = [*lines[1:, 2].tolist(), np.inf]
+    return list(zip(slopes, abs(way) * lines[:, 1], lines[:, 2], ends, strict=True))
+
+
+def ways_to_hold(problem: Problem, modes: Modes) -> Iterator[np.ndarray]:
+    """Yield efforts (ng,), one for each choice of the intervals that gears at rest hold."""
+    every = []
+    for g in np.flatnonzero(modes.stuck[problem.gear_coordinate]).tolist():
+        held = [(low, high) for low, high in problem.gear_held[g].tolist() if low <= high]
+        every += [[(g, _inside(low, high)) for low, high in held]] * (len(held) > 1)
+    if prod(len(held) for held in every) > _MOST_HOLDS:
+        return
+    kept = modes.effort.copy()
+    for choice in product(*every):
+        for g, effort in choice:
+            kept[g] = effort
+        yield kept.copy()
+
+
+def _inside(low: float, high: float) -> float:
+    """An effort well between two, of which one or both may be infinite."""
+    if np.isinf(low) and np.isinf(high):
+        return 0.0
+    if np.isinf(low):
+        return high - 1.0 - abs(high)
+    return low + 1.0 + abs(low) if np.isinf(high) else 0.5 * (low + high)
