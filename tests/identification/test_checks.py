@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -20,9 +21,10 @@ from identify_wrong_models import wrong_log
 
 import pinfric as pf
 from pinfric.errors import IdentificationError
-from pinfric.identification.checks import check_efforts
-from pinfric.identification.columns import joint_rows, prepare
+from pinfric.identification.checks import check_efforts, check_one_robot
+from pinfric.identification.columns import Rows, joint_rows, prepare
 from pinfric.identification.laws import Law
+from pinfric.identification.normal import Fit
 from pinfric.identification.recordings import read_recordings
 from pinfric.motions.log.reading import ReadingOptions
 
@@ -78,6 +80,19 @@ def test_logs_of_two_robots_are_refused():
     other = replace(short(3), effort=2.2 * short(3).effort, name="other")
     with pytest.raises(IdentificationError, match="logs of two robots"):
         pf.identify(guess(0), [short(), other], laws=PLAIN)
+
+
+@pytest.mark.parametrize(("load", "refused"), [(1.0, True), (0.1, False)])
+def test_only_joints_that_carry_tell_two_robots_apart(load, refused):
+    """Efforts are the load of 1 kg and a friction; in the second log the load counts twice."""
+    n = 100
+    rigid = load * np.sin(np.linspace(0.0, 20.0, 2 * n))[:, None]
+    log = np.repeat([0, 1], n)
+    effort = (1.0 + log) * rigid[:, 0] + np.repeat([1.0, -1.0], n)
+    fit = Fit(np.ones(1), np.zeros((1, 1)))
+    rows = Rows(rigid, np.zeros((2 * n, 1)), effort, log, log, *np.zeros((3, 2 * n)))
+    with pytest.raises(IdentificationError, match="two robots") if refused else nullcontext():
+        check_one_robot(["a"], [rows], fit, ["one", "two"])
 
 
 def test_robots_whose_efforts_no_log_tells_apart_are_refused():
