@@ -105,6 +105,12 @@ def random_friction(model: pin.Model, seed: int) -> dict[str, dict]:
     return friction
 
 
+def scene_of(seed: int, joints: int = 6, **more: object) -> pf.Scene:
+    """A seeded random tree with seeded friction in every joint."""
+    model = random_tree(seed, joints)
+    return pf.Scene(model=model, friction=random_friction(model, seed), **more)
+
+
 def _random_bearing(rng: np.random.Generator, slides: bool) -> dict:
     if slides:
         return {

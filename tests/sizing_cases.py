@@ -110,6 +110,12 @@ def trapezoid(scene, samples=400):
     return pf.Trajectory.from_arrays(scene, t, np.zeros((len(t), 1)), v[:, None], a[:, None])
 
 
+def sized_cycle(catalog=None, scene=None, **more):
+    """`pf.size` of the trapezoidal cycle, of the turntable where no scene is given."""
+    scene = scene or turntable()
+    return pf.size(scene, trapezoid(scene), catalog, **more)
+
+
 def hour_with_a_stall(stall=300.0, move=2.0):
     """A pendulum held out for `stall` seconds at 2.5 times what MOTOR can for ever; else it hangs.
 

@@ -11,9 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli_cases import run, told
-from sizing_cases import GEAR, MOTOR, trapezoid, turntable, write_catalog
+from sizing_cases import GEAR, MOTOR, sized_cycle, turntable, write_catalog
 
-import pinfric as pf
 from pinfric.drives.bearing import BearingRatings, Factors
 from pinfric.drives.catalog import BearingEntry, Brake, Gear, GearMotor, Motor, Screw, Thermal
 from pinfric.drives.catalog_file import load_catalog
@@ -351,7 +350,7 @@ def test_bill_of_materials_counts_parts_over_joints(tmp_path):
         conditions={"bearings": {"table": "own"}},
     )
     scene = turntable()
-    report = pf.size(scene, trapezoid(scene), path)
+    report = sized_cycle(path, scene)
     rows = list(csv.DictReader(io.StringIO(bill_of_materials(report))))
     assert [row["part"] for row in rows] == [
         "M",
@@ -371,7 +370,7 @@ def test_bill_of_materials_counts_parts_over_joints(tmp_path):
         "grade": "R",
     }
     assert (rows[1]["price"], rows[2]["mass_kg"]) == ("", "")
-    assert bill_of_materials(pf.size(scene, trapezoid(scene))) == ""
+    assert bill_of_materials(sized_cycle(scene=scene)) == ""
 
 
 def test_bill_of_materials_of_a_frameless_kit_adds_up_to_the_drive(tmp_path):
@@ -380,8 +379,7 @@ def test_bill_of_materials_of_a_frameless_kit_adds_up_to_the_drive(tmp_path):
         {"K": {**MOTOR, "mounting": "frameless"}},
         {"G": {**GEAR, "kind": "strain wave", "mass": 0.9}},
     )
-    scene = turntable()
-    report = pf.size(scene, trapezoid(scene), path)
+    report = sized_cycle(path)
     rows = list(csv.DictReader(io.StringIO(bill_of_materials(report))))
     assert [row["mass_kg"] for row in rows] == ["0.6", "0.9", "0.375"]
     assert rows[2]["source"] == "estimate: 25 % of motor and gear"

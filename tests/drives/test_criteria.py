@@ -20,6 +20,7 @@ from sizing_cases import (
     RAMP,
     RATE,
     one_drive,
+    sized_cycle,
     trapezoid,
     turntable,
     write_catalog,
@@ -55,7 +56,7 @@ ANGLE = np.array([RATE * RAMP / 2, RATE * PLATEAU, RATE * RAMP / 2])  # turned i
 def sized(tmp_path, motor=None, gear=None, conditions=None, scene=None, on_miss="warn"):
     scene = scene or turntable()
     catalog = one_drive(tmp_path, motor, gear)
-    report = pf.size(scene, trapezoid(scene), catalog, conditions=conditions, on_miss=on_miss)
+    report = sized_cycle(catalog, scene, conditions=conditions, on_miss=on_miss)
     (joint,) = report.joints
     return joint
 
@@ -482,9 +483,8 @@ def test_a_limit_that_cannot_be_is_refused(coupling, change, says):
 def amplified(tmp_path, current, conditions=None, **figures):
     amplifier = {"source": "invented", "grade": "R", "current": current, **figures}
     catalog = one_drive(tmp_path, amplifiers={"A": amplifier})
-    scene = turntable()
     wanted = {"amplifiers": {"others": "A"}, **(conditions or {})}
-    (joint,) = pf.size(scene, trapezoid(scene), catalog, conditions=wanted).joints
+    (joint,) = sized_cycle(catalog, conditions=wanted).joints
     return catalog, joint
 
 
@@ -548,7 +548,7 @@ def test_an_amplifier_feeds_a_gearmotor_by_its_constant_at_the_output(tmp_path):
     more = {"gearmotors": {"A": actuator}, "amplifiers": {"P": amplifier}}
     catalog = load_catalog(write_catalog(tmp_path / "c.yaml", {}, {}, **more))
     scene, conditions = turntable(), {"amplifiers": {"others": "P"}, "backlash": 2e-4}
-    (joint,) = pf.size(scene, trapezoid(scene), catalog, conditions=conditions).joints
+    (joint,) = sized_cycle(catalog, scene, conditions=conditions).joints
     peak = criterion(joint, "amplifier peak current")
     assert (peak.available, peak.unit) == (pytest.approx(4.0 * 6.0), "N m")
     assert peak.required == pytest.approx(UP + 50**2 * 5e-5 * ACCELERATION)

@@ -21,6 +21,7 @@ from sizing_cases import (
     RATE,
     hour_with_a_stall,
     one_drive,
+    sized_cycle,
     trapezoid,
     turntable,
 )
@@ -140,8 +141,7 @@ def test_five_minutes_of_stall_fail_with_their_reason(tmp_path):
 def test_continuous_torque_follows_the_makers_curve_at_the_mean_speed(tmp_path):
     curve = [[0.0, 0.5], [600.0, 0.1]]
     catalog = one_drive(tmp_path, motor={"continuous_torque": None, "continuous_curve": curve})
-    scene = turntable()
-    (joint,) = pf.size(scene, trapezoid(scene), catalog).joints
+    (joint,) = sized_cycle(catalog).joints
     mean_speed = GEAR["ratio"] * RATE * (RAMP + PLATEAU) / CYCLE
     found = joint.assessments[0].criteria[0]
     assert found.available == pytest.approx(0.5 - 0.4 * mean_speed / 600.0, rel=1e-6)
@@ -170,8 +170,7 @@ def test_overloads_are_counted_against_what_the_gear_bears(tmp_path, gear, borne
         "collisions": {"count": 1020, "duration": 0.2},
     }
     catalog = one_drive(tmp_path, gear=gear, conditions=conditions)
-    scene = turntable()
-    (joint,) = pf.size(scene, trapezoid(scene), catalog, on_miss="ignore").joints
+    (joint,) = sized_cycle(catalog, on_miss="ignore").joints
     found = next(c for c in joint.assessments[0].criteria if c.name == "gear momentary peaks")
     assert found.available == pytest.approx(borne, rel=1e-4)
     assert (found.status == Status.PASSES) == (borne > 1020)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from sizing_cases import GEAR, MOTOR, one_drive, trapezoid, turntable, write_catalog
+from sizing_cases import GEAR, MOTOR, one_drive, sized_cycle, write_catalog
 
-import pinfric as pf
 from pinfric.drives.catalog import Brake, Gear, Motor
 from pinfric.drives.catalog_file import load_catalog
 from pinfric.drives.criterion import Status
@@ -25,9 +24,8 @@ STRAIN = {**GEAR, "kind": "strain wave"}
 
 
 def sized(tmp_path, motor=None, gear=None, **conditions):
-    scene = turntable()
     catalog = one_drive(tmp_path, motor, gear)
-    report = pf.size(scene, trapezoid(scene), catalog, conditions=conditions, on_miss="ignore")
+    report = sized_cycle(catalog, conditions=conditions, on_miss="ignore")
     return report.joints[0]
 
 
@@ -49,8 +47,7 @@ def test_a_drive_that_lacks_a_figure_cannot_be_signed(tmp_path, part, figure, as
     gears = {"G": {k: v for k, v in STRAIN.items() if part != "gear" or k != figure}}
     motors = {"M": {k: v for k, v in MOTOR.items() if part != "motor" or k != figure}}
     catalog = load_catalog(write_catalog(tmp_path / "catalog.yaml", motors, gears))
-    scene = turntable()
-    report = pf.size(scene, trapezoid(scene), catalog, on_miss="ignore")
+    report = sized_cycle(catalog, on_miss="ignore")
     (joint,) = report.joints
     assert joint.choice is None
     assert joint.assessments[0].lacks == (asked,)
@@ -65,8 +62,7 @@ def test_a_gear_that_fails_by_what_is_known_is_not_asked_for(tmp_path):
     weak = {**unknown, "bearing": {**GEAR["bearing"], "max_axial": 0.1}}
     gears = {"known": GEAR, "unknown": unknown, "weak": weak}
     catalog = load_catalog(write_catalog(tmp_path / "catalog.yaml", gears=gears))
-    scene = turntable()
-    (joint,) = pf.size(scene, trapezoid(scene), catalog, on_miss="ignore").joints
+    (joint,) = sized_cycle(catalog, on_miss="ignore").joints
     assert joint.choice.candidate.gear_name == "known"
     assert [ask.name for ask in joint.ask] == ["unknown"]
 
@@ -91,8 +87,7 @@ def test_a_stiffness_that_is_not_printed_is_not_rigid(tmp_path):
     for soft in ({**GEAR, "stiffness": 4e3, "mass": 0.8}, {**GEAR, "mass": 0.8}):
         gears = {"soft": soft, "unknown": {**unknown, "mass": 0.5}, "stiff": {**GEAR, "mass": 1.2}}
         catalog = load_catalog(write_catalog(tmp_path / "catalog.yaml", gears=gears))
-        scene = turntable()
-        (joint,) = pf.size(scene, trapezoid(scene), catalog, on_miss="ignore").joints
+        (joint,) = sized_cycle(catalog, on_miss="ignore").joints
         assert joint.choice.candidate.gear_name == ("stiff" if soft["stiffness"] < 5e3 else "soft")
         assert [(a.name, a.figures) for a in joint.ask] == [("unknown", ("stiffness",))]
 

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from builders import chain, dry
-from sizing_cases import MOTOR, one_drive, trapezoid, turntable
+from sizing_cases import MOTOR, one_drive, sized_cycle, trapezoid, turntable
 
 import pinfric as pf
 from pinfric.drives.criterion import Status
@@ -72,24 +72,23 @@ def test_the_bus_carries_the_sum_of_all_drives(tmp_path, delay):
 def test_power_known_in_part_passes_no_supply(tmp_path, supply, status):
     scene, catalog = turntable(), one_drive(tmp_path, {"resistance": None, "thermal": None})
     conditions = {"supply_power": supply}
-    bus = pf.size(scene, trapezoid(scene), catalog, conditions=conditions, on_miss="ignore").bus
+    bus = sized_cycle(catalog, scene, conditions=conditions, on_miss="ignore").bus
     assert bus.at_least
     assert bus.criteria[0].status == status
 
 
 def test_a_bus_may_rise_to_its_limit_only():
-    scene = turntable()
     with pytest.raises(CatalogError, match="bus_limit 40 V is not above bus_voltage 48 V"):
-        pf.size(scene, trapezoid(scene), conditions={"bus_limit": 40.0})
+        sized_cycle(conditions={"bus_limit": 40.0})
 
 
 def test_a_bus_into_which_nothing_flows_needs_nothing(tmp_path):
     scene = turntable(friction={"table": dry(40.0)})
-    bus = pf.size(scene, trapezoid(scene), one_drive(tmp_path), on_miss="ignore").bus
+    bus = sized_cycle(one_drive(tmp_path), scene, on_miss="ignore").bus
     assert (bus.returned, bus.resistor, bus.capacitance) == (0.0, None, None)
     assert bus.remedy.startswith("no energy is fed back")
     unknown = one_drive(tmp_path, motor={"rotor_inertia": None})
-    bus = pf.size(scene, trapezoid(scene), unknown, on_miss="ignore").bus
+    bus = sized_cycle(unknown, scene, on_miss="ignore").bus
     assert bus.remedy == "not known: no drive has a motor with the needed data"
 
 
@@ -126,7 +125,7 @@ def test_the_bus_sags_by_the_resistance_of_its_supply(tmp_path):
 
 def test_a_sag_that_lacks_a_figure_is_not_judged(tmp_path):
     scene, catalog = turntable(), one_drive(tmp_path)
-    bus = pf.size(scene, trapezoid(scene), catalog, on_miss="ignore").bus
+    bus = sized_cycle(catalog, scene, on_miss="ignore").bus
     sag = bus.criteria[2]
     assert (sag.status, sag.note) == (
         Status.NOT_CHECKED,
@@ -134,7 +133,7 @@ def test_a_sag_that_lacks_a_figure_is_not_judged(tmp_path):
     )
     unknown = one_drive(tmp_path, {"resistance": None, "thermal": None})
     conditions = {"supply_resistance": 0.1}
-    bus = pf.size(scene, trapezoid(scene), unknown, conditions=conditions, on_miss="ignore").bus
+    bus = sized_cycle(unknown, scene, conditions=conditions, on_miss="ignore").bus
     assert bus.criteria[2].status == Status.NOT_CHECKED
 
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from sizing_cases import GEAR, MOTOR, one_drive, trapezoid, turntable, write_catalog
+from sizing_cases import GEAR, MOTOR, one_drive, sized_cycle, turntable, write_catalog
 
-import pinfric as pf
 from pinfric.drives.criterion import Status
 from pinfric.drives.limits import brake_peak
 from pinfric.errors import SizingError
@@ -31,7 +30,7 @@ def sized(tmp_path, brake=BRAKE, gear=None, stops=STOPS, **given):
     catalog = one_drive(tmp_path, MOTOR, {**GEAR, **(gear or {})}, brakes={"B": brake})
     required = {"holding_brake": "required"}
     given = {"conditions": required, "on_miss": "ignore", **given}
-    return pf.size(scene, trapezoid(scene), catalog, **given)
+    return sized_cycle(catalog, scene, **given)
 
 
 def row(report):
@@ -70,7 +69,7 @@ def test_what_the_peak_of_a_closing_brake_lacks_is_said(tmp_path, gear, lacks):
     other = {k: v for k, v in {**GEAR, **gear}.items() if v is not None}
     path = write_catalog(tmp_path / "c.yaml", gears={"G": GEAR, "H": other}, brakes={"B": BRAKE})
     scene, required = turntable(), {"holding_brake": "required"}
-    report = pf.size(scene, trapezoid(scene), path, conditions=required, on_miss="ignore")
+    report = sized_cycle(path, scene, conditions=required, on_miss="ignore")
     (drive,) = [a for a in report.joints[0].assessments if a.candidate.gear_name == "H"]
     (found,) = [c for c in drive.criteria if c.name == NAME]
     assert (found.status, found.lacks) == (Status.NOT_CHECKED, lacks)
@@ -90,9 +89,8 @@ def test_the_gear_in_a_gearmotor_has_no_figure_and_a_direct_drive_no_gear(tmp_pa
     path = write_catalog(
         tmp_path / "c.yaml", motors={}, gears={}, gearmotors=drives, brakes={"B": BRAKE}
     )
-    scene = turntable()
     required = {"holding_brake": "required"}
-    report = pf.size(scene, trapezoid(scene), path, conditions=required, on_miss="ignore")
+    report = sized_cycle(path, conditions=required, on_miss="ignore")
     lacks = {
         a.candidate.name: [c.lacks for c in a.criteria if c.name == NAME]
         for a in report.joints[0].assessments
@@ -154,7 +152,7 @@ def test_a_stopped_robot_gets_a_brake_that_is_known_to_close(tmp_path):
     brakes = {"A": {**BRAKE, "torque": 0.4, "torque_max": 0.6, "engage_time": None}, "B": BRAKE}
     catalog = one_drive(tmp_path, MOTOR, GEAR, brakes=brakes)
     required = {"holding_brake": "required"}
-    report = pf.size(scene, trapezoid(scene), catalog, conditions=required, on_miss="ignore")
+    report = sized_cycle(catalog, scene, conditions=required, on_miss="ignore")
     assert report.standstills[0].brake == "B"
     assert report.no_stops == ""
 

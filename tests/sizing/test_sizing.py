@@ -20,6 +20,7 @@ from sizing_cases import (
     RAMP,
     RATE,
     one_drive,
+    sized_cycle,
     trapezoid,
     turntable,
     write_catalog,
@@ -36,7 +37,7 @@ UP, RUN, DOWN = (INERTIA * ACCELERATION + COULOMB, COULOMB, -INERTIA * ACCELERAT
 
 def demand(scene=None):
     scene = scene or turntable()
-    return pf.size(scene, trapezoid(scene)).joints[0].demand
+    return sized_cycle(scene=scene).joints[0].demand
 
 
 def arm(links=2, mass=1.0, length=0.5, friction=None):
@@ -133,7 +134,7 @@ def test_joint_that_never_rests_has_neither_holding_nor_breakaway():
 
 def test_demand_needs_no_catalogue_and_takes_any_motion_with_times():
     scene = turntable()
-    report = pf.size(scene, trapezoid(scene))
+    report = sized_cycle(scene=scene)
     assert report.catalog is None
     assert report.joints[0].assessments == ()
     assert report.no_fit == ()
@@ -151,8 +152,7 @@ def test_lightest_that_fits_is_chosen_and_margins_break_ties(tmp_path):
         "weak": {**MOTOR, "mass": 0.1, "continuous_torque": 0.05},
     }
     catalog = load_catalog(write_catalog(tmp_path / "c.yaml", motors))
-    scene = turntable()
-    (joint,) = pf.size(scene, trapezoid(scene), catalog, conditions={"inertia_ratio": 20}).joints
+    (joint,) = sized_cycle(catalog, conditions={"inertia_ratio": 20}).joints
     fitting = [a.candidate.motor for a in joint.assessments if a.fits]
     assert joint.choice is joint.assessments[0]
     assert fitting[-1] == "heavy"
@@ -165,8 +165,7 @@ def test_lightest_that_fits_is_chosen_and_margins_break_ties(tmp_path):
 
 def test_several_ratios_of_one_gear_are_several_candidates(tmp_path):
     catalog = one_drive(tmp_path, gear={"ratio": [50.0, 100.0]})
-    scene = turntable()
-    (joint,) = pf.size(scene, trapezoid(scene), catalog).joints
+    (joint,) = sized_cycle(catalog).joints
     assert {a.candidate.name for a in joint.assessments} == {"M + G, i = 50", "M + G, i = 100"}
 
 
@@ -174,7 +173,7 @@ def test_nothing_that_fits_names_the_nearest_miss_and_by_how_much(tmp_path):
     scene = turntable()
     catalog = one_drive(tmp_path, motor={"continuous_torque": 0.02, "thermal": None})
     with pytest.warns(pf.PinfricWarning, match="none of 1 candidate fits"):
-        report = pf.size(scene, trapezoid(scene), catalog)
+        report = sized_cycle(catalog, scene)
     (joint,) = report.joints
     assert joint.choice is None
     assert joint.nearest.candidate.name == "M + G"
@@ -185,7 +184,7 @@ def test_nothing_that_fits_names_the_nearest_miss_and_by_how_much(tmp_path):
     assert f"short by {share * 100:.3g} %" in str(error.value)
     assert error.value.report is report
     with pytest.raises(SizingError, match="closest candidate"):
-        pf.size(scene, trapezoid(scene), catalog, on_miss="raise")
+        sized_cycle(catalog, scene, on_miss="raise")
     # its mass stays in the model, so that the other joints are sized with something
     assert report.drive_mass == pytest.approx(MOTOR["mass"] + GEAR["mass"])
 
@@ -309,8 +308,7 @@ def test_neglecting_friction_would_have_bought_a_smaller_drive(tmp_path):
         "large": {**MOTOR, "mass": 1.0, "continuous_torque": 0.5, "thermal": None},
     }
     catalog = load_catalog(write_catalog(tmp_path / "c.yaml", motors))
-    scene = turntable()
-    report = pf.size(scene, trapezoid(scene), catalog)
+    report = sized_cycle(catalog)
     assert report.joints[0].choice.candidate.motor == "large"
     assert report.what_if()[0].frictionless == "small + G"
 
@@ -472,8 +470,7 @@ def test_the_next_smaller_says_what_it_lacks(tmp_path):
         "large": {**MOTOR, "mass": 1.0, "thermal": None},
     }
     catalog = load_catalog(write_catalog(tmp_path / "c.yaml", motors))
-    scene = turntable()
-    (joint,) = pf.size(scene, trapezoid(scene), catalog).joints
+    (joint,) = sized_cycle(catalog).joints
     assert joint.choice.candidate.motor == "large"
     assert joint.next_smaller.candidate.motor == "small"
     short = joint.next_smaller.failed[0]
@@ -483,8 +480,7 @@ def test_the_next_smaller_says_what_it_lacks(tmp_path):
 
 def test_progress_names_the_pass_and_the_drive(tmp_path):
     said = []
-    scene = turntable()
-    pf.size(scene, trapezoid(scene), one_drive(tmp_path), progress=said.append)
+    sized_cycle(one_drive(tmp_path), progress=said.append)
     assert said[0] == "pass 1: table"
 
 
@@ -492,7 +488,7 @@ def test_transmissions_of_the_scene_are_said_to_be_replaced(tmp_path):
     note = "The scene's transmissions are replaced by the candidates'."
     for gear, there in (({"ratio": 50.0}, True), (None, False)):
         scene = turntable(actuators=[{"joint": "table", "transmission": gear}])
-        assert (note in pf.size(scene, trapezoid(scene), one_drive(tmp_path)).notes) == there
+        assert (note in sized_cycle(one_drive(tmp_path), scene).notes) == there
 
 
 def test_the_other_mass_is_that_of_drives_that_the_links_hold(tmp_path):

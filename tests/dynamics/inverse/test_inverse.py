@@ -16,10 +16,10 @@ from builders import (
     random_friction,
     random_states,
     random_tree,
+    scene_of,
     sliding_block,
 )
 from cases import turning_four_bar
-from inverse_cases import scene_of
 
 import pinfric as pf
 from pinfric.errors import StateError

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from builders import dry, plane_friction, random_states, random_tree, sliding_block
-from inverse_cases import scene_of
+from builders import dry, plane_friction, random_states, random_tree, scene_of, sliding_block
 
 import pinfric as pf
 from pinfric.dynamics.inverse import tree as inverse_tree

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from printed import assert_printed
 from rich.console import Console
-from sizing_cases import MOTOR, one_drive, trapezoid, turntable, write_catalog
+from sizing_cases import MOTOR, one_drive, sized_cycle, turntable, write_catalog
 
 import pinfric as pf
 from pinfric.drives.catalog_file import load_catalog
@@ -44,8 +44,7 @@ def report(tmp_path_factory):
         "heavy": {**MOTOR, "mass": 1.5, "continuous_torque": 1.0, "rotor_inertia": 2e-4},
     }
     path = write_catalog(tmp_path_factory.mktemp("sizing") / "catalog.yaml", motors)
-    scene = turntable()
-    return pf.size(scene, trapezoid(scene), load_catalog(path))
+    return sized_cycle(load_catalog(path))
 
 
 @pytest.fixture(scope="module")
@@ -80,8 +79,7 @@ def test_json_has_the_promised_figures_of_every_joint(panda):
 
 
 def test_json_without_a_catalogue_is_the_demand(tmp_path):
-    scene = turntable()
-    answer = in_json(sizing_summary(pf.size(scene, trapezoid(scene))))
+    answer = in_json(sizing_summary(sized_cycle()))
     (joint,) = answer["joints"]
     assert joint["peak"] == pytest.approx(15.0)
     assert joint["choice"] is None
@@ -102,13 +100,9 @@ def test_what_does_not_fit_says_why_and_what_lacks_a_figure_is_asked_for(report)
 
 
 def test_infeasible_joint_has_its_nearest_miss_in_the_json(tmp_path):
-    scene = turntable()
     with pytest.warns(pf.PinfricWarning, match="closest candidate"):
-        report = pf.size(
-            scene,
-            trapezoid(scene),
-            one_drive(tmp_path, {"peak_torque": 0.6}),
-            conditions={"peak_factor": 5},
+        report = sized_cycle(
+            one_drive(tmp_path, {"peak_torque": 0.6}), conditions={"peak_factor": 5}
         )
     (joint,) = in_json(sizing_summary(report))["joints"]
     assert joint["choice"] is None
@@ -220,9 +214,8 @@ def test_envelope_is_the_line_of_the_bus_voltage_cut_by_the_peak_torque(report):
 
 
 def test_legend_says_that_no_speed_torque_line_is_known(tmp_path):
-    scene = turntable()
     catalog = one_drive(tmp_path, {"resistance": None, "thermal": None})
-    report = pf.size(scene, trapezoid(scene), catalog)
+    report = sized_cycle(catalog)
     (axes,) = torque_speed(report.joints[0], report).axes
     assert axes.lines[0].get_label() == "envelope (no line known)"
 
@@ -265,9 +258,8 @@ def test_everything_that_was_not_checked_is_named_with_what_it_lacks(panda):
 
 def test_nothing_is_said_of_what_was_not_assessed(tmp_path):
     """No drive is known: no mass of drives, and nothing about what flows back."""
-    scene = turntable()
     unknown = one_drive(tmp_path, motor={"rotor_inertia": None})
-    report = pf.size(scene, trapezoid(scene), unknown, on_miss="ignore")
+    report = sized_cycle(unknown, on_miss="ignore")
     page = sizing_page(report)
     assert "<b>–</b><span>drives that fit" in page  # noqa: RUF001
     assert "fed back: neither" not in page
