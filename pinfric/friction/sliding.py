@@ -54,7 +54,9 @@ def slide(problem: Problem, modes: Modes) -> bool:  # noqa: C901
     contraction = _contraction(problem, gain, place, J, rest)
     if nz == 0 or not contraction < _CLEAR:
         return False
-    back, lines, rows = J if ng == 0 else J.copy(), np.empty((ng, 4)), np.empty((nc, 3))
+    back = lines = rows = J
+    if ng > 0:
+        back, lines, rows = J.copy(), np.empty((ng, 4)), np.empty((nc, 3))
     for s in range(ns):
         offset[problem.coordinate[s]] += gain[s] * problem.constant[s]
     started = x[0] == x[0]

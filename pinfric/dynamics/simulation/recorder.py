@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from pinfric.model.scene import Scene
 _AT_LIMIT = 1e-9
 
 #: (t, q, v, a, effort, modes, friction, normal_load, motor torque) at one time.
-Row = tuple[np.ndarray, ...]
+Row = tuple[Any, ...]
 
 
 class Recorder:
@@ -67,7 +68,7 @@ class Recorder:
             else np.zeros(0)
         )
         return (
-            np.array(t),
+            t,
             q.copy(),
             v.copy(),
             ws.a.copy(),
@@ -89,7 +90,7 @@ class Recorder:
     def still(self, times: np.ndarray, q: np.ndarray, v: np.ndarray) -> None:
         """Keep the system's present solution at times (n,) after the last sample."""
         row = self.row(0.0, q, v)
-        self.rows += [(np.array(t), *row[1:]) for t in times]
+        self.rows += [(t, *row[1:]) for t in times]
 
     def due(self, start: float, end: float) -> np.ndarray:
         """Return the times in (start, end] at which a sample is due."""

@@ -167,10 +167,11 @@ class System:
         Raises:
             SimulationError: the function raises, or returns something else than (na,) numbers.
         """
-        at = min(max(t, self._window[0]), self._window[1])
         if len(self._held) == 1:
             self.u = self._held[0]
-        elif self.effort.held:
+            return self.u
+        at = min(max(t, self._window[0]), self._window[1])
+        if self.effort.held:
             self.u = self._held[min(self._period(at), len(self._held) - 1)]
         else:
             self.u = self._ask(at, t, q, v)
