@@ -1,4 +1,4 @@
-"""Read catalogues: a YAML file, or the bundled one, which is a folder of files and tables.
+"""Read catalogues: a YAML file, or a folder of files and tables, as the bundled one is.
 
 A file with `extends: default` adds to the bundled catalogue: its entries go before bundled ones of
 the same name, its conditions apply.
@@ -31,10 +31,11 @@ _SECTIONS = ("motors", "gears", "gearmotors", "bearings", "brakes", "amplifiers"
 def load_catalog(name: str | Path = DEFAULT) -> Catalog:
     """Read a catalogue: a YAML file, or "default" for the bundled motors, gears and bearings.
 
-    A file that says `extends: default` has the bundled entries beside its own.
+    A file that says `extends: default` has the bundled entries beside its own. Of a folder all its
+    catalogues (YAML) and tables (CSV, each with its mapping beside it) are one.
 
     Args:
-        name: the file.
+        name: the file or the folder.
 
     Raises:
         CatalogError: it cannot be read, has unknown keys or figures that cannot be.
@@ -46,16 +47,17 @@ def load_catalog(name: str | Path = DEFAULT) -> Catalog:
     if str(name) == DEFAULT and not os.path.isfile(name):
         catalog = replace(_merged(DEFAULT, _bundled()), files=(str(_FOLDER),))
     else:
-        file = _read(Path(name))
-        if file.extends is None and not any(getattr(file, section) for section in _SECTIONS):
+        own = _of_folder(Path(name)) if os.path.isdir(name) else (_read(Path(name)),)
+        extends = any(file.extends for file in own)
+        if not extends and not any(getattr(f, section) for f in own for section in _SECTIONS):
             raise CatalogError(
                 f"{name}: no motors, gears, gearmotors, bearings, brakes or amplifiers in it; "
                 "`extends: default` takes the bundled ones"
             )
-        bundled = _bundled() if file.extends else ()
-        replaced = tuple(_replaced(bundled, file))
+        bundled = _bundled() if extends else ()
+        replaced = tuple(text for file in own for text in _replaced(bundled, file))
         files = (*([str(_FOLDER)] if bundled else []), str(name))
-        catalog = replace(_merged(str(name), [*bundled, file]), replaced=replaced, files=files)
+        catalog = replace(_merged(str(name), [*bundled, *own]), replaced=replaced, files=files)
         for text in replaced:
             warnings.warn(f"{name}: {text}", PinfricWarning, stacklevel=2)
     for where, text in doubts(catalog):
@@ -65,19 +67,25 @@ def load_catalog(name: str | Path = DEFAULT) -> Catalog:
 
 @cache
 def _bundled() -> tuple[CatalogFile, ...]:
-    tables = sorted(_FOLDER.glob("*.csv"))
+    return _of_folder(_FOLDER)
+
+
+def _of_folder(folder: Path) -> tuple[CatalogFile, ...]:
+    """The catalogues of a folder; tables after files."""
+    tables = sorted(folder.glob("*.csv"))
     mappings = {mapping_of(table) for table in tables}
-    files = [_read(path) for path in sorted(_FOLDER.glob("*.yaml")) if path not in mappings]
+    files = [_read(path) for path in sorted(folder.glob("*.yaml")) if path not in mappings]
     return *files, *(_parsed(import_table(table), table) for table in tables)
 
 
 def _merged(source: str, files: Sequence[CatalogFile]) -> Catalog:
     """All entries of the files; of the same name, and of the conditions, the last file's."""
+    given = [file.conditions for file in files if file.conditions is not None]
     entries: dict[str, Any] = {
         section: {name: entry for file in files for name, entry in getattr(file, section).items()}
         for section in _SECTIONS
     }
-    return Catalog(source, **entries, conditions=files[-1].conditions or Conditions())
+    return Catalog(source, **entries, conditions=given[-1] if given else Conditions())
 
 
 def _replaced(bundled: Sequence[CatalogFile], file: CatalogFile) -> Iterator[str]:
@@ -93,7 +101,7 @@ def _read(path: Path) -> CatalogFile:
     if not os.path.exists(path) and path.suffix not in (".yaml", ".yml"):
         raise CatalogError(
             f"there is no catalogue {brief(str(path))}; "
-            f"{choose_from(path, [DEFAULT])}, or a YAML file"
+            f"{choose_from(path, [DEFAULT])}, a YAML file, or a folder of them and of tables"
         )
     return _parsed(read_yaml(path, CatalogError, "pinfric_catalog"), path)
 

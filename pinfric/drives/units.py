@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from functools import cache
+from functools import cache, lru_cache
 from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
@@ -92,14 +92,20 @@ def unit_of(entry: type[Entry], figure: str, linear: bool = False) -> str:
     return sliding if linear and sliding else turning
 
 
+@lru_cache
+def _known(unit: str) -> str:
+    """The unit of `UNITS` that is written so; "": there is none."""
+    meant = "".join(unit.replace("·", "").replace("²", "^2").replace("Ω", "ohm").split())
+    return next((known for known in UNITS if known.replace(" ", "") == meant), "")
+
+
 def in_si(value: float, unit: str, wanted: str) -> float:
     """Return a figure in the SI unit it is wanted in.
 
     Raises:
         CatalogError: an unknown unit, or one of another quantity.
     """
-    known = " ".join(unit.replace("·", " ").replace("²", "^2").replace("Ω", "ohm").split())
-    known = next((u for u in UNITS if u.replace(" ", "") == known.replace(" ", "")), "")
+    known = _known(unit)
     if not known:
         raise CatalogError(f"the unit {unit!r} is not known; {choose_from(unit, UNITS)}")
     si, factor = UNITS[known]

@@ -408,7 +408,7 @@ class Search:
     def __init__(self, shelf: Shelf, case: Case, parts: Parts) -> None:
         self.shelf, self.case, self.parts = shelf, case, parts
         self._rows: dict[tuple[int, int], _Row] = {}
-        self._source, self._found = self._offers(), list[tuple[float, int, int, int]]()
+        self._source, self._found = self._offers(), list[tuple[float, float, int, int, int]]()
         self._judged: dict[tuple[int, int, int], Assessment] = {}
 
     def _gear_lacks(self, block: _Block, g: int) -> tuple[str, ...]:
@@ -543,7 +543,10 @@ class Search:
             least = np.broadcast_to(own, J.shape).copy()
             for limit in LIMITS:
                 if limit.stage == "pair":
-                    least = np.fmin(least, limit.margin(d))
+                    margin = limit.margin(d)
+                    if limit.name == "bus voltage":  # no measure where it passes
+                        margin = np.where(margin >= 0, np.inf, margin)
+                    least = np.fmin(least, margin)
             best = np.maximum(best, least)
             lightest = np.minimum(lightest, block.mass[gears] + heavier)
         return best, lightest
@@ -552,8 +555,11 @@ class Search:
     def _gear_margins(self) -> list[np.ndarray]:
         return [self._of_gears(block) for block in self.shelf.blocks]
 
-    def _offers(self) -> Iterator[tuple[float, int, int, int]]:
-        """Yield (mass, block, gear, motor) of drives that fail by no bound, the lightest first."""
+    def _offers(self) -> Iterator[tuple[float, float, int, int, int]]:
+        """Yield (mass, margin, block, gear, motor) of drives that fail by no bound.
+
+        The lightest first; of the margin an upper bound, of equal masses the greatest first.
+        """
         gears: list[tuple[float, int, int]] = []
         signable = [np.array([not x for x in block.motor_lacks]) for block in self.shelf.blocks]
         for b, block in enumerate(self.shelf.blocks):
@@ -563,7 +569,7 @@ class Search:
                 if not self._gear_lacks(block, g):
                     gears.append((float(np.nanmin(mass[g])), b, g))
         gears.sort()
-        ready: list[tuple[float, str, int, int, int]] = []
+        ready: list[tuple[float, float, str, int, int, int]] = []
         for k, (_, b, g) in enumerate(gears):
             block = self.shelf.blocks[b]
             if self._row(b, g).margin >= 0:
@@ -571,13 +577,14 @@ class Search:
                 ok = (least >= 0) & block.fits[g] & signable[b] & np.isfinite(masses)
                 for m in np.flatnonzero(ok).tolist():
                     name = f"{block.motor_names[m]} {block.names[g]}"
-                    heapq.heappush(ready, (float(masses[m]), name, b, g, m))
+                    margin = float(min(least[m], self._gear_margins[b][g]))
+                    heapq.heappush(ready, (float(masses[m]), -margin, name, b, g, m))
             horizon = gears[k + 1][0] if k + 1 < len(gears) else np.inf
             while ready and ready[0][0] < horizon:
-                lightest, _, *where = heapq.heappop(ready)
-                yield lightest, where[0], where[1], where[2]
+                lightest, short, _, *where = heapq.heappop(ready)
+                yield lightest, -short, where[0], where[1], where[2]
 
-    def offers(self) -> Iterator[tuple[float, int, int, int]]:
+    def offers(self) -> Iterator[tuple[float, float, int, int, int]]:
         """Yield the same, of which what was found before is not searched again."""
         k = 0
         while True:
@@ -619,21 +626,24 @@ class Search:
     def fitting(self, count: int) -> list[Assessment]:
         """Return the lightest drives that fit, by mass, then margin, then name."""
         found: list[Assessment] = []
-        for mass, b, g, m in self.offers():
-            if len(found) >= count and mass > (found[-1].candidate.mass or 0.0) * (1 + 1e-12):
-                break
+        for mass, margin, b, g, m in self.offers():
+            if len(found) == count:
+                heaviest = found[-1].candidate.mass or 0.0
+                if mass > heaviest * (1 + 1e-12):
+                    break
+                if mass >= heaviest and margin < found[-1].margin - 1e-8:
+                    continue  # of equal masses the greater margin comes first
             judged = self.judge(b, g, m)
             if judged.fits and judged.candidate.name not in self.parts.banned:
-                found.append(judged)
-                found.sort(key=rank)
-        return found[:count]
+                found = sorted([*found, judged], key=rank)[:count]
+        return found
 
     def front(self) -> list[Assessment]:
         """Return the drives that fit for which no lighter one has as stiff a gear, by mass."""
         found: list[Assessment] = []
         stiffest, group = 0.0, list[Assessment]()
         offers = list(self.offers())
-        for k, (mass, b, g, m) in enumerate(offers):
+        for k, (mass, _, b, g, m) in enumerate(offers):
             stiffness = float(self.shelf.blocks[b].gear.stiffness[g, 0])
             if stiffness > stiffest:
                 judged = self.judge(b, g, m)

@@ -394,3 +394,22 @@ def test_command_line_imports_and_sizes_with_it(tmp_path, capsys):
     assert "mine.yaml: 1 motor\n" in said.err
     assert load_catalog(tmp_path / "mine.yaml").motors["M 1"].mass == 0.39
     assert run("catalog", tmp_path / "none.csv") == 2
+
+
+def test_a_folder_of_catalogues_and_tables_is_one_catalogue(tmp_path):
+    """As the bundled one: here a table of motors beside a file of gears and conditions."""
+    folder = tmp_path / "parts"
+    folder.mkdir()
+    table(folder, "M 1,224,900,44,6000,390,1.35,7.17,312.5,,\n")
+    write_catalog(folder / "gears.yaml", {}, {"G": GEAR}, conditions={"ambient": 33.0})
+    found = load_catalog(folder)
+    assert (list(found.motors), list(found.gears)) == (["M 1"], ["G"])
+    assert (found.conditions.ambient, found.files) == (33.0, (str(folder),))
+    assert found.motors["M 1"].continuous_torque == pytest.approx(0.224)
+    (folder / "more.yaml").write_text("pinfric_catalog: 1\nextends: default\n")
+    both = load_catalog(folder)
+    assert len(both.motors) == len(load_catalog().motors) + 1
+    assert both.conditions.ambient == 33.0
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(CatalogError, match="empty: no motors, gears"):
+        load_catalog(tmp_path / "empty")

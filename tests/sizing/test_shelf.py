@@ -149,7 +149,7 @@ def test_bounds_never_exceed_what_they_bound(arm):
             if block.motor_lacks[m] or not block.fits[g, m]:
                 continue
             exact = search.judge(0, g, m)
-            assert exact.margin <= max(least[m], search._gear_margins[0][g]) + 1e-9
+            assert exact.margin <= min(least[m], search._gear_margins[0][g]) + 1e-9
 
 
 def altered(catalog, rng, kept):
