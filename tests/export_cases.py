@@ -104,6 +104,12 @@ def _gear(rng, k):
     ][k % 6]
 
 
+def planar():
+    """A joint of three degrees, which nothing exports."""
+    model = chain(("skates", pin.JointModelPlanar(), pin.Inertia.Random()))
+    return pf.Scene(model=model)
+
+
 def worm():
     """A self-locking hinge whose friction is about as large as its weight, which drives it."""
     body = lump(1.0, [0.6, 0.0, 0.0], 0.1)

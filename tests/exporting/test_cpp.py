@@ -25,6 +25,7 @@ from export_cases import (
     header,
     loadable,
     needs_compiler,
+    planar,
     rich,
     sampled,
     worm,
@@ -480,11 +481,6 @@ def _ancestors(bodies, k):
         found.append(k)
         k = int(bodies[k][0])
     return found
-
-
-def planar():
-    model = chain(("skates", pin.JointModelPlanar(), pin.Inertia.Random()))
-    return pf.Scene(model=model)
 
 
 def two_joints(**more):

@@ -5,16 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import block, chain, random_tree, sliding_block
-from export_cases import moved
+from builders import block, random_tree, sliding_block
+from export_cases import moved, planar
 
 import pinfric as pf
 from pinfric.errors import PinfricError
-
-
-def planar():
-    model = chain(("skates", pin.JointModelPlanar(), pin.Inertia.Random()))
-    return pf.Scene(model=model)
 
 
 def mimic():

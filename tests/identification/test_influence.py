@@ -17,23 +17,21 @@ from pinfric.identification.uncertainty import (
 )
 
 
+def rows_at_rest(slots, effort):
+    """Rows of a joint without inertia or speed, four samples to a block."""
+    count = len(effort)
+    samples = np.arange(count) // 4, np.zeros(count, dtype=int)
+    return Rows(np.zeros((count, 10)), slots, effort, *samples, *np.zeros((3, count)))
+
+
 def test_a_shape_leaves_open_what_the_model_takes_of_it_for_its_own():
     """Of a shape with a wave and a constant, only the wave shows beside Coulomb friction."""
     rng, s, count = np.random.default_rng(4), 0.3, 80
-    slots, still = np.zeros((count, len(SLOTS))), np.zeros(count)
+    slots = np.zeros((count, len(SLOTS)))
     slots[:, FORWARD] = 1.0
     wave = np.sqrt(2.0) * np.sin(2.0 * np.pi * np.arange(count) / count)
     effort = 2.0 + s * wave + 1e-3 * rng.normal(size=count)
-    rows = Rows(
-        np.zeros((count, 10)),
-        slots,
-        effort,
-        np.arange(count) // 4,
-        np.zeros(count, dtype=int),
-        still,
-        still,
-        still,
-    )
+    rows = rows_at_rest(slots, effort)
     weight, place = np.ones(count), np.array([FORWARD])
     fit = Fit(np.zeros(10), (np.arange(len(SLOTS)) == place[0])[None, :] * effort.mean())
     grams = [BlockProducts.of(rows, weight, 20)]
@@ -51,19 +49,10 @@ def test_a_shape_leaves_open_what_the_model_takes_of_it_for_its_own():
 def test_coefficients_that_one_block_alone_shows_together_are_as_uncertain_as_they_are_large():
     """Before, eleven short logs of a seven-axis arm ended in a singular matrix."""
     count, place = 40, np.array([FORWARD, 3])
-    slots, still = np.zeros((count, len(SLOTS))), np.zeros(count)
+    slots = np.zeros((count, len(SLOTS)))
     slots[:4, place] = 1.0  # at one speed, in one of ten blocks
     effort = 3.0 * slots[:, place[0]] + 1e-3 * np.random.default_rng(5).normal(size=count)
-    rows = Rows(
-        np.zeros((count, 10)),
-        slots,
-        effort,
-        np.arange(count) // 4,
-        np.zeros(count, dtype=int),
-        still,
-        still,
-        still,
-    )
+    rows = rows_at_rest(slots, effort)
     fit = Fit(np.zeros(10), 1.5 * np.isin(np.arange(len(SLOTS)), place)[None, :])
     prior = Prior(np.zeros(10), np.full(10, np.inf), np.zeros(10))
     grams = [BlockProducts.of(rows, np.ones(count), 10)]
