@@ -5,7 +5,6 @@ A number may bring its own unit ("224 mN m"), which then goes before the mapping
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Iterable, Iterator
 from copy import deepcopy
@@ -25,9 +24,10 @@ from pinfric.drives.catalog import (
 )
 from pinfric.drives.units import cells_of, in_si, unit_of
 from pinfric.errors import CatalogError, PinfricError, choose_from
+from pinfric.model.csv_text import read_table
 from pinfric.model.entry import Entry, Forms, key, parse
 from pinfric.model.files import write_file
-from pinfric.model.yamlfile import bounded, brief, read_yaml, yaml_text
+from pinfric.model.yamlfile import brief, read_yaml, yaml_text
 
 _SECTIONS: dict[str, type[Sourced]] = {
     "motors": Motor,
@@ -113,7 +113,14 @@ def import_table(table: str | Path, mapping: str | Path | None = None) -> dict[s
         for figure, given in wanted.columns.items()
     }
     entries: dict[str, Any] = {}
-    delimiter, rows = _rows(path, cells, where)
+    delimiter, names, lines = read_table(path, CatalogError)
+    for figure, given in cells.items():
+        if given.column not in names:
+            raise CatalogError(
+                f"{where}: columns.{figure}: {path.name} has no column "
+                f"{given.column!r}; {choose_from(given.column, names)}"
+            )
+    rows = [(n, dict(zip(names, row + [""] * len(names), strict=False))) for n, row in lines]
     of_rows = cells_of(_SECTIONS[wanted.section])
     numbers = [given.column for figure, given in cells.items() if of_rows.get(figure)]
     mark = _decimal_mark(path, delimiter, (row[column] for _, row in rows for column in numbers))
@@ -149,32 +156,6 @@ def write_catalog(content: dict[str, Any], path: str | Path, origin: str = "") -
     return write_file(
         path, lambda file: file.write_text(head + yaml_text(content), encoding="utf-8")
     )
-
-
-def _rows(
-    path: Path, cells: dict[str, Cells], where: Path
-) -> tuple[str, list[tuple[int, dict[str, str]]]]:
-    """Return what separates cells, and (line, column -> text) of each row that is not blank."""
-    try:
-        text = bounded(path, CatalogError).decode("utf-8-sig")
-    except (OSError, UnicodeDecodeError) as problem:
-        reason = getattr(problem, "strerror", None) or "is not UTF-8 text; save it as CSV UTF-8"
-        raise CatalogError(f"{path}: cannot be read: {reason}") from None
-    delimiter = max(";\t,", key=text.partition("\n")[0].count)
-    reader = csv.reader(text.splitlines(), delimiter=delimiter)
-    names = [name.strip() for name in next(reader, [])]
-    for figure, given in cells.items():
-        if given.column not in names:
-            raise CatalogError(
-                f"{where}: columns.{figure}: {path.name} has no column "
-                f"{given.column!r}; {choose_from(given.column, names)}"
-            )
-    rows = []
-    for row in reader:
-        if any(cell.strip() for cell in row):
-            padded = [cell.strip() for cell in row] + [""] * len(names)
-            rows.append((reader.line_num, dict(zip(names, padded, strict=False))))
-    return delimiter, rows
 
 
 def _decimal_mark(path: Path, delimiter: str, texts: Iterable[str]) -> str:

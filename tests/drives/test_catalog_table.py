@@ -273,7 +273,7 @@ def test_files_that_cannot_be_read(tmp_path):
     with pytest.raises(CatalogError, match="no rows below"):
         import_table(path)
     path.write_bytes(b"Type\n\xff\xfe\n")
-    with pytest.raises(CatalogError, match="not UTF-8"):
+    with pytest.raises(CatalogError, match="in UTF-8"):
         import_table(path)
 
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 import inspect
-import io
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,10 +12,11 @@ import numpy as np
 
 from pinfric.errors import SimulationError, StateError, choose_from
 from pinfric.model.arrays import real_numbers
+from pinfric.model.csv_text import read_table
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, impossible
 from pinfric.model.scene import Scene
 from pinfric.model.schema import SineEffort, TableEffort
-from pinfric.model.yamlfile import bounded, brief, brief_path
+from pinfric.model.yamlfile import brief_path
 
 EffortFunction = Callable[[float, np.ndarray, np.ndarray], Any]
 
@@ -223,20 +222,18 @@ def _csv_column(scene: Scene, table: str, name: str, given: str) -> Effort:
     """A column of a CSV file with a header `t, <drive>, ...`, as the scene file names it."""
     path = Path(scene.source).parent / table
     where = f"{scene.source}: simulation.{given}.{name}.table: {brief_path(path)}"
-    try:
-        file = io.StringIO(bounded(path, SimulationError).decode("utf-8"), newline="")
-        rows = [row for row in csv.reader(file) if row and not row[0].startswith("#")]
-    except (OSError, ValueError, csv.Error) as problem:  # also a name that no file system takes
-        reason = getattr(problem, "strerror", None) or brief(str(problem))
-        raise SimulationError(f"{where}: cannot be read: {reason}") from None
-    header = [column.strip() for column in rows[0]] if rows else []
+    _, header, rows = read_table(path, SimulationError, where)
     for column in ("t", name):
         if column not in header:
             raise SimulationError(
                 f"{where}: has no column {column!r}; {choose_from(column, header)}"
             )
     try:
-        picked = [[float(row[header.index(column)]) for column in ("t", name)] for row in rows[1:]]
+        picked = [
+            [float(row[header.index(column)]) for column in ("t", name)]
+            for _, row in rows
+            if not row[0].startswith("#")
+        ]
     except (ValueError, IndexError) as problem:
         raise SimulationError(f"{where}: {problem}") from None
     numbers = np.array(picked, dtype=float).reshape(-1, 2)

@@ -24,6 +24,7 @@ import numpy as np
 from pinfric.errors import TrajectoryError
 from pinfric.model.arrays import FloatArray
 from pinfric.model.brief import counted
+from pinfric.model.csv_text import cells_of, separator_of
 from pinfric.model.yamlfile import NOT_UTF_8, brief_path
 from pinfric.motions.joint_columns import listing
 from pinfric.motions.log.frame import (
@@ -99,7 +100,7 @@ def open_csv(path: Path) -> OpenedLog:
             found = _read_by_line(whole, names)
         return usable_rows(found, problems)
 
-    first = _cells(table.rows[0], table.separator)
+    first = cells_of(table.rows[0], table.separator)
     clocks = dict(zip(table.header, first, strict=False))
     units = {name: "ns" for name, cell in clocks.items() if _stamp(cell) is not None}
     return OpenedLog(table.header, read, first, notes=table.notes, units=units)
@@ -139,7 +140,7 @@ def _read_in_parts(table: _Table, names: Sequence[str]) -> RawRows | None:
     """Return the rows of columns; None where something is unusual."""
     import pandas as pd
 
-    first = _cells(table.rows[0], table.separator)
+    first = cells_of(table.rows[0], table.separator)
     places = {table.header.index(name): name for name in names}
     origin = {
         name: int(first[place])
@@ -185,7 +186,7 @@ def _read_by_line(table: _Table, names: Sequence[str]) -> RawRows:
     places, last = [table.header.index(name) for name in names], -1
     cells, lines, torn = [], [], []
     for index, line in enumerate(table.rows):
-        row = _cells(line, table.separator)
+        row = cells_of(line, table.separator)
         if len(row) == len(table.header):
             texts = [row[place] for place in places]
             cells.append([text.replace(",", ".") for text in texts] if table.comma else texts)
@@ -279,33 +280,19 @@ def _numbered_lines(path: Path, most: int = -1) -> list[tuple[int, str]]:
     above = is_comment.index(False) - 1
     if above >= 0:
         number, names = filled[above][0], filled[above][1].lstrip().lstrip("#").strip()
-        separator = _separator(rows[0][1])
-        numbers, words = (_cells(line, separator) for line in (rows[0][1], names))
+        separator = separator_of(rows[0][1])
+        numbers, words = (cells_of(line, separator) for line in (rows[0][1], names))
         is_table = all(_number(cell) is not None for cell in numbers)
         if is_table and len(words) == len(numbers) and _number(words[0]) is None:
             rows.insert(0, (number, names))
     return rows
 
 
-def _separator(line: str) -> str:
-    """The mark that separates a line's cells; a space where there is no other."""
-    mark = max("\t;,", key=lambda x: (line.count(x), x == ","))
-    return mark if mark in line else " "
-
-
-def _cells(line: str, separator: str) -> list[str]:
-    if separator == " ":
-        return line.split()
-    if '"' not in line:
-        return [cell.strip() for cell in line.split(separator)]
-    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator))]
-
-
 def _table(path: Path, rows: list[tuple[int, str]]) -> _Table:
     """Tell header and rows, and find what separates cells and whether commas are decimal."""
-    separator = _separator(rows[0][1])
+    separator = separator_of(rows[0][1])
     _check_quotes(path, rows, separator)
-    header = _cells(rows[0][1], separator)
+    header = cells_of(rows[0][1], separator)
     if (echoed := _echoed(header)) is not None:
         header, rows = echoed, [rows[0], *rows]
     if len(rows) == 1:
@@ -339,7 +326,7 @@ def _sorted_by_names(table: _Table) -> _Table:
     groups = [group for group in places.values() if group.keys() == named.keys()]
     first, rows, changed = None, list(table.rows), []
     for index, line in enumerate(table.rows):
-        cells = _cells(line, table.separator)
+        cells = cells_of(line, table.separator)
         if len(cells) != len(table.header):
             continue
         names = [cells[place] for place in named.values()]

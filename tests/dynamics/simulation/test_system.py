@@ -62,7 +62,13 @@ robot: {urdf: block.urdf}
 friction: {slide: {bearing: {kind: linear, radial: 1.0}, mu: {static: 0.3, kinetic: 0.25}}}
 simulation: {effort: {slide: %s}, t_end: 1.0}
 """
-    for entry in ("{table: table.csv}", "{sine: {amplitude: 8.0, angular_frequency: 3.0}}"):
+    with_marks = (tmp_path / "table.csv").read_text().replace(",", ";")
+    (tmp_path / "marks.csv").write_text(with_marks)
+    for entry in (
+        "{table: table.csv}",
+        "{table: marks.csv}",
+        "{sine: {amplitude: 8.0, angular_frequency: 3.0}}",
+    ):
         (tmp_path / "scene.yaml").write_text(text % entry)
         scene = pf.load_scene(tmp_path / "scene.yaml")
         motion = pf.simulate(scene, [0.0], [0.0], None, 1.0)

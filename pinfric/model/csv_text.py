@@ -1,0 +1,55 @@
+"""How a table of text separates its cells: one rule for logs, catalogues, and efforts over time."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+from pinfric.errors import PinfricError
+from pinfric.model.yamlfile import NOT_UTF_8, bounded, brief_path
+
+
+def separator_of(line: str) -> str:
+    """Return the mark that separates a line's cells; a space where there is no other."""
+    mark = max("\t;,", key=lambda x: (line.count(x), x == ","))
+    return mark if mark in line else " "
+
+
+def cells_of(line: str, separator: str) -> list[str]:
+    """Return a line's cells, their quotes off."""
+    if separator == " ":
+        return line.split()
+    if '"' not in line:
+        return [cell.strip() for cell in line.split(separator)]
+    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator))]
+
+
+def read_table(
+    path: Path, error: type[PinfricError], where: str = ""
+) -> tuple[str, list[str], list[tuple[int, list[str]]]]:
+    """Return a small table: its separator, its header, and (line, cells) of rows not blank.
+
+    Comments above the header are passed over.
+
+    Args:
+        path: the file.
+        error: of what is refused.
+        where: what a message names; empty: the file.
+
+    Raises:
+        PinfricError: `error`: unreadable, too large, not text.
+    """
+    where = where or brief_path(path)
+    try:
+        lines = bounded(path, error).decode("utf-8-sig").splitlines()
+        first = next((n for n, x in enumerate(lines) if x.strip() and x.lstrip()[0] != "#"), 0)
+        separator = separator_of("".join(lines[first : first + 1]))
+        reader = csv.reader(lines[first:], delimiter=separator)
+        rows = [(first + reader.line_num, [cell.strip() for cell in row]) for row in reader]
+    except UnicodeDecodeError:
+        raise error(f"{where}: {NOT_UTF_8}") from None
+    except (OSError, ValueError, csv.Error) as problem:  # also a name that no file system takes
+        reason = getattr(problem, "strerror", None) or str(problem)
+        raise error(f"{where}: cannot be read: {reason}") from None
+    (_, header), *rest = rows or [(1, [])]
+    return separator, header, [(line, row) for line, row in rest if any(row)]
