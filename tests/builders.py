@@ -15,9 +15,11 @@ _ALIGNED = [pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ]
 _SLIDING = [pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ]
 
 
-def example(name: object, motion: object = None) -> tuple[pf.Scene, pf.Trajectory]:
-    """A scene that comes with pinfric and its motion, or another one."""
-    scene = pf.load_scene(name)
+def example(
+    name: object, motion: object = None, **changes: object
+) -> tuple[pf.Scene, pf.Trajectory]:
+    """A scene that comes with pinfric, changed, and its motion or another one."""
+    scene = pf.load_scene(name).with_(**changes) if changes else pf.load_scene(name)
     return scene, pf.load_trajectory(motion or name, scene)
 
 

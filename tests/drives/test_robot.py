@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from builders import example
 from cases import jamming_drawer, resting_four_bar
 
 import pinfric as pf
@@ -17,8 +18,7 @@ from pinfric.errors import SizingError
 
 @pytest.fixture(scope="module")
 def arm():
-    scene = pf.load_scene("ur5_pick_and_place").with_(masses="without_drives")
-    motion = pf.load_trajectory("ur5_pick_and_place", scene)
+    scene, motion = example("ur5_pick_and_place", masses="without_drives")
     return scene, motion, Robot(scene, motion, None, Conditions())
 
 

@@ -5,6 +5,7 @@ import pickle
 
 import numpy as np
 import pytest
+from builders import example
 from sizing_cases import (
     GEAR,
     MOTOR,
@@ -37,8 +38,7 @@ DRIVE = f"{TBM} + {CSF}"
 
 @pytest.fixture(scope="module")
 def panda():
-    scene = pf.load_scene("panda_pick_and_place").with_(masses="without_drives")
-    return scene, pf.load_trajectory("panda_pick_and_place.csv", scene)
+    return example("panda_pick_and_place", "panda_pick_and_place.csv", masses="without_drives")
 
 
 @pytest.fixture(scope="module")

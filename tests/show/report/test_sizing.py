@@ -11,6 +11,7 @@ from io import StringIO
 
 import numpy as np
 import pytest
+from builders import example
 from printed import assert_printed
 from rich.console import Console
 from sizing_cases import MOTOR, one_drive, sized_cycle, turntable, write_catalog
@@ -143,8 +144,7 @@ def test_the_short_report_is_a_screen_and_says_where_the_rest_is(panda):
 
 
 def test_where_the_scene_does_not_say_whose_masses_it_holds_the_report_does(tmp_path):
-    scene = pf.load_scene("scara").with_(masses=None)
-    motion = pf.load_trajectory("scara", scene)
+    scene, motion = example("scara", masses=None)
     open_ = pf.size(scene, motion, "default", on_miss="ignore")
     held = pf.size(scene.with_(masses="with_drives"), motion, "default", on_miss="ignore")
     assert open_.other_mass == pytest.approx(held.chosen_mass)

@@ -3,6 +3,7 @@
 import json
 
 import pytest
+from builders import example
 from printed import assert_printed
 from sweep_cases import BOX, pushed_block, steady, steps, sweep_of, uniform
 
@@ -64,8 +65,9 @@ def test_sweeps_that_hardly_vary_print_and_draw(sampling, capsys):
 
 def test_drive_of_the_catalogue_shows_what_fails_and_what_was_not_checked(capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
-    scene = pf.load_scene("panda_pick_and_place").with_(masses="without_drives")
-    motion = pf.load_trajectory("panda_pick_and_place.csv", scene)
+    scene, motion = example(
+        "panda_pick_and_place", "panda_pick_and_place.csv", masses="without_drives"
+    )
     drive = "Kollmorgen TBM-6051-A + Harmonic Drive CSF-17-100"
     result = pf.sweep(
         scene,
