@@ -72,6 +72,7 @@ def new_scene(urdf: str | Path, folder: str | Path | None = None) -> str:
     urdf = urdf_file(urdf)
     robot = read_robot(urdf, {})
     joints = joint_loads(robot.model)
+    # The guesses as data, so that every report can list them
     parts = [
         _head(urdf, robot),
         "pinfric: 1",
@@ -86,7 +87,21 @@ def new_scene(urdf: str | Path, folder: str | Path | None = None) -> str:
         *[line for joint in joints for line in _joint_section(joint, robot.dynamics)],
         *_actuators_section(robot),
         *_simulation_section(robot.model),
-        *_assumed_section(urdf, folder, joints),
+        *[
+            "assumed:                       # delete the line of each guess that you replace",
+            f"  by: {yaml_line(f'pinfric new {locator(urdf, folder)}')}",
+            f"  date: '{datetime.date.today().isoformat()}'",
+            f"  version: {yaml_line(__version__)}",
+            f"  inputs: {{{yaml_line(urdf.name)}: {file_hash(urdf)}}}",
+            "  values:",
+            f"    robot.masses: {yaml_line(_MASSES)}",
+            *[
+                f"    {yaml_line(f'friction.{joint.name}.{key}')}: {yaml_line(why)}"
+                for joint in joints
+                if joint.degrees == 1
+                for key, (_, why) in _guesses(joint).items()
+            ],
+        ],
     ]
     return "\n".join(parts) + "\n"
 
@@ -228,27 +243,6 @@ def _pin(joint: JointLoad) -> tuple[str, str]:
         f"{{kind: pin, radius: {r}, length: {length}, thrust_radius: {r}}}",
         f"{1e3 * shaft:.2g} mm shaft for {joint.why}",
     )
-
-
-def _assumed_section(
-    urdf: Path, folder: str | Path | None, joints: Sequence[JointLoad]
-) -> list[str]:
-    """The guesses as data, so that every report can list them."""
-    return [
-        "assumed:                       # delete the line of each guess that you replace",
-        f"  by: {yaml_line(f'pinfric new {locator(urdf, folder)}')}",
-        f"  date: '{datetime.date.today().isoformat()}'",
-        f"  version: {yaml_line(__version__)}",
-        f"  inputs: {{{yaml_line(urdf.name)}: {file_hash(urdf)}}}",
-        "  values:",
-        f"    robot.masses: {yaml_line(_MASSES)}",
-        *[
-            f"    {yaml_line(f'friction.{joint.name}.{key}')}: {yaml_line(why)}"
-            for joint in joints
-            if joint.degrees == 1
-            for key, (_, why) in _guesses(joint).items()
-        ],
-    ]
 
 
 def _head(urdf: Path, robot: Robot) -> str:

@@ -14,7 +14,6 @@ from pinfric.checking.robot import RobotFacts
 from pinfric.checking.scene import scene_findings
 from pinfric.errors import PinfricWarning, RobotError
 from pinfric.model.robot import BUNDLED, Robot, read_robot, urdf_file
-from pinfric.model.scene import Scene
 from pinfric.model.scene_file import load_scene
 
 _URDF_SUFFIXES = (".urdf", ".xacro", ".xml", ".sdf", ".mjcf")
@@ -41,7 +40,15 @@ def check(source: str | Path) -> CheckReport:
         warnings.simplefilter("always", PinfricWarning)
         scene = load_scene(source)
     said = [str(w.message) for w in caught if issubclass(w.category, PinfricWarning)]
-    return _check_scene(scene, said)
+    # The robot's findings, then the scene's; loading's own questions are not asked twice
+    findings: list[Finding] = []
+    facts, files = None, [scene.source]
+    if scene.robot is not None:
+        files.append(str(scene.robot.urdf))
+        facts = RobotFacts.of(scene.robot.urdf)
+        findings += _urdf_findings(facts)
+    findings += scene_findings(scene, facts, said)
+    return CheckReport.of(scene.source, findings, {} if facts is None else _figures(facts), files)
 
 
 def check_urdf(urdf: Path, source: str = "") -> CheckReport:
@@ -67,18 +74,6 @@ def is_urdf(source: str | Path) -> bool:
         return False
     with path.open("rb") as file:
         return file.read(256).lstrip().startswith(b"<")
-
-
-def _check_scene(scene: Scene, said: list[str]) -> CheckReport:
-    """The robot's findings, then the scene's; loading's own questions are not asked twice."""
-    findings: list[Finding] = []
-    facts, files = None, [scene.source]
-    if scene.robot is not None:
-        files.append(str(scene.robot.urdf))
-        facts = RobotFacts.of(scene.robot.urdf)
-        findings += _urdf_findings(facts)
-    findings += scene_findings(scene, facts, said)
-    return CheckReport.of(scene.source, findings, {} if facts is None else _figures(facts), files)
 
 
 def _urdf_findings(facts: RobotFacts) -> Iterator[Finding]:

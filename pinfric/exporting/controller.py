@@ -70,7 +70,16 @@ def compensator(
     largest = np.max(np.abs([compensation(result, end) for end in ("lower", "upper")]), axis=(0, 1))
     limits = [float(f"{_SPARE * x:.3g}") if x > 0.0 else np.inf for x in largest]
     frames = tuple(frames) or default_frames(scene)
-    states = _embedded(scene, result)
+    # States along the motion, the first as it is at rest, with what pinfric computes of them
+    picked = np.linspace(0, len(result.status) - 1, _STATES).astype(int)
+    q, v, a = (x[picked].copy() for x in (result.states.q, result.states.v, result.states.a))
+    v[0] = 0.0
+    found = inverse_dynamics(replace(scene, measured=None), q, v, a)  # speeds are mentioned
+    friction = _compensation_at(scene, States.of(scene, q, v, a))
+    joints = list(scene.model.joints)[1:]
+    at = single_positions(q, [joint.nq for joint in joints if joint.nq])
+    rows = at, v, a, found.motor_torque_lower, found.motor_torque_upper, friction
+    states = [EmbeddedState(*row) for row in zip(*rows, strict=True)]
     heading = _heading(scene, frames, unknown, namespace(scene.source, name))
     return cpp_files(scene, frames, limits, states, heading, name)
 
@@ -143,19 +152,6 @@ def stable_scale(e: float) -> float:
 def _level(result: InverseResult, moving: np.ndarray) -> np.ndarray:
     lost = np.abs(compensation(result, "lower")) * moving
     return np.asarray(lost.sum(axis=0) / np.maximum(moving.sum(axis=0), 1))
-
-
-def _embedded(scene: Scene, result: InverseResult) -> list[EmbeddedState]:
-    """States along the motion, the first as it is at rest, with what pinfric computes of them."""
-    picked = np.linspace(0, len(result.status) - 1, _STATES).astype(int)
-    q, v, a = (x[picked].copy() for x in (result.states.q, result.states.v, result.states.a))
-    v[0] = 0.0
-    found = inverse_dynamics(replace(scene, measured=None), q, v, a)  # speeds are mentioned
-    friction = _compensation_at(scene, States.of(scene, q, v, a))
-    joints = list(scene.model.joints)[1:]
-    at = single_positions(q, [joint.nq for joint in joints if joint.nq])
-    rows = at, v, a, found.motor_torque_lower, found.motor_torque_upper, friction
-    return [EmbeddedState(*row) for row in zip(*rows, strict=True)]
 
 
 def _compensation_at(scene: Scene, states: States) -> np.ndarray:

@@ -494,7 +494,13 @@ def _check_same_robot(mujoco: Any, friction: MujocoFriction, tree: Any) -> None:
         mujoco.mj_fwdPosition(plain, data)
         mujoco.mj_fwdVelocity(plain, data)
         mujoco.mj_rnePostConstraint(plain, data)
-        full = _configuration(pins, q)
+        # Pinocchio's q of one number per joint
+        full = pin.neutral(pins)
+        for joint in list(pins.joints)[1:]:
+            if joint.nq == 2:
+                full[joint.idx_q : joint.idx_q + 2] = np.cos(q[joint.idx_v]), np.sin(q[joint.idx_v])
+            else:
+                full[joint.idx_q] = q[joint.idx_v]
         pin.rnea(pins, of, full, v, a)
         pin.updateGlobalPlacements(pins, of)
         found = friction.wrench(data)
@@ -531,14 +537,3 @@ def _check_same_robot(mujoco: Any, friction: MujocoFriction, tree: Any) -> None:
                     f"MuJoCo model: a reaction by {missed:.3g} of {np.abs(wanted).max():.3g} N "
                     "or N m; is a payload carried in one of the two?"
                 )
-
-
-def _configuration(model: pin.Model, q: np.ndarray) -> np.ndarray:
-    """Pinocchio's q of one number per joint."""
-    full = pin.neutral(model)
-    for joint in list(model.joints)[1:]:
-        if joint.nq == 2:
-            full[joint.idx_q : joint.idx_q + 2] = np.cos(q[joint.idx_v]), np.sin(q[joint.idx_v])
-        else:
-            full[joint.idx_q] = q[joint.idx_v]
-    return full

@@ -14,7 +14,7 @@ import pinocchio as pin
 from pinfric.errors import PinfricError, PinfricWarning
 from pinfric.exporting.constants import JointConstants
 from pinfric.exporting.mjcf import xml_comment, xml_text
-from pinfric.model.robot import Robot, changed_parts, read_robot, with_followers
+from pinfric.model.robot import changed_parts, read_robot, with_followers
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Payload
 from pinfric.model.urdf import check_urdf, followers, read_document
@@ -38,7 +38,22 @@ def urdf(
     Raises:
         PinfricError: the scene has no URDF, or its model is not the one of its URDF.
     """
-    robot = _unchanged_robot(scene)
+    robot = scene.robot
+    if robot is None:
+        raise PinfricError(
+            f"{scene.source}: has no URDF to write constants into (a model made in Python); export "
+            "to mjcf, which is written from the model"
+        )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", PinfricWarning)
+        file = read_robot(robot.urdf, robot.locked).model
+    file.gravity = scene.model.gravity  # a URDF has none
+    if changed := changed_parts(scene.model, file):
+        raise PinfricError(
+            f"{scene.source}: scene.model is not the one of {Path(robot.urdf).name} "
+            f"({', '.join(changed)}), whose URDF this writes; export to mjcf, which is written "
+            "from the model"
+        )
     root = read_xml(robot.urdf)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", PinfricWarning)  # said when the scene was read
@@ -69,26 +84,6 @@ def urdf(
     for row, line in enumerate(header):
         root.insert(row, xml_comment(line))
     return xml_text(root)
-
-
-def _unchanged_robot(scene: Scene) -> Robot:
-    robot = scene.robot
-    if robot is None:
-        raise PinfricError(
-            f"{scene.source}: has no URDF to write constants into (a model made in Python); export "
-            "to mjcf, which is written from the model"
-        )
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", PinfricWarning)
-        file = read_robot(robot.urdf, robot.locked).model
-    file.gravity = scene.model.gravity  # a URDF has none
-    if changed := changed_parts(scene.model, file):
-        raise PinfricError(
-            f"{scene.source}: scene.model is not the one of {Path(robot.urdf).name} "
-            f"({', '.join(changed)}), whose URDF this writes; export to mjcf, which is written "
-            "from the model"
-        )
-    return robot
 
 
 def _fix(element: ElementTree.Element, joint: Any, position: float) -> None:

@@ -137,7 +137,11 @@ def prepare(scene: Scene, recording: Recording, thin: int = 1) -> Prepared:
     measured = np.where(known, recording.effort, rigid_effort) - payload
     kept = np.arange(0, motion.t.size, thin * _spacing(step))
     slides = _sliding(recording, known)[kept]
-    effort = _spline(motion.t, _passed(measured, step))
+    columns = _passed(measured, step)
+    from scipy.interpolate import BSpline, make_interp_spline
+
+    splines = [make_interp_spline(motion.t, column, k=3) for column in columns.T]
+    effort = BSpline(splines[0].t, np.column_stack([one.c for one in splines]), 3)
     slots, v = np.zeros((kept.size, nj, K)), recording.velocity
     slots[:, :, INERTIA] = _passed(recording.acceleration, step)[kept]
     slots[:, :, FORWARD] = _passed((v > 0.0).astype(np.float64), step)[kept]
@@ -154,14 +158,6 @@ def prepare(scene: Scene, recording: Recording, thin: int = 1) -> Prepared:
         payload,
         rigid_effort,
     )
-
-
-def _spline(t: FloatArray, columns: FloatArray) -> BSpline:
-    """Return the cubic spline through columns (T, nj), made one after another to spare memory."""
-    from scipy.interpolate import BSpline, make_interp_spline
-
-    splines = [make_interp_spline(t, column, k=3) for column in columns.T]
-    return BSpline(splines[0].t, np.column_stack([one.c for one in splines]), 3)
 
 
 def along(scene: Scene, motion: Trajectory) -> tuple[FloatArray, FloatArray]:

@@ -93,17 +93,8 @@ def influence(
         strength = sum(float(one.count.sum()) for one in grams) * prior.weight
         hessian[:p, :p] += np.diag(strength)
         drawn = np.vstack((np.eye(p, p + n) * (strength * prior.deviation)[:, None], drawn))
-    return _moved(hessian, scores, own_parts, drawn, fit.slots.ravel()[place])
-
-
-def _moved(
-    hessian: FloatArray,
-    scores: FloatArray,
-    own_parts: FloatArray,
-    drawn: FloatArray,
-    values: FloatArray,
-) -> tuple[FloatArray, int]:
-    """Changes of the estimate by blocks and by all else, (., size); how many blocks have rows."""
+    # Changes of the estimate by blocks and by all else, (., size); how many blocks have rows
+    values = fit.slots.ravel()[place]
     used = (scores != 0.0).any(axis=1)
     scores, own_parts, count = scores[used], own_parts[used], int(used.sum())
     scores = (scores - scores.mean(axis=0)) * np.sqrt((count - 1.0) / count)

@@ -87,7 +87,24 @@ def notes(
         "an offset of an effort sensor appears as a difference between forward and backward "
         "Coulomb friction"
     )
-    doubts = _by_joint(_doubted(found, slid, rest)) + _misfits(found, shapes) + _delays(found)
+    # What contradicts the model, and at which joints
+    names = found.scene.joint_names
+    contradicting = {
+        "the model does not explain its effort (held-out error / error of the mean effort), so it "
+        "keeps the scene's friction: check joint, sign, zero and unit of its columns of angle and "
+        "effort, and of its neighbours'": [
+            f"{names[j]} {100 * share:.0f} %" for j, share in found.unexplained.items()
+        ],
+        "the error is above 10 % even on the fitted data, so something is missing or wrong "
+        "(signs, zeros, motors that move with another joint)": _missed(found, slid),
+        f"efforts at rest are within the interval for less than {100 * _HELD_INSIDE:g} % of the "
+        "time, so static friction or the rigid effort is wrong": [
+            f"{names[j]} {100 * rest[names[j]].inside:.1f} %"
+            for j in slid
+            if rest[names[j]].inside < _HELD_INSIDE
+        ],
+    }
+    doubts = _by_joint(contradicting) + _misfits(found, shapes) + _delays(found)
     doubts += _zeros(found) + _worse(found) + _moved(found)
     return Notes(tuple(doubts), tuple(lines))
 
@@ -256,28 +273,6 @@ def _moved(found: Estimate) -> list[str]:
     ]
 
 
-def _doubted(
-    found: Estimate, slid: Sequence[int], rest: Mapping[str, RestBound]
-) -> dict[str, list[str]]:
-    """What contradicts the model, and at which joints."""
-    names = found.scene.joint_names
-    return {
-        "the model does not explain its effort (held-out error / error of the mean effort), so it "
-        "keeps the scene's friction: check joint, sign, zero and unit of its columns of angle and "
-        "effort, and of its neighbours'": [
-            f"{names[j]} {100 * share:.0f} %" for j, share in found.unexplained.items()
-        ],
-        "the error is above 10 % even on the fitted data, so something is missing or wrong "
-        "(signs, zeros, motors that move with another joint)": _missed(found, slid),
-        f"efforts at rest are within the interval for less than {100 * _HELD_INSIDE:g} % of the "
-        "time, so static friction or the rigid effort is wrong": [
-            f"{names[j]} {100 * rest[names[j]].inside:.1f} %"
-            for j in slid
-            if rest[names[j]].inside < _HELD_INSIDE
-        ],
-    }
-
-
 def _of_motion(found: Estimate, slid: Sequence[int]) -> dict[str, list[str]]:
     """What the motion does not show."""
     names, other = found.scene.joint_names, "the Coulomb friction of the other direction is used"
@@ -320,8 +315,14 @@ def _of_laws(found: Estimate, slid: Sequence[int]) -> dict[str, list[str]]:
     laws = list(zip(names, choice.laws, strict=True))
     offers_gear = [any(law.load == "gear" for law in own) for own in choice.errors]
     scale = scale_is_known(found)
+    limits = found.scene.model.velocityLimit
+    fastest = {j: float(np.abs(found.rows[j].velocity).max()) for j in slid}
     return {
-        "never fast, friction at higher speed is extrapolated (rad/s or m/s)": _slow(found, slid),
+        "never fast, friction at higher speed is extrapolated (rad/s or m/s)": [
+            f"{found.scene.joint_names[j]} {speed:.2g} of {limits[j]:.2g}"
+            for j, speed in fastest.items()
+            if speed < _FAST * limits[j] < 1e300
+        ],
         "the load hardly changes, so a gear's loss cannot be separated from Coulomb friction": [
             names[j]
             for j in slid
@@ -335,16 +336,6 @@ def _of_laws(found: Estimate, slid: Sequence[int]) -> dict[str, list[str]]:
         "drives) is known; each alone is as wrong as the URDF's masses; record a log with a known "
         "payload (--payload)": [name for name, law in laws if law.load == "gear" and not scale],
     }
-
-
-def _slow(found: Estimate, slid: Sequence[int]) -> list[str]:
-    limits = found.scene.model.velocityLimit
-    fastest = {j: float(np.abs(found.rows[j].velocity).max()) for j in slid}
-    return [
-        f"{found.scene.joint_names[j]} {speed:.2g} of {limits[j]:.2g}"
-        for j, speed in fastest.items()
-        if speed < _FAST * limits[j] < 1e300
-    ]
 
 
 def _missed(found: Estimate, slid: Sequence[int]) -> list[str]:

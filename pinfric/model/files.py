@@ -128,7 +128,12 @@ def _put_in_place(unfinished: Path, folder: Path, names: Sequence[str]) -> None:
     try:
         for name in names:
             if os.path.lexists(folder / name):
-                _keep(folder / name, earlier / name)
+                path = folder / name
+                copy = earlier / name
+                try:
+                    os.link(path, copy, follow_symlinks=False)
+                except OSError:  # a file system without links
+                    shutil.copy2(path, copy, follow_symlinks=False)
             os.replace(unfinished / name, folder / name)
             placed.append(name)
     except OSError:
@@ -138,13 +143,6 @@ def _put_in_place(unfinished: Path, folder: Path, names: Sequence[str]) -> None:
             else:
                 (folder / name).unlink()
         raise
-
-
-def _keep(path: Path, copy: Path) -> None:
-    try:
-        os.link(path, copy, follow_symlinks=False)
-    except OSError:  # a file system without links
-        shutil.copy2(path, copy, follow_symlinks=False)
 
 
 def check_writable(folder: str | Path, names: Iterable[str] = ()) -> None:

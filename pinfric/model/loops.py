@@ -173,6 +173,10 @@ def make_linkage(
     friction_column = _friction_columns(loops, drives, friction, pairs, columns, source)
     column_pair = np.array([pair for pair, _ in columns], dtype=np.int64)
     joints = np.array([pair["joint"] for pair in pairs], dtype=np.int64).reshape(-1, 2)
+    lengths = [
+        np.linalg.norm(model.jointPlacements[j].translation) for j in range(1, model.njoints)
+    ]
+    lengths += [np.linalg.norm(p) for pair in pairs for p in pair["p"]]
     return Linkage(
         loops=tuple(loops),
         drives=tuple(drives),
@@ -189,7 +193,7 @@ def make_linkage(
         multipliers=multipliers,
         friction_column=friction_column,
         rest_gap=np.zeros(len(columns)),
-        size=_size(model, pairs),
+        size=float(max(lengths, default=0.0)) or 1.0,
     )
 
 
@@ -509,11 +513,3 @@ def carriers(model: pin.Model, joint: int) -> set[int]:
         rows.add(joint)
         joint = model.parents[joint + 1] - 1
     return rows
-
-
-def _size(model: pin.Model, pairs: list[dict[str, Any]]) -> float:
-    lengths = [
-        np.linalg.norm(model.jointPlacements[j].translation) for j in range(1, model.njoints)
-    ]
-    lengths += [np.linalg.norm(p) for pair in pairs for p in pair["p"]]
-    return float(max(lengths, default=0.0)) or 1.0

@@ -44,7 +44,17 @@ def load_scene(path: str | Path) -> Scene:
     ('joint_1',)
     """
     file = find_file(path, (".yaml", ".yml"), SceneError)
-    entries: SceneFile = parse(SceneFile, _content(file), str(file))
+    # Read a scene's keys; refuse another kind of file by its name
+    if file.suffix.lower() in (".urdf", ".xacro", ".xml"):
+        raise SceneError(
+            f"{file}: is a robot, not a scene; `pinfric new {file}` writes a scene of it"
+        )
+    if file.suffix.lower() in (".csv", ".tsv", ".txt", ".parquet", ".mat", ".db3", ".mcap", ".npz"):
+        raise SceneError(
+            f"{file}: is a log or a table, not a scene (YAML, `pinfric: 1`); commands take SCENE "
+            "TRAJECTORY SWEEP in this order"
+        )
+    entries: SceneFile = parse(SceneFile, read_yaml(file, SceneError, "pinfric"), str(file))
     robot = _read(entries, file)
     if entries.actuators is None:
         mention_reductions(robot, str(file))
@@ -103,20 +113,6 @@ def guesses_line(assumed: Assumed) -> str:
         f"{len(assumed.values)} entries are guesses of `{assumed.by}` ({of}); `assumed` lists "
         "them: replace them by data sheets or by what you identify"
     )
-
-
-def _content(file: Path) -> dict[str, Any]:
-    """Read a scene's keys; refuse another kind of file by its name."""
-    if file.suffix.lower() in (".urdf", ".xacro", ".xml"):
-        raise SceneError(
-            f"{file}: is a robot, not a scene; `pinfric new {file}` writes a scene of it"
-        )
-    if file.suffix.lower() in (".csv", ".tsv", ".txt", ".parquet", ".mat", ".db3", ".mcap", ".npz"):
-        raise SceneError(
-            f"{file}: is a log or a table, not a scene (YAML, `pinfric: 1`); commands take SCENE "
-            "TRAJECTORY SWEEP in this order"
-        )
-    return read_yaml(file, SceneError, "pinfric")
 
 
 def bundled_folder() -> Path:

@@ -183,7 +183,8 @@ def _embedding_row(model: pin.Model, index: int) -> tuple[object, ...]:
     if joint.shortname() == "JointModelMimic":
         mimic = joint.extract()
         ratio, shift = float(mimic.scaling), float(mimic.offset)
-        if model.joints[_leader(model, index)].nq != 1:
+        position = list(model.mimicking_joints).index(index)
+        if model.joints[int(list(model.mimicked_joints)[position])].nq != 1:
             raise RobotError(
                 f"joint {model.names[index]!r} mimics a continuous joint: not supported"
             )
@@ -219,11 +220,6 @@ def twist(model: pin.Model, joint: pin.JointModel) -> np.ndarray:
     data = joint.createData()
     joint.calc(data, pin.neutral(model), np.ones(model.nv))
     return np.array(data.v.vector)
-
-
-def _leader(model: pin.Model, follower: int) -> int:
-    position = list(model.mimicking_joints).index(follower)
-    return int(list(model.mimicked_joints)[position])
 
 
 @kernel

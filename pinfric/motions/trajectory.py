@@ -111,7 +111,23 @@ class Trajectory:
         object.__setattr__(self, "attached", np.asarray(self.attached, dtype=bool))
         if not self.joint_nq:
             object.__setattr__(self, "joint_nq", (1,) * len(self.joint_names))
-        refuse(self.source, _consistency_problems(self))
+        count = self.t.size
+        shapes = (
+            ("t", self.t.shape, (count,)),
+            ("q", self.q.shape[:1], (count,)),
+            ("v", self.v.shape[:1], (count,)),
+            ("a", self.a.shape, self.v.shape),
+            ("attached", self.attached.shape, (count, len(self.payload_names))),
+        )
+        wrong = [
+            f"{name} has shape {found} where {needed} is needed"
+            for name, found, needed in shapes
+            if found != needed
+        ]
+        refuse(
+            self.source,
+            wrong or _value_problems(self.t, (("q", self.q), ("v", self.v), ("a", self.a))),
+        )
 
     @classmethod
     def from_arrays(
@@ -140,7 +156,11 @@ class Trajectory:
         Raises:
             TrajectoryError: no scene; shapes, values, limits or names that do not fit; all at once.
         """
-        _expect_model(scene, source)
+        if not isinstance(getattr(scene, "model", None), pin.Model):
+            raise TrajectoryError(
+                f"{source}: from_arrays(scene, t, q, ...): scene is a {type(scene).__name__}, "
+                "which has no Pinocchio model; give the scene first"
+            )
         model, payloads = scene.model, _defaults(scene)
 
         def numbers(name: str, given: ArrayLike) -> FloatArray:
@@ -159,7 +179,9 @@ class Trajectory:
             problems += _value_problems(times, (("q", qs), ("v", v), ("a", a)))
         refuse(source, problems)
         if has_many and v is not None and a is not None:
-            names, nqs = _moving_joints(model)
+            joints = zip(model.names, model.nqs, model.nvs, strict=True)
+            moving = [(name, int(nq)) for name, nq, nv in joints if nv > 0]
+            names, nqs = tuple(name for name, _ in moving), tuple(nq for _, nq in moving)
             carried = _attached_columns(payloads, given, times.size)
             return cls(times, qs, v, a, carried, tuple(payloads), names, source, nqs)
         columns = joint_columns(model, source)
@@ -373,7 +395,22 @@ def _from_table(
     `filtered` derivatives come from each joint by itself, as those of splines do.
     """
     followers = find_followers(scene, columns)
-    wrong = [*problems, *_size_problems(table), *limit_problems(named, table.t, table.position)]
+    # Numbers that a file gives (none where derivatives are to come) beyond any motion's
+    given = (
+        ("t", table.t),
+        ("position", table.position),
+        ("velocity", table.velocity),
+        ("acceleration", table.acceleration),
+    )
+    wrong = [
+        *problems,
+        *[
+            f"{name}: {array.flat[int(np.argmax(large))]:g} is beyond {LARGEST_OF_A_MOTION:g}"
+            for name, array in given
+            if (large := np.isfinite(array) & impossible(array)).any()
+        ],
+        *limit_problems(named, table.t, table.position),
+    ]
     if len(named) == len(columns):
         wrong += follower_problems(followers, columns, table.t, table.position)
     refuse(source, wrong)
@@ -409,22 +446,8 @@ def _from_table(
     )
 
 
-def _expect_model(scene: object, source: str) -> None:
-    if not isinstance(getattr(scene, "model", None), pin.Model):
-        raise TrajectoryError(
-            f"{source}: from_arrays(scene, t, q, ...): scene is a {type(scene).__name__}, which "
-            "has no Pinocchio model; give the scene first"
-        )
-
-
 def _defaults(scene: HasModel) -> dict[str, bool]:
     return {name: bool(payload.attached) for name, payload in scene.payloads.items()}
-
-
-def _moving_joints(model: pin.Model) -> tuple[tuple[str, ...], tuple[int, ...]]:
-    joints = zip(model.names, model.nqs, model.nvs, strict=True)
-    moving = [(name, int(nq)) for name, nq, nv in joints if nv > 0]
-    return tuple(name for name, _ in moving), tuple(nq for _, nq in moving)
 
 
 def _attached_columns(
@@ -462,25 +485,6 @@ def _shape_problems(
     ]
 
 
-def _consistency_problems(trajectory: Trajectory) -> list[str]:
-    count = trajectory.t.size
-    shapes = (
-        ("t", trajectory.t.shape, (count,)),
-        ("q", trajectory.q.shape[:1], (count,)),
-        ("v", trajectory.v.shape[:1], (count,)),
-        ("a", trajectory.a.shape, trajectory.v.shape),
-        ("attached", trajectory.attached.shape, (count, len(trajectory.payload_names))),
-    )
-    wrong = [
-        f"{name} has shape {found} where {needed} is needed"
-        for name, found, needed in shapes
-        if found != needed
-    ]
-    return wrong or _value_problems(
-        trajectory.t, (("q", trajectory.q), ("v", trajectory.v), ("a", trajectory.a))
-    )
-
-
 def _value_problems(t: FloatArray, arrays: Iterable[tuple[str, ArrayLike | None]]) -> list[str]:
     if t.size == 0:
         return ["there are no samples"]
@@ -495,18 +499,3 @@ def _value_problems(t: FloatArray, arrays: Iterable[tuple[str, ArrayLike | None]
     if back.size:
         problems.append(f"time must increase; it does not after samples {listing(back)}")
     return problems
-
-
-def _size_problems(table: TrajectoryTable) -> list[str]:
-    """Numbers that a file gives (none where derivatives are to come) beyond any motion's."""
-    given = (
-        ("t", table.t),
-        ("position", table.position),
-        ("velocity", table.velocity),
-        ("acceleration", table.acceleration),
-    )
-    return [
-        f"{name}: {array.flat[int(np.argmax(large))]:g} is beyond {LARGEST_OF_A_MOTION:g}"
-        for name, array in given
-        if (large := np.isfinite(array) & impossible(array)).any()
-    ]

@@ -253,25 +253,8 @@ def _draw_panel(axes: Axes, result: InverseResult, i: int, zero: float, bottom: 
     axes.axhline(0.0, color=QUIET, linewidth=0.5, alpha=0.6, zorder=1)
     if sites_on(result.scene, i):
         axes.plot(t, frictionless, color=INK, linewidth=0.7, zorder=2.9, gid="frictionless")
-    _draw_interval(axes, t, lower, upper, interval, interval & (sticking & ~passages)[kept])
-    sliding = np.where(interval, np.nan, upper)
-    axes.plot(
-        t, sliding, color=_EFFORT, linewidth=1.5, zorder=4, gid="sliding", solid_capstyle="round"
-    )
-    dots = ~interval if len(t) <= _FEW else _alone(~interval)
-    axes.plot(t[dots], upper[dots], ".", color=_EFFORT, markersize=4, zorder=4, clip_on=False)
-    _dress(axes, result.t, (lower, upper, frictionless), zero, bottom)
-
-
-def _draw_interval(
-    axes: Axes,
-    t: np.ndarray,
-    lower: np.ndarray,
-    upper: np.ndarray,
-    interval: np.ndarray,
-    lasting: np.ndarray,
-) -> None:
-    """The band of possible efforts; of an instant at rest a vertical line."""
+    # The band of possible efforts; of an instant at rest a vertical line
+    lasting = interval & (sticking & ~passages)[kept]
     where = lasting.tolist()
     axes.fill_between(t, lower, upper, where=where, color="white", linewidth=0, zorder=2.8)
     axes.fill_between(
@@ -299,6 +282,13 @@ def _draw_interval(
         zorder=3,
         gid="instants",
     )
+    sliding = np.where(interval, np.nan, upper)
+    axes.plot(
+        t, sliding, color=_EFFORT, linewidth=1.5, zorder=4, gid="sliding", solid_capstyle="round"
+    )
+    dots = ~interval if len(t) <= _FEW else _alone(~interval)
+    axes.plot(t[dots], upper[dots], ".", color=_EFFORT, markersize=4, zorder=4, clip_on=False)
+    _dress(axes, result.t, (lower, upper, frictionless), zero, bottom)
 
 
 def _shade(axes: Axes, t: np.ndarray, sticking: np.ndarray) -> None:
@@ -445,22 +435,6 @@ def _head(
     title = shortened([title], 90)[0]
     figure.text(left, 1 - 0.2 / total, title, fontsize=13, fontweight="bold", color=INK, va="top")
     figure.text(left, 1 - 0.46 / total, text, fontsize=9, color=QUIET, va="top")
-    figure.legend(
-        handles=_key(result),
-        loc="upper left",
-        ncols=6,
-        frameon=False,
-        fontsize=8.5,
-        bbox_to_anchor=(left, 1 - 0.63 / total),
-        borderaxespad=0,
-        borderpad=0.2,
-        handlelength=1.8,
-        columnspacing=1.8,
-        labelcolor=INK,
-    )
-
-
-def _key(result: InverseResult) -> list[Any]:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -484,7 +458,19 @@ def _key(result: InverseResult) -> list[Any]:
     if result.site_names:
         handles.append(Line2D([], [], color=INK, linewidth=0.7, label="without friction"))
     handles.append(Line2D([], [], linestyle="", label="peak", **_PEAK))
-    return handles
+    figure.legend(
+        handles=handles,
+        loc="upper left",
+        ncols=6,
+        frameon=False,
+        fontsize=8.5,
+        bbox_to_anchor=(left, 1 - 0.63 / total),
+        borderaxespad=0,
+        borderpad=0.2,
+        handlelength=1.8,
+        columnspacing=1.8,
+        labelcolor=INK,
+    )
 
 
 def _peak(result: InverseResult, i: int) -> float:

@@ -60,7 +60,30 @@ def retime_figure(result: RetimeResult) -> Figure:
         left, width = 1.6 / _WIDTH, (_WIDTH - 1.85) / _WIDTH
         top = figure.add_axes((left, 1 - (_HEAD + _TOP) / total, width, _TOP / total))
         low = figure.add_axes((left, _FOOT / total, width, drives * _STRIP / total), sharex=top)
-        _draw_speed(top, result)
+        # The speed, and the curve that it cannot pass
+        departs, label = 0.0, True
+        curve = result.limit_curve()
+        stops = np.flatnonzero(result.profile.grid.stop)
+        holds, most = result.problem.path.holds, float(np.sqrt(result.profile.x.max()))
+        for p, (a, b) in enumerate(pairwise(stops)):
+            departs += holds[p]
+            t = departs + np.append(0.0, result.profile.time[a + 1 : b + 1])
+            limit = np.append(curve[a:b], curve[b - 1])
+            limit = np.where(limit < (3.0 * most) ** 2, np.sqrt(limit), np.nan)
+            top.plot(t, limit, color=_LIMIT, linewidth=1.0, label="limit" if label else None)
+            fine = np.linspace(0.0, result.profile.duration[p], 400)
+            top.plot(
+                departs + fine,
+                result.profile.at(p, fine)[1],
+                color=_SPEED,
+                linewidth=1.6,
+                label="speed" if label else None,
+            )
+            departs, label = departs + float(result.moves[p]), False
+        top.set_ylim(0.0, 1.35 * most)
+        top.set_ylabel("along the path, ds/dt (1/s)")
+        top.tick_params(labelbottom=False, colors=QUIET)
+        top.legend(loc="upper right", frameon=False, ncols=2)
         used = _draw_use(low, result)
         scene, path = result.problem.scene, result.problem.path
         before = f" ({digits(result.before)} s before)" if result.before is not None else ""
@@ -72,35 +95,13 @@ def retime_figure(result: RetimeResult) -> Figure:
             f"{picture_names([drive.name for drive in scene.drives], _LETTERS)[1]}"
         )
         figure.text(0.02, 1 - 0.55 / total, text, color=QUIET)
-        _legend(figure, used)
+        from matplotlib.patches import Patch
+
+        limits = instant_limits()
+        patches = [Patch(color=_colour(k), label=f"at its {limits[k].name}") for k in used]
+        patches.append(Patch(color=(0.45, 0.45, 0.51), label="uses nearly all of a limit"))
+        figure.legend(handles=patches, loc="lower center", ncols=len(patches), frameon=False)
     return figure
-
-
-def _draw_speed(axes: Axes, result: RetimeResult) -> None:
-    """The speed, and the curve that it cannot pass."""
-    departs, label = 0.0, True
-    curve = result.limit_curve()
-    stops = np.flatnonzero(result.profile.grid.stop)
-    holds, most = result.problem.path.holds, float(np.sqrt(result.profile.x.max()))
-    for p, (a, b) in enumerate(pairwise(stops)):
-        departs += holds[p]
-        t = departs + np.append(0.0, result.profile.time[a + 1 : b + 1])
-        limit = np.append(curve[a:b], curve[b - 1])
-        limit = np.where(limit < (3.0 * most) ** 2, np.sqrt(limit), np.nan)
-        axes.plot(t, limit, color=_LIMIT, linewidth=1.0, label="limit" if label else None)
-        fine = np.linspace(0.0, result.profile.duration[p], 400)
-        axes.plot(
-            departs + fine,
-            result.profile.at(p, fine)[1],
-            color=_SPEED,
-            linewidth=1.6,
-            label="speed" if label else None,
-        )
-        departs, label = departs + float(result.moves[p]), False
-    axes.set_ylim(0.0, 1.35 * most)
-    axes.set_ylabel("along the path, ds/dt (1/s)")
-    axes.tick_params(labelbottom=False, colors=QUIET)
-    axes.legend(loc="upper right", frameon=False, ncols=2)
 
 
 def _draw_use(axes: Axes, result: RetimeResult) -> list[int]:
@@ -136,12 +137,3 @@ def _draw_use(axes: Axes, result: RetimeResult) -> list[int]:
 
 def _colour(k: int) -> str:
     return _COLOURS[k % len(_COLOURS)]
-
-
-def _legend(figure: Figure, used: list[int]) -> None:
-    from matplotlib.patches import Patch
-
-    limits = instant_limits()
-    patches = [Patch(color=_colour(k), label=f"at its {limits[k].name}") for k in used]
-    patches.append(Patch(color=(0.45, 0.45, 0.51), label="uses nearly all of a limit"))
-    figure.legend(handles=patches, loc="lower center", ncols=len(patches), frameon=False)

@@ -12,8 +12,6 @@ from pinfric.motions.summary import effort_unit
 from pinfric.show.figure.panel import panel
 from pinfric.show.figure.style import BLUE, GRID, INK, ORANGE, QUIET, RED, style
 from pinfric.show.report.names import picture_names
-from pinfric.stops.motion import StopMotion
-from pinfric.stops.search import Stopped
 from pinfric.stops.study import StopResult
 
 if TYPE_CHECKING:
@@ -84,20 +82,9 @@ def draw_stop(upper: Axes, lower: Axes, result: StopResult, drive: int) -> None:
         axes.set_xlim(0.0, end)
         axes.set_ylabel(label, color=QUIET)
         axes.axhline(0.0, color=GRID, linewidth=0.8, zorder=0)
-        _mark(axes, result, drive, reaction, motion, found)
-
-
-def _mark(
-    axes: Axes,
-    result: StopResult,
-    drive: int,
-    reaction: float,
-    motion: StopMotion,
-    found: Stopped,
-) -> None:
-    """Lines where power goes off and where the brake closes."""
-    off = reaction + motion.power_off
-    axes.axvline(1e3 * off, color=ORANGE, linewidth=1.0, label="power goes off")
-    delay = result.search.machines.of(found.case.kind).delay.get(result.axes[drive].name)
-    if delay is not None:
-        axes.axvline(1e3 * (off + delay), color=RED, linewidth=1.0, label="its brake holds")
+        # Lines where power goes off and where the brake closes
+        off = reaction + motion.power_off
+        axes.axvline(1e3 * off, color=ORANGE, linewidth=1.0, label="power goes off")
+        delay = result.search.machines.of(found.case.kind).delay.get(result.axes[drive].name)
+        if delay is not None:
+            axes.axvline(1e3 * (off + delay), color=RED, linewidth=1.0, label="its brake holds")

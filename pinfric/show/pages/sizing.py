@@ -74,11 +74,42 @@ def sizing_page(report: SizingReport, command: str = "") -> str:
     bus_picture = "" if report.catalog is None else svg(power_over_time(report), title)
     t = report.result.t
     assert t is not None  # size refuses a motion without times
+    # What was demanded, in a line
+    c = report.conditions
+    payloads = [f"payload {n}, {figure(p.mass)} kg" for n, p in report.given.payloads.items()]
+    arm = f"whole arm {figure(c.lowest_frequency)} Hz" if c.lowest_frequency else "each axis alone"
+    demanded = [
+        *payloads,
+        f"bus {figure(c.bus_voltage)} V",
+        f"ambient {figure(c.ambient)} °C",
+        f"peak torque times {figure(c.peak_factor)}",
+        f"inertia ratio up to {figure(c.inertia_ratio)}",
+        f"{figure(c.resonance_base)} Hz base, {figure(c.resonance_hand)} Hz hand, {arm}",
+        f"brakes {figure(c.brake_factor)} times the load",
+        f"L10 {'not demanded' if c.life is None else f'{figure(c.life)} h'}",
+    ]
+    # Every condition with its value, and which are not the defaults
+    default = type(report.conditions)()
+    said = []
+    for name, value in report.conditions:
+        given = "" if value == getattr(default, name) else " (given)"
+        if value is not None and value != {}:
+            shown = f"{value:g}" if isinstance(value, float) else str(value)
+            said.append(f"{name} {shown}{given}")
+    # The files behind a sizing: scene, URDF, trajectory, catalogue
+    robot = report.given.robot
+    files = [report.given.source, str(robot.urdf) if robot else "", report.trajectory]
+    lines = (
+        line
+        for joint in report.joints
+        if joint.installed is not None
+        for line in joint.installed.candidate.sources
+    )
     return page(
         "sizing",
         report.scene.actuator_names,
         [joint.name for joint in found.joints],
-        _inputs(report),
+        files + ([] if report.catalog is None else [*report.catalog.files]),
         views=joints,
         report=report,
         scene=Path(report.given.source).stem,
@@ -104,51 +135,14 @@ def sizing_page(report: SizingReport, command: str = "") -> str:
         smaller=smaller_table(found),
         what_if=what_if_table(found),
         masses=masses_line(report),
-        conditions_line=_conditions_line(report),
-        all_conditions=_all_conditions(report),
+        conditions_line="Demanded: " + "; ".join(demanded) + ".",
+        all_conditions="; ".join(said),
         command=command,
         passes=passes(report),
         repetition=repetition(report),
-        sources=_sources(report),
+        sources=list(dict.fromkeys(lines)),
         Status=Status,
     )
-
-
-def _conditions_line(report: SizingReport) -> str:
-    """What was demanded, in a line."""
-    c = report.conditions
-    payloads = [f"payload {n}, {figure(p.mass)} kg" for n, p in report.given.payloads.items()]
-    arm = f"whole arm {figure(c.lowest_frequency)} Hz" if c.lowest_frequency else "each axis alone"
-    demanded = [
-        *payloads,
-        f"bus {figure(c.bus_voltage)} V",
-        f"ambient {figure(c.ambient)} °C",
-        f"peak torque times {figure(c.peak_factor)}",
-        f"inertia ratio up to {figure(c.inertia_ratio)}",
-        f"{figure(c.resonance_base)} Hz base, {figure(c.resonance_hand)} Hz hand, {arm}",
-        f"brakes {figure(c.brake_factor)} times the load",
-        f"L10 {'not demanded' if c.life is None else f'{figure(c.life)} h'}",
-    ]
-    return "Demanded: " + "; ".join(demanded) + "."
-
-
-def _all_conditions(report: SizingReport) -> str:
-    """Every condition with its value, and which are not the defaults."""
-    default = type(report.conditions)()
-    said = []
-    for name, value in report.conditions:
-        given = "" if value == getattr(default, name) else " (given)"
-        if value is not None and value != {}:
-            shown = f"{value:g}" if isinstance(value, float) else str(value)
-            said.append(f"{name} {shown}{given}")
-    return "; ".join(said)
-
-
-def _inputs(report: SizingReport) -> list[str]:
-    """The files behind a sizing: scene, URDF, trajectory, catalogue."""
-    robot = report.given.robot
-    files = [report.given.source, str(robot.urdf) if robot else "", report.trajectory]
-    return files + ([] if report.catalog is None else [*report.catalog.files])
 
 
 def _joint_view(
@@ -240,13 +234,3 @@ def _matrix(found: SizingSummary, short: Mapping[str, str]) -> Table | None:
     ]
     cells = {f"joints[{name}]": partial(ended, name) for name in short.values()}
     return table_of("Margins: the part of each limit that is left", rows, cells=cells)
-
-
-def _sources(report: SizingReport) -> list[str]:
-    lines = (
-        line
-        for joint in report.joints
-        if joint.installed is not None
-        for line in joint.installed.candidate.sources
-    )
-    return list(dict.fromkeys(lines))

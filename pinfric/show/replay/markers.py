@@ -106,7 +106,13 @@ def site_marker(scene: Scene, site: Site, shapes: Sequence[Shape], size: float) 
         placement = frame * placement
         if site.name in scene.linkage.cylinders:
             other = linkage_frame(scene.linkage, site.pair, 0)
-            line = turn_between(UP, _line_at_start(scene, other, (joint, frame)))
+            # (3,) from end a to end b, at the scene's start, in the axes of the joint that carries
+            # b
+            b = (joint, frame)
+            data = scene.model.createData()
+            pin.forwardKinematics(scene.model, data, scene.start_configuration)
+            start, end = (data.oMi[joint] * frame.translation for joint, frame in (other, b))
+            line = turn_between(UP, np.asarray(data.oMi[b[0]].rotation.T @ (end - start)))
             return Marker(joint, pin.SE3(line, frame.translation), least, size, np.eye(3))
     return Marker(joint, placement, float(np.clip(radius, least, most)), size, up.T)
 
@@ -130,14 +136,6 @@ def _outside(
     reach = np.hypot(local[:, 0], local[:, 1])
     reach = reach[(np.abs(local[:, 2]) < 0.5 * limits[0]) & (reach < limits[1])]
     return 1.12 * float(np.quantile(reach, 0.75)) if len(reach) > 10 else 0.0
-
-
-def _line_at_start(scene: Scene, a: tuple[int, pin.SE3], b: tuple[int, pin.SE3]) -> np.ndarray:
-    """(3,) from end a to end b, at the scene's start, in the axes of the joint that carries b."""
-    data = scene.model.createData()
-    pin.forwardKinematics(scene.model, data, scene.start_configuration)
-    start, end = (data.oMi[joint] * frame.translation for joint, frame in (a, b))
-    return np.asarray(data.oMi[b[0]].rotation.T @ (end - start))
 
 
 def _points_around(scene: Scene, joint: int, shapes: Sequence[Shape]) -> np.ndarray:

@@ -31,7 +31,14 @@ def robot_shapes(scene: Scene) -> tuple[Shape, ...]:
     model = scene.model
     shapes, missing = ([], {}) if scene.robot is None else urdf_visuals(model, scene.robot)
     if missing:
-        _warn_of(missing, scene)
+        shown = "; ".join(f"{name}: {why}" for name, why in list(missing.items())[:3])
+        more = f"; and {len(missing) - 3} more" if len(missing) > 3 else ""
+        urdf = "" if scene.robot is None else f"{scene.robot.urdf}: "
+        warnings.warn(
+            f"{urdf}cannot be drawn, simple shapes are used: {shown}{more}",
+            PinfricWarning,
+            stacklevel=2,
+        )
     dressed = {shape.joint for shape in shapes}
     ends = [
         (model.parents[j], model.jointPlacements[j].translation) for j in range(1, model.njoints)
@@ -69,14 +76,3 @@ def linkage_frame(linkage: Linkage, pair: int, side: int) -> tuple[int, pin.SE3]
     force, and that frame's placement in the joint's frame."""
     placement = pin.SE3(linkage.frame_R[pair, side], linkage.frame_p[pair, side])
     return int(linkage.frame_joint[pair, side]) + 1, placement
-
-
-def _warn_of(missing: dict[str, str], scene: Scene) -> None:
-    shown = "; ".join(f"{name}: {why}" for name, why in list(missing.items())[:3])
-    more = f"; and {len(missing) - 3} more" if len(missing) > 3 else ""
-    urdf = "" if scene.robot is None else f"{scene.robot.urdf}: "
-    warnings.warn(
-        f"{urdf}cannot be drawn, simple shapes are used: {shown}{more}",
-        PinfricWarning,
-        stacklevel=3,
-    )

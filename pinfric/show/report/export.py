@@ -31,11 +31,7 @@ def export_report(exported: Exported) -> Report:
         cells={"frictionloss": _frictionloss, "rest_lower": _still},
         zero=lambda joint: 1e-9 * joint.torque_peak,
     )
-    return paragraphs(table, [*_lines(exported), *uncertain])
-
-
-def _lines(exported: Exported) -> list[str]:
-    """What the columns mean, and what the file does not hold."""
+    # What the columns mean, and what the file does not hold
     lines = [
         "the header uses the present load and needs no constants; the constants below are for "
         "comparison, `error` is their error along this motion"
@@ -55,7 +51,7 @@ def _lines(exported: Exported) -> list[str]:
         )
     if alike := [joint.joint for joint in exported.joints if not joint.apart]:
         lines.append(f"the motion does not determine each constant of {', '.join(alike)}")
-    return lines
+    return paragraphs(table, [*lines, *uncertain])
 
 
 def _frictionloss(joint: JointConstants) -> str:

@@ -48,7 +48,24 @@ def identify_report(found: Identified, summary: IdentifySummary, verbose: bool =
         rest = (
             f"coefficients with intervals, {counted(len(others), 'note')}: -v; scene, page: --out"
         )
-        return paragraphs(opening, laws, unseen, [*_ratios(summary), advice, f"{rest} FOLDER"])
+        # In a line for each bundled scene of the robot: friction over the published one
+        scenes = {row.scene: row.grade for row in summary.published}
+        return paragraphs(
+            opening,
+            laws,
+            unseen,
+            [
+                *[
+                    f"friction over the published one of {scene} (grade {grade}), joint by joint: "
+                    + ", ".join(
+                        f"{row.ratio:.2f}" for row in summary.published if row.scene == scene
+                    )
+                    for scene, grade in scenes.items()
+                ],
+                advice,
+                f"{rest} FOLDER",
+            ],
+        )
     lines = [f"delay of the logged efforts: {found.estimate.delay}", *others, advice]
     published = table_of(
         "mean friction while the joint moves as slowly as published figures were measured",
@@ -56,16 +73,6 @@ def identify_report(found: Identified, summary: IdentifySummary, verbose: bool =
         keys=2,
     )
     return paragraphs(opening, laws, figures, published, unseen, lines)
-
-
-def _ratios(summary: IdentifySummary) -> list[str]:
-    """In a line for each bundled scene of the robot: friction over the published one."""
-    scenes = {row.scene: row.grade for row in summary.published}
-    return [
-        f"friction over the published one of {scene} (grade {grade}), joint by joint: "
-        + ", ".join(f"{row.ratio:.2f}" for row in summary.published if row.scene == scene)
-        for scene, grade in scenes.items()
-    ]
 
 
 def verdict(summary: IdentifySummary) -> str:

@@ -50,10 +50,23 @@ def inverse_report(
         if drive.transmission is not None
     ]
     failing = [f"! {line}" for line in found.beyond_limits]
+    zero = ROUNDING * max((s.motor_peak for s in geared), default=0.0)
+    # What the table cannot say: how often joints rest, and what is carried
+    lines = ["no joint has friction"]
+    if sites := found.sites:
+        sticking = sum(site.stick_intervals > 0 for site in sites)
+        resting = f"{sticking} of {counted(len(sites), 'joint')} with friction stick"
+        if sticking:
+            resting += f": {counted(sum(site.stick_intervals for site in sites), 'rest')}"
+        reversals = sum(site.reversals for site in sites)
+        lines = [f"{resting}; {counted(reversals, 'reversal')} between samples"]
+    for name, spans in found.payloads.items():
+        times = ", ".join(f"{digits(span.start)}-{digits(span.end)} s" for span in spans)
+        lines.append(f"payload {name}: {f'carried {times}' if spans else 'not carried'}")
     return paragraphs(
         [verdict(result, found), *failing],
         _effort_table(result, found),
-        _motor_table(geared),
+        table_of("at the motors' shafts", geared, only=_SHAFT, zero=zero),
         None
         if log is None or not log.measured
         else table_of(
@@ -62,7 +75,7 @@ def inverse_report(
         ),
         *bent,
         [
-            *_footer(found),
+            *lines,
             *log_lines(log, {s.name: s.unit for s in found.joints}),
             *(log.notes if log is not None else ()),
         ],
@@ -117,24 +130,3 @@ def _effort_table(result: InverseResult, found: InverseSummary) -> Table | None:
         return f"{digits(drive.peak, zero)}{doubt}"
 
     return table_of(title, found.joints, without=_SHAFT[1:], cells={"peak": peak}, zero=zero)
-
-
-def _motor_table(geared: Sequence[ActuatorSummary]) -> Table | None:
-    zero = ROUNDING * max((s.motor_peak for s in geared), default=0.0)
-    return table_of("at the motors' shafts", geared, only=_SHAFT, zero=zero)
-
-
-def _footer(found: InverseSummary) -> list[str]:
-    """What the table cannot say: how often joints rest, and what is carried."""
-    lines = ["no joint has friction"]
-    if sites := found.sites:
-        sticking = sum(site.stick_intervals > 0 for site in sites)
-        resting = f"{sticking} of {counted(len(sites), 'joint')} with friction stick"
-        if sticking:
-            resting += f": {counted(sum(site.stick_intervals for site in sites), 'rest')}"
-        reversals = sum(site.reversals for site in sites)
-        lines = [f"{resting}; {counted(reversals, 'reversal')} between samples"]
-    for name, spans in found.payloads.items():
-        times = ", ".join(f"{digits(span.start)}-{digits(span.end)} s" for span in spans)
-        lines.append(f"payload {name}: {f'carried {times}' if spans else 'not carried'}")
-    return lines

@@ -34,7 +34,31 @@ def retime_report(result: RetimeResult, found: RetimeSummary, verbose: bool = Tr
         },
         without=[] if result.rms is not None else ["rms"],
     )
-    lines = _lines(result)
+    rate = result.problem.policy.sample_rate
+    lines = [f"! {note}" for note in result.notes]
+    lines.append(
+        f"no limit is exceeded by more than {100 * result.excess:.2g} % at {rate:g} Hz "
+        "(inverse dynamics)"
+    )
+    limits = zip(result.problem.scene.drives, result.problem.limits, strict=True)
+    cold = [d.name for d, x in limits if not (x.motor or math.isfinite(x.continuous_torque))]
+    if cold:
+        whose = "any drive" if len(cold) == len(result.problem.limits) else ", ".join(cold)
+        lines.append(f"heat is not checked for {whose}: no continuous torque is given")
+    if result.uniform is not None and result.uniform > result.duration * 1.0005:
+        gain = 100.0 * (result.uniform / result.duration - 1.0)
+        lines.append(
+            f"slowing down the whole motion to keep the continuous torques would need "
+            f"{digits(result.uniform)} s: {gain:.3g} % more"
+        )
+    if result.smooth:
+        cost = result.smooth * len(result.moves)
+        lines.append(f"smoothing over {1e3 * result.smooth:g} ms costs {digits(cost)} s")
+    if result.profile.holes:
+        lines.append(
+            f"at {result.profile.holes} points the permitted accelerations are two separate "
+            "ranges; the larger range was used"
+        )
     if not verbose and len(moves) > 1:
         lines.append(f"each of {len(moves)} moves: -v; the motion: --out FOLDER")
     shown = table_of("moves", moves) if verbose else None
@@ -63,35 +87,6 @@ def _limiting(drive: DriveUse) -> str:
 def _nearest(drive: DriveUse) -> str:
     kind = max(drive.use, key=drive.use.__getitem__)
     return f"{percent(drive.use[kind])} {kind}"
-
-
-def _lines(result: RetimeResult) -> list[str]:
-    rate = result.problem.policy.sample_rate
-    lines = [f"! {note}" for note in result.notes]
-    lines.append(
-        f"no limit is exceeded by more than {100 * result.excess:.2g} % at {rate:g} Hz "
-        "(inverse dynamics)"
-    )
-    limits = zip(result.problem.scene.drives, result.problem.limits, strict=True)
-    cold = [d.name for d, x in limits if not (x.motor or math.isfinite(x.continuous_torque))]
-    if cold:
-        whose = "any drive" if len(cold) == len(result.problem.limits) else ", ".join(cold)
-        lines.append(f"heat is not checked for {whose}: no continuous torque is given")
-    if result.uniform is not None and result.uniform > result.duration * 1.0005:
-        gain = 100.0 * (result.uniform / result.duration - 1.0)
-        lines.append(
-            f"slowing down the whole motion to keep the continuous torques would need "
-            f"{digits(result.uniform)} s: {gain:.3g} % more"
-        )
-    if result.smooth:
-        cost = result.smooth * len(result.moves)
-        lines.append(f"smoothing over {1e3 * result.smooth:g} ms costs {digits(cost)} s")
-    if result.profile.holes:
-        lines.append(
-            f"at {result.profile.holes} points the permitted accelerations are two separate "
-            "ranges; the larger range was used"
-        )
-    return lines
 
 
 def percent(share: float) -> str:

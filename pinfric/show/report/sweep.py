@@ -55,7 +55,25 @@ def sweep_report(result: SweepResult, found: SweepSummary) -> Report:
         }
         title_of_trials = "motors: share of samples in which they suffice, and what fails"
         tables.append(table_of(title_of_trials, found.motors, cells=cells))
-    return paragraphs(title, *tables, _footer(result))
+    lines = []
+    if result.trials:
+        every = percent(result.probability(result.sufficing()), interval=True)
+        lines.append(f"{_motors(result)} in {every} of the samples")
+        if result.sampling == "random":
+            lines.append("in brackets: 95 % confidence interval, for the number of samples only")
+    lines += _trial_notes(result)
+    if not result.solved.all():
+        lines.append(
+            f"{np.count_nonzero(~result.solved)} samples have no solution: not in the percentiles, "
+            "counted as samples in which no motor suffices"
+        )
+    lines.append("peak, RMS: worst end of the effort interval; percentiles over the samples")
+    if not result.has_shares:
+        lines.append(
+            f"correlations below {digits(result.correlation_noise)} are not significant; "
+            "non-monotonic effects are missed (use sampling: sobol)"
+        )
+    return paragraphs(title, *tables, lines)
 
 
 def _elastic_table(result: SweepResult, found: dict[str, np.ndarray]) -> Table:
@@ -125,28 +143,6 @@ def percent(probability: Probability, interval: bool = False) -> str:
     if interval and probability.low is not None and probability.high is not None:
         text += f" ({100 * probability.low:.1f}–{100 * probability.high:.1f})"  # noqa: RUF001
     return text
-
-
-def _footer(result: SweepResult) -> list[str]:
-    lines = []
-    if result.trials:
-        every = percent(result.probability(result.sufficing()), interval=True)
-        lines.append(f"{_motors(result)} in {every} of the samples")
-        if result.sampling == "random":
-            lines.append("in brackets: 95 % confidence interval, for the number of samples only")
-    lines += _trial_notes(result)
-    if not result.solved.all():
-        lines.append(
-            f"{np.count_nonzero(~result.solved)} samples have no solution: not in the percentiles, "
-            "counted as samples in which no motor suffices"
-        )
-    lines.append("peak, RMS: worst end of the effort interval; percentiles over the samples")
-    if not result.has_shares:
-        lines.append(
-            f"correlations below {digits(result.correlation_noise)} are not significant; "
-            "non-monotonic effects are missed (use sampling: sobol)"
-        )
-    return lines
 
 
 def _motors(result: SweepResult) -> str:
