@@ -19,7 +19,7 @@ from pinfric.friction.gears import (
     write_rows,
 )
 from pinfric.friction.given_modes import MOST_SOLUTIONS, solve_given_modes
-from pinfric.friction.law import site_limits, sliding, stick_limits, write_loads
+from pinfric.friction.law import site_limits, sliding, stick_limits, write_loads, write_rates
 from pinfric.friction.modes import Modes
 from pinfric.friction.problem import Problem
 from pinfric.friction.sliding import slide
@@ -35,11 +35,7 @@ SHOULD_STICK = 2
 def evaluate(problem: Problem, friction: np.ndarray, load: np.ndarray, rate: np.ndarray) -> None:
     """Write each site's load (ns,) and each coordinate's rate (nc,) under given friction (nc,)."""
     write_loads(problem.contact, problem.contact_site, problem.constant, friction, load)
-    for c in range(friction.size):
-        total = problem.rate_free[c]
-        for d in range(friction.size):
-            total += problem.rate_slope[c, d] * friction[d]
-        rate[c] = total
+    write_rates(problem, friction, rate)
 
 
 @kernel

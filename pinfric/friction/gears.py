@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pinfric.friction.dense import solve_dense
-from pinfric.friction.law import site_limits, slip_law
+from pinfric.friction.law import site_limits, slip_law, write_rates
 from pinfric.friction.modes import Modes
 from pinfric.friction.problem import Problem
 from pinfric.kernels.compiled import inlined_kernel, kernel
@@ -189,9 +189,8 @@ def guess_lines(
         if not bind(problem, are_bound(modes.stuck, rows), rows, X):
             return
         for c in range(nc):
-            modes.friction[c], modes.rate[c] = X[c, 0], problem.rate_free[c]
-            for d in range(nc):
-                modes.rate[c] += problem.rate_slope[c, d] * X[d, 0]
+            modes.friction[c] = X[c, 0]
+        write_rates(problem, modes.friction, modes.rate)
         if fit(problem, modes, lines, False)[0] == 0:
             return
         write_rows(problem, modes, False, lines, rows)
@@ -321,10 +320,13 @@ def lines_and_rows(problem: Problem, modes: Modes, chord: bool = False) -> tuple
     return lines, rows
 
 
-def without_gears(problem: Problem, modes: Modes, rows: np.ndarray) -> tuple[Problem, np.ndarray]:
+def without_gears(
+    problem: Problem, modes: Modes, rows: np.ndarray, within: bool = False
+) -> tuple[Problem, np.ndarray]:
     """Return the same problem for y, the friction without gears in motion, and x = map (1, y).
 
-    At rest, y is counted from the friction nearest to zero that its gears hold.
+    At rest, y is counted from the friction nearest to zero that its gears hold, or from one well
+    within what they hold.
     """
     if not problem.gear_rotor.shape[0]:
         return problem, np.empty(0)
@@ -332,9 +334,11 @@ def without_gears(problem: Problem, modes: Modes, rows: np.ndarray) -> tuple[Pro
     x, stick = np.eye(nc, 1 + nc, 1), problem.coulomb_stick.copy()
     sites = np.arange(len(problem.coordinate))[len(problem.coordinate) - len(problem.gear_rotor) :]
     for e in sites[modes.stuck[problem.gear_coordinate]]:
-        nearest = min(max(0.0, -stick[e, 0]), stick[e, 1])
-        x[problem.coordinate[e], 0] += nearest
-        stick[e] += nearest, -nearest
+        shift = min(max(0.0, -stick[e, 0]), stick[e, 1])
+        if within and shift != 0.0:
+            shift = _inside(-stick[e, 0], stick[e, 1])
+        x[problem.coordinate[e], 0] += shift
+        stick[e] += shift, -shift
     bound = np.flatnonzero((rows != (1.0, 0.0, 0.0)).any(axis=1) & ~modes.stuck)
     a, b, g = rows[bound].T
     right = -b[:, None] * np.column_stack([problem.rate_free[bound] + R[bound] @ x[:, 0], R[bound]])

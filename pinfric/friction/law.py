@@ -59,6 +59,15 @@ def write_loads(
 
 
 @kernel
+def write_rates(problem: Problem, x: np.ndarray, rate: np.ndarray) -> None:
+    """Write the rates r (nc,) under friction x."""
+    for c in range(x.size):
+        rate[c] = problem.rate_free[c]
+        for d in range(x.size):
+            rate[c] += problem.rate_slope[c, d] * x[d]
+
+
+@kernel
 def add_load_slopes(
     contact: np.ndarray, owner: np.ndarray, weight: np.ndarray, x: np.ndarray, slope: np.ndarray
 ) -> None:

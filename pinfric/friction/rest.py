@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 
@@ -186,14 +187,13 @@ def solve(
     if not mechanism.closed:
         return _apart(problem, modes, chosen)
     found, obeying = _together(problem, modes, mechanism, chosen)
-    if not obeying and modes.effort.size:
-        ways = list(ways_to_hold(problem, modes))
-        for efforts in ways if len(ways) > 1 else ():
-            modes.effort[:] = efforts
-            hold_chosen(problem, modes)
-            found, obeying = _together(problem, modes, mechanism, chosen)
-            if obeying:
-                break
+    ways = list(ways_to_hold(problem, modes)) if modes.effort.size and not obeying else []
+    for efforts, within in product(ways, (False, True)) if len(ways) > 1 else ():
+        modes.effort[:] = efforts
+        hold_chosen(problem, modes)
+        found, obeying = _together(problem, modes, mechanism, chosen, within)
+        if obeying:
+            break
     return found, obeying
 
 
@@ -206,12 +206,15 @@ def _apart(problem: Problem, modes: Modes, chosen: bool) -> tuple[int, int]:
 
 
 def _together(
-    problem: Problem, modes: Modes, mechanism: Mechanism, chosen: bool
+    problem: Problem, modes: Modes, mechanism: Mechanism, chosen: bool, within: bool = False
 ) -> tuple[int, int]:
-    """`solve` of a mechanism, with the intervals that gears at rest hold as they are."""
+    """`solve` of a mechanism, with the intervals that gears at rest hold as they are.
+
+    `within`: the search for what holds may fail from the end of an interval.
+    """
     for passes in range(MOST_PASSES):
         lines, rows = lines_and_rows(problem, modes, passes > FEW_PASSES and passes % 2 == 1)
-        plain, of_y = without_gears(problem, modes, rows)
+        plain, of_y = without_gears(problem, modes, rows, within)
         mechanism.slope = None if plain is problem else plain.rate_slope
         groups = mechanism.groups(modes.stuck)
         if not groups:

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from pinfric.friction.dense import solve_dense, spectral_radius_bound
-from pinfric.friction.gears import fit, gear_site, write_rows
+from pinfric.friction.dense import spectral_radius_bound
+from pinfric.friction.gears import are_bound, bind, fit, gear_site, write_rows
 from pinfric.friction.given_modes import RESIDUAL
-from pinfric.friction.law import slip_law
+from pinfric.friction.law import slip_law, write_rates
 from pinfric.friction.modes import Modes
 from pinfric.friction.problem import Problem
 from pinfric.kernels.compiled import kernel
@@ -66,22 +66,22 @@ def slide(problem: Problem, modes: Modes) -> bool:  # noqa: C901
     for passes in range(_PASSES):
         error = _residual(problem, gain, offset, place, x, load, J, rest)
         if ng > 0:
-            _write_rates(problem, modes)
+            write_rates(problem, modes.friction, modes.rate)
             if passes > 0:
                 fit(problem, modes, lines, False)
             write_rows(problem, modes, False, lines, rows)
             if not rows[:, 0].min() > _RISES:
-                break
+                return False
             error = _with_gears(problem, modes, rows, place, J, rest)
         if error <= RESIDUAL * (8 + nz) and (ng == 0 or fit(problem, modes, lines, False)[0] == 0):
             if ng > 0:
-                contraction = _behind_gears(problem, rows, place, back, J, rest)
+                contraction = _behind_gears(problem, modes, rows, place, back)
                 if not contraction < _CLEAR:
                     break
             modes.figures[0], modes.figures[1] = contraction, passes
             modes.verdict[:] = 0
             if ng == 0:
-                _write_rates(problem, modes)
+                write_rates(problem, modes.friction, modes.rate)
             return True
         _solve(J, rest)
         for c in range(nc):
@@ -89,14 +89,6 @@ def slide(problem: Problem, modes: Modes) -> bool:  # noqa: C901
                 x[c] -= rest[place[c]]
     x[0] = np.nan
     return False
-
-
-@kernel
-def _write_rates(problem: Problem, modes: Modes) -> None:
-    for c in range(modes.rate.size):
-        modes.rate[c] = problem.rate_free[c]
-        for d in range(modes.rate.size):
-            modes.rate[c] += problem.rate_slope[c, d] * modes.friction[d]
 
 
 @kernel
@@ -132,29 +124,19 @@ def _with_gears(
 
 @kernel
 def _behind_gears(
-    problem: Problem,
-    rows: np.ndarray,
-    place: np.ndarray,
-    back: np.ndarray,
-    J: np.ndarray,
-    vector: np.ndarray,
+    problem: Problem, modes: Modes, rows: np.ndarray, place: np.ndarray, back: np.ndarray
 ) -> float:
-    """Bound how much of a change of y comes back, |y'| <= back |dx/dy| |y|; J is overwritten."""
-    of_y, A = np.zeros(back.shape), np.zeros(back.shape)
-    for c in range(place.size):
-        if place[c] >= 0:
-            of_y[place[c], place[c]] = rows[c, 0]
-            for d in range(place.size):
-                if place[d] >= 0:
-                    J[place[c], place[d]] = rows[c, 1] * problem.rate_slope[c, d]
-            J[place[c], place[c]] += rows[c, 0]
-    if not solve_dense(J, of_y):
+    """Bound how much of a change of y comes back: |y'| <= back |dx/dy| |y|."""
+    nc, A, X = place.size, np.zeros(back.shape), np.zeros((place.size, 1 + place.size))
+    for c in range(nc):
+        X[c, 1 + c] = 1.0
+    if not bind(problem, are_bound(modes.stuck, rows), rows, X):
         return np.inf
-    for i in range(vector.size):
-        for j in range(vector.size):
-            for k in range(vector.size):
-                A[i, k] += back[i, j] * abs(of_y[j, k])
-    return spectral_radius_bound(A, vector)
+    for j in range(nc):
+        for k in range(nc):
+            if place[j] >= 0 and place[k] >= 0:
+                A[:, place[k]] += back[:, place[j]] * abs(X[j, 1 + k])
+    return spectral_radius_bound(A, np.empty(back.shape[0]))
 
 
 @kernel
