@@ -29,6 +29,7 @@ class DriveUse:
     rms: float | None = quantity(
         "RMS torque over the cycle / continuous torque; none: not known, or not asked for",
         heading="continuous\ntorque used",
+        cell="{rms:percent}",
     )
     criteria: tuple[Criterion, ...] = quantity(
         "criteria of `size` for a drive of the catalogue, this motion repeated"

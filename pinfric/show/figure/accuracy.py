@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinfric.accuracy.study import Accuracy, Run
+from pinfric.show.figure.panel import sheet
 from pinfric.show.figure.style import BLUE, GREEN, GRID, INK, QUIET, RED, style
 
 if TYPE_CHECKING:
@@ -23,18 +24,12 @@ _FLOOR = 1e-13
 
 def accuracy_figure(found: Accuracy) -> Figure:
     """Draw error against time, a line per method: of q, and of stick times if any joint sticks."""
-    from matplotlib.figure import Figure
-    from matplotlib.layout_engine import ConstrainedLayoutEngine
-
     panels = {"error": "error of q (rad or m)", "stick_error": "error of stick times (s)"}
     if not any(run.stick_error > 0 for run in found.runs):
         del panels["stick_error"]
     with style():
-        size = 6.0 * len(panels), 5.2
-        figure = Figure(figsize=size, dpi=140, layout=ConstrainedLayoutEngine(w_pad=0.12))
         name = Path(found.scene.source).stem
-        title = f"{name}: cost of accuracy in simulation"
-        figure.suptitle(title, x=0.01, ha="left", fontsize=14, fontweight="bold", color=INK)
+        figure = sheet(6.0 * len(panels), 5.2, f"{name}: cost of accuracy in simulation")
         for axes, (quantity, text) in zip(
             figure.subplots(1, len(panels), squeeze=False)[0], panels.items(), strict=True
         ):

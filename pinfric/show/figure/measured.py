@@ -12,6 +12,7 @@ from pinfric.motions.log.effort_place import EFFORT_PLACES
 from pinfric.motions.log.judged import JudgedLog, measured_interval
 from pinfric.motions.summary import effort_unit, rests
 from pinfric.show.figure.efforts import brief_ticks, thinned
+from pinfric.show.figure.panel import sheet
 from pinfric.show.figure.style import BAND, BLUE, ORANGE, PALE_RED, QUIET, style
 from pinfric.show.report.names import picture_names
 
@@ -22,8 +23,6 @@ if TYPE_CHECKING:
 _COMPUTED, _MEASURED, _STICKING = BLUE, PALE_RED, ORANGE
 #: Letters of a drive's name.
 _LETTERS = 60
-#: Inches: the width, a panel, what is above and below all of them.
-_WIDTH, _PANEL, _HEADER, _FOOT = 11.0, 1.5, 0.75, 0.5
 
 
 def measured_figure(result: InverseResult, log: JudgedLog, trajectory: str = "") -> Figure:
@@ -37,15 +36,13 @@ def measured_figure(result: InverseResult, log: JudgedLog, trajectory: str = "")
     Raises:
         StateError: no times, or no measured effort.
     """
-    from matplotlib.figure import Figure
-
     if result.t is None or not log.measured:
         raise StateError("a figure of measured efforts needs a log that has them")
-    total = _HEADER + _PANEL * len(log.measured) + _FOOT
     with style():
-        figure = Figure(figsize=(_WIDTH, total), dpi=150, facecolor="white")
-        panels = figure.subplots(len(log.measured), 1, sharex=True, squeeze=False)[:, 0]
         names, note = picture_names(list(log.measured), _LETTERS)
+        title = f"{trajectory}: {EFFORT_PLACES[log.at]}{note}"
+        figure = sheet(11.0, 1.5 * len(names) + 1.25, title)
+        panels = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
         for axes, short, (name, found) in zip(panels, names, log.measured.items(), strict=True):
             draw_measured(axes, result, log, name)
             i = result.actuator_names.index(name)
@@ -59,18 +56,8 @@ def measured_figure(result: InverseResult, log: JudgedLog, trajectory: str = "")
             handles,
             ["measured", "computed (a band where it sticks)"],
             ncols=2,
-            loc="upper right",
+            loc="outside lower left",
             frameon=False,
-        )
-        figure.suptitle(
-            f"{trajectory}: {EFFORT_PLACES[log.at]}{note}",
-            x=0.06,
-            ha="left",
-            fontweight="bold",
-            fontsize=12,
-        )
-        figure.subplots_adjust(
-            left=0.06, right=0.985, top=1.0 - _HEADER / total, bottom=_FOOT / total, hspace=0.45
         )
     return figure
 

@@ -1,4 +1,4 @@
-"""A small picture of one pair of axes, as a page shows it: SVG, its text as text."""
+"""The sheet that pictures are drawn on, and small ones as a page shows them: SVG, text as text."""
 
 from __future__ import annotations
 
@@ -6,11 +6,28 @@ import io
 import re
 from typing import TYPE_CHECKING, Any
 
-from pinfric.show.figure.style import GRID, QUIET, style
+from pinfric.show.figure.style import GRID, INK, QUIET, style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+
+def sheet(width: float, height: float, title: str = "") -> Figure:
+    """Return an empty figure that makes room for what its axes say; its title at the left.
+
+    Args:
+        width, height: inches.
+        title: above all axes.
+    """
+    from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    engine = ConstrainedLayoutEngine(w_pad=0.08, h_pad=0.06)
+    figure = Figure(figsize=(width, height), dpi=150, facecolor="white", layout=engine)
+    if title:
+        figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold", color=INK)
+    return figure
 
 
 def panel(x: str, y: str, width: float = 5.0, height: float = 2.9) -> tuple[Figure, Axes]:
@@ -20,11 +37,8 @@ def panel(x: str, y: str, width: float = 5.0, height: float = 2.9) -> tuple[Figu
         x, y: titles of the axes.
         width, height: inches.
     """
-    from matplotlib.figure import Figure
-    from matplotlib.layout_engine import ConstrainedLayoutEngine
-
     with style():
-        figure = Figure(figsize=(width, height), layout=ConstrainedLayoutEngine())
+        figure = sheet(width, height)
         axes = figure.add_subplot()
         axes.set_xlabel(x, color=QUIET)
         axes.set_ylabel(y, color=QUIET)

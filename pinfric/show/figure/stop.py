@@ -9,7 +9,7 @@ import numpy as np
 
 from pinfric.model.described import SPEED, unit_at
 from pinfric.motions.summary import effort_unit
-from pinfric.show.figure.panel import panel
+from pinfric.show.figure.panel import panel, sheet
 from pinfric.show.figure.style import BLUE, GRID, INK, ORANGE, QUIET, RED, style
 from pinfric.show.report.names import picture_names
 from pinfric.stops.study import StopResult
@@ -27,24 +27,19 @@ def stop_figure(result: StopResult) -> Figure:
 
     Of more than 12 drives those that go farthest are drawn.
     """
-    from matplotlib.figure import Figure
-    from matplotlib.layout_engine import ConstrainedLayoutEngine
-
     order = np.argsort([-axis.travel for axis in result.axes], kind="stable")[:_MOST]
     drawn = sorted(order.tolist())
     labels, _ = picture_names([result.axes[d].name for d in drawn], 40)
     with style():
-        height = 1.6 * len(drawn) + 0.9
-        figure = Figure(figsize=(10.0, height), layout=ConstrainedLayoutEngine(), facecolor="white")
+        name = Path(result.scene.source).stem
+        how = f"category {result.settings.category}: each axis in its farthest stop"
+        figure = sheet(10.0, 1.6 * len(drawn) + 0.9, f"{name}, {how}")
         panels = figure.subplots(len(drawn), 2, squeeze=False)
         for row, d, label in zip(panels, drawn, labels, strict=True):
             draw_stop(row[0], row[1], result, d)
             row[0].set_title(label, loc="left", fontsize=8.5, color=INK, weight="bold")
         for axes in panels[-1]:
             axes.set_xlabel("time from the command, ms", color=QUIET)
-        name = Path(result.scene.source).stem
-        how = f"category {result.settings.category}: each axis in its farthest stop"
-        figure.suptitle(f"{name}, {how}", fontsize=10.5, x=0.01, ha="left", color=INK)
         handles, texts = panels[0, 0].get_legend_handles_labels()
         figure.legend(handles, texts, loc="outside lower left", ncols=4, frameon=False)
     return figure

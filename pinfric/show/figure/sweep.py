@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pinfric.show.figure.efforts import largest
+from pinfric.show.figure.panel import sheet
 from pinfric.show.figure.style import BLUE, GRID, INK, ORANGE, QUIET, RED, style
 from pinfric.show.report.names import least_room, picture_names, shortened
 from pinfric.show.report.sweep import measure, own, percent, shaft
@@ -43,9 +44,6 @@ def sweep_figure(result: SweepResult) -> Figure:
     Args:
         result: of `sweep`, with at least one sample that has a solution.
     """
-    from matplotlib.figure import Figure
-    from matplotlib.layout_engine import ConstrainedLayoutEngine
-
     names, where = result.rated, shaft(result)
     units = result.units if names == ("peak", "rms") else result.motor_units
     same = f", {units[0]}" if len(set(units)) == 1 else ""
@@ -54,13 +52,7 @@ def sweep_figure(result: SweepResult) -> Figure:
     labels, note = picture_names(result.actuator_names, _LETTERS)
     count = len(drawn)
     with style():
-        figure = Figure(
-            figsize=(11.0, _ROW * count + _REST),
-            dpi=150,
-            facecolor="white",
-            layout=ConstrainedLayoutEngine(h_pad=0.06, wspace=0.03),
-        )
-        figure.suptitle(_title(result) + left + note, x=0.01, ha="left", fontsize=12, color=INK)
+        figure = sheet(11.0, _ROW * count + _REST, _title(result) + left + note)
         panels = figure.subplots(count, 3, squeeze=False, width_ratios=(1, 1, 0.8))
         strength = result.influences(names[1])
         for i, row in zip(drawn, panels, strict=True):

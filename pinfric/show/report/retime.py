@@ -7,9 +7,9 @@ from pathlib import Path
 
 from pinfric.retiming.retime import RetimeResult
 from pinfric.retiming.summary import DriveUse, Move, RetimeSummary
-from pinfric.show.report.rows import NONE, table_of
+from pinfric.show.report.rows import table_of
 from pinfric.show.report.tables import Report, paragraphs
-from pinfric.show.report.values import digits
+from pinfric.show.report.values import digits, percent
 
 
 def retime_report(result: RetimeResult, found: RetimeSummary, verbose: bool = True) -> Report:
@@ -30,7 +30,6 @@ def retime_report(result: RetimeResult, found: RetimeSummary, verbose: bool = Tr
         cells={
             "use": _nearest,
             "limiting": _limiting,
-            "rms": lambda drive: NONE if drive.rms is None else percent(drive.rms),
         },
         without=[] if result.rms is not None else ["rms"],
     )
@@ -87,8 +86,3 @@ def _limiting(drive: DriveUse) -> str:
 def _nearest(drive: DriveUse) -> str:
     kind = max(drive.use, key=drive.use.__getitem__)
     return f"{percent(drive.use[kind])} {kind}"
-
-
-def percent(share: float) -> str:
-    """Return a share as a percentage with two digits or three."""
-    return f"{100 * share:.3g} %" if share >= 1e-3 else "<0.1 %"

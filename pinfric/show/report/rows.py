@@ -11,7 +11,7 @@ from typing import Any
 
 from pinfric.model.described import EFFORT, Quantity, quantities, unit_of
 from pinfric.show.report.tables import Column, Kind, Table
-from pinfric.show.report.values import digits, percentage, power_of_ten, signed
+from pinfric.show.report.values import digits, percent, percentage, power_of_ten, signed
 
 #: Units of people: how many of them an SI unit has.
 DISPLAYS = {"mm": 1e3, "arcmin": 60 * 180 / math.pi, "ms": 1e3, "us": 1e6}
@@ -205,8 +205,8 @@ def text_of(value: Any, display: str = "", zero: float = 0.0) -> str:
         return f"{100 * value:.0f} %" if math.isfinite(value) else "n/a"
     if display == "margin":
         return percentage(value)
-    if display == "percent":  # with what is below one
-        return f"{digits(100 * value, 1e-6)} %" if math.isfinite(value) else "n/a"
+    if display == "percent":
+        return percent(value)
     if display == "+":
         return signed(value, zero)
     if display == "decade":

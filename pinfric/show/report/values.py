@@ -58,6 +58,11 @@ def percentage(x: float) -> str:
     return text if text != "-0.0 %" else f"{min(100 * x, -0.01):.1g} %"  # a miss, not a fit
 
 
+def percent(x: float) -> str:
+    """Return a share in percent, with what is below one."""
+    return f"{digits(100 * x, 1e-6)} %" if math.isfinite(x) else "n/a"
+
+
 def rough(x: float) -> str:
     """Return x with two significant digits: an uncertainty is known no better."""
     return f"{float(f'{x:.1e}'):g}"
