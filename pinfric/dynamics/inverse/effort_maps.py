@@ -39,8 +39,8 @@ class Maps(NamedTuple):
         singular: (n,) bool: the drives cannot balance the load here, or the closure changes rank.
     """
 
-    effort: np.ndarray = array("n na columns")
-    y: np.ndarray = array("n ny columns")
+    effort: np.ndarray = array("n na columns", fill=None)
+    y: np.ndarray = array("n ny columns", fill=None)
     contact: np.ndarray = array("n nt columns 3")
     singular: np.ndarray = array("n", bool)
 

@@ -193,8 +193,9 @@ def constant_payloads(
 ) -> Iterator[tuple[slice, Twin]]:
     """Cut `whole` into batches of constant payload, each with its twin."""
     for start, stop, carried in states.phases(scene):
-        for part in slices(max(start, whole.start), min(stop, whole.stop), size):
-            yield part, scene.twin(carried)
+        parts = list(slices(max(start, whole.start), min(stop, whole.stop), size))
+        twin = scene.twin(carried) if parts else None  # which looks for changes: once
+        yield from ((part, twin) for part in parts if twin)
 
 
 def check_roll_moments(scene: Scene, wrench: np.ndarray, first: int) -> None:
