@@ -133,9 +133,9 @@ def _behind_gears(
     if not bind(problem, are_bound(modes.stuck, rows), rows, X):
         return np.inf
     for j in range(nc):
-        for k in range(nc):
-            if place[j] >= 0 and place[k] >= 0:
-                A[:, place[k]] += back[:, place[j]] * abs(X[j, 1 + k])
+        for k in range(nc if place[j] >= 0 else 0):
+            for i in range(back.shape[0] if place[k] >= 0 else 0):
+                A[i, place[k]] += back[i, place[j]] * abs(X[j, 1 + k])
     return spectral_radius_bound(A, np.empty(back.shape[0]))
 
 

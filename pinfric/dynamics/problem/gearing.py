@@ -47,18 +47,19 @@ def write_gears(machine: Machine, v: np.ndarray, given: np.ndarray, step: float)
         p.gear_rotor[g, 0] = given[d] - drag
         if step > 0.0:
             p.gear_rotor[g, 0] += inertia * (rate / step - bend)
-        _write_lines(machine, d, g, abs(rate))
         m = machine.modes
         slow = abs(rate) <= machine.plan.coordinates.stick_velocity[c]
-        if slow or m.stuck[c] or step > 0.0:
+        rests = slow or m.stuck[c] or step > 0.0
+        _write_lines(machine, d, g, abs(rate), 4 if rests else 2)
+        if rests:
             _write_held(machine, d, g)
 
 
 @kernel
-def _write_lines(machine: Machine, d: int, g: int, speed: float) -> None:
-    """Write the lines of a gear at a speed, and from rest."""
+def _write_lines(machine: Machine, d: int, g: int, speed: float, laws: int) -> None:
+    """Write the lines of a gear at a speed, of 4 laws those from rest, too."""
     gears, lines = machine.plan.drives.gears, machine.problem.gear_lines[g]
-    for law in range(4):
+    for law in range(laws):
         way, k, start = 1.0 if law % 2 == 0 else -1.0, 0, -np.inf
         while start < np.inf:
             now = speed if law < 2 else 0.0
