@@ -15,6 +15,8 @@ def test_logs_that_differ_in_their_delay_by_more_than_they_know_do_not_determine
     far = common_delay([LogDelay(0.0, 1e-3), LogDelay(0.010, 1e-3)])
     assert far.standard_error > 0.010 / 2  # of the two values' own mean
     assert (far.value, far.determined) == (pytest.approx(0.005), False)
+    assert str(near) == "4.5 ms (standard error 0.7)"
+    assert str(far) == "not determined, taken as 5.0 ms"
 
 
 def test_a_search_that_ends_at_its_bound_determines_no_delay():

@@ -128,7 +128,10 @@ def test_joints_that_the_model_does_not_explain_are_named_and_get_no_laws(tmp_pa
 
 def test_a_log_of_six_seconds_is_taken_with_wider_intervals():
     brief = replace(short(), t=short().t[:600], q=short().q[:600], effort=short().effort[:600])
-    less, more = (pf.identify(guess(0), one, laws=PLAIN) for one in (brief, short()))
+    steps = []
+    less = pf.identify(guess(0), brief, laws=PLAIN, progress=lambda *step: steps.append(step))
+    more = pf.identify(guess(0), short(), laws=PLAIN)
+    assert steps == [(1, 4), (2, 4), (3, 4), (4, 4)]
     assert less.estimate.problem.folds.size == 6
     width = [
         [(p.high - p.low) / p.value for p in one.parameters if p.name == "viscous"]
