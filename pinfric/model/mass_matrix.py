@@ -64,33 +64,29 @@ def link_poses(twin: Twin, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def bodies(twin: Twin) -> Bodies:
     """Return the robot's links and unit twists."""
     if "bodies" not in twin.pools:
-        twin.pools["bodies"] = _bodies(twin)
+        joint, column, twist = [], [], []
+        for j in range(twin.n_joints):
+            if twin.components[j, 0] < 0:
+                joint.append(j)
+                column.append(int(twin.v_index[j]))
+                twist.append(twin.ratio[j] * twin.axis[j])
+            for n, component in enumerate(twin.components[j]):
+                if component >= 0:
+                    joint.append(j)
+                    column.append(int(twin.v_index[j]) + n)
+                    twist.append(np.eye(6)[component])
+        inertias = tuple(twin.model.inertias)[1:]
+        twin.pools["bodies"] = Bodies(
+            mass=np.array([body.mass for body in inertias], dtype=float),
+            com=np.array([body.lever for body in inertias], dtype=float).reshape(-1, 3),
+            inertia=np.array([body.inertia for body in inertias], dtype=float).reshape(-1, 3, 3),
+            joint=np.array(joint, dtype=np.int64),
+            column=np.array(column, dtype=np.int64),
+            twist=np.array(twist, dtype=float).reshape(-1, 6),
+            first=np.searchsorted(joint, np.arange(twin.n_joints + 1)).astype(np.int64),
+        )
     found: Bodies = twin.pools["bodies"]
     return found
-
-
-def _bodies(twin: Twin) -> Bodies:
-    joint, column, twist = [], [], []
-    for j in range(twin.n_joints):
-        if twin.components[j, 0] < 0:
-            joint.append(j)
-            column.append(int(twin.v_index[j]))
-            twist.append(twin.ratio[j] * twin.axis[j])
-        for n, component in enumerate(twin.components[j]):
-            if component >= 0:
-                joint.append(j)
-                column.append(int(twin.v_index[j]) + n)
-                twist.append(np.eye(6)[component])
-    inertias = tuple(twin.model.inertias)[1:]
-    return Bodies(
-        mass=np.array([body.mass for body in inertias], dtype=float),
-        com=np.array([body.lever for body in inertias], dtype=float).reshape(-1, 3),
-        inertia=np.array([body.inertia for body in inertias], dtype=float).reshape(-1, 3, 3),
-        joint=np.array(joint, dtype=np.int64),
-        column=np.array(column, dtype=np.int64),
-        twist=np.array(twist, dtype=float).reshape(-1, 6),
-        first=np.searchsorted(joint, np.arange(twin.n_joints + 1)).astype(np.int64),
-    )
 
 
 # Kernels below take whole arrays and indices: a view of an array costs more than what is computed.

@@ -127,17 +127,6 @@ def read_robot(urdf: Path, locked: Mapping[str, float]) -> Robot:
     check_urdf(root, urdf)
     package_dirs = mesh_folders(urdf)
     warn_of_missing_meshes(root, urdf, package_dirs)
-    model = _build(root, urdf, locked)
-    return Robot(model, urdf, package_dirs, dynamics(root), reductions(root), locked)
-
-
-def mesh_folders(urdf: Path) -> tuple[Path, ...]:
-    """Return folders for `package://` names: the URDF's, those above it, then the bundled one."""
-    share = example_robot_data()
-    return (*urdf.resolve().parents, share.parents[1], share.parent, share)
-
-
-def _build(root: ElementTree.Element, urdf: Path, locked: Mapping[str, float]) -> pin.Model:
     movable = [j.attrib["name"] for j in root.findall("joint") if j.get("type") != "fixed"]
     for name in locked:
         if name not in movable:
@@ -170,7 +159,13 @@ def _build(root: ElementTree.Element, urdf: Path, locked: Mapping[str, float]) -
     if model.nv == 0:
         raise RobotError(f"{urdf}: no joint of this robot can move; there is nothing to drive")
     check_kinetic_energy(model, str(urdf))
-    return model
+    return Robot(model, urdf, package_dirs, dynamics(root), reductions(root), locked)
+
+
+def mesh_folders(urdf: Path) -> tuple[Path, ...]:
+    """Return folders for `package://` names: the URDF's, those above it, then the bundled one."""
+    share = example_robot_data()
+    return (*urdf.resolve().parents, share.parents[1], share.parent, share)
 
 
 def check_kinetic_energy(model: pin.Model, source: str) -> None:

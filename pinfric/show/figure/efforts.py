@@ -25,6 +25,7 @@ from pinfric.motions.summary import (
     sites_on,
     summarize,
 )
+from pinfric.show.figure.panel import head
 from pinfric.show.figure.style import BAND, BLUE, GREEN, GRID, INK, ORANGE, QUIET, style
 from pinfric.show.report.inverse import log_lines
 from pinfric.show.report.names import picture_names, shortened
@@ -433,8 +434,6 @@ def _head(
     left = _LEFT / _WIDTH
     title = " · ".join(name for name in (Path(result.scene.source).stem, trajectory) if name)
     title = shortened([title], 90)[0]
-    figure.text(left, 1 - 0.2 / total, title, fontsize=13, fontweight="bold", color=INK, va="top")
-    figure.text(left, 1 - 0.46 / total, text, fontsize=9, color=QUIET, va="top")
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -458,19 +457,7 @@ def _head(
     if result.site_names:
         handles.append(Line2D([], [], color=INK, linewidth=0.7, label="without friction"))
     handles.append(Line2D([], [], linestyle="", label="peak", **_PEAK))
-    figure.legend(
-        handles=handles,
-        loc="upper left",
-        ncols=6,
-        frameon=False,
-        fontsize=8.5,
-        bbox_to_anchor=(left, 1 - 0.63 / total),
-        borderaxespad=0,
-        borderpad=0.2,
-        handlelength=1.8,
-        columnspacing=1.8,
-        labelcolor=INK,
-    )
+    head(figure, total, left, 0.2, title, text, handles)
 
 
 def _peak(result: InverseResult, i: int) -> float:

@@ -15,6 +15,7 @@ from pinfric.model.brief import counted
 from pinfric.model.coordinates import one_number
 from pinfric.model.described import PLACE, SPEED, effort_where, unit_at
 from pinfric.show.figure.efforts import brief_ticks, thinned
+from pinfric.show.figure.panel import head
 from pinfric.show.figure.style import BLUE, INK, ORANGE, QUIET, style
 from pinfric.show.report.names import picture_names
 
@@ -79,7 +80,29 @@ def motion_figure(motion: Motion) -> Figure:
                 for axes in lowest:
                     axes.set_xlabel("time (s)", color=QUIET)
                     axes.tick_params(labelbottom=True)
-        _head(figure, total, motion, drawn, _what(motion, drawn, left) + note)
+        text = _what(motion, drawn, left) + note
+        from matplotlib.lines import Line2D
+        from matplotlib.patches import Patch
+
+        title = f"{Path(motion.scene.source).stem} · {motion.method}"
+        handles: list[Any] = [Line2D([], [], color=INK, linewidth=1.2, label="position, velocity")]
+        if any(row.site >= 0 for row in drawn):
+            handles += [
+                Line2D([], [], color=_FRICTION, linewidth=1.5, label="friction"),
+                Line2D(
+                    [],
+                    [],
+                    color=_LIMIT,
+                    linewidth=0.9,
+                    linestyle=(0, (4, 2)),
+                    label="its static limits",
+                ),
+            ]
+        if motion.stick_intervals():
+            handles.append(
+                Patch(facecolor=_STICKING, alpha=1.8 * _SHADE, label="this joint sticks")
+            )
+        head(figure, total, 0.01, 0.12, title, text, handles)
     return figure
 
 
@@ -190,44 +213,6 @@ def _friction(axes: Axes, motion: Motion, s: int) -> None:
         axes.plot(motion.t[kept], limit[kept], color=_LIMIT, linewidth=0.9, linestyle=(0, (4, 2)))
     kept = thinned([motion.friction[:, s]])
     axes.plot(motion.t[kept], motion.friction[kept, s], color=_FRICTION, linewidth=1.5)
-
-
-def _head(figure: Figure, total: float, motion: Motion, drawn: Sequence[_Row], text: str) -> None:
-    """Title, a line below it, and the key."""
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
-    title = f"{Path(motion.scene.source).stem} · {motion.method}"
-    figure.text(0.01, 1 - 0.12 / total, title, fontsize=13, fontweight="bold", color=INK, va="top")
-    figure.text(0.01, 1 - 0.38 / total, text, fontsize=9, color=QUIET, va="top")
-    handles: list[Any] = [Line2D([], [], color=INK, linewidth=1.2, label="position, velocity")]
-    if any(row.site >= 0 for row in drawn):
-        handles += [
-            Line2D([], [], color=_FRICTION, linewidth=1.5, label="friction"),
-            Line2D(
-                [],
-                [],
-                color=_LIMIT,
-                linewidth=0.9,
-                linestyle=(0, (4, 2)),
-                label="its static limits",
-            ),
-        ]
-    if motion.stick_intervals():
-        handles.append(Patch(facecolor=_STICKING, alpha=1.8 * _SHADE, label="this joint sticks"))
-    figure.legend(
-        handles=handles,
-        loc="upper left",
-        ncols=4,
-        frameon=False,
-        fontsize=8.5,
-        bbox_to_anchor=(0.01, 1 - 0.53 / total),
-        borderaxespad=0,
-        borderpad=0.2,
-        handlelength=1.8,
-        columnspacing=1.8,
-        labelcolor=INK,
-    )
 
 
 def _what(motion: Motion, drawn: Sequence[_Row], left: Sequence[_Row]) -> str:

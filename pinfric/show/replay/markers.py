@@ -131,15 +131,7 @@ def _outside(
     limits: tuple[float, float],
 ) -> float:
     """Radius of a ring about z of `placement` that is outside most of the links; 0 for none."""
-    seen = _points_around(scene, joint, shapes)
-    local = (seen - placement.translation) @ placement.rotation
-    reach = np.hypot(local[:, 0], local[:, 1])
-    reach = reach[(np.abs(local[:, 2]) < 0.5 * limits[0]) & (reach < limits[1])]
-    return 1.12 * float(np.quantile(reach, 0.75)) if len(reach) > 10 else 0.0
-
-
-def _points_around(scene: Scene, joint: int, shapes: Sequence[Shape]) -> np.ndarray:
-    """(n, 3) points on the visuals of the joint and of its parent, in the joint's frame at q0."""
+    # (n, 3) points on the visuals of the joint and of its parent, in the joint's frame at q0
     to_joint = scene.model.jointPlacements[joint].inverse()
     parts = [np.empty((0, 3))]
     for shape in shapes:
@@ -147,4 +139,8 @@ def _points_around(scene: Scene, joint: int, shapes: Sequence[Shape]) -> np.ndar
             place = shape.placement if shape.joint == joint else to_joint * shape.placement
             points = shape.mesh.vertices[:: max(1, len(shape.mesh.vertices) // 2000)]
             parts.append(points @ place.rotation.T + place.translation)
-    return np.concatenate(parts)
+    seen = np.concatenate(parts)
+    local = (seen - placement.translation) @ placement.rotation
+    reach = np.hypot(local[:, 0], local[:, 1])
+    reach = reach[(np.abs(local[:, 2]) < 0.5 * limits[0]) & (reach < limits[1])]
+    return 1.12 * float(np.quantile(reach, 0.75)) if len(reach) > 10 else 0.0
