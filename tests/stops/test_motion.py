@@ -248,6 +248,15 @@ def test_a_closed_brake_holds_and_is_part_of_the_scene():
         lift().with_(closed_brakes={"axi": 2.0})
 
 
+def test_inverse_dynamics_asks_what_the_motor_gives_without_a_brake():
+    """(weight + friction + (load + rotor) a) / ratio, brake closed or open."""
+    scene, state = lift().with_(closed_brakes={"axis": 2.0}), np.array([[0.0], [0.5], [1.0]])
+    wanted = (98.1 + 20.0 + 30.0) / 200.0
+    assert scene.solver().inverse(*state).motor_torque_upper == pytest.approx([wanted])
+    batch = pf.inverse_dynamics(scene, *state[:, None])
+    np.testing.assert_allclose(batch.motor_torque_upper, [[wanted]])
+
+
 def test_several_answers_at_rest_are_passed_by_time_stepping():
     """Power goes off at a pose at which one set of joints may break away, or another."""
     scene = pf.load_scene("panda_pick_and_place")
