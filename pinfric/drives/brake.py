@@ -17,12 +17,13 @@ slows it down.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from pinfric.drives.catalog import Brake
-from pinfric.drives.criterion import Criterion, Status, compare
+from pinfric.drives.criterion import LEAST_MARGIN, Criterion, Status, compare
 from pinfric.drives.demand import largest
 from pinfric.drives.inertia import joint_inertias
 from pinfric.drives.policy import Conditions, goes_with, stated
@@ -34,6 +35,7 @@ from pinfric.model.described import EFFORT, derived, described, quantity
 from pinfric.motions.summary import effort_unit, ends_by_magnitude
 
 _SOURCE = "Machine Design, Mechantronics Q & A: Hold it steady (2007): factor 1.5 to 3"
+_NO_BRAKE = "the catalogue has no brake that goes with this motor"
 _STATICS = (
     "limits of static friction (pinfric.holds) at the worst pose; Harmonic "
     "Drive: do not rely on the back-driving torque to hold a load"
@@ -152,6 +154,16 @@ def _standstill(
     if not fitted and torque is not None and (needed or torque != 0.0):
         name = smallest_brake(brakes, torque, stop)
     held_by = _torque(torque, name, brakes, conditions, needed)
+    if needed and fitted == "" and torque is not None and not brakes:
+        held_by = replace(
+            held_by,
+            status=Status.FAILS,
+            available=0.0,
+            margin=LEAST_MARGIN,
+            note=_NO_BRAKE,
+            condition=stated(conditions, "holding_brake"),
+            missing="",
+        )
     assert result.t is not None  # size refuses a motion without times
     energy = _energy(stop, name, brakes, stated(conditions, "holding_brake") if needed else "")
     criteria = (_unpowered(use, held), held_by, energy)

@@ -138,6 +138,16 @@ def test_the_smallest_brake_that_bears_it_is_taken(tmp_path):
     assert report.unmet == ()
 
 
+def test_a_brake_that_is_required_of_a_catalogue_without_any_fails(tmp_path):
+    report = sized(tmp_path, (), "required")
+    assert [still.criteria[1].status for still in report.standstills] == ["fails"] * 2
+    joint = report.joints[0].name
+    says = f"{joint}: holding brake: the catalogue has no brake .*holding_brake = required"
+    with pytest.raises(SizingError, match=says):
+        report.check()
+    assert sized(tmp_path, (), "any").unmet == ()
+
+
 def test_of_brakes_with_equal_torque_the_lightest_is_taken():
     same = {"source": "invented", "grade": "R", "torque": 9.0}
     of_mass = {
