@@ -71,11 +71,23 @@ def _bundled() -> tuple[CatalogFile, ...]:
 
 
 def _of_folder(folder: Path) -> tuple[CatalogFile, ...]:
-    """The catalogues of a folder; tables after files."""
+    """The catalogues of a folder, tables after files; none says something else of an entry."""
     tables = sorted(folder.glob("*.csv"))
     mappings = {mapping_of(table) for table in tables}
-    files = [_read(path) for path in sorted(folder.glob("*.yaml")) if path not in mappings]
-    return *files, *(_parsed(import_table(table), table) for table in tables)
+    own = [path for path in sorted(folder.glob("*.yaml")) if path not in mappings]
+    files = {path: _read(path) for path in own}
+    files |= {table: _parsed(import_table(table), table) for table in tables}
+    first: dict[tuple[str, str], Path] = {}
+    for path, file in files.items():
+        for section in _SECTIONS:
+            for name, entry in getattr(file, section).items():
+                other = first.setdefault((section, name), path)
+                if getattr(files[other], section)[name] != entry:
+                    raise CatalogError(
+                        f"{folder}: {section}.{name}: stands in {other.name} and {path.name} with "
+                        "other figures; keep one of them"
+                    )
+    return tuple(files.values())
 
 
 def _merged(source: str, files: Sequence[CatalogFile]) -> Catalog:

@@ -410,6 +410,11 @@ def test_a_folder_of_catalogues_and_tables_is_one_catalogue(tmp_path):
     both = load_catalog(folder)
     assert len(both.motors) == len(load_catalog().motors) + 1
     assert both.conditions.ambient == 33.0
+    write_catalog(folder / "again.yaml", {}, {"G": GEAR})
+    assert list(load_catalog(folder).gears)[-1] == "G"
+    write_catalog(folder / "again.yaml", {}, {"G": GEAR | {"mass": 9.0}})
+    with pytest.raises(CatalogError, match=r"gears\.G: stands in again.yaml and gears.yaml with"):
+        load_catalog(folder)
     (tmp_path / "empty").mkdir()
     with pytest.raises(CatalogError, match="empty: no motors, gears"):
         load_catalog(tmp_path / "empty")

@@ -103,9 +103,12 @@ def masses_line(report: SizingReport) -> list[str]:
     """Return whose masses are in the links, where the scene does not say it; else nothing."""
     if report.other_mass is None:
         return []
+    hold = dict(zip(report.given.actuator_names, report.given.masses_hold, strict=True))
+    unsaid = [name for name, here in hold.items() if here is None]
+    whose = f" of {', '.join(unsaid)}" if len(unsaid) < len(hold) else ""
     return [
-        "the scene does not say whether its links' masses hold the drives: they are added; with "
-        f"`robot.masses: with_drives` the drives would weigh {digits(report.other_mass)} kg"
+        f"the scene does not say whether its links' masses hold the drives{whose}: they are added; "
+        f"with `robot.masses: with_drives` the drives would weigh {digits(report.other_mass)} kg"
     ]
 
 

@@ -22,7 +22,7 @@ from pinfric.model.described import in_json
 from pinfric.show.pages.page import formula, percent
 from pinfric.show.pages.sizing import sizing_page
 from pinfric.show.pages.sizing_figures import torque_speed
-from pinfric.show.report.sizing import passes, sizing_report
+from pinfric.show.report.sizing import masses_line, passes, sizing_report
 from pinfric.sizing.summary import sizing_summary
 
 BROWSER = next(
@@ -153,6 +153,9 @@ def test_where_the_scene_does_not_say_whose_masses_it_holds_the_report_does(tmp_
     first = console.file.getvalue().splitlines()[:4]
     assert any("`robot.masses: with_drives` the drives would weigh" in line for line in first)
     assert held.other_mass is None
+    known, *open_ones = scene.actuator_names
+    part = replace(open_, given=scene.with_(masses={known: "with_drives"}))
+    assert f"hold the drives of {', '.join(open_ones)}: they" in masses_line(part)[0]
 
 
 def test_a_cycle_that_does_not_close_stands_in_every_report(tmp_path):
