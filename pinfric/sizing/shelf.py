@@ -330,7 +330,7 @@ def _of_gears(
         gear=gear,
         motor=columns(ratings, MOTOR_FIGURES),
         ratio=np.array([ratio for _, _, ratio in gears])[:, None],
-        inertia=own.input_inertia[:, None] + of_motors.rotor_inertia,
+        inertia=np.nan_to_num(own.input_inertia)[:, None] + of_motors.rotor_inertia,
         mass=(own.mass[:, None] + of_motors.mass) * (1 + KIT * kit),
         heat=np.array([_heat(r, conditions) for r in ratings]),
         fits=np.array([fitting(entry) for entry in entries]),
@@ -344,10 +344,17 @@ def _of_gears(
         sources=[entry.source for entry in entries],
         motor_sources=[motor.source for motor in listed],
         make=lambda g, m: motor_with_gear(names[m], listed[m], *gears[g], ratings[m]),
-        bare=lambda g: motor_with_gear("", blank, *gears[g], Ratings()),
+        bare=lambda g: motor_with_gear("", blank, *_at_best(*gears[g]), Ratings()),
         linear=linear,
         at_output=False,
     )
+
+
+def _at_best(name: str, gear: Gear, ratio: float) -> tuple[str, Gear, float]:
+    """A gear with no loss and no inertia where these are not known: nothing real is better."""
+    best = {"efficiency": 1.0, "input_inertia": 0.0}
+    given = {figure: x for figure, x in best.items() if getattr(gear, figure) is None}
+    return name, gear.model_copy(update=given), ratio
 
 
 def _of_gearmotors(
@@ -703,8 +710,14 @@ class Search:
                 mass = float(np.nanmin(block.mass[g])) if np.isfinite(block.mass[g]).any() else None
                 if not figures or self._gear_margins[b][g] < 0 or (mass and mass >= below):
                     continue
-                if self._of_entry(replace(block.bare(g), **self.parts.own)) >= 0:
-                    found.setdefault(name, Ask(name, figures, mass, block.sources[g]))
+                bare = replace(block.bare(g), **self.parts.own)
+                if self._of_entry(bare) < 0:
+                    continue
+                if bare.transmission is not None:  # else nothing is known of its torque
+                    least, _ = self._margins(b, np.array([g]))  # NaN: not known
+                    if not (block.fits[g] & ~(least[0] < 0)).any():
+                        continue
+                found.setdefault(name, Ask(name, figures, mass, block.sources[g]))
             if block.at_output:
                 continue
             known = [g for g in range(len(block.names)) if not self._gear_lacks(block, g)]

@@ -101,7 +101,7 @@ PYTHON = [
     ("pf.retime(ur10, states)", "give a trajectory, a file's name, or pf.Path.from_waypoints(q)"),
     ("pf.retime(pendulum, motion, 3)", "should be a motors file, 'default:NAME' or drive -> limi"),
     ("pf.size(pendulum, 'pendulum')", "give pf.load_trajectory('pendulum', scene)"),
-    ("pf.size(pendulum, motion, 'maxon')", "there are: default, or a YAML file"),
+    ("pf.size(pendulum, motion, 'maxon')", "there are: default, a YAML file, or a folder"),
     ("pf.sweep(pendulum, motion, {'samples': 3})", "is missing; e.g. pinfric_sweep: 1"),
     ("pf.replay(pendulum, 'pendulum')", "give a result of pf.inverse_dynamics(scene, trajectory)"),
     ("ur10.solver(states[0])", "states are arguments of the solver's methods, `scene.solver()."),

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from builders import dry
+from builders import dry, example
 from sizing_cases import GEAR, MOTOR, trapezoid, turntable
 
 import pinfric as pf
@@ -135,7 +135,16 @@ def test_a_brake_inside_another_motor_holds_no_joint(arm):
         assert still.brake is None
         assert not still.fitted
     lift = report.standstills[1]
-    assert (lift.held, lift.torque.status) == (False, Status.NOT_CHECKED)
+    assert (lift.held, lift.torque.status) == (False, Status.FAILS)
+    assert f"{report.joints[1].name}: {lift.torque.why}" in report.unmet
+
+
+def test_a_product_that_known_figures_rule_out_is_not_asked_about():
+    """A servo of 0.4 N m for a joint that holds 45: its stiffness would not help."""
+    report = pf.size(*example("panda_pick_and_place"), "default", on_miss="ignore")
+    asked = [ask.name for joint in report.joints[:4] for ask in joint.ask]
+    assert asked
+    assert not any("XL-320" in name or "XL330" in name for name in asked)
 
 
 def test_bounds_never_exceed_what_they_bound(arm):
