@@ -91,7 +91,9 @@ class Installed:
     tightest: str | None = quantity(
         "the criterion of the least margin; none: none was checked", heading="tightest\ncriterion"
     )
-    backlash: float | None = quantity("of its gear at the joint; none: not printed", "rad or m")
+    backlash: float | None = quantity(
+        "of its gear at the joint; none: not printed", "rad or m", "backlash\nat the joint"
+    )
     backlash_at_tool: float | None = quantity(
         "what that is at the tool, at the farthest pose; none: not known, or no `tool`",
         "m",

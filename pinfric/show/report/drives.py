@@ -15,7 +15,7 @@ from pinfric.sizing.summary import SizedJoint, SizingSummary, Unchecked
 #: N m; torques of brakes below print as 0.
 _ROUNDING = 1e-9
 #: Fields of a joint that say which drive was chosen.
-_INSTALLED = ("brake", "mass", "margin", "tightest", "backlash_at_tool")
+_INSTALLED = ("brake", "mass", "margin", "tightest", "backlash", "backlash_at_tool")
 _CHOICE = ("name", "choice", *(f"installed.{name}" for name in _INSTALLED))
 _SMALLER = ("name", "next_smaller.name", "next_smaller.mass", "next_smaller.short_by")
 _STILL = tuple(f"standstill.{name}" for name in ("effort", "shaft", "use", "brake", "margin"))
