@@ -672,6 +672,11 @@ class _Sizing:
         if not self.catalog.motors and not self.catalog.gearmotors:
             return f"{self.catalog.source} has no motors"
         output = "linear" if effort_unit(self.scene, i) == "N" else "rotary"
+        if any(gear.output == output for gear in self.catalog.gears.values()):
+            return (
+                f"no motor of {self.catalog.source} goes with its gears: a frameless kit needs a "
+                "strain wave gear, and a gear with `motors` one of these"
+            )
         return f"{self.catalog.source} has no gear with a {output} output"
 
     def _what_if(self) -> tuple[WhatIf, ...]:

@@ -136,7 +136,9 @@ def test_a_frameless_kit_weighs_a_quarter_more(tmp_path):
     kit = sized(tmp_path, {"mounting": "frameless"}, {"kind": "strain wave"}).choice.candidate
     assert kit.mass == pytest.approx(1.25 * plain.mass)
     assert any("frameless kit: 25%" in text for text in kit.stand_ins)
-    assert sized(tmp_path, {"mounting": "frameless"}).candidates == 0  # not before a planetary gear
+    planetary = sized(tmp_path, {"mounting": "frameless"})
+    assert planetary.candidates == 0
+    assert "goes with its gears: a frameless kit needs a strain wave gear" in planetary.no_fit
 
 
 def test_lists_are_by_kind_and_complete_in_the_catalogue_where_they_must_be():
