@@ -322,8 +322,10 @@ def lines_and_rows(problem: Problem, modes: Modes, chord: bool = False) -> tuple
 
 def without_gears(
     problem: Problem, modes: Modes, rows: np.ndarray, within: bool = False
-) -> tuple[Problem, np.ndarray]:
+) -> tuple[Problem, np.ndarray] | None:
     """Return the same problem for y, the friction without gears in motion, and x = map (1, y).
+
+    None where the rows of gears in motion are singular.
 
     At rest, y is counted from the friction nearest to zero that its gears hold, or from one well
     within what they hold.
@@ -332,19 +334,14 @@ def without_gears(
         return problem, np.empty(0)
     nc, R = len(rows), problem.rate_slope
     x, stick = np.eye(nc, 1 + nc, 1), problem.coulomb_stick.copy()
-    sites = np.arange(len(problem.coordinate))[len(problem.coordinate) - len(problem.gear_rotor) :]
-    for e in sites[modes.stuck[problem.gear_coordinate]]:
+    for e in np.flatnonzero(modes.stuck[problem.gear_coordinate]) - len(problem.gear_rotor):
         shift = min(max(0.0, -stick[e, 0]), stick[e, 1])
         if within and shift != 0.0:
             shift = _inside(-stick[e, 0], stick[e, 1])
         x[problem.coordinate[e], 0] += shift
         stick[e] += shift, -shift
-    bound = np.flatnonzero((rows != (1.0, 0.0, 0.0)).any(axis=1) & ~modes.stuck)
-    a, b, g = rows[bound].T
-    right = -b[:, None] * np.column_stack([problem.rate_free[bound] + R[bound] @ x[:, 0], R[bound]])
-    right[:, 0] += g
-    right[:, 1 + bound] = np.diag(a)
-    x[bound] = np.linalg.solve(np.diag(a) + b[:, None] * R[np.ix_(bound, bound)], right)
+    if not bind(problem, (rows != (1.0, 0.0, 0.0)).any(axis=1) & ~modes.stuck, rows, x):
+        return None
     every = np.concatenate([np.eye(1, 1 + nc), x])
     return problem._replace(
         rate_free=problem.rate_free + R @ x[:, 0],

@@ -214,7 +214,10 @@ def _together(
     """
     for passes in range(MOST_PASSES):
         lines, rows = lines_and_rows(problem, modes, passes > FEW_PASSES and passes % 2 == 1)
-        plain, of_y = without_gears(problem, modes, rows, within)
+        made = without_gears(problem, modes, rows, within)
+        if made is None:
+            return 0, 0
+        plain, of_y = made
         mechanism.slope = None if plain is problem else plain.rate_slope
         groups = mechanism.groups(modes.stuck)
         if not groups:

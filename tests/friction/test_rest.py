@@ -13,6 +13,7 @@ from friction_cases import (
 )
 
 from pinfric.friction.modes import Modes
+from pinfric.friction.problem import empty_problem
 from pinfric.friction.rest import Mechanism, solve
 
 
@@ -106,3 +107,17 @@ def test_what_a_ball_s_coordinates_have_is_had_by_its_joint():
     modes.direction[:] = [1.0, 0.5, 0.5, 0.5]
     slips = mechanism.slip_direction(modes, np.array([9.0, 3.0, 4.0, -12.0]))
     np.testing.assert_allclose(slips, [1.0, 3 / 13, 4 / 13, -12 / 13])
+
+
+@pytest.mark.usefixtures("interpreted_kernels")
+def test_a_gear_whose_line_cancels_its_rotor_has_no_solution_in_these_modes():
+    """-x + 2 r = 10 with r = 1 + x/2 is 2 = 10: no x obeys it."""
+    p = empty_problem(np.zeros(1, int), np.ones(1), np.zeros(0, int), np.zeros(1), gears=1)
+    p.rate_free[:], p.rate_slope[:], p.rate_scale[:] = 1.0, 0.5, 1.0
+    p.gear_rotor[:], p.gear_lines[..., 0], p.gear_lines[..., 2] = (5.0, 1.0), -1.0, -np.inf
+    none = np.zeros(1, dtype=bool)
+    for closed in (False, True):
+        m = Modes.of(1, 1, 1)
+        m.direction[:] = 1.0
+        mechanism = Mechanism(closed, np.sqrt(p.rate_slope), np.arange(1), none, none, np.zeros(1))
+        assert solve(p, m, mechanism) == (0, 0)

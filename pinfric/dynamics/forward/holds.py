@@ -154,7 +154,9 @@ def _decide(
     if not dry.any():
         return Verdict(True, 0.0, np.zeros(len(dry)), True, True)
     if not ws.mechanism.balls:
-        plain, of_y = without_gears(ws.problem, ws.modes, lines_and_rows(ws.problem, ws.modes)[1])
+        made = without_gears(ws.problem, ws.modes, lines_and_rows(ws.problem, ws.modes)[1])
+        assert made is not None  # no gear is in motion
+        plain, of_y = made
         shift = of_y[:, 0] if of_y.size else np.zeros(len(dry))
         found = decide(plain, ws.mechanism.factor, dry, _statics(ws, dry, shift), least=True)
         return replace(found, friction=found.friction + shift)

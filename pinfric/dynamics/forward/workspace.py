@@ -34,7 +34,7 @@ from pinfric.errors import (
     SceneError,
 )
 from pinfric.friction.consistency import evaluate, judge, try_modes
-from pinfric.friction.gears import fit, gear_margins, hold_chosen, jam, write_rows
+from pinfric.friction.gears import bind, fit, gear_margins, hold_chosen, jam, write_rows
 from pinfric.friction.given_modes import reduce_problem
 from pinfric.friction.law import add_load_slopes, stick_limits
 from pinfric.friction.minimax import least_violation
@@ -381,6 +381,7 @@ def _kernels_of_search(problem: Problem, modes: Modes) -> list[tuple[Any, tuple[
         (gear_margins, (problem, modes, 0)),
         (fit, (problem, modes, lines, True)),
         (write_rows, (problem, modes, True, lines, rows)),
+        (bind, (problem, modes.stuck, rows, empty)),
         (judge, (problem, modes)),
         (evaluate, (problem, modes.friction, modes.load, modes.rate)),
         (stick_limits, (problem, modes.load, line, line)),
