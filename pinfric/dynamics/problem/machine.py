@@ -12,7 +12,9 @@ from pinfric.friction.modes import Modes
 from pinfric.friction.problem import Problem, empty_problem
 from pinfric.kernels.arrays import array, make
 from pinfric.kernels.compiled import record
+from pinfric.model.closure import tree_tables
 from pinfric.model.drives import most_lines
+from pinfric.model.mass_matrix import bodies
 from pinfric.model.twin import Twin
 
 
@@ -25,8 +27,8 @@ class Tree(NamedTuple):
         gravity: (3,) m/s^2.
         armature: (nv,) rotor inertia reflected to the joints.
         first_freedom: (nj + 1,) index of each joint's first motion.
-        freedom_velocity, freedom_ratio: (nf,) column of the velocity, and factor.
-        freedom_axis: (nf, 6) unit motion in the joint's child frame, linear first.
+        freedom_velocity: (nf,) column of the velocity.
+        twist: (nf, 6) motion per unit of it, in the joint's child frame, linear first.
         unit_first, unit_count: (nu,) where in q the parts of length 1 begin, how long they are.
     """
 
@@ -36,8 +38,7 @@ class Tree(NamedTuple):
     armature: np.ndarray
     first_freedom: np.ndarray
     freedom_velocity: np.ndarray
-    freedom_ratio: np.ndarray
-    freedom_axis: np.ndarray
+    twist: np.ndarray
     unit_first: np.ndarray
     unit_count: np.ndarray
 
@@ -242,30 +243,20 @@ def make_machine(twin: Twin, plan: Plan, supply: Supply) -> Machine:
 
 def make_tree(twin: Twin) -> Tree:
     """Tabulate the joints of a twin, with the masses of its payload."""
-    model, nj = twin.model, twin.n_joints
-    unit_first, unit_count = unit_parts(model)
-    parent = np.array(list(model.parents)[1:], dtype=np.int64) - 1
-    mass = np.array([y.mass for y in model.inertias[1:]]).reshape(nj)
-    for j in range(nj - 1, 0, -1):  # parents come before their children
+    unit_first, unit_count = unit_parts(twin.model)
+    links, parent = bodies(twin), tree_tables(twin)[0]
+    mass = links.mass.copy()
+    for j in range(len(mass) - 1, 0, -1):  # parents come before their children
         if parent[j] >= 0:
             mass[parent[j]] += mass[j]
-    # joint, velocity, ratio and axis of every motion that a joint can do; mimics' joints too
-    found: list[tuple[int, int, float, np.ndarray]] = []
-    for j in range(nj):
-        if twin.components[j, 0] < 0:
-            found.append((j, int(twin.v_index[j]), float(twin.ratio[j]), twin.axis[j]))
-            continue
-        for n, component in enumerate(c for c in twin.components[j] if c >= 0):
-            found.append((j, int(twin.v_index[j]) + n, 1.0, np.eye(6)[component]))
     return Tree(
         parent=parent,
         mass=mass,
-        gravity=np.array(model.gravity.linear),
+        gravity=np.array(twin.model.gravity.linear),
         armature=twin.armature,
-        first_freedom=np.searchsorted([j for j, *_ in found], np.arange(nj + 1)),
-        freedom_velocity=np.array([f[1] for f in found], dtype=np.int64),
-        freedom_ratio=np.array([f[2] for f in found], dtype=float),
-        freedom_axis=np.array([f[3] for f in found], dtype=float).reshape(-1, 6),
+        first_freedom=links.first,
+        freedom_velocity=links.column,
+        twist=links.twist,
         unit_first=unit_first,
         unit_count=unit_count,
     )

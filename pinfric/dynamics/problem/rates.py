@@ -42,14 +42,14 @@ def _move_freedoms(machine: Machine) -> None:
     """Write motion and momentum of every freedom."""
     tree, k = machine.tree, machine.supply
     R, p, S, A = k.R[1:], k.p[1:], machine.kinematics.motion, machine.kinematics.momentum
-    axis, first = tree.freedom_axis, tree.first_freedom
+    twist, first = tree.twist, tree.first_freedom
     for j in range(tree.parent.size):
         for f in range(first[j], first[j + 1]):
             for r in range(3):
                 S[f, r] = S[f, 3 + r] = 0.0
                 for c in range(3):
-                    S[f, r] += R[j, r, c] * axis[f, c]
-                    S[f, 3 + r] += R[j, r, c] * axis[f, 3 + c]
+                    S[f, r] += R[j, r, c] * twist[f, c]
+                    S[f, 3 + r] += R[j, r, c] * twist[f, 3 + c]
             S[f, 0] += p[j, 1] * S[f, 5] - p[j, 2] * S[f, 4]
             S[f, 1] += p[j, 2] * S[f, 3] - p[j, 0] * S[f, 5]
             S[f, 2] += p[j, 0] * S[f, 4] - p[j, 1] * S[f, 3]
@@ -78,7 +78,6 @@ def write_mass_matrix(machine: Machine) -> None:
                     total = 0.0
                     for e in range(6):
                         total += S[f, e] * A[g, e]
-                    total *= t.freedom_ratio[f] * t.freedom_ratio[g]
                     M[velocity[f], velocity[g]] += total
                     if f != g:
                         M[velocity[g], velocity[f]] += total

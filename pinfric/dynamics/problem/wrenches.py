@@ -40,7 +40,7 @@ def _accelerate(machine: Machine) -> None:
                 below[j, n, e] = 0.0
         for f in range(first[j], first[j + 1]):
             for n in range(columns):
-                share = t.freedom_ratio[f] * a_map[t.freedom_velocity[f], n]
+                share = a_map[t.freedom_velocity[f], n]
                 for e in range(6):
                     above[j, n, e] += share * k.motion[f, e]
     for j in range(nj - 1, -1, -1):
@@ -52,7 +52,7 @@ def _accelerate(machine: Machine) -> None:
                 below[parent, n, e] += below[j, n, e]
         for f in range(first[j], first[j + 1]):
             for n in range(columns):
-                share = t.freedom_ratio[f] * a_map[t.freedom_velocity[f], n]
+                share = a_map[t.freedom_velocity[f], n]
                 for e in range(6):
                     below[parent, n, e] += share * k.momentum[f, e]
 
