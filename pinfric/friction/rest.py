@@ -20,7 +20,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
 
 import numpy as np
 
@@ -188,10 +187,10 @@ def solve(
         return _apart(problem, modes, chosen)
     found, obeying = _together(problem, modes, mechanism, chosen)
     ways = list(ways_to_hold(problem, modes)) if modes.effort.size and not obeying else []
-    for efforts, within in product(ways, (False, True)) if len(ways) > 1 else ():
+    for efforts in ways if len(ways) > 1 else ():
         modes.effort[:] = efforts
         hold_chosen(problem, modes)
-        found, obeying = _together(problem, modes, mechanism, chosen, within)
+        found, obeying = _together(problem, modes, mechanism, chosen, within=True)
         if obeying:
             break
     return found, obeying
@@ -210,7 +209,8 @@ def _together(
 ) -> tuple[int, int]:
     """`solve` of a mechanism, with the intervals that gears at rest hold as they are.
 
-    `within`: the search for what holds may fail from the end of an interval.
+    `within`: friction is counted from within them. From their ends, a limit of zero beside an
+    infinite one, the search for what holds may fail.
     """
     for passes in range(MOST_PASSES):
         lines, rows = lines_and_rows(problem, modes, passes > FEW_PASSES and passes % 2 == 1)
