@@ -4,13 +4,14 @@ A tree is a linkage without loops and actions. Friction acts on *coordinates*, w
 velocities: of a joint of the tree (a mimic's sites share their leader's) or along an action of a
 loop's joint or of a cylinder. A site has one *entry* in the problem; a ball has three, one along
 each axis of frame b. If motor torques are given, a gear with losses also has an entry, on the
-coordinate that it drives, for its static friction.
+coordinate that it drives, for what it loses and holds.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple, cast
+from typing import NamedTuple, TypeVar, cast
 
 import numpy as np
 
@@ -23,6 +24,8 @@ from pinfric.model.kinematics import Actions
 from pinfric.model.laws import Laws
 from pinfric.model.loops import no_linkage
 from pinfric.model.scene import Scene
+
+Made = TypeVar("Made")
 
 
 class Drives(NamedTuple):
@@ -251,21 +254,18 @@ def make_inverse_plan(scene: Scene) -> Plan:
 
 
 def kept_plan(scene: Scene, asked: str) -> KernelArgument[Plan]:
-    """Return a plan, made at first; it lives in the scene's twin.
-
-    Scenes that differ only in friction may share a twin; the last one used has its plan.
+    """Return a plan, made at first.
 
     Args:
         scene: the robot with its friction and drives.
         asked: "inverse", or what forward dynamics is given: "effort" or "motor_torque".
     """
-    pools, key = scene.twin().pools, ("plan", asked)
-    known, argument = pools.get(key, (None, None))
-    if known is not scene:
+
+    def made() -> KernelArgument[Plan]:
         inverse, motors = asked == "inverse", asked == "motor_torque"
-        argument = KernelArgument(make_inverse_plan(scene) if inverse else make_plan(scene, motors))
-        pools[key] = scene, argument
-    return cast("KernelArgument[Plan]", argument)
+        return KernelArgument(make_inverse_plan(scene) if inverse else make_plan(scene, motors))
+
+    return _kept(scene, asked, made)
 
 
 def drive_delivery(scene: Scene) -> np.ndarray:
@@ -273,9 +273,26 @@ def drive_delivery(scene: Scene) -> np.ndarray:
 
     Drives of one joint share its effort (`_shares`); coupled ones see `couples.delivery`.
     """
-    alone = [replace(drive, couples=()) for drive in scene.drives]
-    own, P = rate_rows(alone, scene.model.nv), delivery(scene.drives, scene.model.nv)
-    return np.asarray(P @ own if P.size else _shares(scene)[0][:, None] * own)
+
+    def made() -> np.ndarray:
+        alone = [replace(drive, couples=()) for drive in scene.drives]
+        own, P = rate_rows(alone, scene.model.nv), delivery(scene.drives, scene.model.nv)
+        return np.asarray(P @ own if P.size else _shares(scene)[0][:, None] * own)
+
+    return _kept(scene, "delivery", made)
+
+
+def _kept(scene: Scene, what: str, make: Callable[[], Made]) -> Made:
+    """Return what is made once for a scene; it lives in the scene's twin.
+
+    Scenes that differ only in friction may share a twin; what is kept is of the last one used.
+    """
+    pools, key = scene.twin().pools, ("plan", what)
+    known, found = pools.get(key, (None, None))
+    if known is not scene:
+        found = make()
+        pools[key] = scene, found
+    return cast("Made", found)
 
 
 #: What a coordinate's rate is: that of a velocity, of an action, or of a coupled drive; else -1.

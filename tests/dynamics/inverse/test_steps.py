@@ -8,6 +8,7 @@ from builders import dry, plane_friction, random_states, random_tree, scene_of, 
 
 import pinfric as pf
 from pinfric.dynamics.inverse import tree as inverse_tree
+from pinfric.dynamics.problem.plan import drive_delivery
 from pinfric.errors import StateError
 
 # Result: the result: stick intervals, DataFrame, its own check.
@@ -78,3 +79,17 @@ def test_constant_friction_computes_no_reactions(monkeypatch):
     result = pf.inverse_dynamics(scene, q, np.abs(v), a)
     np.testing.assert_allclose((result.effort_lower - result.effort_frictionless)[:, 1], 1.0)
     assert result.check().passed()
+
+
+def test_what_drives_deliver_of_joints_efforts_is_made_once_for_a_scene():
+    """It took a tenth of `Solver.inverse`; scenes that share a twin have each their own."""
+    model = random_tree(0, 3)
+    last = tuple(model.names)[-1]
+    pair = [{"joint": last, "name": name, "share": 1.0} for name in ("left", "right")]
+    scene = pf.Scene(model=model, actuators=pair)
+    halves = drive_delivery(scene)
+    np.testing.assert_array_equal(halves[:, -1], [0.5, 0.5])
+    assert drive_delivery(scene) is halves
+    one = scene.with_(actuators=[{"joint": last}])
+    assert drive_delivery(one).shape == (1, 3)
+    np.testing.assert_array_equal(drive_delivery(scene), halves)
