@@ -26,8 +26,8 @@ import numpy as np
 class Problem(NamedTuple):
     """One coupled friction problem: nc coordinates, ns sites, nt contact forces, ng gears.
 
-    A site here is one entry of the plan: a ball has three, and a gear with losses has one, one of
-    the last ng.
+    A site here is one entry of the plan: a ball has three, a gear with losses has one. The last ng
+    are those of gears.
 
     Attributes:
         rate_free: (nc,) r without friction.
@@ -44,8 +44,8 @@ class Problem(NamedTuple):
         drag: (ns,) viscous friction against the site's present velocity.
         gear_rotor: (ng, 2) what arrives at each at r = 0 (N m or N), and its rotor's inertia per r.
         gear_lines: (ng, 4, n, 3) slope, offset and least effort of the lines of each, in ascending
-            order, of forward and of backward motion and then of both from rest; a line that is
-            there only to fill the table repeats the last slope and begins at inf.
+            order: in forward motion, in backward motion, then in both from rest. A line that only
+            fills the table repeats the last slope and begins at inf.
         gear_held: (ng, m, 2) the intervals of efforts that each holds at rest; inf, -inf: none.
     """
 
@@ -87,7 +87,7 @@ def empty_problem(
 ) -> Problem:
     """Return a problem of the given structure whose numbers are still to be written.
 
-    The last sites are those of the gears, of so many lines each way at most.
+    The last sites are those of the gears, each with at most `lines` lines each way.
     """
     ns, nt = len(coordinate), len(contact_site)
     nc = int(coordinate.max()) + 1 if ns else 0

@@ -245,7 +245,12 @@ def _hold_otherwise(step: _Shared) -> bool:
 
 
 class _Shared:
-    """One pass x -> G(x) of a problem in which groups share their friction."""
+    """One pass x -> G(x) of a problem in which groups share their friction.
+
+    Attributes:
+        given, plain, of_y: the problem, and what `without_gears` returns of it.
+        problem: the plain one with finite limits; x is its friction.
+    """
 
     def __init__(
         self,

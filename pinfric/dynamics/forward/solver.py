@@ -77,8 +77,8 @@ class Sample(NamedTuple):
 
     Attributes:
         q, v, a: (nq,), (1, nv), (1, nv).
-        unit_q, unit_count: (nu,) see `maps.Tables`.
-        force, h: (1 + nj, 6), (nv,) of Pinocchio's `Data`, see `maps.Supply`.
+        unit_q, unit_count: (nu,) where in q the parts of length 1 begin, how long they are.
+        force, h: (1 + nj, 6), (nv,) of Pinocchio's `Data`, see `machine.Supply`.
         joint: (ns,) row of each site's joint.
         displacement_q, displacement_ratio, displacement_shift: (ns,), see `Plan`.
         sites: `Scene.site_tables`, `joint` the row of the site itself. gears: of its drives.

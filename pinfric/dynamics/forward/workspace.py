@@ -112,6 +112,7 @@ class Workspace:
         self.least, self.most = found.least, found.most
         geared = drives.gear_coordinate[drives.gear_coordinate >= 0]
         self._geared = bool(geared.size)
+        # losses grow steadily with speed: at no speed or at a large one slopes are least
         every = ((d, x) for d in np.flatnonzero(drives.gear_coordinate >= 0) for x in (0.0, 1e6))
         self._locks = any(slope_range(drives.gears, d, x)[0] <= 0.0 for d, x in every)
         names = zip(scene.site_names, t.site_coordinate.tolist(), strict=True)

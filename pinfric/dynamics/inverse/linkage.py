@@ -40,11 +40,8 @@ def solve_linkage(
 
     Args, raises: see `inverse.inverse_dynamics`; besides, `closure.check_pairs`.
     """
-    argument, around, inner = (
-        kept_plan(scene, "inverse"),
-        states.around(whole),
-        states.inside(whole),
-    )
+    argument = kept_plan(scene, "inverse")
+    around, inner = states.around(whole), states.inside(whole)
     plan, linkage, na = argument.given, scene.linkage, len(scene.drives)
     T = whole.stop - whole.start
     assert linkage is not None

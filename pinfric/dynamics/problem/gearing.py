@@ -57,7 +57,7 @@ def write_gears(machine: Machine, v: np.ndarray, given: np.ndarray, step: float)
 
 @kernel
 def _write_lines(machine: Machine, d: int, g: int, speed: float, laws: int) -> None:
-    """Write the lines of a gear at a speed, of 4 laws those from rest, too."""
+    """Write the lines of a gear at a speed: 2 laws, or 4, of which two are from rest."""
     gears, lines = machine.plan.drives.gears, machine.problem.gear_lines[g]
     for law in range(laws):
         way, k, start = 1.0 if law % 2 == 0 else -1.0, 0, -np.inf

@@ -21,8 +21,7 @@ from pinfric.friction.law import stick_limits
 from pinfric.kernels.compiled import kernel
 
 #: Modes that `solve_instant` tries: those of the velocities; those in `modes`; the same, with balls
-#: directed against their motion.
-#: Coordinates without dry friction are always directed against their motion.
+#: directed against their motion. What has no dry friction is always directed against its motion.
 FREE, GIVEN, TURNED = range(3)
 #: An outcome of `solve_instant`, beside 0 and those of `write_accelerations`: joints stick that may
 #: share their friction, and the caller has to find it.

@@ -194,8 +194,9 @@ def constant_payloads(
     """Cut `whole` into batches of constant payload, each with its twin."""
     for start, stop, carried in states.phases(scene):
         parts = list(slices(max(start, whole.start), min(stop, whole.stop), size))
-        twin = scene.twin(carried) if parts else None  # which looks for changes: once
-        yield from ((part, twin) for part in parts if twin)
+        if parts:
+            twin = scene.twin(carried)  # once: it looks whether the scene has changed
+            yield from ((part, twin) for part in parts)
 
 
 def check_roll_moments(scene: Scene, wrench: np.ndarray, first: int) -> None:
