@@ -17,7 +17,6 @@ slows it down.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -153,17 +152,7 @@ def _standstill(
     name = fitted or None
     if not fitted and torque is not None and (needed or torque != 0.0):
         name = smallest_brake(brakes, torque, stop)
-    held_by = _torque(torque, name, brakes, conditions, needed)
-    if needed and fitted == "" and torque is not None and not brakes:
-        held_by = replace(
-            held_by,
-            status=Status.FAILS,
-            available=0.0,
-            margin=LEAST_MARGIN,
-            note=_NO_BRAKE,
-            condition=stated(conditions, "holding_brake"),
-            missing="",
-        )
+    held_by = _torque(torque, name, brakes, conditions, needed, fitted is not None)
     assert result.t is not None  # size refuses a motion without times
     energy = _energy(stop, name, brakes, stated(conditions, "holding_brake") if needed else "")
     criteria = (_unpowered(use, held), held_by, energy)
@@ -300,7 +289,9 @@ def _torque(
     brakes: Mapping[str, Brake],
     conditions: Conditions,
     needed: bool,
+    chosen: bool,
 ) -> Criterion:
+    """`needed`: the conditions ask for a brake. `chosen`: the joint's drive is, with or without."""
     said = stated(conditions, "brake_factor", *["holding_brake"] * needed)
     formula = (
         f"{conditions.brake_factor:g} max |load|/ratio at rest, without friction <= torque of the "
@@ -312,6 +303,9 @@ def _torque(
         return compare(_BRAKE, wanted, torque, "N m", formula, _SOURCE, "", note, said)
     strongest = max((brake.torque for brake in brakes.values()), default=None)
     missing = "brakes in the catalogue" if wanted is not None else "gear and motor"
+    if needed and chosen and wanted is not None and not brakes:
+        said, figures = stated(conditions, "holding_brake"), (wanted, 0.0, "N m", LEAST_MARGIN)
+        return Criterion(_BRAKE, Status.FAILS, *figures, formula, _SOURCE, _NO_BRAKE, said)
     if needed:
         note = "" if strongest is None else f"{list(brakes)[-1]}, the strongest"
         return compare(_BRAKE, wanted, strongest, "N m", formula, _SOURCE, missing, note, said)

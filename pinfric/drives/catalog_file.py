@@ -14,7 +14,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from pinfric.drives.catalog import Catalog, CatalogFile
+from pinfric.drives.catalog import Catalog, CatalogFile, Sourced
 from pinfric.drives.doubts import doubts
 from pinfric.drives.policy import Conditions
 from pinfric.drives.table import import_table, mapping_of
@@ -71,21 +71,21 @@ def _bundled() -> tuple[CatalogFile, ...]:
 
 
 def _of_folder(folder: Path) -> tuple[CatalogFile, ...]:
-    """The catalogues of a folder, tables after files; none says something else of an entry."""
+    """The catalogues of a folder, tables after files; an entry has the same figures in all."""
     tables = sorted(folder.glob("*.csv"))
     mappings = {mapping_of(table) for table in tables}
     own = [path for path in sorted(folder.glob("*.yaml")) if path not in mappings]
     files = {path: _read(path) for path in own}
     files |= {table: _parsed(import_table(table), table) for table in tables}
-    first: dict[tuple[str, str], Path] = {}
+    found: dict[tuple[str, str], tuple[Path, Sourced]] = {}
     for path, file in files.items():
         for section in _SECTIONS:
             for name, entry in getattr(file, section).items():
-                other = first.setdefault((section, name), path)
-                if getattr(files[other], section)[name] != entry:
+                other, same = found.setdefault((section, name), (path, entry))
+                if same != entry:
                     raise CatalogError(
-                        f"{folder}: {section}.{name}: stands in {other.name} and {path.name} with "
-                        "other figures; keep one of them"
+                        f"{folder}: {section}.{name}: its figures in {other.name} and in "
+                        f"{path.name} differ; keep one of them"
                     )
     return tuple(files.values())
 

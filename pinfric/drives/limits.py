@@ -107,17 +107,16 @@ def _cooled(d: Drives) -> str:
     return "ambient" + " max_winding" * of_class
 
 
-def _warmed(d: Drives) -> str:
-    """The same, and the time constant where no motor's is printed."""
-    thermal = d.ratings.thermal
-    own = thermal is not None and thermal.winding_time is not None
-    return _cooled(d) + " thermal_time" * (not own and d.ratings.thermal_time is None)
-
-
 def _stalled(d: Drives) -> str:
+    """The same, and the time constant where the winding's is not printed."""
     thermal = d.ratings.thermal
-    own = thermal is not None and thermal.winding_time is not None
-    return _cooled(d) + " thermal_time" * (not own)
+    printed = thermal is not None and thermal.winding_time is not None
+    return _cooled(d) + " thermal_time" * (not printed)
+
+
+def _warmed(d: Drives) -> str:
+    """The same, and the time constant where neither the winding's nor the motor's is printed."""
+    return _stalled(d) if d.ratings.thermal_time is None else _cooled(d)
 
 
 def _heat_formula(d: Drives) -> str:

@@ -164,7 +164,7 @@ def rank(assessment: Assessment) -> tuple[float, float, str]:
 class Ask:
     """A product that cannot be signed, and the figures to ask its maker for.
 
-    `source` is where the others are from.
+    `source`: the document of its other figures.
     """
 
     name: str
@@ -313,7 +313,8 @@ def _of_gears(
     gear = SimpleNamespace(
         **{k: v[:, None] for k, v in vars(columns(entries, GEAR_FIGURES)).items()}
     )
-    own = columns(entries, ("mass", "input_inertia"))
+    best = [_at_best(entry) for entry in entries]
+    own = columns(best, ("mass", "input_inertia"))
     of_motors = columns(listed, ("mass", "rotor_inertia"))
     kit = np.array([frameless(motor) for motor in listed])
     blank = Motor.model_construct(source="", grade="R", rotor_inertia=0.0)
@@ -330,7 +331,7 @@ def _of_gears(
         gear=gear,
         motor=columns(ratings, MOTOR_FIGURES),
         ratio=np.array([ratio for _, _, ratio in gears])[:, None],
-        inertia=np.nan_to_num(own.input_inertia)[:, None] + of_motors.rotor_inertia,
+        inertia=own.input_inertia[:, None] + of_motors.rotor_inertia,
         mass=(own.mass[:, None] + of_motors.mass) * (1 + KIT * kit),
         heat=np.array([_heat(r, conditions) for r in ratings]),
         fits=np.array([fitting(entry) for entry in entries]),
@@ -344,17 +345,17 @@ def _of_gears(
         sources=[entry.source for entry in entries],
         motor_sources=[motor.source for motor in listed],
         make=lambda g, m: motor_with_gear(names[m], listed[m], *gears[g], ratings[m]),
-        bare=lambda g: motor_with_gear("", blank, *_at_best(*gears[g]), Ratings()),
+        bare=lambda g: motor_with_gear("", blank, gears[g][0], best[g], gears[g][2], Ratings()),
         linear=linear,
         at_output=False,
     )
 
 
-def _at_best(name: str, gear: Gear, ratio: float) -> tuple[str, Gear, float]:
+def _at_best(gear: Gear) -> Gear:
     """A gear with no loss and no inertia where these are not known: nothing real is better."""
     best = {"efficiency": 1.0, "input_inertia": 0.0}
-    given = {figure: x for figure, x in best.items() if getattr(gear, figure) is None}
-    return name, gear.model_copy(update=given), ratio
+    unknown = {figure: x for figure, x in best.items() if getattr(gear, figure) is None}
+    return gear.model_copy(update=unknown) if unknown else gear
 
 
 def _of_gearmotors(

@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import pinocchio as pin
 import pytest
+from builders import chain, lump
 from scipy.linalg import expm
 from sizing_cases import (
     ACCELERATION,
@@ -678,9 +679,8 @@ GIVEN = {
     "thermal_time": 300.0,
     "amplifiers": {"table": "A"},
 }
-#: What else a condition moves, in passing: the winding is warmer, the voltage and the copper loss
-#: with it.
-IN_PASSING = {(row, key) for row in ("speed-torque line",) for key in ("ambient",)}
+#: What a condition moves in passing: a warmer winding needs more voltage.
+IN_PASSING = {("speed-torque line", "ambient")}
 SLIDE = {"ratio": 628.3, "output": "linear", "kind": "ball screw", "stroke": 0.5, "stiffness": 1e7}
 SCREW_PARTS = {
     "screw": {"root_diameter": 0.01, "length": 0.6, "supports": "fixed-fixed"},
@@ -719,10 +719,7 @@ def variants(tmp_path):
     ):
         catalog = one_drive(tmp_path, motor, gear, brakes=brake, **more)
         yield turning, trapezoid(turning), catalog
-    model = pin.Model()
-    model.addJoint(0, pin.JointModelPZ(), pin.SE3.Identity(), "table")
-    model.appendBodyToJoint(1, pin.Inertia(2.0, np.zeros(3), 0.01 * np.eye(3)), pin.SE3.Identity())
-    lift = pf.Scene(model=model, stick_velocity=0.0)
+    lift = pf.Scene(chain(("table", pin.JointModelPZ(), lump(2.0))), stick_velocity=0.0)
     for parts in (SCREW_PARTS, {**NUT_PARTS, "kind": "lead screw"}):
         gear = {**SLIDE, "bearing": None, "back_driving_torque": None, **parts}
         yield lift, trapezoid(lift), one_drive(tmp_path, {}, gear, brakes=brake, **more)
@@ -778,7 +775,7 @@ def test_every_row_names_the_conditions_that_set_it_and_their_defaults(tmp_path)
     assert rows - seen <= {
         "guide static safety",
         "amplifier currents",
-        *(f"{what} {of}" for what in ("guide", "screw", "bearing") for of in ("loads",)),
+        *(f"{what} loads" for what in ("guide", "screw", "bearing")),
     }
     assert len(named) > 20
 
@@ -809,11 +806,8 @@ def test_every_row_names_the_conditions_that_set_it_and_their_defaults(tmp_path)
 )
 def test_what_brakes_bus_and_robot_miss_names_its_condition_too(tmp_path, given, row, said):
     """A swinging arm on one gear; its brake holds 4 times the load."""
-    model = pin.Model()
-    model.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "table")
-    body = pin.Inertia(2.0, np.array([0.3, 0.0, 0.0]), 0.01 * np.eye(3))
-    model.appendBodyToJoint(1, body, pin.SE3.Identity())
-    scene = pf.Scene(model=model, stick_velocity=0.0)
+    model = chain(("table", pin.JointModelRY(), lump(2.0, [0.3, 0.0, 0.0])))
+    scene = pf.Scene(model, stick_velocity=0.0)
     brake = {"source": "invented", "grade": "R", "torque": 4 * 2.0 * 9.81 * 0.3 / 100}
     catalog = one_drive(tmp_path, {}, {"backlash": 1e-4}, brakes={"B": brake})
     t = np.linspace(0.0, 1.0, 201)
