@@ -72,7 +72,6 @@ def new_scene(urdf: str | Path, folder: str | Path | None = None) -> str:
     urdf = urdf_file(urdf)
     robot = read_robot(urdf, {})
     joints = joint_loads(robot.model)
-    # The guesses as data, so that every report can list them
     parts = [
         _head(urdf, robot),
         "pinfric: 1",
@@ -87,20 +86,19 @@ def new_scene(urdf: str | Path, folder: str | Path | None = None) -> str:
         *[line for joint in joints for line in _joint_section(joint, robot.dynamics)],
         *_actuators_section(robot),
         *_simulation_section(robot.model),
+        # the guesses as data, so that every report can list them
+        "assumed:                       # delete the line of each guess that you replace",
+        f"  by: {yaml_line(f'pinfric new {locator(urdf, folder)}')}",
+        f"  date: '{datetime.date.today().isoformat()}'",
+        f"  version: {yaml_line(__version__)}",
+        f"  inputs: {{{yaml_line(urdf.name)}: {file_hash(urdf)}}}",
+        "  values:",
+        f"    robot.masses: {yaml_line(_MASSES)}",
         *[
-            "assumed:                       # delete the line of each guess that you replace",
-            f"  by: {yaml_line(f'pinfric new {locator(urdf, folder)}')}",
-            f"  date: '{datetime.date.today().isoformat()}'",
-            f"  version: {yaml_line(__version__)}",
-            f"  inputs: {{{yaml_line(urdf.name)}: {file_hash(urdf)}}}",
-            "  values:",
-            f"    robot.masses: {yaml_line(_MASSES)}",
-            *[
-                f"    {yaml_line(f'friction.{joint.name}.{key}')}: {yaml_line(why)}"
-                for joint in joints
-                if joint.degrees == 1
-                for key, (_, why) in _guesses(joint).items()
-            ],
+            f"    {yaml_line(f'friction.{joint.name}.{key}')}: {yaml_line(why)}"
+            for joint in joints
+            if joint.degrees == 1
+            for key, (_, why) in _guesses(joint).items()
         ],
     ]
     return "\n".join(parts) + "\n"

@@ -127,6 +127,8 @@ def prepare(scene: Scene, recording: Recording, thin: int = 1) -> Prepared:
         recording: one log.
         thin: by how much fewer samples are kept than the low pass asks for.
     """
+    from scipy.interpolate import BSpline, make_interp_spline
+
     motion, step, nj = recording.trajectory, recording.step, scene.model.nv
     rigid_effort = along(scene, motion)[0]
     payload = np.broadcast_to(0.0, rigid_effort.shape)
@@ -137,10 +139,8 @@ def prepare(scene: Scene, recording: Recording, thin: int = 1) -> Prepared:
     measured = np.where(known, recording.effort, rigid_effort) - payload
     kept = np.arange(0, motion.t.size, thin * _spacing(step))
     slides = _sliding(recording, known)[kept]
-    columns = _passed(measured, step)
-    from scipy.interpolate import BSpline, make_interp_spline
-
-    splines = [make_interp_spline(motion.t, column, k=3) for column in columns.T]
+    # one after another, to spare memory
+    splines = [make_interp_spline(motion.t, column, k=3) for column in _passed(measured, step).T]
     effort = BSpline(splines[0].t, np.column_stack([one.c for one in splines]), 3)
     slots, v = np.zeros((kept.size, nj, K)), recording.velocity
     slots[:, :, INERTIA] = _passed(recording.acceleration, step)[kept]

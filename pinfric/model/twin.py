@@ -183,8 +183,8 @@ def _embedding_row(model: pin.Model, index: int) -> tuple[object, ...]:
     if joint.shortname() == "JointModelMimic":
         mimic = joint.extract()
         ratio, shift = float(mimic.scaling), float(mimic.offset)
-        position = list(model.mimicking_joints).index(index)
-        if model.joints[int(list(model.mimicked_joints)[position])].nq != 1:
+        leader = model.mimicked_joints[list(model.mimicking_joints).index(index)]
+        if model.joints[leader].nq != 1:
             raise RobotError(
                 f"joint {model.names[index]!r} mimics a continuous joint: not supported"
             )

@@ -69,29 +69,7 @@ def check_urdf(root: ElementTree.Element, urdf: Path) -> None:
     if not root.get("name"):
         root.set("name", NAMELESS)
     _release_followers(root, urdf)
-    links = [link.attrib["name"] for link in root.findall("link")]
-    if not links:
-        raise RobotError(f"{urdf}: has no <link>")
-    above: dict[str, str] = {}
-    for joint in root.findall("joint"):
-        name, ends = joint.attrib["name"], (link_of(joint, "parent"), link_of(joint, "child"))
-        for end in ends:
-            if end not in links:
-                raise RobotError(
-                    f"{urdf}: joint {name!r} names link {end!r}; {choose_from(end, links)}"
-                )
-        if ends[1] in above:
-            raise RobotError(
-                f"{urdf}: link {ends[1]!r} is the child of {above[ends[1]]!r} and "
-                f"{name!r}; a URDF is a tree: close loops in the scene's `loops`"
-            )
-        above[ends[1]] = name
-    roots = [name for name in links if name not in above]
-    if len(roots) != 1:
-        raise RobotError(f"{urdf}: needs one root link, found {roots or 'a ring of links'}")
-    reached = _reachable(roots, root.findall("joint"))
-    if lost := [name for name in links if name not in reached]:
-        raise RobotError(f"{urdf}: links {lost} form a ring without connection to {roots[0]!r}")
+    _check_tree(root, urdf)
     _check_joints(root, urdf)
     _check_mimics(root, urdf)
     _check_inertias(root, urdf)
@@ -280,6 +258,32 @@ def _vanishes(word: str) -> bool:
 def _spelled(word: str) -> str:
     value = float(word)
     return word if math.isfinite(value) else repr(math.copysign(sys.float_info.max, value))
+
+
+def _check_tree(root: ElementTree.Element, urdf: Path) -> None:
+    links = [link.attrib["name"] for link in root.findall("link")]
+    if not links:
+        raise RobotError(f"{urdf}: has no <link>")
+    above: dict[str, str] = {}
+    for joint in root.findall("joint"):
+        name, ends = joint.attrib["name"], (link_of(joint, "parent"), link_of(joint, "child"))
+        for end in ends:
+            if end not in links:
+                raise RobotError(
+                    f"{urdf}: joint {name!r} names link {end!r}; {choose_from(end, links)}"
+                )
+        if ends[1] in above:
+            raise RobotError(
+                f"{urdf}: link {ends[1]!r} is the child of {above[ends[1]]!r} and "
+                f"{name!r}; a URDF is a tree: close loops in the scene's `loops`"
+            )
+        above[ends[1]] = name
+    roots = [name for name in links if name not in above]
+    if len(roots) != 1:
+        raise RobotError(f"{urdf}: needs one root link, found {roots or 'a ring of links'}")
+    reached = _reachable(roots, root.findall("joint"))
+    if lost := [name for name in links if name not in reached]:
+        raise RobotError(f"{urdf}: links {lost} form a ring without connection to {roots[0]!r}")
 
 
 def link_of(joint: ElementTree.Element, end: str) -> str:

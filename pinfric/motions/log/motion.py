@@ -174,34 +174,7 @@ def regularise(samples: Samples) -> Regular | None:
     given = np.isfinite(table.acceleration).all() and np.isfinite(table.velocity).all()
     timing = None if given else regular_time(table.t)
     if timing is not None:
-        # Either the stamps jitter and the rows were taken regularly, or the stamps are right. Taken
-        # is what fits the logged velocities better; without any, what leaves less noise in the
-        # positions. Stamps that wander are taken as right.
-        position, stamps = samples.table.position, samples.table.t
-        if not timing.irregular:
-            return Regular(samples, timing.step, position)
-        even, regular = replace(samples), timing.taken
-        if regular is None or _stamps_are_better(position, stamps, regular, samples.logged):
-            return _by_stamps(even, timing)
-        assert timing.number is not None
-        whole = np.arange(timing.count, dtype=np.float64)
-        number = timing.number.astype(np.float64)
-        lost = np.setdiff1d(whole, number)
-        words = [
-            f"time stamps jitter by {_time(timing.jitter)} RMS: rows treated as regular, "
-            f"{1.0 / timing.step:.6g} Hz"
-        ]
-        if lost.size:
-            words = [
-                f"{counted(lost.size, 'lost row')} interpolated, the first at "
-                f"{timing.time[int(lost[0])]:.6g} s"
-            ]
-        elif timing.jitter <= ROUNDED * timing.step:
-            words = []
-        even.said(*words, resampled=lost.size)
-        between = _between(number, position, whole) if lost.size else position
-        _resample(even, timing, np.interp(whole, number, np.arange(number.size)), between)
-        return Regular(even, timing.step, position, regular if lost.size else None)
+        return _on_regular_time(samples, timing)
     steps = np.diff(table.t)
     if not given and 2 < table.t.size < FEWEST and np.median(steps) < _PACE:
         rows = counted(table.t.size, "row")
@@ -288,6 +261,40 @@ def _less_noise(position: FloatArray, t: FloatArray, than: FloatArray) -> bool:
     """Whether positions have clearly less noise at some times than at others."""
     own, other = (sum(noise_level(q, at) for q in position.T) for at in (t, than))
     return own < _CLEARLY * other
+
+
+def _on_regular_time(samples: Samples, timing: Timing) -> Regular:
+    """Return the samples on regular time.
+
+    Either the stamps jitter and the rows were taken regularly, or the stamps are right. Taken is
+    what fits the logged velocities better; without any, what leaves less noise in the positions.
+    Stamps that wander are taken as right.
+    """
+    position, stamps = samples.table.position, samples.table.t
+    if not timing.irregular:
+        return Regular(samples, timing.step, position)
+    even, regular = replace(samples), timing.taken
+    if regular is None or _stamps_are_better(position, stamps, regular, samples.logged):
+        return _by_stamps(even, timing)
+    assert timing.number is not None
+    whole = np.arange(timing.count, dtype=np.float64)
+    number = timing.number.astype(np.float64)
+    lost = np.setdiff1d(whole, number)
+    words = [
+        f"time stamps jitter by {_time(timing.jitter)} RMS: rows treated as regular, "
+        f"{1.0 / timing.step:.6g} Hz"
+    ]
+    if lost.size:
+        words = [
+            f"{counted(lost.size, 'lost row')} interpolated, the first at "
+            f"{timing.time[int(lost[0])]:.6g} s"
+        ]
+    elif timing.jitter <= ROUNDED * timing.step:
+        words = []
+    even.said(*words, resampled=lost.size)
+    between = _between(number, position, whole) if lost.size else position
+    _resample(even, timing, np.interp(whole, number, np.arange(number.size)), between)
+    return Regular(even, timing.step, position, regular if lost.size else None)
 
 
 def _stamps_are_better(

@@ -431,12 +431,11 @@ def _head(
     text: str,
 ) -> None:
     """Title, what is shown, and the key; the key names only what the figure has."""
-    left = _LEFT / _WIDTH
-    title = " · ".join(name for name in (Path(result.scene.source).stem, trajectory) if name)
-    title = shortened([title], 90)[0]
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
+    title = " · ".join(name for name in (Path(result.scene.source).stem, trajectory) if name)
+    title = shortened([title], 90)[0]
     handles: list[Any] = [
         Line2D([], [], color=_EFFORT, linewidth=1.5, label="effort where the joint slides")
     ]
@@ -457,7 +456,7 @@ def _head(
     if result.site_names:
         handles.append(Line2D([], [], color=INK, linewidth=0.7, label="without friction"))
     handles.append(Line2D([], [], linestyle="", label="peak", **_PEAK))
-    head(figure, total, left, 0.2, title, text, handles)
+    head(figure, total, _LEFT / _WIDTH, 0.2, title, text, handles)
 
 
 def _peak(result: InverseResult, i: int) -> float:

@@ -52,6 +52,7 @@ def retime_figure(result: RetimeResult) -> Figure:
         result: of `retime`.
     """
     from matplotlib.figure import Figure
+    from matplotlib.patches import Patch
 
     drives = len(result.problem.scene.drives)
     total = _HEAD + _TOP + _GAP + drives * _STRIP + _FOOT
@@ -95,8 +96,6 @@ def retime_figure(result: RetimeResult) -> Figure:
             f"{picture_names([drive.name for drive in scene.drives], _LETTERS)[1]}"
         )
         figure.text(0.02, 1 - 0.55 / total, text, color=QUIET)
-        from matplotlib.patches import Patch
-
         limits = instant_limits()
         patches = [Patch(color=_colour(k), label=f"at its {limits[k].name}") for k in used]
         patches.append(Patch(color=(0.45, 0.45, 0.51), label="uses nearly all of a limit"))

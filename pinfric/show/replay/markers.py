@@ -105,14 +105,12 @@ def site_marker(scene: Scene, site: Site, shapes: Sequence[Shape], size: float) 
         joint, frame = linkage_frame(scene.linkage, site.pair, 1)
         placement = frame * placement
         if site.name in scene.linkage.cylinders:
-            other = linkage_frame(scene.linkage, site.pair, 0)
-            # (3,) from end a to end b, at the scene's start, in the axes of the joint that carries
-            # b
-            b = (joint, frame)
+            # along the cylinder at the scene's start, in the axes of the joint that carries its end
+            other, at_other = linkage_frame(scene.linkage, site.pair, 0)
             data = scene.model.createData()
             pin.forwardKinematics(scene.model, data, scene.start_configuration)
-            start, end = (data.oMi[joint] * frame.translation for joint, frame in (other, b))
-            line = turn_between(UP, np.asarray(data.oMi[b[0]].rotation.T @ (end - start)))
+            way = data.oMi[joint] * frame.translation - data.oMi[other] * at_other.translation
+            line = turn_between(UP, np.asarray(data.oMi[joint].rotation.T @ way))
             return Marker(joint, pin.SE3(line, frame.translation), least, size, np.eye(3))
     return Marker(joint, placement, float(np.clip(radius, least, most)), size, up.T)
 

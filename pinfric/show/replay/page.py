@@ -63,14 +63,8 @@ def replay_html(scene: Scene, frames: Frames, title: str) -> str:
     viewer = Path(meshcat.__file__).parent / "viewer/dist/main.min.js"
     # The frames as the script takes them: t in double precision, the rest in single
     balls = frames.slip[:, [site.ball for site in scene.sites]]
-    rest = (
-        frames.friction_lower,
-        frames.friction_upper,
-        frames.use,
-        frames.force,
-        balls,
-    )
-    t = np.ascontiguousarray(frames.t, dtype="<f8")
+    rest = frames.friction_lower, frames.friction_upper, frames.use, frames.force, balls
+    arrays = [np.asarray(frames.t, dtype="<f8"), *(np.asarray(a, dtype="<f4") for a in rest)]
     return _fill(
         _template("replay.html"),
         version=__version__,
@@ -80,9 +74,7 @@ def replay_html(scene: Scene, frames: Frames, title: str) -> str:
         meshcat=_in_script(viewer.read_text(encoding="utf-8")),
         data=json_for_script(_data(scene, frames, staged)),
         commands=_packed(b"".join(struct.pack("<I", len(c)) + c for c in window.commands)),
-        frames=_packed(
-            b"".join([t.tobytes(), *(np.asarray(a, dtype="<f4").tobytes() for a in rest)])
-        ),
+        frames=_packed(b"".join(array.tobytes() for array in arrays)),
         script=_in_script(_fill(_template("replay.js"), timeline=_template("replay_timeline.js"))),
     )
 
@@ -94,44 +86,13 @@ def _data(scene: Scene, frames: Frames, staged: Stage) -> dict[str, Any]:
     ends = affixes(names)
     for row, label in zip(rows, without(names, *ends)[len(scene.sites) :], strict=True):
         row["label"] = label
-    # (kind of mark or the mark itself, colour, meaning) of what the page shows
-    meanings = markers.MEANINGS | (markers.SIMULATED if frames.simulated else {})
-    found = [
-        ("ring" if state == "sliding" else "ring full", markers.COLORS[state], words)
-        for state, words in meanings.items()
-        if state in ("sliding", "sticking") or any(getattr(x, state) for x in frames.sites)
-    ]
-    at_rest = "with its share of the limit" if frames.simulated else "its limits in both directions"
-    found += [
-        ("↻", "#46525f", f"friction of the parent on the child; at rest {at_rest}"),
-        ("↑", markers.FORCE_COLOR, "force of the parent on the child"),
-    ]
-    found = found if scene.sites else [("", "", "no joint has friction")]
-    drives = staged.cylinders or any(a.force for a in scene.actuators or ())
-    for there, mark, color, words in (
-        (frames.gears, "⚙", markers.GEAR_COLOR, markers.GEAR_MEANING),
-        (frames.off, "≠", markers.OFF_COLORS[1], markers.OFF_MEANING),
-        (frames.limiting, "▲", markers.LIMIT_COLORS[0], markers.LIMIT_MEANING),
-        (drives, "box", stage.DRIVE_COLOR, "cylinder or force that drives"),
-        (
-            len(stage.tool_stops(scene, frames.placement)),
-            "●",
-            stage.STOP_COLOR,
-            f"where {scene.tool} stops",
-        ),
-    ):
-        if there:
-            found.append((mark, color, words))
     return {
         "about": _about(scene, frames),
         "frames": len(frames.t),
         "sites": _sites(scene, frames, staged, without(scene.site_names, *ends)),
         "rows": rows,
         "colors": markers.COLORS,
-        "legend": (
-            found
-            + [("box", markers.PAYLOAD_COLOR, f"{name}, while carried") for name in scene.payloads]
-        ),
+        "legend": _legend(scene, frames, staged),
         "middle": staged.middle,
         "distance": staged.distance,
         "view": stage.VIEW,
@@ -176,6 +137,35 @@ def _rows(frames: Frames) -> list[dict[str, Any]]:
         parts += [(over, spans, f"{kind} exceeded") for kind, (_, spans) in kinds.items()]
         rows.append(("▲", name, "limits of", parts))
     return [{"mark": m, "name": name, "of": of, "parts": parts} for m, name, of, parts in rows]
+
+
+def _legend(scene: Scene, frames: Frames, staged: Stage) -> list[tuple[str, str, str]]:
+    """(kind of mark or the mark itself, colour, meaning) of what the page shows."""
+    meanings = markers.MEANINGS | (markers.SIMULATED if frames.simulated else {})
+    found = [
+        ("ring" if state == "sliding" else "ring full", markers.COLORS[state], words)
+        for state, words in meanings.items()
+        if state in ("sliding", "sticking") or any(getattr(x, state) for x in frames.sites)
+    ]
+    at_rest = "with its share of the limit" if frames.simulated else "its limits in both directions"
+    found += [
+        ("↻", "#46525f", f"friction of the parent on the child; at rest {at_rest}"),
+        ("↑", markers.FORCE_COLOR, "force of the parent on the child"),
+    ]
+    found = found if scene.sites else [("", "", "no joint has friction")]
+    stops = stage.tool_stops(scene, frames.placement)
+    drives = staged.cylinders or any(a.force for a in scene.actuators or ())
+    for there, mark, color, words in (
+        (frames.gears, "⚙", markers.GEAR_COLOR, markers.GEAR_MEANING),
+        (frames.off, "≠", markers.OFF_COLORS[1], markers.OFF_MEANING),
+        (frames.limiting, "▲", markers.LIMIT_COLORS[0], markers.LIMIT_MEANING),
+        (drives, "box", stage.DRIVE_COLOR, "cylinder or force that drives"),
+        (len(stops), "●", stage.STOP_COLOR, f"where {scene.tool} stops"),
+    ):
+        if there:
+            found.append((mark, color, words))
+    carried = [("box", markers.PAYLOAD_COLOR, f"{name}, while carried") for name in scene.payloads]
+    return found + carried
 
 
 def _most(scene: Scene, frames: Frames) -> dict[str, float]:
