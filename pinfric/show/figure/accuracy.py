@@ -44,6 +44,8 @@ def accuracy_figure(found: Accuracy) -> Figure:
 
 def _draw(axes: Axes, runs: Sequence[Run], quantity: str) -> list[str]:
     """Error against time, a line per method; says which methods have no such error, how often."""
+    from matplotlib.ticker import LogLocator
+
     lost = []
     for method in dict.fromkeys(run.method for run in runs):
         own = [run for run in runs if run.method == method]
@@ -65,6 +67,7 @@ def _draw(axes: Axes, runs: Sequence[Run], quantity: str) -> list[str]:
                     label=f"{method}, defaults" if default else method,
                 )
     axes.set(xscale="log", yscale="log")
+    axes.xaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
     axes.xaxis.set_major_formatter("{x:g}")
     axes.xaxis.set_minor_formatter("{x:g}")
     axes.grid(True, which="major", color=GRID, linewidth=0.8)

@@ -58,6 +58,8 @@ def motion_figure(motion: Motion) -> Figure:
     that stick and slip, then the farthest travelled (a metre as a radian); the others are counted.
     """
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
 
     rows = _rows(motion)
     drawn, left = _chosen(rows)
@@ -80,10 +82,7 @@ def motion_figure(motion: Motion) -> Figure:
                 for axes in lowest:
                     axes.set_xlabel("time (s)", color=QUIET)
                     axes.tick_params(labelbottom=True)
-        text = _what(motion, drawn, left) + note
-        from matplotlib.lines import Line2D
-        from matplotlib.patches import Patch
-
+        figure.align_ylabels()
         title = f"{Path(motion.scene.source).stem} · {motion.method}"
         handles: list[Any] = [Line2D([], [], color=INK, linewidth=1.2, label="position, velocity")]
         if any(row.site >= 0 for row in drawn):
@@ -102,7 +101,7 @@ def motion_figure(motion: Motion) -> Figure:
             handles.append(
                 Patch(facecolor=_STICKING, alpha=1.8 * _SHADE, label="this joint sticks")
             )
-        head(figure, total, 0.01, 0.12, title, text, handles)
+        head(figure, total, 0.01, 0.12, title, _what(motion, drawn, left) + note, handles)
     return figure
 
 

@@ -40,6 +40,7 @@ def stop_figure(result: StopResult) -> Figure:
             row[0].set_title(label, loc="left", fontsize=8.5, color=INK, weight="bold")
         for axes in panels[-1]:
             axes.set_xlabel("time from the command, ms", color=QUIET)
+        figure.align_ylabels()
         handles, texts = panels[0, 0].get_legend_handles_labels()
         figure.legend(handles, texts, loc="outside lower left", ncols=4, frameon=False)
     return figure
