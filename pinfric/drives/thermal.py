@@ -202,9 +202,10 @@ def _maps(
 def settled(
     maps: np.ndarray, starts: np.ndarray, counts: np.ndarray, parts: np.ndarray
 ) -> tuple[np.ndarray, bool, float]:
-    """Return (T, 2) largest rises of two nodes in a period that repeats, and their greatest sum.
+    """Return what two nodes reach in a period that repeats: rises, runaway, sum.
 
-    Between them whether they run away: they have no fixed point then, and 0 is returned of each.
+    That is the largest rise of each at each sample, (T, 2); whether they run away, so that there is
+    no fixed point and both others are 0; and the greatest sum of their parts.
 
     Args:
         maps: (T - 1, 6) what each interval does to the rises, x -> Phi x + g: Phi by rows, then g.

@@ -66,7 +66,7 @@ class ToAsk:
     figures: str = quantity("that its maker must be asked for", heading="ask its maker for")
     mass: float | None = quantity("with its lightest partner; none: not known", "kg")
     joints: tuple[str, ...] = quantity("at which it might do", heading="joints")
-    source: str = quantity("its maker's document that the other figures are from")
+    source: str = quantity("the document of its other figures")
 
 
 @described

@@ -84,10 +84,10 @@ def sizing_report(
 def _short(report: SizingReport, found: SizingSummary, opening: Sequence[Any]) -> Report:
     """What is chosen, what fails, and what to ask for."""
     first = [f"note: {line}" for line in report.assumptions[: len(report.unclosed) > 0]]
+    kinds = counted(len(found.unchecked), "kind of criteria was", "kinds of criteria were")
     ending = [
-        f"{len(found.unchecked)} kinds of criteria were not checked; they, the demand of each "
-        f"joint, next smaller drives, {len(report.notes)} notes: -v; page to sign, bill of "
-        "materials: --out FOLDER"
+        f"why {kinds} not checked, the demand of each joint, next smaller drives, "
+        f"{counted(len(report.notes), 'note')}: -v; page to sign, bill of materials: --out FOLDER"
     ]
     return paragraphs(
         list(opening),
@@ -100,12 +100,12 @@ def _short(report: SizingReport, found: SizingSummary, opening: Sequence[Any]) -
 
 
 def masses_line(report: SizingReport) -> list[str]:
-    """Return whose masses are in the links, where the scene does not say it; else nothing."""
+    """Return what is assumed where the scene does not say whether its links hold the drives."""
     if report.other_mass is None:
         return []
-    hold = dict(zip(report.given.actuator_names, report.given.masses_hold, strict=True))
-    unsaid = [name for name, here in hold.items() if here is None]
-    whose = f" of {', '.join(unsaid)}" if len(unsaid) < len(hold) else ""
+    names, hold = report.given.actuator_names, report.given.masses_hold
+    unsaid = [name for name, held in zip(names, hold, strict=True) if held is None]
+    whose = f" of {', '.join(unsaid)}" if len(unsaid) < len(names) else ""
     return [
         f"the scene does not say whether its links' masses hold the drives{whose}: they are added; "
         f"with `robot.masses: with_drives` the drives would weigh {digits(report.other_mass)} kg"

@@ -23,7 +23,8 @@ def stop_report(scene: str, found: StopSummary, verbose: bool = True) -> Report:
     opening, unchecked = [verdict(found), *failing], not_checked(found)
     notes = [f"note: {line}" for line in found.notes]
     if not verbose:
-        rest = f"{len(unchecked)} kinds of criteria were not checked; they, " if unchecked else ""
+        kinds = counted(len(unchecked), "kind of criteria was", "kinds of criteria were")
+        rest = f"why {kinds} not checked, " if unchecked else ""
         ending = f"{rest}stops by payload and speed, {counted(len(notes), 'note')}: -v; page: --out"
         return paragraphs(opening, axes_table(found, title), [f"{ending} FOLDER"])
     return paragraphs(opening, axes_table(found, title), grid_table(found), unchecked, notes)
