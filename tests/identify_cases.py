@@ -12,8 +12,10 @@ import pinocchio as pin
 import pytest
 
 import pinfric as pf
+from pinfric.identification.columns import Rows
 from pinfric.identification.identify import Identified
-from pinfric.identification.laws import Law
+from pinfric.identification.laws import SLOTS, Law
+from pinfric.identification.normal import Fit
 
 #: Recordings of real robots, too large for the repository.
 LOGS = Path(__file__).parents[2] / "shared" / "data"
@@ -258,6 +260,23 @@ def csv_log(path: Path, seed: int, rate: float = 125.0, torn: tuple[int, ...] = 
 @cache
 def short(seed: int = 0, still: tuple[int, ...] = ()) -> pf.Log:
     return log(seed, 20.0, 100.0, still)
+
+
+def rows_of(effort: np.ndarray, columns: dict, rigid: np.ndarray | None = None, **more) -> Rows:
+    """Rows of one joint made by hand: slot -> column; in one block, at rest, unless it is said."""
+    n = len(effort)
+    slots = np.zeros((n, len(SLOTS)))
+    for slot, column in columns.items():
+        slots[:, slot] = column
+    whole = {name: np.zeros(n, dtype=int) for name in ("block", "log")}
+    still = dict.fromkeys(("time", "velocity", "load"), np.zeros(n))
+    rigid = np.zeros((n, 10)) if rigid is None else rigid
+    return Rows(rigid=rigid, slots=slots, effort=effort, **whole | still | more)
+
+
+def fit_of(columns: dict, theta: np.ndarray = np.zeros(10)) -> Fit:  # noqa: B008
+    """One joint's coefficients made by hand: slot -> value."""
+    return Fit(theta, np.array([[columns.get(slot, 0.0) for slot in SLOTS]]))
 
 
 def parameter(found: Identified, section: str, joint: int, name: str):

@@ -76,8 +76,8 @@ TESTS = {
 }
 #: Mutants that no test can notice, or none should: `file function: line: change | reason`.
 JUDGED = ROOT / "tools/mutants_judged.txt"
-#: Tests that take longer with kernels as plain Python are left out (s of processor time).
-LONGEST = 6
+#: Tests that take longer are left out (s of processor time): kernels as plain Python, compiled.
+LONGEST = {True: 6, False: 15}
 #: Exceptions that plain Python raises where a compiled kernel computes inf or nan.
 DIVISION = ("ZeroDivisionError", "OverflowError")
 SIGNS: dict[type[ast.AST], tuple[str, str]] = {
@@ -314,7 +314,7 @@ class Known(NamedTuple):
     calls: list[str]  # `Mutant.place`
 
 
-def known(items: list[pytest.Item], test: int) -> Known:
+def known(items: list[pytest.Item], test: int, longest: float) -> Known:
     """Run one test, unbroken."""
     calls: set[CodeType] = set()
 
@@ -324,7 +324,7 @@ def known(items: list[pytest.Item], test: int) -> Known:
     threading.settrace(note)
     sys.settrace(note)
     try:
-        failed = list(failures(items, [test], LONGEST))
+        failed = list(failures(items, [test], longest))
     finally:
         sys.settrace(None)
     if failed:
@@ -335,9 +335,9 @@ def known(items: list[pytest.Item], test: int) -> Known:
     return Known(used.user + used.system, sorted(places))
 
 
-def passes(items: list[pytest.Item], test: int) -> bool:
+def passes(items: list[pytest.Item], test: int, longest: float) -> bool:
     """Whether a test passes alone and unbroken."""
-    return not list(failures(items, [test], 5.0 * LONGEST))
+    return not list(failures(items, [test], 5.0 * longest))
 
 
 def break_line(mutant: Mutant) -> None:
@@ -381,10 +381,12 @@ class Search:
     Args:
         mutants: what to try.
         given: the command's options.
+        longest: processor time of a test that counts (s).
     """
 
-    def __init__(self, mutants: list[Mutant], given: argparse.Namespace) -> None:
+    def __init__(self, mutants: list[Mutant], given: argparse.Namespace, longest: float) -> None:
         self.mutants, self.near, self.patience = mutants, given.near, given.patience
+        self.longest = longest
         self.before: dict[str, str] = {}
         for line in given.before.read_text().splitlines() if given.before else ():
             if " | " in line:
@@ -404,7 +406,7 @@ class Search:
         name = self.items[test].nodeid.partition("[")[0]
         if name not in self.known:
             died = Known(np.inf, [])
-            self.known[name] = in_child(known, self.items, test) or died
+            self.known[name] = in_child(known, self.items, test, self.longest) or died
             self.keep()
         return self.known[name]
 
@@ -412,7 +414,7 @@ class Search:
         """Whether a test passes alone and unbroken; run once."""
         name = self.items[test].nodeid
         if name not in self.sound:
-            self.sound[name] = bool(in_child(passes, self.items, test))
+            self.sound[name] = bool(in_child(passes, self.items, test, self.longest))
             self.keep()
         return self.sound[name]
 
@@ -457,6 +459,13 @@ class Search:
                     break
             yield others
 
+    def first(self, mutant: Mutant, tests: list[int]) -> Failure | None:
+        """The first of some tests that fails with a broken line."""
+        found: Failure | None = in_child(
+            first_failure, self.items, mutant, tests, 5.0 * self.longest
+        )
+        return found
+
     def catcher(self, mutant: Mutant) -> str:
         """Return the test that notices a mutant and how, or that it survived how many tests."""
         tried, divided = set[int](), ""
@@ -464,10 +473,10 @@ class Search:
             left = [i for i in group if i not in tried and self.may_count(i)]
             tried.update(left)
             while left:
-                found = in_child(first_failure, self.items, mutant, left, 5.0 * LONGEST)
+                found = self.first(mutant, left)
                 if found is None:
                     break
-                alone = in_child(first_failure, self.items, mutant, [found.test], 5.0 * LONGEST)
+                alone = self.first(mutant, [found.test])
                 if alone is not None and self.is_sound(found.test):
                     how = f"{alone.kind} in {self.items[found.test].nodeid}"
                     if alone.kind not in DIVISION:
@@ -542,7 +551,9 @@ def main() -> None:
     ]
     about = (test for room in given.rooms for test in TESTS.get(room, (f"tests/{room}",)))
     tests = given.tests or list(dict.fromkeys(about))
-    sys.exit(pytest.main([*options, *tests], plugins=[Search(mutants, given)]))
+    sys.exit(
+        pytest.main([*options, *tests], plugins=[Search(mutants, given, LONGEST[interpreted])])
+    )
 
 
 if __name__ == "__main__":

@@ -13,7 +13,9 @@ from builders import chain, lump
 from identify_cases import (
     NAMES,
     PLAIN,
+    fit_of,
     guess,
+    rows_of,
     short,
     truth,
 )
@@ -22,9 +24,8 @@ from identify_wrong_models import wrong_log
 import pinfric as pf
 from pinfric.errors import IdentificationError
 from pinfric.identification.checks import check_efforts, check_one_robot
-from pinfric.identification.columns import Rows, joint_rows, prepare
-from pinfric.identification.laws import Law
-from pinfric.identification.normal import Fit
+from pinfric.identification.columns import joint_rows, prepare
+from pinfric.identification.laws import BACKWARD, FORWARD, Law
 from pinfric.identification.recordings import read_recordings
 from pinfric.motions.log.reading import ReadingOptions
 
@@ -89,8 +90,8 @@ def test_only_joints_that_carry_tell_two_robots_apart(load, refused):
     rigid = load * np.sin(np.linspace(0.0, 20.0, 2 * n))[:, None]
     log = np.repeat([0, 1], n)
     effort = (1.0 + log) * rigid[:, 0] + np.repeat([1.0, -1.0], n)
-    fit = Fit(np.ones(1), np.zeros((1, 1)))
-    rows = Rows(rigid, np.zeros((2 * n, 1)), effort, log, log, *np.zeros((3, 2 * n)))
+    fit = fit_of({}, np.ones(1))
+    rows = rows_of(effort, {}, rigid, log=log)
     with pytest.raises(IdentificationError, match="two robots") if refused else nullcontext():
         check_one_robot(["a"], [rows], fit, ["one", "two"])
 
@@ -124,3 +125,19 @@ def test_efforts_of_a_wrist_beyond_its_limit_are_refused(factor):
     given = replace(short(), effort=short().effort * scale)
     with pytest.raises(IdentificationError, match=f"joint {NAMES[5]}: its .* limits it to 28"):
         pf.identify(guess(0), given, laws=PLAIN)
+
+
+@pytest.mark.parametrize(("slope", "refused"), [(1.7, False), (4.0, True)])
+def test_a_small_load_is_asked_about_where_masses_wrong_by_20_percent_do_not_explain_it(
+    slope, refused
+):
+    """A pendulum whose weight makes a tenth of its effort: eight deviations are a factor of 2.6."""
+    model = chain(("arm", pin.JointModelRY(), lump(2.0, (0.5, 0.0, 0.0))))
+    q, rng, still = np.linspace(0.0, 6.0, 200), np.random.default_rng(0), np.zeros(1)
+    data = model.createData()
+    rigid = [pin.computeJointTorqueRegressor(model, data, x[None], still, still) for x in q]
+    forward = rng.choice([0.0, 1.0], 200)
+    columns = {FORWARD: forward, BACKWARD: forward - 1.0}
+    effort = 80.0 * (2.0 * forward - 1.0) - slope * 9.81 * np.cos(q)
+    with pytest.raises(IdentificationError, match="is 4 times") if refused else nullcontext():
+        check_efforts(pf.Scene(model), [rows_of(effort, columns, np.reshape(rigid, (200, 10)))], ())

@@ -6,34 +6,22 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from identify_cases import fit_of, rows_of
 
-from pinfric.identification.columns import Rows
 from pinfric.identification.influence import influence
-from pinfric.identification.laws import FORWARD, SLOTS
+from pinfric.identification.laws import FORWARD
 from pinfric.identification.misfit import Misfit
-from pinfric.identification.normal import BlockProducts, Fit, Prior
-from pinfric.identification.uncertainty import (
-    gradients,
-)
-
-
-def rows_at_rest(slots, effort):
-    """Rows of a joint without inertia or speed, four samples to a block."""
-    count = len(effort)
-    samples = np.arange(count) // 4, np.zeros(count, dtype=int)
-    return Rows(np.zeros((count, 10)), slots, effort, *samples, *np.zeros((3, count)))
+from pinfric.identification.normal import BlockProducts, Prior
+from pinfric.identification.uncertainty import gradients
 
 
 def test_a_shape_leaves_open_what_the_model_takes_of_it_for_its_own():
     """Of a shape with a wave and a constant, only the wave shows beside Coulomb friction."""
     rng, s, count = np.random.default_rng(4), 0.3, 80
-    slots = np.zeros((count, len(SLOTS)))
-    slots[:, FORWARD] = 1.0
     wave = np.sqrt(2.0) * np.sin(2.0 * np.pi * np.arange(count) / count)
     effort = 2.0 + s * wave + 1e-3 * rng.normal(size=count)
-    rows = rows_at_rest(slots, effort)
-    weight, place = np.ones(count), np.array([FORWARD])
-    fit = Fit(np.zeros(10), (np.arange(len(SLOTS)) == place[0])[None, :] * effort.mean())
+    rows = rows_of(effort, {FORWARD: 1.0}, block=np.arange(count) // 4)
+    weight, place, fit = np.ones(count), np.array([FORWARD]), fit_of({FORWARD: effort.mean()})
     grams = [BlockProducts.of(rows, weight, 20)]
     prior = Prior(np.zeros(10), np.full(10, np.inf), np.zeros(10))
     given = SimpleNamespace(
@@ -49,11 +37,10 @@ def test_a_shape_leaves_open_what_the_model_takes_of_it_for_its_own():
 def test_coefficients_that_one_block_alone_shows_together_are_as_uncertain_as_they_are_large():
     """Before, eleven short logs of a seven-axis arm ended in a singular matrix."""
     count, place = 40, np.array([FORWARD, 3])
-    slots = np.zeros((count, len(SLOTS)))
-    slots[:4, place] = 1.0  # at one speed, in one of ten blocks
-    effort = 3.0 * slots[:, place[0]] + 1e-3 * np.random.default_rng(5).normal(size=count)
-    rows = rows_at_rest(slots, effort)
-    fit = Fit(np.zeros(10), 1.5 * np.isin(np.arange(len(SLOTS)), place)[None, :])
+    shown = 1.0 * (np.arange(count) < 4)  # at one speed, in one of ten blocks
+    effort = 3.0 * shown + 1e-3 * np.random.default_rng(5).normal(size=count)
+    rows = rows_of(effort, {FORWARD: shown, 3: shown}, block=np.arange(count) // 4)
+    fit = fit_of({FORWARD: 1.5, 3: 1.5})
     prior = Prior(np.zeros(10), np.full(10, np.inf), np.zeros(10))
     grams = [BlockProducts.of(rows, np.ones(count), 10)]
     moved, _ = influence(grams, np.ones(1), prior, fit, place)

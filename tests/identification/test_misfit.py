@@ -2,18 +2,31 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
+import pinocchio as pin
 import pytest
-from identify_cases import COULOMB, DELAY, NAMES, PLAIN, VISCOUS, guess, whole_friction
+from builders import chain, lump
+from identify_cases import (
+    COULOMB,
+    DELAY,
+    NAMES,
+    PLAIN,
+    VISCOUS,
+    fit_of,
+    guess,
+    rows_of,
+    whole_friction,
+)
 from identify_wrong_models import found, hits, wrong_log
 
 import pinfric as pf
 from pinfric.identification.identify import Identified
-from pinfric.identification.laws import Law
-from pinfric.identification.misfit import chance
-from pinfric.identification.uncertainty import (
-    uncertainty,
-)
+from pinfric.identification.laws import FORWARD, Law
+from pinfric.identification.misfit import _by_angle, _of_joint, _Track, _track, chance
+from pinfric.identification.uncertainty import uncertainty
 
 
 def lacks(one: Identified) -> list[str]:
@@ -112,3 +125,59 @@ def test_friction_that_a_law_lacks_is_within_what_the_whole_one_states():
         joints.append(draws)
     # what one joint lacks says nothing of the others
     assert np.abs(np.corrcoef(joints) - np.eye(len(NAMES))).max() < 0.5
+
+
+def slider(n: int, **more: object) -> SimpleNamespace:
+    """An estimate of a sliding joint with Coulomb friction of 1 N."""
+    scene = pf.Scene(chain(("slide", pin.JointModelPX(), lump(1.0))))
+    choice = SimpleNamespace(laws=[Law(exponent=None)])
+    fit = fit_of({FORWARD: 1.0}, np.array([1.0] + [0.0] * 9))
+    return SimpleNamespace(scene=scene, choice=choice, fit=fit, **more)
+
+
+def test_what_shapes_are_made_of_are_derivatives_of_the_fitted_effort():
+    """Of t by the links and t^3 by friction: 1 + 3 t^2 and 6 t."""
+    t = np.linspace(0.0, 2.0, 21)
+    q, v, a = (x[:, None] for x in (np.sin(t), np.cos(t), -np.sin(t)))
+    rows, slides = rows_of(t, {FORWARD: t**3}, np.outer(t, np.eye(10)[0])), t > 0.5
+    motion = SimpleNamespace(t=t, joint_positions=lambda: q)
+    recording = SimpleNamespace(trajectory=motion, velocity=v, acceleration=a)
+    one = SimpleNamespace(recording=recording, kept=np.arange(21), slides=slides[:, None])
+    one.rigid, one.slots = rows.rigid[:, None], rows.slots[:, None]
+    track = _track(slider(21, prepared=[one]), 0, [np.zeros((21, 1, 3))])
+    exact = np.column_stack((q, 1.0 + 3.0 * t**2, 6.0 * t, t - 1.0))[slides]
+    ours = np.column_stack((track.q, track.slope, track.bend, track.time))
+    assert ours == pytest.approx(exact)
+
+
+def drift(t: np.ndarray, noise: float = 1e-3) -> tuple[_Track, np.ndarray]:
+    """A slider's motion to and fro, and a residual that grows with time."""
+    rng, still = np.random.default_rng(0), np.zeros(t.size)
+    track = _Track(
+        0.1 * np.sin(t), 0.1 * np.cos(t), still, still, still, t / t[-1], np.zeros((t.size, 3))
+    )
+    return track, 0.5 * t / t[-1] + noise * rng.normal(size=t.size)
+
+
+def test_shapes_of_a_sliding_joint_are_over_its_whole_travel():
+    track, _ = drift(np.linspace(0.0, 60.0, 50))
+    for (_, near), (_, far) in zip(
+        _by_angle(slider(50), 0, track),
+        _by_angle(slider(50), 0, replace(track, q=9.0 * track.q)),
+        strict=True,
+    ):
+        assert near == pytest.approx(far)
+
+
+def test_rows_without_weight_say_nothing_of_a_shape():
+    t = np.linspace(-60.0, 60.0, 1200)
+    track, off = drift(t)
+    forward = np.sign(track.v)
+    wild = np.arange(t.size) % 3 == 0  # as many outliers, which grow the other way
+    off, weight = np.where(wild, -9.0 * off, off), np.where(wild, 1e-9, 1.0)
+    rows = rows_of(forward + off, {FORWARD: forward}, time=t, velocity=track.v)
+    found = slider(t.size, rows=[rows], row_weights=[weight])
+    shape = next(_of_joint(found, 0, track))
+    assert shape.over.startswith("time")
+    # 0.5 x the RMS of -1 to 1, of all rows
+    assert shape.size == pytest.approx(0.5 / np.sqrt(3.0) * np.sqrt(2.0 / 3.0), rel=0.02)

@@ -1,6 +1,7 @@
 """Notes: what was read, and what the log cannot tell."""
 
 from io import StringIO
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,6 +18,9 @@ from identify_cases import (
 from rich.console import Console
 
 import pinfric as pf
+from pinfric.identification.laws import BACKWARD
+from pinfric.identification.notes import _of_rest
+from pinfric.identification.rest import RestBound
 from pinfric.identification.summary import identify_summary
 from pinfric.show.report.identify import identify_report
 
@@ -48,6 +52,14 @@ def test_the_short_report_is_a_screen_with_all_doubts_and_the_long_one_has_all_n
     assert "-v; scene, page: --out FOLDER" in words
     assert "one log only" not in words
     assert "one log only" in " ".join(printed(True).split())
+
+
+def test_what_holds_do_not_show_is_said_of_those_joints_alone():
+    names = ("never", "held", "broke", "still")
+    found = SimpleNamespace(scene=SimpleNamespace(joint_names=names))
+    rest = {name: RestBound(2.0 * (name != "never"), 1.0, 1.0, 1.0) for name in names}
+    said = _of_rest(found, [0, 1, 2], rest, {(2, BACKWARD): None})
+    assert list(said.values()) == [["never"], ["held"]]
 
 
 @pytest.mark.slow

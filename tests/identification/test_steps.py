@@ -16,10 +16,12 @@ from identify_cases import (
     NAMES,
     PLAIN,
     excitation,
+    fit_of,
     guess,
     log,
     motor_effort,
     parameter,
+    rows_of,
     short,
     truth,
 )
@@ -28,11 +30,14 @@ from identify_wrong_models import FALL, STATIC, found, hits, wrong_log
 import pinfric as pf
 from pinfric.errors import IdentificationError
 from pinfric.identification.advice import advice_text
+from pinfric.identification.columns import Prepared, joint_rows
 from pinfric.identification.estimate import _at_an_end
 from pinfric.identification.files import posterior_text
-from pinfric.identification.laws import GEARS, SLOTS, Law
-from pinfric.identification.normal import non_negative, residuals
+from pinfric.identification.findings import HeldOut
+from pinfric.identification.laws import BACKWARD, FALL_SPEED, FALLS, FORWARD, GEARS, SLOTS, Law
+from pinfric.identification.normal import non_negative, residuals, weighted
 from pinfric.identification.parameters import _rest_excess
+from pinfric.identification.stribeck import Fall, with_falls
 from pinfric.identification.zeros import turned_zeros
 
 # Advice: the advised next recording does what was promised.
@@ -60,6 +65,38 @@ def test_the_advised_way_points_run_and_leave_rest_on_their_own(found, tmp_path)
     assert np.abs(motion.a[moving, 0]).max() < 0.05
 
 
+# Columns: rows of a joint in all logs.
+
+
+def hand_made(v: np.ndarray, slots: dict, **more: object) -> Prepared:
+    """A log of one joint, ten samples a second; slot -> column."""
+    t = 0.1 * np.arange(len(v))
+    table = rows_of(v, slots).slots[:, None]
+    recording = SimpleNamespace(
+        trajectory=SimpleNamespace(t=t), step=0.1, velocity=v[:, None], acceleration=v[:, None]
+    )
+    given = {"kept": np.arange(len(v)), "slides": (v != 0.0)[:, None], "load": v[:, None]}
+    given |= {"rigid": np.zeros((len(v), 1, 10)), "effort": None, "payload": None} | more
+    return Prepared(recording=recording, slots=table, **given)
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_direction_that_hardly_slides_has_the_friction_of_the_other(way):
+    """Two logs of one coefficient, 3 N m; efforts lag by 0.05 s behind the motion."""
+    t = 0.1 * np.arange(100)
+    v = way * np.where(t < 1.0, -1.0, 1.0)
+    given = hand_made(
+        v,
+        {FORWARD: v > 0.0, BACKWARD: -1.0 * (v < 0.0)},
+        effort=lambda s: np.interp(s - 0.05, t, 3.0 * v)[:, None],
+    )
+    rows = joint_rows([given, given], 0, 0.05)
+    taken, other = (FORWARD, BACKWARD) if way > 0.0 else (BACKWARD, FORWARD)
+    assert not rows.slots[:, other].any()
+    assert 3.0 * rows.slots[:, taken] == pytest.approx(rows.effort)
+    assert set(rows.block[rows.log == 0]).isdisjoint(rows.block[rows.log == 1])
+
+
 # Estimate: estimates at the ends of what is possible.
 
 
@@ -75,7 +112,13 @@ def test_of_two_losses_one_that_is_zero_is_the_end_of_the_masses_scale(found):
     assert _at_an_end(problem, choice, fit) == [0]  # the third was asked for
 
 
-# Findings: what is found of friction behind a drive belongs to that drive.
+# Findings: errors of joints; what is found of friction behind a drive belongs to that drive.
+
+
+def test_errors_are_shares_of_the_effort_and_of_plain_frictions():
+    error = HeldOut(rms=2.0, error=1.0, plain=4.0)
+    assert (error.share, error.of_plain) == (0.5, 0.25)
+    assert np.isnan([HeldOut(0.0, 1.0, 0.0).share, HeldOut(0.0, 1.0, 0.0).of_plain]).all()
 
 
 def test_friction_seen_through_the_drives_goes_when_other_drives_are_sized(found):
@@ -152,6 +195,15 @@ def test_coefficients_are_the_least_squares_that_are_not_negative():
         assert x == pytest.approx(judge, abs=1e-6)
 
 
+@pytest.mark.parametrize(("effort", "column", "most"), [(1e-9, 0.0, 1e12), (1e3, 1e3, 1.0)])
+def test_an_effort_that_is_fitted_exactly_has_a_weight_with_an_end(effort, column, most):
+    """A micro-newton-metre, or a thousandth of the effort: no fit is taken as better."""
+    rows = rows_of(np.full(9, effort), {FORWARD: column})
+    of_rows, of_joint = weighted([rows], fit_of({FORWARD: 1.0}))
+    assert (of_rows[0] == 1.0).all()
+    assert of_joint == pytest.approx([most], rel=1e-6)
+
+
 # Parameters: coefficients under the keys of a scene.
 
 
@@ -189,6 +241,23 @@ def test_friction_that_rises_steeply_from_rest_holds_what_slow_sliding_shows(exp
 
 
 # Stribeck: stribeck friction is found where it is and only there.
+
+
+@pytest.mark.parametrize("exponent", [1.0, 2.0])
+def test_the_slope_of_a_fall_is_its_change_with_the_logarithm_of_its_speed(exponent):
+    v, speed, size = np.linspace(-0.6, 0.5, 40), 0.2, 1e-5
+
+    def falls(x: float) -> np.ndarray:
+        """3 N m at rest forward, 2 N m backward; x: change of the logarithm."""
+        left = np.exp(-(np.abs(v / (speed * np.exp(x))) ** exponent))
+        return left * np.where(v > 0.0, 3.0, -2.0)
+
+    (columns,) = with_falls(hand_made(v, {}), (Fall(speed, exponent, 3.0, 2.0),)).slots.swapaxes(
+        0, 1
+    )
+    expected = (falls(size) - falls(-size)) / (2.0 * size)
+    assert columns[:, FALL_SPEED] == pytest.approx(expected, abs=1e-8)
+    assert columns[:, FALLS] @ [3.0, 2.0] == pytest.approx(falls(0.0))
 
 
 @pytest.mark.slow

@@ -16,18 +16,21 @@ from identify_cases import (
     PLAIN,
     VISCOUS,
     excitation,
+    fit_of,
     guess,
     parameter,
+    rows_of,
     short,
 )
 
 import pinfric as pf
-from pinfric.identification.columns import Rows
-from pinfric.identification.laws import FORWARD, SLOTS
-from pinfric.identification.normal import Fit
+from pinfric.identification.laws import FORWARD
+from pinfric.identification.misfit import Misfit
+from pinfric.identification.normal import BlockProducts, Prior
 from pinfric.identification.uncertainty import (
     Uncertainty,
     between_logs,
+    bias,
     for_a_further_log,
 )
 
@@ -43,22 +46,9 @@ from pinfric.identification.uncertainty import (
 )
 def test_what_blocks_of_one_log_scatter_is_no_difference_between_logs(factors, spread):
     """One joint with 2 N m of Coulomb friction, ten rows in each block."""
-    factor = np.repeat(np.ravel(factors), 10)
-    slots = np.zeros((40, len(SLOTS)))
-    slots[:, FORWARD] = 1.0
-    still = np.zeros(40)
-    rows = Rows(
-        np.zeros((40, 10)),
-        slots,
-        2.0 * factor,
-        np.repeat(np.arange(4), 10),
-        np.repeat([0, 1], 20),
-        still,
-        still,
-        still,
-    )
-    fit = Fit(np.zeros(10), 2.0 * (np.arange(len(SLOTS)) == FORWARD)[None, :])
-    found = SimpleNamespace(prepared=[None, None], rows=[rows], fit=fit)
+    effort, block = 2.0 * np.repeat(np.ravel(factors), 10), np.repeat(np.arange(4), 10)
+    rows = rows_of(effort, {FORWARD: 1.0}, block=block, log=block // 2)
+    found = SimpleNamespace(prepared=[None, None], rows=[rows], fit=fit_of({FORWARD: 2.0}))
     assert between_logs(found) == pytest.approx([spread], abs=1e-9)
 
 
@@ -110,26 +100,48 @@ def drag(seed: int, duration: float, rate: float) -> np.ndarray:
 @pytest.mark.parametrize("logs", [2, 3, 5])
 def test_an_interval_covers_a_further_log(logs):
     """Coulomb friction of 2 N m, times a factor that scatters by 5 % from log to log."""
-    rng, slot, inside = np.random.default_rng(logs), FORWARD, []
-    fit = Fit(np.zeros(10), (np.arange(len(SLOTS)) == slot)[None, :] * 2.0)
-    slots, still = np.zeros((4 * logs, len(SLOTS))), np.zeros(4 * logs)
-    slots[:, slot] = 1.0
+    rng, slot, inside, fit = np.random.default_rng(logs), FORWARD, [], fit_of({FORWARD: 2.0})
+    of_row = {"block": np.repeat(np.arange(2 * logs), 2), "log": np.repeat(np.arange(logs), 4)}
     for _ in range(600):
         factors = 1.0 + 0.05 * rng.normal(size=logs + 1)
         effort = 2.0 * np.repeat(factors[:-1] / factors[:-1].mean(), 4)
-        rows = Rows(
-            np.zeros((4 * logs, 10)),
-            slots,
-            effort,
-            np.repeat(np.arange(2 * logs), 2),
-            np.repeat(np.arange(logs), 4),
-            still,
-            still,
-            still,
-        )
-        given = SimpleNamespace(rows=[rows], fit=fit, prepared=[None] * logs)
+        rows = [rows_of(effort, {slot: 1.0}, **of_row)]
+        given = SimpleNamespace(rows=rows, fit=fit, prepared=[None] * logs)
         between, count = for_a_further_log(given, np.array([slot]))
         known = Uncertainty(np.array([slot]), 1e-12 * np.eye(1), between, 20, count, np.zeros(1))
         _, reach = known.of([slot])
         inside.append(abs(2.0 * factors[-1] / factors[:-1].mean() - 2.0) <= reach)
     assert np.mean(inside) == pytest.approx(0.95, abs=0.03)
+
+
+def test_a_bias_is_by_how_much_the_shape_changes_least_squares():
+    """Of all rows, the prior as rows of its own; solved with and without the shape's columns."""
+    rng, n, p, viscous = np.random.default_rng(6), 60, 2, 3
+    rigid, own, shape = (rng.normal(size=(n, k)) for k in (p, 2, 2))
+    effort, weight = own @ [5.0, 4.0] + shape @ [0.3, -0.2], rng.uniform(0.1, 1.0, n)
+    rows = rows_of(effort, {FORWARD: own[:, 0], viscous: own[:, 1]}, rigid)
+    prior = Prior(np.array([0.5, -0.5]), np.array([0.3, 2.0]), np.ones(p))
+    drawn = np.sqrt(n * prior.weight)
+
+    def solved(*columns: np.ndarray) -> np.ndarray:
+        left = np.hstack((rigid, own, *columns)) * np.sqrt(4.0 * weight)[:, None]
+        left = np.vstack((left, np.eye(p, left.shape[1]) * drawn[:, None]))
+        right = np.append(effort * np.sqrt(4.0 * weight), drawn * prior.center)
+        return np.linalg.lstsq(left, right)[0][: p + 2]
+
+    alone, place = solved(), np.array([FORWARD, viscous])
+    found = SimpleNamespace(
+        rows=[rows],
+        row_weights=[weight],
+        fit=fit_of(dict(zip(place.tolist(), alone[p:], strict=True)), alone[:p]),
+        problem=SimpleNamespace(
+            grams=[BlockProducts.of(rows, weight, 1)],
+            weights=np.array([4.0]),
+            prior=prior,
+            folds=np.zeros(1),
+        ),
+    )
+    expected = (solved(shape) - alone)[p:]
+    assert bias(found, [Misfit(0, "", 1.0, 1.0, shape, 2)], place) == pytest.approx(
+        expected, rel=1e-6
+    )
