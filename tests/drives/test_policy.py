@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from sizing_cases import GEAR, MOTOR, one_drive, sized_cycle, write_catalog
+import yaml
+from sizing_cases import GEAR, MOTOR, one_drive, sized_cycle, turntable, write_catalog
 
 from pinfric.drives.catalog import Brake, Gear, Motor
 from pinfric.drives.catalog_file import load_catalog
@@ -19,6 +20,9 @@ from pinfric.drives.policy import (
     parse_conditions,
 )
 from pinfric.errors import CatalogError
+from pinfric.retiming.limits import read_limits
+from pinfric.sweeps.file import load_sweep
+from pinfric.sweeps.motors import motors_on_trial
 
 STRAIN = {**GEAR, "kind": "strain wave"}
 
@@ -152,3 +156,27 @@ def test_lists_are_by_kind_and_complete_in_the_catalogue_where_they_must_be():
 def test_a_misspelt_condition_is_answered_with_the_right_one():
     with pytest.raises(CatalogError, match="`resonanse_base`; did you mean 'resonance_base'"):
         parse_conditions({"resonanse_base": 4}, Conditions())
+
+
+def test_a_catalogues_ambient_stays_beside_given_conditions(tmp_path):
+    """In `size` as an object and as keys, in `sweep` and in `retime`: one rule, one rating."""
+    catalog = one_drive(tmp_path, conditions={"ambient": 75.0, "peak_factor": 1.1})
+    scene, keys = turntable(), {"bus_voltage": 60.0}
+    asked = [sized_cycle(catalog, conditions=x) for x in (Conditions(**keys), keys)]
+    source = {"catalog": str(tmp_path / "catalog.yaml"), "conditions": keys}
+    motors = {"pinfric_motors": 1, **source, "others": {"drive": "M + G"}}
+    (tmp_path / "motors.yaml").write_text(yaml.safe_dump(motors))
+    limits = read_limits(scene, tmp_path / "motors.yaml")[0]
+    sweep = {
+        "pinfric_sweep": 1,
+        "samples": 1,
+        "parameters": {"speed": {"uniform": {"low": 0.9, "high": 1.0}}},
+        "motors": {"table": {"drive": "M + G"}},
+    }
+    trial = motors_on_trial(scene, load_sweep(sweep | source)[0], "sweep")[1][0]
+    found = [*(report.conditions for report in asked), limits.from_catalog[1], trial.conditions]
+    assert [(c.ambient, c.peak_factor, c.bus_voltage) for c in found] == [(75.0, 1.1, 60.0)] * 4
+    left = MOTOR["continuous_torque"] * ((125.0 - 75.0) / (125.0 - 25.0)) ** 0.5
+    rated = [joint.choice.criteria[0].available for report in asked for joint in report.joints]
+    rated += [limits.over_time[0], trial.bounds["continuous torque"].available]
+    assert rated == pytest.approx([left] * 4, rel=1e-12)

@@ -183,7 +183,6 @@ def test_the_heat_of_a_smoothed_motion_is_its_own():
     assert max(part) == pytest.approx(1.0, abs=1e-3)
 
 
-@pytest.mark.filterwarnings("ignore:.*smoothing over 20 ms exceeds the peak torque")
 def test_smoothing_costs_its_width_and_stays_on_the_path():
     plain = retime(planar(), STOPS, MOTORS)
     smooth = retime(planar(), STOPS, MOTORS, smooth=0.02)

@@ -22,6 +22,9 @@ from pinfric.model.described import in_json
 from pinfric.show.pages.page import formula, percent
 from pinfric.show.pages.sizing import sizing_page
 from pinfric.show.pages.sizing_figures import torque_speed
+from pinfric.show.report.drives import choice_table
+from pinfric.show.report.names import short_names
+from pinfric.show.report.rows import table_of
 from pinfric.show.report.sizing import masses_line, passes, sizing_report
 from pinfric.sizing.summary import sizing_summary
 
@@ -324,6 +327,40 @@ def test_browser_draws_every_figure_without_errors(report, tmp_path):
     assert 'data-beyond="0"' in dom  # nothing is wider than a phone
     console = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
     assert not [line for line in console if "rror" in line]
+
+
+def cells(page, heading, beside):
+    """The texts below a heading, of all tables of a page that have it and the one beside."""
+    found = []
+    for table in re.findall(r"<table.*?</table>", page, re.DOTALL):
+        rows = re.findall(r"<tr>(.*?)</tr>", table)
+        split = [re.findall(r"<t[dh][^>]*>(.*?)</t[dh]>", row) for row in rows]
+        heads = [head.replace("<br>", " ") for head in split[0]]
+        if heading in heads and beside in heads:
+            texts = [row[heads.index(heading)] for row in split[1:]]
+            found += [re.sub("<[^>]*>", "", text).strip() for text in texts]
+    return found
+
+
+def test_terminal_and_page_print_one_margin_alike(panda, report):
+    """The least margin of each drive, and every criterion that has one, in both its tables."""
+    for sized in (panda, report):
+        found, page = sizing_summary(sized), sizing_page(sized)
+        terminal = choice_table(found)
+        at = [column.heading for column in terminal.columns].index("least\nmargin")
+        chosen = [row[at] for row in terminal.rows]
+        assert cells(page, "least margin", "tightest criterion") == chosen
+        criteria = [c for joint in found.joints for c in joint.installed.criteria]
+        printed = [row[1] for row in table_of("", criteria, only=("name", "margin")).rows]
+        judged = [
+            c.status if c.margin is None else x for c, x in zip(criteria, printed, strict=True)
+        ]
+        assert cells(page, "margin", "formula") == judged
+        names = sized.scene.actuator_names
+        short = [short_names(names)[name] for name in names]
+        matrix = [x for name in short for x in cells(page, name, "criterion") if x != "·"]
+        assert sorted(matrix) == sorted(judged)
+        assert len([x for x in judged if x.endswith("%")]) > 10 * len(names)
 
 
 def test_formulas_replace_whole_words_only():
