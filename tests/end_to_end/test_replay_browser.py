@@ -553,7 +553,7 @@ def test_robot_of_48_joints_is_a_small_page_with_48_rows(browser, tmp_path):
     q = np.array([pin.integrate(scene.model, pin.neutral(scene.model), 0.2 * x) for x in v])
     result = pf.inverse_dynamics(scene, q, v, np.gradient(v, t, axis=0), t=t)
     shown = pf.replay(scene, result, html=tmp_path / "tiago.html")
-    assert len(shown.page) < 6e6
+    assert len(shown.page) < 2.5e6
     page = Page(browser, shown.html)
     assert page.complaints() == []
     assert page.run("return document.querySelectorAll('.row .value').length") == 48

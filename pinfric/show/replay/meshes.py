@@ -20,6 +20,8 @@ from pinfric.model.robot import Robot
 from pinfric.model.urdf import mesh_file, read_mesh_scene
 
 _GRAY = (190, 196, 204, 255)
+#: Triangles of a robot that a page takes, and the first cell of a grid, as a part of its size.
+_MOST_TRIANGLES, _CELL = 80_000, 0.001
 
 
 @dataclass(frozen=True)
@@ -159,6 +161,51 @@ def _geometry(geometry: Any, robot: Robot, loaded: dict[Path, Any]) -> Any:
     if geometry.sphere is not None:
         return painted(creation.icosphere(radius=geometry.sphere.radius))
     raise RobotError("it has no geometry")
+
+
+def fewer_triangles(meshes: Sequence[Any], size: float) -> list[Any]:
+    """Return meshes that a page can carry: corners within one cell of a grid become one.
+
+    The cell grows until there are few enough triangles, no further than a quarter of a mesh.
+
+    Args:
+        meshes: of trimesh, with colours at their vertices. size: of the whole robot, m.
+    """
+    found, cell = list(meshes), _CELL * size
+    while sum(len(mesh.faces) for mesh in found) > _MOST_TRIANGLES and cell < size:
+        found, cell = [_in_cells(mesh, min(cell, mesh.scale / 4)) for mesh in meshes], 1.25 * cell
+    return found
+
+
+def _in_cells(mesh: Any, cell: float) -> Any:
+    """The mesh on the means of its corners in each cell; sharp edges and colours stay."""
+    import trimesh
+
+    _, place = np.unique(np.round(mesh.vertices / cell), axis=0, return_inverse=True)
+    means = [np.bincount(place, x) / np.bincount(place) for x in mesh.vertices.T]
+    kinds = np.round(1.5 * mesh.vertex_normals), mesh.visual.vertex_colors
+    _, first, kind = np.unique(
+        np.column_stack((place, *kinds)), axis=0, return_index=True, return_inverse=True
+    )
+    normals = np.stack([np.bincount(kind, x) for x in mesh.vertex_normals.T], axis=1)
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
+    corners = place[mesh.faces]
+    kept = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
+    if not kept.any():  # all on one line
+        return mesh
+    faces = kind[mesh.faces[kept]]
+    # in the order of their corners, and rounded: it packs smaller
+    turned = (faces.argmin(axis=1)[:, None] + np.arange(3)) % 3
+    used, faces = np.unique(
+        np.unique(np.take_along_axis(faces, turned, axis=1), axis=0), return_inverse=True
+    )
+    return trimesh.Trimesh(
+        np.round(np.stack(means, axis=1)[place[first[used]]] * (4 / cell)) * (cell / 4),
+        faces.reshape(-1, 3),
+        vertex_normals=np.round(32 * normals[used]) / 32,
+        vertex_colors=mesh.visual.vertex_colors[first[used]],
+        process=False,
+    )
 
 
 def painted(mesh: Any, color: Sequence[int] = _GRAY) -> Any:

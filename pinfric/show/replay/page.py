@@ -1,7 +1,7 @@
 """The replay as one HTML file: meshcat's viewer, its animation, the friction, and our controls.
 
-Nothing is fetched: the file plays from a disk without a network. The drawing commands and the
-friction are compressed; every browser since 2023 unpacks them by itself. (Meshcat's own
+Nothing is fetched: the file plays from a disk without a network. The viewer, the drawing commands
+and the friction are compressed; every browser since 2023 unpacks them by itself. (Meshcat's own
 `static_html` needs its server, does not compress, and sends the animation before the objects.)
 """
 
@@ -71,7 +71,7 @@ def replay_html(scene: Scene, frames: Frames, title: str) -> str:
         title=html.escape(title),
         heading=re.sub(r"([_/-]+)", r"\1<wbr>", html.escape(title)),  # may break there
         style=_template("replay.css"),
-        meshcat=_in_script(viewer.read_text(encoding="utf-8")),
+        meshcat=_packed(viewer.read_bytes()),
         data=json_for_script(_data(scene, frames, staged)),
         commands=_packed(b"".join(struct.pack("<I", len(c)) + c for c in window.commands)),
         frames=_packed(b"".join(array.tobytes() for array in arrays)),
@@ -199,7 +199,7 @@ def _about(scene: Scene, frames: Frames) -> str:
 
 
 def _packed(content: bytes) -> str:
-    return base64.b64encode(gzip.compress(content, 6, mtime=0)).decode("ascii")
+    return base64.b64encode(gzip.compress(content, mtime=0)).decode("ascii")
 
 
 def _template(name: str) -> str:

@@ -25,7 +25,7 @@ from pinfric.model.scene import Scene, Site
 from pinfric.show.replay import markers
 from pinfric.show.replay.drawn import Surface, Track
 from pinfric.show.replay.markers import ARC, COLORS, FORCE_COLOR, PAYLOAD_COLOR, Marker
-from pinfric.show.replay.meshes import Shape
+from pinfric.show.replay.meshes import Shape, fewer_triangles
 from pinfric.show.replay.shapes import UP, box_mesh, linkage_frame, robot_shapes
 from pinfric.show.timeline.frames import Frames
 
@@ -108,9 +108,10 @@ def set_stage(viewer: Any, scene: Scene, placements: np.ndarray) -> Stage:
     viewer["world"].set_transform(world)
     for path, placement in zip(nodes[1:], placements[0], strict=True):
         viewer[path].set_transform(pin.XYZQUATToSE3(placement).homogeneous)
-    for n, shape in enumerate(shapes):
+    meshes = fewer_triangles([shape.mesh for shape in shapes], size)
+    for n, (shape, mesh) in enumerate(zip(shapes, meshes, strict=True)):
         node = viewer[f"{nodes[shape.joint]}/{shape.kind}_{n}"]
-        node.set_object(Surface(shape.mesh))
+        node.set_object(Surface(mesh))
         node.set_transform(shape.placement.homogeneous)
     placed = tuple(markers.site_marker(scene, site, shapes, size) for site in scene.sites)
     sites = []

@@ -13,7 +13,7 @@ from replay_cases import ROBOTS, arm, drawn
 
 import pinfric as pf
 from pinfric.errors import PinfricWarning
-from pinfric.show.replay.meshes import urdf_visuals
+from pinfric.show.replay.meshes import fewer_triangles, painted, urdf_visuals
 from pinfric.show.replay.page import RecordingWindow
 from pinfric.show.replay.shapes import robot_shapes
 from pinfric.show.replay.stage import SEGMENTS, SIDES, _tube, set_stage, tool_stops
@@ -128,6 +128,26 @@ def test_missing_and_broken_meshes_become_shapes_with_one_warning(tmp_path):
     text = str(caught[0].message)
     assert all(name in text for name in ("nowhere/a.dae", "broken.stl", "c.obj", "arm.urdf"))
     assert [shape.joint for shape in shapes if shape.kind == "body"] == [1]
+
+
+def test_a_mesh_with_too_many_triangles_keeps_its_shape_and_its_edges():
+    """A can of 0.2 m and a cube beside it: on cells of 0.3 mm or more, normals to 2 degrees."""
+    from trimesh import creation
+
+    can = painted(creation.cylinder(0.1, 0.2, sections=50_000))
+    cube = painted(creation.box([0.1, 0.1, 0.1]))
+    few = fewer_triangles([can, cube], 0.3)
+    assert sum(len(mesh.faces) for mesh in few) <= 80_000 < len(can.faces)
+    for mesh, given in zip(few, (can, cube), strict=True):
+        np.testing.assert_allclose(mesh.bounds, given.bounds, atol=2e-3)
+        assert mesh.area == pytest.approx(given.area, rel=1e-2)
+        assert mesh.volume == pytest.approx(given.volume, rel=1e-2)
+    side = np.abs(few[0].vertex_normals[:, 2]) < 0.5
+    outward = few[0].vertices[side, :2] / 0.1
+    np.testing.assert_allclose(few[0].vertex_normals[side, :2], outward, atol=0.05)
+    assert (np.abs(few[0].vertex_normals[~side, 2]) > 0.99).all()  # the edge stays sharp
+    (same,) = fewer_triangles([cube], 0.1)
+    assert same is cube
 
 
 # Primitives and meshes of a URDF.

@@ -22,6 +22,9 @@ async function unpack(id) {
 if (typeof DecompressionStream === "undefined") {
   return problem("This browser cannot unpack the page: use one of 2023 or later.");
 }
+const library = document.createElement("script");
+library.textContent = new TextDecoder().decode(await unpack("meshcat"));
+document.head.append(library);  // runs at once
 let viewer;
 try {
   viewer = new MeshCat.Viewer($("pane"));
