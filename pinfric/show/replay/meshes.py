@@ -187,8 +187,8 @@ def _in_cells(mesh: Any, cell: float) -> Any:
     _, first, kind = np.unique(
         np.column_stack((place, *kinds)), axis=0, return_index=True, return_inverse=True
     )
-    normals = np.stack([np.bincount(kind, x) for x in mesh.vertex_normals.T], axis=1)
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
+    sums = np.stack([np.bincount(kind, x) for x in mesh.vertex_normals.T], axis=1)
+    normals = sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-9)
     corners = place[mesh.faces]
     kept = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
     if not kept.any():  # all on one line
