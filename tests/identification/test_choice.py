@@ -21,7 +21,7 @@ from identify_cases import (
 import pinfric as pf
 from pinfric.errors import IdentificationError
 from pinfric.identification.choice import free_errors, held_out_parts, simplest_adequate_law
-from pinfric.identification.laws import Law
+from pinfric.identification.laws import Law, candidates
 
 #: What a UR10's held-out errors may be beside those of Coulomb and viscous friction.
 UR10 = (0.70, 0.52, 0.75, 0.82, 1.05, 1.10)
@@ -72,6 +72,12 @@ def test_of_laws_that_are_as_good_the_viscous_one_is_taken():
     errors = {Law(exponent=p): total / 4 + (0.1 + p) * noise for p, total in powers.items()}
     assert simplest_adequate_law(errors, rows) == Law()
     assert simplest_adequate_law(errors | {Law(): np.full(4, 40.0)}, rows) == Law(exponent=0.8)
+
+
+def test_a_fall_is_offered_where_a_scene_can_state_it():
+    falls = {(law.load, law.side) for law in candidates(True, True, True, True) if law.stribeck}
+    assert falls == {("", "joint"), ("bearing", "joint"), ("gear", "joint")}
+    assert not any(law.stribeck for law in candidates(True, True, True))
 
 
 def test_every_part_that_is_held_out_leaves_something_to_fit():

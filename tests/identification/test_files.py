@@ -1,8 +1,10 @@
 """Files of an identification run as they are, and are swept row by row."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from identify_cases import (
     NAMES,
@@ -16,7 +18,10 @@ from identify_cases import (
 
 import pinfric as pf
 from pinfric.errors import IdentificationError
+from pinfric.identification.files import _robot_text
 from pinfric.identification.laws import Law
+from pinfric.model.robot import Robot, example_robot_data
+from pinfric.model.urdf import mesh_file
 
 
 def test_the_files_run_as_they_are(found, tmp_path):
@@ -80,6 +85,30 @@ def test_what_no_log_tells_of_a_drive_stays_in_the_scene(tmp_path):
                 assert getattr(after.transmission, key) == getattr(before.transmission, key)
             drag = after.transmission.motor_viscous  # the joint's friction holds it
             assert (drag is None) == (at == "reflected")
+
+
+def test_a_written_robot_has_the_inertias_found_and_finds_its_meshes_from_anywhere(tmp_path):
+    bundled = "package://ur_description/meshes/ur5/visual/base.dae"
+    (tmp_path / "own").mkdir()
+    for name in ("part.stl", "own/part.stl"):
+        (tmp_path / name).touch()
+    names = "part.stl", "package://own/part.stl", bundled
+    visuals = "".join(
+        f'<visual><geometry><mesh filename="{name}"/></geometry></visual>' for name in names
+    )
+    urdf = tmp_path / "robot.urdf"
+    urdf.write_text(
+        f'<robot name="r"><link name="base">{visuals}</link><link name="arm"/><link name="tip"/>'
+        '<joint name="turn" type="continuous"><parent link="base"/><child link="arm"/></joint>'
+        '<joint name="weld" type="fixed"><parent link="arm"/><child link="tip"/></joint></robot>'
+    )
+    model = pin.buildModelFromUrdf(str(urdf))
+    model.inertias[1] = pin.Inertia(2.0, np.array([0.1, 0.2, 0.3]), np.diag([0.04, 0.05, 0.06]))
+    text = _robot_text(Robot(model, urdf, (tmp_path, example_robot_data()), {}, {}), model)
+    assert pin.buildModelFromXML(text).inertias[1].isApprox(model.inertias[1])
+    written = re.findall('mesh filename="(.*)"', text)
+    assert written[2] == bundled
+    assert all(mesh_file(name, tmp_path / "other" / "robot.urdf", ()) for name in written[:2])
 
 
 def test_a_scene_without_a_urdf_cannot_be_written(found, tmp_path):

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pinocchio as pin
 import pytest
+from builders import chain, lump
 from identify_cases import (
     BACK_EFFICIENCY,
     COULOMB,
@@ -26,9 +27,11 @@ from identify_cases import (
     truth,
 )
 from identify_wrong_models import FALL, STATIC, found, hits, wrong_log
+from scipy.optimize import lsq_linear, minimize_scalar
 
 import pinfric as pf
 from pinfric.errors import IdentificationError
+from pinfric.identification import zeros
 from pinfric.identification.advice import advice_text
 from pinfric.identification.columns import Prepared, joint_rows
 from pinfric.identification.estimate import _at_an_end
@@ -184,8 +187,6 @@ def test_held_out_errors_count_outliers_in_full():
 
 
 def test_coefficients_are_the_least_squares_that_are_not_negative():
-    from scipy.optimize import lsq_linear
-
     rng = np.random.default_rng(3)
     A, y = rng.normal(size=(12, 30, 6)), rng.normal(size=(12, 30))
     A[::2, :, 5] += 3.0 * A[::2, :, 4] - 2.0 * A[::2, :, 3]  # columns that hang together
@@ -317,6 +318,21 @@ def test_a_wrong_zero_that_the_last_links_take_up_is_named(turn):
     assert max(one.error / one.rms for one in found.errors.values()) < 0.05
     line = next(line for line in found.notes if "another zero" in line)
     assert f"%: {NAMES[4]} {-turn:+d} degrees;" in line
+
+
+def test_a_little_turn_is_where_the_residual_is_least(monkeypatch):
+    model = chain(*((name, pin.JointModelRY(), lump(1.0)) for name in ("arm", "hand")))
+    slopes = 0.4 + 0.01 * np.sin(np.arange(20.0))
+
+    def left(_: object, joint: int, x: float) -> np.ndarray:
+        """Of 20 spans; the hand's links turn along."""
+        return 0.1 - slopes * x + x**2
+
+    monkeypatch.setattr(zeros, "_left", left)
+    (one,) = turned_zeros(SimpleNamespace(scene=pf.Scene(model)))
+    x = minimize_scalar(lambda x: left(None, 0, x).sum()).x
+    assert (one.joint, one.turn) == (0, pytest.approx(x, rel=1e-6))
+    assert one.gain == pytest.approx(1.0 - left(None, 0, x).sum() / left(None, 0, 0.0).sum())
 
 
 def test_masses_are_said_beside_the_urdfs(found):
