@@ -6,13 +6,14 @@ import tempfile
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
 import pinfric as pf
-from pinfric.identification.columns import Rows
+from pinfric.identification.columns import Prepared, Rows
 from pinfric.identification.identify import Identified
 from pinfric.identification.laws import SLOTS, Law
 from pinfric.identification.normal import Fit
@@ -277,6 +278,17 @@ def rows_of(effort: np.ndarray, columns: dict, rigid: np.ndarray | None = None, 
 def fit_of(columns: dict, theta: np.ndarray = np.zeros(10)) -> Fit:  # noqa: B008
     """One joint's coefficients made by hand: slot -> value."""
     return Fit(theta, np.array([[columns.get(slot, 0.0) for slot in SLOTS]]))
+
+
+def prepared_of(v: np.ndarray, columns: dict, **more: object) -> Prepared:
+    """A log of one joint made by hand, ten samples a second, with those of `rows_of`."""
+    t, still = 0.1 * np.arange(len(v)), np.zeros((len(v), 1))
+    recording = SimpleNamespace(
+        trajectory=SimpleNamespace(t=t), step=0.1, velocity=v[:, None], acceleration=still
+    )
+    given = {"kept": np.arange(len(v)), "slides": (v != 0.0)[:, None], "load": still}
+    given |= {"rigid": np.zeros((len(v), 1, 10)), "effort": None, "payload": still} | more
+    return Prepared(recording=recording, slots=rows_of(t, columns).slots[:, None], **given)
 
 
 def parameter(found: Identified, section: str, joint: int, name: str):

@@ -19,16 +19,19 @@ from identify_cases import (
     fit_of,
     guess,
     parameter,
+    prepared_of,
     rows_of,
     short,
 )
 
 import pinfric as pf
-from pinfric.identification.laws import FORWARD
+from pinfric.identification.laws import BACKWARD, FALL_SPEED, FALLS, FORWARD, SLOTS, Law
 from pinfric.identification.misfit import Misfit
-from pinfric.identification.normal import BlockProducts, Prior
+from pinfric.identification.normal import BlockProducts, FrictionNormalEquations, Normal, Prior
+from pinfric.identification.stribeck import Fall, with_falls
 from pinfric.identification.uncertainty import (
     Uncertainty,
+    _other_falls,
     between_logs,
     bias,
     for_a_further_log,
@@ -141,7 +144,56 @@ def test_a_bias_is_by_how_much_the_shape_changes_least_squares():
             folds=np.zeros(1),
         ),
     )
+    normal = Normal.of(found.problem.grams, np.ones(1, dtype=bool), found.problem.weights)
+    free = FrictionNormalEquations(normal, prior).fit([place])
+    assert np.append(free.theta, free.slots[0, place]) == pytest.approx(alone, rel=1e-6)
     expected = (solved(shape) - alone)[p:]
     assert bias(found, [Misfit(0, "", 1.0, 1.0, shape, 2)], place) == pytest.approx(
         expected, rel=1e-6
     )
+
+
+def test_draws_scatter_by_both_covariances_and_by_their_few_samples():
+    """Student's t of n degrees of freedom has the variance n/(n - 2)."""
+    place, own, other = np.array([FORWARD, 3]), np.array([[4.0, 1.0], [1.0, 9.0]]), np.eye(2)
+    values = 100.0 + np.arange(float(len(SLOTS)))[None, :]
+    draws = Uncertainty(place, own, other, 10, 8, np.zeros(1)).draws(values, 40_000, 1)
+    assert np.cov(draws[:, place].T) == pytest.approx(own * 10 / 8 + other * 7 / 5, abs=0.3)
+    assert draws.mean(axis=0) == pytest.approx(values[0], abs=0.1)
+    assert draws[0, 5] == values[0, 5]
+
+
+def test_another_exponent_changes_the_coefficients_as_a_fit_beside_that_fall():
+    v = np.linspace(-1.0, 1.0, 80)
+    fall, other = Fall(0.2, 1.0, 3.0, 2.0), Fall(0.3, 2.0, 2.0, 1.5)
+    columns = {FORWARD: 1.0 * (v > 0.0), BACKWARD: -1.0 * (v < 0.0), 3: v}
+    given = with_falls(prepared_of(v, columns), (fall,))
+    rows, rest = rows_of(5.0 * v, dict(enumerate(given.slots[:, 0].T))), [FORWARD, BACKWARD, 3]
+    weight = np.random.default_rng(0).uniform(0.1, 1.0, v.size)
+
+    def beside(one: Fall) -> np.ndarray:
+        """Least squares of the others, this fall taken as known."""
+        left = np.exp(-(np.abs(v / one.velocity) ** one.exponent))
+        y = rows.effort - left * np.where(v > 0.0, one.forward, -one.backward)
+        root = np.sqrt(weight)
+        return np.linalg.lstsq(rows.slots[:, rest] * root[:, None], y * root)[0]
+
+    place = np.sort([*rest, *FALLS, FALL_SPEED])
+    found = SimpleNamespace(
+        falls=[replace(fall, others=(other,))],
+        choice=SimpleNamespace(laws=[Law(stribeck=True)]),
+        prepared=[given],
+        rows=[rows],
+        row_weights=[weight],
+        fit=fit_of({}),
+        problem=SimpleNamespace(
+            grams=[BlockProducts.of(rows, weight, 1)],
+            weights=np.ones(1),
+            prior=Prior(np.zeros(10), np.full(10, np.inf), np.zeros(10)),
+            folds=np.zeros(1),
+        ),
+    )
+    (off,) = _other_falls(found, place)
+    expected = dict(zip(rest, beside(other) - beside(fall), strict=True))
+    expected |= dict(zip([*FALLS, FALL_SPEED], [-1.0, -0.5, np.log(1.5)], strict=True))
+    assert off == pytest.approx([expected[slot] for slot in place], rel=1e-5)
