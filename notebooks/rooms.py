@@ -76,7 +76,7 @@ STEPS = {
         ("forward_dynamics", "dynamics.forward.forward", "checks the state"),
         ("solve_instant", "dynamics.problem.instant", "writes the problem, tries modes, finishes"),
         ("solve_given_modes", "friction.given_modes", "friction and loads of given modes"),
-        ("judge", "friction.consistency", "checks whether modes obey the law"),
+        ("judge", "friction.given_modes", "checks whether modes obey the law"),
         ("search", "friction.search", "which joints at rest stick or slip"),
         ("finish", "dynamics.problem.instant", "accelerations, wrenches, friction of each joint"),
     ),

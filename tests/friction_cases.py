@@ -17,8 +17,7 @@ import pinfric as pf
 from pinfric.dynamics.forward.workspace import Workspace
 from pinfric.friction.balance import Balance
 from pinfric.friction.least_use import make_rest
-from pinfric.friction.modes import Modes
-from pinfric.friction.problem import Problem, empty_problem
+from pinfric.friction.problem import Modes, Problem, empty_problem
 from pinfric.friction.rest import Mechanism, solve
 
 #: Rows of coordinates that have none, see `gears.write_rows`.

@@ -2,10 +2,9 @@
 
 Takes: a `Problem`: loads as affine functions of friction, the laws, and where joints slide or rest.
 
-Steps: `search` tries the likely modes first, `given_modes` solves one with its certificate
-(`anderson`, `balance`; `sliding` where nothing rests and one solution is certain), `branching` and
-`several` look at all others; `holding` and `least_use` decide whether friction can hold a robot at
-rest.
+Steps: `search` tries modes of what rests; `rest` solves one of them, `given_modes` with its
+certificate, `sharing` where joints can only move together; `several` looks for all solutions.
+`holding`, `least_use` and `branching` decide whether friction can hold a robot at rest.
 
 Gives: friction and mode of each joint, or that there is no solution, or several.
 """

@@ -161,3 +161,32 @@ def eliminate_full_pivot(A: np.ndarray, ny: int, order: np.ndarray, scale: float
                 for j in range(k, width):
                     A[i, j] -= factor * A[k, j]
     return min(nr, ny)
+
+
+@kernel
+def solve_balance(A: np.ndarray, scale: float, y: np.ndarray, free: np.ndarray) -> int:
+    """Write one solution of A[:, :ny] y = A[:, ny:], and its null space; return the rank.
+
+    Full pivoting, the paper's choice, finds the rank. A rank below the number of rows: there may be
+    no solution.
+
+    Args:
+        A: (nr, ny + columns), overwritten.
+        scale: pivots small beside it are zero.
+        y: (ny, columns), overwritten.
+        free: (ny, ny), overwritten: its first ny - rank columns.
+    """
+    ny, columns = y.shape
+    order = np.empty(ny, np.int64)
+    rank = eliminate_full_pivot(A, ny, order, scale)
+    for r in range(ny):
+        for k in range(columns):
+            y[order[r], k] = A[r, ny + k] if r < rank else 0.0
+        for f in range(ny):
+            free[order[r], f] = 0.0
+        if r >= rank:
+            free[order[r], r - rank] = 1.0
+            continue
+        for f in range(ny - rank):
+            free[order[r], f] = -A[r, rank + f]
+    return rank

@@ -28,8 +28,7 @@ import numpy as np
 
 from pinfric.friction.dense import solve_dense
 from pinfric.friction.law import site_limits, slip_law, write_rates
-from pinfric.friction.modes import Modes
-from pinfric.friction.problem import Problem
+from pinfric.friction.problem import Modes, Problem
 from pinfric.kernels.compiled import inlined_kernel, kernel
 
 #: An effort beyond its line by this fraction of the terms of its sum is rounding.

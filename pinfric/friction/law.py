@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pinfric.friction.problem import Problem
+from pinfric.friction.problem import Modes, Problem
 from pinfric.kernels.compiled import inlined_kernel, kernel
 
 
@@ -151,3 +151,85 @@ def slip_law(
         if not stuck[c]:
             gain[s], part = sliding(problem, s, direction[c])
             offset[c] += part
+
+
+@kernel
+def evaluate(problem: Problem, friction: np.ndarray, load: np.ndarray, rate: np.ndarray) -> None:
+    """Write each site's load (ns,) and each coordinate's rate (nc,) under given friction (nc,)."""
+    write_loads(problem.contact, problem.contact_site, problem.constant, friction, load)
+    write_rates(problem, friction, rate)
+
+
+@kernel
+def limit_width(lower: float, upper: float) -> float:
+    """Return the scale for rounding of static limits: their width, or the finite limit."""
+    width = upper - lower
+    return width if width < np.inf else min(abs(lower), abs(upper), 1e300)
+
+
+@kernel
+def site_friction(
+    problem: Problem, modes: Modes, lower: np.ndarray, upper: np.ndarray, phi: np.ndarray
+) -> None:
+    """Write each site's friction (ns,); sites that share a sticking coordinate share its friction.
+
+    The motion determines only the sum; it is shared in proportion to the limits. If one site holds
+    any load, the others get the middle of the range that is left for them.
+
+    Args:
+        problem: `Problem`.
+        modes: `Modes`, solved.
+        lower, upper: (nc,), `stick_limits`.
+        phi: (ns,), overwritten.
+    """
+    stuck, direction, friction, load = modes.stuck, modes.direction, modes.friction, modes.load
+    for s in range(phi.size):
+        c, ratio = problem.coordinate[s], problem.ratio[s]
+        if stuck[c]:
+            width = upper[c] - lower[c]
+            if not width < np.inf:
+                continue
+            share = (friction[c] - lower[c]) / width if width > 0.0 else 0.5
+            least, greatest = site_limits(problem, load, s)
+            phi[s] = (least + share * (greatest - least)) / ratio
+        else:
+            gain, offset = sliding(problem, s, direction[c])
+            phi[s] = (gain * load[s] + offset) / ratio
+    for c in range(stuck.size):
+        if stuck[c] and not upper[c] - lower[c] < np.inf:
+            _share_unlimited(problem, friction[c], load, c, phi)
+
+
+@kernel
+def _share_unlimited(
+    problem: Problem, friction: float, load: np.ndarray, c: int, phi: np.ndarray
+) -> None:
+    """Write the friction of the sites of a coordinate at rest of which one or more have no limit.
+
+    The limited ones get the middle of what the others leave, each unlimited one what it must have
+    at least; the last that can take it, the rest.
+    """
+    low = high = beyond_low = beyond_high = 0.0
+    for s in range(phi.size):
+        if problem.coordinate[s] == c:
+            least, greatest = site_limits(problem, load, s)
+            if greatest - least < np.inf:
+                low, high = low + least, high + greatest
+            else:
+                beyond_low, beyond_high = beyond_low + least, beyond_high + greatest
+    middle = 0.5 * (max(low, friction - beyond_high) + min(high, friction - beyond_low))
+    share = (middle - low) / (high - low) if high > low else 0.5
+    left = friction - middle
+    for spread in (True, False):  # the second time from the last site on
+        for n in range(phi.size):
+            s = n if spread else phi.size - 1 - n
+            if problem.coordinate[s] != c:
+                continue
+            least, greatest = site_limits(problem, load, s)
+            had = 0.0 if spread else phi[s] * problem.ratio[s]
+            part = min(max(0.0 if spread else had + left, least), greatest)
+            if greatest - least < np.inf:
+                part = least + share * (greatest - least)
+            else:
+                left -= part - had
+            phi[s] = part / problem.ratio[s]

@@ -23,9 +23,7 @@ from functools import cached_property
 
 import numpy as np
 
-from pinfric.friction.anderson import anderson
 from pinfric.friction.balance import FITS, RANK
-from pinfric.friction.consistency import ROUNDING, evaluate, judge, try_modes
 from pinfric.friction.gears import (
     FEW_PASSES,
     MOST_PASSES,
@@ -35,11 +33,14 @@ from pinfric.friction.gears import (
     ways_to_hold,
     without_gears,
 )
+from pinfric.friction.given_modes import ROUNDING, judge, try_modes
 from pinfric.friction.holding import decide
-from pinfric.friction.law import add_load_slopes, slip_law, stick_limits
-from pinfric.friction.modes import Modes
-from pinfric.friction.problem import Problem, bounded
+from pinfric.friction.law import add_load_slopes, evaluate, slip_law, stick_limits
+from pinfric.friction.problem import Modes, Problem, bounded
 from pinfric.friction.sharing import Group, joint_sizes, share, share_one
+
+#: Passes of Anderson's extrapolation.
+_PASSES = 400
 
 
 @dataclass(eq=False)
@@ -233,17 +234,6 @@ def _together(
     return -1, 0
 
 
-def _hold_otherwise(step: _Shared) -> bool:
-    """If all movable joints rest, take the friction that holds them; False: there is none."""
-    modes, ball = step.modes, step.mechanism.ball
-    if ball[modes.stuck].any() or step.gain.any() or step.offset.any():
-        return False  # a ball's limit is a sphere; what slides has friction that loads decide
-    found = decide(step.plain, step.mechanism.factor, modes.stuck, slope=step.mechanism.slope)
-    if found.held:
-        step.write(found.friction)
-    return bool(found.held)
-
-
 class _Shared:
     """One pass x -> G(x) of a problem in which groups share their friction.
 
@@ -292,8 +282,8 @@ class _Shared:
         if not self.possible:
             modes.friction[:1] = np.nan
             return 0, 0, 0, 0
-        self.write(self(start) if x is None else x)
-        held = (x is None or self.is_beyond()) and _hold_otherwise(self)
+        self.write(self.image(start) if x is None else x)
+        held = (x is None or self.is_beyond()) and self._holds_otherwise()
         left, changed = fit(self.given, modes, lines, True)
         broken = self.judge()
         if x is None and not held:  # beyond its limits friction may grow without bound: breaks away
@@ -301,13 +291,24 @@ class _Shared:
             return (1 if broken else -1), 0, 0, 0
         return 1, int(broken == 0), left, changed
 
+    def _holds_otherwise(self) -> bool:
+        """If all movable joints rest, take the friction that holds them; False: there is none."""
+        stuck = self.modes.stuck
+        if self.mechanism.ball[stuck].any() or self.gain.any() or self.offset.any():
+            return False  # a ball's limit is a sphere; what slides has friction that loads decide
+        found = decide(self.plain, self.mechanism.factor, stuck, slope=self.mechanism.slope)
+        if found.held:
+            self.write(found.friction)
+        return bool(found.held)
+
     def write(self, y: np.ndarray) -> None:
         """Write the friction of a solution, its loads and rates."""
         self.y, modes = y, self.modes
         modes.friction[:] = self.of_y[:, 0] + self.of_y[:, 1:] @ y if self.of_y.size else y
         evaluate(self.given, modes.friction, modes.load, modes.rate)
 
-    def __call__(self, x: np.ndarray) -> np.ndarray:
+    def image(self, x: np.ndarray) -> np.ndarray:
+        """Return G(x)."""
         p, modes = self.problem, self.modes
         evaluate(p, x, self.load, self.rate)
         stick_limits(p, self.load, self.least, self.most)
@@ -387,3 +388,34 @@ class _Shared:
         slope = np.diag(p.rate_slope)[group]
         strongest = int(np.argmax(slope))
         return float(p.rate_scale[group][strongest] / max(slope[strongest], 1e-300))
+
+
+def anderson(step: _Shared, x: np.ndarray, sharp: float) -> tuple[np.ndarray | None, int]:
+    """Solve x = G(x), with Anderson's extrapolation over the last four passes; None: it fails.
+
+    G is `step.image` (Anderson 1965; Walker and Ni 2011).
+
+    It ends at a relative difference of `sharp`, or where rounding prevents further progress.
+    """
+    points: list[np.ndarray] = []
+    residuals: list[np.ndarray] = []
+    best, since = np.inf, 0
+    for passes in range(_PASSES):
+        image = step.image(x)
+        rest = image - x
+        if not np.isfinite(rest).all():
+            return None, passes
+        error, size = float(np.abs(rest).max(initial=0.0)), float(np.abs(image).max(initial=0.0))
+        if error <= sharp * size:
+            return image, passes
+        since = 0 if error < 0.5 * best else since + 1
+        best = min(best, error)
+        if since > 12 and error <= 1e-12 * size:
+            return image, passes  # rounding
+        points, residuals = [*points[-4:], image], [*residuals[-4:], rest]
+        x = image
+        if len(points) > 1:
+            slope = np.array([r - rest for r in residuals[:-1]]).T
+            share_ = np.linalg.lstsq(slope, -rest, rcond=1e-10)[0]
+            x = image + np.array([p - image for p in points[:-1]]).T @ share_
+    return None, _PASSES

@@ -13,10 +13,9 @@ from friction_cases import (
 
 import pinfric as pf
 from pinfric.dynamics.judge.plain_laws import plain_normal_load
-from pinfric.friction.consistency import SHOULD_STICK, site_friction
-from pinfric.friction.law import stick_limits
-from pinfric.friction.modes import Modes
-from pinfric.friction.problem import empty_problem
+from pinfric.friction.given_modes import SHOULD_STICK
+from pinfric.friction.law import site_friction, stick_limits
+from pinfric.friction.problem import Modes, empty_problem
 from pinfric.friction.rest import solve
 
 pytestmark = pytest.mark.usefixtures("interpreted_kernels")

@@ -16,8 +16,7 @@ from friction_cases import (
 )
 
 from pinfric.friction import given_modes as coupling
-from pinfric.friction.consistency import site_friction
-from pinfric.friction.law import stick_limits
+from pinfric.friction.law import site_friction, stick_limits
 from pinfric.kernels import interpreted
 
 pytestmark = pytest.mark.usefixtures("interpreted_kernels")

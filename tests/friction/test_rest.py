@@ -12,8 +12,7 @@ from friction_cases import (
     two_that_share,
 )
 
-from pinfric.friction.modes import Modes
-from pinfric.friction.problem import empty_problem
+from pinfric.friction.problem import Modes, empty_problem
 from pinfric.friction.rest import Mechanism, solve
 
 

@@ -16,10 +16,11 @@ from friction_cases import (
 from scipy.optimize import brentq, lsq_linear
 
 from pinfric.friction import search
-from pinfric.friction.consistency import evaluate, judge
-from pinfric.friction.modes import Found, Modes
+from pinfric.friction.given_modes import judge
+from pinfric.friction.law import evaluate
+from pinfric.friction.problem import Found, Modes
 from pinfric.friction.rest import Mechanism, solve
-from pinfric.friction.ways import Kinematics
+from pinfric.friction.search import PossibleWays
 
 pytestmark = pytest.mark.usefixtures("interpreted_kernels")
 
@@ -94,7 +95,7 @@ def test_pivoting_beyond_eight_finds_consistent_modes(seed):
         other.at_rest[:] = True
         # enumeration of 3^10 is long: one level below where the pivoting ended
         level = int(np.count_nonzero(m.direction))
-        kinematics = Kinematics(p, a_tree(10), other.at_rest)
+        kinematics = PossibleWays(p, a_tree(10), other.at_rest)
         for ways in kinematics.ways(list(range(10)), level - 1, {}) if 0 < level < 4 else ():
             search._stick(other, a_tree(10), ways)
             assert solve(p, other, a_tree(10))[1] == 0

@@ -19,7 +19,7 @@ from friction_cases import (
 from scipy.optimize import root
 
 from pinfric.friction import search
-from pinfric.friction.modes import Found, Modes
+from pinfric.friction.problem import Found, Modes
 from pinfric.friction.several import find_all
 
 pytestmark = pytest.mark.usefixtures("interpreted_kernels")

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from pinfric.friction.modes import Modes
-from pinfric.friction.problem import empty_problem
-from pinfric.friction.sliding import slide
+from pinfric.friction.given_modes import slide
+from pinfric.friction.problem import Modes, empty_problem
 
 
 def slipping(seed, mu=0.1, sites=7, coordinates=6):

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from friction_cases import grid_use, random_problem, resting_six_bar, two_that_share
 from scipy.optimize import linprog
 
-from pinfric.friction.anderson import anderson
 from pinfric.friction.balance import Balance
 from pinfric.friction.holding import decide
 from pinfric.friction.least_use import descend, friction_and_limits, make_rest
 from pinfric.friction.minimax import least_violation
+from pinfric.friction.rest import anderson
 
 # Anderson: extrapolation of fixed points: where plain passes run away.
 
@@ -21,10 +23,10 @@ def test_extrapolation_finds_a_fixed_point_that_passes_alone_run_away_from(seed)
     rng = np.random.default_rng(seed)
     A, b = rng.normal(size=(4, 4)), rng.normal(size=4)
     A *= (0.6 if seed % 2 else 1.5) / np.abs(np.linalg.eigvals(A)).max()
-    x, passes = anderson(lambda x: A @ x + b, np.zeros(4), 1e-12)
+    x, passes = anderson(SimpleNamespace(image=lambda x: A @ x + b), np.zeros(4), 1e-12)
     np.testing.assert_allclose(x, np.linalg.solve(np.eye(4) - A, b), rtol=1e-8)
     assert passes < 60
-    assert anderson(lambda x: x + 1.0, np.zeros(2), 1e-12)[0] is None
+    assert anderson(SimpleNamespace(image=lambda x: x + 1.0), np.zeros(2), 1e-12)[0] is None
 
 
 # Least use: the least use of friction, against a search from many starts.

@@ -12,7 +12,7 @@ from friction_cases import (
 from scipy.optimize import linprog
 
 from pinfric.friction.rest import Mechanism
-from pinfric.friction.ways import Kinematics
+from pinfric.friction.search import PossibleWays
 
 pytestmark = pytest.mark.usefixtures("interpreted_kernels")
 
@@ -54,7 +54,7 @@ def test_the_ways_to_slip_are_those_that_linear_programs_allow(freedoms, seed, m
     p.rate_free[:] = c + A.T @ rng.normal(size=freedoms)
     p.rate_scale[:] = np.abs(p.rate_free) + 1.0
     at_rest = np.ones(5, bool)
-    kinematics = Kinematics(p, a_mechanism(A), at_rest)
+    kinematics = PossibleWays(p, a_mechanism(A), at_rest)
     others = [i for i in range(5) if i not in forced]
     weak = np.array([forced.get(i, 0.0) for i in range(5)])
     for level in range(len(others) + 1):

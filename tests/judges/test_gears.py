@@ -21,7 +21,7 @@ from pinfric.errors import (
     StateError,
     UndecidedAcceleration,
 )
-from pinfric.friction.modes import Found
+from pinfric.friction.problem import Found
 from pinfric.model.friction_terms import CoulombFriction
 
 G = 9.81

@@ -36,7 +36,7 @@ from pinfric.errors import (
     UndecidedAcceleration,
 )
 from pinfric.friction import search
-from pinfric.friction.modes import Found
+from pinfric.friction.problem import Found
 from pinfric.friction.sharing import share
 
 MOVING = {

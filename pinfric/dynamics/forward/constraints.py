@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pinfric.dynamics.problem.machine import Machine
-from pinfric.dynamics.problem.rates import is_exact, measure_rates, relate
-from pinfric.dynamics.problem.supply import Supplier
+from pinfric.dynamics.problem.accelerations import is_exact, measure_rates, relate
+from pinfric.dynamics.problem.machine import Machine, Supplier
 from pinfric.kernels.compiled import KernelArgument
 from pinfric.model.closure import RANK, close
 from pinfric.model.loops import Linkage, no_linkage, stand_still

@@ -22,7 +22,7 @@ from pinfric.errors import (
     UndecidedAcceleration,
 )
 from pinfric.friction.gears import jam
-from pinfric.friction.modes import Found
+from pinfric.friction.problem import Found
 from pinfric.friction.search import MOST_ENUMERATED, MOST_PASSES, Count
 from pinfric.model.mobility import lightest_joint
 from pinfric.model.scene import Scene

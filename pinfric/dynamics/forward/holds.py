@@ -13,9 +13,9 @@ from pinfric.dynamics.samples.closure import check_closed
 from pinfric.dynamics.samples.reactions import AppliedWrench, applied_wrenches
 from pinfric.errors import AccelerationError
 from pinfric.friction.balance import RANK, Balance
-from pinfric.friction.consistency import evaluate
 from pinfric.friction.gears import hold_chosen, lines_and_rows, ways_to_hold, without_gears
 from pinfric.friction.holding import Verdict, decide
+from pinfric.friction.law import evaluate
 from pinfric.model.scene import Scene, expect_scene
 
 #: Joints with at least this fraction of the largest use reach their limits together.

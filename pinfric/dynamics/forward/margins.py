@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from pinfric.dynamics.problem.machine import Machine
-from pinfric.friction.consistency import ROUNDING
 from pinfric.friction.gears import gear_margins
+from pinfric.friction.given_modes import ROUNDING
 from pinfric.friction.rest import Mechanism
 
 #: Margin used in place of an infinite one.

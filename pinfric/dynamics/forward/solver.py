@@ -31,7 +31,7 @@ from pinfric.dynamics.forward.workspace import Workspace, closed_configuration, 
 from pinfric.dynamics.inverse.linkage import solve_linkage
 from pinfric.dynamics.inverse.tree import check_finite, solve_tree
 from pinfric.dynamics.inverse.undriven import check_shares
-from pinfric.dynamics.problem.rates import is_normalized
+from pinfric.dynamics.problem.accelerations import is_normalized
 from pinfric.dynamics.samples.motion_kernels import TreeSamples, bound_within
 from pinfric.dynamics.samples.motor_torques import scene_gears
 from pinfric.dynamics.samples.outcome import Status

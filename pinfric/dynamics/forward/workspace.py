@@ -13,6 +13,7 @@ import numpy as np
 from pinfric.dynamics.forward.constraints import Constraints
 from pinfric.dynamics.forward.failures import Failures, State
 from pinfric.dynamics.forward.margins import Margins
+from pinfric.dynamics.problem.accelerations import is_exact, measure_rates, relate
 from pinfric.dynamics.problem.instant import (
     FREE,
     GIVEN,
@@ -23,25 +24,21 @@ from pinfric.dynamics.problem.instant import (
     finish,
     solve_instant,
 )
-from pinfric.dynamics.problem.machine import Machine, make_machine
+from pinfric.dynamics.problem.machine import Machine, Supplier, make_machine
 from pinfric.dynamics.problem.plan import kept_plan
-from pinfric.dynamics.problem.rates import is_exact, measure_rates, relate
-from pinfric.dynamics.problem.supply import Supplier
 from pinfric.dynamics.samples.reactions import AppliedWrench
 from pinfric.errors import (
     ClosureError,
     PinfricError,
     SceneError,
 )
-from pinfric.friction.consistency import evaluate, judge, try_modes
 from pinfric.friction.gears import bind, fit, gear_margins, hold_chosen, jam, write_rows
-from pinfric.friction.given_modes import reduce_problem
-from pinfric.friction.law import add_load_slopes, stick_limits
+from pinfric.friction.given_modes import judge, reduce_problem, try_modes
+from pinfric.friction.law import add_load_slopes, evaluate, stick_limits
 from pinfric.friction.minimax import least_violation
-from pinfric.friction.modes import Found, GivenModes, Modes
-from pinfric.friction.problem import Problem
+from pinfric.friction.problem import Found, GivenModes, Modes, Problem
 from pinfric.friction.rest import Mechanism, solve
-from pinfric.friction.search import MOST_ENUMERATED, Count, follow, search
+from pinfric.friction.search import Count, follow, search
 from pinfric.friction.search import given as given_modes
 from pinfric.kernels.compiled import KernelArgument, compile_for, compiling
 from pinfric.model.closure import guesses
@@ -306,7 +303,7 @@ class Workspace:
 
     def search_step(self) -> Found:
         """Search the modes at the end of a time step, from those in `modes`, else all of them."""
-        return _follow_or_search(self.problem, self.modes, self.mechanism, self.count)
+        return follow(self.problem, self.modes, self.mechanism, self.count)
 
     @property
     def place_modes(self) -> np.ndarray:
@@ -327,19 +324,6 @@ class Workspace:
         self.locked = self.closed and self.mechanism.is_locked(self.modes.stuck)
         if self.locked:
             self.a[:] = 0.0
-
-
-def _follow_or_search(problem: Problem, modes: Modes, mechanism: Mechanism, count: Count) -> Found:
-    """Follow the modes; in a mechanism then start from all stick; if both fail, try all modes."""
-    start = modes.copy()
-    found = follow(problem, modes, mechanism, count)
-    if found != Found.SOLVED and mechanism.closed:
-        modes.take(start)
-        modes.stuck[modes.at_rest], modes.direction[modes.at_rest] = True, 0.0
-        found = follow(problem, modes, mechanism, count)
-    if found != Found.SOLVED and int(modes.at_rest.sum()) <= MOST_ENUMERATED:
-        return search(problem, modes, mechanism, count=count)
-    return found
 
 
 def rehearse(ws: Workspace) -> None:

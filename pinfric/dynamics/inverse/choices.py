@@ -12,11 +12,9 @@ import numpy as np
 
 from pinfric.dynamics.inverse.effort_maps import Maps
 from pinfric.dynamics.problem.plan import Plan
-from pinfric.friction.given_modes import solve_given_modes
+from pinfric.friction.given_modes import slide, solve_given_modes
 from pinfric.friction.law import add_load_slopes, write_loads
-from pinfric.friction.modes import Modes
-from pinfric.friction.problem import Problem
-from pinfric.friction.sliding import slide
+from pinfric.friction.problem import Modes, Problem
 from pinfric.kernels.arrays import array, make
 from pinfric.kernels.compiled import kernel
 from pinfric.model.laws import Laws, is_dry, law_at

@@ -6,7 +6,7 @@
 rows. Full pivoting, the paper's choice, finds its rank. A rank below the number of rows means a
 toggle, where drives cannot balance the load. A rank below the number of columns means redundant
 drives, which share the work so that the sum of u^2 / share is least, and redundant closures
-(`affine.share`).
+(`wrenches.share`).
 """
 
 from __future__ import annotations
@@ -15,16 +15,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pinfric.dynamics.problem.affine import (
+from pinfric.dynamics.problem.plan import Drives, Entries, Plan
+from pinfric.dynamics.problem.wrenches import (
     add_friction,
     add_products,
     add_reactions,
     share,
-    solve_balance,
     write_contacts,
 )
-from pinfric.dynamics.problem.plan import Drives, Entries, Plan
-from pinfric.friction.dense import affine
+from pinfric.friction.dense import affine, solve_balance
 from pinfric.kernels.arrays import array, make
 from pinfric.kernels.compiled import kernel
 

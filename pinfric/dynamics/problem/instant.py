@@ -10,14 +10,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from pinfric.dynamics.problem.accelerations import NOT_FINITE, write_accelerations
-from pinfric.dynamics.problem.gearing import write_efforts
+from pinfric.dynamics.problem.accelerations import (
+    NOT_FINITE,
+    ball_speed,
+    move,
+    write_accelerations,
+    write_efforts,
+    write_laws,
+)
 from pinfric.dynamics.problem.machine import Machine
-from pinfric.dynamics.problem.rates import ball_speed, move, write_laws
 from pinfric.dynamics.problem.wrenches import write_wrenches
-from pinfric.friction.consistency import site_friction, try_modes
 from pinfric.friction.dense import affine
-from pinfric.friction.law import stick_limits
+from pinfric.friction.given_modes import try_modes
+from pinfric.friction.law import site_friction, stick_limits
 from pinfric.kernels.compiled import kernel
 
 #: Modes that `solve_instant` tries: those of the velocities; those in `modes`; the same, with balls

@@ -19,7 +19,7 @@ from pinfric.dynamics.simulation.integration import Integration, begin
 from pinfric.dynamics.simulation.recorder import Recorder, along
 from pinfric.dynamics.simulation.system import Settings, System, finite
 from pinfric.errors import AccelerationError, SimulationError
-from pinfric.friction.modes import Found
+from pinfric.friction.problem import Found
 
 #: From this relative tolerance on a method of order 5 needs fewer right-hand sides than one of 8.
 _LOOSE = 1e-7

@@ -11,7 +11,7 @@ from pinfric.dynamics.forward.constraints import Standing
 from pinfric.dynamics.simulation.motion import Dense, Event, Motion
 from pinfric.dynamics.simulation.system import Chart, System, timed
 from pinfric.errors import RollMomentError
-from pinfric.friction.modes import Modes
+from pinfric.friction.problem import Modes
 from pinfric.model.scene import Scene
 
 #: A joint beyond its range by less than this (rad or m) is still at its end, to rounding.

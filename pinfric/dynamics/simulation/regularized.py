@@ -15,7 +15,7 @@ from pinfric.dynamics.simulation.integration import Integration
 from pinfric.dynamics.simulation.recorder import along
 from pinfric.dynamics.simulation.system import finite
 from pinfric.errors import SimulationError
-from pinfric.friction.modes import GivenModes
+from pinfric.friction.problem import GivenModes
 
 
 class RegularizedIntegration(Integration):

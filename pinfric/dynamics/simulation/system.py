@@ -13,7 +13,7 @@ from pinfric.dynamics.forward.efforts import Effort, by_name
 from pinfric.dynamics.forward.workspace import Workspace
 from pinfric.dynamics.samples.reactions import AppliedWrench
 from pinfric.errors import AccelerationError, PinfricError, SimulationError, StateError
-from pinfric.friction.modes import GivenModes
+from pinfric.friction.problem import GivenModes
 from pinfric.model.arrays import real_numbers
 
 #: Joints described around a base configuration, and how many of their last numbers are rotations.

@@ -32,7 +32,7 @@ from pinfric.dynamics.simulation.integration import begin, standing
 from pinfric.dynamics.simulation.recorder import Recorder
 from pinfric.dynamics.simulation.system import Settings, System
 from pinfric.errors import AccelerationError, GearJam
-from pinfric.friction.modes import Found, Modes
+from pinfric.friction.problem import Found, Modes
 
 #: What comes to rest in a step from more than so many times its deceleration jumps.
 _JUMP = 2.0

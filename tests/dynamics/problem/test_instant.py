@@ -13,7 +13,7 @@ from mechanisms import cut_slider_crank, four_bar
 import pinfric as pf
 from pinfric.dynamics.forward.workspace import Workspace
 from pinfric.dynamics.problem import instant
-from pinfric.dynamics.problem.supply import Supplier
+from pinfric.dynamics.problem.machine import Supplier
 from pinfric.dynamics.samples.closure import independent_joints
 from pinfric.kernels.interpreted import plain
 
