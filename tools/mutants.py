@@ -70,7 +70,7 @@ TESTS = {
     "friction": ENGINE,
     "dynamics": ENGINE,
     "drives": DRIVES,
-    "sizing": DRIVES,
+    "sizing": (*DRIVES, "tests/show/report/test_sizing.py"),
     "motions": ("tests/motions",),
     "identification": ("tests/identification", "tests/judges/test_identify_coupled.py"),
 }

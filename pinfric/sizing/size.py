@@ -558,7 +558,7 @@ class _Sizing:
         taken: dict[int, Assessment] = {}
         if self.catalog is None:
             return taken, 0, True
-        seen: list[dict[int, str]] = []
+        seen: list[dict[int, Assessment]] = []
         for passes in range(1, _MOST_PASSES + 1):
             before = _names(taken)
             searches: dict[int, Search] = {}
@@ -578,7 +578,7 @@ class _Sizing:
             if _names(taken) == before and (self.robot.exact or self.robot.last.masses == exact):
                 return taken, passes, True
             self.robot.solve(self._added(taken))
-            self._ban(seen, _names(taken), taken)
+            self._ban(seen, taken)
         warnings.warn(
             f"the choice of drives still alternates after {_MOST_PASSES} passes",
             PinfricWarning,
@@ -586,17 +586,17 @@ class _Sizing:
         )
         return taken, _MOST_PASSES, False
 
-    def _ban(
-        self, seen: list[dict[int, str]], now: dict[int, str], taken: Mapping[int, Assessment]
-    ) -> None:
+    def _ban(self, seen: list[dict[int, Assessment]], taken: Mapping[int, Assessment]) -> None:
         """Ban the lightest of what alternates at the outermost joint where a choice comes back."""
-        if len(seen) >= _PATIENCE and now in seen[:-1]:
+        now, before = _names(taken), [_names(one) for one in seen]
+        seen.append(dict(taken))
+        if len(before) >= _PATIENCE and now in before[:-1]:
             for i in tip_to_base(self.scene):
-                names = {other.get(i) for other in seen[seen.index(now) :]} | {now.get(i)}
-                if len(names) > 1 and i in taken:
-                    self.banned.setdefault(i, set()).add(taken[i].candidate.name)
+                found = [one.get(i) for one in seen[before.index(now) :]]
+                mass = {a.candidate.name: a.candidate.mass or 0.0 for a in found if a is not None}
+                if len(mass) + (None in found) > 1:
+                    self.banned.setdefault(i, set()).add(min(mass, key=mass.__getitem__))
                     break
-        seen.append(now)
 
     def _together(
         self, taken: dict[int, Assessment], searches: Mapping[int, Search]

@@ -8,7 +8,7 @@ import pytest
 from builders import chain, dry, example, lump
 from cli_cases import told
 from mechanisms import shifted
-from sizing_cases import GEAR, one_drive
+from sizing_cases import GEAR, one_drive, write_catalog
 
 import pinfric as pf
 from pinfric.drives.catalog_file import load_catalog
@@ -105,6 +105,27 @@ def test_lowest_frequency_and_tool_of_the_chosen_gears(arm, tmp_path):
     assert criterion(report, "tool reversal error").required == pytest.approx(rest.reversal)
     assert criterion(report, "tool sag").required == pytest.approx(0.0, abs=1e-12)
     assert report.unmet == ()
+
+
+@pytest.mark.parametrize("masses", ["with_drives", "without_drives"])
+def test_the_lightest_gears_that_swing_fast_enough_are_taken(masses, arm, tmp_path):
+    """The light ones up to their own frequency, and beyond it not both of them."""
+    scene, motion = arm
+    gears = {"light": GEAR | {"mass": 0.1}, "stiff": GEAR | {"stiffness": 9e4}}
+    catalog = load_catalog(write_catalog(tmp_path / "c.yaml", gears=gears))
+
+    def taken(**more):
+        given = {"resonance_base": 0.1, "inertia_ratio": 1e3, **more}
+        return pf.size(scene.with_(masses=masses), motion, catalog, conditions=given)
+
+    alone = taken()
+    lowest = float(alone.elastic.frequency.min())
+    names = [
+        {joint.choice.candidate.gear_name for joint in report.joints}
+        for report in (alone, *(taken(lowest_frequency=x * lowest) for x in (0.999, 1.001)))
+    ]
+    assert names[:2] == [{"light"}] * 2
+    assert "stiff" in names[2]
 
 
 def test_reversal_error_of_a_joint_is_its_wind_up_either_way_and_its_backlash(arm, tmp_path):

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import sys
+from types import SimpleNamespace
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -27,10 +30,17 @@ from sizing_cases import (
 )
 
 import pinfric as pf
+from pinfric.drives.catalog import Catalog
 from pinfric.drives.catalog_file import load_catalog
+from pinfric.drives.policy import Conditions
 from pinfric.drives.robot import with_masses
 from pinfric.errors import CatalogError, SizingError, StateError
+from pinfric.model.schema import Assumed
 from pinfric.motions.summary import summarize
+from pinfric.sizing.caveats import caveats
+from pinfric.sizing.shelf import Ask
+from pinfric.sizing.size import _Sizing
+from pinfric.sizing.summary import to_ask, unchecked
 
 UP, RUN, DOWN = (INERTIA * ACCELERATION + COULOMB, COULOMB, -INERTIA * ACCELERATION + COULOMB)
 
@@ -139,6 +149,7 @@ def test_demand_needs_no_catalogue_and_takes_any_motion_with_times():
     assert report.joints[0].assessments == ()
     assert report.no_fit == ()
     assert report.scene is scene
+    assert report.period == pytest.approx(CYCLE)
     report.check()
     with pytest.raises(StateError, match="two samples"):
         pf.size(scene, pf.Trajectory.from_arrays(scene, [0.0], [[0.0]], [[0.0]], [[0.0]]))
@@ -369,6 +380,9 @@ def test_a_catalogue_without_motors_or_gears_says_that_nothing_can_be_chosen(tmp
     report = pf.size(scene, motion, "default")
     assert len(report.no_fit) == 3
     assert report.no_fit[0].startswith("boom_cylinder: no candidates: motors and gears are")
+    (row,) = (row for row in unchecked(report) if row.criterion == "all of its drive")
+    assert row.joints == scene.actuator_names
+    assert row.missing.startswith("motors and gears are")
 
 
 def test_panda_carries_the_mass_of_its_drives(panda):
@@ -429,7 +443,7 @@ def test_a_cycle_that_does_not_close_says_what_and_by_how_much(tmp_path):
     model = scene.model.copy()
     model.addBodyFrame("table", 1, pin.SE3.Identity(), 0)
     scene = pf.Scene(model=model, payloads=payload, friction=scene.friction)
-    carried = {"box": np.arange(51) > 20}
+    carried = {"box": np.arange(51) == 50}
     report = pf.size(
         scene, way_out(scene, 0.5, 0.2, carried), one_drive(tmp_path), on_miss="ignore"
     )
@@ -454,6 +468,19 @@ def test_a_cycle_that_closes_but_for_noise_says_nothing():
     assert pf.size(scene, noisy).notes == ()
 
 
+@pytest.mark.parametrize(("count", "more"), [(4, ""), (6, " and 2 more")])
+def test_of_many_gaps_four_are_listed(count, more):
+    gaps = [f"joint {k} ends elsewhere" for k in range(count)]
+    (note,) = caveats(turntable(), None, gaps)
+    assert f"close: {'; '.join(gaps[:4])}{more}. RMS" in note
+
+
+def test_guesses_of_a_new_scene_are_said_beside_candidates(tmp_path):
+    guessed = Assumed(by="pinfric new", date="2026-11-27", version="0", values={"a.b": "2 %"})
+    scene = turntable().with_(assumed=guessed)
+    assert "`pinfric new`, 2026-11-27: a.b (2 %)." in "".join(caveats(scene, Catalog("c"), ()))
+
+
 def test_full_turns_of_a_continuous_joint_close():
     model = chain(("table", pin.JointModelRUBZ(), lump(1.0, moment=1.0)))
     scene = pf.Scene(model=model)
@@ -476,6 +503,54 @@ def test_the_next_smaller_says_what_it_lacks(tmp_path):
     short = joint.next_smaller.failed[0]
     assert short.name == "short-term torque"
     assert short.shortfall == f"{100 * (joint.motor.figures.short_term / 0.06 - 1):.3g} %"
+
+
+@pytest.mark.parametrize(("mass", "asked"), [(0.5, ["N"]), (0.6, [])])
+def test_a_maker_is_asked_only_about_what_would_be_lighter(mass, asked, tmp_path):
+    motors = {"M": MOTOR, "N": MOTOR | {"mass": mass, "continuous_torque": None}}
+    motors["N"] = {key: x for key, x in motors["N"].items() if x is not None}
+    (joint,) = sized_cycle(load_catalog(write_catalog(tmp_path / "c.yaml", motors))).joints
+    assert [one.name for one in joint.ask] == asked
+
+
+def test_what_most_joints_could_use_is_asked_for_first():
+    a, b, c = (Ask(name, ("mass",) * n, 1.0, "") for name, n in (("a", 1), ("b", 1), ("c", 2)))
+    joints = [
+        SimpleNamespace(name=f"j{k}", ask=ask) for k, ask in enumerate(((a, c), (b, c), (b,)))
+    ]
+    rows = to_ask(SimpleNamespace(joints=joints))
+    assert [(row.name, row.joints) for row in rows] == [
+        ("b", ("j1", "j2")),
+        ("a", ("j0",)),
+        ("c", ("j0", "j1")),
+    ]
+
+
+def test_a_choice_that_goes_on_changing_is_said(tmp_path, monkeypatch):
+    monkeypatch.setattr(sys.modules["pinfric.sizing.size"], "_MOST_PASSES", 1)
+    scene = arm(2)
+    with pytest.warns(pf.PinfricWarning, match="still alternates after 1 pass"):
+        report = pf.size(
+            scene, still(scene), one_drive(tmp_path), conditions={"inertia_ratio": 100}
+        )
+    assert (report.passes, report.settled) == (1, False)
+
+
+def test_of_drives_that_alternate_the_heavier_one_stays():
+    """Its own mass balances a joint, so that the light one would do; its mass does not."""
+    scene, mass = arm(2), {"light": 0.5, "heavy": 1.5, "huge": 3.0}
+    sizing = _Sizing(scene, still(scene), Catalog("c"), Conditions(), lambda _: None)
+
+    def search(i, masses, friction=True):
+        none = sizing.banned.get(i, set()) | ({"light"} if masses.get(1, 0.0) < 1.0 else set())
+        name = next(name for name in mass if name not in none)
+        found = SimpleNamespace(candidate=SimpleNamespace(name=name, mass=mass[name]))
+        return SimpleNamespace(lightest=lambda: found)
+
+    sizing._search = search
+    taken, _, settled = sizing._choose()
+    assert settled
+    assert taken[1].candidate.name == "heavy"
 
 
 def test_progress_names_the_pass_and_the_drive(tmp_path):
