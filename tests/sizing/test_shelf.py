@@ -9,7 +9,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from builders import dry, example
-from sizing_cases import GEAR, MOTOR, trapezoid, turntable
+from sizing_cases import (
+    ACCELERATION,
+    CYCLE,
+    GEAR,
+    INERTIA,
+    MOTOR,
+    RAMP,
+    one_drive,
+    sized_cycle,
+    trapezoid,
+    turntable,
+)
 
 import pinfric as pf
 from pinfric.drives.catalog import Brake, Catalog, Gear, Motor
@@ -147,15 +158,28 @@ def test_a_product_that_known_figures_rule_out_is_not_asked_about():
     assert not any("XL-320" in name or "XL330" in name for name in asked)
 
 
-@pytest.mark.parametrize("told", [True, False])
-def test_bounds_never_exceed_what_they_bound(arm, told):
-    """Every drive of the first gears, among them those that bounds leave out.
+def test_a_bound_of_a_gear_without_loss_is_the_rms_of_what_accelerates(tmp_path):
+    """Of the table, the rotor and the gear; the brake's own inertia is not known: none."""
+    brake = {"source": "invented", "grade": "R", "torque": 0.3, "mass": 0.1, "engage_time": 0.02}
+    catalog = one_drive(
+        tmp_path,
+        motor={"rotor_inertia": 3e-4, "continuous_torque": 0.2, "thermal": None},
+        gear={"efficiency": 1.0, "back_efficiency": 1.0},
+        brakes={"B": brake | {"stop_energy": 1e3, "sold": "alone"}},
+    )
+    given = {"holding_brake": "required", "inertia_ratio": 1e4}
+    (joint,) = sized_cycle(catalog, turntable(friction={}), conditions=given).joints
+    shaft = INERTIA / GEAR["ratio"] + (3e-4 + GEAR["input_inertia"]) * GEAR["ratio"]
+    rms = shaft * ACCELERATION * np.sqrt(2 * RAMP / CYCLE)
+    least, mass = joint.search._margins(0, np.array([0]))
+    assert (least[0, 0], mass[0, 0]) == pytest.approx((1 - rms / 0.2, 0.6 + 0.9 + 0.1), rel=1e-6)
+    assert (joint.choice.candidate.brake, joint.choice.candidate.mass) == ("B", mass[0, 0])
+    assert 0.0 < joint.choice.margin <= least[0, 0]
 
-    Brakes of which little is known are taken as without mass and inertia.
-    """
-    nothing = {"mass": None, "rotor_inertia": None, "stop_energy": None}
-    brakes = {n: b.model_copy(update={} if told else nothing) for n, b in arm[2].brakes.items()}
-    search = sized(arm, replace(arm[2], brakes=brakes)).joints[2].search
+
+def test_bounds_never_exceed_what_they_bound(arm):
+    """Every drive of the first gears, among them those that bounds leave out."""
+    search = sized(arm).joints[2].search
     (block,) = [b for b in search.shelf.blocks if not b.at_output]
     known = [g for g in range(len(block.names)) if not block.gear_lacks[g]][:4]
     for g in known:
