@@ -47,7 +47,7 @@ from pinfric.identification.normal import (
     residuals,
     weighted,
 )
-from pinfric.identification.parameters import _entries, _rest_excess, parameters
+from pinfric.identification.parameters import _entries, _rest_excess, parameters, scene_key
 from pinfric.identification.stribeck import Fall, with_falls
 from pinfric.identification.uncertainty import Uncertainty
 from pinfric.identification.zeros import turned_zeros
@@ -311,6 +311,14 @@ def test_intervals_and_errors_of_a_coefficient_are_those_in_the_scenes_terms(law
     )
     slope = (scene_term(0.301) - scene_term(0.299)) / 0.002
     assert one.standard_error == pytest.approx(0.01 * abs(slope), rel=1e-3)
+
+
+@pytest.mark.parametrize(("ratio", "way"), [(0.5, "positive"), (-0.5, "negative")])
+def test_a_negative_ratio_turns_the_motors_directions(ratio, way):
+    drive = {"joint": "arm", "transmission": {"ratio": ratio}}
+    scene = pf.Scene(chain(("arm", pin.JointModelRY(), lump(1.0))), actuators=[drive])
+    key = scene_key(scene, 0, Law(side="motor"), FORWARD)
+    assert key == ("transmission", f"no_load_torque.{way}", "N m")
 
 
 def test_a_joint_without_friction_gets_no_entry():
