@@ -11,12 +11,13 @@ from types import SimpleNamespace
 import numpy as np
 import pinocchio as pin
 import pytest
+from builders import chain, lump
 
 import pinfric as pf
 from pinfric.identification.columns import Prepared, Rows
 from pinfric.identification.identify import Identified
 from pinfric.identification.laws import SLOTS, Law
-from pinfric.identification.normal import Fit
+from pinfric.identification.normal import Fit, Prior
 
 #: Recordings of real robots, too large for the repository.
 LOGS = Path(__file__).parents[2] / "shared" / "data"
@@ -273,6 +274,15 @@ def rows_of(effort: np.ndarray, columns: dict, rigid: np.ndarray | None = None, 
     still = dict.fromkeys(("time", "velocity", "load"), np.zeros(n))
     rigid = np.zeros((n, 10)) if rigid is None else rigid
     return Rows(rigid=rigid, slots=slots, effort=effort, **whole | still | more)
+
+
+#: Of links whose inertias are kept.
+KEPT = Prior(np.zeros(10), np.full(10, np.inf), np.zeros(10))
+
+
+def one_joint(**more: object) -> pf.Scene:
+    """An arm on an axis along y, its mass of 2 kg 0.5 m out along x."""
+    return pf.Scene(chain(("arm", pin.JointModelRY(), lump(2.0, (0.5, 0.0, 0.0)))), **more)
 
 
 def fit_of(columns: dict, theta: np.ndarray = np.zeros(10)) -> Fit:  # noqa: B008

@@ -15,6 +15,7 @@ from identify_cases import (
     PLAIN,
     fit_of,
     guess,
+    one_joint,
     rows_of,
     short,
     truth,
@@ -132,12 +133,12 @@ def test_a_small_load_is_asked_about_where_masses_wrong_by_20_percent_do_not_exp
     slope, refused
 ):
     """A pendulum whose weight makes a tenth of its effort: eight deviations are a factor of 2.6."""
-    model = chain(("arm", pin.JointModelRY(), lump(2.0, (0.5, 0.0, 0.0))))
+    scene = one_joint()
     q, rng, still = np.linspace(0.0, 6.0, 200), np.random.default_rng(0), np.zeros(1)
-    data = model.createData()
+    model, data = scene.model, scene.model.createData()
     rigid = [pin.computeJointTorqueRegressor(model, data, x[None], still, still) for x in q]
     forward = rng.choice([0.0, 1.0], 200)
     columns = {FORWARD: forward, BACKWARD: forward - 1.0}
     effort = 80.0 * (2.0 * forward - 1.0) - slope * 9.81 * np.cos(q)
     with pytest.raises(IdentificationError, match="is 4 times") if refused else nullcontext():
-        check_efforts(pf.Scene(model), [rows_of(effort, columns, np.reshape(rigid, (200, 10)))], ())
+        check_efforts(scene, [rows_of(effort, columns, np.reshape(rigid, (200, 10)))], ())

@@ -14,6 +14,7 @@ from identify_cases import (
     BACK_EFFICIENCY,
     COULOMB,
     EFFICIENCY,
+    KEPT,
     NAMES,
     PLAIN,
     excitation,
@@ -21,6 +22,7 @@ from identify_cases import (
     guess,
     log,
     motor_effort,
+    one_joint,
     parameter,
     prepared_of,
     rows_of,
@@ -42,7 +44,6 @@ from pinfric.identification.laws import BACKWARD, FALL_SPEED, FALLS, FORWARD, GE
 from pinfric.identification.normal import (
     BlockProducts,
     Normal,
-    Prior,
     non_negative,
     residuals,
     weighted,
@@ -69,10 +70,9 @@ def test_as_much_again_as_was_logged_makes_errors_smaller_by_the_square_root_of_
     rng = np.random.default_rng(2)
     rows = rows_of(rng.normal(size=40), {FORWARD: rng.normal(size=40), 3: rng.normal(size=40)})
     grams = [BlockProducts.of(rows, np.ones(40), 1)]
-    kept = Prior(np.zeros(10), np.full(10, np.inf), np.zeros(10))
-    problem = SimpleNamespace(weights=np.ones(1), prior=kept, slots=lambda laws: [laws[0].slots])
+    problem = SimpleNamespace(weights=np.ones(1), prior=KEPT, slots=lambda laws: [laws[0].slots])
     found = SimpleNamespace(
-        scene=pf.Scene(chain(("arm", pin.JointModelRY(), lump(1.0)))),
+        scene=one_joint(),
         known=(0,),
         choice=SimpleNamespace(laws=[Law()]),
         problem=problem,
@@ -119,16 +119,16 @@ def test_a_direction_that_hardly_slides_has_the_friction_of_the_other(way):
 
 def test_a_gears_columns_are_the_load_that_drives_and_the_load_that_is_driven():
     """A pendulum beside which friction takes 5 N m of the motor; loads by Pinocchio's RNEA."""
-    model = chain(("arm", pin.JointModelRY(), lump(2.0, (0.5, 0.0, 0.0))))
+    scene = one_joint()
     t = 0.1 * np.arange(60)
     motion = pf.Trajectory.from_arrays(
-        pf.Scene(model), t, *(x[:, None] for x in (np.sin(t), np.cos(t), -np.sin(t)))
+        scene, t, *(x[:, None] for x in (np.sin(t), np.cos(t), -np.sin(t)))
     )
     v, inner = motion.v[:, 0], 5.0 * np.sign(motion.v)
     given = prepared_of(v, {})
     given.recording.trajectory = motion
-    slots = with_loads(given, pf.Scene(model), inner).slots[:, 0]
-    data = model.createData()
+    slots = with_loads(given, scene, inner).slots[:, 0]
+    model, data = scene.model, scene.model.createData()
     effort = np.array(
         [pin.rnea(model, data, *x)[0] for x in zip(motion.q, motion.v, motion.a, strict=True)]
     )
@@ -295,7 +295,7 @@ def test_a_joint_that_moves_one_way_has_the_same_friction_the_other_way():
 def test_intervals_and_errors_of_a_coefficient_are_those_in_the_scenes_terms(law, slot, scene_term):
     """Of 0.3 with a standard error of 0.01, from eleven blocks: 2.228 of these (Student's)."""
     drive = {"joint": "arm", "transmission": {"ratio": 50.0}}
-    scene = pf.Scene(chain(("arm", pin.JointModelRY(), lump(1.0))), actuators=[drive])
+    scene = one_joint(actuators=[drive])
     found = SimpleNamespace(
         scene=scene,
         known=(0,),
@@ -316,13 +316,13 @@ def test_intervals_and_errors_of_a_coefficient_are_those_in_the_scenes_terms(law
 @pytest.mark.parametrize(("ratio", "way"), [(0.5, "positive"), (-0.5, "negative")])
 def test_a_negative_ratio_turns_the_motors_directions(ratio, way):
     drive = {"joint": "arm", "transmission": {"ratio": ratio}}
-    scene = pf.Scene(chain(("arm", pin.JointModelRY(), lump(1.0))), actuators=[drive])
+    scene = one_joint(actuators=[drive])
     key = scene_key(scene, 0, Law(side="motor"), FORWARD)
     assert key == ("transmission", f"no_load_torque.{way}", "N m")
 
 
 def test_a_joint_without_friction_gets_no_entry():
-    scene = pf.Scene(chain(("arm", pin.JointModelRY(), lump(1.0))))
+    scene = one_joint()
     found = SimpleNamespace(
         scene=scene,
         choice=SimpleNamespace(laws=[Law()]),

@@ -11,6 +11,7 @@ from identify_cases import (
     COULOMB,
     DELAY,
     EFFICIENCY,
+    KEPT,
     MU,
     NAMES,
     PLAIN,
@@ -189,7 +190,7 @@ def test_another_exponent_changes_the_coefficients_as_a_fit_beside_that_fall():
         problem=SimpleNamespace(
             grams=[BlockProducts.of(rows, weight, 1)],
             weights=np.ones(1),
-            prior=Prior(np.zeros(10), np.full(10, np.inf), np.zeros(10)),
+            prior=KEPT,
             folds=np.zeros(1),
         ),
     )
