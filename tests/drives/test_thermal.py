@@ -26,9 +26,11 @@ def square(on, off, current, samples=50):
     return t, np.concatenate([np.full(samples, current), np.zeros(samples)])
 
 
-def test_constant_current_settles_at_the_closed_form():
+@pytest.mark.parametrize("other", [3.0, -3.0])
+def test_constant_current_settles_at_the_closed_form(other):
+    """Worst cases of opposite sign, between which the motor does not rest, heat as one of them."""
     # T_w - T_a = r P0 w/(1 - alpha r P0), P0 = R i^2, w the resistance's rise at ambient
-    t, i = np.linspace(0, 7, 100), np.full(100, 3.0)
+    t, i = np.linspace(0, 7, 100), np.where(np.arange(100) % 2, other, 3.0)
     heat, r = RESISTANCE * 9.0, R_WH + R_HA
     warm = 1 + ALPHA * (AMBIENT - 25)
     rise = r * heat * warm / (1 - ALPHA * r * heat)
@@ -39,17 +41,6 @@ def test_constant_current_settles_at_the_closed_form():
     assert mean_winding_temperature(t, i, RESISTANCE, THERMAL, AMBIENT) == pytest.approx(
         AMBIENT + rise, rel=1e-12
     )
-
-
-def test_worst_cases_of_opposite_sign_heat_as_one_of_them_all_the_time():
-    """At rest the worst end changes sides from sample to sample; the motor does not rest there."""
-    t, i = np.linspace(0, 7, 100), np.where(np.arange(100) % 2, -3.0, 3.0)
-    heat, r, warm = RESISTANCE * 9.0, R_WH + R_HA, 1 + ALPHA * (AMBIENT - 25)
-    rise = r * heat * warm / (1 - ALPHA * r * heat)
-    found = winding_cycle(t, i, RESISTANCE, THERMAL, AMBIENT)
-    np.testing.assert_allclose(found.winding, AMBIENT + rise, rtol=1e-9)
-    at_mean = mean_winding_temperature(t, i, RESISTANCE, THERMAL, AMBIENT)
-    assert at_mean == pytest.approx(AMBIENT + rise, rel=1e-12)
 
 
 def test_on_off_cycle_without_copper_coefficient_is_the_sum_of_two_exponentials():

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from builders import example
 from cases import crank_motion
+from log_cases import write_csv
 from mechanisms import four_bar
 
 import pinfric as pf
@@ -22,15 +23,9 @@ def test_a_csv_names_only_the_independent_joint(tmp_path):
     scene = pf.load_scene(ROBOTS / "four_bar.yaml")
     t = np.linspace(0, 1, 400)
     angle = 0.5 + 2 * t
-    path = tmp_path / "turn.csv"
-    np.savetxt(
-        path,
-        np.column_stack([t, angle, 2 + 0 * t, 0 * t]),
-        delimiter=",",
-        comments="",
-        header="t,crank_pin,crank_pin.v,crank_pin.a",
-        fmt="%.17g",
-    )
+    names = "crank_pin", "crank_pin.v", "crank_pin.a"
+    rows = np.column_stack([angle, 2 + 0 * t, 0 * t])
+    path = write_csv(tmp_path / "turn.csv", t, names, rows, "%.17g")
     motion = pf.load_trajectory(path, scene)
     assert motion.joint_names == scene.joint_names
     _, joints = four_bar()
@@ -44,27 +39,12 @@ def test_a_csv_names_only_the_independent_joint(tmp_path):
 
 def test_all_joints_named_without_derivatives_are_made_consistent(tmp_path):
     scene, whole = example(ROBOTS / "four_bar.yaml", ROBOTS / "four_bar.waypoints.yaml")
-    path = tmp_path / "all.csv"
     t, position = whole.t[100:400], whole.joint_positions()[100:400]
-    np.savetxt(
-        path,
-        np.column_stack([t, position]),
-        delimiter=",",
-        comments="",
-        fmt="%.17g",
-        header=",".join(["t", *scene.joint_names]),
-    )
+    path = write_csv(tmp_path / "all.csv", t, scene.joint_names, position, "%.17g")
     motion = pf.load_trajectory(path, scene)
     pf.inverse_dynamics(scene, motion)  # refuses what violates the loop
     np.testing.assert_allclose(motion.v[5:-5], whole.v[105:395], rtol=1e-4, atol=1e-4)
-    np.savetxt(
-        path,
-        np.loadtxt(path, delimiter=",", skiprows=1),
-        delimiter=",",
-        comments="",
-        fmt="%.6f",
-        header=",".join(["t", *scene.joint_names]),
-    )
+    write_csv(path, t, scene.joint_names, position, "%.6f")
     motion = pf.load_trajectory(path, scene)  # 5e-7 off, by rounding
     pf.inverse_dynamics(scene, motion)
     assert any("loops closed by correcting joints" in line for line in motion.warnings)
@@ -80,9 +60,7 @@ def test_a_file_with_a_wrong_number_of_joints_is_refused(tmp_path):
 
 def test_a_file_that_leaves_the_mechanisms_reach_says_at_which_sample(tmp_path):
     scene = pf.load_scene(ROBOTS / "four_bar.yaml")
-    path = tmp_path / "rocker.csv"
-    t = np.linspace(0, 1, 50)
-    rows = np.column_stack([t, 1.5 - 1.5 * t])  # the rocker cannot lie down
-    np.savetxt(path, rows, delimiter=",", comments="", header="t,ground_pin", fmt="%.17g")
+    t = np.linspace(0, 1, 50)  # the rocker cannot lie down
+    path = write_csv(tmp_path / "rocker.csv", t, ["ground_pin"], 1.5 - 1.5 * t, "%.17g")
     with pytest.raises(TrajectoryError, match=r"rocker.csv: loop 'rocker_pin' cannot close at sam"):
         pf.load_trajectory(path, scene)

@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 from builders import pick_and_place
+from log_cases import write_csv
 from trajectory_cases import arm_scene, message, one_joint_scene, write
 
 from pinfric.motions.log.reading import ReadingOptions
@@ -13,9 +14,8 @@ from pinfric.motions.trajectory import load_trajectory
 
 def test_csv_without_derivatives(tmp_path):
     t = np.linspace(0, 2, 201)
-    rows = np.column_stack((t, np.sin(t), 0.25 + 0.1 * np.cos(t), 3 * t))
-    path = tmp_path / "m.csv"
-    np.savetxt(path, rows, delimiter=",", header="t, a, b, c", comments="", fmt="%.15g")
+    rows = np.column_stack((np.sin(t), 0.25 + 0.1 * np.cos(t), 3 * t))
+    path = write_csv(tmp_path / "m.csv", t, (" a", " b", " c"), rows, "%.15g")
     motion = load_trajectory(path, arm_scene())
     assert motion.q.shape == (201, 4)
     np.testing.assert_allclose(motion.q[:, 2], np.cos(3 * t), atol=1e-14)
@@ -48,15 +48,8 @@ def test_given_derivatives_are_kept(tmp_path):
 def test_acceleration_from_given_velocity_and_velocity_beside_given_acceleration(tmp_path):
     t = np.linspace(0, 1, 101)
     for column, values in (("a.v", np.cos(t)), ("a.a", np.full(101, 4.0))):
-        path = tmp_path / "m.csv"
-        np.savetxt(
-            path,
-            np.column_stack((t, np.sin(t), values)),
-            delimiter=",",
-            header=f"t,a,{column}",
-            comments="",
-            fmt="%.15g",
-        )
+        rows = np.column_stack((np.sin(t), values))
+        path = write_csv(tmp_path / "m.csv", t, ("a", column), rows, "%.15g")
         motion = load_trajectory(path, one_joint_scene())
         np.testing.assert_allclose(motion.v[:, 0], np.cos(t), atol=1e-8)
         expected = -np.sin(t) if column == "a.v" else np.full(101, 4.0)
@@ -65,8 +58,7 @@ def test_acceleration_from_given_velocity_and_velocity_beside_given_acceleration
 
 def test_csv_holds_are_exactly_still(tmp_path):
     t, q, v, _ = pick_and_place(17)
-    path = tmp_path / "m.csv"
-    np.savetxt(path, np.column_stack((t, q)), delimiter=",", header="t,a", comments="", fmt="%.6f")
+    path = write_csv(tmp_path / "m.csv", t, ["a"], q, "%.6f")
     motion = load_trajectory(path, one_joint_scene())
     assert len(motion.holds()) == 3
     for hold, start, end in zip(motion.holds(), (0, 2, 3.5), (1, 2.5, 4), strict=True):
@@ -79,14 +71,7 @@ def test_coarse_positions_are_filtered_or_pointed_out(tmp_path):
     t, q, _, true = pick_and_place(17)
     scene, path = one_joint_scene(), tmp_path / "m.csv"
     for digits in (4, 9):
-        np.savetxt(
-            path,
-            np.column_stack((t, q)),
-            delimiter=",",
-            header="t,a",
-            comments="",
-            fmt=f"%.{digits}f",
-        )
+        write_csv(path, t, ["a"], q, f"%.{digits}f")
         motion = load_trajectory(path, scene)
         noisy = [w for w in motion.warnings if "noise" in w]
         assert [re.sub(r"at [\d.]+ Hz", "at x Hz", w) for w in noisy] == (

@@ -30,12 +30,9 @@ def test_one_rounded_move_starts_and_ends_at_rest(tmp_path, decimals):
     way = np.array([-0.8, 0.12, 0.08, -0.2, 0.0, -0.8])
     start = np.array([0.0, -1.57, 1.57, -1.57, -1.57, 0.0])
     s, v, a = (np.outer(x, way) for x in quintic(t, 2.0))
-    names = ",".join(scene.joint_names)
-    table = np.column_stack((t, start + s))
-    np.savetxt(
-        tmp_path / "move.csv", table, f"%.{decimals}f", ",", header=f"t,{names}", comments=""
-    )
-    found = pf.load_trajectory(tmp_path / "move.csv", scene)
+    form = f"%.{decimals}f"
+    file = write_csv(tmp_path / "move.csv", t, scene.joint_names, start + s, form)
+    found = pf.load_trajectory(file, scene)
     assert len(found.t) == 201
     assert (found.v[[0, -1]] == 0).all()
     assert (found.a[[0, -1]] == 0).all()
