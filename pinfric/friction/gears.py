@@ -29,7 +29,7 @@ import numpy as np
 from pinfric.friction.dense import solve_dense
 from pinfric.friction.law import site_limits, slip_law, write_rates
 from pinfric.friction.problem import Modes, Problem
-from pinfric.kernels.compiled import inlined_kernel, kernel
+from pinfric.kernels.compiled import inlined, inlined_kernel, kernel
 
 #: An effort beyond its line by this fraction of the terms of its sum is rounding.
 _ROUNDING = 1e-12
@@ -62,7 +62,7 @@ def _line(problem: Problem, g: int, law: int, effort: float) -> tuple[float, flo
     return lines[k, 0], lines[k, 1], lines[k, 2], end
 
 
-@inlined_kernel
+@kernel
 def write_rows(
     problem: Problem, modes: Modes, chord: bool, lines: np.ndarray, rows: np.ndarray
 ) -> None:
@@ -96,6 +96,9 @@ def write_rows(
         rows[c, 2] = slope * rows[c, 2] + others * ((1.0 - slope) * given - offset)
         rows[c, 1] = slope * rows[c, 1] + others * (1.0 - slope) * inertia
         rows[c, 0] = slope * others
+
+
+write_rows_within = inlined(write_rows)
 
 
 @kernel
@@ -155,7 +158,7 @@ def bind(problem: Problem, bound: np.ndarray, rows: np.ndarray, X: np.ndarray) -
     return True
 
 
-@inlined_kernel
+@kernel
 def slip_friction(problem: Problem, modes: Modes, y: np.ndarray) -> None:
     """Write the friction y (nc,) of bearings that slip, under the loads in `modes`; 0 of others.
 
@@ -169,7 +172,7 @@ def slip_friction(problem: Problem, modes: Modes, y: np.ndarray) -> None:
         y[problem.coordinate[s]] += gain[s] * modes.load[s]
 
 
-@inlined_kernel
+@kernel
 def guess_lines(
     problem: Problem, modes: Modes, y: np.ndarray, lines: np.ndarray, rows: np.ndarray
 ) -> None:
@@ -196,7 +199,7 @@ def guess_lines(
         write_rows(problem, modes, False, lines, rows)
 
 
-@inlined_kernel
+@kernel
 def fit(problem: Problem, modes: Modes, lines: np.ndarray, rests: bool) -> tuple[int, int]:
     """Write the efforts of gears, of which friction, loads and rates are written, into `modes`.
 
@@ -243,6 +246,9 @@ def fit(problem: Problem, modes: Modes, lines: np.ndarray, rests: bool) -> tuple
             left += not beyond * max(abs(slope), 1e-3) <= _ROUNDING * terms
         modes.effort[g] = t
     return left, changed
+
+
+fit_within = inlined(fit)
 
 
 @kernel

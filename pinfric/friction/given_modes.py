@@ -26,11 +26,13 @@ from pinfric.friction.gears import (
     are_bound,
     bind,
     fit,
+    fit_within,
     gear_margins,
     gear_site,
     guess_lines,
     slip_friction,
     write_rows,
+    write_rows_within,
 )
 from pinfric.friction.law import (
     add_load_slopes,
@@ -487,8 +489,8 @@ def slide(problem: Problem, modes: Modes) -> bool:  # noqa: C901
         if ng > 0:
             write_rates(problem, modes.friction, modes.rate)
             if passes > 0:
-                fit(problem, modes, lines, False)
-            write_rows(problem, modes, False, lines, rows)
+                fit_within(problem, modes, lines, False)
+            write_rows_within(problem, modes, False, lines, rows)
             if not rows[:, 0].min() > _RISES:
                 return False
             error = _with_gears(problem, modes, rows, place, J, rest)
@@ -727,7 +729,7 @@ def try_modes(problem: Problem, modes: Modes, chosen: bool) -> tuple[int, int]:
         for i in range(found - 1, -1, -1):
             friction[:] = solutions[i]
             evaluate(problem, friction, modes.load, modes.rate)
-            left, changed = fit(problem, modes, lines, True) if ng > 0 else (0, 0)
+            left, changed = fit_within(problem, modes, lines, True) if ng > 0 else (0, 0)
             if left > 0 and chosen:
                 continue
             obeys = judge(problem, modes) == 0

@@ -109,6 +109,11 @@ def inlined_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     return _compiled(function, options, waits=True)
 
 
+def inlined(made: Any) -> Callable[..., Any]:
+    """Return a kernel's function as an `inlined_kernel`, for the callers that have no time."""
+    return inlined_kernel(made.py_func)
+
+
 def parallel_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a kernel as `kernel` does, its `prange` loops for several threads."""
     options = {"nogil": True, "error_model": "numpy", "parallel": True}

@@ -19,8 +19,8 @@ from pinfric.dynamics.problem.instant import (
     GIVEN,
     NOT_TRIED,
     TURNED,
+    UNSOLVED,
     accelerations_under_friction,
-    assemble,
     finish,
     solve_instant,
 )
@@ -160,7 +160,7 @@ class Workspace:
         """
         if self._locks:
             self._forget()
-        solutions, obeying, resting = self._try(q, v, effort, applied, FREE)
+        solutions, obeying, resting = self._run(q, v, effort, applied, FREE)
         # one was found; there may be others
         several = self.modes.figures[0] >= 1.0 or not self.is_sure()
         if obeying == 1 and not several:
@@ -197,7 +197,7 @@ class Workspace:
         if self._kept is not None and self._kept == self._key(q, v, effort, applied):
             return  # nothing moves and nothing has changed
         turned = TURNED if self.mechanism.balls and given.balls_turn else GIVEN
-        solutions, obeying, resting = self._try(q, v, effort, applied, turned)
+        solutions, obeying, resting = self._run(q, v, effort, applied, turned)
         found = self.count.single(solutions, obeying)
         if resting < 0 or not self.is_sure() or (self._geared and found != Found.SOLVED):
             found = given_modes(self.problem, self.modes, self.mechanism, self.count)
@@ -215,23 +215,26 @@ class Workspace:
         arrays = q, v, effort, modes.stuck, modes.direction, modes.friction
         return id(applied), *(array.tobytes() for array in arrays)
 
-    def _try(
+    def _run(
         self,
         q: np.ndarray,
         v: np.ndarray,
         effort: np.ndarray,
         applied: list[AppliedWrench] | None,
         choice: int,
+        step: float = 0.0,
     ) -> tuple[int, int, int]:
         """(solutions, how many obey, how many rest); -1 rest: modes were given and not tried."""
-        self._kept, self.count.many, self.count.tried = None, (1, 1), 1
-        self.state = q, v, effort, applied, 0.0
+        self._kept, self.state = None, (q, v, effort, applied, step)
+        if choice != UNSOLVED:
+            self.count.many, self.count.tried, self.locked = (1, 1), 1, False
         self.supplier.at(q, v, applied)
-        refused, solutions, obeying, resting = solve_instant(self.argument, q, v, effort, choice)
-        self.locked = False
-        if refused == 0:
+        refused, solutions, obeying, resting = solve_instant(
+            self.argument, q, v, effort, step, choice
+        )
+        if refused == 0 and choice != UNSOLVED:
             return solutions, obeying, resting
-        if refused != NOT_TRIED:
+        if refused not in (0, NOT_TRIED):
             self.failures.refuse(refused, self.state)
         self.mechanism.factor = self.machine.maps.factor[: self.machine.maps.freedoms[0]]
         return solutions, obeying, resting if choice == FREE else -1
@@ -254,13 +257,7 @@ class Workspace:
         Raises:
             StateError, SceneError, ToggleError: see `solve`.
         """
-        self._kept = None
-        self.state = q, v, effort, applied, step
-        self.supplier.at(q, v, applied)
-        refused = assemble(self.argument, q, v, effort, step)
-        if refused:
-            self.failures.refuse(refused, self.state)
-        self.mechanism.factor = self.machine.maps.factor[: self.machine.maps.freedoms[0]]
+        self._run(q, v, effort, applied, UNSOLVED, step)
 
     def search(
         self, forced: Mapping[int, float] | None = None, held: np.ndarray | None = None
@@ -338,8 +335,7 @@ def rehearse(ws: Workspace) -> None:
     m = ws.argument
     state = m, q, v, effort
     for made, arguments in (
-        (solve_instant, (*state, FREE)),
-        (assemble, (*state, 0.0)),
+        (solve_instant, (*state, 0.0, FREE)),
         (finish, (m,)),
         (accelerations_under_friction, (m, ws.a)),
         (relate, (m, v)),

@@ -569,7 +569,7 @@ def write_accelerations(
 ) -> int:
     """Write accelerations and relative accelerations as maps of friction.
 
-    Args, returns: see `instant.assemble`. Rates and laws must be written.
+    Args, returns: see `instant.solve_instant`. Rates and laws must be written.
     """
     t, w = machine.plan.closure, machine.maps
     M, h, given, terms, push = w.M, machine.supply.h, machine.scratch.given, w.push_terms, w.push

@@ -25,43 +25,13 @@ from pinfric.friction.given_modes import try_modes
 from pinfric.friction.law import site_friction, stick_limits
 from pinfric.kernels.compiled import kernel
 
-#: Modes that `solve_instant` tries: those of the velocities; those in `modes`; the same, with balls
-#: directed against their motion. What has no dry friction is always directed against its motion.
-FREE, GIVEN, TURNED = range(3)
+#: Modes that `solve_instant` tries: none; those of the velocities; those in `modes`; the same, with
+#: balls directed against their motion. What has no dry friction always is.
+UNSOLVED, FREE, GIVEN, TURNED = range(4)
 #: An outcome of `solve_instant`, beside 0 and those of `write_accelerations`: joints stick that may
 #: share their friction, and the caller has to find it.
 NOT_TRIED = 4
 _EPS = float(np.finfo(float).eps)
-
-
-@kernel
-def assemble(
-    machine: Machine, q: np.ndarray, v: np.ndarray, effort: np.ndarray, step: float
-) -> int:
-    """Write the coupled problem and all maps at one state.
-
-    Args:
-        machine: its buffers are overwritten.
-        q, v: (nq,), (nv,).
-        effort: (na,) of the drives; where motors drive, r T_m of each.
-        step: 0: r is the relative acceleration; else the time step (s) of which r is the relative
-            velocity at the end, with viscous friction implicit.
-
-    Returns:
-        0, `NOT_FINITE`, `SINGULAR`, or `TOGGLE`: the loops allow more motions than elsewhere.
-    """
-    move(machine, v)
-    write_laws(machine, step)
-    return _couple(machine, q, v, effort, step)
-
-
-@kernel
-def _couple(machine: Machine, q: np.ndarray, v: np.ndarray, effort: np.ndarray, step: float) -> int:
-    """`assemble` where rates and laws are written."""
-    outcome = write_accelerations(machine, q, v, effort, step)
-    if outcome != 0:
-        return outcome
-    return 0 if write_wrenches(machine, q) else NOT_FINITE
 
 
 @kernel
@@ -158,28 +128,35 @@ def finish(machine: Machine) -> None:
 
 @kernel
 def solve_instant(
-    machine: Machine, q: np.ndarray, v: np.ndarray, effort: np.ndarray, choice: int
+    machine: Machine, q: np.ndarray, v: np.ndarray, effort: np.ndarray, step: float, choice: int
 ) -> tuple[int, int, int, int]:
-    """Assemble, try the modes, and finish: one call.
+    """Write the coupled problem and all maps at one state, try modes, and finish.
 
     Args:
-        machine ... effort: see `assemble`.
-        choice: `FREE`, `GIVEN` or `TURNED`.
+        machine: its buffers are overwritten.
+        q, v: (nq,), (nv,).
+        effort: (na,) of the drives; where motors drive, r T_m of each.
+        step: 0: r is the relative acceleration; else the time step (s) of which r is the relative
+            velocity at the end, with viscous friction implicit.
+        choice: `UNSOLVED`, `FREE`, `GIVEN` or `TURNED`.
 
     Returns:
-        (outcome, number of solutions or -1, how many obey, how many are at rest); the outcome is
-        `NOT_TRIED` where joints that may share their friction stick: no modes were tried.
+        (outcome, number of solutions or -1, how many obey, how many are at rest). The outcome is 0,
+        `NOT_FINITE`, `SINGULAR`, `TOGGLE` (the loops allow more motions than elsewhere), or
+        `NOT_TRIED`: joints that may share their friction stick, and no modes were tried.
     """
     m, resting = machine.modes, 0
     move(machine, v)
-    write_laws(machine, 0.0)
+    write_laws(machine, step)
     if choice == FREE:
         resting = _face(machine)
-    else:
+    elif choice != UNSOLVED:
         m.at_rest[:] = False
         _turn(machine, choice == TURNED)
-    outcome = _couple(machine, q, v, effort, 0.0)
-    if outcome != 0:
+    outcome = write_accelerations(machine, q, v, effort, step)
+    if outcome == 0 and not write_wrenches(machine, q):
+        outcome = NOT_FINITE
+    if outcome != 0 or choice == UNSOLVED:
         return outcome, 0, 0, 0
     if machine.plan.closure.dependent:
         for c in range(m.stuck.size):

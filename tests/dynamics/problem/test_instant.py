@@ -100,8 +100,9 @@ def test_interpreted_maps_are_the_compiled_ones(case):
     compiled, interpreted = Workspace(scene), Workspace(scene)
     for ws in (compiled, interpreted):
         ws.supplier.at(q, v, None)
-    assert instant.assemble(compiled.argument, q, v, u, 0.0) == 0
-    assert plain(instant.assemble)(interpreted.machine, q, v, u, 0.0) == 0
+    given = q, v, u, 0.0, instant.UNSOLVED
+    assert instant.solve_instant(compiled.argument, *given)[0] == 0
+    assert plain(instant.solve_instant)(interpreted.machine, *given)[0] == 0
     maps = "M", "acceleration", "wrench", "multiplier"
     numbers = "rate_free", "rate_slope", "contact", "mu_slip", "coulomb_slip", "drag"
     for name in (*(f"maps.{one}" for one in maps), *(f"problem.{one}" for one in numbers)):
