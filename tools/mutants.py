@@ -390,7 +390,7 @@ class Search:
         self.before: dict[str, str] = {}
         for line in given.before.read_text().splitlines() if given.before else ():
             if " | " in line:
-                _, mutant, by = line.split(" | ", 2)
+                mutant, by = line.partition(" | ")[2].rsplit(" | ", 1)
                 self.before[mutant.partition(" of ")[2]] = by.rpartition("::")[2]
         self.judged = {} if given.all else judged()
         self.items: list[pytest.Item] = []
@@ -509,7 +509,7 @@ class Search:
 def judged() -> dict[str, str]:
     """Return the reasons why no test notices some mutants, by `Mutant.key`."""
     lines = JUDGED.read_text().splitlines()
-    return dict(line.split(" | ", 1) for line in lines if line and not line.startswith("#"))
+    return dict(line.rsplit(" | ", 1) for line in lines if line and not line.startswith("#"))
 
 
 def main() -> None:

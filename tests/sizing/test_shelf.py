@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 import time
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from sizing_cases import (
     sized_cycle,
     trapezoid,
     turntable,
+    write_catalog,
 )
 
 import pinfric as pf
@@ -29,7 +31,7 @@ from pinfric.drives.criterion import Status
 from pinfric.drives.drivetrain import motor_cycle, motor_with_gear, with_brake
 from pinfric.drives.limits import check
 from pinfric.drives.policy import fits, kind_of, lacks
-from pinfric.sizing.shelf import rank
+from pinfric.sizing.shelf import Parts, Search, rank
 
 ARM = "ur10_machine_tending"
 
@@ -242,6 +244,33 @@ def test_a_whole_arm_is_like_its_makers(arm):
     assert 9 < bare.chosen_mass < 16
     assert bare.settled
     assert bare.passes == 2
+
+
+def test_offers_come_by_mass_whatever_gear_they_have(tmp_path):
+    motors = {f"M{mass}": MOTOR | {"mass": mass} for mass in (0.4, 0.6, 0.8)}
+    gears = {f"G{mass}": GEAR | {"mass": mass} for mass in (0.9, 1.0)}
+    catalog = load_catalog(write_catalog(tmp_path / "c.yaml", motors, gears))
+    (joint,) = sized_cycle(catalog, conditions={"inertia_ratio": 20}).joints
+    masses = [mass for mass, *_ in joint.search.offers()]
+    assert masses == pytest.approx([1.3, 1.4, 1.5, 1.6, 1.7, 1.8])
+
+
+def test_of_equal_masses_the_exact_margin_counts_not_its_bound():
+    """Bounds of 0.5, 0.4 and 0.2; the second one's margin is the greatest."""
+    margins = [0.1, 0.3, 0.1, 0.9]
+    offers = [(1.0, bound, 0, 0, k) for k, bound in enumerate((0.5, 0.4, 0.2))]
+    judged = [
+        SimpleNamespace(
+            candidate=SimpleNamespace(mass=2.0 if k == 3 else 1.0, name=f"{k}"), margin=x, fits=True
+        )
+        for k, x in enumerate(margins)
+    ]
+    search = SimpleNamespace(
+        offers=lambda: [*offers, (2.0, 0.9, 0, 0, 3)],
+        judge=lambda b, g, m: judged[m],
+        parts=Parts(),
+    )
+    assert Search.fitting(search, 1) == [judged[1]]
 
 
 def test_equal_masses_go_by_margin_then_by_name(tmp_path):

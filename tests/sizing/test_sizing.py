@@ -468,6 +468,15 @@ def test_a_cycle_that_closes_but_for_noise_says_nothing():
     assert pf.size(scene, noisy).notes == ()
 
 
+def test_a_way_out_and_the_way_back_are_joined():
+    scene = turntable()
+    out = way_out(scene)
+    back = pf.Trajectory.from_arrays(scene, out.t, 0.5 - out.q, -out.v, -out.a)
+    for cycles, joined in (((out, back), True), ((out, out), False)):
+        notes = pf.size(scene, pf.Duty(tuple((cycle, 1) for cycle in cycles))).notes
+        assert any("does not begin where" in note for note in notes) != joined
+
+
 @pytest.mark.parametrize(("count", "more"), [(4, ""), (6, " and 2 more")])
 def test_of_many_gaps_four_are_listed(count, more):
     gaps = [f"joint {k} ends elsewhere" for k in range(count)]
