@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,10 +20,8 @@ from pinfric.exporting.constants import JointConstants, joint_constants
 from pinfric.exporting.controller import compensator, level_uncertainty
 from pinfric.exporting.cpp import check_frames
 from pinfric.exporting.cpp import namespace as header_name
-from pinfric.exporting.isaaclab import isaaclab
 from pinfric.exporting.mjcf import MjcfJoint, mjcf, soft
-from pinfric.exporting.newton import newton
-from pinfric.exporting.pinocchio import pinocchio
+from pinfric.exporting.python_text import python_text
 from pinfric.exporting.sdf import sdf
 from pinfric.exporting.tree import bodies, check_plain_tree
 from pinfric.exporting.ur import ur_script
@@ -346,14 +345,12 @@ def _mjcf(
     return mjcf(name, tree, entries, scene.model.gravity.linear, comment=header)
 
 
-_WRITERS = {
+_WRITERS: dict[str, Callable[..., str]] = {
     "mjcf": _mjcf,
     "urdf": urdf,
     "ur": ur_script,
     "sdf": sdf,
-    "isaaclab": isaaclab,
-    "newton": newton,
-    "pinocchio": pinocchio,
+    **{to: partial(python_text, to) for to in ("isaaclab", "newton", "pinocchio")},
 }
 
 
