@@ -289,6 +289,10 @@ def size(
     meets it. --out writes sizing.json, report.html and bom.csv. A duty of several
     cycles: --cycle pick.csv:0.7 --cycle wait.csv:0.3, or counts.
     """
+    if what_if and catalog is None:
+        raise typer.BadParameter(
+            "needs drives to choose from: --catalog FILE, or `default`", param_hint="--what-if"
+        )
     given = _cycles(trajectory_name, cycle)
     scene, trajectory = load(scene_name, given[0][0], log, out)
     question_loads(scene)

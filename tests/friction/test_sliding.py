@@ -34,6 +34,7 @@ def test_friction_obeys_its_law_under_the_loads_it_causes(seed):
     problem, modes = slipping(seed)
     assert slide(problem, modes)
     assert 0.0 < modes.figures[0] < 0.9
+    assert 1 <= modes.figures[1] <= 6  # passes of Newton's method
     x, law = modes.friction, np.zeros(6)
     force = problem.contact[:, 0] + np.einsum("tce,c->te", problem.contact[:, 1:], x)
     load = problem.constant.copy()

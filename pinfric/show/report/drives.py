@@ -71,7 +71,9 @@ def brake_line(found: SizingSummary) -> list[str]:
 
 
 def ask_table(found: SizingSummary, most: int = 0) -> Table | None:
-    """Return the lighter products that cannot be signed, fewest figures first; None: none.
+    """Return the products that lack a figure, fewest figures first; None: none.
+
+    Where drives are chosen, these are lighter ones.
 
     Args:
         found: the sizing. most: rows to show; 0: all.
@@ -79,7 +81,10 @@ def ask_table(found: SizingSummary, most: int = 0) -> Table | None:
     rows, short = found.ask[: most or None], short_names([joint.name for joint in found.joints])
     cells = {"joints": lambda row: ", ".join(short[name] for name in row.joints)}
     more = f"; {len(found.ask) - len(rows)} more" if len(rows) < len(found.ask) else ""
-    return table_of(f"lighter, but a figure is missing: cannot be signed{more}", rows, cells=cells)
+    chosen = {joint.name for joint in found.joints if joint.choice is not None}
+    lighter = "lighter, but " if all(chosen.issuperset(row.joints) for row in rows) else ""
+    title = f"{lighter}a figure is missing: cannot be signed{more}"
+    return table_of(title, rows, cells=cells)
 
 
 def what_if_table(found: SizingSummary) -> Table | None:

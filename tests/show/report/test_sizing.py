@@ -22,7 +22,7 @@ from pinfric.model.described import in_json
 from pinfric.show.pages.page import formula, percent
 from pinfric.show.pages.sizing import sizing_page
 from pinfric.show.pages.sizing_figures import torque_speed
-from pinfric.show.report.drives import choice_table
+from pinfric.show.report.drives import ask_table, choice_table
 from pinfric.show.report.names import short_names
 from pinfric.show.report.rows import table_of
 from pinfric.show.report.sizing import masses_line, passes, sizing_report
@@ -118,6 +118,14 @@ def test_infeasible_joint_has_its_nearest_miss_in_the_json(tmp_path):
     console = Console(file=StringIO(), width=80)
     console.print(*sizing_report(report), sep="\n")
     assert "none; nearest M + G" in " ".join(console.file.getvalue().split())
+
+
+def test_what_lacks_a_figure_is_lighter_only_than_a_drive_that_is_chosen(report):
+    found = sizing_summary(report)
+    assert ask_table(found).title.startswith("lighter, but a figure")
+    (joint,) = found.joints
+    none = replace(found, joints=(replace(joint, choice=None),))
+    assert ask_table(none).title.startswith("a figure")
 
 
 def test_tables_fit_eighty_columns(panda):
