@@ -7,7 +7,7 @@ import pytest
 from friction_cases import a_tree
 
 from pinfric.friction import gears
-from pinfric.friction.given_modes import slide
+from pinfric.friction.given_modes import slide, try_modes
 from pinfric.friction.problem import Modes, empty_problem
 from pinfric.friction.rest import solve
 
@@ -279,6 +279,21 @@ def test_a_line_that_leaves_the_rates_open_is_no_choice():
     train.problem.mu_slip[:] = 0.0
     train.modes.effort[:], train.modes.rate[:] = 1.0, 1.0
     assert all(t * train.way[0] > 0 for (t,), _ in gears.choices(train.problem, train.modes))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_solution_off_the_lines_that_are_asked_for_does_not_count(seed):
+    train = Train(seed)
+    p, m = train.problem, train.modes
+    m.at_rest[3] = m.stuck[3] = True  # so that no other kernel takes it
+    m.direction[3], p.coulomb_stick[3] = 0.0, 1e3
+    assert try_modes(p, m, False) == (1, 1)
+    right = m.effort.copy()
+    assert try_modes(p, m, True) == (1, 1)
+    for g in range(3):
+        m.effort[:] = right
+        m.effort[g] *= -1.0
+        assert try_modes(p, m, True) == (0, 0)
 
 
 def test_every_choice_of_what_gears_hold_comes_once():

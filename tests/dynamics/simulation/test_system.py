@@ -9,6 +9,7 @@ from builders import block, chain, plane_friction, sliding_block
 from simulation_cases import SHORT, G, slope
 
 import pinfric as pf
+from pinfric.dynamics.forward.efforts import make_effort
 from pinfric.dynamics.simulation.system import difference
 from pinfric.errors import SimulationError, StateError
 
@@ -89,6 +90,11 @@ def test_a_table_is_constant_beyond_its_ends_and_bends_where_it_bends():
     slip = 0.2 + 0.2 * (0.3 * 2 * G - 2) / 8
     (event,) = motion.events
     assert event.time == pytest.approx(slip, rel=1e-12)
+
+
+def test_steps_end_where_a_table_bends_but_not_at_rows_on_a_line():
+    times, values = np.array([0.0, 1.0, 3.0, 4.0]), np.array([[0.0], [1.0], [3.0], [0.0]])
+    assert make_effort(slope(), (times, values)).breakpoints.tolist() == [0.0, 3.0, 4.0]
 
 
 def test_an_effort_function_may_ask_for_forward_dynamics_itself():
