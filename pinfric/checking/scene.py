@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
@@ -67,7 +66,7 @@ def scene_findings(
 
 def _findings(scene: Scene, facts: RobotFacts | None) -> Iterator[Finding]:
     for site in scene.sites:
-        yield from _bearing(site, scene, facts)
+        yield from _bearing(site, facts)
         yield from _coefficients(site, scene)
     yield from payload_findings(scene)
     yield from _positions(scene, facts)
@@ -75,7 +74,7 @@ def _findings(scene: Scene, facts: RobotFacts | None) -> Iterator[Finding]:
     yield from _elastic_gears(scene)
 
 
-def _bearing(site: Site, scene: Scene, facts: RobotFacts | None) -> Iterator[Finding]:
+def _bearing(site: Site, facts: RobotFacts | None) -> Iterator[Finding]:
     """A bearing larger than the links it joins."""
     bearing = site.friction.bearing
     if bearing is None or facts is None or site.pair >= 0:
@@ -185,14 +184,14 @@ def load_findings(scene: Scene) -> Iterator[Finding]:
                 for frame in model.frames
                 if frame.parentJoint == j and frame.type == pin.FrameType.BODY
             ]
-            shaped = [n for n in carried if n in links and _has_shapes(links[n])]
+            shaped = [
+                n
+                for n in carried
+                if n in links and {e.tag for e in links[n]} & {"visual", "collision"}
+            ]
             for name in shaped[:1]:
                 what = f"link {name}"
                 yield Finding(Severity.WARNING, "massless link", what, _MASSLESS, _NO_INERTIAL)
-
-
-def _has_shapes(link: ElementTree.Element) -> bool:
-    return any(link.find(tag) is not None for tag in ("visual", "collision"))
 
 
 def _reach(model: pin.Model) -> float:

@@ -379,10 +379,6 @@ def _lead_screw(d: Drives) -> bool:
     return _screw(d) and d.entry.kind == "lead screw"
 
 
-def _ball_screw(d: Drives) -> bool:
-    return _screw(d) and d.entry.kind == "ball screw"
-
-
 _LENGTH = "screw: root diameter, length and supports"
 # fmt: off
 GEAR_LIMITS = [
@@ -434,7 +430,8 @@ GEAR_LIMITS = [
           _THK + "permissible rotational speed", _LENGTH, stage="entry", applies=_screw),
     Limit("screw DN value", "input speed", _of_screw(dn_speed), "rad/s",
           "ratio max |v| <= DN/ball circle diameter", _THK + "DN value",
-          "screw: ball_circle and max_dn", stage="entry", applies=_ball_screw),
+          "screw: ball_circle and max_dn", stage="entry",
+          applies=lambda d: _screw(d) and d.entry.kind == "ball screw"),
     Limit("screw buckling", "effort", _buckling, "effort", "max |F| <= n pi^2 E I/l^2 x 0.5",
           _THK + "buckling load", _LENGTH, _buckling_note, stage="entry", applies=_screw),
     Limit("nut pressure", _of_nut(lambda nut, d: d.demand.peak / nut.contact_area),

@@ -62,7 +62,7 @@ class MujocoFriction:
         self.dofs = np.array(model.jnt_dofadr[found])
         self._body = np.array(model.jnt_bodyid[found])
         self._root = np.array(model.body_rootid[self._body])
-        _check_solver(mujoco, scene, model, self._joint, self.dofs)
+        _check_solver(mujoco, scene, model, self._joint)
         self._tree = tree = bodies(scene)
         _check_same_robot(mujoco, self, tree)
         self._qpos = np.array(model.jnt_qposadr[found])
@@ -419,9 +419,7 @@ def _check_nothing_between(scene: Scene, model: Any, found: list[int]) -> None:
                 break
 
 
-def _check_solver(
-    mujoco: Any, scene: Scene, model: Any, joints: np.ndarray, dofs: np.ndarray
-) -> None:
+def _check_solver(mujoco: Any, scene: Scene, model: Any, joints: np.ndarray) -> None:
     """Refuse what would make the friction another."""
     name = {int(j): body.joint.name for j, body in zip(joints, bodies(scene), strict=True)}
     if model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:

@@ -81,7 +81,8 @@ def align_axes(
         parent, name = model.parents[joint + 1] - 1, f"joint {model.names[joint + 1]!r}"
         turn = carried.turn(parent, joint, name, placement.rotation @ axis)
         placement.rotation = turn @ placement.rotation
-        if _slides(model, model.joints[joint + 1]):
+        moved = model.joints[joint + 1]
+        if moved.nv == 1 and not twist(model, moved)[3:].any():  # it slides
             carried.join(joint, parent, placement.rotation)
         else:
             carried.axes[joint] = [(name, axis)]
@@ -235,10 +236,6 @@ def _shifted(twin: Twin, linkage: Linkage, q: np.ndarray) -> Linkage:
         frame = pin.SE3(R[row, 1], p[row, 1]) * pin.SE3(pin.exp3(-gap[3:]), -gap[:3])
         p[row, 1], R[row, 1] = frame.translation, frame.rotation
     return replace(linkage, frame_p=p, frame_R=R)
-
-
-def _slides(model: pin.Model, joint: pin.JointModel) -> bool:
-    return joint.nv == 1 and not twist(model, joint)[3:].any()
 
 
 def _entry(model: pin.Model, entry: LinkFrame, frame: pin.SE3) -> LinkFrame:

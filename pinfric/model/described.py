@@ -96,7 +96,10 @@ def described(made: _Class) -> _Class:
     dataclasses.dataclass(frozen=True)(made)  # the same class, completed
     lines = [
         textwrap.fill(
-            f"{entry.name}: {_said(found)}", 92, initial_indent="    ", subsequent_indent=" " * 8
+            f"{entry.name}: {found.meaning}{f' ({found.unit})' * bool(found.unit)}.",
+            92,
+            initial_indent="    ",
+            subsequent_indent=" " * 8,
         )
         for entry in dataclasses.fields(made)
         if (found := entry.metadata.get("quantity"))
@@ -105,10 +108,6 @@ def described(made: _Class) -> _Class:
     made.__doc__ = "\n".join([text, *([""] if "Attributes:" in text else ["", "Attributes:"])])
     made.__doc__ += "\n" + "\n".join(lines) + "\n"
     return made
-
-
-def _said(found: Quantity) -> str:
-    return f"{found.meaning} ({found.unit})." if found.unit else f"{found.meaning}."
 
 
 def quantities(kind: type) -> dict[str, Quantity]:

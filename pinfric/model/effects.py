@@ -170,7 +170,7 @@ def with_effects(
                 if kind.present(entry):
                     friction[name] = entry.model_copy(update=kind.removed(entry))
     # an empty entry makes no site, so it costs no time
-    friction = {name: entry for name, entry in friction.items() if _acts(entry)}
+    friction = {name: entry for name, entry in friction.items() if entry.bearing or entry.terms}
     actuators = scene.actuators
     for name, changed in (("gear", _unloaded), ("transmission", _lossless)):
         if name in off and actuators is not None:
@@ -181,10 +181,6 @@ def with_effects(
         actuators=actuators,
         payloads={} if "payload" in off else scene.payloads,
     )
-
-
-def _acts(friction: Friction) -> bool:
-    return friction.bearing is not None or bool(friction.terms)
 
 
 def _unloaded(actuator: Actuator) -> Actuator:

@@ -164,18 +164,6 @@ def softest(stiffness: float | StiffnessLines | LostMotionStiffness) -> float:
     return float(spring_of(stiffness).stiffness[0])
 
 
-def implied_hysteresis(spring: Spring, friction: float) -> float:
-    """Return the width of the hysteresis curve at zero torque, H = 2 f(b), rad (m).
-
-    With friction b behind the spring the output follows only after the torque has changed by 2 b.
-
-    Args:
-        spring: the gear's.
-        friction: b, the friction at rest behind the spring without load (N m or N).
-    """
-    return 2.0 * float(spring.wind_up(friction))
-
-
 def largest_friction(spring: Spring, hysteresis: float) -> float:
     """Return b = f^-1(H/2), the largest friction behind the spring for a stated hysteresis.
 

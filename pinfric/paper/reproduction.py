@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
-from pinfric.dynamics.inverse.result import InverseResult, StickInterval
+from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.reactions import joint_wrenches
 from pinfric.dynamics.simulation.motion import Motion
 from pinfric.dynamics.simulation.scene_run import run_whole
@@ -169,17 +169,13 @@ def reproduce(example: Example) -> Reproduction:
         motion=motion,
         result=result,
         frictionless=frictionless,
-        stick=_first(whole.stick_intervals(), example.site),
+        stick=next((i.start, i.end) for i in whole.stick_intervals() if i.site == example.site),
         stick_absolute=forward.stick_intervals(example.site)[0],
         max_torque_error=float(error[outside].max()),
         bracketed=float(inside[stuck].all(axis=1).mean()) if stuck.any() else 0.0,
         max_width_error=float(np.abs(width - limit).max(initial=0.0)),
         max_formulation_difference=formulation_difference(result, judged.mechanism),
     )
-
-
-def _first(intervals: tuple[StickInterval, ...], site: str) -> tuple[float, float]:
-    return next((i.start, i.end) for i in intervals if i.site == site)
 
 
 def formulation_difference(result: InverseResult, mechanism: Mechanism) -> float:

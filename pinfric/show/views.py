@@ -171,10 +171,6 @@ def _identified(result: Identified) -> pd.DataFrame:
     return table.reset_index().set_index("key")
 
 
-def _measured(result: Identified, log: int = 0) -> Figure:
-    return measured_figure(*beside_measured(result, log), result.recordings[log].name)
-
-
 _FIGURES: dict[type, Callable[..., Figure]] = {
     InverseResult: effort_figure,
     Elasticity: tool_figure,
@@ -184,7 +180,9 @@ _FIGURES: dict[type, Callable[..., Figure]] = {
     Motion: motion_figure,
     StopResult: stop_figure,
     SweepResult: sweep_figure,
-    Identified: _measured,
+    Identified: lambda found, log=0: measured_figure(
+        *beside_measured(found, log), found.recordings[log].name
+    ),
 }
 _TABLES: dict[type, Callable[[Any], pd.DataFrame]] = {
     InverseResult: lambda result: _frame(summarize(result), "name", "drive"),
