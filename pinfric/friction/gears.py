@@ -26,6 +26,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pinfric.friction.balance import RANK
 from pinfric.friction.dense import solve_dense
 from pinfric.friction.law import site_limits, slip_law, write_rates
 from pinfric.friction.problem import Modes, Problem
@@ -38,6 +39,8 @@ _ROUNDING = 1e-12
 _MOST_HOLDS, _MOST_LINES, _MOST_LOADED = 64, 200_000, 4096
 #: A choice of lines is tried though an effort is beyond its line by this share of all efforts.
 _NEAR = 1e-9
+#: Rotors of so many times what each needs alone would not help either.
+_HEAVIEST = 1e6
 #: Passes of Newton's method over lines before every second one takes chords; passes after which it
 #: has failed.
 FEW_PASSES, MOST_PASSES = 6, 200
@@ -361,39 +364,92 @@ def without_gears(
 
 
 class Jam(NamedTuple):
-    """A self-locking gear because of which u does not determine the motion.
+    """Self-locking gears in motion beside which u does not determine the motion.
 
     Attributes:
-        gear: its number. eigenvalue: the least of the matrix in the module's text.
-        inertia: I above which this gear does not jam, at the joint, per unit of r.
+        gear: that of most of the motion. eigenvalue: the least, of the module's text.
+        inertia: gear -> I above which there is one answer for every u, at the joint, per unit of r:
+            of one gear where that is enough, else of all; none where no inertia is.
     """
 
     gear: int
     eigenvalue: float
-    inertia: float
+    inertia: dict[int, float]
 
 
 def jam(problem: Problem, modes: Modes) -> Jam | None:
-    """Return the gear that jams; None if there is one answer for every u in given modes."""
+    """Return which gears jam; None if there is one answer for every u in given modes."""
+    found = _stiffness(problem, modes)
+    if found is None:
+        return None
+    moves, back, W = found
+    inertia = problem.gear_rotor[moves, 1]
+    size, axes = np.linalg.eigh(_energy(back, inertia, W))
+    if size[0] > 0.0:
+        return None
+    order = np.argsort(np.where(back <= 0.0, -np.abs(axes[:, 0]), 1.0))
+    enough = _enough(back, inertia, W, order[: int((back <= 0.0).sum())])
+    return Jam(int(moves[order[0]]), float(size[0]), {int(moves[g]): x for g, x in enough.items()})
+
+
+def is_certain(problem: Problem, modes: Modes) -> bool:
+    """Return whether there is one answer for every u in given modes."""
+    found = _stiffness(problem, modes)
+    if found is None:
+        return True
+    moves, back, W = found
+    return bool(np.linalg.eigvalsh(_energy(back, problem.gear_rotor[moves, 1], W))[0] > 0.0)
+
+
+def _stiffness(problem: Problem, modes: Modes) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Which gears move (m,), their least slopes (m,), and W (m, m); None if none of them locks."""
     if not problem.gear_rotor.shape[0] or problem.gear_lines[:, :2, :, 0].min() > 0.0:
         return None
     moves, W = _coupling(problem, modes)
     share = np.abs(modes.direction[problem.gear_coordinate[moves]])
     share[share == 0.0] = 1.0  # whichever way
     back = 1.0 + share * (problem.gear_lines[moves, :2, :, 0].min(axis=(1, 2), initial=1.0) - 1.0)
-    if not (back <= 0.0).any():
-        return None
-    root = np.sqrt(problem.gear_rotor[moves, 1])
-    E = np.diag(back) + root[:, None] * W * root
-    size, axes = np.linalg.eigh(E)
-    if size[0] > 0.0:
-        return None
-    worst = int(np.argmax(np.where(back <= 0.0, np.abs(axes[:, 0]), -1.0)))
-    others = (np.arange(len(back)) != worst) & (np.diag(E) > 0.0)
-    across = root[others] * W[worst, others]
-    left = W[worst, worst] - across @ np.linalg.pinv(E[np.ix_(others, others)]) @ across
-    enough = -back[worst] / left if left > 0.0 else np.inf
-    return Jam(int(moves[worst]), float(size[0]), float(enough))
+    return (moves, back, W) if (back <= 0.0).any() else None
+
+
+def _energy(slopes: np.ndarray, inertia: np.ndarray, W: np.ndarray) -> np.ndarray:
+    """The matrix of the module's text."""
+    root = np.sqrt(inertia)
+    return np.asarray(np.diag(slopes) + root[:, None] * W * root)
+
+
+def _enough(
+    back: np.ndarray, inertia: np.ndarray, W: np.ndarray, locking: np.ndarray
+) -> dict[int, float]:
+    """See `Jam.inertia`, of m gears by their numbers here; locking: which, the first preferred."""
+    E, root = _energy(back, inertia, W), np.sqrt(inertia)
+    for g in locking.tolist():
+        others = np.arange(len(back)) != g
+        beside = E[np.ix_(others, others)]
+        if np.linalg.eigvalsh(beside).min(initial=1.0) > 0.0:
+            across = root[others] * W[g, others]
+            left = W[g, g] - across @ np.linalg.solve(beside, across)
+            if left > RANK * W[g, g]:
+                return {g: float(-back[g] / left)}
+    alone = -back[locking] / np.maximum(np.diag(W)[locking], 1e-300)  # what each needs by itself
+
+    def heavier(times: float) -> np.ndarray:
+        out = inertia.copy()
+        out[locking] = np.maximum(out[locking], times * alone)
+        return out
+
+    def is_enough(times: float) -> bool:
+        return bool(np.linalg.eigvalsh(_energy(back, heavier(times), W))[0] > 0.0)
+
+    low, high = 1.0, 2.0
+    while not is_enough(high):
+        low, high = high, 2.0 * high
+        if high > _HEAVIEST:
+            return {}
+    while high - low > 1e-9 * high:
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if is_enough(middle) else (middle, high)
+    return {g: float(heavier(high)[g]) for g in locking.tolist()}
 
 
 def _coupling(problem: Problem, modes: Modes) -> tuple[np.ndarray, np.ndarray]:
@@ -437,9 +493,9 @@ def choices(problem: Problem, modes: Modes) -> list[tuple[np.ndarray, bool]] | N
         found[fits] = np.linalg.solve(A[fits], right[fits][:, :, None])[:, :, 0]
         slack = _NEAR * (np.abs(found).max(axis=1) + np.abs(given).max())[:, None]
         fits = ((table[:, :, 2] - slack <= found) & (found <= table[:, :, 3] + slack)).all(axis=1)
-    root, out = np.sqrt(inertia), []
+    out = []
     for lines in table[fits]:
-        least = np.linalg.eigvalsh(np.diag(lines[:, 0]) + root[:, None] * W * root)[0]
+        least = np.linalg.eigvalsh(_energy(lines[:, 0], inertia, W))[0]
         efforts = modes.effort.copy()
         efforts[moves] = [_inside(low, high) for low, high in lines[:, 2:]]
         out.append((efforts, bool(least > 0.0)))

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pinfric.friction.balance import FITS, RANK
-from pinfric.friction.gears import choices, fit, jam, lines_and_rows
+from pinfric.friction.gears import choices, fit, is_certain, lines_and_rows
 from pinfric.friction.given_modes import SHOULD_STICK, judge
 from pinfric.friction.law import evaluate
 from pinfric.friction.minimax import least_violation
@@ -216,7 +216,7 @@ class _Query:
         """
         self.found = []
         solutions, obeying = solve(self.problem, self.modes, self.mechanism)
-        if not self.modes.effort.size or (solutions >= 0 and not jam(self.problem, self.modes)):
+        if not self.modes.effort.size or (solutions >= 0 and is_certain(self.problem, self.modes)):
             return solutions, obeying
         every, m, solved = choices(self.problem, self.modes), self.modes, list[Answer]()
         self.count.unsure |= every is None

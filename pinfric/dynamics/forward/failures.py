@@ -154,12 +154,14 @@ class Failures:
             m.stuck[:] = kept
         if worm is None:
             return None
-        d = int(np.flatnonzero(drives.gear_entry >= 0)[worm.gear])
-        enough = worm.inertia * (state[4] or 1.0) / drives.gears.ratio[d] ** 2
+        geared, gears, step = np.flatnonzero(drives.gear_entry >= 0), drives.gears, state[4] or 1.0
+        enough = {
+            int(geared[g]): inertia * step / gears.ratio[geared[g]] ** 2
+            for g, inertia in worm.inertia.items()
+        }
+        d = next(iter(enough)) if len(enough) == 1 else int(geared[worm.gear])
         reason = (
-            f"E + I^1/2 M^-1 I^1/2 has the eigenvalue {worm.eigenvalue:.3g}; there would be one "
-            f"answer with a rotor inertia above {enough:.6g} kg m^2, or with a gear that does not "
-            "lock"
+            f"E + I^1/2 M^-1 I^1/2 has the eigenvalue {worm.eigenvalue:.3g}; {self._remedy(enough)}"
         )
         if drives.gears.rotor_inertia[d] == 0.0:
             reason = f"its rotor has no inertia; {reason}"
@@ -170,6 +172,22 @@ class Failures:
             reason = f"no acceleration obeys its law ({tried} modes tried); {reason}"
         return GearJam(
             *self._as_given(state), self._scene.drives[d].name, reason, given=self._given
+        )
+
+    def _remedy(self, enough: dict[int, float]) -> str:
+        """What would leave one answer: rotor inertias (kg m^2) of drives."""
+        if not enough:
+            return "no rotor inertia makes sure of one answer, only fewer gears that lock"
+        if len(enough) == 1:
+            (inertia,) = enough.values()
+            return (
+                f"there would be one answer with a rotor inertia above {inertia:.6g} kg m^2, or "
+                "with a gear that does not lock"
+            )
+        each = (f"{x:.6g} ({self._scene.drives[d].name})" for d, x in enough.items())
+        return (
+            f"there would be one answer with rotor inertias above {', '.join(each)} kg m^2, or "
+            "with gears that do not lock"
         )
 
     def _worst_site(self) -> str:

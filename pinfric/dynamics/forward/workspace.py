@@ -32,7 +32,7 @@ from pinfric.errors import (
     PinfricError,
     SceneError,
 )
-from pinfric.friction.gears import bind, fit, gear_margins, hold_chosen, jam, write_rows
+from pinfric.friction.gears import bind, fit, gear_margins, hold_chosen, is_certain, write_rows
 from pinfric.friction.given_modes import judge, reduce_problem, try_modes
 from pinfric.friction.law import add_load_slopes, evaluate, stick_limits
 from pinfric.friction.minimax import least_violation
@@ -270,7 +270,7 @@ class Workspace:
 
     def is_sure(self) -> bool:
         """Whether there is one answer in the present modes, on whatever lines of gears."""
-        return not self._locks or jam(self.problem, self.modes) is None
+        return not self._locks or is_certain(self.problem, self.modes)
 
     def _leave_dead_centres(self) -> None:
         """Let joints that rest at their dead centre slip in the direction of the mechanism.
