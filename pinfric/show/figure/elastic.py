@@ -10,6 +10,7 @@ import numpy as np
 from pinfric.elastic.motion import Elasticity, Rest, ToolPlace
 from pinfric.elastic.places import outline
 from pinfric.errors import StateError
+from pinfric.show.figure.panel import sheet
 from pinfric.show.figure.style import BLUE, GREEN, GRID, INK, QUIET, RED, style
 from pinfric.show.report.values import digits
 
@@ -36,38 +37,26 @@ def tool_figure(found: Elasticity, title: str = "", rest: Rest | None = None) ->
     Raises:
         StateError: no rest has a tool's place.
     """
-    from matplotlib.figure import Figure
-
     rest = rest or found.worst
     if rest is None or rest.tool is None:
         why = "; ".join(found.notes) or "the motion has no rest"
         raise StateError(f"there is no position of the tool at rest to draw: {why}")
+    carried = f", carries {', '.join(rest.payloads)}" if rest.payloads else ""
+    title += f"{': ' * bool(title)}where {found.result.scene.tool} can stand at rest, "
+    title += f"{rest.start:.2f}-{rest.end:.2f} s{carried}\n{_figures(rest.tool)}"
     with style():
-        figure = Figure(figsize=(10.0, 4.4))
-        grid = figure.add_gridspec(1, 3, left=0.06, right=0.985, top=0.82, bottom=0.2, wspace=0.26)
+        figure = sheet(10.0, 4.4, title)
+        panels = figure.subplots(1, 3)
         low, high = _box(rest.tool)
         half = max(0.8 * (high - low).max(), 1e-6)
-        for place, plane in enumerate(combinations(range(3), 2)):
-            axes = figure.add_subplot(grid[place])
+        for axes, plane in zip(panels, combinations(range(3), 2), strict=True):
             _draw(axes, rest.tool, *plane)
             centre = 0.5 * (low + high)[list(plane)]
             (x, y) = centre
             axes.set(xlim=(x - half, x + half), ylim=(y - half, y + half), aspect="equal")
             _point_to_command(axes, centre, half)
-        carried = f", carries {', '.join(rest.payloads)}" if rest.payloads else ""
-        name = found.result.scene.tool
-        figure.text(
-            0.06,
-            0.945,
-            f"{title}{': ' * bool(title)}where {name} can stand at rest, "
-            f"{rest.start:.2f}-{rest.end:.2f} s{carried}",
-            color=INK,
-            fontsize=10.5,
-            weight="bold",
-        )
-        figure.text(0.06, 0.885, _figures(rest.tool), color=QUIET)
-        handles, labels = figure.axes[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="lower center", ncols=5, frameon=False)
+        handles, labels = panels[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
     return figure
 
 

@@ -10,18 +10,8 @@ import numpy as np
 
 from pinfric.drives.limits import instant_limits
 from pinfric.retiming.retime import RetimeResult
-from pinfric.show.figure.style import (
-    BLUE,
-    GREEN,
-    INK,
-    ORANGE,
-    PURPLE,
-    QUIET,
-    RED,
-    SKY,
-    YELLOW,
-    style,
-)
+from pinfric.show.figure.panel import sheet
+from pinfric.show.figure.style import BLUE, GREEN, ORANGE, PURPLE, QUIET, RED, SKY, YELLOW, style
 from pinfric.show.report.names import picture_names
 from pinfric.show.report.values import digits
 
@@ -32,8 +22,8 @@ if TYPE_CHECKING:
 _SPEED, _LIMIT = BLUE, RED
 #: Colours of `instant_limits`, where the drive is at that limit.
 _COLOURS = (RED, ORANGE, PURPLE, "#8B4513", YELLOW, BLUE, SKY, GREEN)
-#: Inches: width, top panel, a drive's strip, margins.
-_WIDTH, _TOP, _STRIP, _HEAD, _GAP, _FOOT = 11.0, 3.0, 0.34, 0.85, 0.45, 0.95
+#: Inches: the top panel, a drive's strip, all else.
+_TOP, _STRIP, _REST = 3.2, 0.34, 1.9
 #: Pieces of time that strips are drawn in.
 _PIECES = 1400
 _AT_LIMIT = 0.995
@@ -51,16 +41,14 @@ def retime_figure(result: RetimeResult) -> Figure:
     Args:
         result: of `retime`.
     """
-    from matplotlib.figure import Figure
     from matplotlib.patches import Patch
 
-    drives = len(result.problem.scene.drives)
-    total = _HEAD + _TOP + _GAP + drives * _STRIP + _FOOT
+    scene, path = result.problem.scene, result.problem.path
+    strips = len(scene.drives) * _STRIP
     with style():
-        figure = Figure(figsize=(_WIDTH, total), dpi=150, facecolor="white")
-        left, width = 1.6 / _WIDTH, (_WIDTH - 1.85) / _WIDTH
-        top = figure.add_axes((left, 1 - (_HEAD + _TOP) / total, width, _TOP / total))
-        low = figure.add_axes((left, _FOOT / total, width, drives * _STRIP / total), sharex=top)
+        title = f"{Path(scene.source).stem} · {Path(path.source).name}"
+        figure = sheet(11.0, _TOP + strips + _REST, title)
+        top, low = figure.subplots(2, 1, sharex=True, height_ratios=(_TOP, strips))
         # The speed, and the curve that it cannot pass
         departs, label = 0.0, True
         curve = result.limit_curve()
@@ -83,23 +71,20 @@ def retime_figure(result: RetimeResult) -> Figure:
             departs, label = departs + float(result.moves[p]), False
         top.set_ylim(0.0, 1.35 * most)
         top.set_ylabel("along the path, ds/dt (1/s)")
-        top.tick_params(labelbottom=False, colors=QUIET)
+        top.tick_params(colors=QUIET)
         top.legend(loc="upper right", frameon=False, ncols=2)
         used = _draw_use(low, result)
-        scene, path = result.problem.scene, result.problem.path
         before = f" ({digits(result.before)} s before)" if result.before is not None else ""
-        title = f"{Path(scene.source).stem} · {Path(path.source).name}"
-        figure.text(0.02, 1 - 0.3 / total, title, fontsize=12, fontweight="bold", color=INK)
         text = (
             f"{digits(result.duration)} s{before}; no limit exceeded by more than "
             f"{100 * result.excess:.2g} %"
             f"{picture_names([drive.name for drive in scene.drives], _LETTERS)[1]}"
         )
-        figure.text(0.02, 1 - 0.55 / total, text, color=QUIET)
+        top.set_title(text, loc="left", color=QUIET)
         limits = instant_limits()
         patches = [Patch(color=_colour(k), label=f"at its {limits[k].name}") for k in used]
         patches.append(Patch(color=(0.45, 0.45, 0.51), label="uses nearly all of a limit"))
-        figure.legend(handles=patches, loc="lower center", ncols=len(patches), frameon=False)
+        figure.legend(handles=patches, loc="outside lower center", ncols=4, frameon=False)
     return figure
 
 

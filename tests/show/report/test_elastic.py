@@ -30,7 +30,7 @@ def test_the_command_writes_tables_json_and_a_picture(tmp_path, capsys, monkeypa
     assert [rest["tool"] is not None for rest in found["rests"]] == [True] * 5
     assert found["rests"][0]["tool"]["reversal_error"] is None  # nothing has moved before
     picture = image.imread(tmp_path / "tool.png")
-    assert picture.shape[:2] == (440, 1000)
+    assert picture.shape[:2] == (660, 1500)
     assert len(np.unique(picture.reshape(-1, picture.shape[2]), axis=0)) > 50
 
 
