@@ -25,7 +25,6 @@ from pinfric.motions.summary import (
     sites_on,
     summarize,
 )
-from pinfric.show.figure.panel import head
 from pinfric.show.figure.style import BAND, BLUE, GREEN, GRID, INK, ORANGE, QUIET, style
 from pinfric.show.report.inverse import log_lines
 from pinfric.show.report.names import picture_names, shortened
@@ -456,7 +455,22 @@ def _head(
     if result.site_names:
         handles.append(Line2D([], [], color=INK, linewidth=0.7, label="without friction"))
     handles.append(Line2D([], [], linestyle="", label="peak", **_PEAK))
-    head(figure, total, _LEFT / _WIDTH, 0.2, title, text, handles)
+    at: dict[str, Any] = {"x": _LEFT / _WIDTH, "va": "top"}
+    figure.text(y=1 - 0.2 / total, s=title, fontsize=13, fontweight="bold", color=INK, **at)
+    figure.text(y=1 - 0.46 / total, s=text, fontsize=9, color=QUIET, **at)
+    figure.legend(
+        handles=handles,
+        loc="upper left",
+        ncols=6,
+        frameon=False,
+        fontsize=8.5,
+        bbox_to_anchor=(_LEFT / _WIDTH, 1 - 0.62 / total),
+        borderaxespad=0,
+        borderpad=0.2,
+        handlelength=1.8,
+        columnspacing=1.8,
+        labelcolor=INK,
+    )
 
 
 def _peak(result: InverseResult, i: int) -> float:

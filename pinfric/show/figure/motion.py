@@ -15,7 +15,7 @@ from pinfric.model.brief import counted
 from pinfric.model.coordinates import one_number
 from pinfric.model.described import PLACE, SPEED, effort_where, unit_at
 from pinfric.show.figure.efforts import brief_ticks, thinned
-from pinfric.show.figure.panel import head
+from pinfric.show.figure.panel import sheet
 from pinfric.show.figure.style import BLUE, INK, ORANGE, QUIET, style
 from pinfric.show.report.names import picture_names
 
@@ -27,7 +27,7 @@ _FRICTION, _STICKING, _LIMIT = BLUE, ORANGE, "#8A8A8A"
 #: Opacity of the shaded times.
 _SHADE = 0.18
 #: Joints drawn, and inches a row takes of few and of many.
-_MOST, _TALL, _LOW, _HEAD = 16, 1.9, 1.2, 1.1
+_MOST, _TALL, _LOW = 16, 1.9, 1.2
 #: Beside 1 rad or m, and beside the value itself: what changes less stands still.
 _ROUNDING = 1e-9
 #: Letters of a joint's name above its row.
@@ -57,19 +57,18 @@ def motion_figure(motion: Motion) -> Figure:
     Shaded is where that joint sticks. Of more than 16 joints those that move are drawn: first those
     that stick and slip, then the farthest travelled (a metre as a radian); the others are counted.
     """
-    from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
     rows = _rows(motion)
     drawn, left = _chosen(rows)
     height = _TALL if len(drawn) <= 4 else _LOW
-    total = _HEAD + height * max(len(drawn), 1) + 0.35
     names = [row.name for row in rows]
     labels, note = picture_names(names, _LETTERS)
     with style():
-        figure = Figure(figsize=(11.0, total), dpi=150, facecolor="white")
-        figure.set_layout_engine("constrained", rect=(0, 0, 1, 1 - 0.8 / total))
+        title = f"{Path(motion.scene.source).stem} · {motion.method}"
+        title += f"\n{_what(motion, drawn, left)}{note}"
+        figure = sheet(11.0, height * max(len(drawn), 1) + 1.3, title)
         if drawn:
             panels = figure.subplots(len(drawn), 3, sharex=True, squeeze=False)
             short = dict(zip(names, labels, strict=True))
@@ -83,7 +82,6 @@ def motion_figure(motion: Motion) -> Figure:
                     axes.set_xlabel("time (s)", color=QUIET)
                     axes.tick_params(labelbottom=True)
         figure.align_ylabels()
-        title = f"{Path(motion.scene.source).stem} · {motion.method}"
         handles: list[Any] = [Line2D([], [], color=INK, linewidth=1.2, label="position, velocity")]
         if any(row.site >= 0 for row in drawn):
             handles += [
@@ -101,7 +99,7 @@ def motion_figure(motion: Motion) -> Figure:
             handles.append(
                 Patch(facecolor=_STICKING, alpha=1.8 * _SHADE, label="this joint sticks")
             )
-        head(figure, total, 0.01, 0.12, title, _what(motion, drawn, left) + note, handles)
+        figure.legend(handles=handles, loc="outside lower left", ncols=4, frameon=False)
     return figure
 
 

@@ -30,40 +30,6 @@ def sheet(width: float, height: float, title: str = "") -> Figure:
     return figure
 
 
-def head(
-    figure: Figure,
-    total: float,
-    left: float,
-    top: float,
-    title: str,
-    text: str,
-    handles: list[Any],
-) -> None:
-    """Write a title, a line below it, and a key, in inches from the top.
-
-    Args:
-        figure: to write on. total: its height, inches.
-        left: part of its width. top: of the title, inches.
-        title, text: the two lines. handles: of the key.
-    """
-    at: dict[str, Any] = {"x": left, "va": "top"}
-    figure.text(y=1 - top / total, s=title, fontsize=13, fontweight="bold", color=INK, **at)
-    figure.text(y=1 - (top + 0.26) / total, s=text, fontsize=9, color=QUIET, **at)
-    figure.legend(
-        handles=handles,
-        loc="upper left",
-        ncols=6,
-        frameon=False,
-        fontsize=8.5,
-        bbox_to_anchor=(left, 1 - (top + 0.42) / total),
-        borderaxespad=0,
-        borderpad=0.2,
-        handlelength=1.8,
-        columnspacing=1.8,
-        labelcolor=INK,
-    )
-
-
 def panel(x: str, y: str, width: float = 5.0, height: float = 2.9) -> tuple[Figure, Axes]:
     """Return a figure of one pair of axes, with their titles.
 
