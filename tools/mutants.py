@@ -381,12 +381,12 @@ class Search:
     Args:
         mutants: what to try.
         given: the command's options.
-        longest: processor time of a test that counts (s).
+        interpreted: whether kernels run as plain Python.
     """
 
-    def __init__(self, mutants: list[Mutant], given: argparse.Namespace, longest: float) -> None:
+    def __init__(self, mutants: list[Mutant], given: argparse.Namespace, interpreted: bool) -> None:
         self.mutants, self.near, self.patience = mutants, given.near, given.patience
-        self.longest = longest
+        self.interpreted, self.longest = interpreted, LONGEST[interpreted]
         self.before: dict[str, str] = {}
         for line in given.before.read_text().splitlines() if given.before else ():
             if " | " in line:
@@ -479,7 +479,7 @@ class Search:
                 alone = self.first(mutant, [found.test])
                 if alone is not None and self.is_sound(found.test):
                     how = f"{alone.kind} in {self.items[found.test].nodeid}"
-                    if alone.kind not in DIVISION:
+                    if not self.interpreted or alone.kind not in DIVISION:
                         return how
                     divided = f" but for {how}"
                 left = left[left.index(found.test) + 1 :]
@@ -551,9 +551,7 @@ def main() -> None:
     ]
     about = (test for room in given.rooms for test in TESTS.get(room, (f"tests/{room}",)))
     tests = given.tests or list(dict.fromkeys(about))
-    sys.exit(
-        pytest.main([*options, *tests], plugins=[Search(mutants, given, LONGEST[interpreted])])
-    )
+    sys.exit(pytest.main([*options, *tests], plugins=[Search(mutants, given, interpreted)]))
 
 
 if __name__ == "__main__":
