@@ -18,7 +18,7 @@ from pinfric.dynamics.forward.workspace import Workspace
 from pinfric.friction.balance import Balance
 from pinfric.friction.least_use import make_rest
 from pinfric.friction.problem import Modes, Problem, empty_problem
-from pinfric.friction.rest import Mechanism, solve
+from pinfric.friction.rest import Mechanism, solve_modes
 
 #: Rows of coordinates that have none, see `gears.write_rows`.
 NO_GEARS = np.empty((0, 3))
@@ -31,8 +31,8 @@ def random_problem(seed, nc=4, strength=0.15, shared=False, static=1.2) -> Probl
     ns = nc + shared
     coordinate = np.r_[np.arange(nc), np.zeros(shared, dtype=int)].astype(np.int64)
     ratio = np.r_[np.ones(nc), -np.ones(shared) * 0.7]
-    contact_site = np.sort(np.r_[np.arange(ns), rng.integers(0, ns, size=nc)]).astype(np.int64)
-    p = empty_problem(coordinate, ratio, contact_site, rng.uniform(0, 0.5, ns))
+    contact_entry = np.sort(np.r_[np.arange(ns), rng.integers(0, ns, size=nc)]).astype(np.int64)
+    p = empty_problem(coordinate, ratio, contact_entry, rng.uniform(0, 0.5, ns))
     A = rng.normal(size=(nc, nc))
     p.rate_slope[:] = A @ A.T + 0.3 * np.eye(nc)
     p.rate_free[:] = rng.normal(scale=3.0, size=nc)
@@ -63,7 +63,7 @@ def strong_problem(seed, along=3, constant=0.0):
 def plain_loads(p, x):
     forces = p.contact[:, 0] + np.einsum("tce,c->te", p.contact[:, 1:], x)
     load = p.constant.copy()
-    np.add.at(load, p.contact_site, np.linalg.norm(forces, axis=1))
+    np.add.at(load, p.contact_entry, np.linalg.norm(forces, axis=1))
     return load
 
 
@@ -109,7 +109,7 @@ def a_tree(nc):
 def solved(p, stuck, direction):
     m = Modes.of(len(stuck), len(p.ratio))
     m.stuck[:], m.direction[:] = stuck, direction
-    return solve(p, m, a_tree(len(stuck))), m
+    return solve_modes(p, m, a_tree(len(stuck))), m
 
 
 G = 9.81
@@ -208,7 +208,7 @@ def two_that_share(rng, contact=1.0):
             [rng.normal(size=(2, 1, 3)), contact * rng.normal(size=(2, 2, 3))], axis=1
         )
         * [1, 1, 0],
-        contact_site=np.arange(2),
+        contact_entry=np.arange(2),
         constant=np.zeros(2),
         coordinate=np.arange(2),
         ratio=np.ones(2),

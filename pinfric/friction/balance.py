@@ -101,7 +101,7 @@ class Balance(NamedTuple):
         inverse = inverse @ rows
         return cls(rows * size, -inverse @ rate, np.abs(inverse) @ terms)
 
-    def solve(self, unit: np.ndarray, unlimited: np.ndarray) -> Shared:
+    def eliminate(self, unit: np.ndarray, unlimited: np.ndarray) -> Shared:
         """Solve for the friction of the joints with the largest limits.
 
         Args:

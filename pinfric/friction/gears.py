@@ -28,7 +28,7 @@ import numpy as np
 
 from pinfric.friction.balance import RANK
 from pinfric.friction.dense import solve_dense
-from pinfric.friction.law import site_limits, slip_law, write_rates
+from pinfric.friction.law import entry_limits, slip_law, write_rates
 from pinfric.friction.problem import Modes, Problem
 from pinfric.kernels.compiled import inlined, inlined_kernel, kernel
 
@@ -47,8 +47,8 @@ FEW_PASSES, MOST_PASSES = 6, 200
 
 
 @inlined_kernel
-def gear_site(problem: Problem, g: int) -> int:
-    """Return the site of a gear: they are the last ones."""
+def gear_entry(problem: Problem, g: int) -> int:
+    """Return the entry of a gear: they are the last ones."""
     return problem.coordinate.size - problem.gear_rotor.shape[0] + g
 
 
@@ -81,7 +81,7 @@ def write_rows(
     for c in range(modes.stuck.size):
         rows[c, 0], rows[c, 1], rows[c, 2] = (0.0, 1.0, 0.0) if modes.stuck[c] else (1.0, 0.0, 0.0)
     for g in range(problem.gear_rotor.shape[0]):
-        c = problem.coordinate[gear_site(problem, g)]
+        c = problem.coordinate[gear_entry(problem, g)]
         way, t = modes.direction[c], modes.effort[g]
         if modes.stuck[c]:
             continue
@@ -219,7 +219,7 @@ def fit(problem: Problem, modes: Modes, lines: np.ndarray, rests: bool) -> tuple
     """
     left = changed = 0
     for g in range(problem.gear_rotor.shape[0]):
-        c = problem.coordinate[gear_site(problem, g)]
+        c = problem.coordinate[gear_entry(problem, g)]
         given, inertia = problem.gear_rotor[g, 0], problem.gear_rotor[g, 1]
         if modes.stuck[c]:
             if rests:
@@ -235,7 +235,7 @@ def fit(problem: Problem, modes: Modes, lines: np.ndarray, rests: bool) -> tuple
             slip_friction(problem, modes, y)
             t = arriving + modes.friction[c] - y[c]
             for other in range(problem.gear_rotor.shape[0]):
-                if other != g and problem.coordinate[gear_site(problem, other)] == c:
+                if other != g and problem.coordinate[gear_entry(problem, other)] == c:
                     its = (
                         problem.gear_rotor[other, 0] - problem.gear_rotor[other, 1] * modes.rate[c]
                     )
@@ -261,7 +261,7 @@ def _hold(problem: Problem, modes: Modes, g: int, low: float, high: float, effor
     Returns:
         Whether it is another than before.
     """
-    held, given, e = problem.gear_held[g], problem.gear_rotor[g, 0], gear_site(problem, g)
+    held, given, e = problem.gear_held[g], problem.gear_rotor[g, 0], gear_entry(problem, g)
     best, chosen = -np.inf, 0
     for k in range(held.shape[0]):
         inside = min(high, held[k, 1]) - max(low, held[k, 0])
@@ -278,7 +278,7 @@ def _hold(problem: Problem, modes: Modes, g: int, low: float, high: float, effor
 def hold_chosen(problem: Problem, modes: Modes) -> None:
     """Let gears at rest hold the intervals of the efforts in `modes`."""
     for g in range(problem.gear_rotor.shape[0]):
-        if modes.stuck[problem.coordinate[gear_site(problem, g)]]:
+        if modes.stuck[problem.coordinate[gear_entry(problem, g)]]:
             t = modes.effort[g]
             _hold(problem, modes, g, t, t, t)
 
@@ -288,9 +288,9 @@ def _beside(problem: Problem, modes: Modes, g: int) -> tuple[float, float]:
     """Return the least and the greatest friction of all that rests beside a gear."""
     least = greatest = 0.0
     for e in range(problem.coordinate.size):
-        own = gear_site(problem, g)
+        own = gear_entry(problem, g)
         if problem.coordinate[e] == problem.coordinate[own] and e != own:
-            ends = site_limits(problem, modes.load, e)
+            ends = entry_limits(problem, modes.load, e)
             least, greatest = least + ends[0], greatest + ends[1]
     return least, greatest
 
@@ -304,7 +304,7 @@ def gear_margins(problem: Problem, modes: Modes, g: int) -> tuple[float, float]:
     begins to hold any effort.
     """
     given = problem.gear_rotor[g, 0]
-    needed = given + modes.friction[problem.coordinate[gear_site(problem, g)]]
+    needed = given + modes.friction[problem.coordinate[gear_entry(problem, g)]]
     least, greatest = _beside(problem, modes, g)
     if not greatest - least < np.inf:  # another gear holds it, whatever the load
         return np.inf, np.inf
@@ -478,8 +478,8 @@ def choices(problem: Problem, modes: Modes) -> list[tuple[np.ndarray, bool]] | N
         _lines_of(problem, int(g), float(modes.direction[c]))
         for g, c in zip(moves, coordinate, strict=True)
     ]
-    slides = ~modes.stuck[problem.coordinate[problem.contact_site]]
-    loaded = bool((problem.mu_slip[problem.contact_site] * slides).any())
+    slides = ~modes.stuck[problem.coordinate[problem.contact_entry]]
+    loaded = bool((problem.mu_slip[problem.contact_entry] * slides).any())
     if prod(len(lines) for lines in every) > (_MOST_LOADED if loaded else _MOST_LINES):
         return None
     given, inertia = problem.gear_rotor[moves].T

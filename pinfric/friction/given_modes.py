@@ -27,8 +27,8 @@ from pinfric.friction.gears import (
     bind,
     fit,
     fit_within,
+    gear_entry,
     gear_margins,
-    gear_site,
     guess_lines,
     slip_friction,
     write_rows,
@@ -102,21 +102,21 @@ def reduce_problem(
     Returns:
         Length of z, or -1 where the equations of what sticks and of gears are singular; `Reduced`.
     """
-    nc, ns = stuck.size, problem.constant.size
-    law, site_gain, unknown = np.empty(nc), np.empty(ns), np.full(nc, -1, np.int64)
-    slip_law(problem, stuck, direction, site_gain, law)
+    nc, ne = stuck.size, problem.constant.size
+    law, entry_gain, unknown = np.empty(nc), np.empty(ne), np.full(nc, -1, np.int64)
+    slip_law(problem, stuck, direction, entry_gain, law)
     nz = count = 0
     bound = are_bound(stuck, rows)
-    for t in range(problem.contact_site.size):
-        s = problem.contact_site[t]
+    for t in range(problem.contact_entry.size):
+        s = problem.contact_entry[t]
         c = problem.coordinate[s]
-        if site_gain[s] != 0.0:
+        if entry_gain[s] != 0.0:
             count += 1
             if unknown[c] < 0:
                 unknown[c] = nz
                 nz += 1
-    for s in range(ns):
-        law[problem.coordinate[s]] += site_gain[s] * problem.constant[s]
+    for s in range(ne):
+        law[problem.coordinate[s]] += entry_gain[s] * problem.constant[s]
     X, offset = np.zeros((nc, 1 + nz)), np.empty(nz)
     for c in range(nc):
         if unknown[c] >= 0:
@@ -127,22 +127,22 @@ def reduce_problem(
     reduced = Reduced(unknown, X, offset, place, gain, contact)
     if bound.any() and not bind(problem, bound, rows, X):
         return -1, reduced
-    _reduce_contacts(problem, bound, site_gain, reduced)
+    _reduce_contacts(problem, bound, entry_gain, reduced)
     return nz, reduced
 
 
 @kernel
 def _reduce_contacts(
-    problem: Problem, bound: np.ndarray, site_gain: np.ndarray, reduced: Reduced
+    problem: Problem, bound: np.ndarray, entry_gain: np.ndarray, reduced: Reduced
 ) -> None:
     """Write whose friction follows each contact force that counts, and the force as a map of z."""
     unknown, X, _, place, gain, contact = reduced
     columns, n = contact.shape[1], 0
-    for t in range(problem.contact_site.size):
-        s = problem.contact_site[t]
-        if site_gain[s] == 0.0:
+    for t in range(problem.contact_entry.size):
+        s = problem.contact_entry[t]
+        if entry_gain[s] == 0.0:
             continue
-        place[n], gain[n] = unknown[problem.coordinate[s]], site_gain[s]
+        place[n], gain[n] = unknown[problem.coordinate[s]], entry_gain[s]
         for e in range(3):
             contact[n, 0, e] = problem.contact[t, 0, e]
         for c in range(unknown.size):
@@ -454,20 +454,20 @@ def slide(problem: Problem, modes: Modes) -> bool:  # noqa: C901
         problem: `Problem`.
         modes: `Modes`; its `friction` and `effort` are where the solve starts from.
     """
-    x, load, (nc, ns) = modes.friction, modes.load, (modes.friction.size, modes.load.size)
+    x, load, (nc, ne) = modes.friction, modes.load, (modes.friction.size, modes.load.size)
     for c in range(nc):
         if modes.stuck[c] or modes.at_rest[c]:
             return False
-    gain, offset, place, nz = np.empty(ns), np.empty(nc), np.full(nc, -1, np.int64), 0
+    gain, offset, place, nz = np.empty(ne), np.empty(nc), np.full(nc, -1, np.int64), 0
     slip_law(problem, modes.stuck, modes.direction, gain, offset)
-    for t in range(problem.contact_site.size):
-        s = problem.contact_site[t]
+    for t in range(problem.contact_entry.size):
+        s = problem.contact_entry[t]
         if gain[s] != 0.0 and place[problem.coordinate[s]] < 0:
             place[problem.coordinate[s]] = nz
             nz += 1
     ng = modes.effort.size
     for g in range(ng):
-        c = problem.coordinate[gear_site(problem, g)]
+        c = problem.coordinate[gear_entry(problem, g)]
         if place[c] < 0:
             place[c] = nz
             nz += 1
@@ -478,7 +478,7 @@ def slide(problem: Problem, modes: Modes) -> bool:  # noqa: C901
     back = lines = rows = J  # not used without gears
     if ng > 0:
         back, lines, rows = J.copy(), np.empty((ng, 4)), np.empty((nc, 3))
-    for s in range(ns):
+    for s in range(ne):
         offset[problem.coordinate[s]] += gain[s] * problem.constant[s]
     started = x[0] == x[0]
     for c in range(nc):
@@ -504,7 +504,7 @@ def slide(problem: Problem, modes: Modes) -> bool:  # noqa: C901
             if ng == 0:
                 write_rates(problem, modes.friction, modes.rate)
             return True
-        _solve(J, rest)
+        _eliminate(J, rest)
         for c in range(nc):
             if place[c] >= 0:
                 x[c] -= rest[place[c]]
@@ -566,8 +566,8 @@ def _contraction(
 ) -> float:
     """Bound how much of a change of friction comes back; see `given_modes.contraction_matrix`."""
     A[:] = 0.0
-    for t in range(problem.contact_site.size):
-        s = problem.contact_site[t]
+    for t in range(problem.contact_entry.size):
+        s = problem.contact_entry[t]
         for c in range(place.size if gain[s] != 0.0 else 0):
             if place[c] >= 0:
                 force = problem.contact[t, 1 + c]
@@ -587,7 +587,7 @@ def _residual(
     J: np.ndarray,
     rest: np.ndarray,
 ) -> float:
-    """Write x - offset - gain |p(x)| (nz,), its Jacobian (nz, nz) and the loads (ns,).
+    """Write x - offset - gain |p(x)| (nz,), its Jacobian (nz, nz) and the loads (ne,).
 
     Returns:
         The largest, relative to the terms it is the sum of.
@@ -598,14 +598,14 @@ def _residual(
         k = place[c]
         if k >= 0:
             J[k, k], rest[k], size[k] = 1.0, x[c] - offset[c], abs(x[c]) + abs(offset[c])
-    for t in range(problem.contact_site.size):
+    for t in range(problem.contact_entry.size):
         p, q, r = contact[t, 0, 0], contact[t, 0, 1], contact[t, 0, 2]
         terms = abs(p) + abs(q) + abs(r)
         for c in range(x.size):
             u, v, w = contact[t, 1 + c, 0], contact[t, 1 + c, 1], contact[t, 1 + c, 2]
             p, q, r = p + u * x[c], q + v * x[c], r + w * x[c]
             terms += (abs(u) + abs(v) + abs(w)) * abs(x[c])
-        s, length = problem.contact_site[t], np.sqrt(p * p + q * q + r * r)
+        s, length = problem.contact_entry[t], np.sqrt(p * p + q * q + r * r)
         load[s] += length
         if gain[s] == 0.0:
             continue
@@ -626,7 +626,7 @@ def _residual(
 
 
 @kernel
-def _solve(A: np.ndarray, b: np.ndarray) -> None:
+def _eliminate(A: np.ndarray, b: np.ndarray) -> None:
     """Overwrite b (n,) with A^-1 b by elimination without pivots; A is lost.
 
     With `solve_dense` in its place a state takes 3 % longer.
@@ -687,7 +687,7 @@ def _judge_resting(problem: Problem, modes: Modes) -> int:
             verdict[c] = SHOULD_STICK
         wrong += verdict[c] != 0
     for g in range(problem.gear_rotor.shape[0]):  # slips the way its law is broken: a worm's may be
-        c = problem.coordinate[gear_site(problem, g)]  # against the load
+        c = problem.coordinate[gear_entry(problem, g)]  # against the load
         if modes.stuck[c] and abs(verdict[c]) == 1:
             backward, forward = gear_margins(problem, modes, g)
             if min(backward, forward) < 0.0:

@@ -1,10 +1,10 @@
 """The law of friction for a `Problem`: loads, static limits and sliding friction.
 
-    p = p_0 + P x,     c = constant + sum |p|                               load of a site
+    p = p_0 + P x,     c = constant + sum |p|                               load of an entry
     at rest     -(grip c + forward) <= x <= grip c + backward               (paper eq. 21)
     in motion   x = gain c + offset                                         (paper eq. 20)
 
-x is the site's part of its coordinate's friction. A contact force is stored as (1 + nx, 3): p_0,
+x is the entry's part of its coordinate's friction. A contact force is stored as (1 + nx, 3): p_0,
 then its change per unit of each friction.
 """
 
@@ -94,8 +94,8 @@ def add_load_slopes(
 
 
 @inlined_kernel
-def site_limits(problem: Problem, load: np.ndarray, s: int) -> tuple[float, float]:
-    """Return the least and the most that a site at rest may add to its coordinate's friction."""
+def entry_limits(problem: Problem, load: np.ndarray, s: int) -> tuple[float, float]:
+    """Return the least and the most that an entry at rest may add to its coordinate's friction."""
     size, grip = abs(problem.ratio[s]), problem.mu_stick[s] * load[s]
     forward, backward = (0, 1) if problem.ratio[s] > 0.0 else (1, 0)
     return (
@@ -106,22 +106,22 @@ def site_limits(problem: Problem, load: np.ndarray, s: int) -> tuple[float, floa
 
 @kernel
 def stick_limits(problem: Problem, load: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> None:
-    """Write least and greatest static friction (nc,) of each coordinate under loads (ns,)."""
+    """Write least and greatest static friction (nc,) of each coordinate under loads (ne,)."""
     for c in range(lower.size):
         lower[c] = upper[c] = 0.0
     for s in range(load.size):
-        least, greatest = site_limits(problem, load, s)
+        least, greatest = entry_limits(problem, load, s)
         lower[problem.coordinate[s]] += least
         upper[problem.coordinate[s]] += greatest
 
 
 @inlined_kernel
 def sliding(problem: Problem, s: int, direction: float) -> tuple[float, float]:
-    """Return gain and offset of a site whose coordinate slips.
+    """Return gain and offset of an entry whose coordinate slips.
 
     Args:
         problem: `Problem`.
-        s: the site.
+        s: the entry.
         direction: of the coordinate's slip, -1 to 1 (between: regularized friction).
     """
     size = abs(problem.ratio[s]) * direction
@@ -140,7 +140,7 @@ def slip_law(
         problem: `Problem`.
         stuck: (nc,) bool.
         direction: (nc,) of the slip, see `sliding`.
-        gain: (ns,), overwritten.
+        gain: (ne,), overwritten.
         offset: (nc,), overwritten.
     """
     for c in range(offset.size):
@@ -155,8 +155,8 @@ def slip_law(
 
 @kernel
 def evaluate(problem: Problem, friction: np.ndarray, load: np.ndarray, rate: np.ndarray) -> None:
-    """Write each site's load (ns,) and each coordinate's rate (nc,) under given friction (nc,)."""
-    write_loads(problem.contact, problem.contact_site, problem.constant, friction, load)
+    """Write each entry's load (ne,) and each coordinate's rate (nc,) under given friction (nc,)."""
+    write_loads(problem.contact, problem.contact_entry, problem.constant, friction, load)
     write_rates(problem, friction, rate)
 
 
@@ -168,19 +168,19 @@ def limit_width(lower: float, upper: float) -> float:
 
 
 @kernel
-def site_friction(
+def entry_friction(
     problem: Problem, modes: Modes, lower: np.ndarray, upper: np.ndarray, phi: np.ndarray
 ) -> None:
-    """Write each site's friction (ns,); sites that share a sticking coordinate share its friction.
+    """Write each entry's friction (ne,); those of one sticking coordinate share its friction.
 
-    The motion determines only the sum; it is shared in proportion to the limits. If one site holds
+    The motion determines only the sum; it is shared in proportion to the limits. If one entry holds
     any load, the others get the middle of the range that is left for them.
 
     Args:
         problem: `Problem`.
         modes: `Modes`, solved.
         lower, upper: (nc,), `stick_limits`.
-        phi: (ns,), overwritten.
+        phi: (ne,), overwritten.
     """
     stuck, direction, friction, load = modes.stuck, modes.direction, modes.friction, modes.load
     for s in range(phi.size):
@@ -190,7 +190,7 @@ def site_friction(
             if not width < np.inf:
                 continue
             share = (friction[c] - lower[c]) / width if width > 0.0 else 0.5
-            least, greatest = site_limits(problem, load, s)
+            least, greatest = entry_limits(problem, load, s)
             phi[s] = (least + share * (greatest - least)) / ratio
         else:
             gain, offset = sliding(problem, s, direction[c])
@@ -204,7 +204,7 @@ def site_friction(
 def _share_unlimited(
     problem: Problem, friction: float, load: np.ndarray, c: int, phi: np.ndarray
 ) -> None:
-    """Write the friction of the sites of a coordinate at rest of which one or more have no limit.
+    """Write the friction of the entries of a coordinate at rest of which one or more have no limit.
 
     The limited ones get the middle of what the others leave, each unlimited one what it must have
     at least; the last that can take it, the rest.
@@ -212,7 +212,7 @@ def _share_unlimited(
     low = high = beyond_low = beyond_high = 0.0
     for s in range(phi.size):
         if problem.coordinate[s] == c:
-            least, greatest = site_limits(problem, load, s)
+            least, greatest = entry_limits(problem, load, s)
             if greatest - least < np.inf:
                 low, high = low + least, high + greatest
             else:
@@ -220,12 +220,12 @@ def _share_unlimited(
     middle = 0.5 * (max(low, friction - beyond_high) + min(high, friction - beyond_low))
     share = (middle - low) / (high - low) if high > low else 0.5
     left = friction - middle
-    for spread in (True, False):  # the second time from the last site on
+    for spread in (True, False):  # the second time from the last entry on
         for n in range(phi.size):
             s = n if spread else phi.size - 1 - n
             if problem.coordinate[s] != c:
                 continue
-            least, greatest = site_limits(problem, load, s)
+            least, greatest = entry_limits(problem, load, s)
             had = 0.0 if spread else phi[s] * problem.ratio[s]
             part = min(max(0.0 if spread else had + left, least), greatest)
             if greatest - least < np.inf:

@@ -70,7 +70,7 @@ class Rest(NamedTuple):
     high: np.ndarray
 
 
-class Limits(NamedTuple):
+class StaticLimits(NamedTuple):
     """Static limits of n coordinates by their friction, in N m and N.
 
     Attributes:
@@ -84,15 +84,15 @@ class Limits(NamedTuple):
     contact: np.ndarray
 
     @classmethod
-    def of(cls, problem: Problem, members: np.ndarray) -> Limits:
+    def of(cls, problem: Problem, members: np.ndarray) -> StaticLimits:
         """Take the limits of some coordinates (n,)."""
         number = np.full(len(problem.rate_free), -1)
         number[members] = np.arange(len(members))
         below, above = np.empty((2, len(number)))
         stick_limits(problem, problem.constant, below, above)
         below, above = -below[members], above[members]
-        weight = problem.grip[problem.contact_site]
-        owner = number[problem.coordinate[problem.contact_site]]
+        weight = problem.grip[problem.contact_entry]
+        owner = number[problem.coordinate[problem.contact_entry]]
         limited = np.isfinite(np.minimum(above, below))[owner]
         counts = np.flatnonzero((weight > 0.0) & (owner >= 0) & limited)
         columns = np.concatenate([[0], 1 + members])
@@ -122,7 +122,7 @@ def make_rest(
         The arrays with a box beyond which no friction holds, if there is one; those with a wide
         box; and both answers.
     """
-    limits = Limits.of(problem, members)
+    limits = StaticLimits.of(problem, members)
     unlimited = np.isinf(np.maximum(limits.above, limits.below))
     slopes = np.diag(problem.rate_slope)[members]
     natural = problem.rate_scale[members] / np.where(slopes > 0.0, slopes, np.inf)
@@ -177,7 +177,7 @@ def _axes(contact: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _units(
-    limits: Limits, balance: Balance, unlimited: np.ndarray, natural: np.ndarray
+    limits: StaticLimits, balance: Balance, unlimited: np.ndarray, natural: np.ndarray
 ) -> tuple[Shared, np.ndarray, np.ndarray]:
     """Solve a balance; return a friction (n,), of the least sum of squared uses, and units (n,).
 
@@ -195,7 +195,7 @@ def _units(
         unit = np.maximum(unit, _NOISE * natural)
         some = unit[unit > 0.0]
         unit[unit == 0.0] = _NOISE * some.max() if some.size else 1.0
-        shared = balance.solve(unit, unlimited)
+        shared = balance.eliminate(unit, unlimited)
         if start is None:
             uses = shared.N / unit[:, None]
             uses[unlimited] = 0.0
@@ -206,7 +206,7 @@ def _units(
 
 
 def _box(
-    limits: Limits, shared: Shared, unit: np.ndarray, unlimited: np.ndarray
+    limits: StaticLimits, shared: Shared, unit: np.ndarray, unlimited: np.ndarray
 ) -> tuple[np.ndarray, bool, np.ndarray]:
     """Bound the frictions that hold, |x| <= limit(0) + C |x|; return whether that is a bound, too.
 

@@ -26,10 +26,10 @@ import numpy as np
 
 
 class Problem(NamedTuple):
-    """One coupled friction problem: nc coordinates, ns sites, nt contact forces, ng gears.
+    """One coupled friction problem: nc coordinates, ne entries, nt contact forces, ng gears.
 
-    A site here is one entry of the plan: a ball has three, a gear with losses has one. The last ng
-    are those of gears.
+    Entries are those of the plan: a ball has three, a gear with losses has one. The last ng are
+    those of gears.
 
     Attributes:
         rate_free: (nc,) r without friction.
@@ -37,13 +37,13 @@ class Problem(NamedTuple):
         rate_scale: (nc,) size of the terms whose sum is `rate_free`, the scale for rounding.
         contact: (nt, 1 + nc, 3) contact forces, weighted: without friction (N m or N), then their
             change per unit friction.
-        contact_site: (nt,) site of each contact force.
-        constant: (ns,) part of each load that does not change.
-        coordinate: (ns,) coordinate on which each site acts.
-        ratio: (ns,) site velocity per coordinate velocity; 1 but for mimic joints.
-        mu_slip, mu_stick: (ns,) coefficients of the load at the present speed, and at rest.
-        coulomb_slip, coulomb_stick: (ns, 2) constant friction against forward, backward motion.
-        drag: (ns,) viscous friction against the site's present velocity.
+        contact_entry: (nt,) entry of each contact force.
+        constant: (ne,) part of each load that does not change.
+        coordinate: (ne,) coordinate on which each entry acts.
+        ratio: (ne,) entry velocity per coordinate velocity; 1 but for mimic joints.
+        mu_slip, mu_stick: (ne,) coefficients of the load at the present speed, and at rest.
+        coulomb_slip, coulomb_stick: (ne, 2) constant friction against forward, backward motion.
+        drag: (ne,) viscous friction against the entry's present velocity.
         gear_rotor: (ng, 2) what arrives at each at r = 0 (N m or N), and its rotor's inertia per r.
         gear_lines: (ng, 4, n, 3) slope, offset and least effort of the lines of each, in ascending
             order: in forward motion, in backward motion, then in both from rest. A line that only
@@ -55,7 +55,7 @@ class Problem(NamedTuple):
     rate_slope: np.ndarray
     rate_scale: np.ndarray
     contact: np.ndarray
-    contact_site: np.ndarray
+    contact_entry: np.ndarray
     constant: np.ndarray
     coordinate: np.ndarray
     ratio: np.ndarray
@@ -75,38 +75,38 @@ class Problem(NamedTuple):
 
     @property
     def grip(self) -> np.ndarray:
-        """(ns,) increase of a site's static limits on its coordinate per unit of its load."""
+        """(ne,) increase of an entry's static limits on its coordinate per unit of its load."""
         return np.asarray(np.abs(self.ratio) * self.mu_stick)
 
 
 def empty_problem(
     coordinate: np.ndarray,
     ratio: np.ndarray,
-    contact_site: np.ndarray,
+    contact_entry: np.ndarray,
     constant: np.ndarray,
     gears: int = 0,
     lines: int = 1,
 ) -> Problem:
     """Return a problem of the given structure whose numbers are still to be written.
 
-    The last sites are those of the gears, each with at most `lines` lines each way.
+    The last entries are those of the gears, each with at most `lines` lines each way.
     """
-    ns, nt = len(coordinate), len(contact_site)
-    nc = int(coordinate.max()) + 1 if ns else 0
+    ne, nt = len(coordinate), len(contact_entry)
+    nc = int(coordinate.max()) + 1 if ne else 0
     return Problem(
         rate_free=np.zeros(nc),
         rate_slope=np.zeros((nc, nc)),
         rate_scale=np.zeros(nc),
         contact=np.zeros((nt, 1 + nc, 3)),
-        contact_site=contact_site,
+        contact_entry=contact_entry,
         constant=constant,
         coordinate=coordinate,
         ratio=ratio,
-        mu_slip=np.zeros(ns),
-        mu_stick=np.zeros(ns),
-        coulomb_slip=np.zeros((ns, 2)),
-        coulomb_stick=np.zeros((ns, 2)),
-        drag=np.zeros(ns),
+        mu_slip=np.zeros(ne),
+        mu_stick=np.zeros(ne),
+        coulomb_slip=np.zeros((ne, 2)),
+        coulomb_stick=np.zeros((ne, 2)),
+        drag=np.zeros(ne),
         gear_rotor=np.zeros((gears, 2)),
         gear_lines=np.zeros((gears, 4, lines, 3)),
         gear_held=np.zeros((gears, 2 * lines + 1, 2)),
@@ -154,7 +154,7 @@ class Modes(NamedTuple):
         at_rest: (nc,) bool. True: the search may change this mode, and the judge checks it. False:
             the speed or the caller fixes it, and the judge ignores it.
         friction: (nc,) N m or N; the guess of the next solve, NaN in the first place: none.
-        load: (ns,) N m or N.
+        load: (ne,) N m or N.
         effort: (ng,) that gears deliver (N m or N), which says on which line each is.
         rate: (nc,) relative acceleration, or what the problem says.
         verdict: (nc,) int: 0 obeys its law; -1, 1 held beyond its static limit, the way it would
@@ -173,8 +173,8 @@ class Modes(NamedTuple):
     figures: np.ndarray
 
     @classmethod
-    def of(cls, nc: int, ns: int, ng: int = 0) -> Modes:
-        """Make the arrays for nc coordinates, ns sites and ng gears."""
+    def of(cls, nc: int, ne: int, ng: int = 0) -> Modes:
+        """Make the arrays for nc coordinates, ne entries and ng gears."""
         friction = np.zeros(nc)
         friction[:1] = np.nan
         return cls(
@@ -182,7 +182,7 @@ class Modes(NamedTuple):
             np.zeros(nc),
             np.zeros(nc, dtype=bool),
             friction,
-            np.zeros(ns),
+            np.zeros(ne),
             np.zeros(ng),
             np.zeros(nc),
             np.zeros(nc, dtype=np.int64),

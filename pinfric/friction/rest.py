@@ -170,7 +170,7 @@ class Mechanism:
         return bool(self.groups(stuck))
 
 
-def solve(
+def solve_modes(
     problem: Problem, modes: Modes, mechanism: Mechanism, chosen: bool = False
 ) -> tuple[int, int]:
     """Solve the present modes; return (number of solutions or -1, how many obey the laws).
@@ -198,7 +198,7 @@ def solve(
 
 
 def _apart(problem: Problem, modes: Modes, chosen: bool) -> tuple[int, int]:
-    """`solve` where no friction is shared."""
+    """`solve_modes` where no friction is shared."""
     found, obeying = try_modes(problem, modes, chosen)
     if found <= 0:
         modes.friction[:1] = np.nan  # what is there is no guess for the next solve
@@ -208,7 +208,7 @@ def _apart(problem: Problem, modes: Modes, chosen: bool) -> tuple[int, int]:
 def _together(
     problem: Problem, modes: Modes, mechanism: Mechanism, chosen: bool, within: bool = False
 ) -> tuple[int, int]:
-    """`solve` of a mechanism, with the intervals that gears at rest hold as they are.
+    """`solve_modes` of a mechanism, with the intervals that gears at rest hold as they are.
 
     `within`: friction is counted from within them. From their ends, a limit of zero beside an
     infinite one, the search for what holds may fail.
@@ -226,7 +226,7 @@ def _together(
             mechanism.way[:] = np.where(modes.stuck, -np.sign(modes.friction), modes.direction)
             return found, obeying
         step = _Shared(problem, plain, of_y, modes, mechanism, groups)
-        found, obeying, left, changed = step.solve(lines)
+        found, obeying, left, changed = step.converge(lines)
         if found > 0 and chosen and left:
             return 0, 0
         if found <= 0 or not left + changed:
@@ -253,10 +253,10 @@ class _Shared:
     ) -> None:
         self.given, self.plain, self.problem, self.of_y = problem, plain, bounded(plain), of_y
         self.modes, self.mechanism = modes, mechanism
-        nc, ns = len(modes.stuck), len(problem.constant)
-        self.gain, self.offset = np.empty(ns), np.empty(nc)
+        nc, ne = len(modes.stuck), len(problem.constant)
+        self.gain, self.offset = np.empty(ne), np.empty(nc)
         slip_law(problem, modes.stuck, modes.direction, self.gain, self.offset)
-        self.load, self.rate = np.empty(ns), np.empty(nc)
+        self.load, self.rate = np.empty(ne), np.empty(nc)
         self.least, self.most = np.empty(nc), np.empty(nc)
         self.shared = np.zeros(nc, dtype=bool)
         self.groups = groups
@@ -268,7 +268,7 @@ class _Shared:
         self.weakest: list[np.ndarray | None] = [None] * len(groups)
         self.sharp = 4e-15 if all(len(A) == 1 for _, _, A in self.groups) else 1e-9
 
-    def solve(self, lines: np.ndarray) -> tuple[int, int, int, int]:
+    def converge(self, lines: np.ndarray) -> tuple[int, int, int, int]:
         """(number of solutions or -1, how many obey), and what `fit` returns of lines (ng, 4)."""
         modes, start = self.modes, np.zeros(len(self.modes.stuck))
         if self.sharp < 1e-12 and np.isfinite(modes.friction).all():
@@ -345,7 +345,7 @@ class _Shared:
     def _slope(self, x: np.ndarray) -> np.ndarray:
         """(nc, nc) derivative of every static limit by every friction."""
         p, out = self.problem, np.zeros((len(x), len(x)))
-        owner, weight = p.coordinate[p.contact_site], p.grip[p.contact_site]
+        owner, weight = p.coordinate[p.contact_entry], p.grip[p.contact_entry]
         add_load_slopes(p.contact, owner, weight, x, out)
         return out
 

@@ -25,7 +25,7 @@ from pinfric.friction.given_modes import SHOULD_STICK, judge
 from pinfric.friction.law import evaluate
 from pinfric.friction.minimax import least_violation
 from pinfric.friction.problem import Found, Modes, Problem
-from pinfric.friction.rest import Mechanism, solve
+from pinfric.friction.rest import Mechanism, solve_modes
 from pinfric.friction.several import find_all
 
 #: A rate this small beside the terms of its sum counts as zero.
@@ -184,7 +184,7 @@ class Count:
     unsure: bool = False
 
     def single(self, solutions: int, obeying: int) -> Found:
-        """Return how a search of a single mode ends, from what `rest.solve` returns."""
+        """Return how a search of a single mode ends, from what `rest.solve_modes` returns."""
         self.many, self.tried, self.unsure = (obeying, obeying), 1, False
         return outcome(solutions, obeying)
 
@@ -212,17 +212,17 @@ class _Query:
     def settle(self) -> tuple[int, int]:
         """Solve the modes as they are, on every line that may fit where gears may have several.
 
-        `found` are then the answers. See `rest.solve`.
+        `found` are then the answers. See `rest.solve_modes`.
         """
         self.found = []
-        solutions, obeying = solve(self.problem, self.modes, self.mechanism)
+        solutions, obeying = solve_modes(self.problem, self.modes, self.mechanism)
         if not self.modes.effort.size or (solutions >= 0 and is_certain(self.problem, self.modes)):
             return solutions, obeying
         every, m, solved = choices(self.problem, self.modes), self.modes, list[Answer]()
         self.count.unsure |= every is None
         for efforts, stable in every or ():
             m.effort[:] = efforts
-            solutions, obeying = solve(self.problem, m, self.mechanism, chosen=True)
+            solutions, obeying = solve_modes(self.problem, m, self.mechanism, chosen=True)
             if solutions > 0:
                 solved.append(Answer(m.copy(), stable))
                 self.found += solved[-1:] * (obeying > 0)
@@ -233,10 +233,10 @@ class _Query:
     def _take(self, answer: Answer) -> None:
         """Make an answer the present one."""
         self.modes.take(answer.modes)
-        solve(self.problem, self.modes, self.mechanism, chosen=True)
+        solve_modes(self.problem, self.modes, self.mechanism, chosen=True)
 
-    def solve(self) -> tuple[int, int]:
-        """Solve the modes as they are, all solutions of them if wanted; see `rest.solve`."""
+    def answer(self) -> tuple[int, int]:
+        """Solve the modes as they are, all solutions of them if wanted; see `rest.solve_modes`."""
         found = self.settle()
         shared = np.isnan(self.modes.figures[0])
         self.left -= max(3 * self.mechanism.closed, int(self.modes.figures[1]) if shared else 1)
@@ -346,7 +346,7 @@ def _search_open(query: _Query, forced: dict[int, float], held: np.ndarray | Non
     rests, together = modes.at_rest, mechanism.is_dependent(modes.at_rest)
     if not rests.any():
         query.count.tried += 1
-        return query.end(*query.solve())
+        return query.end(*query.answer())
     if len(mechanism.joints(rests)) > MOST_ENUMERATED:
         _stick(modes, mechanism, forced)
         return _follow(query, set(forced))
@@ -427,13 +427,13 @@ def _try_all(query: _Query, every: list[dict[int, float]]) -> tuple[Found, list[
 
 
 def _settle(query: _Query) -> tuple[int, int]:
-    """Solve the modes as they are, the balls that slip from rest turned; see `rest.solve`."""
+    """Solve the modes as they are, the balls that slip from rest turned; see `rest.solve_modes`."""
     modes = query.modes
     if not query.mechanism.closed:
-        return query.solve()
+        return query.answer()
     modes.friction[:1] = np.nan  # what is shared is no guess for other modes
     for _ in range(_CHANGES):
-        solutions, obeying = query.solve()
+        solutions, obeying = query.answer()
         if solutions <= 0:
             break
         turned = _turn_balls(query.problem, modes, query.mechanism)
@@ -460,7 +460,7 @@ def _same(one: Modes, other: Modes) -> bool:
 
 
 def outcome(solutions: int, obeying: int) -> Found:
-    """Return how a search with a single candidate ends, from what `solve` returns."""
+    """Return how a search with a single candidate ends, from what `solve_modes` returns."""
     if solutions < 0:
         return Found.NOT_CONVERGED
     return (Found.NONE, Found.SOLVED, Found.AMBIGUOUS)[min(obeying, 2)]
@@ -490,7 +490,7 @@ def given(problem: Problem, modes: Modes, mechanism: Mechanism, count: Count) ->
     """Solve the modes as they are; of several answers that gears leave the only stable one."""
     query = _Query(problem, modes, mechanism, count, every=False)
     query.count.tried += 1
-    return query.end(*query.solve())
+    return query.end(*query.answer())
 
 
 def follow(problem: Problem, modes: Modes, mechanism: Mechanism, count: Count) -> Found:
@@ -524,7 +524,7 @@ def _follow(query: _Query, fixed: set[int]) -> Found:
         if query.left <= 0:
             return Found.UNDECIDED
         query.count.tried += 1
-        solutions, obeying = query.solve()
+        solutions, obeying = query.answer()
         if solutions <= 0:
             return outcome(solutions, 0)
         if _turn_balls(problem, modes, mechanism) > _TURNED:

@@ -39,7 +39,7 @@ class Frictions(NamedTuple):
     Attributes:
         solutions: (nc,) each.
         parts: number of simplices that were examined.
-        complete: whether there are no others; None where the search is not for so many sites.
+        complete: whether there are no others; None where the search is not for so many entries.
     """
 
     solutions: list[np.ndarray]

@@ -14,9 +14,9 @@ from friction_cases import (
 import pinfric as pf
 from pinfric.dynamics.judge.plain_laws import plain_normal_load
 from pinfric.friction.given_modes import SHOULD_STICK
-from pinfric.friction.law import site_friction, stick_limits
+from pinfric.friction.law import entry_friction, stick_limits
 from pinfric.friction.problem import Modes, empty_problem
-from pinfric.friction.rest import solve
+from pinfric.friction.rest import solve_modes
 
 pytestmark = pytest.mark.usefixtures("interpreted_kernels")
 
@@ -28,10 +28,10 @@ def test_judge_names_what_is_wrong():
     (_, obeying), m = solved(p, np.array([True, True]), np.zeros(2))
     assert obeying == 1  # nothing was open
     m.at_rest[:] = True
-    assert solve(p, m, a_tree(2)) == (1, 0)
+    assert solve_modes(p, m, a_tree(2)) == (1, 0)
     assert m.verdict.tolist() == [1, 0]  # pulled forward by 5, held by 1
     m.stuck[:], m.direction[:] = False, [1.0, 1.0]
-    assert solve(p, m, a_tree(2)) == (1, 0)
+    assert solve_modes(p, m, a_tree(2)) == (1, 0)
     assert m.verdict.tolist() == [0, SHOULD_STICK]
 
 
@@ -42,7 +42,7 @@ def test_what_nothing_acts_on_and_nothing_holds_sticks():
     p.coulomb_slip[:] = p.coulomb_stick[:] = 0.0
     (_, _), m = solved(p, np.array([True, True]), np.zeros(2))
     m.at_rest[:] = True
-    assert solve(p, m, a_tree(2)) == (1, 1)
+    assert solve_modes(p, m, a_tree(2)) == (1, 1)
     assert m.verdict.tolist() == [0, 0]
 
 
@@ -61,7 +61,7 @@ def test_sites_of_which_some_hold_without_limit_share_what_one_coordinate_needs(
     stick_limits(p, m.load, lower, upper)
     m.stuck[:] = True
     m.friction[:] = np.clip(rng.normal(scale=5.0), lower, upper)
-    site_friction(p, m, lower, upper, phi)
+    entry_friction(p, m, lower, upper, phi)
     assert (phi >= -p.coulomb_stick[:, 0] - 1e-12).all()
     assert (phi <= p.coulomb_stick[:, 1] + 1e-12).all()
     assert p.ratio @ phi == pytest.approx(m.friction[0], rel=1e-12, abs=1e-12)
@@ -74,7 +74,7 @@ def test_what_one_coordinate_shares_leaves_the_sites_of_others_alone():
     m, lower, upper, phi = Modes.of(2, 3), np.empty(2), np.empty(2), np.full(3, np.nan)
     stick_limits(p, m.load, lower, upper)
     m.stuck[:], m.direction[:], m.friction[:] = (True, False), (0.0, 1.0), (4.0, -0.7)
-    site_friction(p, m, lower, upper, phi)
+    entry_friction(p, m, lower, upper, phi)
     assert phi[2] == -0.7
     assert phi[:2].sum() == pytest.approx(4.0)
 

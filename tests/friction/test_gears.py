@@ -9,7 +9,7 @@ from friction_cases import a_tree
 from pinfric.friction import gears
 from pinfric.friction.given_modes import slide, try_modes
 from pinfric.friction.problem import Modes, empty_problem
-from pinfric.friction.rest import solve
+from pinfric.friction.rest import solve_modes
 
 N = 4
 #: Coordinate of each gear: two share one.
@@ -88,14 +88,14 @@ class Train:
         force = p.contact[:, 0] + np.einsum("tce,c->te", p.contact[:, 1:], self.modes.friction)
         unit = force / np.linalg.norm(force, axis=1)[:, None]
         load_by_x = np.zeros((N, N))
-        np.add.at(load_by_x, p.contact_site, np.einsum("tce,te->tc", p.contact[:, 1:], unit))
+        np.add.at(load_by_x, p.contact_entry, np.einsum("tce,te->tc", p.contact[:, 1:], unit))
         return np.abs(np.linalg.eigvals(0.1 * self.way[:, None] * load_by_x @ x_by_y)).max()
 
     def check(self, stuck=()):
         """Assert that the modes' solution is one of the machine."""
         p, m = self.problem, self.modes
         force = p.contact[:, 0] + np.einsum("tce,c->te", p.contact[:, 1:], m.friction)
-        load = np.bincount(p.contact_site, np.linalg.norm(force, axis=1), N)
+        load = np.bincount(p.contact_entry, np.linalg.norm(force, axis=1), N)
         dry = np.where(self.way > 0, p.coulomb_slip[:N, 0], p.coulomb_slip[:N, 1])
         y = -self.way * (0.1 * load + dry)
         left = self.M @ m.rate - self.h - self.S.T @ m.effort - y
@@ -132,7 +132,7 @@ def test_given_modes_obey_gears_beside_what_sticks(seed, least, stuck):
     if least == 0.0:
         train.set_back(1, 0.0)
     train.stick(stuck)
-    assert solve(train.problem, train.modes, a_tree(N))[0]
+    assert solve_modes(train.problem, train.modes, a_tree(N))[0]
     train.check(stuck)
 
 

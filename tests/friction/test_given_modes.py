@@ -16,7 +16,7 @@ from friction_cases import (
 )
 
 from pinfric.friction import given_modes as coupling
-from pinfric.friction.law import site_friction, stick_limits
+from pinfric.friction.law import entry_friction, stick_limits
 from pinfric.kernels import interpreted
 
 pytestmark = pytest.mark.usefixtures("interpreted_kernels")
@@ -64,7 +64,7 @@ def test_given_modes_against_scipy(seed):
         phi, lower, upper = np.empty(len(p.ratio)), np.empty(4), np.empty(4)
         stick_limits(p, m.load, lower, upper)
         np.testing.assert_allclose((lower, upper), plain_limits(p, m.load), rtol=1e-13)
-        site_friction(p, m, lower, upper, phi)
+        entry_friction(p, m, lower, upper, phi)
         total = np.zeros(4)
         np.add.at(total, p.coordinate, p.ratio * phi)
         np.testing.assert_allclose(total, m.friction, rtol=1e-9, atol=1e-11)

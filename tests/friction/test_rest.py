@@ -13,7 +13,7 @@ from friction_cases import (
 )
 
 from pinfric.friction.problem import Modes, empty_problem
-from pinfric.friction.rest import Mechanism, solve
+from pinfric.friction.rest import Mechanism, solve_modes
 
 
 def test_what_rests_together_is_found_and_whether_anything_moves():
@@ -48,7 +48,7 @@ def test_joints_that_move_together_use_equal_shares_of_their_limits(seed, free):
     m, none = Modes.of(4, 4), np.zeros(4, dtype=bool)
     m.at_rest[:] = m.stuck[:] = True
     mechanism = Mechanism(True, A, np.arange(4), none, none, np.zeros(4))
-    found, obeying = solve(p, m, mechanism)
+    found, obeying = solve_modes(p, m, mechanism)
     load = plain_loads(p, m.friction)
     lower, upper = plain_limits(p, load)
     np.testing.assert_allclose(m.load, load, rtol=1e-12)
@@ -69,7 +69,7 @@ def test_a_joint_that_cannot_move_needs_no_friction():
     p.rate_free[:], p.rate_slope[:] = [0.5, 0.0], A.T @ A
     m, none = Modes.of(2, 2), np.zeros(2, dtype=bool)
     m.stuck[:], m.at_rest[:], m.direction[:] = (False, True), (False, True), (1.0, 0.0)
-    assert solve(p, m, Mechanism(True, A, np.arange(2), none, none, np.zeros(2))) == (1, 1)
+    assert solve_modes(p, m, Mechanism(True, A, np.arange(2), none, none, np.zeros(2))) == (1, 1)
     assert m.friction[0] == pytest.approx(-p.coulomb_slip[0, 0])
     assert m.friction[1] == 0.0
 
@@ -82,7 +82,7 @@ def test_what_rests_together_sticks_where_any_friction_holds():
         p, A = two_that_share(rng, contact=3.0)
         m, none = Modes.of(2, 2), np.zeros(2, dtype=bool)
         m.at_rest[:] = m.stuck[:] = True
-        _, obeying = solve(p, m, Mechanism(True, A, np.arange(2), none, none, np.zeros(2)))
+        _, obeying = solve_modes(p, m, Mechanism(True, A, np.arange(2), none, none, np.zeros(2)))
         seen.add(obeying)
         if obeying:
             lower, upper = plain_limits(p, plain_loads(p, m.friction))
@@ -119,4 +119,4 @@ def test_a_gear_whose_line_cancels_its_rotor_has_no_solution_in_these_modes():
         m = Modes.of(1, 1, 1)
         m.direction[:] = 1.0
         mechanism = Mechanism(closed, np.sqrt(p.rate_slope), np.arange(1), none, none, np.zeros(1))
-        assert solve(p, m, mechanism) == (0, 0)
+        assert solve_modes(p, m, mechanism) == (0, 0)

@@ -19,7 +19,7 @@ from pinfric.friction import search
 from pinfric.friction.given_modes import judge
 from pinfric.friction.law import evaluate
 from pinfric.friction.problem import Found, Modes
-from pinfric.friction.rest import Mechanism, solve
+from pinfric.friction.rest import Mechanism, solve_modes
 from pinfric.friction.search import PossibleWays
 
 pytestmark = pytest.mark.usefixtures("interpreted_kernels")
@@ -98,7 +98,7 @@ def test_pivoting_beyond_eight_finds_consistent_modes(seed):
         kinematics = PossibleWays(p, a_tree(10), other.at_rest)
         for ways in kinematics.ways(list(range(10)), level - 1, {}) if 0 < level < 4 else ():
             search._stick(other, a_tree(10), ways)
-            assert solve(p, other, a_tree(10))[1] == 0
+            assert solve_modes(p, other, a_tree(10))[1] == 0
 
 
 @pytest.mark.parametrize("seed", [6, 47, 56, 66, 77, 85])
@@ -129,13 +129,13 @@ def test_a_ball_slips_against_the_effort_on_it(seed, monkeypatch):
     def beside(g):
         return -np.linalg.solve(S + g * np.eye(3), r)
 
-    held, solves, plain = float(np.linalg.norm(beside(0.0))), [], search.solve
+    held, solves, plain = float(np.linalg.norm(beside(0.0))), [], search.solve_modes
 
     def counted(*given, **options):
         solves.append(1)
         return plain(*given, **options)
 
-    monkeypatch.setattr(search, "solve", counted)
+    monkeypatch.setattr(search, "solve_modes", counted)
     p = random_problem(seed, nc=3, strength=0.0)
     p.rate_slope[:], p.rate_free[:], p.rate_scale[:] = S, r, np.abs(r)
     ball, none = np.ones(3, bool), np.zeros(3, bool)
@@ -215,11 +215,11 @@ def test_an_answer_that_does_not_come_again_is_none(worth, monkeypatch):
         key = m.direction.tobytes()
         tried[key] = tried.get(key, 0) + 1
         if tried[key] == 1:
-            return solve(problem, modes, mechanism, chosen)
+            return solve_modes(problem, modes, mechanism, chosen)
         m.friction[:] = np.nan
         return worth
 
-    monkeypatch.setattr(search, "solve", settle)
+    monkeypatch.setattr(search, "solve_modes", settle)
     assert search.search(p, m, mechanism) == Found.UNDECIDED
 
 

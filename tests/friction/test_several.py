@@ -27,13 +27,13 @@ pytestmark = pytest.mark.usefixtures("interpreted_kernels")
 
 def by_signs(p, direction):
     """All frictions of two coordinates whose contact forces lie on a line: |p| = +-p; 0 sticks."""
-    weight = -direction[p.contact_site] * p.mu_slip[p.contact_site]
+    weight = -direction[p.contact_entry] * p.mu_slip[p.contact_entry]
     found = []
     for signs in itertools.product((1.0, -1.0), repeat=len(weight)):
         A, b = np.eye(2), -direction * p.coulomb_slip[:, 0]
         for t, sign in enumerate(signs):
-            A[p.contact_site[t]] -= weight[t] * sign * p.contact[t, 1:, 0]
-            b[p.contact_site[t]] += weight[t] * sign * p.contact[t, 0, 0]
+            A[p.contact_entry[t]] -= weight[t] * sign * p.contact[t, 1:, 0]
+            b[p.contact_entry[t]] += weight[t] * sign * p.contact[t, 0, 0]
         sticks = direction == 0.0
         A[sticks], b[sticks] = p.rate_slope[sticks], -p.rate_free[sticks]
         x = np.linalg.solve(A, b)

@@ -38,7 +38,7 @@ def test_friction_obeys_its_law_under_the_loads_it_causes(seed):
     x, law = modes.friction, np.zeros(6)
     force = problem.contact[:, 0] + np.einsum("tce,c->te", problem.contact[:, 1:], x)
     load = problem.constant.copy()
-    np.add.at(load, problem.contact_site, np.linalg.norm(force, axis=1))
+    np.add.at(load, problem.contact_entry, np.linalg.norm(force, axis=1))
     for s, (c, ratio) in enumerate(zip(problem.coordinate, problem.ratio, strict=True)):
         way = ratio * modes.direction[c]
         dry = problem.mu_slip[s] * load[s] + problem.coulomb_slip[s, 0 if way > 0 else 1]

@@ -390,9 +390,9 @@ def check_obeys(scene, found):
 def test_eight_sites_two_of_them_balls_at_rest_are_decided_by_few_solves(seed, monkeypatch):
     """Two freedoms: of 3^6 2^2 choices kinematics leaves some dozens; all took minutes."""
     solves = []
-    plain = search.solve
+    plain = search.solve_modes
     monkeypatch.setattr(
-        search, "solve", lambda *given, **more: solves.append(1) or plain(*given, **more)
+        search, "solve_modes", lambda *given, **more: solves.append(1) or plain(*given, **more)
     )
     scene, q, rng = two_ball_loops(seed)
     effort = rng.normal(scale=8.0, size=2)

@@ -195,7 +195,7 @@ class Failures:
         p = self._machine.problem
         growth = np.zeros(len(p.constant))
         norms = np.linalg.norm(p.contact[:, 1:], axis=2).sum(axis=1)
-        np.add.at(growth, p.contact_site, norms)
+        np.add.at(growth, p.contact_entry, norms)
         open_ = ~self._modes.stuck | self._modes.at_rest
         worst = np.argmax(growth * p.mu_slip + np.where(open_[p.coordinate], 0.0, -np.inf))
         if worst < len(self._plan.entries.site):

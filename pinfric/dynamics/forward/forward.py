@@ -239,7 +239,7 @@ def solution(ws: Workspace) -> Instant:
         Status.CONVERGED,
         int(passes),
         ws.effort,
-        ws.machine.solution.driving,
+        ws.machine.results.driving,
         ws.count.many[0],
     )
 
@@ -259,7 +259,7 @@ def instant(ws: Workspace) -> Instant:
         Status.CONVERGED,
         int(passes),
         ws.effort.copy(),
-        ws.machine.solution.driving.copy(),
+        ws.machine.results.driving.copy(),
         ws.count.many[0],
     )
 

@@ -25,7 +25,7 @@ class Margins:
         The limits of a self-locking gear may be infinite; there it is the distance of the torque at
         the gear from that at which it slips, see `gear_margins`.
         """
-        x, limits = self._modes.friction, self._machine.solution
+        x, limits = self._modes.friction, self._machine.results
         out = np.array([x - limits.least, limits.most - x])
         for ball in self._mechanism.balls:
             size, most = np.linalg.norm(x[ball]), limits.most[ball]

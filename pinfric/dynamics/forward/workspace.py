@@ -37,7 +37,7 @@ from pinfric.friction.given_modes import judge, reduce_problem, try_modes
 from pinfric.friction.law import add_load_slopes, evaluate, stick_limits
 from pinfric.friction.minimax import least_violation
 from pinfric.friction.problem import Found, GivenModes, Modes, Problem
-from pinfric.friction.rest import Mechanism, solve
+from pinfric.friction.rest import Mechanism, solve_modes
 from pinfric.friction.search import Count, follow, search
 from pinfric.friction.search import given as given_modes
 from pinfric.kernels.compiled import KernelArgument, compile_for, compiling
@@ -99,7 +99,7 @@ class Workspace:
             m.maps.idle,
             np.zeros(len(coordinates.dry)),
         )
-        found = m.solution
+        found = m.results
         self.a, self.effort, self.phi, self.load = found.a, found.effort, found.phi, found.load
         self.wrench, self.multipliers, self.site_modes = (
             found.wrench,
@@ -294,9 +294,9 @@ class Workspace:
         way = np.sign(self.problem.rate_free[dead])
         self.assemble(q, v, effort, applied)
         m.stuck[dead], m.direction[dead], m.at_rest[dead] = way == 0.0, way, False
-        if solve(self.problem, m, self.mechanism)[1] != 1:
+        if solve_modes(self.problem, m, self.mechanism)[1] != 1:
             m.take(kept)
-            solve(self.problem, m, self.mechanism)
+            solve_modes(self.problem, m, self.mechanism)
 
     def search_step(self) -> Found:
         """Search the modes at the end of a time step, from those in `modes`, else all of them."""

@@ -204,7 +204,7 @@ def _write_known_wrench(
 
 
 @kernel
-def write_wrenches(
+def write_site_wrenches(
     plan: Plan,
     wrench: np.ndarray,
     X: np.ndarray,

@@ -58,7 +58,7 @@ _TURNS, _STAYS = 60, 1e-12
 _BETWEEN = -1
 
 
-class Answer(NamedTuple):
+class Ends(NamedTuple):
     """The results of n samples so far.
 
     Attributes:
@@ -84,10 +84,10 @@ class Answer(NamedTuple):
     ends: np.ndarray = array("n na 2 ne", fill=np.nan)
 
     @classmethod
-    def of(cls, plan: Plan, n: int) -> Answer:
+    def of(cls, plan: Plan, n: int) -> Ends:
         """Make the arrays for n samples, nothing known."""
         na, ns, ne = len(plan.drives.action), len(plan.sites.joint), len(plan.entries.site)
-        answer: Answer = make(cls, n=n, na=na, ns=ns, ne=ne)
+        answer: Ends = make(cls, n=n, na=na, ns=ns, ne=ne)
         return answer
 
 
@@ -102,7 +102,7 @@ class _Merged(NamedTuple):
     contact: np.ndarray
 
 
-class Solver:
+class IntervalSearch:
     """Solves the samples of one batch; see the module's text.
 
     Args:
@@ -119,10 +119,10 @@ class Solver:
         self.base = empty_problem(np.arange(ns), np.ones(ns), sites, np.zeros(ns))
         self._balls = np.flatnonzero(plan.sites.entry_count == 3)
 
-    def solve(self) -> Answer:
+    def ends(self) -> Ends:
         """Solve every sample."""
         n = len(self.maps.singular)
-        answer = Answer.of(self.plan, n)
+        answer = Ends.of(self.plan, n)
         answer.status[self.maps.singular] = Status.SINGULAR
         good = np.flatnonzero(~self.maps.singular)
         if len(good):
@@ -143,7 +143,7 @@ class Solver:
         """Solve the given samples with the given codes (m, ns); directions (m, ne) of the law."""
         out = self.unsolved(sample, code, direction)
         if code.shape[1] > 0:  # else nothing rubs, and that is the solution
-            self._solve(out)
+            self._solve_candidates(out)
             self._complete(out)
         return out
 
@@ -156,7 +156,7 @@ class Solver:
         x, figures = np.zeros((m, MOST_SOLUTIONS, ns)), np.zeros((m, 2))
         return Candidates(sample, code, direction, x, np.ones(m, dtype=np.int64), figures)
 
-    def _solve(self, c: Candidates) -> None:
+    def _solve_candidates(self, c: Candidates) -> None:
         solve_list(self.maps.contact, self._rows, self.plan.entries.site, self.base, self.law, c)
 
     def _complete(self, c: Candidates) -> None:
@@ -187,7 +187,7 @@ class Solver:
             number of frictions that follow loads, -1 of a singular problem; the problem in them;
             (ns,) the direction of each site's slip.
         """
-        self._solve(one)  # writes the problem of the last candidate
+        self._solve_candidates(one)  # writes the problem of the last candidate
         way = self.law.way[one.code[0], one.sample[0], np.arange(one.code.shape[1])]
         nobody = np.zeros(len(way), dtype=bool)
         return (*reduce_problem(self.base, nobody, way, np.empty((0, 3))), way)
@@ -196,7 +196,7 @@ class Solver:
         """(m, ne) friction coordinates of one of the solutions."""
         return np.asarray(c.x[:, solution][:, self.plan.entries.site] * c.direction)
 
-    def _reference(self, answer: Answer, good: np.ndarray) -> None:
+    def _reference(self, answer: Ends, good: np.ndarray) -> None:
         """Solve the state that wrenches are given for, and all of a sample that only slides."""
         plan = self.plan
         c = self.candidates(good, self.law.code[good])
@@ -212,7 +212,7 @@ class Solver:
         slides = (self.law.options[good] == 1).all(axis=1)
         self._widen(answer, c._replace(found=np.where(slides, c.found, 0)), np.arange(0), -1, 0)
 
-    def _note(self, answer: Answer, c: Candidates) -> None:
+    def _note(self, answer: Ends, c: Candidates) -> None:
         """Let the outcomes of candidates worsen their samples' statuses."""
         several = c.sample[c.found > 1]
         several = several[answer.status[several] == Status.CONVERGED]
@@ -223,7 +223,7 @@ class Solver:
         np.maximum.at(answer.contraction, c.sample, c.figures[:, 0])
 
     def _widen(
-        self, answer: Answer, c: Candidates, free: np.ndarray, drive: int, side: int
+        self, answer: Ends, c: Candidates, free: np.ndarray, drive: int, side: int
     ) -> np.ndarray:
         """Let solutions widen the ends of their samples; see `_evaluate`."""
         sign, columns = (1.0 if side else -1.0), self.plan.sites.first_entry[free]
@@ -248,7 +248,7 @@ class Solver:
 
     def _take(
         self,
-        answer: Answer,
+        answer: Ends,
         sample: np.ndarray,
         effort: np.ndarray,
         phi: np.ndarray,
@@ -263,7 +263,7 @@ class Solver:
             ends[sample[best], drive] = effort[best, drive]
             answer.ends[sample[best], drive, side] = phi[best, drive]
 
-    def _widen_friction(self, answer: Answer, sample: np.ndarray, x: np.ndarray) -> None:
+    def _widen_friction(self, answer: Ends, sample: np.ndarray, x: np.ndarray) -> None:
         low = x.copy()
         sticking = self.law.options[sample] > 1
         for s in self._balls:  # any direction of the sphere
@@ -271,7 +271,7 @@ class Solver:
         np.minimum.at(answer.friction_lower, sample, low)
         np.maximum.at(answer.friction_upper, sample, x)
 
-    def _find_ends(self, answer: Answer, open_: np.ndarray) -> None:
+    def _find_ends(self, answer: Ends, open_: np.ndarray) -> None:
         """Find the ends of efforts where something sticks or reverses, samples alike together."""
         free = self._free()
         patterns, group = np.unique(self.law.options[open_], axis=0, return_inverse=True)
@@ -292,7 +292,7 @@ class Solver:
 
     def _enumerate(
         self,
-        answer: Answer,
+        answer: Ends,
         samples: np.ndarray,
         choosing: np.ndarray,
         options: list[tuple[int, ...]],
@@ -324,7 +324,7 @@ class Solver:
         return np.concatenate(left)
 
     def _branch(
-        self, answer: Answer, samples: np.ndarray, choosing: np.ndarray, free: np.ndarray
+        self, answer: Ends, samples: np.ndarray, choosing: np.ndarray, free: np.ndarray
     ) -> np.ndarray:
         """Find the ends by branch and bound on signs; return the samples in which it gives up.
 
@@ -431,7 +431,7 @@ class Solver:
 
     def _evaluate(
         self,
-        answer: Answer,
+        answer: Ends,
         sample: np.ndarray,
         code: np.ndarray,
         free: np.ndarray,
@@ -459,16 +459,14 @@ class Solver:
         value[here] = self._widen(answer, c, free, drive, side)
         return value
 
-    def _goes_on(self, answer: Answer, sample: np.ndarray) -> np.ndarray:
+    def _goes_on(self, answer: Ends, sample: np.ndarray) -> np.ndarray:
         """(m,) whether a sample may have ends yet, and came not to its bound."""
         failed = np.isin(answer.status[sample], _FAILED)
         over = answer.iterations[sample] > MOST_PASSES
         answer.status[sample[over & ~failed]] = Status.NOT_CONVERGED
         return np.asarray(~(failed | over))
 
-    def _turn(
-        self, answer: Answer, c: Candidates, balls: np.ndarray, drive: int, side: int
-    ) -> None:
+    def _turn(self, answer: Ends, c: Candidates, balls: np.ndarray, drive: int, side: int) -> None:
         """Turn the balls' friction of each candidate until it stays, or its sample is at its bound.
 
         Args:
@@ -524,7 +522,7 @@ class Solver:
 
     def _flip(
         self,
-        answer: Answer,
+        answer: Ends,
         samples: np.ndarray,
         choosing: np.ndarray,
         options: list[tuple[int, ...]],

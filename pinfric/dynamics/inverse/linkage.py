@@ -12,8 +12,8 @@ import warnings
 
 import numpy as np
 
-from pinfric.dynamics.inverse.effort_maps import write_wrenches
-from pinfric.dynamics.inverse.interval_ends import MOST_PASSES, Answer, Solver
+from pinfric.dynamics.inverse.effort_maps import write_site_wrenches
+from pinfric.dynamics.inverse.interval_ends import MOST_PASSES, Ends, IntervalSearch
 from pinfric.dynamics.inverse.linkage_batch import link_samples, loop_wrenches
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.inverse.undriven import check_undriven
@@ -62,12 +62,12 @@ def solve_linkage(
         moved = drive_motion[:, there.start - around.start : there.stop - around.start]
         moved[0], moved[1] = samples.drive_velocity, samples.drive_acceleration
         frictionless[here] = maps.effort[:, :, 0]
-        found = Solver(plan, maps, velocity, reversal[here]).solve()
+        found = IntervalSearch(plan, maps, velocity, reversal[here]).ends()
         parts.append(found)
         given = samples.wrench, X, maps.y, found.phi, wrench[here], solved[here]
-        write_wrenches(argument.beside(*given), *given)
+        write_site_wrenches(argument.beside(*given), *given)
         multipliers[here] = loop_wrenches(linkage, X, solved[here])
-    answer = Answer(*map(np.concatenate, zip(*parts, strict=True)))
+    answer = Ends(*map(np.concatenate, zip(*parts, strict=True)))
     _warn(scene, answer, whole.start)
     free = (sticking | reversal) & plan.sites.laws.dry  # friction is an interval
     # friction at rest must balance what has no drive, too: what it can do is less
@@ -104,7 +104,7 @@ def solve_linkage(
     )
 
 
-def _warn(scene: Scene, answer: Answer, first: int) -> None:
+def _warn(scene: Scene, answer: Ends, first: int) -> None:
     """Warn of the samples without ends, and of those whose ends come from a search.
 
     Args:

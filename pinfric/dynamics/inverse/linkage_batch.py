@@ -26,7 +26,7 @@ from pinfric.model.twin import Twin, project
 
 
 @dataclass(frozen=True)
-class Samples:
+class LinkedSamples:
     """A batch for `interval_ends`: maps, and the arrays from which wrenches follow.
 
     Attributes:
@@ -54,7 +54,7 @@ def link_samples(
     applied: Sequence[AppliedWrench],
     part: slice,
     threads: int,
-) -> Samples:
+) -> LinkedSamples:
     """Return everything of a batch as affine functions of the friction (`effort_maps`).
 
     Args:
@@ -89,7 +89,7 @@ def link_samples(
     velocity[:, loop] = state.rate[:, plan.entries.action[loop]]
     of_drives = zip((v, a), (state.rate, state.rate_derivative), strict=True)
     rates = (drive_rates(scene.drives, *pair) for pair in of_drives)
-    return Samples(maps, wrench, X, velocity, *rates)
+    return LinkedSamples(maps, wrench, X, velocity, *rates)
 
 
 def loop_wrenches(linkage: Linkage, X: np.ndarray, solved: np.ndarray) -> np.ndarray:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from pinfric.dynamics.inverse.choices import LOWER, SLIDES
-from pinfric.dynamics.inverse.effort_maps import write_wrenches
-from pinfric.dynamics.inverse.interval_ends import Solver
-from pinfric.dynamics.inverse.linkage_batch import Samples, link_samples, loop_wrenches
+from pinfric.dynamics.inverse.effort_maps import write_site_wrenches
+from pinfric.dynamics.inverse.interval_ends import IntervalSearch
+from pinfric.dynamics.inverse.linkage_batch import LinkedSamples, link_samples, loop_wrenches
 from pinfric.dynamics.problem.plan import Plan, drive_delivery, kept_plan
 from pinfric.dynamics.samples.outcome import Solution, SolvedMotion
 from pinfric.friction.dense import spectral_radius_bound
@@ -22,20 +22,20 @@ def find_solutions(result: SolvedMotion, sample: int) -> tuple[Solution, ...]:
     if result.scene.linkage is None:
         return (_of_open_chain(result, sample),)
     plan, samples, velocity = one_sample(result, sample)
-    solver = Solver(plan, samples.maps, velocity, result.reversal[sample][None])
+    search = IntervalSearch(plan, samples.maps, velocity, result.reversal[sample][None])
     if samples.maps.singular[0]:
         return ()
-    if (solver.law.options > 1).any():
-        ends = solver.solve().ends
+    if (search.law.options > 1).any():
+        ends = search.ends().ends
         found = ends.reshape(-1, ends.shape[-1])
         found = found[~np.isnan(found).any(axis=1)]
     else:
-        found = _search(solver)
+        found = _search(search)
     return tuple(_solution(result.scene, samples, phi) for phi in distinct(found))
 
 
-def one_sample(result: SolvedMotion, sample: int) -> tuple[Plan, Samples, np.ndarray]:
-    """Return the solver's input of one sample: plan, maps, velocities (1, ne)."""
+def one_sample(result: SolvedMotion, sample: int) -> tuple[Plan, LinkedSamples, np.ndarray]:
+    """Return the search's input of one sample: plan, maps, velocities (1, ne)."""
     scene, states = result.scene, result.states
     argument, part = kept_plan(scene, "inverse"), slice(sample, sample + 1)
     carried = next(names for start, stop, names in states.phases(scene) if start <= sample < stop)
@@ -44,11 +44,11 @@ def one_sample(result: SolvedMotion, sample: int) -> tuple[Plan, Samples, np.nda
     return argument.given, samples, samples.velocity[states.inside(part)]
 
 
-def reduced_problem(solver: Solver) -> Reduced:
-    """Return the reduced problem of `given_modes` for a solver's only sample."""
-    law = solver.law
+def reduced_problem(search: IntervalSearch) -> Reduced:
+    """Return the reduced problem of `given_modes` for a search's only sample."""
+    law = search.law
     code = np.where(law.options > 1, LOWER, law.code)  # what sticks is at a limit
-    return solver.reduced(solver.unsolved(np.zeros(1, dtype=np.int64), code))[1]
+    return search.reduced(search.unsolved(np.zeros(1, dtype=np.int64), code))[1]
 
 
 def find_jamming_site(result: SolvedMotion, sample: int) -> str | None:
@@ -58,8 +58,8 @@ def find_jamming_site(result: SolvedMotion, sample: int) -> str | None:
     plan, samples, velocity = one_sample(result, sample)
     if samples.maps.singular[0]:
         return None
-    solver = Solver(plan, samples.maps, velocity, result.reversal[sample][None])
-    reduced = reduced_problem(solver)
+    search = IntervalSearch(plan, samples.maps, velocity, result.reversal[sample][None])
+    reduced = reduced_problem(search)
     nz = reduced.contact.shape[1] - 1
     A, vector = np.empty((nz, nz)), np.empty(nz)
     contraction_matrix(reduced, A)
@@ -68,22 +68,22 @@ def find_jamming_site(result: SolvedMotion, sample: int) -> str | None:
     return result.scene.site_names[int(np.flatnonzero(reduced.unknown == np.argmax(vector))[0])]
 
 
-def _search(solver: Solver) -> np.ndarray:
+def _search(search: IntervalSearch) -> np.ndarray:
     """Newton from many starts on every scale; (number found, ne) friction coordinates."""
-    plan, law = solver.plan, solver.law
-    x, _ = from_many_starts(reduced_problem(solver), law.way[SLIDES, 0])
+    plan, law = search.plan, search.law
+    x, _ = from_many_starts(reduced_problem(search), law.way[SLIDES, 0])
     x = x.reshape(len(x), len(plan.sites.first_entry))
     return np.asarray(x[:, plan.entries.site] * law.direction[0])
 
 
-def _solution(scene: Scene, samples: Samples, phi: np.ndarray) -> Solution:
+def _solution(scene: Scene, samples: LinkedSamples, phi: np.ndarray) -> Solution:
     argument, na, linkage = kept_plan(scene, "inverse"), len(scene.drives), scene.linkage
     assert linkage is not None
     plan, maps = argument.given, samples.maps
     ns = len(plan.sites.joint)
     wrench, solved = np.empty((1, ns, 6)), np.empty((1, plan.closure.solved))
     given = samples.wrench, samples.X, maps.y, phi[None], wrench, solved
-    write_wrenches(argument.beside(*given), *given)
+    write_site_wrenches(argument.beside(*given), *given)
     one = np.concatenate([[1.0], phi])
     load = np.empty(ns)
     write_loads(maps.contact[0], plan.contacts.site, plan.sites.constant, phi, load)

@@ -98,18 +98,18 @@ def write_mass_matrix(machine: Machine) -> None:
 @kernel
 def _relate_frames(machine: Machine) -> None:
     """Write how the frames of all pairs are related, at a = 0."""
-    k, w, gravity = machine.supply, machine.kinematics, machine.tree.gravity
-    R, p, velocity, acceleration = w.R, w.p, w.velocity, w.acceleration
-    v, a = k.velocity[1:], k.acceleration[1:]
+    supply, k, gravity = machine.supply, machine.kinematics, machine.tree.gravity
+    R, p, velocity, acceleration = k.R, k.p, k.velocity, k.acceleration
+    v, a = supply.velocity[1:], supply.acceleration[1:]
     moves = 0.0  # at rest nothing accelerates: gravity would leave its rounding
     for j in range(R.shape[1]):
         for r in range(6):
             moves += abs(v[j, r])
     for j in range(R.shape[1]):
         for r in range(3):
-            p[0, j, r] = k.p[1 + j, r]
+            p[0, j, r] = supply.p[1 + j, r]
             for c in range(3):
-                R[0, j, r, c] = k.R[1 + j, r, c]
+                R[0, j, r, c] = supply.R[1 + j, r, c]
         # spatial accelerations become those of the frame's origin
         ax = a[j, 0] + v[j, 4] * v[j, 2] - v[j, 5] * v[j, 1]
         ay = a[j, 1] + v[j, 5] * v[j, 0] - v[j, 3] * v[j, 2]
@@ -128,33 +128,33 @@ def _relate_frames(machine: Machine) -> None:
         velocity,
         acceleration,
         machine.plan.closure.actions,
-        w.gap,
-        w.rate,
-        w.rate_derivative,
-        w.tilt,
-        w.terms,
+        k.gap,
+        k.rate,
+        k.rate_derivative,
+        k.tilt,
+        k.terms,
     )
 
 
 @kernel
 def _move_pairs(machine: Machine) -> None:
     """Write how the frames of all pairs are related, and what actions do to joints."""
-    w = machine.kinematics
-    if w.tilt.size > 0:
+    k = machine.kinematics
+    if k.tilt.size > 0:
         _relate_frames(machine)
-        act_on_joints(w.p, w.R, machine.plan.closure.actions, w.X, w.J)
+        act_on_joints(k.p, k.R, machine.plan.closure.actions, k.X, k.J)
 
 
 @kernel
 def measure_rates(machine: Machine, v: np.ndarray) -> None:
     """Write the relative velocity of every coordinate, of which poses and velocities are known."""
-    w, actions = machine.kinematics, machine.plan.coordinates.action
+    k, actions = machine.kinematics, machine.plan.coordinates.action
     _relate_frames(machine)
-    for c in range(w.coordinate_rate.size):
+    for c in range(k.coordinate_rate.size):
         action = actions[c]
-        w.coordinate_rate[c] = w.rate[0, action] if action >= 0 else 0.0
+        k.coordinate_rate[c] = k.rate[0, action] if action >= 0 else 0.0
         for i in range(v.size if action < 0 else 0):
-            w.coordinate_rate[c] += w.D[c, i] * v[i]
+            k.coordinate_rate[c] += k.D[c, i] * v[i]
 
 
 @kernel
@@ -175,16 +175,16 @@ def is_exact(machine: Machine, q: np.ndarray) -> bool:
 
     To 1e-8 of a loop's size and speed; `closure.check_closed` says what is wrong with others.
     """
-    t, w = machine.plan.closure, machine.kinematics
+    t, k = machine.plan.closure, machine.kinematics
     if not is_normalized(machine.tree.unit_first, machine.tree.unit_count, q):
         return False
     for r in range(t.off_joint, t.off_joint + t.multipliers):
         pair = t.actions.column_pair[r]
-        if not abs(w.gap[0, r]) < 1e-8 * t.scale:
+        if not abs(k.gap[0, r]) < 1e-8 * t.scale:
             return False
-        if not abs(w.rate[0, r]) <= 1e-8 * w.terms[0, pair, 0]:
+        if not abs(k.rate[0, r]) <= 1e-8 * k.terms[0, pair, 0]:
             return False
-        if not w.tilt[0, pair] < 1e-8 and t.planar[pair]:
+        if not k.tilt[0, pair] < 1e-8 and t.planar[pair]:
             return False
     return True
 
@@ -192,9 +192,9 @@ def is_exact(machine: Machine, q: np.ndarray) -> bool:
 @kernel
 def _write_rates(machine: Machine, v: np.ndarray) -> None:
     """Write D, S and the relative velocity of every coordinate."""
-    w, drive = machine.kinematics, machine.plan.drives.action
+    k, drive = machine.kinematics, machine.plan.drives.action
     action = machine.plan.coordinates.action
-    D, S, J, rate = w.D, w.S, w.J, w.coordinate_rate
+    D, S, J, rate = k.D, k.S, k.J, k.coordinate_rate
     for c in range(action.size):
         rate[c] = 0.0
         for i in range(v.size):
@@ -359,7 +359,7 @@ def write_delivered(machine: Machine) -> None:
 @kernel
 def write_efforts(machine: Machine) -> None:
     """Write what each drive delivers in the solution; a gear at rest has its share of friction."""
-    drives, modes, found = machine.plan.drives, machine.modes, machine.solution
+    drives, modes, found = machine.plan.drives, machine.modes, machine.results
     affine(machine.maps.delivered, modes.friction, found.effort)
     for d in range(drives.gear_entry.size):
         e, c = drives.gear_entry[d], drives.gear_coordinate[d]
@@ -388,8 +388,8 @@ def _reduce(machine: Machine, d: int, closed: bool) -> bool:  # noqa: C901
         d: number of freedoms.
         closed: whether loops leave fewer than nv of them; else Z is 1.
     """
-    w, D = machine.maps, machine.kinematics.D
-    M, Z, push, a_closure, a_map = w.M, w.Z, w.push, w.a_closure, w.acceleration
+    maps, D = machine.maps, machine.kinematics.D
+    M, Z, push, a_closure, a_map = maps.M, maps.Z, maps.push, maps.a_closure, maps.acceleration
     nv, nc = M.shape[0], D.shape[0]
     L, Y = machine.scratch.lower, machine.scratch.right
     if not closed:
@@ -414,7 +414,7 @@ def _reduce(machine: Machine, d: int, closed: bool) -> bool:  # noqa: C901
                     Y[f, 1 + c] += Z[i, f] * D[c, i]
     if not factorize(L):
         return False
-    substitute(L, Y, w.factor)
+    substitute(L, Y, maps.factor)
     for i in range(nv):
         for k in range(1 + nc):
             a_map[i, k] = a_closure[i] if k == 0 else 0.0
@@ -455,8 +455,14 @@ def _write_problem_rates(machine: Machine, v: np.ndarray, step: float) -> None:
         v: (nv,).
         step: s, or 0.
     """
-    w, k, p = machine.maps, machine.kinematics, machine.problem
-    D, a_map, factor, terms, d = k.D, w.acceleration, w.factor, w.push_terms, w.freedoms[0]
+    maps, k, p = machine.maps, machine.kinematics, machine.problem
+    D, a_map, factor, terms, d = (
+        k.D,
+        maps.acceleration,
+        maps.factor,
+        maps.push_terms,
+        maps.freedoms[0],
+    )
     action, rate_derivative = machine.plan.coordinates.action, k.rate_derivative
     rate_free, rate_scale, rate_slope = p.rate_free, p.rate_scale, p.rate_slope
     nc, nv = D.shape
@@ -469,7 +475,7 @@ def _write_problem_rates(machine: Machine, v: np.ndarray, step: float) -> None:
         for i in range(nv):
             size += scale * terms[i] * abs(a_map[i, 1 + c])
             if D[c, i] != 0.0:
-                total += D[c, i] * (w.a_closure[i] if dead[c] else a_map[i, 0])
+                total += D[c, i] * (maps.a_closure[i] if dead[c] else a_map[i, 0])
                 if step > 0.0:
                     offset += D[c, i] * v[i]
                     size += abs(D[c, i] * v[i])
@@ -490,8 +496,8 @@ def _write_problem_rates(machine: Machine, v: np.ndarray, step: float) -> None:
 @kernel
 def _find_dead_centres(machine: Machine, dead: np.ndarray) -> None:
     """Mark joints that stand still while the mechanism moves, in `dead` (nc,); their slope is 0."""
-    D, w, size_of = machine.kinematics.D, machine.maps, machine.plan.coordinates.direction_size
-    Z, factor, d = w.Z, w.factor, w.freedoms[0]
+    D, maps, size_of = machine.kinematics.D, machine.maps, machine.plan.coordinates.direction_size
+    Z, factor, d = maps.Z, maps.factor, maps.freedoms[0]
     nc, nv = D.shape
     most = 0.0
     for i in range(nv):
@@ -506,7 +512,7 @@ def _find_dead_centres(machine: Machine, dead: np.ndarray) -> None:
             share = max(share, abs(total))
         for i in range(nv):
             size = max(size, abs(D[c, i]))
-        w.idle[c] = share <= _IDLE * size * most
+        maps.idle[c] = share <= _IDLE * size * most
         dead[c] = share <= _DEAD * size * most
         if dead[c]:
             for f in range(d):
@@ -551,7 +557,7 @@ def _close(machine: Machine, v: np.ndarray, step: float) -> int:
 
     Full pivoting chooses dependent and independent velocities (paper eq. 5, 6).
     """
-    t, w, k, nv = machine.plan.closure, machine.maps, machine.kinematics, v.size
+    t, maps, k, nv = machine.plan.closure, machine.maps, machine.kinematics, v.size
     A = np.empty((t.multipliers, nv + 1))
     for r in range(t.multipliers):
         row = t.off_joint + r
@@ -560,7 +566,7 @@ def _close(machine: Machine, v: np.ndarray, step: float) -> int:
             A[r, i] = k.J[0, row, i]
             if step > 0.0:
                 A[r, nv] -= A[r, i] * v[i] / step
-    return solve_balance(A, t.scale, w.a_closure.reshape((nv, 1)), w.Z)
+    return solve_balance(A, t.scale, maps.a_closure.reshape((nv, 1)), maps.Z)
 
 
 @kernel
@@ -571,8 +577,14 @@ def write_accelerations(
 
     Args, returns: see `instant.solve_instant`. Rates and laws must be written.
     """
-    t, w = machine.plan.closure, machine.maps
-    M, h, given, terms, push = w.M, machine.supply.h, machine.scratch.given, w.push_terms, w.push
+    t, maps = machine.plan.closure, machine.maps
+    M, h, given, terms, push = (
+        maps.M,
+        machine.supply.h,
+        machine.scratch.given,
+        maps.push_terms,
+        maps.push,
+    )
     nv, closed, rank = v.size, t.multipliers > 0, 0
     motors = machine.plan.drives.gears.ratio.size > 0
     if motors:
@@ -587,7 +599,7 @@ def write_accelerations(
         _add_drag(machine, step)
     if closed:
         rank = _close(machine, v, step)
-    w.freedoms[0] = nv - rank
+    maps.freedoms[0] = nv - rank
     if closed and rank < nv - t.freedoms:
         return TOGGLE
     size = np.abs(q).sum()
@@ -596,7 +608,7 @@ def write_accelerations(
         push[i] = given[i] = given[i] - h[i]
         if closed:
             for j in range(nv):
-                push[i] -= M[i, j] * w.a_closure[j]
+                push[i] -= M[i, j] * maps.a_closure[j]
         size += abs(push[i]) + abs(v[i])
     if not _reduce(machine, nv - rank, closed):
         for i in range(nv):

@@ -22,7 +22,7 @@ from pinfric.dynamics.problem.machine import Machine
 from pinfric.dynamics.problem.wrenches import write_wrenches
 from pinfric.friction.dense import affine
 from pinfric.friction.given_modes import try_modes
-from pinfric.friction.law import site_friction, stick_limits
+from pinfric.friction.law import entry_friction, stick_limits
 from pinfric.kernels.compiled import kernel
 
 #: Modes that `solve_instant` tries: none; those of the velocities; those in `modes`; the same, with
@@ -102,24 +102,24 @@ def accelerations_under_friction(machine: Machine, a: np.ndarray) -> None:
 def finish(machine: Machine) -> None:
     """Write accelerations, wrenches, multipliers and each site's friction from the solution."""
     sites, entries, coordinates = machine.plan.sites, machine.plan.entries, machine.plan.coordinates
-    w, m, p, G = machine.solution, machine.modes, machine.problem, machine.maps.wrench
-    x, wrench, phi, stuck = m.friction, w.wrench, w.phi, m.stuck
-    accelerations_under_friction(machine, w.a)
+    found, m, p, G = machine.results, machine.modes, machine.problem, machine.maps.wrench
+    x, wrench, phi, stuck = m.friction, found.wrench, found.phi, m.stuck
+    accelerations_under_friction(machine, found.a)
     for c in range(x.size):
         if stuck[c] and coordinates.velocity_index[c] >= 0:
-            w.a[coordinates.velocity_index[c]] = 0.0
-    affine(machine.maps.multiplier, x, w.multiplier)
-    stick_limits(p, m.load, w.least, w.most)
-    site_friction(p, m, w.least, w.most, w.entry_phi)
+            found.a[coordinates.velocity_index[c]] = 0.0
+    affine(machine.maps.multiplier, x, found.multiplier)
+    stick_limits(p, m.load, found.least, found.most)
+    entry_friction(p, m, found.least, found.most, found.entry_phi)
     write_efforts(machine)
     for s in range(phi.size):
         e = sites.first_entry[s]
         c, row = entries.coordinate[e], machine.plan.contacts.site_row[s]
-        w.load[s], phi[s] = m.load[e], w.entry_phi[e]
-        w.site_modes[s] = np.sign(m.direction[c] * p.ratio[e])
+        found.load[s], phi[s] = m.load[e], found.entry_phi[e]
+        found.site_modes[s] = np.sign(m.direction[c] * p.ratio[e])
         if coordinates.ball[c]:
             phi[s] = -np.sqrt(x[c] ** 2 + x[c + 1] ** 2 + x[c + 2] ** 2)
-            w.site_modes[s] = 0 if stuck[c] else 1
+            found.site_modes[s] = 0 if stuck[c] else 1
         for i in range(6):
             wrench[s, i] = G[row, i, 0]
             for n in range(x.size):

@@ -149,7 +149,7 @@ class Rotors(NamedTuple):
     arriving: np.ndarray = array("na")
 
 
-class Solution(NamedTuple):
+class Results(NamedTuple):
     """Results that follow from the friction that was found.
 
     Attributes:
@@ -194,13 +194,13 @@ class Machine(NamedTuple):
     kinematics: Kinematics
     maps: AffineMaps
     rotors: Rotors
-    solution: Solution
+    results: Results
     scratch: Scratch
     modes: Modes
     problem: Problem
 
 
-for _part in (Tree, Supply, Kinematics, AffineMaps, Rotors, Solution, Scratch, Machine):
+for _part in (Tree, Supply, Kinematics, AffineMaps, Rotors, Results, Scratch, Machine):
     record(_part)
 
 
@@ -241,7 +241,7 @@ def make_machine(twin: Twin, plan: Plan, supply: Supply) -> Machine:
         ),
         maps=make(AffineMaps, **sizes)._replace(Z=np.eye(twin.nv)),
         rotors=make(Rotors, **sizes),
-        solution=make(Solution, **sizes),
+        results=make(Results, **sizes),
         scratch=make(Scratch, **sizes),
         modes=Modes.of(nc, len(problem.coordinate), len(geared)),
         problem=problem,

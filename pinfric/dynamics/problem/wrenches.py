@@ -260,8 +260,8 @@ def _balance(machine: Machine, free: np.ndarray) -> int:
         machine: accelerations are written.
         free: (nl, nl), overwritten: its first nl - rank columns (redundant closures).
     """
-    t, w, k = machine.plan.closure, machine.maps, machine.kinematics
-    M, D, a_map, given = w.M, k.D, w.acceleration, machine.scratch.given
+    t, maps, k = machine.plan.closure, machine.maps, machine.kinematics
+    M, D, a_map, given = maps.M, k.D, maps.acceleration, machine.scratch.given
     nl, (nc, nv) = t.multipliers, D.shape
     A = np.empty((nv, nl + 1 + nc))
     for i in range(nv):
@@ -272,7 +272,7 @@ def _balance(machine: Machine, free: np.ndarray) -> int:
             for j in range(nv):
                 total += M[i, j] * a_map[j, n]
             A[i, nl + n] = total
-    return solve_balance(A, t.scale, w.multiplier, free)
+    return solve_balance(A, t.scale, maps.multiplier, free)
 
 
 @kernel
@@ -283,12 +283,12 @@ def write_wrenches(machine: Machine, q: np.ndarray) -> bool:
         machine: accelerations are written.
         q: (nq,).
     """
-    t, w, contacts = machine.plan.closure, machine.maps, machine.plan.contacts
+    t, maps, contacts = machine.plan.closure, machine.maps, machine.plan.contacts
     nl = t.multipliers
     _write_known_wrenches(machine)
     if nl > 0:
         free = np.empty((nl, nl))
         left = nl - _balance(machine, free)
         X, free = machine.kinematics.X[0], free[:, :left].copy()
-        add_reactions(t, contacts.joint, X, t.off_joint, free, w.multiplier, w.wrench)
-    return write_contacts(machine.plan, q, w.wrench, machine.problem.contact)
+        add_reactions(t, contacts.joint, X, t.off_joint, free, maps.multiplier, maps.wrench)
+    return write_contacts(machine.plan, q, maps.wrench, machine.problem.contact)

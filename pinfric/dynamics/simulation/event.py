@@ -81,7 +81,7 @@ class EventIntegration(Integration):
         self.system.solve_given_modes(self.t, q, v, self.given)
         self.record.sample(self.t, q, v)
 
-    def solve(self, t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    def acceleration(self, t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Return a (nv,) in the present modes."""
         if self.ws.locked and not v.any():
             return np.zeros(self.ws.nv)

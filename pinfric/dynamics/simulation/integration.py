@@ -48,7 +48,7 @@ class Integration:
         self.chart: Chart
         self.given = self.ws.modes.kept()
 
-    def solve(self, t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    def acceleration(self, t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Return the accelerations (nv,) of a state."""
         raise NotImplementedError
 
@@ -79,4 +79,4 @@ class Integration:
     def rhs(self, t: float, y: np.ndarray) -> np.ndarray:
         """Return d(xi, v)/dt (2 nv,)."""
         q, v = self.state(y)
-        return np.concatenate([self.chart.rate(y[: self.ws.nv], v), self.solve(t, q, v)])
+        return np.concatenate([self.chart.rate(y[: self.ws.nv], v), self.acceleration(t, q, v)])

@@ -354,18 +354,18 @@ class Dense:
     Attributes:
         t: (N + 1,) borders of the steps.
         at: step number, time (s) -> q (nq,), v (nv,).
-        solve: time, q, v -> what a sample holds in the modes of that time, see `Recorder.row`.
+        row: time, q, v -> what a sample holds in the modes of that time, see `Recorder.row`.
     """
 
     t: np.ndarray
     at: Callable[[int, float], tuple[np.ndarray, np.ndarray]]
-    solve: Callable[[float, np.ndarray, np.ndarray], tuple[np.ndarray, ...]]
+    row: Callable[[float, np.ndarray, np.ndarray], tuple[np.ndarray, ...]]
 
     def rows(self, times: np.ndarray) -> list[tuple[np.ndarray, ...]]:
         """Rows as `Recorder.row` makes them at times of the motion."""
         steps = np.clip(self.t.searchsorted(times, side="right") - 1, 0, len(self.t) - 2)
         return [
-            self.solve(time, *self.at(int(step), time))
+            self.row(time, *self.at(int(step), time))
             for time, step in zip(times.tolist(), steps, strict=True)
         ]
 

@@ -197,7 +197,7 @@ class Recorder:
             y = polynomial(t)
             return chart.configuration(y[:nv].copy()), y[nv:].copy()
 
-        def solve(t: float, q: np.ndarray, v: np.ndarray) -> Row:
+        def row(t: float, q: np.ndarray, v: np.ndarray) -> Row:
             phase = np.clip(phase_t.searchsorted(t, side="right") - 1, 0, len(phase_modes) - 1)
             given = system.ws.modes_of(phase_modes[phase])
             system.within(*pieces[max(int(starts.searchsorted(t, side="right")) - 1, 0)])
@@ -205,7 +205,7 @@ class Recorder:
             system.solve_given_modes(t, q, v, given)
             return self.row(t, q, v)
 
-        return Dense(np.array(self.step_t), at, solve)
+        return Dense(np.array(self.step_t), at, row)
 
 
 def along(

@@ -21,7 +21,7 @@ from pinfric.friction.problem import GivenModes
 class RegularizedIntegration(Integration):
     """One simulation with smoothed friction."""
 
-    def solve(self, t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    def acceleration(self, t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Return a (nv,) with smoothed friction; modes are 0 below the regularization velocity."""
         ws, velocity = self.ws, self.settings.regularization_velocity
         rates = ws.constraints.rates(q, v)
@@ -75,6 +75,6 @@ class RegularizedIntegration(Integration):
 
     def _sample(self, t: float, y: np.ndarray) -> None:
         q, v = self.state(self.projected(y) if self.linked else y)
-        self.solve(t, q, v)
+        self.acceleration(t, q, v)
         self.record.phase(t)
         self.record.sample(t, q, v)

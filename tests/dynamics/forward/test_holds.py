@@ -33,8 +33,8 @@ def best_of_many_starts(scene, q, effort, rng, starts=6):
 
     def limit(x):
         force = p.contact[:, 0] + np.tensordot(x, p.contact[:, 1:], (0, 1))
-        load = np.linalg.norm(force, axis=1) * p.mu_stick[p.contact_site]
-        return np.bincount(p.coordinate[p.contact_site], load, n)
+        load = np.linalg.norm(force, axis=1) * p.mu_stick[p.contact_entry]
+        return np.bincount(p.coordinate[p.contact_entry], load, n)
 
     rows = {
         "type": "eq",

@@ -29,7 +29,7 @@ from mechanisms import (
 
 import pinfric as pf
 from pinfric.dynamics.inverse import choices, interval_ends, linkage
-from pinfric.dynamics.inverse.interval_ends import MOST_PASSES, Solver
+from pinfric.dynamics.inverse.interval_ends import MOST_PASSES, IntervalSearch
 from pinfric.dynamics.inverse.solutions import one_sample
 from pinfric.dynamics.samples.outcome import Status
 
@@ -158,7 +158,7 @@ def test_a_sticking_balls_ends_are_those_of_its_sphere():
     assert result.sticking.all()
     assert not result.interval_exact[0]
     plan, samples, velocity = one_sample(result, 0)
-    solver = Solver(plan, samples.maps, velocity, result.reversal)
+    solver = IntervalSearch(plan, samples.maps, velocity, result.reversal)
     rng = np.random.default_rng(0)
     directions = rng.normal(size=(20_000, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
