@@ -198,7 +198,7 @@ def test_a_gear_jams_below_the_inertia_that_is_named(seed, way, stuck):
     train = Train(seed, inertia=(0.02, 0.02), on=(0, 1, 2))
     root, W = np.full(3, np.sqrt(0.02)), train.coupling(stuck)[:3, :3]
     for factor in (0.999, 1.001):
-        root[1] = np.sqrt(factor * found.inertia)
+        root[1] = np.sqrt(factor * found.inertia[1])
         E = np.diag([train.back[0], -0.4, train.back[2]]) + root[:, None] * W * root
         assert (np.linalg.eigvalsh(E)[0] > 0.0) == (factor > 1.0)
     assert jam(5.0)[1] > 0.0
