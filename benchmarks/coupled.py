@@ -25,7 +25,7 @@ from rich.console import Console
 import pinfric as pf
 from pinfric.accuracy.explain import all_rounds
 from pinfric.dynamics.inverse.choices import SLIDES
-from pinfric.dynamics.inverse.interval_ends import Solver
+from pinfric.dynamics.inverse.interval_ends import IntervalSearch
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.inverse.solutions import one_sample
 from pinfric.friction.dense import solve_dense
@@ -91,17 +91,17 @@ class _Sample:
     """One sliding sample: when, the package's solver, which gives the reference, and G."""
 
     t: float
-    solver: Solver
+    search: IntervalSearch
     friction: CoupledFriction
 
     @classmethod
     def of(cls, result: InverseResult, sample: int) -> _Sample | None:
         """Return a sample's problem; None where the drives cannot balance its load."""
         plan, samples, velocity = one_sample(result, sample)
-        solver = Solver(plan, samples.maps, velocity, result.reversal[sample][None])
+        search = IntervalSearch(plan, samples.maps, velocity, result.reversal[sample][None])
         if samples.maps.singular[0]:
             return None
-        law, ns = solver.law, len(plan.sites.joint)
+        law, ns = search.law, len(plan.sites.joint)
         slope = np.zeros((len(plan.contacts.site), ns, 3))
         for s in range(ns):
             first = plan.sites.first_entry[s]
@@ -111,7 +111,7 @@ class _Sample:
         times = result.states.t
         return cls(
             t=float(sample if times is None else times[sample]),
-            solver=solver,
+            search=search,
             friction=CoupledFriction(
                 free=np.ascontiguousarray(samples.maps.contact[0, :, 0]),
                 slope=slope,
@@ -124,12 +124,12 @@ class _Sample:
 
     def known(self, factor: float) -> tuple[int, np.ndarray, float]:
         """Return how many solutions the package finds with mu times a factor, one, contraction."""
-        own = self.solver.law
-        self.solver.law = own._replace(mu=factor * own.mu)
+        own = self.search.law
+        self.search.law = own._replace(mu=factor * own.mu)
         try:
-            found = self.solver.candidates(np.zeros(1, dtype=np.int64), own.code)
+            found = self.search.candidates(np.zeros(1, dtype=np.int64), own.code)
         finally:
-            self.solver.law = own
+            self.search.law = own
         return int(found.found[0]), found.x[0, 0], float(found.figures[0, 0])
 
     def solve(
