@@ -361,6 +361,23 @@ def test_time_stepping_jams_where_events_do(kind, seeds):
     assert jams >= len(seeds) // 4
 
 
+def test_what_others_hold_does_not_break_away():
+    """Friction is shared anew where a gear reaches its limit: it was said to slip, then to jam."""
+    scene, q, v, torque, _ = KINDS["five-bars"](np.random.default_rng(1002))
+
+    def drive(t, q, v):
+        return torque * np.cos(8.0 * t)
+
+    found = pf.simulate(scene, q, v, t_end=0.2, motor_torque=drive)
+    assert [event.kind for event in found.events] == ["stick"] * 3
+    ends = [
+        pf.simulate(scene, q, v, t_end=t_end, motor_torque=drive, method="timestepping").effort[-1]
+        for t_end in (0.05, 0.2)
+    ]
+    assert np.abs(ends[1] - ends[0]).max() > 0.1
+    np.testing.assert_allclose(found.effort[-1], ends[1], rtol=0, atol=2e-3)
+
+
 # ---------------------------------------------------------------- what a gear at rest holds
 
 

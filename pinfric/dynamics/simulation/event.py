@@ -333,11 +333,16 @@ class EventIntegration(Integration):
             found = ws.search(held=before.stuck)
         elif forced:
             found = ws.search(forced, before.stuck)
-        if found != Found.SOLVED:
+        slips = modes.copy()
+        still = found == Found.SOLVED and bool(forced) and ws.mechanism.is_locked(modes.stuck)
+        if found != Found.SOLVED or still:  # what breaks away would not move, others hold it
             modes.take(before)
             modes.at_rest[:] = modes.stuck
             modes.at_rest[stopped] = True
             found = ws.search(held=before.stuck)
+        if still and found != Found.SOLVED:
+            modes.take(slips)
+            found = ws.search(forced, before.stuck)
         if found != Found.SOLVED:
             raise ws.failures.failure(found, ws.state).at(self.t)
         ws.finish()
