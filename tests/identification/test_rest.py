@@ -44,6 +44,9 @@ def test_static_friction_shows_where_joints_break_away_slowly():
             assert entry.static == pytest.approx(static.value, rel=1e-5)
     # joint 6 rested all the time, and what held it says little
     assert found.rest[NAMES[5]].seconds > 20.0
+    ways = found.scene.friction[NAMES[5]].coulomb
+    half = 0.5 * (ways.positive.static + ways.negative.static)
+    assert found.rest[NAMES[5]].share == pytest.approx(found.rest[NAMES[5]].largest / half)
     assert found.rest[NAMES[5]].share < 1.0
     assert all(found.rest[NAMES[j]].inside > 0.985 for j in (0, 3, 4, 5))
     assert not any(p.joint == NAMES[5] and p.name.endswith("static") for p in found.parameters)

@@ -85,6 +85,13 @@ def test_as_much_again_as_was_logged_makes_errors_smaller_by_the_square_root_of_
     assert list(factors.values()) == pytest.approx([np.sqrt(0.5)] * 2)
 
 
+def test_advised_postures_are_logged_ones():
+    q = np.random.default_rng(0).uniform(size=(50, 2)) * [0.5, 3.0]
+    points = advice._way(q, np.ones(2))
+    assert len({point.q for point in points}) > 4
+    assert all(np.abs(q - point.q).max(axis=1).min() < 1e-12 for point in points)
+
+
 def test_the_advised_way_points_run_and_leave_rest_on_their_own(found, tmp_path):
     path = tmp_path / "advice.waypoints.yaml"
     path.write_text(advice_text(found.advice[0], found.scene))
