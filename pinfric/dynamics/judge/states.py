@@ -134,7 +134,7 @@ def find_states(maps: SampleMaps, laws: list[SiteLaw]) -> FrictionStates:
         directions[np.ix_(codes[:, b] == 0, at == b)] = turned[codes[:, b] == 0]
     choice, phi, sure = solve_choices(maps, lines, directions)
     still = np.array([law.still for law in laws]).reshape(1, ns, 2)
-    load = np.array([maps.loads(x) for x in phi]).reshape(-1, ns)
+    load = np.array([maps.loads(x) for x in phi]).reshape(len(phi), ns)
     low = U[:, 0] + phi @ U[:, 1:].T
     high, ranges = low.copy(), np.full((2, ns), np.nan)
     for s, law in enumerate(laws):
@@ -186,7 +186,7 @@ def solve_choices(
     size = np.logspace(-3, np.log10(_FAR), _STARTS)[:, None] * rng.random((_STARTS, ns))
     starts = first[open_, None] + size * first[open_].max(axis=1, initial=0.0)[:, None, None]
     choice = np.concatenate([np.arange(m), np.repeat(open_, _STARTS)])
-    starts = np.concatenate([first, starts.reshape(-1, ns)])
+    starts = np.concatenate([first, starts.reshape(len(open_) * _STARTS, ns)])
     z = _near(starts, sure[choice], maps.constant, own, p[choice], P[choice])
     order = np.argsort(choice, kind="stable")
     kept: list[int] = []

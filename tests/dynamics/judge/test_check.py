@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
-from builders import plane_friction, sliding_block
+from builders import chain, lump, plane_friction, sliding_block
 from cases import (
     Case,
     ball_tripod,
@@ -20,6 +21,7 @@ from cases import (
 )
 from mechanisms import pin_friction
 
+import pinfric as pf
 from pinfric.dynamics.inverse import interval_ends, result
 from pinfric.dynamics.inverse.choices import LOWER, UPPER
 from pinfric.dynamics.samples.outcome import Status
@@ -243,3 +245,14 @@ def test_a_field_of_an_ambiguous_sample_that_is_a_millionth_off_is_noticed(name)
     assert found.status[0] == Status.AMBIGUOUS
     getattr(found, name)[0] *= 1.0 + 1e-6
     assert not found.check().passed()
+
+
+def test_a_robot_without_friction_is_checked():
+    """It ended in a ValueError: a worm hoist of which only the gear rubs."""
+    gear = {"ratio": 50.0, "efficiency": 0.4, "back_efficiency": -0.2}
+    model = chain(("lift", pin.JointModelPZ(), lump(10.0)))
+    scene = pf.Scene(model=model, actuators=[{"joint": "lift", "transmission": gear}])
+    found = pf.inverse_dynamics(scene, *np.zeros((3, 1, 1)))
+    assert found.check().passed()
+    wrong = replace(found, effort_lower=found.effort_lower + 1.0)
+    assert not wrong.check().passed()
