@@ -228,7 +228,7 @@ def _in_modes(s: System, p: _Places, ways: np.ndarray, rests: np.ndarray) -> Ite
     start, N = np.zeros(n), np.eye(n)
     if len(C):
         start = np.linalg.lstsq(C, target, rcond=_RANK)[0]
-        if np.abs(C @ start - target).max() > 1e-7 * (np.abs(target).max() + 1e-9):
+        if np.abs(C @ start - target).max() > 1e-7 * (np.abs(target).max() + 1e-3):
             return
         N = null_space(C, rcond=_RANK)
     inverse = np.linalg.inv(N.T @ s.M @ N)
