@@ -318,7 +318,7 @@ def test_simulated_motion_whose_loops_are_a_little_open_is_replayed_without_forc
     frames = make_frames(scene, ajar)
     assert np.isnan(frames.force).all()
     assert np.isfinite(frames.placement).all()
-    assert len(pf.replay(scene, ajar).page) > 500_000
+    assert pf.replay(scene, ajar).page.rstrip().endswith("</html>")
 
 
 @pytest.mark.parametrize("name", ["slider_crank", "delta", "excavator", "drawer"])
