@@ -473,6 +473,8 @@ def choices(problem: Problem, modes: Modes) -> list[tuple[np.ndarray, bool]] | N
     depends on loads all is linear, and lines that do not fit are left out.
     """
     moves, W = _coupling(problem, modes)
+    if not len(moves):
+        return [(modes.effort.copy(), True)]
     coordinate, t = problem.gear_coordinate[moves], modes.effort[moves]
     every = [
         _lines_of(problem, int(g), float(modes.direction[c]))

@@ -163,6 +163,15 @@ def test_more_lines_than_are_tried_leave_it_undecided(monkeypatch):
         pf.forward_dynamics(hoist(LIGHT), [0.0], [-0.1], motor_torque=[-15.0 / 50])
 
 
+def test_where_no_gear_moves_there_is_one_choice_of_lines():
+    """A solve that did not converge beside gears at rest ended in an IndexError."""
+    ws = Workspace(hoist(LIGHT), motors=True)
+    ws.assemble(np.zeros(1), np.zeros(1), np.zeros(1))
+    ws.modes.stuck[:] = True
+    ((efforts, stable),) = gears_module.choices(ws.problem, ws.modes)
+    assert (efforts.shape, stable) == ((1,), True)
+
+
 def with_a_shaft(
     drive: Callable[[float], float],
     M: np.ndarray,
