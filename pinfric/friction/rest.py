@@ -292,13 +292,17 @@ class _Shared:
         return 1, int(broken == 0), left, changed
 
     def _holds_otherwise(self) -> bool:
-        """If all movable joints rest, take the friction that holds them; False: there is none."""
-        stuck = self.modes.stuck
-        if self.mechanism.ball[stuck].any() or self.gain.any() or self.offset.any():
+        """Take the friction that holds what rests; False: there is none, or none is looked for."""
+        p, moving, stuck = self.plain, self.offset, self.modes.stuck
+        if self.mechanism.ball[stuck].any() or self.gain.any():
             return False  # a ball's limit is a sphere; what slides has friction that loads decide
-        found = decide(self.plain, self.mechanism.factor, stuck, slope=self.mechanism.slope)
+        if moving.any():
+            contact = p.contact.copy()
+            contact[:, 0] += np.einsum("tce,c->te", p.contact[:, 1:], moving)
+            p = p._replace(rate_free=p.rate_free + p.rate_slope @ moving, contact=contact)
+        found = decide(p, self.mechanism.factor, stuck, slope=self.mechanism.slope)
         if found.held:
-            self.write(found.friction)
+            self.write(found.friction + moving)
         return bool(found.held)
 
     def write(self, y: np.ndarray) -> None:
