@@ -453,10 +453,13 @@ def _moves_against(problem: Problem, modes: Modes, part: float) -> bool:
 
 
 def _same(one: Modes, other: Modes) -> bool:
-    """Return whether two solutions are one acceleration (what is at its limit slips at rate 0)."""
-    x, y = one.friction, other.friction
-    size = max(np.abs(x).max(initial=0.0), np.abs(y).max(initial=0.0))
-    return bool(np.abs(x - y).max(initial=0.0) <= _SAME * size)
+    """Return whether two solutions are one acceleration.
+
+    Their friction is the same (what is at its limit slips at rate 0), or their rates are: what
+    rests may share its friction in many ways.
+    """
+    pairs = (one.friction, other.friction), (one.rate, other.rate)
+    return any(np.abs(x - y).max(initial=0.0) <= _SAME * np.abs([x, y]).max() for x, y in pairs)
 
 
 def outcome(solutions: int, obeying: int) -> Found:
