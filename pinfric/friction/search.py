@@ -458,8 +458,10 @@ def _same(one: Modes, other: Modes) -> bool:
     Their friction is the same (what is at its limit slips at rate 0), or their rates are: what
     rests may share its friction in many ways.
     """
-    pairs = (one.friction, other.friction), (one.rate, other.rate)
-    return any(np.abs(x - y).max(initial=0.0) <= _SAME * np.abs([x, y]).max() for x, y in pairs)
+    pairs = np.array([(one.friction, other.friction), (one.rate, other.rate)])
+    far = np.abs(pairs[:, 0] - pairs[:, 1]).max(axis=1, initial=0.0)
+    alike = far <= _SAME * np.abs(pairs).max(axis=(1, 2), initial=0.0)
+    return bool(alike.any() and np.isfinite(pairs).all())
 
 
 def outcome(solutions: int, obeying: int) -> Found:
