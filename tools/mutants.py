@@ -237,7 +237,7 @@ def interpret_kernels() -> None:
         return function
 
     changed: Any = compiled
-    changed._compiled = changed.record = as_it_is
+    changed._compiled = changed.inlined = changed.record = as_it_is
     changed.call_compiled = lambda made, *arguments: made(*arguments)
     changed.compile_for = lambda *_: None
     changed._is_kept = lambda _: False
