@@ -11,6 +11,7 @@ from friction_cases import (
     random_problem,
     two_that_share,
 )
+from scipy.optimize import linprog
 
 from pinfric.friction.problem import Modes, empty_problem
 from pinfric.friction.rest import Mechanism, solve_modes
@@ -120,3 +121,34 @@ def test_a_gear_whose_line_cancels_its_rotor_has_no_solution_in_these_modes():
         m.direction[:] = 1.0
         mechanism = Mechanism(closed, np.sqrt(p.rate_slope), np.arange(1), none, none, np.zeros(1))
         assert solve_modes(p, m, mechanism) == (0, 0)
+
+
+@pytest.mark.parametrize("seed", [*range(30), 60, 66, 203, 241])
+def test_beside_what_slips_friction_holds_where_a_linear_program_finds_some(seed):
+    """Three coordinates at rest of two freedoms; limits differ by direction, one follows a load."""
+    rng = np.random.default_rng(seed)
+    A, push = rng.normal(size=(3, 4)), rng.normal(scale=3.0, size=3)
+    A[2, :3] = 0.0
+    p = empty_problem(np.arange(4), np.ones(4), np.array([1]), np.zeros(4))
+    p.rate_slope[:], p.rate_free[:] = A.T @ A, A.T @ push
+    p.rate_scale[:] = np.abs(p.rate_free)
+    p.coulomb_slip[3], way = rng.uniform(0.5, 2.0), rng.choice([-1.0, 1.0])
+    p.contact[0, 0, 0], p.contact[0, 4, 0], p.mu_stick[1] = 1.0, rng.uniform(0.5, 2.0), 0.8
+    p.coulomb_stick[0], p.coulomb_stick[2] = rng.permutation([[1.0, np.inf], [np.inf, 0.5]])
+    m = Modes.of(4, 4)
+    m.stuck[:3] = m.at_rest[:3] = True
+    m.direction[3] = way
+    none = np.zeros(4, dtype=bool)
+    mechanism = Mechanism(True, A, np.arange(4), none, none, np.zeros(4))
+    slip = -way * p.coulomb_slip[3, 0]
+    limit = 0.8 * abs(1.0 + p.contact[0, 4, 0] * slip)
+    bounds = [(-p.coulomb_stick[0, 0], p.coulomb_stick[0, 1]), (-limit, limit)]
+    bounds += [(-p.coulomb_stick[2, 0], p.coulomb_stick[2, 1])]
+    there = linprog(np.zeros(3), A_eq=A[:2, :3], b_eq=-push[:2] - A[:2, 3] * slip, bounds=bounds)
+    held = solve_modes(p, m, mechanism)[1] == 1
+    assert held == (there.status == 0)
+    if held:
+        np.testing.assert_allclose(m.rate[:3], 0.0, atol=1e-11)
+        assert m.friction[3] == pytest.approx(slip)
+        for x, (low, high) in zip(m.friction, bounds, strict=False):
+            assert low - 1e-9 <= x <= high + 1e-9
