@@ -20,7 +20,7 @@ one left:
 
 What survives is printed with its line: it needs a test, or a reason. Reasons are in
 `mutants_judged.txt`; a mutant with one is not run and counts apart. A mutant is chosen by the text
-of its line, so that the same seed breaks the same lines after changes elsewhere.
+of its line and the name of its file: the same seed breaks the same lines after changes elsewhere.
 """
 
 from __future__ import annotations
@@ -218,9 +218,9 @@ def chosen(room: str, count: int, seed: int, skip: int = 0) -> list[Mutant]:
     lines = [mutants for file in files for mutants in mutants_of(file).values()]
     lines.sort(key=lambda mutants: digest(mutants[0]))
     return [
-        min(mutants, key=lambda mutant: digest(mutant, mutant.text, i))
-        for i, mutants in enumerate(lines[: skip + count])
-    ][skip:]
+        min(mutants, key=lambda mutant: digest(mutant, mutant.text))
+        for mutants in lines[skip : skip + count]
+    ]
 
 
 def has_kernels(room: str) -> bool:
