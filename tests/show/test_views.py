@@ -191,7 +191,7 @@ def test_a_follower_has_no_column_and_its_leader_one():
     ]
     assert {f"{leader}.sticking", f"{follower}.sticking"} <= set(frame)
     rows = np.reshape(motion.plot().axes, (-1, 3))
-    said = [[text.get_text() for text in row[0].texts] for row in rows]
+    said = [[t.get_text() for t in row[0].texts] + [row[0].get_title(loc="left")] for row in rows]
     assert said == [[leader], ["follows another joint", follower]]
     np.testing.assert_allclose(rows[1][1].lines[0].get_ydata(), -0.7 * motion.v[:, 0])
 

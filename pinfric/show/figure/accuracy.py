@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinfric.accuracy.study import Accuracy, Run
-from pinfric.show.figure.panel import sheet
+from pinfric.show.figure.panel import key_below, sheet
 from pinfric.show.figure.style import BLUE, GREEN, GRID, INK, QUIET, RED, style
 
 if TYPE_CHECKING:
@@ -34,11 +34,10 @@ def accuracy_figure(found: Accuracy) -> Figure:
             figure.subplots(1, len(panels), squeeze=False)[0], panels.items(), strict=True
         ):
             lost = _draw(axes, found.runs, quantity)
-            axes.set_xlabel("wall time (ms)", color=QUIET)
+            axes.set_xlabel("wall time (ms)")
             said = f"{text}; without a figure: {', '.join(lost)}" if lost else text
-            axes.set_title(said, loc="left", fontsize=9.5, color=INK)
-        handles, labels = figure.axes[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower left", ncols=4, frameon=False)
+            axes.set_title(said, color=INK)
+        key_below(figure)
     return figure
 
 
@@ -71,6 +70,5 @@ def _draw(axes: Axes, runs: Sequence[Run], quantity: str) -> list[str]:
     axes.xaxis.set_major_formatter("{x:g}")
     axes.xaxis.set_minor_formatter("{x:g}")
     axes.grid(True, which="major", color=GRID, linewidth=0.8)
-    axes.set_axisbelow(True)
     axes.tick_params(which="both", colors=QUIET)
     return lost

@@ -7,7 +7,7 @@ extremes.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +25,8 @@ from pinfric.motions.summary import (
     sites_on,
     summarize,
 )
-from pinfric.show.figure.style import BAND, BLUE, GREEN, GRID, INK, ORANGE, QUIET, style
+from pinfric.show.figure.panel import key_below, sheet
+from pinfric.show.figure.style import BLUE, GREEN, GRID, INK, ORANGE, QUIET, style
 from pinfric.show.report.inverse import log_lines
 from pinfric.show.report.names import picture_names, shortened
 from pinfric.show.report.values import digits, span
@@ -38,24 +39,6 @@ _EFFORT, _STICKING, _CARRIED = BLUE, ORANGE, GREEN
 #: The band is drawn in two layers, white and over it a veil that makes its colour: the frictionless
 #: curve between them shows through, the shading below both does not.
 _VEIL, _VEIL_ALPHA = "#539FD1", 0.5
-#: Opacity of the shaded times.
-_SHADE = 0.17
-#: The mark of an instant at rest, at the bottom of a panel.
-_PASSAGE: dict[str, Any] = {
-    "linestyle": "",
-    "marker": 2,
-    "markersize": 9,
-    "markeredgecolor": "#B87400",  # 2: a tick upward
-    "markeredgewidth": 1.4,
-}
-#: The mark of the largest effort.
-_PEAK: dict[str, Any] = {
-    "marker": "o",
-    "markersize": 4.5,
-    "markerfacecolor": "white",
-    "markeredgecolor": _EFFORT,
-    "markeredgewidth": 1.2,
-}
 #: Pieces a long motion is cut into, each drawn by its extremes: more than a panel has pixels.
 _PIECES = 2000
 #: A stick of this part of the whole time is a line, not a band: three pixels wide.
@@ -64,10 +47,8 @@ _INSTANT = 1 / 500
 _MOST = 30
 #: Up to this many samples each one gets a dot.
 _FEW = 80
-#: Inches a letter takes in a panel's label, on average.
-_LETTER, _BOLD_LETTER = 0.068, 0.088
-#: Inches: width of the figure, its margins, the header, a payload's strip, a panel's label.
-_WIDTH, _LEFT, _RIGHT, _HEADER, _FOOT, _STRIP, _LABEL = 11.0, 0.75, 0.25, 0.92, 0.55, 0.2, 0.38
+#: Inches a letter takes in a panel's label, on average; all panels of a row; a payload's strip.
+_LETTER, _BOLD_LETTER, _WIDTH, _STRIP = 0.068, 0.088, 10.2, 0.3
 
 
 def effort_figure(
@@ -88,71 +69,61 @@ def effort_figure(
         drives: names of those to draw; by default all, of more than 30 those with the largest
             peaks of their unit: what is left out is counted.
         log: how the trajectory was read, if it came from samples; how well efforts are known is
-            said below the title.
+            said below the panels.
 
     Raises:
         StateError: the result has no times, no drives, or no drive of a name.
     """
-    from matplotlib.figure import Figure
-
-    if result.t is None:
+    t, scene, names = result.t, result.scene, result.actuator_names
+    if t is None:
         raise StateError("a figure over time needs times: give `t` to inverse_dynamics")
-    chosen, left = _chosen(result, summarize(result), drives)
+    summaries = summarize(result)
+    if not summaries:
+        raise StateError(f"{scene.source}: has no drives, so there are no efforts to draw")
+    for name in drives or ():
+        if name not in names:
+            raise StateError(f"a figure: there is no drive {name!r}; {choose_from(name, names)}")
+    units = [summary.unit for summary in summaries]
+    chosen, left = largest([summary.peak for summary in summaries], units, _MOST)
+    if drives is not None:
+        chosen, left = [i for i, name in enumerate(names) if name in drives], ""
     count = len(chosen)
     columns = 1 if count <= 8 else 2 if count <= 16 else 3
     rows = -(-count // columns)
-    height = {1: 3.2, 2: 2.0, 3: 1.5}.get(rows, 1.15 if columns == 1 else 0.95)
-    whole_way = [(float(result.t[0]), float(result.t[-1]))]
+    height = {1: 3.6, 2: 2.4, 3: 1.9}.get(rows, 1.55 if columns == 1 else 1.35)
     carried = payload_phases(result)
-    always = [name for name, spans in carried.items() if spans == whole_way]
-    phases = {name: spans for name, spans in carried.items() if spans and name not in always}
-    strips = _STRIP * len(phases) + (0.08 if phases else 0.0)
-    zero = rounding(result)
-    total = _HEADER + strips + rows * (height + _LABEL) + _FOOT
+    always = [n for n, spans in carried.items() if spans == [(float(t[0]), float(t[-1]))]]
+    phases = {n: spans for n, spans in carried.items() if spans and n not in always}
+    heights = [_STRIP * len(phases)] * bool(phases) + [height] * rows
+    zero, width = rounding(result), _WIDTH / columns - 0.5
+    short, note = picture_names(names, int((width - 1.0) / _BOLD_LETTER))
     with style():
-        figure = Figure(figsize=(_WIDTH, total), dpi=150, facecolor="white")
-        grid = _Grid(figure, columns, height, total, strips)
-        room = int((grid.width - 1.0) / _BOLD_LETTER)
-        names, note = picture_names(result.actuator_names, room)
-        for place, (i, summary) in enumerate(chosen.items()):
-            row, column = place % rows, place // rows
-            axes = grid.panel(row, column)
-            bottom = row == rows - 1 or place == count - 1
-            _draw_panel(axes, result, i, zero, bottom)
-            for moment in sorted({x for spans in phases.values() for ends in spans for x in ends}):
+        title = " · ".join(name for name in (Path(scene.source).stem, trajectory) if name)
+        figure = sheet(11.0, sum(heights) + 1.4, shortened([title], 90)[0])
+        grid = figure.subplots(
+            len(heights), columns, sharex=True, squeeze=False, height_ratios=heights
+        )
+        still = 0.5 if len(t) == 1 else 0.0  # a single instant has no width
+        grid[0, 0].set_xlim(t[0] - still, t[-1] + still)
+        for axes in grid[0] if phases else ():
+            _draw_phases(axes, phases, t)
+        panels = grid[len(phases) > 0 :].T.ravel()
+        for axes in panels[count:]:
+            axes.remove()
+        for place, (axes, i) in enumerate(zip(panels, chosen, strict=False)):
+            for moment in {x for spans in phases.values() for ends in spans for x in ends}:
                 axes.axvline(moment, color=_CARRIED, linewidth=0.7, linestyle=(0, (4, 3)), zorder=1)
-            axes.plot(summary.peak_time, _peak(result, i), zorder=5, gid="peak", **_PEAK)
-            _label(axes, names[i], summary, grid.width, zero)
-        if phases:
-            for column in range(columns):
-                _draw_phases(grid.strip(column), phases, result.t)
-        known = "; ".join(["", *log_lines(log, {s.name: s.unit for s in summarize(result)})])
-        text = f"{_subject(chosen.values(), always)}{left}{note}{known}"
-        _head(figure, total, result, trajectory, text)
+            _draw_panel(axes, result, i, zero)
+            _label(axes, short[i], summaries[i], width, zero)
+            if place == count - 1 or (place + 1) % rows == 0:  # the lowest of its column
+                axes.set_xlabel("time (s)")
+                axes.tick_params(labelbottom=True)
+        shown = " and ".join(dict.fromkeys(units[i] for i in chosen))
+        known = "; ".join(["", *log_lines(log, {s.name: s.unit for s in summaries})])
+        carries = f"; carries {', '.join(always)} all the way" if always else ""
+        text = f"effort of each drive at its joint, in {shown}{carries}{left}{note}{known}"
+        key_below(figure, title=text, alignment="left")
     return figure
-
-
-def _subject(drawn: Iterable[ActuatorSummary], always: Sequence[str]) -> str:
-    """What is drawn, in which units, and what is carried `always`."""
-    units = " and ".join(dict.fromkeys(summary.unit for summary in drawn))
-    carried = f"; carries {', '.join(always)} all the way" if always else ""
-    return f"effort of each drive at its joint, in {units}{carried}"
-
-
-def _chosen(
-    result: InverseResult, summaries: Sequence[ActuatorSummary], drives: Sequence[str] | None
-) -> tuple[dict[int, ActuatorSummary], str]:
-    """What is drawn, by column, and what to say of the rest."""
-    if not summaries:
-        raise StateError(f"{result.scene.source}: has no drives, so there are no efforts to draw")
-    if drives is not None:
-        for name in drives:
-            if name not in result.actuator_names:
-                known = choose_from(name, result.actuator_names)
-                raise StateError(f"a figure: there is no drive {name!r}; {known}")
-        return {i: s for i, s in enumerate(summaries) if s.name in drives}, ""
-    drawn, left = largest([s.peak for s in summaries], [s.unit for s in summaries], _MOST)
-    return {i: summaries[i] for i in drawn}, left
 
 
 def largest(peaks: Sequence[float], units: Sequence[str], most: int) -> tuple[list[int], str]:
@@ -209,68 +180,95 @@ def brief_ticks(value: float, _position: float = 0.0) -> str:
     return text.replace("-", "\N{MINUS SIGN}")
 
 
-class _Grid:
-    """Places panels by inches, so that labels have the same room in every figure."""
-
-    def __init__(
-        self, figure: Figure, columns: int, height: float, total: float, strips: float
-    ) -> None:
-        self.figure, self.height, self.total, self.strips = figure, height, total, strips
-        gap = 0.6
-        self.width = (_WIDTH - _LEFT - _RIGHT - (columns - 1) * gap) / columns
-        self.step = self.width + gap
-        self.first: Axes | None = None
-
-    def panel(self, row: int, column: int) -> Axes:
-        top = self.total - _HEADER - self.strips - row * (self.height + _LABEL) - _LABEL
-        axes = self._axes(column, top - self.height, self.height, sharex=self.first)
-        self.first = self.first or axes
-        return axes
-
-    def strip(self, column: int) -> Axes:
-        bottom = self.total - _HEADER - self.strips
-        return self._axes(column, bottom, self.strips - 0.08, sharex=self.first)
-
-    def _axes(self, column: int, bottom: float, height: float, **options: Any) -> Axes:
-        left = (_LEFT + column * self.step) / _WIDTH
-        box = (left, bottom / self.total, self.width / _WIDTH, height / self.total)
-        return self.figure.add_axes(box, **options)
-
-
-def _draw_panel(axes: Axes, result: InverseResult, i: int, zero: float, bottom: bool) -> None:
-    assert result.t is not None
-    lower, upper = result.effort_lower[:, i], result.effort_upper[:, i]
-    frictionless = result.effort_frictionless[:, i]
-    kept = thinned([lower, upper, frictionless])
-    if len(kept) < len(lower):
-        kept = np.union1d(kept, _edges(lower != upper))
-    t, lower, upper, frictionless = (x[kept] for x in (result.t, lower, upper, frictionless))
-    sticking = rests(result, i)
-    interval = lower != upper
-    _shade(axes, result.t, sticking)
-    passages = _passages(result, i)
-    _mark_passages(axes, result.t, passages)
-    axes.axhline(0.0, color=QUIET, linewidth=0.5, alpha=0.6, zorder=1)
-    if sites_on(result.scene, i):
-        axes.plot(t, frictionless, color=INK, linewidth=0.7, zorder=2.9, gid="frictionless")
-    # The band of possible efforts; of an instant at rest a vertical line
-    lasting = interval & (sticking & ~passages)[kept]
-    where = lasting.tolist()
-    axes.fill_between(t, lower, upper, where=where, color="white", linewidth=0, zorder=2.8)
-    axes.fill_between(
-        t,
-        lower,
-        upper,
-        where=where,
-        facecolor=_VEIL,
-        alpha=_VEIL_ALPHA,
+def shade(axes: Axes, spans: np.ndarray, label: str = "") -> None:
+    """Shade the background in spans (n, 2) of time, s, in which something is at rest."""
+    axes.broken_barh(
+        [(a, b - a) for a, b in spans],
+        (0.0, 1.0),
+        transform=axes.get_xaxis_transform(),
+        facecolor=_STICKING,
+        alpha=0.17,
         linewidth=0,
-        zorder=3,
-        gid="interval",
+        zorder=0,
+        gid="sticking",
+        label=label if len(spans) else None,
     )
-    axes.fill_between(
-        t, lower, upper, where=where, facecolor="none", edgecolor=_EFFORT, linewidth=0.7, zorder=3.7
+
+
+def rest_spans(result: InverseResult, i: int) -> np.ndarray:
+    """Return the spans (n, 2), s, in which a drive rests; those closer than a pixel are one."""
+    assert result.t is not None
+    start, end = result.t[np.array(runs(rests(result, i)), dtype=int).reshape(-1, 2)].T
+    apart = start[1:] - end[:-1] >= np.ptp(result.t) / _PIECES
+    first, last = (np.ones(len(start), dtype=bool) for _ in range(2))
+    first[1:], last[:-1] = apart, apart
+    return np.column_stack((start[first], end[last]))
+
+
+def dress(axes: Axes, ticks: int) -> None:
+    """Give a panel few round ticks with brief labels, and a line at 0."""
+    from matplotlib.ticker import MaxNLocator
+
+    axes.axhline(0.0, color=QUIET, linewidth=0.5, alpha=0.6, zorder=1)
+    axes.yaxis.set_major_locator(MaxNLocator(ticks, steps=[1, 2, 2.5, 5, 10]))
+    axes.yaxis.set_major_formatter(brief_ticks)
+    axes.tick_params(colors=QUIET, length=2.5)
+
+
+def _draw_panel(axes: Axes, result: InverseResult, i: int, zero: float) -> None:
+    assert result.t is not None
+    t, sticking, rubs = result.t, rests(result, i), sites_on(result.scene, i)
+    lower, upper = result.effort_lower[:, i], result.effort_upper[:, i]
+    frictionless, interval = result.effort_frictionless[:, i], lower != upper
+    shade(axes, rest_spans(result, i), "time at rest")
+    # At rest for an instant: a stick too short to see, or a reversal; close ones make one tick
+    instant = _INSTANT * float(np.ptp(t)) or 1.0
+    passages = result.reversal[:, rubs].any(axis=1) & ~sticking
+    for first, last in runs(sticking):
+        passages[first : last + 1] = t[last] - t[first] <= instant
+    moments = t[passages]
+    moments = moments[np.unique(np.floor((moments - t[0]) / instant), return_index=True)[1]]
+    if moments.size:
+        axes.plot(
+            moments,
+            0.0 * moments,
+            transform=axes.get_xaxis_transform(),
+            linestyle="",
+            marker=2,  # a tick upward
+            markersize=9,
+            markeredgewidth=1.4,
+            color="#B87400",
+            zorder=4.5,
+            clip_on=False,
+            gid="passages",
+            label="passes through rest",
+        )
+    kept, change = thinned([lower, upper, frictionless]), np.flatnonzero(np.diff(interval))
+    if len(kept) < len(t) and len(change) <= 2 * _PIECES:  # also both sides of each change
+        kept = np.union1d(kept, (change, change + 1))
+    lasting = (interval & sticking & ~passages)[kept]
+    t, lower, upper, frictionless, interval = (
+        x[kept] for x in (t, lower, upper, frictionless, interval)
     )
+    if rubs:
+        (line,) = axes.plot(t, frictionless, color=INK, linewidth=0.7, label="without friction")
+        line.set(zorder=2.9, gid="frictionless")
+    # The band of possible efforts; of an instant at rest a vertical line
+    label = "possible efforts where it sticks" if lasting.any() else None
+    looks: tuple[dict[str, Any], ...] = (
+        {"zorder": 2.8, "color": "white", "linewidth": 0},
+        {
+            "zorder": 3,
+            "color": _VEIL,
+            "alpha": _VEIL_ALPHA,
+            "linewidth": 0,
+            "gid": "interval",
+            "label": label,
+        },
+        {"zorder": 3.7, "facecolor": "none", "edgecolor": _EFFORT, "linewidth": 0.7},
+    )
+    for look in looks:
+        axes.fill_between(t, lower, upper, where=lasting.tolist(), **look)
     instants = (interval & ~lasting) | _alone(lasting)
     axes.vlines(
         t[instants],
@@ -283,88 +281,32 @@ def _draw_panel(axes: Axes, result: InverseResult, i: int, zero: float, bottom: 
         gid="instants",
     )
     sliding = np.where(interval, np.nan, upper)
-    axes.plot(
-        t, sliding, color=_EFFORT, linewidth=1.5, zorder=4, gid="sliding", solid_capstyle="round"
-    )
+    (line,) = axes.plot(t, sliding, color=_EFFORT, linewidth=1.5, zorder=4, gid="sliding")
+    line.set(label="effort where the joint slides", solid_capstyle="round")
     dots = ~interval if len(t) <= _FEW else _alone(~interval)
-    axes.plot(t[dots], upper[dots], ".", color=_EFFORT, markersize=4, zorder=4, clip_on=False)
-    _dress(axes, result.t, (lower, upper, frictionless), zero, bottom)
-
-
-def _shade(axes: Axes, t: np.ndarray, sticking: np.ndarray) -> None:
-    """Light background where the drive sticks; times closer than a pixel are drawn as one."""
-    closest = (t[-1] - t[0]) / _PIECES
-    spans: list[list[float]] = []
-    for first, last in runs(sticking):
-        if spans and t[first] - spans[-1][1] < closest:
-            spans[-1][1] = float(t[last])
-        else:
-            spans.append([float(t[first]), float(t[last])])
-    axes.broken_barh(
-        [(start, end - start) for start, end in spans],
-        (0.0, 1.0),
-        transform=axes.get_xaxis_transform(),
-        facecolor=_STICKING,
-        alpha=_SHADE,
-        linewidth=0,
-        zorder=0,
-        gid="sticking",
-    )
-
-
-def _passages(result: InverseResult, i: int) -> np.ndarray:
-    """(T,) where a drive is at rest for an instant: a stick too short to see, or a reversal."""
-    assert result.t is not None
-    t, sticking = result.t, rests(result, i)
-    passages = result.reversal[:, sites_on(result.scene, i)].any(axis=1) & ~sticking
-    for first, last in runs(sticking):
-        if t[last] - t[first] <= _INSTANT * (t[-1] - t[0]):
-            passages[first : last + 1] = True
-    return np.asarray(passages)
-
-
-def _mark_passages(axes: Axes, t: np.ndarray, passages: np.ndarray) -> None:
-    """A tick at the bottom per instant at rest; those too close to be told apart are one."""
-    width = _INSTANT * float(t[-1] - t[0]) or 1.0
-    _, first = np.unique(np.floor((t[passages] - t[0]) / width), return_index=True)
-    moments: list[float] = []
-    for moment in t[passages][first].tolist():
-        if not moments or moment - moments[-1] > width:
-            moments.append(moment)
+    axes.plot(t[dots], upper[dots], ".", color=_EFFORT, markersize=4, zorder=4)
+    worst, _ = ends_by_magnitude(lower, upper)
+    peak = int(np.nan_to_num(np.abs(worst)).argmax())
     axes.plot(
-        moments,
-        np.zeros(len(moments)),
-        transform=axes.get_xaxis_transform(),
-        zorder=4.5,
-        clip_on=False,
-        gid="passages",
-        **_PASSAGE,
+        t[peak],
+        worst[peak],
+        linestyle="",
+        marker="o",
+        markersize=4.5,
+        markerfacecolor="white",
+        markeredgecolor=_EFFORT,
+        markeredgewidth=1.2,
+        zorder=5,
+        gid="peak",
+        label="peak",
     )
-
-
-def _dress(
-    axes: Axes, t: np.ndarray, series: Sequence[np.ndarray], zero: float, bottom: bool
-) -> None:
-    """Limits and ticks: as little ink as a reader needs."""
-    from matplotlib.ticker import MaxNLocator
-
-    values = np.concatenate(series)
+    # Limits: as little ink as a reader needs
+    values = np.concatenate([lower, upper, frictionless, [0.0]])
     values = values[np.isfinite(values)]
-    low, high = (float(values.min()), float(values.max())) if values.size else (0.0, 0.0)
-    low, high = min(low, 0.0), max(high, 0.0)
-    if high - low <= zero:
-        low, high = -1.0, 1.0
+    low, high = (values.min(), values.max()) if np.ptp(values) > zero else (-1.0, 1.0)
     axes.set_ylim(low - 0.08 * (high - low), high + 0.08 * (high - low))
-    still = 0.5 if len(t) == 1 else 0.0  # a single instant has no width
-    axes.set_xlim(t[0] - still, t[-1] + still)
-    axes.yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
-    axes.yaxis.set_major_formatter(brief_ticks)
-    axes.xaxis.set_major_locator(MaxNLocator(9, steps=[1, 2, 5, 10]))
-    axes.tick_params(colors=QUIET, labelcolor=QUIET, length=2.5, labelbottom=bottom)
-    axes.grid(axis="y", color=GRID, linewidth=0.4, zorder=0)
-    axes.set_axisbelow(True)
-    if bottom:
-        axes.set_xlabel("time (s)", color=QUIET)
+    dress(axes, 5)
+    axes.grid(axis="y", color=GRID, linewidth=0.4)
 
 
 def _label(axes: Axes, name: str, summary: ActuatorSummary, width: float, zero: float) -> None:
@@ -379,22 +321,8 @@ def _label(axes: Axes, name: str, summary: ActuatorSummary, width: float, zero: 
         room = int((width - _LETTER * (len(figures) + 6)) / _BOLD_LETTER)
         if len(name) <= room:
             break
-    labels: tuple[tuple[str, float, str, dict[str, Any]], ...] = (
-        (name, 0, "left", {"fontsize": 9, "fontweight": "bold", "color": INK}),
-        (f"{figures}  {summary.unit}", 1, "right", {"fontsize": 8, "color": QUIET}),
-    )
-    for text, x, side, look in labels:
-        axes.annotate(
-            text,
-            (x, 1),
-            (0, 4),
-            "axes fraction",
-            "offset points",
-            ha=side,
-            va="bottom",
-            annotation_clip=False,
-            **look,
-        )
+    axes.set_title(name, fontweight="bold", color=INK)
+    axes.set_title(f"{figures}  {summary.unit}", loc="right", fontsize=8, color=QUIET)
 
 
 def _draw_phases(axes: Axes, phases: dict[str, list[tuple[float, float]]], t: np.ndarray) -> None:
@@ -420,69 +348,6 @@ def _draw_phases(axes: Axes, phases: dict[str, list[tuple[float, float]]], t: np
             ha="center" if inside else "left",
             va="center",
         )
-
-
-def _head(
-    figure: Figure,
-    total: float,
-    result: InverseResult,
-    trajectory: str,
-    text: str,
-) -> None:
-    """Title, what is shown, and the key; the key names only what the figure has."""
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
-    title = " · ".join(name for name in (Path(result.scene.source).stem, trajectory) if name)
-    title = shortened([title], 90)[0]
-    handles: list[Any] = [
-        Line2D([], [], color=_EFFORT, linewidth=1.5, label="effort where the joint slides")
-    ]
-    if (result.effort_lower != result.effort_upper).any():
-        handles.append(
-            Patch(
-                facecolor=BAND,
-                edgecolor=_EFFORT,
-                linewidth=0.6,
-                label="possible efforts where it sticks",
-            )
-        )
-    if result.sticking.any():
-        handles.append(Patch(facecolor=_STICKING, alpha=_SHADE * 1.8, label="time at rest"))
-    if any(_passages(result, i).any() for i in range(len(result.actuator_names))):
-        in_line = {**_PASSAGE, "marker": "|"}  # a tick would stand above the letters
-        handles.append(Line2D([], [], label="passes through rest", **in_line))
-    if result.site_names:
-        handles.append(Line2D([], [], color=INK, linewidth=0.7, label="without friction"))
-    handles.append(Line2D([], [], linestyle="", label="peak", **_PEAK))
-    at: dict[str, Any] = {"x": _LEFT / _WIDTH, "va": "top"}
-    figure.text(y=1 - 0.2 / total, s=title, fontsize=13, fontweight="bold", color=INK, **at)
-    figure.text(y=1 - 0.46 / total, s=text, fontsize=9, color=QUIET, **at)
-    figure.legend(
-        handles=handles,
-        loc="upper left",
-        ncols=6,
-        frameon=False,
-        fontsize=8.5,
-        bbox_to_anchor=(_LEFT / _WIDTH, 1 - 0.62 / total),
-        borderaxespad=0,
-        borderpad=0.2,
-        handlelength=1.8,
-        columnspacing=1.8,
-        labelcolor=INK,
-    )
-
-
-def _peak(result: InverseResult, i: int) -> float:
-    """The effort of largest magnitude, with its sign."""
-    worst, _ = ends_by_magnitude(result.effort_lower[:, i], result.effort_upper[:, i])
-    return float(worst[np.abs(worst).argmax()])
-
-
-def _edges(mask: np.ndarray) -> np.ndarray:
-    """Indices on both sides of each change; none where they outnumber the pixels."""
-    change = np.flatnonzero(mask[1:] != mask[:-1])
-    return np.union1d(change, change + 1) if len(change) <= 2 * _PIECES else np.array([], int)
 
 
 def _alone(mask: np.ndarray) -> np.ndarray:

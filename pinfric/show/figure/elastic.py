@@ -10,7 +10,7 @@ import numpy as np
 from pinfric.elastic.motion import Elasticity, Rest, ToolPlace
 from pinfric.elastic.places import outline
 from pinfric.errors import StateError
-from pinfric.show.figure.panel import sheet
+from pinfric.show.figure.panel import key_below, sheet
 from pinfric.show.figure.style import BLUE, GREEN, GRID, INK, QUIET, RED, style
 from pinfric.show.report.values import digits
 
@@ -52,11 +52,10 @@ def tool_figure(found: Elasticity, title: str = "", rest: Rest | None = None) ->
         for axes, plane in zip(panels, combinations(range(3), 2), strict=True):
             _draw(axes, rest.tool, *plane)
             centre = 0.5 * (low + high)[list(plane)]
-            (x, y) = centre
+            x, y = centre
             axes.set(xlim=(x - half, x + half), ylim=(y - half, y + half), aspect="equal")
             _point_to_command(axes, centre, half)
-        handles, labels = panels[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
+        key_below(figure, 3)
     return figure
 
 
@@ -123,8 +122,6 @@ def _draw(axes: Axes, tool: ToolPlace, i: int, j: int) -> None:
     ):
         if way is not None:
             axes.plot(*(MM * way[plane]), mark, color=colour, ms=7, label=label, zorder=5)
-    axes.set_xlabel(f"{_AXES[i]}, mm", color=QUIET)
-    axes.set_ylabel(f"{_AXES[j]}, mm", color=QUIET)
+    axes.set(xlabel=f"{_AXES[i]}, mm", ylabel=f"{_AXES[j]}, mm")
     axes.tick_params(colors=QUIET)
     axes.grid(color=GRID, lw=0.6)
-    axes.set_axisbelow(True)

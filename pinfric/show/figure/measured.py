@@ -6,21 +6,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinfric.dynamics.inverse.result import InverseResult, runs
+from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.errors import StateError
 from pinfric.motions.log.effort_place import EFFORT_PLACES
 from pinfric.motions.log.judged import JudgedLog, measured_interval
-from pinfric.motions.summary import effort_unit, rests
-from pinfric.show.figure.efforts import brief_ticks, thinned
+from pinfric.motions.summary import effort_unit
+from pinfric.show.figure.efforts import dress, rest_spans, shade, thinned
 from pinfric.show.figure.panel import sheet
-from pinfric.show.figure.style import BAND, BLUE, ORANGE, PALE_RED, QUIET, style
+from pinfric.show.figure.style import BAND, BLUE, PALE_RED, style
 from pinfric.show.report.names import picture_names
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_COMPUTED, _MEASURED, _STICKING = BLUE, PALE_RED, ORANGE
+_COMPUTED, _MEASURED = BLUE, PALE_RED
 #: Letters of a drive's name.
 _LETTERS = 60
 
@@ -47,18 +47,11 @@ def measured_figure(result: InverseResult, log: JudgedLog, trajectory: str = "")
             draw_measured(axes, result, log, name)
             i = result.actuator_names.index(name)
             title = f"{short}, {effort_unit(result.scene, i)}: off by {found.relative_error:.0%}"
-            axes.set_title(title.replace("%", " %"), loc="left", fontsize=9)
-            axes.yaxis.set_major_formatter(brief_ticks)
-            axes.tick_params(colors=QUIET)
-        panels[-1].set_xlabel("time (s)", color=QUIET)
-        handles = [panels[0].lines[0], panels[0].lines[1]]
-        figure.legend(
-            handles,
-            ["measured", "computed (a band where it sticks)"],
-            ncols=2,
-            loc="outside lower left",
-            frameon=False,
-        )
+            axes.set_title(title.replace("%", " %"))
+            dress(axes, 5)
+        panels[-1].set_xlabel("time (s)")
+        labels = ["measured", "computed (a band where it sticks)"]
+        figure.legend(panels[0].lines[:2], labels, ncols=2, loc="outside lower left")
     return figure
 
 
@@ -88,14 +81,7 @@ def draw_measured(
     measured = log.reading.effort[drive]
     known = np.where(np.isfinite(measured), measured, 0.0)
     keep = thinned([lower[:, i], upper[:, i], known], pieces)
-    axes.broken_barh(
-        [(t[a], t[b] - t[a]) for a, b in runs(rests(result, i))],
-        (0.0, 1.0),
-        transform=axes.get_xaxis_transform(),
-        color=_STICKING,
-        alpha=0.15,
-        linewidth=0,
-    )
+    shade(axes, rest_spans(result, i) + shift)
     axes.fill_between(t[keep], lower[keep, i], upper[keep, i], color=BAND, linewidth=0)
     axes.plot(t[keep] - lag, measured[keep], color=_MEASURED, linewidth=1.8, gid="measured")
     axes.plot(t[keep], upper[keep, i], color=_COMPUTED, linewidth=0.9, gid="computed")

@@ -14,18 +14,16 @@ from pinfric.dynamics.simulation.motion import Motion
 from pinfric.model.brief import counted
 from pinfric.model.coordinates import one_number
 from pinfric.model.described import PLACE, SPEED, effort_where, unit_at
-from pinfric.show.figure.efforts import brief_ticks, thinned
-from pinfric.show.figure.panel import sheet
-from pinfric.show.figure.style import BLUE, INK, ORANGE, QUIET, style
+from pinfric.show.figure.efforts import dress, shade, thinned
+from pinfric.show.figure.panel import key_below, sheet
+from pinfric.show.figure.style import BLUE, INK, QUIET, style
 from pinfric.show.report.names import picture_names
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_FRICTION, _STICKING, _LIMIT = BLUE, ORANGE, "#8A8A8A"
-#: Opacity of the shaded times.
-_SHADE = 0.18
+_FRICTION, _LIMIT = BLUE, "#8A8A8A"
 #: Joints drawn, and inches a row takes of few and of many.
 _MOST, _TALL, _LOW = 16, 1.9, 1.2
 #: Beside 1 rad or m, and beside the value itself: what changes less stands still.
@@ -57,9 +55,6 @@ def motion_figure(motion: Motion) -> Figure:
     Shaded is where that joint sticks. Of more than 16 joints those that move are drawn: first those
     that stick and slip, then the farthest travelled (a metre as a radian); the others are counted.
     """
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
     rows = _rows(motion)
     drawn, left = _chosen(rows)
     height = _TALL if len(drawn) <= 4 else _LOW
@@ -77,29 +72,11 @@ def motion_figure(motion: Motion) -> Figure:
             still = 0.5 if len(motion.t) == 1 else 0.0  # an instant has no width
             panels[0, 0].set_xlim(motion.t[0] - still, motion.t[-1] + still)
             for column in panels.T:
-                lowest = [axes for axes in column if axes.axison][-1:]
-                for axes in lowest:
-                    axes.set_xlabel("time (s)", color=QUIET)
+                for axes in [axes for axes in column if axes.axison][-1:]:
+                    axes.set_xlabel("time (s)")
                     axes.tick_params(labelbottom=True)
-        figure.align_ylabels()
-        handles: list[Any] = [Line2D([], [], color=INK, linewidth=1.2, label="position, velocity")]
-        if any(row.site >= 0 for row in drawn):
-            handles += [
-                Line2D([], [], color=_FRICTION, linewidth=1.5, label="friction"),
-                Line2D(
-                    [],
-                    [],
-                    color=_LIMIT,
-                    linewidth=0.9,
-                    linestyle=(0, (4, 2)),
-                    label="its static limits",
-                ),
-            ]
-        if motion.stick_intervals():
-            handles.append(
-                Patch(facecolor=_STICKING, alpha=1.8 * _SHADE, label="this joint sticks")
-            )
-        figure.legend(handles=handles, loc="outside lower left", ncols=4, frameon=False)
+            figure.align_ylabels()
+            key_below(figure)
     return figure
 
 
@@ -148,36 +125,34 @@ def _kind(motion: Motion, site: int, velocity: np.ndarray | None) -> int:
 
 def _draw(panels: Sequence[Axes], motion: Motion, row: _Row, name: str) -> None:
     effort = effort_where(row.sliding)
-    place, speed = unit_at(PLACE, effort), unit_at(SPEED, effort)
     for axes, values, unit in zip(
-        panels, (row.position, row.velocity), (place, speed), strict=False
+        panels, (row.position, row.velocity), (PLACE, SPEED), strict=False
     ):
         if values is None:
             axes.axis("off")
         else:
-            kept = thinned([values])
-            axes.plot(motion.t[kept], values[kept], color=INK, linewidth=1.2)
-            _dress(axes, motion, row.site, unit)
+            _line(axes, motion.t, values, color=INK, linewidth=1.2, label="position, velocity")
+            _dress(axes, motion, row.site, unit_at(unit, effort))
+    last = panels[2]
     if row.site < 0:
-        panels[2].axis("off")
-        _say(panels[2], "no friction")
+        last.axis("off")
+        _say(last, "no friction")
     else:
-        _friction(panels[2], motion, row.site)
-        _dress(panels[2], motion, row.site, effort)
+        static, load = motion.scene.sites[row.site].law.static, motion.normal_load[:, row.site]
+        for limit in (-(static.mu * load + static.forward), static.mu * load + static.backward):
+            look: dict[str, Any] = {"linestyle": (0, (4, 2)), "label": "its static limits"}
+            _line(last, motion.t, limit, color=_LIMIT, linewidth=0.9, **look)
+        friction = motion.friction[:, row.site]
+        _line(last, motion.t, friction, color=_FRICTION, linewidth=1.5, label="friction")
+        _dress(last, motion, row.site, effort)
     if row.position is None:
         _say(panels[0], "closes a loop" if row.velocity is None else "follows another joint")
-    panels[0].annotate(
-        name,
-        (0, 1),
-        (0, 4),
-        "axes fraction",
-        "offset points",
-        fontsize=9,
-        fontweight="bold",
-        color=INK,
-        va="bottom",
-        annotation_clip=False,
-    )
+    panels[0].set_title(name, fontweight="bold", color=INK)
+
+
+def _line(axes: Axes, t: np.ndarray, values: np.ndarray, **look: Any) -> None:
+    kept = thinned([values])
+    axes.plot(t[kept], values[kept], **look)
 
 
 def _say(axes: Axes, text: str) -> None:
@@ -186,30 +161,17 @@ def _say(axes: Axes, text: str) -> None:
 
 def _dress(axes: Axes, motion: Motion, site: int, unit: str) -> None:
     """Limits and ticks; shaded where the joint sticks."""
-    from matplotlib.ticker import MaxNLocator
-
     values = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in axes.lines])
     values = values[np.isfinite(values)]
     middle = float(values.mean()) if values.size else 0.0
     if not values.size or np.ptp(values) <= _ROUNDING * max(1.0, abs(middle)):
         axes.set_ylim(middle - 0.5, middle + 0.5)  # rounding is no motion
-    axes.axhline(0, color=QUIET, linewidth=0.5, alpha=0.6, zorder=0)
-    axes.set_ylabel(unit, color=QUIET)
-    axes.tick_params(colors=QUIET, length=2.5)
-    axes.yaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 2.5, 5, 10]))
-    axes.yaxis.set_major_formatter(brief_ticks)
-    for first, last in runs(motion.phase_modes[:, site] == 0) if site >= 0 else ():
-        span = motion.phase_t[first], motion.phase_t[last + 1]
-        axes.axvspan(*span, color=_STICKING, alpha=_SHADE, linewidth=0, gid="sticking")
-
-
-def _friction(axes: Axes, motion: Motion, s: int) -> None:
-    static, load = motion.scene.sites[s].law.static, motion.normal_load[:, s]
-    for limit in (-(static.mu * load + static.forward), static.mu * load + static.backward):
-        kept = thinned([limit])
-        axes.plot(motion.t[kept], limit[kept], color=_LIMIT, linewidth=0.9, linestyle=(0, (4, 2)))
-    kept = thinned([motion.friction[:, s]])
-    axes.plot(motion.t[kept], motion.friction[kept, s], color=_FRICTION, linewidth=1.5)
+    axes.set_ylabel(unit)
+    dress(axes, 4)
+    if site >= 0:
+        t, sticks = motion.phase_t, runs(motion.phase_modes[:, site] == 0)
+        spans = np.array([(t[a], t[b + 1]) for a, b in sticks]).reshape(-1, 2)
+        shade(axes, spans, "this joint sticks")
 
 
 def _what(motion: Motion, drawn: Sequence[_Row], left: Sequence[_Row]) -> str:

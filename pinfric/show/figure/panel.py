@@ -30,6 +30,14 @@ def sheet(width: float, height: float, title: str = "") -> Figure:
     return figure
 
 
+def key_below(figure: Figure, ncols: int = 6, **options: Any) -> None:
+    """Name below all axes what is labelled in any of them, each label once."""
+    named = [axes.get_legend_handles_labels() for axes in figure.axes]
+    key = {label: handle for of in named for handle, label in zip(*of, strict=True)}
+    if key:
+        figure.legend(key.values(), key, ncols=ncols, loc="outside lower left", **options)
+
+
 def panel(x: str, y: str, width: float = 5.0, height: float = 2.9) -> tuple[Figure, Axes]:
     """Return a figure of one pair of axes, with their titles.
 
@@ -40,11 +48,9 @@ def panel(x: str, y: str, width: float = 5.0, height: float = 2.9) -> tuple[Figu
     with style():
         figure = sheet(width, height)
         axes = figure.add_subplot()
-        axes.set_xlabel(x, color=QUIET)
-        axes.set_ylabel(y, color=QUIET)
+        axes.set(xlabel=x, ylabel=y)
         axes.tick_params(colors=QUIET)
         axes.grid(color=GRID, linewidth=0.6)
-        axes.set_axisbelow(True)
     return figure, axes
 
 
@@ -59,10 +65,8 @@ def svg(figure: Figure, title: str) -> str:
 
     from matplotlib import rc_context
 
-    handles, labels = figure.axes[0].get_legend_handles_labels()
     with style(), rc_context({"svg.fonttype": "none"}):
-        if handles:
-            figure.legend(handles, labels, loc="outside lower left", ncols=3, frameon=False)
+        key_below(figure, 3)
         file: Any = io.StringIO()
         figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None})
     text = file.getvalue()

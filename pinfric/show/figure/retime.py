@@ -72,7 +72,7 @@ def retime_figure(result: RetimeResult) -> Figure:
         top.set_ylim(0.0, 1.35 * most)
         top.set_ylabel("along the path, ds/dt (1/s)")
         top.tick_params(colors=QUIET)
-        top.legend(loc="upper right", frameon=False, ncols=2)
+        top.legend(loc="upper right", ncols=2)
         used = _draw_use(low, result)
         before = f" ({digits(result.before)} s before)" if result.before is not None else ""
         text = (
@@ -80,11 +80,11 @@ def retime_figure(result: RetimeResult) -> Figure:
             f"{100 * result.excess:.2g} %"
             f"{picture_names([drive.name for drive in scene.drives], _LETTERS)[1]}"
         )
-        top.set_title(text, loc="left", color=QUIET)
+        top.set_title(text, color=QUIET)
         limits = instant_limits()
         patches = [Patch(color=_colour(k), label=f"at its {limits[k].name}") for k in used]
         patches.append(Patch(color=(0.45, 0.45, 0.51), label="uses nearly all of a limit"))
-        figure.legend(handles=patches, loc="outside lower center", ncols=4, frameon=False)
+        figure.legend(handles=patches, loc="outside lower center", ncols=4)
     return figure
 
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from pinfric.model.described import SPEED, unit_at
 from pinfric.motions.summary import effort_unit
-from pinfric.show.figure.panel import panel, sheet
-from pinfric.show.figure.style import BLUE, GRID, INK, ORANGE, QUIET, RED, style
+from pinfric.show.figure.panel import key_below, panel, sheet
+from pinfric.show.figure.style import BLUE, GRID, INK, ORANGE, RED, style
 from pinfric.show.report.names import picture_names
 from pinfric.stops.study import StopResult
 
@@ -37,12 +37,11 @@ def stop_figure(result: StopResult) -> Figure:
         panels = figure.subplots(len(drawn), 2, squeeze=False)
         for row, d, label in zip(panels, drawn, labels, strict=True):
             draw_stop(row[0], row[1], result, d)
-            row[0].set_title(label, loc="left", fontsize=8.5, color=INK, weight="bold")
+            row[0].set_title(label, color=INK, weight="bold")
         for axes in panels[-1]:
-            axes.set_xlabel("time from the command, ms", color=QUIET)
+            axes.set_xlabel("time from the command, ms")
         figure.align_ylabels()
-        handles, texts = panels[0, 0].get_legend_handles_labels()
-        figure.legend(handles, texts, loc="outside lower left", ncols=4, frameon=False)
+        key_below(figure)
     return figure
 
 
@@ -76,7 +75,7 @@ def draw_stop(upper: Axes, lower: Axes, result: StopResult, drive: int) -> None:
     lower.plot(t, motion.effort[:, drive], color=BLUE, linewidth=1.6)
     for axes, label in ((upper, f"speed, {unit_at(SPEED, unit)}"), (lower, f"effort, {unit}")):
         axes.set_xlim(0.0, end)
-        axes.set_ylabel(label, color=QUIET)
+        axes.set_ylabel(label)
         axes.axhline(0.0, color=GRID, linewidth=0.8, zorder=0)
         # Lines where power goes off and where the brake closes
         off = reaction + motion.power_off

@@ -45,9 +45,10 @@ def part(axes, name):
 
 
 def texts(figure):
-    return [t.get_text() for t in figure.texts] + [
-        t.get_text() for a in figure.axes for t in a.texts
-    ]
+    titles = [a.get_title(loc=side) for a in figure.axes for side in ("left", "right")]
+    drawn = [*figure.texts, *(text for a in figure.axes for text in a.texts)]
+    below = [legend.get_title() for legend in figure.legends]
+    return titles + [text.get_text() for text in (*drawn, *below)]
 
 
 def test_one_panel_per_drive_on_one_time_axis():
