@@ -623,7 +623,7 @@ def replay(
     from pinfric.dynamics.simulation.motion import Motion
     from pinfric.model.scene_file import load_scene
     from pinfric.show.replay.replay import replay as make_replay
-    from pinfric.show.replay.replay import replay_lines, replay_summary
+    from pinfric.show.replay.replay import replay_lines
     from pinfric.show.timeline.motion import motion_to_replay
 
     scene = load_scene(scene_name)
@@ -637,7 +637,7 @@ def replay(
     urdf = "" if scene.robot is None else scene.robot.urdf
     read.extend([scene.source, urdf, motion_name or "", log.columns or "", motors or ""])
     lines = partial(replay_lines, shown, opened)
-    answer("replay", replay_summary(shown), lines, as_json, scene=scene.source)
+    answer("replay", shown, lines, as_json, scene=scene.source)
     if isinstance(motion, Motion) and motion.status == "interrupted" and motion_name is None:
         raise typer.Exit(INTERRUPTED)
 
@@ -882,7 +882,7 @@ def result_classes() -> dict[str, list[type]]:
     from pinfric.retiming.summary import RetimeSummary
     from pinfric.show.inverse_summary import InverseSummary
     from pinfric.show.motion_summary import MotionSummary
-    from pinfric.show.replay.replay import ReplaySummary
+    from pinfric.show.replay.replay import Replay
     from pinfric.sizing.summary import SizingSummary
     from pinfric.stops.summary import StopSummary
     from pinfric.sweeps.summary import SweepSummary
@@ -896,7 +896,7 @@ def result_classes() -> dict[str, list[type]]:
         "retime": [RetimeSummary],
         "sweep": [SweepSummary],
         "identify": [IdentifySummary],
-        "replay": [ReplaySummary],
+        "replay": [Replay],
         "check": [CheckReport],
         "accuracy": [Accuracy],
         "explain": [Explanation],

@@ -21,6 +21,7 @@ import types
 import typing
 from collections.abc import Callable, Mapping
 from enum import Enum, IntEnum
+from pathlib import Path
 from typing import Any, NamedTuple, TypeVar, dataclass_transform
 
 import numpy as np
@@ -169,10 +170,10 @@ def in_json(value: Any) -> Any:
         return in_json(value.tolist())
     if isinstance(value, float) and not math.isfinite(value):
         return None
-    return value
+    return str(value) if isinstance(value, Path) else value
 
 
-_NAMES = {str: "string", bool: "boolean", int: "integer", type(None): "null"}
+_NAMES = {str: "string", Path: "string", bool: "boolean", int: "integer", type(None): "null"}
 _DRAFT = "https://json-schema.org/draft/2020-12/schema"
 
 

@@ -91,8 +91,10 @@ def site_marker(scene: Scene, site: Site, shapes: Sequence[Shape], size: float) 
     offset = getattr(bearing, "offset", 0.0)  # not every kind has one, nor a radius
     radius = 1.15 * getattr(bearing, "radius", 0.0)
     if site.pair < 0:
-        own = _OF_LINK / _SMALLEST * _link_size(site.joint + 1, shapes)
-        size = float(np.clip(own, _OF_ROBOT * size, size))
+        # diagonal of the box round what is drawn of its link
+        link = [s.corners() for s in shapes if s.kind == "visual" and s.joint == site.joint + 1]
+        own = np.linalg.norm(np.ptp(np.concatenate(link), axis=0)) if link else np.inf
+        size = float(np.clip(_OF_LINK / _SMALLEST * own, _OF_ROBOT * size, size))
     least = _SMALLEST * size
     most = max(_LARGEST * size, min(radius, 3.0 * _LARGEST * size))
     up = turn_between(UP, site.axis)
@@ -113,12 +115,6 @@ def site_marker(scene: Scene, site: Site, shapes: Sequence[Shape], size: float) 
             line = turn_between(UP, np.asarray(data.oMi[joint].rotation.T @ way))
             return Marker(joint, pin.SE3(line, frame.translation), least, size, np.eye(3))
     return Marker(joint, placement, float(np.clip(radius, least, most)), size, up.T)
-
-
-def _link_size(joint: int, shapes: Sequence[Shape]) -> float:
-    """Diagonal of the box round what is drawn of a joint's link, m; inf where nothing is."""
-    own = [s.corners() for s in shapes if s.kind == "visual" and s.joint == joint]
-    return float(np.linalg.norm(np.ptp(np.concatenate(own), axis=0))) if own else np.inf
 
 
 def _outside(

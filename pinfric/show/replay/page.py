@@ -20,6 +20,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric import __version__
+from pinfric.model.brief import counted
 from pinfric.model.described import effort_where
 from pinfric.model.scene import Scene
 from pinfric.show.replay import markers, stage
@@ -60,6 +61,8 @@ def replay_html(scene: Scene, frames: Frames, title: str) -> str:
     viewed = meshcat.Visualizer(window=window)
     staged = stage.set_stage(viewed, scene, frames.placement)
     stage.animate(viewed, staged, frames)
+    # equal shapes beside each other pack to a fraction; the animation needs all of them
+    drawing = [*sorted(window.commands[:-1], key=len), window.commands[-1]]
     viewer = Path(meshcat.__file__).parent / "viewer/dist/main.min.js"
     # The frames as the script takes them: t in double precision, the rest in single
     balls = frames.slip[:, [site.ball for site in scene.sites]]
@@ -73,9 +76,9 @@ def replay_html(scene: Scene, frames: Frames, title: str) -> str:
         style=_template("replay.css"),
         meshcat=_packed(viewer.read_bytes()),
         data=json_for_script(_data(scene, frames, staged)),
-        commands=_packed(b"".join(struct.pack("<I", len(c)) + c for c in window.commands)),
+        commands=_packed(b"".join(struct.pack("<I", len(c)) + c for c in drawing)),
         frames=_packed(b"".join(array.tobytes() for array in arrays)),
-        script=_in_script(_fill(_template("replay.js"), timeline=_template("replay_timeline.js"))),
+        script=_fill(_template("replay.js"), timeline=_template("replay_timeline.js")),
     )
 
 
@@ -83,13 +86,29 @@ def _data(scene: Scene, frames: Frames, staged: Stage) -> dict[str, Any]:
     """What the page's script reads, apart from the frames."""
     rows = _rows(frames)
     names = [*scene.site_names, *(row["name"] for row in rows)]
-    ends = affixes(names)
-    for row, label in zip(rows, without(names, *ends)[len(scene.sites) :], strict=True):
+    labels = without(names, *affixes(names))
+    short = labels[: len(scene.sites)]
+    for row, label in zip(rows, labels[len(scene.sites) :], strict=True):
         row["label"] = label
     return {
         "about": _about(scene, frames),
         "frames": len(frames.t),
-        "sites": _sites(scene, frames, staged, without(scene.site_names, *ends)),
+        "sites": [
+            {
+                "name": site.name,
+                "label": label,
+                "path": path,
+                "unit": effort_where(site.sliding),
+                "sliding": site.sliding,
+                "ball": site.ball,
+                "turn": pin.Quaternion(marker.turn).coeffs(),
+                "arc_radius": stage.ARC_REACH * marker.radius,
+                "times": vars(times),
+            }
+            for site, label, path, marker, times in zip(
+                scene.sites, short, staged.site_paths, staged.markers, frames.sites, strict=True
+            )
+        ],
         "rows": rows,
         "colors": markers.COLORS,
         "legend": _legend(scene, frames, staged),
@@ -102,23 +121,6 @@ def _data(scene: Scene, frames: Frames, staged: Stage) -> dict[str, Any]:
         "arc": {"angle": markers.ARC, "segments": stage.SEGMENTS, "sides": stage.SIDES},
         "most": _most(scene, frames),
     }
-
-
-def _sites(scene: Scene, frames: Frames, staged: Stage, labels: list[str]) -> list[dict[str, Any]]:
-    return [
-        {
-            "name": site.name,
-            "label": labels[s],
-            "path": staged.site_paths[s],
-            "unit": effort_where(site.sliding),
-            "sliding": site.sliding,
-            "ball": site.ball,
-            "turn": pin.Quaternion(staged.markers[s].turn).coeffs(),
-            "arc_radius": stage.ARC_REACH * staged.markers[s].radius,
-            "times": vars(frames.sites[s]),
-        }
-        for s, site in enumerate(scene.sites)
-    ]
 
 
 def _rows(frames: Frames) -> list[dict[str, Any]]:
@@ -187,8 +189,7 @@ def _most(scene: Scene, frames: Frames) -> dict[str, float]:
 def _about(scene: Scene, frames: Frames) -> str:
     """One line below the title."""
     kind = "Simulated motion" if frames.simulated else "Inverse dynamics along a motion"
-    count = len(scene.sites)
-    joints = "no joint" if count == 0 else "1 joint" if count == 1 else f"{count} joints"
+    joints = counted(len(scene.sites), "joint") if scene.sites else "no joint"
     gravity = np.array(scene.model.gravity.linear)
     turned = np.linalg.norm(gravity) > 0 and gravity[2] > -0.999 * np.linalg.norm(gravity)
     text = (
@@ -204,11 +205,6 @@ def _packed(content: bytes) -> str:
 
 def _template(name: str) -> str:
     return (resources.files("pinfric.show.replay") / "templates" / name).read_text(encoding="utf-8")
-
-
-def _in_script(text: str) -> str:
-    """Text that cannot end the <script> it stands in."""
-    return text.replace("</script", "<\\/script")
 
 
 def _fill(template: str, **parts: str) -> str:

@@ -6,7 +6,6 @@ import html as html_escaping
 import os
 import sys
 import tempfile
-from dataclasses import dataclass
 from pathlib import Path
 
 from pinfric.dynamics.inverse.result import InverseResult, StickInterval
@@ -22,23 +21,19 @@ from pinfric.show.timeline.frames import RATE, make_frames
 from pinfric.show.timeline.motion import check_same_scene, with_drives
 
 
-@dataclass(frozen=True)
+@described
 class Replay:
     """A replay as a page that needs no network; a notebook shows it by itself.
 
     Attributes:
         page: the HTML.
-        html: the file it was written to, or None.
-        duration: of the motion, s.
-        frames: number of frames.
-        stick_intervals: when which site sticks.
     """
 
     page: str
-    html: Path | None
-    duration: float
-    frames: int
-    stick_intervals: tuple[StickInterval, ...]
+    html: Path | None = quantity("the page; none: none was written")
+    duration: float = quantity("of the motion", "s")
+    frames: int = quantity("that are drawn")
+    stick_intervals: tuple[StickInterval, ...] = quantity("that are marked")
 
     def save(self, path: str | Path) -> Path:
         """Write the page to a file.
@@ -111,13 +106,8 @@ def replay(
     page = replay_html(scene, frames, title or Path(scene.source).stem)
     if html is None and open_browser:
         html = Path(tempfile.mkdtemp(prefix="pinfric-")) / "replay.html"
-    done = Replay(
-        page=page,
-        html=None if html is None else Path(html),
-        duration=frames.duration,
-        frames=len(frames.t),
-        stick_intervals=frames.stick_intervals,
-    )
+    file = None if html is None else Path(html)
+    done = Replay(page, file, frames.duration, len(frames.t), frames.stick_intervals)
     if done.html is not None:
         done.save(done.html)
         if open_browser:
@@ -138,22 +128,6 @@ def replay_lines(shown: Replay, opened: bool | None) -> list[str]:
     if opened is False:
         lines.append("no display or no browser here: open the file on another machine")
     return lines
-
-
-@described
-class ReplaySummary:
-    """The content of a replay."""
-
-    html: str | None = quantity("the page; none: none was written")
-    duration: float = quantity("of the motion", "s")
-    frames: int = quantity("that are drawn")
-    stick_intervals: tuple[StickInterval, ...] = quantity("that are marked")
-
-
-def replay_summary(shown: Replay) -> ReplaySummary:
-    """Return what a replay shows."""
-    html = None if shown.html is None else str(shown.html)
-    return ReplaySummary(html, shown.duration, shown.frames, tuple(shown.stick_intervals))
 
 
 def open_page(page: str | Path) -> bool:

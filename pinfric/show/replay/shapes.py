@@ -28,6 +28,8 @@ _THICK = 0.03
 
 def robot_shapes(scene: Scene) -> tuple[Shape, ...]:
     """Return what to draw; meshes that are not there are replaced, with one `PinfricWarning`."""
+    from trimesh import creation
+
     model = scene.model
     shapes, missing = ([], {}) if scene.robot is None else urdf_visuals(model, scene.robot)
     if missing:
@@ -53,7 +55,9 @@ def robot_shapes(scene: Scene) -> tuple[Shape, ...]:
             shapes.append(Shape("body", joint, box.placement, box_mesh(box, _BODY)))
     for joint, end in ends:
         if joint not in dressed and np.linalg.norm(end) > 1e-6:
-            shapes.append(Shape("line", joint, pin.SE3.Identity(), _rod_to(end)))
+            radius = _THICK * float(np.linalg.norm(end))
+            rod = painted(creation.cylinder(radius, segment=[np.zeros(3), end]), _LINE)
+            shapes.append(Shape("line", joint, pin.SE3.Identity(), rod))
     return tuple(shapes)
 
 
@@ -62,13 +66,6 @@ def box_mesh(box: Box, color: tuple[int, ...] = _BODY) -> Any:
     from trimesh import creation
 
     return painted(creation.box(box.edges), color)
-
-
-def _rod_to(end: np.ndarray) -> Any:
-    from trimesh import creation
-
-    radius = _THICK * float(np.linalg.norm(end))
-    return painted(creation.cylinder(radius, segment=[np.zeros(3), end]), _LINE)
 
 
 def linkage_frame(linkage: Linkage, pair: int, side: int) -> tuple[int, pin.SE3]:

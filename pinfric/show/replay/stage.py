@@ -91,9 +91,15 @@ def set_stage(viewer: Any, scene: Scene, placements: np.ndarray) -> Stage:
         scene: the robot.
         placements: (F, nj, 7) of the joints in the frames that the view must show.
     """
-    shapes, upright = robot_shapes(scene), _upright(scene)
+    shapes, gravity = robot_shapes(scene), np.array(scene.model.gravity.linear)
+    # the world is turned so that gravity points down
+    upright = np.eye(3) if np.linalg.norm(gravity) < 1e-9 else turn_between(gravity, -UP)
     few = placements[np.unique(np.linspace(0, len(placements) - 1, 24).astype(int))]
-    carried = {name: _payload_shape(scene, name) for name in scene.payloads}
+    boxes = {name: payload_box(scene, payload) for name, payload in scene.payloads.items()}
+    carried = {
+        name: Shape("payload", joint, box.placement, box_mesh(box))
+        for name, (joint, box) in boxes.items()
+    }
     points = [(shape.joint, shape.corners()) for shape in (*shapes, *carried.values())]
     points += [(joint, np.zeros((1, 3))) for joint in range(1, scene.model.njoints)]
     seen = [
@@ -125,7 +131,7 @@ def set_stage(viewer: Any, scene: Scene, placements: np.ndarray) -> Stage:
         viewer[path].set_property("visible", bool(scene.payloads[name].attached))
     cylinders = _draw_linkage(viewer, scene.linkage, nodes, size) if scene.linkage else ()
     for n, place in enumerate(tool_stops(scene, placements)):
-        _draw_stop(viewer[f"world/stop_{n}"], place, size)
+        _draw_ball(viewer[f"world/stop_{n}"], STOP_COLOR, place, _STOP * size, on_top=True)
     low, high = np.min(seen, axis=(0, 1)), np.max(seen, axis=(0, 1))
     _dress(viewer, upright, low[2] if low[2] < -0.02 * size else 0.0, size)
     middle = 0.5 * (low + high)
@@ -184,12 +190,6 @@ def _node(name: str) -> str:
     return name.replace("/", "|") or "joint"
 
 
-def _upright(scene: Scene) -> np.ndarray:
-    """(3, 3) that turns gravity downwards."""
-    gravity = np.array(scene.model.gravity.linear)
-    return np.eye(3) if np.linalg.norm(gravity) < 1e-9 else turn_between(gravity, -UP)
-
-
 def _act(placements: np.ndarray, joint: int, points: np.ndarray) -> np.ndarray:
     """(n, 3) or (3,) points of a joint (0: the ground) in the world, in one frame (nj, 7)."""
     if joint == 0:
@@ -220,11 +220,13 @@ def tool_stops(scene: Scene, placements: np.ndarray) -> np.ndarray:
     return np.array(kept).reshape(-1, 3)
 
 
-def _draw_stop(node: Any, place: np.ndarray, size: float) -> None:
+def _draw_ball(
+    node: Any, color: str, place: np.ndarray, radius: float, on_top: bool = False
+) -> None:
     from trimesh import creation
     from trimesh.transformations import translation_matrix
 
-    node.set_object(Surface(creation.icosphere(radius=_STOP * size), STOP_COLOR, on_top=True))
+    node.set_object(Surface(creation.icosphere(radius=radius), color, on_top=on_top))
     node.set_transform(translation_matrix(place))
 
 
@@ -232,14 +234,12 @@ def _draw_linkage(
     viewer: Any, linkage: Linkage, nodes: tuple[str, ...], size: float
 ) -> tuple[DrawnCylinder, ...]:
     """Draw loops' joints as balls, cylinders as barrel and rod, forces as arrows."""
-    from trimesh import creation
     from trimesh.transformations import translation_matrix
 
     for row, loop in enumerate(linkage.loops):
         joint, frame = linkage_frame(linkage, row, 1)
         node = viewer[f"{nodes[joint]}/loop {_node(loop.name)}"]
-        node.set_object(Surface(creation.icosphere(radius=2.0 * _LINE * size), _LINE_COLOR))
-        node.set_transform(frame.homogeneous)
+        _draw_ball(node, _LINE_COLOR, frame.translation, 2.0 * _LINE * size)
     drawn = []
     pairs = range(len(linkage.loops), len(linkage.pair_kind))
     off_joint = [drive for drive in linkage.drives if linkage.column_pair[drive.column] in pairs]
@@ -306,11 +306,6 @@ def _draw_arrow(node: Any, color: str, thickness: float, on_top: bool = False) -
     node["body"].set_object(Surface(_rod(0.7 * thickness), color, on_top=on_top))
     head = creation.cone(2.0 * thickness, 5.0 * thickness)
     node["head"].set_object(Surface(head, color, on_top=on_top))
-
-
-def _payload_shape(scene: Scene, name: str) -> Shape:
-    joint, box = payload_box(scene, scene.payloads[name])
-    return Shape("payload", joint, box.placement, box_mesh(box))
 
 
 def _dress(viewer: Any, upright: np.ndarray, floor: float, size: float) -> None:

@@ -111,12 +111,26 @@ def make_frames(
     """
     if not (np.isfinite(rate) and rate > 0):
         raise StateError(f"replay: rate {rate}; give a positive number of frames per second")
-    states = _states(scene, motion)
+    if isinstance(motion, Motion):
+        states = States.of(scene, motion.q, motion.v, motion.a, motion.t, motion.attached)
+    else:
+        states = motion.states
     t = states.t
-    assert t is not None  # _states refuses a motion without
+    if t is None:
+        raise StateError("a replay needs times: give `t` to inverse_dynamics")
     intervals = motion.stick_intervals()
     rate = min(rate, MOST_FRAMES / max(float(t[-1] - t[0]), 1e-9))
-    times, index = frame_times(t, _few(_keys(t, motion, states)), rate)
+    # Samples around every change of what a site does and of what is carried, the most evenly
+    marks = [motion.modes] if isinstance(motion, Motion) else [motion.sticking, motion.reversal]
+    if isinstance(motion, InverseResult):
+        marks.append(motion.status[:, None])
+    if states.attached is not None:
+        marks.append(states.attached)
+    change = np.flatnonzero(np.any([(x[1:] != x[:-1]).any(axis=1) for x in marks], axis=0))
+    keys = np.sort(np.concatenate((change, change + 1)))
+    if len(keys) > MOST_FRAMES:
+        keys = keys[np.linspace(0, len(keys) - 1, MOST_FRAMES).astype(int)]
+    times, index = frame_times(t, keys, rate)
     ended, off, limiting = "", {}, {}
     if isinstance(motion, Motion):
         lower, upper, use = motion.friction, motion.friction, limit_use(scene, motion)
@@ -128,7 +142,7 @@ def make_frames(
         limiting = {} if limits is None else limiting_drives(motion, limits)
     return Frames(
         t=times,
-        placement=_placements(scene.model, _positions(scene.model, states, times, index)),
+        placement=_placements(scene.model, states, times, index),
         friction_lower=lower[index],
         friction_upper=upper[index],
         force=_forces(scene, motion, states, index),
@@ -197,36 +211,6 @@ def frame_times(t: np.ndarray, keys: np.ndarray, rate: float) -> tuple[np.ndarra
     return times, np.clip(np.searchsorted(t, times, side="right") - 1, 0, len(t) - 1)
 
 
-def _states(scene: Scene, motion: InverseResult | Motion) -> States:
-    if isinstance(motion, Motion):
-        return States.of(scene, motion.q, motion.v, motion.a, motion.t, motion.attached)
-    if motion.t is None:
-        raise StateError("a replay needs times: give `t` to inverse_dynamics")
-    return motion.states
-
-
-def _keys(t: np.ndarray, motion: InverseResult | Motion, states: States) -> np.ndarray:
-    """Samples around every change of what a site does and of what is carried."""
-    if isinstance(motion, Motion):
-        marks = [motion.modes]
-    else:
-        marks = [motion.sticking, motion.reversal, motion.status[:, None]]
-    if states.attached is not None:
-        marks.append(states.attached)
-    change = np.zeros(len(t) - 1, dtype=bool)
-    for mark in marks:
-        change |= (mark[1:] != mark[:-1]).any(axis=1)
-    first = np.flatnonzero(change)
-    return np.concatenate((first, first + 1))
-
-
-def _few(keys: np.ndarray) -> np.ndarray:
-    """At most `MOST_FRAMES` of the samples that should be frames, evenly over the motion."""
-    if len(keys) <= MOST_FRAMES:
-        return keys
-    return np.sort(keys)[np.linspace(0, len(keys) - 1, MOST_FRAMES).astype(int)]
-
-
 def _forces(
     scene: Scene, motion: InverseResult | Motion, states: States, index: np.ndarray
 ) -> np.ndarray:
@@ -274,28 +258,21 @@ def _wrenches(scene: Scene, result: InverseResult) -> np.ndarray:
     return state_wrenches(scene, result.states, result.external, threads=1)[:, rows]
 
 
-def _positions(
+def _placements(
     model: pin.Model, states: States, times: np.ndarray, index: np.ndarray
 ) -> np.ndarray:
-    """(F, nq): the samples, and between samples the cubic that meets their q and v."""
-    q, v, t = states.q, states.v, states.t
+    """(F, nj, 7) of the samples, and between samples of the cubic that meets their q and v."""
+    q, v, t, data = states.q, states.v, states.t, model.createData()
     assert t is not None
-    out = q[index].copy()
-    for f in np.flatnonzero(times > t[index]):
-        i = index[f]
-        h = t[i + 1] - t[i]
-        s = (times[f] - t[i]) / h
-        step = (s**3 - 2 * s**2 + s) * h * v[i] + (s**3 - s**2) * h * v[i + 1]
-        step += (3 * s**2 - 2 * s**3) * pin.difference(model, q[i], q[i + 1])
-        out[f] = pin.integrate(model, q[i], step)
-    return out
-
-
-def _placements(model: pin.Model, q: np.ndarray) -> np.ndarray:
-    data = model.createData()
-    out = np.empty((len(q), model.njoints - 1, 7))
-    for f, row in enumerate(q):
+    out = np.empty((len(index), model.njoints - 1, 7))
+    for f, i in enumerate(index):
+        row = q[i]
+        if times[f] > t[i]:
+            h = t[i + 1] - t[i]
+            s = (times[f] - t[i]) / h
+            step = (s**3 - 2 * s**2 + s) * h * v[i] + (s**3 - s**2) * h * v[i + 1]
+            step += (3 * s**2 - 2 * s**3) * pin.difference(model, row, q[i + 1])
+            row = pin.integrate(model, row, step)
         pin.forwardKinematics(model, data, row)
-        for j in range(1, model.njoints):
-            out[f, j - 1] = pin.SE3ToXYZQUAT(data.oMi[j])
+        out[f] = [pin.SE3ToXYZQUAT(data.oMi[j]) for j in range(1, model.njoints)]
     return out

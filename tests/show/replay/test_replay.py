@@ -18,7 +18,6 @@ from pinfric.show.replay.replay import (
     Replay,
     open_page,
     replay_lines,
-    replay_summary,
 )
 from pinfric.show.timeline.frames import make_frames
 from pinfric.show.timeline.motion import motion_to_replay
@@ -48,7 +47,7 @@ def test_notebook_shows_the_page_in_a_frame(three_link):
 
 def test_json_is_what_the_command_prints(three_link, tmp_path):
     shown = pf.replay(*three_link, html=tmp_path / "out.html")
-    printed = json.loads(json.dumps(in_json(replay_summary(shown))))
+    printed = json.loads(json.dumps(in_json(shown)))
     assert set(printed) == {"html", "duration", "frames", "stick_intervals"}
     assert printed["html"] == str(tmp_path / "out.html")
     assert [i["site"] for i in printed["stick_intervals"]] == ["joint_12"] * 3
