@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pinfric.exporting.constants import TERMS, JointConstants
+from pinfric.exporting.constants import TERMS
 from pinfric.exporting.controller import stable_scale
 from pinfric.exporting.export import FORMATS, Exported
 from pinfric.model.brief import file_name
@@ -28,7 +28,18 @@ def export_report(exported: Exported) -> Report:
         title,
         exported.joints,
         without=[term for term in TERMS if term not in form.terms],
-        cells={"frictionloss": _frictionloss, "rest_lower": _still},
+        cells={
+            "frictionloss": lambda joint: (
+                digits(joint.frictionloss, 1e-9 * joint.torque_peak)
+                if joint.moving
+                else "cannot move"
+            ),
+            "rest_lower": lambda joint: (
+                "never"
+                if joint.rest_lower != joint.rest_lower
+                else f"{digits(joint.rest_lower)} to {digits(joint.rest_upper)}"
+            ),
+        },
         zero=lambda joint: 1e-9 * joint.torque_peak,
     )
     # What the columns mean, and what the file does not hold
@@ -52,13 +63,3 @@ def export_report(exported: Exported) -> Report:
     if alike := [joint.joint for joint in exported.joints if not joint.apart]:
         lines.append(f"the motion does not determine each constant of {', '.join(alike)}")
     return paragraphs(table, [*lines, *uncertain])
-
-
-def _frictionloss(joint: JointConstants) -> str:
-    return digits(joint.frictionloss, 1e-9 * joint.torque_peak) if joint.moving else "cannot move"
-
-
-def _still(joint: JointConstants) -> str:
-    if joint.rest_lower != joint.rest_lower:
-        return "never"
-    return f"{digits(joint.rest_lower)} to {digits(joint.rest_upper)}"

@@ -31,16 +31,17 @@ def motion_report(motion: Motion, found: MotionSummary) -> Report:
         f"{', torques of the motors given' if motors else ''}"
     )
     sticks = _first("sticks", found.stick_intervals) or ["no joint sticks"]
-    events = _first("events", found.events, {"direction": _direction})
+
+    def direction(event: Event) -> str:
+        ways = (
+            {1: "above", -1: "below"} if event.kind == "limit" else {1: "forward", -1: "backward"}
+        )
+        return ways.get(event.direction, "")
+
+    events = _first("events", found.events, {"direction": direction})
     energy = None if found.energy is None else _energy_table(found.energy, motors)
     ended = [f"{found.status}: {found.message}"] if found.status != FINISHED else []
     return paragraphs(title, sticks, events, energy, ended)
-
-
-def _direction(event: Event) -> str:
-    if event.kind == "limit":
-        return "above" if event.direction > 0 else "below"
-    return {1: "forward", -1: "backward"}.get(event.direction, "")
 
 
 def _first(

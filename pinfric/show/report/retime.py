@@ -29,7 +29,10 @@ def retime_report(result: RetimeResult, found: RetimeSummary, verbose: bool = Tr
         found.drives,
         cells={
             "use": _nearest,
-            "limiting": _limiting,
+            "limiting": lambda drive: ", ".join(
+                f"{kind} {percent(drive.limiting[kind])}"
+                for kind in sorted(drive.limiting, key=lambda kind: -drive.limiting[kind])
+            ),
         },
         without=[] if result.rms is not None else ["rms"],
     )
@@ -76,11 +79,6 @@ def verdict(found: RetimeSummary) -> str:
         share, name, kind = max(held)
         said += f"; {name} holds it back most ({kind}, {percent(share)} of the time moving)"
     return said
-
-
-def _limiting(drive: DriveUse) -> str:
-    shares = sorted(drive.limiting.items(), key=lambda entry: -entry[1])
-    return ", ".join(f"{kind} {percent(share)}" for kind, share in shares)
 
 
 def _nearest(drive: DriveUse) -> str:

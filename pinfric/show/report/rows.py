@@ -60,7 +60,9 @@ def table_of(
         if found.heading.endswith("unit") and len(set(values)) == 1:
             continue
         write, is_effort = given.get(name), found.unit in ("", EFFORT) or not has_unit
-        small = zero if is_effort or found.unit.startswith("in ") else _ROUNDING * _largest(values)
+        sizes = [abs(x) for x in values if isinstance(x, int | float) and math.isfinite(x)]
+        rounding = _ROUNDING * max(sizes, default=0.0)
+        small = zero if is_effort or found.unit.startswith("in ") else rounding
         column = [
             write(row)
             if write
@@ -152,12 +154,6 @@ def kind(found: Quantity, values: Sequence[Any], texts: Sequence[str]) -> Kind:
         return Kind.NUMBER
     lines = [line for text in texts for line in text.split("\n")]
     return Kind.LABEL if all(len(line) <= _LABEL for line in lines) else Kind.WORDS
-
-
-def _largest(values: Sequence[Any]) -> float:
-    """The largest number in a column, 0 without any."""
-    sizes = (abs(x) for x in values if isinstance(x, int | float))
-    return max((size for size in sizes if math.isfinite(size)), default=0.0)
 
 
 def _words(value: Any) -> bool:

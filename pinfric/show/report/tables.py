@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pinfric.show.report.names import affixes, least_room, left_out, said_short, shortened, without
 
@@ -101,18 +101,34 @@ class Table:
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         """Print it at the console's width."""
+        from rich.box import SIMPLE_HEAD
+        from rich.table import Table as RichTable
         from rich.text import Text
 
-        layout = _lay_out(self, options.max_width)
+        cells, widths, blocks = _lay_out(self, options.max_width)
         if self.title:
             yield Text(self.title, style="bold")
-        for i, block in enumerate(layout.blocks):
+        for i, block in enumerate(blocks):
             if i:
                 yield Text()
             # a table wider than the console would be cut: a terminal that wraps it loses nothing
-            width = sum(layout.widths[c] for c in block) + _GAP * len(block)
+            width = sum(widths[c] for c in block) + _GAP * len(block)
             wide = options.update(max_width=max(options.max_width, width))
-            yield from console.render(_block(self, layout, block), wide)
+            made = RichTable(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0), show_edge=False)
+            for c in block:
+                number = self.columns[c].kind is Kind.NUMBER
+                made.add_column(
+                    self.columns[c].heading,
+                    justify="right" if number else "left",
+                    overflow="fold",
+                    width=widths[c],
+                )
+            for r in range(len(self.rows)):
+                if r in self.sections and r:
+                    made.add_section()
+                texts = [Text(cells[c][r]) for c in block]  # no markup: names may hold [brackets]
+                made.add_row(*texts, style="dim" if r in self.faint else None)
+            yield from console.render(made, wide)
 
 
 def paragraphs(*parts: Table | str | Sequence[str] | None) -> Report:
@@ -146,16 +162,8 @@ def paragraphs(*parts: Table | str | Sequence[str] | None) -> Report:
     return found
 
 
-@dataclass(frozen=True)
-class _Layout:
+def _lay_out(table: Table, width: int) -> tuple[list[list[str]], list[int], list[list[int]]]:
     """The cells as they are printed, each column's width, the columns of each block."""
-
-    cells: Sequence[Sequence[str]]
-    widths: Sequence[int]
-    blocks: Sequence[Sequence[int]]
-
-
-def _lay_out(table: Table, width: int) -> _Layout:
     cells = [[row[c] for row in table.rows] for c in range(len(table.columns))]
     whole = [
         _widest((column.heading, *texts))
@@ -173,9 +181,11 @@ def _lay_out(table: Table, width: int) -> _Layout:
         blocks = even
     widths = _grow(table, whole, least, blocks, width)
     for c, column in enumerate(table.columns):
-        if column.kind is Kind.NAME:
-            cells[c] = _cut(cells[c], column.among, widths[c])
-    return _Layout(cells, widths, blocks)
+        names = [*_lines(cells[c]), *column.among]
+        if column.kind is Kind.NAME and least_room(names) <= widths[c]:
+            short = dict(zip(names, shortened(names, widths[c]), strict=True))
+            cells[c] = ["\n".join(short[x] for x in cell.split("\n")) for cell in cells[c]]
+    return cells, widths, blocks
 
 
 def _widest(texts: Sequence[str]) -> int:
@@ -240,42 +250,5 @@ def _grow(
     return widths
 
 
-def _cut(cells: Sequence[str], among: Sequence[str], room: int) -> list[str]:
-    names = [*_lines(cells), *among]
-    if least_room(names) > room:
-        return list(cells)
-    short = dict(zip(names, shortened(names, room), strict=True))
-    return ["\n".join(short[name] for name in cell.split("\n")) for cell in cells]
-
-
 def _lines(cells: Sequence[str]) -> list[str]:
     return [line for cell in cells for line in cell.split("\n")]
-
-
-def _block(table: Table, layout: _Layout, block: Sequence[int]) -> Any:
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table as RichTable
-
-    made = RichTable(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0), show_edge=False)
-    for c in block:
-        column = table.columns[c]
-        number = column.kind is Kind.NUMBER
-        made.add_column(
-            column.heading,
-            justify="right" if number else "left",
-            overflow="fold",
-            width=layout.widths[c],
-            vertical="top",
-        )
-    for r in range(len(table.rows)):
-        if r in table.sections and r:
-            made.add_section()
-        cells = (_cell(layout.cells[c][r]) for c in block)
-        made.add_row(*cells, style="dim" if r in table.faint else None)
-    return made
-
-
-def _cell(text: str) -> Any:
-    from rich.text import Text
-
-    return Text(text)  # no markup: a name may hold [brackets]
