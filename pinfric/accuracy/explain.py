@@ -225,7 +225,11 @@ class _Motion:
         fit = int(_PATIENCE / (time.perf_counter() - start))
         repeats = max(min(-(-_TIMED // samples), fit), 1)
         q, v, a = (np.tile(x, (repeats, 1)) for x in self.states)
-        t = None if self.t is None else _repeated_times(self.t, repeats)
+        t = self.t
+        if t is not None:  # a step between two runs
+            step = (t[-1] - t[0]) / max(len(t) - 1, 1) or 1.0
+            starts = np.arange(repeats) * (t[-1] - t[0] + step)
+            t = np.tile(t, repeats) + np.repeat(starts, len(t))
         carried = None if self.attached is None else np.tile(self.attached, (repeats, 1))
         long = _Motion((q, v, a), t, carried, self.payloads)
         if fit:
@@ -251,12 +255,6 @@ def _saved(whole: np.ndarray, without: np.ndarray) -> tuple[float, float]:
         return middle, 0.05 * float(whole[0])
     spread = float(np.median(np.abs(differences - middle)))
     return middle, 3.0 * spread / math.sqrt(len(differences))
-
-
-def _repeated_times(t: np.ndarray, repeats: int) -> np.ndarray:
-    """Times (s) of a motion repeated end to start, the mean step between two runs."""
-    period = (t[-1] - t[0]) * len(t) / (len(t) - 1) if len(t) > 1 else 1.0
-    return np.asarray(np.tile(t, repeats) + np.repeat(np.arange(repeats) * period, len(t)))
 
 
 @dataclass(frozen=True, eq=False)

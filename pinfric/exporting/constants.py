@@ -22,7 +22,6 @@ from pinfric.dynamics.samples.motor_torques import drive_stick_velocity
 from pinfric.dynamics.samples.random_states import random_states
 from pinfric.errors import PinfricError
 from pinfric.model.described import EFFORT, INERTIA, SPEED, described, effort_where, quantity
-from pinfric.model.drives import Drive
 from pinfric.motions.joint_columns import JointColumn
 from pinfric.motions.log.judged import measured_interval
 
@@ -150,7 +149,9 @@ def _constants(
     velocity, acceleration = result.actuator_velocity[:, d], result.actuator_acceleration[:, d]
     there = np.array([float(term in terms) for term in TERMS])
     regressors = np.column_stack([np.sign(velocity), velocity, acceleration])[moving] * there
-    known = np.array([0.0, 0.0, _rotor(drive) * there[2] if unmoved else 0.0])
+    gear = drive.transmission  # r^2 J, the rotor's inertia at the joint
+    rotor = 0.0 if gear is None else gear.ratio**2 * gear.rotor_inertia
+    known = np.array([0.0, 0.0, rotor * there[2] if unmoved else 0.0])
     free = there * [1.0, 1.0, 0.0 if unmoved else 1.0]
     target = (lower - load)[moving]
     constants, apart = _fit(regressors * free, target - regressors @ known)
@@ -158,6 +159,7 @@ def _constants(
     missed = target - regressors @ constants
     better = target - regressors @ _fit(regressors, target)[0]
     worst = np.flatnonzero(moving)[np.abs(missed).argmax()] if moving.any() else None
+    no = 0.0 if moving.any() else np.nan
     return JointConstants(
         joint=column.name,
         unit=effort_where(column.unit == "m"),
@@ -165,20 +167,17 @@ def _constants(
         **dict(zip(TERMS, constants.tolist(), strict=True)),
         moving=int(moving.sum()),
         unmoved=unmoved,
-        fitted_rms=float(np.sqrt(np.mean(better**2))) if unmoved and moving.any() else np.nan,
+        fitted_rms=_rms(better) if unmoved else np.nan,
         apart=apart,
-        **_figures(missed, lower[moving]),
+        error_rms=_rms(missed),
+        error_peak=float(np.abs(missed).max(initial=no)),
+        torque_rms=_rms(lower[moving]),
+        torque_peak=float(np.abs(lower[moving]).max(initial=no)),
         worst_load=_at(load, worst),
         worst_speed=_at(velocity, worst),
         worst_time=_at(result.t, worst),
         **at_rest,
     )
-
-
-def _rotor(drive: Drive) -> float:
-    """r^2 J, the rotor's inertia at the joint (kg m^2 or kg)."""
-    gear = drive.transmission
-    return 0.0 if gear is None else float(gear.ratio**2 * gear.rotor_inertia)
 
 
 def _fit(regressors: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, bool]:
@@ -195,15 +194,8 @@ def _fit(regressors: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, bool]:
     return constants, bool(np.linalg.matrix_rank(scaled, tol=1e-6) == used.sum())
 
 
-def _figures(missed: np.ndarray, torque: np.ndarray) -> dict[str, float]:
-    if not missed.size:
-        return dict.fromkeys(("error_rms", "error_peak", "torque_rms", "torque_peak"), np.nan)
-    return {
-        "error_rms": float(np.sqrt(np.mean(missed**2))),
-        "error_peak": float(np.abs(missed).max()),
-        "torque_rms": float(np.sqrt(np.mean(torque**2))),
-        "torque_peak": float(np.abs(torque).max()),
-    }
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2))) if values.size else np.nan
 
 
 def _at(values: np.ndarray | None, sample: int | None) -> float:

@@ -11,7 +11,6 @@ import numpy as np
 from pinfric import __version__
 from pinfric.dynamics.forward.compensation import (
     CompensationOptions,
-    check_compensated,
     compensate_state,
     freedom_names,
     make_compensated,
@@ -24,10 +23,8 @@ from pinfric.dynamics.samples.states import States
 from pinfric.exporting.cpp import (
     CppFiles,
     EmbeddedState,
-    check_frames,
     cpp_files,
     default_frames,
-    namespace,
 )
 from pinfric.model.brief import file_name
 from pinfric.model.scene import Scene
@@ -51,22 +48,20 @@ def compensator(
     result: InverseResult,
     frames: Sequence[str],
     unknown: Mapping[str, float],
-    name: str = "",
+    name: str,
 ) -> CppFiles:
     """Return the header and its test.
 
     Args:
-        scene: see `check_compensated`.
+        scene: see `cpp_files`.
         result: inverse dynamics along the motion, or of states; limits are made from it.
         frames: names of links for payloads and wrenches.
         unknown: drive -> relative uncertainty e of its friction, see `level_uncertainty`.
-        name: of the namespace; empty: see `namespace`.
+        name: of the namespace.
 
     Raises:
-        PinfricError: see `check_compensated`, `check_frames` and `namespace`.
+        PinfricError: see `cpp_files`.
     """
-    check_compensated(scene)
-    check_frames(scene, frames)
     largest = np.max(np.abs([compensation(result, end) for end in ("lower", "upper")]), axis=(0, 1))
     limits = [float(f"{_SPARE * x:.3g}") if x > 0.0 else np.inf for x in largest]
     frames = tuple(frames) or default_frames(scene)
@@ -80,7 +75,7 @@ def compensator(
     at = single_positions(q, [joint.nq for joint in joints if joint.nq])
     rows = at, v, a, found.motor_torque_lower, found.motor_torque_upper, friction
     states = [EmbeddedState(*row) for row in zip(*rows, strict=True)]
-    heading = _heading(scene, frames, unknown, namespace(scene.source, name))
+    heading = _heading(scene, frames, unknown, name)
     return cpp_files(scene, frames, limits, states, heading, name)
 
 

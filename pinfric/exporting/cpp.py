@@ -190,19 +190,20 @@ def _frame(scene: Scene, name: str) -> pin.Frame:
     return found[0]
 
 
-def _turns(scene: Scene) -> np.ndarray:
-    """(1 + nj, 3, 3) from the axes of each joint's child to those whose z is its axis."""
-    twin = scene.twin()
-    axes = np.where((twin.kind == PRISMATIC)[:, None], twin.axis[:, :3], twin.axis[:, 3:])
-    return np.array([np.eye(3), *(axes_along(axis) for axis in axes)])
-
-
 def _constants(scene: Scene, frames: Sequence[str], limits: Sequence[float]) -> list[str]:
     """All tables of a scene, the names of whose fields stand in `compensator.hpp`."""
-    nv, na, turns = scene.model.nv, len(scene.drives), _turns(scene)
+    nv, na, twin = scene.model.nv, len(scene.drives), scene.twin()
+    # from the axes of each joint's child to those whose z is its axis
+    axes = np.where((twin.kind == PRISMATIC)[:, None], twin.axis[:, :3], twin.axis[:, 3:])
+    turns = np.array([np.eye(3), *(axes_along(axis) for axis in axes)])
     bodies, sites, terms, rows = _bodies(scene, turns), *_laws(scene)
     drives, lines = _drives(scene)
-    placed = _frames(scene, frames, turns)
+    placed = []
+    for name in frames:
+        frame = _frame(scene, name)
+        turn, place = turns[frame.parentJoint], frame.placement
+        at = _entry([frame.parentJoint - 1, turn @ place.rotation, turn @ place.translation])
+        placed.append((name, at))
     P, part = delivery(scene.drives, nv), set(taking_part(scene.drives))
     least, greatest, fastest = reach(scene)
     counts = {
@@ -326,16 +327,6 @@ def _drives(scene: Scene) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]
     ]
     lines = zip(gears.load, gears.loss, gears.slope, strict=True)
     return drives, [("", _entry(line)) for line in lines]
-
-
-def _frames(scene: Scene, names: Sequence[str], turns: np.ndarray) -> list[tuple[str, str]]:
-    found = []
-    for name in names:
-        frame = _frame(scene, name)
-        turn = turns[frame.parentJoint]
-        placed = turn @ frame.placement.rotation, turn @ frame.placement.translation
-        found.append((name, _entry([frame.parentJoint - 1, *placed])))
-    return found
 
 
 def _table(kind: str, name: str, entries: Sequence[tuple[str, str]]) -> list[str]:

@@ -464,11 +464,6 @@ def _check_solver(mujoco: Any, scene: Scene, model: Any, joints: np.ndarray) -> 
             f"mujoco_friction: tendon {model.tendon(k).name!r} pulls the robot with a spring, "
             "whose force would count twice: use a limit of its length"
         )
-    for d in scene.drives:
-        if d.couples:
-            raise PinfricError(
-                f"{scene.source}: the drive {d.name!r} is coupled with another joint"
-            )
     if not np.allclose(model.opt.gravity, scene.model.gravity.linear):
         raise PinfricError(
             f"mujoco_friction: gravity is {model.opt.gravity.tolist()} in the MuJoCo model and "

@@ -17,6 +17,8 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from pinfric.errors import one_line
 from pinfric.exporting.constants import JointConstants
 from pinfric.model.scene import Scene
@@ -104,7 +106,10 @@ def python_text(
     columns = [j.frictionloss for j in joints], [j.damping for j in joints], own
     fields = dict(zip(_NAMES[to], columns, strict=True))
     if isaac:
-        fields = {"FRICTION": [_break_away(joint) for joint in joints], **fields}
+        # half the width of the interval at rest, not below the friction in motion (N m or N); fmax
+        # leaves that alone where the joint never stands still
+        halves = [0.5 * (joint.rest_upper - joint.rest_lower) for joint in joints]
+        fields = {"FRICTION": np.fmax(halves, columns[0]).tolist(), **fields}
     comments = [f"# {one_line(line)}".rstrip() for line in (*header, *lines.values())]
     # Isaac Lab's names are regular expressions
     names = [re.escape(joint.joint) if isaac else joint.joint for joint in joints]
@@ -114,13 +119,3 @@ def python_text(
         entries = (f"    {name!r}: {float(value)!r}," for name, value in rows)
         tables.append("\n".join([f"{field} = {{", *entries, "}"]))
     return "\n".join([*comments, "", *tables, "", _CODE[to].strip("\n"), ""])
-
-
-def _break_away(joint: JointConstants) -> float:
-    """Half the width of the interval at rest, not below the friction in motion (N m or N).
-
-    Where the joint never stands still, that is the friction in motion.
-    """
-    if joint.rest_upper != joint.rest_upper:
-        return joint.frictionloss
-    return max(0.5 * (joint.rest_upper - joint.rest_lower), joint.frictionloss)

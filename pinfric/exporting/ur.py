@@ -67,7 +67,16 @@ def ur_script(
     Raises:
         PinfricError: a joint that UR's arms do not have, or one of theirs that is missing.
     """
-    named = {_ur_name(scene, joint): joint for joint in joints}
+    named = {}
+    for joint in joints:
+        ends = [name for name in JOINTS if joint.joint.endswith(name)]
+        if not ends:
+            raise PinfricError(
+                f"{scene.source}: joint {joint.joint!r} is not a joint of a UR arm "
+                f"({', '.join(JOINTS)}), and UR's script has no others; lock it (robot.locked), or "
+                "export to mjcf or urdf"
+            )
+        named[ends[0]] = joint
     locked = {} if scene.robot is None else scene.robot.locked
     for name in JOINTS:
         if name not in named and not any(known.endswith(name) for known in locked):
@@ -82,16 +91,6 @@ def ur_script(
         viscous=_numbers(joint.damping if joint else 0.0 for joint in found),
     )
     return "".join(f"# {one_line(line)}\n" for line in comments) + program
-
-
-def _ur_name(scene: Scene, joint: JointConstants) -> str:
-    for name in JOINTS:
-        if joint.joint.endswith(name):
-            return name
-    raise PinfricError(
-        f"{scene.source}: joint {joint.joint!r} is not a joint of a UR arm ({', '.join(JOINTS)}), "
-        "and UR's script has no others; lock it (robot.locked), or export to mjcf or urdf"
-    )
 
 
 def _numbers(values: Iterable[float]) -> str:

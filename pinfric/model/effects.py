@@ -65,23 +65,21 @@ def _without_static(friction: Friction) -> dict[str, Any]:
     return {"stribeck": None} | terms
 
 
-def _jumps(friction: Friction) -> bool:
-    """Static above kinetic: friction at rest exceeds friction in motion."""
-    return any(term.without_static() != term for term in friction.terms)
-
-
-def _term(key: str) -> _Kind:
-    """The effect of one key of the entry: a term, or the Stribeck curve."""
-    left = Friction.model_fields[key].default if key in Friction.model_fields else None
-    return _Kind(key, key, lambda f: bool(getattr(f, key, None)), lambda _: {key: left})
-
-
 def _kinds() -> tuple[_Kind, ...]:
+    def term(key: str) -> _Kind:
+        """The effect of one key of the entry: a term, or the Stribeck curve."""
+        return _Kind(key, key, lambda f: bool(getattr(f, key, None)), lambda _: {key: None})
+
     return (
         _Kind("load", "bearing", _has_load, lambda _: {"bearing": None, "mu": None}),
         _Kind("bending", "bearing.length, bearing.moment", _bends, _without_bending),
-        _Kind("static", "mu.static, coulomb.static", _jumps, _without_static),
-        *(_term(key) for key in ("stribeck", "coulomb", "viscous", *TERMS)),
+        _Kind(
+            "static",
+            "mu.static, coulomb.static",
+            lambda f: any(x.without_static() != x for x in f.terms),
+            _without_static,
+        ),
+        *(term(key) for key in ("stribeck", "coulomb", "viscous", *TERMS)),
     )
 
 
@@ -117,16 +115,14 @@ def effects(scene: Scene) -> tuple[Effect, ...]:
     found.append(_effect("loops", "loops{}", loops, "loops"))
     coupled = [i for i, actuator in actuators.items() if actuator.couples]
     found.append(_listed("couples", "actuators[{}].couples", scene, coupled))
-    found.append(_coupling(scene))
-    return tuple(found)
-
-
-def _coupling(scene: Scene) -> Effect:
-    """Loads that depend on friction: with loops or drives off the joints."""
+    # Loads that depend on friction: with loops or drives off the joints
     loaded = [name for name, friction in scene.friction.items() if _has_load(friction)]
-    if scene.linkage is None:
-        return Effect("coupling", False, "no loops, no actuators[].cylinder or force")
-    return _effect("coupling", "friction.{}.bearing", loaded)
+    found.append(
+        Effect("coupling", False, "no loops, no actuators[].cylinder or force")
+        if scene.linkage is None
+        else _effect("coupling", "friction.{}.bearing", loaded)
+    )
+    return tuple(found)
 
 
 def _listed(name: str, key: str, scene: Scene, where: list[int]) -> Effect:

@@ -464,12 +464,12 @@ class Scene:
                 if name in self.friction
             ),
             *(
-                self._loop_site(row, loop)
+                self._pair_site(loop.name, row, loop.axis, slides(loop), loop.kind == "spherical")
                 for row, loop in enumerate(self.loops)
                 if loop.name in self.friction
             ),
             *(
-                self._cylinder_site(name, row)
+                self._pair_site(name, row, (0.0, 0.0, 1.0), sliding=True)
                 for name, row in cylinders.items()
                 if name in self.friction
             ),
@@ -722,33 +722,22 @@ class Scene:
             friction=friction,
         )
 
-    def _loop_site(self, row: int, loop: Loop) -> Site:
-        friction = self.friction[loop.name]
-        axis = np.array(loop.axis, dtype=float)
-        return Site(
-            name=loop.name,
-            joint=self.model.njoints - 1 + row,
-            sliding=slides(loop),
-            velocity_index=-1,
-            ratio=1.0,
-            axis=axis / np.linalg.norm(axis),
-            law=friction_law(friction, self.stick_velocity),
-            friction=friction,
-            pair=row,
-            ball=loop.kind == "spherical",
-        )
-
-    def _cylinder_site(self, name: str, row: int) -> Site:
+    def _pair_site(
+        self, name: str, row: int, axis: Sequence[float], sliding: bool, ball: bool = False
+    ) -> Site:
+        """The site of a loop's joint, or of a cylinder: a pair of the linkage."""
+        friction = self.friction[name]
         return Site(
             name=name,
             joint=self.model.njoints - 1 + row,
-            sliding=True,
+            sliding=sliding,
             velocity_index=-1,
             ratio=1.0,
-            axis=np.array([0.0, 0.0, 1.0]),
-            law=friction_law(self.friction[name], self.stick_velocity),
-            friction=self.friction[name],
+            axis=np.array(axis, dtype=float) / np.linalg.norm(axis),
+            law=friction_law(friction, self.stick_velocity),
+            friction=friction,
             pair=row,
+            ball=ball,
         )
 
     def _ideal(self, joint: int) -> list[Drive]:

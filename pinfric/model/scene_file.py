@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
 from pinfric.errors import PinfricWarning, RobotError, SceneError, choose_from
 from pinfric.model.brief import counted
@@ -55,11 +54,24 @@ def load_scene(path: str | Path) -> Scene:
             "TRAJECTORY SWEEP in this order"
         )
     entries: SceneFile = parse(SceneFile, read_yaml(file, SceneError, "pinfric"), str(file))
-    robot = _read(entries, file)
+    try:
+        robot = read_robot(locate_urdf(entries.robot.urdf, file.parent), entries.robot.locked)
+    except RobotError as problem:
+        raise RobotError(f"{file}: {problem}") from None
     if entries.actuators is None:
         mention_reductions(robot, str(file))
     robot.model.gravity.linear = np.array(entries.robot.gravity)
-    _expect_speeds(entries, robot.model, str(file))
+    # Refuse measured speeds that no joint of the robot reaches: deg/s, as a rule
+    for joint in filter(robot.model.existJointName, entries.friction):
+        top = entries.measured.top_speed(joint) if entries.measured else None
+        column = robot.model.joints[robot.model.getJointId(joint)].idx_v
+        limit = float(robot.model.velocityLimit[column])
+        if top is not None and 0.0 < _FASTER * limit < top:
+            raise SceneError(
+                f"{file}: `measured.speed`: {joint} {top:g} is {top / limit:.0f} times the URDF's "
+                f"velocity limit {limit:g}; speeds are in rad/s or m/s: if this is in deg/s, write "
+                f"{np.radians(top):.3g}"
+            )
     friction = _with_urdf_dynamics(entries, robot, str(file))
     for excess in excessive_friction(friction, entries.actuators):
         warnings.warn(f"{file}: {excess.place}: {excess.text}", PinfricWarning, stacklevel=2)
@@ -83,19 +95,6 @@ def load_scene(path: str | Path) -> Scene:
         measured=entries.measured,
         stops=entries.stops,
     )
-
-
-def _expect_speeds(entries: SceneFile, model: pin.Model, where: str) -> None:
-    """Refuse measured speeds that no joint of the robot reaches: deg/s, as a rule."""
-    for joint in filter(model.existJointName, entries.friction if entries.measured else ()):
-        top = entries.measured.top_speed(joint) if entries.measured else None
-        limit = float(model.velocityLimit[model.joints[model.getJointId(joint)].idx_v])
-        if top is not None and 0.0 < _FASTER * limit < top:
-            raise SceneError(
-                f"{where}: `measured.speed`: {joint} {top:g} is {top / limit:.0f} times the URDF's "
-                f"velocity limit {limit:g}; speeds are in rad/s or m/s: if this is in deg/s, write "
-                f"{np.radians(top):.3g}"
-            )
 
 
 def guesses_line(assumed: Assumed) -> str:
@@ -162,13 +161,6 @@ def find_file(path: str | Path, suffixes: tuple[str, ...], error: type[Exception
             there += sorted(n for n in beside if n[n.find(".") :] in suffixes and n not in there)
     what = f"{path} is a folder" if path.is_dir() else f"there is no file {path}"
     raise error(f"{what}, and no bundled one of that name; {choose_from(path.name, there)}")
-
-
-def _read(entries: SceneFile, file: Path) -> Robot:
-    try:
-        return read_robot(locate_urdf(entries.robot.urdf, file.parent), entries.robot.locked)
-    except RobotError as problem:
-        raise RobotError(f"{file}: {problem}") from None
 
 
 def _with_urdf_dynamics(entries: SceneFile, robot: Robot, where: str) -> dict[str, Friction]:

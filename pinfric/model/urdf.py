@@ -239,25 +239,19 @@ def _check_numbers(element: ElementTree.Element, where: str) -> None:
                 raise RobotError(f"{shown} should be {wanted}, as 2, 0.5 or 1e-3")
             if not limit and any(abs(v) > LARGEST for v in values if v is not None):
                 raise RobotError(f"{shown} should be at most {LARGEST:g} in magnitude")
-            if any(map(_vanishes, words)):
+            # readers may take such a number for zero
+            tiny = [w for w in words if abs(float(w)) < sys.float_info.min]
+            if any(re.search("[1-9]", w.lower().partition("e")[0]) for w in tiny):
                 raise RobotError(f"{shown} should be 0, or at least 1e-307 in magnitude")
-            part.set(attribute, " ".join(map(_spelled, words)))
+            most = sys.float_info.max
+            spelled = (
+                w if abs(float(w)) <= most else repr(math.copysign(most, float(w))) for w in words
+            )
+            part.set(attribute, " ".join(spelled))
 
 
 def _number(word: str) -> float | None:
     return float(word) if _SPELLING.fullmatch(word) else None
-
-
-def _vanishes(word: str) -> bool:
-    """Whether readers may take a number for zero that is not."""
-    return abs(float(word)) < sys.float_info.min and bool(
-        re.search("[1-9]", word.lower().split("e")[0])
-    )
-
-
-def _spelled(word: str) -> str:
-    value = float(word)
-    return word if math.isfinite(value) else repr(math.copysign(sys.float_info.max, value))
 
 
 def _check_tree(root: ElementTree.Element, urdf: Path) -> None:
