@@ -171,7 +171,13 @@ class SweepFile(Entry):
                 f"`table`: its rows are drawn at random; leave out `sampling: {self.sampling}`"
             )
         if self.sampling == "grid":
-            self._check_grid()
+            if self.samples is not None:
+                raise ValueError("`samples`: the values of a grid set their number; leave it out")
+            for name, parameter in self.parameters.items():
+                if parameter.distribution.levels is None:
+                    raise ValueError(
+                        f"parameters.{name}: a grid takes `steps` or `choice`, not {parameter.kind}"
+                    )
         elif self.samples is None:
             raise ValueError(
                 f"`samples` is missing: number of samples of the {self.sampling} design"
@@ -183,15 +189,6 @@ class SweepFile(Entry):
                 f"take {near}"
             )
         return self
-
-    def _check_grid(self) -> None:
-        if self.samples is not None:
-            raise ValueError("`samples`: the values of a grid set their number; leave it out")
-        for name, parameter in self.parameters.items():
-            if parameter.distribution.levels is None:
-                raise ValueError(
-                    f"parameters.{name}: a grid takes `steps` or `choice`, not {parameter.kind}"
-                )
 
 
 def load_sweep(given: SweepFile | Mapping[str, Any] | str | Path) -> tuple[SweepFile, str]:

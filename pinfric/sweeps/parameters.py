@@ -206,7 +206,7 @@ def _matches(scene: Scene, section: str, key: str, pattern: str) -> tuple[str, .
         there = [n for n, f in scene.friction.items() if _found(f, key)]
         what = f"joint with {key} in this scene"
     elif section == "transmission":
-        there = [d.name for d in scene.drives if _found(_transmission(d), key)]
+        there = [d.name for d in scene.drives if _found(d.transmission, key)]
         what = f"drive with {key} in this scene"
     else:
         there, what = list(scene.payloads), "payload"
@@ -217,12 +217,13 @@ def _matches(scene: Scene, section: str, key: str, pattern: str) -> tuple[str, .
         )
     for name in found if key == "hysteresis" else ():
         _check_split(scene, name)
-    for drive in scene.drives if section == "transmission" and key in SET else ():
-        gear = drive.transmission
-        if drive.name in found and isinstance(gear, OwnTransmission):
-            raise SweepError(f"{drive.name} has losses of kind {gear.kind!r}; it has no {key}")
     for drive in scene.drives if section == "transmission" and key != "stiffness" else ():
-        if drive.name in found and isinstance(_transmission(drive).efficiency, MakersEfficiency):
+        gear = drive.transmission
+        if drive.name not in found or gear is None:
+            continue
+        if key in SET and isinstance(gear, OwnTransmission):
+            raise SweepError(f"{drive.name} has losses of kind {gear.kind!r}; it has no {key}")
+        if isinstance(gear.efficiency, MakersEfficiency):
             raise SweepError(
                 f"the efficiency of {drive.name} includes the no-load loss: "
                 "give it as a number, without the no-load loss"
@@ -264,10 +265,6 @@ def _scaled(entry: Any, key: str, factor: float) -> Any:
     else:
         changed = factor * given if isinstance(given, float) else given.scaled(factor)
     return entry.model_copy(update={first: changed})
-
-
-def _transmission(drive: Any) -> Any:
-    return getattr(drive, "transmission", None)
 
 
 def _impossible(section: str, key: str, kind: str, distribution: Distribution) -> str:
@@ -358,7 +355,8 @@ def vary(scene: Scene, targets: Sequence[Target], values: Sequence[float]) -> Sc
         moved = [_split(a, friction, splits.get(a.drive_name, 1.0)) for a in actuators]
         change["actuators"], change["friction"] = moved, friction
     if "mounting" in sections:
-        change["model"] = mounted(scene.model, angles["roll"], angles["pitch"])
+        change["model"] = turned = scene.model.copy()
+        turned.gravity.linear = mounted_gravity(scene.model, angles["roll"], angles["pitch"])
     return _varied(scene, change) if change else scene
 
 
@@ -381,20 +379,13 @@ def _varied(scene: Scene, change: dict[str, Any]) -> Scene:
     return varied
 
 
-def mounted(model: pin.Model, roll: float, pitch: float) -> pin.Model:
-    """Return the model on a base turned by R = R_y(pitch) R_x(roll): g_base = R^T g.
+def mounted_gravity(model: pin.Model, roll: float, pitch: float) -> np.ndarray:
+    """Return (3,) gravity in the axes of a base turned by R = R_y(pitch) R_x(roll), R^T g, m/s^2.
 
     Args:
-        model: as the scene has it; stays.
+        model: as the scene has it.
         roll, pitch: rad, about the world's x, then its y axis.
     """
-    turned = model.copy()
-    turned.gravity.linear = mounted_gravity(model, roll, pitch)
-    return turned
-
-
-def mounted_gravity(model: pin.Model, roll: float, pitch: float) -> np.ndarray:
-    """Return (3,) gravity in the axes of the turned base, m/s^2; see `mounted`."""
     return np.asarray(pin.rpy.rpyToMatrix(roll, pitch, 0.0).T @ model.gravity.linear)
 
 
@@ -463,7 +454,15 @@ def draw(targets: Sequence[Target], sweep: SweepFile) -> np.ndarray:
         index = np.unravel_index(np.arange(total), [len(values) for values in levels])
         return _columns(np.array(values)[i] for values, i in zip(levels, index, strict=True))
     assert sweep.samples is not None  # the file's check
-    u = _unit_cube(sweep.sampling, sweep.samples, d, sweep.seed)
+    if sweep.sampling == "random":
+        u = np.random.default_rng(sweep.seed).random((sweep.samples, d))
+    else:
+        from scipy.stats import qmc
+
+        # scrambled, the shares come out ten times as well as with the sequence shifted as a whole
+        points = qmc.Sobol(2 * d, scramble=True, **seeded(qmc.Sobol, "seed", sweep.seed))
+        A, B = np.hsplit(points.random(sweep.samples), 2)
+        u = np.concatenate([A, B, *(np.where(np.arange(d) == j, B, A) for j in range(d))])
     if len(u) > MOST_SAMPLES:
         raise SweepError(f"Sobol's design has {len(u):,} samples; at most {MOST_SAMPLES:,}")
     rows = [j for j, target in enumerate(targets) if isinstance(target.distribution, Column)]
@@ -479,15 +478,3 @@ def seeded(function: Any, before: str, seed: int) -> dict[str, np.random.Generat
 
 def _columns(columns: Iterable[np.ndarray]) -> np.ndarray:
     return np.column_stack(list(columns)).astype(float)
-
-
-def _unit_cube(sampling: str, n: int, d: int, seed: int) -> np.ndarray:
-    if sampling == "random":
-        return np.random.default_rng(seed).random((n, d))
-    from scipy.stats import qmc
-
-    # scrambled, the shares come out ten times as well as with the sequence shifted as a whole
-    points = qmc.Sobol(2 * d, scramble=True, **seeded(qmc.Sobol, "seed", seed)).random(n)
-    A, B = points[:, :d], points[:, d:]
-    mixed = [np.where(np.arange(d) == j, B, A) for j in range(d)]
-    return np.concatenate([A, B, *mixed])

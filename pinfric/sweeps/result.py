@@ -208,13 +208,13 @@ class SweepResult(Shown):
 
     def probability(self, mask: np.ndarray) -> Probability:
         """Return the share of a (n,) mask with its confidence interval."""
-        n, share = len(mask), float(np.mean(mask))
+        from scipy.stats import binomtest
+
+        share = float(np.mean(mask))
         if self.sampling != "random":
             return Probability(share, None, None)
-        z = _Z95
-        center = (share + z * z / (2 * n)) / (1 + z * z / n)
-        half = z * math.sqrt(share * (1 - share) / n + z * z / (4 * n * n)) / (1 + z * z / n)
-        return Probability(share, max(center - half, 0.0), min(center + half, 1.0))
+        ends = binomtest(int(np.sum(mask)), len(mask)).proportion_ci(method="wilson")
+        return Probability(share, float(ends.low), float(ends.high))
 
     def rank_correlation(self, name: str) -> np.ndarray:
         """Return Spearman's correlation of each parameter with a figure, (np, na), in [-1, 1].
@@ -227,12 +227,10 @@ class SweepResult(Shown):
 
         if np.count_nonzero(self.solved) < 2:
             return np.full((len(self.parameter_names), len(self.actuator_names)), np.nan)
-        x = rankdata(self.values[self.solved], axis=0)
-        y = rankdata(self.figure(name)[self.solved], axis=0)
-        x, y = x - x.mean(axis=0), y - y.mean(axis=0)
-        scale = np.sqrt(np.outer((x * x).sum(axis=0), (y * y).sum(axis=0)))
-        some = scale > 0
-        return np.where(some, (x.T @ y) / np.where(some, scale, 1.0), np.nan)
+        both = np.hstack((self.values, self.figure(name)))[self.solved]
+        with np.errstate(invalid="ignore"):  # 0/0 of what does not vary
+            found = np.corrcoef(rankdata(both, axis=0), rowvar=False)
+        return np.asarray(found[: len(self.parameter_names), len(self.parameter_names) :])
 
     @property
     def correlation_noise(self) -> float:
@@ -260,11 +258,9 @@ class SweepResult(Shown):
         d = len(self.parameter_names)
         n = self.samples // (d + 2)
         parts = y.reshape(d + 2, 1, n)
-        if not np.isfinite(y).all() or np.ptp(y) <= 1e-12 * np.abs(y).max():
-            nothing = np.full(d, np.nan)
-            return SobolIndices(*[nothing] * 6)
-        if d == 1:  # SciPy fails; one parameter has all of the variance
-            return SobolIndices(*[np.ones(1)] * 6)
+        varies = np.isfinite(y).all() and np.ptp(y) > 1e-12 * np.abs(y).max()
+        if not varies or d == 1:  # SciPy fails; one parameter has all of the variance
+            return SobolIndices(*[np.full(d, 1.0 if varies else np.nan)] * 6)
         # the mean is taken off: the estimators of the first order lose digits to it
         parts = parts - parts.mean()
         found = sobol_indices(
@@ -275,20 +271,13 @@ class SweepResult(Shown):
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore")  # a parameter without any influence: no spread
             spread = found.bootstrap(n_resamples=_RESAMPLES)
-        first, total = (
-            spread.first_order.confidence_interval,
-            spread.total_order.confidence_interval,
-        )
+        middles = found.first_order.reshape(d), found.total_order.reshape(d)
         ends = [
-            np.where(np.isnan(end), middle, end).reshape(d)
-            for end, middle in (
-                (first.low, found.first_order),
-                (first.high, found.first_order),
-                (total.low, found.total_order),
-                (total.high, found.total_order),
-            )
+            np.where(np.isnan(end.reshape(d)), middle, end.reshape(d))
+            for middle, order in zip(middles, (spread.first_order, spread.total_order), strict=True)
+            for end in (order.confidence_interval.low, order.confidence_interval.high)
         ]
-        return SobolIndices(found.first_order.reshape(d), found.total_order.reshape(d), *ends)
+        return SobolIndices(*middles, *ends)
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return a row a sample: `sample`, the parameters, `<drive>.<figure>`, what failed.

@@ -9,7 +9,7 @@ influential parameters.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -29,7 +29,6 @@ from pinfric.sweeps.result import SweepResult
 from pinfric.sweeps.store import Store, identity
 from pinfric.sweeps.workers import (
     check_scheduler,
-    compute_here,
     compute_on_cluster,
     compute_on_processes,
 )
@@ -85,7 +84,13 @@ def sweep(
     >>> found.quantiles("peak").round(1).ravel().tolist()
     [4.5, 5.5, 6.3, 6.4]
     """
-    _check_given(scene, processes, scheduler)
+    expect_scene(scene, "sweep")
+    if processes is not None and processes < 1:
+        raise SweepError(f"processes = {processes}; should be at least 1")
+    if processes is not None and scheduler is not None:
+        raise SweepError("give either `scheduler` or `processes`: a cluster has its own processes")
+    if scheduler is not None:
+        check_scheduler(scheduler)
     entries, source = load_sweep(sweep)
     targets = resolve(scene, entries, source)
     equipped, trials = motors_on_trial(scene, entries, source)
@@ -130,16 +135,6 @@ def sweep(
     )
 
 
-def _check_given(scene: Scene, processes: int | None, scheduler: str | None) -> None:
-    expect_scene(scene, "sweep")
-    if processes is not None and processes < 1:
-        raise SweepError(f"processes = {processes}; should be at least 1")
-    if processes is not None and scheduler is not None:
-        raise SweepError("give either `scheduler` or `processes`: a cluster has its own processes")
-    if scheduler is not None:
-        check_scheduler(scheduler)
-
-
 def _samples(
     study: Study,
     values: np.ndarray,
@@ -169,13 +164,16 @@ def _samples(
                 from joblib import cpu_count
 
                 used = int(cpu_count())
-        given = study, _batches(missing, seconds, used or _OF_A_CLUSTER), values
+        # batches of about `_BATCH` s, some for every process
+        size = int(np.clip(_BATCH / max(seconds, 1e-6), 1, _MOST_PER_BATCH))
+        size = max(min(size, len(missing) // (4 * (used or _OF_A_CLUSTER))), 1)
+        parts = (missing[start : start + size] for start in range(0, len(missing), size))
         if scheduler is not None:
-            batches = compute_on_cluster(*given, scheduler)
+            batches = compute_on_cluster(study, parts, values, scheduler)
         elif used == 1:
-            batches = compute_here(*given)
+            batches = (compute(study, rows, values[rows]) for rows in parts)
         else:
-            batches = compute_on_processes(*given, used)
+            batches = compute_on_processes(study, parts, values, used)
         for batch in batches:
             if store is not None:
                 store.write(batch)
@@ -187,13 +185,6 @@ def _samples(
     if store is not None:
         store.finish(whole)
     return whole, used, resumed
-
-
-def _batches(missing: np.ndarray, seconds: float, processes: int) -> Iterator[np.ndarray]:
-    """Cut the missing samples into batches of about `_BATCH` s, some for every process."""
-    size = int(np.clip(_BATCH / max(seconds, 1e-6), 1, _MOST_PER_BATCH))
-    size = max(min(size, len(missing) // (4 * processes)), 1)
-    return (missing[start : start + size] for start in range(0, len(missing), size))
 
 
 def _notes(

@@ -32,7 +32,6 @@ from pinfric.model.friction_terms import CONSTANT, FrictionTerm, Stribeck
 from pinfric.model.laws import Laws, friction_law, law_table
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION
 from pinfric.model.scene import Scene
-from pinfric.model.schema import Friction
 from pinfric.model.transmission import MakersEfficiency, OwnTransmission
 from pinfric.motions.trajectory import Trajectory
 from pinfric.sweeps.parameters import ELASTIC, SET, Target, apply, mounted_gravity
@@ -41,6 +40,8 @@ from pinfric.sweeps.parameters import ELASTIC, SET, Target, apply, mounted_gravi
 _STEP = 0.1
 #: Numbers stored, at most: 160 MB.
 _MOST = 2e7
+#: Sections of targets that change coefficients, laws or gears only.
+_SECTIONS = {"friction", "transmission", "payload", "speed", "mounting"}
 #: Which components of a `Strength` a factor acts on, by the direction it names.
 _WAYS = {"": slice(0, 3), "positive": slice(1, 2), "negative": slice(2, 3)}
 #: Efforts whose squares are numbers; others are the general path's.
@@ -85,18 +86,37 @@ class Superposition:
     ) -> Superposition | None:
         """Compute the stored cycles; None where a sample is no sum of them (see `_is_linear`)."""
         others = {k: p for k, p in scene.payloads.items() if k not in _varied_payloads(targets)}
-        bare = scene.with_(payloads=others, actuators=None)
-        bodies = (bare, *_places(scene, targets))
-        causes = _causes(scene, targets)
-        width = scene.model.nv + 6 * len(scene.sites)
-        if (
-            not _is_linear(scene, targets)
-            or len(bodies) * len(causes) * len(trajectory.t) * width > _MOST
-        ):
+        bodies = (scene.with_(payloads=others, actuators=None), *_places(scene, targets))
+        causes, width = _causes(scene, targets), scene.model.nv + 6 * len(scene.sites)
+        numbers = len(bodies) * len(causes) * len(trajectory.t) * width
+        if not _is_linear(scene, targets) or numbers > _MOST:
             return None
-        states = _states(scene, trajectory)
-        basis = _basis(scene, states, bodies, causes)
-        return cls(scene, trajectory, targets, bodies, basis, _path(scene, states))
+        states, efforts, wrenches = _states(scene, trajectory), [], []
+        for body, (gravity, moves) in product(bodies, causes):
+            found = inverse_dynamics(
+                body.with_(gravity=gravity),
+                states.q,
+                states.v * moves,
+                states.a * moves,
+                attached=_carrying(scene, body, states).attached,
+                threads=1,
+            )
+            efforts.append(found.effort_frictionless.reshape(-1))
+            wrenches.append(np.empty(0) if found.wrench is None else found.wrench.reshape(-1))
+        sites, away = scene.site_tables, np.empty((0, 0))
+        if sites.contacts.moves.any():
+            away = scene.twin().displacements(sites.joint, states.q)
+        path = Path(  # the columns of v are the drives', one for each
+            v=states.v,
+            a=states.a,
+            weight=_weights(trajectory.t),
+            displacement=away,
+            sites=sites._replace(joint=np.arange(len(scene.sites))),
+            stick_velocity=scene_gears(scene).stick_velocity,
+            geared=any(drive.transmission is not None for drive in scene.drives),
+        )
+        basis = Basis(np.stack(efforts), np.stack(wrenches))
+        return cls(scene, trajectory, targets, bodies, basis, path)
 
     def cycles(self, values: np.ndarray, whole: bool) -> Iterator[Stored | None]:
         """Yield the efforts of each sample from the stored parts, reduced by `write_figures`.
@@ -183,28 +203,19 @@ class Superposition:
         for name, keys in _varied_payloads(self.targets).items():
             payload = self.scene.payloads[name]
             mass = given.get(("payload", name, "mass"), np.full(n, payload.mass))
-            bodies.append(
-                (mass / payload.mass)[:, None]
-                * _shares(
-                    np.array(
-                        [
-                            (given["payload", name, key] - payload.com["xyz".index(key[-1])])
-                            / _STEP
-                            for key in keys
-                            if key != "mass"
-                        ]
-                    ).reshape(-1, n)
-                )
-            )
+            away = [
+                given["payload", name, key] - payload.com["xyz".index(key[-1])]
+                for key in keys
+                if key != "mass"
+            ]
+            shares = _shares(np.array(away).reshape(-1, n) / _STEP)
+            bodies.append((mass / payload.mass)[:, None] * shares)
         sections = {target.section for target in self.targets}
         causes = [np.ones((n, 1))]
         if "mounting" in sections:
             angles = (given.get(("mounting", key), np.zeros(n)) for key in ("roll", "pitch"))
-            causes = [
-                np.array(
-                    [mounted_gravity(self.scene.model, *both) for both in zip(*angles, strict=True)]
-                )
-            ]
+            turned = zip(*angles, strict=True)
+            causes = [np.array([mounted_gravity(self.scene.model, *both) for both in turned])]
         if sections & {"mounting", "speed"}:
             causes.append((speed * speed)[:, None])
         return speed, np.concatenate(bodies, axis=1), np.concatenate(causes, axis=1)
@@ -223,22 +234,17 @@ def _is_linear(scene: Scene, targets: Sequence[Target]) -> bool:
     """Whether every sample is a sum of stored cycles, and only a number out of range is refused.
 
     Not with loops, drives off the joints or several on one (friction reacts on wrenches), where a
-    bearing refuses a moment, and for values that change a gear's loss or a term's shape.
+    bearing refuses a moment, for values that change a gear's loss or a term's shape, and for
+    sections that this module does not know.
     """
-    varied = {
-        (section, name): key
-        for section, key, name in ((t.section, t.key, name) for t in targets for name in t.names)
-    }
+    varied = {(target.section, name) for target in targets for name in target.names}
     gears = [drive.transmission for drive in scene.drives if ("transmission", drive.name) in varied]
-    terms = [
-        term
-        for site in scene.sites
-        for term in site.friction.terms
-        if ("friction", site.name) in varied
-    ]
+    rubbing = [site.friction for site in scene.sites if ("friction", site.name) in varied]
+    bearings = [site.friction.bearing for site in scene.sites]
     return (
         scene.linkage is None
         and scene.one_drive_each
+        and {target.section for target in targets} <= _SECTIONS
         and not any(target.key in (*SET, *ELASTIC) for target in targets)
         and not any(
             gear is None
@@ -246,11 +252,8 @@ def _is_linear(scene: Scene, targets: Sequence[Target]) -> bool:
             or isinstance(gear.efficiency, MakersEfficiency)
             for gear in gears
         )
-        and all(map(proportional, terms))
-        and all(
-            site.friction.bearing is None or site.friction.bearing.roll_lever() is None
-            for site in scene.sites
-        )
+        and all(proportional(term) for friction in rubbing for term in friction.terms)
+        and all(bearing is None or bearing.roll_lever() is None for bearing in bearings)
     )
 
 
@@ -306,45 +309,6 @@ def _causes(scene: Scene, targets: Sequence[Target]) -> list[tuple[np.ndarray, b
     return [(gravity, True)]
 
 
-def _basis(
-    scene: Scene,
-    states: States,
-    bodies: Sequence[Scene],
-    causes: Sequence[tuple[np.ndarray, bool]],
-) -> Basis:
-    """Run each body by each cause."""
-    efforts, wrenches = [], []
-    for body, (gravity, moves) in product(bodies, causes):
-        attached = _carrying(scene, body, states).attached
-        found = inverse_dynamics(
-            body.with_(gravity=gravity),
-            states.q,
-            states.v * moves,
-            states.a * moves,
-            attached=attached,
-            threads=1,
-        )
-        efforts.append(found.effort_frictionless.reshape(-1))
-        wrenches.append(np.empty(0) if found.wrench is None else found.wrench.reshape(-1))
-    return Basis(np.stack(efforts), np.stack(wrenches))
-
-
-def _path(scene: Scene, states: States) -> Path:
-    """What all samples share; the columns of v are the drives', one for each."""
-    assert states.t is not None  # a trajectory has them
-    sites, moving = scene.site_tables, scene.site_tables.contacts.moves.any()
-    positions = scene.twin().displacements(sites.joint, states.q) if moving else np.empty((0, 0))
-    return Path(
-        v=states.v,
-        a=states.a,
-        weight=_weights(states.t),
-        displacement=positions,
-        sites=sites._replace(joint=np.arange(len(scene.sites))),
-        stick_velocity=scene_gears(scene).stick_velocity,
-        geared=any(drive.transmission is not None for drive in scene.drives),
-    )
-
-
 def _states(scene: Scene, trajectory: Trajectory) -> States:
     attached = attached_columns(scene, trajectory)
     return States.of(scene, trajectory.q, trajectory.v, trajectory.a, trajectory.t, attached)
@@ -375,9 +339,17 @@ def laws_of_samples(scene: Scene, targets: Sequence[Target], values: np.ndarray)
         scene: before the values are put in.
         targets, values: (n, number of targets).
     """
-    terms = [(site, key) for site in scene.sites for key in _keys(site.friction)]
+    # a site without any term keeps a row of zeros
+    terms = [(site, key) for site in scene.sites for key in site.friction.named_terms or [""]]
+    alone = [
+        site.friction.model_copy(update={k: None for k in site.friction.named_terms if k != key})
+        for site, key in terms
+    ]
     table = law_table(
-        [friction_law(_only(site.friction, key), site.law.stick_velocity) for site, key in terms]
+        [
+            friction_law(entry, site.law.stick_velocity)
+            for entry, (site, _) in zip(alone, terms, strict=True)
+        ]
     )
     varied = [j for j, target in enumerate(targets) if target.section == "friction"]
     factor = np.ones((len(values) if varied else 1, len(terms), 3))
@@ -386,9 +358,9 @@ def laws_of_samples(scene: Scene, targets: Sequence[Target], values: np.ndarray)
         for i, (site, of) in enumerate(terms):
             if site.name in targets[j].names and of == key:
                 factor[:, i, _WAYS[way]] *= values[:, j, None]
-    counts = [len(_keys(site.friction)) for site in scene.sites]
-    first = np.cumsum([0, *counts], dtype=np.int64)[:-1]
-    last = first + np.array(counts, dtype=np.int64) - 1
+    counts = np.array([len(site.friction.named_terms) or 1 for site in scene.sites], dtype=np.int64)
+    last = np.cumsum(counts) - 1
+    first = last + 1 - counts
     of_row = np.repeat(np.arange(len(terms)), table.row_end - table.row_start)
 
     def summed(strength: np.ndarray) -> np.ndarray:
@@ -445,16 +417,3 @@ def proportional(term: FrictionTerm) -> bool:
         ((CONSTANT, one.at_rest()), *one.rows(stribeck)) for one in (term, term.scaled(2.0))
     )
     return twice == tuple((shape, tuple(2.0 * x for x in strength)) for shape, strength in once)
-
-
-def _keys(friction: Friction) -> list[str]:
-    """The keys of a site's terms; one that has none keeps a row of zeros."""
-    return list(friction.named_terms) or [""]
-
-
-def _only(friction: Friction, key: str) -> Friction:
-    """The entry with one of its terms."""
-    others = {
-        name: None for name, term in friction if isinstance(term, FrictionTerm) and name != key
-    }
-    return friction.model_copy(update=others)

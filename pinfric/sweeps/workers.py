@@ -48,20 +48,6 @@ _TRIM_THRESHOLD, _MMAP_THRESHOLD, _KEPT = -1, -3, 32 * 2**20
 Packed = tuple[str, bytes]
 
 
-def compute_here(
-    study: Study, batches: Iterable[np.ndarray], values: np.ndarray
-) -> Iterator[pd.DataFrame]:
-    """Yield the batches' figures, computed in this process.
-
-    Args:
-        study: what the samples share.
-        batches: (k,) rows of `values` each.
-        values: (n, number of targets).
-    """
-    for rows in batches:
-        yield compute(study, rows, values[rows])
-
-
 def compute_on_processes(
     study: Study, batches: Iterable[np.ndarray], values: np.ndarray, processes: int
 ) -> Iterator[pd.DataFrame]:
@@ -70,7 +56,9 @@ def compute_on_processes(
     A process that is killed takes the others' unfinished batches with it: they start again.
 
     Args:
-        study, batches, values: as `compute_here`.
+        study: what the samples share.
+        batches: (k,) rows of `values` each.
+        values: (n, number of targets).
         processes: how many.
 
     Raises:
@@ -98,7 +86,7 @@ def compute_on_cluster(
     """Yield the batches' figures as they complete, in any order, from the workers of a cluster.
 
     Args:
-        study, batches, values: as `compute_here`.
+        study, batches, values: as `compute_on_processes`.
         scheduler: address of a running Dask scheduler, for instance tcp://host:8786.
 
     Raises:
@@ -110,7 +98,7 @@ def compute_on_cluster(
 
     with _connected(scheduler) as client, _failures_said():
         # the result of a task, not scattered: the scheduler makes it again where it is lost
-        shared = client.submit(_same, _packed(study), pure=False)
+        shared = client.submit(tuple, _packed(study), pure=False)
         pending = {
             client.submit(_compute_on_worker, shared, rows, values[rows], pure=False)
             for rows in batches
@@ -144,10 +132,6 @@ def _told_of_losses(client: Any, before: set[str]) -> set[str]:
         text = f"worker {lost} was lost; others compute its batches again"
         warnings.warn(text, PinfricWarning, stacklevel=5)
     return now
-
-
-def _same(packed: Packed) -> Packed:
-    return packed
 
 
 def _finished(

@@ -1,6 +1,7 @@
 """Samples as sums of stored cycles: the figures of inverse dynamics, or inverse dynamics itself."""
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -263,3 +264,12 @@ def test_catalogue_drives_are_judged_as_on_inverse_dynamics():
     assert study.superposition is not None
     assert_equal_to_inverse_dynamics(study, values)
     assert (figures(study, np.arange(3), values)[:, 1, FIGURES.index("margin")] != 1).all()
+
+
+def test_a_section_that_superposition_does_not_know_is_left_to_inverse_dynamics():
+    scene = arm()
+    motion = swing(scene)
+    study, _ = study_of(scene, motion, speed=ALL["speed"])
+    unknown = tuple(replace(target, section="bearings") for target in study.targets)
+    assert Superposition.of(scene, motion, study.targets) is not None
+    assert Superposition.of(scene, motion, unknown) is None
