@@ -16,6 +16,7 @@ from itertools import pairwise
 import numpy as np
 
 from pinfric.drives.demand import hold_samples
+from pinfric.drives.inertia import joint_inertias
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult, runs
 from pinfric.dynamics.samples.motor_torques import drive_stick_velocity
@@ -31,12 +32,13 @@ from pinfric.elastic.vibration import (
 )
 from pinfric.errors import PinfricError, StateError
 from pinfric.model.closure import action_maps, closure_jacobian, loop_state
-from pinfric.model.couples import delivery, rate_rows, taking_part
+from pinfric.model.couples import rate_rows, taking_part
 from pinfric.model.mass_matrix import frame_jacobians, link_poses, mass_matrices
 from pinfric.model.mobility import lightest_joint
 from pinfric.model.robot import link_frame
 from pinfric.model.scene import Scene
 from pinfric.model.upward import Shown
+from pinfric.motions.summary import ends_by_magnitude
 
 #: Wind-up that the approach leaves, and the opposite one.
 _Ways = tuple[np.ndarray | None, np.ndarray | None]
@@ -151,7 +153,7 @@ class Elasticity(Shown):
     @cached_property
     def mode(self) -> Mode:
         """The mode at that sample."""
-        return modes_of(self.result, [self.slowest], _least_torque(self.result))[0]
+        return modes_of(self.result, [self.slowest], _torques(self.result)[1])[0]
 
     @cached_property
     def bracket(self) -> tuple[float, float]:
@@ -159,11 +161,11 @@ class Elasticity(Shown):
 
         NaN where loops couple the joints.
         """
-        scene, sample = self.result.scene, [self.slowest]
+        scene, sample = self.result.scene, slice(self.slowest, self.slowest + 1)
         if scene.linkage is not None:
             return np.nan, np.nan
-        K = stiffness_at(scene, _least_torque(self.result)[sample])
-        low, high = bracket(inertias_about(scene, _masses(self.result, sample)), K)
+        inertia = joint_inertias(scene, self.result.states.part(sample))[:, list(scene.elastic)]
+        low, high = bracket(inertia, stiffness_at(scene, _torques(self.result)[1][sample]))
         return float(low[0]), float(high[0])
 
     @cached_property
@@ -187,35 +189,26 @@ def elasticity(result: InverseResult) -> Elasticity:
         raise StateError(f"{scene.source}: no gear has a stiffness; give transmission.stiffness")
     if result.t is None:
         raise StateError("elasticity needs times: give `t` to inverse_dynamics")
+    notes, found = _notes(scene), _rest_samples(result)
     try:
-        return _elasticity(result)
-    except np.linalg.LinAlgError:
+        ways = _approaches(result, found, notes)
+        stiffest, softest = (
+            modes_of(result, [last for *_, last in found], torque) for torque in _torques(result)
+        )
+        rests = tuple(
+            _rest(result, span, ways[n], (softest[n], stiffest[n].frequency))
+            for n, span in enumerate(found)
+        )
+        names = tuple(scene.drives[d].name for d in scene.elastic)
+        return Elasticity(result, names, trajectory_frequencies(result), rests, tuple(notes))
+    except np.linalg.LinAlgError:  # of the lightest motion of any sample
+        mass, closed = _masses(result, np.arange(len(result.t))), _rows(scene, result.states.q)[1]
+        sample = int(np.argmin(np.linalg.eigvalsh(mass)[:, 0]))
+        joint = lightest_joint(scene.model, mass[sample], closed[sample])
         raise StateError(
-            f"{scene.source}: a joint moves no mass ({_lightest(result)}), so there is no natural "
-            "frequency; give its link a mass"
+            f"{scene.source}: a joint moves no mass ({joint}), so there is no natural frequency; "
+            "give its link a mass"
         ) from None
-
-
-def _lightest(result: InverseResult) -> str:
-    """The joint with the largest part in the lightest motion of any sample."""
-    scene, every = result.scene, np.arange(len(result.states.q))
-    mass, closed = _masses(result, every), _rows(scene, result.states.q)[1]
-    sample = int(np.argmin(np.linalg.eigvalsh(mass)[:, 0]))
-    return lightest_joint(scene.model, mass[sample], closed[sample])
-
-
-def _elasticity(result: InverseResult) -> Elasticity:
-    scene, notes = result.scene, _notes(result.scene)
-    found = _rest_samples(result)
-    ways = _approaches(result, found, notes)
-    modes = modes_of(result, [last for *_, last in found], _least_torque(result))
-    stiffest = modes_of(result, [last for *_, last in found], _worst_torque(result))
-    rests = tuple(
-        _rest(result, span, ways[n], (modes[n], stiffest[n].frequency))
-        for n, span in enumerate(found)
-    )
-    names = tuple(scene.drives[d].name for d in scene.elastic)
-    return Elasticity(result, names, trajectory_frequencies(result), rests, tuple(notes))
 
 
 def _notes(scene: Scene) -> list[str]:
@@ -244,7 +237,7 @@ def _notes(scene: Scene) -> list[str]:
 def trajectory_frequencies(result: InverseResult) -> np.ndarray:
     """Return the lowest natural frequency (T,), Hz, of each sample (`Elasticity.frequency`)."""
     scene = result.scene
-    torque = _least_torque(result)
+    torque = _torques(result)[1]
     known = np.isfinite(torque).all(axis=1)
     found = np.full(len(torque), np.nan)
     if not known.any():
@@ -305,7 +298,7 @@ def free_frequencies(result: InverseResult, sample: int) -> np.ndarray | None:
     for d in set(range(len(rotors))) - set(scene.elastic):
         M = M + rotors[d] * np.outer(every[0, d], every[0, d])
     inverse = np.diag([1.0 / rotors[d] for d in scene.elastic])
-    K = stiffness_at(scene, _least_torque(result)[[sample]])
+    K = stiffness_at(scene, _torques(result)[1][[sample]])
     return np.asarray(frequencies(mobility(M[None], S, closed) + inverse, K)[0])
 
 
@@ -320,23 +313,6 @@ def stiffness_at(scene: Scene, torque: np.ndarray) -> np.ndarray:
     )
 
 
-def inertias_about(scene: Scene, mass: np.ndarray) -> np.ndarray:
-    """Return (n, ne) what moves with each elastic drive while the others stand, kg m^2 (kg).
-
-    Of coupled drives (P M P^T)_jj.
-
-    Args:
-        scene: an open chain. mass: (n, nv, nv).
-    """
-    own = [scene.drives[d].velocity_index for d in scene.elastic]
-    P = delivery(scene.drives, scene.model.nv)
-    if not P.size:
-        return np.asarray(mass[:, own, own])
-    every = [drive.velocity_index for drive in scene.drives]
-    moved = P[list(scene.elastic)]
-    return np.asarray(np.einsum("da,nab,db->nd", moved, mass[:, every][:, :, every], moved))
-
-
 def rotor_inertia(scene: Scene, d: int) -> float:
     """Return r^2 J_rotor of a drive and Pinocchio's armature of its joint, kg m^2 (kg)."""
     drive = scene.drives[d]
@@ -345,16 +321,9 @@ def rotor_inertia(scene: Scene, d: int) -> float:
     return float(drive.ratio**2 * own + armature)
 
 
-def _least_torque(result: InverseResult) -> np.ndarray:
-    """(T, na) of least magnitude in each interval, where gears are softest."""
-    lower, upper = result.effort_lower, result.effort_upper
-    return np.asarray(np.minimum(np.maximum(0.0, lower), upper))
-
-
-def _worst_torque(result: InverseResult) -> np.ndarray:
-    """(T, na) of largest magnitude in each interval, where gears are stiffest."""
-    lower, upper = result.effort_lower, result.effort_upper
-    return np.asarray(np.where(np.abs(upper) >= np.abs(lower), upper, lower))
+def _torques(result: InverseResult) -> tuple[np.ndarray, np.ndarray]:
+    """(T, na) of largest magnitude in each interval, where gears are stiffest, and of least."""
+    return ends_by_magnitude(result.effort_lower, result.effort_upper)
 
 
 def _masses(result: InverseResult, samples: np.ndarray | list[int]) -> np.ndarray:

@@ -106,10 +106,10 @@ class Samples:
                 attached={name: phase[kept] for name, phase in table.attached.items()},
             )
 
-    def left_out(self, count: int, words: str, samples: int | None = None) -> None:
+    def left_out(self, count: int, words: str) -> None:
         """Say that so many samples were left out."""
-        left = self.reading.samples - count if samples is None else samples
-        self.said(words, samples=left, dropped=self.reading.dropped + count)
+        reading = self.reading
+        self.said(words, samples=reading.samples - count, dropped=reading.dropped + count)
 
 
 @dataclass(frozen=True)
@@ -387,10 +387,10 @@ def _filtered(regular: Regular, noisy: Sequence[bool], options: ReadingOptions) 
     for i, q in enumerate(measured.T):
         holds = found[i] if noisy[i] else find_holds(q, float(even.table.resolution[i]))
         passes.append(_chosen_pass(q, step, floor[i], holds, noisy[i], options.cutoff))
-        joint = _low_passed(regular, i, holds, passes[i], noise[i], thinning)
-        for name, column in parts.items():
-            column[:, i] = getattr(joint, name)
-        spreads.append(joint.spread)
+        columns, spread_of = _low_passed(regular, i, holds, passes[i], noise[i], thinning)
+        for part, column in zip(parts.values(), columns, strict=True):
+            part[:, i] = column
+        spreads.append(spread_of)
     names, spread = [column.name for column in even.columns], np.array(spreads)
     even.said(
         noise=dict(zip(names, noise, strict=True)),
@@ -481,18 +481,6 @@ def _leave_out_ends(even: Samples, moving: BoolArray, ends: FloatArray, step: fl
     even.keep(np.arange(count)[inside])
 
 
-@dataclass(frozen=True)
-class _Smoothed:
-    """One joint between its holds: (T,) each; `spread` are sigma of velocity and acceleration."""
-
-    position: FloatArray
-    velocity: FloatArray
-    acceleration: FloatArray
-    shift: FloatArray
-    moving: BoolArray
-    spread: list[float]
-
-
 def _low_passed(
     regular: Regular,
     joint: int,
@@ -500,8 +488,12 @@ def _low_passed(
     chosen: _Pass,
     noise: float,
     thinning: Thinning | None,
-) -> _Smoothed:
-    """Return one joint's motion, thinned; its whole columns fill much of the memory."""
+) -> tuple[list[NDArray[Any]], list[float]]:
+    """Return one joint's motion, thinned; its whole columns fill much of the memory.
+
+    Its position, velocity, acceleration, shift, and where it moves (T,); sigma of velocity and
+    acceleration.
+    """
     t, step, cutoff, gaussian = regular.even.table.t, regular.step, chosen.cutoff, chosen.gaussian
     every = thinning.every(step) if thinning else 1
     q = regular.even.table.position[:, joint].copy()
@@ -526,7 +518,7 @@ def _low_passed(
     q, v = q[::every].copy(), v[::every].copy()
     if thinning and every > 1:
         a = thinning.acceleration(a, step)
-    return _Smoothed(q, v, a[::every], shift, moving[::every], spread)
+    return [q, v, a[::every], shift, moving[::every]], spread
 
 
 def _noise_line(reading: Reading, unit: str) -> str:
