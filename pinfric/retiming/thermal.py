@@ -22,6 +22,8 @@ from pinfric.retiming.problem import Problem
 from pinfric.retiming.profile import Profile
 from pinfric.retiming.scan import box_scan, ranges, torques
 
+#: Of u - low and high - u by u.
+_SIGNS = np.array([1.0, -1.0])
 #: Relative steps of differences.
 _STEP = 1.0e-6
 #: The barrier's weight, as a part of the duration for all constraints together: first and last.
@@ -58,20 +60,19 @@ def within_continuous(problem: Problem, fast: Profile, cycle: Cycle) -> tuple[Pr
         RetimeError: a motor exceeds it however slow the motion is.
     """
     barrier = _Barrier(problem, cycle)
-    total = float(fast.duration.sum())
-    if barrier.excess(fast.x) <= 0.0:
-        return fast, total
+    if (barrier.slack(fast.x) >= 0.0).all():
+        return fast, float(fast.duration.sum())
     factor = barrier.uniform(fast)
-    begin = fast.x * (factor * _ROOM) ** 2
-    while not np.isfinite(barrier.value(begin, 1.0)):
+    uniform = fast.scaled(factor)
+    total = float(uniform.duration.sum())
+    while not np.isfinite(barrier.value(fast.x * (factor * _ROOM) ** 2, 1.0)):
         factor *= 0.9  # friction that falls with the speed, a slower motion beyond a limit
         if factor < 1e-3:
-            return fast.scaled(barrier.uniform(fast)), total / barrier.uniform(fast)
-        begin = fast.x * (factor * _ROOM) ** 2
-    found = Profile.of(problem.grid, *barrier.minimize(begin))
-    uniform = fast.scaled(barrier.uniform(fast))
-    best = min(found, uniform, key=lambda profile: profile.duration.sum())
-    return best, float(uniform.duration.sum())
+            return uniform, total
+    x = barrier.minimize(fast.x * (factor * _ROOM) ** 2)
+    u = np.diff(x) / (2.0 * barrier.step)
+    found = Profile.of(problem.grid, x, np.stack([u, u], axis=1))
+    return (found if found.duration.sum() <= total else uniform), total
 
 
 class _Barrier:
@@ -83,7 +84,7 @@ class _Barrier:
         scan = constant.scan()
         self.scan, self.cycle = box_scan(scan), cycle
         self.names = problem.scene.actuator_names
-        self.step, self.free = grid.step, ~grid.stop
+        self.step, self.free, self.moving = grid.step, ~grid.stop, _ends(~grid.stop)
         top = np.minimum(
             scan.top[np.append(scan.start, scan.end[-1])],
             scan.top[np.append(scan.start[0], scan.end)],
@@ -95,43 +96,27 @@ class _Barrier:
 
     def durations(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Duration of each interval, its gradient (n, 2) and Hessian (n, 2, 2)."""
-        z = np.sqrt(np.maximum(np.stack([x[:-1], x[1:]], axis=1), 1e-100))
-        total = z.sum(axis=1)
-        time = 2.0 * self.step / total
-        first = -time[:, None] / (2.0 * z * total[:, None])
-        cross = time / (2.0 * z[:, 0] * z[:, 1] * total**2)
-        own = time[:, None] / (2.0 * z**2 * total[:, None] ** 2) + time[:, None] / (
-            4.0 * z**3 * total[:, None]
-        )
-        second = np.empty((len(x) - 1, 2, 2))
-        second[:, 0, 0], second[:, 1, 1] = own[:, 0], own[:, 1]
-        second[:, 0, 1] = second[:, 1, 0] = cross
-        moving = np.stack([self.free[:-1], self.free[1:]], axis=1)
-        first = np.where(moving, first, 0.0)
-        return time, first, np.where(moving[:, :, None] & moving[:, None, :], second, 0.0)
+        z = np.sqrt(np.maximum(_ends(x), 1e-100))
+        total = z.sum(axis=1, keepdims=True)
+        time = 2.0 * self.step[:, None] / total
+        first = np.where(self.moving, -time / (2.0 * z * total), 0.0)
+        second = (time / (2.0 * total**2))[:, :, None] / _outer(z, z)
+        second[:, [0, 1], [0, 1]] += time / (4.0 * z**3 * total)
+        return time[:, 0], first, np.where(_outer(self.moving, self.moving), second, 0.0)
 
     def torques(self, x: np.ndarray) -> np.ndarray:
         """(n, 2, na) of the motors."""
         u = np.diff(x) / (2.0 * self.step)
         found = np.empty((len(u), 2, len(self.cycle.limit)))
-        torques(self.scan, np.stack([x[:-1], x[1:]], axis=1), np.stack([u, u], axis=1), found)
+        torques(self.scan, _ends(x), np.stack([u, u], axis=1), found)
         return found
 
-    def energies(self, x: np.ndarray) -> np.ndarray:
-        """(na,) int T^2 dt over the cycle."""
-        T = self.torques(x)
-        square = (T[:, 0] ** 2 + T[:, 0] * T[:, 1] + T[:, 1] ** 2) / 3.0
-        return np.asarray(self.durations(x)[0] @ square + self.cycle.hold_energy)
-
     def slack(self, x: np.ndarray) -> np.ndarray:
-        """(judged,) c^2 (T + holds) - E, as a part of the first."""
-        whole = self.durations(x)[0].sum() + self.cycle.hold_time
-        allowed = self.cycle.limit[self.judged] ** 2 * whole
-        return np.asarray(1.0 - self.energies(x)[self.judged] / allowed)
-
-    def excess(self, x: np.ndarray) -> float:
-        """The most by which the mean square of a torque exceeds its limit."""
-        return float(-self.slack(x).min(initial=0.0))
+        """(judged,) c^2 (T + holds) - E, as a part of the first; E = int T^2 dt over the cycle."""
+        time = self.durations(x)[0]
+        energy = time @ _mean_square(self.torques(x)) + self.cycle.hold_energy
+        allowed = self.cycle.limit**2 * (time.sum() + self.cycle.hold_time)
+        return np.asarray(1.0 - (energy / allowed)[self.judged])
 
     def uniform(self, fast: Profile) -> float:
         """The greatest factor by which the whole profile may be slowed down to be within."""
@@ -150,26 +135,29 @@ class _Barrier:
             "load; take a larger motor, shorter holds, or heat=False (--no-heat) for a single run"
         )
 
-    def constraints(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(n, 2 sides, 2): u - low and high - u at both ends; and u (n,)."""
+    def ranges(self, ends: np.ndarray) -> np.ndarray:
+        """(n, 2 sides, 2): least and greatest u at both ends of each interval, by x (n, 2)."""
+        found = np.empty((2, *ends.shape))
+        ranges(self.scan, ends, *found)
+        return np.moveaxis(found, 0, 2)
+
+    def gaps(self, x: np.ndarray) -> np.ndarray:
+        """(n, 2 sides, 2): u - low and high - u at both ends."""
         u = np.diff(x) / (2.0 * self.step)
-        low, high = np.empty((2, len(u), 2))
-        ranges(self.scan, np.stack([x[:-1], x[1:]], axis=1), low, high)
-        return np.stack([u[:, None] - low, high - u[:, None]], axis=2), u
+        return np.asarray(_SIGNS * (u[:, None, None] - self.ranges(_ends(x))))
 
     def value(self, x: np.ndarray, weight: float) -> float:
         """The barrier function; infinite outside."""
         if (x[self.free] <= 0.0).any():
             return np.inf
-        gap = self.constraints(x)[0]
-        slack, room = self.slack(x), (1.0 - x / self.top)[self.free]
+        gap, slack, room = self.gaps(x), self.slack(x), (1.0 - x / self.top)[self.free]
         if not (gap.min() > 0.0 and slack.min() > 0.0 and room.min() > 0.0):
             return np.inf
         logs = np.log(gap).sum() + self.heavy * np.log(slack).sum() + np.log(room).sum()
         return float(self.durations(x)[0].sum() - weight * logs)
 
-    def minimize(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return (n + 1,) x and (n, 2) u of the minimum, following the weights down."""
+    def minimize(self, x: np.ndarray) -> np.ndarray:
+        """Return (n + 1,) x of the minimum, following the weights down."""
         count = 4 * len(self.step) + self.heavy * self.judged.sum() + self.free.sum()
         part = _FIRST
         while True:
@@ -179,10 +167,8 @@ class _Barrier:
                 if gain < 0.05 * weight * np.sqrt(count):
                     break
             if part <= _LAST:
-                break
+                return x
             part = max(part * _FALL, _LAST)
-        u = np.diff(x) / (2.0 * self.step)
-        return x, np.stack([u, u], axis=1)
 
     def newton(self, x: np.ndarray, weight: float) -> tuple[np.ndarray, float]:
         """One damped step; returns the new x and how much the barrier function fell."""
@@ -209,42 +195,43 @@ class _Barrier:
         self, x: np.ndarray, weight: float
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Gradient (n + 1,), tridiagonal (2, n + 1) and columns (n + 1, judged) of the Hessian."""
-        assembled = _Assembled(len(x))
-        self._limits(x, weight, assembled)
-        room = self.top - x
-        assembled.gradient += np.where(self.free, weight / room, 0.0)
-        assembled.band[0] += np.where(self.free, weight / room**2, 0.0)
-        columns = self._heat(x, weight, assembled)
-        return assembled.gradient, assembled.band, columns
+        first, second = self._limits(x, weight)
+        more, bent, columns = self._heat(x, weight)
+        first, second, room = first + more, second + bent, self.top - x
+        gradient = np.where(self.free, weight / room, 0.0)
+        band = np.stack([np.where(self.free, weight / room**2, 0.0), np.zeros(len(x))])
+        for end, own in enumerate((slice(None, -1), slice(1, None))):
+            gradient[own] += first[:, end]
+            band[0, own] += second[:, end, end]
+        band[1, :-1] = second[:, 0, 1]
+        return gradient, band, columns
 
-    def _limits(self, x: np.ndarray, weight: float, assembled: _Assembled) -> None:
-        """Logarithms of u - low(x) and high(x) - u at both ends."""
-        gap, _ = self.constraints(x)
-        ends = np.stack([x[:-1], x[1:]], axis=1)
-        moved = ends * (1.0 + _STEP) + 1e-300
-        low, high, low_1, high_1 = np.empty((4, *ends.shape))
-        ranges(self.scan, ends, low, high)
-        ranges(self.scan, moved, low_1, high_1)
-        empty = low_1 > high_1  # the step leaves what is possible: to the other side
+    def _limits(self, x: np.ndarray, weight: float) -> tuple[np.ndarray, np.ndarray]:
+        """Gradient (n, 2), Hessian (n, 2, 2): logs of u - low(x), high(x) - u at both ends."""
+        gap, ends = self.gaps(x), _ends(x)
+        here, moved = self.ranges(ends), ends * (1.0 + _STEP) + 1e-300
+        there = self.ranges(moved)
+        empty = there[:, :, 0] > there[:, :, 1]  # the step leaves what is possible: the other side
         if empty.any():
             moved = np.where(empty, ends * (1.0 - _STEP), moved)
-            ranges(self.scan, moved, low_1, high_1)
-        change = moved - ends
-        own = np.stack([-(low_1 - low) / change, (high_1 - high) / change], axis=2)
-        by_u = np.array([1.0, -1.0])
+            there = self.ranges(moved)
+        own = -_SIGNS * (there - here) / (moved - ends)[:, :, None]
+        by_u = np.stack([-0.5 / self.step, 0.5 / self.step], axis=1)
+        first, second = np.zeros(ends.shape), np.zeros((*ends.shape, 2))
         for side in range(2):
-            for k in range(2):
-                slope = np.stack([-by_u[k] / (2 * self.step), by_u[k] / (2 * self.step)], axis=1)
+            for k, sign in enumerate(_SIGNS):
+                slope = sign * by_u
                 slope[:, side] += own[:, side, k]
-                slope /= gap[:, side, k][:, None]
-                slope = np.where(np.stack([self.free[:-1], self.free[1:]], axis=1), slope, 0.0)
-                assembled.add(-weight * slope, weight * slope[:, :, None] * slope[:, None, :])
+                slope = np.where(self.moving, slope / gap[:, side, k, None], 0.0)
+                first -= weight * slope
+                second += weight * _outer(slope, slope)
+        return first, second
 
-    def _heat(self, x: np.ndarray, weight: float, assembled: _Assembled) -> np.ndarray:
-        """Duration, and logarithms of what is left of the mean squares: a column per motor."""
+    def _heat(self, x: np.ndarray, weight: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The same of the duration, and of what is left of the mean squares: a column per motor."""
         time, first, second = self.durations(x)
         T, slope = self.torques(x), self._torque_slopes(x)
-        square = (T[:, 0] ** 2 + T[:, 0] * T[:, 1] + T[:, 1] ** 2) / 3.0
+        square = _mean_square(T)
         energy, whole = time @ square + self.cycle.hold_energy, time.sum() + self.cycle.hold_time
         gradient, hessian = first.copy(), second.copy()
         columns = np.zeros((len(x), int(self.judged.sum())))
@@ -267,8 +254,7 @@ class _Barrier:
             columns[:, c] *= part / np.sqrt(self.heavy * weight)
         values, vectors = np.linalg.eigh(hessian)  # convex but for friction that depends on speed
         values = np.maximum(values, 1e-6 * np.abs(values).max(axis=1, keepdims=True))
-        assembled.add(gradient, np.einsum("nik,nk,njk->nij", vectors, values, vectors))
-        return columns
+        return gradient, np.einsum("nik,nk,njk->nij", vectors, values, vectors), columns
 
     def _torque_slopes(self, x: np.ndarray) -> np.ndarray:
         """(n, 2, na, 2) derivatives of `torques` by the speeds at an interval's two ends."""
@@ -289,16 +275,11 @@ def _outer(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.asarray(a[:, :, None] * b[:, None, :])
 
 
-class _Assembled:
-    """Sums of gradients and Hessians of intervals."""
+def _ends(x: np.ndarray) -> np.ndarray:
+    """(n, 2) the values of points (n + 1,) at both ends of each interval."""
+    return np.stack([x[:-1], x[1:]], axis=1)
 
-    def __init__(self, points: int) -> None:
-        self.gradient, self.band = np.zeros(points), np.zeros((2, points))
 
-    def add(self, gradient: np.ndarray, hessian: np.ndarray) -> None:
-        """Add (n, 2) and (n, 2, 2) of all intervals."""
-        self.gradient[:-1] += gradient[:, 0]
-        self.gradient[1:] += gradient[:, 1]
-        self.band[0, :-1] += hessian[:, 0, 0]
-        self.band[0, 1:] += hessian[:, 1, 1]
-        self.band[1, :-1] += hessian[:, 0, 1]
+def _mean_square(T: np.ndarray) -> np.ndarray:
+    """(n, na) mean T^2 in each interval, T linear between its ends (n, 2, na)."""
+    return np.asarray((T[:, 0] ** 2 + T[:, 0] * T[:, 1] + T[:, 1] ** 2) / 3.0)
