@@ -122,13 +122,9 @@ def _check(scene: Scene, settings: Stops) -> None:
                 f"{key}: engage_time is {delay:g} s; should be at most {LONGEST:g} s (30 ms is "
                 "0.03)"
             )
-    if settings.category == 1 and settings.deceleration:
-        _check_deceleration(scene, settings)
-
-
-def _check_deceleration(scene: Scene, settings: Stops) -> None:
-    where = f"{scene.source}: stops.deceleration"
-    names = list(scene.actuator_names)
+    if settings.category == 0 or not settings.deceleration:
+        return
+    where, names = f"{scene.source}: stops.deceleration", scene.actuator_names
     for name in settings.deceleration:
         if name not in names:
             raise StopError(f"{where}: there is no drive {name!r}; {choose_from(name, names)}")

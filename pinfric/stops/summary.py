@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -119,8 +119,7 @@ def axis_stop(search: Search, drive: int) -> AxisStop:
         energy=None if brake is None else energy,
         criteria=(
             *_of_brake(search, drive, brake, energy),
-            _of_gear(search, drive, peak),
-            *_of_power(search, drive, peak),
+            *_of_effort(search, drive, peak),
             *_of_place(search, drive),
         ),
     )
@@ -166,16 +165,16 @@ def load_name(load: float) -> str:
 
 def _of_brake(
     search: Search, drive: int, brake: HoldingBrake | None, energy: float
-) -> list[Criterion]:
+) -> Iterator[Criterion]:
     """A brake's torque against gravity, its energy, and how often it stops the axis."""
     if brake is None:
-        return []
+        return
     ratio = abs(search.machines.scene.drives[drive].ratio)
     holds = np.abs(np.concatenate(list(search.cycle.hold.values())))
     load = float(holds[:, drive].max()) / ratio
     load = load if load > _ROUNDING * holds.max() else 0.0
     per_hour = search.machines.settings.per_hour
-    torque = compare(
+    yield compare(
         "brake torque",
         load,
         brake.torque,
@@ -183,7 +182,7 @@ def _of_brake(
         "max |load at rest|/|ratio| <= least torque of the brake",
         "statics: friction does not push, and need not help",
     )
-    heat = compare(
+    yield compare(
         "brake energy of a stop",
         energy,
         brake.stop_energy,
@@ -193,7 +192,7 @@ def _of_brake(
         "stop_energy of the brake",
     )
     missing = "stops.per_hour" if per_hour is None else "stops_per_hour of the brake"
-    often = compare(
+    yield compare(
         "brake stops in an hour",
         per_hour,
         brake.stops_per_hour,
@@ -202,49 +201,41 @@ def _of_brake(
         "maker's figure",
         missing,
     )
-    return [torque, heat, often]
 
 
-def _of_gear(search: Search, drive: int, peak: float) -> Criterion:
-    """The gear's peak against the peak that it may bear for a moment."""
-    gear = search.machines.scene.drives[drive].transmission
-    return compare(
+def _of_effort(search: Search, drive: int, peak: float) -> Iterator[Criterion]:
+    """What the gear may bear for a moment; what an imposed deceleration may take, by the URDF."""
+    machines, scene = search.machines, search.machines.scene
+    gear, unit = scene.drives[drive].transmission, effort_unit(scene, drive)
+    yield compare(
         "gear momentary peak torque",
         peak,
         None if gear is None else gear.momentary_peak,
-        effort_unit(search.machines.scene, drive),
+        unit,
         "max |effort| in a stop <= limit for momentary peak torque",
         "simulated stops, friction and brake at their greatest, a rigid gear",
         "momentary_peak of the transmission",
     )
-
-
-def _of_power(search: Search, drive: int, peak: float) -> list[Criterion]:
-    """Whether a drive can do an imposed deceleration, by the URDF's effort limit."""
-    settings, scene = search.machines.settings, search.machines.scene
-    if settings.category == 0 or not settings.deceleration:
-        return []
-    limit = float(scene.model.effortLimit[scene.drives[drive].velocity_index])
-    return [
-        compare(
+    if machines.deceleration is not None:
+        limit = float(scene.model.effortLimit[scene.drives[drive].velocity_index])
+        yield compare(
             "effort of braking",
             peak,
             limit if 0.0 < limit < UNLIMITED else None,
-            effort_unit(scene, drive),
+            unit,
             "max |effort| at the deceleration <= effort limit",
             "inverse dynamics; the URDF's limit",
             "effort limit of the URDF",
         )
-    ]
 
 
-def _of_place(search: Search, drive: int) -> list[Criterion]:
+def _of_place(search: Search, drive: int) -> Iterator[Criterion]:
     """Whether a joint stays within its limits, in the stop that comes nearest to one."""
+    if not search.limited[drive]:
+        return
     cycle, worst = search.cycle, search.nearest(drive)
     side = int(np.argmax(worst.beyond[drive]))
     beyond, limit = float(worst.beyond[drive, side]), float(cycle.limits[drive, side])
-    if not search.limited[drive]:
-        return []
     sample = worst.case.sample
     way = cycle.before(sample, worst.case.speed)[1][drive]
     place = float(cycle.trajectory.q[sample, cycle.place[drive]] - way)
@@ -257,14 +248,12 @@ def _of_place(search: Search, drive: int) -> list[Criterion]:
         f"carrying {load_name(worst.case.kind.load)}"
     )
     need = max(room + beyond, 0.0) if passes else min(max(room + beyond, 0.0), room)
-    return [
-        compare(
-            "position limit",
-            need,
-            room,
-            unit,
-            "way in a stop towards the limit <= distance to it at the command",
-            "simulated stops; the URDF's limit",
-            note=note,
-        )
-    ]
+    yield compare(
+        "position limit",
+        need,
+        room,
+        unit,
+        "way in a stop towards the limit <= distance to it at the command",
+        "simulated stops; the URDF's limit",
+        note=note,
+    )
