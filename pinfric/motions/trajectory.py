@@ -167,11 +167,27 @@ class Trajectory:
             return real_numbers(f"{source}: {name}", given, TrajectoryError)
 
         times, qs = np.atleast_1d(numbers("t", t)), numbers("q", q)
-        v = None if v is None else numbers("v", v)
-        a = None if a is None else numbers("a", a)
-        given = attached or {}
-        problems = _shape_problems(model, times, qs, v, a)
-        problems += _attached_problems(given, payloads, times.size)
+        v, a = (None if x is None else numbers(n, x) for n, x in (("v", v), ("a", a)))
+        given, rows = attached or {}, times.size
+        problems = [
+            f"{name} has shape {array.shape}; the model needs (T, {width}) = ({rows}, {count})"
+            for name, array, width, count in (
+                ("q", qs, "nq", model.nq),
+                ("v", v, "nv", model.nv),
+                ("a", a, "nv", model.nv),
+            )
+            if array is not None and array.shape != (rows, count)
+        ]
+        problems += [
+            f"attached: unknown payload {name!r}; {choose_from(name, payloads)}"
+            for name in given
+            if name not in payloads
+        ]
+        problems += [
+            f"attached: {name!r} has shape {np.shape(values)}; one bool or ({rows},) is needed"
+            for name, values in given.items()
+            if np.shape(values) not in ((), (rows,))
+        ]
         has_many = any(count > 1 for count in model.nvs)
         if has_many and (v is None or a is None):
             problems.append("a planar, spherical or floating joint needs v and a given")
@@ -457,32 +473,6 @@ def _attached_columns(
     for column, (name, default) in enumerate(payloads.items()):
         attached[:, column] = np.asarray(given.get(name, default), dtype=bool)
     return attached
-
-
-def _attached_problems(
-    given: Mapping[str, ArrayLike], payloads: Mapping[str, bool], count: int
-) -> list[str]:
-    unknown = [
-        f"attached: unknown payload {name!r}; {choose_from(name, payloads)}"
-        for name in given
-        if name not in payloads
-    ]
-    return unknown + [
-        f"attached: {name!r} has shape {np.shape(values)}; one bool or ({count},) is needed"
-        for name, values in given.items()
-        if np.shape(values) not in ((), (count,))
-    ]
-
-
-def _shape_problems(
-    model: pin.Model, t: FloatArray, q: FloatArray, v: ArrayLike | None, a: ArrayLike | None
-) -> list[str]:
-    expected = (("q", q, "nq", model.nq), ("v", v, "nv", model.nv), ("a", a, "nv", model.nv))
-    return [
-        f"{name} has shape {np.shape(array)}; the model needs (T, {width}) = ({t.size}, {count})"
-        for name, array, width, count in expected
-        if array is not None and np.shape(array) != (t.size, count)
-    ]
 
 
 def _value_problems(t: FloatArray, arrays: Iterable[tuple[str, ArrayLike | None]]) -> list[str]:

@@ -236,7 +236,14 @@ def sample_waypoints(
     stops = _positions(waypoints, columns, payloads, problems, source)
     moves = _plan_moves(waypoints, stops, columns, problems, lines or {})
     refuse(source, problems)
-    t = _sample_times(moves[-1].departure, waypoints.sample_rate, source)
+    end, rate = moves[-1].departure, waypoints.sample_rate
+    if end * rate > _MAX_SAMPLES:
+        raise TrajectoryError(
+            f"{source}: {end:g} s at sample_rate {rate:g} Hz are {end * rate:.3g} samples; at most "
+            f"{_MAX_SAMPLES} are made: lower the rate or check the durations"
+        )
+    t = np.arange(math.floor(end * rate + 1.0e-6) + 1) / rate
+    t = t if end - t[-1] <= _SAME_INSTANT else np.append(t, end)
     arrivals = [np.searchsorted(t, move.arrival - _SAME_INSTANT) for move in moves]
     phase = np.searchsorted(arrivals, np.arange(t.size), side="right") - 1
     attached = dict(zip(payloads, carried_on(waypoints, payloads)[phase].T, strict=True))
@@ -423,16 +430,6 @@ def _shortest_duration(
         return shortest  # refused where the samples are made
     periods = math.ceil(shortest * waypoints.sample_rate - 1.0e-9)
     return max(periods, _MIN_PERIODS) / waypoints.sample_rate
-
-
-def _sample_times(end: float, rate: float, source: str) -> FloatArray:
-    if end * rate > _MAX_SAMPLES:
-        raise TrajectoryError(
-            f"{source}: {end:g} s at sample_rate {rate:g} Hz are {end * rate:.3g} samples; at most "
-            f"{_MAX_SAMPLES} are made: lower the rate or check the durations"
-        )
-    t = np.arange(math.floor(end * rate + 1.0e-6) + 1) / rate
-    return t if end - t[-1] <= _SAME_INSTANT else np.append(t, end)
 
 
 def _sample_moves(

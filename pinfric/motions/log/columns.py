@@ -187,11 +187,21 @@ def find_columns(
     found = Columns()
     names = [joint.name for joint in joints]
     claims: dict[tuple[str, str], list[str]] = {}
-    numbered = _numbered_names(header, first)
+    numbered = {}  # number -> joint, from columns `name_0` or `name[0]` that hold the joints' names
+    for column, cell in zip(header, first, strict=False):
+        match = _NUMBERED.match(column[:_LONGEST_NAME])
+        if match and match[2].lower() == "name":
+            numbered[next(x for x in match.groups()[2:] if x is not None)] = cell.strip()
     for column in dict.fromkeys(header):
         meaning = _meaning(column, names, numbered)
         if column.startswith(PAYLOAD):
-            _payload(column, payloads, found, problems)
+            short = column.removeprefix(PAYLOAD)
+            if short in payloads:
+                found.payloads.append(short)
+            else:
+                problems.append(
+                    f"unknown payload in column {brief(column)}; {choose_from(short, payloads)}"
+                )
         elif meaning is not None and not _WANTED.search(column):
             claims.setdefault(meaning, []).append(column)
         elif not (_TIME.match(column) or column.endswith(_COMPUTED)):
@@ -208,7 +218,17 @@ def find_columns(
     for name in found.used():
         if name and header.count(name) > 1:
             problems.append(f"column {brief(name)} occurs {header.count(name)} times")
-    _check_joints(header, names, claims, found, problems)
+    other = sorted({quantity for _, quantity in claims})
+    if not found.position and names and other:
+        problems.append(
+            f"has {' and '.join(other)} of the joints, but no positions, which are needed"
+        )
+    elif not found.position and names:
+        problems.append(
+            f"no column is a joint of the scene ({listing(names)}); there are: "
+            f"{_shown(header)}; map them by --columns FILE, a YAML file with "
+            f"`joints: {{{names[0]}: COLUMN}}`"
+        )
     return found
 
 
@@ -282,26 +302,6 @@ def _meaning(column: str, names: Sequence[str], numbered: dict[str, str]) -> tup
     return None
 
 
-def _numbered_names(header: Sequence[str], first: Sequence[str]) -> dict[str, str]:
-    """Number -> joint, from columns `name_0` or `name[0]` that hold the joints' names."""
-    found = {}
-    for column, cell in zip(header, first, strict=False):
-        match = _NUMBERED.match(column[:_LONGEST_NAME])
-        if match and match[2].lower() == "name":
-            found[next(x for x in match.groups()[2:] if x is not None)] = cell.strip()
-    return found
-
-
-def _payload(column: str, payloads: Sequence[str], found: Columns, problems: list[str]) -> None:
-    short = column.removeprefix(PAYLOAD)
-    if short in payloads:
-        found.payloads.append(short)
-    else:
-        problems.append(
-            f"unknown payload in column {brief(column)}; {choose_from(short, payloads)}"
-        )
-
-
 def _find_time(
     header: Sequence[str], mapping: ColumnsFile | None, found: Columns, problems: list[str]
 ) -> None:
@@ -350,7 +350,10 @@ def _apply(
                 f"columns: joints: there is no joint {joint!r}; {choose_from(joint, names)}"
             )
             continue
-        to = _renamed(entry, header) if isinstance(entry, str) else entry
+        to = entry
+        if isinstance(to, str):  # another name: other columns with that name belong to it, too
+            own = {x: f"{to}/{x}" for x in ("velocity", "effort") if f"{to}/{x}" in header}
+            to = JointMapping.model_validate({"position": to, **own})
         turn, turn_effort = to.sign * to.scale, to.sign * to.effort_scale
         unit = to.unit or mapping.unit
         for quantity, column, use in (
@@ -368,14 +371,6 @@ def _apply(
                 )
                 continue
             getattr(found, quantity)[joint] = use
-
-
-def _renamed(column: str, header: Sequence[str]) -> JointMapping:
-    """A joint under another name: other columns with that name belong to it, too."""
-    velocity, effort = (
-        f"{column}/{x}" if f"{column}/{x}" in header else None for x in ("velocity", "effort")
-    )
-    return JointMapping(position=column, velocity=velocity, effort=effort)
 
 
 def _settle(
@@ -405,29 +400,6 @@ def _settle(
         found.by_header |= known is not None and quantity == "position"
         if quantity in ("velocity", "acceleration") and not exact:
             found.planned = False
-
-
-def _check_joints(
-    header: Sequence[str],
-    names: Sequence[str],
-    claims: dict[tuple[str, str], list[str]],
-    found: Columns,
-    problems: list[str],
-) -> None:
-    """Say what is wrong where no joint at all, or only its effort, was found."""
-    if found.position or not names:
-        return
-    other = sorted({quantity for _, quantity in claims})
-    if other:
-        problems.append(
-            f"has {' and '.join(other)} of the joints, but no positions, which are needed"
-        )
-        return
-    problems.append(
-        f"no column is a joint of the scene ({listing(names)}); there are: "
-        f"{_shown(header)}; map them by --columns FILE, a YAML file with "
-        f"`joints: {{{names[0]}: COLUMN}}`"
-    )
 
 
 def _shown(header: Sequence[str]) -> str:

@@ -220,17 +220,12 @@ def _resolution(names: Sequence[str], values: FloatArray) -> dict[str, float]:
     found = {}
     for name, column in zip(names, values.T, strict=True):
         largest = float(np.max(np.abs(column), where=np.isfinite(column), initial=0.0))
-        some = column[:: max(1, column.size // _ROWS_FOR_DIGITS)].tolist()
-        digits = max((_significant_digits(repr(x)) for x in some), default=0)
+        some = map(repr, column[:: max(1, column.size // _ROWS_FOR_DIGITS)].tolist())
+        mantissas = (re.split("[eE]", x, maxsplit=1)[0].removesuffix(".0") for x in some)
+        digits = max((len(re.sub(r"\D", "", x).lstrip("0")) for x in mantissas), default=0)
         whole = math.floor(math.log10(largest)) + 1 if largest else 0
         found[name] = float(10.0 ** (whole - digits)) if largest else 0.0
     return found
-
-
-def _significant_digits(number: str) -> int:
-    mantissa = re.split("[eE]", number, maxsplit=1)[0]
-    mantissa = mantissa.removesuffix(".0")
-    return len(re.sub(r"\D", "", mantissa).lstrip("0"))
 
 
 def _stamp(cell: str) -> int | None:

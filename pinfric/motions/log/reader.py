@@ -62,7 +62,14 @@ def read_log(
         TrajectoryError: the file cannot be opened, or holds nothing to compute with.
     """
     name = source.name if isinstance(source, Log) else str(source)
-    log, found, options = _read(source, joints, payloads, options, problems)
+    if isinstance(source, Log):
+        log, mapping = source.opened([joint.name for joint in joints]), None
+    else:
+        log, mapping = _open(source, joints), read_mapping(source, options.columns)
+    found = find_columns(
+        log.header, log.first, joints, payloads, mapping, problems, options.currents
+    )
+    options = replace(options, unit=options.unit or (mapping.unit if mapping else None))
     named = choose(list(found.position), problems)
     missing = [column.name for column in named if column.name not in found.position]
     others = listing(map(brief, found.ignored))
@@ -85,24 +92,6 @@ def read_log(
             )
         _finish(samples, log.recorded, efforts, options.thinning)
     return named, samples.table, samples.reading
-
-
-def _read(
-    source: Path | Log,
-    joints: Sequence[JointColumn],
-    payloads: Sequence[str],
-    options: ReadingOptions,
-    problems: list[str],
-) -> tuple[OpenedLog, Columns, ReadingOptions]:
-    """Open a log, and say what its columns are."""
-    if isinstance(source, Log):
-        log, mapping = source.opened([joint.name for joint in joints]), None
-    else:
-        log, mapping = _open(source, joints), read_mapping(source, options.columns)
-    found = find_columns(
-        log.header, log.first, joints, payloads, mapping, problems, options.currents
-    )
-    return log, found, replace(options, unit=options.unit or (mapping.unit if mapping else None))
 
 
 def _open(path: Path, joints: Sequence[JointColumn]) -> OpenedLog:
