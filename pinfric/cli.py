@@ -305,17 +305,24 @@ def size(
 
     cycles = [trajectory, *(load_motion_of(scene, name, log) for name, _ in given[1:])]
     duty = Duty(tuple((c, share) for c, (_, share) in zip(cycles, given, strict=True)), on, period)
-    conditions = pairs(condition, "--condition", _number_or_name)
+
+    def number_or_name(text: str) -> float | str:
+        try:
+            return float(text)
+        except ValueError:  # `required`
+            return text
+
+    conditions = pairs(condition, "--condition", number_or_name)
     with working(f"sizing {len(scene.drives)} drives"):
         report = size_drives(scene, duty, catalog, conditions=conditions, on_miss="ignore")
     if report.catalog is not None:
         read.extend(report.catalog.files)
     found = sizing_summary(report, what_if)
-    cycles_given = [trajectory_name] if trajectory_name else [f"--cycle={x}" for x in cycle or ()]
-    chosen = [f"--catalog={catalog}"] * bool(catalog) + [
-        f"--condition={x}" for x in condition or ()
-    ]
-    command = _command_of_size(scene_name, [str(x) for x in cycles_given], on, period, chosen)
+    words = ["pinfric", "size", scene_name, *([trajectory_name] if trajectory_name else ())]
+    words += [f"--cycle={x}" for x in cycle or ()]
+    words += [f"--on={on:g}", f"--period={period:g}"] if on != 1.0 else []
+    words += [f"--catalog={catalog}"] * bool(catalog)
+    command = shlex.join([*words, *(f"--condition={x}" for x in condition or ())])
     page = partial(sizing_page, report, command)
     files: Files = {"report.html": lambda path: path.write_text(page(), encoding="utf-8")}
     if bill := bill_of_materials(report):
@@ -344,22 +351,6 @@ def _cycles(trajectory_name: Any, cycle: list[str] | None) -> list[tuple[str, fl
             param_hint="--cycle",
         )
     return given or [(str(trajectory_name), 1.0)]
-
-
-def _number_or_name(text: str) -> float | str:
-    """The value of a condition: `4` or `required`."""
-    try:
-        return float(text)
-    except ValueError:
-        return text
-
-
-def _command_of_size(
-    scene: str, cycles: list[str], on: float, period: float, chosen: list[str]
-) -> str:
-    """The command as its page shows it."""
-    duty = [f"--on={on:g}", f"--period={period:g}"] if on != 1.0 else []
-    return shlex.join(["pinfric", "size", scene, *cycles, *duty, *chosen])
 
 
 @app.command(short_help="Make a catalogue for `size` from a table of parts.")

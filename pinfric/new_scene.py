@@ -71,9 +71,15 @@ def new_scene(urdf: str | Path, folder: str | Path | None = None) -> str:
     """
     urdf = urdf_file(urdf)
     robot = read_robot(urdf, {})
-    joints = joint_loads(robot.model)
+    joints, M = joint_loads(robot.model), mass_matrix(robot.model, pin.neutral(robot.model))
+    mass = sum(inertia.mass for inertia in tuple(robot.model.inertias)[1:])  # 0 is the ground
+    bodies = [frame.name for frame in robot.model.frames if frame.type == pin.FrameType.BODY]
     parts = [
-        _head(urdf, robot),
+        f"# A starting scene for {urdf.name} ({robot.model.njoints - 1} joints, {mass:.4g} kg that "
+        "move), made by `pinfric new`.\n"
+        "# Lines marked `guess` are not measured: replace them with values from the data sheets of "
+        "your bearings\n"
+        "# and gears, or from `pinfric identify`. `pinfric explain` shows what each one changes.",
         "pinfric: 1",
         "robot:",
         f"  urdf: {yaml_line(locator(urdf, folder))}",
@@ -81,11 +87,22 @@ def new_scene(urdf: str | Path, folder: str | Path | None = None) -> str:
         *_dynamics_section(robot),
         f"  masses: with_drives          # guess: {_MASSES}; or without_drives",
         "  # payloads:                  # what it carries; com in the link's frame",
-        f"  #   box: {{link: {yaml_line(_last_link(robot.model))}, mass: 1.0, com: [0, 0, 0.05]}}",
+        f"  #   box: {{link: {yaml_line(bodies[-1])}, mass: 1.0, com: [0, 0, 0.05]}}",
         "friction:",
         *[line for joint in joints for line in _joint_section(joint, robot.dynamics)],
         *_actuators_section(robot),
-        *_simulation_section(robot.model),
+        # what `pinfric simulate` runs; nothing where it could not: a joint that moves no mass
+        *(
+            [
+                "# simulation: not possible, because a joint moves no mass; give its link an "
+                "<inertial>"
+            ]
+            if np.linalg.eigvalsh(M)[0] <= 1e-12 * max(float(M.max()), 1e-9)
+            else [
+                "simulation:                    # pinfric simulate: the robot without power for "
+                "1 s\n  t_end: 1.0",
+            ]
+        ),
         # the guesses as data, so that every report can list them
         "assumed:                       # delete the line of each guess that you replace",
         f"  by: {yaml_line(f'pinfric new {locator(urdf, folder)}')}",
@@ -208,8 +225,24 @@ def _guesses(joint: JointLoad) -> dict[str, tuple[str, str]]:
     if not speed:
         speed, at = (_FASTEST_SLIDING if joint.sliding else _FASTEST), "a usual velocity"
     load = f"{joint.load:.3g} {unit}"
+    if joint.sliding:
+        travel = joint.upper - joint.lower
+        length = min(max(0.5 * travel, 0.02), 0.3) if math.isfinite(travel) else 0.1
+        size = _short(length)
+        bearing = (
+            f"{{kind: guide, length: {size}, width: {size}}}",
+            "half its travel" if length == 0.5 * travel else "a usual size",
+        )
+    else:
+        shaft = (16.0 * joint.load / (math.pi * _SHEAR)) ** (1.0 / 3.0)
+        radius = max(0.5 * _BEARING_OVER_SHAFT * shaft, 1e-3)
+        r, width = _short(radius), _short(2.0 * radius)
+        bearing = (
+            f"{{kind: pin, radius: {r}, length: {width}, thrust_radius: {r}}}",
+            f"{1e3 * shaft:.2g} mm shaft for {joint.why}",
+        )
     return {
-        "bearing": _guide(joint) if joint.sliding else _pin(joint),
+        "bearing": bearing,
         "mu": (
             f"{{static: {_MU['static']}, kinetic: {_MU['kinetic']}}}",
             "rolling bearings (plain bushings: 0.1 to 0.2)",
@@ -225,36 +258,6 @@ def _guesses(joint: JointLoad) -> dict[str, tuple[str, str]]:
     }
 
 
-def _guide(joint: JointLoad) -> tuple[str, str]:
-    travel = joint.upper - joint.lower
-    length = min(max(0.5 * travel, 0.02), 0.3) if math.isfinite(travel) else 0.1
-    why = "half its travel" if length == 0.5 * travel else "a usual size"
-    size = _short(length)
-    return f"{{kind: guide, length: {size}, width: {size}}}", why
-
-
-def _pin(joint: JointLoad) -> tuple[str, str]:
-    shaft = (16.0 * joint.load / (math.pi * _SHEAR)) ** (1.0 / 3.0)
-    radius = max(0.5 * _BEARING_OVER_SHAFT * shaft, 1e-3)
-    r, length = _short(radius), _short(2.0 * radius)
-    return (
-        f"{{kind: pin, radius: {r}, length: {length}, thrust_radius: {r}}}",
-        f"{1e3 * shaft:.2g} mm shaft for {joint.why}",
-    )
-
-
-def _head(urdf: Path, robot: Robot) -> str:
-    mass = sum(inertia.mass for inertia in tuple(robot.model.inertias)[1:])  # 0 is the ground
-    joints = robot.model.njoints - 1
-    return (
-        f"# A starting scene for {urdf.name} ({joints} joints, {mass:.4g} kg that move), made by "
-        "`pinfric new`.\n"
-        "# Lines marked `guess` are not measured: replace them with values from the data sheets of "
-        "your bearings\n"
-        "# and gears, or from `pinfric identify`. `pinfric explain` shows what each one changes."
-    )
-
-
 def _dynamics_section(robot: Robot) -> list[str]:
     movable = set(list(robot.model.names)[1:])
     given = [n for n, d in robot.dynamics.items() if n in movable and (d.friction or d.damping)]
@@ -265,11 +268,6 @@ def _dynamics_section(robot: Robot) -> list[str]:
         f"  # The URDF's <dynamics> has friction or damping of {shown}; many are placeholders.",
         "  urdf_dynamics: ignore        # `use`: use them if this file gives no value",
     ]
-
-
-def _last_link(model: pin.Model) -> str:
-    bodies = [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY]
-    return str(bodies[-1])
 
 
 def _actuators_section(robot: Robot) -> list[str]:
@@ -291,19 +289,6 @@ def _actuators_section(robot: Robot) -> list[str]:
         gear = "" if ratio is None else (f", transmission: {{ratio: {_short(ratio, 12)}}}")
         lines.append(f"  - {{joint: {yaml_line(name)}{gear}}}{'  # the URDF' if gear else ''}")
     return lines
-
-
-def _simulation_section(model: pin.Model) -> list[str]:
-    """What `pinfric simulate` runs; nothing where it could not: a joint that moves no mass."""
-    M = mass_matrix(model, pin.neutral(model))
-    if np.linalg.eigvalsh(M)[0] <= 1e-12 * max(float(M.max()), 1e-9):
-        return [
-            "# simulation: not possible, because a joint moves no mass; give its link an <inertial>"
-        ]
-    return [
-        "simulation:                    # pinfric simulate: the robot without power for 1 s",
-        "  t_end: 1.0",
-    ]
 
 
 def _followed(column: JointColumn, followers: Sequence[Follower]) -> JointColumn:

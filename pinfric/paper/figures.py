@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,88 +22,69 @@ _COLUMNS: dict[str, Any] = {"ncols": 3, "frameon": False, "loc": "lower left"}
 
 def paper_figures(pendulum: Reproduction, three_link: Reproduction) -> dict[str, Figure]:
     """Return the figures 5, 6, 8, 9 and 10 of the paper by file name."""
+    figure_5, (rate, acceleration) = _axes(
+        pendulum, "Fig. 5  Angular velocity and angular acceleration of a simple pendulum", 2
+    )
+    rate.plot(pendulum.motion.t, pendulum.motion.v[:, 0], color=_FORWARD)
+    rate.set_ylabel("angular velocity (rad/s)")
+    broken = _broken(pendulum, pendulum.motion.a[:, 0])
+    acceleration.plot(pendulum.motion.t, broken, color=_FORWARD)
+    acceleration.set_ylabel("angular acceleration (rad/s²)")
+    figure_6, axes = _axes(
+        pendulum,
+        "Fig. 6  Comparison of the actuating torque obtained by the inverse dynamic analysis\n"
+        "and that used for forward dynamic analysis",
+    )
+    _intervals(pendulum, axes, ["actuating torque $T_A$"])
+    figure_8, (rate,) = _axes(
+        three_link, "Fig. 8  Relative angular velocity of link 2 with respect to link 1"
+    )
+    rate.plot(three_link.motion.t, three_link.motion.v[:, 1], color=_FORWARD)
+    rate.set_ylabel("relative angular velocity (rad/s)")
+    figure_9, axes = _axes(
+        three_link,
+        "Fig. 9  Comparison of actuating torques obtained by the inverse dynamic analysis\n"
+        "and the forward dynamic analysis",
+        3,
+    )
+    _intervals(three_link, axes, [f"$T_{{A{name}}}$" for name in ("01", "12", "23")])
+    figure_10, (torque,) = _axes(
+        three_link,
+        "Fig. 10  Comparison of actuating torques obtained by the inverse dynamic analyses\n"
+        "with friction and without friction",
+    )
+    t, bare = three_link.motion.t, three_link.frictionless.effort_upper[:, 1]
+    slides = _band(three_link, torque, 1)
+    torque.plot(t, slides, color=_INVERSE, label="with friction")
+    torque.plot(t, _broken(three_link, bare), "--", color=_OTHER, label="without friction")
+    torque.set_ylabel("$T_{A12}$ (N m)")
+    torque.legend(**_COLUMNS, bbox_to_anchor=(0, 1))
     return {
-        "figure_5.png": _figure_5(pendulum),
-        "figure_6.png": _figure_6(pendulum),
-        "figure_8.png": _figure_8(three_link),
-        "figure_9.png": _figure_9(three_link),
-        "figure_10.png": _figure_10(three_link),
+        "figure_5.png": figure_5,
+        "figure_6.png": figure_6,
+        "figure_8.png": figure_8,
+        "figure_9.png": figure_9,
+        "figure_10.png": figure_10,
     }
 
 
-def _figure_5(r: Reproduction) -> Figure:
-    caption = "Fig. 5  Angular velocity and angular acceleration of a simple pendulum"
-    figure, (rate, acceleration) = _axes(caption, 2)
-    rate.plot(r.motion.t, r.motion.v[:, 0], color=_FORWARD)
-    rate.set_ylabel("angular velocity (rad/s)")
-    broken = _broken(r, r.motion.a[:, 0])
-    acceleration.plot(r.motion.t, broken, color=_FORWARD)
-    acceleration.set_ylabel("angular acceleration (rad/s²)")
-    _finish(r, rate, acceleration)
-    return figure
+def _band(r: Reproduction, axes: Axes, joint: int, label: str = "") -> np.ndarray:
+    """Draw a torque's interval where a joint sticks; returns (T,) the torque, NaN there."""
+    lower, upper = r.result.effort_lower[:, joint], r.result.effort_upper[:, joint]
+    axes.fill_between(r.motion.t, lower, upper, color=_BAND, linewidth=0, zorder=1.5, label=label)
+    return np.where(upper > lower, np.nan, upper)
 
 
-def _figure_6(r: Reproduction) -> Figure:
-    caption = (
-        "Fig. 6  Comparison of the actuating torque obtained by the inverse dynamic analysis\n"
-        "and that used for forward dynamic analysis"
-    )
-    figure, (torque,) = _axes(caption, 1)
-    _interval(torque, r, 0)
-    torque.set_ylabel("actuating torque $T_A$ (N m)")
-    torque.legend(**_COLUMNS, bbox_to_anchor=(0, 1))
-    _finish(r, torque)
-    return figure
-
-
-def _figure_8(r: Reproduction) -> Figure:
-    figure, (rate,) = _axes("Fig. 8  Relative angular velocity of link 2 with respect to link 1", 1)
-    rate.plot(r.motion.t, r.motion.v[:, 1], color=_FORWARD)
-    rate.set_ylabel("relative angular velocity (rad/s)")
-    _finish(r, rate)
-    return figure
-
-
-def _figure_9(r: Reproduction) -> Figure:
-    caption = (
-        "Fig. 9  Comparison of actuating torques obtained by the inverse dynamic analysis\n"
-        "and the forward dynamic analysis"
-    )
-    figure, axes = _axes(caption, 3)
-    for joint, (torque, name) in enumerate(zip(axes, ("01", "12", "23"), strict=True)):
-        _interval(torque, r, joint)
-        torque.set_ylabel(f"$T_{{A{name}}}$ (N m)")
+def _intervals(r: Reproduction, axes: Sequence[Axes], names: Sequence[str]) -> None:
+    """The torques that were applied, and what inverse dynamics makes of the motion."""
+    for joint, (torque, name) in enumerate(zip(axes, names, strict=True)):
+        slides = _band(r, torque, joint, "inverse, sticking: any torque in the band")
+        (line,) = torque.plot(r.motion.t, slides, color=_INVERSE, label="inverse, sliding")
+        line.set(linewidth=3.5, alpha=0.6)
+        effort = r.motion.effort[:, joint]
+        torque.plot(r.motion.t, effort, color=_FORWARD, linewidth=1.2, label="forward")
+        torque.set_ylabel(f"{name} (N m)")
     axes[0].legend(**_COLUMNS, bbox_to_anchor=(0, 1))
-    _finish(r, *axes)
-    return figure
-
-
-def _figure_10(r: Reproduction) -> Figure:
-    caption = (
-        "Fig. 10  Comparison of actuating torques obtained by the inverse dynamic analyses\n"
-        "with friction and without friction"
-    )
-    figure, (torque,) = _axes(caption, 1)
-    t = r.motion.t
-    lower, upper = r.result.effort_lower[:, 1], r.result.effort_upper[:, 1]
-    torque.fill_between(t, lower, upper, color=_BAND, linewidth=0, zorder=1.5)
-    torque.plot(t, np.where(upper > lower, np.nan, upper), color=_INVERSE, label="with friction")
-    frictionless = r.frictionless.effort_upper[:, 1]
-    torque.plot(t, _broken(r, frictionless), color=_OTHER, linestyle="--", label="without friction")
-    torque.set_ylabel("$T_{A12}$ (N m)")
-    torque.legend(**_COLUMNS, bbox_to_anchor=(0, 1))
-    _finish(r, torque)
-    return figure
-
-
-def _interval(axes: Axes, r: Reproduction, joint: int) -> None:
-    """The torque that was applied, and what inverse dynamics makes of the motion."""
-    t, lower, upper = r.motion.t, r.result.effort_lower[:, joint], r.result.effort_upper[:, joint]
-    band = axes.fill_between(t, lower, upper, color=_BAND, linewidth=0, zorder=1.5)
-    band.set_label("inverse, sticking: any torque in the band")
-    slides = np.where(upper > lower, np.nan, upper)
-    axes.plot(t, slides, color=_INVERSE, linewidth=3.5, alpha=0.6, label="inverse, sliding")
-    axes.plot(t, r.motion.effort[:, joint], color=_FORWARD, linewidth=1.2, label="forward")
 
 
 def _broken(r: Reproduction, values: np.ndarray) -> np.ndarray:
@@ -113,31 +95,24 @@ def _broken(r: Reproduction, values: np.ndarray) -> np.ndarray:
     return gaps
 
 
-def _axes(caption: str, count: int) -> tuple[Figure, list[Axes]]:
+def _axes(r: Reproduction, caption: str, count: int = 1) -> tuple[Figure, list[Axes]]:
+    """Axes over time with the stiction interval marked."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8.0, 1.6 + 2.4 * count), dpi=150, layout="constrained")
     axes = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0].tolist()
     figure.supxlabel(caption, fontsize=10.5, x=0.5)
-    return figure, axes
-
-
-def _finish(r: Reproduction, *axes: Axes) -> None:
-    """Mark the stiction interval and tidy up."""
-    site = r.scene.site_names.index(r.example.site)
+    site, t = r.scene.site_names.index(r.example.site), r.motion.t
     for one in axes:
         for first, last in runs(r.result.sticking[:, site]):
-            one.axvspan(
-                r.motion.t[first], r.motion.t[last], color=_STICKING, alpha=0.2, linewidth=0
-            )
+            one.axvspan(t[first], t[last], color=_STICKING, alpha=0.2, linewidth=0)
         one.axhline(0, color="#AAAAAA", linewidth=0.7, zorder=0)
         one.spines[["top", "right"]].set_visible(False)
         one.margins(x=0)
     axes[-1].set_xlabel("time (s)")
-    start, end = r.stick
+    (start, end), (low, high) = r.stick, r.example.printed
     axes[0].annotate(
-        f"sticks {start:.4f} to {end:.4f} s\n(printed: {r.example.printed[0]:g} to "
-        f"{r.example.printed[1]:g} s)",
+        f"sticks {start:.4f} to {end:.4f} s\n(printed: {low:g} to {high:g} s)",
         xy=(end, 1.0),
         xycoords=("data", "axes fraction"),
         xytext=(4, -4),
@@ -146,3 +121,4 @@ def _finish(r: Reproduction, *axes: Axes) -> None:
         fontsize=8.5,
         color="#7A5200",
     )
+    return figure, axes

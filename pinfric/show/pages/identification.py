@@ -13,7 +13,6 @@ from pinfric.identification.identify import Identified, beside_measured, left_ov
 from pinfric.identification.parameters import Parameter
 from pinfric.identification.summary import (
     Considered,
-    IdentifySummary,
     MoreKnown,
     considered,
     identify_summary,
@@ -30,7 +29,6 @@ from pinfric.show.pages.page import page
 from pinfric.show.report.html import Marked, mark
 from pinfric.show.report.identify import verdict
 from pinfric.show.report.rows import table_of
-from pinfric.show.report.tables import Table
 from pinfric.show.report.values import digits
 
 if TYPE_CHECKING:
@@ -38,6 +36,7 @@ if TYPE_CHECKING:
 
 #: Coefficients whose standard errors are listed for each advised recording.
 _WORST = 12
+_SHOWN = ("section", "joint", "name", "unit", "value", "low", "high", "determined")
 #: Pieces a log is cut into, each kept with its extremes; dots of a cloud (pages below 1.5 MB).
 _PIECES, _DOTS = 500, 400
 
@@ -61,7 +60,11 @@ def identification_page(found: Identified) -> str:
             kind: svg(cloud, f"Residual of {name} over {kind}")
             for kind, cloud in _residual_clouds(found, j).items()
         }
-        joints.append(_joint_view(found, j, name) | pictures)
+        law, laws = found.law_of(name), considered(found, j)
+        shown = table_of("", laws, cells={"law": partial(_law, law)})
+        about = {"name": name, "law": law, "laws": shown, "considered": len(laws)}
+        joints.append(about | pictures)
+    more = {f"factors[{one.name}]": partial(_told, one.name) for one in found.advice}
     return page(
         "identification",
         found.scene.joint_names,
@@ -72,7 +75,7 @@ def identification_page(found: Identified) -> str:
         doubts=summary.doubts,
         notes=summary.notes[len(summary.doubts) :],
         laws=table_of("", summary.joints),
-        coefficients=_coefficients(summary),
+        coefficients=table_of("", summary.parameters, only=_SHOWN, cells={"determined": _said}),
         unseen=table_of("", predicted(summary)),
         published=table_of("", summary.published, keys=2),
         delay=found.estimate.delay,
@@ -82,45 +85,24 @@ def identification_page(found: Identified) -> str:
         noise=table_of("", log_noise(found), keys=2),
         duration=sum(one.duration for one in summary.logs),
         determined=sum(p.determined for p in found.parameters),
-        more=_more(found),
+        more=table_of("", more_known(found, _WORST), cells=more),
     )
 
 
-def _coefficients(summary: IdentifySummary) -> Table | None:
-    def said(p: Parameter) -> Marked:
-        known = mark("ok", "determined") if p.determined else mark("bad", "not determined")
-        return Marked(f"{known} {escape(p.why)}")
-
-    shown = ("section", "joint", "name", "unit", "value", "low", "high", "determined")
-    return table_of("", summary.parameters, only=shown, cells={"determined": said})
+def _said(p: Parameter) -> Marked:
+    known = mark("ok", "determined") if p.determined else mark("bad", "not determined")
+    return Marked(f"{known} {escape(p.why)}")
 
 
-def _more(found: Identified) -> Table | None:
-    """What further recordings would tell of what is known worst, marked by how much."""
-    rows = more_known(found, _WORST)
-
-    def told(recording: str, row: MoreKnown) -> Marked:
-        factor = row.factors[recording]
-        kind = "ok" if factor <= 0.6 else "tight" if factor <= 0.8 else "none"
-        return mark(kind, digits(factor))
-
-    cells = {f"factors[{one.name}]": partial(told, one.name) for one in found.advice}
-    return table_of("", rows, cells=cells)
+def _told(recording: str, row: MoreKnown) -> Marked:
+    """What a further recording would tell of a coefficient, marked by how much."""
+    factor = row.factors[recording]
+    kind = "ok" if factor <= 0.6 else "tight" if factor <= 0.8 else "none"
+    return mark(kind, digits(factor))
 
 
-def _joint_view(found: Identified, joint: int, name: str) -> dict[str, Any]:
-    """What the template shows of one joint."""
-    taken, laws = found.law_of(name), considered(found, joint)
-
-    def said(row: Considered) -> Marked:
-        return Marked(f"<b>{escape(row.law)}</b>" if row.law == taken else escape(row.law))
-
-    return {
-        "name": name,
-        "law": taken,
-        "laws": table_of("", laws, cells={"law": said}),
-        "considered": len(laws),
-    }
+def _law(taken: str, row: Considered) -> Marked:
+    return Marked(f"<b>{escape(row.law)}</b>" if row.law == taken else escape(row.law))
 
 
 def _over_time(found: Identified) -> list[Figure]:

@@ -15,8 +15,7 @@ from pinfric import __version__
 from pinfric.errors import PinfricError
 from pinfric.show.report.envelope import hashes
 from pinfric.show.report.html import html_of
-from pinfric.show.report.names import affixes, left_out, said_short, without
-from pinfric.show.report.tables import Table
+from pinfric.show.report.names import affixes, left_out, said_short, short_names
 from pinfric.show.report.values import digits, percentage
 
 #: What stands where there is no figure.
@@ -52,14 +51,19 @@ def page(
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
-    ends = affixes(names)
-    short = dict(zip(names, without(names, *ends), strict=True))
+    ends, short, markup = affixes(names), short_names(names), needed("markupsafe").Markup
+
+    def said(text: str) -> Any:
+        """Text as HTML, with what stands in `backticks` as code."""
+        escaped = str(markup.escape(said_short(text, short)))
+        return markup(re.sub("`([^`]+)`", r"<code>\1</code>", escaped))
+
     environment.filters.update(
         digits=figure,
         percent=percent,
         formula=formula,
-        table=lambda table: _table(table, *ends),
-        short=lambda text: _said(said_short(text, short)),
+        table=lambda table: markup(html_of(table.without(*ends)) if table else ""),
+        short=said,
     )
     environment.globals.update(
         left_out=left_out(*ends),
@@ -70,18 +74,6 @@ def page(
     )
     made: str = environment.get_template(f"{template}.html.j2").render(**content)
     return made
-
-
-def _table(table: Table | None, front: str, back: str) -> Any:
-    if table is None:
-        return ""
-    return needed("markupsafe").Markup(html_of(table.without(front, back)))
-
-
-def _said(text: str) -> Any:
-    """Text as HTML, with what stands in `backticks` as code."""
-    markup = needed("markupsafe")
-    return markup.Markup(re.sub("`([^`]+)`", r"<code>\1</code>", str(markup.escape(text))))
 
 
 def figure(x: float | None) -> str:

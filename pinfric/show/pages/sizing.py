@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from html import escape
 from pathlib import Path
@@ -47,7 +47,6 @@ from pinfric.sizing.size import JointSizing, SizingReport
 from pinfric.sizing.summary import (
     Margins,
     SizedJoint,
-    SizingSummary,
     margins,
     sizing_summary,
 )
@@ -66,14 +65,10 @@ def sizing_page(report: SizingReport, command: str = "") -> str:
     Raises:
         PinfricError: the extra `report` (jinja2) is not installed.
     """
-    found = sizing_summary(report)
+    found, short = sizing_summary(report), short_names(report.scene.actuator_names)
     joints = [
         _joint_view(joint, report, found.joints[k], k) for k, joint in enumerate(report.joints)
     ]
-    title = "Power from the bus"
-    bus_picture = "" if report.catalog is None else svg(power_over_time(report), title)
-    t = report.result.t
-    assert t is not None  # size refuses a motion without times
     # What was demanded, in a line
     c = report.conditions
     payloads = [f"payload {n}, {figure(p.mass)} kg" for n, p in report.given.payloads.items()]
@@ -115,13 +110,20 @@ def sizing_page(report: SizingReport, command: str = "") -> str:
         scene=Path(report.given.source).stem,
         trajectory=Path(report.trajectory).name,
         cycle=report.period,
-        samples=len(t),
+        samples=len(report.result.status),
         found=found,
         choices=None if report.catalog is None else choice_table(found, _CELLS),
-        matrix=_matrix(found, short_names(report.scene.actuator_names)),
+        matrix=table_of(
+            "Margins: the part of each limit that is left",
+            [
+                Margins(row.criterion, {short[name]: c for name, c in row.joints.items()})
+                for row in margins(found)
+            ],
+            cells={f"joints[{name}]": partial(_cell, name) for name in short.values()},
+        ),
         bus_figures=bus_table(report),
         bus=bus_lines(report),
-        bus_picture=bus_picture,
+        bus_picture=report.catalog and svg(power_over_time(report), "Power from the bus"),
         turn=turn(report),
         elastic=elastic_lines(report),
         demand=demand_table(report),
@@ -222,15 +224,5 @@ def _criteria(criteria: Sequence[Criterion]) -> Table | None:
     return table_of("Criteria", criteria, cells=cells, without=("status",))
 
 
-def _matrix(found: SizingSummary, short: Mapping[str, str]) -> Table | None:
-    """The margins of all drives at a glance: a row a criterion, a column a joint."""
-
-    def ended(joint: str, row: Margins) -> Marked:
-        return _ended(row.joints[joint]) if joint in row.joints else Marked("·")
-
-    rows = [
-        Margins(row.criterion, {short[name]: c for name, c in row.joints.items()})
-        for row in margins(found)
-    ]
-    cells = {f"joints[{name}]": partial(ended, name) for name in short.values()}
-    return table_of("Margins: the part of each limit that is left", rows, cells=cells)
+def _cell(joint: str, row: Margins) -> Marked:
+    return _ended(row.joints[joint]) if joint in row.joints else Marked("·")
