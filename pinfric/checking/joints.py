@@ -36,7 +36,9 @@ def joint_findings(facts: RobotFacts, robot: Robot | None) -> Iterator[Finding]:
         yield from _placement(joint, facts)
         if joint.type in _MOVING:
             yield from _limits(joint, facts.reach)
-            yield from _axis(joint, facts)
+            if facts.elements[joint.name].find("axis") is None:
+                read, place = "read as 1 0 0, its x axis", f"joint {joint.name}"
+                yield Finding(Severity.WARNING, "axis", place, "no <axis>", read)
             yield from _masses(joint, facts)
             yield from _friction(joint)
     for name, leader in facts.lost.items():
@@ -126,17 +128,6 @@ def _limits(joint: Any, reach: float) -> Iterator[Finding]:
         )
 
 
-def _axis(joint: Any, facts: RobotFacts) -> Iterator[Finding]:
-    if facts.elements[joint.name].find("axis") is None:
-        yield Finding(
-            Severity.WARNING,
-            "axis",
-            f"joint {joint.name}",
-            "no <axis>",
-            "read as 1 0 0, its x axis",
-        )
-
-
 def _masses(joint: Any, facts: RobotFacts) -> Iterator[Finding]:
     masses = facts.masses
     if facts.moved_mass(joint) == 0.0:
@@ -177,22 +168,11 @@ def _friction(joint: Any) -> Iterator[Finding]:
 
 def _efforts(robot: Robot) -> Iterator[Finding]:
     for load in joint_loads(robot.model):
-        if load.remark:
-            yield Finding(
-                Severity.NOTE,
-                "effort limit",
-                f"joint {load.name}",
-                load.remark,
-                f"`pinfric new` sizes its bearing for {load.why}",
-            )
-        elif load.degrees == 1 and load.leader is None and "its effort limit" not in load.why:
-            yield Finding(
-                Severity.NOTE,
-                "no effort limit",
-                f"joint {load.name}",
-                "no effort limit",
-                f"`pinfric new` sizes its bearing for {load.why}",
-            )
+        driven = load.degrees == 1 and load.leader is None
+        if load.remark or (driven and "its effort limit" not in load.why):
+            kind, found = ("effort limit" if load.remark else "no effort limit"), load.remark
+            why = f"`pinfric new` sizes its bearing for {load.why}"
+            yield Finding(Severity.NOTE, kind, f"joint {load.name}", found or kind, why)
 
 
 def _dynamics(robot: Robot) -> Iterator[Finding]:
@@ -215,25 +195,14 @@ def _dynamics(robot: Robot) -> Iterator[Finding]:
 
 
 def _transmissions(facts: RobotFacts) -> Iterator[Finding]:
-    joints = {joint.name for joint in facts.document.joints}
-    found = reductions(facts.root)
-    for name, ratio in found.items():
-        if name not in joints:
-            yield Finding(
-                Severity.WARNING,
-                "transmission",
-                f"joint {name}",
-                "a <transmission> names it",
-                "there is no such joint",
-            )
+    for name, ratio in reductions(facts.root).items():
+        if name not in facts.elements:
+            said = "a <transmission> names it", "there is no such joint"
         elif not math.isfinite(ratio) or ratio == 0.0:
-            yield Finding(
-                Severity.WARNING,
-                "transmission",
-                f"joint {name}",
-                f"<mechanicalReduction> {ratio:g}",
-                "connects nothing",
-            )
+            said = f"<mechanicalReduction> {ratio:g}", "connects nothing"
+        else:
+            continue
+        yield Finding(Severity.WARNING, "transmission", f"joint {name}", *said)
 
 
 def _gears(robot: Robot) -> Iterator[Finding]:

@@ -167,6 +167,8 @@ class RobotFacts:
             both = np.array([mass, np.trace(inertia)])
             whole[self._body(name)] = whole.get(self._body(name), np.zeros(2)) + both
         found = []
+        # where a link without shapes surely ends: its length is not known, only the others'
+        half = np.full(3, BEYOND * self.reach)
         for link in self.document.links:
             if link.inertial is None or link.name in self.still:
                 continue
@@ -182,7 +184,7 @@ class RobotFacts:
                     inertia,
                     place_of(at)[:3, 3],
                     at is not None,
-                    shapes or self._around(),
+                    shapes or Extent(-half, half),
                     shapes is not None,
                     *map(float, shares),
                 )
@@ -213,8 +215,3 @@ class RobotFacts:
     @cached_property
     def _fixed_above(self) -> dict[str, str]:
         return {j.child: j.parent for j in self.document.joints if j.type == "fixed"}
-
-    def _around(self) -> Extent:
-        """Where a link without shapes surely ends: its length is not known, only the others'."""
-        half = np.full(3, BEYOND * self.reach)
-        return Extent(-half, half)

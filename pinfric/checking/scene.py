@@ -54,7 +54,11 @@ def scene_findings(
         facts: its URDF, measured; None for a robot made in Python.
         said: what loading warned of.
     """
-    found = list(_findings(scene, facts))
+    found: list[Finding] = []
+    for site in scene.sites:
+        found += [*_bearing(site, facts), *_coefficients(site, scene)]
+    found += [*payload_findings(scene), *_positions(scene, facts)]
+    found += [*_drives(scene), *_elastic_gears(scene)]
     yield from found
     places = {finding.place for finding in found}
     for text in said:
@@ -62,16 +66,6 @@ def scene_findings(
             place, _, rest = text.removeprefix(f"{scene.source}: ").partition(" = ")
             if place not in places:
                 yield Finding(Severity.WARNING, "question", place, rest, "")
-
-
-def _findings(scene: Scene, facts: RobotFacts | None) -> Iterator[Finding]:
-    for site in scene.sites:
-        yield from _bearing(site, facts)
-        yield from _coefficients(site, scene)
-    yield from payload_findings(scene)
-    yield from _positions(scene, facts)
-    yield from _drives(scene)
-    yield from _elastic_gears(scene)
 
 
 def _bearing(site: Site, facts: RobotFacts | None) -> Iterator[Finding]:

@@ -27,8 +27,8 @@ from pinfric.model.drives import Drive
 from pinfric.model.robot import link_frame
 from pinfric.model.schema import (
     Actuator,
-    Cylinder,
     Friction,
+    LinkPoint,
     Loop,
     PointForce,
 )
@@ -163,8 +163,21 @@ def make_linkage(
         SceneError: an unknown or duplicate name, an axis or direction of length zero, both sides on
             one body, friction that does not fit its loop.
     """
-    _check_names(model, loops, source)
-    pairs = [_loop_pair(model, loop, f"{source}: {loop_place(loops, loop.name)}") for loop in loops]
+    taken = set(tuple(model.names)[1:])
+    pairs = []
+    for loop in loops:
+        if loop.name in taken:
+            raise SceneError(
+                f"{source}: loops: the name {loop.name!r} is taken by a joint or another loop"
+            )
+        taken.add(loop.name)
+        where = f"{source}: {loop_place(loops, loop.name)}"
+        sides = [loop_frame(model, loop, side, where) for side in ("a", "b")]
+        axis, (_, rotation, kind) = loop_axis(loop, "b", where), _KINDS[loop.kind]
+        if loop.kind == "universal":
+            turn = turn_between(axis, loop_axis(loop, "a", where))
+            sides[0][1].rotation = sides[0][1].rotation @ turn
+        pairs.append(_pair(kind, rotation, axis, sides, where))
     drives, columns = _drives(model, loops, actuators, pairs, source)
     off_joint = len(columns)
     for row, loop in enumerate(loops):
@@ -173,6 +186,11 @@ def make_linkage(
     friction_column = _friction_columns(loops, drives, friction, pairs, columns, source)
     column_pair = np.array([pair for pair, _ in columns], dtype=np.int64)
     joints = np.array([pair["joint"] for pair in pairs], dtype=np.int64).reshape(-1, 2)
+    support = np.zeros((len(columns), model.njoints - 1), dtype=np.int8)
+    for column, (a, b) in enumerate(joints[column_pair].tolist()):
+        for end, sign in ((b, 1), (a, -1)):
+            for row in carriers(model, end):
+                support[column, row] += sign
     lengths = [
         np.linalg.norm(model.jointPlacements[j].translation) for j in range(1, model.njoints)
     ]
@@ -188,7 +206,7 @@ def make_linkage(
         pair_axis=np.array([pair["axis"] for pair in pairs], dtype=float).reshape(-1, 3),
         column_pair=column_pair,
         unit=np.array([unit for _, unit in columns], dtype=float).reshape(-1, 6),
-        support=_support(model, joints[column_pair]),
+        support=support,
         off_joint=off_joint,
         multipliers=multipliers,
         friction_column=friction_column,
@@ -317,12 +335,18 @@ def _drives(
             kind = "N" if slides(loops[row]) else "N m"
         elif actuator.cylinder is not None:
             kind = "N"
-            pairs.append(_cylinder_pair(model, actuator.cylinder, where))
+            where = f"{where}: cylinder {actuator.drive_name!r}"
+            ends = ("a", actuator.cylinder.a), ("b", actuator.cylinder.b)
+            sides = [_point(model, end, f"{where}.{side}.link") for side, end in ends]
+            pairs.append(_pair(CYLINDER, _NONE, np.array([0.0, 0.0, 1.0]), sides, where))
             columns.append((len(pairs) - 1, np.zeros(6)))
         else:
             assert actuator.force is not None  # the schema requires one of the three
             kind = "N"
-            pairs.append(_force_pair(model, actuator.force, where))
+            where = f"{where}: force {actuator.drive_name!r}"
+            sides = [(-1, pin.SE3.Identity()), _point(model, actuator.force, f"{where}.link")]
+            direction = _direction(actuator.force.direction, f"{where}.direction")
+            pairs.append(_pair(FORCE, _NONE, direction, sides, where))
             columns.append((len(pairs) - 1, np.concatenate([pairs[-1]["axis"], np.zeros(3)])))
         drives.append(
             OffJointDrive(
@@ -384,26 +408,6 @@ def _free_direction(kind: str, axis: np.ndarray) -> np.ndarray:
     return np.concatenate([axis, none] if _ONE_WAY[kind] else [none, axis])
 
 
-def _check_names(model: pin.Model, loops: Sequence[Loop], source: str) -> None:
-    taken = set(tuple(model.names)[1:])
-    for loop in loops:
-        if loop.name in taken:
-            raise SceneError(
-                f"{source}: loops: the name {loop.name!r} is taken by a joint or another loop"
-            )
-        taken.add(loop.name)
-
-
-def _loop_pair(model: pin.Model, loop: Loop, where: str) -> dict[str, Any]:
-    sides = [loop_frame(model, loop, side, where) for side in ("a", "b")]
-    _, rotation, kind = _KINDS[loop.kind]
-    axis = loop_axis(loop, "b", where)
-    if loop.kind == "universal":
-        first = loop_axis(loop, "a", where)
-        sides[0][1].rotation = sides[0][1].rotation @ turn_between(axis, first)
-    return _pair(kind, rotation, axis, sides, where)
-
-
 def loop_frame(model: pin.Model, loop: Loop, side: str, where: str) -> tuple[int, pin.SE3]:
     """Return the row of the joint that carries side "a" or "b" of a loop, and the frame's pose.
 
@@ -431,20 +435,8 @@ def turn_between(start: np.ndarray, end: np.ndarray) -> np.ndarray:
     return np.asarray(pin.Quaternion.FromTwoVectors(start, end).toRotationMatrix())
 
 
-def _cylinder_pair(model: pin.Model, cylinder: Cylinder, where: str) -> dict[str, Any]:
-    where = f"{where}: cylinder {cylinder.name!r}"
-    sides = [
-        _frame(model, end.link, pin.SE3(np.eye(3), np.array(end.xyz)), f"{where}.{side}.link")
-        for side, end in (("a", cylinder.a), ("b", cylinder.b))
-    ]
-    return _pair(CYLINDER, _NONE, np.array([0.0, 0.0, 1.0]), sides, where)
-
-
-def _force_pair(model: pin.Model, force: PointForce, where: str) -> dict[str, Any]:
-    where = f"{where}: force {force.name!r}"
-    at = _frame(model, force.link, pin.SE3(np.eye(3), np.array(force.xyz)), f"{where}.link")
-    direction = _direction(force.direction, f"{where}.direction")
-    return _pair(FORCE, _NONE, direction, [(-1, pin.SE3.Identity()), at], where)
+def _point(model: pin.Model, at: LinkPoint | PointForce, where: str) -> tuple[int, pin.SE3]:
+    return _frame(model, at.link, pin.SE3(np.eye(3), np.array(at.xyz)), where)
 
 
 def _pair(
@@ -493,17 +485,6 @@ def _closed_directions(kind: str, axis: np.ndarray) -> list[np.ndarray]:
     return [np.concatenate([e, np.zeros(3)]) for e in choice[forces]] + [
         np.concatenate([np.zeros(3), e]) for e in choice[moments]
     ]
-
-
-def _support(model: pin.Model, joints: np.ndarray) -> np.ndarray:
-    """(nx, nj) the side of each column that every joint carries."""
-    nj = model.njoints - 1
-    table = np.zeros((len(joints), nj), dtype=np.int8)
-    for column, (a, b) in enumerate(joints.tolist()):
-        for end, sign in ((b, 1), (a, -1)):
-            for row in carriers(model, end):
-                table[column, row] += sign
-    return table
 
 
 def carriers(model: pin.Model, joint: int) -> set[int]:

@@ -18,7 +18,7 @@ from pinfric.checking.findings import CheckReport
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.simulation.motion import Motion
 from pinfric.elastic.motion import Elasticity
-from pinfric.elastic.summary import WindUp, elastic_summary
+from pinfric.elastic.summary import elastic_summary
 from pinfric.errors import StateError
 from pinfric.exporting.export import Exported
 from pinfric.identification.identify import Identified, beside_measured
@@ -114,10 +114,8 @@ def _frame(rows: Sequence[Any], index: str, label: str = "") -> pd.DataFrame:
 def _elastic(result: Elasticity) -> pd.DataFrame:
     found = elastic_summary(result)
     shares = found.lowest_frequency.strain_energy
-    rows: list[WindUp] = []
-    if found.worst is not None:
-        rows = list(found.rests[found.worst].wind_up.values())
-    table = _frame(rows, "name", "drive")
+    rows = {} if found.worst is None else found.rests[found.worst].wind_up
+    table = _frame(list(rows.values()), "name", "drive")
     table = table.reindex(list(found.drives)).rename_axis("drive")
     return table.assign(strain_energy=pd.Series(shares))
 
@@ -126,9 +124,8 @@ def _sizing(result: SizingReport) -> pd.DataFrame:
     table = _frame([joint.demand for joint in result.joints], "name", "drive")
     chosen = [joint.choice for joint in result.joints]
     candidates = [getattr(choice, "candidate", None) for choice in chosen]
-    table["choice"] = [getattr(candidate, "name", None) for candidate in candidates]
-    table["mass"] = [getattr(candidate, "mass", None) for candidate in candidates]
-    table["ratio"] = [getattr(candidate, "ratio", None) for candidate in candidates]
+    for column, name in (("choice", "name"), ("mass", "mass"), ("ratio", "ratio")):
+        table[column] = [getattr(candidate, name, None) for candidate in candidates]
     table["margin"] = [getattr(choice, "margin", None) for choice in chosen]
     table["nearest_miss"] = [joint.no_fit or None for joint in result.joints]
     table.attrs["units"] |= {"mass": "kg", "ratio": "1 or rad/m", "margin": "1"}

@@ -43,41 +43,28 @@ def tool_figure(found: Elasticity, title: str = "", rest: Rest | None = None) ->
         raise StateError(f"there is no position of the tool at rest to draw: {why}")
     carried = f", carries {', '.join(rest.payloads)}" if rest.payloads else ""
     title += f"{': ' * bool(title)}where {found.result.scene.tool} can stand at rest, "
-    title += f"{rest.start:.2f}-{rest.end:.2f} s{carried}\n{_figures(rest.tool)}"
+    tool = rest.tool
+    title += f"{rest.start:.2f}-{rest.end:.2f} s{carried}\nsag {digits(MM * tool.sag_distance)} mm"
+    title += f" · interval ±{digits(MM * tool.farthest)} mm from its middle"
+    if tool.reversal is not None:
+        title += f" · reversal error {digits(MM * tool.reversal)} mm"
+    # least and greatest (3,) of all that is drawn but the commanded place, mm
+    middle, extents = tool.middle[:3], tool.extents[:3]
+    places = [tool.sag[:3], middle - extents, middle + extents]
+    places += [way[:3] for way in (tool.approach, tool.opposite) if way is not None]
+    low, high = MM * np.min(places, axis=0), MM * np.max(places, axis=0)
+    half = max(0.8 * (high - low).max(), 1e-6)
     with style():
         figure = sheet(10.0, 4.4, title)
         panels = figure.subplots(1, 3)
-        low, high = _box(rest.tool)
-        half = max(0.8 * (high - low).max(), 1e-6)
         for axes, plane in zip(panels, combinations(range(3), 2), strict=True):
-            _draw(axes, rest.tool, *plane)
+            _draw(axes, tool, *plane)
             centre = 0.5 * (low + high)[list(plane)]
             x, y = centre
             axes.set(xlim=(x - half, x + half), ylim=(y - half, y + half), aspect="equal")
             _point_to_command(axes, centre, half)
         key_below(figure, 3)
     return figure
-
-
-def _figures(tool: ToolPlace) -> str:
-    said = (
-        f"sag {digits(MM * tool.sag_distance)} mm · interval ±{digits(MM * tool.farthest)} mm "
-        f"from its middle"
-    )
-    if tool.reversal is not None:
-        said += f" · reversal error {digits(MM * tool.reversal)} mm"
-    return said
-
-
-def _box(tool: ToolPlace) -> tuple[np.ndarray, np.ndarray]:
-    """Least and greatest (3,) of all that is drawn but the commanded place, mm."""
-    places = [
-        tool.sag[:3],
-        tool.middle[:3] - tool.extents[:3],
-        tool.middle[:3] + tool.extents[:3],
-    ]
-    places += [way[:3] for way in (tool.approach, tool.opposite) if way is not None]
-    return MM * np.min(places, axis=0), MM * np.max(places, axis=0)
 
 
 def _point_to_command(axes: Axes, centre: np.ndarray, half: float) -> None:

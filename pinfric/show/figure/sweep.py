@@ -13,7 +13,6 @@ from pinfric.show.figure.style import BLUE, GRID, INK, ORANGE, QUIET, RED, style
 from pinfric.show.report.names import least_room, picture_names, shortened
 from pinfric.show.report.sweep import measure, own, percent, shaft
 from pinfric.show.report.values import digits
-from pinfric.sweeps.motors import Trial
 from pinfric.sweeps.result import SweepResult
 
 if TYPE_CHECKING:
@@ -52,7 +51,10 @@ def sweep_figure(result: SweepResult) -> Figure:
     labels, note = picture_names(result.actuator_names, _LETTERS)
     count = len(drawn)
     with style():
-        figure = sheet(11.0, _ROW * count + _REST, _title(result) + left + note)
+        solved = np.count_nonzero(result.solved)
+        lost = f" ({result.samples - solved} without a solution)" * bool(solved < result.samples)
+        title = f"{Path(result.scene).stem} · {Path(result.trajectory).name} · {result.samples} "
+        figure = sheet(11.0, _ROW * count + _REST, f"{title}samples{lost}{left}{note}")
         panels = figure.subplots(count, 3, squeeze=False, width_ratios=(1, 1, 0.8))
         strength = result.influences(names[1])
         for i, row in zip(drawn, panels, strict=True):
@@ -65,24 +67,19 @@ def sweep_figure(result: SweepResult) -> Figure:
             )
         titles = f"peak{where}{same}", f"RMS{where}{same}", f"RMS: {measure(result)}"
         for axes, text in zip(panels[0], titles, strict=True):
-            axes.set_title(text, loc="left", fontsize=10, color=INK, pad=12)
+            axes.set_title(text, fontsize=10, color=INK, pad=12)
     return figure
-
-
-def _title(result: SweepResult) -> str:
-    solved = np.count_nonzero(result.solved)
-    lost = f" ({result.samples - solved} without a solution)" if solved < result.samples else ""
-    return (
-        f"{Path(result.scene).stem} · {Path(result.trajectory).name} · "
-        f"{result.samples} samples{lost}"
-    )
 
 
 def _spread(axes: Axes, result: SweepResult, i: int, name: str) -> None:
     """A histogram over the samples, with percentiles and, of a motor on trial, its rating."""
     values = result.figure(name)[result.solved, i]
     trial = next((t for t in result.trials if t.actuator == i), None)
-    rating = _rating(trial, name)
+    rating, kind = None, "peak" if name.endswith("peak") else "continuous"
+    if trial is not None:
+        rating = trial.peak_torque if kind == "peak" else trial.continuous_torque
+        if kind == "continuous" and (bound := trial.bounds.get("continuous torque")) is not None:
+            rating = bound.available  # at the ambient temperature of the conditions
     low, high = float(values.min()), float(values.max())
     pad = 0.04 * (high - low) or 0.05 * abs(high) or 1.0
     axes.set_xlim(low - pad, high + pad)
@@ -98,48 +95,23 @@ def _spread(axes: Axes, result: SweepResult, i: int, name: str) -> None:
     axes.bar(edges[:-1], counts - within, bottom=within, color=_BEYOND, **bars)
     axes.set_ylim(0, 1.28 * counts.max())
     axes.set_yticks([])
-    _name_rating(axes, result, trial, name, rating, inside)
+    if trial is not None and rating is not None:  # in how many samples it suffices
+        met = percent(result.probability(trial.passes(result)[f"{kind} torque"]))
+        low, high = axes.get_xlim()
+        right = not inside or rating > 0.5 * (low + high)
+        axes.annotate(
+            f"{met} within {digits(rating)}",
+            (rating if inside else high, 1.0),
+            xycoords=("data", "axes fraction"),
+            xytext=(-4 if right else 4, -1),
+            textcoords="offset points",
+            ha="right" if right else "left",
+            va="top",
+            fontsize=8,
+            color=_RATING,
+        )
     _mark_percentiles(axes, result, values)
     _quiet(axes)
-
-
-def _rating(trial: Trial | None, name: str) -> float | None:
-    if trial is None:
-        return None
-    if name.endswith("peak"):
-        return trial.peak_torque
-    bound = trial.bounds.get("continuous torque")  # at the ambient temperature of the conditions
-    return trial.continuous_torque if bound is None else bound.available
-
-
-def _name_rating(
-    axes: Axes,
-    result: SweepResult,
-    trial: Trial | None,
-    name: str,
-    rating: float | None,
-    inside: bool,
-) -> None:
-    """Say beside the rating in how many samples it suffices."""
-    if rating is None:
-        return
-    assert trial is not None
-    met = trial.passes(result)[f"{'peak' if name.endswith('peak') else 'continuous'} torque"]
-    text = f"{percent(result.probability(met))} within {digits(rating)}"
-    low, high = axes.get_xlim()
-    right = not inside or rating > 0.5 * (low + high)
-    at = rating if inside else high
-    axes.annotate(
-        text,
-        (at, 1.0),
-        xycoords=("data", "axes fraction"),
-        xytext=(-4 if right else 4, -1),
-        textcoords="offset points",
-        ha="right" if right else "left",
-        va="top",
-        fontsize=8,
-        color=_RATING,
-    )
 
 
 def _mark_percentiles(axes: Axes, result: SweepResult, values: np.ndarray) -> None:
