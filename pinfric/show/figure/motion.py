@@ -32,7 +32,7 @@ _ROUNDING = 1e-9
 _LETTERS = 60
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Row:
     """A joint as it is drawn: (T,) position and velocity, None where there is no one number.
 
@@ -82,15 +82,11 @@ def motion_figure(motion: Motion) -> Figure:
 
 def _chosen(rows: Sequence[_Row]) -> tuple[list[_Row], list[_Row]]:
     """The rows that are drawn, in the model's order, and those that are not."""
+    order = sorted(rows, key=lambda row: (row.kind, -row.travel))
+    chosen = [row for row in order if row.kind < 2][:_MOST] or order[:_MOST]
     if len(rows) <= _MOST:
-        return list(rows), []
-    order = sorted(range(len(rows)), key=lambda i: (rows[i].kind, -rows[i].travel))
-    moving = [i for i in order if rows[i].kind < 2] or order
-    chosen = set(moving[:_MOST])
-    return (
-        [row for i, row in enumerate(rows) if i in chosen],
-        [row for i, row in enumerate(rows) if i not in chosen],
-    )
+        chosen = order
+    return [row for row in rows if row in chosen], [row for row in rows if row not in chosen]
 
 
 def _rows(motion: Motion) -> list[_Row]:

@@ -60,7 +60,7 @@ def page(
 
     environment.filters.update(
         digits=figure,
-        percent=percent,
+        percent=percentage,
         formula=formula,
         table=lambda table: markup(html_of(table.without(*ends)) if table else ""),
         short=said,
@@ -83,11 +83,6 @@ def figure(x: float | None) -> str:
     if np.isinf(x):
         return "\N{INFINITY}"
     return digits(x) if abs(x) > _ROUNDING else "0"
-
-
-def percent(x: float | None) -> str:
-    """Return a margin as tables print it, a dash for None."""
-    return NO_FIGURE if x is None else percentage(x)
 
 
 def needed(module: str) -> Any:

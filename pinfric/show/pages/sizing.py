@@ -10,7 +10,7 @@ from typing import Any
 
 from pinfric.drives.criterion import Criterion, Status
 from pinfric.show.figure.panel import svg
-from pinfric.show.pages.page import NO_FIGURE, figure, formula, page, percent
+from pinfric.show.pages.page import NO_FIGURE, figure, formula, page
 from pinfric.show.pages.sizing_figures import (
     effort_over_time,
     power_over_time,
@@ -43,6 +43,7 @@ from pinfric.show.report.sizing import (
 )
 from pinfric.show.report.stop import axes_table
 from pinfric.show.report.tables import Table
+from pinfric.show.report.values import percentage
 from pinfric.sizing.size import JointSizing, SizingReport
 from pinfric.sizing.summary import (
     Margins,
@@ -181,7 +182,7 @@ def _margin(margin: float | None) -> Marked:
     """A margin on the ground that says how it ended."""
     if margin is None:
         return Marked(NO_FIGURE)
-    return mark("bad" if margin < 0 else "tight" if margin < _TIGHT else "ok", percent(margin))
+    return mark("bad" if margin < 0 else "tight" if margin < _TIGHT else "ok", percentage(margin))
 
 
 #: Cells of the chosen drives that the page shows in its own way.

@@ -21,7 +21,12 @@ def check_report(report: CheckReport) -> list[RenderableType]:
     """Return the list that `pinfric check` prints, for a rich console."""
     from rich.text import Text
 
-    items: list[RenderableType] = [Text(_title(report), style="bold"), Text()]
+    figures, title = report.figures, Path(report.source).name
+    if figures:
+        links, joints = (counted(int(figures[f"{x}s"]), x) for x in ("link", "joint"))
+        title += f": {links}, {joints}, {figures['moving_mass']:.4g} kg that move"
+        title += f", {figures['reach']:.3g} m reach" if figures["reach"] else ""
+    items: list[RenderableType] = [Text(title, style="bold"), Text()]
     items += [finding_list(report.findings), Text()] if report.findings else []
     return [*items, Text(_closing(report))]
 
@@ -67,20 +72,6 @@ def _others(same: list[Finding]) -> str:
     names = [f.place.removeprefix(f"{word} ") for f in same[:_MOST_NAMES]]
     more = f" and {len(same) - len(names)} more" if len(same) > len(names) else ""
     return f"; also {', '.join(names)}{more}"
-
-
-def _title(report: CheckReport) -> str:
-    figures = report.figures
-    name = Path(report.source).name
-    if not figures:
-        return name
-    parts = [
-        counted(int(figures["links"]), "link"),
-        counted(int(figures["joints"]), "joint"),
-        f"{figures['moving_mass']:.4g} kg that move",
-        *([f"{figures['reach']:.3g} m reach"] if figures["reach"] else []),
-    ]
-    return f"{name}: {', '.join(parts)}"
 
 
 def _closing(report: CheckReport) -> str:

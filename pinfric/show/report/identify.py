@@ -49,23 +49,15 @@ def identify_report(found: Identified, summary: IdentifySummary, verbose: bool =
             f"coefficients with intervals, {counted(len(others), 'note')}: -v; scene, page: --out"
         )
         # In a line for each bundled scene of the robot: friction over the published one
-        scenes = {row.scene: row.grade for row in summary.published}
-        return paragraphs(
-            opening,
-            laws,
-            unseen,
-            [
-                *[
-                    f"friction over the published one of {scene} (grade {grade}), joint by joint: "
-                    + ", ".join(
-                        f"{row.ratio:.2f}" for row in summary.published if row.scene == scene
-                    )
-                    for scene, grade in scenes.items()
-                ],
-                advice,
-                f"{rest} FOLDER",
-            ],
-        )
+        ratios: dict[tuple[str, str], list[str]] = {}
+        for row in summary.published:
+            ratios.setdefault((row.scene, row.grade), []).append(f"{row.ratio:.2f}")
+        over = [
+            f"friction over the published one of {scene} (grade {grade}), joint by joint: "
+            f"{', '.join(found)}"
+            for (scene, grade), found in ratios.items()
+        ]
+        return paragraphs(opening, laws, unseen, [*over, advice, f"{rest} FOLDER"])
     lines = [f"delay of the logged efforts: {found.estimate.delay}", *others, advice]
     published = table_of(
         "mean friction while the joint moves as slowly as published figures were measured",

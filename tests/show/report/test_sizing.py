@@ -19,13 +19,14 @@ from sizing_cases import MOTOR, one_drive, sized_cycle, turntable, write_catalog
 import pinfric as pf
 from pinfric.drives.catalog_file import load_catalog
 from pinfric.model.described import in_json
-from pinfric.show.pages.page import formula, percent
+from pinfric.show.pages.page import formula
 from pinfric.show.pages.sizing import sizing_page
 from pinfric.show.pages.sizing_figures import torque_speed
 from pinfric.show.report.drives import ask_table, choice_table
 from pinfric.show.report.names import short_names
 from pinfric.show.report.rows import table_of
 from pinfric.show.report.sizing import masses_line, passes, sizing_report
+from pinfric.show.report.values import percentage
 from pinfric.sizing.summary import sizing_summary
 
 BROWSER = next(
@@ -381,4 +382,4 @@ def test_formulas_replace_whole_words_only():
     [(0.123, "12 %"), (-0.0027, "-0.3 %"), (0.0996, "10.0 %"), (0.0, "0 %")],
 )
 def test_a_margin_near_a_limit_has_a_decimal(margin, says):
-    assert percent(margin) == says
+    assert percentage(margin) == says
