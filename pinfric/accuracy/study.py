@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import statistics
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -160,23 +160,21 @@ class Judge:
 
     def stick_errors(self, track: Track) -> list[float]:
         """Return the larger error of both ends of each true interval (s), NaN where missed."""
-        read = [self._stick_errors(found) for found in track.readings]
+
+        def error(true: StickInterval, found: Sequence[StickInterval]) -> float:
+            """Of the interval that overlaps a true one most."""
+            off = {
+                min(f.end, true.end) - max(f.start, true.start): max(
+                    abs(f.start - true.start), abs(f.end - true.end)
+                )
+                for f in found
+                if f.site == true.site
+            }
+            most = max(off, default=-1.0)
+            return off[most] if most >= 0.0 else _NAN
+
+        read = [[error(true, found) for true in self.sticks] for found in track.readings]
         return min(read, key=lambda e: (np.isnan(e).sum(), np.nan_to_num(e).max(initial=0.0)))
-
-    def _stick_errors(self, found: Sequence[StickInterval]) -> list[float]:
-        errors = []
-        for true in self.sticks:
-            own = [f for f in found if f.site == true.site and _overlap(f, true) >= 0.0]
-            if not own:
-                errors.append(_NAN)
-                continue
-            best = max(own, key=lambda f, true=true: _overlap(f, true))  # type: ignore[misc]
-            errors.append(max(abs(best.start - true.start), abs(best.end - true.end)))
-        return errors
-
-
-def _overlap(one: StickInterval, other: StickInterval) -> float:
-    return min(one.end, other.end) - max(one.start, other.start)
 
 
 def reference(scene: Scene) -> Motion:
@@ -198,7 +196,7 @@ def judge_of(motion: Motion) -> Judge:
     return Judge("event", motion.scene, at, motion.stick_intervals())
 
 
-def contestants(scene: Scene, methods: Iterable[str] | None = None) -> list[Contestant]:
+def contestants(scene: Scene, methods: Collection[str] | None = None) -> list[Contestant]:
     """Return pinfric's methods, each with all its settings.
 
     `event` without a limit to its steps, so that the tolerance alone decides, and once with its
@@ -210,37 +208,29 @@ def contestants(scene: Scene, methods: Iterable[str] | None = None) -> list[Cont
     """
     assert scene.simulation is not None
     t_end = scene.simulation.t_end
-    wanted = ("event", "timestepping", "regularized") if methods is None else tuple(methods)
-    made = []
-    if "event" in wanted:
-        made += [
-            _own(scene, "event", f"rtol {rtol:.0e}", rtol=rtol, atol=1e-2 * rtol, max_step=t_end)
+    smooth = {"rtol": _SMOOTH_TOLERANCE, "atol": 1e-2 * _SMOOTH_TOLERANCE}
+    settings: dict[str, dict[str, dict[str, float]]] = {
+        "event": {
+            f"rtol {rtol:.0e}": {"rtol": rtol, "atol": 1e-2 * rtol, "max_step": t_end}
             for rtol in TOLERANCES
-        ]
-        made.append(_own(scene, "event", "defaults"))
-    if "timestepping" in wanted:
-        made += [_own(scene, "timestepping", f"dt {t_end / n:.2e} s", dt=t_end / n) for n in STEPS]
-    if "regularized" in wanted:
-        made += [
-            _own(
-                scene,
-                "regularized",
-                f"velocity {velocity:.0e}",
-                _LOOKS,
-                regularization_velocity=velocity,
-                rtol=_SMOOTH_TOLERANCE,
-                atol=1e-2 * _SMOOTH_TOLERANCE,
-            )
-            for velocity in VELOCITIES
-        ]
-    return made
+        }
+        | {"defaults": {}},
+        "timestepping": {f"dt {t_end / n:.2e} s": {"dt": t_end / n} for n in STEPS},
+        "regularized": {
+            f"velocity {v:.0e}": {"regularization_velocity": v, **smooth} for v in VELOCITIES
+        },
+    }
+    return [
+        _own(scene, method, setting, options)
+        for method, found in settings.items()
+        if methods is None or method in methods
+        for setting, options in found.items()
+    ]
 
 
-def _own(
-    scene: Scene, method: str, setting: str, samples: int = _COMPARED, **options: float
-) -> Contestant:
+def _own(scene: Scene, method: str, setting: str, options: Mapping[str, float]) -> Contestant:
     assert scene.simulation is not None
-    t_end = scene.simulation.t_end
+    t_end, samples = scene.simulation.t_end, _LOOKS if method == "regularized" else _COMPARED
 
     def bare() -> Motion:
         return run_whole(scene, method=method, sample_step=t_end, **options)
