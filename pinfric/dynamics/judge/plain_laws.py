@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pinocchio as pin
 
@@ -52,14 +50,31 @@ def _forces(site: Site, wrench: np.ndarray, displacement: float) -> _Forces:
     bearing, k = site.friction.bearing, site.axis
     if bearing is None:
         return [], 0.0
-    if bearing.kind not in _LOADS:  # a kind that a class has added
+    if bearing.kind not in ("pin", "guide", "linear", "ball", "seal"):  # that a class has added
         return _by_terms(bearing.terms(), k, wrench, displacement)
     on_parent = getattr(bearing, "on", "child") == "parent"
     middle = getattr(bearing, "offset", 0.0) - (displacement if on_parent else 0.0)
     F = wrench[..., :3]
     M = wrench[..., 3:] + middle * F @ pin.skew(k)  # F @ skew(k) is the cross product of F and k
     F_a, M_a = F @ np.outer(k, k), M @ np.outer(k, k)
-    return _LOADS[bearing.kind](bearing, k, F - F_a, F_a, M - M_a, M_a)
+    F_r, M_b = F - F_a, M - M_a
+    length = getattr(bearing, "length", None)
+    couple = np.zeros_like(F) if length is None else M_b @ pin.skew(k) / length
+    ends = [F_r] if length is None else [F_r / 2 + couple, F_r / 2 - couple]
+    match bearing:
+        case Pin():
+            radial = [bearing.radius * F for F in ends]
+            return [*radial, bearing.thrust_radius * F_a], bearing.radius * bearing.preload
+        case Guide():
+            roll = [] if bearing.width is None else [2 * M_a / bearing.width]
+            return [*ends, *roll], bearing.preload
+        case Linear():
+            forces = [bearing.radial * F_r, bearing.axial * F_a, bearing.moment * M_b]
+            return forces, bearing.preload
+        case Ball():
+            return [bearing.radius * F], bearing.radius * bearing.preload
+    assert isinstance(bearing, Seal)
+    return [F_a], bearing.preload
 
 
 def _by_terms(terms: LoadTerms, k: np.ndarray, wrench: np.ndarray, displacement: float) -> _Forces:
@@ -68,52 +83,6 @@ def _by_terms(terms: LoadTerms, k: np.ndarray, wrench: np.ndarray, displacement:
     moved = [*terms.moved, *np.zeros((len(terms.maps) - len(terms.moved), 3, 6))]
     forces = [w @ (B + displacement * C).T for B, C in zip(terms.maps, moved, strict=True)]
     return forces, terms.constant
-
-
-def _two_ends(length: float, k: np.ndarray, F_r: np.ndarray, M_b: np.ndarray) -> list[np.ndarray]:
-    couple = M_b @ pin.skew(k) / length
-    return [F_r / 2 + couple, F_r / 2 - couple]
-
-
-def _pin(
-    b: Pin, k: np.ndarray, F_r: np.ndarray, F_a: np.ndarray, M_b: np.ndarray, _: np.ndarray
-) -> _Forces:
-    radial = [F_r] if b.length is None else _two_ends(b.length, k, F_r, M_b)
-    return [*(b.radius * F for F in radial), b.thrust_radius * F_a], b.radius * b.preload
-
-
-def _guide(
-    b: Guide, k: np.ndarray, F_r: np.ndarray, _: np.ndarray, M_b: np.ndarray, M_a: np.ndarray
-) -> _Forces:
-    roll = [] if b.width is None else [2 * M_a / b.width]
-    return [*_two_ends(b.length, k, F_r, M_b), *roll], b.preload
-
-
-def _linear(
-    b: Linear, k: np.ndarray, F_r: np.ndarray, F_a: np.ndarray, M_b: np.ndarray, _: np.ndarray
-) -> _Forces:
-    return [b.radial * F_r, b.axial * F_a, b.moment * M_b], b.preload
-
-
-def _ball(
-    b: Ball, k: np.ndarray, F_r: np.ndarray, F_a: np.ndarray, _: np.ndarray, __: np.ndarray
-) -> _Forces:
-    return [b.radius * (F_r + F_a)], b.radius * b.preload
-
-
-def _seal(
-    b: Seal, k: np.ndarray, F_r: np.ndarray, F_a: np.ndarray, _: np.ndarray, __: np.ndarray
-) -> _Forces:
-    return [F_a], b.preload
-
-
-_LOADS: dict[str, Callable[..., _Forces]] = {
-    "pin": _pin,
-    "guide": _guide,
-    "linear": _linear,
-    "ball": _ball,
-    "seal": _seal,
-}
 
 
 def plain_friction(

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -24,18 +24,22 @@ from pinfric.model.scene import Scene, Site
 _ROUNDING = 1e-13
 #: Singular values this small beside the largest are 0.
 _RANK = 1e-12
+#: Length along the motion by which its derivatives are differences, as a share of the least lever.
+_STEP = 1e-5
 
 
 class Pair(NamedTuple):
     """Where a wrench of link a on link b acts, at one sample.
 
     Attributes:
+        row: number of the pair.
         a, b: joint ids of the two links, 0 for the ground.
         at: (3,) the place, world. frame: (3, 3) of b; of a cylinder with its line as z.
         direction: (6,) unit wrench of a drive, world axes at `at`; of a universal its moment about
             the common normal of both axes.
     """
 
+    row: int
     a: int
     b: int
     at: np.ndarray
@@ -46,17 +50,12 @@ class Pair(NamedTuple):
         """Return a wrench (6,) given in frame b in the world's axes."""
         return (self.frame @ wrench.reshape(2, 3, 1)).ravel()
 
-    def in_frame(self, wrench: np.ndarray) -> np.ndarray:
-        """Return a wrench (6,) given in the world's axes in frame b."""
-        return (wrench.reshape(2, 3) @ self.frame).ravel()
-
 
 class Action(NamedTuple):
-    """A unit action: its effort (nv,), and the wrench (6,) in world axes if it acts at a pair."""
+    """A unit action: its effort (nv,), what it adds to wrenches (joints and pairs, 6)."""
 
     effort: np.ndarray
-    pair: Pair | None = None
-    wrench: np.ndarray = np.zeros(6)
+    reaction: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -113,23 +112,28 @@ class JudgedSample:
         self.q, self.v, self.a = states.q[i] if q is None else q, states.v[i], states.a[i]
         pin.computeJointJacobians(model, self.data, self.q)
         self.pairs = _pairs(self.scene, model, self.data)
+        rows = model.njoints - 1 + len({pair.row for pair in self.pairs.values()})
+        self.none = Action(np.zeros(model.nv), np.zeros((rows, 6)))
 
     def at(self, pair: Pair, wrench: np.ndarray) -> Action:
         """Return the action of a wrench (6,), world axes at the pair's place, on b, not on a."""
-        total = np.zeros(self.model.nv)
+        about_origin = pin.Force(wrench[:3], wrench[3:] + np.cross(pair.at, wrench[:3]))
+        effort, reaction = np.zeros(self.model.nv), np.zeros_like(self.none.reaction)
+        reaction[self.model.njoints - 1 + pair.row] = (wrench.reshape(2, 3) @ pair.frame).ravel()
         for joint, sign in ((pair.b, 1.0), (pair.a, -1.0)):
             if joint:
-                J = pin.getJointJacobian(
-                    self.model, self.data, joint, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-                )
-                arm = pair.at - self.data.oMi[joint].translation
-                total += sign * (wrench @ J + wrench[:3] @ pin.skew(arm).T @ J[3:])
-        return Action(total, pair, wrench)
+                world = pin.ReferenceFrame.WORLD
+                J = pin.getJointJacobian(self.model, self.data, joint, world)
+                effort += sign * (about_origin.vector @ J)
+            for carries in list(self.model.supports[joint])[1:]:
+                reaction[carries - 1] -= sign * self.data.oMi[carries].actInv(about_origin).vector
+        return Action(effort, reaction)
 
     def frictions(self, site: Site) -> list[Action]:
         """Return unit friction along every coordinate of a site."""
         if site.pair < 0:
-            return [Action(site.ratio * np.eye(self.model.nv)[site.velocity_index])]
+            effort = site.ratio * np.eye(self.model.nv)[site.velocity_index]
+            return [self.none._replace(effort=effort)]
         pair, along = self.pairs[site.name], np.eye(3) if site.ball else site.axis[None]
         units = np.hstack([along, 0 * along] if site.sliding else [0 * along, along])
         return [self.at(pair, pair.in_world(unit)) for unit in units]
@@ -147,25 +151,23 @@ class JudgedSample:
                 continue
             row = np.eye(self.model.nv)[drive.velocity_index]
             row[[v for v, _ in drive.couples]] = [factor for _, factor in drive.couples]
-            out.append(Action(row))
+            out.append(self.none._replace(effort=row))
         return out
 
     def drive_rates(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return (na,) rate of what each drive moves, by duality S v, and its derivative.
-
-        S of drives on joints is constant; else four differences along the motion give dS/dt.
-        """
-        S, size = _rows(self.drives(), self.model.nv), _size(self.scene)
-        fastest, slope = float(np.abs(self.v).max(initial=0.0)), S @ self.a
-        if fastest == 0.0 or all(drive.velocity_index >= 0 for drive in self.scene.drives):
-            return S @ self.v, slope
-        h, slope = 1e-3 * size / fastest, np.zeros(len(S))
-        for steps, weight in ((1, 8), (-1, -8), (2, -1), (-2, 1)):
-            there = pin.integrate(self.model, self.q, steps * h * self.v)
-            moved = JudgedSample(self.result, self.model, self.i, there).drives()
-            rate = _rows(moved, self.model.nv) @ (self.v + steps * h * self.a)
-            slope += weight * rate / (12.0 * h)
+        """Return (na,) rate of what each drive moves, by duality S v, and its derivative."""
+        S = self.rows(self.drives())
+        slope, fastest = S @ self.a, float(np.abs(self.v).max(initial=0.0))
+        step = _STEP * _size(self.scene) / max(fastest, 1e-300)
+        for way in (1.0, -1.0) if fastest > 0.0 else ():  # dS/dt v along the motion
+            there = pin.integrate(self.model, self.q, way * step * self.v)
+            moved = JudgedSample(self.result, self.model, self.i, there)
+            slope += way * moved.rows(moved.drives()) @ self.v / (2.0 * step)
         return S @ self.v, slope
+
+    def rows(self, actions: Sequence[Action]) -> np.ndarray:
+        """(n, nv) the efforts of actions."""
+        return np.array([action.effort for action in actions]).reshape(-1, self.model.nv)
 
     def multipliers(self) -> list[Action]:
         """Return unit multipliers of the loops."""
@@ -188,29 +190,15 @@ class JudgedSample:
         total = pin.rnea(self.model, work, self.q, self.v, self.a, forces)
         return total, np.array([f.vector for f in work.f][1:]).reshape(-1, 6)
 
-    def carried(self, action: Action) -> np.ndarray:
-        """(nj, 6) how an action changes the wrench of every joint that carries one of its links."""
-        out = np.zeros((self.model.njoints - 1, 6))
-        if action.pair is None:
-            return out
-        carries, pair, force = np.zeros(self.model.njoints), action.pair, action.wrench[:3]
-        for joint, sign in ((pair.b, 1.0), (pair.a, -1.0)):
-            carries[list(self.model.supports[joint])] += sign
-        about_origin = pin.Force(force, action.wrench[3:] + pin.skew(pair.at) @ force)
-        for row in np.flatnonzero(carries[1:]):
-            out[row] = -carries[row + 1] * self.data.oMi[int(row) + 1].actInv(about_origin).vector
-        return out
-
     def maps(self) -> SampleMaps:
         """Return the sample's maps."""
-        scene, nv = self.scene, self.model.nv
-        total, given = self.given()
+        scene, nv, total, given = self.scene, self.model.nv, *self.given()
         drives, multipliers = self.drives(), self.multipliers()
         each = [self.frictions(site) for site in scene.sites]
         frictions = [action for actions in each for action in actions]
-        S, D, undriven = _rows(drives, nv), _rows(frictions, nv), list(scene.mobility.undriven)
-        P = np.vstack([np.eye(nv)[undriven], _rows(multipliers, nv)]).T
-        right = np.column_stack([total, -D.T])
+        S, D, undriven = self.rows(drives), self.rows(frictions), list(scene.mobility.undriven)
+        P = np.vstack([np.eye(nv)[undriven], self.rows(multipliers)]).T
+        right, known = np.column_stack([total, -D.T]), np.eye(1 + len(D))
         basis, size, across = np.linalg.svd(P) if P.size else (np.eye(nv), np.zeros(0), P[:0])
         rank = int((size > _RANK * size.max(initial=0.0)).sum())
         free, loose = basis[:, rank:].T, across[rank:].T
@@ -220,34 +208,30 @@ class JudgedSample:
         y = np.linalg.lstsq(P, right - S.T @ effort, rcond=_RANK)[0][len(undriven) :]
         loose = loose[:, np.abs(loose[: len(undriven)]).max(axis=0, initial=0.0) < 1e-9]
         loose = loose[len(undriven) :]
-        actions, none = [*drives, *frictions, *multipliers], np.eye(1, right.shape[1])[0]
-        acting = np.vstack([effort, np.eye(right.shape[1])[1:], y])
-        wrenches = self._reactions(actions, acting)
-        wrenches[: len(given)] += given[:, :, None] * none
+        W, Y = (
+            np.array([action.reaction for action in actions]).reshape(-1, *self.none.reaction.shape)
+            for actions in (drives + frictions, multipliers)
+        )
+        wrench = np.tensordot(W, np.vstack([effort, known[1:]]), axes=(0, 0))
+        wrench[: len(given), :, 0] += given
+        closing = np.tensordot(Y, y, axes=(0, 0))
         if loose.shape[1]:  # the least sum |F|^2 + |M/l|^2 over all joints, the loops' too
-            more = self._reactions(multipliers, loose)
             weight = np.repeat([1.0, 1.0 / scene.redundancy_length], 3)[:, None]
-            flat, now = ((weight * w).reshape(-1, w.shape[2]) for w in (more, wrenches))
-            change = np.linalg.lstsq(flat, now, rcond=_RANK)[0]
-            wrenches -= more @ change
-            y -= loose @ change
-            acting[-len(y) :] = y
-        at_sites = [
-            wrenches[site.joint]
-            if site.pair < 0
-            else _at_pair(self.pairs[site.name], actions, acting)
-            for site in scene.sites
-        ]
-        site_wrench = np.array(at_sites).reshape(-1, 6, right.shape[1])
+            shared, more = len(given) + len(scene.loops), np.tensordot(Y, loose, axes=(0, 0))
+            flat, now = (
+                (weight * w[:shared]).reshape(6 * shared, -1) for w in (more, wrench + closing)
+            )
+            closing -= more @ np.linalg.lstsq(flat, now, rcond=_RANK)[0]
+        at_sites = (wrench + closing)[[self.row(site) for site in scene.sites]]
         sizes = np.linalg.svd(reduced, compute_uv=False) if reduced.size else np.ones(1)
         regular = float(size[:rank].min(initial=1.0) / max(size.max(initial=1.0), 1e-300))
         least = sizes[: len(free)].min(initial=np.inf) / max(sizes[0], _size(scene))
         missed = free @ (S.T @ effort[:, 0] - total)
         return SampleMaps(
             effort,
-            self._loops(multipliers, y),
-            site_wrench,
-            *_contacts(self, site_wrench),
+            closing[len(given) : len(given) + len(scene.loops)],
+            at_sites,
+            *_contacts(self, at_sites),
             np.repeat(np.arange(len(each)), [len(actions) for actions in each]),
             total,
             D,
@@ -256,36 +240,14 @@ class JudgedSample:
             float(np.abs(given).max(initial=0.0)),
         )
 
-    def _loops(self, actions: Sequence[Action], x: np.ndarray) -> np.ndarray:
-        """(number of loops, 6, columns) of a on b in frame b."""
-        loops = [_at_pair(self.pairs[loop.name], actions, x) for loop in self.scene.loops]
-        return np.array(loops).reshape(-1, 6, x.shape[1])
-
-    def _reactions(self, actions: Sequence[Action], x: np.ndarray) -> np.ndarray:
-        """(nj + number of loops, 6, columns) the wrenches that actions x (n, columns) cause."""
-        joints = np.zeros((self.model.njoints - 1, 6, x.shape[1]))
-        for action, row in zip(actions, x, strict=True):
-            if action.pair is not None:
-                joints += self.carried(action)[:, :, None] * row
-        return np.concatenate([joints, self._loops(actions, x)])
+    def row(self, site: Site) -> int:
+        """Where a site's wrench is among those of joints and pairs."""
+        return site.joint if site.pair < 0 else self.model.njoints - 1 + self.pairs[site.name].row
 
 
 def _size(scene: Scene) -> float:
     """The least lever that counts (m)."""
     return 1.0 if scene.linkage is None else min(1.0, scene.linkage.size)
-
-
-def _rows(actions: Sequence[Action], nv: int) -> np.ndarray:
-    return np.array([action.effort for action in actions]).reshape(-1, nv)
-
-
-def _at_pair(pair: Pair, actions: Sequence[Action], x: np.ndarray) -> np.ndarray:
-    """(6, columns) all that acts at one pair, in its frame."""
-    total = np.zeros((6, x.shape[1]))
-    for action, row in zip(actions, x, strict=True):
-        if action.pair is pair:
-            total += np.outer(pair.in_frame(action.wrench), row)
-    return total
 
 
 def _contacts(
@@ -310,38 +272,36 @@ def _contacts(
 
 
 def _pairs(scene: Scene, model: pin.Model, data: pin.Data) -> dict[str, Pair]:
-    """All pairs of one sample by name, from the scene's own entries."""
-    pairs, still = {}, np.zeros(3)
+    """All pairs of one sample by name, from the scene's own entries; loops first."""
+    pairs: dict[str, Pair] = {}
 
-    def place(link: str, xyz: tuple[float, ...], rpy: tuple[float, ...] = (0.0, 0.0, 0.0)):  # type: ignore[no-untyped-def]
-        frame = model.frames[model.getFrameId(link, pin.FrameType.BODY)]
-        local = pin.SE3(pin.rpy.rpyToMatrix(*rpy), np.array(xyz))
+    def place(at: Any, rpy: Any = (0.0, 0.0, 0.0)) -> tuple[int, pin.SE3]:
+        frame = model.frames[model.getFrameId(at.link, pin.FrameType.BODY)]
+        local = pin.SE3(pin.rpy.rpyToMatrix(*rpy), np.array(at.xyz))
         return frame.parentJoint, data.oMi[frame.parentJoint] * frame.placement * local
 
+    def add(name: str, ends: tuple[int, int], pose: pin.SE3, line: Any, slides: bool) -> None:
+        unit, still = line / np.linalg.norm(line), np.zeros(3)
+        direction = np.concatenate([unit, still] if slides else [still, unit])
+        pairs[name] = Pair(len(pairs), *ends, pose.translation, pose.rotation, direction)
+
     for loop in scene.loops:
-        a, start = place(loop.a.link, loop.a.xyz, loop.a.rpy)
-        b, pose = place(loop.b.link, loop.b.xyz, loop.b.rpy)
-        axis = pose.rotation @ np.array(loop.axis) / np.linalg.norm(loop.axis)
+        (a, start), (b, pose) = place(loop.a, loop.a.rpy), place(loop.b, loop.b.rpy)
+        axis = pose.rotation @ np.array(loop.axis)
         if loop.kind == "universal":
             axis = np.cross(start.rotation @ loop.axis, pose.rotation @ loop.axis_b)
-            axis /= np.linalg.norm(axis)
-        direction = np.concatenate([axis, still] if loop.kind == "prismatic" else [still, axis])
-        pairs[loop.name] = Pair(a, b, pose.translation, pose.rotation, direction)
+        add(loop.name, (a, b), pose, axis, loop.kind == "prismatic")
     for actuator in scene.actuators or ():
         if actuator.cylinder is not None:
-            a, start = place(actuator.cylinder.a.link, actuator.cylinder.a.xyz)
-            b, end = place(actuator.cylinder.b.link, actuator.cylinder.b.xyz)
+            (a, start), (b, end) = place(actuator.cylinder.a), place(actuator.cylinder.b)
             line = end.translation - start.translation
-            line /= np.linalg.norm(line)
             turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), line).matrix()
-            direction = np.concatenate([line, still])
-            pairs[actuator.cylinder.name] = Pair(a, b, end.translation, turn, direction)
+            pose = pin.SE3(turn, end.translation)
+            add(actuator.cylinder.name, (a, b), pose, line, slides=True)
         elif actuator.force is not None:
-            force = actuator.force
-            b, pose = place(force.link, force.xyz)
-            along = pose.rotation @ np.array(force.direction) / np.linalg.norm(force.direction)
-            direction = np.concatenate([along, still])
-            pairs[force.name] = Pair(0, b, pose.translation, pose.rotation, direction)
+            b, pose = place(actuator.force)
+            line = pose.rotation @ np.array(actuator.force.direction)
+            add(actuator.force.name, (0, b), pose, line, slides=True)
         elif actuator.joint in pairs:  # of a loop, under the drive's own name
             pairs[actuator.drive_name] = pairs[actuator.joint]
     return pairs
