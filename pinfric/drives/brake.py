@@ -17,6 +17,7 @@ slows it down.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -155,7 +156,14 @@ def _standstill(
     held_by = _torque(torque, name, brakes, conditions, needed, fitted is not None)
     assert result.t is not None  # size refuses a motion without times
     energy = _energy(stop, name, brakes, stated(conditions, "holding_brake") if needed else "")
-    criteria = (_unpowered(use, held), held_by, energy)
+    formula = "static friction needed / its limit <= 1, power off and all other joints held"
+    unpowered = compare(_HOLDING, use, 1.0, "", formula, _STATICS, "a unique static solution")
+    if held is False:
+        note = "it moves: friction alone does not hold it"
+        unpowered = replace(
+            unpowered, status=Status.NOT_REQUIRED, required=None, note=note, missing=""
+        )
+    criteria = (unpowered, held_by, energy)
     there = name is not None and (needed or not held) if fitted is None else bool(fitted)
     return Standstill(effort, shaft, use, held, float(result.t[pose]), name, there, criteria)
 
@@ -240,23 +248,6 @@ def _use(still: InverseResult, i: int, pose: int, load: float) -> tuple[float | 
     except PinfricError:
         return None, None
     return (found.use if found.held else None), found.held
-
-
-def _unpowered(use: float | None, held: bool | None) -> Criterion:
-    formula = "static friction needed / its limit <= 1, power off and all other joints held"
-    if held is not False:
-        return compare(_HOLDING, use, 1.0, "", formula, _STATICS, "a unique static solution")
-    return Criterion(
-        _HOLDING,
-        Status.NOT_REQUIRED,
-        None,
-        1.0,
-        "",
-        None,
-        formula,
-        _STATICS,
-        "it moves: friction alone does not hold it",
-    )
 
 
 def ranked(brakes: Mapping[str, Brake]) -> dict[str, Brake]:

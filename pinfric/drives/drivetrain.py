@@ -613,9 +613,14 @@ def motor_cycle(
     current, winding, mean_temperature = _temperatures(
         candidate.ratings, cycle, worst, speed, conditions
     )
-    power, copper = _electrical(candidate.ratings, worst, speed, current, winding)
-    drawn = astuple(power_figures(t, power)) if copper else (None, None, None, None)
     ratings, mean_speed = candidate.ratings, mean(t, np.abs(speed))
+    power, drawn, copper = worst * speed, (None, None, None, None), False
+    if current is not None and ratings.resistance is not None:
+        warmer = np.zeros(1)
+        if winding is not None and not winding.runaway:
+            warmer = winding.winding - REFERENCE_TEMPERATURE
+        power, copper = power + ratings.resistance * (1 + COPPER * warmer) * current**2, True
+        drawn = astuple(power_figures(t, power))
     limit = ratings.stall_at(conditions)
     if limit is None:
         limit, _ = ratings.continuous_at(conditions, mean_speed)
@@ -671,23 +676,6 @@ def _temperatures(
         cycle.t, current, resistance, thermal, ambient, duty=cycle.duty, no_load=turning
     )
     return current, winding, at_mean
-
-
-def _electrical(
-    ratings: Ratings,
-    torque: np.ndarray,
-    speed: np.ndarray,
-    current: np.ndarray | None,
-    winding: WindingCycle | None,
-) -> tuple[np.ndarray, bool]:
-    """Return (T,) T_m omega + R(T_w) i^2, W, and whether its second part is known: see there."""
-    power = torque * speed
-    if current is None or ratings.resistance is None:
-        return power, False
-    resistance: float | np.ndarray = ratings.resistance
-    if winding is not None and not winding.runaway:
-        resistance = resistance * (1 + COPPER * (winding.winding - REFERENCE_TEMPERATURE))
-    return power + resistance * current**2, True
 
 
 def ratings_of(entry: Motor | GearMotor) -> Ratings:

@@ -129,7 +129,8 @@ def bus_power(
     burst = _burst(t, power, duty)
     voltage, period = conditions.bus_voltage, float(stretched[-1] - stretched[0])
     limit = conditions.bus_limit
-    room = None if limit is None else (limit**2 - voltage**2) / 2
+    room = None if limit is None else (limit**2 - voltage**2) / 2  # of each F
+    stored = conditions.bus_capacitance
     flows = flow.braking > 0
     held, left_out = held_voltage(power, conditions), tuple(n for n in drives if n not in known)
     mechanical = tuple(name for name, motor in known.items() if not motor.copper)
@@ -151,26 +152,19 @@ def bus_power(
         capacitance=burst / room if room and flows else None,
         criteria=(
             _supply(flow.driving, conditions, bool(left_out or mechanical)),
-            _braking(burst, room, conditions),
+            compare(
+                _BRAKING,
+                burst,
+                None if room is None or stored is None else stored * room,
+                "J",
+                "largest single return <= C (U_max^2 - U^2)/2",
+                "Servotronix CDHD2 manual, regeneration: E_bus = C/2 (V_max^2 - V_nom^2)",
+                "conditions.bus_capacitance and bus_limit",
+                condition=stated(conditions, "bus_capacitance", "bus_limit", "bus_voltage"),
+            ),
             _sag(held, voltages, bool(left_out or mechanical), conditions),
         ),
         lowest=None if held is None or np.isnan(held).any() else float(held.min()),
-    )
-
-
-def _braking(burst: float, room: float | None, conditions: Conditions) -> Criterion:
-    """The largest single return (J) against the capacitors; `room`: (U_max^2 - U^2)/2, V^2."""
-    capacitance = conditions.bus_capacitance
-    taken = None if room is None or capacitance is None else capacitance * room
-    return compare(
-        _BRAKING,
-        burst,
-        taken,
-        "J",
-        "largest single return <= C (U_max^2 - U^2)/2",
-        "Servotronix CDHD2 manual, regeneration: E_bus = C/2 (V_max^2 - V_nom^2)",
-        "conditions.bus_capacitance and bus_limit",
-        condition=stated(conditions, "bus_capacitance", "bus_limit", "bus_voltage"),
     )
 
 
