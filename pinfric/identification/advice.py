@@ -65,7 +65,7 @@ def advise(found: Estimate) -> tuple[Advice, ...]:
         found: the estimate.
     """
     problem = found.problem
-    normal = Normal.of(problem.grams, np.ones(problem.folds.size, dtype=bool), problem.weights)
+    normal = problem.normal()
     weighed = [_weighed(found, normal, *recording) for recording in _recordings(found)]
     gears = any(found.choice.laws[j].load == "gear" for j in found.known)
     scale = gears and not scale_is_known(found)

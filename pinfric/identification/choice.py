@@ -62,6 +62,11 @@ class Problem:
             for own, law in zip(self._seen, laws, strict=True)
         ]
 
+    def normal(self, blocks: BoolArray | None = None) -> Normal:
+        """Return the normal equations of some blocks; None: of all."""
+        every = np.ones(self.folds.size, dtype=bool)
+        return Normal.of(self.grams, every if blocks is None else blocks, self.weights)
+
     @cached_property
     def _seen(self) -> list[list[bool]]:
         """Which slots of each joint its rows have anything of."""
@@ -163,9 +168,7 @@ def nested_errors(problem: Problem, rows: Sequence[Rows]) -> tuple[FloatArray, F
         test = problem.folds == part
         rest = replace(problem, folds=np.where(test, -1, problem.folds))
         laws = choose(rest).laws
-        reduced = FrictionNormalEquations(
-            Normal.of(problem.grams, ~test, problem.weights), problem.prior
-        )
+        reduced = FrictionNormalEquations(problem.normal(~test), problem.prior)
         for kind, taken in enumerate((laws, plain)):
             fit = reduced.fit(problem.slots(taken))
             for j, own in enumerate(rows):
@@ -186,9 +189,7 @@ def free_errors(problem: Problem, rows: Sequence[Rows]) -> FloatArray:
     free = replace(problem.prior, weight=_FREE * problem.prior.weight)
     for part in np.unique(problem.folds):
         test = problem.folds == part
-        fit = FrictionNormalEquations(Normal.of(problem.grams, ~test, problem.weights), free).fit(
-            plain
-        )
+        fit = FrictionNormalEquations(problem.normal(~test), free).fit(plain)
         squares += [
             np.sum(residuals(own, fit, j)[test[own.block]] ** 2) for j, own in enumerate(rows)
         ]
@@ -203,12 +204,7 @@ class _Judge:
         used = problem.folds >= 0
         tests = [problem.folds == part for part in np.unique(problem.folds[used])]
         self._reduced = ManyNormalEquations(
-            [
-                FrictionNormalEquations(
-                    Normal.of(problem.grams, used & ~test, problem.weights), problem.prior
-                )
-                for test in tests
-            ]
+            [FrictionNormalEquations(problem.normal(used & ~test), problem.prior) for test in tests]
         )
         self.rows = np.array([[gram.count[test].sum() for test in tests] for gram in problem.grams])
         self._grams = [

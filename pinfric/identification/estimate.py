@@ -52,7 +52,6 @@ from pinfric.identification.normal import (
     BlockProducts,
     Fit,
     FrictionNormalEquations,
-    Normal,
     weighted,
 )
 from pinfric.identification.recordings import STILL, Recording
@@ -163,7 +162,17 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
     for recording in question.recordings:
         prepared.append(prepare(scene, recording, thin))
         progress(len(prepared), steps)
-    _check_slides(question, prepared)
+    held = [  # blocks are the samples of all that follows
+        np.unique(blocks(one.recording.trajectory.t)[1][one.kept[one.slides.any(axis=1)]])
+        for one in prepared
+    ]
+    logs = ", ".join(one.name for one in question.recordings)
+    if (count := sum(own.size for own in held)) < _FEWEST_BLOCKS:
+        raise IdentificationError(
+            f"{logs}: joints slide (faster than {STILL:g} rad/s or m/s and than the noise) in "
+            f"{count} blocks of 1 to 5 s; at least {_FEWEST_BLOCKS} are needed: log more "
+            "motion"
+        )
     for number, one in enumerate(prepared):  # by the URDF's inertias
         prepared[number] = with_loads(one, scene, np.zeros_like(one.payload))
     plain = ((PLAIN,),) * scene.model.nv
@@ -172,7 +181,6 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
     del prepared, one  # a long log's columns fill much of the memory
     _fit(found, plain)
     check_efforts(scene, found.rows, question.gains)
-    logs = ", ".join(one.name for one in question.recordings)
     check_limits(scene, found.rows, found.fit, logs, question.gains)
     _find_delay(found)
     _fit(found, plain)
@@ -180,7 +188,13 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
         if number >= 2 and not any(law.stribeck for law in found.choice.laws):
             break  # only the speeds at which friction falls take longer
         progress(steps - max(2 - number, 1), steps)
-        found.falls = tuple(_fall(found, j) for j in range(len(found.rows)))
+        falls = list[Fall | None]()
+        for j, law in enumerate(found.choice.laws):
+            mine = question.laws.get(scene.joint_names[j])
+            beside = sorted({INERTIA, *law.slots} - set(FALLS))
+            given = found.prepared, j, found.rows[j], found.row_weights[j], beside
+            falls.append(find_fall(*given) if mine is None or mine.stribeck else None)
+        found.falls = tuple(falls)
         laws = [offered(found, j) for j in range(len(found.rows))]
         _find_delay(found, reload=True)
         _fit(found, laws)
@@ -193,21 +207,6 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
             "does: check signs, zeros and units of angles and efforts, and the joint of each column"
         )
     return found
-
-
-def _check_slides(question: Question, prepared: Sequence[Prepared]) -> None:
-    """Refuse logs in which next to nothing slides: blocks are the samples of all that follows."""
-    held = [
-        np.unique(blocks(one.recording.trajectory.t)[1][one.kept[one.slides.any(axis=1)]])
-        for one in prepared
-    ]
-    if (found := sum(own.size for own in held)) < _FEWEST_BLOCKS:
-        names = ", ".join(one.name for one in question.recordings)
-        raise IdentificationError(
-            f"{names}: joints slide (faster than {STILL:g} rad/s or m/s and than the noise) in "
-            f"{found} blocks of 1 to 5 s; at least {_FEWEST_BLOCKS} are needed: log more "
-            "motion"
-        )
 
 
 def _doubt(found: Estimate) -> None:
@@ -238,17 +237,6 @@ def _find_delay(found: Estimate, reload: bool = False) -> None:
     )
 
 
-def _fall(found: Estimate, joint: int) -> Fall | None:
-    """The fall of one joint's friction, by the present estimate."""
-    law, mine = found.choice.laws[joint], found.question.laws.get(found.scene.joint_names[joint])
-    if mine is not None and not mine.stribeck:
-        return None
-    beside = {INERTIA, *law.slots} - set(FALLS)
-    return find_fall(
-        found.prepared, joint, found.rows[joint], found.row_weights[joint], sorted(beside)
-    )
-
-
 def _fit(found: Estimate, laws: Sequence[Sequence[Law]]) -> None:
     """Fit the columns as they are, with laws chosen among those offered.
 
@@ -270,7 +258,7 @@ def _fit(found: Estimate, laws: Sequence[Sequence[Law]]) -> None:
         problem = replace(
             problem, grams=tuple(BlockProducts.of(r, w, folds.size) for r, w in pairs)
         )
-        normal = Normal.of(problem.grams, np.ones(folds.size, dtype=bool), problem.weights)
+        normal = problem.normal()
         fit = FrictionNormalEquations(normal, prior).fit(problem.slots(chosen))
     first = all(tuple(own) == (PLAIN,) for own in laws)
     choice = Choice(chosen, ({},) * nj) if first else choose(problem)

@@ -89,6 +89,7 @@ def notes(
     )
     # What contradicts the model, and at which joints
     names = found.scene.joint_names
+    fitted = [(j, found.rows[j], residuals(found.rows[j], found.fit, j)) for j in slid]
     contradicting = {
         "the model does not explain its effort (held-out error / error of the mean effort), so it "
         "keeps the scene's friction: check joint, sign, zero and unit of its columns of angle and "
@@ -96,7 +97,11 @@ def notes(
             f"{names[j]} {100 * share:.0f} %" for j, share in found.unexplained.items()
         ],
         "the error is above 10 % even on the fitted data, so something is missing or wrong "
-        "(signs, zeros, motors that move with another joint)": _missed(found, slid),
+        "(signs, zeros, motors that move with another joint)": [
+            f"{names[j]} {100 * np.sqrt(off @ off / (rows.effort @ rows.effort)):.0f} %"
+            for j, rows, off in fitted
+            if off @ off > _MISSED**2 * (rows.effort @ rows.effort)
+        ],
         f"efforts at rest are within the interval for less than {100 * _HELD_INSIDE:g} % of the "
         "time, so static friction or the rigid effort is wrong": [
             f"{names[j]} {100 * rest[names[j]].inside:.1f} %"
@@ -105,7 +110,7 @@ def notes(
         ],
     }
     doubts = _by_joint(contradicting) + _misfits(found, shapes) + _delays(found)
-    doubts += _zeros(found) + _worse(found) + _moved(found)
+    doubts += _zeros(found) + ([] if found.question.keep_inertias else _by_joint(_of_links(found)))
     return Notes(tuple(doubts), tuple(lines))
 
 
@@ -170,23 +175,27 @@ def _zeros(found: Estimate) -> list[str]:
     ]
 
 
-def _worse(found: Estimate) -> list[str]:
-    """Joints that ordinary least squares with plain friction predicts better, and why."""
-    if found.question.keep_inertias:
-        return []
-    free, own = free_errors(found.problem, found.rows), found.errors[0]
-    worse = [
-        f"{found.scene.joint_names[j]} by {100 * (own[j] / free[j] - 1):.0f} %"
-        for j in found.known
-        if own[j] > (1.0 + _WORSE) * free[j]
-    ]
-    if not worse:
-        return []
-    return [
+def _of_links(found: Estimate) -> dict[str, list[str]]:
+    """What contradicts the links: free ones predict better, masses are far from the URDF's."""
+    names, (own, _) = found.scene.joint_names, found.errors
+    free = free_errors(found.problem, found.rows)
+    changes = mass_changes(found.question.scene.model, found.fit.theta)
+    return {
         "held-out errors are larger than those of ordinary least squares (Coulomb and viscous "
-        f"friction, free link inertias): {', '.join(worse)}; the URDF's inertias are wrong "
-        "there, or too little was logged to choose a law"
-    ]
+        "friction, free link inertias), so the URDF's inertias are wrong there, or too little was "
+        "logged to choose a law": [
+            f"{names[j]} by {100 * (own[j] / free[j] - 1):.0f} %"
+            for j in found.known
+            if own[j] > (1.0 + _WORSE) * free[j]
+        ],
+        f"masses that differ from the URDF's by more than {100 * _MOVED:.0f} %, which is unusual "
+        "(check the zero and sign of the angles of these joints and their neighbours, the unit of "
+        "efforts, and whether the scene lacks a payload)": [
+            name
+            for name, change in zip(names, changes.tolist(), strict=True)
+            if abs(change) > _MOVED
+        ],
+    }
 
 
 def _of_logs(found: Estimate) -> list[str]:
@@ -255,24 +264,6 @@ def _of_masses(found: Estimate) -> list[str]:
     return [f"link behind each joint, kg in the URDF -> found: {', '.join(masses)}"]
 
 
-def _moved(found: Estimate) -> list[str]:
-    """The links whose masses are too far from the URDF's."""
-    if found.question.keep_inertias:
-        return []
-    names = found.scene.joint_names
-    changes = mass_changes(found.question.scene.model, found.fit.theta)
-    far = [
-        name for name, change in zip(names, changes.tolist(), strict=True) if abs(change) > _MOVED
-    ]
-    if not far:
-        return []
-    return [
-        f"masses that differ from the URDF's by more than {100 * _MOVED:.0f} %, which is "
-        f"unusual: {', '.join(far)}; check the zero and sign of the angles of these joints and "
-        "their neighbours, the unit of efforts, and whether the scene lacks a payload"
-    ]
-
-
 def _of_motion(found: Estimate, slid: Sequence[int]) -> dict[str, list[str]]:
     """What the motion does not show."""
     names, other = found.scene.joint_names, "the Coulomb friction of the other direction is used"
@@ -336,14 +327,3 @@ def _of_laws(found: Estimate, slid: Sequence[int]) -> dict[str, list[str]]:
         "drives) is known; each alone is as wrong as the URDF's masses; record a log with a known "
         "payload (--payload)": [name for name, law in laws if law.load == "gear" and not scale],
     }
-
-
-def _missed(found: Estimate, slid: Sequence[int]) -> list[str]:
-    names, lines = found.scene.joint_names, []
-    for j in slid:
-        rows, off = found.rows[j], residuals(found.rows[j], found.fit, j)
-        if off @ off > _MISSED**2 * (rows.effort @ rows.effort):
-            lines.append(
-                f"{names[j]} {100 * np.sqrt(off @ off / (rows.effort @ rows.effort)):.0f} %"
-            )
-    return lines

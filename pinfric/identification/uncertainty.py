@@ -34,7 +34,7 @@ from pinfric.identification.laws import (
     K,
 )
 from pinfric.identification.misfit import Misfit, uneven
-from pinfric.identification.normal import Normal, above_zero, residuals
+from pinfric.identification.normal import above_zero, residuals
 from pinfric.identification.stribeck import beside_other
 from pinfric.model.arrays import FloatArray, IntArray
 
@@ -198,7 +198,7 @@ def bias(found: Estimate, shapes: Sequence[Misfit], place: IntArray) -> FloatArr
 def _left(found: Estimate, place: IntArray) -> FloatArray:
     """(p + n, p + n) the left side of the estimate's normal equations."""
     problem, p = found.problem, found.fit.theta.size
-    every = Normal.of(problem.grams, np.ones(problem.folds.size, dtype=bool), problem.weights)
+    every = problem.normal()
     cross = every.cross[:, place]
     left = np.block([[every.rigid, cross], [cross.T, every.slots[np.ix_(place, place)]]])
     if not problem.prior.kept:

@@ -26,9 +26,10 @@ from identify_cases import (
 )
 
 import pinfric as pf
+from pinfric.identification.choice import Problem
 from pinfric.identification.laws import BACKWARD, FALL_SPEED, FALLS, FORWARD, SLOTS, Law
 from pinfric.identification.misfit import Misfit
-from pinfric.identification.normal import BlockProducts, FrictionNormalEquations, Normal, Prior
+from pinfric.identification.normal import BlockProducts, FrictionNormalEquations, Prior
 from pinfric.identification.stribeck import Fall, with_falls
 from pinfric.identification.uncertainty import (
     Uncertainty,
@@ -138,14 +139,16 @@ def test_a_bias_is_by_how_much_the_shape_changes_least_squares():
         rows=[rows],
         row_weights=[weight],
         fit=fit_of(dict(zip(place.tolist(), alone[p:], strict=True)), alone[:p]),
-        problem=SimpleNamespace(
+        problem=Problem(
             grams=[BlockProducts.of(rows, weight, 1)],
             weights=np.array([4.0]),
             prior=prior,
-            folds=np.zeros(1),
+            laws=(),
+            folds=np.zeros(1, dtype=int),
+            rotor=False,
         ),
     )
-    normal = Normal.of(found.problem.grams, np.ones(1, dtype=bool), found.problem.weights)
+    normal = found.problem.normal()
     free = FrictionNormalEquations(normal, prior).fit([place])
     assert np.append(free.theta, free.slots[0, place]) == pytest.approx(alone, rel=1e-6)
     expected = (solved(shape) - alone)[p:]
@@ -187,11 +190,13 @@ def test_another_exponent_changes_the_coefficients_as_a_fit_beside_that_fall():
         rows=[rows],
         row_weights=[weight],
         fit=fit_of({}),
-        problem=SimpleNamespace(
+        problem=Problem(
             grams=[BlockProducts.of(rows, weight, 1)],
             weights=np.ones(1),
             prior=KEPT,
-            folds=np.zeros(1),
+            laws=(),
+            folds=np.zeros(1, dtype=int),
+            rotor=False,
         ),
     )
     (off,) = _other_falls(found, place)
