@@ -138,10 +138,6 @@ class Problem:
             raise RetimeError(self._why(failed))
         return replace(Profile.of(self.grid, x, u), holes=int(scan.holes[0]))
 
-    def with_limits(self, d: int, limits: DriveLimits) -> Problem:
-        """Return the same problem with other limits of drive d."""
-        return replace(self, limits=(*self.limits[:d], limits, *self.limits[d + 1 :]))
-
     def states(
         self,
         s: np.ndarray,
@@ -181,8 +177,8 @@ class Problem:
             return f"{where}: drive {self.limits_text(still, d, kind, what)}"
         for k, drive in enumerate(self.scene.drives):
             x, u = np.empty(n + 1), np.empty((n, 2))
-            scan = self.with_limits(k, DriveLimits()).scan()
-            if fastest(box_scan(scan), x, u) != interval:
+            limits = (*self.limits[:k], DriveLimits(), *self.limits[k + 1 :])
+            if fastest(box_scan(replace(self, limits=limits).scan()), x, u) != interval:
                 return (
                     f"{where}: drive {drive.name!r} cannot follow the path on from there at "
                     "any speed; a stronger drive, or less curvature"

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -21,7 +21,6 @@ from pinfric.drives.limits import instant_limits
 from pinfric.drives.parts import criteria_over
 from pinfric.drives.robot import holds
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
-from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.errors import PinfricWarning, RetimeError, TrajectoryError
 from pinfric.model.brief import file_name, listed, screen
 from pinfric.model.couples import mixed
@@ -176,7 +175,15 @@ def retime(
     """
     expect_scene(scene, "retime")
     _check_scene(scene)
-    path = _as_path(scene, path)
+    if isinstance(path, Trajectory):
+        path = Path.from_trajectory(path)
+    elif isinstance(path, str | os.PathLike):
+        path = load_path(str(path), scene)
+    elif not isinstance(path, Path):
+        raise TrajectoryError(
+            f"retime: the path is a {type(path).__name__}; give a trajectory, a file's name, or "
+            "pf.Path.from_waypoints(q)"
+        )
     if not (points >= 2 and sample_rate > 0.0 and tolerance > 0.0 and smooth >= 0.0):
         raise RetimeError(
             f"retime: points {points}, sample_rate {sample_rate:g}, tolerance "
@@ -196,20 +203,6 @@ def retime(
     for text in found.notes:
         warnings.warn(text, PinfricWarning, stacklevel=2)
     return found
-
-
-def _as_path(scene: Scene, given: object) -> Path:
-    """Return the path of a trajectory, or of a file."""
-    if isinstance(given, Path):
-        return given
-    if isinstance(given, Trajectory):
-        return Path.from_trajectory(given)
-    if isinstance(given, str | os.PathLike):
-        return load_path(str(given), scene)
-    raise TrajectoryError(
-        f"retime: the path is a {type(given).__name__}; give a trajectory, a file's name, or "
-        "pf.Path.from_waypoints(q)"
-    )
 
 
 def _check_scene(scene: Scene) -> None:
@@ -542,6 +535,11 @@ class _Retiming:
         for d in np.flatnonzero(np.zeros(0) if heat is None else heat > _AT_LIMIT):
             kinds = limiting.setdefault(self.scene.drives[d].name, {})
             kinds[self.limits[d].over_time[1]] = 1.0
+        named = [
+            (i, x.from_catalog) for i, x in enumerate(self.limits) if x.from_catalog is not None
+        ]
+        holding = holds(self.scene, trajectory, judged.states.v)
+        inertias = load_inertias(judged) if named else np.empty(0)
         return RetimeResult(
             trajectory=trajectory,
             duration=float((profile.duration + smooth).sum() + sum(self.path.holds)),
@@ -555,22 +553,10 @@ class _Retiming:
             rms=heat,
             uniform=uniform,
             smooth=smooth,
-            criteria=judged_drives(judged, trajectory, self.limits),
+            criteria={
+                self.scene.drives[i].name: criteria_over(
+                    judged, i, *drive, holding, float(inertias[i])
+                )
+                for i, drive in named
+            },
         )
-
-
-def judged_drives(
-    result: InverseResult, motion: Trajectory, limits: Sequence[DriveLimits]
-) -> dict[str, tuple[Criterion, ...]]:
-    """Return the criteria of `size` for the catalogue's drives of a motion, by drive.
-
-    Args:
-        result: of the motion, repeated. limits: of the drives.
-    """
-    holding = holds(result.scene, motion, result.states.v)
-    named = [(i, x.from_catalog) for i, x in enumerate(limits) if x.from_catalog is not None]
-    inertias = load_inertias(result) if named else np.empty(0)
-    return {
-        result.scene.drives[i].name: criteria_over(result, i, *drive, holding, float(inertias[i]))
-        for i, drive in named
-    }
