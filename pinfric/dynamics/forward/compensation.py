@@ -283,8 +283,9 @@ def check_reach(scene: Scene, bounds: Reach, q: np.ndarray, motion: Mapping[str,
             top = np.broadcast_to(largest.get(name, bounds.fastest), given.shape)
             checked.append((name, given, -top, top, np.arange(given.size)))
     for name, given, low, high, column in checked:
-        if not ((given >= low) & (given <= high)).all():
-            i = int(np.argmin((given >= low) & (given <= high)))
+        inside = (given >= low) & (given <= high)
+        if not inside.all():
+            i = int(np.argmin(inside))
             raise StateError(
                 f"{name}: {freedom_names(scene)[column[i]]!r}: {given[i]:g}: should be a number "
                 f"from {low[i]:.4g} to {high[i]:.4g} (rad or m, s); in degrees?"

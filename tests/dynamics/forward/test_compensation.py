@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import pinocchio as pin
 import pytest
+from builders import chain, lump
 from export_cases import (
     RICH,
     SETTINGS,
@@ -11,6 +13,8 @@ from export_cases import (
     configurations,
     sampled,
 )
+
+import pinfric as pf
 
 
 @pytest.mark.parametrize("options", SETTINGS, ids=range(len(SETTINGS)))
@@ -36,3 +40,19 @@ def test_the_solver_compensates_as_the_header(headers, scene, options):
             for i in range(len(q))
         ]
         assert_columns(found["friction"], np.array(expected), "friction")
+
+
+@pytest.mark.parametrize("ratio", [0.7, -0.7])
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_mimic_joint_rubs_in_its_own_direction(ratio, way):
+    """A leader and a follower, 2 N forward and 0.5 N backward in each; 80 % are compensated."""
+    fingers = ((f"finger_{k}", pin.JointModelPX(), lump(1.0, [0.1, 0.0, 0.0], 0.1)) for k in (1, 2))
+    model = pin.transformJointIntoMimic(chain(*fingers, beside=True), 1, 2, ratio, 0.0)
+    sizes = {1.0: 2.0, -1.0: 0.5}
+    names = {1.0: "positive", -1.0: "negative"}
+    both = {names[s]: {"static": size, "kinetic": size} for s, size in sizes.items()}
+    friction = {name: {"coulomb": both} for name in ("finger_1", "finger_2")}
+    scene = pf.Scene(model=model, friction=friction)
+    found = scene.solver().compensate([0.0], [way], [0.0], [way])
+    expected = 0.8 * way * (sizes[way] + abs(ratio) * sizes[way * np.sign(ratio)])
+    np.testing.assert_allclose(found, [expected], rtol=1e-12)

@@ -22,7 +22,14 @@ from builders import (
     random_tree,
     sliding_block,
 )
-from cases import ball_tripod, drawer_scene, jamming_drawer, resting_four_bar, turning_four_bar
+from cases import (
+    ball_tripod,
+    drawer_scene,
+    jamming_drawer,
+    painleve_rod,
+    resting_four_bar,
+    turning_four_bar,
+)
 from mechanisms import crank_rates, cut_slider_crank, four_bar, pin_friction
 
 import pinfric as pf
@@ -471,6 +478,32 @@ def test_a_jam_is_said():
     found = case.scene.solver().inverse(case.q[0], case.v[0] + 1.0, case.a[0])
     assert found.status == Status.JAMMED
     assert np.isnan(found.effort_lower).all()
+
+
+def test_a_refused_state_leaves_no_trace_in_the_next_one():
+    case = painleve_rod(1.4, np.arctan(2.0))
+    solver = case.scene.solver()
+    with pytest.raises(AccelerationError):
+        solver.forward(case.q[0], case.v[0], np.zeros(2))
+    assert solver.forward(np.array([0.0, -0.1]), case.v[0], np.zeros(2)).answers == 1
+
+
+def test_a_refusal_names_the_joint_whose_load_grows_most():
+    """Beside the rod slides a drawer whose load grows, too, but at next to no friction."""
+    case = painleve_rod(1.4, np.arctan(2.0))
+    model = case.scene.model.copy()
+    drawer = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "drawer")
+    model.appendBodyToJoint(drawer, lump(1.0, [0.0, 0.3, 0.0], 0.1), pin.SE3.Identity())
+    guide = {"bearing": {"kind": "guide", "length": 0.1}, "mu": {"static": 1e-3, "kinetic": 1e-3}}
+    for friction in (
+        {"drawer": guide, **case.scene.friction},
+        {**case.scene.friction, "drawer": guide},
+    ):
+        scene = pf.Scene(model=model, friction=friction)
+        with pytest.raises(AccelerationError, match="'slider'"):
+            scene.solver().forward(
+                np.append(case.q[0], 0.0), np.append(case.v[0], 1.0), np.zeros(3)
+            )
 
 
 def test_a_model_changed_later_does_not_reach_the_solver():

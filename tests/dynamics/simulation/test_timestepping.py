@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from builders import dry, plane_friction, sliding_block
+from cases import painleve_rod
 from mechanisms import FIVE_BAR, five_bar
 from simulation_cases import Belt
 
@@ -46,6 +47,21 @@ def test_timestepping_is_stable_at_any_step():
     motion = pf.simulate(scene, [0.0], [5.0], [0.0], 100.0, "timestepping", dt=10.0)
     assert (motion.v[1:] == 0).all()
     assert np.isfinite(motion.q).all()
+
+
+def test_a_start_without_an_acceleration_is_an_impact():
+    """Painleve's rod beyond its critical mu stops its slider at once, and swings about it.
+
+    Of the angular momentum about the slider, m v (l/2) sin t = (m l^2 / 3) w is left.
+    """
+    angle = np.arctan(2.0)
+    case = painleve_rod(1.4, angle)
+    motion = pf.simulate(
+        case.scene, case.q[0], case.v[0], np.zeros(2), 1e-4, "timestepping", dt=1e-5
+    )
+    assert motion.v[0].tolist() == case.v[0].tolist()
+    assert motion.v[-1, 0] == 0.0
+    assert motion.v[-1, 1] == pytest.approx(1.5 * np.sin(angle) / 0.6, rel=1e-3)
 
 
 @pytest.mark.parametrize("speed", [0.0, 0.5])
