@@ -147,6 +147,7 @@ def test_warning_is_one_line_on_stderr_and_in_the_json(files, capsys):
     assert validated(out)["warnings"] == [err.removeprefix("pinfric: warning: ").rstrip()]
 
 
+@pytest.mark.slow
 def test_size_prints_each_joints_demand_and_choice(capsys, tmp_path):
     given = "panda_pick_and_place", "panda_pick_and_place.csv", "--catalog", "default"
     said = told(capsys, "size", *given, "--json", "--out", tmp_path / "out")

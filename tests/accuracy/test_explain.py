@@ -83,6 +83,7 @@ def three_wheels():
     return chain(*((f"wheel_{i}", pin.JointModelRZ(), body) for i in range(3)), beside=True)
 
 
+@pytest.mark.slow
 def test_the_command_prints_what_it_measured(capsys):
     said = told(capsys, "explain", "three_link", "three_link.waypoints.yaml", "--json")
     answer = result_of(said.out)

@@ -40,6 +40,7 @@ def log(tmp_path, monkeypatch):
     return "log.csv"
 
 
+@pytest.mark.slow
 def test_inverse_says_how_far_efforts_are_known(log, capsys, tmp_path):
     out, err = told(capsys, "inverse", "ur10.yaml", log, "--out", "out")
     assert "warning: log.csv: filtered at" in err

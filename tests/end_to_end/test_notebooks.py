@@ -154,6 +154,7 @@ def test_pictures_are_small_and_shown():
         assert f"pictures/{picture.name})" in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("picture", ["efforts", "replay", "work_precision"])
 def test_paper_of_the_pictures_is_white(picture):
     pixels = np.asarray(Image.open(FOLDER / "pictures" / f"{picture}.png").convert("RGB"))

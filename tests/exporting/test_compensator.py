@@ -121,6 +121,7 @@ def test_two_identified_arms_in_one_file_keep_their_torques(tmp_path):
     assert "ambiguous" in made.stderr
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_names_of_ones_own(tmp_path):
     for name, coulomb in (("left", 3.0), ("right", 7.0)):
@@ -207,6 +208,7 @@ def test_what_is_easily_forgotten_does_not_compile(tmp_path, line, complaint):
     assert re.search(complaint, made.stderr)
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_in_place_and_by_containers(tmp_path):
     """A result where a number of the state stands; arrays, vectors, pointers; wrong lengths."""

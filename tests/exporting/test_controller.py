@@ -19,6 +19,7 @@ from pinfric.errors import PinfricError
 from pinfric.exporting.controller import compensation
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_the_written_test_agrees_replays_and_notices(tmp_path):
     scene = bundled("ur10_machine_tending")

@@ -96,7 +96,9 @@ CASES = {
 
 
 @needs_compiler
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize(
+    "case", [pytest.param(x, marks=[pytest.mark.slow] * (x != "slider")) for x in CASES]
+)
 def test_the_callback_is_the_step(case):
     """The same positions and stick states, step by step, and each limit is that of Python's law."""
     friction, state, controls = a_motion_of(*CASES[case]())
@@ -125,6 +127,7 @@ def test_the_callback_is_the_step(case):
             expected = friction.limit(data)
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_rollouts_in_threads_are_loops():
     """Whatever data a rollout gets: the one before, of other torques, leaves nothing there."""

@@ -50,6 +50,7 @@ def test_constants_go_to_the_joints_of_their_names():
         read["set_friction"](builder)
 
 
+@pytest.mark.slow
 def test_newton_holds_and_slips_by_the_constants():
     newton = pytest.importorskip("newton", reason="Newton is not installed")
     wp = pytest.importorskip("warp")

@@ -78,6 +78,7 @@ def test_efforts_that_were_not_measured_and_logs_that_hardly_move_are_refused():
         pf.identify(guess(0), replace(short(), q=stays))
 
 
+@pytest.mark.slow
 def test_logs_of_two_robots_are_refused():
     other = replace(short(3), effort=2.2 * short(3).effort, name="other")
     with pytest.raises(IdentificationError, match="logs of two robots"):

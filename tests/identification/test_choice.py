@@ -89,6 +89,7 @@ def test_every_part_that_is_held_out_leaves_something_to_fit():
     assert held_out_parts(each, each // 2)[::2].tolist() == [0, 1, 2, 3, 4, 5]
 
 
+@pytest.mark.slow
 def test_a_ur10_is_told_better_than_by_coulomb_and_viscous_friction(ur10):
     share = [error.error / error.plain for error in ur10.errors.values()]
     assert (np.array(share) <= UR10).all(), share
@@ -96,6 +97,7 @@ def test_a_ur10_is_told_better_than_by_coulomb_and_viscous_friction(ur10):
     assert (lift.load, lift.side) == ("gear", "motor")
 
 
+@pytest.mark.slow
 @needs_logs
 def test_a_kr300_whose_signs_nobody_knows_says_how_far_it_is_off():
     scene, log = kr300(LOGS / "kr300" / "rec_2020-10-21_10s_FF_A_08ms.mat")

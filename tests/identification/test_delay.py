@@ -55,7 +55,10 @@ def test_one_joint_that_errs_draws_no_delay():
     )
 
 
-@pytest.mark.parametrize(("n", "scatter"), [(2, 0.0), (6, 0.0), (3, 1.5), (6, 1.5)])
+@pytest.mark.parametrize(
+    ("n", "scatter"),
+    [(2, 0.0), *(pytest.param(*x, marks=pytest.mark.slow) for x in ((6, 0.0), (3, 1.5), (6, 1.5)))],
+)
 def test_the_error_of_a_delay_is_what_it_says(n, scatter):
     """Joints whose errors are right, and such that scatter by more."""
     rng, inside = np.random.default_rng(1), 0

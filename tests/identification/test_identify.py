@@ -126,6 +126,7 @@ def test_joints_that_the_model_does_not_explain_are_named_and_get_no_laws(tmp_pa
         pf.identify(guess(0), replace(short(), effort=noise), inertia="keep", laws=PLAIN)
 
 
+@pytest.mark.slow
 def test_a_log_of_six_seconds_is_taken_with_wider_intervals():
     brief = replace(short(), t=short().t[:600], q=short().q[:600], effort=short().effort[:600])
     steps = []
@@ -147,6 +148,7 @@ def test_a_log_of_six_seconds_is_taken_with_wider_intervals():
     assert np.mean(inside) > 0.8
 
 
+@pytest.mark.slow
 def test_the_command_writes_what_runs(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "80")

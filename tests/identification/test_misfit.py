@@ -85,6 +85,7 @@ def test_a_bearing_that_the_scene_lacks_is_named():
     assert inside[f"friction.{NAMES[2]}.coulomb.negative"]
 
 
+@pytest.mark.slow
 def test_an_offset_withholds_nothing_of_what_it_cannot_change():
     one = found("offset")
     # forward and backward together are known as well as without it

@@ -74,6 +74,7 @@ def test_way_points_are_no_log():
         pf.identify(pf.load_scene("ur5_pick_and_place"), "ur5_pick_and_place.waypoints.yaml")
 
 
+@pytest.mark.slow
 def test_a_long_log_is_prepared_in_parts_as_in_one(monkeypatch):
     motion = excitation(0, 30.0, 100.0)
     given = pf.Log(motion.t, motion.q, motor_effort(truth(), motion))

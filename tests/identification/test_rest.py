@@ -53,6 +53,7 @@ def test_static_friction_shows_where_joints_break_away_slowly():
     assert "only bounded from below" in "\n".join(found.notes)
 
 
+@pytest.mark.slow
 def test_joints_stick_up_to_what_noise_makes_of_their_velocities():
     motion, rng = excitation(0, 20.0, 100.0), np.random.default_rng(1)
     noisy = motion.q + 2e-5 * rng.normal(size=motion.q.shape)

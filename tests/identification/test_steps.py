@@ -211,6 +211,7 @@ def test_kept_inertias_stay_and_an_effort_behind_the_gear_needs_no_rotor():
 # Laws: candidate laws of joints: gears' losses, joints that never move.
 
 
+@pytest.mark.slow
 def test_both_losses_of_a_gear_show_where_masses_are_known():
     gear = Law(load="gear", both_ways=False)
     laws = PLAIN | {NAMES[1]: gear, NAMES[2]: Law(load="bearing")}
@@ -268,6 +269,7 @@ def test_an_effort_that_is_fitted_exactly_has_a_weight_with_an_end(effort, colum
 # Parameters: coefficients under the keys of a scene.
 
 
+@pytest.mark.slow
 def test_a_joint_that_moves_one_way_has_the_same_friction_the_other_way():
     motion = excitation(0, 20.0, 100.0)
     t = motion.t
@@ -404,6 +406,7 @@ def test_stribeck_friction_is_chosen_where_it_is_and_only_there():
 # Zeros: zeros of angles that are off by a quarter turn.
 
 
+@pytest.mark.slow
 def test_masses_or_loads_tell_a_zero_that_is_off_by_a_quarter_turn():
 
     def turned(joint: int, angle: float) -> pf.Log:

@@ -83,7 +83,10 @@ def motion(scene):
     return q, *consistent_motion(scene, q, ["crank_pin"], 6.0 * one, 3.0 * one)
 
 
-@pytest.mark.parametrize("digits", list(ROUNDED))
+@pytest.mark.parametrize(
+    "digits",
+    [pytest.param(x, marks=[pytest.mark.slow] * (x != "seven digits")) for x in ROUNDED],
+)
 @pytest.mark.parametrize("kind", ["planar_pin", "revolute"])
 def test_a_four_bar_with_rounded_angles_moves_as_the_exact_one(tmp_path, kind, digits):
     exact, none = quietly(written, tmp_path, kind, EXACT)

@@ -36,6 +36,7 @@ def every_path(content, path=()):
             yield from every_path(value, (*path, key))
 
 
+@pytest.mark.slow
 @settings(max_examples=400, deadline=None)
 @given(path=st.sampled_from(list(every_path(WHOLE))), value=anything)
 @pytest.mark.filterwarnings("ignore::pinfric.errors.PinfricWarning")

@@ -27,6 +27,7 @@ STICKS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", STICKS)
 def test_the_paper_is_reproduced(printed, name):
     example = next(e for e in printed[0]["examples"] if e["name"] == name)
@@ -40,11 +41,13 @@ def test_the_paper_is_reproduced(printed, name):
     assert example["max_formulation_difference"] < 1e-8
 
 
+@pytest.mark.slow
 def test_both_formulations_close_a_loop_alike(printed):
     assert printed[0]["closed_loop"]["name"] == "slider_crank"
     assert 0.0 < printed[0]["closed_loop"]["max_formulation_difference"] < 1e-10
 
 
+@pytest.mark.slow
 def test_the_readings_are_stated_and_the_figures_drawn(printed):
     answer, folder = printed
     assert len(answer["readings"]) == 4
@@ -52,6 +55,7 @@ def test_the_readings_are_stated_and_the_figures_drawn(printed):
     assert names == {f"figure_{n}.png" for n in (5, 6, 8, 9, 10)} | {"summary.json"}
 
 
+@pytest.mark.slow
 def test_the_literal_reading_sticks_early_and_stops(capsys):
     said = told(capsys, "paper", "--reading", "literal", "--json")
     examples = {e["name"]: e for e in result_of(said.out)["examples"]}

@@ -51,6 +51,7 @@ def test_sample_is_what_the_first_command_prints(monkeypatch, capsys):
     assert blocks("text", GUIDE / "first_result.md") == blocks("text")
 
 
+@pytest.mark.slow
 def test_python_example_runs():
     (example,) = blocks("python")
     assert example in blocks("python", GUIDE / "python.md")

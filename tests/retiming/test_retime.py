@@ -170,6 +170,7 @@ def test_a_smoothed_motion_keeps_its_limits(width):
     assert plain.duration <= slower < plain.duration * (1.01 if width < 0.03 else 1.3)
 
 
+@pytest.mark.slow
 def test_the_heat_of_a_smoothed_motion_is_its_own():
     limits = {
         "a": {"peak_torque": 0.32, "continuous_torque": 0.15},

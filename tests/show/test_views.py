@@ -244,6 +244,7 @@ def test_examples_in_docstrings_run(name):
         assert doctest.DocTestRunner().run(part).failed == 0
 
 
+@pytest.mark.slow
 def test_checks_explanations_and_accuracy_show_themselves_in_a_notebook(monkeypatch):
     monkeypatch.setattr(study, "STEPS", (50, 500))
     monkeypatch.setattr(study, "VELOCITIES", (1e-1, 1e-2))

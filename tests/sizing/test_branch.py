@@ -62,6 +62,7 @@ def test_branch_and_bound_finds_what_an_enumeration_finds(seed, joints, drives):
         assert count > 100_000
 
 
+@pytest.mark.slow
 def test_a_whole_arm_swings_as_fast_as_it_is_asked_to():
     """Each axis alone allows a softer arm; the frequency is that of the report's own modes."""
     scene, motion = example("scara")

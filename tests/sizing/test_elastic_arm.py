@@ -193,6 +193,7 @@ def test_the_scenes_own_gears_are_judged_without_a_catalogue(capsys):
     assert "lowest frequency, motors held: 8.17 Hz" in printed
 
 
+@pytest.mark.slow
 def test_the_page_says_it_too(arm, tmp_path):
     page = sizing_page(sized(arm, tmp_path, gear={"stiffness": LINES}, tool_sag=1e-3))
     assert "<h2>Elastic gears</h2>" in page

@@ -314,6 +314,7 @@ def test_fifty_thousand_motors_and_a_hundred_gears(arm):
     assert report.settled
 
 
+@pytest.mark.slow
 def test_what_if_says_what_another_scene_gets(arm):
     """Without masses: as if the links held them. Without friction: the outermost joint alone."""
     scene, motion, catalog = arm

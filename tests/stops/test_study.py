@@ -195,6 +195,7 @@ def test_category_1_brakes_under_power_and_spares_the_brake():
         assert limit.status == Status.NOT_CHECKED
 
 
+@pytest.mark.slow
 def test_category_1_stays_on_the_path_unless_each_axis_stops_by_itself():
     """The swing is straight in the joints, lift = -0.9 - elbow/1.4: so is every stop."""
     decelerated = {"category": 1, "deceleration": {"lift": 8.0, "elbow": 10.0}}

@@ -108,6 +108,7 @@ def test_what_size_rejects_does_not_suffice(panda):
     assert "amplifier currents" in in_json(sweep_summary(found))["motors"][0]["not_checked"]
 
 
+@pytest.mark.slow
 def test_masses_of_drives_and_payload_count_as_in_size(panda, one_of_all):
     scene, motion = panda
     found = pf.sweep(

@@ -39,6 +39,7 @@ def test_grid_has_every_combination_once():
     np.testing.assert_allclose(found.figure("peak")[::2, 0], MU * MASS * G * found.values[::2, 0])
 
 
+@pytest.mark.slow
 def test_samples_that_jam_are_counted_not_hidden():
     scene, motion = example("drawer")
     sweep = sweep_of(

@@ -40,6 +40,7 @@ def test_the_belt_sticks_and_slips_by_the_closed_form():
     np.testing.assert_allclose(motion.q[:, 0], expected, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_samples_of_a_stick_are_at_rest_exactly_and_inverse_dynamics_sees_them():
     belt = Belt()
     motion = belt.run(3 * belt.period)

@@ -29,6 +29,7 @@ def test_a_real_ur10_beside_its_measured_efforts(tmp_path):
         assert measured[joint].relative_error == pytest.approx(plain, abs=0.02)
 
 
+@pytest.mark.slow
 @needs_logs
 def test_a_real_panda_is_filtered_to_its_advantage(tmp_path):
     """Under the names of another release; its recorder repeated 14 rows of a slower source.

@@ -135,7 +135,7 @@ def test_a_motion_with_power_up_to_its_cutoff_keeps_its_peaks(smooth, seed, tmp_
     np.testing.assert_allclose(found, truth, rtol=0.015)  # also where the log ends in motion
 
 
-@pytest.mark.parametrize("name", ["four_bar", "slider_crank"])
+@pytest.mark.parametrize("name", ["four_bar", pytest.param("slider_crank", marks=pytest.mark.slow)])
 def test_noisy_logs_of_all_joints_of_a_loop_are_closed(name, tmp_path):
     scene, plan = example(ROBOTS / f"{name}.yaml", ROBOTS / f"{name}.waypoints.yaml")
     q = plan.joint_positions() + 1e-5 * np.random.default_rng(1).normal(size=(plan.t.size, 3))

@@ -204,6 +204,7 @@ def test_written_image_has_the_colours_it_should_have(tmp_path):
         assert (np.abs(pixels - colour).max(axis=2) < 3).sum() > at_least
 
 
+@pytest.mark.slow
 def test_of_more_than_30_drives_those_with_the_largest_efforts_are_drawn():
     many = result(40, 20)
     figure = effort_figure(many)

@@ -54,6 +54,7 @@ def test_the_figure_of_many_joints_is_one_screen_or_two_and_counts_the_rest():
     figure.draw_without_rendering()
 
 
+@pytest.mark.slow
 def test_joints_that_never_move_give_way_where_there_are_many():
     figure = motion_figure(many(20, still=15))
     assert len(figure.axes) == 3 * 5

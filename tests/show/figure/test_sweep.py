@@ -10,6 +10,7 @@ import pinfric as pf
 from pinfric.show.figure.sweep import sweep_figure
 
 
+@pytest.mark.slow
 def test_figure_shows_what_lies_beyond_the_rating(panda):
     figure = sweep_figure(panda)
     figure.draw_without_rendering()

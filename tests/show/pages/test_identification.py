@@ -23,6 +23,7 @@ def test_the_page_shows_every_joint_its_laws_and_what_is_left(found):
     assert "https://" not in page
 
 
+@pytest.mark.slow
 def test_the_page_begins_with_what_contradicts_the_result(found):
     """A signature's first look: the verdict and each doubt stand before the figures."""
     pytest.importorskip("jinja2")

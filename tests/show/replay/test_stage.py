@@ -130,6 +130,7 @@ def test_missing_and_broken_meshes_become_shapes_with_one_warning(tmp_path):
     assert [shape.joint for shape in shapes if shape.kind == "body"] == [1]
 
 
+@pytest.mark.slow
 def test_a_mesh_with_too_many_triangles_keeps_its_shape_and_its_edges():
     """A can of 0.2 m and a cube beside it: on cells of 0.3 mm or more, normals to 2 degrees."""
     from trimesh import creation

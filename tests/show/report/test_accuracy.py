@@ -87,6 +87,7 @@ def test_a_folder_that_cannot_be_written_is_a_message(monkeypatch, capsys):
     assert "/proc/nowhere" in refused(capsys, "accuracy", "pendulum", "--out", "/proc/nowhere")
 
 
+@pytest.mark.slow
 def test_table_and_picture(tmp_path):
     from rich.console import Console
 

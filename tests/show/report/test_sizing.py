@@ -198,6 +198,7 @@ def test_passes_in_words(report):
     assert "not settled after 10 passes" in sizing_page(alternates)
 
 
+@pytest.mark.slow
 def test_what_vanishes_beside_the_peak_prints_as_0(panda):
     demand = panda.joint("panda_joint7").demand
     assert 1e-9 < demand.holding_frictionless < 1e-4 * demand.peak
@@ -245,6 +246,7 @@ def test_page_needs_no_network_and_escapes_names(report):
         assert text in page
 
 
+@pytest.mark.slow
 def test_everything_that_was_not_checked_is_named_with_what_it_lacks(panda):
     """Each unchecked criterion of drive, brake, bus and robot is in one row, with its joints."""
     expected = set()
@@ -351,6 +353,7 @@ def cells(page, heading, beside):
     return found
 
 
+@pytest.mark.slow
 def test_terminal_and_page_print_one_margin_alike(panda, report):
     """The least margin of each drive, and every criterion that has one, in both its tables."""
     for sized in (panda, report):
