@@ -86,39 +86,38 @@ def reversal_criteria(
 ) -> tuple[Criterion, ...]:
     """Return the reversal error of each drive's joint; none where it is not asked for.
 
+    What friction winds up either way, and the play of its gear. The gear's hysteresis is the
+    wind-up by friction as its maker found it: the greater one counts.
+
     Args:
         scene, found, conditions: as `arm_criteria`.
         backlash: of each drive's gear, rad (m); None: not known.
     """
-    if conditions.reversal_error is None:
+    if (allowed := conditions.reversal_error) is None:
         return ()
-    return tuple(_reversal(scene, d, found, gap, conditions) for d, gap in enumerate(backlash))
-
-
-def _reversal(
-    scene: Scene, d: int, found: Elasticity | None, backlash: float | None, conditions: Conditions
-) -> Criterion:
-    """A joint's reversal error: what friction winds up either way, and the play of its gear.
-
-    The gear's hysteresis is the wind-up by friction as its maker found it: the greater one counts.
-    """
-    drive, rests = scene.drives[d], () if found is None else found.rests
-    wound = [
-        abs(float(rest.wind_up_approach[d] - rest.wind_up_opposite[d]))
-        for rest in rests
-        if rest.wind_up_approach is not None and rest.wind_up_opposite is not None
-    ]
-    own = None if drive.transmission is None else drive.transmission.hysteresis
-    least = max([*wound, own or 0.0]) + (backlash or 0.0)
-    lacks = [] if drive.spring is not None else ["stiffness"]
-    lacks += ["backlash of the gear"] * (backlash is None)
-    if not lacks and not wound:
-        lacks = ["the cycle has no rest that a motion leads to"]
-    allowed, said = conditions.reversal_error or 0.0, stated(conditions, "reversal_error")
-    needed = least if not lacks or least > allowed else None  # known in part it can only fail
-    unit = "m" if effort_unit(scene, d) == "N" else "rad"
-    formula = "max |f(h + b) - f(h - b)| between opposite approaches + backlash"
-    missing = ", ".join(lacks)
-    return compare(
-        "reversal error", needed, allowed, unit, formula, _SOURCE, missing, condition=said
-    )
+    criteria = []
+    for d, drive in enumerate(scene.drives):
+        wound = [
+            abs(float(rest.wind_up_approach[d] - rest.wind_up_opposite[d]))
+            for rest in (() if found is None else found.rests)
+            if rest.wind_up_approach is not None and rest.wind_up_opposite is not None
+        ]
+        own = None if drive.transmission is None else drive.transmission.hysteresis
+        least = max([*wound, own or 0.0]) + (backlash[d] or 0.0)
+        lacks = [] if drive.spring is not None else ["stiffness"]
+        lacks += ["backlash of the gear"] * (backlash[d] is None)
+        if not lacks and not wound:
+            lacks = ["the cycle has no rest that a motion leads to"]
+        criteria.append(
+            compare(
+                "reversal error",
+                least if not lacks or least > allowed else None,  # known in part it can only fail
+                allowed,
+                "m" if effort_unit(scene, d) == "N" else "rad",
+                "max |f(h + b) - f(h - b)| between opposite approaches + backlash",
+                _SOURCE,
+                ", ".join(lacks),
+                condition=stated(conditions, "reversal_error"),
+            )
+        )
+    return tuple(criteria)

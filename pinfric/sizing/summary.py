@@ -16,7 +16,6 @@ from pinfric.elastic.summary import ElasticSummary, elastic_summary
 from pinfric.model.described import EFFORT, INERTIA, described, quantity
 from pinfric.model.mass_matrix import frame_jacobians
 from pinfric.model.robot import link_frame
-from pinfric.model.scene import Scene
 from pinfric.sizing.shelf import Assessment
 from pinfric.sizing.size import JointSizing, SizingReport, WhatIf
 from pinfric.stops.summary import StopSummary, stop_summary
@@ -273,25 +272,18 @@ def levers(report: SizingReport) -> np.ndarray:
     if scene.tool is None or scene.loops:
         return np.full(len(scene.drives), np.nan)
     J = frame_jacobians(scene.twin(), q, link_frame(scene.model, scene.tool))[:, :3]
-    moved = np.linalg.norm(J @ rate_columns(scene), axis=1)
+    moved = np.linalg.norm(J[:, :, [drive.velocity_index for drive in scene.drives]], axis=1)
     return np.asarray(moved.max(axis=0))
-
-
-def rate_columns(scene: Scene) -> np.ndarray:
-    """Return (nv, na) the velocities of the model per unit rate of each drive."""
-    columns = np.zeros((scene.model.nv, len(scene.drives)))
-    for i, drive in enumerate(scene.drives):
-        columns[drive.velocity_index, i] = 1.0
-    return columns
 
 
 def to_ask(report: SizingReport) -> tuple[ToAsk, ...]:
     """Return the products that might do at some joint but lack figures, fewest figures first."""
     found: dict[str, list[str]] = {}
-    asked = {ask.name: ask for joint in report.joints for ask in joint.ask}
+    asked = {}
     for joint in report.joints:
         for ask in joint.ask:
             found.setdefault(ask.name, []).append(joint.name)
+            asked[ask.name] = ask
     order = sorted(asked.values(), key=lambda a: (len(a.figures), -len(found[a.name]), a.name))
     return tuple(
         ToAsk(a.name, ", ".join(a.figures), a.mass, tuple(found[a.name]), a.source) for a in order
