@@ -26,7 +26,7 @@ from pinfric.model.friction_terms import CoulombFriction
 from pinfric.model.hysteresis import excessive_friction
 from pinfric.model.robot import link_frame, payload_inertia
 from pinfric.model.scene import Scene, Site
-from pinfric.model.transmission import Transmission, driving_loss
+from pinfric.model.transmission import Transmission
 from pinfric.model.urdf_file import read_xml
 
 #: A bearing's radius over half the diagonal of the larger of the links it joins.
@@ -349,7 +349,7 @@ def _elastic_gears(scene: Scene) -> Iterator[Finding]:
 
 
 def _losses(transmission: Transmission, place: str, joint: str, effort: float) -> Iterator[Finding]:
-    if (fit := driving_loss(transmission)).error > 0:
+    if (fit := transmission.losses()[0]).error > 0:
         yield Finding(
             Severity.NOTE,
             "efficiency",

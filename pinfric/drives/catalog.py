@@ -34,7 +34,6 @@ from pinfric.model.transmission import (
     Efficiency,
     MakersEfficiency,
     Transmission,
-    driving_loss,
 )
 
 #: Ambient temperature to which makers refer resistances and ratings, degrees Celsius.
@@ -443,7 +442,7 @@ class Gear(Sourced):
         for ratio in self.ratios:
             if isinstance(self.efficiency, MakersEfficiency):
                 values = {"ratio": ratio, "efficiency": self.efficiency, **self.no_load()}
-                driving_loss(Transmission.model_construct(**values))
+                Transmission.model_construct(**values).losses()
             elif self.no_load_running_torque is not None and self.efficiency is not None:
                 self._check_no_load(ratio, self.efficiency)
         return self

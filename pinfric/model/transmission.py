@@ -324,9 +324,22 @@ class Transmission(Entry):
         return read(value)
 
     def losses(self) -> tuple[LoadLoss, LoadLoss]:
-        """Return the losses due to the load where the motor drives, and where the load drives."""
-        driving = _makers_loss(self)
-        return driving, _makers_driven_loss(self, driving)
+        """Return the losses due to the load where the motor drives, and where the load drives.
+
+        Where the motor drives, a number eta: L = (1/eta - 1) |t|. A maker's efficiencies:
+        L = |t| (1/eta - 1) - |r| n(w) at each point, straight between them, in proportion to the
+        load beyond the last. Where the load drives: L = (1 - eta_b) |t|, or the same.
+
+        Raises:
+            ValueError: an impossible gear: the loss is negative, or the motor's torque falls while
+                the load grows.
+        """
+        driving, back = _makers_loss(self), self.back_efficiency
+        if back == "same_loss":
+            return driving, driving
+        if isinstance(back, BackDriving):
+            back = abs(self.ratio) * back.starting_torque / back.back_driving_torque
+        return driving, LoadLoss((0.0,), (0.0,), (0.0 if back is None else 1.0 - back,))
 
     @model_validator(mode="after")
     def _plausible(self) -> Self:
@@ -378,7 +391,7 @@ class Transmission(Entry):
 
     def questions(self) -> Iterator[str]:
         """Yield warnings for an unusual ratio or rotor inertia, and for a poor fit."""
-        driving = driving_loss(self)
+        driving, _ = self.losses()
         if driving.error > _APART:
             yield (
                 f"efficiency.over_speed: the fit misses the maker's efficiencies by "
@@ -460,26 +473,8 @@ def load_part(efficiency: float, load: float, no_load: float) -> float:
     return load * (1.0 / efficiency - 1.0) - no_load
 
 
-def driving_loss(gear: Transmission) -> LoadLoss:
-    """Return the loss due to the load where the motor drives.
-
-    A number eta: L = (1/eta - 1) |t|. A maker's efficiencies: L = |t| (1/eta - 1) - |r| n(w) at
-    each point, straight between them, in proportion to the load beyond the last.
-
-    Raises:
-        ValueError: an impossible gear: the loss is negative, or the motor's torque falls while the
-            load grows.
-    """
-    return gear.losses()[0]
-
-
-def driven_loss(gear: Transmission) -> LoadLoss:
-    """Return the loss where the load drives: L = (1 - eta_b) |t|, or that of the driving motor."""
-    return gear.losses()[1]
-
-
 def _makers_loss(gear: Transmission) -> LoadLoss:
-    """See `driving_loss`."""
+    """See `Transmission.losses`, where the motor drives."""
     given = gear.efficiency
     if not isinstance(given, MakersEfficiency):
         return LoadLoss((0.0,), (0.0,), (1.0 / given - 1.0,))
@@ -506,19 +501,9 @@ def _makers_loss(gear: Transmission) -> LoadLoss:
     )
 
 
-def _makers_driven_loss(gear: Transmission, driving: LoadLoss) -> LoadLoss:
-    """See `driven_loss`."""
-    back = gear.back_efficiency
-    if back == "same_loss":
-        return driving
-    if isinstance(back, BackDriving):
-        back = abs(gear.ratio) * back.starting_torque / back.back_driving_torque
-    return LoadLoss((0.0,), (0.0,), (0.0 if back is None else 1.0 - back,))
-
-
 def driven_efficiency(gear: Transmission) -> float:
     """Return 1 - g(0) L' at large loads; the gear is self-locking if this is 0 or less."""
-    loss = driven_loss(gear)
+    _, loss = gear.losses()
     return 1.0 - loss.constant * loss.slopes[-1]
 
 

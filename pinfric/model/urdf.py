@@ -375,16 +375,11 @@ def bodies(root: ElementTree.Element) -> dict[str, tuple[float, np.ndarray]]:
     return found
 
 
-def implausible_links(root: ElementTree.Element) -> dict[str, str]:
-    """Return link -> why its mass and inertia are impossible; without links that never move."""
-    still = still_links(root)
-    moving = {name: body for name, body in bodies(root).items() if name not in still}
-    return {name: why for name, body in moving.items() if (why := implausible_body(*body))}
-
-
 def _check_inertias(root: ElementTree.Element, urdf: Path) -> None:
     """Refuse negative masses; warn once of other impossible bodies."""
-    problems, found = implausible_links(root), bodies(root)
+    still, found = still_links(root), bodies(root)
+    moving = {name: body for name, body in found.items() if name not in still}
+    problems = {n: why for n, body in moving.items() if (why := implausible_body(*body))}
     for name, problem in problems.items():
         if found[name][0] < 0:
             raise RobotError(f"{urdf}: link {name!r}: {problem}")

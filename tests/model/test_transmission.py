@@ -12,7 +12,7 @@ from pinfric.drives.drivetrain import gear_transmission
 from pinfric.errors import PinfricWarning, SceneError
 from pinfric.model.drives import gear_drag, gear_line, gear_table, motor_torque_bounds
 from pinfric.model.entry import parse
-from pinfric.model.transmission import Transmission, driven_loss, driving_loss
+from pinfric.model.transmission import Transmission
 
 RPM = math.pi / 30.0
 #: CSD-20/25-100 at rated load, as its catalogue's curves were read (500 to 3500 rpm, by deg C).
@@ -50,7 +50,7 @@ def test_rated_efficiency_with_no_load_torque_is_the_makers_curve_over_the_load(
     )
     assert kappa == pytest.approx(0.0998, abs=5e-5)
     assert n == pytest.approx(0.054, abs=5e-4)
-    assert 1 / (1 + driving_loss(gear).slopes[0]) == pytest.approx(0.866, abs=5e-4)
+    assert 1 / (1 + gear.losses()[0].slopes[0]) == pytest.approx(0.866, abs=5e-4)
     for share, k in ((1.0, 1.0), (0.57, 0.93)):
         taken = torques(gear, share * T, 1.0)[0]
         assert share * T / 80.0 / taken == pytest.approx(0.78 * k, rel=1e-12)
@@ -78,29 +78,29 @@ def test_no_pair_exists_for_a_gear_that_would_gain():
 @pytest.mark.parametrize(("degrees", "points"), [(20, 0.14), (0, 0.065), (-10, 0.51)])
 def test_a_power_of_two_thirds_fits_a_strain_wave_gear_over_the_speed(degrees, points):
     gear = transmission(efficiency=over_speed(degrees), back_efficiency="same_loss")
-    loss = driving_loss(gear)
+    loss = gear.losses()[0]
     assert 100 * loss.error <= points
     for w, eta in zip(SPEEDS, CSD[degrees], strict=True):
         taken = torques(gear, 40.0, w / 100.0)[0]
         assert 0.4 / taken == pytest.approx(eta, abs=1.01e-2 * points)
-    assert driven_loss(gear) == loss
+    assert gear.losses()[1] == loss
 
 
 def test_cold_is_a_factor_on_what_grows_with_the_speed():
     """The fits' d at 0 C over that at 20 C is 2.71 (rad/s)^(2/3); c stays as it is."""
     warm, cold = (
-        driving_loss(transmission(efficiency=over_speed(20, **more), back_efficiency=0.9))
+        transmission(efficiency=over_speed(20, **more), back_efficiency=0.9).losses()[0]
         for more in ({}, {"temperature": {"factor": 2.71, "source": "CSD"}})
     )
     assert (cold.constant, cold.rise) == (warm.constant, 2.71 * warm.rise)
-    fitted = driving_loss(transmission(efficiency=over_speed(0), back_efficiency=0.9))
+    fitted = transmission(efficiency=over_speed(0), back_efficiency=0.9).losses()[0]
     assert fitted.rise == pytest.approx(cold.rise, rel=1e-3)
 
 
 def test_losses_that_grow_faster_than_their_power_leave_no_gain_at_rest():
     """1/eta - 1 = 0.10, 0.22 at w, 2 w: the line through them is -0.02 at 0; d = 0.54/(5 w)."""
     curve = {"over_speed": [[100.0, 1 / 1.10], [200.0, 1 / 1.22]], "load": 40.0, "exponent": 1.0}
-    loss = driving_loss(transmission(efficiency=curve, back_efficiency=0.9))
+    loss = transmission(efficiency=curve, back_efficiency=0.9).losses()[0]
     assert loss.constant == 0.0
     assert loss.rise == pytest.approx(0.54 / 500.0)
 
@@ -162,15 +162,15 @@ def test_the_torques_that_start_a_gear_without_load_say_how_it_is_driven(
         no_load_torque={"static": starting, "kinetic": starting * 0.9},
         motor_viscous=(running - 0.9 * starting) / 209.44,
     )
-    assert driving_loss(gear).slopes[0] == pytest.approx(mu, abs=6e-4)
-    assert 1 - driven_loss(gear).slopes[0] == pytest.approx(back, abs=6e-4)
+    assert gear.losses()[0].slopes[0] == pytest.approx(mu, abs=6e-4)
+    assert 1 - gear.losses()[1].slopes[0] == pytest.approx(back, abs=6e-4)
     least, greatest = torques(gear, -driven, 0.0)  # what a load that just moves it asks: none
     assert greatest == pytest.approx(0.0, abs=1e-15)
     assert least < 0.0
     entry = load_catalog().gears[f"Schaeffler RT1-H-CS {size} i=100"]
     chosen, text = gear_transmission(entry, 100.0, 0.0)
-    assert 1 - driven_loss(chosen).slopes[0] == pytest.approx(back, abs=6e-4)
-    assert driving_loss(chosen).slopes[0] == pytest.approx(mu, abs=6e-4)
+    assert 1 - chosen.losses()[1].slopes[0] == pytest.approx(back, abs=6e-4)
+    assert chosen.losses()[0].slopes[0] == pytest.approx(mu, abs=6e-4)
     assert "starting torque/back-driving torque" in text
     assert "assumed" not in text
 
