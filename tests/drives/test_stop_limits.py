@@ -38,9 +38,14 @@ def row(report):
     return found
 
 
-def test_peak_of_a_closing_brake_by_hand(tmp_path):
+@pytest.fixture(scope="module")
+def braked(tmp_path_factory):
+    return sized(tmp_path_factory.mktemp("braked"))
+
+
+def test_peak_of_a_closing_brake_by_hand(tmp_path, braked):
     """0.7 N m x 100, and 15 N m of the cycle, on a gear that passes 0.7 of the load on."""
-    found = row(sized(tmp_path))
+    found = row(braked)
     assert found.required == pytest.approx((70.0 + HEAVY * 15.0) / (0.7 + HEAVY), rel=1e-6)
     assert found.available == 100.0
     assert found.status == Status.PASSES
@@ -110,16 +115,15 @@ def test_peak_where_a_gear_would_jam_has_no_bound():
     assert brake_peak(0.5, 100.0, 1e-5, 2.0, 0.0, 1.0) == pytest.approx(50.0 / 1.05)
 
 
-def test_stops_of_the_chosen_drive_are_in_the_report(tmp_path):
+def test_stops_of_the_chosen_drive_are_in_the_report(braked):
     """Friction of the table slows it, too: 0.7 t = -70 - J_r (t - 3)/2 of 71 N m without it."""
-    report = sized(tmp_path)
-    (axis,) = report.stops.axes
+    (axis,) = braked.stops.axes
     assert axis.peak == pytest.approx((70.0 - HEAVY * 3.0) / (0.7 + HEAVY), rel=1e-6)
     by_name = {c.name: c for c in axis.criteria}
     assert by_name["gear momentary peak torque"].available == 100.0
     assert by_name["brake energy of a stop"].available == 20.0
     assert by_name["brake stops in an hour"].status == Status.NOT_CHECKED
-    assert not report.unmet
+    assert not braked.unmet
 
 
 def test_the_stops_are_computed_while_it_sizes(tmp_path, monkeypatch):
