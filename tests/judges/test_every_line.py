@@ -351,7 +351,10 @@ def test_a_worm_lifts_holds_is_lowered_and_wedges():
 
 
 @pytest.mark.parametrize("kind", ["worms", "couples"])
-@pytest.mark.parametrize("seeds", [range(1, 2), pytest.param(range(24), marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "seeds",
+    [range(1, 2), *(pytest.param(x, marks=pytest.mark.slow) for x in (range(2), range(2, 24)))],
+)
 def test_time_stepping_jams_where_events_do(kind, seeds):
     """It had gone on with a jump to rest, and so with any velocity of what is beside it."""
     jams = 0
