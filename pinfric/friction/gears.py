@@ -41,9 +41,8 @@ _MOST_HOLDS, _MOST_LINES, _MOST_LOADED = 64, 200_000, 4096
 _NEAR = 1e-9
 #: Rotors of so many times what each needs alone would not help either.
 _HEAVIEST = 1e6
-#: Passes of Newton's method over lines before every second one takes chords; passes after which it
-#: has failed.
-FEW_PASSES, MOST_PASSES = 6, 200
+#: Passes of Newton's method over lines for a guess; passes after which it has failed.
+_GUESSES, MOST_PASSES = 6, 200
 
 
 @inlined_kernel
@@ -66,15 +65,11 @@ def _line(problem: Problem, g: int, law: int, effort: float) -> tuple[float, flo
 
 
 @kernel
-def write_rows(
-    problem: Problem, modes: Modes, chord: bool, lines: np.ndarray, rows: np.ndarray
-) -> None:
+def write_rows(problem: Problem, modes: Modes, lines: np.ndarray, rows: np.ndarray) -> None:
     """Write the lines of gears in motion, around `modes.effort`, and the rows of coordinates.
 
     Args:
         problem, modes: of which modes and efforts count.
-        chord: whether lines have the mean slope through the law: such lines lead to the solution
-            whatever they start from, if there is one for every u.
         lines: (ng, 4) slope, offset and ends, overwritten.
         rows: (nc, 3) of the module's text, overwritten.
     """
@@ -86,12 +81,6 @@ def write_rows(
         if modes.stuck[c]:
             continue
         slope, offset, low, high = _line(problem, g, 0 if way > 0.0 else 1, t)
-        if chord:
-            least, most = slope_range(problem, g)
-            mean = 0.5 * (least + most)
-            if mean > 0.0 and most > least:
-                slope, offset = mean, offset + (slope - mean) * t
-                low, high = np.inf, -np.inf  # to be left for a line of the gear's own
         slope, offset = 1.0 + abs(way) * (slope - 1.0), abs(way) * offset
         lines[g, 0], lines[g, 1], lines[g, 2], lines[g, 3] = slope, offset, low, high
         given, inertia = problem.gear_rotor[g, 0], problem.gear_rotor[g, 1]
@@ -102,13 +91,6 @@ def write_rows(
 
 
 write_rows_within = inlined(write_rows)
-
-
-@kernel
-def slope_range(problem: Problem, g: int) -> tuple[float, float]:
-    """Return the least and the greatest slope of a gear in motion at its speed."""
-    slopes = problem.gear_lines[g, :2, :, 0]
-    return slopes.min(), slopes.max()
 
 
 @inlined_kernel
@@ -189,7 +171,7 @@ def guess_lines(
     """
     nc = y.size
     X = np.empty((nc, 1))
-    for _ in range(FEW_PASSES):
+    for _ in range(_GUESSES):
         for c in range(nc):
             X[c, 0] = y[c]
         if not bind(problem, are_bound(modes.stuck, rows), rows, X):
@@ -199,7 +181,7 @@ def guess_lines(
         write_rates(problem, modes.friction, modes.rate)
         if fit(problem, modes, lines, False)[0] == 0:
             return
-        write_rows(problem, modes, False, lines, rows)
+        write_rows(problem, modes, lines, rows)
 
 
 @kernel
@@ -320,12 +302,12 @@ def gear_margins(problem: Problem, modes: Modes, g: int) -> tuple[float, float]:
         start = end
 
 
-def lines_and_rows(problem: Problem, modes: Modes, chord: bool = False) -> tuple[np.ndarray, ...]:
+def lines_and_rows(problem: Problem, modes: Modes) -> tuple[np.ndarray, ...]:
     """Return lines (ng, 4) and rows (nc, 3) of modes, see `write_rows`; (0, 3) without gears."""
     gears, coordinates = len(modes.effort), len(modes.stuck)
     lines, rows = np.empty((gears, 4)), np.empty((coordinates if gears else 0, 3))
     if gears:
-        write_rows(problem, modes, chord, lines, rows)
+        write_rows(problem, modes, lines, rows)
     return lines, rows
 
 

@@ -21,7 +21,6 @@ import numpy as np
 
 from pinfric.friction.dense import largest, solve_dense, spectral_radius_bound
 from pinfric.friction.gears import (
-    FEW_PASSES,
     MOST_PASSES,
     are_bound,
     bind,
@@ -490,7 +489,7 @@ def slide(problem: Problem, modes: Modes) -> bool:  # noqa: C901
             write_rates(problem, modes.friction, modes.rate)
             if passes > 0:
                 fit_within(problem, modes, lines, False)
-            write_rows_within(problem, modes, False, lines, rows)
+            write_rows_within(problem, modes, lines, rows)
             if not rows[:, 0].min() > _RISES:
                 return False
             error = _with_gears(problem, modes, rows, place, J, rest)
@@ -719,7 +718,7 @@ def try_modes(problem: Problem, modes: Modes, chosen: bool) -> tuple[int, int]:
         if ng > 0:
             guess = np.empty(nc)
             slip_friction(problem, modes, guess)
-            write_rows(problem, modes, passes > FEW_PASSES and passes % 2 == 1, lines, rows)
+            write_rows(problem, modes, lines, rows)
             if passes == 0 and not chosen:
                 guess_lines(problem, modes, guess, lines, rows)
         found = solve_given_modes(

@@ -25,7 +25,6 @@ import numpy as np
 
 from pinfric.friction.balance import FITS, RANK
 from pinfric.friction.gears import (
-    FEW_PASSES,
     MOST_PASSES,
     fit,
     hold_chosen,
@@ -213,8 +212,8 @@ def _together(
     `within`: friction is counted from within them. From their ends, a limit of zero beside an
     infinite one, the search for what holds may fail.
     """
-    for passes in range(MOST_PASSES):
-        lines, rows = lines_and_rows(problem, modes, passes > FEW_PASSES and passes % 2 == 1)
+    for _ in range(MOST_PASSES):
+        lines, rows = lines_and_rows(problem, modes)
         made = without_gears(problem, modes, rows, within)
         if made is None:
             return 0, 0

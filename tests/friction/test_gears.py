@@ -136,16 +136,6 @@ def test_given_modes_obey_gears_beside_what_sticks(seed, least, stuck):
     train.check(stuck)
 
 
-@pytest.mark.parametrize("t", [-2.0, 3.0])
-def test_a_chord_has_the_mean_slope_and_meets_the_law_at_the_present_effort(t):
-    train = Train(3)
-    train.modes.effort[:] = t
-    lines, _ = gears.lines_and_rows(train.problem, train.modes, chord=True)
-    np.testing.assert_allclose(lines[:, 0], 0.5 * (train.loss + train.back))
-    law = train.torque(train.modes.effort, train.way[train.on])
-    np.testing.assert_allclose(lines[:, 0] * t + lines[:, 1], law)
-
-
 @pytest.mark.parametrize("within", [False, True])
 @pytest.mark.parametrize("seed", range(4))
 def test_without_gears_the_bearings_friction_leads_to_the_same_rates(seed, within):

@@ -361,7 +361,7 @@ def _kernels_of_search(problem: Problem, modes: Modes) -> list[tuple[Any, tuple[
         (hold_chosen, (problem, modes)),
         (gear_margins, (problem, modes, 0)),
         (fit, (problem, modes, lines, True)),
-        (write_rows, (problem, modes, True, lines, rows)),
+        (write_rows, (problem, modes, lines, rows)),
         (bind, (problem, modes.stuck, rows, empty)),
         (judge, (problem, modes)),
         (evaluate, (problem, modes.friction, modes.load, modes.rate)),
