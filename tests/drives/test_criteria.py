@@ -211,6 +211,13 @@ def test_catalogue_efficiency_and_no_load_torque_do_not_count_twice(tmp_path):
     assert "assumed" in text
 
 
+def test_a_gear_s_own_backward_efficiency_is_taken_and_said(tmp_path):
+    gear = one_drive(tmp_path, gear={"efficiency": 0.8, "back_efficiency": 0.6}).gears["G"]
+    transmission, text = gear_transmission(gear, 100.0, 0.0)
+    assert transmission.back_efficiency == 0.6
+    assert text.endswith("; backwards 0.600")
+
+
 def test_a_makers_curve_over_speed_drives_the_candidates_motor(tmp_path):
     """0.71 at 104.7 rad/s and 87 N m, the no-load loss in it; slower it loses less."""
     curve = {
