@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import sin
 from pathlib import Path
 from typing import Any
 
@@ -173,7 +174,7 @@ def _by_name(scene: Scene, entries: Mapping[str, Any], given: str) -> Effort:
 
 def _sine(entry: SineEffort) -> EffortFunction:
     s = entry.sine
-    return lambda t, q, v: s.amplitude * np.sin(s.angular_frequency * t + s.phase)
+    return lambda t, q, v: s.amplitude * sin(s.angular_frequency * t + s.phase)
 
 
 def _of_time(function: Callable[[float], Any]) -> EffortFunction:

@@ -198,8 +198,10 @@ class Workspace:
             return  # nothing moves and nothing has changed
         turned = TURNED if self.mechanism.balls and given.balls_turn else GIVEN
         solutions, obeying, resting = self._run(q, v, effort, applied, turned)
+        if obeying == 1 and resting >= 0 and self.is_sure():
+            return
         found = self.count.single(solutions, obeying)
-        if resting < 0 or not self.is_sure() or (self._geared and found != Found.SOLVED):
+        if resting < 0 or self._geared:
             found = given_modes(self.problem, self.modes, self.mechanism, self.count)
             if found == Found.SOLVED:
                 self.finish()

@@ -192,7 +192,8 @@ class System:
         try:
             if isinstance(given, Mapping):
                 given = by_name(self.ws.scene.actuator_names, given, self.ws.given)
-            u = np.atleast_1d(real_numbers(self.ws.given, given))
+            u = real_numbers(self.ws.given, given)
+            u = u if u.ndim else u[None]
         except StateError as problem:
             raise SimulationError(
                 f"{self.ws.given}: the function returned no numbers at t = {t:.9g} s: {problem}"
