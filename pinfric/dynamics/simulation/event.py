@@ -176,7 +176,7 @@ class EventIntegration(Integration):
             record.step_t.append(end)
             record.steps.append((polynomial, self.chart, self.ws.constraints.standing))
         due = record.due(start, end)
-        for t, y in zip(due, np.ascontiguousarray(polynomial(due).T), strict=True):
+        for t, y in zip(due.tolist(), np.ascontiguousarray(polynomial(due).T), strict=True):
             q, v = self.state(y)
             if self.linked and not (self.ws.locked and not v.any()):
                 q, v = self.ws.constraints.project(q, v, self.given.stuck)

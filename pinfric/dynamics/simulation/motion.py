@@ -53,6 +53,9 @@ ARRAYS = (
 #: Those of them with a column for each site.
 SITE_ARRAYS = ("modes", "friction", "normal_load")
 
+#: Time (s) of a sample; q, v, a, effort, modes, friction, load, and motor torques where given.
+Row = tuple[float, np.ndarray]
+
 #: What a motion can do, as its `repr` says.
 _MORE = ".summary() .plot() .to_dataframe() .stick_intervals() .energy() .sample(t)"
 
@@ -359,9 +362,9 @@ class Dense:
 
     t: np.ndarray
     at: Callable[[int, float], tuple[np.ndarray, np.ndarray]]
-    row: Callable[[float, np.ndarray, np.ndarray], tuple[np.ndarray, ...]]
+    row: Callable[[float, np.ndarray, np.ndarray], Row]
 
-    def rows(self, times: np.ndarray) -> list[tuple[np.ndarray, ...]]:
+    def rows(self, times: np.ndarray) -> list[Row]:
         """Rows as `Recorder.row` makes them at times of the motion."""
         steps = np.clip(self.t.searchsorted(times, side="right") - 1, 0, len(self.t) - 2)
         return [
@@ -371,11 +374,7 @@ class Dense:
 
     def sample(self, motion: Motion, times: np.ndarray) -> Motion:
         """See `Motion.sample`."""
-        columns = [np.array(column) for column in zip(*self.rows(times), strict=True)]
-        changed: dict[str, Any] = dict(zip(ARRAYS[:8], columns, strict=False))
-        return replace(
-            motion, motor_torque=None if motion.motor_torque is None else columns[8], **changed
-        )
+        return replace(motion, **columns(motion.scene, self.rows(times), motion.given))
 
     def integrate(self, motion: Motion) -> np.ndarray:
         """Work of the drives and loss at sites and gears, J, by Gauss's rule in every step.
@@ -403,6 +402,19 @@ class Dense:
                     motion, middle, end, deeper
                 )
         return np.asarray(half * (weights @ powers(part)))
+
+
+def columns(scene: Scene, rows: list[Row], given: str) -> dict[str, Any]:
+    """Return the arrays of a `Motion` with these samples, see `Motion.given`."""
+    nv, na, ns, names = scene.model.nv, len(scene.drives), len(scene.sites), ARRAYS[1:8]
+    times, numbers = zip(*rows, strict=True)
+    ends = np.cumsum([scene.model.nq, nv, nv, na, ns, ns, ns])
+    parts = np.split(np.array(numbers), ends, axis=1)
+    found = {name: x.copy() for name, x in zip((*names, "motor_torque"), parts, strict=True)}
+    found["modes"] = found["modes"].astype(np.int8)
+    if given == "effort":
+        del found["motor_torque"]
+    return {"t": np.array(times), **found}
 
 
 def powers(motion: Motion) -> np.ndarray:

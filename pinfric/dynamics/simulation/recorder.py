@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
 from pinfric.dynamics.forward.constraints import Standing
-from pinfric.dynamics.simulation.motion import Dense, Event, Motion
+from pinfric.dynamics.forward.workspace import Workspace
+from pinfric.dynamics.simulation.motion import Dense, Event, Motion, Row, columns
 from pinfric.dynamics.simulation.system import Chart, System, timed
 from pinfric.errors import RollMomentError
 from pinfric.friction.problem import Modes
@@ -17,15 +17,12 @@ from pinfric.model.scene import Scene
 #: A joint beyond its range by less than this (rad or m) is still at its end, to rounding.
 _AT_LIMIT = 1e-9
 
-#: (t, q, v, a, effort, modes, friction, normal_load, motor torque) at one time.
-Row = tuple[Any, ...]
-
 
 class Recorder:
     """Samples, events, phases of constant modes and polynomials of a running simulation.
 
     Attributes:
-        rows: samples, in the order of `Row`; t increases strictly.
+        rows: samples; t increases strictly.
         events, phase_t: see `Motion`.
         phase_modes: of all `Workspace.places`.
         steps: (polynomial, chart, what stands still) of every step, where the integrator has them.
@@ -62,22 +59,10 @@ class Recorder:
             ws.failures.check_roll_moments(ws.wrench)
         except RollMomentError as problem:
             raise timed(problem, t) from None
-        torque = (
-            self.system.u / ws.plan.drives.gears.ratio
-            if ws.given == "motor_torque"
-            else np.zeros(0)
-        )
-        return (
-            t,
-            q.copy(),
-            v.copy(),
-            ws.a.copy(),
-            ws.effort.copy(),
-            ws.site_modes.copy(),
-            ws.phi.copy(),
-            ws.load.copy(),
-            torque,
-        )
+        found = [q, v, ws.a, ws.effort, ws.site_modes, ws.phi, ws.load]
+        if ws.given == "motor_torque":
+            found.append(self.system.u / ws.plan.drives.gears.ratio)
+        return t, np.concatenate(found)
 
     def sample(self, t: float, q: np.ndarray, v: np.ndarray) -> None:
         """Keep the system's present solution; in place of a sample at the same time."""
@@ -89,8 +74,8 @@ class Recorder:
 
     def still(self, times: np.ndarray, q: np.ndarray, v: np.ndarray) -> None:
         """Keep the system's present solution at times (n,) after the last sample."""
-        row = self.row(0.0, q, v)
-        self.rows += [(t, *row[1:]) for t in times]
+        row = self.row(0.0, q, v)[1]
+        self.rows += [(t, row) for t in times.tolist()]
 
     def due(self, start: float, end: float) -> np.ndarray:
         """Return the times in (start, end] at which a sample is due."""
@@ -156,28 +141,17 @@ class Recorder:
 
     def motion(self, status: str, message: str) -> Motion:
         """Return what was recorded, at least one sample."""
-        columns = (np.array(column) for column in zip(*self.rows, strict=True))
-        t, q, v, a, effort, modes, friction, load, torque = columns
-        motors, ns = self.system.ws.given == "motor_torque", self.system.ws.phi.size
-        phase_t = np.array([*self.phase_t, t[-1]])
+        ns, phase_t = self.system.ws.phi.size, np.array([*self.phase_t, self.rows[-1][0]])
         phase_modes = np.array(self.phase_modes, dtype=np.int8).reshape(
             len(self.phase_modes), len(self.system.ws.places)
         )
         return Motion(
             scene=self.scene,
             method=self.method,
-            t=t,
-            q=q,
-            v=v,
-            a=a,
-            effort=effort,
-            modes=modes,
-            friction=friction,
-            normal_load=load,
+            **columns(self.scene, self.rows, self.system.ws.given),
             events=tuple(sorted(self.events, key=lambda event: event.time)),
             phase_t=phase_t,
             phase_modes=phase_modes[:, :ns],
-            motor_torque=torque if motors else None,
             status=status,
             message=message,
             evaluations=self.system.evaluations,
@@ -188,11 +162,13 @@ class Recorder:
     def _dense(self, phase_t: np.ndarray, phase_modes: np.ndarray) -> Dense | None:
         if not self.steps:
             return None
-        steps, system, nv = self.steps, self.system, self.system.ws.nv
+        steps, system, lent, nv = self.steps, self.system, self.system.ws, self.system.ws.nv
         pieces = system.pieces(self.step_t[-1])
         starts = np.array([start for start, _, _ in pieces])
 
         def at(step: int, t: float) -> tuple[np.ndarray, np.ndarray]:
+            if system.ws is lent:  # it may serve another simulation by now
+                system.ws = Workspace(lent.scene, self.carried, lent.given == "motor_torque")
             polynomial, chart, system.ws.constraints.standing = steps[step]
             y = polynomial(t)
             return chart.configuration(y[:nv].copy()), y[nv:].copy()

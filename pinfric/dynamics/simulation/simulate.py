@@ -12,7 +12,7 @@ import numpy as np
 
 from pinfric.dynamics.forward.efforts import Effort, EffortLike, make_effort
 from pinfric.dynamics.forward.forward import vector
-from pinfric.dynamics.forward.workspace import Workspace
+from pinfric.dynamics.forward.workspace import Workspace, lent
 from pinfric.dynamics.samples.closure import check_closed
 from pinfric.dynamics.samples.reactions import applied_wrenches
 from pinfric.dynamics.samples.states import States, mention_unmeasured
@@ -139,10 +139,11 @@ def simulate(
         settings = replace(settings, max_step=_longest_step(made, method, settings.t_end))
     applied = applied_wrenches(scene, external, 1)
     carried = payload_names(attached)
-    system = System(Workspace(scene, carried, made.given == "motor_torque"), made, applied)
-    record = Recorder(scene, system, method, settings.sample_step, carried)
-    with _Progress(progress, settings.t_end) as record.progress:
-        return _run(method, system, settings, record, q, v)
+    with lent(scene, carried, made.given == "motor_torque") as ws:
+        system = System(ws, made, applied)
+        record = Recorder(scene, system, method, settings.sample_step, carried)
+        with _Progress(progress, settings.t_end) as record.progress:
+            return _run(method, system, settings, record, q, v)
 
 
 def simulate_constant(

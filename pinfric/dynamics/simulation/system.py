@@ -190,7 +190,7 @@ class System:
                 f"{problem}{called}"
             ) from problem
         try:
-            if isinstance(given, Mapping):
+            if type(given) is not np.ndarray and isinstance(given, Mapping):
                 given = by_name(self.ws.scene.actuator_names, given, self.ws.given)
             u = real_numbers(self.ws.given, given)
             u = u if u.ndim else u[None]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -336,3 +338,27 @@ def test_an_effort_too_fast_for_any_run_is_refused(method):
         pf.run_scene(scene.with_(simulation=start), t_end=0.03, method=method)
     with pytest.raises(SimulationError, match="max_step = 1e-10 s: 3e"):
         pf.simulate(scene, [0.0], [0.0], [0.0], 0.03, method, max_step=1e-10)
+
+
+def test_simulations_within_and_beside_each_other_do_not_meet():
+    """A simulation lends its workspace; the next one of the scene finds nothing of the last."""
+    scene = pf.load_scene("three_link")
+
+    def run(inner=False):
+        def effort(t, q, v):
+            if inner:
+                pf.simulate(scene, q, v, None, 0.02)
+            return [np.sin(9.0 * t), 0.0, 0.1]
+
+        return pf.simulate(scene, np.zeros(3), [1.0, -1.0, 1.0], effort, 0.1, rtol=1e-6)
+
+    alone = run()
+    middle = alone.sample(np.array([0.0505]))
+    with pytest.raises(pf.PinfricError):  # what ends badly lends nothing on
+        pf.simulate(scene, np.zeros(3), np.zeros(3), lambda t, q, v: [np.nan] * 3, 0.1)
+    with ThreadPoolExecutor(3) as pool:
+        beside = list(pool.map(lambda _: run(), range(6)))
+    for other in (run(inner=True), *beside):
+        for name in ("t", "q", "v", "a", "effort", "modes", "friction", "normal_load"):
+            np.testing.assert_array_equal(getattr(other, name), getattr(alone, name), name)
+    np.testing.assert_array_equal(alone.sample(np.array([0.0505])).a, middle.a)
