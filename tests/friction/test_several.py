@@ -123,6 +123,9 @@ def test_a_second_solution_far_from_the_first_makes_it_ambiguous(seed):
     m = Modes.of(2, 2)
     m.direction[:] = direction
     assert search.search(p, m, a_tree(2)) == Found.AMBIGUOUS
+    m = Modes.of(2, 2)  # a step of a motion goes on with the first that it finds
+    m.direction[:] = direction
+    assert search.follow(p, m, a_tree(2), search.Count()) == Found.SOLVED
 
 
 @pytest.mark.parametrize("seed", [613, 644, 1039])
