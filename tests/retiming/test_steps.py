@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from functools import partial
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from retime_cases import MOTORS, STOPS, WAVE, one_joint, planar, straight
@@ -9,6 +12,7 @@ from retime_cases import MOTORS, STOPS, WAVE, one_joint, planar, straight
 import pinfric as pf
 from pinfric.retiming.profile import Profile
 from pinfric.retiming.retime import retime
+from pinfric.retiming.thermal import _Barrier
 
 # Profile: samples of a profile belong to one motion.
 
@@ -66,3 +70,20 @@ def test_continuous_torques_over_a_cycle_with_holds():
     assert found.excess < 1e-3
     with pytest.raises(pf.RetimeError, match="'a' exceeds its continuous torque at any speed"):
         retime(planar(), STOPS, {"a": MOTORS["a"] | {"continuous_torque": 0.02}, "b": MOTORS["b"]})
+
+
+def test_the_duration_of_an_interval_has_the_derivatives_that_the_barrier_takes():
+    """2 ds/(sqrt x_0 + sqrt x_1) against differences; a stop has none."""
+    step, x, h = np.array([0.1, 0.3]), np.array([0.5, 2.0, 0.7]), 1e-5
+    moving = np.array([[True, True], [True, False]])
+    times = partial(_Barrier.durations, SimpleNamespace(step=step, moving=moving))
+    time, first, second = times(x)
+    np.testing.assert_allclose(time, 2.0 * step / (np.sqrt(x[:-1]) + np.sqrt(x[1:])))
+    for i in range(2):
+        for k in range(2):
+            e = h * np.eye(3)[i + k]
+            (up, slope_up, _), (down, slope_down, _) = times(x + e), times(x - e)
+            numeric = (up - down)[i] / (2 * h) * moving[i, k]
+            assert first[i, k] == pytest.approx(numeric, rel=1e-7)
+            curved = (slope_up - slope_down)[i] / (2 * h) * moving[i, k]
+            np.testing.assert_allclose(second[i, k], curved, rtol=1e-7)

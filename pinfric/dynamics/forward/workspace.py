@@ -439,7 +439,8 @@ def workspace(
 def lent(scene: Scene, attached: Iterable[str] | None, motors: bool) -> Iterator[Workspace]:
     """Lend a workspace as if it were new; nothing else uses it meanwhile.
 
-    To make one takes a third of a short simulation. It lives in the scene's twin.
+    To make one takes a third of a short simulation. It lives in the scene's twin; one that an error
+    left is not lent again.
     """
     kept: list[Workspace] = scene.twin(attached).pools.setdefault(("lent", motors), [])
     ws: Workspace | None = None
@@ -447,6 +448,7 @@ def lent(scene: Scene, attached: Iterable[str] | None, motors: bool) -> Iterator
         ws = kept.pop()
     if ws is None or ws.scene is not scene:
         ws = Workspace(scene, attached, motors)
-    ws.renew()
+    else:
+        ws.renew()
     yield ws
     kept.append(ws)

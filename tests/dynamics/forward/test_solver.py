@@ -33,6 +33,7 @@ from cases import (
 from mechanisms import crank_rates, cut_slider_crank, four_bar, pin_friction
 
 import pinfric as pf
+from pinfric.dynamics.forward.workspace import Workspace, lent
 from pinfric.dynamics.problem import plan
 from pinfric.dynamics.samples.outcome import Status
 from pinfric.errors import (
@@ -486,6 +487,20 @@ def test_a_refused_state_leaves_no_trace_in_the_next_one():
     with pytest.raises(AccelerationError):
         solver.forward(case.q[0], case.v[0], np.zeros(2))
     assert solver.forward(np.array([0.0, -0.1]), case.v[0], np.zeros(2)).answers == 1
+
+
+def test_a_workspace_that_was_lent_before_is_as_new():
+    scene = pf.load_scene("three_link")
+    with lent(scene, None, False) as first:
+        first.solve(np.ones(3), np.array([1.0, -1.0, 0.0]), np.ones(3), None)
+    with lent(scene, None, False) as second:
+        assert second is first
+        new = Workspace(scene, None)
+        for found, expected in (
+            *zip(second.modes, new.modes, strict=True),
+            *zip(second.machine.results, new.machine.results, strict=True),
+        ):
+            np.testing.assert_array_equal(found, expected)
 
 
 def test_a_refusal_names_the_joint_whose_load_grows_most():
