@@ -22,7 +22,7 @@ from pinfric.retiming.problem import Problem
 from pinfric.retiming.profile import Profile
 from pinfric.retiming.scan import box_scan, ranges, torques
 
-#: Of u - low and high - u by u.
+#: Signs of u in u - low and high - u.
 _SIGNS = np.array([1.0, -1.0])
 #: Relative steps of differences.
 _STEP = 1.0e-6

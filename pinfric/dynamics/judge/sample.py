@@ -24,7 +24,7 @@ from pinfric.model.scene import Scene, Site
 _ROUNDING = 1e-13
 #: Singular values this small beside the largest are 0.
 _RANK = 1e-12
-#: Length along the motion by which its derivatives are differences, as a share of the least lever.
+#: Step of differences along the motion, as a share of the least lever.
 _STEP = 1e-5
 
 
