@@ -170,9 +170,7 @@ class IntervalSearch:
         for i in np.flatnonzero(doubtful)[:_MOST_SEARCHED].tolist():
             if spent[c.sample[i]] > MOST_PASSES:
                 continue
-            nz, reduced, way = self.reduced(Candidates(*(field[i : i + 1] for field in c)))
-            if nz <= 0:
-                continue
+            reduced, way = self.reduced(Candidates(*(field[i : i + 1] for field in c)))
             found, passes = from_many_starts(reduced, way)
             c.figures[i, 1] += passes
             spent[c.sample[i]] += passes
@@ -180,17 +178,16 @@ class IntervalSearch:
             if len(every) > c.found[i]:
                 c.x[i, : len(every)], c.found[i] = every, len(every)
 
-    def reduced(self, one: Candidates) -> tuple[int, Reduced, np.ndarray]:
+    def reduced(self, one: Candidates) -> tuple[Reduced, np.ndarray]:
         """Return what `given_modes` solves for one candidate, which it solves on the way.
 
         Returns:
-            number of frictions that follow loads, -1 of a singular problem; the problem in them;
-            (ns,) the direction of each site's slip.
+            The problem in the frictions that follow loads; (ns,) the direction of each site's slip.
         """
         self._solve_candidates(one)  # writes the problem of the last candidate
         way = self.law.way[one.code[0], one.sample[0], np.arange(one.code.shape[1])]
         nobody = np.zeros(len(way), dtype=bool)
-        return (*reduce_problem(self.base, nobody, way, np.empty((0, 3))), way)
+        return reduce_problem(self.base, nobody, way, np.empty((0, 3)))[1], way
 
     def _phi(self, c: Candidates, solution: int) -> np.ndarray:
         """(m, ne) friction coordinates of one of the solutions."""

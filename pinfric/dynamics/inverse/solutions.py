@@ -48,7 +48,7 @@ def reduced_problem(search: IntervalSearch) -> Reduced:
     """Return the reduced problem of `given_modes` for a search's only sample."""
     law = search.law
     code = np.where(law.options > 1, LOWER, law.code)  # what sticks is at a limit
-    return search.reduced(search.unsolved(np.zeros(1, dtype=np.int64), code))[1]
+    return search.reduced(search.unsolved(np.zeros(1, dtype=np.int64), code))[0]
 
 
 def find_jamming_site(result: SolvedMotion, sample: int) -> str | None:
