@@ -195,6 +195,20 @@ def test_a_gear_jams_below_the_inertia_that_is_named(seed, way, stuck):
     assert jam(5.0)[0] is None
 
 
+def test_gears_that_lock_each_other_need_in_proportion_to_what_each_needs_alone():
+    """Where they do not load each other, each exactly that: least slope + I / M > 0."""
+    train = Train(2, inertia=(0.1, 0.1), on=(0, 1))
+    M, R = np.array([4.0, 9.0]), np.eye(N)
+    R[:2, :2] = np.diag(1.0 / (M + 0.1))
+    train.problem.rate_slope[:] = R
+    for g, slope in enumerate((-0.4, -0.7)):
+        train.set_back(g, slope)
+    found = gears.jam(train.problem, train.modes)
+    assert found.gear == 1
+    assert found.eigenvalue == pytest.approx(0.1 / 9.0 - 0.7)
+    assert found.inertia == pytest.approx({0: 0.4 * 4.0, 1: 0.7 * 9.0}, rel=2e-9)
+
+
 @pytest.mark.parametrize("stuck", [(), (3,)])
 @pytest.mark.parametrize("seed", range(30))
 def test_choices_are_the_lines_that_fit_and_stable_if_their_matrix_is_positive(seed, stuck):
@@ -259,6 +273,19 @@ def test_margins_of_a_gear_at_rest_are_the_largest_over_what_its_bearing_leaves(
     )
     wanted = train.u[1] - backward.min(), forward.max() - train.u[1]
     assert gears.gear_margins(p, m, 1) == pytest.approx(wanted)
+
+
+@pytest.mark.parametrize(
+    ("right", "sides"),
+    [(-1e-6, [-1]), (-1e-13, [-1, 1]), (0.0, [-1, 1]), (1e-13, [-1, 1]), (1e-6, [1])],
+)
+def test_an_effort_where_two_lines_meet_is_sought_on_both_but_for_rounding(right, sides):
+    """(I W + slope) t = right on either line, which end and begin at t = 0."""
+    train = Train(3, on=(0,))
+    p, m = train.problem, train.modes
+    p.mu_slip[:] = 0.0
+    p.gear_rotor[0, 0] = right + train.way[0] * train.idle[0]  # u = I r + F(t), here r = t = 0
+    assert [np.sign(t) for (t,), _ in gears.choices(p, m)] == sides
 
 
 def test_a_line_that_leaves_the_rates_open_is_no_choice():

@@ -189,6 +189,23 @@ def test_what_was_sticking_decides_between_equally_few_slipping():
     assert search.search(p, m, a_tree(len(m.stuck)), held=np.ones(3, bool)) == Found.AMBIGUOUS
 
 
+def test_a_joint_at_its_dead_centre_moves_on_with_what_moves():
+    """Its rate does not depend on any friction: it does not rest, and there is nothing to try."""
+    p, c = random_problem(0, nc=2, strength=0.0), 0.4
+    p.coulomb_slip[:] = p.coulomb_stick[:] = c
+    A, none = np.array([[1.5, 0.0]]), np.zeros(2, bool)
+    p.rate_slope[:], p.rate_free[:], p.rate_scale[:] = A.T @ A, (2.0, -0.5), (2.0, 0.5)
+    m, count = Modes.of(2, 2), search.Count()
+    m.direction[0], m.at_rest[1] = 1.0, True
+    crank = Mechanism(True, A, np.arange(2), none, np.array([False, True]), np.zeros(2))
+    assert search.search(p, m, crank, count=count) == Found.SOLVED
+    assert count.tried == 1
+    assert not m.at_rest.any()
+    assert m.direction.tolist() == [1.0, -1.0]
+    np.testing.assert_allclose(m.friction, [-c, c])
+    np.testing.assert_allclose(m.rate, [2.0 - 1.5**2 * c, -0.5])
+
+
 def test_a_search_that_runs_out_of_passes_is_followed_to_a_solution_or_undecided(monkeypatch):
     """Enumeration of 3^7 modes reaches its limit; block pivoting needs a few passes more."""
     p = random_problem(0, nc=7, strength=0.03, static=1.0)

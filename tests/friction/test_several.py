@@ -19,7 +19,8 @@ from friction_cases import (
 from scipy.optimize import root
 
 from pinfric.friction import search
-from pinfric.friction.problem import Found, Modes
+from pinfric.friction.problem import Found, Modes, empty_problem
+from pinfric.friction.rest import Mechanism
 from pinfric.friction.several import find_all
 
 pytestmark = pytest.mark.usefixtures("interpreted_kernels")
@@ -175,3 +176,34 @@ def test_a_search_for_all_solutions_that_ends_at_its_bound_is_undecided(seed, mo
     found = find_all(p, m.stuck, m.direction, NO_GEARS)
     assert found.complete is False
     assert search.search(p, m, a_tree(2)) == Found.UNDECIDED
+
+
+@pytest.mark.parametrize("seed", [644, 1039])
+def test_a_step_that_lets_all_stick_goes_on_with_the_first_of_several_too(seed):
+    """Beside two that slide, a third rests; x = -|1 - 2 x|, as it would slip forward, has no root.
+
+    So the step begins anew with it at rest, where 0.1 + x = 0.
+    """
+    two, direction = plane_problem(seed)
+    p = empty_problem(np.arange(3), np.ones(3), np.r_[two.contact_entry, 2], np.zeros(3))
+    for whole, part in (
+        (p.rate_slope[:2, :2], two.rate_slope),
+        (p.rate_free[:2], two.rate_free),
+        (p.contact[:-1, :3], two.contact),
+        (p.mu_slip[:2], two.mu_slip),
+        (p.coulomb_slip[:2], two.coulomb_slip),
+    ):
+        whole[:] = part
+    p.rate_slope[2, 2], p.rate_free[2], p.rate_scale[:] = 1.0, 0.1, np.abs(p.rate_free)
+    p.contact[-1, 0, 0], p.contact[-1, 3, 0] = 1.0, -2.0
+    p.mu_slip[2] = p.mu_stick[2] = 1.0
+    none, A = np.zeros(3, bool), np.linalg.cholesky(p.rate_slope).T
+    m, count = Modes.of(3, 3), search.Count()
+    m.direction[:], m.at_rest[2] = [*direction, 1.0], True
+    loop = Mechanism(True, A, np.arange(3), none, none, np.zeros(3))
+    assert search.follow(p, m, loop, count) == Found.SOLVED
+    assert m.stuck.tolist() == [False, False, True]
+    assert m.friction[2] == pytest.approx(-0.1)
+    every = find_all(two, np.zeros(2, bool), direction, NO_GEARS).solutions
+    assert len(every) == 2
+    assert any(np.allclose(m.friction[:2], x, rtol=1e-9) for x in every)

@@ -12,7 +12,7 @@ from scipy.optimize import linprog
 from pinfric.friction.balance import Balance
 from pinfric.friction.holding import decide
 from pinfric.friction.least_use import descend, friction_and_limits, make_rest
-from pinfric.friction.minimax import least_violation
+from pinfric.friction.minimax import least_violation, write_vertex
 from pinfric.friction.rest import anderson
 
 # Anderson: extrapolation of fixed points: where plain passes run away.
@@ -86,6 +86,16 @@ def test_the_small_linear_programs_are_what_highs_finds(seed):
     assert bound == pytest.approx(best.fun, abs=1e-9)
     assert ((A @ z + h) / s).max() == pytest.approx(best.fun, abs=1e-9)
     assert (np.abs(z) <= reach + 1e-12).all()
+
+
+def test_rows_that_meet_in_no_single_point_give_the_middle_of_the_box():
+    """Rounding may let a row into a basis that depends on those in it."""
+    G, h, s = np.array([[1.0, 2.0], [1.0, 2.0], [0.0, 1.0]]), np.array([3.0, 3.0, 1.0]), np.ones(3)
+    z = np.full(2, np.nan)
+    write_vertex(G, h, s, 3, 0.5, np.array([0, 1, 2]), z)
+    assert z.tolist() == [0.0, 0.0]
+    write_vertex(G, h, s, 3, 0.5, np.array([0, 2, 3]), z)  # z_0 = 0.5, G z + h = m twice
+    np.testing.assert_allclose(z, [0.5, -2.5])
 
 
 # Holding: against closed forms, an independent search, and its own thresholds.
