@@ -164,6 +164,17 @@ def test_of_brakes_with_equal_torque_the_lightest_is_taken():
     assert [one.brake for one in found] == ["cool", "cool"]
 
 
+def test_all_figures_of_the_brake_that_is_taken_are_said():
+    given = {"torque": 9.0, "voltage": 24.0, "release_time": 0.05, "engage_time": 0.02}
+    brake = Brake(source="a maker, p. 7", grade="R", power=8.0, stop_energy=300.0, **given)
+    scene = arm()
+    motion = still(scene)
+    found = standstills(pf.inverse_dynamics(scene, motion), {"B": brake}, Conditions())
+    assert found[0].criteria[1].note == (
+        "B: 9 N m, 24 V, 8 W, opens in 0.05 s, closes in 0.02 s, 300 J a stop (R: a maker, p. 7)"
+    )
+
+
 @pytest.mark.parametrize(("wanted", "short"), [("any", 0), ("where_needed", 1), ("required", 2)])
 def test_a_brake_that_is_too_weak_is_missed_where_one_is_wanted(tmp_path, wanted, short):
     report = sized(tmp_path, (0.01,), wanted)

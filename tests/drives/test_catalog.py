@@ -303,6 +303,12 @@ def test_units_that_cannot_be_right_are_questioned(tmp_path, section, figure, va
     assert any(where in str(w.message) and f"{value:g}" in str(w.message) for w in caught)
 
 
+def test_a_gear_of_no_inertia_is_not_questioned(tmp_path, recwarn):
+    """Zero is no slip of a unit."""
+    one_drive(tmp_path, gear={"input_inertia": 0.0})
+    assert not recwarn.list
+
+
 #: A motor whose speed-torque line is consistent: k omega_0 = U, T_stall = k U/R.
 LINE = {"nominal_voltage": 48.0, "no_load_speed": 480.0, "stall_torque": 6.0}
 

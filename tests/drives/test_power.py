@@ -137,6 +137,25 @@ def test_a_sag_that_lacks_a_figure_is_not_judged(tmp_path):
     assert bus.criteria[2].status == Status.NOT_CHECKED
 
 
+@pytest.mark.parametrize("known", ["all", "power", "voltage"])
+def test_a_sag_passes_only_where_power_and_voltage_of_all_drives_are_known(tmp_path, known):
+    scene, conditions = tables(), {"inertia_ratio": 100, "supply_resistance": 0.1}
+    report = pf.size(scene, turning(scene), one_drive(tmp_path), conditions=conditions)
+    motors = {joint.name: joint.motor for joint in report.joints}
+    voltages = {name: np.full(len(report.result.t), 40.0) for name in motors}
+    if known == "power":
+        voltages["table_1"] = None
+    if known == "voltage":
+        motors["table_1"] = None
+    bus = bus_power(motors, report.result.t, report.duty, report.conditions, voltages)
+    sag = bus.criteria[2]
+    if known == "all":
+        assert (sag.status, sag.required) == (Status.PASSES, 40.0)
+    else:
+        assert (sag.status, sag.required) == (Status.NOT_CHECKED, None)
+        assert "the power and the speed-torque line of all drives" in sag.note
+
+
 @pytest.mark.parametrize(
     ("value", "said"),
     [(2.77e4, "27.7 k"), (656.0, "656 "), (999.6, "1 k"), (0.012, "12 m"), (3.4e-5, "34 u")],

@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 from builders import example
 from cases import jamming_drawer, resting_four_bar
+from sizing_cases import GEAR, MOTOR, one_drive, sized_cycle
 
 import pinfric as pf
 from pinfric.drives.inertia import joint_inertias
 from pinfric.drives.policy import Conditions
-from pinfric.drives.robot import Robot, added_masses, depth, loads, tip_to_base, with_masses
+from pinfric.drives.robot import (
+    Robot,
+    added_masses,
+    depth,
+    equip,
+    loads,
+    tip_to_base,
+    with_masses,
+)
 from pinfric.dynamics.inverse import interval_ends
 from pinfric.dynamics.samples.reactions import state_wrenches
 from pinfric.errors import SizingError
@@ -73,6 +84,31 @@ def test_the_scene_says_which_masses_are_added(arm):
     exact = Conditions(mass_in_urdf={"elbow_joint": 1.5})  # replaces what the link holds
     assert added_masses(held, exact, masses) == {2: 0.5}
     assert added_masses(scene.with_(masses=None), conditions, masses) == masses
+
+
+def test_in_a_loop_a_drive_may_load_each_joint_but_for_one_on_the_ground():
+    scene = resting_four_bar(2).scene.with_(actuators=[{"joint": "O"}, {"joint": "A"}])
+    assert [[loads(scene, drive, i) for i in range(2)] for drive in range(2)] == [
+        [False, False],  # the crank's stands on the ground
+        [True, True],
+    ]
+
+
+@pytest.mark.parametrize("before", [None, "without_drives"])
+def test_links_hold_the_drives_that_a_robot_is_equipped_with(arm, tmp_path, before):
+    """And no other: a drive whose mass is not known adds none."""
+    scene = arm[0].with_(masses=before)
+    known = sized_cycle(one_drive(tmp_path)).joints[0].choice.candidate
+    drives = {2: known, 3: dataclasses.replace(known, mass=None)}
+    found = equip(scene, drives, Conditions())
+    words = {} if before is None else dict.fromkeys(scene.actuator_names, before)
+    assert found.masses == words | {scene.actuator_names[2]: "with_drives"}
+    more = [
+        b.mass - a.mass for a, b in zip(scene.model.inertias, found.model.inertias, strict=True)
+    ]
+    assert more == pytest.approx([0, 0, MOTOR["mass"] + GEAR["mass"], 0, 0, 0, 0])
+    del drives[2]
+    assert equip(scene, drives, Conditions()).masses == (words or None)
 
 
 def test_a_cycle_whose_intervals_may_be_too_narrow_is_refused(monkeypatch):
