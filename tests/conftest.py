@@ -26,25 +26,26 @@ compiled.say_compiling = lambda again="": None
 
 
 #: What compiles most comes first. Files that share kernels or costly fixtures run in one process,
-#: those whose path begins alike under one name; the others find the kernels in the cache.
+#: those whose path begins alike under one name; the others find the kernels in the cache. While one
+#: process compiles for forward dynamics, the other identifies: that needs few of the same kernels.
 FIRST = {
     "dynamics/forward/test_forward.py": "forward dynamics",
+    "identification/": "identification",
+    "show/pages/test_identification": "identification",
+    "show/figure/test_steps.py": "identification",
+    "retiming/": "retiming",
+    "show/report/test_retime.py": "retiming",
     "dynamics/samples/": "inverse dynamics",
     "dynamics/inverse/": "inverse dynamics",
     "judges/test_cases_inverse.py": "inverse dynamics",
     "friction/": "holding",
     "judges/test_linked_forward.py": "holding",
     "dynamics/forward/test_solver.py": "holding",
-    "retiming/": "retiming",
-    "show/report/test_retime.py": "retiming",
     "sweeps/test_superposition.py": "sweeps",
     "show/report/test_sweep.py": "sweeps",
     "show/figure/test_sweep.py": "sweeps",
     "judges/test_coupled_solvers.py": "accuracy",
     "accuracy/": "accuracy",
-    "identification/": "identification",
-    "show/pages/test_identification": "identification",
-    "show/figure/test_steps.py": "identification",
     "exporting/": "exports",
     "show/report/test_export.py": "exports",
     "dynamics/forward/test_compensation.py": "exports",
