@@ -197,7 +197,11 @@ class Superposition:
     def _coefficients(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(n,) speed factors; k_b (n, bodies) and k_c (n, causes) of each sample."""
         n = len(values)
-        given = {(t.section, *t.names[:1], t.key): values[:, j] for j, t in enumerate(self.targets)}
+        columns = values.T.copy()  # contiguous, as `speed` is else: the kernel is compiled once
+        given = {
+            (t.section, *t.names[:1], t.key): column
+            for t, column in zip(self.targets, columns, strict=True)
+        }
         speed = given.get(("speed", ""), np.ones(n))
         bodies = [np.ones((n, 1))]
         for name, keys in _varied_payloads(self.targets).items():

@@ -73,7 +73,7 @@ def _search(search: IntervalSearch) -> np.ndarray:
     plan, law = search.plan, search.law
     x, _ = from_many_starts(reduced_problem(search), law.way[SLIDES, 0])
     x = x.reshape(len(x), len(plan.sites.first_entry))
-    return np.asarray(x[:, plan.entries.site] * law.direction[0])
+    return np.ascontiguousarray(x[:, plan.entries.site] * law.direction[0])
 
 
 def _solution(scene: Scene, samples: LinkedSamples, phi: np.ndarray) -> Solution:
