@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -46,6 +46,7 @@ def load_catalog(name: str | Path = DEFAULT) -> Catalog:
     """
     if str(name) == DEFAULT and not os.path.isfile(name):
         catalog = replace(_merged(DEFAULT, _bundled()), files=(str(_FOLDER),))
+        doubted: Iterable[tuple[str, str]] = _bundled_doubts()
     else:
         own = _of_folder(Path(name)) if os.path.isdir(name) else (_read(Path(name)),)
         extends = any(file.extends for file in own)
@@ -60,7 +61,8 @@ def load_catalog(name: str | Path = DEFAULT) -> Catalog:
         catalog = replace(_merged(str(name), [*bundled, *own]), replaced=replaced, files=files)
         for text in replaced:
             warnings.warn(f"{name}: {text}", PinfricWarning, stacklevel=2)
-    for where, text in doubts(catalog):
+        doubted = doubts(catalog)
+    for where, text in doubted:
         warnings.warn(f"{catalog.source}: {where}: {text}", PinfricWarning, stacklevel=2)
     return catalog
 
@@ -68,6 +70,11 @@ def load_catalog(name: str | Path = DEFAULT) -> Catalog:
 @cache
 def _bundled() -> tuple[CatalogFile, ...]:
     return _of_folder(_FOLDER)
+
+
+@cache
+def _bundled_doubts() -> tuple[tuple[str, str], ...]:
+    return tuple(doubts(_merged(DEFAULT, _bundled())))
 
 
 def _of_folder(folder: Path) -> tuple[CatalogFile, ...]:

@@ -387,11 +387,11 @@ def _stiffness(problem: Problem, modes: Modes) -> tuple[np.ndarray, np.ndarray, 
     """Which gears move (m,), their least slopes (m,), and W (m, m); None if none of them locks."""
     if not problem.gear_rotor.shape[0] or problem.gear_lines[:, :2, :, 0].min() > 0.0:
         return None
-    moves, W = _coupling(problem, modes)
+    moves = np.flatnonzero(~modes.stuck[problem.gear_coordinate])
     share = np.abs(modes.direction[problem.gear_coordinate[moves]])
     share[share == 0.0] = 1.0  # whichever way
     back = 1.0 + share * (problem.gear_lines[moves, :2, :, 0].min(axis=(1, 2), initial=1.0) - 1.0)
-    return (moves, back, W) if (back <= 0.0).any() else None
+    return (moves, back, _coupling(problem, modes)[1]) if (back <= 0.0).any() else None
 
 
 def _energy(slopes: np.ndarray, inertia: np.ndarray, W: np.ndarray) -> np.ndarray:

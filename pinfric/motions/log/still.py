@@ -78,7 +78,7 @@ class _Edge:
 
 def _rest(y: FloatArray, basis: FloatArray) -> float:
     normal = basis.T @ basis
-    normal[np.diag_indices_from(normal)] *= 1.0 + 1e-12
+    normal.flat[:: len(normal) + 1] *= 1.0 + 1e-12
     part = np.linalg.lstsq(normal, basis.T @ y, rcond=None)[0]
     rest = y - basis @ part
     return float(rest @ rest)
