@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 
@@ -17,6 +18,9 @@ from xdist.scheduler import LoadScopeScheduling
 
 from pinfric.dynamics.judge import check
 from pinfric.kernels import compiled, interpreted
+
+# Each full collection walks all modules that a process holds: fewer of them.
+gc.set_threshold(20_000)
 
 # `nohup` and a shell's `&` ignore Ctrl-C, and what tests start would, too.
 signal.signal(signal.SIGINT, signal.default_int_handler)
