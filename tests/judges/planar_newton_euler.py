@@ -67,26 +67,25 @@ def crank_torque(
     """Torque of the ground on the crank (N m), pin forces (N) and pin friction torques (N m)."""
     angles = bar_angles(bar, crank)
     w, alpha = bar_rates(bar, angles, rate, acceleration)
-    friction = dict.fromkeys(PINS, 0.0)
-    torque = np.inf
+    friction, (K, rhs) = dict.fromkeys(PINS, 0.0), _equations(bar, angles, w, alpha)
+    torque, before = np.inf, dict[str, float]()
     for _ in range(10_000):
-        before = dict(friction)
-        torque, forces = _solve(bar, angles, w, alpha, friction)
+        earlier, before = before, dict(friction)
+        torque, forces = _solve(K, rhs, friction)
         for pin, (on, by) in PINS.items():
             slip = w[BARS.index(on)] - (w[BARS.index(by)] if by else 0.0)
             friction[pin] = -np.sign(slip) * bar.mu * bar.radius * np.hypot(*forces[pin])
         if max(abs(friction[pin] - before[pin]) for pin in PINS) < 1e-16:
             break
+        if friction == earlier:  # to and fro by a rounding
+            break
     return torque, forces, friction
 
 
-def _solve(
-    bar: FourBar,
-    angles: np.ndarray,
-    w: np.ndarray,
-    alpha: np.ndarray,
-    friction: dict[str, float],
-) -> tuple[float, dict[str, np.ndarray]]:
+def _equations(
+    bar: FourBar, angles: np.ndarray, w: np.ndarray, alpha: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """K (9, 9) and the right side (9,) without friction, of the pins' forces and the torque."""
     along = np.array([np.cos(angles), np.sin(angles)]).T  # (3 bars, 2)
     across = np.array([-along[:, 1], along[:, 0]]).T
     length = np.array(bar.lengths)[:, None]
@@ -109,7 +108,17 @@ def _solve(
             K[3 * b, 2 * p] = K[3 * b + 1, 2 * p + 1] = sign
             K[3 * b + 2, 2 * p] -= sign * arm[1]
             K[3 * b + 2, 2 * p + 1] += sign * arm[0]
-            rhs[3 * b + 2] -= sign * friction[pin]
     K[2, 8] = 1.0  # the drive turns the crank
+    return K, rhs
+
+
+def _solve(
+    K: np.ndarray, rhs: np.ndarray, friction: dict[str, float]
+) -> tuple[float, dict[str, np.ndarray]]:
+    rhs = rhs.copy()
+    for pin, (on, by) in PINS.items():
+        rhs[3 * BARS.index(on) + 2] -= friction[pin]
+        if by is not None:
+            rhs[3 * BARS.index(by) + 2] += friction[pin]
     x = np.linalg.solve(K, rhs)
     return float(x[8]), {pin: x[2 * p : 2 * p + 2] for p, pin in enumerate(PINS)}
