@@ -298,9 +298,9 @@ def exported_ur5():
 
 
 @cache
-def compiled_headers() -> Headers:
+def compiled_headers(optimized: str) -> Headers:
     """The headers of all scenes, compiled once per process."""
     folder = tempfile.TemporaryDirectory()
     atexit.register(folder.cleanup)
     scenes = [worm(), *RICH, *(bundled(name) for name in BUNDLED), loadable()]
-    return Headers(Path(folder.name), scenes)
+    return Headers(Path(folder.name), scenes, (optimized,))
