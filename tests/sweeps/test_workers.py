@@ -185,11 +185,15 @@ def test_scheduler_lost_in_the_run_is_said_and_nothing_finished_is_lost(
 
 
 @pytest.mark.parametrize(
-    "address", ["closed", "silent", "nonsense", "nobody.invalid:8786", "http", "ssh"]
+    ("address", "waits"),
+    [
+        *((x, 0.5) for x in ("closed", "silent", "nonsense", "nobody.invalid:8786", "http", "ssh")),
+        pytest.param("silent", None, marks=pytest.mark.slow),  # for as long as users do
+    ],
 )
-def test_scheduler_that_cannot_be_reached_is_said_within_ten_seconds(address, monkeypatch):
-    if address in ("closed", "nobody.invalid:8786"):  # "silent" waits for as long as users do
-        monkeypatch.setattr("pinfric.sweeps.workers._CONNECT_TIMEOUT", 0.5)
+def test_scheduler_that_cannot_be_reached_is_said_within_ten_seconds(address, waits, monkeypatch):
+    if waits is not None:
+        monkeypatch.setattr("pinfric.sweeps.workers._CONNECT_TIMEOUT", waits)
     scene = pushed_block()
     with socket.socket() as listener:
         listener.bind(("127.0.0.1", 0))
