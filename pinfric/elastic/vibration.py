@@ -53,9 +53,10 @@ def free_motions(rows: np.ndarray, nv: int) -> np.ndarray:
     """
     if rows.shape[1] == 0:
         return np.broadcast_to(np.eye(nv), (len(rows), nv, nv))
-    _, sizes, V = np.linalg.svd(rows)
+    n, same = len(rows), bool((rows == rows[:1]).all())  # without loops they are
+    _, sizes, V = np.linalg.svd(rows[:1] if same else rows)
     rank = int((sizes > _ZERO * sizes.max(axis=1, keepdims=True)).sum(axis=1).max())
-    return np.asarray(np.swapaxes(V[:, rank:], 1, 2))
+    return np.broadcast_to(np.swapaxes(V[:, rank:], 1, 2), (n, nv, nv - rank))
 
 
 def mobility(mass: np.ndarray, rates: np.ndarray, closed: np.ndarray) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -70,16 +71,20 @@ def _known(scene: Scene) -> dict[str, Scene]:
     def masses(one: Scene) -> FloatArray:
         return np.array([inertia.mass for inertia in one.model.inertias])
 
-    bundled = {name: load_scene(name) for name in measured_scenes()}
     return {
         name: other
-        for name, other in bundled.items()
+        for name, other in _measured().items()
         if other.joint_names == scene.joint_names
         and (
             scene.model.name in (name, other.model.name)
             or np.allclose(masses(scene), masses(other), rtol=_MASS, atol=1e-9)
         )
     }
+
+
+@cache
+def _measured() -> dict[str, Scene]:
+    return {name: load_scene(name) for name in measured_scenes()}
 
 
 def _mean_friction(found: Findings, other: Scene, joint: int, top: float) -> tuple[float, float]:

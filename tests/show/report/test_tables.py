@@ -42,7 +42,7 @@ def humanoid():
     assert len(FINGERS) == 48
     friction = {name: dry(0.12 + 0.01 * i, 0.1) for i, name in enumerate(FINGERS)}
     scene = pf.Scene(model=linked(FINGERS), friction=friction, source="humanoid.yaml")
-    t = np.linspace(0.0, 2.0, 201)
+    t = np.linspace(0.0, 2.0, 51)
     reach = 0.1 / (1 + np.arange(48))
     q = reach * (1 - np.cos(np.pi * t))[:, None]
     v = reach * np.pi * np.sin(np.pi * t)[:, None]
@@ -54,7 +54,7 @@ def humanoid():
 @pytest.fixture(scope="module")
 def sized(humanoid):
     every = load_catalog("default")
-    motors, gears = ({x: kind[x] for x in list(kind)[::16]} for kind in (every.motors, every.gears))
+    motors, gears = ({x: kind[x] for x in list(kind)[::48]} for kind in (every.motors, every.gears))
     some = replace(every, motors=motors, gears=gears, gearmotors={})
     return pf.size(*humanoid, some, on_miss="ignore")
 
