@@ -237,7 +237,8 @@ def interpret_kernels() -> None:
         return function
 
     changed: Any = compiled
-    changed._compiled = changed.inlined = changed.record = as_it_is
+    changed._compiled = changed.inlined = as_it_is
+    changed.record = lambda _: as_it_is
     changed.call_compiled = lambda made, *arguments: made(*arguments)
     changed.compile_for = lambda *_: None
     changed._is_kept = lambda _: False
@@ -498,6 +499,8 @@ class Search:
             end = by.partition(" ")[0]
             count[end if end in ("JUDGED", "SURVIVED") else "CAUGHT"] += 1
             writer.line(f"{number} | {mutant} | {by}", flush=True)
+        left = sum(np.isinf(one.seconds) for one in self.known.values())
+        writer.line(f"{left} of {len(self.known)} tests left out: they fail unbroken or take long")
         for room, count in counts.items():
             tried, caught = count.total() - count["JUDGED"], count["CAUGHT"]
             share = f" ({100 * caught / tried:.0f} %)" if tried else ""
