@@ -65,10 +65,9 @@ def test_the_instants_above_are_of_every_kind():
 def test_the_paper_s_examples(name):
     example = getattr(examples, name)()
     end = 1.3 if name == "pendulum" else 0.7
-    judge = simulate(example.mechanism, example.position, example.rate, example.effort, end)
-    motion = pf.simulate(
-        pf.load_scene(name), example.position, example.rate, None, end, rtol=1e-10, atol=1e-12
-    )
+    start = example.position, example.rate
+    judge = simulate(example.mechanism, *start, example.effort, end, sample_step=0.1)
+    motion = pf.simulate(pf.load_scene(name), *start, None, end, rtol=1e-10, atol=1e-12)
     site = motion.site_names[0]
     (interval,), (expected,) = motion.stick_intervals(), judge.stick_intervals(site)
     assert (interval.start, interval.end) == pytest.approx(expected, abs=1e-9)
@@ -89,7 +88,7 @@ def test_friction_in_every_joint_through_several_sticks():
     def effort(t):
         return hold + np.array([4 * np.sin(9 * t), 2 * np.cos(7 * t), 0.1 * np.sin(11 * t)])
 
-    judge = simulate(mechanism, *start, effort, 1.0)
+    judge = simulate(mechanism, *start, effort, 1.0, sample_step=0.1)
     motion = pf.simulate(scene, *start, lambda t, q, v: effort(t), 1.0, rtol=1e-10, atol=1e-12)
     kinds = [(e.kind, e.name) for e in motion.events]
     assert len(kinds) == 14

@@ -251,7 +251,9 @@ def test_a_gear_that_may_jam_does_not_hide_how_the_search_ended():
         assert "above 0.0008 kg m^2" in str(error)
 
 
-@pytest.mark.parametrize("first", range(0, 300, 50))
+@pytest.mark.parametrize(
+    "first", [0, 50, *(pytest.param(x, marks=pytest.mark.slow) for x in range(100, 300, 50))]
+)
 def test_inverse_dynamics_gives_the_motor_torques_back(first):
     """Motor torque -> a -> motor torque, or an interval around it, at 1e-9 of the forces there."""
     seen = 0

@@ -139,7 +139,9 @@ def test_the_drawer_pushed_at_its_corner_against_pinfric():
     assert judge.iterations.min() > 5  # it is solved, not read off
     assert judge.effort_upper[2, 0] - judge.effort_lower[2, 0] > 30
 
-    simulated = simulate(mechanism, [0.0], [0.0], lambda t: 28.0 * np.sin(6.0 * np.array([t])), 0.8)
+    simulated = simulate(
+        mechanism, [0.0], [0.0], lambda t: 28.0 * np.sin(6.0 * np.array([t])), 0.8, sample_step=0.1
+    )
     ours = pf.run_scene(
         dataclasses.replace(scene, simulation=scene.simulation.model_copy(update={"t_end": 0.8}))
     )

@@ -13,7 +13,7 @@ import pinfric as pf
 from pinfric.model.closure import action_maps, loop_state
 from pinfric.model.loops import stand_still
 
-METHODS = {"event": {"rtol": 1e-11, "atol": 1e-13}, "timestepping": {"dt": 2e-3}}
+METHODS = {"event": {"rtol": 1e-11, "atol": 1e-13}, "timestepping": {"dt": 4e-3}}
 
 
 def link_rotations(motion, links):
@@ -174,7 +174,9 @@ def loop_frames(scene, q):
     return list(data.oMi), *ends
 
 
-@pytest.mark.parametrize("kind", ["prismatic", "revolute", "spherical"])
+@pytest.mark.parametrize(
+    "kind", ["prismatic", "revolute", pytest.param("spherical", marks=pytest.mark.slow)]
+)
 @pytest.mark.parametrize("method", METHODS)
 def test_a_stuck_loop_of_any_kind_keeps_its_frames_together(kind, method):
     """In space: the loop's joint sticks, a freedom is left and moves."""

@@ -189,7 +189,12 @@ def test_break_away_of_one_joint_takes_another_along():
     )
     mechanism = Mechanism(bars, joints, (9.81, 0.0, 0.0))
     motion = simulate(
-        mechanism, [0, 0], [0, 0], lambda t: np.sin(6 * t) * np.array([1.0, 7.0]), 0.2
+        mechanism,
+        [0, 0],
+        [0, 0],
+        lambda t: np.sin(6 * t) * np.array([1.0, 7.0]),
+        0.2,
+        sample_step=0.1,
     )
     assert [phase.modes.tolist() for phase in motion.phases] == [[0, 0], [-1, 1]]
     release = motion.phases[0].end
@@ -207,7 +212,8 @@ def test_two_pendulums_that_change_together_are_two_single_ones():
         joints=(pin, replace(pin, name="twin_pin", child="twin", point=(0.0, 0.0, 1.0))),
         actuators=(),
     )
-    motion = simulate(mechanism, [0.524] * 2, [1.0] * 2, lambda t: np.tile(case.effort(t), 2), 1.3)
+    start, effort = ([0.524] * 2, [1.0] * 2), lambda t: np.tile(case.effort(t), 2)
+    motion = simulate(mechanism, *start, effort, 1.3, sample_step=0.1)
     for joint in ("joint_1", "twin_pin"):
         np.testing.assert_allclose(
             motion.stick_intervals(joint), single.stick_intervals("joint_1"), atol=1e-11

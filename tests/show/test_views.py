@@ -214,8 +214,8 @@ def test_a_notebook_shows_a_result_as_its_table_and_its_figure_as_a_picture(pand
     assert f"<td>{pair}</td>" in shown
     assert "panda_<wbr>joint2" in shown
     assert "panda_pick_and_place.yaml" in shown
-    picture = pickle.loads(pickle.dumps(panda[2].plot()))
-    for figure in (panda[2].plot(), picture):
+    drawn = panda[2].plot()
+    for figure in (drawn, pickle.loads(pickle.dumps(drawn))):
         assert figure._repr_png_().startswith(b"\x89PNG")
 
 

@@ -71,7 +71,14 @@ def best_of_many_starts(scene, q, effort, rng, starts=6):
 
 @pytest.mark.filterwarnings("ignore:.*radius:pinfric.PinfricWarning")
 @pytest.mark.parametrize("count", [8, pytest.param(25, marks=pytest.mark.slow)])
-@pytest.mark.parametrize(("pins", "strong"), [(4, False), (5, False), (6, False), (5, True)])
+@pytest.mark.parametrize(
+    ("pins", "strong"),
+    [
+        (4, False),
+        (5, False),
+        *(pytest.param(*x, marks=pytest.mark.slow) for x in ((6, False), (5, True))),
+    ],
+)
 @pytest.mark.filterwarnings("ignore:.*usually at most")
 def test_no_search_finds_a_stick_where_there_is_none_and_sticks_are_sticks(pins, strong, count):
     rng = np.random.default_rng(pins + 10 * strong)

@@ -51,11 +51,11 @@ def texts(figure):
     return titles + [text.get_text() for text in (*drawn, *below)]
 
 
-def test_one_panel_per_drive_on_one_time_axis():
-    for count in (1, 8, 9, 17, 30):
-        drawn = panels(effort_figure(result(count, 20)))
-        assert len(drawn) == count
-        assert {axes.get_xlim() for axes in drawn} == {(0.0, 10.0)}
+@pytest.mark.parametrize("count", [1, 8, 9, 17, pytest.param(30, marks=pytest.mark.slow)])
+def test_one_panel_per_drive_on_one_time_axis(count):
+    drawn = panels(effort_figure(result(count, 20)))
+    assert len(drawn) == count
+    assert {axes.get_xlim() for axes in drawn} == {(0.0, 10.0)}
 
 
 def test_band_and_shading_where_the_joint_sticks():

@@ -40,7 +40,8 @@ def test_files_and_table(capsys, tmp_path, monkeypatch):
     scene = pf.load_scene("three_link")
     motion = pf.load_motion(tmp_path / "out" / "motion.npz", scene)
     assert motion.t[-1] == pytest.approx(0.6)
-    assert pf.inverse_dynamics(scene, motion).check().passed()
+    some = (x[::10] for x in (motion.q, motion.v, motion.a))
+    assert pf.inverse_dynamics(scene, *some).check().passed()
 
 
 @pytest.mark.parametrize(

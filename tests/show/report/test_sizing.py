@@ -53,6 +53,11 @@ def report(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
+def page(report):
+    return sizing_page(report)
+
+
+@pytest.fixture(scope="module")
 def panda():
     from pinfric.model.scene_file import bundled_folder
 
@@ -205,8 +210,8 @@ def test_what_vanishes_beside_the_peak_prints_as_0(panda):
     assert not re.search(r"RMS [\d.]*e-\d", sizing_page(panda))
 
 
-def test_page_defines_holding(report):
-    assert "“Holding”: every joint of the robot is at rest" in sizing_page(report)
+def test_page_defines_holding(page):
+    assert "“Holding”: every joint of the robot is at rest" in page
 
 
 def test_tightest_criterion_is_that_of_the_least_margin(report):
@@ -236,8 +241,7 @@ def test_legend_says_that_no_speed_torque_line_is_known(tmp_path):
     assert axes.lines[0].get_label() == "envelope (no line known)"
 
 
-def test_page_needs_no_network_and_escapes_names(report):
-    page = sizing_page(report)
+def test_page_needs_no_network_and_escapes_names(page):
     assert "fits <b>" not in page
     assert "fits &lt;b&gt; + G" in page
     assert not re.search(r"<(script|link|img|iframe)[^>]*\b(src|href)=", page)

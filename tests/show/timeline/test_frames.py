@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from functools import cache
 
 import numpy as np
 import pinocchio as pin
@@ -195,6 +196,7 @@ def test_simulation_that_ended_early_says_so_on_its_page(pendulum_motion):
     assert "It ended early" not in pf.replay(scene, motion).page
 
 
+@cache
 def solved(name):
     scene, trajectory = example(ROBOTS / f"{name}.yaml", ROBOTS / f"{name}.waypoints.yaml")
     return scene, pf.inverse_dynamics(scene, trajectory)
