@@ -286,11 +286,13 @@ def choose_from(name: object, allowed: Iterable[str], taken: Iterable[object] = 
     if not names:
         return "there are none"
     free = [other for other in names if other not in list(taken)]
-    near = difflib.get_close_matches(str(name), free, n=1, cutoff=0.6)
+    near = difflib.get_close_matches(str(name), free, n=_NEAREST, cutoff=0.6)
     if len(names) > _MOST_NAMES:
         word = str(name).lower()
         alike = [other for other in free if word in other.lower()]
-        alike += difflib.get_close_matches(str(name), free, n=_NEAREST, cutoff=0.0)
+        if len(near) < _NEAREST:  # each name in full
+            near = difflib.get_close_matches(str(name), free, n=_NEAREST, cutoff=0.0)
+        alike += near
         nearest = list(dict.fromkeys(alike))[:_NEAREST]
         return f"the nearest of {len(names)}: {', '.join(map(repr, nearest))}"
     guess = f"did you mean {near[0]!r}? " if near else ""

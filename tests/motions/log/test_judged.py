@@ -73,12 +73,14 @@ def judged(truth, rate, kind, tmp_path):
     return motion, peaks(result), np.array(list(uncertain.values()))
 
 
-#: Of these are another rate and jumps of acceleration in fast tests, too; slow ones have all.
+#: Of these another rate and jumps of acceleration in fast tests, too; slow ones have all.
 FEW = ("16 bit", "stalls", "stamps jitter")
+#: Slow at another rate.
+SLOWEST = {("stalls", 1000), ("stamps jitter", 1000)}
 
 
 def kinds(rate, few):
-    slow = {kind: few and kind not in FEW for kind in KINDS}
+    slow = {kind: few and kind not in FEW or (kind, rate) in SLOWEST for kind in KINDS}
     return [pytest.param(rate, k, marks=[pytest.mark.slow] * slow[k]) for k in KINDS]
 
 
