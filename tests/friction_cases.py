@@ -230,8 +230,8 @@ def grid_use(p, factor, reaches, count=20001):
     along, least = np.array([-factor[0, 1], factor[0, 0]]) / np.linalg.norm(factor), np.inf
     for reach in reaches:
         x = x0 + np.linspace(-reach, reach, count)[:, None] * along
-        force = p.contact[:, 0] + np.einsum("nc,tce->nte", x, p.contact[:, 1:])
-        limit = p.mu_stick * np.linalg.norm(force, axis=2)
+        force = p.contact[:, :1] + x @ p.contact[:, 1:]  # (2, count, 3)
+        limit = p.mu_stick * np.sqrt((force * force).sum(axis=2)).T
         limit = limit + np.where(x > 0.0, p.coulomb_stick[:, 1], p.coulomb_stick[:, 0])
         least = min(least, float((np.abs(x) / limit).max(axis=1).min()))
     return least

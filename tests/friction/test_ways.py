@@ -28,9 +28,9 @@ def a_mechanism(A):
     ("freedoms", "seed", "forced"),
     [
         (1, 0, {}),
-        (2, 1, {}),
+        pytest.param(2, 1, {}, marks=pytest.mark.slow),
         (2, 2, {}),
-        (3, 3, {}),
+        pytest.param(3, 3, {}, marks=pytest.mark.slow),
         (3, 4, {}),
         (1, 0, {3: -1.0}),
         (2, 1, {0: 1.0, 4: 1.0}),
