@@ -80,7 +80,9 @@ def test_a_worm_breaks_away_where_its_motor_pushes_enough(mass, torque, t_end, w
     assert found.events[0].time == pytest.approx(wanted, abs=1e-9)
 
 
-@pytest.mark.parametrize("seed", range(24))
+@pytest.mark.parametrize(
+    "seed", [pytest.param(x, marks=[pytest.mark.slow] * (x > 11)) for x in range(24)]
+)
 def test_an_arm_breaks_away_where_inverse_dynamics_ends(seed):
     wanted, found = ramp(seed)
     assert found == pytest.approx(wanted, abs=1e-6)

@@ -202,7 +202,7 @@ def test_worms_side_by_side_are_lowered_at_once(count):
     np.testing.assert_allclose(found.a, -9.38 / 3, rtol=1e-12)
 
 
-@pytest.mark.parametrize("count", [8, 9, 12])
+@pytest.mark.parametrize("count", [8, 9, pytest.param(12, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("lowered", [0, 2])
 def test_one_of_many_joints_at_rest_slips_whatever_else_rests(count, lowered):
     """Pushed with 10: t = 0.8 10 = 8, 1 kg, friction 1: a = 7. Worms: as those side by side above.

@@ -17,7 +17,7 @@ from pinfric.dynamics.simulation.scene_run import run_scene, start_state
 from pinfric.errors import LoopMotionError, SceneError
 from pinfric.model.closure import loop_state
 
-METHODS = {"event": {}, "timestepping": {"dt": 2e-3}, "regularized": {"rtol": 1e-5, "atol": 1e-7}}
+METHODS = {"event": {}, "timestepping": {"dt": 4e-3}, "regularized": {"rtol": 1e-5, "atol": 1e-7}}
 
 
 def parallelogram_scene(friction=None, length=0.2, coupler=0.5):

@@ -30,7 +30,9 @@ def too_narrow(found, chain):
     return apart.max() / (high - low).max()
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize(
+    "seed", [pytest.param(x, marks=[pytest.mark.slow] * (x % 2)) for x in range(40)]
+)
 def test_nine_to_twelve_pins_have_the_ends_of_every_corner(seed):
     mu = (0.4, 0.6, 0.8, 1.2)[seed // 10]
     chain = random_chain(seed, ENUMERATED[seed % 10], mu)

@@ -33,7 +33,9 @@ def friction(contact, owner, constant, limits, w):
 
 
 @pytest.mark.parametrize("coupling", [0.02, 0.1, 0.2])
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize(
+    "seed", [pytest.param(x, marks=[pytest.mark.slow] * (x > 1)) for x in range(5)]
+)
 def test_efforts_between_two_frictions_differ_by_no_more_than_the_bounds(seed, coupling):
     contact, owner, constant, limits, U = random_problem(seed, coupling)
     assert contracts(contact, owner, limits)
