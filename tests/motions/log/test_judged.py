@@ -80,7 +80,7 @@ SLOWEST = {("stalls", 1000), ("stamps jitter", 1000)}
 
 
 def kinds(rate, few):
-    slow = {kind: few and kind not in FEW or (kind, rate) in SLOWEST for kind in KINDS}
+    slow = {kind: (few and kind not in FEW) or (kind, rate) in SLOWEST for kind in KINDS}
     return [pytest.param(rate, k, marks=[pytest.mark.slow] * slow[k]) for k in KINDS]
 
 
