@@ -391,7 +391,7 @@ def _stiffness(problem: Problem, modes: Modes) -> tuple[np.ndarray, np.ndarray, 
     share = np.abs(modes.direction[problem.gear_coordinate[moves]])
     share[share == 0.0] = 1.0  # whichever way
     back = 1.0 + share * (problem.gear_lines[moves, :2, :, 0].min(axis=(1, 2), initial=1.0) - 1.0)
-    return (moves, back, _coupling(problem, modes)[1]) if (back <= 0.0).any() else None
+    return (moves, back, _coupling(problem, modes, moves)) if (back <= 0.0).any() else None
 
 
 def _energy(slopes: np.ndarray, inertia: np.ndarray, W: np.ndarray) -> np.ndarray:
@@ -434,18 +434,16 @@ def _enough(
     return {g: float(heavier(high)[g]) for g in locking.tolist()}
 
 
-def _coupling(problem: Problem, modes: Modes) -> tuple[np.ndarray, np.ndarray]:
-    """Which gears move (m,), and W of the module's text (m, m)."""
-    coordinate = problem.gear_coordinate
-    moves, stuck = np.flatnonzero(~modes.stuck[coordinate]), modes.stuck
-    c, R = coordinate[moves], problem.rate_slope
+def _coupling(problem: Problem, modes: Modes, moves: np.ndarray) -> np.ndarray:
+    """W of the module's text (m, m), of the gears that move (m,)."""
+    c, R, stuck = problem.gear_coordinate[moves], problem.rate_slope, modes.stuck
     across = R[np.ix_(c, stuck)]
     W = (
         R[np.ix_(c, c)]
         - across @ np.linalg.pinv(R[np.ix_(stuck, stuck)], hermitian=True) @ across.T
     )
     W = W @ np.linalg.inv(np.eye(len(c)) - problem.gear_rotor[moves, 1][:, None] * W)
-    return moves, 0.5 * (W + W.T)
+    return 0.5 * (W + W.T)
 
 
 def choices(problem: Problem, modes: Modes) -> list[tuple[np.ndarray, bool]] | None:
@@ -454,9 +452,10 @@ def choices(problem: Problem, modes: Modes) -> list[tuple[np.ndarray, bool]] | N
     None where there are too many. The present modes must be solved, on any lines. Where no friction
     depends on loads all is linear, and lines that do not fit are left out.
     """
-    moves, W = _coupling(problem, modes)
+    moves = np.flatnonzero(~modes.stuck[problem.gear_coordinate])
     if not len(moves):
         return [(modes.effort.copy(), True)]
+    W = _coupling(problem, modes, moves)
     coordinate, t = problem.gear_coordinate[moves], modes.effort[moves]
     every = [
         _lines_of(problem, int(g), float(modes.direction[c]))

@@ -197,7 +197,7 @@ class Superposition:
     def _coefficients(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(n,) speed factors; k_b (n, bodies) and k_c (n, causes) of each sample."""
         n = len(values)
-        columns = values.T.copy()  # contiguous, as `speed` is else: the kernel is compiled once
+        columns = values.T.copy()  # contiguous, like the default speed: one compiled kernel
         given = {
             (t.section, *t.names[:1], t.key): column
             for t, column in zip(self.targets, columns, strict=True)
