@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -126,6 +128,30 @@ def test_the_lightest_gears_that_swing_fast_enough_are_taken(masses, arm, tmp_pa
     ]
     assert names[:2] == [{"light"}] * 2
     assert "stiff" in names[2]
+
+
+@pytest.mark.parametrize("which", [1, 3, 5, 7])
+def test_of_all_sets_that_swing_fast_enough_the_lightest_is_taken(which, arm, tmp_path):
+    """Against all pairs of three gears, by eigenvalues of K^-1 M; links weigh as in the scene."""
+    scene, motion = arm
+    figures = {"light": (0.1, 1e4), "middle": (0.3, 4e4), "stiff": (0.8, 9e4)}
+    gears = {name: GEAR | {"mass": m, "stiffness": K} for name, (m, K) in figures.items()}
+    catalog = load_catalog(write_catalog(tmp_path / "c.yaml", gears=gears))
+    M = [pin.crba(scene.model, scene.model.createData(), q).copy() for q in motion.q]
+    sets = []
+    for (own, K_a), (other, K_b) in product(figures.values(), repeat=2):
+        slowest = max(np.linalg.eigvals(m / [[K_a], [K_b]]).real.max() for m in M)
+        sets.append((slowest**-0.5 / TAU, own + other))
+    lowest = sorted(sets)[which][0] * (1.0 - 1e-6)
+    report = pf.size(
+        scene.with_(masses="with_drives"),
+        motion,
+        catalog,
+        conditions={"resonance_base": 0.1, "inertia_ratio": 1e3, "lowest_frequency": lowest},
+    )
+    assert report.elastic.frequency.min() >= lowest
+    taken = sum(figures[joint.choice.candidate.gear_name][0] for joint in report.joints)
+    assert taken == pytest.approx(min(mass for frequency, mass in sets if frequency >= lowest))
 
 
 def test_reversal_error_of_a_joint_is_its_wind_up_either_way_and_its_backlash(arm, tmp_path):
