@@ -290,7 +290,7 @@ def choose_from(name: object, allowed: Iterable[str], taken: Iterable[object] = 
     if len(names) > _MOST_NAMES:
         word = str(name).lower()
         alike = [other for other in free if word in other.lower()]
-        if len(near) < _NEAREST:  # each name in full
+        if len(near) < _NEAREST:  # less alike ones, too
             near = difflib.get_close_matches(str(name), free, n=_NEAREST, cutoff=0.0)
         alike += near
         nearest = list(dict.fromkeys(alike))[:_NEAREST]

@@ -19,7 +19,7 @@ from xdist.scheduler import LoadScopeScheduling
 from pinfric.dynamics.judge import check
 from pinfric.kernels import compiled, interpreted
 
-# Each full collection walks all modules that a process holds: fewer of them.
+# A collection of garbage visits all objects of all modules: collect more seldom.
 gc.set_threshold(20_000)
 
 # `nohup` and a shell's `&` ignore Ctrl-C, and what tests start would, too.

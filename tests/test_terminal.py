@@ -142,6 +142,9 @@ def test_of_long_lists_the_nearest_three_names_are_said():
     assert text.startswith("the nearest of 1000: 'joint7', ")
     assert text.count("'") == 6
     assert choose_from("INT99", names) == "the nearest of 1000: 'joint99', 'joint990', 'joint991'"
+    strange = [c * n for n in (8, 9) for c in "acdfghijkmnpqrstuvxyz"]
+    found = choose_from("elbow", ["elbows", "w", "lb", *strange])
+    assert found == "the nearest of 45: 'elbows', 'lb', 'w'"  # two that are hardly alike, too
 
 
 @pytest.mark.parametrize("command", ["explain", "inverse", "replay", "new", "simulate"])

@@ -53,7 +53,7 @@ def free_motions(rows: np.ndarray, nv: int) -> np.ndarray:
     """
     if rows.shape[1] == 0:
         return np.broadcast_to(np.eye(nv), (len(rows), nv, nv))
-    n, same = len(rows), bool((rows == rows[:1]).all())  # without loops they are
+    n, same = len(rows), bool((rows == rows[:1]).all())  # as without loops
     _, sizes, V = np.linalg.svd(rows[:1] if same else rows)
     rank = int((sizes > _ZERO * sizes.max(axis=1, keepdims=True)).sum(axis=1).max())
     return np.broadcast_to(np.swapaxes(V[:, rank:], 1, 2), (n, nv, nv - rank))

@@ -98,16 +98,17 @@ def embedded_state(
     place_links(q_twin, parents, *placement, p, R)
     if v_twin.any() or a_twin.any():
         move_links(v_twin, a_twin, parents, p, R, velocity, acceleration)
-    return _related(linkage, actions_of(twin, linkage), p, R, velocity, acceleration)
+    return _related(twin, linkage, p, R, velocity, acceleration)
 
 
 def _related(
-    linkage: Linkage, actions: Actions, p: np.ndarray, R: np.ndarray, *rates: np.ndarray
+    twin: Twin, linkage: Linkage, p: np.ndarray, R: np.ndarray, *rates: np.ndarray
 ) -> LoopState:
     """How pairs relate where links are at p, R and have these velocities and accelerations."""
     n, nx, pairs = len(p), len(linkage.column_pair), len(linkage.pair_kind)
     gap, rate, derivative = (np.empty((n, nx)) for _ in range(3))
     tilt, scale = np.empty((n, pairs)), np.empty((n, pairs, 2))
+    actions = actions_of(twin, linkage)
     relate_pairs(p, R, *rates, actions, gap, rate, derivative, tilt, scale)
     return LoopState(gap, rate, derivative, tilt, scale, p, R)
 
@@ -116,16 +117,10 @@ def action_maps(
     twin: Twin, linkage: Linkage, p: np.ndarray, R: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return X (n, nj + pairs, 6, nx) and J (n, nx, nv) of a batch (`kinematics.act_on_joints`)."""
-    return _mapped(twin, linkage, actions_of(twin, linkage), p, R)
-
-
-def _mapped(
-    twin: Twin, linkage: Linkage, actions: Actions, p: np.ndarray, R: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
     n, nx = len(p), len(linkage.column_pair)
     X = np.empty((n, twin.n_joints + len(linkage.pair_kind), 6, nx))
     J = np.empty((n, nx, twin.nv))
-    act_on_joints(p, R, actions, X, J)
+    act_on_joints(p, R, actions_of(twin, linkage), X, J)
     return X, J
 
 
@@ -167,8 +162,8 @@ def approach(
     The gaps are in m: rotations times the mechanism's size.
     """
     q = pin.normalize(twin.model, np.array(q_guess, dtype=float))
-    free, actions = np.flatnonzero(~held), actions_of(twin, linkage)
-    gap, J = _gap(twin, linkage, actions, q)
+    free = np.flatnonzero(~held)
+    gap, J = _gap(twin, linkage, q)
     for _ in range(_PASSES):
         size = float(np.linalg.norm(gap))
         if size <= 1e-14 * linkage.size or not free.size:
@@ -178,7 +173,7 @@ def approach(
         step *= min(1.0, 0.7 / max(float(np.abs(step).max()), 1e-300))
         for _ in range(12):
             trial = pin.integrate(twin.model, q, step)
-            trial_gap, trial_J = _gap(twin, linkage, actions, trial)
+            trial_gap, trial_J = _gap(twin, linkage, trial)
             if np.linalg.norm(trial_gap) < size:
                 break
             step *= 0.5
@@ -188,9 +183,7 @@ def approach(
     return q, gap
 
 
-def _gap(
-    twin: Twin, linkage: Linkage, actions: Actions, q: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def _gap(twin: Twin, linkage: Linkage, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(nc,) gaps, rotations times the mechanism's size, and their Jacobian (nc, nv).
 
     Of one configuration Pinocchio's own poses are at hand sooner than those of a batch.
@@ -199,8 +192,8 @@ def _gap(
     pin.forwardKinematics(twin.model, data, q)
     p, R = (np.array([of_links]) for of_links in placed)
     still = np.zeros((1, twin.n_joints, 6))
-    state = _related(linkage, actions, p, R, still, still)
-    _, J = _mapped(twin, linkage, actions, p, R)
+    state = _related(twin, linkage, p, R, still, still)
+    _, J = action_maps(twin, linkage, p, R)
     rows = linkage.closed
     length = np.where(linkage.turning, linkage.size, 1.0)
     return length * (state.gap[0, rows] - linkage.rest_gap[rows]), length[:, None] * J[0, rows]

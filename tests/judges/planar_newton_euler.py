@@ -75,9 +75,8 @@ def crank_torque(
         for pin, (on, by) in PINS.items():
             slip = w[BARS.index(on)] - (w[BARS.index(by)] if by else 0.0)
             friction[pin] = -np.sign(slip) * bar.mu * bar.radius * np.hypot(*forces[pin])
-        if max(abs(friction[pin] - before[pin]) for pin in PINS) < 1e-16:
-            break
-        if friction == earlier:  # to and fro by a rounding
+        change = max(abs(friction[pin] - before[pin]) for pin in PINS)
+        if change < 1e-16 or friction == earlier:  # the same, or to and fro by a rounding
             break
     return torque, forces, friction
 

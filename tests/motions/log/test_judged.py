@@ -73,9 +73,9 @@ def judged(truth, rate, kind, tmp_path):
     return motion, peaks(result), np.array(list(uncertain.values()))
 
 
-#: Of these another rate and jumps of acceleration in fast tests, too; slow ones have all.
+#: Fast tests try these at another rate and with jumps of acceleration; slow tests try all.
 FEW = ("16 bit", "stalls", "stamps jitter")
-#: Slow at another rate.
+#: Kind and rate: of these, only slow tests.
 SLOWEST = {("stalls", 1000), ("stamps jitter", 1000)}
 
 
