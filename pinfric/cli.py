@@ -20,7 +20,7 @@ from typing import Annotated, Any
 import typer
 
 from pinfric import __version__
-from pinfric.errors import PinfricError, PinfricWarning, plain
+from pinfric.errors import PinfricError, PinfricWarning, plain, removed
 from pinfric.terminal import (
     answer,
     facts,
@@ -275,10 +275,6 @@ def size(
             "--condition", metavar="KEY=VALUE", help="A condition in place of the catalogue's."
         ),
     ] = None,
-    what_if: Annotated[
-        bool,
-        typer.Option("--what-if", help="Also the choice without drives' masses or friction."),
-    ] = False,
     out: OutFolder = None,
     as_json: AsJson = False,
     log: Any,
@@ -289,10 +285,6 @@ def size(
     meets it. --out writes sizing.json, report.html and bom.csv. A duty of several
     cycles: --cycle pick.csv:0.7 --cycle wait.csv:0.3, or counts.
     """
-    if what_if and catalog is None:
-        raise typer.BadParameter(
-            "needs drives to choose from: --catalog FILE, or `default`", param_hint="--what-if"
-        )
     given = _cycles(trajectory_name, cycle)
     scene, trajectory = load(scene_name, given[0][0], log, out)
     question_loads(scene)
@@ -317,7 +309,7 @@ def size(
         report = size_drives(scene, duty, catalog, conditions=conditions, on_miss="ignore")
     if report.catalog is not None:
         read.extend(report.catalog.files)
-    found = sizing_summary(report, what_if)
+    found = sizing_summary(report)
     words = ["pinfric", "size", scene_name, *([trajectory_name] if trajectory_name else ())]
     words += [f"--cycle={x}" for x in cycle or ()]
     words += [f"--on={on:g}", f"--period={period:g}"] if on != 1.0 else []
@@ -327,7 +319,7 @@ def size(
     files: Files = {"report.html": lambda path: path.write_text(page(), encoding="utf-8")}
     if bill := bill_of_materials(report):
         files["bom.csv"] = lambda path: path.write_text(bill, encoding="utf-8")
-    show_it = partial(sizing_report, report, what_if, telling["verbose"])
+    show_it = partial(sizing_report, report, telling["verbose"])
     answer(
         "size",
         found,
@@ -930,7 +922,8 @@ def _run(arguments: list[str]) -> int:
         command = problem.ctx.command_path if problem.ctx else "pinfric"
         before, said, rest = problem.format_message().partition("Input ")
         said = plain(rest) if said else ""  # typer says of numbers what pydantic says
-        message, code = f"{before}{said} (see {command} --help)", BAD_INPUT
+        gone = [f"{word}: {why}" for word in arguments if (why := removed(f"{command} {word}"))]
+        message, code = f"{gone[0] if gone else before + said} (see {command} --help)", BAD_INPUT
     except (KeyboardInterrupt, typer.Abort):  # typer before 0.20 has Abort, later an exit code
         message, code = "interrupted", INTERRUPTED
     except Exception as problem:

@@ -16,6 +16,11 @@ _WORDS = {
     "greater than or equal to": "at least",
     "less than or equal to": "at most",
 }
+#: What was removed, as one writes it -> what takes its place: an option ("pinfric size --x"), a
+#: command ("pinfric x"), a key of a file ("SweepFile.x", by its class), a value ("--to x").
+REMOVED = {
+    "pinfric size --what-if": "for another scene (`robot.masses`, no `friction`) run `size` again",
+}
 #: Letters of a whole message: longer than any path, shorter than a screen.
 _MOST_LETTERS = 6000
 
@@ -297,6 +302,11 @@ def choose_from(name: object, allowed: Iterable[str], taken: Iterable[object] = 
         return f"the nearest of {len(names)}: {', '.join(map(repr, nearest))}"
     guess = f"did you mean {near[0]!r}? " if near else ""
     return f"{guess}there are: {', '.join(names)}"
+
+
+def removed(name: str) -> str:
+    """Return what takes the place of a removed name of `REMOVED`, "" of any other."""
+    return f"it was removed; {REMOVED[name]}" if name in REMOVED else ""
 
 
 def plain(message: str) -> str:

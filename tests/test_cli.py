@@ -180,10 +180,6 @@ def test_size_takes_conditions(capsys, tmp_path):
     assert "conditions: unknown key `peak`" in refused(capsys, *size, "--condition", "peak=2")
 
 
-def test_size_asks_for_a_catalogue_to_choose_other_drives_from(capsys):
-    assert "--catalog FILE" in refused(capsys, "size", "pendulum", "pendulum", "--what-if")
-
-
 def test_size_takes_several_cycles_and_refuses_shares_that_do_not_add_up(files, capsys):
     size = ("size", "arm.yaml", "--cycle", "way.yaml:0.7", "--cycle", "way.yaml:")
     found = result_of(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -170,11 +170,6 @@ class DriveCycle:
         """
         where = self.standing if still else np.ones(len(x), dtype=bool)
         return longest_above(self.t, x, limit, where, self.duty)
-
-    def without_friction(self) -> DriveCycle:
-        """Return the same cycle as if the joints had no friction."""
-        u = self.effort_frictionless
-        return replace(self, effort_lower=u, effort_upper=u)
 
 
 def drive_cycle(

@@ -15,7 +15,7 @@ from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.random_states import random_states
 from pinfric.dynamics.samples.states import MotionLike
-from pinfric.errors import PinfricError, choose_from
+from pinfric.errors import PinfricError, choose_from, removed
 from pinfric.exporting.constants import JointConstants, joint_constants
 from pinfric.exporting.controller import compensator, level_uncertainty
 from pinfric.exporting.cpp import check_frames
@@ -228,7 +228,8 @@ def export(
     """
     expect_scene(scene, "export")
     if to not in FORMATS:
-        raise PinfricError(f"export: to {to!r}: {choose_from(to, FORMATS)}")
+        gone = removed(f"--to {to}")
+        raise PinfricError(f"export: to {to!r}: {gone or choose_from(to, FORMATS)}")
     if to == "cpp":
         return _for_cpp(scene, trajectory, frames, posterior, header_name(scene.source, namespace))
     if frames or namespace or posterior is not None:

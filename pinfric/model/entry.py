@@ -38,6 +38,7 @@ from pinfric.errors import (
     choose_from,
     plain,
     problems_line,
+    removed,
 )
 from pinfric.model.magnitudes import LARGEST, SMALLEST
 from pinfric.model.yamlfile import brief, yaml_line
@@ -150,7 +151,9 @@ class Entry(BaseModel):
             return given
         names = cls.key_names()
         return {
-            name: value if name in names else choose_from(name, names, given)
+            name: value
+            if name in names
+            else removed(f"{cls.__name__}.{name}") or choose_from(name, names, given)
             for name, value in given.items()
         }
 

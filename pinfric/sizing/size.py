@@ -25,12 +25,9 @@ from pinfric.drives.catalog_file import load_catalog
 from pinfric.drives.criterion import Criterion, Status
 from pinfric.drives.demand import (
     DriveCycle,
-    GearDemand,
     JointDemand,
-    average_output_effort,
     driven_joint,
     joint_demand,
-    screw_load,
 )
 from pinfric.drives.drivetrain import MotorCycle, line_voltage, motor_cycle
 from pinfric.drives.duty import Duty, Schedule, once
@@ -51,7 +48,6 @@ from pinfric.dynamics.samples.states import MotionLike
 from pinfric.elastic.motion import Elasticity, elasticity
 from pinfric.errors import PinfricWarning, SizingError, StopError, choose_from
 from pinfric.model.brief import counted, file_name, listed, screen
-from pinfric.model.described import described, quantity
 from pinfric.model.scene import Scene, expect_scene
 from pinfric.model.upward import Shown
 from pinfric.motions.summary import beyond_limits, effort_unit
@@ -180,19 +176,6 @@ class JointSizing:
         return f"{none}; all miss by more than a factor of ten: {why}"
 
 
-@described
-class WhatIf:
-    """What would be chosen for a joint without the drives' mass, or without friction."""
-
-    name: str = quantity("the drive's", heading="joint", name=True)
-    without_masses: str | None = quantity(
-        "choice if drives had no mass", heading="without the\ndrives' mass"
-    )
-    frictionless: str | None = quantity(
-        "choice if joints had no friction", heading="without\nfriction"
-    )
-
-
 @dataclass(frozen=True)
 class SizingReport(Shown):
     """The demand of a cycle on every drive, and the drives chosen for it.
@@ -212,7 +195,6 @@ class SizingReport(Shown):
         unclosed: states that differ between end and start of the cycle; empty if it closes.
         stops: with the chosen drives and their brakes; None: none, or the scene has no `stops`.
         no_stops: why the stops that the scene asks for could not be judged; "" where they were.
-        what_if: returns for each joint what would be chosen without masses and without friction.
     """
 
     scene: Scene
@@ -231,7 +213,6 @@ class SizingReport(Shown):
     unclosed: tuple[str, ...] = ()
     stops: StopResult | None = None
     no_stops: str = ""
-    what_if: Callable[[], tuple[WhatIf, ...]] = field(default=tuple, repr=False, compare=False)
 
     def __repr__(self) -> str:
         names = [joint.name for joint in self.joints]
@@ -489,7 +470,6 @@ class _Sizing:
                 beyond_limits(without),
             ),
             unclosed=gaps,
-            what_if=self._what_if,
         )
         stops, why = self._stopped(report)
         return replace(report, stops=stops, no_stops=why, other_mass=self._other_mass(taken))
@@ -538,7 +518,7 @@ class _Sizing:
         masses = {i: a.candidate.mass for i, a in taken.items()}
         return added_masses(self.scene, self.conditions, masses)
 
-    def _search(self, i: int, masses: Mapping[int, float], friction: bool = True) -> Search | None:
+    def _search(self, i: int, masses: Mapping[int, float]) -> Search | None:
         """The drives of the catalogue at a joint; None: it takes none."""
         if self.catalog is None or driven_joint(self.scene, i) is None:
             return None
@@ -547,9 +527,6 @@ class _Sizing:
             brakes = brakes_of(self.catalog, self.scene)
             self.shelves[linear] = Shelf(self.catalog, self.conditions, linear, brakes)
         case = self.robot.case(i, masses)
-        if not friction:
-            cycle = case.cycle.without_friction()
-            case = case._replace(demand=gear_demand_frictionless(case.demand, cycle), cycle=cycle)
         own = own_parts(self.catalog, self.conditions, name, linear)
         return Search(self.shelves[linear], case, Parts(own, frozenset(self.banned.get(i, ()))))
 
@@ -679,20 +656,6 @@ class _Sizing:
             )
         return f"{self.catalog.source} has no gear with a {output} output"
 
-    def _what_if(self) -> tuple[WhatIf, ...]:
-        """What would have been chosen without the drives' mass, and without friction."""
-        settled, found = self.robot.last, []
-        for i, drive in enumerate(self.scene.drives):
-            names: list[str | None] = []
-            for masses, friction in (({}, True), (settled.masses, False)):
-                self.robot.solve(masses)
-                search = self._search(i, masses, friction)
-                lightest = None if search is None else search.lightest()
-                names.append(None if lightest is None else lightest.candidate.name)
-            found.append(WhatIf(drive.name, *names))
-        self.robot.last = settled
-        return tuple(found)
-
 
 def brakes_of(catalog: Catalog, scene: Scene) -> dict[str, Brake]:
     """Return the brakes that a robot may have, the smallest first.
@@ -701,21 +664,6 @@ def brakes_of(catalog: Catalog, scene: Scene) -> dict[str, Brake]:
     """
     timed = {n: brake for n, brake in catalog.brakes.items() if brake.engage_time is not None}
     return ranked(catalog.brakes if scene.stops is None else timed or catalog.brakes)
-
-
-def gear_demand_frictionless(demand: GearDemand, cycle: DriveCycle) -> GearDemand:
-    """Return the figures that criteria ask for, of the same cycle without friction.
-
-    Args:
-        demand: with friction. cycle: `DriveCycle.without_friction`.
-    """
-    worst = cycle.ends[0]
-    return replace(
-        demand,
-        peak=float(np.abs(worst).max()),
-        mean_cubic=average_output_effort(cycle.stretched, worst, cycle.velocity),
-        bearing=screw_load(cycle) if demand.unit == "N" else demand.bearing,
-    )
 
 
 def _failing(found: Sequence[tuple[str, tuple[Criterion, ...]]]) -> tuple[str, ...]:

@@ -17,7 +17,7 @@ from pinfric.model.described import EFFORT, INERTIA, described, quantity
 from pinfric.model.mass_matrix import frame_jacobians
 from pinfric.model.robot import link_frame
 from pinfric.sizing.shelf import Assessment
-from pinfric.sizing.size import JointSizing, SizingReport, WhatIf
+from pinfric.sizing.size import JointSizing, SizingReport
 from pinfric.stops.summary import StopSummary, stop_summary
 
 #: Criteria that are named of a drive that misses several.
@@ -177,9 +177,6 @@ class SizingSummary:
     ask: tuple[ToAsk, ...] = quantity(
         "lighter products that cannot be signed, fewest figures first"
     )
-    what_if: tuple[WhatIf, ...] | None = quantity(
-        "choices without the drives' mass, and without friction; none: not asked for"
-    )
     no_fit: tuple[str, ...] = quantity("joints for which no drive fits")
     unmet: tuple[str, ...] = quantity("conditions that brakes, bus, stops or robot do not meet")
     stops: StopSummary | None = quantity("with the chosen drives; none: no `stops` in the scene")
@@ -193,12 +190,11 @@ class SizingSummary:
     notes: tuple[str, ...] = quantity("assumptions, and what was not checked")
 
 
-def sizing_summary(report: SizingReport, what_if: bool = False) -> SizingSummary:
+def sizing_summary(report: SizingReport) -> SizingSummary:
     """Return the summary of a sizing.
 
     Args:
         report: of `size`.
-        what_if: also say what would be chosen without the drives' mass, and without friction.
     """
     t, duty = report.result.t, report.duty
     assert t is not None  # size refuses a motion without times
@@ -224,7 +220,6 @@ def sizing_summary(report: SizingReport, what_if: bool = False) -> SizingSummary
         bus=report.bus,
         other_mass=report.other_mass,
         ask=to_ask(report),
-        what_if=report.what_if() if what_if else None,
         no_fit=report.no_fit,
         unmet=report.unmet,
         stops=None if report.stops is None else stop_summary(report.stops),

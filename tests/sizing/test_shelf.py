@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from builders import dry, example
+from builders import example
 from sizing_cases import (
     ACCELERATION,
     CYCLE,
@@ -315,19 +315,3 @@ def test_fifty_thousand_motors_and_a_hundred_gears(arm):
     assert spent < 20.0  # 10 s on a quiet machine
     assert len(said) >= 6
     assert report.settled
-
-
-@pytest.mark.slow
-def test_what_if_says_what_another_scene_gets(arm):
-    """Without masses: as if the links held them. Without friction: the outermost joint alone."""
-    scene, motion, catalog = arm
-    said = sized(arm).what_if()
-    weightless = sized((scene.with_(masses="with_drives"), motion, catalog))
-    assert [row.without_masses for row in said] == drives(weightless)
-    smooth = sized((scene.with_(masses="with_drives", friction={}), motion, catalog))
-    assert said[-1].frictionless == drives(smooth)[-1]
-    rough = {name: dry(30.0) for name in scene.joint_names}
-    stuck = sized((scene.with_(friction=rough), motion, catalog)).what_if()
-    heavy = sized((scene.with_(masses="with_drives", friction=rough), motion, catalog))
-    assert [row.without_masses for row in stuck] == drives(heavy)
-    assert stuck[-1].frictionless == drives(smooth)[-1] != drives(heavy)[-1]

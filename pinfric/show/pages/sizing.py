@@ -26,7 +26,6 @@ from pinfric.show.report.drives import (
     smaller_table,
     turn,
     unchecked_table,
-    what_if_table,
 )
 from pinfric.show.report.html import Marked, mark
 from pinfric.show.report.names import short_names
@@ -136,7 +135,6 @@ def sizing_page(report: SizingReport, command: str = "") -> str:
         unchecked=unchecked_table(found, title=""),
         ask=ask_table(found),
         smaller=smaller_table(found),
-        what_if=what_if_table(found),
         masses=masses_line(report),
         conditions_line="Demanded: " + "; ".join(demanded) + ".",
         all_conditions="; ".join(said),

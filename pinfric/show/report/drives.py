@@ -9,7 +9,7 @@ from pinfric.show.report.names import short_names
 from pinfric.show.report.rows import NONE, table_of
 from pinfric.show.report.tables import Table
 from pinfric.show.report.values import digits
-from pinfric.sizing.size import SizingReport, WhatIf
+from pinfric.sizing.size import SizingReport
 from pinfric.sizing.summary import SizedJoint, SizingSummary, Unchecked
 
 #: N m; torques of brakes below print as 0.
@@ -85,19 +85,6 @@ def ask_table(found: SizingSummary, most: int = 0) -> Table | None:
     lighter = "lighter, but " if all(chosen.issuperset(row.joints) for row in rows) else ""
     title = f"{lighter}a figure is missing: cannot be signed{more}"
     return table_of(title, rows, cells=cells)
-
-
-def what_if_table(found: SizingSummary) -> Table | None:
-    """Return what would be chosen without the drives' mass, and without friction."""
-    same = {joint.name: joint.choice for joint in found.joints}
-
-    def other(name: str) -> Callable[[WhatIf], str]:
-        return lambda row: (
-            "the same" if (drive := getattr(row, name)) == same[row.name] else drive or "none fits"
-        )
-
-    cells = {name: other(name) for name in ("without_masses", "frictionless")}
-    return table_of("what if", found.what_if or (), cells=cells)
 
 
 def brake_table(found: SizingSummary) -> Table | None:

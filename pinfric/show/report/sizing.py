@@ -21,7 +21,6 @@ from pinfric.show.report.drives import (
     smaller_table,
     turn,
     unchecked_table,
-    what_if_table,
 )
 from pinfric.show.report.elastic import frequency_lines
 from pinfric.show.report.rows import table_of
@@ -42,16 +41,11 @@ _VISIBLE = 1e-4
 _ASKED = 3
 
 
-def sizing_report(
-    report: SizingReport,
-    what_if: bool = False,
-    verbose: bool = True,
-) -> Report:
+def sizing_report(report: SizingReport, verbose: bool = True) -> Report:
     """Return the tables and lines that `pinfric size` prints, for a rich console.
 
     Args:
         report: of `size`.
-        what_if: also what would be chosen without the drives' mass, and without friction.
         verbose: all of it; else what is chosen, what fails, and what to ask for.
     """
     notes = [f"note: {line}" for line in report.notes]
@@ -59,7 +53,7 @@ def sizing_report(
     opening = [verdict(report), *masses_line(report), *(f"! {line}" for line in failing)]
     if report.catalog is None:
         return paragraphs(opening, demand_table(report), elastic_lines(report), notes)
-    found = sizing_summary(report, what_if=what_if)
+    found = sizing_summary(report)
     if not verbose:
         return _short(report, found, opening)
     return paragraphs(
@@ -74,7 +68,6 @@ def sizing_report(
         None if found.stops is None else axes_table(found.stops),
         bus_table(report),
         bus_lines(report),
-        what_if_table(found),
         elastic_lines(report),
         unchecked_table(found),
         notes,
@@ -94,7 +87,6 @@ def _short(report: SizingReport, found: SizingSummary, opening: Sequence[Any]) -
         choice_table(found, short=True),
         [*brake_line(found), *bus_lines(report), *stop_lines(found)],
         ask_table(found, _ASKED),
-        what_if_table(found),
         first + ending,
     )
 

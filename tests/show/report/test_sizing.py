@@ -84,7 +84,6 @@ def test_json_has_the_promised_figures_of_every_joint(panda):
         assert len(beside) == len(joint.alternatives) > 3
         assert entry["candidates"] == joint.candidates > 1000
     assert {"name", "figures", "joints"} <= answer["ask"][0].keys()
-    assert answer["what_if"] is None
     assert answer["catalog"] == "default"
 
 
