@@ -18,7 +18,6 @@ from pinfric.identification.normal import residuals
 from pinfric.identification.parameters import Parameter
 from pinfric.identification.recordings import stick_velocity
 from pinfric.identification.rest import BreakAway, RestBound
-from pinfric.identification.zeros import turned_zeros
 from pinfric.motions.log.effort_place import place_note
 from pinfric.motions.summary import effort_unit
 
@@ -110,7 +109,7 @@ def notes(
         ],
     }
     doubts = _by_joint(contradicting) + _misfits(found, shapes) + _delays(found)
-    doubts += _zeros(found) + ([] if found.question.keep_inertias else _by_joint(_of_links(found)))
+    doubts += [] if found.question.keep_inertias else _by_joint(_of_links(found))
     return Notes(tuple(doubts), tuple(lines))
 
 
@@ -159,19 +158,6 @@ def _of_falls(found: Estimate) -> list[str]:
     return [
         "these logs do not tell with which exponent friction falls from rest to motion; "
         f"intervals contain the coefficients of each: {'; '.join(each)}"
-    ]
-
-
-def _zeros(found: Estimate) -> list[str]:
-    """Angles whose zero may be off by a quarter or half turn."""
-    better = turned_zeros(found)
-    if not better:
-        return []
-    names, best = found.scene.joint_names, max(better, key=lambda one: one.gain)
-    each = " or ".join(f"{names[one.joint]} {np.degrees(one.turn):+.0f} degrees" for one in better)
-    return [
-        f"lack of fit: another zero of an angle lowers the squared residual by "
-        f"{100 * best.gain:.0f} %: {each}; check the zeros of the logged angles"
     ]
 
 

@@ -8,7 +8,6 @@ from pinfric.identification.advice import Advice
 from pinfric.identification.findings import Findings, HeldOut
 from pinfric.identification.laws import PLAIN
 from pinfric.identification.parameters import Parameter
-from pinfric.identification.published import BesidePublished, beside_published
 from pinfric.identification.rest import RestBound
 from pinfric.model.described import EFFORT, PLACE, described, quantity
 from pinfric.motions.summary import effort_unit
@@ -103,9 +102,6 @@ class IdentifySummary:
     unseen: Mapping[str, Mapping[str, HeldOut]] = quantity(
         "log -> joint -> error on logs that were held out as a whole"
     )
-    published: tuple[BesidePublished, ...] = quantity(
-        "friction that bundled scenes have of this robot, beside what was found"
-    )
     inertias: str = quantity('link inertias: "kept" from the URDF, or "corrected"')
     advice: tuple[Advice, ...] = quantity("recordings of 30 s, the most informative one first")
     doubts: tuple[str, ...] = quantity("what contradicts the result")
@@ -147,7 +143,6 @@ def identify_summary(found: Findings) -> IdentifySummary:
         ),
         parameters=found.parameters,
         unseen=found.unseen,
-        published=beside_published(found),
         inertias="kept" if found.keeps_inertias else "corrected",
         advice=found.advice,
         doubts=found.doubts,

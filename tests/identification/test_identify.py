@@ -53,7 +53,6 @@ import pinfric as pf
 from pinfric.errors import IdentificationError
 from pinfric.identification.files import scene_text
 from pinfric.identification.identify import beside_measured
-from pinfric.identification.published import beside_published
 from pinfric.identification.summary import identify_summary
 from pinfric.model.described import in_json
 from pinfric.model.schema import Assumed
@@ -170,23 +169,3 @@ def test_the_command_writes_what_runs(tmp_path, capsys, monkeypatch):
         (("--effort-at", "shaft"), "'--effort-at': 'shaft'"),
     ):
         assert said in refused(capsys, *given, *bad)
-
-
-def test_published_figures_of_the_robot_stand_beside_what_was_found(found):
-    """Of a UR5 those of the scene `ur5e`; wrist_3's friction is Coulomb and viscous only."""
-    rows = {row.name: row for row in identify_summary(found).published}
-    assert tuple(rows) == NAMES
-    assert {row.scene for row in rows.values()} == {"ur5e"}
-    speed = np.abs(np.concatenate([one.velocity[:, 5] for one in found.recordings]))
-    speed = speed[(speed > 0.01) & (speed <= 3.2)]
-    assert rows[NAMES[5]].published == pytest.approx(
-        np.mean(1.153 + 1.491 * speed**0.552), rel=0.03
-    )
-    assert rows[NAMES[5]].found == pytest.approx(np.mean(1.05 + 1.4 * speed), rel=0.05)
-    assert rows[NAMES[5]].ratio == rows[NAMES[5]].found / rows[NAMES[5]].published
-    assert rows[NAMES[1]].ratio > 1.2  # its gear's losses count
-    elsewhere = found.estimate.question.scene.model.copy()
-    elsewhere.name, elsewhere.inertias[1].mass = "arm", 99.0
-    question = replace(found.estimate.question, scene=pf.Scene(model=elsewhere))
-    other = replace(found, estimate=replace(found.estimate, question=question))
-    assert beside_published(other) == ()

@@ -9,7 +9,6 @@ from types import SimpleNamespace
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import chain, lump
 from identify_cases import (
     BACK_EFFICIENCY,
     COULOMB,
@@ -20,7 +19,6 @@ from identify_cases import (
     excitation,
     fit_of,
     guess,
-    log,
     motor_effort,
     one_joint,
     parameter,
@@ -34,7 +32,7 @@ from scipy.optimize import lsq_linear
 
 import pinfric as pf
 from pinfric.errors import IdentificationError
-from pinfric.identification import advice, zeros
+from pinfric.identification import advice
 from pinfric.identification.advice import advice_text
 from pinfric.identification.columns import joint_rows, with_loads
 from pinfric.identification.estimate import _at_an_end, _doubt
@@ -51,7 +49,6 @@ from pinfric.identification.normal import (
 from pinfric.identification.parameters import _entries, _rest_excess, parameters, scene_key
 from pinfric.identification.stribeck import Fall, with_falls
 from pinfric.identification.uncertainty import Uncertainty
-from pinfric.identification.zeros import turned_zeros
 
 # Advice: the advised next recording does what was promised.
 
@@ -403,7 +400,7 @@ def test_stribeck_friction_is_chosen_where_it_is_and_only_there():
         assert all(law.stribeck == stribeck for law in one.laws.values()), one.laws
 
 
-# Zeros: zeros of angles that are off by a quarter turn.
+# Links: what their masses tell.
 
 
 @pytest.mark.slow
@@ -422,47 +419,8 @@ def test_masses_or_loads_tell_a_zero_that_is_off_by_a_quarter_turn():
         pf.identify(guess(0), turned(2, -np.pi / 2), laws=PLAIN)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("turn", [90, -90])
-def test_a_wrong_zero_that_the_last_links_take_up_is_named(turn):
-    """Masses move by less than a URDF is off by, and errors stay at 3 %; but another zero fits."""
-    off = np.deg2rad(turn) * (np.arange(6) == 4)
-    found = pf.identify(guess(0), replace(short(), q=short().q + off), laws=PLAIN)
-    assert max(one.error / one.rms for one in found.errors.values()) < 0.05
-    line = next(line for line in found.notes if "another zero" in line)
-    assert f"%: {NAMES[4]} {-turn:+d} degrees;" in line
-
-
-@pytest.mark.parametrize("turn", [0.2, -0.15, 0.5 * np.pi, -0.5 * np.pi, np.pi])
-def test_a_turn_gains_what_the_residual_loses(turn, monkeypatch):
-    model = chain(*((name, pin.JointModelRY(), lump(1.0)) for name in ("arm", "hand")))
-    size = 1.0 + 0.01 * np.sin(np.arange(20.0))  # of 20 spans
-
-    def left(_: object, joint: int, x: float) -> np.ndarray:
-        return 1.5 - size * np.cos(x - turn)
-
-    monkeypatch.setattr(zeros, "_left", left)
-    (one,) = turned_zeros(SimpleNamespace(scene=pf.Scene(model)))  # the hand's links turn along
-    assert (one.joint, one.turn) == (0, pytest.approx(turn, rel=0.02))
-    gain = 1.0 - left(None, 0, turn).sum() / left(None, 0, 0.0).sum()
-    assert one.gain == pytest.approx(gain, rel=0.02)
-
-
 def test_masses_are_said_beside_the_urdfs(found):
     line = next(line for line in found.notes if "kg in the URDF -> found" in line)
     for name, one in zip(NAMES, tuple(found.scene.model.inertias)[1:], strict=True):
         assert re.search(rf"{name} [\d.]+ -> {one.mass:.3g}", line)
     assert not any(line.startswith("masses that differ from the URDF's") for line in found.notes)
-    assert turned_zeros(found.estimate) == ()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("joint", "turn"), [(4, 0.2), (2, -0.2)])
-def test_a_zero_that_is_off_by_a_little_is_named(joint, turn):
-    """Of wrist 2 a turn of 0.2 rad itself is no better than the errors of its gain."""
-    given = log(4, 60.0, 100.0)
-    turned = replace(given, q=given.q + turn * (np.arange(6) == joint))
-    found = pf.identify(guess(4), turned, laws=PLAIN)
-    line = next(line for line in found.notes if "another zero" in line)
-    degrees = float(re.search(rf"{NAMES[joint]} ([+-]\d+) degrees", line)[1])
-    assert degrees == pytest.approx(-np.degrees(turn), abs=6.0)

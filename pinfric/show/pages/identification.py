@@ -77,7 +77,6 @@ def identification_page(found: Identified) -> str:
         laws=table_of("", summary.joints),
         coefficients=table_of("", summary.parameters, only=_SHOWN, cells={"determined": _said}),
         unseen=table_of("", predicted(summary)),
-        published=table_of("", summary.published, keys=2),
         delay=found.estimate.delay,
         scene=Path(found.scene.source).stem,
         logs=summary.logs,

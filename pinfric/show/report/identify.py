@@ -48,23 +48,9 @@ def identify_report(found: Identified, summary: IdentifySummary, verbose: bool =
         rest = (
             f"coefficients with intervals, {counted(len(others), 'note')}: -v; scene, page: --out"
         )
-        # In a line for each bundled scene of the robot: friction over the published one
-        ratios: dict[tuple[str, str], list[str]] = {}
-        for row in summary.published:
-            ratios.setdefault((row.scene, row.grade), []).append(f"{row.ratio:.2f}")
-        over = [
-            f"friction over the published one of {scene} (grade {grade}), joint by joint: "
-            f"{', '.join(found)}"
-            for (scene, grade), found in ratios.items()
-        ]
-        return paragraphs(opening, laws, unseen, [*over, advice, f"{rest} FOLDER"])
+        return paragraphs(opening, laws, unseen, [advice, f"{rest} FOLDER"])
     lines = [f"delay of the logged efforts: {found.estimate.delay}", *others, advice]
-    published = table_of(
-        "mean friction while the joint moves as slowly as published figures were measured",
-        summary.published,
-        keys=2,
-    )
-    return paragraphs(opening, laws, figures, published, unseen, lines)
+    return paragraphs(opening, laws, figures, unseen, lines)
 
 
 def verdict(summary: IdentifySummary) -> str:
