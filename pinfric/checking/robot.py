@@ -13,11 +13,11 @@ import numpy as np
 
 from pinfric.checking.link_extent import Extent, link_extents, place_of
 from pinfric.errors import PinfricWarning
+from pinfric.model.mimics import lost_leaders
 from pinfric.model.robot import mesh_folders
 from pinfric.model.urdf import (
     bodies,
     check_urdf,
-    lost_leaders,
     missing_meshes,
     read_document,
     still_links,

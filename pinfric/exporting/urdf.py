@@ -6,18 +6,17 @@ import warnings
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
 from pinfric.errors import PinfricError, PinfricWarning
 from pinfric.exporting.constants import JointConstants
 from pinfric.exporting.mjcf import xml_comment, xml_text
-from pinfric.model.robot import changed_parts, read_robot, with_followers
+from pinfric.model.mimics import lock_joints
+from pinfric.model.robot import changed_parts, read_robot
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Payload
-from pinfric.model.urdf import check_urdf, followers, read_document
+from pinfric.model.urdf import check_urdf
 from pinfric.model.urdf_file import read_xml
 
 
@@ -58,8 +57,7 @@ def urdf(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", PinfricWarning)  # said when the scene was read
         check_urdf(root, robot.urdf)
-    joint_of = {joint.name: joint for joint in read_document(root, robot.urdf).joints}
-    locked = with_followers(robot.locked, followers(root))
+    lock_joints(root, robot.locked, robot.urdf)
     constants = {joint.joint: joint for joint in joints if joint.moving}
     for element in root.findall("joint"):
         name = str(element.get("name"))
@@ -67,9 +65,7 @@ def urdf(
             element.remove(old)
         if name in lines:
             root.insert(list(root).index(element), xml_comment(lines[name]))
-        if name in locked:
-            _fix(element, joint_of[name], locked[name])
-        elif name in constants:
+        if name in constants:
             found = constants[name]
             ElementTree.SubElement(
                 element, "dynamics", damping=repr(found.damping), friction=repr(found.frictionloss)
@@ -84,26 +80,6 @@ def urdf(
     for row, line in enumerate(header):
         root.insert(row, xml_comment(line))
     return xml_text(root)
-
-
-def _fix(element: ElementTree.Element, joint: Any, position: float) -> None:
-    """Make a joint fixed where it is locked."""
-    origin = element.find("origin")
-    if origin is None:
-        origin = ElementTree.SubElement(element, "origin")
-    axis = joint.axis / np.linalg.norm(joint.axis)
-    frame = np.eye(4) if joint.origin is None else joint.origin
-    turn, place = frame[:3, :3], frame[:3, 3]
-    if joint.type == "prismatic":
-        place = place + turn @ axis * position
-    else:
-        turn = turn @ pin.exp3(axis * position)
-    origin.set("xyz", _numbers(place))
-    origin.set("rpy", _numbers(pin.rpy.matrixToRpy(turn)))
-    element.set("type", "fixed")
-    for tag in ("axis", "limit", "mimic", "safety_controller", "calibration"):
-        for old in element.findall(tag):
-            element.remove(old)
 
 
 def _payload(name: str, payload: Payload) -> tuple[ElementTree.Element, ElementTree.Element]:

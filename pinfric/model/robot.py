@@ -16,15 +16,13 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.errors import PinfricWarning, RobotError, choose_from
+from pinfric.model.mimics import lock_joints, numbers_before_names
 from pinfric.model.schema import Payload
 from pinfric.model.urdf import (
-    Mimic,
     UrdfDynamics,
     bodies,
     check_urdf,
     dynamics,
-    followers,
-    link_of,
     reductions,
     warn_of_missing_meshes,
 )
@@ -127,35 +125,9 @@ def read_robot(urdf: Path, locked: Mapping[str, float]) -> Robot:
     check_urdf(root, urdf)
     package_dirs = mesh_folders(urdf)
     warn_of_missing_meshes(root, urdf, package_dirs)
-    movable = [j.attrib["name"] for j in root.findall("joint") if j.get("type") != "fixed"]
-    for name in locked:
-        if name not in movable:
-            raise RobotError(
-                f"robot.locked: {urdf} has no joint {name!r}; {choose_from(name, movable)}"
-            )
-    mimics = followers(root)
-    positions = with_followers(locked, mimics)
-    # Pinocchio cannot reduce a model with a mimic joint: if all are locked, build it without them.
-    mimic = bool(mimics.keys() - positions.keys())
-    if mimic and mimics.keys() & positions.keys():
-        raise RobotError(
-            f"robot.locked: {sorted(locked)} would lock some mimic joints of {urdf} and keep "
-            f"others ({sorted(mimics.keys() - positions.keys())}): lock all of them or none"
-        )
-    model = _pinocchio_model(root, urdf, mimic)
+    lock_joints(root, locked, urdf)
+    model = _pinocchio_model(root, urdf)
     _check_bodies(model, root, urdf)
-    if positions:
-        reference = pin.neutral(model)
-        for name, position in positions.items():
-            joint = model.joints[model.getJointId(name)]
-            if joint.nq == 2:  # continuous: cos, sin
-                reference[joint.idx_q : joint.idx_q + 2] = math.cos(position), math.sin(position)
-            elif joint.nq == 1:
-                reference[joint.idx_q] = position
-            else:
-                raise RobotError(f"robot.locked.{name}: only one-degree joints can be locked")
-        ids = [model.getJointId(name) for name in positions]
-        model = pin.buildReducedModel(model, ids, reference)
     if model.nv == 0:
         raise RobotError(f"{urdf}: no joint of this robot can move; there is nothing to drive")
     check_kinetic_energy(model, str(urdf))
@@ -238,64 +210,33 @@ def _worst_pose(model: pin.Model, value: Callable[[np.ndarray], float]) -> np.nd
     return worst
 
 
-def with_followers(locked: Mapping[str, float], mimics: Mapping[str, Mimic]) -> dict[str, float]:
-    """Return `locked`, plus each mimic joint whose leader is locked, at its position.
-
-    Args:
-        locked: joint -> position (rad or m).
-        mimics: joint -> the joint it mimics (`followers`).
-    """
-    positions = dict(locked)
-    for name, mimic in mimics.items():
-        if mimic.joint in locked:
-            positions[name] = mimic.multiplier * locked[mimic.joint] + mimic.offset
-    return positions
-
-
-def _pinocchio_model(root: ElementTree.Element, urdf: Path, mimic: bool) -> pin.Model:
-    reason = ""
-    for leaders_first in (False, True):
-        with _silent_stderr() as said:
-            try:
-                return _leaders_first(root) if leaders_first else _from_xml(root, mimic)
-            except Exception as problem:
-                reason = said() or str(problem)
-        if "mimic" not in reason:
-            break
-    raise RobotError(f"{urdf}: Pinocchio cannot build it: {reason}")
-
-
-def _from_xml(root: ElementTree.Element, mimic: bool) -> pin.Model:
-    return pin.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"), mimic=mimic)
-
-
-def _leaders_first(root: ElementTree.Element) -> pin.Model:
-    """Build a model whose mimic joints come after the joints they follow.
-
-    Pinocchio visits joints depth first, those of one link in alphabetical order, and needs the
-    leader before the follower. Numbers put before the names give that order.
-    """
-    root = copy.deepcopy(root)
-    joints = {str(joint.get("name")): joint for joint in root.findall("joint")}
-    mimics = [mimic for joint in joints.values() for mimic in joint.findall("mimic")]
-    leading: set[str] = set()  # leaders, and all joints between them and the root
-    below = {link_of(joint, "child"): name for name, joint in joints.items()}
-    for name in {str(mimic.get("joint")) for mimic in mimics}:
-        above: str | None = name
-        while above is not None and above not in leading:
-            leading.add(above)
-            above = below.get(link_of(joints[above], "parent"))
-    for name, joint in joints.items():
-        joint.set("name", f"{int(name not in leading)} {name}")
-    for mimic in mimics:
-        mimic.set("joint", f"0 {mimic.get('joint')}")
-    model = _from_xml(root, mimic=True)
-    for index in range(1, model.njoints):
-        model.names[index] = model.names[index][2:]
-    for frame in list(model.frames)[1:]:  # the first is the universe's
-        if frame.type in (pin.FrameType.JOINT, pin.FrameType.FIXED_JOINT):
-            frame.name = frame.name[2:]
+def _pinocchio_model(root: ElementTree.Element, urdf: Path) -> pin.Model:
+    """Build a model whose mimic joints come after the joints they follow."""
+    numbers = numbers_before_names(root, urdf)
+    if numbers:
+        root = copy.deepcopy(root)
+        for joint in root.findall("joint"):
+            for named, key in ((joint, "name"), (joint.find("mimic"), "joint")):
+                if named is not None:
+                    named.set(key, numbers[named.attrib[key]] + named.attrib[key])
+    with _silent_stderr() as said:
+        try:
+            model = _from_xml(root)
+        except Exception as problem:
+            reason = said() or str(problem)
+            raise RobotError(f"{urdf}: Pinocchio cannot build it: {reason}") from None
+    if numbers:
+        name_of = {number + name: name for name, number in numbers.items()}
+        for index in range(1, model.njoints):
+            model.names[index] = name_of[model.names[index]]
+        for frame in model.frames:
+            if frame.type in (pin.FrameType.JOINT, pin.FrameType.FIXED_JOINT):
+                frame.name = name_of.get(frame.name, frame.name)
     return model
+
+
+def _from_xml(root: ElementTree.Element) -> pin.Model:
+    return pin.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"), mimic=True)
 
 
 def _check_bodies(model: pin.Model, root: ElementTree.Element, urdf: Path) -> None:

@@ -1,7 +1,7 @@
 """Checks of a URDF: errors that Pinocchio accepts or reports badly are found here.
 
-Parts that every command needs but Pinocchio's model does not keep (mimic joints, <dynamics>,
-<transmission>) are read here, too. yourdfpy reads everything else (`read_document`).
+Parts that every command needs but Pinocchio's model does not keep (<dynamics>, <transmission>) are
+read here, too. yourdfpy reads everything else (`read_document`).
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ import numpy as np
 
 from pinfric.errors import PinfricWarning, RobotError, choose_from
 from pinfric.model.magnitudes import LARGEST
+from pinfric.model.mimics import link_of, settle_mimics
 from pinfric.model.urdf_file import NAMELESS
 from pinfric.model.yamlfile import brief
 
@@ -43,35 +44,26 @@ class UrdfDynamics(NamedTuple):
     damping: float
 
 
-class Mimic(NamedTuple):
-    """The joint that a follower follows: position = multiplier * the leader's + offset."""
-
-    joint: str
-    multiplier: float
-    offset: float
-
-
 def check_urdf(root: ElementTree.Element, urdf: Path) -> None:
     """Check the links and joints of a URDF; its meshes are not read.
 
     A robot without a name gets one in `root`, and numbers are written there as every reader takes
-    them. Mimic tags of unknown joints are removed from it, and physically impossible inertias are
-    kept, each with one `PinfricWarning`, because other programs accept both.
+    them, mimic tags as Pinocchio takes them (`settle_mimics`). Physically impossible inertias are
+    kept, with one `PinfricWarning`, because other programs accept them.
 
     Args:
         root: as `read_xml` returns it.
         urdf: named in messages.
 
     Raises:
-        RobotError: not a URDF, not a tree, or an impossible mass, inertia, axis or limit.
+        RobotError: not a URDF, not a tree, or an impossible mass, inertia, axis, limit or mimic.
     """
     _check_elements(root, urdf)
     if not root.get("name"):
         root.set("name", NAMELESS)
-    _release_followers(root, urdf)
     _check_tree(root, urdf)
     _check_joints(root, urdf)
-    _check_mimics(root, urdf)
+    settle_mimics(root, urdf)
     _check_inertias(root, urdf)
 
 
@@ -92,18 +84,6 @@ def read_document(root: ElementTree.Element, urdf: Path) -> Any:
         return URDF.load(content, build_scene_graph=False, load_meshes=False).robot
     except Exception as problem:  # of lxml, or of what stands in the file
         raise RobotError(f"{urdf}: cannot be read: {brief(str(problem), 300)}") from None
-
-
-def followers(root: ElementTree.Element) -> dict[str, Mimic]:
-    """Return joint -> the joint it mimics."""
-    return {
-        name: Mimic(
-            mimic.attrib["joint"],
-            float(mimic.get("multiplier", 1.0)),
-            float(mimic.get("offset", 0.0)),
-        )
-        for name, mimic in _parts(root, "mimic")
-    }
 
 
 def dynamics(root: ElementTree.Element) -> dict[str, UrdfDynamics]:
@@ -280,12 +260,6 @@ def _check_tree(root: ElementTree.Element, urdf: Path) -> None:
         raise RobotError(f"{urdf}: links {lost} form a ring without connection to {roots[0]!r}")
 
 
-def link_of(joint: ElementTree.Element, end: str) -> str:
-    """Return the name of a joint's `parent` or `child` link, which was checked to exist."""
-    element = joint.find(end)
-    return "" if element is None else element.get("link", "")
-
-
 def _reachable(start: Sequence[str], joints: Iterable[ElementTree.Element]) -> set[str]:
     """Links reached from `start` along the joints, downwards."""
     reached = set(start)
@@ -296,6 +270,7 @@ def _reachable(start: Sequence[str], joints: Iterable[ElementTree.Element]) -> s
 
 
 def _check_joints(root: ElementTree.Element, urdf: Path) -> None:
+    unlimited = []
     for joint in root.findall("joint"):
         where, kind = f"{urdf}: joint {joint.get('name')!r}", joint.get("type")
         if kind in ("fixed", "floating"):
@@ -308,56 +283,17 @@ def _check_joints(root: ElementTree.Element, urdf: Path) -> None:
             lower, upper = (limit.get(end) for end in ("lower", "upper"))
             if lower is not None and upper is not None and float(lower) > float(upper):
                 raise RobotError(f"{where}: limits lower {float(lower)} > upper {float(upper)}")
-
-
-def _check_mimics(root: ElementTree.Element, urdf: Path) -> None:
-    types = {joint.get("name"): joint.get("type") for joint in root.findall("joint")}
-    mimics = followers(root)
-    for name, mimic in mimics.items():
-        where, leader = f"{urdf}: joint {name!r}", mimic.joint
-        if leader == name:
-            raise RobotError(f"{where} mimics itself")
-        if (above := mimics.get(leader)) is not None:
-            raise RobotError(
-                f"{where} mimics {leader!r}, which mimics {above.joint!r}: "
-                f"Pinocchio supports no chains; mimic {above.joint!r} directly"
-            )
-        if types[leader] not in ("revolute", "prismatic"):
-            raise RobotError(
-                f"{where} mimics {leader!r}, a {types[leader]} joint; Pinocchio supports "
-                "revolute and prismatic leaders only: give it limits"
-            )
-        if mimic.multiplier == 0.0:
-            raise RobotError(f"{where} mimics with the multiplier 0: make it a fixed joint")
-
-
-def lost_leaders(root: ElementTree.Element) -> dict[str, str]:
-    """Return joint -> the joint it mimics, for joints that mimic an unknown joint."""
-    joints = {joint.get("name") for joint in root.findall("joint")}
-    return {
-        str(joint.get("name")): str(mimic.get("joint"))
-        for joint in root.findall("joint")
-        for mimic in joint.findall("mimic")
-        if mimic.get("joint") not in joints
-    }
-
-
-def _release_followers(root: ElementTree.Element, urdf: Path) -> None:
-    """Remove mimic tags of unknown joints: such a joint then moves independently."""
-    lost = lost_leaders(root)
-    if not lost:
-        return
-    for joint in root.findall("joint"):
-        for mimic in joint.findall("mimic") if joint.get("name") in lost else ():
-            joint.remove(mimic)
-    name, leader = next(iter(lost.items()))
-    others = f" (and {len(lost) - 1} more joints have no leader)" if len(lost) > 1 else ""
-    warnings.warn(
-        f"{urdf}: joint {name!r} mimics {leader!r}, which is not there{others}; a joint without "
-        "leader moves independently, with its own drive",
-        PinfricWarning,
-        stacklevel=4,
-    )
+        for key in ("effort", "velocity"):
+            if limit is not None and float(limit.get(key, 0)) < 0:
+                unlimited.append(f"{joint.get('name')!r} ({key} {limit.get(key)})")
+                limit.set(key, "0")
+    if unlimited:
+        more = f" and {len(unlimited) - 1} more" if len(unlimited) > 1 else ""
+        warnings.warn(
+            f"{urdf}: negative limits are read as none: {unlimited[0]}{more}",
+            PinfricWarning,
+            stacklevel=4,
+        )
 
 
 def bodies(root: ElementTree.Element) -> dict[str, tuple[float, np.ndarray]]:

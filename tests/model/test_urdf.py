@@ -30,7 +30,6 @@ from pinfric.motions.joint_columns import stated_limit, stated_range
         ([link("arm"), joint(), link("loose")], "one root link"),
         ([link("arm"), joint(axis="0 0")], r"'swing'.*axis xyz='0 0'.*3 finite numbers"),
         ([link("arm"), joint().replace('lower="-1"', 'lower="3"')], r"'swing': limits lower 3"),
-        ([link("arm"), joint(more='<mimic joint="swing"/>')], "'swing' mimics itself"),
         ([link("arm"), joint(more='<dynamics friction="x"/>')], "'swing'.*friction='x'"),
         (
             [
@@ -81,26 +80,6 @@ from pinfric.motions.joint_columns import stated_limit, stated_range
         ([link("arm").replace('<mass value="1"/>', ""), joint()], "'arm'.*without <mass"),
         ([link("arm").replace('iyy="0.1"', ""), joint()], "'arm'.*without inertia iyy"),
         ([link("arm").replace("</link>", "<inertial/></link>"), joint()], "'arm' has 2 <inert"),
-        (
-            [
-                link("arm"),
-                joint(),
-                link("a"),
-                link("b"),
-                joint("m", "arm", "a", more='<mimic joint="swing"/>'),
-                joint("n", "arm", "b", more='<mimic joint="m"/>'),
-            ],
-            "'n' mimics 'm', which mimics",
-        ),
-        (
-            [
-                link("arm"),
-                joint(kind="continuous"),
-                link("a"),
-                joint("m", "arm", "a", more='<mimic joint="swing"/>'),
-            ],
-            "'m' mimics 'swing', a cont",
-        ),
         ([link("arm", mass="nan"), joint()], r"'arm': <mass value='nan'>"),
         # words beside numbers
         ([link("arm"), joint(axis="0\N{NO-BREAK SPACE}0 1")], "joint 'swing': <.* should be"),
@@ -116,6 +95,15 @@ def test_what_no_robot_can_be_is_refused(tmp_path, parts, says):
     with pytest.raises(RobotError, match=says) as caught:
         read_robot(urdf(tmp_path, *parts), {})
     assert "\n" not in str(caught.value)
+
+
+def test_negative_limits_are_none_with_a_warning(tmp_path):
+    file = urdf(tmp_path, link("arm"), joint().replace('"5"', '"-1.0"').replace('"2"', '"-1"'))
+    with pytest.warns(
+        PinfricWarning, match=r"are read as none: 'swing' \(effort -1.0\) and 1 more"
+    ):
+        model = read_robot(file, {}).model
+    assert model.effortLimit[0] == model.velocityLimit[0] == 0.0
 
 
 @pytest.mark.parametrize(
@@ -227,11 +215,11 @@ def test_a_body_that_the_model_lost_is_an_error(tmp_path, monkeypatch):
     """As urdfdom does where it cannot read a number: the other links stay."""
     built = robot._from_xml
 
-    def losing(root, mimic):
+    def losing(root):
         root = copy.deepcopy(root)
         root.find("link[@name='hand']").clear()
         root.find("link[3]").set("name", "hand")
-        return built(root, mimic)
+        return built(root)
 
     monkeypatch.setattr(robot, "_from_xml", losing)
     hand = [link("hand"), joint("grip", "arm", "hand", "fixed")]
