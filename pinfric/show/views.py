@@ -126,7 +126,8 @@ def _sizing(result: SizingReport) -> pd.DataFrame:
     candidates = [getattr(choice, "candidate", None) for choice in chosen]
     for column, name in (("choice", "name"), ("mass", "mass"), ("ratio", "ratio")):
         table[column] = [getattr(candidate, name, None) for candidate in candidates]
-    table["margin"] = [getattr(choice, "margin", None) for choice in chosen]
+    verdicts = result.verdict.joints or [None] * len(chosen)
+    table["margin"] = [getattr(one, "margin", None) for one in verdicts]
     table["nearest_miss"] = [joint.no_fit or None for joint in result.joints]
     table.attrs["units"] |= {"mass": "kg", "ratio": "1 or rad/m", "margin": "1"}
     return table

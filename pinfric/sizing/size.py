@@ -22,7 +22,7 @@ import numpy as np
 from pinfric.drives.brake import Standstill, ranked, standstills
 from pinfric.drives.catalog import Brake, Catalog
 from pinfric.drives.catalog_file import load_catalog
-from pinfric.drives.criterion import Criterion, Status
+from pinfric.drives.criterion import Criterion
 from pinfric.drives.demand import (
     DriveCycle,
     JointDemand,
@@ -56,6 +56,7 @@ from pinfric.sizing.branch import Arm, stiff_enough
 from pinfric.sizing.caveats import caveats, discontinuities, unclosed
 from pinfric.sizing.elastic_arm import arm_criteria, check_tool, reversal_criteria
 from pinfric.sizing.shelf import Ask, Assessment, Parts, Search, Shelf, stiffness_of
+from pinfric.sizing.verdict import Verdict, joint_criteria, verdict_of
 from pinfric.stops.study import StopResult, stop
 
 #: Passes over all joints before an alternating choice is given up; two are usual.
@@ -225,7 +226,7 @@ class SizingReport(Shown):
                 "catalog": file_name(self.catalog.source),
                 "drives": listed([n for n, _ in chosen], [f"-> {d}" for _, d in chosen]) or "none",
                 "misses": listed([joint.name for joint in self.joints if joint.no_fit]),
-                "mass": (f"{self.chosen_mass:.3g} kg of drives" if chosen else "no drive fits")
+                "mass": (f"{self.verdict.mass:.3g} kg of drives" if chosen else "no drive fits")
                 + f"; {settled} after "
                 + counted(self.passes, "pass", "passes"),
             }
@@ -247,11 +248,15 @@ class SizingReport(Shown):
         taken = (joint.installed for joint in self.joints)
         return sum(a.candidate.mass or 0.0 for a in taken if a is not None)
 
-    @property
-    def chosen_mass(self) -> float:
-        """Mass of the drives that fit, kg."""
-        chosen = (joint.choice for joint in self.joints)
-        return sum(a.candidate.mass or 0.0 for a in chosen if a is not None)
+    @cached_property
+    def criteria(self) -> tuple[tuple[Criterion, ...], ...]:
+        """All criteria of each joint: of its drive, brake, reversal error, stop and place."""
+        return joint_criteria(self)
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """Which joints can be signed, what fails, and where: see `sizing.verdict`."""
+        return verdict_of(self)
 
     @cached_property
     def standstills(self) -> tuple[Standstill, ...]:
@@ -313,32 +318,13 @@ class SizingReport(Shown):
         }
         return bus_power(drives, t, self.duty, self.conditions, voltages)
 
-    @property
-    def no_fit(self) -> tuple[str, ...]:
-        """One line for each joint for which no candidate fits."""
-        return tuple(joint.no_fit for joint in self.joints if joint.no_fit)
-
-    @property
-    def unmet(self) -> tuple[str, ...]:
-        """One line for each condition that a brake, the bus, a stop or the robot does not meet."""
-        names = [joint.name for joint in self.joints]
-        reversals = [(name, (c,)) for name, c in zip(names, self.reversals, strict=False)]
-        whole = [*reversals, ("robot", self.arm_criteria)]
-        if self.catalog is None:
-            return _failing(whole)
-        wanted = self.standstills if self.conditions.holding_brake != "any" else ()
-        found = [(name, still.criteria) for name, still in zip(names, wanted, strict=False)]
-        why = (self.no_stops,) if self.no_stops else ()
-        stopping = why if self.stops is None else self.stops.unmet
-        return (*_failing([*found, ("bus", self.bus.criteria), *whole]), *stopping)
-
     def check(self) -> None:
-        """Raise if a joint has no drive that fits, or a brake or the bus does not meet a condition.
+        """Raise if the choice cannot be signed; without a catalogue, if a criterion fails.
 
         Raises:
-            SizingError: names joints and closest candidates, and by how much; holds the report.
+            SizingError: names what fails, where, and by how much; holds the report.
         """
-        if wrong := (*self.no_fit, *self.unmet):
+        if wrong := self.verdict.failing:
             raise SizingError("; ".join(wrong), self)
 
     def joint(self, name: str) -> JointSizing:
@@ -412,7 +398,7 @@ def size(
     report = _Sizing(scene, trajectory, catalog, wanted, progress or (lambda _: None)).run()
     if on_miss == "raise":
         report.check()
-    for text in (*report.no_fit, *report.unmet) if on_miss == "warn" else ():
+    for text in report.verdict.failing if on_miss == "warn" else ():
         warnings.warn(text, PinfricWarning, stacklevel=2)
     return report
 
@@ -489,7 +475,7 @@ class _Sizing:
 
     def _stopped(self, report: SizingReport) -> tuple[StopResult | None, str]:
         """The stops with the chosen drives and brakes, or why there are none."""
-        if self.scene.stops is None or self.catalog is None or report.no_fit:
+        if self.scene.stops is None or self.catalog is None or any(j.no_fit for j in report.joints):
             return None, ""
         if len(report.duty.repeats) > 1:
             return None, "stops: judged for one cycle, not for a duty of several"
@@ -664,13 +650,6 @@ def brakes_of(catalog: Catalog, scene: Scene) -> dict[str, Brake]:
     """
     timed = {n: brake for n, brake in catalog.brakes.items() if brake.engage_time is not None}
     return ranked(catalog.brakes if scene.stops is None else timed or catalog.brakes)
-
-
-def _failing(found: Sequence[tuple[str, tuple[Criterion, ...]]]) -> tuple[str, ...]:
-    """One line for each criterion that fails, with whose it is."""
-    return tuple(
-        f"{name}: {c.why}" for name, criteria in found for c in criteria if c.status == Status.FAILS
-    )
 
 
 def _names(taken: Mapping[int, Assessment]) -> dict[int, str]:

@@ -17,7 +17,8 @@ from pinfric.model.described import EFFORT, INERTIA, described, quantity
 from pinfric.model.mass_matrix import frame_jacobians
 from pinfric.model.robot import link_frame
 from pinfric.sizing.shelf import Assessment
-from pinfric.sizing.size import JointSizing, SizingReport
+from pinfric.sizing.size import SizingReport
+from pinfric.sizing.verdict import JointVerdict, Verdict
 from pinfric.stops.summary import StopSummary, stop_summary
 
 #: Criteria that are named of a drive that misses several.
@@ -84,12 +85,6 @@ class Installed:
     mass: float | None = quantity("none: not known", "kg", "mass")
     ratio: float = quantity("motor turns per joint turn", "1 or rad/m")
     brake: str = quantity('at the motor\'s shaft; "": none', heading="brake")
-    margin: float = quantity(
-        "the least of all criteria", heading="least\nmargin", cell="{margin:margin}"
-    )
-    tightest: str | None = quantity(
-        "the criterion of the least margin; none: none was checked", heading="tightest\ncriterion"
-    )
     backlash: float | None = quantity(
         "of its gear at the joint; none: not printed", "rad or m", "backlash\nat the joint"
     )
@@ -102,7 +97,7 @@ class Installed:
     not_checked: int = quantity("criteria without a figure")
     margins: dict[str, float | None] = quantity("criterion -> part of the limit that is left")
     criteria: tuple[Criterion, ...] = quantity(
-        "criteria of the drive, of holding without power, and of the joint's reversal error"
+        "criteria of the drive, of holding without power, of the reversal error, and of its stops"
     )
     motor: MotorFigures | None = quantity("demand of the cycle on the motor")
     losses: str = quantity("how the transmission's losses are derived from the catalogue")
@@ -122,10 +117,13 @@ class SizedJoint(JointDemand):
         "largest inertia about the joint over the cycle; none: closed loops couple joints", INERTIA
     )
     choice: str | None = quantity(
-        "the lightest drive that fits; none: none does", heading="lightest that fits"
+        "the lightest drive that fits the cycle; none: none does", heading="lightest that fits"
     )
     installed: Installed | None = quantity(
         "the drive in the model; none: no candidates", heading="*"
+    )
+    verdict: JointVerdict | None = quantity(
+        "whether it can be signed, and what fails; none: no catalogue", heading="*"
     )
     candidates: int = quantity("drives of the catalogue whose parts go together")
     standstill: Standstill = quantity("holding without power", heading="*")
@@ -159,6 +157,7 @@ class Cycle:
 class SizingSummary:
     """Demand of a cycle on every drive, and the drives chosen for it."""
 
+    verdict: Verdict = quantity("whether the choice can be signed, and what fails")
     trajectory: str = quantity("source of the motion")
     catalog: str | None = quantity("the catalogue; none: demand only")
     conditions: dict[str, Any] = quantity("conditions, with the keys of a catalogue")
@@ -177,8 +176,6 @@ class SizingSummary:
     ask: tuple[ToAsk, ...] = quantity(
         "lighter products that cannot be signed, fewest figures first"
     )
-    no_fit: tuple[str, ...] = quantity("joints for which no drive fits")
-    unmet: tuple[str, ...] = quantity("conditions that brakes, bus, stops or robot do not meet")
     stops: StopSummary | None = quantity("with the chosen drives; none: no `stops` in the scene")
     unchecked: tuple[Unchecked, ...] = quantity(
         "criteria of drives, brakes, bus and robot that were not checked, and why"
@@ -199,6 +196,7 @@ def sizing_summary(report: SizingReport) -> SizingSummary:
     t, duty = report.result.t, report.duty
     assert t is not None  # size refuses a motion without times
     return SizingSummary(
+        verdict=report.verdict,
         trajectory=report.trajectory,
         catalog=None if report.catalog is None else report.catalog.source,
         conditions=report.conditions.model_dump(),
@@ -211,17 +209,10 @@ def sizing_summary(report: SizingReport) -> SizingSummary:
         passes=report.passes,
         settled=report.settled,
         drive_mass=report.drive_mass,
-        joints=tuple(
-            sized_joint(joint, still, beside, lever)
-            for joint, still, beside, lever in zip(
-                report.joints, report.standstills, _beside(report), levers(report), strict=True
-            )
-        ),
+        joints=tuple(_sized_joint(report, k, lever) for k, lever in enumerate(levers(report))),
         bus=report.bus,
         other_mass=report.other_mass,
         ask=to_ask(report),
-        no_fit=report.no_fit,
-        unmet=report.unmet,
         stops=None if report.stops is None else stop_summary(report.stops),
         unchecked=() if report.catalog is None else unchecked(report),
         robot_criteria=report.arm_criteria,
@@ -233,12 +224,12 @@ def sizing_summary(report: SizingReport) -> SizingSummary:
 def unchecked(report: SizingReport) -> tuple[Unchecked, ...]:
     """Return every criterion that was not checked, with what it lacks, and the joints."""
     found: dict[tuple[str, str], list[str]] = {}
-    for joint, beside in zip(report.joints, _beside(report), strict=True):
+    for joint, criteria in zip(report.joints, report.criteria, strict=True):
         if joint.installed is None:
             because = joint.nothing_because or "no candidate can be judged"
             found.setdefault(("all of its drive", because), []).append(joint.name)
             continue
-        for c in (*joint.installed.criteria, *beside):
+        for c in criteria:
             if c.status == Status.NOT_CHECKED:
                 found.setdefault((c.name, c.lacks), []).append(joint.name)
     for c in (*report.bus.criteria, *report.arm_criteria):
@@ -249,16 +240,6 @@ def unchecked(report: SizingReport) -> tuple[Unchecked, ...]:
         lacks = "the key stops of the scene" if report.given.stops is None else lacks
         found["stopping times and distances", lacks] = []
     return tuple(Unchecked(name, tuple(of), lacks) for (name, lacks), of in found.items())
-
-
-def _beside(report: SizingReport) -> list[tuple[Criterion, ...]]:
-    """Criteria of each joint beside its drive's own: holding, brake, reversal error."""
-    asked: list[tuple[Criterion, ...]] = [(c,) for c in report.reversals]
-    stills = (still.criteria for still in report.standstills)
-    return [
-        (*still, *more)
-        for still, more in zip(stills, asked or [()] * len(report.joints), strict=True)
-    ]
 
 
 def levers(report: SizingReport) -> np.ndarray:
@@ -285,23 +266,20 @@ def to_ask(report: SizingReport) -> tuple[ToAsk, ...]:
     )
 
 
-def sized_joint(
-    joint: JointSizing, still: Standstill, beside: tuple[Criterion, ...], lever: float
-) -> SizedJoint:
-    """Return the summary of one joint's sizing; `beside` are criteria other than its drive's.
-
-    `lever` is how far the tool moves per rad (m) of the joint, at most.
-    """
-    smaller = joint.next_smaller
+def _sized_joint(report: SizingReport, k: int, lever: float) -> SizedJoint:
+    """One joint's sizing; the tool moves by `lever` per rad (m) of it, at most."""
+    joint, verdicts = report.joints[k], report.verdict.joints
+    smaller, taken = joint.next_smaller, joint.installed
     return SizedJoint(
         **vars(joint.demand),
         peak_without_masses=joint.demand_without_masses.peak,
         rms_without_masses=joint.demand_without_masses.rms,
         load_inertia=joint.load_inertia,
         choice=None if joint.choice is None else joint.choice.candidate.name,
+        verdict=verdicts[k] if verdicts else None,
         candidates=joint.candidates,
-        installed=None if joint.installed is None else _installed(joint.installed, beside, lever),
-        standstill=still,
+        installed=None if taken is None else _installed(taken, report.criteria[k], lever),
+        standstill=report.standstills[k],
         alternatives=tuple(
             Candidacy(a.candidate.name, a.candidate.mass, a.margin, len(a.not_checked))
             for a in joint.alternatives
@@ -332,9 +310,8 @@ def margins(found: SizingSummary) -> list[Margins]:
     ]
 
 
-def _installed(taken: Assessment, beside: tuple[Criterion, ...], lever: float) -> Installed:
-    candidate, criteria = taken.candidate, (*taken.criteria, *beside)
-    compared = sorted((c for c in taken.criteria if c.scaled), key=lambda c: c.margin or 0.0)
+def _installed(taken: Assessment, criteria: tuple[Criterion, ...], lever: float) -> Installed:
+    candidate = taken.candidate
     gap = candidate.backlash
     return Installed(
         judged=candidate.name,
@@ -344,8 +321,6 @@ def _installed(taken: Assessment, beside: tuple[Criterion, ...], lever: float) -
         backlash=gap,
         backlash_at_tool=None if gap is None or np.isnan(lever) else gap * lever,
         not_checked=len(taken.not_checked),
-        margin=taken.margin,
-        tightest=next((c.name for c in compared), None),
         margins={c.name: c.margin for c in criteria},
         criteria=criteria,
         motor=taken.motor,

@@ -135,7 +135,7 @@ def test_the_smallest_brake_that_bears_it_is_taken(tmp_path):
         assert still.shaft[1] == pytest.approx(load / joint.choice.candidate.ratio)
         torque = float(still.brake.removeprefix("B"))
         assert torque == min(x for x in (0.01, 0.05, 0.1, 0.4, 0.8, 5.0) if x >= brake.required)
-    assert report.unmet == ()
+    assert report.verdict.failing == ()
 
 
 def test_a_brake_that_is_required_of_a_catalogue_without_any_fails(tmp_path):
@@ -145,7 +145,7 @@ def test_a_brake_that_is_required_of_a_catalogue_without_any_fails(tmp_path):
     says = f"{joint}: holding brake: the catalogue has no brake .*holding_brake = required"
     with pytest.raises(SizingError, match=says):
         report.check()
-    assert sized(tmp_path, (), "any").unmet == ()
+    assert sized(tmp_path, (), "any").verdict.failing == ()
 
 
 def test_of_brakes_with_equal_torque_the_lightest_is_taken():
@@ -178,7 +178,7 @@ def test_all_figures_of_the_brake_that_is_taken_are_said():
 @pytest.mark.parametrize(("wanted", "short"), [("any", 0), ("where_needed", 1), ("required", 2)])
 def test_a_brake_that_is_too_weak_is_missed_where_one_is_wanted(tmp_path, wanted, short):
     report = sized(tmp_path, (0.01,), wanted)
-    missed = [miss for miss in report.unmet if "holding brake: needs" in miss]
+    missed = [miss for miss in report.verdict.failing if "holding brake: needs" in miss]
     assert len(missed) == short
     assert not any(still.brake for still in report.standstills)
     if wanted == "required":

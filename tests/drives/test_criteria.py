@@ -822,7 +822,7 @@ def test_what_brakes_bus_and_robot_miss_names_its_condition_too(tmp_path, given,
     motion = pf.Trajectory.from_arrays(scene, t, q[:, None])
     report = pf.size(scene, motion, catalog, conditions=given, on_miss="ignore")
     assert report.joints[0].choice is not None
-    (missed,) = [text for text in report.unmet if row in text]
+    (missed,) = [text for text in report.verdict.failing if row in text]
     assert f"conditions.{said}" in missed
 
 

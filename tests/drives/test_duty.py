@@ -134,7 +134,7 @@ def test_five_minutes_of_stall_fail_with_their_reason(tmp_path):
     assert by_name["short-term torque"].why.startswith("short-term torque: needs 1.10")
     assert by_name["short-term torque"].available == 0.5
     assert by_name["overloaded standstill"].required == pytest.approx(300.0)
-    assert "all miss by more than a factor of ten: M + G: " in report.no_fit[0]
+    assert "all miss by more than a factor of ten: M + G: " in report.verdict.failing[0]
     assert "does not begin where" in report.notes[0]
 
 

@@ -65,7 +65,7 @@ def test_the_bus_carries_the_sum_of_all_drives(tmp_path, delay):
     supply, capacitors, _ = bus.criteria
     assert supply.status == (Status.PASSES if power.max() <= 40 else Status.FAILS)
     assert capacitors.available == pytest.approx(1e-3 / 2 * (60**2 - 48**2))
-    assert ("bus: supply power: needs" in " ".join(report.unmet)) == (power.max() > 40)
+    assert ("bus: supply power: needs" in " ".join(report.verdict.failing)) == (power.max() > 40)
 
 
 @pytest.mark.parametrize(("supply", "status"), [(1.0, Status.FAILS), (1e3, Status.NOT_CHECKED)])

@@ -123,7 +123,7 @@ def test_stops_of_the_chosen_drive_are_in_the_report(braked):
     assert by_name["gear momentary peak torque"].available == 100.0
     assert by_name["brake energy of a stop"].available == 20.0
     assert by_name["brake stops in an hour"].status == Status.NOT_CHECKED
-    assert not braked.unmet
+    assert not braked.verdict.failing
 
 
 def test_the_stops_are_computed_while_it_sizes(tmp_path, monkeypatch):
@@ -131,24 +131,24 @@ def test_the_stops_are_computed_while_it_sizes(tmp_path, monkeypatch):
     report = sized(tmp_path, progress=steps.append)
     assert steps[-1] == "stops of the chosen drives"
     monkeypatch.setattr("pinfric.stops.search.stop_motion", None)  # nothing is stopped later
-    assert report.unmet == ()
+    assert report.verdict.failing == ()
     assert report.stops.longest.time > 0.0
 
 
 def test_a_stop_that_is_not_met_is_unmet(tmp_path):
     report = sized(tmp_path, brake={**BRAKE, "stop_energy": None, "stops_per_hour": 2.0})
-    assert any("brake stops in an hour: needs 4" in line for line in report.unmet)
+    assert any("brake stops in an hour: needs 4" in line for line in report.verdict.failing)
     with pytest.raises(SizingError, match="brake stops in an hour"):
         report.check()
     unknown = sized(tmp_path, brake={**BRAKE, "engage_time": None})
     assert unknown.stops is None
-    assert any("has no `engage_time`" in line for line in unknown.unmet)
+    assert any("has no `engage_time`" in line for line in unknown.verdict.failing)
 
 
 def test_without_a_section_on_stops_nothing_is_stopped(tmp_path):
     report = sized(tmp_path, stops=None)
     assert report.stops is None
-    assert not report.unmet
+    assert not report.verdict.failing
 
 
 def test_a_stopped_robot_gets_a_brake_that_is_known_to_close(tmp_path):

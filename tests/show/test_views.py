@@ -114,7 +114,7 @@ def test_summary_has_the_figures_of_the_json(panda, tmp_path):
         on_miss="ignore",
         conditions={"peak_factor": 50.0},
     )
-    assert missed.summary()["nearest_miss"]["table"] == missed.no_fit[0]
+    assert missed.summary()["nearest_miss"]["table"] == missed.verdict.failing[0]
 
 
 def test_summary_of_a_motion_is_the_slides_closed_form():

@@ -73,5 +73,5 @@ def test_a_whole_arm_swings_as_fast_as_it_is_asked_to():
         scene, motion, "default", conditions={"lowest_frequency": wanted}, on_miss="ignore"
     )
     assert float(together.elastic.frequency.min()) >= wanted
-    assert together.chosen_mass > alone.chosen_mass
+    assert together.verdict.mass > alone.verdict.mass
     assert all(joint.choice.fits for joint in together.joints[:2])

@@ -83,8 +83,8 @@ def test_a_joints_resonance_is_that_with_all_others_rigid(arm, tmp_path):
     assert report.elastic.frequency.min() < first.available
     judged = sized(arm, tmp_path, resonance_base=1.01 * first.available)
     assert [c.name for c in judged.joint("a").nearest.failed] == ["gear resonance"]
-    assert "conditions.resonance_base = " in judged.no_fit[0]
-    assert "default 8)" in judged.no_fit[0]
+    assert "conditions.resonance_base = " in judged.verdict.failing[0]
+    assert "default 8)" in judged.verdict.failing[0]
 
 
 def test_lowest_frequency_and_tool_of_the_chosen_gears(arm, tmp_path):
@@ -106,7 +106,7 @@ def test_lowest_frequency_and_tool_of_the_chosen_gears(arm, tmp_path):
     assert criterion(report, "tool interval").required == pytest.approx(rest.farthest)
     assert criterion(report, "tool reversal error").required == pytest.approx(rest.reversal)
     assert criterion(report, "tool sag").required == pytest.approx(0.0, abs=1e-12)
-    assert report.unmet == ()
+    assert report.verdict.failing == ()
 
 
 @pytest.mark.parametrize("masses", ["with_drives", "without_drives"])
@@ -178,7 +178,9 @@ def test_a_reversal_error_known_in_part_can_only_fail(arm, tmp_path):
     assert failing.status == Status.FAILS
     assert failing.required == pytest.approx(3e-4)
     short = sized(arm, tmp_path, reversal_error=1e-4)
-    assert short.unmet[0].startswith("a: reversal error: needs 0.0003 rad, has 0.0001 rad")
+    assert short.verdict.failing[0].startswith(
+        "a: reversal error: needs 0.0003 rad, has 0.0001 rad"
+    )
     (row,) = (row for row in sizing_summary(unknown).unchecked if row.criterion == failing.name)
     assert (row.joints, row.missing) == (("a", "b"), "backlash of the gear")
     assert not any(c.name == "backlash" for c in sized(arm, tmp_path).joint("a").choice.criteria)
@@ -186,7 +188,7 @@ def test_a_reversal_error_known_in_part_can_only_fail(arm, tmp_path):
 
 def test_what_is_asked_in_vain_is_an_error(arm, tmp_path):
     report = sized(arm, tmp_path, lowest_frequency=500.0, tool_interval=1e-9)
-    assert [line.split(":")[1].strip() for line in report.unmet] == [
+    assert [line.split(":")[1].strip() for line in report.verdict.failing] == [
         "lowest frequency",
         "tool interval",
     ]
@@ -214,7 +216,9 @@ def test_the_scenes_own_gears_are_judged_without_a_catalogue(capsys):
         scene, motion, conditions={"tool_interval": 1e-4, "tool_sag": 3e-3}, on_miss="ignore"
     )
     assert [c.status for c in report.arm_criteria] == [Status.PASSES, Status.FAILS]
-    assert report.unmet[0].startswith("robot: tool interval: needs 0.0002232 m, has 0.0001 m")
+    assert report.verdict.failing[0].startswith(
+        "robot: tool interval: needs 0.0002232 m, has 0.0001 m"
+    )
     printed = told(capsys, "size", "ur10_machine_tending", "ur10_machine_tending").out
     assert "lowest frequency, motors held: 8.17 Hz" in printed
 

@@ -152,7 +152,7 @@ def test_a_brake_inside_another_motor_holds_no_joint(arm):
         assert not still.fitted
     lift = report.standstills[1]
     assert (lift.held, lift.torque.status) == (False, Status.FAILS)
-    assert f"{report.joints[1].name}: {lift.torque.why}" in report.unmet
+    assert f"{report.joints[1].name}: {lift.torque.why}" in report.verdict.failing
 
 
 def test_a_product_that_known_figures_rule_out_is_not_asked_about():
@@ -235,7 +235,7 @@ def test_ruling_out_a_chosen_drive_makes_no_arm_lighter(arm, masses):
         rest = {n: g for n, g in catalog.gears.items() if n != gear}
         other = sized(given, replace(catalog, gears=rest))
         if None not in drives(other):
-            assert other.chosen_mass >= whole.chosen_mass - 1e-12
+            assert other.verdict.mass >= whole.verdict.mass - 1e-12
 
 
 def test_a_whole_arm_is_like_its_makers(arm):
@@ -244,7 +244,7 @@ def test_a_whole_arm_is_like_its_makers(arm):
     bare = sized((scene.with_(masses="without_drives"), motion, catalog))
     sizes = [int(name.split("CSG-")[1].split("-")[0]) for name in drives(bare)]
     assert sizes == [32, 32, 25, 14, 14, 14]
-    assert 9 < bare.chosen_mass < 16
+    assert 9 < bare.verdict.mass < 16
     assert bare.settled
     assert bare.passes == 2
 

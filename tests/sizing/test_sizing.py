@@ -147,7 +147,7 @@ def test_demand_needs_no_catalogue_and_takes_any_motion_with_times():
     report = sized_cycle(scene=scene)
     assert report.catalog is None
     assert report.joints[0].assessments == ()
-    assert report.no_fit == ()
+    assert report.verdict.failing == ()
     assert report.scene is scene
     assert report.period == pytest.approx(CYCLE)
     report.check()
@@ -350,8 +350,10 @@ def test_planar_joint_gets_its_demand_but_no_drive(tmp_path):
     motion = pf.Trajectory.from_arrays(scene, [0.0, 1.0], q, zero, zero)
     report = pf.size(scene, motion, one_drive(tmp_path))
     assert [joint.choice for joint in report.joints] == [None] * 3
-    assert len(report.no_fit) == 3
-    assert "no candidates: motors and gears are for joints with one axis" in report.no_fit[0]
+    assert len(report.verdict.failing) == 3
+    assert (
+        "no candidates: motors and gears are for joints with one axis" in report.verdict.failing[0]
+    )
 
 
 def test_cylinders_are_sized_by_their_own_rate():
@@ -378,8 +380,10 @@ def test_cylinders_are_sized_by_their_own_rate():
 def test_a_catalogue_without_motors_or_gears_says_that_nothing_can_be_chosen(tmp_path):
     scene, motion = example("excavator", "excavator.waypoints.yaml")
     report = pf.size(scene, motion, "default")
-    assert len(report.no_fit) == 3
-    assert report.no_fit[0].startswith("boom_cylinder: no candidates: motors and gears are")
+    assert len(report.verdict.failing) == 3
+    assert report.verdict.failing[0].startswith(
+        "boom_cylinder: no candidates: motors and gears are"
+    )
     (row,) = (row for row in unchecked(report) if row.criterion == "all of its drive")
     assert row.joints == scene.actuator_names
     assert row.missing.startswith("motors and gears are")
@@ -388,7 +392,7 @@ def test_a_catalogue_without_motors_or_gears_says_that_nothing_can_be_chosen(tmp
 def test_panda_carries_the_mass_of_its_drives(panda):
     report = panda
     assert report.settled
-    assert report.no_fit == ()
+    assert report.verdict.failing == ()
     assert report.joint("panda_joint2").demand.rms > 1.1 * (
         report.joint("panda_joint2").demand_without_masses.rms
     )

@@ -185,7 +185,7 @@ def _margin(margin: float | None) -> Marked:
 
 #: Cells of the chosen drives that the page shows in its own way.
 _CELLS: dict[str, Callable[[SizedJoint], str]] = {
-    "installed.margin": lambda joint: _margin(joint.installed.margin if joint.installed else None),
+    "verdict.margin": lambda joint: _margin(joint.verdict.margin if joint.verdict else None),
 }
 
 

@@ -10,6 +10,7 @@ from pinfric.drives.brake import Standstill
 from pinfric.drives.catalog import Catalog, Sourced
 from pinfric.drives.policy import KIT, frameless
 from pinfric.sizing.size import JointSizing, SizingReport
+from pinfric.sizing.verdict import State
 
 _COLUMNS = (
     "part",
@@ -32,7 +33,7 @@ def bill_of_materials(report: SizingReport) -> str:
     Columns: part, quantity, joints, mass of one and of all (kg), price of one and of all (in the
     catalogue's currency), dimensions, source, its grade; what is not known stays empty. Housing,
     shaft and bearings of a frameless kit are one line, so that the masses add up to those of the
-    drives. Joints for which nothing fits are left out.
+    drives. Joints that cannot be signed are left out.
 
     Args:
         report: of `size`.
@@ -41,7 +42,8 @@ def bill_of_materials(report: SizingReport) -> str:
         return ""
     joints: dict[str, list[str]] = {}
     entries: dict[str, Sourced | float] = {}
-    for joint, still in zip(report.joints, report.standstills, strict=True):
+    every = zip(report.joints, report.standstills, report.verdict.joints, strict=True)
+    for joint, still in ((j, still) for j, still, v in every if v.state == State.SIGNED):
         for name, entry in _parts(report.catalog, report, joint, still):
             joints.setdefault(name, []).append(joint.name)
             entries[name] = entry

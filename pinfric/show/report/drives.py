@@ -11,18 +11,20 @@ from pinfric.show.report.tables import Table
 from pinfric.show.report.values import digits
 from pinfric.sizing.size import SizingReport
 from pinfric.sizing.summary import SizedJoint, SizingSummary, Unchecked
+from pinfric.sizing.verdict import State
 
 #: N m; torques of brakes below print as 0.
 _ROUNDING = 1e-9
 #: Fields of a joint that say which drive was chosen.
-_INSTALLED = ("brake", "mass", "margin", "tightest", "backlash", "backlash_at_tool")
-_CHOICE = ("name", "choice", *(f"installed.{name}" for name in _INSTALLED))
+_INSTALLED = ("brake", "mass", "backlash", "backlash_at_tool")
+_VERDICT = ("verdict.margin", "verdict.tightest")
+_CHOICE = ("name", "choice", *(f"installed.{name}" for name in _INSTALLED), *_VERDICT)
 _SMALLER = ("name", "next_smaller.name", "next_smaller.mass", "next_smaller.short_by")
 _STILL = tuple(f"standstill.{name}" for name in ("effort", "shaft", "use", "brake", "margin"))
 
 
 #: The same in short.
-_SHORT = ("name", "choice", *(f"installed.{x}" for x in _INSTALLED[1:4]))
+_SHORT = ("name", "choice", "installed.mass", *_VERDICT)
 
 
 def choice_table(
@@ -44,7 +46,8 @@ def choice_table(
 
 def _chosen(joint: SizedJoint) -> str:
     nearest = "" if joint.installed is None else f"; nearest {joint.installed.judged}"
-    return joint.choice or f"none{nearest}"
+    fails = joint.verdict is not None and joint.verdict.state == State.FAILS
+    return f"{joint.choice or f'none{nearest}'}{' (fails)' * fails}"
 
 
 def mass_table(found: SizingSummary) -> Table | None:

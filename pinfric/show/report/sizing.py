@@ -49,7 +49,7 @@ def sizing_report(report: SizingReport, verbose: bool = True) -> Report:
         verbose: all of it; else what is chosen, what fails, and what to ask for.
     """
     notes = [f"note: {line}" for line in report.notes]
-    failing = [*beyond_limits(report.result_without_masses), *report.no_fit, *report.unmet]
+    failing = [*beyond_limits(report.result_without_masses), *report.verdict.failing]
     opening = [verdict(report), *masses_line(report), *(f"! {line}" for line in failing)]
     if report.catalog is None:
         return paragraphs(opening, demand_table(report), elastic_lines(report), notes)
@@ -170,19 +170,14 @@ def _demands(
 
 
 def verdict(report: SizingReport) -> str:
-    """Return in a line which joints have a drive, its mass, what is not checked or guessed."""
+    """Return the headline, and in the same line what is not checked or guessed."""
     if report.catalog is None:
-        unmet = counted(len(report.unmet), "criterion", "criteria")
-        failing = f"{unmet} not met" if report.unmet else "no criterion fails"
         beyond = beyond_limits(report.result_without_masses)
         within = f"{counted(len(beyond), 'drive')} beyond the URDF's effort limits; " * bool(beyond)
-        return f"{within}{failing}; drives that fit: --catalog default"
-    chosen = [joint.choice for joint in report.joints if joint.choice is not None]
+        return f"{within}{report.verdict.headline}; drives that fit: --catalog default"
     nearest = [joint.name for joint in report.joints if joint.choice is None and joint.nearest]
-    parts = [f"{len(chosen)} of {len(report.joints)} joints have a drive that fits"]
-    if chosen:
-        count = sum(len(a.not_checked) for a in chosen)
-        parts += [f"{digits(report.chosen_mass)} kg of drives", f"{count} criteria not checked"]
+    unchecked = sum(len(j.choice.not_checked) for j in report.joints if j.choice is not None)
+    parts = [report.verdict.headline, f"{unchecked} criteria not checked"]
     if nearest:
         parts.append(f"{', '.join(nearest)}: computed with the closest candidate")
     if report.scene.assumed is not None:

@@ -118,7 +118,7 @@ def test_infeasible_joint_has_its_nearest_miss_in_the_json(tmp_path):
     assert "peak torque: needs " in joint["nearest_miss"]
     assert joint["installed"]["margins"]["peak torque"] < 0
     page = sizing_page(report)
-    assert "No drive fits." in page
+    assert "<b>Not met.</b> table: none of 1 candidate fits" in page
     assert "does not fit: closest candidate" in page
     console = Console(file=StringIO(), width=80)
     console.print(*sizing_report(report), sep="\n")
@@ -163,7 +163,7 @@ def test_where_the_scene_does_not_say_whose_masses_it_holds_the_report_does(tmp_
     scene, motion = example("scara", masses=None)
     open_ = pf.size(scene, motion, "default", on_miss="ignore")
     held = pf.size(scene.with_(masses="with_drives"), motion, "default", on_miss="ignore")
-    assert open_.other_mass == pytest.approx(held.chosen_mass)
+    assert open_.other_mass == pytest.approx(held.verdict.mass)
     console = Console(file=StringIO(), width=200)
     console.print(*sizing_report(open_, verbose=False), sep="\n")
     first = console.file.getvalue().splitlines()[:4]
@@ -214,8 +214,11 @@ def test_page_defines_holding(page):
 
 
 def test_tightest_criterion_is_that_of_the_least_margin(report):
-    taken = sizing_summary(report).joints[0].installed
-    assert taken.margins[taken.tightest] == pytest.approx(report.joints[0].choice.margin)
+    (joint,) = sizing_summary(report).joints
+    assert joint.verdict.margin == min(
+        c.margin for c in joint.installed.criteria if c.margin is not None and c.scaled
+    )
+    assert joint.installed.margins[joint.verdict.tightest] == joint.verdict.margin
 
 
 def test_envelope_is_the_line_of_the_bus_voltage_cut_by_the_peak_torque(report):
@@ -281,7 +284,7 @@ def test_nothing_is_said_of_what_was_not_assessed(tmp_path):
     unknown = one_drive(tmp_path, motor={"rotor_inertia": None})
     report = sized_cycle(unknown, on_miss="ignore")
     page = sizing_page(report)
-    assert "<b>–</b><span>drives that fit" in page  # noqa: RUF001
+    assert "<b>–</b><span>drives that can be signed" in page  # noqa: RUF001
     assert "fed back: neither" not in page
     (row,) = sizing_summary(report).unchecked[:1]
     assert row.criterion == "all of its drive"

@@ -1,0 +1,184 @@
+"""The verdict of a sizing: its headline, tile, colours, table, signature and exit code are of it.
+
+A joint can be signed if a drive was chosen of which every necessary figure is known, and if all
+criteria of `joint_criteria` pass: those of drive, brake, stop and place alike. A criterion enters
+once, where it is judged, and counts from then on:
+
+- of a drive: a row of `drives.limits.LIMITS`,
+- of a brake: `Standstill.criteria`,
+- of a stop, and of the place where it ends: `SizingReport.stops.axes[i].criteria`,
+- of the bus or the whole robot: `SizingReport.bus` and `.arm_criteria`.
+
+Only `Status.FAILS` counts against a joint. What was not checked does so where a drive cannot be
+signed without it (`Assessment.fits`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+from pinfric.drives.criterion import Criterion, Status
+from pinfric.model.brief import counted
+from pinfric.model.described import derived, described, quantity
+
+if TYPE_CHECKING:  # it is above this module
+    from pinfric.sizing.size import JointSizing, SizingReport
+
+#: Joints of which the headline says what fails; the others are counted.
+_MOST_FAILING = 2
+
+
+class State(StrEnum):
+    """How the choice for a joint ended."""
+
+    SIGNED = "can be signed"
+    FAILS = "fails"
+    PROVISIONAL = "provisional"
+    NONE = "none"
+
+
+@described
+class JointVerdict:
+    """The verdict on one joint."""
+
+    name: str = quantity("the drive's", name=True)
+    state: State = quantity(
+        "can be signed; fails: a brake, a stop, or the place where it ends; provisional; none"
+    )
+    mass: float = quantity("of its drive, as far as known; 0 where none fits", "kg")
+    margin: float = quantity(
+        "the least of all criteria of drive, brake, stop and place",
+        heading="least\nmargin",
+        cell="{margin:margin}",
+    )
+    tightest: str | None = quantity(
+        "the criterion of the least margin; none: none was checked", heading="tightest\ncriterion"
+    )
+    why: str = quantity("what fails, in short; empty: nothing")
+    failing: tuple[str, ...] = quantity("a line for each thing that fails")
+
+
+@described
+class Verdict:
+    """The verdict on all joints and the robot.
+
+    Attributes:
+        joints: in the order of the report's; empty without a catalogue.
+    """
+
+    joints: tuple[JointVerdict, ...]
+    failing: tuple[str, ...] = quantity(
+        "a line for everything that keeps the sizing from being signed, of joints and robot"
+    )
+    question: str = quantity("what the scene leaves open, with both answers; empty: nothing")
+
+    @property
+    @derived()
+    def signed(self) -> bool:
+        """Whether the choice can be signed: there is one, and `failing` is empty."""
+        return bool(self.joints) and not self.failing
+
+    @property
+    @derived()
+    def fitted(self) -> int:
+        """Number of joints that can be signed."""
+        return len(self.of(State.SIGNED))
+
+    @property
+    @derived("kg")
+    def mass(self) -> float:
+        """Mass of the drives that can be signed."""
+        return sum(joint.mass for joint in self.of(State.SIGNED))
+
+    @property
+    @derived()
+    def headline(self) -> str:
+        """How many joints can be signed, the mass of their drives, what fails, and where."""
+        if not self.joints:
+            unmet = f"{counted(len(self.failing), 'criterion', 'criteria')} not met"
+            return unmet if self.failing else "no criterion fails"
+        provisional = self.of(State.PROVISIONAL)
+        said = f"{self.fitted} of {len(self.joints)} joints can be signed"
+        parts = [f"{said}, {len(provisional)} provisional" if provisional else said]
+        if self.fitted:
+            parts.append(f"{self.mass:.3g} kg of drives")
+        if provisional:
+            parts.append(f"{sum(joint.mass for joint in provisional):.3g} kg provisional")
+        wrong = [joint for joint in self.joints if joint.why]
+        parts += [f"{joint.name}: {joint.why}" for joint in wrong[:_MOST_FAILING]]
+        whole = len(self.failing) - sum(len(joint.failing) for joint in self.joints)
+        more = len(wrong[_MOST_FAILING:])
+        parts += [f"{counted(more, 'more joint')} not"] * bool(more)
+        parts += [f"{counted(whole, 'condition')} of the robot not met"] * bool(whole)
+        return "; ".join([*parts, *([self.question] if self.question else ())])
+
+    def of(self, state: State) -> tuple[JointVerdict, ...]:
+        """Return the joints that ended so."""
+        return tuple(joint for joint in self.joints if joint.state == state)
+
+
+def verdict_of(report: SizingReport) -> Verdict:
+    """Return the verdict on a sizing: see the module.
+
+    Args:
+        report: of `size`.
+    """
+    joints = zip(report.joints, report.criteria, strict=True)
+    whole = _failing("robot", report.arm_criteria)
+    if report.catalog is None:
+        alone = (line for joint, own in joints for line in _failing(joint.name, own))
+        return Verdict((), (*alone, *whole), "")
+    judged = tuple(_of_joint(joint, own) for joint, own in joints)
+    whole = [*_failing("bus", report.bus.criteria), *whole]
+    whole += [report.no_stops] if report.no_stops else []
+    if not report.settled:
+        whole.append(f"the choice still alternates after {report.passes} passes")
+    lines = (line for joint in judged for line in joint.failing)
+    return Verdict(judged, (*lines, *whole), "")
+
+
+def joint_criteria(report: SizingReport) -> tuple[tuple[Criterion, ...], ...]:
+    """Return all criteria of each joint: of its drive, brake, reversal error, stop and place."""
+    found = []
+    stops = None if report.stops is None else report.stops.axes
+    for k, joint in enumerate(report.joints):
+        own = () if joint.installed is None else joint.installed.criteria
+        still = () if report.catalog is None else report.standstills[k].criteria
+        stop = () if stops is None else stops[k].criteria
+        named = (replace(c, name=f"stop: {c.name}") for c in stop)
+        found.append((*own, *still, *report.reversals[k : k + 1], *named))
+    return tuple(found)
+
+
+def _of_joint(joint: JointSizing, criteria: tuple[Criterion, ...]) -> JointVerdict:
+    judged = (c for c in criteria if c.status in (Status.PASSES, Status.FAILS) and c.scaled)
+    tightest = min(judged, key=lambda c: c.margin or 0.0, default=None)
+    failed, state, why = [c for c in criteria if c.status == Status.FAILS], State.SIGNED, ""
+    failing = tuple(_failing(joint.name, failed))
+    if joint.choice is None:
+        state, why, failing = State.NONE, "no drive fits", (joint.no_fit,)
+    elif failed:
+        worst = min(failed, key=lambda c: c.margin or 0.0)
+        state, why = State.FAILS, f"{worst.name} {worst.shortfall} short"
+    taken = joint.choice
+    return JointVerdict(
+        name=joint.name,
+        state=state,
+        mass=0.0 if taken is None else taken.candidate.mass or 0.0,
+        margin=0.0 if tightest is None else tightest.margin or 0.0,
+        tightest=None if tightest is None else tightest.name,
+        why=why,
+        failing=failing,
+    )
+
+
+def _failing(whose: str, criteria: Iterable[Criterion]) -> list[str]:
+    """One line for each criterion that fails, with whose it is."""
+    return [
+        f"{whose}: {c.why}" + (f"; {c.note}" if c.note and c.note not in c.why else "")
+        for c in criteria
+        if c.status == Status.FAILS
+    ]
