@@ -90,9 +90,11 @@ def mujoco_run(scene, soft=False):
 
 def pinocchio_run(scene):
     """Pinocchio 4: its joint friction constraint and its projected Gauss-Seidel solver."""
-    model, read = scene.model.copy(), {}
-    exec(pf.export(scene, to="pinocchio").text, read)
-    constraint = read["set_friction"](model)
+    model, (joint,) = scene.model.copy(), pf.export(scene).joints
+    model.damping[0], bound = joint.damping, np.array([joint.frictionloss])
+    joints = pin.StdVec_Index()
+    joints.append(1)
+    constraint = pin.JointFrictionConstraintModel(model, joints, -bound, bound)
     data, q, v = model.createData(), np.zeros(1), np.zeros(1)
     constraint.setTimeStep(STEP)
     models, datas = pin.StdVec_ConstraintModel(), pin.StdVec_ConstraintData()
@@ -138,32 +140,6 @@ def drake_run(scene):
     return stepped(step)
 
 
-def newton_run(scene):
-    """Newton's SolverMuJoCo on a CPU, its joint made by its own builder."""
-    import newton
-    import warp as wp
-
-    wp.config.quiet = True
-    builder = newton.ModelBuilder(gravity=(0.0, 0.0, 0.0))
-    link = builder.add_link(mass=1.0, inertia=wp.mat33(np.eye(3)))
-    joint = builder.add_joint_revolute(-1, link, axis=newton.Axis.Z, label="hinge")
-    builder.add_articulation([joint])
-    read = {}
-    exec(pf.export(scene, to="newton").text, read)
-    read["set_friction"](builder)
-    model = builder.finalize(device="cpu")
-    solver = newton.solvers.SolverMuJoCo(model)
-    states, control = [model.state(), model.state()], model.control()
-
-    def step(u):
-        control.joint_f.assign([u])
-        solver.step(*states, control, None, STEP)
-        states.reverse()
-        return float(states[0].joint_q.numpy()[0]), float(states[0].joint_qd.numpy()[0])
-
-    return stepped(step)
-
-
 def figures(track):
     """Creep (mrad), break-away (N m), time to rest (s) of both halves; NaN: there is none."""
     q, v = track.T
@@ -202,7 +178,6 @@ RUNS = {
     "MuJoCo, as exported": (mujoco_run, "mujoco"),
     "MuJoCo, its default": (lambda scene: mujoco_run(scene, soft=True), "mujoco"),
     "Pinocchio 4, constraint": (pinocchio_run, None),
-    "Newton, SolverMuJoCo": (newton_run, "newton"),
     "Drake": (drake_run, "pydrake"),
 }
 

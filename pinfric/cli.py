@@ -790,7 +790,7 @@ def export(
         typer.Option(
             "--to",
             metavar="FORMAT",
-            help="mjcf, urdf, ur, sdf, isaaclab, newton, pinocchio or cpp.",
+            help="mjcf, urdf, sdf, constants (JSON) or cpp.",
         ),
     ],
     trajectory_name: Annotated[

@@ -16,9 +16,11 @@ _WORDS = {
     "greater than or equal to": "at least",
     "less than or equal to": "at most",
 }
+_TO_CONSTANTS = "write `--to constants`; the guide's page on other engines has the code"
 #: What was removed, as one writes it -> what takes its place: an option ("pinfric size --x"), a
 #: command ("pinfric x"), a key of a file ("SweepFile.x", by its class), a value ("--to x").
 REMOVED = {
+    **dict.fromkeys(("--to ur", "--to isaaclab", "--to newton", "--to pinocchio"), _TO_CONSTANTS),
     "pinfric size --what-if": "for another scene (`robot.masses`, no `friction`) run `size` again",
 }
 #: Letters of a whole message: longer than any path, shorter than a screen.

@@ -74,6 +74,7 @@ def test_wrong_usage_is_one_line(arguments, culprit, capsys):
     ("arguments", "gone"),
     [
         (["size", "pendulum", "pendulum", "--what-if"], "pinfric size --what-if"),
+        (["export", "pendulum", "--to", "ur"], "--to ur"),
     ],
 )
 def test_what_was_removed_is_answered_with_what_takes_its_place(arguments, gone, capsys):

@@ -59,6 +59,10 @@ class JointConstants:
     error_peak: float = quantity("the largest", EFFORT, "error\npeak")
     torque_rms: float = quantity("RMS of the scene's torque", EFFORT)
     torque_peak: float = quantity("peak of the scene's torque", EFFORT, "torque\npeak")
+    loads: tuple[float, float] = quantity(
+        "least and greatest torque of the frictionless robot in the samples of the fit", EFFORT
+    )
+    speeds: tuple[float, float] = quantity("least and greatest velocity in them", SPEED)
     worst_load: float = quantity(
         "torque of the frictionless robot where the error is largest", EFFORT, "worst\nat load"
     )
@@ -173,6 +177,8 @@ def _constants(
         error_peak=float(np.abs(missed).max(initial=no)),
         torque_rms=_rms(lower[moving]),
         torque_peak=float(np.abs(lower[moving]).max(initial=no)),
+        loads=_range(load[moving]),
+        speeds=_range(velocity[moving]),
         worst_load=_at(load, worst),
         worst_speed=_at(velocity, worst),
         worst_time=_at(result.t, worst),
@@ -196,6 +202,10 @@ def _fit(regressors: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, bool]:
 
 def _rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2))) if values.size else np.nan
+
+
+def _range(values: np.ndarray) -> tuple[float, float]:
+    return (float(values.min()), float(values.max())) if values.size else (np.nan, np.nan)
 
 
 def _at(values: np.ndarray | None, sample: int | None) -> float:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -21,13 +21,11 @@ from pinfric.exporting.controller import compensator, level_uncertainty
 from pinfric.exporting.cpp import check_frames
 from pinfric.exporting.cpp import namespace as header_name
 from pinfric.exporting.mjcf import MjcfJoint, mjcf, soft
-from pinfric.exporting.python_text import python_text
 from pinfric.exporting.sdf import sdf
 from pinfric.exporting.tree import bodies, check_plain_tree
-from pinfric.exporting.ur import ur_script
 from pinfric.exporting.urdf import urdf
 from pinfric.model.brief import counted, file_name, listed, screen
-from pinfric.model.described import INERTIA, SPEED, described, quantity, unit_at
+from pinfric.model.described import INERTIA, SPEED, described, in_json, quantity, unit_at
 from pinfric.model.effects import effects
 from pinfric.model.files import write_file, write_folder
 from pinfric.model.mass_matrix import mass_matrices
@@ -66,39 +64,17 @@ FORMATS = {
         ".constants.urdf",
         "engines that read <dynamics> hold with up to `friction`, or not at all",
     ),
-    "ur": Format(
-        "URScript (Universal Robots)",
-        {"frictionloss": "coulomb", "damping": "viscous", "armature": "rotor inertia"},
-        ".ur.script",
-        "the script adds nothing there",
-    ),
     "sdf": Format(
         "SDF (Gazebo, Drake)",
         {"frictionloss": "friction", "damping": "damping"},
         ".sdf",
         "Gazebo holds with up to `friction`, Drake does not hold",
     ),
-    "isaaclab": Format(
-        "Isaac Lab (actuator configuration)",
-        {"frictionloss": "dynamic_friction", "damping": "viscous_friction", "armature": "armature"},
-        ".isaaclab.py",
-        "PhysX holds with up to `friction`, half the width of that interval",
-    ),
-    "newton": Format(
-        "Newton",
-        {
-            "frictionloss": "joint_friction",
-            "damping": "joint_damping",
-            "armature": "joint_armature",
-        },
-        ".newton.py",
-        "SolverMuJoCo holds with up to joint_friction, as a soft constraint",
-    ),
-    "pinocchio": Format(
-        "Pinocchio 4 (joint friction constraint)",
-        {"frictionloss": "dry friction", "damping": "damping", "armature": "armature"},
-        ".pinocchio.py",
-        "its constraint holds with up to the dry friction",
+    "constants": Format(
+        "constants (JSON)",
+        {"frictionloss": "dry", "damping": "viscous", "armature": "armature"},
+        ".constants.json",
+        "an engine with dry friction holds with up to `dry`",
     ),
     "cpp": Format(
         "C++ (a compensator that knows the load)",
@@ -107,17 +83,13 @@ FORMATS = {
         "within its speed band the compensator moves from one end to the other",
     ),
 }
-_FRICTION_ALONE = (
-    "links, masses and geometry: the file only adds constants to a robot that you load"
-)
 #: What a format does not hold of any scene.
 _NOT_THERE = {
-    "ur": ("rotor inertia, fitted with the friction and given at each joint",),
     "mjcf": ("meshes (capsules stand for the links) and speed limits",),
     "sdf": ("meshes and shapes",),
-    "isaaclab": (_FRICTION_ALONE,),
-    "newton": (_FRICTION_ALONE,),
-    "pinocchio": (_FRICTION_ALONE,),
+    "constants": (
+        "links, masses and geometry: the file only has constants for a robot that you load",
+    ),
 }
 #: Effects that no constant holds: what they are called here.
 _LEFT_OUT = {
@@ -214,9 +186,8 @@ def export(
         scene: an open chain with drives at its joints.
         trajectory: or a simulated motion, with the payloads it carries; None takes 1000 seeded
             random states inside the limits.
-        to: "mjcf" (MuJoCo), "urdf" (`<dynamics>`), "ur" (URScript of Universal Robots), "sdf",
-            "isaaclab", "newton", "pinocchio" (of its version 4), "cpp" (a header for controllers,
-            which knows the load and needs no constants).
+        to: "mjcf" (MuJoCo), "urdf" (`<dynamics>`), "sdf", "constants" (JSON, for any other
+            engine), "cpp" (a header for controllers, which knows the load and needs no constants).
         frames: of "cpp", links for payloads and wrenches at run time; none: those that carry
             payloads and the last of each branch.
         posterior: of "cpp", the table that `identify` wrote; None: `posterior.csv` beside the
@@ -346,12 +317,35 @@ def _mjcf(
     return mjcf(name, tree, entries, scene.model.gravity.linear, comment=header)
 
 
+def _constants(
+    scene: Scene, joints: Sequence[JointConstants], lines: dict[str, str], header: Sequence[str]
+) -> str:
+    """JSON: the constants of each joint, their error, and where they were fitted."""
+    model, terms = scene.model, FORMATS["constants"].terms
+    rows = []
+    for joint in joints:
+        row = {
+            "joint": joint.joint,
+            "unit": joint.unit,
+            **{label: getattr(joint, term) for term, label in terms.items()},
+            "error_rms": joint.error_rms,
+            "error_peak": joint.error_peak,
+            "at_rest": [joint.rest_lower, joint.rest_upper],
+            "load": list(joint.loads),
+            "speed": list(joint.speeds),
+            "about": lines[joint.joint],
+        }
+        row["armature"] += float(model.armature[model.joints[model.getJointId(joint.joint)].idx_v])
+        rows.append(row)
+    content = {"pinfric_constants": 1, "about": list(header), "joints": rows}
+    return json.dumps(in_json(content), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
 _WRITERS: dict[str, Callable[..., str]] = {
     "mjcf": _mjcf,
     "urdf": urdf,
-    "ur": ur_script,
     "sdf": sdf,
-    **{to: partial(python_text, to) for to in ("isaaclab", "newton", "pinocchio")},
+    "constants": _constants,
 }
 
 
@@ -393,11 +387,10 @@ def joint_line(joint: JointConstants, form: Format) -> str:
 
 def _left_out(scene: Scene, to: str) -> tuple[str, ...]:
     """What the scene has and the file has not, with the key of the first place."""
-    held = {"static"} if to == "isaaclab" else set()
     lines = [
         f"{_LEFT_OUT[effect.name]} ({effect.why})"
         for effect in effects(scene)
-        if effect.on and effect.name in _LEFT_OUT.keys() - held
+        if effect.on and effect.name in _LEFT_OUT
     ]
     for name, friction in scene.friction.items():
         lines += [

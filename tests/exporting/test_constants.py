@@ -89,7 +89,7 @@ def test_constants_name_the_payload_that_they_were_fitted_with(ur5):
         f"with the payload 'part' ({part.mass:g} kg at {part.link}) in {count} of {len(motion.t)} "
     )
     assert made.notes[0].startswith(f"fitted {said}")
-    for to in ("mjcf", "urdf", "ur", "sdf", "isaaclab", "newton", "pinocchio"):
+    for to in ("mjcf", "urdf", "sdf", "constants"):
         text = " ".join(
             re.sub(r"[#*\n]|<!--|-->|//", " ", pf.export(scene, motion, to).text).split()
         )

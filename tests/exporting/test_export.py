@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -37,15 +39,13 @@ def changed():
     [
         (lambda: pf.load_scene("four_bar"), "mjcf", "four_bar.yaml: the loop 'rocker_pin'"),
         (lambda: pf.load_scene("excavator"), "urdf", "off the joints 'boom_cylinder'.* 2 more"),
-        (lambda: pf.load_scene("drawer"), "ur", "off the joints 'push'"),
+        (lambda: pf.load_scene("drawer"), "constants", "off the joints 'push'"),
         (planar, "mjcf", r"skates \(3 degrees of freedom\)"),
         (mimic, "mjcf", "'finger' mimics another"),
         (impossible, "mjcf", "'slide' moves a body that MuJoCo refuses: .*triangle"),
         (lambda: sliding_block(), "urdf", "no URDF .*export to mjcf"),
         (changed, "urdf", r"not the one of three_link.urdf \(inertias\)"),
-        (lambda: pf.load_scene("panda_pick_and_place"), "ur", "'panda_joint1' is not a joint of"),
-        (lambda: pf.Scene(model=random_tree(0, joints=0)), "ur", "no joint 'shoulder_pan_joint'"),
-        (lambda: sliding_block(), "stl", "'stl': there are: mjcf, urdf, ur, sdf"),
+        (lambda: sliding_block(), "stl", "'stl': there are: mjcf, urdf, sdf, constants"),
     ],
 )
 def test_what_cannot_be_exported_is_named(scene, to, message):
@@ -80,26 +80,25 @@ def test_the_object_says_what_it_is(ur5):
     assert frame.loc["elbow_joint", "frictionloss"] == made.joints[2].frictionloss
 
 
-# URScript of a UR arm, interpreted here.
-
-
-def test_the_urscript_gives_the_constants(ur5):
-    """URScript's blocks end with `end`; without them and `local` this program is Python's."""
-    scene, motion, made, _ = ur5
-    text = pf.export(scene, motion, "ur").text
-    lines = [line.replace("local ", "") for line in text.splitlines() if line.strip() != "end"]
-    program = {}
-    exec("\n".join(lines), program)
-    rates = [0.5, -0.4, 0.3, -0.2, 0.1, -0.6]
-    torque = program["pinfric_friction"](rates)
-    wanted = [
-        joint.frictionloss * np.sign(v) + joint.damping * v
-        for joint, v in zip(made.joints, rates, strict=True)
-    ]
-    np.testing.assert_allclose(torque, wanted, rtol=1e-5)
-    assert torque[4] > 0.1  # it never moves in the motion: of random states
-    slowly = np.array(program["pinfric_friction"]([0.001] * 6))
-    np.testing.assert_allclose(
-        slowly[0], 0.1 * wanted[0] - 0.049 * made.joints[0].damping, rtol=1e-5
-    )
-    assert all(f"# {joint.joint}" in text for joint in made.joints)
+def test_the_file_of_constants_holds_them_and_where_they_were_fitted(ur5):
+    scene, motion, made, result = ur5
+    read = json.loads(pf.export(scene, motion, "constants").text)
+    load = result.effort_frictionless
+    for i, (row, joint) in enumerate(zip(read["joints"], made.joints, strict=True)):
+        assert (row["joint"], row["dry"], row["viscous"]) == (
+            joint.joint,
+            joint.frictionloss,
+            joint.damping,
+        )
+        assert row["armature"] == joint.armature
+        assert row["error_rms"] == joint.error_rms
+        assert row["about"].startswith(f"{joint.joint}")
+        if not joint.unmoved:
+            assert load[:, i].min() <= row["load"][0] <= row["load"][1] <= load[:, i].max()
+            assert row["speed"] == [motion.v[:, i].min(), motion.v[:, i].max()]
+    assert any("links, masses and geometry" in line for line in read["about"])
+    model = block()
+    model.armature[:] = 0.25  # the model's own counts, too
+    sliding = pf.Scene(model=model, friction={"slide": {"viscous": 2.0}})
+    (row,) = json.loads(pf.export(sliding, moved(sliding), "constants").text)["joints"]
+    assert row["armature"] == pytest.approx(0.25, rel=1e-12)

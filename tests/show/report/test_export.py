@@ -30,12 +30,12 @@ def test_the_command_writes_and_says_what_it_costs(tmp_path, monkeypatch, capsys
     assert any("break-away friction" in line for line in answer["left_out"])
     out = told(capsys, *given, "--to", "urdf", "--out", "a/b").out
     assert_printed(__file__, "export_urdf", out)
-    assert run(*given, "--to", "ur", "--out", "c/friction.script") == 0
+    assert run(*given, "--to", "constants", "--out", "c/friction.json") == 0
     files = {str(p.relative_to(tmp_path)) for p in tmp_path.rglob("*") if p.is_file()}
     assert files == {
         "ur5_pick_and_place.mjcf.xml",
         "a/b/ur5_pick_and_place.constants.urdf",
-        "c/friction.script",
+        "c/friction.json",
     }
 
 
