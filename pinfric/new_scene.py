@@ -1,7 +1,8 @@
 """A starting scene for a user's URDF: every joint listed, its friction guessed and marked so.
 
 The guesses are meant to be replaced. They are sized by the load of each joint according to the
-URDF: its effort limit or, if that is missing or a placeholder, the weight that it carries.
+URDF: bearings by its effort limit or, if that is missing or a placeholder, by the weight that it
+carries, friction by the lesser of the two.
 """
 
 from __future__ import annotations
@@ -58,9 +59,10 @@ def new_scene(urdf: str | Path, folder: str | Path | None = None) -> str:
 
     Bearings: a turning joint gets two bearings on a shaft that carries its torque T at a shear
     stress of 20 MPa, d = (16 T/(pi 20 MPa))^(1/3); a sliding joint a guide half as long as its
-    travel. Dry friction is 5 % of what the joint must stand, viscous friction 20 % of it at the
-    velocity limit: on the safe side of what was identified on a UR10e. The links' masses hold the
-    drives, as those of published URDFs do. Each guess has its reason beside it, and in `assumed`.
+    travel. Dry friction is 5 % of the lesser of the joint's effort limit and three times the weight
+    that it carries, viscous friction 20 % of it at the velocity limit, as identified on a UR10e.
+    The links' masses hold the drives, as those of published URDFs do. Each guess has its reason
+    beside it, and in `assumed`.
 
     Args:
         urdf: the file, or `example-robot-data:<path below its robots folder>`.
@@ -213,18 +215,19 @@ def _joint_section(joint: JointLoad, dynamics: Mapping[str, UrdfDynamics]) -> li
         urdf = f"; <dynamics>: {stated[key]:g}" if stated.get(key) else ""
         lines.append(f"    {key}: {value}  # guess: {why}{urdf}")
     if joint.leader is None:
-        lines.append("    # includes_drive: true  # `size` takes its gears' losses instead of this")
+        lines.append("    includes_drive: true  # `size` replaces both by its candidates' losses")
     return lines
 
 
 def _guesses(joint: JointLoad) -> dict[str, tuple[str, str]]:
     """Key of a joint's friction -> its guess, and why."""
-    dry = _COULOMB * joint.load
+    dry = _COULOMB * joint.least
     unit, rate = ("N", "m/s") if joint.sliding else ("N m", "rad/s")
     speed, at = joint.fastest, "its velocity limit"
     if not speed:
         speed, at = (_FASTEST_SLIDING if joint.sliding else _FASTEST), "a usual velocity"
-    load = f"{joint.load:.3g} {unit}"
+    least = f"{joint.least:.3g} {unit}"
+    lesser = joint.why_least if joint.least < joint.load else least
     if joint.sliding:
         travel = joint.upper - joint.lower
         length = min(max(0.5 * travel, 0.02), 0.3) if math.isfinite(travel) else 0.1
@@ -249,11 +252,11 @@ def _guesses(joint: JointLoad) -> dict[str, tuple[str, str]]:
         ),
         "coulomb": (
             f"{{static: {_short(_STATIC * dry)}, kinetic: {_short(dry)}}}",
-            f"gear and seals, {100 * _COULOMB:g} % of {load}",
+            f"gear and seals, {100 * _COULOMB:g} % of {lesser}",
         ),
         "viscous": (
-            _short(_VISCOUS * joint.load / speed),
-            f"{100 * _VISCOUS:g} % of {load} at {at}, {speed:.3g} {rate}",
+            _short(_VISCOUS * joint.least / speed),
+            f"{100 * _VISCOUS:g} % of {least} at {at}, {speed:.3g} {rate}",
         ),
     }
 

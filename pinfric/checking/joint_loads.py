@@ -42,6 +42,7 @@ class JointLoad:
         load: what it must stand (N m or N).
         why: where that is taken from.
         remark: what is wrong with its effort limit, or "".
+        least, why_least: the lesser of that and of the weight's: a placeholder cannot raise it.
         fastest: its velocity limit, rad/s or m/s; 0 without a believable one.
     """
 
@@ -55,6 +56,8 @@ class JointLoad:
     why: str
     remark: str
     fastest: float
+    least: float
+    why_least: str
 
 
 def joint_loads(model: pin.Model) -> list[JointLoad]:
@@ -82,7 +85,8 @@ def joint_loads(model: pin.Model) -> list[JointLoad]:
         weight = _GRAVITY * float(masses.sum() if sliding else masses @ reach)
         limit = float(model.effortLimit[kind.idx_v]) if kind.nv == 1 else 0.0
         before = [] if sliding else [turning[p] for p in _chain(model, j) if p in turning]
-        load, why, remark = _load(limit, weight, float(masses.sum()), sliding, before)
+        rule = _by_weight(weight, float(masses.sum()), sliding, before)
+        load, why, remark = _load(limit, weight, sliding, rule)
         lower, upper = _limits(model, kind)
         follows = leaders[int(twin.v_index[j - 1])] if kind.nv == 0 else None
         speed = float(model.velocityLimit[kind.idx_v]) if kind.nv == 1 else 0.0
@@ -97,6 +101,8 @@ def joint_loads(model: pin.Model) -> list[JointLoad]:
             why=why,
             remark=remark,
             fastest=speed if 0.0 < speed <= _FASTEST else 0.0,
+            least=min(load, rule[0]),
+            why_least=why if load <= rule[0] else rule[1],
         )
         found.append(joint)
         if not sliding and joint.degrees == 1:
@@ -115,7 +121,7 @@ def _chain(model: pin.Model, joint: int) -> list[int]:
 
 
 def _load(
-    limit: float, weight: float, mass: float, sliding: bool, before: Sequence[JointLoad]
+    limit: float, weight: float, sliding: bool, rule: tuple[float, str]
 ) -> tuple[float, str, str]:
     """(what a joint must stand, why, remark): its limit, else by its weight and its chain."""
     unit = "N" if sliding else "N m"
@@ -123,17 +129,24 @@ def _load(
     most = (_PLACEHOLDER_SLIDING if sliding else _PLACEHOLDER) * weight or _MOST_LOAD
     if given and limit <= most:
         return limit, f"its effort limit, {limit:.4g} {unit}", ""
-    remark = f"its effort limit, {limit:.4g} {unit}, looks like a placeholder" if given else ""
+    return *rule, f"its effort limit, {limit:.4g} {unit}, looks like a placeholder" * given
+
+
+def _by_weight(
+    weight: float, mass: float, sliding: bool, before: Sequence[JointLoad]
+) -> tuple[float, str]:
+    """(what a joint must stand by its weight and its chain, why)."""
+    unit = "N" if sliding else "N m"
     load, why = 1.0, f"1 {unit} (no weight to estimate from)"
     if weight > 0:
         what = f"{mass:.2g} kg" if sliding else f"{mass:.2g} kg held out level"
         load = _OVER_WEIGHT * weight
         why = f"{_OVER_WEIGHT:g} times {what}, {load:.2g} {unit}"
-    strongest = max(before, key=lambda joint: joint.load, default=None)
-    if strongest and load < _OF_CHAIN * strongest.load:
-        load = _OF_CHAIN * strongest.load
-        why = f"{_OF_CHAIN:g} of the {strongest.load:.3g} N m of {strongest.name}"
-    return load, why, remark
+    strongest = max(before, key=lambda joint: joint.least, default=None)
+    if strongest and load < _OF_CHAIN * strongest.least:
+        load = _OF_CHAIN * strongest.least
+        why = f"{_OF_CHAIN:g} of the {strongest.least:.3g} N m of {strongest.name}"
+    return load, why
 
 
 def _limits(model: pin.Model, kind: Any) -> tuple[float, float]:

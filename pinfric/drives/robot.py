@@ -244,24 +244,43 @@ def with_masses(scene: Scene, masses: Masses) -> Scene:
     return replace(scene, model=model) if changed else scene
 
 
+def drive_friction(scene: Scene) -> dict[str, dict[str, str]]:
+    """Return what of the friction is the drives', not the joints' own: joint -> key -> why.
+
+    Coulomb and viscous friction that a starting scene guessed ("guessed": by what motors of a
+    UR10e draw), that was measured on the motor's side ("measured by motor currents"), or beside
+    which `includes_drive` stands. Another drive brings its own losses instead.
+    """
+    guesses = {} if scene.assumed is None else scene.assumed.values
+    by_motors = scene.measured is not None and scene.measured.side == "motor"
+    found = {}
+    for name, entry in scene.friction.items():
+        why = {
+            key: "guessed"
+            if f"friction.{name}.{key}" in guesses
+            else "measured by motor currents"
+            if by_motors
+            else "with `includes_drive`" * entry.includes_drive
+            for key, term in entry
+            if key in ("coulomb", "viscous") and term
+        }
+        found[name] = {key: text for key, text in why.items() if text}
+    return {name: why for name, why in found.items() if why}
+
+
 def without_drives(scene: Scene, names: Collection[str]) -> Scene:
     """Return the scene with no losses of the named drives in their joints' friction.
 
     Args:
-        scene: where `includes_drive` says of friction that it holds them, its Coulomb and viscous
-            parts become 0.
+        scene: where `drive_friction` says of friction that it is the drives', it becomes 0.
         names: of the drives that others replace.
     """
     changed = {
-        name: entry.model_copy(
-            update={
-                key: term.scaled(0.0)
-                for key, term in entry
-                if key in ("coulomb", "viscous") and term
-            }
+        name: (entry := scene.friction[name]).model_copy(
+            update={key: getattr(entry, key).scaled(0.0) for key in keys}
         )
-        for name, entry in scene.friction.items()
-        if name in names and entry.includes_drive
+        for name, keys in drive_friction(scene).items()
+        if name in names
     }
     return replace(scene, friction={**scene.friction, **changed}) if changed else scene
 

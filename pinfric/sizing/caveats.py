@@ -10,6 +10,7 @@ import pinocchio as pin
 from pinfric.drives.catalog import Catalog
 from pinfric.drives.duty import Schedule
 from pinfric.drives.policy import KIT
+from pinfric.drives.robot import drive_friction
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.states import States
 from pinfric.model.scene import Scene
@@ -115,11 +116,7 @@ def caveats(
     notes.append(_of_friction(scene))
     if scene.assumed is not None:
         listed = "; ".join(f"{place} ({why})" for place, why in scene.assumed.values.items())
-        notes.append(
-            f"Guesses of `{scene.assumed.by}`, {scene.assumed.date}: {listed}. "
-            "Guesses of coulomb and viscous include a gear; beside a candidate's own losses they "
-            "count twice, on the safe side, unless `includes_drive: true` stands beside them."
-        )
+        notes.append(f"Guesses of `{scene.assumed.by}`, {scene.assumed.date}: {listed}.")
     if any(drive.transmission is not None for drive in scene.drives):
         notes.append("The scene's transmissions are replaced by the candidates'.")
     return tuple(notes)
@@ -157,13 +154,13 @@ def _of_the_motion(gaps: Sequence[str], jumps: Sequence[str]) -> list[str]:
 
 
 def _of_friction(scene: Scene) -> str:
-    replaced = [name for name, entry in scene.friction.items() if entry.includes_drive]
+    replaced = drive_friction(scene)
     if replaced:
         return (
             f"Coulomb and viscous friction of {', '.join(replaced)} include the old drive "
-            "(`includes_drive`); the candidates' losses replace them. So friction of the joint's "
-            "own bearings and seals is missing, and all of it if a candidate's no-load torque is "
-            "not known. Without `includes_drive` both are counted."
+            "(`includes_drive`, a guess, or motor currents); the candidates' losses replace them. "
+            "So friction of the joint's own bearings and seals is missing, and all of it if a "
+            "candidate's no-load torque is not known."
         )
     return (
         "The candidates' losses are added to the scene's friction. Friction identified from "

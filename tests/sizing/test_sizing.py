@@ -10,7 +10,7 @@ import pinocchio as pin
 import pytest
 from builders import chain, dry, example, lump, row
 from cases import resting_four_bar
-from mechanisms import pin_friction, shifted
+from mechanisms import shifted
 from sizing_cases import (
     ACCELERATION,
     COULOMB,
@@ -35,8 +35,9 @@ from pinfric.drives.catalog_file import load_catalog
 from pinfric.drives.policy import Conditions
 from pinfric.drives.robot import with_masses
 from pinfric.errors import CatalogError, SizingError, StateError
-from pinfric.model.schema import Assumed
+from pinfric.model.schema import Assumed, Measured
 from pinfric.motions.summary import summarize
+from pinfric.show.report.sizing import friction_line
 from pinfric.sizing.caveats import caveats
 from pinfric.sizing.shelf import Ask
 from pinfric.sizing.size import _Sizing
@@ -324,21 +325,44 @@ def test_neglecting_friction_would_have_bought_a_smaller_drive(tmp_path):
     assert smooth.joints[0].choice.candidate.motor == "small"
 
 
-def test_friction_that_holds_the_old_drive_gives_way_to_the_new_ones(tmp_path):
-    pin_of_5cm = pin_friction(0.1, 0.05, length=0.1)
-    own = pin_of_5cm | dry(2.0, 1.5, viscous=1.0)
-    entries = pin_of_5cm, own, own | {"includes_drive": True}
-    bare, kept, replaced = (arm(1, friction={"joint_1": entry}) for entry in entries)
-    reports = [
-        pf.size(scene, still(scene), one_drive(tmp_path), on_miss="ignore")
-        for scene in (bare, kept, replaced)
-    ]
-    rms, rms_kept, rms_replaced = (report.joints[0].demand.rms for report in reports)
-    assert rms_replaced == pytest.approx(rms, rel=1e-12)
-    assert rms_kept > rms + 1.0
-    assert any("of joint_1 include the old drive" in x for x in reports[2].notes)
+def measured(side):
+    return Measured(robot="a table", side=side, source="invented", grade="A")
+
+
+def guessed(*keys):
+    values = {f"friction.table.{key}": "5 %" for key in keys}
+    return Assumed(by="pinfric new", date="2026-11-28", version="0", values=values)
+
+
+@pytest.mark.parametrize(
+    ("scene", "more", "left", "says"),
+    [
+        ({}, {}, 1.0, None),
+        ({}, {"includes_drive": True}, 0.0, "with `includes_drive`"),
+        ({"measured": measured("motor")}, {}, 0.0, "measured by motor currents"),
+        ({"measured": measured("joint")}, {}, 1.0, None),
+        ({"measured": measured("joint torque sensor")}, {}, 1.0, None),
+        ({"assumed": guessed("coulomb", "viscous")}, {}, 0.0, "guessed"),
+        ({"assumed": guessed("coulomb", "viscous")}, {"includes_drive": True}, 0.0, "guessed"),
+        ({"assumed": guessed("bearing", "mu")}, {}, 1.0, None),
+        ({"assumed": guessed("viscous")}, {}, COULOMB / (COULOMB + 4.0 * RATE), "guessed"),
+    ],
+)
+def test_friction_that_holds_the_old_drive_gives_way_to_the_new_ones(
+    tmp_path, scene, more, left, says
+):
+    """While it speeds up to 1.5 rad/s the table needs J a and its own friction."""
+    table = turntable(friction={"table": dry(COULOMB, viscous=4.0) | more}, **scene)
+    whole = COULOMB + 4.0 * RATE
+    report = sized_cycle(one_drive(tmp_path), table, conditions={"inertia_ratio": 20})
+    demand = INERTIA * ACCELERATION + left * whole
+    assert report.joints[0].demand.peak == pytest.approx(demand, rel=1e-6)
+    line = f"friction: 1 of 1 joints {says}, taken as the old drive's and replaced by the "
+    assert friction_line(report) == ([] if says is None else [f"{line}candidates' losses"])
+    assert any("of table include the old drive" in x for x in report.notes) == (says is not None)
     # nothing takes its place where nothing is chosen
-    assert pf.size(replaced, still(replaced)).joints[0].demand.rms == pytest.approx(rms_kept)
+    alone = sized_cycle(scene=table).joints[0].demand.peak
+    assert alone == pytest.approx(INERTIA * ACCELERATION + whole, rel=1e-6)
 
 
 @pytest.mark.filterwarnings("ignore:.*no candidates. motors and gears are for joints with one axis")

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from pinfric.drives.criterion import Status
+from pinfric.drives.robot import drive_friction
 from pinfric.elastic.summary import elastic_summary
 from pinfric.model.brief import counted
 from pinfric.motions.summary import beyond_limits
@@ -50,7 +51,8 @@ def sizing_report(report: SizingReport, verbose: bool = True) -> Report:
     """
     notes = [f"note: {line}" for line in report.notes]
     failing = [*beyond_limits(report.result_without_masses), *report.verdict.failing]
-    opening = [verdict(report), *masses_line(report), *(f"! {line}" for line in failing)]
+    said = (*friction_line(report), *masses_line(report))
+    opening = [verdict(report), *said, *(f"! {line}" for line in failing)]
     if report.catalog is None:
         return paragraphs(opening, demand_table(report), elastic_lines(report), notes)
     found = sizing_summary(report)
@@ -89,6 +91,21 @@ def _short(report: SizingReport, found: SizingSummary, opening: Sequence[Any]) -
         ask_table(found, _ASKED),
         first + ending,
     )
+
+
+def friction_line(report: SizingReport) -> list[str]:
+    """Return whose friction is taken as the old drives', where drives were chosen."""
+    names = report.given.actuator_names
+    reasons = [
+        dict.fromkeys(why.values())
+        for name, why in drive_friction(report.given).items()
+        if name in names and report.catalog is not None
+    ]
+    counts = {why: sum(why in own for own in reasons) for own in reasons for why in own}
+    if not counts:
+        return []
+    said = ", ".join(f"{n} of {len(names)} joints {why}" for why, n in counts.items())
+    return [f"friction: {said}, taken as the old drive's and replaced by the candidates' losses"]
 
 
 def masses_line(report: SizingReport) -> list[str]:
