@@ -5,7 +5,7 @@ python -m pytest benchmarks/test_elastic.py -n 0 -s
 
 from __future__ import annotations
 
-from test_inverse import interleaved
+from measure import median_seconds
 
 import pinfric as pf
 from pinfric.elastic.motion import elasticity, trajectory_frequencies
@@ -18,7 +18,7 @@ def test_frequencies_cost_no_more_than_the_motion():
     scene = pf.load_scene("ur10_machine_tending")
     motion = pf.load_trajectory("ur10_machine_tending", scene)
     result = pf.inverse_dynamics(scene, motion)
-    seconds = interleaved(
+    seconds = median_seconds(
         {
             "inverse": lambda: pf.inverse_dynamics(scene, motion),
             "frequencies": lambda: trajectory_frequencies(result),

@@ -20,10 +20,8 @@ friction by angle, offset,    7 to 18 of 30 to 35 hold    named and widened: mis
 spread between two logs       covers a further log 66 %   95 %: misfit `..._covers_a_further_log`
 a log of 6 s                  refused                     taken: `test_a_log_of_six_seconds_...`
 a log in which nothing slides LinAlgError                 `test_a_hold_beside_a_motion_...`
-an hour at 500 Hz             11.4 GB                     1.4 GB, 0.5 of them the log: benchmarks
-                                                            long_log.py, `..._prepared_in_parts_...`
+an hour at 500 Hz             11.4 GB                     1.4 GB: `..._prepared_in_parts_...`
 headers, spaces, mat, gz, ... refused or misread          log_files
-zero of joint 5 off by 90 deg silent                      named: `test_a_wrong_zero_that_...`
 stick velocity                1e-6                        the noise's: `test_joints_stick_up_to_...`
 """
 
