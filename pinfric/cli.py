@@ -21,6 +21,8 @@ import typer
 
 from pinfric import __version__
 from pinfric.errors import PinfricError, PinfricWarning, plain, removed
+from pinfric.model.inputs import command as running_command
+from pinfric.model.inputs import note_input, running
 from pinfric.terminal import (
     answer,
     facts,
@@ -114,8 +116,14 @@ def _options(
         bool,
         typer.Option("--verbose", "-v", help="Print all tables and notes; files, versions, time."),
     ] = False,
+    overwrite: Annotated[
+        bool,
+        typer.Option("--overwrite", help="Replace files that pinfric did not write; never inputs."),
+    ] = False,
 ) -> None:
     telling.update(quiet=quiet, verbose=verbose)
+    if (command := running()) is not None:
+        command.overwrite = overwrite
     if version:
         print_line(f"pinfric {__version__}")
     elif context.invoked_subcommand is None:
@@ -140,7 +148,8 @@ def inverse(
     tool's position at rest and natural frequencies. --out writes efforts.csv, efforts.png,
     summary.json, for a log with efforts measured.png, for elastic gears tool.png.
     """
-    scene, trajectory = load(scene_name, trajectory_name, log, out)
+    names = "efforts.csv", "efforts.png", "measured.png", "tool.png", "summary.json"
+    scene, trajectory = load(scene_name, trajectory_name, log, out, names)
     question_loads(scene)
     from pinfric.dynamics.inverse.inverse import inverse_dynamics
     from pinfric.elastic.motion import elasticity
@@ -194,7 +203,8 @@ def simulate(
     Runs the scene's `simulation` section. --out writes motion.csv, motion.npz, motion.png and
     summary.json.
     """
-    scene, _ = load(scene_name, out=out)
+    names = "motion.csv", "motion.npz", "motion.png", "summary.json"
+    scene, _ = load(scene_name, out=out, names=names)
     from pinfric.dynamics.simulation.scene_run import run_scene
     from pinfric.show.figure.motion import motion_figure
     from pinfric.show.motion_summary import motion_summary
@@ -237,7 +247,7 @@ def paper(
             f"{reading!r}: there are consistent, literal", param_hint="--reading"
         )
     if out is not None:
-        check_writable(out)
+        check_writable(out, [*(f"figure_{n}.png" for n in (5, 6, 8, 9, 10)), "summary.json"])
     if reading == "literal":
         with working("simulating both examples as printed"):
             literal = [made.read_literally(example) for example in made.EXAMPLES]
@@ -286,7 +296,8 @@ def size(
     cycles: --cycle pick.csv:0.7 --cycle wait.csv:0.3, or counts.
     """
     given = _cycles(trajectory_name, cycle)
-    scene, trajectory = load(scene_name, given[0][0], log, out)
+    names, later = ("sizing.json", "report.html", "bom.csv"), [name for name, _ in given[1:]]
+    scene, trajectory = load(scene_name, given[0][0], log, out, names, [*later, catalog])
     question_loads(scene)
     from pinfric.drives.duty import Duty
     from pinfric.show.pages.sizing import sizing_page
@@ -360,11 +371,12 @@ def catalog(
 ) -> None:
     """Make a catalogue for `size` from a table of motors, gears or gearmotors."""
     from pinfric.drives.catalog_file import load_catalog
-    from pinfric.drives.table import import_table, write_catalog
+    from pinfric.drives.table import import_table, mapping_of, write_catalog
     from pinfric.model.brief import counted
     from pinfric.model.files import check_writable
 
     file = out or table.with_suffix(".yaml")
+    note_input(table, columns or mapping_of(table))
     check_writable(file.parent, [file.name])
     content = import_table(table, columns)
     write_catalog(content, file, table.name)
@@ -391,7 +403,8 @@ def stop(
     Stopping time and travel of each axis, the tool's path, sag, energy of brakes and peaks of
     gears, by payload and speed. --out writes summary.json, report.html and stop.png.
     """
-    scene, trajectory = load(scene_name, trajectory_name, log, out)
+    names = "report.html", "stop.png", "summary.json"
+    scene, trajectory = load(scene_name, trajectory_name, log, out, names)
     from pinfric.show.figure.stop import stop_figure
     from pinfric.show.pages.stop import stop_page
     from pinfric.show.report.stop import stop_report, verdict
@@ -437,7 +450,8 @@ def retime(
     All friction and gear losses are included. --out writes trajectory.csv, retime.png and
     summary.json.
     """
-    scene, _ = load(scene_name, out=out)
+    names = "trajectory.csv", "retime.png", "summary.json"
+    scene, _ = load(scene_name, out=out, names=names, later=[path_name, motors])
     from pinfric.retiming.retime import retime as find_fastest
     from pinfric.retiming.summary import retime_summary
     from pinfric.show.figure.retime import retime_figure
@@ -485,7 +499,8 @@ def sweep(
     influential parameters. --out writes samples.parquet, sweep.png and summary.json; a stopped
     sweep continues from the samples in that folder.
     """
-    scene, trajectory = load(scene_name, trajectory_name, log, out)
+    names = "sweep.png", "summary.json"
+    scene, trajectory = load(scene_name, trajectory_name, log, out, names, [sweep_name])
     from pinfric.show.figure.sweep import sweep_figure
     from pinfric.show.report.sweep import sweep_report
     from pinfric.sweeps.run import sweep as run_sweep
@@ -545,7 +560,9 @@ def identify(
     --out writes scene.yaml, robot.urdf, posterior.csv, sweep.yaml, report.html, summary.json and
     advice.waypoints.yaml.
     """
-    scene, _ = load(scene_name, out=out)
+    names = "scene.yaml", "robot.urdf", "posterior.csv", "sweep.yaml", "advice.waypoints.yaml"
+    pages, later = ("report.html", "summary.json"), [*logs, *(held_out or ()), log.columns]
+    scene, _ = load(scene_name, out=out, names=(*names, *pages), later=later)
     from pinfric.identification.files import identified_files
     from pinfric.identification.identify import identify as find
     from pinfric.identification.summary import identify_summary
@@ -610,6 +627,7 @@ def replay(
     from pinfric.show.timeline.motion import motion_to_replay
 
     scene = load_scene(scene_name)
+    note_input(*(name for name in (motion_name, motors, log.columns) if name))
     html = _page(html, scene.source)
     with working("computing the motion"):
         motion, judged = motion_to_replay(scene, motion_name, log, effort_at)
@@ -742,7 +760,8 @@ def accuracy(scene_name: SceneName, out: OutFolder = None, as_json: AsJson = Fal
 
     --out writes accuracy.png, accuracy.csv and summary.json.
     """
-    scene, _ = load(scene_name, out=out)
+    names = "accuracy.png", "accuracy.csv", "summary.json"
+    scene, _ = load(scene_name, out=out, names=names)
     from pinfric.accuracy.study import accuracy as study
     from pinfric.show.figure.accuracy import accuracy_figure
     from pinfric.show.report.accuracy import accuracy_report
@@ -824,34 +843,25 @@ def export(
     a header for controllers, which uses the present load and needs no constants, and its test; it
     prints the error that constants would make.
     """
-    scene, trajectory = load(scene_name, trajectory_name, log)
     from dataclasses import replace
 
     from pinfric.exporting.export import export as make
+    from pinfric.exporting.export import file_names
+    from pinfric.model.files import check_writable
     from pinfric.show.report.export import export_report
 
+    out = out or Path()
+    scene, _ = load(scene_name, later=[trajectory_name])
+    names = file_names(scene, to, namespace)
+    folder = to == "cpp" or out.is_dir() or not out.suffix
+    file = out / names[0] if folder else out
+    check_writable(file.parent, [file.name, *names[1:]])
+    trajectory = None if trajectory_name is None else load_motion_of(scene, trajectory_name, log)
     made = make(scene, trajectory, to, frames=frame or (), namespace=namespace)
-    if to == "cpp":
-        file = made.write(out or Path())
-        say(f"wrote {file} and {', '.join(made.beside)}")
-    else:
-        file = _export_file(made, scene, out)
-        made.write(file)
-        say(f"wrote {file}")
+    made.write(out if to == "cpp" else file)
+    say(f"wrote {' and '.join([str(file), *names[1:]])}")
     made = replace(made, file=str(file))
     answer("export", made, partial(export_report, made), as_json, scene=scene.source)
-
-
-def _export_file(made: Any, scene: Any, out: Path | None) -> Path:
-    """Where an export goes; refused where it cannot, or is the scene's own URDF."""
-    from pinfric.model.files import check_writable
-
-    folder = out is None or out.is_dir() or not out.suffix
-    file = (out or Path()) / made.default_name if folder else Path(str(out))
-    check_writable(file.parent, [file.name])
-    if scene.robot is not None and file.resolve() == scene.robot.urdf.resolve():
-        raise PinfricError(f"{file}: is the scene's own URDF; name another file")
-    return file
 
 
 def result_classes() -> dict[str, list[type]]:
@@ -899,13 +909,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
     noticed.clear()
     telling.update(quiet=False, verbose=False)
     read.clear()
-    with warnings_as_notices():
+    with warnings_as_notices(), running_command():
         sys.exit(_run(_flags_first(list(sys.argv[1:] if arguments is None else arguments))))
 
 
 def _flags_first(arguments: list[str]) -> list[str]:
-    """Put --quiet and --verbose before the command: people write them at the end of the line."""
-    flags = [text for text in arguments if text in ("-q", "--quiet", "-v", "--verbose")]
+    """Put what all commands take before the command: people write it at the end of the line."""
+    known = ("-q", "--quiet", "-v", "--verbose", "--overwrite")
+    flags = [text for text in arguments if text in known]
     return flags + [text for text in arguments if text not in flags]
 
 

@@ -98,17 +98,31 @@ def load(
     trajectory_name: str | None = None,
     log: ReadingOptions | None = None,
     out: Path | None = None,
+    names: Sequence[str] = (),
+    later: Sequence[str | Path | None] = (),
 ) -> tuple[Scene, Any]:
     """Read a scene and a trajectory, None where none is named.
 
-    A folder that could not be written is refused before any work.
+    Results that could not be written, or would replace what they must not, are refused before any
+    work.
+
+    Args:
+        scene_name, trajectory_name: files or bundled.
+        log: how the trajectory is read.
+        out: the folder of the results.
+        names: the files that the command may write there.
+        later: what else the command reads, names of files or not.
     """
     from pinfric.model.files import check_writable
+    from pinfric.model.inputs import note_input
     from pinfric.model.scene_file import load_scene
 
     if out is not None:
         check_writable(out)
     scene = load_scene(scene_name)
+    note_input(*(name for name in (trajectory_name, *later) if name))
+    if out is not None:
+        check_writable(out, names)
     read.append(scene.source)
     if scene.robot is not None:
         read.append(scene.robot.urdf)

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from pinfric import cli
+from pinfric.model.files import RECORD
 
 ROOT = Path(__file__).parents[1]
 
@@ -55,3 +56,8 @@ def refused(capsys, *arguments):
     assert (out, err.count("\n")) == ("", 1)
     assert err.startswith("pinfric: error: ")
     return err
+
+
+def results_in(folder):
+    """The names of the files that a command wrote into a folder, its record left out."""
+    return sorted(path.name for path in Path(folder).iterdir() if path.name != RECORD)

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from cli_cases import SCENE, refused, run, told
+from cli_cases import SCENE, refused, results_in, run, told
 from envelopes import result_of, validated
 from printed import assert_printed
 
@@ -59,7 +59,7 @@ def test_json_has_the_figures_of_every_joint(files, capsys):
 def test_out_holds_efforts_figure_and_summary(files, capsys):
     out, err = told(capsys, "inverse", "arm.yaml", "way.yaml", "--json", "--out", "results/run1")
     folder = files / "results" / "run1"
-    assert sorted(p.name for p in folder.iterdir()) == [
+    assert results_in(folder) == [
         "efforts.csv",
         "efforts.png",
         "summary.json",
@@ -157,7 +157,7 @@ def test_size_prints_each_joints_demand_and_choice(capsys, tmp_path):
     assert all(keys <= joint.keys() for joint in joints)
     assert all(len(joint["holding"]) == 2 for joint in joints)
     assert joints[1]["next_smaller"]["why"]
-    assert {p.name for p in (tmp_path / "out").iterdir()} == {
+    assert set(results_in(tmp_path / "out")) == {
         "sizing.json",
         "report.html",
         "bom.csv",
@@ -211,7 +211,7 @@ def test_sweep_prints_tables_and_writes_samples_figure_and_summary(files, capsys
     printed = told(capsys, "sweep", "arm.yaml", "way.yaml", "s.yaml", "--out", "out")
     assert_printed(__file__, "sweep", printed.out)
     names = {"samples.parquet", "sweep.png", "summary.json"}
-    assert {p.name for p in (files / "out").iterdir()} == names
+    assert set(results_in(files / "out")) == names
     again = told(capsys, "sweep", "arm.yaml", "way.yaml", "s.yaml", "--out", "out", "--json")
     assert "20 cycles, 20 of them from before" in again.err
     summary = validated(again.out)

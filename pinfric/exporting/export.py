@@ -164,6 +164,28 @@ class Exported(Shown):
         return write_folder(path, {name: _writer(text) for name, text in texts.items()})[0]
 
 
+def file_names(scene: Scene, to: str, namespace: str = "") -> list[str]:
+    """Return the default names of what an export writes, the one that it is called by first.
+
+    Args:
+        scene, to, namespace: see `export`.
+
+    Raises:
+        PinfricError: no such format, or a namespace that C++ does not allow.
+    """
+    _check_format(to)
+    if to != "cpp":
+        return [f"{Path(scene.source).stem}{FORMATS[to].suffix}"]
+    called = header_name(scene.source, namespace)
+    return [f"{called}{FORMATS[to].suffix}", f"{called}_test.cpp"]
+
+
+def _check_format(to: str) -> None:
+    if to not in FORMATS:
+        gone = removed(f"--to {to}")
+        raise PinfricError(f"export: to {to!r}: {gone or choose_from(to, FORMATS)}")
+
+
 def _writer(text: str) -> Callable[[Path], object]:
     return lambda file: file.write_text(text, encoding="utf-8")
 
@@ -198,9 +220,7 @@ def export(
         PinfricError: no such format, or one that cannot hold what the scene has; named.
     """
     expect_scene(scene, "export")
-    if to not in FORMATS:
-        gone = removed(f"--to {to}")
-        raise PinfricError(f"export: to {to!r}: {gone or choose_from(to, FORMATS)}")
+    _check_format(to)
     if to == "cpp":
         return _for_cpp(scene, trajectory, frames, posterior, header_name(scene.source, namespace))
     if frames or namespace or posterior is not None:

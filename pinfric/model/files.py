@@ -1,22 +1,31 @@
-"""Write results so that a reader finds the old file or the new one, never an incomplete one."""
+"""Write results so that a reader finds the old file or the new one, never an incomplete one.
+
+What a command writes replaces neither its inputs nor, without --overwrite, files of others. Beside
+its results it keeps their hashes, so that a later run knows them: a mark in the files themselves
+would be in the way of those who read a CSV, and would not show that somebody has changed one.
+"""
 
 from __future__ import annotations
 
 import fcntl
 import hashlib
+import json
 import os
 import shutil
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from pinfric.errors import PinfricError
+from pinfric.model.inputs import running
 from pinfric.model.yamlfile import brief, brief_path
 
 #: Writes a whole file to the path it is given.
 Writer = Callable[[Path], object]
 _UNFINISHED, _ALIVE = ".unfinished-", ".alive"
+#: Name -> SHA-256 of what commands wrote into a folder.
+RECORD = ".pinfric-results.json"
 #: Endings of file names; a folder of such a name is probably a mistake.
 _FILES = frozenset((".csv", ".html", ".json", ".png", ".urdf", ".xml", ".yaml", ".yml"))
 
@@ -63,7 +72,9 @@ def write_folder(folder: str | Path, writers: Mapping[str, Writer]) -> list[Path
         with _unfinished(folder) as unfinished:
             for name, write in writers.items():
                 write(unfinished / name)
-            _put_in_place(unfinished, folder, list(writers))
+            with _locked(folder, os.O_RDONLY, wait=True):  # the record is one for all runs
+                recorded = _write_record(unfinished, folder, writers)
+                _put_in_place(unfinished, folder, [*writers, *recorded])
     except OSError as problem:
         raise PinfricError(f"{folder}: cannot be written: {problem.strerror or problem}") from None
     except UnicodeEncodeError as problem:
@@ -145,18 +156,22 @@ def _put_in_place(unfinished: Path, folder: Path, names: Sequence[str]) -> None:
         raise
 
 
-def check_writable(folder: str | Path, names: Iterable[str] = ()) -> None:
+def check_writable(
+    folder: str | Path, names: Iterable[str] = (), checked: Iterable[str] = ()
+) -> None:
     """Raise before a long computation if its results could not be written.
 
     Args:
         folder: where they go.
         names: the files that will be written there.
+        checked: further files, of which the caller knows whether it may replace them.
 
     Raises:
         PinfricError: `folder` is a file or named like one; it, or its parent if it is missing, is
-            read-only; or a folder has the name of one of the files.
+            read-only; a folder has the name of one of the files. In a command also: a file there
+            is one of its inputs, or is not as pinfric wrote it and --overwrite is not given.
     """
-    folder = Path(folder)
+    folder, names = Path(folder), list(names)
     try:
         there = next(p for p in (folder.absolute(), *folder.absolute().parents) if p.exists())
     except OSError as problem:  # a name that no file system accepts
@@ -175,3 +190,47 @@ def check_writable(folder: str | Path, names: Iterable[str] = ()) -> None:
             f"{folder}: cannot be written: it contains a folder {', '.join(taken)}, where a file "
             "of that name must be written; move it, or name another folder"
         )
+    if (command := running()) is None:
+        return
+    for name in (*names, *checked):
+        file = folder / name
+        if (source := _same_file(file, command.inputs)) is not None:
+            same = "" if source.absolute() == file.absolute() else f" (it is {source})"
+            raise PinfricError(
+                f"{file}: is an input of this command{same}, which its result would replace; name "
+                "another place"
+            )
+    known = {} if command.overwrite else _recorded(folder)
+    for name in () if command.overwrite else names:
+        file = folder / name
+        if file.is_file() and (name not in known or known[name] != file_hash(file)):
+            why = "was changed since pinfric wrote it" if name in known else "is there already"
+            raise PinfricError(f"{file}: {why}; name another place, or replace it: --overwrite")
+
+
+def _same_file(file: Path, inputs: Iterable[Path]) -> Path | None:
+    """The input that a file is, also through links and hard links; pipes and devices are none."""
+    for source in inputs if file.is_file() else ():
+        with suppress(OSError, ValueError):  # not there, or a name that no file system takes
+            if os.path.samefile(source, file):
+                return source
+    return None
+
+
+def _recorded(folder: Path) -> dict[str, str]:
+    """What earlier commands wrote into a folder: name -> SHA-256."""
+    try:
+        content = json.loads((folder / RECORD).read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return content if isinstance(content, dict) else {}
+
+
+def _write_record(unfinished: Path, folder: Path, names: Iterable[str]) -> list[str]:
+    """Write the folder's record with what the running command adds, and return its name."""
+    if running() is None:
+        return []
+    known = {name: hash_ for name, hash_ in _recorded(folder).items() if (folder / name).is_file()}
+    known |= {name: file_hash(unfinished / name) for name in names}
+    (unfinished / RECORD).write_text(json.dumps(known, indent=1) + "\n", encoding="utf-8")
+    return [RECORD]

@@ -16,9 +16,10 @@ from pinfric.model.brief import counted
 from pinfric.model.entry import parse
 from pinfric.model.friction_terms import constant_friction, linear_drag
 from pinfric.model.hysteresis import excessive_friction
+from pinfric.model.inputs import note_input
 from pinfric.model.robot import Robot, locate_urdf, mention_reductions, read_robot
 from pinfric.model.scene import Scene
-from pinfric.model.schema import Assumed, Friction, Measured, SceneFile
+from pinfric.model.schema import Assumed, Friction, Measured, SceneFile, TableEffort
 from pinfric.model.yamlfile import read_yaml
 
 #: A robot that is measured at more than so many times its URDF's limit was measured in deg/s.
@@ -60,6 +61,9 @@ def load_scene(path: str | Path) -> Scene:
         raise RobotError(f"{file}: {problem}") from None
     if entries.actuators is None:
         mention_reductions(robot, str(file))
+    if (given := entries.simulation) is not None:  # its tables are read where it is simulated
+        efforts = (*given.effort.values(), *given.motor_torque.values())
+        note_input(*(file.parent / e.table for e in efforts if isinstance(e, TableEffort)))
     robot.model.gravity.linear = np.array(entries.robot.gravity)
     # Refuse measured speeds that no joint of the robot reaches: deg/s, as a rule
     for joint in filter(robot.model.existJointName, entries.friction):

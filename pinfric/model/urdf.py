@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pinfric.errors import PinfricWarning, RobotError, choose_from
+from pinfric.model.inputs import note_input
 from pinfric.model.magnitudes import LARGEST
 from pinfric.model.mimics import link_of, settle_mimics
 from pinfric.model.urdf_file import NAMELESS
@@ -407,7 +408,9 @@ def mesh_file(name: str | None, urdf: Path, package_dirs: Sequence[Path]) -> Pat
         candidates = [Path(rest)]
     else:
         candidates = [folder / rest.lstrip("/") for folder in package_dirs]
-    return next((path for path in candidates if os.path.isfile(path)), None)
+    found = next((path for path in candidates if os.path.isfile(path)), None)
+    note_input(*([] if found is None else [found]))
+    return found
 
 
 def read_mesh_scene(path: Path) -> tuple[Any, float]:

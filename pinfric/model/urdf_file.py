@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import subprocess
 import sys
@@ -10,6 +11,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from pinfric.errors import RobotError, cut
+from pinfric.model.inputs import note_input
 from pinfric.model.yamlfile import bounded
 
 #: What other robot files begin with, and how to get a URDF from them.
@@ -68,25 +70,42 @@ def _is_xacro(root: ElementTree.Element) -> bool:
     return False
 
 
-#: Expands the xacro file that is its argument, on stdout; on stderr why it does not. What an
-#: expression raises may quote any file that it read, so only the name of an unknown symbol is told.
+#: Expands the xacro file that is its argument: on stdout the names of the files it includes or
+#: loads and the robot, on stderr why it does not expand. Expressions may load any file, and errors
+#: quote it: only YAML is loaded, and only words that stand in XML files or xacro itself are told.
 _EXPAND = """
-import resource, sys
+import json, os, re, resource, sys
 for kind, most in (resource.RLIMIT_AS, 2**32), (resource.RLIMIT_CPU, int(sys.argv[3])):
     resource.setrlimit(kind, (most, most))
+import xacro, yaml
 from xacrodoc import XacroDoc, packages
+load, refusal = yaml.safe_load, "load_yaml takes .yaml and .yml only"
+def safe_load(file):
+    if not os.path.realpath(file.name).lower().endswith((".yaml", ".yml")):
+        raise OSError(refusal)
+    return load(file)
+yaml.safe_load = safe_load
 try:
     packages.walk_up_from(sys.argv[1])
     # included, not read: only so do its own includes count from its folder
     made = XacroDoc.from_includes([sys.argv[1]], name=sys.argv[2], resolve_packages=False)
-    sys.stdout.buffer.write(made.to_urdf_string().encode())
+    files = json.dumps(xacro.all_includes)
+    sys.stdout.buffer.write(f"{files}\\n{made.to_urdf_string()}".encode())
 except Exception as problem:
     inner, text = problem, str(problem)
     while getattr(inner, "exc", None) is not None:
         inner = inner.exc
     before, within, expression = text.partition("when evaluating")
     if within and "is not defined" not in before:
-        text = f"{type(inner).__name__} {within}{expression}"
+        kind = refusal if refusal in before else type(inner).__name__
+        text = f"{kind} {within}{expression}"
+    words = "[Errno] No such file or directory not well-formed column"
+    known = [type(inner).__name__, refusal, words, sys.argv[1]]
+    for name in [sys.argv[1], xacro.__file__, *xacro.all_includes]:
+        if os.path.isfile(name) and not name.lower().endswith((".yaml", ".yml")):
+            known.append(open(name, errors="replace").read())
+    known, number = " ".join(known), r"(?<!line )(?<!column )"
+    text = re.sub(number + r"\\b\\w+", lambda word: word[0] if word[0] in known else "...", text)
     sys.exit(text or type(problem).__name__)
 """
 
@@ -109,7 +128,9 @@ def _expanded(urdf: Path, root: ElementTree.Element) -> ElementTree.Element:
     if ended.returncode:
         said = " ".join(ended.stderr.decode(errors="replace").split())
         raise RobotError(f"{failed}: {cut(said, 300) or 'its process was killed'}")
+    files, _, made = ended.stdout.partition(b"\n")
+    note_input(*json.loads(files))
     try:
-        return ElementTree.fromstring(ended.stdout)
+        return ElementTree.fromstring(made)
     except ElementTree.ParseError as problem:
         raise RobotError(f"{failed}: its result is not well-formed XML ({problem})") from None

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pinfric.errors import PinfricError, cut
+from pinfric.model.inputs import note_input
 
 if TYPE_CHECKING:
     from ruamel.yaml import YAML
@@ -90,6 +91,7 @@ def bounded(path: Path, error: type[PinfricError], most: int = _LARGEST_FILE) ->
         PinfricError: `error`: it is larger than any that is meant, as a device without end is.
         OSError: it cannot be read.
     """
+    note_input(path)
     with path.open("rb") as file:
         content = file.read(most + 1)
     if len(content) > most:

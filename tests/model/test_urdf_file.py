@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 import pinfric as pf
@@ -65,13 +67,26 @@ def test_xacro_that_never_ends_is_stopped(arm, monkeypatch):
         read_robot(arm, {})
 
 
-@pytest.mark.parametrize("wrong", ["xacro.load_yaml('other')", "int(xacro.load_yaml('list')[0])"])
-def test_errors_of_xacro_do_not_quote_other_files(arm, wrong):
+@pytest.mark.parametrize(
+    ("wrong", "content", "says"),
+    [
+        ("load_yaml('a.yaml')", "root: [secret: x: y", "ParserError when evaluating"),
+        ("load_yaml('a.yaml')[0].x", "[secret]", "Error when evaluating"),
+        ("load_yaml('a.yaml')['k']", "k: ${secret}", 'evaluated to "${...}", which is not'),
+        ("load_yaml('a.yaml')", "!degrees secret", "name '...' is not defined"),
+        ("load_yaml('a.yaml')", "secret", 'evaluated to "...", which is not'),
+        ("load_yaml('a.txt')", "secret", "load_yaml takes .yaml and .yml only when"),
+        ("load_yaml('b.yaml')", "secret", "load_yaml takes .yaml and .yml only when"),
+    ],
+)
+def test_errors_of_xacro_do_not_quote_other_files(arm, wrong, content, says):
     pytest.importorskip("xacrodoc")
-    (arm.parent / "other").write_text("root: [secret: x: y")
-    (arm.parent / "list").write_text("[secret]")
-    arm.write_text(ARM.replace("${pi}", f"${{{wrong}}}"))
-    with pytest.raises(RobotError, match=r"does not expand: .*Error when evaluating") as told:
+    for name in ("a.yaml", "a.txt"):
+        (arm.parent / name).write_text(content)
+    (arm.parent / "b.yaml").symlink_to("a.txt")
+    at = '<link name="base"/>'
+    arm.write_text(ARM.replace(at, f'<xacro:if value="${{xacro.{wrong}}}"/>{at}'))
+    with pytest.raises(RobotError, match=f"does not expand: .*{re.escape(says)}") as told:
         read_robot(arm, {})
     assert "secret" not in str(told.value)
     assert "\n" not in str(told.value)

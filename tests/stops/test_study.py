@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from cli_cases import told
+from cli_cases import results_in, told
 from envelopes import result_of
 from printed import assert_printed
 from stop_cases import ARM, arm, turntable
@@ -362,7 +362,7 @@ def test_the_command_prints_and_writes(files, capsys, monkeypatch):
     given = ["stop", str(files / "scene.yaml"), "pendulum", "--out", str(files / "out")]
     said = told(capsys, *given).out
     assert_printed(__file__, "stop", said)
-    assert {f.name for f in (files / "out").iterdir()} == {
+    assert set(results_in(files / "out")) == {
         "report.html",
         "stop.png",
         "summary.json",

@@ -11,6 +11,7 @@ import numpy as np
 from pinfric.errors import TrajectoryError
 from pinfric.model.arrays import BoolArray, FloatArray
 from pinfric.model.brief import counted
+from pinfric.model.inputs import note_input
 from pinfric.model.yamlfile import brief
 from pinfric.motions.joint_columns import JointColumn, listing, refuse
 from pinfric.motions.log.bags import is_bag, open_bag
@@ -95,6 +96,7 @@ def read_log(
 
 
 def _open(path: Path, joints: Sequence[JointColumn]) -> OpenedLog:
+    note_input(path, *(path.iterdir() if path.is_dir() else ()))
     if is_bag(path):
         return open_bag(path, [joint.name for joint in joints])
     if path.is_dir():

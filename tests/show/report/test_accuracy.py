@@ -7,7 +7,7 @@ import json
 import pandas as pd
 import pytest
 from accuracy_cases import of, studied_pendulum
-from cli_cases import refused, told
+from cli_cases import refused, results_in, told
 from envelopes import result_of
 
 import pinfric as pf
@@ -54,7 +54,7 @@ def test_json_has_every_run_and_nothing_else_is_printed(capsys):
 def test_out_has_picture_csv_and_summary(tmp_path, capsys):
     out, err = told(capsys, "accuracy", "pendulum", "--json", "--out", "results/a")
     folder = tmp_path / "results" / "a"
-    assert sorted(p.name for p in folder.iterdir()) == [
+    assert results_in(folder) == [
         "accuracy.csv",
         "accuracy.png",
         "summary.json",

@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from cli_cases import told
+from cli_cases import results_in, told
 from envelopes import result_of
 from matplotlib import image
 from printed import assert_printed
@@ -42,7 +42,7 @@ def test_rigid_scenes_print_and_write_what_they_did(tmp_path, capsys, monkeypatc
     said = told(capsys, "inverse", "pendulum", "pendulum", "--out", tmp_path, "--json")
     content = result_of(said.out)
     assert content["elasticity"] is None
-    assert sorted(f.name for f in tmp_path.iterdir()) == [
+    assert results_in(tmp_path) == [
         "efforts.csv",
         "efforts.png",
         "summary.json",

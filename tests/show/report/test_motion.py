@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from cli_cases import refused, told
+from cli_cases import refused, results_in, told
 from envelopes import result_of
 from printed import assert_printed
 
@@ -31,7 +31,7 @@ def test_files_and_table(capsys, tmp_path, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     printed = told(capsys, "simulate", "three_link", "--t-end", 0.6, "--out", tmp_path / "out").out
     assert_printed(__file__, "simulate", printed)
-    assert {p.name for p in (tmp_path / "out").iterdir()} == {
+    assert set(results_in(tmp_path / "out")) == {
         "motion.csv",
         "motion.npz",
         "motion.png",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from cli_cases import refused, run, told
+from cli_cases import refused, results_in, run, told
 from envelopes import result_of
 from printed import assert_printed
 
@@ -17,7 +17,7 @@ def test_retime_prints_writes_and_its_trajectory_is_one_for_all(files, capsys):
     out = told(capsys, "retime", "table.yaml", "way.yaml", "--out", "out").out
     assert max(map(len, out.splitlines())) <= 80
     assert_printed(__file__, "retime", out)
-    assert {f.name for f in Path("out").iterdir()} == {
+    assert set(results_in("out")) == {
         "trajectory.csv",
         "retime.png",
         "summary.json",

@@ -1,0 +1,201 @@
+"""No command replaces what it reads, nor, unasked, what pinfric did not write.
+
+Every command against every file: as its result itself, and through links, in a folder.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from cli_cases import refused, run
+from fuzz import ARM_CSV, ARM_SCENE, ARM_URDF, ARM_WAY, CATALOG, STL, SWEEP, yaml_text
+
+import pinfric as pf
+from pinfric import cli
+from pinfric.model.files import RECORD
+
+SIMULATED = ARM_SCENE["simulation"] | {"effort": {"shoulder": {"table": "efforts.csv"}}}
+FILES = {
+    "arm.yaml": yaml_text(ARM_SCENE | {"simulation": SIMULATED}),
+    "arm.urdf": ARM_URDF,
+    "part.stl": STL,
+    "efforts.csv": "t,shoulder\n0,5\n1,5\n",
+    "way.yaml": yaml_text(ARM_WAY),
+    "log.csv": ARM_CSV,
+    "columns.yaml": "time: t\n",
+    "sweep.yaml": yaml_text(SWEEP),
+    "motors.yaml": yaml_text({"pinfric_motors": 1, "motors": SWEEP["motors"]}),
+    "catalog.yaml": yaml_text(CATALOG),
+    "table.csv": "name,mass\nM,1\n",
+    "table.columns.yaml": "section: motors\n",
+    "motion.npz": "not read before its place is checked",
+}
+SCENE = {"arm.yaml", "arm.urdf", "part.stl", "efforts.csv"}
+#: The command before its folder or file, what it reads beside the scene, what it may write there.
+FOLDERS = [
+    ("inverse arm.yaml way.yaml", {"way.yaml"}, "efforts.csv efforts.png measured.png tool.png"),
+    ("inverse arm.yaml log.csv --columns columns.yaml", {"log.csv"}, "efforts.csv summary.json"),
+    ("simulate arm.yaml", set(), "motion.csv motion.npz motion.png summary.json"),
+    ("size arm.yaml way.yaml", {"way.yaml"}, "sizing.json report.html bom.csv"),
+    ("size arm.yaml way.yaml --catalog catalog.yaml", {"way.yaml", "catalog.yaml"}, "bom.csv"),
+    ("size arm.yaml --cycle way.yaml:1 --cycle log.csv:2", {"way.yaml", "log.csv"}, "bom.csv"),
+    ("stop arm.yaml way.yaml", {"way.yaml"}, "report.html stop.png summary.json"),
+    ("retime arm.yaml way.yaml", {"way.yaml"}, "trajectory.csv retime.png summary.json"),
+    ("retime arm.yaml log.csv --motors motors.yaml", {"log.csv", "motors.yaml"}, "trajectory.csv"),
+    ("sweep arm.yaml way.yaml sweep.yaml", {"way.yaml", "sweep.yaml"}, "sweep.png summary.json"),
+    (
+        "identify arm.yaml log.csv --columns columns.yaml",
+        {"log.csv", "columns.yaml"},
+        "scene.yaml robot.urdf posterior.csv sweep.yaml report.html advice.waypoints.yaml",
+    ),
+    ("identify arm.yaml log.csv --held-out way.yaml", {"log.csv", "way.yaml"}, "summary.json"),
+    ("accuracy arm.yaml", set(), "accuracy.png accuracy.csv summary.json"),
+    ("export arm.yaml --to cpp", set(), "pinfric_arm.hpp pinfric_arm_test.cpp"),
+    ("export arm.yaml --to mjcf", set(), "arm.mjcf.xml"),
+]
+SINGLE = [
+    ("export arm.yaml --to mjcf --out", set()),
+    ("export arm.yaml --to urdf --trajectory log.csv --out", {"log.csv"}),
+    ("replay arm.yaml --html", set()),
+    ("replay arm.yaml way.yaml --motors motors.yaml --html", {"way.yaml", "motors.yaml"}),
+    ("replay arm.yaml motion.npz --html", {"motion.npz"}),
+    ("catalog table.csv --out", {"table.csv", "table.columns.yaml"}),
+]
+
+
+@pytest.fixture
+def files(tmp_path, monkeypatch):
+    """The folder of all files; no command comes so far as to have a result."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(cli, "answer", lambda *_, **__: pytest.fail("it has computed"))
+    for name, content in FILES.items():
+        Path(name).write_text(content)
+    return tmp_path
+
+
+def contents():
+    return {name: Path(name).read_text() for name in FILES}
+
+
+@pytest.mark.parametrize(("command", "reads", "results"), FOLDERS)
+def test_results_in_a_folder(files, capsys, command, reads, results):
+    names = results.split()
+    for number, source in enumerate(FILES):
+        Path("out").mkdir(exist_ok=True)
+        file = Path("out") / names[number % len(names)]
+        (file.hardlink_to if number % 2 else file.symlink_to)(Path(source).absolute())
+        given = *command.split(), "--out", "out"
+        if source in {*SCENE, *reads}:
+            said = refused(capsys, *given, "--overwrite")
+            assert f"{file}: is an input of this command (it is " in said
+        else:
+            said = refused(capsys, *given)
+            assert f"{file}: is there already; name another place, or replace it: --ov" in said
+        file.unlink()
+        assert "is a file; name a folder" in refused(capsys, *command.split(), "--out", source) or (
+            "export" in command
+        )
+    assert contents() == FILES
+    assert list(Path("out").iterdir()) == []
+
+
+@pytest.mark.parametrize(("command", "reads"), SINGLE)
+def test_a_result_in_one_file(files, capsys, command, reads):
+    scene = set() if command.startswith("catalog") else SCENE
+    for number, source in enumerate(FILES):
+        Path("hard.x").hardlink_to(source)
+        Path("soft.x").symlink_to(source)
+        file = (source, "hard.x", "soft.x", f"../{files.name}/{source}")[number % 4]
+        if source in {*scene, *reads}:
+            said = refused(capsys, *command.split(), file, "--overwrite")
+            assert f"{file}: is an input of this command" in said
+        else:
+            said = refused(capsys, *command.split(), file)
+            assert f"{file}: is there already; name another place" in said
+        Path("hard.x").unlink()
+        Path("soft.x").unlink()
+    assert contents() == FILES
+
+
+@pytest.fixture
+def whole(tmp_path, monkeypatch):
+    """The folder of all files, for commands that run to their end."""
+    monkeypatch.chdir(tmp_path)
+    for name, content in FILES.items():
+        Path(name).write_text(content)
+    return tmp_path
+
+
+def test_results_of_an_earlier_run_are_replaced_unless_somebody_changed_them(whole, capsys):
+    given, result = (
+        ("export", "arm.yaml", "--to", "mjcf", "--out", "made"),
+        Path("made/arm.mjcf.xml"),
+    )
+    assert [run(*given), run(*given)] == [0, 0]
+    first = result.read_bytes()
+    assert run("export", "arm.yaml", "--to", "urdf", "--out", "made") == 0  # the record keeps both
+    result.write_text("changed")
+    capsys.readouterr()
+    assert "was changed since pinfric wrote it; name another place" in refused(capsys, *given)
+    assert result.read_text() == "changed"
+    assert [run(*given, "--overwrite"), run(*given)] == [0, 0]
+    assert result.read_bytes() == first
+    (Path("made") / RECORD).write_text("[no record")
+    capsys.readouterr()
+    assert "is there already; name another place, or replace it" in refused(capsys, *given)
+
+
+def test_functions_write_where_they_are_told(whole):
+    scene = pf.load_scene("arm.yaml")
+    motion = pf.load_trajectory("way.yaml", scene)
+    motion.to_csv("log.csv")
+    assert Path("log.csv").read_text() != FILES["log.csv"]
+    assert not Path(RECORD).exists()
+
+
+COMMANDS = """
+inverse arm.yaml log.csv --columns columns.yaml --out out
+simulate arm.yaml --t-end 0.01
+size arm.yaml way.yaml --catalog catalog.yaml
+sweep arm.yaml way.yaml sweep.yaml --processes 1
+retime arm.yaml way.yaml --motors motors.yaml
+replay arm.yaml log.csv --html out/page.html
+catalog table.csv --out out/catalog.yaml
+check arm.yaml
+"""
+#: Prints for each command what Python opened to read in this folder, and what it noted.
+WATCH = """
+import os, shlex, sys
+from pinfric import cli
+from pinfric.model import inputs
+opened, running = set(), None
+def watch(event, given):
+    global running
+    running = inputs.running() or running
+    if event == "open" and isinstance(given[0], str) and set(given[1] or "w") <= set("rbtU"):
+        opened.add(os.path.realpath(given[0]))
+sys.addaudithook(watch)
+for line in sys.stdin.read().split("\\n"):
+    opened.clear()
+    try:
+        cli.main(shlex.split(line))
+    except SystemExit as ended:
+        here = os.getcwd()
+        read = {name for name in opened if os.path.dirname(name) == here}
+        noted = {str(path.resolve()) for path in running.inputs}
+        print("READ", ended.code, sorted(read - noted), len(read))
+"""
+
+
+@pytest.mark.slow
+def test_every_file_that_is_opened_is_noted(whole):
+    """Judge: what Python itself says of the files that it opens."""
+    ended = subprocess.run(
+        [sys.executable, "-c", WATCH], input=COMMANDS.strip(), capture_output=True, text=True
+    )
+    lines = [line.split() for line in ended.stdout.splitlines() if line.startswith("READ")]
+    assert [line[2] for line in lines] == ["[]"] * 8, ended
+    assert all(int(line[3]) >= 1 for line in lines), ended
