@@ -1,4 +1,4 @@
-"""Each room keeps within its budget of tokens: what raises a number says what it bought."""
+"""Each room keeps within its budget of tokens, and the tests: a larger number says what it bought."""
 
 from __future__ import annotations
 
@@ -12,19 +12,36 @@ import pytest
 ROOT = Path(__file__).parents[2]
 #: Since Python 3.12 a formatted string is many tokens, from a start to an end; it counts as one.
 STARTS, ENDS = (getattr(tokenize, f"FSTRING_{end}", None) for end in ("START", "END"))
+#: What is counted whole -> its folders; `package` is the sum of the rooms.
+WHOLE = {
+    "tests": ("tests",),
+    "tools_and_benchmarks": ("tools", "benchmarks"),
+    "scripts_of_notebooks": ("notebooks",),
+}
 COUNTED = {tokenize.NAME, tokenize.OP, tokenize.NUMBER, tokenize.STRING, STARTS}
 
 
+def tokens_of(file):
+    """Python tokens of a file."""
+    count, within = 0, 0
+    with file.open("rb") as opened:
+        for token in tokenize.tokenize(opened.readline):
+            count += within == 0 and token.type in COUNTED
+            within += (token.type == STARTS) - (token.type == ENDS)
+    return count
+
+
 def tokens():
-    """Python tokens of each room; the modules beside the rooms are one, `top`."""
+    """Python tokens of each room, of the modules beside them (`top`), and of all in `WHOLE`."""
     found = Counter()
     for file in (ROOT / "pinfric").rglob("*.py"):
         place = file.relative_to(ROOT / "pinfric").parts
-        room, within = place[0] if len(place) > 1 else "top", 0
-        with file.open("rb") as opened:
-            for token in tokenize.tokenize(opened.readline):
-                found[room] += within == 0 and token.type in COUNTED
-                within += (token.type == STARTS) - (token.type == ENDS)
+        found[place[0] if len(place) > 1 else "top"] += tokens_of(file)
+    found["package"] = found.total()
+    for name, folders in WHOLE.items():
+        found[name] = sum(
+            tokens_of(file) for folder in folders for file in (ROOT / folder).rglob("*.py")
+        )
     return found
 
 
