@@ -1,4 +1,4 @@
-"""Each room keeps within its budget of tokens, and the tests: a larger number says what it bought."""
+"""Rooms, tests and tools keep within their budgets of tokens: a larger number says what it bought."""
 
 from __future__ import annotations
 
