@@ -1,4 +1,4 @@
-"""Rooms, tests and tools keep within their budgets of tokens: a larger number says what it bought."""
+"""Rooms, tests and tools keep within their budgets of tokens; a larger number says why."""
 
 from __future__ import annotations
 
