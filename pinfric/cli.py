@@ -674,8 +674,8 @@ def new(
     for file in files:
         print_line(f"wrote {file}")
     print_line(
-        "do the links' masses hold the motors and gears? `robot.masses` says so, a guess: `size` "
-        "adds what they do not hold"
+        "do the links' masses hold the motors and gears? Write `robot.masses`: until then `size` "
+        "tries both and takes the heavier drives"
     )
     command = "inverse" if len(files) > 1 else "explain"
     print_line(f"try: pinfric {command} {' '.join(map(str, files))}")

@@ -48,8 +48,6 @@ _COULOMB, _VISCOUS = 0.05, 0.2
 #: Static over kinetic friction; a joint's fastest turn or slide where the URDF does not say (rad/s,
 #: m/s).
 _STATIC, _FASTEST, _FASTEST_SLIDING = 1.2, 3.0, 1.0
-#: Why the links' masses are taken to hold the drives.
-_MASSES = "published URDFs of arms hold motors and gears"
 #: Rolling bearings: mu of catalogues (SKF 0.0015-0.0030) and, at rest, 1.5 times that.
 _MU = {"static": 0.003, "kinetic": 0.002}
 
@@ -61,8 +59,8 @@ def new_scene(urdf: str | Path, folder: str | Path | None = None) -> str:
     stress of 20 MPa, d = (16 T/(pi 20 MPa))^(1/3); a sliding joint a guide half as long as its
     travel. Dry friction is 5 % of the lesser of the joint's effort limit and three times the weight
     that it carries, viscous friction 20 % of it at the velocity limit, as identified on a UR10e.
-    The links' masses hold the drives, as those of published URDFs do. Each guess has its reason
-    beside it, and in `assumed`.
+    Each guess has its reason beside it, and in `assumed`. Whether the links hold the drives is
+    asked, not guessed.
 
     Args:
         urdf: the file, or `example-robot-data:<path below its robots folder>`.
@@ -87,7 +85,10 @@ def new_scene(urdf: str | Path, folder: str | Path | None = None) -> str:
         f"  urdf: {yaml_line(locator(urdf, folder))}",
         "  gravity: [0.0, 0.0, -9.81]",
         *_dynamics_section(robot),
-        f"  masses: with_drives          # guess: {_MASSES}; or without_drives",
+        "  # masses: with_drives        # do the links hold motors and gears? Nothing in a URDF "
+        "tells it:\n"
+        "  # masses: without_drives     # write one. Until then `size` tries both and takes the "
+        "heavier drives",
         "  # payloads:                  # what it carries; com in the link's frame",
         f"  #   box: {{link: {yaml_line(bodies[-1])}, mass: 1.0, com: [0, 0, 0.05]}}",
         "friction:",
@@ -112,7 +113,6 @@ def new_scene(urdf: str | Path, folder: str | Path | None = None) -> str:
         f"  version: {yaml_line(__version__)}",
         f"  inputs: {{{yaml_line(urdf.name)}: {file_hash(urdf)}}}",
         "  values:",
-        f"    robot.masses: {yaml_line(_MASSES)}",
         *[
             f"    {yaml_line(f'friction.{joint.name}.{key}')}: {yaml_line(why)}"
             for joint in joints

@@ -112,8 +112,9 @@ def test_every_number_that_is_a_guess_says_so(tmp_path):
     for line in text.splitlines():
         if line.lstrip().startswith(("bearing:", "mu:", "coulomb:", "viscous:")):
             assert re.search(r"  # guess: \S", line), line
-    assert sum("# guess:" in line for line in text.splitlines()) == 4 * 9 + 1
-    assert yaml.safe_load(text)["robot"]["masses"] == "with_drives"
+    assert sum("# guess:" in line for line in text.splitlines()) == 4 * 9
+    assert "masses" not in yaml.safe_load(text)["robot"]
+    assert all(f"# masses: {word}_drives" in text for word in ("with", "without"))
     assert "follows panda_finger_joint1" in text
     assert "urdf_dynamics: ignore" in text
     friction = yaml.safe_load(text)["friction"]
@@ -145,13 +146,11 @@ def test_guesses_are_data_that_every_command_names(tmp_path):
     found = yaml.safe_load(scene_file.read_text())
     assumed = found["assumed"]
     names = ("bearing", "mu", "coulomb", "viscous")
-    assert set(assumed["values"]) == {
-        "robot.masses",
-        *(f"friction.{j}.{k}" for j in ("shoulder", "slide") for k in names),
-    }
+    guessed = {f"friction.{j}.{k}" for j in ("shoulder", "slide") for k in names}
+    assert set(assumed["values"]) == guessed
     assert assumed["inputs"] == {"arm.urdf": hashlib.sha256(urdf.read_bytes()).hexdigest()}
     assert assumed["by"] == "pinfric new ../arm.urdf"  # from where the scene lies
-    with pytest.warns(PinfricWarning, match=r"9 entries are guesses of `.*` \(robot.masses; bear"):
+    with pytest.warns(PinfricWarning, match=r"8 entries are guesses of `.*` \(bear"):
         scene = pf.load_scene(scene_file)
     assert scene.assumed.values == assumed["values"]
     assert scene.with_(gravity=[0.0, 0.0, -1.6]).assumed == scene.assumed
@@ -160,11 +159,13 @@ def test_guesses_are_data_that_every_command_names(tmp_path):
 def test_a_guess_whose_entry_is_gone_is_refused(tmp_path):
     scene_file, _ = write_new(arm(tmp_path), tmp_path / "out")
     found = yaml.safe_load(scene_file.read_text())
-    masses = found["robot"].pop("masses")
+    found["assumed"]["values"]["robot.masses"] = "as older versions guessed"
     scene_file.write_text(yaml.safe_dump(found))
     with pytest.raises(SceneError, match=r"has `robot\.masses`, which this scene does not have"):
         pf.load_scene(scene_file)
-    found["robot"]["masses"] = masses
+    found["robot"]["masses"] = "with_drives"
+    scene_file.write_text(yaml.safe_dump(found))
+    assert pf.load_scene(scene_file).masses is None  # a guess signs nothing: `size` asks
     del found["friction"]["slide"]["mu"], found["friction"]["slide"]["bearing"]
     scene_file.write_text(yaml.safe_dump(found))
     with pytest.raises(SceneError, match=r"has `friction.slide.\w+`, which this scene does"):

@@ -110,7 +110,8 @@ def xarm7() -> tuple[pf.Scene, pf.Trajectory]:
         write_new("example-robot-data:xarm_description/urdf/xarm7.urdf", folder)
         file = Path(folder, "cycle.yaml")
         file.write_text(json.dumps(cycle))
-        scene = pf.load_scene(Path(folder, "xarm7.yaml")).with_(payloads={"box": box})
+        scene = pf.load_scene(Path(folder, "xarm7.yaml"))
+        scene = scene.with_(payloads={"box": box}, masses="with_drives")
         return scene, pf.load_trajectory(file, scene)
 
 

@@ -133,7 +133,7 @@ class Unit:
 
 
 LENGTHS = (Unit("mm", 1e-3), Unit("cm", 1e-2), Unit("inches", 0.0254))
-MASSES = (Unit("g", 1e-3),)
+MASSES = (Unit("g", 1e-3), Unit("t", 1e3))
 INERTIAS = (
     Unit("kg mm^2", 1e-6),
     Unit("g mm^2", 1e-9),

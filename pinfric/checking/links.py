@@ -17,6 +17,7 @@ from pinfric.checking.findings import (
     likely_unit,
 )
 from pinfric.checking.robot import BEYOND, LinkFacts, RobotFacts
+from pinfric.drives.held import IMPOSSIBLE, LIGHT
 from pinfric.model.urdf import implausible_body
 
 #: A robot reaches no farther than this (m), and its joints are no closer than that.
@@ -94,6 +95,18 @@ def _whole_robot(facts: RobotFacts) -> Iterator[Finding]:
 def _masses(facts: RobotFacts) -> Finding | None:
     """All masses at once: by the density of most links, or by the size of the robot."""
     mass = sum(link.mass for link in facts.links)
+    if len(facts.links) >= _FEW and 0.0 < mass < LIGHT * facts.reach:
+        per = mass / facts.reach
+        unit = likely_unit(MASSES, lambda size: LIGHT <= size * per < _HEAVIEST)
+        return Finding(
+            Severity.ERROR if per < IMPOSSIBLE else Severity.WARNING,
+            "masses",
+            "robot",
+            f"moving mass {mass:.4g} kg",
+            f"{per:.2g} kg per metre of its reach; the lightest arm known has 1.2",
+            in_unit(unit, "kg", mass),
+            LIGHT / per,
+        )
     shaped = [link for link in facts.links if link.has_shapes and link.mass > 0]
     if shaped:
         excess = float(np.median([_box_density(link) for link in shaped])) / _DENSEST

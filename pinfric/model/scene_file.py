@@ -79,6 +79,7 @@ def load_scene(path: str | Path) -> Scene:
     friction = _with_urdf_dynamics(entries, robot, str(file))
     for excess in excessive_friction(friction, entries.actuators):
         warnings.warn(f"{file}: {excess.place}: {excess.text}", PinfricWarning, stacklevel=2)
+    guesses = {} if entries.assumed is None else entries.assumed.values
     if entries.assumed is not None:
         warnings.warn(f"{file}: {guesses_line(entries.assumed)}", PinfricWarning, stacklevel=2)
     return Scene(
@@ -94,7 +95,8 @@ def load_scene(path: str | Path) -> Scene:
         loop_tolerance=entries.loop_tolerance,
         redundancy_length=entries.redundancy.length,
         tool=entries.tool,
-        masses=entries.robot.masses,
+        # a guess may not make drives lighter: `size` asks
+        masses=None if "robot.masses" in guesses else entries.robot.masses,
         assumed=entries.assumed,
         measured=entries.measured,
         stops=entries.stops,

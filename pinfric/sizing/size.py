@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -31,6 +32,7 @@ from pinfric.drives.demand import (
 )
 from pinfric.drives.drivetrain import MotorCycle, line_voltage, motor_cycle
 from pinfric.drives.duty import Duty, Schedule, once
+from pinfric.drives.held import held_drives
 from pinfric.drives.parts import check_names, own_parts
 from pinfric.drives.policy import Conditions, parse_conditions
 from pinfric.drives.power import BusPower, bus_power
@@ -49,6 +51,7 @@ from pinfric.elastic.motion import Elasticity, elasticity
 from pinfric.errors import PinfricWarning, SizingError, StopError, choose_from
 from pinfric.model.brief import counted, file_name, listed, screen
 from pinfric.model.scene import Scene, expect_scene
+from pinfric.model.schema import OTHERS
 from pinfric.model.upward import Shown
 from pinfric.motions.summary import beyond_limits, effort_unit
 from pinfric.motions.trajectory import Trajectory
@@ -191,7 +194,9 @@ class SizingReport(Shown):
         duty: the samples of each cycle of the period, and the number of its runs.
         passes: over all joints until no choice changed. settled: no choice changed in the last.
         other_mass: where the scene does not say whether its links hold the drives: mass of the
-            drives that would be chosen if they do, kg; None: it says, or there are none.
+            drives that would be chosen if they do, kg; None: it says, the same are chosen, or the
+            links are too light for them.
+        contradiction: that links are said to hold drives that outweigh them; these were then added.
         assumptions: of the sizing, in sentences.
         unclosed: states that differ between end and start of the cycle; empty if it closes.
         stops: with the chosen drives and their brakes; None: none, or the scene has no `stops`.
@@ -214,6 +219,7 @@ class SizingReport(Shown):
     unclosed: tuple[str, ...] = ()
     stops: StopResult | None = None
     no_stops: str = ""
+    contradiction: str = ""
 
     def __repr__(self) -> str:
         names = [joint.name for joint in self.joints]
@@ -373,8 +379,8 @@ def size(
 
     Raises:
         CatalogError: the catalogue or a condition is wrong; StateError: the motion has no times;
-        SizingError: without `mass_in_urdf` a link is not a possible body; or no candidate fits
-        and `on_miss` is "raise".
+        SizingError: a catalogue and no gravity; without `mass_in_urdf` a link is not a possible
+        body; or the choice cannot be signed and `on_miss` is "raise".
 
     Warns:
         PinfricWarning: no candidate fits a joint; with the shortfall of the nearest one.
@@ -388,6 +394,11 @@ def size(
     expect_scene(scene, "size")
     if isinstance(catalog, str | Path):
         catalog = load_catalog(catalog)
+    if catalog is not None and not scene.model.gravity.linear.any():
+        raise SizingError(
+            f"{scene.source}: robot.gravity is [0, 0, 0]: drives and brakes chosen so would not "
+            "bear the robot's weight; give the gravity, or size without a catalogue"
+        )
     default = Conditions() if catalog is None else catalog.conditions
     wanted = parse_conditions(conditions or {}, default)
     check_names(scene, wanted)
@@ -431,6 +442,11 @@ class _Sizing:
     def run(self) -> SizingReport:
         """Choose until no choice changes, and report."""
         taken, passes, settled = self._choose()
+        if contradiction := self._contradiction(taken):
+            mass = _mass(taken)
+            self.scene, self.banned = replace(self.scene, masses="without_drives"), {}
+            taken, passes, settled = self._choose()
+            contradiction += f"; {mass:.3g} kg of drives so, {_mass(taken):.3g} kg where added"
         joints = tuple(self._joint(i, taken) for i in range(len(self.scene.drives)))
         chosen = {i: a.candidate for i, a in taken.items()}
         equipped = equip(self.scene, chosen, self.conditions) if taken else self.scene
@@ -456,22 +472,34 @@ class _Sizing:
                 beyond_limits(without),
             ),
             unclosed=gaps,
+            contradiction=contradiction,
         )
         stops, why = self._stopped(report)
         return replace(report, stops=stops, no_stops=why, other_mass=self._other_mass(taken))
 
+    def _contradiction(self, taken: Mapping[int, Assessment]) -> str:
+        """That links are lighter than the drives that the scene says they hold; else empty."""
+        masses = {i: a.candidate.mass for i, a in taken.items()}
+        held = held_drives(self.scene, masses, self.conditions.mass_in_urdf)
+        worst = held[0] if held[0].share > 1.0 else max(held, key=lambda one: one.share)
+        if worst.share <= 1.0:
+            return ""
+        return (
+            f"robot.masses: {worst.where} weigh {worst.links:.3g} kg and cannot hold "
+            f"{worst.drives:.3g} kg of drives: write `without_drives`, or correct the masses"
+        )
+
     def _other_mass(self, taken: Mapping[int, Assessment]) -> float | None:
-        """Mass of the drives if the links hold them, where the scene does not say it."""
-        open_ = [i for i, hold in enumerate(self.scene.masses_hold) if hold is None and i in taken]
-        if not any(carried(self.scene, i) for i in open_):
+        """Mass of the drives if the links hold them; None: as `SizingReport.other_mass`."""
+        names, holds = self.scene.actuator_names, self.scene.masses_hold
+        if not any(holds[i] is None and carried(self.scene, i) for i in taken):
             return None
-        settled, mass = self.robot.last, 0.0
-        for i in taken:
-            search = self._search(i, {})
-            lightest = None if search is None else search.lightest()
-            mass += 0.0 if lightest is None else lightest.candidate.mass or 0.0
+        other, settled = copy(self), self.robot.last
+        bare = {n: "without_drives" for n, hold in zip(names, holds, strict=True) if hold is False}
+        other.scene, other.banned = replace(self.scene, masses={**bare, OTHERS: "with_drives"}), {}
+        held, _, _ = other._choose()
         self.robot.last = settled
-        return mass
+        return None if _names(held) == _names(taken) or other._contradiction(held) else _mass(held)
 
     def _stopped(self, report: SizingReport) -> tuple[StopResult | None, str]:
         """The stops with the chosen drives and brakes, or why there are none."""
@@ -650,6 +678,10 @@ def brakes_of(catalog: Catalog, scene: Scene) -> dict[str, Brake]:
     """
     timed = {n: brake for n, brake in catalog.brakes.items() if brake.engage_time is not None}
     return ranked(catalog.brakes if scene.stops is None else timed or catalog.brakes)
+
+
+def _mass(taken: Mapping[int, Assessment]) -> float:
+    return sum(a.candidate.mass or 0.0 for a in taken.values())
 
 
 def _names(taken: Mapping[int, Assessment]) -> dict[int, str]:

@@ -171,7 +171,8 @@ class SizingSummary:
     joints: tuple[SizedJoint, ...] = quantity("in the order of the scene's drives")
     bus: BusPower = quantity("electrical power of all drives together")
     other_mass: float | None = quantity(
-        "mass of the drives if the links' masses hold them; none: the scene says it", "kg"
+        "mass of the drives if the links hold them; none: the scene says it, or no other result",
+        "kg",
     )
     ask: tuple[ToAsk, ...] = quantity(
         "lighter products that cannot be signed, fewest figures first"

@@ -21,6 +21,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from pinfric.drives.criterion import Criterion, Status
+from pinfric.drives.held import doubted_masses, held_drives, light_links
 from pinfric.model.brief import counted
 from pinfric.model.described import derived, described, quantity
 
@@ -74,6 +75,7 @@ class Verdict:
         "a line for everything that keeps the sizing from being signed, of joints and robot"
     )
     question: str = quantity("what the scene leaves open, with both answers; empty: nothing")
+    remarks: tuple[str, ...] = quantity("what is doubted, though it does not fail")
 
     @property
     @derived()
@@ -109,10 +111,9 @@ class Verdict:
             parts.append(f"{sum(joint.mass for joint in provisional):.3g} kg provisional")
         wrong = [joint for joint in self.joints if joint.why]
         parts += [f"{joint.name}: {joint.why}" for joint in wrong[:_MOST_FAILING]]
-        whole = len(self.failing) - sum(len(joint.failing) for joint in self.joints)
         more = len(wrong[_MOST_FAILING:])
         parts += [f"{counted(more, 'more joint')} not"] * bool(more)
-        parts += [f"{counted(whole, 'condition')} of the robot not met"] * bool(whole)
+        parts += self.failing[sum(len(joint.failing) for joint in self.joints) :][:_MOST_FAILING]
         return "; ".join([*parts, *([self.question] if self.question else ())])
 
     def of(self, state: State) -> tuple[JointVerdict, ...]:
@@ -130,14 +131,30 @@ def verdict_of(report: SizingReport) -> Verdict:
     whole = _failing("robot", report.arm_criteria)
     if report.catalog is None:
         alone = (line for joint, own in joints for line in _failing(joint.name, own))
-        return Verdict((), (*alone, *whole), "")
-    judged = tuple(_of_joint(joint, own) for joint, own in joints)
-    whole = [*_failing("bus", report.bus.criteria), *whole]
-    whole += [report.no_stops] if report.no_stops else []
+        return Verdict((), (*alone, *whole), "", ())
+    judged = tuple(_of_joint(joint, own, bool(report.contradiction)) for joint, own in joints)
+    lines = [line for joint in judged for line in joint.failing]
+    # Of the robot as a whole: what the scene says of its masses, the choice, the bus, the stops
+    doubt, possible = light_links(report.given)
     if not report.settled:
-        whole.append(f"the choice still alternates after {report.passes} passes")
-    lines = (line for joint in judged for line in joint.failing)
-    return Verdict(judged, (*lines, *whole), "")
+        lines.append(f"the choice still alternates after {report.passes} passes")
+    lines += [line for line in (report.contradiction, "" if possible else doubt) if line]
+    lines += [*_failing("bus", report.bus.criteria), *whole]
+    lines += [report.no_stops] if report.no_stops else []
+    # What it leaves open
+    question, holds = "", report.given.masses_hold
+    if report.other_mass is not None:
+        open_ = [j.name for j, hold in zip(report.joints, holds, strict=True) if hold is None]
+        whose = f" of {', '.join(open_)}" if len(open_) < len(holds) else ""
+        question = (
+            f"{report.drive_mass:.3g} kg if the links are bare, {report.other_mass:.3g} kg if they "
+            f"hold the drives{whose}: write `robot.masses`"
+        )
+    taken = ((i, joint.installed) for i, joint in enumerate(report.joints))
+    masses = {i: a.candidate.mass for i, a in taken if a is not None}
+    held = held_drives(report.given, masses, report.conditions.mass_in_urdf)
+    remarks = (doubted_masses(held), doubt if possible else "")
+    return Verdict(judged, tuple(lines), question, tuple(text for text in remarks if text))
 
 
 def joint_criteria(report: SizingReport) -> tuple[tuple[Criterion, ...], ...]:
@@ -153,7 +170,8 @@ def joint_criteria(report: SizingReport) -> tuple[tuple[Criterion, ...], ...]:
     return tuple(found)
 
 
-def _of_joint(joint: JointSizing, criteria: tuple[Criterion, ...]) -> JointVerdict:
+def _of_joint(joint: JointSizing, criteria: tuple[Criterion, ...], doubted: bool) -> JointVerdict:
+    """`doubted`: the scene contradicts the choice as a whole."""
     judged = (c for c in criteria if c.status in (Status.PASSES, Status.FAILS) and c.scaled)
     tightest = min(judged, key=lambda c: c.margin or 0.0, default=None)
     failed, state, why = [c for c in criteria if c.status == Status.FAILS], State.SIGNED, ""
@@ -163,6 +181,8 @@ def _of_joint(joint: JointSizing, criteria: tuple[Criterion, ...]) -> JointVerdi
     elif failed:
         worst = min(failed, key=lambda c: c.margin or 0.0)
         state, why = State.FAILS, f"{worst.name} {worst.shortfall} short"
+    elif doubted:
+        state = State.PROVISIONAL
     taken = joint.choice
     return JointVerdict(
         name=joint.name,

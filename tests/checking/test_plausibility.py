@@ -26,6 +26,7 @@ GOOD = (
 
 
 INERTIA = {key: 1 for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")}
+_INERTIA = [("link/inertial/inertia", key) for key in INERTIA]
 
 
 LENGTHS = (("joint/origin", "xyz"), ("link/inertial/origin", "xyz"), ("link/*/origin", "xyz"))
@@ -66,8 +67,9 @@ def test_good_robots_have_no_errors_and_few_warnings(urdf):
     [
         (LENGTHS, 1e3, "lengths", "mm"),
         ([("link/inertial/mass", "value")], 1e3, "masses", "g"),
-        ([("link/inertial/inertia", key) for key in INERTIA], 1e6, "large inertia", "kg mm^2"),
-        ([("link/inertial/inertia", key) for key in INERTIA], 1e9, "large inertia", "g mm^2"),
+        ([("link/inertial/mass", "value"), *_INERTIA], 1e-3, "masses", "t"),
+        (_INERTIA, 1e6, "large inertia", "kg mm^2"),
+        (_INERTIA, 1e9, "large inertia", "g mm^2"),
         ([("link/inertial/origin", "xyz")], 1e3, "centre of mass", "mm"),
         (
             [
@@ -80,7 +82,16 @@ def test_good_robots_have_no_errors_and_few_warnings(urdf):
         ),
         ([("joint/origin", "rpy")], 180 / np.pi, "rpy", "degrees"),
     ],
-    ids=["lengths mm", "masses g", "kg mm2", "g mm2", "com mm", "limits deg", "rpy deg"],
+    ids=[
+        "lengths mm",
+        "masses g",
+        "masses t",
+        "kg mm2",
+        "g mm2",
+        "com mm",
+        "limits deg",
+        "rpy deg",
+    ],
 )
 def test_wrong_units_are_errors_that_name_the_unit(urdf, changes, factor, kind, unit, tmp_path):
     if kind == "rpy" and urdf.stem == "z1":

@@ -603,17 +603,6 @@ def test_transmissions_of_the_scene_are_said_to_be_replaced(tmp_path):
         assert (note in sized_cycle(one_drive(tmp_path), scene).notes) == there
 
 
-def test_the_other_mass_is_that_of_drives_that_the_links_hold(tmp_path):
-    """Both joints of a light arm take the only drive, 0.6 + 0.9 kg, whoever's masses count."""
-    scene = arm(2, mass=0.1)
-    given = {"inertia_ratio": 1e3, "thermal_time": 1.0}
-    report = pf.size(scene, still(scene), one_drive(tmp_path), conditions=given, on_miss="ignore")
-    assert report.other_mass == pytest.approx(2 * 1.5)
-    held = scene.with_(masses="with_drives")
-    said = pf.size(held, still(held), one_drive(tmp_path), conditions=given, on_miss="ignore")
-    assert said.other_mass is None
-
-
 def test_a_drive_in_a_loop_carries_itself(tmp_path):
     """It sits on a crank and turns the coupler's pin: its weight is held by its own torque."""
     case = resting_four_bar(5)

@@ -33,7 +33,6 @@ from pinfric.show.report.rows import table_of
 from pinfric.show.report.sizing import (
     demand_table,
     elastic_lines,
-    masses_line,
     passes,
     power_table,
     repetition,
@@ -135,7 +134,6 @@ def sizing_page(report: SizingReport, command: str = "") -> str:
         unchecked=unchecked_table(found, title=""),
         ask=ask_table(found),
         smaller=smaller_table(found),
-        masses=masses_line(report),
         conditions_line="Demanded: " + "; ".join(demanded) + ".",
         all_conditions="; ".join(said),
         command=command,

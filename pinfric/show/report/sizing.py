@@ -51,7 +51,7 @@ def sizing_report(report: SizingReport, verbose: bool = True) -> Report:
     """
     notes = [f"note: {line}" for line in report.notes]
     failing = [*beyond_limits(report.result_without_masses), *report.verdict.failing]
-    said = (*friction_line(report), *masses_line(report))
+    said = (*friction_line(report), *report.verdict.remarks)
     opening = [verdict(report), *said, *(f"! {line}" for line in failing)]
     if report.catalog is None:
         return paragraphs(opening, demand_table(report), elastic_lines(report), notes)
@@ -106,19 +106,6 @@ def friction_line(report: SizingReport) -> list[str]:
         return []
     said = ", ".join(f"{n} of {len(names)} joints {why}" for why, n in counts.items())
     return [f"friction: {said}, taken as the old drive's and replaced by the candidates' losses"]
-
-
-def masses_line(report: SizingReport) -> list[str]:
-    """Return what is assumed where the scene does not say whether its links hold the drives."""
-    if report.other_mass is None:
-        return []
-    names, hold = report.given.actuator_names, report.given.masses_hold
-    unsaid = [name for name, held in zip(names, hold, strict=True) if held is None]
-    whose = f" of {', '.join(unsaid)}" if len(unsaid) < len(names) else ""
-    return [
-        f"the scene does not say whether its links' masses hold the drives{whose}: they are added; "
-        f"with `robot.masses: with_drives` the drives would weigh {digits(report.other_mass)} kg"
-    ]
 
 
 def stop_lines(found: SizingSummary) -> list[str]:

@@ -11,7 +11,6 @@ from io import StringIO
 
 import numpy as np
 import pytest
-from builders import example
 from printed import assert_printed
 from rich.console import Console
 from sizing_cases import MOTOR, one_drive, sized_cycle, turntable, write_catalog
@@ -25,7 +24,7 @@ from pinfric.show.pages.sizing_figures import torque_speed
 from pinfric.show.report.drives import ask_table, choice_table
 from pinfric.show.report.names import short_names
 from pinfric.show.report.rows import table_of
-from pinfric.show.report.sizing import masses_line, passes, sizing_report
+from pinfric.show.report.sizing import passes, sizing_report
 from pinfric.show.report.values import percentage
 from pinfric.sizing.summary import sizing_summary
 
@@ -157,21 +156,6 @@ def test_the_short_report_is_a_screen_and_says_where_the_rest_is(panda):
     text = console.file.getvalue()
     assert len(text.splitlines()) < 45  # seven joints
     assert_printed(__file__, "size", text)
-
-
-def test_where_the_scene_does_not_say_whose_masses_it_holds_the_report_does(tmp_path):
-    scene, motion = example("scara", masses=None)
-    open_ = pf.size(scene, motion, "default", on_miss="ignore")
-    held = pf.size(scene.with_(masses="with_drives"), motion, "default", on_miss="ignore")
-    assert open_.other_mass == pytest.approx(held.verdict.mass)
-    console = Console(file=StringIO(), width=200)
-    console.print(*sizing_report(open_, verbose=False), sep="\n")
-    first = console.file.getvalue().splitlines()[:4]
-    assert any("`robot.masses: with_drives` the drives would weigh" in line for line in first)
-    assert held.other_mass is None
-    known, *open_ones = scene.actuator_names
-    part = replace(open_, given=scene.with_(masses={known: "with_drives"}))
-    assert f"hold the drives of {', '.join(open_ones)}: they" in masses_line(part)[0]
 
 
 def test_a_cycle_that_does_not_close_stands_in_every_report(tmp_path):

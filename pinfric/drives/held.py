@@ -1,0 +1,124 @@
+"""Masses of links that may hold drives: what the links hold beside what they weigh.
+
+Nothing in a URDF tells whether its masses are those of bare links. Of a drive that is chosen one
+side can be tested: no link is lighter than the drives in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.drives.demand import driven_joint
+from pinfric.drives.robot import carried
+from pinfric.model.scene import Scene
+
+#: kg per metre of reach of a robot with its drives: the lightest arm of example-robot-data has 1.2
+#: (SO-101). Less than the second even a tube of carbon fibre, 25 mm wide and 1 mm thick, does not
+#: have (0.12 kg/m).
+LIGHT, IMPOSSIBLE = 1.0, 0.1
+#: Fewer joints are no arm of which that is known.
+_ARM = 3
+#: Parts of the mass of all moving links, and of those beyond a joint, that drives may have before
+#: it is asked: the xArm7 has 0.60, UR3 0.65 beyond a joint, Kinova's j2s6s200 0.51 by its own.
+_OF_ALL, _OF_BRANCH = 0.65, 0.75
+
+
+class Held(NamedTuple):
+    """Drives that some links hold.
+
+    Attributes:
+        joint: the links are those beyond it; "": all that move.
+        drives, links: masses, kg.
+    """
+
+    joint: str
+    drives: float
+    links: float
+
+    @property
+    def share(self) -> float:
+        """Of the links' mass that is the drives'."""
+        return self.drives / self.links if self.links > 0 else np.inf
+
+    @property
+    def where(self) -> str:
+        """The links in words."""
+        return f"the links beyond {self.joint}" if self.joint else "all moving links"
+
+
+def held_drives(
+    scene: Scene, masses: Mapping[int, float | None], known: Mapping[str, float]
+) -> list[Held]:
+    """Return the mass of drives in all moving links, then in those beyond each joint.
+
+    A drive is held by its joint's parent link. One link alone says nothing: identified parameters
+    move mass between neighbours, sums of a whole branch do not.
+
+    Args:
+        scene: whose `masses` says which drives its links hold.
+        masses: of drives, kg, by their columns; None: not known, counts as 0.
+        known: drives of which is said what is there (`mass_in_urdf`), left out.
+    """
+    model = scene.model
+    holders = {
+        i: (int(model.parents[driven_joint(scene, i) or 0]), mass or 0.0)
+        for i, mass in masses.items()
+        if scene.masses_hold[i] and carried(scene, i) and scene.actuator_names[i] not in known
+    }
+    branches = {str(model.names[j]): set(model.subtrees[j]) for j in range(1, model.njoints)}
+    found = []
+    for name, links in {"": set(range(1, model.njoints)), **branches}.items():
+        inside = sum(mass for link, mass in holders.values() if link in links)
+        found.append(Held(name, inside, float(sum(model.inertias[j].mass for j in links))))
+    return found
+
+
+def doubted_masses(held: list[Held]) -> str:
+    """Return whether so much of the links' mass would be drives that it is questioned; "": no."""
+    whole, worst = held[0], max(held, key=lambda one: one.share)
+    found = worst if worst.share >= _OF_BRANCH else whole if whole.share >= _OF_ALL else None
+    if found is None:
+        return ""
+    return (
+        f"drives would be {found.share:.0%} of the mass of {found.where}, {found.drives:.3g} of "
+        f"{found.links:.3g} kg: do the links really hold them (`robot.masses`)?"
+    )
+
+
+def light_links(scene: Scene) -> tuple[str, bool]:
+    """Return what is doubted of a robot's mass as a whole, "" if nothing, and whether it can be.
+
+    It cannot where nothing has a mass, or less per metre of reach than an empty tube; where its
+    links are said to hold drives also below the lightest arm.
+    """
+    mass, reach = mass_per_reach(scene.model)
+    if mass <= 0.0:
+        return (
+            "robot: no link that moves has a mass: give the URDF's links an <inertial>",
+            False,
+        )
+    if not reach or (per := mass / reach) >= LIGHT:
+        return "", True
+    text = (
+        f"robot: {mass:.3g} kg move at a reach of {reach:.3g} m, {per:.2g} kg/m; the lightest arm "
+        "known has 1.2: are the masses in t or g? Bare links are said by `robot.masses: "
+        "without_drives`"
+    )
+    return text, per >= IMPOSSIBLE and not any(hold is not False for hold in scene.masses_hold)
+
+
+def mass_per_reach(model: pin.Model) -> tuple[float, float]:
+    """Return the moving mass, kg, and the reach, m: along the links to the farthest joint.
+
+    The reach is 0 of a robot with fewer than three joints, of which no usual ratio is known.
+    """
+    far = np.zeros(model.njoints)
+    for j in range(1, model.njoints):
+        if parent := int(model.parents[j]):
+            far[j] = far[parent] + np.linalg.norm(model.jointPlacements[j].translation)
+    mass = float(sum(inertia.mass for inertia in list(model.inertias)[1:]))
+    return mass, float(far.max()) if model.njoints > _ARM else 0.0
