@@ -13,10 +13,10 @@ import pinfric  # noqa: F401  # isort: skip
 
 import pytest
 from cli_cases import SCENE, URDF, WAY
+from judges import verdict
 from judges.enumeration import enumerate_states
 from xdist.scheduler import LoadScopeScheduling
 
-from pinfric.dynamics.judge import check
 from pinfric.kernels import compiled, interpreted
 
 # A collection of garbage visits all objects of all modules: collect more seldom.
@@ -102,9 +102,10 @@ def pytest_xdist_make_scheduler(config, log):
 
 @pytest.fixture(autouse=True)
 def proved_states(request, monkeypatch):
-    """`result.check()` with the judges' enumeration where inverse dynamics is tested."""
-    if request.path.parent.name in ("inverse", "judges"):
-        monkeypatch.setattr(check, "find_states", enumerate_states)
+    """The judge with states proved by intervals where inverse dynamics is tested."""
+    folder, file = request.path.parent.name, request.path.name
+    if folder in ("inverse", "judges") and file != "test_verdict.py":
+        monkeypatch.setattr(verdict, "find_states", enumerate_states)
 
 
 @pytest.fixture

@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 import pytest
 from cases import turning_four_bar
+from judges.verdict import judge
 from mechanisms import pin_friction
 
 import pinfric as pf
@@ -131,7 +132,7 @@ def test_inverse_dynamics_have_the_closed_form(tmp_path):
     most = INERTIA * a + drag + np.where(v == 0, dry, np.sign(v) * dry)
     np.testing.assert_allclose(result.effort_lower[:, 0], least, rtol=1e-13)
     np.testing.assert_allclose(result.effort_upper[:, 0], most, rtol=1e-13)
-    assert result.check().passed()
+    assert judge(result).passed()
 
 
 def test_creeping_adds_the_drag_to_what_standstill_admits(tmp_path):
@@ -140,7 +141,7 @@ def test_creeping_adds_the_drag_to_what_standstill_admits(tmp_path):
     dry, drag = MU * load_of(0.0), DRAG * 0.2**POWER
     assert result.effort_lower[0, 0] == pytest.approx(-dry, rel=1e-13)
     assert result.effort_upper[0, 0] == pytest.approx(dry + drag, rel=1e-13)
-    assert result.check().passed()
+    assert judge(result).passed()
 
 
 @pytest.mark.parametrize("v", [2.0, -0.5])
@@ -184,7 +185,7 @@ def test_loops_drag_too_and_their_judge_agrees():
     friction = {**pin_friction(0.3), "power_drag": {"coefficient": 0.2, "exponent": 0.6}}
     case = turning_four_bar(12, friction=friction)
     result = case.inverse()
-    assert result.check().passed()
+    assert judge(result).passed()
     plain = turning_four_bar(12, friction=pin_friction(0.3)).inverse()
     assert (result.effort_lower > plain.effort_lower).all()
     single = np.flatnonzero(result.effort_upper[:, 0] - result.effort_lower[:, 0] < 1e-12)
@@ -253,7 +254,7 @@ def test_motor_torques_of_an_added_gear_have_the_closed_form(tmp_path):
     passed = np.where(driving, effort / eta, effort * back) / RATIO
     torque = passed + RATIO * ROTOR * a
     np.testing.assert_allclose(result.motor_torque_lower[:, 0], torque, rtol=1e-12)
-    assert result.check().passed()
+    assert judge(result).passed()
     moved = pf.forward_dynamics(scene, np.zeros((3, 1)), v[:, None], motor_torque=torque[:, None])
     np.testing.assert_allclose(moved.a[:, 0], a, rtol=1e-10)
 

@@ -10,9 +10,9 @@ from friction_cases import (
     random_problem,
     solved,
 )
+from judges.plain_laws import plain_normal_load
 
 import pinfric as pf
-from pinfric.dynamics.judge.plain_laws import plain_normal_load
 from pinfric.friction.given_modes import SHOULD_STICK
 from pinfric.friction.law import entry_friction, stick_limits
 from pinfric.friction.problem import Modes, empty_problem

@@ -11,10 +11,10 @@ from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
+from judges.friction_states import SiteLaw
 from judges.interval_search import Loads, all_solutions
+from judges.judged_sample import SampleMaps
 
-from pinfric.dynamics.judge.sample import SampleMaps
-from pinfric.dynamics.judge.states import SiteLaw
 from pinfric.dynamics.samples.outcome import Status
 
 #: Up to this number of choices all are tried; beyond it, one friction at a time is changed.
@@ -65,7 +65,7 @@ class States:
 
 
 def enumerate_states(maps: SampleMaps, laws: list[SiteLaw]) -> States:
-    """Return what `find_states` of `result.check()` returns, proved where it can be."""
+    """Return what `friction_states.find_states` returns, proved where it can be."""
     return Enumeration(maps, laws).run()
 
 

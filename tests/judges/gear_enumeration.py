@@ -21,9 +21,9 @@ import pinocchio as pin
 if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from builders import geared_arm
+from judges.plain_laws import plain_normal_load
 
 import pinfric as pf
-from pinfric.dynamics.judge.plain_laws import plain_normal_load
 from pinfric.errors import AmbiguousAcceleration, GearJam, NoConsistentAcceleration
 
 #: What rounding leaves of a sign or of a limit, of the forces and of the accelerations there.

@@ -24,10 +24,10 @@ if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from builders import random_tree
 from judges.every_line import Bearing, Gear, Loss, System, answers, the_answer
+from judges.plain_laws import plain_normal_load
 from mechanisms import _FIVE_PLACE, _PLACE, FIVE_BAR, FOUR_BAR, MASSES, ring_of_bars
 
 import pinfric as pf
-from pinfric.dynamics.judge.plain_laws import plain_normal_load
 from pinfric.errors import AccelerationError
 
 Rng = np.random.Generator

@@ -4,6 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from builders import chain, dry, lump, random_friction, random_states, random_tree, row
+from judges.verdict import judge
 from mechanisms import add_link, bar, four_bar, grounded_model, pin_friction, shifted
 
 import pinfric as pf
@@ -81,7 +82,7 @@ def test_a_cart_pole_accelerates_as_written_by_hand(seed):
     back = pf.inverse_dynamics(scene, q, v, by_hand)
     np.testing.assert_allclose(back.effort_lower, [[u]], rtol=1e-9, atol=1e-12)
     assert back.effort_upper == pytest.approx(back.effort_lower)
-    assert back.check().passed()
+    assert judge(back).passed()
     np.testing.assert_array_equal(
         scene.solver().inverse(q, v, by_hand).effort_lower, back.effort_lower[0]
     )
@@ -107,7 +108,7 @@ def test_a_tree_with_some_drives_goes_there_and_back(seed):
     assert left <= 1e-10 * size
     back = pf.inverse_dynamics(scene, q, v, found.a)
     np.testing.assert_allclose(back.effort_lower, u[None], rtol=1e-9, atol=1e-9)
-    assert back.check().passed()
+    assert judge(back).passed()
     assert back.actuator_velocity.tolist() == [v[driven].tolist()]
 
 
@@ -163,7 +164,7 @@ def test_friction_at_rest_of_an_undriven_joint_is_what_balances_it():
     found = pf.inverse_dynamics(scene, q, still, still)
     torque = ARM * G * np.cos(0.3)
     np.testing.assert_allclose([found.friction_lower, found.friction_upper], torque, rtol=1e-12)
-    assert found.check().passed()
+    assert judge(found).passed()
     assert pf.holds(scene, q, [0.0]).held
     assert pf.holds(scene, q, [0.0]).use == pytest.approx(torque / 2.0)
     assert not pf.holds(cart_pole(), q, [0.0]).held
@@ -176,7 +177,7 @@ def test_a_simulated_cart_pole_takes_the_effort_it_was_given():
     found = pf.inverse_dynamics(scene, motion)
     inside = (found.effort_lower - 1e-9 <= 0.5) & (found.effort_upper + 1e-9 >= 0.5)
     assert inside.all()
-    assert found.check().passed()
+    assert judge(found).passed()
 
 
 def test_a_mechanism_without_drives_keeps_its_energy():
@@ -207,7 +208,7 @@ def test_a_passive_loop_goes_there_and_back(still):
     left, size = power_left(scene, q, v, [], found)
     assert left <= 1e-10 * size
     back = pf.inverse_dynamics(scene, q, v, found.a)
-    assert back.check().passed()
+    assert judge(back).passed()
     assert back.interval_exact[0] != still
     faster = found.a + pf.consistent_motion(scene, q[None], ["O"], [[1.0]], [[0.0]])[0][0]
     with pytest.raises(UndrivenMotionError, match="0 for 1 degree of freedom; undriven: "):
@@ -226,7 +227,7 @@ def test_a_hanging_bucket_lets_the_boom_be_computed_at_rest_and_says_it_is_a_bou
     q = np.array([0.4, -np.pi / 2 - 0.4])
     found = pf.inverse_dynamics(scene, q, np.zeros(2), np.zeros(2))
     assert not found.interval_exact[0]
-    assert found.check().passed()
+    assert judge(found).passed()
     torque = 2.0 * G * 0.5 * np.cos(0.4) + 0.7 * G * np.cos(0.4)
     part = 1.0 / (1.0 + ram_lever(0.4) ** 2)
     middle = (found.effort_lower + found.effort_upper) / 2
@@ -248,7 +249,7 @@ def test_two_motors_on_one_joint_share_as_stated():
         cart, pole = getattr(whole, name)[0]
         np.testing.assert_allclose(getattr(found, name)[0], [0.3 * cart, 0.7 * cart, pole])
     assert found.effort_lower[0, 0] < found.effort_upper[0, 0]
-    assert found.check().passed()
+    assert judge(found).passed()
     v[0] = 0.4
     effort = pf.inverse_dynamics(two, q, v, a).effort_lower[0]
     np.testing.assert_allclose(pf.forward_dynamics(two, q, v, effort).a, a, rtol=1e-12)
@@ -269,7 +270,7 @@ def test_a_cylinder_and_a_motor_on_one_joint_share_by_their_levers():
     by_hand = shares * levers * tau / (shares @ levers**2)
     found = pf.inverse_dynamics(boom(shares), [angle], [0.7], [a])
     np.testing.assert_allclose(found.effort_lower[0], by_hand, rtol=1e-12)
-    assert found.check().passed()
+    assert judge(found).passed()
     rubs = {"boom": dry(3.0, 2.0)}
     rest = pf.inverse_dynamics(boom(shares, friction=rubs), [angle], [0.0], [a])
     for end, side in ((rest.effort_lower, -3.0), (rest.effort_upper, 3.0)):
@@ -287,7 +288,7 @@ def test_three_motors_of_a_four_bar_are_what_lstsq_makes_of_one_freedom(kind):
     v, a = pf.consistent_motion(scene, q[None], ["O"], [[1.0]], [[0.3]])
     found = pf.inverse_dynamics(scene, q, v, a)
     assert found.redundant == (kind == "revolute")
-    assert found.check().passed()
+    assert judge(found).passed()
     # along the one motion v the loop does no work, and friction takes the rest
     order = [scene.joint_names.index(drive["joint"]) for drive in drives]
     rates = v[0, order]
@@ -330,7 +331,7 @@ def test_two_motors_at_the_joint_that_closes_a_loop():
     v, a = pf.consistent_motion(scene, q[None], ["O"], [[1.0]], [[0.3]])
     whole, found = (pf.inverse_dynamics(s, q, v, a) for s in (single, double))
     np.testing.assert_allclose(found.effort_lower, whole.effort_lower * [0.2, 0.8], rtol=1e-9)
-    assert found.check().passed()
+    assert judge(found).passed()
 
 
 @pytest.mark.parametrize(

@@ -29,6 +29,7 @@ from cases import (
     turning_four_bar,
 )
 from judges.planar_newton_euler import FourBar, crank_torque
+from judges.verdict import judge
 from mechanisms import pin_friction
 
 import pinfric as pf
@@ -47,7 +48,7 @@ def is_sound(result, relative=1e-10):
         assert np.isnan(array[~solved]).all() or name == "wrench", name
     assert (result.effort_lower <= result.effort_upper)[solved].all()
     assert np.isfinite(result.contraction).all()
-    check = result.check()
+    check = judge(result)
     assert check.passed(relative), check
     slides = (result.status == Status.CONVERGED) & ~(result.sticking | result.reversal).any(axis=1)
     gained = (result.effort_lower - result.effort_frictionless) * result.actuator_velocity
@@ -127,7 +128,7 @@ def test_sixty_joints_held_by_a_force_at_the_tip():
     result = case.inverse()
     assert result.wrench.shape[1] == 60
     assert (result.status == Status.CONVERGED).all()
-    assert result.check().passed(1e-11)
+    assert judge(result).passed(1e-11)
 
 
 # Safeguard: residuals are relative. Without (an absolute tolerance of 1e-11): light bars end too
@@ -139,7 +140,7 @@ def test_mass_ratios_of_a_million(ratio):
     assert (result.status == Status.CONVERGED).all()
     assert is_sound(result, 1e-12)
     light = Case(result.scene, *(getattr(result.states, n) for n in "qva"))
-    assert light.inverse().check().passed(1e-12)
+    assert judge(light.inverse()).passed(1e-12)
 
 
 # Safeguard: loads at the two ends of a pin. Without (moments ignored): check fails for the short
@@ -190,7 +191,7 @@ def test_no_load_and_no_motion_is_no_effort(moving):
     for name in ("effort_lower", "effort_upper", "friction_upper", "normal_load"):
         assert (getattr(result, name) == 0).all(), name
     assert (result.status == Status.CONVERGED).all()
-    assert result.check().equilibrium == 0
+    assert judge(result).equilibrium == 0
 
 
 # Safeguard: a norm at zero has no direction. Without (p / |p| in the Jacobian): NaN where Newton is
@@ -344,7 +345,7 @@ def test_a_cylinder_in_line_with_its_pin_cannot_hold(line):
     else:  # the ram's force loads the pin beyond what its lever overcomes
         assert result.status[0] == Status.JAMMED
     with np.errstate(invalid="raise"):
-        assert result.check().passed()
+        assert judge(result).passed()
 
 
 # Safeguard: a ball at rest has no direction of slip. Without: 0 / 0.

@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from builders import dry, gantry, lump, random_friction, random_states, random_tree
+from judges.verdict import judge
 from mechanisms import pin_friction, shifted
 from scipy.optimize import linprog
 
@@ -125,7 +126,7 @@ def test_forward_after_inverse_with_everything_on(seed: int) -> None:
     scene = _arm(seed)
     q, v, a = random_states(scene.model, seed, 4)
     result, solver = pf.inverse_dynamics(scene, q, v, a), scene.solver()
-    assert result.check().equilibrium < 1e-11
+    assert judge(result).equilibrium < 1e-11
     for i in range(4):
         torque = result.motor_torque_lower[i]
         found = pf.forward_dynamics(scene, q[i], v[i], motor_torque=torque)
@@ -143,7 +144,7 @@ def test_at_rest_efforts_are_intervals_that_hold_and_break() -> None:
     q = random_states(scene.model, 1, 1)[0]
     none = np.zeros((1, 5))
     result = pf.inverse_dynamics(scene, q, none, none)
-    assert result.check().equilibrium < 1e-11
+    assert judge(result).equilibrium < 1e-11
     assert (result.effort_upper - result.effort_lower > 0.1).all()
     middle = result.effort_frictionless[0]
     assert pf.holds(scene, q[0], middle).held
@@ -242,7 +243,7 @@ def test_beside_a_loop_the_couples_reach_the_efforts() -> None:
     q, v, a = random_states(model, 4, 4)
     v[3] = a[3] = 0.0
     result = pf.inverse_dynamics(scene, q, v, a)
-    assert result.check().equilibrium < 1e-9
+    assert judge(result).equilibrium < 1e-9
     for i in range(3):
         found = pf.forward_dynamics(scene, q[i], v[i], motor_torque=result.motor_torque_lower[i])
         assert found.a == pytest.approx(a[i], abs=1e-8)

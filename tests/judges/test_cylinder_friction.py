@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from builders import dry
+from judges.verdict import judge
 from mechanisms import pin_friction, shifted
 
 import pinfric as pf
@@ -82,7 +83,7 @@ def test_both_directions_have_the_closed_form_of_virtual_work(q, v, a):
     assert found.effort_lower[0, 0] == pytest.approx(expected, rel=1e-13)
     assert found.effort_upper[0, 0] == pytest.approx(expected, rel=1e-13)
     assert found.normal_load[0, 0] == pytest.approx(abs(force) + 10.0, rel=1e-13)
-    assert found.check().passed()
+    assert judge(found).passed()
     instant = pf.forward_dynamics(scene, [q], [v], [expected])
     assert instant.a[0] == pytest.approx(a, rel=1e-12)
     assert instant.friction[0] == pytest.approx(force - expected, rel=1e-12)
@@ -107,12 +108,12 @@ def test_at_rest_it_holds_up_to_its_static_limit():
 def test_seal_and_pin_on_one_freedom_agree_with_the_judge_and_with_forward_dynamics(q, v, a):
     scene = boom({"ram": SEAL, "pivot": PIN})
     found = pf.inverse_dynamics(scene, [[q]], [[v]], [[a]])
-    assert found.check().passed()
+    assert judge(found).passed()
     assert scene.site_names == ("pivot", "ram")
     instant = pf.forward_dynamics(scene, [q], [v], found.effort_lower[0])
     assert instant.a[0] == pytest.approx(a, rel=1e-11)
     at_rest = pf.inverse_dynamics(scene, [[q]], [[0.0]], [[0.0]])
-    assert at_rest.check().passed()
+    assert judge(at_rest).passed()
     middle = 0.5 * (at_rest.effort_lower + at_rest.effort_upper)[0]
     assert pf.holds(scene, [q], middle).held
 
@@ -191,7 +192,7 @@ def test_seals_on_the_excavators_cylinders_rub_beside_its_pins():
     some = slice(60, 560, 100)
     q, v, a = path.q[some], path.v[some], path.a[some]
     found, without = (pf.inverse_dynamics(s, q, v, a) for s in (rubbing, scene))
-    assert found.check().passed()
+    assert judge(found).passed()
     rate, moves = found.actuator_velocity, ~found.sticking.any(axis=1)
     assert moves.any()
     more = (found.effort_lower - without.effort_lower) * np.sign(rate)

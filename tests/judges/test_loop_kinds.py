@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+from judges.verdict import judge
 from mechanisms import add_link, crank_rates, cut_slider_crank, grounded_model, spatial_loop
 
 import pinfric as pf
@@ -68,7 +69,7 @@ def test_power_is_balanced_and_forward_dynamics_gives_the_motion_back(kind):
     scene, q, v, a, index = spatial_motion(kind, 1)
     result = pf.inverse_dynamics(scene, q, v, a)
     assert (result.status == 0).all()
-    residuals = result.check()
+    residuals = judge(result)
     assert max(residuals.equilibrium, residuals.friction_law, residuals.wrench) < 1e-11
     model = scene.model
     tau = np.array(
@@ -179,7 +180,7 @@ def test_a_slider_crank_cut_at_its_guide_is_the_one_cut_at_its_pins(kind, gravit
         if cut == "G":
             assert scene.sites[-1].sliding
             assert drive == "O" or scene.linkage.drives[0].unit == "N"
-            residuals = result.check()
+            residuals = judge(result)
             assert max(residuals.friction_law, residuals.wrench) < 1e-10
     for cut in "GAO":
         for ours, theirs in zip(found[cut], found["W"], strict=True):
@@ -250,7 +251,7 @@ def test_a_universal_joint_turns_its_shaft_as_cardan_says():
     moment = result.multipliers[:, 0, 3:]
     np.testing.assert_allclose(moment[:, 2], 0.0, atol=1e-14)
     np.testing.assert_allclose(moment[:, 0], 0.02 * change + drag * ratio * rate, atol=1e-13)
-    assert result.check().equilibrium < 1e-12
+    assert judge(result).equilibrium < 1e-12
 
 
 # ---------------------------------------------------------------- what is refused

@@ -5,6 +5,7 @@ import warnings
 import numpy as np
 import pytest
 from judges.pin_chains import random_chain
+from judges.verdict import judge
 
 import pinfric as pf
 
@@ -58,7 +59,7 @@ def test_branch_and_bound_finds_the_ends_of_every_corner(seed):
     assert found.interval_exact[0]
     assert not said
     assert too_narrow(found, chain) < 1e-12
-    assert found.check().passed(1e-12)
+    assert judge(found).passed(1e-12)
 
 
 @pytest.mark.slow

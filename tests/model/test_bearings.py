@@ -6,9 +6,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from builders import chain, random_friction, random_states, random_tree
+from judges.plain_laws import plain_normal_load
+from judges.verdict import judge
 
 import pinfric as pf
-from pinfric.dynamics.judge.plain_laws import plain_normal_load
 from pinfric.errors import RollMomentError
 
 MU = {"static": 0.3, "kinetic": 0.3}
@@ -26,7 +27,7 @@ def load_of(bearing, force, moment, joint=None, q=0.0, mu=MU):
     result = pf.inverse_dynamics(
         scene, np.full((1, 1), q), np.ones((1, 1)), np.zeros((1, 1)), {"child": wrench}
     )
-    assert result.check().passed()
+    assert judge(result).passed()
     return result.normal_load[0, 0]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from builders import sliding_block
+from judges.verdict import judge
 
 import pinfric as pf
 from pinfric.errors import SceneError
@@ -39,7 +40,7 @@ def test_effort_at_a_speed_has_the_closed_form_and_its_judge_agrees():
     np.testing.assert_allclose(
         result.effort_upper[:, 0], 0.5 * M + np.append(moved, 3.0), rtol=1e-14
     )
-    assert result.check().passed()
+    assert judge(result).passed()
 
 
 def test_drag_at_rest_is_none_and_below_a_micrometre_per_second_a_straight_line():
@@ -48,7 +49,7 @@ def test_drag_at_rest_is_none_and_below_a_micrometre_per_second_a_straight_line(
     result = pf.inverse_dynamics(scene, np.zeros((4, 1)), v[:, None], np.zeros((4, 1)))
     expected = DRAG * v * 1e-6 ** (POWER - 1.0)
     np.testing.assert_allclose(result.effort_lower[:, 0], expected, rtol=1e-12)
-    assert result.check().passed()
+    assert judge(result).passed()
 
 
 @pytest.mark.parametrize(("method", "tolerance"), METHODS)

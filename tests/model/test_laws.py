@@ -13,9 +13,10 @@ from builders import (
 )
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from judges.plain_laws import plain_friction
+from judges.verdict import judge
 
 import pinfric as pf
-from pinfric.dynamics.judge.plain_laws import plain_friction
 from pinfric.model.laws import friction_bounds, friction_law, law_table
 from pinfric.model.schema import Friction
 
@@ -140,7 +141,7 @@ def test_efforts_of_a_tree_just_above_lie_in_their_intervals_just_below(seed):
         rounding = 1e-12 * np.abs(upper - lower).max()
         assert (lower <= getattr(slides, f"{kind}_lower") + rounding).all()
         assert (getattr(slides, f"{kind}_upper") <= upper + rounding).all()
-    assert creeps.check().passed(1e-10)
+    assert judge(creeps).passed(1e-10)
 
 
 def test_passing_through_rest_encloses_both_standstill_and_sliding():

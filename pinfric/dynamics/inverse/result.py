@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinfric.dynamics.inverse.solutions import find_jamming_site, find_solutions
-from pinfric.dynamics.judge.check import Check, check_result
 from pinfric.dynamics.samples.outcome import Solution, SolvedMotion, Status
 from pinfric.errors import StateError
 from pinfric.model.brief import counted, file_name, listed, screen
@@ -153,14 +152,6 @@ class InverseResult(SolvedMotion, Shown):  # noqa: D101 (that of its fields)
             for s, name in enumerate(self.site_names)
             for first, last in runs(self.sticking[:, s])
         )
-
-    def check(self) -> Check:
-        """Recompute the residuals of the equilibrium and of the friction laws, sample by sample.
-
-        Independent of the solver: Pinocchio's RNEA with external forces, one sample at a time, and
-        the friction laws in plain NumPy.
-        """
-        return check_result(self, self.solutions)
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return all columns with names: `t`, the motion, then the results.

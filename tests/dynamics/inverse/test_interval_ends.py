@@ -17,6 +17,7 @@ from cases import (
     reversing_ball,
     turning_four_bar,
 )
+from judges.verdict import judge
 from mechanisms import (
     add_link,
     bar,
@@ -54,7 +55,7 @@ def test_pins_of_a_structure_that_nothing_drives_have_intervals_all_the_same(rub
     still = np.zeros((1, 2))
     result = pf.inverse_dynamics(scene, q[None], still, still)
     assert result.effort_lower.shape == (1, 0)
-    assert result.check().passed(1e-12)
+    assert judge(result).passed(1e-12)
     along = length * np.column_stack([np.cos(q), np.sin(q)])
     arms = np.array([[-along[0, 1], along[0, 0]], [along[1, 1], -along[1, 0]]])
     weights = 0.5 * (along[:, 0] * g[1] - along[:, 1] * g[0])
@@ -94,7 +95,7 @@ def test_what_slides_just_above_the_stick_velocity_lies_in_the_interval_below_it
     rounding = 1e-12 * np.abs(slides.effort_lower).max()
     assert (creeps.effort_lower <= slides.effort_lower + rounding).all()
     assert (slides.effort_upper <= creeps.effort_upper + rounding).all()
-    assert creeps.check().passed(1e-10)
+    assert judge(creeps).passed(1e-10)
     if not dry:  # nothing to stick by: the drag, and no interval
         np.testing.assert_allclose(creeps.effort_upper, slides.effort_upper, atol=rounding)
         np.testing.assert_allclose(creeps.effort_lower, slides.effort_lower, atol=rounding)
@@ -114,7 +115,7 @@ def test_a_creeping_balls_sphere_holds_its_drag():
     assert not slides.sticking.any()
     assert (creeps.effort_lower <= slides.effort_lower).all()
     assert (slides.effort_upper <= creeps.effort_upper).all()
-    assert creeps.check().passed(1e-9)
+    assert judge(creeps).passed(1e-9)
 
 
 # ---------------------------------------------------------------- balls
@@ -123,7 +124,7 @@ def test_a_creeping_balls_sphere_holds_its_drag():
 def test_ball_friction_opposes_the_relative_angular_velocity():
     case = ball_tripod()
     result = case.inverse()
-    assert result.check().passed(1e-12)  # checks the vector in frame b, component by component
+    assert judge(result).passed(1e-12)  # checks the vector in frame b, component by component
     ball = result.site_names.index("ball")
     force = np.linalg.norm(result.multipliers[:, 0, :3], axis=1)
     np.testing.assert_allclose(result.normal_load[:, ball], 0.02 * force, rtol=1e-12)
@@ -199,7 +200,7 @@ def test_ends_at_rest_are_the_extremes_of_every_corner():
             corners.append(effort[0] + effort[1:] @ phi)
         assert result.effort_lower[i, 0] == pytest.approx(min(corners), rel=1e-11)
         assert result.effort_upper[i, 0] == pytest.approx(max(corners), rel=1e-11)
-    assert result.check().passed(1e-12)
+    assert judge(result).passed(1e-12)
 
 
 def test_inside_the_interval_at_rest_sliding_solutions_tend_to_its_ends():
@@ -279,7 +280,7 @@ def test_a_small_pins_two_limits_are_two_solutions_beside_a_large_one(large, sma
     np.testing.assert_allclose(
         ends, [result.effort_lower[0, 1], result.effort_upper[0, 1]], rtol=1e-12
     )
-    assert result.check().passed(1e-12)
+    assert judge(result).passed(1e-12)
 
 
 @pytest.mark.parametrize("cut", "OABC")
@@ -294,7 +295,7 @@ def test_the_interval_encloses_a_third_solution(cut):
         assert len(efforts) == 3
         assert result.effort_lower[sample, 0] == pytest.approx(min(efforts), rel=1e-9)
         assert result.effort_upper[sample, 0] == pytest.approx(max(efforts), rel=1e-9)
-    assert result.check().passed(1e-9)
+    assert judge(result).passed(1e-9)
 
 
 @pytest.mark.parametrize("most", [2_000, pytest.param(MOST_PASSES, marks=pytest.mark.slow)])
@@ -316,7 +317,7 @@ def test_the_search_for_ends_stops_at_its_bound_and_says_so(most, monkeypatch):
     assert np.isnan(found.effort_lower).all()
     # the last call's searches from many starts end at the bound, its turns take what one takes
     assert most < found.iterations[0] < 2 * most + 10_000
-    assert found.check().undecided == 1
+    assert judge(found).undecided == 1
 
 
 @pytest.mark.filterwarnings("ignore:.*undecided")
@@ -378,7 +379,7 @@ def test_a_block_at_rest_or_turning_round_has_its_own_interval_beside_a_loop_or_
     assert result.reversal[:, 0].tolist() == [False, True, False, False]
     np.testing.assert_allclose(result.effort_lower[:, -1], 1.0 + np.array([10, -6, -11, -6]))
     np.testing.assert_allclose(result.effort_upper[:, -1], 1.0 + np.array([10, 4, -11, 2]))
-    assert result.check().passed(1e-12)
+    assert judge(result).passed(1e-12)
 
 
 # ---------------------------------------------------------------- balls that turn round
@@ -392,7 +393,7 @@ def test_a_ball_that_turns_round_rests_or_slides(viscous, enumerated, monkeypatc
     case = reversing_ball(viscous)
     result = case.inverse()
     assert result.reversal.tolist() == [[False] * 2, [True] * 2, [False] * 2, [False] * 2]
-    assert result.check().passed(1e-12)
+    assert judge(result).passed(1e-12)
     assert (result.effort_upper[1] > result.effort_lower[1] + 0.1).all()
     slides = pf.inverse_dynamics(case.scene, case.q, case.v, case.a)
     assert (slides.effort_lower[1] >= result.effort_lower[1] - 1e-12).all()

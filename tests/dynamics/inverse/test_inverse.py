@@ -20,6 +20,7 @@ from builders import (
     sliding_block,
 )
 from cases import turning_four_bar
+from judges.verdict import judge
 
 import pinfric as pf
 from pinfric.errors import StateError
@@ -56,7 +57,7 @@ def test_sliding_friction_only_ever_takes_power(seed):
 def test_random_trees_satisfy_their_own_check(seed):
     scene = scene_of(seed, stick_velocity=0.1)
     q, v, a = random_states(scene.model, seed, 30)
-    check = pf.inverse_dynamics(scene, q, v, a).check()
+    check = judge(pf.inverse_dynamics(scene, q, v, a))
     assert check.passed(1e-12), check
 
 
@@ -151,7 +152,7 @@ def test_chunks_are_the_whole_in_pieces(chunks):
     for name in ("effort_lower", "effort_upper", "motor_torque_lower", "wrench", "reversal", "t"):
         joined = np.concatenate([getattr(piece, name) for piece in pieces])
         np.testing.assert_allclose(joined, getattr(whole, name), rtol=1e-13, atol=1e-12)
-    assert all(piece.check().passed() for piece in pieces)
+    assert all(judge(piece).passed() for piece in pieces)
 
 
 def test_a_payload_acts_only_while_it_is_attached():
@@ -164,7 +165,7 @@ def test_a_payload_acts_only_while_it_is_attached():
     result = pf.inverse_dynamics(scene, zero, one, one, attached=attached)
     mass = np.array([2.0, 5.0, 5.0, 2.0])
     np.testing.assert_allclose(result.effort_lower[:, 0], mass * (1.0 + 0.5 * 9.81), rtol=1e-13)
-    assert result.check().passed()
+    assert judge(result).passed()
     by_default = pf.inverse_dynamics(scene, zero, one, one)
     np.testing.assert_allclose(by_default.effort_lower[:, 0], 2.0 * (1.0 + 0.5 * 9.81))
 
@@ -200,7 +201,7 @@ def test_mimic_followers_give_their_friction_to_the_leader():
         result = pf.inverse_dynamics(scene, [[0.0]], [[v]], [[0.0]])
         assert result.effort_lower[0, 0] == pytest.approx(lower)
         assert result.effort_upper[0, 0] == pytest.approx(upper)
-        assert result.check().passed()
+        assert judge(result).passed()
 
 
 def test_a_scene_survives_pickling():

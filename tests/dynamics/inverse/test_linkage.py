@@ -21,6 +21,7 @@ from cases import (
     turning_four_bar,
 )
 from judges.planar_newton_euler import PINS, FourBar, crank_torque
+from judges.verdict import judge
 from mechanisms import (
     FOUR_BAR,
     LENGTHS,
@@ -140,7 +141,7 @@ def test_every_cut_of_the_four_bar_gives_the_same_efforts(kind, gravity, bearing
         case = turning_four_bar(16, cut, kind, gravity=gravity, friction=friction)
         results[cut] = result = case.inverse()
         assert result.redundant == (kind == "revolute")
-        assert result.check().passed(1e-12)
+        assert judge(result).passed(1e-12)
     first = results["O"]
     for result in results.values():
         for name in ("effort_lower", "effort_upper", "effort_frictionless"):
@@ -191,7 +192,7 @@ def test_slider_crank_against_its_closed_form():
         known = case.known["torque"][i]
         assert len(known) == 1
         assert result.effort_lower[i, 0] == pytest.approx(known[0], rel=1e-10, abs=1e-12)
-    assert result.check().passed(1e-12)
+    assert judge(result).passed(1e-12)
 
 
 @pytest.mark.parametrize("acceleration", [0.0, 1.0, -2.0])
@@ -202,7 +203,7 @@ def test_drawer_below_its_critical_mu_against_its_closed_form(mu, acceleration):
     assert result.status[0] == Status.CONVERGED
     assert result.effort_lower[0, 0] == pytest.approx(expected, rel=1e-8)  # 1/(1 - mu/critical)
     assert result.effort_upper[0, 0] == result.effort_lower[0, 0]
-    assert result.check().passed(1e-9)
+    assert judge(result).passed(1e-9)
 
 
 @pytest.mark.parametrize("mu", [0.2, 0.5 - 1e-6, 0.5 + 1e-6, 2.0])
@@ -249,7 +250,7 @@ def test_a_second_solution_that_newton_misses_from_rest_and_far_out_is_found():
     for effort in efforts:  # each causes the motion
         back = pf.forward_dynamics(scene, q, v[0], effort)
         np.testing.assert_allclose(back.a, a[0], rtol=1e-8)
-    assert result.check().passed()
+    assert judge(result).passed()
 
 
 def test_a_decelerating_drawer_beyond_its_critical_mu_has_two_solutions():
@@ -260,7 +261,7 @@ def test_a_decelerating_drawer_beyond_its_critical_mu_has_two_solutions():
     assert efforts == pytest.approx(drawer_forces(0.6, -7.5), rel=1e-12)
     assert (result.effort_lower[0, 0], result.effort_upper[0, 0]) == pytest.approx(tuple(efforts))
     assert not result.interval_exact[0]
-    assert result.check().passed(1e-12)
+    assert judge(result).passed(1e-12)
     for solution in result.solutions(0):
         assert solution.friction[0] == pytest.approx(-0.6 * solution.normal_load[0])
 
@@ -435,7 +436,7 @@ def test_chunks_threads_and_pickles_change_nothing():
 def test_check_sees_every_wrong_figure():
     case = turning_four_bar(8, "B", "revolute", friction=pin_friction(0.3, 0.01, length=0.02))
     result = case.inverse()
-    error = 1e-6 * result.check().scale
+    error = 1e-6 * judge(result).scale
     for name in (
         "effort_lower",
         "effort_upper",
@@ -448,9 +449,9 @@ def test_check_sees_every_wrong_figure():
     ):
         array = getattr(result, name)
         array[2, 0] += error
-        assert not result.check().passed(1e-9), name
+        assert not judge(result).passed(1e-9), name
         array[2, 0] -= error
-    assert result.check().passed(1e-12)
+    assert judge(result).passed(1e-12)
 
 
 def test_external_wrenches_and_payloads_act_in_loops():
@@ -460,7 +461,7 @@ def test_external_wrenches_and_payloads_act_in_loops():
     attached = (np.arange(20) >= 10)[:, None]
     wrench = np.tile([1.0, -20.0, 0, 0, 0, 0.5], (20, 1))
     result = pf.inverse_dynamics(scene, q, v, a, {"coupler": wrench}, attached=attached)
-    assert result.check().passed(1e-12)
+    assert judge(result).passed(1e-12)
     # the drive's share of virtual work: external power + frictionless effort x rate = without
     plain = pf.inverse_dynamics(scene, q, v, a, attached=attached)
     data, frame = scene.model.createData(), scene.model.getFrameId("coupler")
@@ -497,7 +498,7 @@ def test_bundled_mechanisms_run_and_check(name):
     part = pf.inverse_dynamics(
         scene, motion.q[few], motion.v[few], motion.a[few], attached=motion.attached[few]
     )
-    assert part.check().passed(1e-10), part.check()
+    assert judge(part).passed(1e-10), judge(part)
     sliding = ~(result.sticking | result.reversal).any(axis=1)
     power = (result.effort_lower * result.actuator_velocity).sum(axis=1)
     useful = (result.effort_frictionless * result.actuator_velocity).sum(axis=1)

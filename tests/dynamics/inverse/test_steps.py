@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from builders import dry, plane_friction, random_states, random_tree, scene_of, sliding_block
+from judges.verdict import judge
 
 import pinfric as pf
 from pinfric.dynamics.inverse import tree as inverse_tree
@@ -17,13 +18,13 @@ from pinfric.errors import StateError
 def test_check_sees_a_wrong_effort_a_wrong_friction_and_a_wrong_wrench():
     scene = scene_of(3)
     result = pf.inverse_dynamics(scene, *random_states(scene.model, 3, 5))
-    error = 1e-6 * result.check().scale
+    error = 1e-6 * judge(result).scale
     for name in ("effort_lower", "effort_upper", "friction_lower", "normal_load", "wrench"):
         array = getattr(result, name)
         array[2, 1] += error
-        assert not result.check().passed(1e-9), name
+        assert not judge(result).passed(1e-9), name
         array[2, 1] -= error
-    assert result.check().passed(1e-9)
+    assert judge(result).passed(1e-9)
 
 
 def test_stick_intervals_and_dataframe():
@@ -78,7 +79,7 @@ def test_constant_friction_computes_no_reactions(monkeypatch):
     q, v, a = random_states(model, 6, 4)
     result = pf.inverse_dynamics(scene, q, np.abs(v), a)
     np.testing.assert_allclose((result.effort_lower - result.effort_frictionless)[:, 1], 1.0)
-    assert result.check().passed()
+    assert judge(result).passed()
 
 
 def test_what_drives_deliver_of_joints_efforts_is_made_once_for_a_scene():

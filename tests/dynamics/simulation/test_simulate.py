@@ -19,6 +19,7 @@ from builders import (
     random_tree,
     sliding_block,
 )
+from judges.verdict import judge
 from mechanisms import pin_friction
 from simulation_cases import Belt, arm
 
@@ -57,7 +58,7 @@ def test_samples_of_a_stick_are_at_rest_exactly_and_inverse_dynamics_sees_them()
     assert (inverse.effort_upper >= motion.effort - 1e-9).all()
     slides = ~inverse.sticking[:, 0] & ~inverse.reversal[:, 0]
     np.testing.assert_allclose(inverse.effort_lower[slides], motion.effort[slides], atol=1e-10)
-    assert inverse.check().passed()
+    assert judge(inverse).passed()
 
 
 def pinned_body(b: float) -> pf.Scene:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from cli_cases import refused, results_in, told
 from envelopes import result_of
+from judges.verdict import judge
 from printed import assert_printed
 
 import pinfric as pf
@@ -41,7 +42,7 @@ def test_files_and_table(capsys, tmp_path, monkeypatch):
     motion = pf.load_motion(tmp_path / "out" / "motion.npz", scene)
     assert motion.t[-1] == pytest.approx(0.6)
     some = (x[::10] for x in (motion.q, motion.v, motion.a))
-    assert pf.inverse_dynamics(scene, *some).check().passed()
+    assert judge(pf.inverse_dynamics(scene, *some)).passed()
 
 
 @pytest.mark.parametrize(

@@ -12,9 +12,9 @@ from itertools import product
 from typing import Any
 
 import numpy as np
+from judges.judged_sample import JudgedSample, SampleMaps
+from judges.plain_laws import plain_friction
 
-from pinfric.dynamics.judge.plain_laws import plain_friction
-from pinfric.dynamics.judge.sample import JudgedSample, SampleMaps
 from pinfric.dynamics.samples.outcome import Status
 from pinfric.model.scene import Site
 

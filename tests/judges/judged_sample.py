@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from judges.plain_laws import plain_displacement, plain_load_terms
 
-from pinfric.dynamics.judge.plain_laws import plain_displacement, plain_load_terms
 from pinfric.dynamics.samples.outcome import SolvedMotion
 from pinfric.model.scene import Scene, Site
 

@@ -19,6 +19,7 @@ from cases import (
     rocker_driven_four_bar,
     turning_four_bar,
 )
+from judges.verdict import judge
 from mechanisms import pin_friction
 
 import pinfric as pf
@@ -56,9 +57,9 @@ def spoiled(found, sample, status, **values):
 )
 def test_an_end_a_millionth_too_narrow_or_too_wide_is_noticed(case, name, change):
     found = case.inverse()
-    assert found.check().passed(1e-12), found.check()
-    getattr(found, name)[0] += change * found.check().scale
-    assert not found.check().passed()
+    assert judge(found).passed(1e-12), judge(found)
+    getattr(found, name)[0] += change * judge(found).scale
+    assert not judge(found).passed()
 
 
 @pytest.mark.parametrize("factor", [1 - 1e-6, 1 + 1e-6])
@@ -74,12 +75,12 @@ def test_ends_that_the_solver_itself_gets_wrong_are_noticed(monkeypatch, case, f
         law.mu[[LOWER, UPPER]] *= factor
         return law
 
-    assert case.inverse().check().passed(1e-12)
+    assert judge(case.inverse()).passed(1e-12)
     monkeypatch.setattr(interval_ends, "friction_laws", wrong_laws)
     found = case.inverse()
     attained = [solution.effort[0] for solution in found.solutions(0)]
     assert found.effort_upper[0, 0] == pytest.approx(max(attained), rel=1e-12)
-    assert not found.check().passed()
+    assert not judge(found).passed()
 
 
 def test_an_end_that_the_solver_has_not_looked_at_is_noticed(monkeypatch):
@@ -87,17 +88,17 @@ def test_an_end_that_the_solver_has_not_looked_at_is_noticed(monkeypatch):
     monkeypatch.setattr(interval_ends, "_options", lambda choices, _: (LOWER,) * choices)
     found = resting_four_bar(2).inverse()
     assert found.interval_exact.all()
-    assert found.check().ends > 1e-3
-    assert not found.check().passed()
+    assert judge(found).ends > 1e-3
+    assert not judge(found).passed()
 
 
 def test_a_ball_that_never_slides_where_it_turns_round_is_noticed(monkeypatch):
     """Sliding costs more there than what holds it at rest."""
-    assert reversing_ball(5.0).inverse().check().passed()
+    assert judge(reversing_ball(5.0).inverse()).passed()
     monkeypatch.setattr(interval_ends, "_options", lambda choices, ball: (UPPER, LOWER)[: 2 - ball])
     found = reversing_ball(5.0).inverse()
-    assert found.check().ends > 1.0
-    assert not found.check().passed()
+    assert judge(found).ends > 1.0
+    assert not judge(found).passed()
 
 
 NOTHING = dict.fromkeys(
@@ -119,8 +120,8 @@ NOTHING = dict.fromkeys(
 @pytest.mark.parametrize("status", [Status.JAMMED, Status.SINGULAR])
 def test_a_false_jam_and_a_false_toggle_are_noticed(case, status):
     found = case.inverse()
-    assert found.check().passed(1e-11)
-    check = spoiled(found, 0, status, **NOTHING).check()
+    assert judge(found).passed(1e-11)
+    check = judge(spoiled(found, 0, status, **NOTHING))
     assert (check.wrong_status, check.passed()) == (1, False)
     assert check.sample == 0
 
@@ -128,16 +129,16 @@ def test_a_false_jam_and_a_false_toggle_are_noticed(case, status):
 def test_an_open_chain_cannot_jam():
     found = resting_block().inverse()
     values = {name: value for name, value in NOTHING.items() if name != "multipliers"}
-    assert spoiled(found, 0, Status.JAMMED, **values).check().wrong_status == 1
+    assert judge(spoiled(found, 0, Status.JAMMED, **values)).wrong_status == 1
 
 
 def test_a_jam_is_confirmed_and_efforts_in_its_place_are_not():
     jam = jamming_drawer(0.6, 1.0).inverse()
     assert jam.status[0] == Status.JAMMED
-    check = jam.check()
+    check = judge(jam)
     assert (check.wrong_status, check.undecided, check.passed()) == (0, 1, True)  # not proved
     right = jamming_drawer(0.49, 1.0).inverse()
-    assert not replace(right, scene=jam.scene).check().passed()
+    assert not judge(replace(right, scene=jam.scene)).passed()
 
 
 def test_numbers_that_are_missing_are_noticed():
@@ -145,7 +146,7 @@ def test_numbers_that_are_missing_are_noticed():
         for name in ("effort_upper", "friction_lower", "normal_load", "wrench"):
             found = case.inverse()
             getattr(found, name)[0] = np.nan
-            assert not found.check().passed(), name
+            assert not judge(found).passed(), name
 
 
 @pytest.mark.parametrize("kept", [0, 1])
@@ -165,7 +166,7 @@ def test_a_missing_second_solution_is_noticed(monkeypatch, kept):
         "friction_upper": one.friction,
     }
     for status in (Status.CONVERGED, Status.AMBIGUOUS):
-        check = spoiled(found, 0, status, **values).check()
+        check = judge(spoiled(found, 0, status, **values))
         assert (check.wrong_status, check.passed()) == (1, False)
 
 
@@ -175,7 +176,7 @@ def test_a_third_solution_is_part_of_the_range_of_friction():
     one = Case(case.scene, case.q[30:31], case.v[30:31], case.a[30:31]).inverse()
     least = min(abs(solution.friction[3]) for solution in one.solutions(0))
     assert min(abs(one.friction_lower[0, 3]), abs(one.friction_upper[0, 3])) == pytest.approx(least)
-    assert one.check().passed(1e-12)
+    assert judge(one).passed(1e-12)
 
 
 @pytest.mark.parametrize("acceleration", [-12.0, -7.5, -2.0, 0.0, 1.0])
@@ -186,7 +187,7 @@ def test_drawers_end_as_their_closed_form_says(mu, acceleration):
     right = (Status.JAMMED, Status.CONVERGED, Status.AMBIGUOUS)[count]
     found = case.inverse()
     assert found.status[0] == right
-    check = found.check()
+    check = judge(found)
     assert (check.wrong_status, check.undecided, check.passed(1e-8)) == (0, mu > 0.5, True)
 
 
@@ -229,13 +230,13 @@ def moving_block():
 )
 def test_a_false_field_is_noticed(case, name):
     found = case.inverse()
-    assert found.check().passed(1e-11), found.check()
+    assert judge(found).passed(1e-11), judge(found)
     values = getattr(found, name)
     if values is None or not values[0].size:
         return
     values = values.copy()  # some are the motion's own arrays
     values[0] = FALSE[name](values[0])
-    check = replace(found, **{name: values}).check()
+    check = judge(replace(found, **{name: values}))
     assert (check.passed(), check.sample) == (False, 0)
 
 
@@ -244,7 +245,7 @@ def test_a_field_of_an_ambiguous_sample_that_is_a_millionth_off_is_noticed(name)
     found = decelerating_drawer().inverse()
     assert found.status[0] == Status.AMBIGUOUS
     getattr(found, name)[0] *= 1.0 + 1e-6
-    assert not found.check().passed()
+    assert not judge(found).passed()
 
 
 def test_a_robot_without_friction_is_checked():
@@ -253,6 +254,6 @@ def test_a_robot_without_friction_is_checked():
     model = chain(("lift", pin.JointModelPZ(), lump(10.0)))
     scene = pf.Scene(model=model, actuators=[{"joint": "lift", "transmission": gear}])
     found = pf.inverse_dynamics(scene, *np.zeros((3, 1, 1)))
-    assert found.check().passed()
+    assert judge(found).passed()
     wrong = replace(found, effort_lower=found.effort_lower + 1.0)
-    assert not wrong.check().passed()
+    assert not judge(wrong).passed()

@@ -1,20 +1,24 @@
-"""The judge of results: recomputes equilibrium and friction laws independently, sample by sample.
+"""The judge of inverse dynamics: recomputes every field of a result, sample by sample.
 
-It uses neither the twin nor a compiled kernel: see `sample`, `states` and `plain_laws`.
+It uses neither the twin nor a compiled kernel: see `judged_sample` (equilibrium),
+`friction_states` (what obeys the laws) and `plain_laws`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from judges.friction_states import FrictionStates, SiteLaw, find_states, site_laws
+from judges.judged_sample import JudgedSample, SampleMaps
 
-from pinfric.dynamics.judge.sample import JudgedSample, SampleMaps
-from pinfric.dynamics.judge.states import FrictionStates, SiteLaw, find_states, site_laws
 from pinfric.dynamics.samples.outcome import Solution, SolvedMotion, Status
+
+if TYPE_CHECKING:
+    from pinfric.dynamics.inverse.result import InverseResult
 
 #: Rates differ by rounding only, relative to the motion; differences and spectral radii by more.
 _RATES, _DERIVATIVE, _RADIUS = 1e-9, 1e-6, 1e-6
@@ -31,7 +35,7 @@ _ARRAYS = (
 
 
 @dataclass(frozen=True)
-class Check:
+class Verdict:
     """Largest residuals over all samples, and the number of wrong statuses.
 
     All fields are judged, except `reversal` (taken as given: it depends on samples beside those of
@@ -72,8 +76,8 @@ class Check:
         return small and not self.wrong_status and not self.wrong_fields
 
 
-class SampleCheck(NamedTuple):
-    """The judge's result for one sample; see `Check`."""
+class SampleVerdict(NamedTuple):
+    """The judge's result for one sample; see `Verdict`."""
 
     equilibrium: float = 0.0
     friction_law: float = 0.0
@@ -89,8 +93,13 @@ class SampleCheck(NamedTuple):
 Solutions = Callable[[int], tuple[Solution, ...]]
 
 
-def check_result(result: SolvedMotion, solutions: Solutions) -> Check:
-    """Recompute the residuals of a result (see `Check`), and of the solutions at its ends."""
+def judge(result: InverseResult) -> Verdict:
+    """Recompute the residuals of a result, its ends and its statuses (see `Verdict`)."""
+    return judge_motion(result, result.solutions)
+
+
+def judge_motion(result: SolvedMotion, solutions: Solutions) -> Verdict:
+    """Recompute the residuals of a result (see `Verdict`), and of the solutions at its ends."""
     every = (result.effort_lower, result.effort_upper, result.effort_frictionless)
     scale = max(float(np.abs(np.nan_to_num(efforts)).max(initial=0)) for efforts in every)
     verdicts = [
@@ -99,19 +108,19 @@ def check_result(result: SolvedMotion, solutions: Solutions) -> Check:
         for model in [result.scene.loaded_model(carried)]
         for i in range(start, stop)
     ]
-    table = np.array(verdicts, dtype=float).reshape(-1, len(SampleCheck._fields))
+    table = np.array(verdicts, dtype=float).reshape(-1, len(SampleVerdict._fields))
     residuals, wrong = table[:, :4], table[:, 5:7].any(axis=1)
     each = np.where(wrong, np.inf, np.nan_to_num(residuals, nan=np.inf).max(axis=1, initial=0.0))
     scale = max(scale, float(table[:, 4].max(initial=0.0)))
     equilibrium, law, wrench, ends = residuals.max(axis=0, initial=0.0).tolist()
     status, fields, undecided = table[:, 5:].sum(axis=0).astype(int).tolist()
     worst = int(np.argmax(each)) if len(each) else 0
-    return Check(equilibrium, law, wrench, ends, status, fields, undecided, scale, worst)
+    return Verdict(equilibrium, law, wrench, ends, status, fields, undecided, scale, worst)
 
 
 def judge_sample(
     result: SolvedMotion, solutions: Solutions, model: pin.Model, i: int
-) -> SampleCheck:
+) -> SampleVerdict:
     """Judge one sample; `model` carries its payloads."""
     sample, status = JudgedSample(result, model, i), Status(int(result.status[i]))
     maps, tree = sample.maps(), result.scene.linkage is None
@@ -123,9 +132,9 @@ def judge_sample(
     false |= _wrong_rates(sample) or _wrong_certificates(sample, maps, laws, status, chooses)
     if status == Status.SINGULAR:
         false |= not np.isnan(result.effort_frictionless[i]).all()
-        return SampleCheck(wrong_status=tree or maps.regular > _REGULAR, wrong_field=false)
+        return SampleVerdict(wrong_status=tree or maps.regular > _REGULAR, wrong_field=false)
     frictionless = _apart(result.effort_frictionless[i], maps.effort[:, 0])
-    verdict = SampleCheck(frictionless, 0.0, 0.0, 0.0, maps.scale, tree and failed, false, True)
+    verdict = SampleVerdict(frictionless, 0.0, 0.0, 0.0, maps.scale, tree and failed, false, True)
     if status == Status.NOT_CONVERGED:
         return verdict
     states = find_states(maps, laws)
@@ -145,7 +154,7 @@ def judge_sample(
     ends, largest = _ends(sample, states, laws, found), [np.abs(one.effort) for one in found]
     scale = float(np.max([maps.scale, *np.concatenate([np.zeros(0), *largest])]))
     undecided = not states.certain
-    return SampleCheck(equilibrium, law, wrench, ends, scale, wrong, False, undecided)
+    return SampleVerdict(equilibrium, law, wrench, ends, scale, wrong, False, undecided)
 
 
 def _apart(a: np.ndarray, b: np.ndarray) -> float:
