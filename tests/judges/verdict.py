@@ -94,8 +94,13 @@ Solutions = Callable[[int], tuple[Solution, ...]]
 
 
 def judge(result: InverseResult) -> Verdict:
-    """Recompute the residuals of a result, its ends and its statuses (see `Verdict`)."""
-    return judge_motion(result, result.solutions)
+    """Recompute the residuals of a result, its ends and its statuses (see `Verdict`).
+
+    What passes here, passes `result.check()`, too.
+    """
+    verdict = judge_motion(result, result.solutions)
+    assert not verdict.passed() or result.check().passed(), result.check()
+    return verdict
 
 
 def judge_motion(result: SolvedMotion, solutions: Solutions) -> Verdict:

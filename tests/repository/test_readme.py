@@ -62,7 +62,7 @@ def test_python_example_runs():
     assert run.returncode == 0, run.stderr
     assert "shoulder_pan_joint sticks from 0.00 s to 0.20 s" in run.stdout
     assert not re.search(r"from (\S+) s to \1 s", run.stdout)  # passages through rest
-    assert "Check(equilibrium=" in run.stdout
+    assert "equilibrium  " in run.stdout
     peaks = [ast.literal_eval(line) for line in run.stdout.splitlines() if line.startswith("{")]
     said = [
         (which[joint], joint)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pinfric.dynamics.inverse.check import Check, check_result
 from pinfric.dynamics.inverse.solutions import find_jamming_site, find_solutions
 from pinfric.dynamics.samples.outcome import Solution, SolvedMotion, Status
 from pinfric.errors import StateError
@@ -152,6 +153,14 @@ class InverseResult(SolvedMotion, Shown):  # noqa: D101 (that of its fields)
             for s, name in enumerate(self.site_names)
             for first, last in runs(self.sticking[:, s])
         )
+
+    def check(self) -> Check:
+        """Recompute the residuals of equilibrium, friction laws, loops and power.
+
+        By Pinocchio's plain RNEA with friction and multipliers as external wrenches, one sample at
+        a time; see `Check`.
+        """
+        return check_result(self)
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return all columns with names: `t`, the motion, then the results.

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 
 from pinfric.dynamics.inverse.choices import LOWER, SLIDES
 from pinfric.dynamics.inverse.effort_maps import write_site_wrenches
-from pinfric.dynamics.inverse.interval_ends import IntervalSearch
+from pinfric.dynamics.inverse.interval_ends import Ends, IntervalSearch
 from pinfric.dynamics.inverse.linkage_batch import LinkedSamples, link_samples, loop_wrenches
 from pinfric.dynamics.problem.plan import Plan, drive_delivery, kept_plan
 from pinfric.dynamics.samples.outcome import Solution, SolvedMotion
@@ -32,6 +35,15 @@ def find_solutions(result: SolvedMotion, sample: int) -> tuple[Solution, ...]:
     else:
         found = _search(search)
     return tuple(_solution(result.scene, samples, phi) for phi in distinct(found))
+
+
+def solve_sample(
+    result: SolvedMotion, sample: int
+) -> tuple[Ends, Callable[[np.ndarray], Solution]]:
+    """Return one sample's ends, solved alone, and what makes solutions of frictions (ne,)."""
+    plan, samples, velocity = one_sample(result, sample)
+    search = IntervalSearch(plan, samples.maps, velocity, result.reversal[sample][None])
+    return search.ends(), partial(_solution, result.scene, samples)
 
 
 def one_sample(result: SolvedMotion, sample: int) -> tuple[Plan, LinkedSamples, np.ndarray]:
