@@ -21,6 +21,8 @@ import pinocchio as pin
 
 from pinfric import __version__
 from pinfric.checking.joint_loads import JointLoad, joint_loads
+from pinfric.checking.robot import RobotFacts
+from pinfric.checking.robot_masses import believed_weight
 from pinfric.errors import PinfricError, RobotError
 from pinfric.formats import json_schema
 from pinfric.model.files import file_hash, write_folder
@@ -71,7 +73,9 @@ def new_scene(urdf: str | Path, folder: str | Path | None = None) -> str:
     """
     urdf = urdf_file(urdf)
     robot = read_robot(urdf, {})
-    joints, M = joint_loads(robot.model), mass_matrix(robot.model, pin.neutral(robot.model))
+    weight = believed_weight(RobotFacts.of(urdf), robot.model)
+    joints = joint_loads(robot.model, weight)
+    M = mass_matrix(robot.model, pin.neutral(robot.model))
     mass = sum(inertia.mass for inertia in tuple(robot.model.inertias)[1:])  # 0 is the ground
     bodies = [frame.name for frame in robot.model.frames if frame.type == pin.FrameType.BODY]
     parts = [

@@ -55,7 +55,8 @@ class CheckReport(Shown):
     source: str = quantity("the file")
     findings: tuple[Finding, ...] = quantity("sorted by severity, then by excess")
     figures: dict[str, float] = quantity(
-        "the robot as a whole: links, joints, moving_mass and fixed_mass (kg), reach (m)",
+        "the robot as a whole: links, joints, moving_mass and fixed_mass (kg), reach (m; along its "
+        "joints, from the first that moves)",
         default_factory=dict,
     )
     files: tuple[str, ...] = quantity("files that were read: the scene, its URDF", default=())

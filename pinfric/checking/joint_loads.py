@@ -3,21 +3,32 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from pinfric.model.twin import PRISMATIC, make_twin
+from pinfric.model.twin import PRISMATIC, make_twin, twist
 from pinfric.motions.joint_columns import stated_range
 
-#: An effort limit beyond so many times the static load is a placeholder (a gripper's force is
-#: many times its fingers' weight).
-_PLACEHOLDER, _PLACEHOLDER_SLIDING = 300.0, 3000.0
-#: The same for a joint whose weight has no lever (N m, N).
-_MOST_LOAD = 1e4
+#: An effort limit beyond so many times the whole robot held out level is a placeholder: the
+#: strongest shoulder or leg made has 1.1 (hands 1.4).
+_OVER_ROBOT = 3.0
+#: Limit times velocity limit over the robot's mass (W/kg): the strongest joint made has 88.
+_POWER = 100.0
+#: From so many joints on with one limit, above this part of the robot held out level, whose own
+#: loads differ so much, the limit is no joint's own.
+_ALIKE, _ALIKE_OVER, _LOADS_APART = 5, 0.5, 20.0
+#: Postures within the ranges in which a joint's own weight is tried.
+_POSTURES = 150
+#: The same for a sliding joint, over its own load: a gripper's force is many times its fingers'
+#: weight. And for a joint whose weight has no lever (N m, N).
+_PLACEHOLDER_SLIDING, _MOST_LOAD = 3000.0, 1e4
+_KGF_CM = 0.0980665
+#: The largest float is Pinocchio's word for no limit.
+_NONE = 1e300
 _GRAVITY = 9.81
 #: Effort limits over the weight that a joint carries: payload and acceleration come to it. UR10:
 #: 2.5 at the base, 4.4 at the elbow.
@@ -41,8 +52,10 @@ class JointLoad:
         lower, upper: rad or m, infinite without limits.
         load: what it must stand (N m or N).
         why: where that is taken from.
-        remark: what is wrong with its effort limit, or "".
-        least, why_least: the lesser of that and of the weight's: a placeholder cannot raise it.
+        limit: its effort limit (N m or N); 0 without one.
+        held: what its own weight needs in the worst posture (N m or N); 0 where that is not asked.
+        remark: why its effort limit is a placeholder, or "".
+        least, why_least: the lesser of `load` and of the weight's: no placeholder can raise it.
         fastest: its velocity limit, rad/s or m/s; 0 without a believable one.
     """
 
@@ -54,18 +67,25 @@ class JointLoad:
     upper: float
     load: float
     why: str
+    limit: float
+    held: float
     remark: str
     fastest: float
     least: float
     why_least: str
 
 
-def joint_loads(model: pin.Model) -> list[JointLoad]:
+def joint_loads(model: pin.Model, held_out: float | None) -> list[JointLoad]:
     """Return the load of each joint: its effort limit, or the weight that it carries in q0.
 
-    Without a limit a turning joint stands at least 0.15 of what the strongest one before it in its
-    chain does: an axis through the centre of mass carries no weight, and turns a payload all the
-    same. A chain ends where a link carries several.
+    Without a limit, or with a placeholder, a turning joint stands at least 0.15 of what the
+    strongest one before it in its chain does: an axis through the centre of mass carries no weight,
+    and turns a payload all the same. A chain ends where a link carries several.
+
+    Args:
+        model: the URDF's.
+        held_out: torque (N m) that holds the whole robot out level (`held_out_level`); None where
+            its masses are not to be believed: limits are then not judged by them.
     """
     twin, data = make_twin(model), model.createData()
     pin.forwardKinematics(model, data, pin.neutral(model))
@@ -74,6 +94,7 @@ def joint_loads(model: pin.Model) -> list[JointLoad]:
         for j in range(1, model.njoints)
         if model.joints[j].nv == 1
     }
+    remarks, own = limit_remarks(model, held_out)
     found: list[JointLoad] = []
     turning: dict[int, JointLoad] = {}
     for j in range(1, model.njoints):
@@ -83,10 +104,15 @@ def joint_loads(model: pin.Model) -> list[JointLoad]:
         centers = np.array([data.oMi[b].act(model.inertias[b].lever) for b in bodies])
         reach = np.linalg.norm(centers - data.oMi[j].translation, axis=1)
         weight = _GRAVITY * float(masses.sum() if sliding else masses @ reach)
-        limit = float(model.effortLimit[kind.idx_v]) if kind.nv == 1 else 0.0
+        limit = _limit(model, kind)
+        remark = remarks.get(j, "")
+        if sliding and limit > (_PLACEHOLDER_SLIDING * weight or _MOST_LOAD):
+            remark = f"its effort limit, {limit:.4g} N, looks like a placeholder"
         before = [] if sliding else [turning[p] for p in _chain(model, j) if p in turning]
         rule = _by_weight(weight, float(masses.sum()), sliding, before)
-        load, why, remark = _load(limit, weight, sliding, rule)
+        unit = "N" if sliding else "N m"
+        stated = limit > 0 and not remark
+        load, why = (limit, f"its effort limit, {limit:.4g} {unit}") if stated else rule
         lower, upper = _limits(model, kind)
         follows = leaders[int(twin.v_index[j - 1])] if kind.nv == 0 else None
         speed = float(model.velocityLimit[kind.idx_v]) if kind.nv == 1 else 0.0
@@ -99,6 +125,8 @@ def joint_loads(model: pin.Model) -> list[JointLoad]:
             upper=upper,
             load=load,
             why=why,
+            limit=limit,
+            held=own.get(j, 0.0),
             remark=remark,
             fastest=speed if 0.0 < speed <= _FASTEST else 0.0,
             least=min(load, rule[0]),
@@ -110,6 +138,125 @@ def joint_loads(model: pin.Model) -> list[JointLoad]:
     return found
 
 
+def held_out_level(mass: float, way: float, model: pin.Model) -> float:
+    """Return the torque (N m) that holds a whole robot out level: m g L.
+
+    Args:
+        mass: of the robot, kg. way: along its joints, m (`RobotFacts.way`); where it is 0, the
+            farthest centre of mass from the joint that moves it counts.
+        model: the URDF's.
+    """
+    far = max((float(np.linalg.norm(body.lever)) for body in list(model.inertias)[1:]), default=0.0)
+    return _GRAVITY * mass * (way or far)
+
+
+def limit_remarks(
+    model: pin.Model, held_out: float | None
+) -> tuple[dict[int, str], dict[int, float]]:
+    """Return what is wrong with the limits of turning joints, and what their own weight needs.
+
+    A limit is a placeholder beyond 3 m g L of the whole robot, or where limit times velocity limit
+    is beyond 100 W for each kg of it, or where five joints or more have one limit beyond m g L.
+
+    Args:
+        model, held_out: see `joint_loads`.
+
+    Returns:
+        joint -> why its limit is a placeholder; joint -> N m in the worst of the postures tried.
+    """
+    turning = _turning(model)
+    remarks: dict[int, str] = {}
+    if not held_out:
+        for j, (limit, _) in turning.items():
+            if limit > _MOST_LOAD:
+                remarks[j] = f"its effort limit, {limit:.4g} N m, looks like a placeholder"
+        return remarks, {}
+    mass = sum(body.mass for body in model.inertias)
+    for j, (limit, speed) in turning.items():
+        said = f"its effort limit, {limit:.4g} N m, looks like a placeholder"
+        if limit > _OVER_ROBOT * held_out:
+            remarks[j] = f"{said}: the whole robot held out level needs {held_out:.3g}"
+        elif math.isfinite(speed) and limit * speed > _POWER * mass:
+            remarks[j] = (
+                f"its limits, {limit:.4g} N m and {speed:.4g} rad/s, are "
+                f"{limit * speed / mass:.3g} W for each kg of the robot: one of both looks like a "
+                "placeholder"
+            )
+    own = _own_weight(model, turning)
+    if _alike(turning, own, held_out):
+        for j, (limit, _) in turning.items():
+            if limit > held_out and j not in remarks:
+                remarks[j] = (
+                    f"its effort limit, {limit:.4g} N m as everywhere, looks like a placeholder: "
+                    f"the whole robot held out level needs {held_out:.3g}"
+                )
+    return remarks, own
+
+
+def one_limit(model: pin.Model, held_out: float) -> bool:
+    """Return whether one limit stands at five joints or more whose own loads differ 20 times."""
+    turning = _turning(model)
+    return _alike(turning, _own_weight(model, turning), held_out)
+
+
+def _turning(model: pin.Model) -> dict[int, tuple[float, float]]:
+    """The turning joints with an effort limit: it, N m, and the velocity limit, rad/s."""
+    return {
+        j: (limit, float(model.velocityLimit[kind.idx_v]))
+        for j, kind in enumerate(model.joints)
+        if j
+        and kind.nv == 1
+        and not twist(model, kind)[:3].any()
+        and (limit := _limit(model, kind))
+    }
+
+
+def _alike(
+    turning: Mapping[int, tuple[float, float]], own: Mapping[int, float], held_out: float
+) -> bool:
+    limits, loads = {limit for limit, _ in turning.values()}, list(own.values())
+    alike = len(turning) >= _ALIKE and len(limits) == 1
+    return (
+        alike and limits.pop() > _ALIKE_OVER * held_out and max(loads) > _LOADS_APART * min(loads)
+    )
+
+
+def _own_weight(model: pin.Model, joints: Iterable[int]) -> dict[int, float]:
+    """The largest torque (N m) of each joint against its own weight in postures of its range."""
+    rng, data = np.random.default_rng(0), model.createData()
+    standard = pin.Model(model)
+    standard.gravity.linear = np.array([0.0, 0.0, -_GRAVITY])
+    lower = np.maximum(model.lowerPositionLimit, -np.pi)
+    upper = np.minimum(model.upperPositionLimit, np.pi)
+    single = [kind.idx_q for kind in model.joints if kind.nq == kind.nv == 1]
+    most = np.zeros(model.nv)
+    still = np.zeros(model.nv)
+    low, high = lower[single], np.maximum(lower, upper)[single]
+    for posture in range(_POSTURES):
+        away = rng.uniform(-np.pi, np.pi, model.nv) if posture else np.zeros(model.nv)
+        q = pin.integrate(model, pin.neutral(model), away)
+        q[single] = rng.uniform(low, high) if posture else np.clip(0.0, low, high)
+        most = np.maximum(most, np.abs(pin.rnea(standard, data, q, still, still)))
+    return {j: float(most[model.joints[j].idx_v]) for j in joints}
+
+
+def in_kgf_cm(model: pin.Model, held_out: float | None) -> str:
+    """Return the turning joints' limits in N m if they are in kgf cm and then plausible, or ""."""
+    smaller = pin.Model(model)
+    smaller.effortLimit = _KGF_CM * np.asarray(model.effortLimit)
+    remarks, own = limit_remarks(smaller, held_out)
+    limits = {j: _limit(smaller, smaller.joints[j]) for j in own}
+    if remarks or not own or any(own[j] > limits[j] for j in own):
+        return ""
+    return f"if they are in kgf cm: {', '.join(f'{limit:.3g}' for limit in limits.values())} N m"
+
+
+def _limit(model: pin.Model, kind: Any) -> float:
+    """A joint's effort limit, 0 without one."""
+    limit = float(model.effortLimit[kind.idx_v]) if kind.nv == 1 else 0.0
+    return limit if math.isfinite(limit) and limit < _NONE else 0.0
+
+
 def _chain(model: pin.Model, joint: int) -> list[int]:
     """The joints before one, as far as each carries no other."""
     carried, found = list(model.parents)[1:], list[int]()
@@ -118,18 +265,6 @@ def _chain(model: pin.Model, joint: int) -> list[int]:
         found.append(parent)
         parent = int(model.parents[parent])
     return found
-
-
-def _load(
-    limit: float, weight: float, sliding: bool, rule: tuple[float, str]
-) -> tuple[float, str, str]:
-    """(what a joint must stand, why, remark): its limit, else by its weight and its chain."""
-    unit = "N" if sliding else "N m"
-    given = math.isfinite(limit) and limit > 0
-    most = (_PLACEHOLDER_SLIDING if sliding else _PLACEHOLDER) * weight or _MOST_LOAD
-    if given and limit <= most:
-        return limit, f"its effort limit, {limit:.4g} {unit}", ""
-    return *rule, f"its effort limit, {limit:.4g} {unit}, looks like a placeholder" * given
 
 
 def _by_weight(

@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from typing import Any
 
 from pinfric.checking.findings import ANGLES, LENGTHS, Finding, Severity, in_unit, likely_unit
-from pinfric.checking.joint_loads import joint_loads
+from pinfric.checking.joint_loads import in_kgf_cm, joint_loads, one_limit
 from pinfric.checking.robot import RobotFacts
+from pinfric.checking.robot_masses import believed_weight
 from pinfric.model.robot import Robot
 from pinfric.model.urdf import reductions
 
@@ -50,7 +51,7 @@ def joint_findings(facts: RobotFacts, robot: Robot | None) -> Iterator[Finding]:
             "which does not exist; the joint gets its own drive",
         )
     if robot is not None:
-        yield from _efforts(robot)
+        yield from _efforts(robot, facts)
         yield from _dynamics(robot)
         yield from _gears(robot)
     yield from _transmissions(facts)
@@ -166,13 +167,38 @@ def _friction(joint: Any) -> Iterator[Finding]:
         )
 
 
-def _efforts(robot: Robot) -> Iterator[Finding]:
-    for load in joint_loads(robot.model):
+def _efforts(robot: Robot, facts: RobotFacts) -> Iterator[Finding]:
+    held_out = believed_weight(facts, robot.model)
+    loads = joint_loads(robot.model, held_out)
+    unit = ""
+    if held_out and any(load.remark and not load.sliding for load in loads):
+        unit = in_kgf_cm(robot.model, held_out)
+    for load in loads:
         driven = load.degrees == 1 and load.leader is None
-        if load.remark or (driven and "its effort limit" not in load.why):
+        place = f"joint {load.name}"
+        if load.remark or (driven and load.limit == 0.0):
             kind, found = ("effort limit" if load.remark else "no effort limit"), load.remark
             why = f"`pinfric new` sizes its bearing for {load.why}"
-            yield Finding(Severity.NOTE, kind, f"joint {load.name}", found or kind, why)
+            yield Finding(Severity.NOTE, kind, place, found or kind, why, unit if found else "")
+        elif 0.0 < load.limit < load.held:
+            yield Finding(
+                Severity.WARNING,
+                "weak limit",
+                place,
+                f"its effort limit, {load.limit:.4g} N m",
+                f"its weight alone needs {load.held:.4g} N m: it cannot hold itself, unless a "
+                "spring helps",
+                excess=load.held / load.limit,
+            )
+    limits = [load for load in loads if load.held > 0]
+    if held_out and not any(x.remark for x in limits) and one_limit(robot.model, held_out):
+        yield Finding(
+            Severity.NOTE,
+            "equal limits",
+            "robot",
+            f"all {len(limits)} effort limits are {limits[0].limit:.4g} N m",
+            "one motor everywhere, or a placeholder",
+        )
 
 
 def _dynamics(robot: Robot) -> Iterator[Finding]:

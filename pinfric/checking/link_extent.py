@@ -9,11 +9,22 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial import ConvexHull, QhullError
 
 from pinfric.model.magnitudes import LARGEST, impossible
 from pinfric.model.urdf import mesh_file, read_mesh_scene
 
 _CORNERS = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T
+#: Points of a cylinder's ends and of a sphere, with edges of 1: their hulls hold 99 % of them.
+_TURN = np.linspace(0.0, 2.0 * np.pi, 32, endpoint=False)
+_ROUND = np.array([(np.cos(t) / 2, np.sin(t) / 2, end) for t in _TURN for end in (-0.5, 0.5)])
+_BALL = np.array(
+    [
+        (np.cos(t) * np.sin(u) / 2, np.sin(t) * np.sin(u) / 2, np.cos(u) / 2)
+        for t in _TURN
+        for u in np.linspace(0.0, np.pi, 17)
+    ]
+)
 
 
 @dataclass(frozen=True)
@@ -22,10 +33,16 @@ class Extent:
 
     Attributes:
         low, high: (3,) its corners, m, in the link's frame and along its axes.
+        hull: of the shapes' convex hull (of its visuals or its collision shapes, whichever is
+            larger), m^3.
+        solid: what its visuals, or else its collision shapes, hold if all are closed meshes, m^3;
+            0 otherwise.
     """
 
     low: np.ndarray
     high: np.ndarray
+    hull: float = 0.0
+    solid: float = 0.0
 
     @property
     def size(self) -> np.ndarray:
@@ -59,41 +76,76 @@ def link_extents(
     extents: dict[str, Extent] = {}
     unread: dict[str, str] = {}
     for link in document.links:
-        corners = []
-        for shape in (*link.visuals, *link.collisions):
-            box = _shape_box(shape, urdf, folders, unread)
-            if box is not None:
-                origin = place_of(shape.origin)
-                turn, place = origin[:3, :3], origin[:3, 3]
-                center, size = box
-                with np.errstate(all="ignore"):
-                    points = (center + _CORNERS * size) @ turn.T + place
-                if impossible(points, LARGEST).any():
-                    unread[f"a shape of {link.name}"] = "its sizes or positions are implausible"
+        corners, hulls, solids = [], [0.0], [0.0]
+        for shapes in (link.visuals, link.collisions):
+            points, held, closed = [], 0.0, True
+            for shape in shapes:
+                found = _shape(shape, urdf, folders, unread)
+                if found is None:
+                    closed = False
                     continue
-                corners.append(points)
+                body, scale = found
+                origin = place_of(shape.origin)
+                with np.errstate(all="ignore"):
+                    box, around = (
+                        scale * part @ origin[:3, :3].T + origin[:3, 3]
+                        for part in (body.corners, body.points)
+                    )
+                if impossible(box, LARGEST).any():
+                    unread[f"a shape of {link.name}"] = "its sizes or positions are implausible"
+                    closed = False
+                    continue
+                corners.append(box)
+                points.append(around)
+                held += body.solid * float(np.abs(np.prod(scale)))
+                closed &= body.solid > 0.0
+            hulls.append(_volume(points))
+            solids.append(held if closed else 0.0)
         if corners:
-            points = np.concatenate(corners)
-            extents[link.name] = Extent(points.min(axis=0), points.max(axis=0))
+            ends = np.concatenate(corners)
+            solid = next((held for held in solids if held), 0.0)
+            extents[link.name] = Extent(ends.min(axis=0), ends.max(axis=0), max(hulls), solid)
     return extents, unread
 
 
-def _shape_box(
+@dataclass(frozen=True)
+class _Shape:
+    """A shape in its own frame: corners (8, 3) of its box, points on its hull; see `Extent`."""
+
+    corners: np.ndarray
+    points: np.ndarray
+    solid: float = 0.0
+
+
+def _shape(
     shape: Any, urdf: Path, folders: Sequence[Path], unread: dict[str, str]
-) -> tuple[np.ndarray, np.ndarray] | None:
-    """Centre and edges of the box that holds a shape, in the shape's frame."""
+) -> tuple[_Shape, np.ndarray] | None:
+    """A shape before its scale, and the scale (3,)."""
     mesh = shape.geometry.mesh
     if mesh is None:
-        return np.zeros(3), _edges(shape.geometry)
+        edges = np.asarray(_edges(shape.geometry), dtype=float)
+        ring = _ROUND if shape.geometry.box is None else _CORNERS
+        if shape.geometry.sphere is not None:
+            ring = _BALL
+        return _Shape(_CORNERS, ring), edges
     path = mesh_file(mesh.filename, urdf, folders)
     if path is None:
         return None  # said where the robot is read
-    bounds = _mesh_bounds(path)
-    if isinstance(bounds, str):
-        unread[str(mesh.filename)] = bounds
+    found = _mesh(path)
+    if isinstance(found, str):
+        unread[str(mesh.filename)] = found
         return None
-    low, high = (1.0 if mesh.scale is None else mesh.scale) * bounds
-    return (low + high) / 2.0, np.abs(high - low)
+    return found, np.ones(3) if mesh.scale is None else np.ones(3) * mesh.scale
+
+
+def _volume(points: Sequence[np.ndarray]) -> float:
+    """Of the convex hull of points (m^3); 0 where they are flat."""
+    if not points:
+        return 0.0
+    try:
+        return float(ConvexHull(np.concatenate(points)).volume)
+    except (QhullError, ValueError):
+        return 0.0
 
 
 def _edges(geometry: Any) -> np.ndarray:
@@ -111,8 +163,8 @@ def place_of(origin: np.ndarray | None) -> np.ndarray:
 
 
 @lru_cache(maxsize=512)
-def _mesh_bounds(path: Path) -> np.ndarray | str:
-    """(2, 3) the corners of a mesh in m, before the URDF's scale, or why it cannot be read."""
+def _mesh(path: Path) -> _Shape | str:
+    """A mesh in m, before the URDF's scale, or why it cannot be read."""
     try:
         scene, unit = read_mesh_scene(path)
         bounds = scene.bounds
@@ -120,4 +172,15 @@ def _mesh_bounds(path: Path) -> np.ndarray | str:
         return " ".join(str(problem).split()) or type(problem).__name__
     if bounds is None or not np.isfinite(bounds).all():
         return "it has no points, or points that are not finite"
-    return unit * np.asarray(bounds)
+    low, high = unit * np.asarray(bounds)
+    corners = (low + high) / 2.0 + _CORNERS * (high - low)
+    solid = 0.0
+    try:
+        whole = scene.to_mesh()
+        points = unit * np.asarray(whole.vertices)[ConvexHull(whole.vertices).vertices]
+        whole.merge_vertices(merge_tex=True, merge_norm=True)
+        if whole.is_watertight and whole.is_winding_consistent:
+            solid = abs(float(whole.volume)) * unit**3
+    except Exception:  # flat, or without faces: its box has to do
+        points = corners
+    return _Shape(corners, points, solid)

@@ -16,19 +16,16 @@ from pinfric.checking.findings import (
     in_unit,
     likely_unit,
 )
-from pinfric.checking.robot import BEYOND, LinkFacts, RobotFacts
-from pinfric.drives.held import IMPOSSIBLE, LIGHT
+from pinfric.checking.robot import BEYOND, SHAPE_OVER_REACH, LinkFacts, RobotFacts
+from pinfric.checking.robot_masses import WHOLE, mass_findings
 from pinfric.model.urdf import implausible_body
 
 #: A robot reaches no farther than this (m), and its joints are no closer than that.
 _FARTHEST, _NEAREST = 50.0, 5e-3
-#: kg per cubic metre of reach: robots have 1 to 60. Less in kg, or fewer links, may be compact.
-_HEAVIEST, _COMPACT, _FEW = 1000.0, 100.0, 3
+_FEW = 3
 #: One of three links or more that is so many times as heavy as all others: its unit is probably
 #: wrong. Of the bundled robots the heaviest link is 1.2 times as heavy as all others.
 _OUTWEIGHS = 100.0
-#: A shape so many times the robot's reach is in another unit.
-_SHAPE_OVER_REACH = 20.0
 #: Outside its shapes by this part of their diagonal, and by so many m: shapes are simplified.
 _OUTSIDE, _LEAST_OUTSIDE = 0.25, 0.02
 #: Radius of gyration over the distance to the farthest corner (1 if all mass were there), and
@@ -52,17 +49,17 @@ def link_findings(facts: RobotFacts) -> Iterator[Finding]:
     yield from outweighing({f"link {x.name}": x.mass for x in facts.links if not x.has_shapes})
     if any(finding.kind == "lengths" for finding in whole):
         return  # every link's size would be judged by the wrong length
-    heavy = any(finding.kind == "masses" for finding in whole)
+    said = any(finding.kind in WHOLE for finding in whole)
     for link in facts.links:
         if problem := implausible_body(link.mass, link.inertia):
             yield Finding(
                 Severity.WARNING, "impossible inertia", f"link {link.name}", problem, "", excess=3.0
             )
-        if link.has_shapes and (finding := _shape(link, facts.reach)):
+        if link.has_shapes and (finding := _shape(link, facts)):
             yield finding
         elif link.mass > 0 and (link.has_shapes or facts.reach > 0):
             found = [_com(link), _large_inertia(link), _small_inertia(link)]
-            found += [_density(link)] if link.has_shapes and not heavy else []
+            found += [_density(link)] if link.has_shapes and not said else []
             yield from (finding for finding in found if finding is not None)
 
 
@@ -88,46 +85,8 @@ def _whole_robot(facts: RobotFacts) -> Iterator[Finding]:
             "so small a robot is rare; are all lengths 1000 times too small?",
             excess=_NEAREST / reach,
         )
-    if reach <= _FARTHEST and (finding := _masses(facts)):
-        yield finding
-
-
-def _masses(facts: RobotFacts) -> Finding | None:
-    """All masses at once: by the density of most links, or by the size of the robot."""
-    mass = sum(link.mass for link in facts.links)
-    if len(facts.links) >= _FEW and 0.0 < mass < LIGHT * facts.reach:
-        per = mass / facts.reach
-        unit = likely_unit(MASSES, lambda size: LIGHT <= size * per < _HEAVIEST)
-        return Finding(
-            Severity.ERROR if per < IMPOSSIBLE else Severity.WARNING,
-            "masses",
-            "robot",
-            f"moving mass {mass:.4g} kg",
-            f"{per:.2g} kg per metre of its reach; the lightest arm known has 1.2",
-            in_unit(unit, "kg", mass),
-            LIGHT / per,
-        )
-    shaped = [link for link in facts.links if link.has_shapes and link.mass > 0]
-    if shaped:
-        excess = float(np.median([_box_density(link) for link in shaped])) / _DENSEST
-        why = f"most links would have {excess * _DENSEST:.2g} kg/m^3 (steel: 7850)"
-    elif len(facts.links) >= _FEW and mass > _COMPACT:
-        excess = mass / (_HEAVIEST * max(facts.reach, _NEAREST) ** 3)
-        why = f"too much for a robot that reaches {facts.reach:.3g} m"
-    else:
-        return None
-    if excess <= 1.0:
-        return None
-    unit = likely_unit(MASSES, lambda size: size * excess < 0.5)
-    return Finding(
-        Severity.ERROR,
-        "masses",
-        "robot",
-        f"moving mass {mass:.4g} kg",
-        why,
-        in_unit(unit, "kg", mass),
-        excess,
-    )
+    if reach <= _FARTHEST:
+        yield from mass_findings(facts)
 
 
 def outweighing(masses: Mapping[str, float]) -> Iterator[Finding]:
@@ -166,10 +125,10 @@ def _fixed_mass(facts: RobotFacts) -> Iterator[Finding]:
         )
 
 
-def _shape(link: LinkFacts, reach: float) -> Finding | None:
+def _shape(link: LinkFacts, facts: RobotFacts) -> Finding | None:
     """A mesh in millimetres, as CAD systems export them."""
-    size = link.extent.diagonal
-    if reach <= 0 or size < max(_SHAPE_OVER_REACH * reach, 2.0):
+    size, reach = link.extent.diagonal, facts.reach
+    if reach <= 0 or not facts.oversized(link.extent):
         return None
     unit = likely_unit(LENGTHS, lambda factor: factor * size < 3.0 * reach)
     hint = f"in {unit.name} (scale {unit.size:g}) {unit.size * size:.3g} m" if unit else ""
@@ -180,7 +139,7 @@ def _shape(link: LinkFacts, reach: float) -> Finding | None:
         f"its shapes are {size:.3g} m large",
         f"the whole robot reaches {reach:.3g} m",
         hint,
-        size / (_SHAPE_OVER_REACH * reach),
+        size / (SHAPE_OVER_REACH * reach),
     )
 
 

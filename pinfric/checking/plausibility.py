@@ -109,5 +109,5 @@ def _figures(facts: RobotFacts) -> dict[str, float]:
         "joints": sum(joint.type != "fixed" for joint in facts.document.joints),
         "moving_mass": sum(link.mass for link in facts.links),
         "fixed_mass": sum(facts.fixed_mass.values()),
-        "reach": facts.reach,
+        "reach": facts.way,
     }

@@ -28,6 +28,8 @@ from pinfric.model.urdf_file import read_xml
 _STAND_IN = 0.01
 
 
+#: A shape so many times the robot's reach, and so large (m), is in another unit.
+SHAPE_OVER_REACH, _LEAST_OVERSIZE = 20.0, 2.0
 #: No link, payload or centre of mass is so many times as far away as the robot reaches. (The reach
 #: ends at the last joint: the last link may be longer than all before it.)
 BEYOND = 3.0
@@ -116,21 +118,51 @@ class RobotFacts:
     @cached_property
     def reach(self) -> float:
         """The longest way from the root along the joints' origins, m."""
+        return self._longest(from_root=True)
+
+    @cached_property
+    def way(self) -> float:
+        """The longest way along the joints' origins, m, after the first joint that moves.
+
+        Pedestals do not count.
+        """
+        return self._longest(from_root=False)
+
+    def _longest(self, from_root: bool) -> float:
+        far = dict.fromkeys(self._roots, 0.0 if from_root else -np.inf)
+        for joint in self._downwards:
+            length = float(np.linalg.norm(place_of(joint.origin)[:3, 3]))
+            far[joint.child] = far[joint.parent] + length
+            if joint.type != "fixed":
+                far[joint.child] = max(far[joint.child], 0.0)
+        return max(max(far.values()), 0.0)
+
+    @cached_property
+    def ways(self) -> list[list[str]]:
+        """The links on each way from a root to a tip."""
+        ways = {root: [root] for root in self._roots}
+        for joint in self._downwards:
+            ways[joint.child] = [*ways[joint.parent], joint.child]
+        carrying = {joint.parent for joint in self.document.joints}
+        return [way for tip, way in ways.items() if tip not in carrying]
+
+    @cached_property
+    def _roots(self) -> list[str]:
+        carried = {joint.child for joint in self.document.joints}
+        return [link.name for link in self.document.links if link.name not in carried]
+
+    @cached_property
+    def _downwards(self) -> list[Any]:
+        """The joints, each after those that carry it."""
         below: dict[str, list[Any]] = {}
         for joint in self.document.joints:
             below.setdefault(joint.parent, []).append(joint)
-        far = {
-            link: 0.0
-            for link in {link.name for link in self.document.links}
-            - {joint.child for joint in self.document.joints}
-        }
-        ahead = list(far)
+        found, ahead = list[Any](), list(self._roots)
         while ahead:
-            link = ahead.pop()
-            for joint in below.get(link, ()):
-                far[joint.child] = far[link] + float(np.linalg.norm(place_of(joint.origin)[:3, 3]))
-                ahead.append(joint.child)
-        return max(far.values())
+            joints = below.get(ahead.pop(), [])
+            found += joints
+            ahead += [joint.child for joint in joints]
+        return found
 
     @cached_property
     def still(self) -> set[str]:
@@ -190,6 +222,10 @@ class RobotFacts:
                 )
             )
         return tuple(found)
+
+    def oversized(self, extent: Extent) -> bool:
+        """Return whether shapes are so large beside the robot that they are in another unit."""
+        return extent.diagonal >= max(SHAPE_OVER_REACH * self.reach, _LEAST_OVERSIZE)
 
     def moved_mass(self, joint: Any) -> float:
         """Return the mass beyond a joint, kg."""

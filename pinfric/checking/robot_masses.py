@@ -1,0 +1,190 @@
+"""Implausible masses of a robot as a whole: one finding for all links, with the unit it explains.
+
+The thresholds are those of 484 public URDFs and the printed masses of about 100 robots: no rule
+below speaks of a robot whose masses are its maker's, but for hands and legs that are stated there.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.checking.findings import MASSES, Finding, Severity, in_unit, likely_unit
+from pinfric.checking.joint_loads import held_out_level
+from pinfric.checking.robot import LinkFacts, RobotFacts
+
+#: Moving mass over the cube of the way along the joints, kg/m^3: Kinova's Jaco, the lightest arm
+#: made, has 3.2 in its URDF.
+_LIGHT = 2.0
+_LIGHT_JOINTS, _LIGHT_WAY = 3, 0.1
+#: All mass over the same: at most 293 in robots with a way of 0.3 m or more.
+_HEAVY, _HEAVY_WAY = 500.0, 0.3
+#: Mass over the convex hulls of the shapes that hold most of it, kg/m^3: arms have 380 to 2600.
+_THIN, _DENSE, _SHAPED = 150.0, 6000.0, 0.7
+#: So many times beyond these it is an error.
+_FAR = 10.0
+#: Of a unit that explains it.
+_USUAL_WAY, _USUAL_HULL = (3.0, 300.0), (300.0, 3000.0)
+#: Links with mass on one way from root to tip, and the share of them with the same mass.
+_ON_ONE_WAY, _EQUAL = 5, 0.75
+#: Parts with closed meshes, the share of one density, and how near: within 1 %. Two parts of one
+#: volume within 2 % are one part, used twice.
+_PARTS, _ONE_DENSITY, _NEAR, _COPY = 4, 0.75, 0.01, 0.02
+#: Links with the same inertia about every axis, which hold so much of the moving mass.
+_ISOTROPIC, _HELD, _SAME = 3, 0.5, 1e-6
+#: Kinds of findings after which the masses of single links say nothing more.
+WHOLE = ("no mass", "masses", "equal masses")
+
+
+def mass_findings(facts: RobotFacts) -> Iterator[Finding]:
+    """Yield at most one finding of each kind on all masses of a robot."""
+    if not any(facts.masses.values()):
+        yield Finding(
+            Severity.ERROR,
+            "no mass",
+            "robot",
+            "nothing in this robot has mass",
+            "its efforts are those of friction alone, and no drive can be sized",
+            excess=1e6,
+        )
+        return
+    yield from _by_size(facts)
+    yield from _equal_masses(facts)
+    yield from _one_density(facts)
+    yield from _equal_inertias(facts.links)
+
+
+def believed_weight(facts: RobotFacts, model: pin.Model) -> float | None:
+    """Return the torque (N m) that holds the robot out level; None where its masses are doubtful.
+
+    Args:
+        facts: the URDF, measured.
+        model: the same, loaded.
+    """
+    total = sum(facts.masses.values())
+    if total == 0.0 or any(_by_size(facts)):
+        return None
+    return held_out_level(total, facts.way, model)
+
+
+def _by_size(facts: RobotFacts) -> Iterator[Finding]:
+    """By the way along the joints, m/L^3, and by the convex hulls of the shapes."""
+    moving, way = sum(link.mass for link in facts.links), facts.way
+    total = moving + sum(facts.fixed_mass.values())
+    cube = max(way, 1e-3) ** 3
+    shaped = [
+        link
+        for link in facts.links
+        if link.has_shapes and link.extent.hull > 0 and not facts.oversized(link.extent)
+    ]
+    held, hulls = sum(x.mass for x in shaped), sum(x.extent.hull for x in shaped)
+    density = held / hulls if hulls and held >= _SHAPED * moving > 0 else None
+    joints = sum(joint.type != "fixed" for joint in facts.document.joints)
+
+    said: list[str] = []
+    excess = 1.0
+    if moving > 0 and joints >= _LIGHT_JOINTS and way >= _LIGHT_WAY and moving / cube < _LIGHT:
+        found = f"{moving:.3g} kg move on {way:.3g} m of joints"
+        said.append(
+            f"{_short(moving / cube)} kg/m^3 of that length cubed; the lightest arms have 3.2"
+        )
+        excess = _LIGHT / (moving / cube)
+    elif way >= _HEAVY_WAY and total / cube > _HEAVY:
+        found = f"{total:.4g} kg on {way:.3g} m of joints"
+        said.append(f"{_short(total / cube)} kg/m^3 of that length cubed; robots have up to 300")
+        excess = total / cube / _HEAVY
+    else:
+        found = f"moving mass {moving:.4g} kg"
+    if density is not None and not _THIN <= density <= _DENSE:
+        said.append(f"its shapes have {_short(density)} kg/m^3 (arms: 380 to 2600)")
+        excess = max(excess, _THIN / density, density / _DENSE)
+    if not said:
+        return
+
+    def explains(size: float) -> bool:
+        by_way = way < _HEAVY_WAY or _USUAL_WAY[0] <= size * moving / cube <= _USUAL_WAY[1]
+        by_hull = density is None or _USUAL_HULL[0] <= size * density <= _USUAL_HULL[1]
+        return by_way and by_hull
+
+    unit = likely_unit(MASSES, explains)
+    yield Finding(
+        Severity.ERROR if excess > _FAR else Severity.WARNING,
+        "masses",
+        "robot",
+        found,
+        "; ".join(said),
+        in_unit(unit, "kg", moving),
+        excess,
+    )
+
+
+def _short(density: float) -> str:
+    return f"{density:.2g}" if density < 100 else f"{density:.0f}"
+
+
+def _equal_masses(facts: RobotFacts) -> Iterator[Finding]:
+    """On one way from root to tip: equal legs and fingers stand side by side, on several ways."""
+    masses = {link.name: link.mass for link in facts.links if link.mass > 0}
+    for way in facts.ways:
+        on_it = [masses[name] for name in way if name in masses]
+        if len(on_it) < _ON_ONE_WAY:
+            continue
+        (mass, count), *_ = Counter(on_it).most_common(1)
+        if count >= _EQUAL * len(on_it):
+            yield Finding(
+                Severity.WARNING,
+                "equal masses",
+                "robot",
+                f"{count} of {len(on_it)} links on the way to {way[-1]} weigh {mass:g} kg",
+                "placeholders, no masses of a robot",
+                excess=float(count),
+            )
+            return
+
+
+def _one_density(facts: RobotFacts) -> Iterator[Finding]:
+    parts: list[tuple[float, float]] = []  # volume, density
+    for link in facts.links:
+        solid = link.extent.solid if link.has_shapes else 0.0
+        if solid and link.mass > 0 and all(abs(v - solid) > _COPY * solid for v, _ in parts):
+            parts.append((solid, link.mass / solid))
+    if len(parts) < _PARTS:
+        return
+    densities = np.array([density for _, density in parts])
+    near = np.abs(densities[:, None] / densities - 1.0) <= _NEAR
+    most = int(near.sum(axis=0).argmax())
+    count = int(near[:, most].sum())
+    if count >= _ONE_DENSITY * len(parts):
+        each = "all links have" if count == len(parts) else f"{count} of {len(parts)} links have"
+        yield Finding(
+            Severity.NOTE,
+            "one density",
+            "robot",
+            f"{each} {_short(float(np.median(densities[near[:, most]])))} kg/m^3 of their meshes",
+            "computed from the drawing, not weighed: real arms of such a kind weigh 1.5 to 2.3 "
+            "times as much",
+            excess=count / len(parts),
+        )
+
+
+def _equal_inertias(links: Sequence[LinkFacts]) -> Iterator[Finding]:
+    found: dict[float, list[LinkFacts]] = {}
+    for link in links:
+        moment = float(link.inertia[0, 0])
+        if moment > 0 and np.abs(link.inertia - moment * np.eye(3)).max() <= _SAME * moment:
+            key = next((m for m in found if abs(m - moment) <= _SAME * m), moment)
+            found.setdefault(key, []).append(link)
+    mass = sum(link.mass for link in links)
+    for moment, alike in found.items():
+        if len(alike) >= _ISOTROPIC and sum(link.mass for link in alike) >= _HELD * mass > 0:
+            yield Finding(
+                Severity.WARNING,
+                "equal inertias",
+                "robot",
+                f"{len(alike)} links have the inertia {moment:g} kg m^2 about every axis",
+                "a placeholder",
+                excess=float(len(alike)),
+            )
