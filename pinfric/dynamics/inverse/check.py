@@ -31,6 +31,8 @@ from pinfric.model.scene import Scene
 
 #: Given motions may leave loops open by this much (`samples.closure`), relative to what cancels.
 _CLOSED = 1e-6
+#: Where a residual this small is largest says nothing.
+_ROUNDING = 1e-12
 #: What is NaN where there is no solution, and only there.
 _ARRAYS = (
     *("effort_lower", "effort_upper", "motor_torque_lower", "motor_torque_upper", "normal_load"),
@@ -83,7 +85,8 @@ class Check:
 
     def __repr__(self) -> str:
         facts = {
-            name: f"{one.size:.1e}" + f" at sample {one.sample}, {one.joint}" * bool(one.joint)
+            name: f"{one.size:.1e}"
+            + f" at sample {one.sample}, {one.joint}" * (one.size > _ROUNDING)
             for name, one in vars(self).items()
             if name != "wrong"
         }
@@ -111,10 +114,8 @@ def _actions(scene: Scene) -> _Actions:
     for site in scene.sites:
         sites.append(slice(at, at + (3 if site.ball else 1)))
         at = sites[-1].stop
-    rows, pairs = (
-        np.zeros((at, nv)),
-        np.zeros((at, 0 if linkage is None else len(linkage.pair_kind), 6)),
-    )
+    count = 0 if linkage is None else len(linkage.pair_kind)
+    rows, pairs = np.zeros((at, nv)), np.zeros((at, count, 6))
     rows[: len(scene.drives)] = rate_rows(scene.drives, nv)
     for d, drive in enumerate(scene.drives):
         if linkage is not None and drive.velocity_index < 0:
