@@ -51,7 +51,6 @@ from pinfric.model.friction_terms import constant_friction, linear_drag
 from pinfric.model.transmission import (
     MakersEfficiency,
     Transmission,
-    driven_efficiency,
     load_part,
 )
 from pinfric.motions.summary import ends_by_magnitude, rms
@@ -425,18 +424,6 @@ def with_brake(candidate: Candidate, name: str, brake: Brake) -> Candidate:
         brake_note=f"{name}: {', '.join(unknown)}" if unknown else name,
         sources=(*candidate.sources, f"{name}: {brake.source} ({brake.grade})"),
     )
-
-
-def shock_efficiency(candidate: Candidate) -> float:
-    """Return eta_b of a gear that a brake stops: the least of what its figures say.
-
-    Both the ratio of the torques that start it and 2 - 1/eta are models; the smaller makes the
-    larger shock.
-    """
-    gear = candidate.transmission
-    assert gear is not None
-    back, eta = driven_efficiency(gear), gear.efficiency
-    return min(back, 2 - 1 / eta) if isinstance(eta, float) else back
 
 
 def amplifier_torque(candidate: Candidate, current: str) -> tuple[float | None, str]:

@@ -25,11 +25,11 @@ from pinfric.drives.drivetrain import (
     Ratings,
     amplifier_torque,
     line_voltage,
-    shock_efficiency,
 )
 from pinfric.drives.policy import STAND_INS, Conditions, stated
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.model.springs import softest
+from pinfric.model.transmission import shock_efficiency
 from pinfric.motions.summary import ends_by_magnitude, rests
 
 #: A number, or an array over gears and motors; NaN: not known.
@@ -224,7 +224,7 @@ def drive(candidate: Candidate, motor: MotorCycle | None, case: Case) -> Drives:
         candidate.ratio,
         number(candidate.rotor_inertia),
         number(ratings.continuous_at(conditions, asked.mean_speed)[0]),
-        np.nan if transmission is None else shock_efficiency(candidate),
+        np.nan if transmission is None else shock_efficiency(transmission),
         number(candidate.brake_peak),
         candidate.at_output,
         candidate.linear,

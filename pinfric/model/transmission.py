@@ -507,6 +507,16 @@ def driven_efficiency(gear: Transmission) -> float:
     return 1.0 - loss.constant * loss.slopes[-1]
 
 
+def shock_efficiency(gear: Transmission) -> float:
+    """Return eta_b of a gear that a brake stops: the least of what its figures say.
+
+    Both the ratio of the torques that start it and 2 - 1/eta are models; the smaller makes the
+    larger shock.
+    """
+    back, eta = driven_efficiency(gear), gear.efficiency
+    return min(back, 2 - 1 / eta) if isinstance(eta, float) else back
+
+
 def _no_load(gear: Transmission, speed: float) -> float:
     """The loss without load at a motor's speed, at the output; the mean of both directions."""
     term, viscous = gear.no_load_torque, gear.motor_viscous

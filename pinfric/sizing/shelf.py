@@ -35,7 +35,6 @@ from pinfric.drives.drivetrain import (
     motor_cycle,
     motor_with_gear,
     ratings_of,
-    shock_efficiency,
     with_brake,
 )
 from pinfric.drives.limit import (
@@ -59,7 +58,7 @@ from pinfric.drives.policy import (
     lacks,
 )
 from pinfric.drives.thermal import COPPER
-from pinfric.model.transmission import driven_efficiency
+from pinfric.model.transmission import driven_efficiency, shock_efficiency
 
 #: Numbers of an array over gears and motors at a time.
 _MOST = 2_000_000
@@ -466,7 +465,8 @@ class Search:
             *(value for k in (x, y, z) for value in (m[k], h[k], a[k], speed[k])),
         )
         brakes = self._brakes(block, g, bare)
-        row = _Row(ends, brakes, numbers, self._of_entry(bare), shock_efficiency(bare))
+        back = np.nan if bare.transmission is None else shock_efficiency(bare.transmission)
+        row = _Row(ends, brakes, numbers, self._of_entry(bare), back)
         self._rows[b, g] = row
         return row
 

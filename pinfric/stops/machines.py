@@ -99,6 +99,14 @@ def full_load(scene: Scene, trajectory: Trajectory) -> tuple[str, ...]:
     return tuple(name for name, on in zip(names, heaviest, strict=True) if on)
 
 
+def carried_by(machines: Machines, load: float, samples: int) -> np.ndarray | None:
+    """Return (T, number of payloads) which are carried at a share of the full load; None: none."""
+    names = machines.scene.payloads
+    if not names:
+        return None
+    return np.tile([load > 0.0 and name in machines.full for name in names], (samples, 1))
+
+
 def _check(scene: Scene, settings: Stops) -> None:
     """Refuse what a stop needs and the scene lacks."""
     for drive in scene.drives:

@@ -121,8 +121,17 @@ class StopMotion:
     @property
     def after_power_off(self) -> np.ndarray:
         """(na,) way of each drive's joint from power-off to the end, rad or m."""
-        first = int(self.t.searchsorted(self.power_off))
-        return np.asarray(self.travel[-1] - self.travel[first])
+        return np.asarray(self.travel[-1] - self.travel[self._off])
+
+    @property
+    def braking(self) -> np.ndarray:
+        """(na,) largest effort of the gears under power, N m or N; of category 0 at the start."""
+        return np.asarray(np.abs(self.effort[: self._off + 1]).max(axis=0))
+
+    @property
+    def _off(self) -> int:
+        """The last sample under power: at power-off; after it the same instant follows without."""
+        return int(self.t.searchsorted(self.power_off))
 
 
 def stop_motion(

@@ -34,7 +34,7 @@ from pinfric.errors import StopError
 from pinfric.model.scene import Scene
 from pinfric.motions.summary import effort_unit, running_integral
 from pinfric.motions.trajectory import Trajectory
-from pinfric.stops.machines import UNLIMITED, Kind, Machines
+from pinfric.stops.machines import UNLIMITED, Kind, Machines, carried_by
 from pinfric.stops.motion import Machine, StopMotion, stop_motion, tool_path
 from pinfric.stops.path import CyclePath
 
@@ -76,6 +76,7 @@ class Stopped:
         travel: (na,) largest distance of each drive's joint from where the command met it, rad, m.
         sag: (na,) with gravity, from power-off on; NaN where the joint moved at power-off.
         peak: (na,) largest effort that the gear delivers, N m or N.
+        braking: (na,) the same until power goes off; in category 0 that at the start.
         energy: (na,) that the brake took, J.
         beyond: (na, 2) farthest past the lower and the upper limit of each drive's joint, rad or m;
             negative: what is left; minus infinity where there is no limit.
@@ -90,6 +91,7 @@ class Stopped:
     travel: np.ndarray
     sag: np.ndarray
     peak: np.ndarray
+    braking: np.ndarray
     energy: np.ndarray
     beyond: np.ndarray
     path: float | None
@@ -127,7 +129,7 @@ class Cycle:
         path, zero, hold = tool_path(scene, (), q), np.zeros_like(v), {}
         for full in {False, bool(machines.full)}:
             least = machines.of(Kind(False, float(full))).scene
-            carried = _carried(machines, full, len(q))
+            carried = carried_by(machines, float(full), len(q))
             still = inverse_dynamics(least, q, zero, zero, t=trajectory.t, attached=carried)
             _check_unbraked(still, "the full load" if full else "nothing")
             hold[full] = still.effort_frictionless
@@ -259,8 +261,9 @@ class Search:
 
     def measures(self) -> Iterator[Callable[[Stopped], float]]:
         """Yield what is to be largest: of each axis, its time and place, too; time and path."""
+        powered = self.machines.settings.category == 1
         for d in range(len(self.machines.scene.drives)):
-            for name in ("rest", "travel", "peak", "energy"):
+            for name in ("rest", "travel", "peak", *["braking"] * powered, "energy"):
                 yield figure_of(name, d)
         for d in np.flatnonzero(self.limited).tolist():
             left = -beyond_of(d)(self.nearest(d))
@@ -349,6 +352,7 @@ def stopped(cycle: Cycle, case: Case, motion: StopMotion) -> Stopped:
         travel=np.maximum(np.abs(reaction), np.abs(reaction + motion.travel).max(axis=0)),
         sag=np.where(moved, np.nan, falls * motion.after_power_off),
         peak=np.abs(motion.effort).max(axis=0),
+        braking=motion.braking,
         energy=motion.energy,
         beyond=past(cycle.limits, motion.q[:, cycle.place]).max(axis=0),
         path=path,
@@ -363,9 +367,7 @@ def estimates(machines: Machines, cycle: Cycle, kind: Kind) -> tuple[np.ndarray,
         machines, cycle: what is stopped. kind: with which load, and whether brakes are greatest.
     """
     machine, given, d = machines.of(kind), cycle.trajectory, machines.deceleration
-    states = States(
-        given.q, given.v, given.a, None, _carried(machines, kind.load > 0.0, len(given.q))
-    )
+    states = States(given.q, given.v, given.a, None, carried_by(machines, kind.load, len(given.q)))
     gears = [drive.transmission for drive in machine.scene.drives]
     ratio = np.array([abs(drive.ratio) for drive in machine.scene.drives])
     rotor = np.array([0.0 if gear is None else gear.rotor_inertia for gear in gears])
@@ -387,10 +389,3 @@ def estimates(machines: Machines, cycle: Cycle, kind: Kind) -> tuple[np.ndarray,
 def _per_drive(machine: Machine, figures: Mapping[str, float]) -> np.ndarray:
     """(na,) figures of drives by name, 0 where there is none."""
     return np.array([figures.get(drive.name, 0.0) for drive in machine.scene.drives])
-
-
-def _carried(machines: Machines, full: bool, samples: int) -> np.ndarray | None:
-    names = machines.scene.payloads
-    if not names:
-        return None
-    return np.tile([full and name in machines.full for name in names], (samples, 1))

@@ -40,6 +40,9 @@ class AxisStop:
         "sag",
     )
     peak: float = quantity("largest effort of the gear at the joint", EFFORT, "gear's\npeak")
+    braking: float | None = quantity(
+        "largest effort until power goes off; none: category 0 has no power", EFFORT, "under\npower"
+    )
     energy: float | None = quantity("most energy of the brake; none: no brake", "J", "brake")
     criteria: tuple[Criterion, ...] = quantity("of brake, gear, braking under power, and place")
 
@@ -105,7 +108,8 @@ def axis_stop(search: Search, drive: int) -> AxisStop:
     gear = scene.drives[drive].transmission
     brake = None if gear is None else gear.brake
     energy = max(float(stop.energy[drive]) for stop in stops)
-    peak = max(float(stop.peak[drive]) for stop in stops)
+    peak, braking = (max(float(getattr(s, x)[drive]) for s in stops) for x in ("peak", "braking"))
+    powered = search.machines.settings.category == 1
     return AxisStop(
         name=scene.drives[drive].name,
         unit=effort_unit(scene, drive),
@@ -116,10 +120,11 @@ def axis_stop(search: Search, drive: int) -> AxisStop:
         load=load_name(worst.case.kind.load),
         sag=float(max(sags)) + 0.0 if sags else None,
         peak=peak,
+        braking=braking if powered else None,
         energy=None if brake is None else energy,
         criteria=(
             *_of_brake(search, drive, brake, energy),
-            *_of_effort(search, drive, peak),
+            *_of_effort(search, drive, peak, braking),
             *_of_place(search, drive),
         ),
     )
@@ -203,7 +208,7 @@ def _of_brake(
     )
 
 
-def _of_effort(search: Search, drive: int, peak: float) -> Iterator[Criterion]:
+def _of_effort(search: Search, drive: int, peak: float, braking: float) -> Iterator[Criterion]:
     """What the gear may bear for a moment; what an imposed deceleration may take, by the URDF."""
     machines, scene = search.machines, search.machines.scene
     gear, unit = scene.drives[drive].transmission, effort_unit(scene, drive)
@@ -220,10 +225,10 @@ def _of_effort(search: Search, drive: int, peak: float) -> Iterator[Criterion]:
         limit = float(scene.model.effortLimit[scene.drives[drive].velocity_index])
         yield compare(
             "effort of braking",
-            peak,
+            braking,
             limit if 0.0 < limit < UNLIMITED else None,
             unit,
-            "max |effort| at the deceleration <= effort limit",
+            "max |effort| at the deceleration, until power goes off <= effort limit",
             "inverse dynamics; the URDF's limit",
             "effort limit of the URDF",
         )

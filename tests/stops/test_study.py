@@ -15,6 +15,7 @@ import pinfric as pf
 from pinfric.drives.criterion import Status
 from pinfric.errors import StopError, TrajectoryError
 from pinfric.stops.machines import Kind
+from pinfric.stops.peaks import braking
 from pinfric.stops.search import Case, Cycle
 from pinfric.stops.study import SHARES
 
@@ -188,10 +189,16 @@ def test_category_1_brakes_under_power_and_spares_the_brake():
     found = pf.stop(scene, swing(scene, 9))
     assert "each axis brakes by itself, so the tool leaves its path" in found.notes
     assert max(axis.energy for axis in found.axes) < 0.1
+    (taken,) = braking(found.search.machines, found.trajectory)
+    for sample in range(9):
+        begin = found.search.motion(Case(Kind(True, 0.0), sample)).effort[0]
+        worst = np.maximum(np.abs(taken.effort_lower), np.abs(taken.effort_upper))[sample]
+        assert np.abs(begin) == pytest.approx(worst)
     for axis, d, v in zip(found.axes, (8.0, 10.0), (np.pi, 1.4 * np.pi), strict=True):
         assert axis.travel == pytest.approx(v**2 / 2 / d + 0.01 * v, rel=0.03)
         (limit,) = (c for c in axis.criteria if c.name == "effort of braking")
-        assert limit.required == axis.peak
+        assert limit.required == axis.braking
+        assert axis.braking < 0.5 * axis.peak  # the brakes' snap comes after it
         assert limit.status == Status.NOT_CHECKED
 
 
