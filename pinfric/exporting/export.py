@@ -264,7 +264,7 @@ def _loads(scene: Scene, result: InverseResult) -> tuple[str, ...]:
 
 def _soft(scene: Scene, result: InverseResult, joints: Sequence[JointConstants]) -> tuple[str, ...]:
     """Samples in which MuJoCo's friction is not whole: it misses by more than is stated."""
-    tree = bodies(scene)
+    tree = [body for body in bodies(scene) if body.follows is None]
     mass = mass_matrices(scene.twin(), pin.neutral(scene.model)[None])[0]
     armature = [joint.armature + body.armature for joint, body in zip(joints, tree, strict=True)]
     mobility = np.diag(np.linalg.inv(mass + np.diag(armature)))
@@ -323,16 +323,18 @@ def _mjcf(
                 f"{scene.source}: joint {body.joint.name!r} moves a body that MuJoCo refuses: "
                 f"{why}; correct the <inertia> of its links"
             )
-    entries = [
-        MjcfJoint(
-            joint.frictionloss,
-            joint.damping,
-            joint.armature + body.armature,
-            joint.ratio,
-            lines[joint.joint],
-        )
-        for joint, body in zip(joints, tree, strict=True)
-    ]
+    by_name = {joint.joint: joint for joint in joints}
+    entries = []
+    for body in tree:
+        if body.follows is not None:
+            leader, ratio, shift = body.follows
+            said = f"{body.joint.name} = {ratio:g} {leader} {shift:+g}, its friction is {leader}'s"
+            entries.append(MjcfJoint(0.0, 0.0, 0.0, comment=said))
+            continue
+        joint = by_name[body.joint.name]
+        armature = joint.armature + body.armature
+        constants = joint.frictionloss, joint.damping, armature, joint.ratio
+        entries.append(MjcfJoint(*constants, lines[joint.joint]))
     name = Path(scene.source).stem
     return mjcf(name, tree, entries, scene.model.gravity.linear, comment=header)
 

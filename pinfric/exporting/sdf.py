@@ -1,4 +1,4 @@
-"""SDF, Gazebo's and Drake's format, from a robot's bodies: SDFormat 1.7 and later.
+"""SDF, Gazebo's and Drake's format, from a robot's bodies: SDFormat 1.7, 1.11 with mimic joints.
 
 A joint's `<dynamics>` holds `damping` (N m s/rad or N s/m) and `friction` (N m or N); Gazebo's
 engines hold joints by up to `friction`, Drake reads `damping` alone.
@@ -31,18 +31,23 @@ def sdf(
         header: comments at the top.
     """
     tree = bodies(scene)
-    root = ElementTree.Element("sdf", version="1.7")
+    # <mimic> came with 1.11
+    following = any(body.follows for body in tree)
+    root = ElementTree.Element("sdf", version="1.11" if following else "1.7")
     root.extend(xml_comment(line) for line in header)
     model = ElementTree.SubElement(root, "model", name=Path(scene.source).stem)
     by_name = {joint.joint: joint for joint in joints}
     # names of links and joints are one set there
-    links = [body.link if body.link not in by_name else f"{body.link}_link" for body in tree]
+    named = {body.joint.name for body in tree}
+    links = [body.link if body.link not in named else f"{body.link}_link" for body in tree]
     for body, name in zip(tree, links, strict=True):
         model.append(_link(body, name))
     for body, name in zip(tree, links, strict=True):
-        model.append(xml_comment(lines[body.joint.name]))
+        own = by_name.get(body.joint.name)
+        if own is not None:
+            model.append(xml_comment(lines[own.joint]))
         ends = "world" if body.parent < 0 else links[body.parent], name
-        model.append(_joint(body, ends, by_name[body.joint.name]))
+        model.append(_joint(body, ends, own))
     return xml_text(root)
 
 
@@ -60,8 +65,10 @@ def _link(body: Body, name: str) -> ElementTree.Element:
     return link
 
 
-def _joint(body: Body, ends: tuple[str, str], constants: JointConstants) -> ElementTree.Element:
-    """A joint between two links, the parent's and its own."""
+def _joint(
+    body: Body, ends: tuple[str, str], constants: JointConstants | None
+) -> ElementTree.Element:
+    """A joint between two links, the parent's and its own; a follower has no constants."""
     parent, child = ends
     kind = "prismatic" if body.joint.unit == "m" else "revolute"
     joint = ElementTree.Element("joint", name=body.joint.name, type=kind)
@@ -82,6 +89,13 @@ def _joint(body: Body, ends: tuple[str, str], constants: JointConstants) -> Elem
         _text(limit, "effort", _numbers([body.effort_limit]))
     if np.isfinite(body.joint.velocity_limit):
         _text(limit, "velocity", _numbers([body.joint.velocity_limit]))
+    if body.follows is not None:
+        leader, ratio, shift = body.follows
+        mimic = ElementTree.SubElement(axis, "mimic", joint=leader)
+        for tag, value in (("multiplier", ratio), ("offset", shift), ("reference", 0.0)):
+            _text(mimic, tag, _numbers([value]))
+    if constants is None:
+        return joint
     dynamics = ElementTree.SubElement(axis, "dynamics")
     _text(dynamics, "damping", _numbers([constants.damping]))
     _text(dynamics, "friction", _numbers([constants.frictionloss]))

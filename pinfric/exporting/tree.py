@@ -10,6 +10,7 @@ import pinocchio as pin
 from pinfric.errors import PinfricError
 from pinfric.model.scene import Scene
 from pinfric.model.twin import PRISMATIC
+from pinfric.motions.followers import find_followers
 from pinfric.motions.joint_columns import JointColumn, joint_columns, stated_limit
 
 
@@ -27,6 +28,7 @@ class Body:
         armature: the model's own rotor inertia at the joint (kg m^2 or kg).
         effort_limit: N m or N; infinite where none was stated.
         frames: name -> placement in the body of its further links.
+        follows: (leader's name, ratio, shift) of a mimic joint; None for others.
     """
 
     joint: JointColumn
@@ -38,6 +40,7 @@ class Body:
     armature: float
     effort_limit: float
     frames: dict[str, pin.SE3]
+    follows: tuple[str, float, float] | None = None
 
 
 def check_plain_tree(scene: Scene) -> tuple[JointColumn, ...]:
@@ -69,33 +72,35 @@ def bodies(scene: Scene) -> tuple[Body, ...]:
     """Return the bodies of a scene, with the payloads that it carries by default.
 
     Raises:
-        PinfricError: loops, drives off the joints, mimic joints or joints of several degrees of
-            freedom; named.
+        PinfricError: loops, drives off the joints, or joints of several degrees of freedom; named.
     """
-    columns = check_plain_tree(scene)
+    columns = {column.name: column for column in check_plain_tree(scene)}
     model, twin = scene.loaded_model(), scene.twin()
-    names = {column.name for column in columns}
-    follower = next((name for name in scene.joint_names if name not in names), None)
-    if follower is not None:
-        raise PinfricError(
-            f"{scene.source}: joint {follower!r} mimics another, which other engines hold as a "
-            "soft constraint; lock it (robot.locked), or export to URDF"
-        )
+    followers = {f.column.name: f for f in find_followers(scene, tuple(columns.values()))}
     every = [frame for frame in model.frames if frame.type == pin.FrameType.BODY]
     found = []
-    for row, column in enumerate(columns):
+    for row, name in enumerate(list(model.names)[1:]):
         own = [frame for frame in every if frame.parentJoint == row + 1]
+        follower, leads = followers.get(name), columns.get(name)
+        column = leads if follower is None else follower.column
+        if column is None:
+            raise PinfricError(
+                f"{scene.source}: joint {name!r} mimics another, in a model that was made in "
+                "Python: its limits are not known; load the robot from its URDF"
+            )
+        limit = np.inf if leads is None else float(model.effortLimit[column.index_v])
         found.append(
             Body(
                 joint=column,
-                link=own[0].name if own else column.name,
+                link=own[0].name if own else name,
                 parent=int(model.parents[row + 1]) - 1,
                 placement=model.jointPlacements[row + 1],
                 inertia=model.inertias[row + 1],
                 axis=twin.axis[row, :3] if twin.kind[row] == PRISMATIC else twin.axis[row, 3:],
-                armature=float(model.armature[column.index_v]),
-                effort_limit=stated_limit(float(model.effortLimit[column.index_v])),
+                armature=0.0 if leads is None else float(model.armature[column.index_v]),
+                effort_limit=stated_limit(limit),
                 frames={frame.name: frame.placement for frame in own[1:]},
+                follows=None if follower is None else follower.law,
             )
         )
     return tuple(found)

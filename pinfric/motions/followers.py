@@ -29,6 +29,11 @@ class Follower:
     ratio: float
     shift: float
 
+    @property
+    def law(self) -> tuple[str, float, float]:
+        """The leader's name, ratio and shift."""
+        return self.leader.name, self.ratio, self.shift
+
 
 def find_followers(scene: Any, columns: Sequence[JointColumn]) -> tuple[Follower, ...]:
     """Return the mimic followers; none where the scene has no URDF, which alone has their limits.

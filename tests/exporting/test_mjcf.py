@@ -11,6 +11,9 @@ import pinocchio as pin
 import pytest
 from builders import example, random_states, random_tree
 from export_cases import moved
+from robot_cases import joint as urdf_joint
+from robot_cases import link, urdf
+from robot_cases import scene as scene_file
 
 import pinfric as pf
 from pinfric.exporting.mjcf import MjcfJoint, mjcf
@@ -195,3 +198,50 @@ def test_joints_that_never_move_in_the_motion_are_held():
     data.qfrc_applied[4] = 0.5
     mujoco.mj_step(model, data, 1000)
     assert abs(data.qvel[4]) < 1e-3
+
+
+MIMICS = {  # leader kind, leader's k and o, follower kind: two rods beside each other, and a chain
+    "turning": ("revolute", -0.5, 0.2, "revolute"),
+    "rack": ("revolute", 0.05, 0.1, "prismatic"),
+    "continuous": ("continuous", 2.0, 0.0, "continuous"),
+}
+
+
+@pytest.mark.parametrize(("kind", "k", "o", "follows"), MIMICS.values(), ids=MIMICS)
+def test_followers_accelerate_and_stay_with_their_leader(tmp_path, kind, k, o, follows):
+    """MuJoCo's soft equation against forward dynamics of the scene; the gap stays below 2e-5."""
+    third = urdf_joint(
+        "c", "base", "lc", follows, "0 0.6 0.8", f'<mimic joint="b" multiplier="{k}"/>'
+    )
+    file = urdf(
+        tmp_path,
+        *(link(name) for name in ("la", "lb", "lc")),
+        urdf_joint("a", "base", "la", kind, "0 1 0"),
+        urdf_joint(
+            "b", "la", "lb", follows, "0 1 0", f'<mimic joint="a" multiplier="{k}" offset="{o}"/>'
+        ),
+        third,
+    )
+    file.write_text(
+        re.sub('<mass value="1"/>', '<origin xyz="0.3 0 0.1"/><mass value="1"/>', file.read_text())
+    )
+    scene = pf.load_scene(
+        scene_file(tmp_path, "robot: {urdf: robot.urdf}\nactuators: [{joint: a}]\n")
+    )
+    model = mujoco.MjModel.from_xml_string(pf.export(scene, to="mjcf").text)
+    data = mujoco.MjData(model)
+    q, v = 0.3, 0.8
+
+    def full(x, shift):
+        b = k * x + o * shift
+        return [x, b, k * b]
+
+    order = [model.joint(name).qposadr[0] for name in "abc"]
+    data.qpos[order], data.qvel[order] = full(q, 1.0), full(v, 0.0)
+    mujoco.mj_forward(model, data)
+    expected = pf.forward_dynamics(scene, [q], [v], [0.0]).a[0]
+    # the equations yield by 1e-4 of what the followers would do alone, here up to 30 m/s^2
+    np.testing.assert_allclose(data.qacc[order], full(expected, 0.0), rtol=1e-3, atol=5e-3)
+    for _ in range(200):
+        mujoco.mj_step(model, data)
+        np.testing.assert_allclose(data.qpos[order], full(data.qpos[order[0]], 1.0), atol=2e-5)
