@@ -933,7 +933,8 @@ def _run(arguments: list[str]) -> int:
         command = problem.ctx.command_path if problem.ctx else "pinfric"
         before, said, rest = problem.format_message().partition("Input ")
         said = plain(rest) if said else ""  # typer says of numbers what pydantic says
-        gone = [f"{word}: {why}" for word in arguments if (why := removed(f"{command} {word}"))]
+        words = (word.partition("=")[0] for word in arguments)
+        gone = [f"{word}: {why}" for word in words if (why := removed(f"{command} {word}"))]
         message, code = f"{gone[0] if gone else before + said} (see {command} --help)", BAD_INPUT
     except (KeyboardInterrupt, typer.Abort):  # typer before 0.20 has Abort, later an exit code
         message, code = "interrupted", INTERRUPTED

@@ -21,6 +21,8 @@ _TO_CONSTANTS = "write `--to constants`; the guide's page on other engines has t
 #: command ("pinfric x"), a key of a file ("SweepFile.x", by its class), a value ("--to x").
 REMOVED = {
     **dict.fromkeys(("--to ur", "--to isaaclab", "--to newton", "--to pinocchio"), _TO_CONSTANTS),
+    "pinfric retime --sensitivity": "run `retime` again with other limits or drives",
+    "pinfric size --fastest": "run `retime` with the chosen drives",
     "pinfric size --what-if": "for another scene (`robot.masses`, no `friction`) run `size` again",
 }
 #: Letters of a whole message: longer than any path, shorter than a screen.

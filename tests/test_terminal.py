@@ -74,6 +74,7 @@ def test_wrong_usage_is_one_line(arguments, culprit, capsys):
     ("arguments", "gone"),
     [
         (["size", "pendulum", "pendulum", "--what-if"], "pinfric size --what-if"),
+        (["size", "pendulum", "pendulum", "--fastest=2"], "pinfric size --fastest"),
         (["export", "pendulum", "--to", "ur"], "--to ur"),
     ],
 )
