@@ -9,6 +9,7 @@ reactions and friction are coupled, inverse dynamics is that of a batch of one s
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -186,15 +187,43 @@ def make_sample(ws: Workspace) -> Sample:
     )
 
 
+class _Sample:
+    """A sample, the views of its state, what the kernel takes, and what `inverse` returns."""
+
+    def __init__(self, ws: Workspace) -> None:
+        self.whole = x = make_sample(ws)
+        self.q, self.v, self.a = x.q, x.v[0], x.a[0]
+        self.argument = box_sample(x)
+        every = x.found._asdict() | x._asdict()
+        found = {name: every[name][0] for name in InverseInstant._fields[:-1]}
+        self.found = InverseInstant(**found, status=Status.CONVERGED)
+
+
+class _Buffers(threading.local):
+    """What a solver computes in: each thread that calls it has its own, made at its first call.
+
+    Attributes:
+        both: the workspace, and where each joint has its own drive a sample; read together, for
+            to read an attribute of a thread takes twice as long as another.
+        motors: the workspace for motors' torques, made where they are given.
+    """
+
+    def __init__(self, scene: Scene, carried: tuple[str, ...] | None) -> None:
+        ws = Workspace(scene, carried)
+        self.both = ws, _Sample(ws) if scene.one_drive_each else None
+        self.motors: Workspace | None = None
+
+
 class Solver:
-    """Inverse and forward dynamics of one scene, one state at a time, for one thread.
+    """Inverse and forward dynamics of one scene, one state at a time.
 
     For controllers, optimizers and integrators. Everything that does not depend on the state is
     prepared when the solver is made, and the kernels of `inverse` and `forward` are compiled, so
     neither waits for the compiler (`compensate` does at its first call). With an empty cache this
     takes a minute or two, and a line on stderr reports it. The
-    arrays of a result belong to the solver, and its next call overwrites them: copy those that you
-    want to keep. The solver has its own scene: later changes of `scene.model` do not affect it.
+    arrays of a result belong to the solver, and the next call of the same thread overwrites them:
+    copy those that you want to keep. Each thread has arrays of its own, made at its first call in
+    about 1 ms. The solver has its own scene: later changes of `scene.model` do not affect it.
 
     Attributes:
         scene: the scene, unchanged since.
@@ -211,26 +240,18 @@ class Solver:
         expect_scene(scene, "Solver")
         self.scene = scene.with_()
         self._carried = payload_names(attached)
-        self._motors: Workspace | None = None
-        self._at_once = self.scene.one_drive_each
         with compiling():
-            self._ws = Workspace(self.scene, self._carried)
-            if self._at_once:
-                self._sample = x = make_sample(self._ws)
-                self._q, self._v, self._a = x.q, x.v[0], x.a[0]
-                self._argument = box_sample(x)
-                every = x.found._asdict() | x._asdict()
-                found = {name: every[name][0] for name in InverseInstant._fields[:-1]}
-                self._found = InverseInstant(**found, status=Status.CONVERGED)
+            self._own = _Buffers(self.scene, self._carried)
             self._rehearse()
 
     def _rehearse(self) -> None:
         """Compile what the solver's methods call."""
         rehearse(Workspace(self.scene, self._carried))
-        if self._at_once:
-            compile_for(rub, self._argument)
+        ws, x = self._own.both
+        if x is not None:
+            compile_for(rub, x.argument)
             return
-        q, a = closed_configuration(self.scene), np.zeros(self._ws.nv)
+        q, a = closed_configuration(self.scene), np.zeros(ws.nv)
         push = [AppliedWrench(0, np.zeros((1, 6)))]
         for speed, applied in ((0.0, []), (1.0, []), (1.0, push)):
             with suppress(PinfricError):  # a motion that its loops or drives do not allow
@@ -267,17 +288,18 @@ class Solver:
                 unknown frame.
         """
         applied = [] if external is None else applied_wrenches(self.scene, external, 1)
-        if not self._at_once:
+        ws, x = self._own.both
+        if x is None:
             return self._inverse_of_batch(q, v, a, applied)
-        self._q[:] = vector("q", q, self._q.size, "nq")
-        self._v[:] = vector("v", v, self._v.size, "nv")
-        self._a[:] = vector("a", a, self._a.size, "nv")
-        self._ws.supplier.balance(self._q, self._v, self._a, applied)
-        while not rub(self._argument):
-            self._mend()
-            self._ws.supplier.balance(self._q, self._v, self._a, applied)
-        self._ws.failures.check_roll_moments(self._found.wrench)
-        return self._found
+        x.q[:] = vector("q", q, x.q.size, "nq")
+        x.v[:] = vector("v", v, x.v.size, "nv")
+        x.a[:] = vector("a", a, x.a.size, "nv")
+        ws.supplier.balance(x.q, x.v, x.a, applied)
+        while not rub(x.argument):
+            self._mend(x)
+            ws.supplier.balance(x.q, x.v, x.a, applied)
+        ws.failures.check_roll_moments(x.found.wrench)
+        return x.found
 
     def _inverse_of_batch(
         self, q: np.ndarray, v: np.ndarray, a: np.ndarray, applied: list[AppliedWrench]
@@ -290,8 +312,9 @@ class Solver:
         solve = solve_tree if self.scene.linkage is None else solve_linkage
         found = solve(self.scene, states, applied, slice(0, 1), 1)
         if found.wrench is None:  # nothing depends on reactions, and nothing is applied
-            self._ws.supplier.balance(states.q[0], states.v[0], states.a[0])
-            wrench = self._ws.supplier.supply.force[1 + self._ws.plan.sites.joint]
+            ws, _ = self._own.both
+            ws.supplier.balance(states.q[0], states.v[0], states.a[0])
+            wrench = ws.supplier.supply.force[1 + ws.plan.sites.joint]
             found = replace(found, wrench=wrench[None])
         figures = {name: getattr(found, name)[0] for name in InverseInstant._fields}
         return InverseInstant(**figures | {"status": Status(found.status[0])})
@@ -322,9 +345,10 @@ class Solver:
         Raises:
             See `forward_dynamics`.
         """
-        ws, given = self._ws, one_of("Solver.forward", effort, motor_torque)
+        own, given = self._own, one_of("Solver.forward", effort, motor_torque)
+        ws, _ = own.both
         if effort is None:
-            self._motors = ws = self._motors or Workspace(self.scene, self._carried, motors=True)
+            own.motors = ws = own.motors or Workspace(self.scene, self._carried, motors=True)
         applied = None if external is None else applied_wrenches(self.scene, external, 1)
         solve_state(ws, q, v, given, applied)
         return solution(ws)
@@ -362,21 +386,22 @@ class Solver:
             StateError: a wrong shape, a value far beyond limits, an option without what it needs.
             PinfricError: loops, drives off the joints, joints without a drive or with several.
         """
-        nv, tables, still = self._ws.nv, self._compensated, np.zeros(self._ws.nv)
+        (ws, _), tables = self._own.both, self._compensated
+        nv, still = ws.nv, np.zeros(ws.nv)
         given = {"v": v, "a": a, "v_ref": v_ref, "error": error, "v_now": v_now}
         motion = {n: None if x is None else vector(n, x, nv, "nv") for n, x in given.items()}
         rate, bend = (still if x is None else x for x in (motion["v"], motion["a"]))
         carried = None
         if self._carried is not None:
             carried = np.array([[name in self._carried for name in self.scene.payloads]])
-        q = vector("q", q, self._ws.nq, "nq")
+        q = vector("q", q, ws.nq, "nq")
         check_reach(self.scene, self._reach, q, motion)
         states = States.of(self.scene, q, rate, bend, None, carried)
         applied = applied_wrenches(self.scene, external, 1)
-        self._ws.supplier.balance(states.q[0], states.v[0], states.a[0], applied)
-        supply = self._ws.supplier.supply
+        ws.supplier.balance(states.q[0], states.v[0], states.a[0], applied)
+        supply = ws.supplier.supply
         wrench, effort = supply.force[1 + tables.joint][None], supply.h
-        displacement = self._ws.twin.displacements(tables.joint, states.q)
+        displacement = ws.twin.displacements(tables.joint, states.q)
         found = compensate_state(self.scene, tables, effort, wrench, displacement, motion, options)
         check_finite(self.scene, (found[None], found[None]), 0)
         return found
@@ -389,17 +414,18 @@ class Solver:
     @cached_property
     def _compensated(self) -> Compensated:
         """The tables of `compensate`; its kernels are compiled with them, at the first call."""
-        tables, nv, ns = make_compensated(self.scene), self._ws.nv, len(self.scene.sites)
+        tables, nv, ns = make_compensated(self.scene), self.scene.twin().nv, len(self.scene.sites)
         motion = {"v_ref": np.zeros(nv), "error": None, "v_now": None}
         still = np.zeros(nv), np.zeros((1, ns, 6)), np.zeros((1, ns))
         with compiling():
             compensate_state(self.scene, tables, *still, motion, CompensationOptions())
         return tables
 
-    def _mend(self) -> None:
+    def _mend(self, x: _Sample) -> None:
         """Bring q to its manifold, or raise the error of the state or of its solution."""
-        x, q = self._sample, States.of(self.scene, self._q, self._v, self._a).q[0]
-        if np.array_equal(q, self._q):
-            check_finite(self.scene, (x.found.effort_lower, x.found.effort_upper), 0)
-            check_finite(self.scene, (x.motor_torque_lower, x.motor_torque_upper), 0)
-        self._q[:] = q
+        q, found = States.of(self.scene, x.q, x.v, x.a).q[0], x.whole.found
+        if np.array_equal(q, x.q):
+            check_finite(self.scene, (found.effort_lower, found.effort_upper), 0)
+            motors = x.whole.motor_torque_lower, x.whole.motor_torque_upper
+            check_finite(self.scene, motors, 0)
+        x.q[:] = q
