@@ -21,7 +21,7 @@ from pinfric.dynamics.inverse.undriven import narrow_friction
 from pinfric.dynamics.problem.plan import drive_delivery
 from pinfric.dynamics.samples.outcome import Solution, SolvedMotion, Status
 from pinfric.friction.several import distinct
-from pinfric.model.bearings import normal_loads
+from pinfric.model.bearings import axes_along, normal_loads
 from pinfric.model.brief import listed, screen
 from pinfric.model.closure import loop_state, velocity_names
 from pinfric.model.couples import drive_rates, rate_rows
@@ -94,52 +94,39 @@ class Check:
         return screen("Check", "the largest residuals, relative to their terms", facts)
 
 
-@dataclass(frozen=True)
-class _Actions:
-    """Unit efforts of the drives, then unit frictions, and where the latter act.
+def _actions(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """Return what unit efforts of the drives, then unit frictions do.
 
-    Attributes:
-        rows: (nx, nv) on the joints of the tree. pairs: (nx, np, 6) wrench of a on b in frame b.
-        sites: the columns of each site, three of a ball.
+    (nx, nv) on the joints of the tree, (nx, np, 6) as wrenches of side a on b in frame b.
     """
-
-    rows: np.ndarray
-    pairs: np.ndarray
-    sites: list[slice]
-
-
-def _actions(scene: Scene) -> _Actions:
-    linkage, at, nv = scene.linkage, len(scene.drives), scene.model.nv
-    sites = []
-    for site in scene.sites:
-        sites.append(slice(at, at + (3 if site.ball else 1)))
-        at = sites[-1].stop
-    count = 0 if linkage is None else len(linkage.pair_kind)
-    rows, pairs = np.zeros((at, nv)), np.zeros((at, count, 6))
-    rows[: len(scene.drives)] = rate_rows(scene.drives, nv)
+    linkage, na, nv = scene.linkage, len(scene.drives), scene.model.nv
+    units = [(s, unit) for s in scene.sites for unit in (np.eye(3) if s.ball else s.axis[None])]
+    rows = np.concatenate([rate_rows(scene.drives, nv), np.zeros((len(units), nv))])
+    pairs = np.zeros((len(rows), 0 if linkage is None else len(linkage.pair_kind), 6))
     for d, drive in enumerate(scene.drives):
         if linkage is not None and drive.velocity_index < 0:
             unit = linkage.unit[drive.column]  # 0 of a cylinder, which pushes along its z
             pairs[d, linkage.column_pair[drive.column]] = unit if unit.any() else np.eye(6)[2]
-    for site, here in zip(scene.sites, sites, strict=True):
+    for x, (site, unit) in enumerate(units, na):
         if site.pair < 0:
-            rows[here, site.velocity_index] = site.ratio
+            rows[x, site.velocity_index] = site.ratio
         else:
-            part = slice(0, 3) if site.sliding else slice(3, 6)
-            pairs[here, site.pair, part] = np.eye(3) if site.ball else site.axis
-    return _Actions(rows, pairs, sites)
+            pairs[x, site.pair, slice(0, 3) if site.sliding else slice(3, 6)] = unit
+    return rows, pairs
 
 
 class _Sample:
-    """One sample in Pinocchio; `model` carries its payloads."""
+    """One sample in Pinocchio: `model` carries its payloads, `actions` as of `_actions`."""
 
-    def __init__(self, result: SolvedMotion, i: int, model: pin.Model, actions: _Actions) -> None:
+    def __init__(
+        self, result: SolvedMotion, i: int, model: pin.Model, actions: tuple[np.ndarray, ...]
+    ) -> None:
         states, linkage = result.states, result.scene.linkage
-        self.result, self.i, self.actions = result, i, actions
+        self.result, self.i, (self.rows, self.units) = result, i, actions
         self.model, self.data = model, model.createData()
         self.motion = states.q[i], states.v[i], states.a[i]
         pin.forwardKinematics(model, self.data, *self.motion[:2])
-        self.pairs, self.twist, place = [], np.zeros(actions.pairs.shape[1:]), self.data.oMi
+        self.pairs, self.twist, place = [], np.zeros(self.units.shape[1:]), self.data.oMi
         for row in range(len(self.twist)):
             assert linkage is not None
             a, b = (linkage.frame_joint[row] + 1).tolist()
@@ -147,16 +134,20 @@ class _Sample:
             pose = place[b] * pin.SE3(R[1], p[1])
             if linkage.pair_kind[row] == CYLINDER:  # its z is the line between its ends
                 line = pose.translation - place[a].act(p[0])
-                turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), line)
-                pose.rotation = turn.matrix()
+                pose.rotation = axes_along(line / np.linalg.norm(line)).T
             apart = place[b].act(self.data.v[b]) - place[a].act(self.data.v[a])
             self.pairs.append((a, b, pose))
             self.twist[row] = pose.actInv(apart).vector
-        #: (nx,) along the actions; (ns,) of sites, of a ball the speed
-        self.rate = actions.rows @ self.motion[1] + np.tensordot(actions.pairs, self.twist, 2)
-        slips = [self.rate[columns] for columns in actions.sites]
-        speeds = [slip[0] if len(slip) == 1 else np.linalg.norm(slip) for slip in slips]
+        #: (nx,) along the actions; of each site (1,), of a ball (3,); (ns,), of a ball the speed
+        self.rate = self.rows @ self.motion[1] + np.tensordot(self.units, self.twist, 2)
+        self.slip = self.of_sites(self.rate)
+        speeds = [slip[0] if len(slip) == 1 else np.linalg.norm(slip) for slip in self.slip]
         self.speed = np.array(speeds, dtype=float)
+
+    def of_sites(self, x: np.ndarray) -> list[np.ndarray]:
+        """Split the frictions' part of x (nx,) by site."""
+        counts = [len(self.result.scene.drives), *(1 + 2 * s.ball for s in self.result.scene.sites)]
+        return np.split(x, np.cumsum(counts))[1:-1]
 
     def left(self, x: np.ndarray, multipliers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return what efforts and frictions (nx,) leave (nv,), and all wrenches (nj + np, 6)."""
@@ -164,7 +155,7 @@ class _Sample:
         forces.extend([pin.Force.Zero() for _ in range(self.model.njoints)])
         for applied in self.result.external:
             forces[applied.joint + 1] += pin.Force(applied.wrench[self.i])
-        between = np.tensordot(x, self.actions.pairs, 1)
+        between = np.tensordot(x, self.units, 1)
         between[: len(multipliers)] += multipliers
         for (a, b, pose), wrench in zip(self.pairs, between, strict=True):
             force = pose.act(pin.Force(wrench))
@@ -172,7 +163,7 @@ class _Sample:
             forces[a] -= place[a].actInv(force)
         tau = pin.rnea(self.model, self.data, *self.motion, forces)
         wrenches = [force.vector for force in self.data.f][1:] + list(between)
-        return tau - x @ self.actions.rows, np.array(wrenches).reshape(-1, 6)
+        return tau - x @ self.rows, np.array(wrenches).reshape(-1, 6)
 
     def laws(self, wrench: np.ndarray) -> tuple[np.ndarray, ...]:
         """Return loads, least and greatest friction (1, ns) under all wrenches."""
@@ -189,13 +180,12 @@ class _Sample:
     def beyond(self, friction: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
         """Return how far friction (nx,) is from the law (ns,): a sticking ball's in a sphere."""
         out = np.empty(len(low))
-        for s, columns in enumerate(self.actions.sites):
-            phi, slip, ends = friction[columns], self.rate[columns], (low[s], high[s])
-            if len(phi) == 1:
-                slip = np.ones(1)
-            elif low[s] < high[s]:
-                slip, ends = phi, (0.0, max(-low[s], high[s]))
-            way = slip / (np.linalg.norm(slip) or 1.0)
+        for s, phi in enumerate(self.of_sites(friction)):
+            way, ends = np.ones(1), (low[s], high[s])
+            if len(phi) == 3:
+                sticks = low[s] < high[s]
+                way, ends = (phi, (0.0, max(-low[s], high[s]))) if sticks else (self.slip[s], ends)
+                way = way / (np.linalg.norm(way) or 1.0)
             out[s] = np.linalg.norm(phi - np.clip(phi @ way, *ends) * way)
         return out
 
@@ -223,8 +213,9 @@ class _Largest:
 
 def check_result(result: SolvedMotion) -> Check:
     """Recompute the residuals of a result, see `Check`."""
-    scene, largest, wrong, actions = result.scene, _Largest(), [], _actions(result.scene)
+    scene, largest, wrong = result.scene, _Largest(), []
     _check_motion(result, largest)
+    actions = _actions(scene)
     for start, stop, carried in result.states.phases(scene):
         model = scene.loaded_model(carried)
         for i in range(start, stop):
@@ -250,11 +241,10 @@ def _check_motion(result: SolvedMotion, largest: _Largest) -> None:
         largest.note("closure", names, slope[:, rows] / scale[:, :, 1])
     fastest = float(np.abs(v).max(initial=0.0))
     steepest = float(np.abs(a).max(initial=0.0)) + fastest**2
-    for given, moving, most in (
-        (result.actuator_velocity, drive_rates(scene.drives, v, rate), fastest),
-        (result.actuator_acceleration, drive_rates(scene.drives, a, slope), steepest),
-    ):
-        largest.note("rates", scene.actuator_names, (given - moving) / max(most, 1e-300))
+    rate = result.actuator_velocity - drive_rates(scene.drives, v, rate)
+    slope = result.actuator_acceleration - drive_rates(scene.drives, a, slope)
+    largest.note("rates", scene.actuator_names, rate / max(fastest, 1e-300))
+    largest.note("rates", scene.actuator_names, slope / max(steepest, 1e-300))
 
 
 def _check_sample(sample: _Sample, largest: _Largest) -> bool:
@@ -286,7 +276,7 @@ def _check_sample(sample: _Sample, largest: _Largest) -> bool:
         load, *limits = sample.laws(wrench)
         narrow_friction(scene, total[None], *limits)
         note("laws", sites, load - result.normal_load[i], low - limits[0], high - limits[1])
-        half, D = (limits[1] - limits[0])[0] / 2.0, sample.actions.rows[na:].T
+        half, D = (limits[1] - limits[0])[0] / 2.0, sample.rows[na:].T
         spread = np.abs(drive_delivery(scene) @ D) @ half  # joints' frictions are independent
         note("equilibrium", drives, (greatest - least) / 2.0 - spread)
         given = wrench[at] if result.wrench is None else result.wrench[i]
@@ -302,14 +292,12 @@ def _check_sample(sample: _Sample, largest: _Largest) -> bool:
             return bool(right and np.isnan(result.effort_frictionless[i]).all())
         states = [solution(0.0 * sample.rate[na:])]
         if not failed:
-            given = {
-                name: getattr(result, name)[i] for name in ("normal_load", "wrench", "multipliers")
-            }
-            usual, count = solution(again.phi[0]), 2 * again.ends.shape[1]
-            ends = again.ends.reshape(count, again.phi.shape[1])
-            every = [usual, *map(solution, distinct(ends[~np.isnan(ends).any(axis=1)]))]
-            states += [replace(usual, **given), *every[1:]]
-            efforts = np.array([state.effort for state in every[1:] or every])
+            usual, names = solution(again.phi[0]), ("normal_load", "wrench", "multipliers")
+            given = {name: getattr(result, name)[i] for name in names}
+            ends = again.ends.reshape(2 * again.ends.shape[1], again.phi.shape[1])
+            at_ends = [*map(solution, distinct(ends[~np.isnan(ends).any(axis=1)]))]
+            states += [replace(usual, **given), *at_ends]
+            efforts = np.array([state.effort for state in at_ends or [usual]])
             note("equilibrium", drives, least - efforts.min(axis=0), greatest - efforts.max(axis=0))
             note("laws", sites, low - again.friction_lower[0], high - again.friction_upper[0])
             loops = [loop.name for loop in scene.loops]
@@ -320,19 +308,18 @@ def _check_sample(sample: _Sample, largest: _Largest) -> bool:
     for n, state in enumerate(states):
         x = np.concatenate([state.effort, state.friction_coordinates])
         left, wrench = sample.left(x, state.multipliers)
-        note(
-            "equilibrium",
-            velocity_names(scene.model),
-            np.maximum(np.abs(left) - (slack if n else free), 0.0),
-        )
+        excess = np.abs(left) - (slack if n else free)
+        note("equilibrium", velocity_names(scene.model), np.maximum(excess, 0.0))
         note("equilibrium", sites, (wrench[at] - state.wrench).T)
         largest.beside("equilibrium", state.effort, wrench)
         load, (lower,), (upper,) = sample.laws(wrench)
         if n and scene.linkage is not None:
             note("laws", sites, load - state.normal_load, sample.beyond(x, lower, upper))
         if n == 1:
-            terms = [x * np.concatenate([result.actuator_velocity[i], sample.rate[na:]])]
-            v = sample.motion[1]
+            v, terms = (
+                sample.motion[1],
+                [x * np.append(result.actuator_velocity[i], sample.rate[na:])],
+            )
             terms += [left[undriven] * v[undriven]]
             terms += [(state.multipliers * sample.twist[: len(state.multipliers)]).ravel()]
             terms += [f.wrench[i] * sample.data.v[f.joint + 1].vector for f in result.external]
