@@ -24,8 +24,7 @@ _COMPILER, _AGAIN = f"{os.sep}llvmlite{os.sep}", 0.02
 _LOST = 0.5
 #: Files whose functions tidy up what is half done, if an interrupt is raised below them.
 _TIDIES = tuple(
-    os.path.join("pinfric", *file)
-    for file in (("model", "files.py"), ("sweeps", "run.py"), ("model", "urdf_file.py"))
+    os.path.join("pinfric", *file) for file in (("model", "files.py"), ("model", "urdf_file.py"))
 )
 #: The module that holds a sweep's processes.
 _LOKY = "joblib.externals.loky.reusable_executor"

@@ -496,8 +496,7 @@ def sweep(
     """Vary friction, payload, speed and mounting of a cycle.
 
     Gives percentiles of each joint's peak and RMS, how often a motor suffices, and the most
-    influential parameters. --out writes samples.parquet, sweep.png and summary.json; a stopped
-    sweep continues from the samples in that folder.
+    influential parameters. --out writes samples.csv, sweep.png and summary.json.
     """
     names = "sweep.png", "summary.json"
     scene, trajectory = load(scene_name, trajectory_name, log, out, names, [sweep_name])
@@ -511,17 +510,16 @@ def sweep(
             scene,
             trajectory,
             sweep_name,
-            out=out,
             processes=processes,
             scheduler=scheduler,
             progress=report,
         )
-    if out is not None:
-        had = f", {result.resumed} of them from before" if result.resumed else ""
-        say(f"wrote {out / 'samples.parquet'}: {result.samples} cycles{had}")
     read.append(result.sweep)
     found = sweep_summary(result)
-    files: Files = {"sweep.png": lambda path: sweep_figure(result).savefig(path)}
+    files: Files = {
+        "samples.csv": lambda path: result.to_dataframe().to_csv(path, index=False),
+        "sweep.png": lambda path: sweep_figure(result).savefig(path),
+    }
     tables = partial(sweep_report, result, found)
     answer("sweep", found, tables, as_json, out, files, scene=result.scene)
 

@@ -78,7 +78,7 @@ class SweepResult(Shown):
         problems: (n,) why a sample could not be computed; empty if it could.
         trials: the motors that are checked.
         percentiles: the requested ones.
-        processes: number of processes used. resumed: samples that existed already.
+        processes: number of processes used.
         notes: remarks for the reader.
         elastic: (n, 4) lowest frequency (Hz), the tool's sag, interval and reversal error at rest
             (m), the worst of each cycle; (n, 0) where neither stiffness nor hysteresis varies.
@@ -101,7 +101,6 @@ class SweepResult(Shown):
     trials: tuple[Trial, ...]
     percentiles: tuple[float, ...]
     processes: int = 1
-    resumed: int = 0
     notes: tuple[str, ...] = ()
     elastic: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
 

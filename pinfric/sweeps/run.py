@@ -26,7 +26,6 @@ from pinfric.sweeps.file import SweepFile, load_sweep
 from pinfric.sweeps.motors import motors_on_trial
 from pinfric.sweeps.parameters import draw, resolve
 from pinfric.sweeps.result import SweepResult
-from pinfric.sweeps.store import Store, identity
 from pinfric.sweeps.workers import (
     check_scheduler,
     compute_on_cluster,
@@ -47,7 +46,6 @@ def sweep(
     trajectory: Trajectory,
     sweep: SweepFile | Mapping[str, Any] | str | Path,
     *,
-    out: str | Path | None = None,
     processes: int | None = None,
     scheduler: str | None = None,
     progress: Callable[[int, int], object] | None = None,
@@ -62,15 +60,13 @@ def sweep(
         scene: the robot; drives of a catalogue that are checked add their masses to it, once.
         trajectory: one cycle.
         sweep: the sweep's file, or its content as a mapping.
-        out: folder for the samples (Parquet). Every finished batch is written at once, and a
-            sweep that finds its batches there computes only what is missing.
         processes: on this machine; 1 computes in this process, None chooses automatically.
         scheduler: address of a Dask scheduler whose workers compute instead (extra `cluster`).
         progress: called with the number of finished samples and of all.
 
     Raises:
-        SweepError: the sweep has an unknown name or an impossible value, the folder holds
-            another sweep, the scheduler cannot be reached, or no sample could be computed.
+        SweepError: the sweep has an unknown name or an impossible value, the scheduler cannot
+            be reached, or no sample could be computed.
 
     Warns:
         PinfricWarning: samples without a solution; speeds beyond the robot's limits.
@@ -96,8 +92,7 @@ def sweep(
     equipped, trials = motors_on_trial(scene, entries, source)
     study = Study(equipped, trajectory, targets, trials)
     values = draw(targets, entries)
-    store = None if out is None else Store(Path(out), identity(study, values))
-    samples, used, resumed = _samples(study, values, store, progress, processes, scheduler)
+    samples, used = _samples(study, values, progress, processes, scheduler)
     problems = tuple(samples["problem"])
     if all(problems):
         raise SweepError(f"{source}: no sample could be computed; the first: {problems[0]}")
@@ -129,7 +124,6 @@ def sweep(
         trials=trials,
         percentiles=entries.percentiles,
         processes=used,
-        resumed=resumed,
         notes=notes,
         elastic=samples[list(study.elastic)].to_numpy(dtype=float),
     )
@@ -138,53 +132,42 @@ def sweep(
 def _samples(
     study: Study,
     values: np.ndarray,
-    store: Store | None,
     progress: Callable[[int, int], object] | None,
     processes: int | None,
     scheduler: str | None,
-) -> tuple[pd.DataFrame, int, int]:
-    """All samples as `compute` has them, in order; how many processes computed; what was there.
-
-    0 processes: a cluster, or nothing was missing.
-    """
-    found = store.read() if store else []
-    n, used = len(values), 0
-    done = resumed = len({row for part in found for row in part["sample"]})
-    missing = np.setdiff1d(np.arange(n), np.concatenate([[], *(part["sample"] for part in found)]))
+) -> tuple[pd.DataFrame, int]:
+    """All samples as `compute` has them, in order; how many processes computed, 0: a cluster."""
+    found: list[pd.DataFrame] = []
+    n, used, done = len(values), 0, 0
+    every = np.arange(n)
     tell = progress or (lambda done, total: None)
     tell(done, n)
-    if missing.size:
-        for _ in range(2):  # kernels are loaded by the first
-            start = perf_counter()
-            compute(study, missing[:1], values[missing[:1]])
-            seconds = perf_counter() - start
-        if scheduler is None:
-            used = processes or 1
-            if processes is None and seconds * missing.size >= _SHORT:
-                from joblib import cpu_count
+    for _ in range(2):  # kernels are loaded by the first
+        start = perf_counter()
+        compute(study, every[:1], values[every[:1]])
+        seconds = perf_counter() - start
+    if scheduler is None:
+        used = processes or 1
+        if processes is None and seconds * n >= _SHORT:
+            from joblib import cpu_count
 
-                used = int(cpu_count())
-        # batches of about `_BATCH` s, some for every process
-        size = int(np.clip(_BATCH / max(seconds, 1e-6), 1, _MOST_PER_BATCH))
-        size = max(min(size, len(missing) // (4 * (used or _OF_A_CLUSTER))), 1)
-        parts = (missing[start : start + size] for start in range(0, len(missing), size))
-        if scheduler is not None:
-            batches = compute_on_cluster(study, parts, values, scheduler)
-        elif used == 1:
-            batches = (compute(study, rows, values[rows]) for rows in parts)
-        else:
-            batches = compute_on_processes(study, parts, values, used)
-        for batch in batches:
-            if store is not None:
-                store.write(batch)
-            found.append(batch)
-            done += len(batch)
-            tell(done, n)
-    whole = pd.concat(found, ignore_index=True).drop_duplicates("sample")
-    whole = whole.sort_values("sample", ignore_index=True)
-    if store is not None:
-        store.finish(whole)
-    return whole, used, resumed
+            used = int(cpu_count())
+    # batches of about `_BATCH` s, some for every process
+    size = int(np.clip(_BATCH / max(seconds, 1e-6), 1, _MOST_PER_BATCH))
+    size = max(min(size, n // (4 * (used or _OF_A_CLUSTER))), 1)
+    parts = (every[start : start + size] for start in range(0, n, size))
+    if scheduler is not None:
+        batches = compute_on_cluster(study, parts, values, scheduler)
+    elif used == 1:
+        batches = (compute(study, rows, values[rows]) for rows in parts)
+    else:
+        batches = compute_on_processes(study, parts, values, used)
+    for batch in batches:
+        found.append(batch)
+        done += len(batch)
+        tell(done, n)
+    whole = pd.concat(found, ignore_index=True).sort_values("sample", ignore_index=True)
+    return whole, used
 
 
 def _notes(

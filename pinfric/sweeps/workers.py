@@ -175,15 +175,9 @@ def _failures_said() -> Iterator[None]:
     except (PinfricError, BrokenProcessPool):
         raise
     except TimeoutError:
-        raise SweepError(
-            f"no worker finished a batch in {_PATIENCE} s; finished samples are kept if a folder "
-            "was named: run again to continue"
-        ) from None
+        raise SweepError(f"no worker finished a batch in {_PATIENCE} s") from None
     except CancelledError:
-        raise SweepError(
-            "the connection to the scheduler is lost; finished samples are kept if a folder was "
-            "named: run again to continue"
-        ) from None
+        raise SweepError("the connection to the scheduler is lost") from None
     except Exception as problem:  # whatever a worker raises
         text = " ".join(f"{type(problem).__name__}: {problem}".split())[:300]
         raise SweepError(f"a worker failed: {text}") from problem

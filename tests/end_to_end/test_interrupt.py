@@ -112,14 +112,14 @@ def terminate(pid):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("delay", [0.0, 0.1, 0.3, 0.6, 1.0])
+@pytest.mark.parametrize("delay", [0.0, 0.1, 0.3])
 def test_ctrl_c_after_the_cycles_of_a_sweep(delay, tmp_path):
     """While its figure is drawn, its modules imported or its files written: before, for ever."""
     process = begin("small sweep", tmp_path)
-    wait_for(process, (tmp_path / "out/samples.parquet").exists)
+    wait_for(process, lambda: any(tmp_path.glob("out/.unfinished-*/samples.csv")))
     time.sleep(delay)
     expect_the_end(process, limit=3.0)
-    assert [p.name for p in (tmp_path / "out").iterdir()] == ["samples.parquet"]
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.slow

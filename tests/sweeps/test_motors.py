@@ -306,7 +306,7 @@ def test_conditions_replace_those_of_the_catalogue_one_by_one(tmp_path):
         motors_on_trial(scene, load_sweep(asked | {"conditions": {"bus_limit": 20.0}})[0], "x")
 
 
-def test_verdicts_are_stored_and_travel(tmp_path):
+def test_verdicts_travel(tmp_path):
     scene = turntable()
     motion = trapezoid(scene)
     sweep = table_sweep(
@@ -322,17 +322,7 @@ def test_verdicts_are_stored_and_travel(tmp_path):
     block = compute(pickle.loads(pickle.dumps(study)), np.arange(6), found.values)
     for name in FIGURES:
         np.testing.assert_array_equal(block[f"table.{name}"], found.figure(name)[:, 0])
-    pytest.importorskip("pyarrow")
-    stored = pf.sweep(scene, motion, sweep, processes=1, out=tmp_path / "out")
-    resumed = pf.sweep(scene, motion, sweep, processes=1, out=tmp_path / "out")
-    assert resumed.resumed == 6
-    np.testing.assert_array_equal(resumed.figures, found.figures)
-    np.testing.assert_array_equal(resumed.sufficing(), stored.sufficing())
-    assert 0 < stored.sufficing().sum() < 6
-    with pytest.raises(SweepError, match=r"another sweep \(different: sweep\)"):
-        pf.sweep(
-            scene, motion, {**sweep, "conditions": {"life": 1.0}}, processes=1, out=tmp_path / "out"
-        )
+    assert 0 < found.sufficing().sum() < 6
 
 
 def test_named_drive_brings_its_gear_and_a_named_motor_its_ratings(tmp_path):

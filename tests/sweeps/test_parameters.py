@@ -87,15 +87,12 @@ def test_factors_that_can_move_no_more_friction_are_said(arm):
         resolve(scene, SweepFile.model_validate(usual), "s")
 
 
-def test_less_hysteresis_narrows_the_interval_and_leaves_the_motors(arm, tmp_path):
+def test_less_hysteresis_narrows_the_interval_and_leaves_the_motors(arm):
     given = grid(transmission__all__hysteresis=[0.25, 1.0])
-    found = pf.sweep(*arm, given, processes=1, out=tmp_path)
+    found = pf.sweep(*arm, given, processes=1)
     assert found.elastic[0, 2] < 0.35 * found.elastic[1, 2]
     assert found.elastic[0, 1] == pytest.approx(found.elastic[1, 1])
     np.testing.assert_allclose(*found.figure("motor_peak"), rtol=0.03)
-    again = pf.sweep(*arm, given, processes=1, out=tmp_path)
-    assert again.resumed == 2
-    np.testing.assert_array_equal(again.elastic, found.elastic)
 
 
 def test_other_sweeps_of_an_elastic_arm_have_no_such_figures(arm):

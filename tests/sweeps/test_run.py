@@ -1,4 +1,4 @@
-"""Sweeps against closed forms, against single runs, and across interruptions."""
+"""Sweeps against closed forms and against single runs."""
 
 import numpy as np
 import pytest

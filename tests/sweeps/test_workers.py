@@ -22,7 +22,6 @@ import pinfric as pf
 from pinfric.errors import PinfricWarning, SweepError
 
 distributed = pytest.importorskip("distributed")
-pytest.importorskip("pyarrow")
 pytestmark = pytest.mark.filterwarnings("ignore::RuntimeWarning:distributed")
 
 #: No test may wait for longer (s): a stalled cluster must fail, not hang.
@@ -82,7 +81,7 @@ def check_undisturbed(found, undisturbed, progress):
 
 
 @pytest.mark.slow
-def test_cluster_that_loses_a_worker_gives_the_undisturbed_result(panda, undisturbed, tmp_path):
+def test_cluster_that_loses_a_worker_gives_the_undisturbed_result(panda, undisturbed):
     with distributed.LocalCluster(
         n_workers=2,
         threads_per_worker=1,
@@ -96,9 +95,7 @@ def test_cluster_that_loses_a_worker_gives_the_undisturbed_result(panda, undistu
         assert os.getpid() not in pids
         progress = KillOne(lambda: pids)
         with pytest.warns(PinfricWarning, match=r"^worker tcp://\S+ was lost; others compute"):
-            found = pf.sweep(
-                *panda, SWEEP, scheduler=cluster.scheduler_address, out=tmp_path, progress=progress
-            )
+            found = pf.sweep(*panda, SWEEP, scheduler=cluster.scheduler_address, progress=progress)
         with distributed.Client(cluster, set_as_default=False) as client:
             client.wait_for_workers(2, timeout=30)
             now = set(client.run(os.getpid).values())
@@ -164,9 +161,7 @@ def _kill_all(process):
 
 
 @pytest.mark.slow
-def test_scheduler_lost_in_the_run_is_said_and_nothing_finished_is_lost(
-    panda, scheduler, tmp_path, monkeypatch
-):
+def test_scheduler_lost_in_the_run_is_said(panda, scheduler, monkeypatch):
     monkeypatch.setattr("pinfric.sweeps.run._MOST_PER_BATCH", 1)  # so that many are under way
     sweep = {**SWEEP, "samples": 3000}
     counts = []
@@ -176,12 +171,8 @@ def test_scheduler_lost_in_the_run_is_said_and_nothing_finished_is_lost(
         if len(counts) == 4:
             scheduler.kill()
 
-    with pytest.raises(SweepError, match=r"connection to the scheduler is lost.*run again"):
-        pf.sweep(*panda, sweep, scheduler=scheduler.address, out=tmp_path, progress=lose)
-    monkeypatch.undo()
-    found = pf.sweep(*panda, sweep, processes=1, out=tmp_path)
-    assert found.resumed >= counts[-1] > 0
-    np.testing.assert_array_equal(found.figures, pf.sweep(*panda, sweep, processes=1).figures)
+    with pytest.raises(SweepError, match=r"connection to the scheduler is lost"):
+        pf.sweep(*panda, sweep, scheduler=scheduler.address, progress=lose)
 
 
 @pytest.mark.parametrize(
