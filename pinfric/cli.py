@@ -374,14 +374,16 @@ def catalog(
     from pinfric.drives.table import import_table, mapping_of, write_catalog
     from pinfric.model.brief import counted
     from pinfric.model.files import check_writable
+    from pinfric.show.report.imported import imported_report
 
     file = out or table.with_suffix(".yaml")
     note_input(table, columns or mapping_of(table))
     check_writable(file.parent, [file.name])
-    content = import_table(table, columns)
-    write_catalog(content, file, table.name)
+    found = import_table(table, columns)
+    write_catalog(found.content, file, table.name)
     load_catalog(file)  # questions units that are unlikely
-    ((section, entries),) = ((k, v) for k, v in content.items() if k != "pinfric_catalog")
+    show(imported_report(found))
+    ((section, entries),) = ((k, v) for k, v in found.content.items() if k != "pinfric_catalog")
     say(f"wrote {file}: {counted(len(entries), section.removesuffix('s'))}")
 
 

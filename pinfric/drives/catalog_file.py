@@ -19,6 +19,7 @@ from pinfric.drives.doubts import doubts
 from pinfric.drives.policy import Conditions
 from pinfric.drives.table import import_table, mapping_of
 from pinfric.errors import CatalogError, PinfricWarning, choose_from
+from pinfric.model.brief import counted
 from pinfric.model.entry import parse
 from pinfric.model.yamlfile import brief, read_yaml
 
@@ -83,7 +84,13 @@ def _of_folder(folder: Path) -> tuple[CatalogFile, ...]:
     mappings = {mapping_of(table) for table in tables}
     own = [path for path in sorted(folder.glob("*.yaml")) if path not in mappings]
     files = {path: _read(path) for path in own}
-    files |= {table: _parsed(import_table(table), table) for table in tables}
+    for table in tables:
+        imported = import_table(table)
+        if imported.left_out:
+            first, *others = imported.left_out
+            more = f" (and {counted(len(others), 'row')} more: `pinfric catalog`)" if others else ""
+            warnings.warn(f"{table}: left out: {first}{more}", PinfricWarning, stacklevel=3)
+        files[table] = _parsed(imported.content, table)
     found: dict[tuple[str, str], tuple[Path, Sourced]] = {}
     for path, file in files.items():
         for section in _SECTIONS:

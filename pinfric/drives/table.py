@@ -6,8 +6,9 @@ A number may bring its own unit ("224 mN m"), which then goes before the mapping
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from copy import deepcopy
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -36,9 +37,18 @@ _SECTIONS: dict[str, type[Sourced]] = {
     "bearings": BearingEntry,
     "brakes": Brake,
 }
-#: What a cell says instead of nothing.
-_NOTHING = ("", "-", "\N{EN DASH}", "\N{EM DASH}", "n/a", "N/A")
+#: What a cell says instead of nothing, in any case.
+_NOTHING = {
+    *("", "-", "--", "\N{EN DASH}", "\N{EM DASH}", "n/a", "na", "n.a.", "nan", "none", "null"),
+    *("?", "tbd", "inf", "+inf", "-inf", "infinity"),
+}
 _NUMBER = re.compile(r"([-+]?[.,]?\d[\d.,']*(?:[eE][-+]?\d+)?)\s*(.*)")
+#: A gear's ratio as two numbers; a voltage from here to there, of which the lower counts.
+_RATIO = re.compile(r"(\d+(?:[.,]\d+)?)\s*:\s*(\d+(?:[.,]\d+)?)")
+_RANGE = re.compile(
+    r"(\d+(?:[.,]\d+)?)\s*(?:-|~|\.{2,3}|\N{EN DASH}|\N{HORIZONTAL ELLIPSIS}|to)\s*"
+    r"(\d+(?:[.,]\d+)?)\s*([^\d\s].*)?"
+)
 #: A number whose marks may separate thousands, and nothing else if there are several.
 _THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(?:,\d{3})+|[-+]?[1-9]\d{0,2}(?:\.\d{3})+")
 
@@ -82,8 +92,28 @@ class TableMapping(Entry):
         return self
 
 
-def import_table(table: str | Path, mapping: str | Path | None = None) -> dict[str, Any]:
-    """Return the catalogue, as its YAML file holds it, of a CSV table with one row per entry.
+@dataclass(frozen=True)
+class ImportedTable:
+    """A table as a catalogue, and how it was understood.
+
+    Attributes:
+        content: the catalogue, as its YAML file holds it.
+        first: of the first row that was read: column, figure, text of the cell, value in SI, unit.
+        unused: columns that the mapping does not name.
+        left_out: rows that cannot be, each with its line and why.
+    """
+
+    content: dict[str, Any]
+    first: tuple[tuple[str, str, str, str, str], ...]
+    unused: tuple[str, ...]
+    left_out: tuple[str, ...]
+
+
+def import_table(table: str | Path, mapping: str | Path | None = None) -> ImportedTable:
+    """Return a CSV table with one row per entry as a catalogue.
+
+    A row that cannot be is left out and named: a number without unit or of the wrong quantity,
+    ratings that contradict each other, a name given twice.
 
     Args:
         table: CSV (comma, semicolon or tab), names in line 1; whether its commas or its points are
@@ -91,9 +121,8 @@ def import_table(table: str | Path, mapping: str | Path | None = None) -> dict[s
         mapping: its mapping file; None takes TABLE.columns.yaml beside it.
 
     Raises:
-        CatalogError: unreadable, a column that is not there; or rows that cannot be, all of them
-            named: numbers without unit, of the wrong quantity, ratings that contradict each other;
-            decimal commas beside decimal points.
+        CatalogError: unreadable, a column that is not there, decimal commas beside decimal points,
+            or no row that can be read.
     """
     path = Path(table)
     where = Path(mapping) if mapping else mapping_of(path)
@@ -112,7 +141,6 @@ def import_table(table: str | Path, mapping: str | Path | None = None) -> dict[s
         figure: given if isinstance(given, Cells) else Cells(column=given)
         for figure, given in wanted.columns.items()
     }
-    entries: dict[str, Any] = {}
     delimiter, names, lines = read_table(path, CatalogError)
     for figure, given in cells.items():
         if given.column not in names:
@@ -121,21 +149,36 @@ def import_table(table: str | Path, mapping: str | Path | None = None) -> dict[s
                 f"{given.column!r}; {choose_from(given.column, names)}"
             )
     rows = [(n, dict(zip(names, row + [""] * len(names), strict=False))) for n, row in lines]
-    of_rows = cells_of(_SECTIONS[wanted.section])
+    if not rows:
+        raise CatalogError(f"{path}: no rows below the names of its columns")
+    kind = _SECTIONS[wanted.section]
+    of_rows = cells_of(kind)
     numbers = [given.column for figure, given in cells.items() if of_rows.get(figure)]
     mark = _decimal_mark(path, delimiter, (row[column] for _, row in rows for column in numbers))
+    entries: dict[str, Any] = {}
+    first: tuple[tuple[str, str, str, str, str], ...] = ()
     problems = []
     for line, row in rows:
         name = row[cells["name"].column]
-        found = list(_row_problems(name, row, cells, wanted, entries, mark))
-        problems += [f"line {line} ({name or 'no name'}): {'; '.join(found)}"] if found else []
-    if problems:
-        raise CatalogError(
-            f"{path}: {len(problems)} of {len(rows)} rows cannot be: " + " | ".join(problems)
-        )
+        entry, units, found = _entry(row, cells, wanted, mark)
+        if not name or name in entries:
+            found.insert(0, "this name is given twice" if name else "no name")
+        if found:
+            problems.append(f"line {line} ({name or 'no name'}): {'; '.join(found)}")
+            continue
+        entries[name] = entry
+        first = first or _understood(row, cells, entry, units)
     if not entries:
-        raise CatalogError(f"{path}: no rows below the names of its columns")
-    return {"pinfric_catalog": 1, wanted.section: entries}
+        read = ", ".join(f"{given.column} as {figure}" for figure, given in cells.items())
+        raise CatalogError(
+            f"{path}: {'its row cannot' if len(rows) == 1 else f'none of its {len(rows)} rows can'}"
+            f" be read: {problems[0]}; understood were the columns {read}"
+        )
+    used = {given.column for given in cells.values()}
+    unused = tuple(name for name in names if name and name not in used)
+    return ImportedTable(
+        {"pinfric_catalog": 1, wanted.section: entries}, first, unused, tuple(problems)
+    )
 
 
 def mapping_of(table: Path) -> Path:
@@ -181,43 +224,56 @@ def _decimal_mark(path: Path, delimiter: str, texts: Iterable[str]) -> str:
     return next(iter(found), "." if delimiter == "," else "")
 
 
-def _row_problems(
-    name: str,
-    row: dict[str, str],
-    cells: dict[str, Cells],
-    wanted: TableMapping,
-    entries: dict[str, Any],
-    mark: str,
-) -> Iterator[str]:
-    """Put a row's entry into `entries`; yield what is wrong with it."""
+def _entry(
+    row: dict[str, str], cells: dict[str, Cells], wanted: TableMapping, mark: str
+) -> tuple[dict[str, Any], dict[str, str], list[str]]:
+    """A row's entry, the SI units of its figures, and what is wrong with it."""
     entry: dict[str, Any] = deepcopy(wanted.every)  # its parts, too: each row adds its own
+    kind, units, problems = _SECTIONS[wanted.section], dict[str, str](), list[str]()
     linear = (row[cells["output"].column] if "output" in cells else entry.get("output")) == "linear"
-    if not name or name in entries:
-        yield "this name is given twice" if name else "no name"
     for figure in sorted(cells, key=lambda figure: figure != "ratio"):  # it says what turns
         given = cells[figure]
         text, value = row[given.column], None
-        if text in _NOTHING or figure == "name":
+        if text.lower() in _NOTHING or figure == "name":
             continue
         try:
             screw = figure == "rotor_inertia" and entry.get("ratio", 1.0) != 1.0
-            kind = _SECTIONS[wanted.section]
             words = figure.startswith("stand_ins.")
-            unit = "" if words else unit_of(kind, figure, linear and not screw)
+            unit = units[figure] = "" if words else unit_of(kind, figure, linear and not screw)
             value = _figure(text, given.unit, unit, mark) if unit else text
         except CatalogError as problem:
-            yield f"{figure}: {problem}"
+            problems.append(f"{figure}: {problem}")
         part, _, key = figure.rpartition(".")
         (entry.setdefault(part, {}) if part else entry)[key] = value
     try:
-        parse(_SECTIONS[wanted.section], {k: v for k, v in entry.items() if v is not None}, "")
+        parse(kind, {k: v for k, v in entry.items() if v is not None}, "")
     except PinfricError as problem:
-        yield str(problem).removeprefix(": ")
-    entries[name] = entry
+        problems.append(str(problem).removeprefix(": "))
+    return entry, units, problems
+
+
+def _understood(
+    row: dict[str, str], cells: dict[str, Cells], entry: dict[str, Any], units: dict[str, str]
+) -> tuple[tuple[str, str, str, str, str], ...]:
+    """See `ImportedTable.first`."""
+    found = []
+    for figure, given in cells.items():
+        part, _, key = figure.rpartition(".")
+        value = (entry.get(part, {}) if part else entry).get(key)
+        shown = f"{value:.4g}" if isinstance(value, float) else ""
+        cell = f"{row[given.column]} {given.unit or ''}".strip()
+        found.append((given.column, figure, cell, shown, units.get(figure, "") if shown else ""))
+    return tuple(found)
 
 
 def _figure(text: str, unit: str | None, wanted: str, mark: str) -> float:
     """A cell's number in SI; its own unit goes before the mapping's."""
+    if wanted in ("1", "rad/m") and (ratio := _RATIO.fullmatch(text)):
+        ends = [_figure(end, "1", "1", mark or ".") for end in ratio.groups()]
+        return max(ends) / min(ends) if min(ends) else 0.0
+    if wanted == "V" and (span := _RANGE.fullmatch(text)):
+        least = min(span[1], span[2], key=lambda end: float(end.replace(",", ".")))
+        text = f"{least} {span[3] or ''}"
     match = _NUMBER.fullmatch(text)
     if match is None:
         raise CatalogError(f"should be a number, found {brief(text)}")
@@ -231,7 +287,7 @@ def _figure(text: str, unit: str | None, wanted: str, mark: str) -> float:
         value = float(digits.replace("," if mark == "." else ".", "").replace(",", "."))
     except ValueError:
         raise CatalogError(f"should be a number, found {brief(text)}") from None
-    given = own or unit or ("1" if wanted == "1" else "price" if wanted == "price" else "")
+    given = own.strip() or unit or ("1" if wanted == "1" else "price" if wanted == "price" else "")
     if not given:
         raise CatalogError(f"{text} has no unit: give it in the mapping, or beside the number")
     return in_si(value, given, wanted)

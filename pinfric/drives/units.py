@@ -3,50 +3,104 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Mapping
 from functools import cache, lru_cache
 from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
+import numpy as np
+
 from pinfric.errors import CatalogError, choose_from
 from pinfric.model.entry import Entry
 
-#: SI unit -> the other units of the same quantity, and what one of them is in it.
-_PRINTED: dict[str, dict[str, float]] = {
-    "N m": {
-        **{"mN m": 1e-3, "N cm": 1e-2, "kN m": 1e3},
-        **{"kgf cm": 0.0980665, "oz in": 0.00706155, "lb in": 0.1129848},
-    },
-    "N": {"kN": 1e3, "kgf": 9.80665, "lbf": 4.448222},
-    "rad/s": {"rpm": math.pi / 30, "1/min": math.pi / 30, "deg/s": math.pi / 180},
-    "m/s": {"mm/s": 1e-3},
-    "kg m^2": {"kg cm^2": 1e-4, "g cm^2": 1e-7, "kg mm^2": 1e-6},
-    "kg": {"g": 1e-3, "lb": 0.45359237},
-    "V": {"mV": 1e-3},
-    "A": {"mA": 1e-3},
-    "ohm": {"mohm": 1e-3},
-    "N m/A": {"mN m/A": 1e-3},
-    **{alone: {} for alone in ("N/A", "K/W", "C", "W")},
-    "J": {"kJ": 1e3},
-    "s": {"ms": 1e-3, "min": 60.0},
-    **{alone: {} for alone in ("h", "1/h")},
-    "N m/rad": {"N m/arcmin": 10800 / math.pi},
-    "N/m": {"N/mm": 1e3, "N/um": 1e6},
-    "rad": {"deg": math.pi / 180, "arcmin": math.pi / 10800, "arcsec": math.pi / 648000},
-    "m": {"mm": 1e-3},
-    "1": {"%": 1e-2},
-    "rad/m": {"mm/rev": 1e-3, "m/rev": 1.0},
-    "Pa": {"MPa": 1e6, "N/mm^2": 1e6, "GPa": 1e9},
-    "m^2": {"mm^2": 1e-6, "cm^2": 1e-4},
-    **{alone: {} for alone in ("Pa m/s", "kg/m^3", "mm rpm", "N m s/rad", "N s/m")},
-    "price": {},
+#: SI unit of a figure -> others that makers print, for messages. What is read is far more: any
+#: product of the symbols below, in any spelling.
+_PRINTED: dict[str, tuple[str, ...]] = {
+    "N m": ("mN m", "N cm", "kgf cm", "oz in", "lb in"),
+    "N": ("kN", "kgf", "lbf"),
+    "rad/s": ("rpm", "1/min", "deg/s"),
+    "m/s": ("mm/s",),
+    "kg m^2": ("kg cm^2", "g cm^2", "kg mm^2", "oz in s^2"),
+    "kg": ("g", "lb", "oz"),
+    "V": ("mV",),
+    "A": ("mA",),
+    "ohm": ("mohm",),
+    "N m/A": ("mN m/A", "V/krpm"),
+    "W": ("kW",),
+    "J": ("kJ",),
+    "s": ("ms", "min"),
+    "N m/rad": ("N m/arcmin",),
+    "N/m": ("N/mm", "N/um"),
+    "rad": ("deg", "arcmin", "arcsec"),
+    "m": ("mm",),
+    "1": ("%",),
+    "rad/m": ("mm/rev", "m/rev"),
+    "Pa": ("MPa", "N/mm^2", "GPa"),
+    "m^2": ("mm^2", "cm^2"),
 }
-#: Unit -> (SI unit, factor to it). A lead is turned into a ratio: 2 pi/lead.
-UNITS = {
-    unit: (si, factor)
-    for si, others in _PRINTED.items()
-    for unit, factor in {si: 1.0, **others}.items()
+#: Quantities: kg, m, s, A, K, rad, deg C.
+_Dimensions = tuple[int, int, int, int, int, int, int]
+_NONE: _Dimensions = (0,) * 7
+_FORCE: _Dimensions = (1, 1, -2, 0, 0, 0, 0)
+_TORQUE: _Dimensions = (1, 2, -2, 0, 0, 0, 0)
+_TORQUE_CONSTANT: _Dimensions = (1, 2, -2, -1, 0, 0, 0)
+_SPEED: _Dimensions = (0, 0, -1, 0, 0, 1, 0)
+_PER_TRAVEL: _Dimensions = (0, -1, 0, 0, 0, 1, 0)
+_STANDARD_GRAVITY, _POUND, _TURN = 9.80665, 0.45359237, 2 * math.pi
+#: Symbols: (factor to SI, dimensions), and the prefixes they take.
+_BASES: tuple[tuple[str, float, _Dimensions, str], ...] = (
+    ("g", 1e-3, (1, 0, 0, 0, 0, 0, 0), "kKm"),
+    ("lb lbs lbm", _POUND, (1, 0, 0, 0, 0, 0, 0), ""),
+    ("oz", _POUND / 16, (1, 0, 0, 0, 0, 0, 0), ""),
+    ("N", 1.0, _FORCE, "kmcM"),
+    ("gf", 1e-3 * _STANDARD_GRAVITY, _FORCE, "kK"),
+    ("lbf", _POUND * _STANDARD_GRAVITY, _FORCE, ""),
+    ("ozf", _POUND * _STANDARD_GRAVITY / 16, _FORCE, ""),
+    ("m", 1.0, (0, 1, 0, 0, 0, 0, 0), "mcu"),
+    ("in inch", 0.0254, (0, 1, 0, 0, 0, 0, 0), ""),
+    ("ft", 0.3048, (0, 1, 0, 0, 0, 0, 0), ""),
+    ("s sec", 1.0, (0, 0, 1, 0, 0, 0, 0), "mu"),
+    ("min", 60.0, (0, 0, 1, 0, 0, 0, 0), ""),
+    ("h hr", 3600.0, (0, 0, 1, 0, 0, 0, 0), ""),
+    ("rad", 1.0, (0, 0, 0, 0, 0, 1, 0), "m"),
+    ("deg degree degrees", math.pi / 180, (0, 0, 0, 0, 0, 1, 0), ""),
+    ("arcmin", math.pi / 10800, (0, 0, 0, 0, 0, 1, 0), ""),
+    ("arcsec", math.pi / 648000, (0, 0, 0, 0, 0, 1, 0), ""),
+    ("rev r U turn", _TURN, (0, 0, 0, 0, 0, 1, 0), ""),
+    ("rpm", _TURN / 60, _SPEED, "k"),
+    ("A Arms Adc amp amps ampere", 1.0, (0, 0, 0, 1, 0, 0, 0), "m"),
+    ("V Vdc Vrms volt volts", 1.0, (1, 2, -3, -1, 0, 0, 0), "mk"),
+    ("ohm ohms", 1.0, (1, 2, -3, -2, 0, 0, 0), "mk"),
+    ("W watt watts", 1.0, (1, 2, -3, 0, 0, 0, 0), "mk"),
+    ("J", 1.0, _TORQUE, "mk"),
+    ("K", 1.0, (0, 0, 0, 0, 1, 0, 0), ""),
+    ("C degC", 1.0, (0, 0, 0, 0, 0, 0, 1), ""),
+    ("Pa", 1.0, (1, -1, -2, 0, 0, 0, 0), "kMG"),
+    ("%", 1e-2, _NONE, ""),
+)
+_PREFIXES = {"": 1.0, "k": 1e3, "K": 1e3, "M": 1e6, "G": 1e9, "m": 1e-3, "c": 1e-2, "u": 1e-6}
+_SYMBOLS = {
+    prefix + symbol: (_PREFIXES[prefix] * factor, dimensions)
+    for symbols, factor, dimensions, prefixes in _BASES
+    for symbol in symbols.split()
+    for prefix in ("", *prefixes)
 }
+_LOWER = {symbol.lower(): symbol for symbol in reversed(_SYMBOLS)}
+#: Spellings of the same sign.
+_SIGNS = str.maketrans(
+    {
+        **dict.fromkeys("*\N{MIDDLE DOT}\N{DOT OPERATOR}\N{MULTIPLICATION SIGN}\N{BULLET}", " "),
+        **dict.fromkeys("[](){}", " "),
+        **dict.fromkeys("\N{EN DASH}\N{MINUS SIGN}\N{NON-BREAKING HYPHEN}", "-"),
+        **{"\N{SUPERSCRIPT TWO}": "^2", "\N{SUPERSCRIPT THREE}": "^3"},
+        **{"\N{SUPERSCRIPT MINUS}": "^-", "\N{SUPERSCRIPT ONE}": "1"},
+        **{"\N{OHM SIGN}": "ohm", "\N{GREEK CAPITAL LETTER OMEGA}": "ohm"},
+        **{"\N{MICRO SIGN}": "u", "\N{GREEK SMALL LETTER MU}": "u", "\N{DEGREE SIGN}": "deg"},
+    }
+)
+_POWER_OF_TEN = re.compile(r"x?\s*(?:10\s*\^?|1[eE])\s*([-+]?\d+)\s*")
+_FACTOR = re.compile(r"(?:([A-Za-z%]+)(?:\^?(-?\d))?|1)[\s.-]*")
 
 #: As the keys of entries say it -> as tables do.
 _MEANT = {"Ohm": "ohm", "deg C": "C", "of the catalogue's currency": "price"}
@@ -93,27 +147,91 @@ def unit_of(entry: type[Entry], figure: str, linear: bool = False) -> str:
 
 
 @lru_cache
-def _known(unit: str) -> str:
-    """The unit of `UNITS` that is written so; "": there is none."""
-    meant = "".join(unit.replace("·", "").replace("²", "^2").replace("Ω", "ohm").split())
-    return next((known for known in UNITS if known.replace(" ", "") == meant), "")
+def _parsed(unit: str) -> tuple[float, _Dimensions] | None:
+    """What one of a unit is in SI, and its dimensions; None where it cannot be read.
+
+    A unit is a product of symbols with powers, and what stands after "/" divides. Between symbols
+    stands a blank, a point, a hyphen, or nothing ("N m", "N.m", "oz-in", "gcm2").
+    """
+    text = unit.translate(_SIGNS).strip()
+    ten = _POWER_OF_TEN.match(text)
+    text = re.sub(r"\barc[ .-]?(min|sec)", r"arc\1", text[ten.end() if ten else 0 :], flags=re.I)
+    above, _, below = text.partition("/")
+    scale = 10.0 ** int(ten[1]) if ten else 1.0
+    dimensions = np.zeros(7, dtype=int)
+    for part, sign in ((above, 1), (below.replace("/", " "), -1)):
+        part, at = part.strip(), 0
+        while at < len(part):
+            if (found := _FACTOR.match(part, at)) is None:
+                return None
+            at = found.end()
+            symbols = _split(found[1]) if found[1] else ()
+            if symbols is None:
+                return None
+            for row, symbol in enumerate(symbols):
+                power = sign * (int(found[2] or 1) if row == len(symbols) - 1 else 1)
+                factor, of = _SYMBOLS[symbol]
+                scale *= factor**power
+                dimensions += power * np.array(of)
+    return (scale, tuple(map(int, dimensions))) if above.strip() else None  # type: ignore[return-value]
+
+
+def _split(word: str) -> tuple[str, ...] | None:
+    """The symbols of a word, the longest first: as written, else in any case; None: no such."""
+    if (found := _chain(word, _SYMBOLS)) is not None:
+        return found
+    if not (word.isupper() or word.istitle() or word.islower()):
+        return None
+    found = _chain(word.lower(), _LOWER)
+    return None if found is None else tuple(_LOWER[symbol] for symbol in found)
+
+
+def _chain(word: str, known: Mapping[str, object]) -> tuple[str, ...] | None:
+    if not word:
+        return ()
+    for length in range(len(word), 0, -1):
+        if word[:length] in known and (rest := _chain(word[length:], known)) is not None:
+            return (word[:length], *rest)
+    return None
 
 
 def in_si(value: float, unit: str, wanted: str) -> float:
     """Return a figure in the SI unit it is wanted in.
 
+    A mass where a force is wanted is its weight (kg cm of a torque, oz in s^2 of an inertia), 1/min
+    of a speed are turns, V/rpm of a torque constant is N m/A. A length, or a length per turn, of a
+    ratio is a screw's lead, which becomes 2 pi/lead.
+
+    Args:
+        value: as printed.
+        unit: in any spelling.
+        wanted: the SI unit, as `unit_of` says it.
+
     Raises:
         CatalogError: an unknown unit, or one of another quantity.
     """
-    known = _known(unit)
-    if not known:
-        raise CatalogError(f"the unit {unit!r} is not known; {choose_from(unit, UNITS)}")
-    si, factor = UNITS[known]
-    if si != wanted:
-        fitting = [u for u, (quantity, _) in UNITS.items() if quantity == wanted]
-        raise CatalogError(
-            f"{known} is not a unit of this value; take {', '.join(fitting) or wanted}"
-        )
-    if known.endswith("/rev"):
-        return 2 * math.pi / (factor * value) if value else math.inf
-    return factor * value
+    if wanted == "price":
+        if unit != "price":
+            raise CatalogError(f"{unit} is not a unit of a price: give the number alone")
+        return value
+    found = _parsed(unit)
+    fitting = (wanted, *_PRINTED.get(wanted, ()))
+    if found is None:
+        raise CatalogError(f"the unit {unit!r} is not known; {choose_from(unit, fitting)}")
+    target = _parsed(wanted)
+    assert target is not None  # of `cells_of`: tested
+    factor, dimensions = found[0] / target[0], found[1]
+    apart = tuple(int(x) for x in np.subtract(target[1], dimensions))
+    if not any(apart):
+        return factor * value
+    if apart == (0, 1, -2, 0, 0, 0, 0):
+        return _STANDARD_GRAVITY * factor * value
+    turns = (0, 0, 0, 0, 0, 1, 0)
+    if apart == turns and target[1] == _SPEED:
+        return _TURN * factor * value
+    if apart == turns and target[1] == _TORQUE_CONSTANT:
+        return factor * value
+    if target[1] == _PER_TRAVEL and dimensions in ((0, 1, 0, 0, 0, -1, 0), (0, 1, 0, 0, 0, 0, 0)):
+        lead = found[0] * value * (1.0 if dimensions[5] else 1.0 / _TURN)
+        return 1.0 / lead if lead else math.inf
+    raise CatalogError(f"{unit} is not a unit of this value; take {', '.join(fitting)}")
