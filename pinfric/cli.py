@@ -13,6 +13,7 @@ import sys
 import time
 import warnings
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -487,7 +488,7 @@ def sweep(
             min=1, metavar="N", help="Number of processes; by default chosen automatically."
         ),
     ] = None,
-    scheduler: Annotated[
+    cluster: Annotated[
         str | None,
         typer.Option(metavar="ADDRESS", help="Address of a Dask cluster that computes instead."),
     ] = None,
@@ -500,22 +501,18 @@ def sweep(
     Gives percentiles of each joint's peak and RMS, how often a motor suffices, and the most
     influential parameters. --out writes samples.csv, sweep.png and summary.json.
     """
-    names = "sweep.png", "summary.json"
+    names = "samples.csv", "sweep.png", "summary.json"
     scene, trajectory = load(scene_name, trajectory_name, log, out, names, [sweep_name])
     from pinfric.show.figure.sweep import sweep_figure
     from pinfric.show.report.sweep import sweep_report
     from pinfric.sweeps.run import sweep as run_sweep
     from pinfric.sweeps.summary import sweep_summary
+    from pinfric.sweeps.workers import on_cluster
 
-    with progress("cycles") as report:
-        result = run_sweep(
-            scene,
-            trajectory,
-            sweep_name,
-            processes=processes,
-            scheduler=scheduler,
-            progress=report,
-        )
+    if processes and cluster:
+        raise typer.BadParameter("has its own processes", param_hint="--cluster")
+    with progress("cycles") as report, on_cluster(cluster) if cluster else nullcontext():
+        result = run_sweep(scene, trajectory, sweep_name, processes=processes, progress=report)
     read.append(result.sweep)
     found = sweep_summary(result)
     files: Files = {

@@ -23,6 +23,7 @@ REMOVED = {
     **dict.fromkeys(("--to ur", "--to isaaclab", "--to newton", "--to pinocchio"), _TO_CONSTANTS),
     "pinfric retime --sensitivity": "run `retime` again with other limits or drives",
     "pinfric size --fastest": "run `retime` with the chosen drives",
+    "pinfric sweep --scheduler": "write --cluster ADDRESS",
     "pinfric size --what-if": "for another scene (`robot.masses`, no `friction`) run `size` again",
 }
 #: Letters of a whole message: longer than any path, shorter than a screen.

@@ -227,8 +227,12 @@ def test_sweep_prints_tables_and_writes_samples_figure_and_summary(files, capsys
         (("samples:", "sample:"), [], "'samples'?"),
         (("low: 0.9", "low: -0.9"), [], "a speed factor must be above 0"),
         (("sigma: 0.3", "sigma: -0.3"), [], "lognormal.sigma"),
-        (("", ""), ["--scheduler", "tcp://127.0.0.1:1"], "tcp://127.0.0.1:1 cannot be reached"),
-        (("", ""), ["--scheduler", "tcp://h:1", "--processes", "2"], "either `scheduler` or"),
+        (
+            ("", ""),
+            ["--cluster", "tcp://127.0.0.1:1"],
+            "no Dask scheduler answers at tcp://127.0.0.1:1",
+        ),
+        (("", ""), ["--cluster", "tcp://h:1", "--processes", "2"], "has its own processes"),
         (("", ""), ["--processes", "0"], "--processes"),
     ],
 )

@@ -9,7 +9,7 @@ influential parameters.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -26,19 +26,13 @@ from pinfric.sweeps.file import SweepFile, load_sweep
 from pinfric.sweeps.motors import motors_on_trial
 from pinfric.sweeps.parameters import draw, resolve
 from pinfric.sweeps.result import SweepResult
-from pinfric.sweeps.workers import (
-    check_scheduler,
-    compute_on_cluster,
-    compute_on_processes,
-)
+from pinfric.sweeps.workers import compute_in_parallel
 
 #: Sweeps of this length are over before other processes have started (s).
 _SHORT = 5.0
-#: What one batch takes: long beside its transport, short beside what a lost worker loses (s).
+#: What one batch takes: long beside its transport (s).
 _BATCH = 1.0
 _MOST_PER_BATCH = 500
-#: A cluster whose size is not known yet: batches for so many workers.
-_OF_A_CLUSTER = 16
 
 
 def sweep(
@@ -47,26 +41,25 @@ def sweep(
     sweep: SweepFile | Mapping[str, Any] | str | Path,
     *,
     processes: int | None = None,
-    scheduler: str | None = None,
     progress: Callable[[int, int], object] | None = None,
 ) -> SweepResult:
     """Return how the drives' peak and RMS vary with parameters drawn from distributions.
 
     Monte Carlo, Sobol (Saltelli) or grid over coefficients of friction, payload, speed and
     mounting (`parameters`). The samples depend on the seed only, and their results on the
-    samples only: they are the same on any number of processes, even if workers are lost.
+    samples only: they are the same on any number of processes, and on a cluster.
 
     Args:
         scene: the robot; drives of a catalogue that are checked add their masses to it, once.
         trajectory: one cycle.
         sweep: the sweep's file, or its content as a mapping.
-        processes: on this machine; 1 computes in this process, None chooses automatically.
-        scheduler: address of a Dask scheduler whose workers compute instead (extra `cluster`).
+        processes: on this machine; 1 computes in this process. None: as the backend of joblib
+            that is active (`joblib.parallel_config`), else chosen automatically.
         progress: called with the number of finished samples and of all.
 
     Raises:
-        SweepError: the sweep has an unknown name or an impossible value, the scheduler cannot
-            be reached, or no sample could be computed.
+        SweepError: the sweep has an unknown name or an impossible value, no sample could be
+            computed, or a process was killed.
 
     Warns:
         PinfricWarning: samples without a solution; speeds beyond the robot's limits.
@@ -83,16 +76,12 @@ def sweep(
     expect_scene(scene, "sweep")
     if processes is not None and processes < 1:
         raise SweepError(f"processes = {processes}; should be at least 1")
-    if processes is not None and scheduler is not None:
-        raise SweepError("give either `scheduler` or `processes`: a cluster has its own processes")
-    if scheduler is not None:
-        check_scheduler(scheduler)
     entries, source = load_sweep(sweep)
     targets = resolve(scene, entries, source)
     equipped, trials = motors_on_trial(scene, entries, source)
     study = Study(equipped, trajectory, targets, trials)
     values = draw(targets, entries)
-    samples, used = _samples(study, values, progress, processes, scheduler)
+    samples, used = _samples(study, values, progress, processes)
     problems = tuple(samples["problem"])
     if all(problems):
         raise SweepError(f"{source}: no sample could be computed; the first: {problems[0]}")
@@ -134,34 +123,31 @@ def _samples(
     values: np.ndarray,
     progress: Callable[[int, int], object] | None,
     processes: int | None,
-    scheduler: str | None,
 ) -> tuple[pd.DataFrame, int]:
-    """All samples as `compute` has them, in order; how many processes computed, 0: a cluster."""
+    """All samples as `compute` has them, in order, and how many processes computed."""
+    from joblib import cpu_count, effective_n_jobs
+
     found: list[pd.DataFrame] = []
-    n, used, done = len(values), 0, 0
+    n, done = len(values), 0
     every = np.arange(n)
     tell = progress or (lambda done, total: None)
     tell(done, n)
     for _ in range(2):  # kernels are loaded by the first
         start = perf_counter()
-        compute(study, every[:1], values[every[:1]])
+        compute(study, every[:1], values[:1])
         seconds = perf_counter() - start
-    if scheduler is None:
-        used = processes or 1
-        if processes is None and seconds * n >= _SHORT:
-            from joblib import cpu_count
-
-            used = int(cpu_count())
+    used = processes or int(effective_n_jobs())
+    if processes is None and used == 1 and seconds * n >= _SHORT:
+        used = int(cpu_count())
     # batches of about `_BATCH` s, some for every process
     size = int(np.clip(_BATCH / max(seconds, 1e-6), 1, _MOST_PER_BATCH))
-    size = max(min(size, n // (4 * (used or _OF_A_CLUSTER))), 1)
+    size = max(min(size, n // (4 * used)), 1)
     parts = (every[start : start + size] for start in range(0, n, size))
-    if scheduler is not None:
-        batches = compute_on_cluster(study, parts, values, scheduler)
-    elif used == 1:
+    batches: Iterable[pd.DataFrame]
+    if used == 1:
         batches = (compute(study, rows, values[rows]) for rows in parts)
     else:
-        batches = compute_on_processes(study, parts, values, used)
+        batches = compute_in_parallel(study, parts, values, processes, used)
     for batch in batches:
         found.append(batch)
         done += len(batch)

@@ -1,4 +1,4 @@
-"""Sweeps on processes and clusters: the same figures, whatever is lost on the way."""
+"""Sweeps on processes and clusters: the same figures, and one line where something is lost."""
 
 import contextlib
 import json
@@ -19,7 +19,8 @@ from processes import workers
 from sweep_cases import pushed_block, steady, sweep_of, uniform
 
 import pinfric as pf
-from pinfric.errors import PinfricWarning, SweepError
+from pinfric.errors import SweepError
+from pinfric.sweeps.workers import on_cluster
 
 distributed = pytest.importorskip("distributed")
 pytestmark = pytest.mark.filterwarnings("ignore::RuntimeWarning:distributed")
@@ -59,70 +60,27 @@ def undisturbed(panda):
 
 
 class KillOne:
-    """Progress that kills one worker in the middle of the run."""
+    """Progress that kills one process in the middle of the run."""
 
     def __init__(self, candidates):
-        self.candidates, self.killed, self.counts = candidates, None, []
+        self.candidates, self.killed = candidates, None
 
     def __call__(self, done, total):
-        self.counts.append(done)
         if self.killed is None and 0 < done < total / 2:
-            self.killed = self.candidates()[0]
-            os.kill(self.killed, signal.SIGKILL)
-
-
-def check_undisturbed(found, undisturbed, progress):
-    assert progress.killed is not None
-    assert progress.counts == sorted(set(progress.counts))  # every batch came once
-    assert progress.counts[-1] == SAMPLES
-    np.testing.assert_array_equal(found.figures, undisturbed.figures)
-    np.testing.assert_array_equal(found.values, undisturbed.values)
-    assert found.solved.all()
+            self.killed = next(iter(self.candidates()), None)
+            if self.killed is not None:
+                os.kill(self.killed, signal.SIGKILL)
 
 
 @pytest.mark.slow
-def test_cluster_that_loses_a_worker_gives_the_undisturbed_result(panda, undisturbed):
-    with distributed.LocalCluster(
-        n_workers=2,
-        threads_per_worker=1,
-        processes=True,
-        dashboard_address="127.0.0.1:0",
-        silence_logs=50,
-    ) as cluster:
-        with distributed.Client(cluster, set_as_default=False) as client:
-            pids = list(client.run(os.getpid).values())
-        assert len(set(pids)) == 2
-        assert os.getpid() not in pids
-        progress = KillOne(lambda: pids)
-        with pytest.warns(PinfricWarning, match=r"^worker tcp://\S+ was lost; others compute"):
-            found = pf.sweep(*panda, SWEEP, scheduler=cluster.scheduler_address, progress=progress)
-        with distributed.Client(cluster, set_as_default=False) as client:
-            client.wait_for_workers(2, timeout=30)
-            now = set(client.run(os.getpid).values())
-    assert progress.killed not in now  # it is gone; its nanny has started another
-    assert len(now) == 2
-    check_undisturbed(found, undisturbed, progress)
-    assert found.processes == 0
-
-
-@pytest.mark.slow
-def test_own_processes_survive_a_lost_one(panda, undisturbed):
+def test_lost_processes_are_said_in_one_line(panda, recwarn):
     progress = KillOne(lambda: workers(os.getpid()))
-    found = pf.sweep(*panda, SWEEP, processes=2, progress=progress)
-    check_undisturbed(found, undisturbed, progress)
-    assert found.processes == 2
-
-
-@pytest.mark.slow
-def test_processes_that_are_killed_again_and_again_are_said(monkeypatch):
-    monkeypatch.setattr("pinfric.sweeps.workers._compute_on_worker", _die)
-    scene = pushed_block()
-    with pytest.raises(SweepError, match=r"processes were killed 4 times.*fewer `processes`"):
-        pf.sweep(scene, steady(scene), sweep_of(8, speed=uniform(1, 2)), processes=2)
-
-
-def _die(*_):
-    os.kill(os.getpid(), signal.SIGKILL)
+    with pytest.raises(SweepError, match=r"^one of 2 processes was killed .*fewer `processes`$"):
+        pf.sweep(*panda, SWEEP, processes=2, progress=progress)
+    assert progress.killed is not None
+    assert not recwarn.list
+    again = pf.sweep(*panda, SWEEP, processes=2)
+    assert again.processes == 2
 
 
 @pytest.fixture
@@ -161,51 +119,35 @@ def _kill_all(process):
 
 
 @pytest.mark.slow
-def test_scheduler_lost_in_the_run_is_said(panda, scheduler, monkeypatch):
-    monkeypatch.setattr("pinfric.sweeps.run._MOST_PER_BATCH", 1)  # so that many are under way
-    sweep = {**SWEEP, "samples": 3000}
-    counts = []
+@pytest.mark.parametrize("lost", ["nobody", "worker", "scheduler"])
+def test_a_cluster_gives_the_figures_of_one_process(panda, undisturbed, scheduler, lost):
+    with distributed.Client(scheduler.address, set_as_default=False) as client:
+        pids = list(client.run(os.getpid).values())
+    progress = KillOne(lambda: {"nobody": [], "worker": pids, "scheduler": [scheduler.pid]}[lost])
+    said = r"^the cluster at tcp://\S+ failed: "
+    with pytest.raises(SweepError, match=said) if lost == "scheduler" else contextlib.nullcontext():
+        with on_cluster(scheduler.address):
+            found = pf.sweep(*panda, SWEEP, progress=progress)
+        np.testing.assert_array_equal(found.figures, undisturbed.figures)
+        np.testing.assert_array_equal(found.values, undisturbed.values)
 
-    def lose(done, total):
-        counts.append(done)
-        if len(counts) == 4:
-            scheduler.kill()
 
-    with pytest.raises(SweepError, match=r"connection to the scheduler is lost"):
-        pf.sweep(*panda, sweep, scheduler=scheduler.address, progress=lose)
-
-
-@pytest.mark.parametrize(
-    ("address", "waits"),
-    [
-        *((x, 0.5) for x in ("closed", "silent", "nonsense", "nobody.invalid:8786", "http", "ssh")),
-        pytest.param("silent", None, marks=pytest.mark.slow),  # for as long as users do
-    ],
-)
-def test_scheduler_that_cannot_be_reached_is_said_within_ten_seconds(address, waits, monkeypatch):
-    if waits is not None:
-        monkeypatch.setattr("pinfric.sweeps.workers._CONNECT_TIMEOUT", waits)
-    scene = pushed_block()
+@pytest.mark.parametrize("address", ["closed", "nonsense", "nobody.invalid:8786", "http", "ssh"])
+def test_a_scheduler_that_does_not_answer_is_said(address, monkeypatch):
+    monkeypatch.setattr("pinfric.sweeps.workers._CONNECT_TIMEOUT", 0.5)
     with socket.socket() as listener:
         listener.bind(("127.0.0.1", 0))
-        port = listener.getsockname()[1]
-        if address in ("silent", "ssh"):  # takes the connection and says nothing, or its own name
-            listener.listen()
+        here = f"127.0.0.1:{listener.getsockname()[1]}"
         if address == "ssh":
+            listener.listen()
             threading.Thread(target=_greet_as_ssh, args=(listener,), daemon=True).start()
-        here = f"tcp://127.0.0.1:{port}"
-        named = {
-            "closed": here,
-            "silent": here,
-            "ssh": here,
-            "http": f"http://127.0.0.1:{port}",
-        }.get(address, address)
+        schemes = {"closed": "tcp", "ssh": "tcp", "http": "http"}
+        named = f"{schemes[address]}://{here}" if address in schemes else address
         start = monotonic()
-        with pytest.raises(SweepError, match="cannot be reached") as caught:
-            pf.sweep(scene, steady(scene), sweep_of(speed=uniform(1, 2)), scheduler=named)
+        said = f"no Dask scheduler answers at {named}: "
+        with pytest.raises(SweepError, match=said), on_cluster(named):
+            pass
     assert monotonic() - start < 10
-    assert named in str(caught.value)
-    assert ("is not a Dask scheduler" in str(caught.value)) == (address == "ssh")
 
 
 def _greet_as_ssh(listener):
@@ -287,10 +229,10 @@ def test_classes_and_limits_of_a_script_reach_the_processes(tmp_path):
 
 
 def test_without_the_extra_a_cluster_is_refused(monkeypatch):
-    monkeypatch.setitem(sys.modules, "distributed.comm", None)
-    scene = pushed_block()
-    with pytest.raises(SweepError, match=r"pip install \"pinfric\[cluster\]\""):
-        pf.sweep(scene, steady(scene), sweep_of(8, speed=uniform(1, 2)), scheduler="tcp://x:1")
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    said = r"pip install \"pinfric\[cluster\]\""
+    with pytest.raises(SweepError, match=said), on_cluster("tcp://x:1"):
+        pass
 
 
 @pytest.mark.slow
