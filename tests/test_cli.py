@@ -166,7 +166,7 @@ def test_size_prints_each_joints_demand_and_choice(capsys, tmp_path):
 
 def test_size_takes_conditions(capsys, tmp_path):
     size = ("size", "pendulum", "pendulum", "--catalog", "default", "--json")
-    asked = ("--condition", "peak_factor=1.7", "--condition", "holding_brake=required")
+    asked = ("--condition", "peak_factor=1.7", "--condition", "holding_brake=all")
     (joint,) = result_of(told(capsys, *size, *asked, "--out", str(tmp_path / "out")).out)["joints"]
     assert joint["installed"]["brake"]
     (peak,) = (c for c in joint["installed"]["criteria"] if c["name"] == "peak torque")

@@ -25,13 +25,25 @@ import numpy as np
 from pinfric.drives.catalog import Brake
 from pinfric.drives.criterion import LEAST_MARGIN, Criterion, Status, compare
 from pinfric.drives.demand import largest
+from pinfric.drives.friction import own_friction
 from pinfric.drives.inertia import joint_inertias
-from pinfric.drives.policy import Conditions, goes_with, stated
+from pinfric.drives.policy import (
+    FRICTION_RESERVE,
+    LITTLE_LOAD,
+    STOP_TIME,
+    UNSURE_BRAKE_FACTOR,
+    Conditions,
+    goes_with,
+    stated,
+)
 from pinfric.dynamics.forward.holds import holds
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
+from pinfric.dynamics.samples.motor_torques import drive_stick_velocity
 from pinfric.errors import PinfricError
 from pinfric.model.described import EFFORT, derived, described, quantity
+from pinfric.model.scene import Scene
+from pinfric.model.transmission import driven_efficiency
 from pinfric.motions.summary import effort_unit, ends_by_magnitude
 
 _SOURCE = "Machine Design, Mechantronics Q & A: Hold it steady (2007): factor 1.5 to 3"
@@ -74,7 +86,7 @@ class Standstill:
         "smallest brake of the catalogue that holds `shaft`, if any", heading="smallest brake"
     )
     fitted: bool = quantity(
-        "whether the drive has that brake: one is required, or friction alone does not hold it"
+        "whether the drive has that brake: its own friction does not hold it, or one is required"
     )
     criteria: tuple[Criterion, ...]
 
@@ -115,7 +127,7 @@ def standstills(
         own = None if inertias is None else inertias[:, i]
         there = fitted[i] if fitted else None
         if own is not None and there and drive.transmission is not None:
-            inside = brakes[there].rotor_inertia or 0.0  # each brake on trial adds its own
+            inside = brakes[there].inertia_ends[1]  # each brake on trial adds its own
             own = own - drive.transmission.ratio**2 * inside
         motor = motors[i] if motors else ""
         fitting = ranked({name: b for name, b in brakes.items() if goes_with(b, motor)})
@@ -137,23 +149,29 @@ def _standstill(
     effort = largest(_rounded(result, least)), largest(load)
     gear = still.scene.drives[i].transmission
     slides = effort_unit(still.scene, i) == "N"
+    ends = result.effort_lower[:, i], result.effort_upper[:, i]
+    speed, peak = largest(result.actuator_velocity[:, i]), max(map(largest, ends))
+    rest = rest_of(result.scene, i, load, peak, speed)
+    back = 1.0 if gear is None else driven_efficiency(gear)
+    why = rest.why_brake(conditions, back <= 0)
     if gear is not None and not (slides and gear.ratio == 1.0):  # a linear motor has no shaft
         least = ends_by_magnitude(still.motor_torque_lower[:, i], still.motor_torque_upper[:, i])[1]
         shaft = largest(_rounded(result, least)), largest(load) / abs(gear.ratio)
         if inertia is not None:
-            speed = gear.ratio * result.actuator_velocity[:, i]
+            turning = np.abs(gear.ratio * result.actuator_velocity[:, i])
             at_shaft = inertia / gear.ratio**2 + gear.rotor_inertia
-            stop = Stop(at_shaft, np.abs(speed), np.abs(load / gear.ratio))
+            within = rest.within(conditions)
+            stop = Stop(at_shaft, turning, np.abs(load / gear.ratio), within)
     pose = _hardest(still, i)
     use, held = _use(still, i, pose, load[pose])
-    needed = conditions.holding_brake == "required" or (
-        conditions.holding_brake == "where_needed" and not held
-    )
-    torque = None if shaft is None else conditions.brake_factor * shaft[1]
+    torque = None if shaft is None else rest.reserve(conditions) * shaft[1]
     name = fitted or None
-    if not fitted and torque is not None and (needed or torque != 0.0):
+    if not fitted and torque is not None and (why or torque != 0.0):
         name = smallest_brake(brakes, torque, stop)
-    held_by = _torque(torque, name, brakes, conditions, needed, fitted is not None)
+    needed = bool(why) and conditions.holding_brake != "any"
+    held_by = _torque(torque, stop, name, brakes, (rest, conditions), needed, fitted is not None)
+    if fitted == "" and not why:
+        held_by = replace(held_by, note=rest.without_brake(back))
     assert result.t is not None  # size refuses a motion without times
     energy = _energy(stop, name, brakes, stated(conditions, "holding_brake") if needed else "")
     formula = "static friction needed / its limit <= 1, power off and all other joints held"
@@ -164,7 +182,7 @@ def _standstill(
             unpowered, status=Status.NOT_REQUIRED, required=None, note=note, missing=""
         )
     criteria = (unpowered, held_by, energy)
-    there = name is not None and (needed or not held) if fitted is None else bool(fitted)
+    there = name is not None and bool(why) if fitted is None else bool(fitted)
     return Standstill(effort, shaft, use, held, float(result.t[pose]), name, there, criteria)
 
 
@@ -174,6 +192,75 @@ def _rounded(result: InverseResult, effort: np.ndarray) -> np.ndarray:
     return np.where(np.abs(effort) <= _NOTHING * most, 0.0, effort)
 
 
+class Rest(NamedTuple):
+    """What decides whether a joint needs a brake, and how strong a one.
+
+    Attributes:
+        load: (T,) effort that holds it without friction, N m (N), at every pose of the cycle.
+        peak: largest effort of the cycle. own: dry friction that is known to be the joint's own.
+        moves: it moves in the cycle. stops: the scene says how the robot is stopped.
+        unsure: masses or payloads are guesses.
+    """
+
+    load: np.ndarray
+    peak: float
+    own: float
+    moves: bool
+    stops: bool
+    unsure: bool
+
+    def why_brake(self, conditions: Conditions, locks: bool) -> str:
+        """Return why the joint needs a brake; empty: it needs none.
+
+        It does where its load exceeds half of its own dry friction, and 2 % of its largest effort;
+        where it moves and the robot is stopped; or where the conditions want one. "Do not rely on
+        the back-driving torque to hold a load" (Harmonic Drive): a gear holds only if it locks.
+
+        Args:
+            conditions: `holding_brake`. locks: its gear is self-locking.
+        """
+        if conditions.holding_brake == "all":
+            return "holding_brake = all"
+        if locks:
+            return ""
+        if largest(self.load) > max(self.own / FRICTION_RESERVE, LITTLE_LOAD * self.peak):
+            return "its own friction does not hold it"
+        return "it moves when power goes off" if self.moves and self.stops else ""
+
+    def without_brake(self, back: float) -> str:
+        """Return what a joint does without a brake, in words, by eta_b of its driven gear."""
+        if back <= 0:
+            return (
+                f"no brake: the gear locks by eta_b = {back:.2g}, a model where it is not printed"
+            )
+        if self.stops:
+            return "no brake: it stands still in this cycle; without power it can be pushed"
+        return "no brake: without power it coasts and can be pushed; add `stops`"
+
+    def reserve(self, conditions: Conditions) -> float:
+        """Return the factor on the load: the conditions', at least 2 where masses are guesses."""
+        return max(conditions.brake_factor, UNSURE_BRAKE_FACTOR if self.unsure else 1.0)
+
+    def within(self, conditions: Conditions) -> float:
+        """Return the time (s) in which the brake alone stops the joint; infinite: any."""
+        stopped = (self.moves and self.stops) or conditions.holding_brake == "all"
+        return STOP_TIME if stopped else np.inf
+
+
+def rest_of(scene: Scene, i: int, load: np.ndarray, peak: float, speed: float) -> Rest:
+    """Return what a joint that stands still asks of a brake.
+
+    Args:
+        scene: the robot. i: the drive's column. load: (T,) as of `Rest`. peak: its largest effort.
+        speed: its largest, rad/s (m/s).
+    """
+    drive, guesses = scene.drives[i], () if scene.assumed is None else scene.assumed.values
+    unsure = any(place.startswith(("robot.masses", "robot.payloads")) for place in guesses)
+    own = own_friction(scene, drive.name)
+    moves = speed > drive_stick_velocity(scene, drive)
+    return Rest(load, peak, own, moves, scene.stops is not None, unsure)
+
+
 class Stop(NamedTuple):
     """A brake that closes at speed: load and speed at the motor's shaft, sample by sample.
 
@@ -181,19 +268,31 @@ class Stop(NamedTuple):
 
     Attributes:
         inertia: (T,) kg m^2. speed: (T,) rad/s. load: (T,) |T_load|, N m.
+        within: time in which the brake must stop it, s; infinite: any.
     """
 
     inertia: np.ndarray
     speed: np.ndarray
     load: np.ndarray
+    within: float = np.inf
+
+    def torque(self, brake: Brake) -> float:
+        """Return what it takes to stop in time, N m: |T_load| + (J + J_brake) omega/t, largest."""
+        inertia = self.inertia.max() + brake.inertia_ends[1]
+        return float(self.load.max() + inertia * self.speed.max() / self.within)
 
     def energy(self, brake: Brake) -> float:
         """Return the energy of the hardest stop, J; infinite if the brake cannot hold the load."""
         if not brake.torque > self.load.max():
             return np.inf
-        inertia, delay = self.inertia + (brake.rotor_inertia or 0.0), brake.engage_time or 0.0
+        inertia, delay = self.inertia + brake.inertia_ends[1], brake.engage_time or 0.0
         way = closing_way(inertia, self.speed, self.load, delay, brake.torque - self.load)
         return float(brake.torque * way.max())
+
+
+def braking_torque(brake: Brake, torque: float, stop: Stop | None) -> float:
+    """Return what a brake must hold at the shaft, N m: a torque, and that of a stop in time."""
+    return torque if stop is None else max(torque, stop.torque(brake))
 
 
 def closing_way(
@@ -255,13 +354,13 @@ def ranked(brakes: Mapping[str, Brake]) -> dict[str, Brake]:
 
     def order(one: tuple[str, Brake]) -> tuple[float, float, float, str]:
         name, brake = one
-        return brake.torque, brake.mass or np.inf, brake.power or np.inf, name
+        return brake.torque, brake.mass_taken, brake.power or np.inf, name
 
     return dict(sorted(brakes.items(), key=order))
 
 
 def smallest_brake(brakes: Mapping[str, Brake], torque: float, stop: Stop | None) -> str | None:
-    """Return the first brake that bears a torque and, where printed, the energy of a stop.
+    """Return the first brake that bears a torque, a stop in time and, where printed, its energy.
 
     Args:
         brakes: in the order of `ranked`. torque: at the shaft, N m.
@@ -269,25 +368,34 @@ def smallest_brake(brakes: Mapping[str, Brake], torque: float, stop: Stop | None
     """
     for name, brake in brakes.items():
         most = brake.stop_energy
-        if brake.torque >= torque and (stop is None or most is None or stop.energy(brake) <= most):
+        if brake.torque >= braking_torque(brake, torque, stop) and (
+            stop is None or most is None or stop.energy(brake) <= most
+        ):
             return name
     return None
 
 
 def _torque(
     wanted: float | None,
+    stop: Stop | None,
     name: str | None,
     brakes: Mapping[str, Brake],
-    conditions: Conditions,
+    given: tuple[Rest, Conditions],
     needed: bool,
     chosen: bool,
 ) -> Criterion:
     """`needed`: the conditions ask for a brake. `chosen`: the joint's drive is, with or without."""
+    rest, conditions = given
     said = stated(conditions, "brake_factor", *["holding_brake"] * needed)
-    formula = (
-        f"{conditions.brake_factor:g} max |load|/ratio at rest, without friction <= torque of the "
-        "brake"
-    )
+    factor = f"{rest.reserve(conditions):g}"
+    if rest.unsure:
+        factor += " (masses or payloads are guesses)"
+    formula = f"{factor} max |load|/ratio at rest, without friction <= torque of the brake"
+    if stop is not None and stop.within < np.inf:
+        formula += f", and max |load|/ratio + J max omega/{stop.within:g} s"
+    if name is not None or brakes:
+        taken = name or list(brakes)[-1]
+        wanted = None if wanted is None else braking_torque(brakes[taken], wanted, stop)
     if name is not None:
         note = f"{name}: {_described(brakes[name])}"
         torque = brakes[name].torque

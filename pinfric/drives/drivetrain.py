@@ -246,6 +246,7 @@ class Candidate:
         backlash: of its output, rad (m), or None.
         brake: name of the brake at the motor's shaft that is in mass and inertia; empty: none.
         brake_peak: its largest torque, N m. brake_note: what of it is not known, in words.
+        brake_unsure: what its inertia may be less than the one that is in `rotor_inertia`, kg m^2.
         stand_ins: figures taken from other products.
         losses: how the transmission's losses follow from the entry, in words.
         sources: of motor and gear, with their grades.
@@ -275,6 +276,7 @@ class Candidate:
     brake: str = ""
     brake_peak: float | None = None
     brake_note: str = ""
+    brake_unsure: float = 0.0
 
     @property
     def carried(self) -> bool:
@@ -397,10 +399,10 @@ def with_brake(candidate: Candidate, name: str, brake: Brake) -> Candidate:
     """Return a drive with a brake at its motor's shaft: masses and inertias add up.
 
     Args:
-        candidate: motor and gear. name: of the brake. brake: its mass and inertia count as 0 where
-            they are not printed, its largest torque as twice its least one.
+        candidate: motor and gear. name: of the brake. brake: where they are not printed, its mass
+            and greatest inertia are those of a rule, its largest torque is twice its least one.
     """
-    mass, more = brake.mass or 0.0, brake.rotor_inertia or 0.0
+    mass, (least, more) = brake.mass_taken, brake.inertia_ends
     transmission, inertia = candidate.transmission, candidate.rotor_inertia
     if transmission is not None:
         held = {"rotor_inertia": transmission.rotor_inertia + more, "brake": brake.holding}
@@ -409,8 +411,8 @@ def with_brake(candidate: Candidate, name: str, brake: Brake) -> Candidate:
         f"{what} taken as {taken}"
         for what, value, taken in (
             ("largest torque", brake.torque_max, f"{BRAKE_PEAK:g} x {brake.torque:g} N m"),
-            ("mass", brake.mass, "0"),
-            ("inertia", brake.rotor_inertia, "0"),
+            ("mass", brake.mass, f"0.28 T^0.7 = {mass:.2g} kg"),
+            ("inertia", brake.rotor_inertia, f"0 to 2.2e-6 T^1.38 = {more:.2g} kg m^2"),
         )
         if value is None
     ]
@@ -421,6 +423,7 @@ def with_brake(candidate: Candidate, name: str, brake: Brake) -> Candidate:
         transmission=transmission,
         brake=name,
         brake_peak=brake.greatest,
+        brake_unsure=more - least,
         brake_note=f"{name}: {', '.join(unknown)}" if unknown else name,
         sources=(*candidate.sources, f"{name}: {brake.source} ({brake.grade})"),
     )

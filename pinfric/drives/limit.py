@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pinfric.drives.bearing import BearingRatings
+from pinfric.drives.brake import Rest
 from pinfric.drives.catalog import Gear
 from pinfric.drives.criterion import Criterion, Status, compare
 from pinfric.drives.demand import DriveCycle, GearDemand, largest
@@ -55,8 +56,7 @@ class Case(NamedTuple):
         load_inertia: largest inertia about it over the cycle, kg m^2 (kg); None: not known.
         hand: it is one of the hand axes, beyond the third joint.
         conditions: what is demanded.
-        rest: (T,) effort that holds it without friction, N m (N); empty: not known.
-        held: friction of the joint alone holds it at every pose.
+        rest: what it asks of a brake; None: not known.
     """
 
     demand: GearDemand
@@ -64,8 +64,7 @@ class Case(NamedTuple):
     load_inertia: float | None
     hand: bool
     conditions: Conditions
-    rest: np.ndarray = np.empty(0)
-    held: bool = True
+    rest: Rest | None = None
 
 
 def idle(conditions: Conditions, hand: bool = False) -> Case:
@@ -113,6 +112,7 @@ class Drives:
         ratio: motor turns per joint turn. inertia: of rotor, brake and gear input, kg m^2.
         heat: continuous torque at the rated shaft and the ambient temperature, N m.
         back: eta_b of the driven gear when the brake closes. brake: its largest torque, N m.
+        unsure: what the brake's inertia may be less than the one in `inertia`, kg m^2.
         at_output: motors are rated at the joint. linear: the joint slides.
         one: the drive, where it is one.
     """
@@ -129,6 +129,7 @@ class Drives:
     at_output: bool
     linear: bool
     one: Candidate | None = None
+    unsure: Value = 0.0
 
     @property
     def conditions(self) -> Conditions:
@@ -229,6 +230,7 @@ def drive(candidate: Candidate, motor: MotorCycle | None, case: Case) -> Drives:
         candidate.at_output,
         candidate.linear,
         candidate,
+        candidate.brake_unsure,
     )
 
 

@@ -612,6 +612,12 @@ def brake_peak(
     return (np.abs(ratio) * torque + heavy * effort) / np.where(slope > 0, slope, np.nan)
 
 
+def _closing(d: Drives) -> Value:
+    """The gear's peak, the larger of those with both ends of the brake's inertia."""
+    ends = (d.inertia, d.inertia - d.unsure)
+    return np.fmax(*(brake_peak(d.brake, d.ratio, J, d.load, d.demand.peak, d.back) for J in ends))
+
+
 def _brake_missing(d: Drives) -> str:
     if d.candidate.gear is None:
         return "momentary peak of the gear in the gearmotor"
@@ -684,7 +690,7 @@ JOINT_LIMITS = [
           applies=lambda d: d.conditions.backlash is not None),
     Limit("back-driving", nothing, nothing, "", "", "", verdict=_back_driving),
     Limit("gear momentary peak torque, brake closing",
-          lambda d: brake_peak(d.brake, d.ratio, d.inertia, d.load, d.demand.peak, d.back),
+          _closing,
           "gear.momentary_peak_torque", "effort",
           "(|r| T_b + J_r G/J_L)/(eta_b + J_r/J_L) <= limit for momentary peak torque",
           "statics and dynamics of one axis, the gear rigid; pinfric stop simulates all",

@@ -26,6 +26,18 @@ MOST_OVERVOLTAGE = 1.5
 #: Of motor and gear: housing, shaft and bearings of a frameless kit (12 to 32 % in MyActuator's
 #: EPS-RH 14 to 32 beside the same gears and motors as kits).
 KIT = 0.25
+#: A joint's own dry friction must be so many times its load for it to need no brake: friction falls
+#: by warm grease, wear and vibration. 1 to 4 make no difference to 17 machines.
+FRICTION_RESERVE = 2.0
+#: Of a joint's largest effort: a smaller load is rounding of masses, or of an axis up to 1.1
+#: degrees off the vertical.
+LITTLE_LOAD = 0.02
+#: Reserve of brakes where masses or payloads are guesses: "if not enough is known about the load
+#: torque, a safety factor of 2" (B&R 8JSA user's manual V1.00, p. 20).
+UNSURE_BRAKE_FACTOR = 2.0
+#: s, within which a brake alone stops its joint: Universal Robots UR5, user manual CB3 3.4.5, p.
+#: I-53, category 0 at full speed and reach: base 0.24, shoulder 0.53, elbow 0.16 s.
+STOP_TIME = 0.5
 #: Joints nearer to the base than this are base axes for the rule on frequencies.
 BASE_AXES = 3
 
@@ -112,14 +124,22 @@ class Conditions(Entry):
         key("number and duration in the gear's life", {"count": 100, "duration": 0.15}),
     ] = None
     holding_brake: Annotated[
-        Literal["any", "where_needed", "required"],
+        Literal["any", "where_needed", "all"],
         key(
-            "which joints need a brake: all, those that friction does not hold, or none",
-            "where_needed",
+            "which joints need a brake: all; those that their own friction does not hold and, "
+            "where the scene has `stops`, those that move; `any`: the same, if there is one",
+            "all",
         ),
-    ] = "any"
+    ] = "where_needed"
     brake_factor: Annotated[
-        Number, Field(ge=1), key("reserve on the brakes' torque; 1.5 to 3 are usual", 1.5, "1")
+        Number,
+        Field(ge=1),
+        key(
+            "reserve on the brakes' torque; 1.5 to 3 are usual; at least 2 where masses or "
+            "payloads are guesses",
+            1.5,
+            "1",
+        ),
     ] = 1.5
     bus_limit: Annotated[
         Positive | None, key("highest permissible bus voltage while motors brake", 56.0, "V")

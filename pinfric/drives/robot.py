@@ -9,23 +9,24 @@ choice is settled only by one at its own masses.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
 
+from pinfric.drives.brake import rest_of
 from pinfric.drives.demand import (
     DriveCycle,
     drive_cycle,
     driven_joint,
     gear_demand,
     hold_samples,
-    largest,
 )
 from pinfric.drives.drivetrain import Candidate
 from pinfric.drives.duty import Schedule
+from pinfric.drives.friction import without_drives
 from pinfric.drives.inertia import joint_inertias
 from pinfric.drives.limit import Case
 from pinfric.drives.policy import BASE_AXES, Conditions
@@ -43,8 +44,6 @@ from pinfric.motions.trajectory import Trajectory
 
 #: Motions with more samples are solved again rather than kept for each drive's influence.
 _MOST_SAMPLES = 50_000
-#: Of the joint's largest effort: what is smaller is rounding of its motion or of its masses.
-_NOTHING = 1e-6
 
 #: Masses (kg) that drives add to the links that carry them, by the drive's column.
 Masses = Mapping[int, float]
@@ -72,7 +71,6 @@ class _Solved:
         zero = np.zeros_like(states.v)
         still = inverse_dynamics(self.scene, states.q, zero, zero, attached=states.attached)
         self.rest = still.effort_frictionless
-        self.friction = still.effort_lower - self.rest, still.effort_upper - self.rest
         self.inertia = None if self.scene.loops else joint_inertias(self.scene, states)
 
     @cached_property
@@ -166,13 +164,10 @@ class Robot:
                 wrench = self.last.wrench[:, joint - 1] if wrench is None else wrench
                 wrench = wrench + more[k] * point.wrench[:, joint - 1]
         demand = gear_demand(self.result, i, cycle, wrench=wrench)
-        most = max(largest(cycle.effort_lower), largest(cycle.effort_upper))
-        rest = np.where(np.abs(rest) <= _NOTHING * most, 0.0, rest)
-        low, high = (rest + friction[:, i] for friction in self.last.friction)
-        held = bool(((low <= 0.0) & (high >= 0.0)).all())
         inertia_max = None if joint is None or own is None else float(own.max())
         hand = depth(self.scene, i) > BASE_AXES
-        return Case(demand, cycle, inertia_max, hand, self.conditions, rest, held)
+        still = rest_of(self.scene, i, rest, demand.peak, demand.speed)
+        return Case(demand, cycle, inertia_max, hand, self.conditions, still)
 
     def _point(self, k: int) -> _Point:
         """What 1 kg at a drive adds (see the module)."""
@@ -242,47 +237,6 @@ def with_masses(scene: Scene, masses: Masses) -> Scene:
             )
         changed = True
     return replace(scene, model=model) if changed else scene
-
-
-def drive_friction(scene: Scene) -> dict[str, dict[str, str]]:
-    """Return what of the friction is the drives', not the joints' own: joint -> key -> why.
-
-    Coulomb and viscous friction that a starting scene guessed ("guessed": by what motors of a
-    UR10e draw), that was measured on the motor's side ("measured by motor currents"), or beside
-    which `includes_drive` stands. Another drive brings its own losses instead.
-    """
-    guesses = {} if scene.assumed is None else scene.assumed.values
-    by_motors = scene.measured is not None and scene.measured.side == "motor"
-    found = {}
-    for name, entry in scene.friction.items():
-        why = {
-            key: "guessed"
-            if f"friction.{name}.{key}" in guesses
-            else "measured by motor currents"
-            if by_motors
-            else "with `includes_drive`" * entry.includes_drive
-            for key, term in entry
-            if key in ("coulomb", "viscous") and term
-        }
-        found[name] = {key: text for key, text in why.items() if text}
-    return {name: why for name, why in found.items() if why}
-
-
-def without_drives(scene: Scene, names: Collection[str]) -> Scene:
-    """Return the scene with no losses of the named drives in their joints' friction.
-
-    Args:
-        scene: where `drive_friction` says of friction that it is the drives', it becomes 0.
-        names: of the drives that others replace.
-    """
-    changed = {
-        name: (entry := scene.friction[name]).model_copy(
-            update={key: getattr(entry, key).scaled(0.0) for key in keys}
-        )
-        for name, keys in drive_friction(scene).items()
-        if name in names
-    }
-    return replace(scene, friction={**scene.friction, **changed}) if changed else scene
 
 
 def geared(scene: Scene, gears: Mapping[str, Transmission | None]) -> Sequence[Actuator]:

@@ -9,8 +9,8 @@ import pinocchio as pin
 
 from pinfric.drives.catalog import Catalog
 from pinfric.drives.duty import Schedule
+from pinfric.drives.friction import drive_friction
 from pinfric.drives.policy import KIT
-from pinfric.drives.robot import drive_friction
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.states import States
 from pinfric.model.scene import Scene
@@ -107,7 +107,13 @@ def caveats(
         "couplings, cables and encoders have none. A gear takes the motors that its maker names, a "
         "frameless kit goes into a strain wave gear; else a motor with a shaft is taken to fit.",
         "A joint gets the smallest brake that holds its load without any help of the gear, unless "
-        "friction of the joint alone holds it, or the gear is self-locking.",
+        "the load is at most half of dry friction that is known to be the joint's own, or 2 % of "
+        "its largest effort, or the gear is self-locking"
+        + (
+            "; where it moves, one that stops it within 0.5 s."
+            if scene.stops is not None
+            else ". Without power the others coast and can be pushed: add `stops`."
+        ),
         "Output bearings carry the whole wrench of the joint, about the joint's origin, which is "
         "assumed to lie on the output flange; conditions.bearings names another bearing instead.",
         "Magnets are assumed cold: the torque constant does not fall with temperature.",

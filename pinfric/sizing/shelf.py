@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from pinfric.drives.brake import Stop, smallest_brake
+from pinfric.drives.brake import Stop, braking_torque, smallest_brake
 from pinfric.drives.catalog import Brake, Catalog, Gear, GearMotor, Motor
 from pinfric.drives.criterion import Criterion, Status
 from pinfric.drives.demand import largest, mean
@@ -207,8 +207,8 @@ class _Block:
 
     def braked(
         self, gears: np.ndarray, options: Sequence[Sequence[Sequence[Brake | None]]]
-    ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-        """Yield largest torque (NaN: none), inertia and mass (n, nm) of each brake on trial.
+    ) -> Iterator[tuple[np.ndarray, ...]]:
+        """Yield the figures (n, nm) of each brake on trial: see `_NO_BRAKE`.
 
         Args:
             gears: (n,) rows. options: of each gear and kin, as of `_Row`; the last one is repeated.
@@ -218,19 +218,15 @@ class _Block:
             held = [[own[min(k, len(own) - 1)] for own in row] for row in options]
             figures = np.array(
                 [
-                    [
-                        (b.greatest, b.rotor_inertia or 0.0, b.mass or 0.0) if b else _NO_BRAKE
-                        for b in row
-                    ]
+                    [(b.greatest, *b.inertia_ends, b.mass_taken) if b else _NO_BRAKE for b in row]
                     for row in held
                 ]
             )
-            picked = figures[np.arange(len(gears))[:, None], kin]
-            yield picked[..., 0], picked[..., 1], picked[..., 2]
+            yield tuple(np.moveaxis(figures[np.arange(len(gears))[:, None], kin], -1, 0))
 
 
-#: Largest torque, inertia and mass of a drive's brake where it has none.
-_NO_BRAKE = (np.nan, 0.0, 0.0)
+#: Largest torque, least and greatest inertia, mass of a drive's brake where it has none.
+_NO_BRAKE = (np.nan, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -485,7 +481,7 @@ class Search:
             options: list[Brake | None] = []
             for name, brake in brakes.items():
                 borne = [smallest_brake({name: brake}, needed, stop) for stop in stops]
-                options += [brake] * (brake.torque >= needed)
+                options += [brake] * (brake.torque >= braking_torque(brake, needed, stops[0]))
                 if None not in borne:
                     break
             else:
@@ -499,25 +495,26 @@ class Search:
         Args:
             made: gives the ratio. inertia: of rotor and gear input, kg m^2.
         """
-        load = self.case.load_inertia
-        if load is None:
+        load, rest = self.case.load_inertia, self.case.rest
+        if load is None or rest is None:
             return None
         speed = np.abs(made.ratio * self.case.cycle.velocity)
         at_shaft = np.full(len(speed), load / made.ratio**2 + inertia)
-        return Stop(at_shaft, speed, np.abs(self.case.rest / made.ratio))
+        within = rest.within(self.case.conditions)
+        return Stop(at_shaft, speed, np.abs(rest.load / made.ratio), within)
 
     def holding_torque(self, drive_: Candidate) -> float | None:
         """Return what a brake at the shaft must hold, N m; None where none is needed.
 
-        brake_factor max |load|/ratio at rest, friction left out; a self-locking gear needs none.
+        brake_factor max |load|/ratio at rest, friction left out (`brake.Rest`).
         """
         rest, conditions, gear = self.case.rest, self.case.conditions, drive_.transmission
-        if not len(rest) or (drive_.linear and drive_.at_output):
+        if rest is None or (drive_.linear and drive_.at_output):
             return None  # a linear motor has no shaft
         locks = gear is not None and driven_efficiency(gear) <= 0
-        if (self.case.held or locks) and conditions.holding_brake != "required":
+        if not rest.why_brake(conditions, locks):
             return None
-        return conditions.brake_factor * largest(rest) / abs(drive_.ratio)
+        return rest.reserve(conditions) * largest(rest.load) / abs(drive_.ratio)
 
     def _margins(self, b: int, gears: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(n, nm) bounds of the least margins of some gears with every motor, and their masses."""
@@ -535,7 +532,7 @@ class Search:
         back = np.array([row.back for row in rows])[:, None]
         own = np.array([row.margin for row in rows])[:, None]
         best, lightest = np.array(-np.inf), np.array(np.inf)
-        for torque, more, heavier in block.braked(gears, [row.brakes for row in rows]):
+        for torque, less, more, heavier in block.braked(gears, [row.brakes for row in rows]):
             J = block.inertia[gears] + more
             square = mm + 2 * J * ma + J**2 * aa + hh + 2 * np.abs(hm + J * ha)
             ends = [(m + J * a, h, speed) for m, h, a, speed in samples]
@@ -546,7 +543,7 @@ class Search:
             )
             d = Drives(
                 self.case, gear, motor, asked, block.ratio[gears], J, heat, back, torque,
-                block.at_output, block.linear,
+                block.at_output, block.linear, unsure=more - less,
             )  # fmt: skip
             least = np.broadcast_to(own, J.shape).copy()
             for limit in LIMITS:

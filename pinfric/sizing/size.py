@@ -32,6 +32,7 @@ from pinfric.drives.demand import (
 )
 from pinfric.drives.drivetrain import MotorCycle, line_voltage, motor_cycle
 from pinfric.drives.duty import Duty, Schedule, once
+from pinfric.drives.friction import without_drives
 from pinfric.drives.held import held_drives
 from pinfric.drives.parts import check_names, own_parts
 from pinfric.drives.policy import Conditions, parse_conditions
@@ -42,7 +43,6 @@ from pinfric.drives.robot import (
     carried,
     equip,
     tip_to_base,
-    without_drives,
 )
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult

@@ -63,7 +63,14 @@ def test_every_figure_has_maker_and_document_and_a_grade(section, name):
         if figure in ("mounting", "input", "motors"):
             assert product.startswith("by rule: ")
         else:
-            assert product.split()[0] in ("Harmonic", "Schaeffler", "ZeroErr", "maxon", "ball")
+            assert product.split()[0] in (
+                "Harmonic",
+                "Schaeffler",
+                "ZeroErr",
+                "maxon",
+                "ball",
+                "B&R",
+            )
 
 
 def test_the_bundled_catalogue_has_all_that_is_printed_and_no_more():

@@ -749,7 +749,7 @@ def test_every_row_names_the_conditions_that_set_it_and_their_defaults(tmp_path)
     """Each condition is changed alone: the rows whose figures change are those that name it."""
     seen, named = set(), set()
     for scene, motion, catalog in variants(tmp_path):
-        first = parse_conditions({**GIVEN, "holding_brake": "required"}, Conditions())
+        first = parse_conditions({**GIVEN, "holding_brake": "all"}, Conditions())
         joint = pf.size(scene, motion, catalog, conditions=first, on_miss="ignore").joints[0]
 
         def judged(conditions, joint=joint):
@@ -805,9 +805,9 @@ def test_every_row_names_the_conditions_that_set_it_and_their_defaults(tmp_path)
         ({"reversal_error": 1e-9}, "reversal error", "reversal_error = 1e-09, default none"),
         ({"lowest_frequency": 90.0}, "lowest frequency", "lowest_frequency = 90, default none"),
         (
-            {"holding_brake": "required", "brake_factor": 9.0},
+            {"holding_brake": "all", "brake_factor": 9.0},
             "holding brake",
-            "brake_factor = 9, default 1.5; conditions.holding_brake = required, default any",
+            "brake_factor = 9, default 1.5; conditions.holding_brake = all, default where_needed",
         ),
     ],
 )

@@ -35,7 +35,7 @@ def sized(tmp_path, mass, masses, **conditions):
     motors = {"M": motor, "S": {**motor, **strong, "mass": 1.2}}
     path = write_catalog(tmp_path / "c.yaml", motors)
     scene = arm(mass, masses)
-    given = {"inertia_ratio": 1e4, "thermal_time": 1.0, **conditions}
+    given = {"inertia_ratio": 1e4, "thermal_time": 1.0, "holding_brake": "any", **conditions}
     return pf.size(scene, still(scene), path, conditions=given, on_miss="ignore")
 
 

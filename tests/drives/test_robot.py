@@ -51,7 +51,7 @@ def test_efforts_wrenches_and_inertias_are_those_of_inverse_dynamics(arm, seed):
         cycle = case.cycle
         bare = exact.effort_frictionless[:, i]
         np.testing.assert_allclose(cycle.effort_frictionless, bare, atol=1e-11 * top.max())
-        np.testing.assert_allclose(case.rest, still.effort_frictionless[:, i], atol=1e-4)
+        np.testing.assert_allclose(case.rest.load, still.effort_frictionless[:, i], atol=1e-4)
         assert case.load_inertia == pytest.approx(inertias[:, i].max(), rel=1e-12)
         assert np.abs(cycle.effort_upper - exact.effort_upper[:, i]).max() < 0.05 * top[i]
         row = state_wrenches(heavy, exact.states)[:, i]

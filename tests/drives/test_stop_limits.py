@@ -28,7 +28,7 @@ HEAVY = 1e4 * (5e-5 + 1e-5 + 1e-5) / 2.0
 def sized(tmp_path, brake=BRAKE, gear=None, stops=STOPS, **given):
     scene = turntable().with_(stops=stops)
     catalog = one_drive(tmp_path, MOTOR, {**GEAR, **(gear or {})}, brakes={"B": brake})
-    required = {"holding_brake": "required"}
+    required = {"holding_brake": "all"}
     given = {"conditions": required, "on_miss": "ignore", **given}
     return sized_cycle(catalog, scene, **given)
 
@@ -54,13 +54,13 @@ def test_peak_of_a_closing_brake_by_hand(tmp_path, braked):
 
 
 def test_a_brake_of_unknown_mass_and_inertia_loads_its_gear_too(tmp_path):
-    """Twice 0.5 N m x 100, J_r of motor and gear alone; the scene does not say how it stops."""
+    """Twice 0.5 N m x 100, J_r of motor and gear alone: its own inertia may be next to none."""
     bare = {"source": "invented", "grade": "R", "torque": 0.5}
     report = sized(tmp_path, brake=bare, stops=None)
     heavy = 1e4 * (5e-5 + 1e-5) / 2.0
     assert row(report).required == pytest.approx((100.0 + heavy * 15.0) / (0.7 + heavy), rel=1e-6)
     assert report.joints[0].installed.candidate.brake == "B"
-    assert "B: largest torque taken as 2 x 0.5 N m, mass taken as 0" in report.notes[-1]
+    assert "B: largest torque taken as 2 x 0.5 N m, mass taken as 0.28 T^0.7" in report.notes[-1]
 
 
 @pytest.mark.parametrize(
@@ -73,7 +73,7 @@ def test_what_the_peak_of_a_closing_brake_lacks_is_said(tmp_path, gear, lacks):
     """Beside G, which fits and so gives the brake its load."""
     other = {k: v for k, v in {**GEAR, **gear}.items() if v is not None}
     path = write_catalog(tmp_path / "c.yaml", gears={"G": GEAR, "H": other}, brakes={"B": BRAKE})
-    scene, required = turntable(), {"holding_brake": "required"}
+    scene, required = turntable(), {"holding_brake": "all"}
     report = sized_cycle(path, scene, conditions=required, on_miss="ignore")
     (drive,) = [a for a in report.joints[0].assessments if a.candidate.gear_name == "H"]
     (found,) = [c for c in drive.criteria if c.name == NAME]
@@ -94,7 +94,7 @@ def test_the_gear_in_a_gearmotor_has_no_figure_and_a_direct_drive_no_gear(tmp_pa
     path = write_catalog(
         tmp_path / "c.yaml", motors={}, gears={}, gearmotors=drives, brakes={"B": BRAKE}
     )
-    required = {"holding_brake": "required"}
+    required = {"holding_brake": "all"}
     report = sized_cycle(path, conditions=required, on_miss="ignore")
     lacks = {
         a.candidate.name: [c.lacks for c in a.criteria if c.name == NAME]
@@ -155,7 +155,7 @@ def test_a_stopped_robot_gets_a_brake_that_is_known_to_close(tmp_path):
     scene = turntable().with_(stops=STOPS)
     brakes = {"A": {**BRAKE, "torque": 0.4, "torque_max": 0.6, "engage_time": None}, "B": BRAKE}
     catalog = one_drive(tmp_path, MOTOR, GEAR, brakes=brakes)
-    required = {"holding_brake": "required"}
+    required = {"holding_brake": "all"}
     report = sized_cycle(catalog, scene, conditions=required, on_miss="ignore")
     assert report.standstills[0].brake == "B"
     assert report.no_stops == ""

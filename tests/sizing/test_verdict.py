@@ -51,7 +51,7 @@ CASES = {
 
 def sized(tmp_path, brakes=None, **conditions):
     catalog = one_drive(tmp_path, MOTOR, GEAR, brakes={"B": BRAKE} if brakes is None else brakes)
-    given = {"holding_brake": "required", **conditions}
+    given = {"holding_brake": "all", **conditions}
     return sized_cycle(catalog, turntable().with_(stops=STOPS), conditions=given, on_miss="ignore")
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from pinfric.drives.criterion import Status
 from pinfric.drives.power import BusPower
 from pinfric.show.report.names import short_names
 from pinfric.show.report.rows import NONE, table_of
@@ -64,13 +65,17 @@ def smaller_table(found: SizingSummary) -> Table | None:
 
 
 def brake_line(found: SizingSummary) -> list[str]:
-    """Return the brakes of the chosen drives, in a line; none: there are none."""
+    """Return the brakes of the chosen drives, in a line, and what the joints without one do."""
     joints: dict[str, list[str]] = {}
+    without: dict[str, list[str]] = {}
     for joint in found.joints:
         if joint.installed is not None and joint.installed.brake:
             joints.setdefault(joint.installed.brake, []).append(joint.name)
+        elif joint.installed is not None and joint.standstill.torque.status == Status.NOT_REQUIRED:
+            without.setdefault(joint.standstill.torque.note, []).append(joint.name)
     said = "; ".join(f"{name} ({', '.join(of)})" for name, of in joints.items())
-    return [f"brakes: {said}"] if said else []
+    lines = [f"{', '.join(of)}: {why}" for why, of in without.items()]
+    return [f"brakes: {said}", *lines] if said else lines
 
 
 def ask_table(found: SizingSummary, most: int = 0) -> Table | None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from pinfric.drives.criterion import Status
-from pinfric.drives.robot import drive_friction
+from pinfric.drives.friction import drive_friction
 from pinfric.elastic.summary import elastic_summary
 from pinfric.model.brief import counted
 from pinfric.motions.summary import beyond_limits
