@@ -74,7 +74,7 @@ class Check:
     rates: Residual
     wrong: tuple[int, ...]
 
-    def passed(self, relative: float = 1e-9) -> bool:
+    def passed(self, relative: float = 1e-11) -> bool:
         """Return whether all residuals are at most `relative`, and no sample is wrong.
 
         Loops may be open by 1e-6, as in `inverse_dynamics`.
