@@ -27,6 +27,7 @@ from pinfric.model.inputs import note_input, running
 from pinfric.terminal import (
     answer,
     facts,
+    inputs,
     load,
     load_motion_of,
     noticed,
@@ -39,6 +40,7 @@ from pinfric.terminal import (
     show,
     takes_logs,
     telling,
+    typed,
     warnings_as_notices,
     weighted,
     working,
@@ -322,12 +324,7 @@ def size(
     if report.catalog is not None:
         read.extend(report.catalog.files)
     found = sizing_summary(report)
-    words = ["pinfric", "size", scene_name, *([trajectory_name] if trajectory_name else ())]
-    words += [f"--cycle={x}" for x in cycle or ()]
-    words += [f"--on={on:g}", f"--period={period:g}"] if on != 1.0 else []
-    words += [f"--catalog={catalog}"] * bool(catalog)
-    command = shlex.join([*words, *(f"--condition={x}" for x in condition or ())])
-    page = partial(sizing_page, report, command)
+    page = partial(sizing_page, report, shlex.join(["pinfric", *typed]), inputs())
     files: Files = {"report.html": lambda path: path.write_text(page(), encoding="utf-8")}
     if bill := bill_of_materials(report):
         files["bom.csv"] = lambda path: path.write_text(bill, encoding="utf-8")
@@ -906,8 +903,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     noticed.clear()
     telling.update(quiet=False, verbose=False)
     read.clear()
+    typed[:] = sys.argv[1:] if arguments is None else arguments
     with warnings_as_notices(), running_command():
-        sys.exit(_run(_flags_first(list(sys.argv[1:] if arguments is None else arguments))))
+        sys.exit(_run(_flags_first(typed)))
 
 
 def _flags_first(arguments: list[str]) -> list[str]:

@@ -41,6 +41,10 @@ noticed: list[str] = []
 #: How much is printed: "quiet" leaves verdicts and errors, "verbose" adds tables and `facts`.
 telling: dict[str, bool] = {"quiet": False, "verbose": False}
 read: list[str | Path] = []
+#: The words of this run behind `pinfric`, as they were typed: a page to sign states them.
+typed: list[str] = []
+#: Endings of files of shapes: they are drawn, and change no figure.
+_SHAPES = (".dae", ".stl", ".obj", ".ply", ".glb", ".png", ".jpg", ".jpeg", ".mtl")
 
 
 #: The options of every command that reads a trajectory: name, annotation.
@@ -182,6 +186,23 @@ def weighted(text: str) -> tuple[str, float]:
         return text, 1.0
 
 
+def inputs() -> list[str | Path]:
+    """Return the files that this command read, but for shapes, and files of a folder it names."""
+    from pinfric.model.inputs import running
+
+    folders = {Path(name).resolve() for name in read if name and Path(name).is_dir()}
+    noted = () if (command := running()) is None else command.inputs
+    return [
+        *read,
+        *(
+            path
+            for path in noted
+            if not path.name.lower().endswith(_SHAPES)
+            and folders.isdisjoint(path.resolve().parents)
+        ),
+    ]
+
+
 def show(answer: Mapping[str, Any] | Sequence[RenderableType]) -> None:
     """Print a dictionary as JSON, anything else with rich."""
     if isinstance(answer, Mapping):
@@ -223,7 +244,7 @@ def answer(
     """
     from pinfric.show.report.envelope import envelope
 
-    summary = envelope(command, result, scene, read, noticed)
+    summary = envelope(command, result, scene, inputs(), noticed)
     if out is not None:
         from pinfric.model.files import write_folder
 

@@ -187,7 +187,7 @@ class SizingReport(Shown):
     Attributes:
         scene: with the chosen drives' masses and transmissions; the given one without a catalogue.
         given: the scene as it was given.
-        trajectory: source of the motion.
+        trajectory: source of the motion. files: scene, URDF, cycles and catalogue.
         catalog, conditions: the catalogue and the conditions; catalog None: demand only.
         joints: in the order of the scene's drives.
         result, result_without_masses: inverse dynamics of `scene` and of `given`.
@@ -206,6 +206,7 @@ class SizingReport(Shown):
     scene: Scene
     given: Scene
     trajectory: str
+    files: tuple[str, ...]
     catalog: Catalog | None
     conditions: Conditions
     joints: tuple[JointSizing, ...]
@@ -426,8 +427,9 @@ class _Sizing:
         progress: Callable[[str], object],
     ) -> None:
         self.motion: MotionLike
-        duty = None
+        duty, cycles = None, [trajectory]
         if isinstance(trajectory, Duty):
+            cycles = [cycle for cycle, _ in trajectory.cycles]
             self.motion, duty = trajectory.motion(), trajectory.schedule()
         else:
             self.motion = trajectory
@@ -436,6 +438,10 @@ class _Sizing:
         self.conditions, self.progress = conditions, progress
         self.robot = Robot(self.scene, self.motion, duty, conditions)
         self.duty = duty or once(len(self.robot.result.states.q))
+        robot = [] if scene.robot is None else [scene.robot.urdf]
+        cycled = [getattr(cycle, "source", "") for cycle in cycles]
+        made = () if catalog is None else catalog.files
+        self.files = tuple(str(f) for f in (scene.source, *robot, *cycled, *made))
         self.shelves: dict[bool, Shelf] = {}
         self.banned: dict[int, set[str]] = {}
 
@@ -458,6 +464,7 @@ class _Sizing:
             catalog=self.catalog,
             conditions=self.conditions,
             trajectory=str(getattr(self.motion, "source", "motion")),
+            files=self.files,
             joints=joints,
             result=inverse_dynamics(equipped, self.motion) if taken else without,
             result_without_masses=without,

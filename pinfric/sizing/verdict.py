@@ -106,9 +106,9 @@ class Verdict:
         said = f"{self.fitted} of {len(self.joints)} joints can be signed"
         parts = [f"{said}, {len(provisional)} provisional" if provisional else said]
         if self.fitted:
-            parts.append(f"{self.mass:.3g} kg of drives")
+            parts.append(f"{self.mass:.2f} kg of drives")
         if provisional:
-            parts.append(f"{sum(joint.mass for joint in provisional):.3g} kg provisional")
+            parts.append(f"{sum(joint.mass for joint in provisional):.2f} kg provisional")
         wrong = [joint for joint in self.joints if joint.why]
         parts += [f"{joint.name}: {joint.why}" for joint in wrong[:_MOST_FAILING]]
         more = len(wrong[_MOST_FAILING:])
@@ -147,7 +147,7 @@ def verdict_of(report: SizingReport) -> Verdict:
         open_ = [j.name for j, hold in zip(report.joints, holds, strict=True) if hold is None]
         whose = f" of {', '.join(open_)}" if len(open_) < len(holds) else ""
         question = (
-            f"{report.drive_mass:.3g} kg if the links are bare, {report.other_mass:.3g} kg if they "
+            f"{report.drive_mass:.2f} kg if the links are bare, {report.other_mass:.2f} kg if they "
             f"hold the drives{whose}: write `robot.masses`"
         )
     taken = ((i, joint.installed) for i, joint in enumerate(report.joints))

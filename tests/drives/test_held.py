@@ -88,7 +88,7 @@ def test_links_that_are_too_light_are_refused_and_the_safe_side_is_shown(
     assert [failing in line for line in verdict.failing] == [True] * bool(failing)
     if "cannot hold" in failing:
         assert {joint.state for joint in verdict.joints} == {"provisional"}
-        assert verdict.headline.startswith("0 of 3 joints can be signed, 3 provisional; 4.5 kg")
+        assert verdict.headline.startswith("0 of 3 joints can be signed, 3 provisional; 4.50 kg")
         assert "4.5 kg of drives so, 4.5 kg where added" in verdict.failing[0]
     else:
         assert verdict.fitted == 3
@@ -101,7 +101,7 @@ def test_where_it_is_not_said_both_are_sized_and_the_headline_gives_both(tmp_pat
     masses = [sum(j.mass for j in x.verdict.joints) for x in (open_, bare, held)]
     assert masses == pytest.approx([2 * DRIVE + STRONG, 2 * DRIVE + STRONG, 3 * DRIVE])
     assert open_.other_mass == pytest.approx(3 * DRIVE)
-    asked = "5.1 kg if the links are bare, 4.5 kg if they hold the drives: write `robot.masses`"
+    asked = "5.10 kg if the links are bare, 4.50 kg if they hold the drives: write `robot.masses`"
     assert open_.verdict.question == asked
     assert asked in open_.verdict.headline
     assert open_.verdict.signed

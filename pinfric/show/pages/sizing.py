@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from html import escape
 from pathlib import Path
 from typing import Any
 
 from pinfric.drives.criterion import Criterion, Status
+from pinfric.model.described import described, quantity
 from pinfric.show.figure.panel import svg
 from pinfric.show.pages.page import NO_FIGURE, figure, formula, page
 from pinfric.show.pages.sizing_figures import (
@@ -46,20 +47,24 @@ from pinfric.sizing.size import JointSizing, SizingReport
 from pinfric.sizing.summary import (
     Margins,
     SizedJoint,
+    SizingSummary,
     margins,
     sizing_summary,
 )
 
 #: Margins below are called tight.
 _TIGHT = 0.1
+#: Products to ask for that the page lists; the JSON has all.
+_ASKED = 10
 
 
-def sizing_page(report: SizingReport, command: str = "") -> str:
+def sizing_page(report: SizingReport, command: str = "", inputs: Iterable[str | Path] = ()) -> str:
     """Return the report as one HTML page, to read, to print and to sign.
 
     Args:
         report: of `size`.
-        command: that made it, if one did.
+        command: that made it, if one did, as it was typed.
+        inputs: files that it read, beside those that the report knows.
 
     Raises:
         PinfricError: the extra `report` (jinja2) is not installed.
@@ -90,20 +95,16 @@ def sizing_page(report: SizingReport, command: str = "") -> str:
         if value is not None and value != {}:
             shown = f"{value:g}" if isinstance(value, float) else str(value)
             said.append(f"{name} {shown}{given}")
-    # The files behind a sizing: scene, URDF, trajectory, catalogue
-    robot = report.given.robot
-    files = [report.given.source, str(robot.urdf) if robot else "", report.trajectory]
-    lines = (
-        line
-        for joint in report.joints
-        if joint.installed is not None
-        for line in joint.installed.candidate.sources
-    )
+    documents: dict[str, dict[str, None]] = {}
+    for taken in (joint.installed for joint in report.joints):
+        for line in () if taken is None else taken.candidate.sources:
+            name, _, text = line.partition(": ")
+            documents.setdefault(text, {})[name] = None
     return page(
         "sizing",
         report.scene.actuator_names,
         [joint.name for joint in found.joints],
-        files + ([] if report.catalog is None else [*report.catalog.files]),
+        (*report.files, *map(str, inputs)),
         views=joints,
         report=report,
         scene=Path(report.given.source).stem,
@@ -132,14 +133,15 @@ def sizing_page(report: SizingReport, command: str = "") -> str:
         stop_lines=stop_lines(found),
         verdict="" if report.catalog is None else verdict(report),
         unchecked=unchecked_table(found, title=""),
-        ask=ask_table(found),
+        ask=ask_table(found, _ASKED),
+        rules=_rules(found, short),
         smaller=smaller_table(found),
         conditions_line="Demanded: " + "; ".join(demanded) + ".",
         all_conditions="; ".join(said),
         command=command,
         passes=passes(report),
         repetition=repetition(report),
-        sources=list(dict.fromkeys(lines)),
+        sources=[f"{', '.join(of)}: {text}" for text, of in documents.items()],
         Status=Status,
     )
 
@@ -167,7 +169,8 @@ def _joint_view(
         "found": found,
         "figures": pictures,
         "missing": missing,
-        "criteria": None if taken is None else _criteria(taken.criteria),
+        "criteria": () if taken is None else _criteria(taken.criteria),
+        "remarks": [] if taken is None else _remarks(taken.criteria),
         "units": joint.installed.candidate.units if joint.installed is not None else (),
         "at_output": joint.installed is not None and joint.installed.candidate.at_output,
         "fitting": table_of("", found.alternatives),
@@ -196,8 +199,8 @@ def _ended(c: Criterion) -> Marked:
     return Marked(f'<span title="{escape(c.why)}">{_margin(c.margin)}</span>')
 
 
-def _criteria(criteria: Sequence[Criterion]) -> Table | None:
-    """All criteria of a drive, each with a bar of the used part of its limit."""
+def _criteria(criteria: Sequence[Criterion]) -> tuple[Table | None, ...]:
+    """All criteria of a drive in two tables, each with a bar of the used part of its limit."""
 
     def margin(c: Criterion) -> Marked:
         if c.status in (Status.NOT_CHECKED, Status.NOT_REQUIRED) or c.margin is None:
@@ -207,18 +210,52 @@ def _criteria(criteria: Sequence[Criterion]) -> Table | None:
         bar = f'<i style="width:{used:.1f}%;background:var(--{colour})"></i>'
         return Marked(f'{_ended(c)} <span class="bar" title="used part of the limit">{bar}</span>')
 
-    def remarks(c: Criterion) -> Marked:
-        note = f"<br>{escape(c.note)}" if c.note else ""
-        return Marked(f'<span class="quiet">{escape(c.source)}</span>{note}')
-
     cells: dict[str, Callable[[Criterion], str]] = {
         "required": lambda c: figure(c.required),
         "available": lambda c: figure(c.available),
         "margin": margin,
-        "formula": lambda c: Marked(formula(c.formula)),
-        "source": remarks,
     }
-    return table_of("Criteria", criteria, cells=cells, without=("status",))
+    half, without = (len(criteria) + 1) // 2, ("status", "formula", "source")
+    parts = (criteria[:half], criteria[half:])
+    return tuple(table_of("", part, cells=cells, without=without) for part in parts)
+
+
+def _remarks(criteria: Sequence[Criterion]) -> list[tuple[str, str]]:
+    """What is remarked of criteria, once; what was not checked has a table of its own."""
+    said: dict[str, list[str]] = {}
+    for c in criteria:
+        if c.note and c.status != Status.NOT_CHECKED:
+            said.setdefault(c.note, []).append(c.name)
+    return [(", ".join(names), note) for note, names in said.items()]
+
+
+@described
+class Rule:
+    """How a criterion is judged."""
+
+    criterion: str = quantity("its name", heading="criterion")
+    formula: str = quantity("of the check", heading="formula")
+    source: str = quantity("of the rule", heading="source")
+    joints: tuple[str, ...] = quantity("where it is so; empty: everywhere", heading="joints")
+
+
+def _rules(found: SizingSummary, short: Mapping[str, str]) -> Table | None:
+    """How each criterion is judged, once; where it differs between joints, with the joints."""
+    said: dict[tuple[str, str, str], list[str]] = {}
+    judged: dict[str, int] = {}
+    for joint in found.joints:
+        for c in () if joint.installed is None else joint.installed.criteria:
+            said.setdefault((c.name, c.formula, c.source), []).append(short[joint.name])
+            judged[c.name] = judged.get(c.name, 0) + 1
+    rows = [
+        Rule(*key, () if len(of) == judged[key[0]] else tuple(of))
+        for key, of in sorted(said.items(), key=lambda item: list(judged).index(item[0][0]))
+    ]
+    cells = {
+        "formula": lambda row: Marked(formula(row.formula)),
+        "joints": lambda row: ", ".join(row.joints),
+    }
+    return table_of("", rows, cells=cells)
 
 
 def _cell(joint: str, row: Margins) -> Marked:

@@ -38,11 +38,12 @@ def envelope(
 
 
 def hashes(inputs: Iterable[str | Path]) -> dict[str, str]:
-    """Return the SHA-256 of each input that is a file, or a folder of data files."""
-    files = [
-        path for name in dict.fromkeys(map(str, inputs)) if name and (path := Path(name)).exists()
-    ]
-    return {str(file): file_hash(file) for file in files}
+    """Return the SHA-256 of each input that is a file, or a folder of data files, once."""
+    files: dict[Path, str] = {}
+    for name in map(str, inputs):
+        if name and Path(name).exists():
+            files.setdefault(Path(name).resolve(), name)
+    return {name: file_hash(name) for name in files.values()}
 
 
 def result_schema(results: Mapping[str, Sequence[type]]) -> dict[str, Any]:
