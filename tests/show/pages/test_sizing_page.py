@@ -1,4 +1,4 @@
-"""The page to sign: every number of one joint worked out by hand, and what it says of its origin."""
+"""The page to sign: every number of one joint worked out by hand, and what it was made of."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ def test_every_number_of_a_joint_is_that_of_a_pocket_calculator(tmp_path):
 
 
 def test_the_page_states_the_words_typed_and_every_input(tmp_path, monkeypatch):
-    """Cycles of a duty, the file of columns and the period, too: all that another choice follows."""
+    """Cycles of a duty and the period, too: with others another drive is chosen."""
     monkeypatch.chdir(tmp_path)
     cycle = (bundled_folder() / "pendulum.waypoints.yaml").read_text(encoding="utf-8")
     for name in ("a cycle.yaml", "b.yaml"):
