@@ -23,6 +23,13 @@ REMOVED = {
     **dict.fromkeys(("--to ur", "--to isaaclab", "--to newton", "--to pinocchio"), _TO_CONSTANTS),
     "pinfric retime --sensitivity": "run `retime` again with other limits or drives",
     "pinfric size --fastest": "run `retime` with the chosen drives",
+    **dict.fromkeys(
+        (
+            f"MotorOnTrial.{key}"
+            for key in ("motor", "continuous_torque", "peak_torque", "max_speed")
+        ),
+        "name a `drive` of a catalogue, motor and gear",
+    ),
     "pinfric sweep --scheduler": "write --cluster ADDRESS",
     "pinfric size --what-if": "for another scene (`robot.masses`, no `friction`) run `size` again",
 }

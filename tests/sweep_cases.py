@@ -13,6 +13,8 @@ import pinfric as pf
 MASS, MU, G = 2.0, 0.2, 9.81
 
 
+#: A motor and gear of the bundled catalogue.
+DRIVE = "Kollmorgen TBM-6051-A + Harmonic Drive CSF-17-100"
 BOX = {"link": "slab", "mass": 1.0, "com": [0.0, 0.0, 0.0]}
 
 
@@ -66,6 +68,6 @@ def swept_panda():
         40,
         payload__box__mass=uniform(1.0, 3.0),
         friction__all__coulomb=uniform(0.5, 2.0, each=True),
-        motors={"panda_joint2": {"continuous_torque": 0.3772, "peak_torque": 9.0}},
+        motors={"panda_joint2": {"drive": DRIVE}},
     )
     return pf.sweep(scene, motion, varied, processes=1)

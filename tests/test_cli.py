@@ -202,7 +202,7 @@ seed: 1
 parameters:
   friction.shoulder.mu: {lognormal: {median: 1.0, sigma: 0.3}}
   speed: {uniform: {low: 0.9, high: 1.1}}
-motors: {shoulder: {peak_torque: 40.0}}
+motors: {shoulder: {drive: Kollmorgen TBM-6051-A + Harmonic Drive CSF-17-100}}
 """
 
 

@@ -75,6 +75,7 @@ def test_wrong_usage_is_one_line(arguments, culprit, capsys):
     [
         (["size", "pendulum", "pendulum", "--what-if"], "pinfric size --what-if"),
         (["size", "pendulum", "pendulum", "--fastest=2"], "pinfric size --fastest"),
+        (["sweep", "a", "b", "c", "--scheduler", "tcp://h:1"], "pinfric sweep --scheduler"),
         (["export", "pendulum", "--to", "ur"], "--to ur"),
     ],
 )

@@ -149,7 +149,7 @@ SWEEP = {
         "speed": {"uniform": {"low": 0.9, "high": 1.1}},
         "mounting.pitch": {"normal": {"mean": 0.0, "std": 0.02}},
     },
-    "motors": {"shoulder": {"continuous_torque": 0.4, "peak_torque": 1.0, "max_speed": 400.0}},
+    "motors": {"shoulder": {"drive": "CubeMars AK80-64"}},
 }
 CATALOG = {"pinfric_catalog": 1, "motors": {"M": MOTOR}, "gears": {"G": GEAR}}
 STL = (

@@ -47,7 +47,7 @@ class Study:
     Attributes:
         scene, trajectory: before a sample's values are put in.
         targets: what the values change.
-        trials: the motors on trial.
+        trials: the drives on trial.
     """
 
     scene: Scene
@@ -65,14 +65,9 @@ class Study:
             return None
 
     @property
-    def judged(self) -> tuple[Trial, ...]:
-        """The catalogue's drives on trial."""
-        return tuple(trial for trial in self.trials if trial.checks)
-
-    @property
     def criteria(self) -> tuple[tuple[str, str], ...]:
         """The columns of verdicts: a drive on trial, and one of its criteria."""
-        return tuple((trial.drive, name) for trial in self.judged for name in trial.checks)
+        return tuple((trial.drive, name) for trial in self.trials for name in trial.checks)
 
     @property
     def elastic(self) -> tuple[str, ...]:
@@ -126,7 +121,7 @@ def compute(study: Study, rows: np.ndarray, values: np.ndarray) -> pd.DataFrame:
     """
     import pandas as pd
 
-    sums, judged = study.superposition, bool(study.judged)
+    sums, judged = study.superposition, bool(study.trials)
     stored: Iterable[Stored | None] = repeat(None) if sums is None else sums.cycles(values, judged)
     cycles = [_cycle(study, *given) for given in zip(values, stored, strict=False)]
     table = np.array([cycle.figures for cycle in cycles]).reshape(len(rows), -1)
@@ -170,7 +165,7 @@ def cycle_figures(study: Study, sample: Sequence[float] | np.ndarray) -> Cycle:
     # one thread: the processes share the cores already
     result = inverse_dynamics(scene, trajectory, threads=1)
     # loops couple the joints: none has an inertia of its own
-    known = study.judged and not scene.loops
+    known = study.trials and not scene.loops
     margins, verdicts = _verdicts(study, result, study.load_inertias(result) if known else None)
     elastic = elastic_figures(result) if study.elastic else ()
     unsolved = int(np.isnan(result.effort_lower).any(axis=1).sum())
@@ -195,10 +190,10 @@ def _verdicts(
 ) -> tuple[np.ndarray, list[int]]:
     """(na,) least margins, 1 where no drive is on trial; the verdicts of `Study.criteria`."""
     margins, verdicts = np.ones(len(result.scene.drives)), list[int]()
-    if study.judged:
+    if study.trials:
         # a path at another speed holds where it held
         holding = holds(result.scene, study.trajectory, result.states.v)
-        for trial in study.judged:
+        for trial in study.trials:
             margins[trial.actuator], codes = trial.verdict(result, holding, inertias)
             verdicts += codes
     return margins, verdicts

@@ -8,7 +8,7 @@ parameters:
   friction.*.mu: {lognormal: {median: 1.0, sigma: 0.35}}     # a factor
   payload.box.mass: {normal: {mean: 2.0, std: 0.1}}          # kg
 motors:
-  panda_joint2: {continuous_torque: 0.4, peak_torque: 1.2}   # N m at the motor's shaft
+  panda_joint2: {drive: CubeMars AK80-64}                    # of a catalogue
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from pydantic import Field, model_validator
 
 from pinfric.drives.policy import GivenConditions
 from pinfric.errors import SweepError
-from pinfric.model.entry import Entry, Number, Positive, Version, key, parse
+from pinfric.model.entry import Entry, Number, Version, key, parse
 from pinfric.model.scene_file import find_file
 from pinfric.model.yamlfile import read_yaml
 from pinfric.sweeps.distributions import (
@@ -82,36 +82,13 @@ class Parameter(Entry):
 
 
 class MotorOnTrial(Entry):
-    """A motor whose ratings are compared with every sample.
+    """A drive of the catalogue, motor and gear, that every sample is held against.
 
-    Ratings at the motor's shaft (of an ideal drive: at the joint, N m or N). `motor`: ratings from
-    the catalogue, with the scene's transmission. `drive`: a motor with its gear, by the name
-    that `pinfric size` prints, checked by all its criteria; its transmission replaces the scene's,
-    and its mass is added to the links unless `robot.masses` says that they hold it. Ratings given
-    here take precedence.
+    By the name that `pinfric size` prints, checked by all its criteria; its transmission replaces
+    the scene's, and its mass is added to the links unless `robot.masses` says that they hold it.
     """
 
-    motor: Annotated[str | None, key("of the catalogue, by name", "CubeMars AK80-64")] = None
-    drive: Annotated[
-        str | None, key("motor and gear of the catalogue, by name", "CubeMars AK80-64")
-    ] = None
-    continuous_torque: Annotated[Positive | None, key("compared with the RMS", 0.37, "N m")] = None
-    peak_torque: Annotated[
-        Positive | None, key("compared with `peak_factor` times the peak", 1.0, "N m")
-    ] = None
-    max_speed: Annotated[Positive | None, key("compared with the top speed", 400.0, "rad/s")] = None
-
-    @model_validator(mode="after")
-    def _says_something(self) -> MotorOnTrial:
-        if self.motor is not None and self.drive is not None:
-            raise ValueError("give `motor` or `drive`, not both")
-        figures = self.continuous_torque, self.peak_torque, self.max_speed
-        if self.motor is None and self.drive is None and not any(figures):
-            raise ValueError(
-                "nothing to check: give continuous_torque, peak_torque or max_speed, or the name "
-                "of a `motor` or `drive` of the catalogue"
-            )
-        return self
+    drive: Annotated[str, key("motor and gear of the catalogue, by name", "CubeMars AK80-64")]
 
 
 class SweepFile(Entry):
@@ -153,10 +130,7 @@ class SweepFile(Entry):
     ] = Field(default_factory=dict)
     motors: Annotated[
         dict[str, MotorOnTrial],
-        key(
-            "motors to check, by drive",
-            {"panda_joint2": {"continuous_torque": 0.37, "peak_torque": 1.0}},
-        ),
+        key("motors to check, by drive", {"panda_joint2": {"drive": "CubeMars AK80-64"}}),
     ] = Field(default_factory=dict)
 
     @model_validator(mode="after")

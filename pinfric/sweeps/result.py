@@ -282,7 +282,7 @@ class SweepResult(Shown):
         """Return a row a sample: `sample`, the parameters, `<drive>.<figure>`, what failed.
 
         For each drive on trial `<drive>.suffices`, and whether it meets each criterion that could
-        be checked, `<drive>.<criterion>`; of a catalogue's drive `<drive>.margin`, the least.
+        be checked, `<drive>.<criterion>`; `<drive>.margin` is the least.
         """
         import pandas as pd
 
@@ -293,8 +293,7 @@ class SweepResult(Shown):
         for trial in self.trials:
             columns[f"{trial.drive}.suffices"] = self.sufficing(trial)
             columns |= {f"{trial.drive}.{name}": mask for name, mask in trial.met(self).items()}
-            if trial.checks:
-                columns[f"{trial.drive}.margin"] = self.figure("margin")[:, trial.actuator]
+            columns[f"{trial.drive}.margin"] = self.figure("margin")[:, trial.actuator]
         columns |= {
             name: self.elastic[:, k] for k, name in enumerate(ELASTIC_FIGURES) if self.elastic.size
         }

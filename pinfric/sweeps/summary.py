@@ -61,18 +61,17 @@ class DriveSpread:
 
 @described
 class MotorOnTrial:
-    """Share of samples in which one motor suffices."""
+    """Share of samples in which one drive of the catalogue suffices."""
 
     drive: str = quantity("its drive", heading="joint", name=True)
     actuator: int = quantity("its index in the scene")
-    name: str = quantity("in the catalogue; empty: rated in the sweep file", heading="motor")
-    continuous_torque: float | None = quantity("its rating; none: not checked", "N m")
-    peak_torque: float | None = quantity("its rating; none: not checked", "N m")
-    max_speed: float | None = quantity("its rating; none: not checked", "rad/s")
-    ratio: float = quantity("motor turns per joint turn, 1 for an ideal drive")
-    peak_factor: float = quantity("reserve on the peak torque")
-    mass: float | None = quantity("of a catalogue's drive; none: not known", "kg")
-    criteria_of_size: bool = quantity("whether all criteria of `size` are checked, or ratings only")
+    name: str = quantity("in the catalogue", heading="motor")
+    continuous_torque: float | None = quantity(
+        "at the motor's shaft and the ambient; none: not known", "N m"
+    )
+    peak_torque: float | None = quantity("at the motor's shaft; none: not known", "N m")
+    ratio: float = quantity("motor turns per joint turn")
+    mass: float | None = quantity("none: not known", "kg")
     suffices: Probability = quantity("share of samples in which it suffices", heading="suffices")
     criteria: Mapping[str, Probability] = quantity(
         "criterion -> share of samples in which it is met", heading="fails"
@@ -158,11 +157,9 @@ def _spreads(result: SweepResult, figure: str) -> list[Spread]:
 
 
 def _on_trial(result: SweepResult, trial: Trial) -> MotorOnTrial:
-    same = ("drive", "actuator", "name", "continuous_torque", "peak_torque", "max_speed", "ratio")
+    same = ("drive", "actuator", "name", "continuous_torque", "peak_torque", "ratio", "mass")
     return MotorOnTrial(
-        **{name: getattr(trial, name) for name in (*same, "mass")},
-        peak_factor=trial.conditions.peak_factor,
-        criteria_of_size=bool(trial.checks),
+        **{name: getattr(trial, name) for name in same},
         suffices=result.probability(result.sufficing(trial)),
         criteria={name: result.probability(mask) for name, mask in trial.met(result).items()},
         not_checked=trial.not_checked(result),

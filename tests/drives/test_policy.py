@@ -178,5 +178,5 @@ def test_a_catalogues_ambient_stays_beside_given_conditions(tmp_path):
     assert [(c.ambient, c.peak_factor, c.bus_voltage) for c in found] == [(75.0, 1.1, 60.0)] * 4
     left = MOTOR["continuous_torque"] * ((125.0 - 75.0) / (125.0 - 25.0)) ** 0.5
     rated = [joint.choice.criteria[0].available for report in asked for joint in report.joints]
-    rated += [limits.over_time[0], trial.bounds["continuous torque"].available]
+    rated += [limits.over_time[0], trial.continuous_torque]
     assert rated == pytest.approx([left] * 4, rel=1e-12)

@@ -99,12 +99,13 @@ def test_ctrl_c_while_kernels_are_compiled(delay, tmp_path):
 
 
 @pytest.mark.slow
-def test_ctrl_c_while_other_processes_work(tmp_path):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_while_other_processes_work(number, tmp_path):
     process = begin("two processes", tmp_path)
     wait_for(process, lambda: len(workers(process.pid)) >= 2)
     assert not listening(process.pid)  # nobody else on the machine reaches them
     time.sleep(0.3)
-    expect_the_end(process)
+    expect_the_end(process, lambda pid: os.killpg(pid, number), 3.0)
 
 
 def terminate(pid):

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from sweep_cases import BOX, pushed_block, steady, steps, sweep_of, uniform
+from sweep_cases import BOX, DRIVE, pushed_block, steady, steps, sweep_of, uniform
 
 import pinfric as pf
 from pinfric.errors import SweepError
@@ -121,12 +121,11 @@ def test_everything_wrong_with_the_parameters_is_said_at_once():
         ({"percentiles": [5, 101]}, "101 is not between 0 and 100"),
         ({"parameters": {}}, "`parameters`"),
         ({"condtions": {}}, "'conditions'?"),
-        ({"motors": {"slidr": {"peak_torque": 1.0}}}, "'slide'?"),
-        ({"motors": {"slide": {}}}, "nothing to check"),
-        ({"motors": {"slide": {"peak_torque": 0.0}}}, "motors.slide.peak_torque"),
-        ({"motors": {"slide": {"motor": "no such"}}}, "the catalogue has no motor 'no such'"),
+        ({"motors": {"slidr": {"drive": DRIVE}}}, "'slide'?"),
+        ({"motors": {"slide": {}}}, "`motors.slide.drive`"),
+        ({"motors": {"slide": {"drive": DRIVE, "peak_torque": 1.0}}}, "removed; name a `drive`"),
+        ({"motors": {"slide": {"motor": "M"}}}, "removed; name a `drive`"),
         ({"motors": {"slide": {"drive": "no such"}}}, "the catalogue has no drive 'no such'"),
-        ({"motors": {"slide": {"drive": "a", "motor": "b"}}}, "not both"),
         ({"pinfric_sweep": 2}, "pinfric_sweep"),
     ],
 )

@@ -48,10 +48,10 @@ def one_of_all():
     return Catalog("one drive", {TBM: there.motors[TBM]}, {CSF: there.gears[CSF]})
 
 
-def table_sweep(tmp_path, motors=None, drive=None, motor=None, gear=None, **parameters):
+def table_sweep(tmp_path, motor=None, gear=None, **parameters):
     """A sweep of the turntable's one drive, from a catalogue with figures changed."""
     one_drive(tmp_path, motor, gear)
-    motors = motors or {"table": {"drive": "M + G", **(drive or {})}}
+    motors = {"table": {"drive": "M + G"}}
     return {**sweep_of(motors=motors, **parameters), "catalog": str(tmp_path / "catalog.yaml")}
 
 
@@ -237,9 +237,7 @@ def test_losses_that_vary_are_those_judged(tmp_path):
             motion,
             table_sweep(
                 tmp_path,
-                {},
-                {"peak_torque": peak_torque},
-                motor={"continuous_torque": None},
+                motor={"continuous_torque": None, "peak_torque": peak_torque},
                 gear={"no_load_running_torque": 0.02},
                 sampling="grid",
                 **{"transmission.table.no_load_torque": {"choice": {"values": [1.0, 3.0]}}},
@@ -254,14 +252,14 @@ def test_losses_that_vary_are_those_judged(tmp_path):
     np.testing.assert_array_equal(found.trials[0].met(found)["peak torque"], [True, False])
 
 
-def test_missing_figures_are_named_and_given_ones_take_precedence(tmp_path):
+def test_missing_figures_are_named(tmp_path):
     scene = turntable()
     motion = trapezoid(scene)
     one = {"sampling": "grid", "friction__table__coulomb": {"choice": {"values": [1.0]}}}
     found = pf.sweep(
         scene,
         motion,
-        table_sweep(tmp_path, drive={"continuous_torque": 0.01}, **one)
+        table_sweep(tmp_path, motor={"continuous_torque": 0.01}, **one)
         | {"conditions": {"life": 100.0}},
         processes=1,
     )
@@ -325,7 +323,7 @@ def test_verdicts_travel(tmp_path):
     assert 0 < found.sufficing().sum() < 6
 
 
-def test_named_drive_brings_its_gear_and_a_named_motor_its_ratings(tmp_path):
+def test_named_drive_brings_its_gear(tmp_path):
     from sizing_cases import GEAR, MOTOR, turntable, write_catalog
 
     scene = turntable()
@@ -351,14 +349,3 @@ def test_named_drive_brings_its_gear_and_a_named_motor_its_ratings(tmp_path):
     )
     expected = summarize(pf.inverse_dynamics(chosen, motion))[0].motor_peak
     assert geared.figure("motor_peak")[0, 0] == pytest.approx(expected, rel=1e-12)
-    bare = run(
-        scene,
-        motion,
-        {
-            **sweep_of(sampling="grid", motors={name: {"motor": "M", "max_speed": 0.5}}, **varied),
-            "catalog": catalog,
-        },
-    )
-    assert bare.trials[0].peak_torque == MOTOR["peak_torque"]
-    assert bare.figure("motor_peak")[0, 0] == bare.figure("peak")[0, 0]
-    assert not bare.sufficing().any()  # 1 rad/s is beyond what the sweep says

@@ -44,13 +44,11 @@ def test_samples_that_jam_are_counted_not_hidden():
     scene, motion = example("drawer")
     sweep = sweep_of(
         sampling="grid",
-        motors={"push": {"peak_torque": 1e6}},
         friction__slide__mu={"choice": {"values": [0.5, 1.0, 2.5]}},  # jams beyond 1.5 to 1.9
     )
     with pytest.warns(pf.PinfricWarning, match="1 of 3 samples have no solution"):
         found = run(scene, motion, sweep)
     np.testing.assert_array_equal(found.solved, [True, True, False])
-    np.testing.assert_array_equal(found.sufficing(), [True, True, False])
     assert found.unsolved[2] > 0
     assert np.isfinite(found.quantiles("peak")).all()
 

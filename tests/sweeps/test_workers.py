@@ -3,6 +3,7 @@
 import contextlib
 import json
 import os
+import random
 import signal
 import socket
 import subprocess
@@ -15,7 +16,7 @@ from time import monotonic, sleep
 import numpy as np
 import pytest
 from builders import example
-from processes import workers
+from processes import children, workers
 from sweep_cases import pushed_block, steady, sweep_of, uniform
 
 import pinfric as pf
@@ -130,6 +131,37 @@ def test_a_cluster_gives_the_figures_of_one_process(panda, undisturbed, schedule
             found = pf.sweep(*panda, SWEEP, progress=progress)
         np.testing.assert_array_equal(found.figures, undisturbed.figures)
         np.testing.assert_array_equal(found.values, undisturbed.values)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", ["--processes=1", "--processes=2", "--cluster"])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_a_sweep_and_leaves_nothing(scheduler, tmp_path, how, number):
+    chance = random.Random(f"{how} {number}")
+    how = f"--cluster={scheduler.address}" if how == "--cluster" else how
+    folder = tmp_path / "here"
+    folder.mkdir()
+    panda = ["panda_pick_and_place", "panda_pick_and_place.csv", "panda_pick_and_place"]
+    for _ in range(3):
+        process = subprocess.Popen(
+            [sys.executable, "-m", "pinfric", "sweep", *panda, how, "--out", "out"],
+            cwd=folder,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+        sleep(chance.uniform(0.3, 6.0))
+        below, start = children(process.pid), monotonic()
+        os.killpg(process.pid, number)
+        _, error = process.communicate(timeout=10)
+        assert monotonic() - start < 3.0
+        assert (process.returncode, error) == (130, "pinfric: error: interrupted\n")
+        assert list(folder.iterdir()) == []
+        until = monotonic() + 2.0
+        while any(Path(f"/proc/{pid}").exists() for pid in below):
+            assert monotonic() < until, "processes are left"
+            sleep(0.02)
 
 
 @pytest.mark.parametrize("address", ["closed", "nonsense", "nobody.invalid:8786", "http", "ssh"])

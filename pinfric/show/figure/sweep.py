@@ -78,8 +78,6 @@ def _spread(axes: Axes, result: SweepResult, i: int, name: str) -> None:
     rating, kind = None, "peak" if name.endswith("peak") else "continuous"
     if trial is not None:
         rating = trial.peak_torque if kind == "peak" else trial.continuous_torque
-        if kind == "continuous" and (bound := trial.bounds.get("continuous torque")) is not None:
-            rating = bound.available  # at the ambient temperature of the conditions
     low, high = float(values.min()), float(values.max())
     pad = 0.04 * (high - low) or 0.05 * abs(high) or 1.0
     axes.set_xlim(low - pad, high + pad)
@@ -96,7 +94,7 @@ def _spread(axes: Axes, result: SweepResult, i: int, name: str) -> None:
     axes.set_ylim(0, 1.28 * counts.max())
     axes.set_yticks([])
     if trial is not None and rating is not None:  # in how many samples it suffices
-        met = percent(result.probability(trial.passes(result)[f"{kind} torque"]))
+        met = percent(result.probability(result.figure(name)[:, i] <= rating))
         low, high = axes.get_xlim()
         right = not inside or rating > 0.5 * (low + high)
         axes.annotate(

@@ -49,7 +49,6 @@ def sweep_report(result: SweepResult, found: SweepSummary) -> Report:
         tables.append(_elastic_table(result, elastic))
     if found.motors:
         cells: dict[str, Callable[[Any], str]] = {
-            "name": lambda motor: motor.name or "as given",
             "suffices": lambda motor: percent(motor.suffices, interval=True),
             "criteria": partial(_failures, unsolved=float(np.mean(~result.solved))),
         }
@@ -161,18 +160,10 @@ def _trial_notes(result: SweepResult) -> list[str]:
     for trial in result.trials:
         if missing := trial.not_checked(result):
             lines.append(f"{trial.drive}: {', '.join(missing)} not checked: no figure")
-    bare = [trial.drive for trial in result.trials if not trial.checks]
-    if bare:
-        factor = result.trials[0].conditions.peak_factor
-        lines.append(
-            f"{', '.join(bare)}: only ratings are checked (peak times {factor:g}), not gear, life, "
-            "voltage and winding temperature; `drive:` checks them"
-        )
-    judged = [trial for trial in result.trials if trial.checks]
-    if judged:
+    if result.trials:
         masses = ", ".join(
             f"{t.drive} " + ("not known" if t.mass is None else f"{digits(t.mass)} kg")
-            for t in judged
+            for t in result.trials
         )
         lines.append(
             f"criteria of `pinfric size`; drive masses added to the parent links: {masses} (other "

@@ -5,7 +5,7 @@ import json
 import pytest
 from builders import example
 from printed import assert_printed
-from sweep_cases import BOX, pushed_block, steady, steps, sweep_of, uniform
+from sweep_cases import BOX, DRIVE, pushed_block, steady, steps, sweep_of, uniform
 
 import pinfric as pf
 from pinfric.model.described import in_json
@@ -34,7 +34,7 @@ def test_tables_fit_in_80_columns_and_name_every_joint(panda, capsys, monkeypatc
     assert f"{100 * share:.1f} %" in next(
         line for line in lines if "(1 of 7 drives) suffices" in line
     )
-    assert any("joint2: motor speed not checked" in line for line in lines)
+    assert any("joint2: speed-torque line" in line for line in lines)
 
 
 def test_json_holds_percentiles_correlations_and_odds(panda):
@@ -44,7 +44,7 @@ def test_json_holds_percentiles_correlations_and_odds(panda):
     assert joint["motor_rms"]["percentiles"]["50"] == panda.quantiles("motor_rms")[1, 1]
     assert joint["rms"]["rank_correlation"]["payload.box.mass"] > 0.9
     assert content["motors"][0]["criteria"]["peak torque"]["value"] == 1.0
-    assert content["motors"][0]["not_checked"] == ["motor speed"]
+    assert "amplifier currents" in content["motors"][0]["not_checked"]
 
 
 @pytest.mark.parametrize("sampling", ["random", "sobol", "grid"])
@@ -68,13 +68,12 @@ def test_drive_of_the_catalogue_shows_what_fails_and_what_was_not_checked(capsys
     scene, motion = example(
         "panda_pick_and_place", "panda_pick_and_place.csv", masses="without_drives"
     )
-    drive = "Kollmorgen TBM-6051-A + Harmonic Drive CSF-17-100"
     result = pf.sweep(
         scene,
         motion,
         sweep_of(
             20,
-            motors={"panda_joint2": {"drive": drive}, "panda_joint4": {"peak_torque": 9.0}},
+            motors={"panda_joint2": {"drive": DRIVE}},
             payload__box__mass=uniform(0.5, 2.0),
         ),
         processes=1,
@@ -89,4 +88,3 @@ def test_drive_of_the_catalogue_shows_what_fails_and_what_was_not_checked(capsys
     sweep_figure(result).draw_without_rendering()
     content = json.loads(as_text(in_json(sweep_summary(result))))["motors"]
     assert content[0]["criteria"]["gear repeated peak torque"]["value"] == met.mean()
-    assert [entry["criteria_of_size"] for entry in content] == [True, False]
