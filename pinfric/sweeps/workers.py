@@ -14,6 +14,7 @@ from concurrent.futures import CancelledError
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from functools import lru_cache
+from multiprocessing import TimeoutError as NotInTime
 from multiprocessing import resource_tracker
 from threading import Thread
 from time import sleep
@@ -56,7 +57,7 @@ def compute_in_parallel(
         jobs: how many the backend should run at once; a cluster has its own number.
 
     Raises:
-        SweepError: a process was killed.
+        SweepError: a process was killed, or none finishes a batch.
     """
     from joblib import Parallel, delayed
 
@@ -81,6 +82,8 @@ def compute_in_parallel(
             f"one of {jobs} processes was killed (too little memory for {jobs} cycles at once?); "
             "take fewer `processes`"
         ) from None
+    except NotInTime:
+        raise SweepError(f"no worker finished a batch in {_PATIENCE} s") from None
 
 
 def _end_with(parent: int) -> None:

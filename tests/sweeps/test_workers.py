@@ -120,6 +120,13 @@ def _kill_all(process):
 
 
 @pytest.mark.slow
+def test_workers_that_finish_nothing_are_said(panda, monkeypatch):
+    monkeypatch.setattr("pinfric.sweeps.workers._PATIENCE", 0.01)
+    with pytest.raises(SweepError, match=r"^no worker finished a batch in 0.01 s$"):
+        pf.sweep(*panda, SWEEP, processes=2)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("lost", ["nobody", "worker", "scheduler"])
 def test_a_cluster_gives_the_figures_of_one_process(panda, undisturbed, scheduler, lost):
     with distributed.Client(scheduler.address, set_as_default=False) as client:
