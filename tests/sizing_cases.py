@@ -57,8 +57,8 @@ GEAR = {
     "back_driving_torque": 3.0,
     "bearing": {"kind": "crossed roller", "max_moment": 1e5, "max_radial": 1e6, "max_axial": 1e6},
 }
-#: At which makers rate motors: nothing is derated.
-COOL = {"ambient": 25.0}
+#: At which makers rate motors: nothing is derated, and nothing kept in reserve.
+COOL = {"ambient": 25.0, "rms_factor": 1.0}
 
 
 def write_catalog(path, motors=None, gears=None, **more):

@@ -157,6 +157,14 @@ class Motor(Rated):
             "frameless",
         ),
     ] = None
+    cooling: Annotated[
+        Literal["closed", "open", "fan", "plate"] | None,
+        key(
+            "what its continuous ratings need: nothing, free air through an open rotor, a fan on "
+            "its shaft, or a plate that it is mounted on; left out: nothing",
+            "open",
+        ),
+    ] = None
     nominal_voltage: Annotated[
         Positive | None, key("for which the speeds and the stall torque are given", 48.0, "V")
     ] = None

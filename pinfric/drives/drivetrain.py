@@ -36,7 +36,7 @@ from pinfric.drives.catalog import (
 )
 from pinfric.drives.demand import DriveCycle, largest, mean, power_figures
 from pinfric.drives.overload import heat_lag, settled_heat
-from pinfric.drives.policy import KIT, Conditions, frameless
+from pinfric.drives.policy import COOLING, KIT, MOST_PEAK, STALLED, Conditions, frameless
 from pinfric.drives.thermal import (
     COPPER,
     WindingCycle,
@@ -55,6 +55,8 @@ from pinfric.model.transmission import (
 )
 from pinfric.motions.summary import ends_by_magnitude, rms
 
+#: What the ratings of a motor need, in words.
+_AIR = {"closed": "nothing", "plate": "a plate", "open": "free air", "fan": "a fan's air"}
 #: Torque constant of the equivalent DC motor over one that is printed per A of phase current.
 PER_DC_AMPERE = {"dc": 1.0, "rms": (2 / 3) ** 0.5, "peak": 2 / 3**0.5}
 
@@ -73,6 +75,8 @@ class Ratings:
         thermal: of the winding. thermal_time: of the whole motor, s.
         rated_ambient: to which the continuous ratings refer, deg C.
         ambient_curve: points (deg C, part of the continuous ratings).
+        cooling: of `policy.COOLING`, that the ratings need; None: none.
+        peak_by_stall: what the stall torque says of a peak torque that is not printed, N m.
         derived: what was computed from other figures ("continuous torque" or "line"), and how.
     """
 
@@ -92,6 +96,8 @@ class Ratings:
     thermal_time: float | None = None
     rated_ambient: float = REFERENCE_TEMPERATURE
     ambient_curve: tuple[tuple[float, float], ...] | None = None
+    cooling: str | None = None
+    peak_by_stall: float | None = None
     derived: tuple[tuple[str, str], ...] = ()
 
     @property
@@ -117,15 +123,42 @@ class Ratings:
         return np.interp(np.abs(speed), at, torque)
 
     def derating(self, conditions: Conditions) -> tuple[float | None, str]:
-        """Return the part of the continuous ratings left at the ambient temperature, and a remark.
+        """Return the part of the continuous ratings left in a joint, and a remark.
 
-        By the maker's curve, else sqrt((T_max - T_a)/(T_max - T_rated)): copper loss, in proportion
+        Of a motor that needs air `policy.COOLING`; of that at the ambient temperature by the
+        maker's curve, else sqrt((T_max - T_a)/(T_max - T_rated)): copper loss, in proportion
         to the torque's square, is led off in proportion to T_max - T_a. None beyond the end of the
         maker's curve. No rating grows in the cold.
 
         Args:
-            conditions: ambient temperature, and T_max of motors whose maker prints none.
+            conditions: ambient temperature, cooling, and T_max of motors whose maker prints none.
         """
+        (share, text), aired = self._derating(conditions), self.aired(conditions)
+        if share is None or aired == 1.0:
+            return share, text
+        air = f"{aired:.3g} of the rating, which needs {_AIR[self.cooling or 'closed']}"
+        return aired * share, "; ".join(x for x in (air, text) if x)
+
+    def aired(self, conditions: Conditions) -> float:
+        """Return the part of the continuous torque left by the joint's `conditions.cooling`."""
+        return min(1.0, COOLING[self.cooling or "closed"] / COOLING[conditions.cooling])
+
+    def thermal_at(self, conditions: Conditions) -> Thermal | None:
+        """Return the two nodes in a joint: with less air the housing leads off less.
+
+        So that the derated torque heats the winding as the rated one does, the sum of both
+        resistances grows by 1/share^2; the housing's time constant with its resistance.
+        """
+        thermal, share = self.thermal, self.aired(conditions)
+        if thermal is None or share == 1.0:
+            return thermal
+        whole = thermal.winding_housing + thermal.housing_ambient
+        factor = (whole / share**2 - thermal.winding_housing) / thermal.housing_ambient
+        slower = None if thermal.housing_time is None else factor * thermal.housing_time
+        more = {"housing_ambient": factor * thermal.housing_ambient, "housing_time": slower}
+        return thermal.model_copy(update=more)
+
+    def _derating(self, conditions: Conditions) -> tuple[float | None, str]:
         ambient, rated = conditions.ambient, self.rated_ambient
         if self.ambient_curve is not None:
             at, parts = np.transpose(self.ambient_curve)
@@ -158,8 +191,16 @@ class Ratings:
         return None if torque is None or share is None else share * torque, text
 
     def stall_at(self, conditions: Conditions) -> float | None:
-        """Return the continuous stall torque (N m, or None) at the ambient temperature."""
-        share, torque = self.derating(conditions)[0], self.continuous_stall_torque
+        """Return the torque for ever at a standstill (N m, or None) at the ambient temperature.
+
+        As printed, else 0.71 of the continuous torque, or a curve's at the speed 0.
+        """
+        share, torque, rated = self.derating(conditions)[0], self.continuous_stall_torque, None
+        if self.continuous_curve is not None and self.continuous_curve[0][0] == 0.0:
+            rated = self.continuous_curve[0][1]
+        elif self.continuous_torque is not None:
+            rated = STALLED * self.continuous_torque
+        torque = rated if torque is None else torque
         return None if torque is None or share is None else share * torque
 
     @property
@@ -247,7 +288,8 @@ class Candidate:
         brake: name of the brake at the motor's shaft that is in mass and inertia; empty: none.
         brake_peak: its largest torque, N m. brake_note: what of it is not known, in words.
         brake_unsure: what its inertia may be less than the one that is in `rotor_inertia`, kg m^2.
-        stand_ins: figures taken from other products.
+        stand_ins: figures taken from other products, or by rule.
+        notes: what the catalogue remarks on motor, gear and brake, with their names.
         losses: how the transmission's losses follow from the entry, in words.
         sources: of motor and gear, with their grades.
     """
@@ -268,6 +310,7 @@ class Candidate:
     back_driving_torque: float | None = None
     bearing: BearingRatings | None = None
     stand_ins: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     losses: str = ""
     sources: tuple[str, ...] = ()
     guide: BearingRatings | None = None
@@ -425,6 +468,8 @@ def with_brake(candidate: Candidate, name: str, brake: Brake) -> Candidate:
         brake_peak=brake.greatest,
         brake_unsure=more - least,
         brake_note=f"{name}: {', '.join(unknown)}" if unknown else name,
+        stand_ins=(*candidate.stand_ins, *_stand_ins(brake), *(f"{name}: {x}" for x in unknown)),
+        notes=(*candidate.notes, *_notes(name, brake)),
         sources=(*candidate.sources, f"{name}: {brake.source} ({brake.grade})"),
     )
 
@@ -491,6 +536,7 @@ def motor_with_gear(
             *_stand_ins(gear),
             *([f"housing, shaft, bearings of a frameless kit: {KIT:.0%} of its mass"] * kit),
         ),
+        notes=(*_notes(motor_name, motor), *_notes(gear_name, gear)),
         losses=text,
         sources=(
             f"{motor_name}: {motor.source} ({motor.grade})",
@@ -612,9 +658,7 @@ def motor_cycle(
         power, copper = power + ratings.resistance * (1 + COPPER * warmer) * current**2, True
         drawn = astuple(power_figures(t, power))
     limit = ratings.stall_at(conditions)
-    if limit is None:
-        limit, _ = ratings.continuous_at(conditions, mean_speed)
-    lag = heat_lag(ratings.thermal, ratings.thermal_time, conditions)
+    lag = heat_lag(ratings.thermal_at(conditions), ratings.thermal_time, conditions)
     figures = MotorFigures(
         peak=largest(worst),
         rms=rms(t, worst),
@@ -648,7 +692,7 @@ def _temperatures(
     if ratings.torque_constant is None:
         return None, None, None
     current = torque / ratings.torque_constant
-    thermal, resistance = ratings.thermal, ratings.resistance
+    thermal, resistance = ratings.thermal_at(conditions), ratings.resistance
     if thermal is None or resistance is None:
         return current, None, None
     ambient, turning = conditions.ambient, ratings.no_load_heat * np.abs(speed)
@@ -700,18 +744,26 @@ def ratings_of(entry: Motor | GearMotor) -> Ratings:
         stall = continuous / (1 - rated / no_load)
         text = "speed-torque line through the rated point and the no-load speed"
         derived.append(("line", text))
+    by_stall = None if found.peak_torque is not None else stall
+    if by_stall is not None and continuous is not None:
+        by_stall = min(by_stall, MOST_PEAK * continuous)
     return replace(
         found,
         continuous_torque=continuous,
         torque_constant=k,
         resistance=resistance,
         stall_torque=stall,
+        peak_by_stall=by_stall,
         derived=tuple(derived),
     )
 
 
 def _stand_ins(entry: Sourced) -> tuple[str, ...]:
     return tuple(f"{f.replace('_', ' ')}: {whose}" for f, whose in entry.stand_ins.items())
+
+
+def _notes(name: str, entry: Sourced) -> tuple[str, ...]:
+    return (f"{name}: {entry.note}",) if entry.note else ()
 
 
 def gearmotor_drive(name: str, entry: GearMotor) -> Candidate:
@@ -750,6 +802,7 @@ def gearmotor_drive(name: str, entry: GearMotor) -> Candidate:
         bearing=entry.bearing,
         backlash=entry.backlash,
         stand_ins=_stand_ins(entry),
+        notes=_notes(name, entry),
         losses=losses,
         sources=(f"{name}: {entry.source} ({entry.grade})",),
     )

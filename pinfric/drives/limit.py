@@ -27,7 +27,7 @@ from pinfric.drives.drivetrain import (
     amplifier_torque,
     line_voltage,
 )
-from pinfric.drives.policy import STAND_INS, Conditions, stated
+from pinfric.drives.policy import STAND_IN_WORDS, STAND_INS, Conditions, stated
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.model.springs import softest
 from pinfric.model.transmission import shock_efficiency
@@ -44,7 +44,7 @@ GEAR_FIGURES = (
 )
 MOTOR_FIGURES = (
     *("peak_torque", "stall_torque", "torque_constant", "resistance", "nominal_voltage"),
-    *("no_load_speed", "rated_speed", "max_speed", "max_voltage"),
+    *("no_load_speed", "rated_speed", "max_speed", "max_voltage", "peak_by_stall"),
 )
 
 
@@ -374,7 +374,8 @@ class Limit:
         for name in STAND_INS.get(figure, (figure,)):
             if not np.isnan(getattr(getattr(d, side), name)):
                 words = name.replace("_", " ")
-                return "" if name == figure else f"the {words}: no higher limit is known"
+                said = STAND_IN_WORDS.get(name, f"the {words}: no higher limit is known")
+                return "" if name == figure else said
         return ""
 
     def judge(self, d: Drives) -> Criterion:

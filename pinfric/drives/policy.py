@@ -26,6 +26,16 @@ MOST_OVERVOLTAGE = 1.5
 #: Of motor and gear: housing, shaft and bearings of a frameless kit (12 to 32 % in MyActuator's
 #: EPS-RH 14 to 32 beside the same gears and motors as kits).
 KIT = 0.25
+#: How a motor is cooled in its rating -> the part of its continuous torque that is left where no
+#: air moves around it. maxon EC 60 flat: closed 0.269, open rotor 0.401, fan 0.536 N m; EC 90 flat
+#: 0.457 0.729 0.953 and 0.964 1.26 1.56: 0.63 to 0.77 and 0.48 to 0.62, product pages July 2020.
+COOLING = {"closed": 1.0, "plate": 1.0, "open": 0.63, "fan": 0.48}
+#: Part of the continuous torque left at a standstill where no stall torque is printed: one phase
+#: may carry the peak of a sinusoidal current. By rule.
+STALLED = 0.71
+#: Times the continuous torque: the most that a stall torque stands in for a peak torque; by rule.
+#: Peaks that are printed are 2.5 to 12 times, the median of 64 motors of the catalogue 3.0.
+MOST_PEAK = 3.5
 #: A joint's own dry friction must be so many times its load for it to need no brake: friction falls
 #: by warm grease, wear and vibration. 1 to 4 make no difference to 17 machines.
 FRICTION_RESERVE = 2.0
@@ -60,6 +70,19 @@ class Conditions(Entry):
     peak_factor: Annotated[
         Number, Field(ge=1), key("reserve on the peak torque; 20 to 30 % are usual", 1.2, "1")
     ] = 1.2
+    rms_factor: Annotated[
+        Number,
+        Field(ge=1),
+        key(
+            "reserve on the continuous torque; with encoder and brake motors lose 7 to 16 %",
+            1.1,
+            "1",
+        ),
+    ] = 1.1
+    cooling: Annotated[
+        Literal["closed", "open", "fan"],
+        key("what air the joints give to their motors: none, free air, or that of a fan", "fan"),
+    ] = "closed"
     inertia_ratio: Annotated[
         Positive, key("largest permitted J_load/(ratio^2 (J_motor + J_gear input))", 10.0, "1")
     ] = 10.0
@@ -317,8 +340,15 @@ STAND_INS: dict[str, tuple[str, ...]] = {
     ),
     "max_input_speed": ("max_input_speed", "average_input_speed", "rated_speed"),
     "average_input_speed": ("average_input_speed", "rated_speed"),
-    "peak_torque": ("peak_torque", "stall_torque"),
+    "peak_torque": ("peak_torque", "peak_by_stall"),
     "max_speed": ("max_speed", "no_load_speed", "rated_speed"),
+}
+
+
+#: How that is said; of others, that no higher limit is known.
+STAND_IN_WORDS = {
+    "peak_by_stall": f"the stall torque, at most {MOST_PEAK:g} x the continuous torque, by rule; "
+    "if the amplifier gives it",
 }
 
 

@@ -102,6 +102,7 @@ class Installed:
     motor: MotorFigures | None = quantity("demand of the cycle on the motor")
     losses: str = quantity("how the transmission's losses are derived from the catalogue")
     stand_ins: tuple[str, ...] = quantity("figures taken from other products, or from rules")
+    notes: tuple[str, ...] = quantity("what the catalogue remarks on motor, gear and brake")
     sources: tuple[str, ...] = quantity("of motor and gear, with their grades")
 
 
@@ -327,5 +328,6 @@ def _installed(taken: Assessment, criteria: tuple[Criterion, ...], lever: float)
         motor=taken.motor,
         losses=candidate.losses,
         stand_ins=candidate.stand_ins,
+        notes=candidate.notes,
         sources=candidate.sources,
     )

@@ -390,7 +390,8 @@ def test_surroundings_hotter_than_the_winding_may_be_are_said_plainly(tmp_path):
         joint = sized(tmp_path, conditions={"ambient": 130.0})
     text = "ambient temperature 130 C, not below the winding's limit, 125 C"
     for name in ("continuous torque", "short-term torque", "winding temperature"):
-        said = f"{name}: {text} (conditions.ambient = 130, default 40)"
+        reserve = "conditions.rms_factor = 1, default 1.1; " * (name == "continuous torque")
+        said = f"{name}: {text} ({reserve}conditions.ambient = 130, default 40)"
         assert criterion(joint, name).why == said
     assert not any("e+09" in str(w.message) for w in caught)
 

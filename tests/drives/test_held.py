@@ -30,8 +30,10 @@ def still(scene):
 
 def sized(tmp_path, mass, masses, **conditions):
     """The drive of `sizing_cases`, up to 40 N m, and one with a heavier and stronger motor."""
-    strong = dict.fromkeys(("continuous_torque", "peak_torque"), 4.0)
+    ratings = "continuous_torque", "continuous_stall_torque", "peak_torque"
+    strong = dict.fromkeys(ratings, 4.0)
     motor = {key: x for key, x in MOTOR.items() if key != "thermal"}
+    motor["continuous_stall_torque"] = MOTOR["continuous_torque"]
     motors = {"M": motor, "S": {**motor, **strong, "mass": 1.2}}
     path = write_catalog(tmp_path / "c.yaml", motors)
     scene = arm(mass, masses)

@@ -79,10 +79,12 @@ def test_what_stands_in_is_the_lower_limit_and_said(tmp_path):
     for name in ("gear average torque", "gear repeated peak torque"):
         assert (found[name].available, found[name].status) == (30.0, Status.PASSES)
         assert found[name].note == "the rated torque: no higher limit is known"
-    stall = {"peak_torque": None, "stall_torque": 5.0, "nominal_voltage": 48.0}
-    joint = sized(tmp_path, stall | {"no_load_speed": 480.0})
-    peak = next(c for c in joint.choice.criteria if c.name == "peak torque")
-    assert (peak.available, peak.note) == (5.0, "the stall torque: no higher limit is known")
+    for stall, stands_in in ((5.0, 3.5 * 0.5), (1.6, 1.6)):
+        line = {"stall_torque": stall, "nominal_voltage": 48.0, "no_load_speed": 480.0}
+        joint = sized(tmp_path, {"peak_torque": None} | line)
+        peak = next(c for c in joint.choice.criteria if c.name == "peak torque")
+        assert peak.available == pytest.approx(stands_in)
+        assert "at most 3.5 x the continuous torque, by rule; if the amplifier" in peak.note
 
 
 def test_a_stiffness_that_is_not_printed_is_not_rigid(tmp_path):

@@ -112,7 +112,8 @@ def test_a_drive_of_the_catalogue_is_limited_as_size_judges_it(tmp_path):
     assert found.rms == pytest.approx([1.0], abs=2e-3)
     by_name = {c.name: c for c in found.criteria["table"]}
     assert by_name["continuous torque"].margin == pytest.approx(0.0, abs=2e-3)
-    asked = {"conditions": {"ambient": Conditions().ambient}, "on_miss": "ignore"}
+    given = {key: getattr(Conditions(), key) for key in ("ambient", "rms_factor")}
+    asked = {"conditions": given, "on_miss": "ignore"}
     report = pf.size(scene, found.trajectory, one_drive(tmp_path), **asked)
     for mine, theirs in zip(
         found.criteria["table"], report.joints[0].assessments[0].criteria, strict=True

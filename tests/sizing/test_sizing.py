@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from io import StringIO
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from builders import chain, dry, example, lump, row
 from cases import resting_four_bar
 from mechanisms import shifted
+from rich.console import Console
 from sizing_cases import (
     ACCELERATION,
     COULOMB,
@@ -37,11 +39,12 @@ from pinfric.drives.robot import with_masses
 from pinfric.errors import CatalogError, SizingError, StateError
 from pinfric.model.schema import Assumed, Measured
 from pinfric.motions.summary import summarize
-from pinfric.show.report.sizing import friction_line
+from pinfric.show.pages.sizing import sizing_page
+from pinfric.show.report.sizing import friction_line, sizing_report
 from pinfric.sizing.caveats import caveats
 from pinfric.sizing.shelf import Ask
 from pinfric.sizing.size import _Sizing
-from pinfric.sizing.summary import to_ask, unchecked
+from pinfric.sizing.summary import sizing_summary, to_ask, unchecked
 
 UP, RUN, DOWN = (INERTIA * ACCELERATION + COULOMB, COULOMB, -INERTIA * ACCELERATION + COULOMB)
 
@@ -612,3 +615,32 @@ def test_a_drive_in_a_loop_carries_itself(tmp_path):
     exact = pf.inverse_dynamics(with_masses(scene, {0: 1.5}), motion)
     worst = np.maximum(np.abs(exact.effort_upper), np.abs(exact.effort_lower)).max()
     assert report.joints[0].demand.peak == pytest.approx(worst, rel=1e-9)
+
+
+def test_remarks_and_stand_ins_of_what_was_chosen_are_printed_everywhere(tmp_path):
+    remarks = {"motor": "open rotor", "gear": "read on a photograph", "brake": "at 100 rpm"}
+    bare = {"source": "invented", "grade": "R", "torque": 0.5}
+    catalog = one_drive(
+        tmp_path,
+        {"note": remarks["motor"], "cooling": "fan", "continuous_torque": 2.0},
+        {"note": remarks["gear"], "stand_ins": {"stiffness": "the next smaller size"}},
+        brakes={"B": bare | {"note": remarks["brake"]}},
+    )
+    report = sized_cycle(catalog, conditions={"holding_brake": "all", "inertia_ratio": 20})
+    (joint,) = sizing_summary(report).joints
+    for name, note in zip("MGB", remarks.values(), strict=True):
+        assert f"{name}: {note}" in joint.installed.notes
+    assert joint.installed.stand_ins == (
+        "stiffness: the next smaller size",
+        "B: largest torque taken as 2 x 0.5 N m",
+        f"B: mass taken as 0.28 T^0.7 = {0.28 * 0.5**0.7:.2g} kg",
+        f"B: inertia taken as 0 to 2.2e-6 T^1.38 = {2.2e-6 * 0.5**1.38:.2g} kg m^2",
+    )
+    console = Console(file=StringIO(), width=400)
+    console.print(*sizing_report(report, verbose=False), sep="\n")
+    page = sizing_page(report)
+    for line in joint.installed.notes:
+        assert line in console.file.getvalue()
+        assert line in page
+    assert all(line in page for line in joint.installed.stand_ins)
+    assert "0.48 of the rating, which needs a fan" in page

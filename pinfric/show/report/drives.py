@@ -78,6 +78,13 @@ def brake_line(found: SizingSummary) -> list[str]:
     return [f"brakes: {said}", *lines] if said else lines
 
 
+def product_lines(found: SizingSummary) -> list[str]:
+    """Return what the catalogue remarks on the products taken, in a line; none: nothing."""
+    taken = (joint.installed for joint in found.joints)
+    notes = dict.fromkeys(note for one in taken if one is not None for note in one.notes)
+    return [f"remarks: {'; '.join(notes)}"] if notes else []
+
+
 def ask_table(found: SizingSummary, most: int = 0) -> Table | None:
     """Return the products that lack a figure, fewest figures first; None: none.
 

@@ -19,6 +19,7 @@ from pinfric.show.report.drives import (
     bus_table,
     choice_table,
     mass_table,
+    product_lines,
     smaller_table,
     turn,
     unchecked_table,
@@ -64,6 +65,7 @@ def sizing_report(report: SizingReport, verbose: bool = True) -> Report:
         choice_table(found),
         mass_table(found),
         smaller_table(found),
+        product_lines(found),
         ask_table(found),
         brake_table(found),
         stop_lines(found),
@@ -87,7 +89,7 @@ def _short(report: SizingReport, found: SizingSummary, opening: Sequence[Any]) -
     return paragraphs(
         list(opening),
         choice_table(found, short=True),
-        [*brake_line(found), *bus_lines(report), *stop_lines(found)],
+        [*product_lines(found), *brake_line(found), *bus_lines(report), *stop_lines(found)],
         ask_table(found, _ASKED),
         first + ending,
     )
