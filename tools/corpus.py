@@ -41,7 +41,8 @@ def main() -> int:
     for row in rows:
         print(*row.values(), sep="\t")
     codes = [row[command] for row in rows for command in COMMANDS]
-    print(f"{len(rows)} robots; exit 0: {codes.count(0)}, 2: {codes.count(2)}, 70: {codes.count(70)}")
+    counts = ", ".join(f"exit {code}: {codes.count(code)}" for code in (0, 2, 70))
+    print(f"{len(rows)} robots; {counts}")
     if given.write:
         with given.write.open("w", newline="", encoding="utf-8") as file:
             table = csv.DictWriter(file, [*("robot", "found"), *COMMANDS], extrasaction="ignore")
