@@ -282,6 +282,12 @@ def size(
             "--catalog", metavar="FILE", help="Catalogue file, or `default` (the bundled one)."
         ),
     ] = None,
+    rating: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KEY=VALUE", help="Rated for payload=KG in place of a cycle, or beside it."
+        ),
+    ] = None,
     condition: Annotated[
         list[str] | None,
         typer.Option(
@@ -292,15 +298,19 @@ def size(
     as_json: AsJson = False,
     log: Any,
 ) -> None:
-    """Size the drives for a cycle that repeats.
+    """Size the drives for a cycle that repeats, or for a rated payload.
 
     Without a catalogue: what each joint demands. With one: the lightest motor and gear that
     meets it. --out writes sizing.json, report.html and bom.csv. A duty of several
-    cycles: --cycle pick.csv:0.7 --cycle wait.csv:0.3, or counts.
+    cycles: --cycle pick.csv:0.7 --cycle wait.csv:0.3, or counts. Before there is a cycle:
+    --rating payload=10 (kg), held and lifted in the worst posture of each joint.
     """
-    given = _cycles(trajectory_name, cycle)
-    names, later = ("sizing.json", "report.html", "bom.csv"), [name for name, _ in given[1:]]
-    scene, trajectory = load(scene_name, given[0][0], log, out, names, [*later, catalog])
+    given = _cycles(trajectory_name, cycle, rating is not None)
+    names = "sizing.json", "report.html", "bom.csv"
+    first, later = (given[0][0] if given else None), [name for name, _ in given[1:]]
+    scene, trajectory = load(scene_name, first, log, out, names, [*later, catalog])
+    cycles = [trajectory] if given else []
+    cycles += [load_motion_of(scene, name, log) for name in later]
     question_loads(scene)
     from pinfric.drives.duty import Duty
     from pinfric.show.pages.sizing import sizing_page
@@ -309,8 +319,10 @@ def size(
     from pinfric.sizing.size import size as size_drives
     from pinfric.sizing.summary import sizing_summary
 
-    cycles = [trajectory, *(load_motion_of(scene, name, log) for name, _ in given[1:])]
-    duty = Duty(tuple((c, share) for c, (_, share) in zip(cycles, given, strict=True)), on, period)
+    if not given and (on, period) != (1.0, 600.0):
+        raise typer.BadParameter("belongs to cycles; there is only a rating", param_hint="--on")
+    weighed = tuple((c, share) for c, (_, share) in zip(cycles, given, strict=True))
+    duty = Duty(weighed, on, period) if weighed else None
 
     def number_or_name(text: str) -> float | str:
         try:
@@ -319,8 +331,11 @@ def size(
             return text
 
     conditions = pairs(condition, "--condition", number_or_name)
+    asked = _nested(pairs(rating, "--rating", number_or_name)) if rating else None
     with working(f"sizing {len(scene.drives)} drives"):
-        report = size_drives(scene, duty, catalog, conditions=conditions, on_miss="ignore")
+        report = size_drives(
+            scene, duty, catalog, rating=asked, conditions=conditions, on_miss="ignore"
+        )
     if report.catalog is not None:
         read.extend(report.catalog.files)
     found = sizing_summary(report)
@@ -343,15 +358,30 @@ def size(
     report.check()  # what does not fit is the last line, and the exit code (2)
 
 
-def _cycles(trajectory_name: Any, cycle: list[str] | None) -> list[tuple[str, float]]:
-    """The cycles of a duty, each with its share or count."""
+def _cycles(
+    trajectory_name: str | None, cycle: list[str] | None, rated: bool
+) -> list[tuple[str, float]]:
+    """The cycles of a duty, each with its share or count; beside a rating there may be none."""
     given = [weighted(text) for text in cycle or ()]
-    if (trajectory_name is None) != bool(given):
+    alone = trajectory_name is None and not given and rated
+    if (trajectory_name is None) != bool(given) and not alone:
         raise typer.BadParameter(
-            "give one TRAJECTORY after SCENE, or --cycle for each of several",
+            "give one TRAJECTORY after SCENE, --cycle for each of several, or --rating payload=KG",
             param_hint="--cycle",
         )
-    return given or [(str(trajectory_name), 1.0)]
+    return given or ([] if trajectory_name is None else [(trajectory_name, 1.0)])
+
+
+def _nested(given: dict[str, Any]) -> dict[str, Any]:
+    """What an option gives as KEY.NAME=VALUE as mappings of names."""
+    found: dict[str, Any] = {}
+    for name, value in given.items():
+        key, dot, inner = name.partition(".")
+        if dot:
+            found.setdefault(key, {})[inner] = value
+        else:
+            found[key] = value
+    return found
 
 
 @app.command(short_help="Make a catalogue for `size` from a table of parts.")
@@ -654,16 +684,32 @@ def new(
     out: Annotated[
         Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")
     ] = Path(),
+    payload: Annotated[
+        float | None,
+        typer.Option(
+            metavar="KG", help="Rated payload: also its scene entry and rating.waypoints.yaml."
+        ),
+    ] = None,
+    link: Annotated[
+        str | None,
+        typer.Option(metavar="LINK", help="That carries the payload; by default the last."),
+    ] = None,
 ) -> None:
-    """Write a starting scene and a first motion for a URDF; every guess is marked."""
+    """Write a starting scene and a first motion for a URDF; every guess is marked.
+
+    With --payload also rating.waypoints.yaml: the payload held in the worst posture of each joint,
+    and lifted from there by it alone.
+    """
+    if link is not None and payload is None:
+        raise typer.BadParameter("is the payload's: give --payload KG", param_hint="--link")
     from pinfric.checking.plausibility import check as judge
     from pinfric.new_scene import write_new
     from pinfric.show.report.check import doubts
 
     with working("reading the robot and its meshes"), warnings.catch_warnings():
         warnings.simplefilter("ignore", PinfricWarning)  # what they say is among the doubts
-        files = write_new(urdf, out)
-        report = judge(urdf)
+        files = write_new(urdf, out, payload, link)
+        report = judge(urdf if payload is None else files[0])
     show(doubts(report))
     for file in files:
         print_line(f"wrote {file}")
@@ -672,7 +718,12 @@ def new(
         "tries both and takes the heavier drives"
     )
     command = "inverse" if len(files) > 1 else "explain"
-    print_line(f"try: pinfric {command} {' '.join(map(str, files))}")
+    print_line(f"try: pinfric {command} {' '.join(map(str, files[:2]))}")
+    if payload is not None:
+        of = "" if link is None else f" --rating link={link}"
+        print_line(
+            f"or: pinfric size {files[0]} --rating payload={payload:g}{of} --catalog default"
+        )
 
 
 @app.command(short_help="List the bundled robots whose friction was measured.")

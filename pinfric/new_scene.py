@@ -34,10 +34,12 @@ from pinfric.model.robot import (
     urdf_file,
 )
 from pinfric.model.scene import Scene
+from pinfric.model.schema import Payload
 from pinfric.model.urdf import UrdfDynamics
 from pinfric.model.yamlfile import yaml_line
 from pinfric.motions.followers import Follower, find_followers
 from pinfric.motions.joint_columns import JointColumn, joint_columns
+from pinfric.motions.rating import rate
 
 #: Shear stress (Pa) that sizes a shaft for its torque, and its bearings' diameter over its own.
 _SHEAR, _BEARING_OVER_SHAFT = 20e6, 1.5
@@ -54,7 +56,9 @@ _STATIC, _FASTEST, _FASTEST_SLIDING = 1.2, 3.0, 1.0
 _MU = {"static": 0.003, "kinetic": 0.002}
 
 
-def new_scene(urdf: str | Path, folder: str | Path | None = None) -> str:
+def new_scene(
+    urdf: str | Path, folder: str | Path | None = None, payload: Payload | None = None
+) -> str:
     """Return a scene for a URDF as commented YAML that loads and runs as it is.
 
     Bearings: a turning joint gets two bearings on a shaft that carries its torque T at a shear
@@ -67,6 +71,7 @@ def new_scene(urdf: str | Path, folder: str | Path | None = None) -> str:
     Args:
         urdf: the file, or `example-robot-data:<path below its robots folder>`.
         folder: where the scene will be saved; the URDF is named relative to it. None: in full.
+        payload: that it is rated for; None: an example in a comment.
 
     Raises:
         RobotError: the URDF cannot be read, or describes something that cannot exist.
@@ -93,8 +98,7 @@ def new_scene(urdf: str | Path, folder: str | Path | None = None) -> str:
         "tells it:\n"
         "  # masses: without_drives     # write one. Until then `size` tries both and takes the "
         "heavier drives",
-        "  # payloads:                  # what it carries; com in the link's frame",
-        f"  #   box: {{link: {yaml_line(bodies[-1])}, mass: 1.0, com: [0, 0, 0.05]}}",
+        *_payload_section(payload, bodies[-1]),
         "friction:",
         *[line for joint in joints for line in _joint_section(joint, robot.dynamics)],
         *_actuators_section(robot),
@@ -156,27 +160,58 @@ points:
 """
 
 
-def write_new(urdf: str | Path, folder: str | Path = ".") -> list[Path]:
+def new_rating(urdf: str | Path, payload: float, link: str | None = None) -> tuple[Payload, str]:
+    """Return a rated payload for a scene, and a way-point file that holds and lifts it.
+
+    Args:
+        urdf: see `new_scene`. payload: kg. link: that carries it; None: the last one.
+
+    Raises:
+        RobotError: the URDF cannot be read; TrajectoryError: see `rate`.
+    """
+    urdf = urdf_file(urdf)
+    robot = read_robot(urdf, {})
+    scene = Scene(robot.model, robot=robot, source=str(urdf))
+    rated = rate(scene, {"payload": payload, **({} if link is None else {"link": link})})
+    return rated.scene.payloads[rated.payload], (
+        f"# What {urdf.name} is rated for, as a motion: {payload:g} kg, held in the worst posture "
+        "of each joint and lifted\n"
+        "# from there by it alone, against gravity. `pinfric size --rating` takes each joint's "
+        "means over its own part.\n"
+        f"# Made by `pinfric new`; positions in rad and m, times in s.\n{rated.waypoints()}"
+    )
+
+
+def write_new(
+    urdf: str | Path,
+    folder: str | Path = ".",
+    payload: float | None = None,
+    link: str | None = None,
+) -> list[Path]:
     """Write NAME.yaml and NAME.waypoints.yaml for a URDF; existing files are never overwritten.
 
-    Beside them go the JSON schemas of both, which their first lines name to editors.
+    Beside them go the JSON schemas of both, which their first lines name to editors; with a payload
+    rating.waypoints.yaml.
 
     Args:
         urdf: see `new_scene`; NAME is the file's without suffix.
-        folder: where to; made if missing.
+        folder: where to; made if missing. payload, link: see `new_rating`.
 
     Raises:
         RobotError: see `new_scene`; PinfricError: a file exists already or cannot be written.
     """
     urdf = urdf_file(urdf)
     folder, name = Path(folder), urdf.stem.removesuffix(".urdf")  # of arm.urdf.xacro, too
-    contents = {f"{name}.yaml": _checked("scene", new_scene(urdf, folder))}
+    load, rating = (None, "") if payload is None else new_rating(urdf, payload, link)
+    contents = {f"{name}.yaml": _checked("scene", new_scene(urdf, folder, load))}
     try:
         contents[f"{name}.waypoints.yaml"] = _checked("waypoints", new_waypoints(urdf))
     except RobotError:
         raise
     except PinfricError:
         pass  # a floating joint: motions are made in Python
+    if rating:
+        contents["rating.waypoints.yaml"] = _checked("waypoints", rating)
     for file in contents:
         if (folder / file).exists():
             raise PinfricError(f"{folder / file}: exists already; name another folder (--out)")
@@ -197,6 +232,21 @@ def write_new(urdf: str | Path, folder: str | Path = ".") -> list[Path]:
 def _checked(kind: str, text: str) -> str:
     """A file whose first line tells editors by which schema to check and complete it."""
     return f"# yaml-language-server: $schema={kind}.schema.json\n{text}"
+
+
+def _payload_section(payload: Payload | None, link: str) -> list[str]:
+    """The rated payload, or an example in a comment."""
+    if payload is None:
+        return [
+            "  # payloads:                  # what it carries; com in the link's frame",
+            f"  #   box: {{link: {yaml_line(link)}, mass: 1.0, com: [0, 0, 0.05]}}",
+        ]
+    com = ", ".join(_short(x) for x in payload.com)
+    return [
+        "  payloads:                    # what it carries; com in the link's frame",
+        f"    rated: {{link: {yaml_line(payload.link)}, mass: {payload.mass:g}, com: [{com}]}}"
+        "  # the rating: along z of its link",
+    ]
 
 
 def _joint_section(joint: JointLoad, dynamics: Mapping[str, UrdfDynamics]) -> list[str]:

@@ -302,3 +302,27 @@ def test_robot_that_moves_no_mass_gets_no_simulation_that_would_fail(tmp_path):
     assert "simulation" not in entries(urdf)
     assert "moves no mass" in new_scene(urdf)
     assert np.ptp(first_motion(urdf, tmp_path).q) > 0
+
+
+def test_a_rated_payload_goes_into_the_scene_and_into_a_motion(tmp_path):
+    urdf = "example-robot-data:xarm_description/urdf/xarm7.urdf"
+    scene_file, _, way_file = write_new(urdf, tmp_path, 3.5)
+    assert way_file.name == "rating.waypoints.yaml"
+    scene = pf.load_scene(scene_file)
+    payload = scene.payloads["rated"]
+    assert (payload.link, payload.mass, payload.com) == ("link_eef", 3.5, (0.0, 0.0, 0.1))
+    motion = pf.load_trajectory(way_file, scene)
+    assert motion.attached.all()
+    result = pf.inverse_dynamics(scene, motion)
+    held = {f.place: f for f in pf.check(scene_file).findings if f.kind == "held payload"}
+    assert set(held) == {"joint joint2", "joint joint3", "joint joint4"}
+    assert "takes 62.24 N m at rest" in held["joint joint2"].why
+    for finding in held.values():
+        drive = scene.actuator_names.index(finding.place.removeprefix("joint "))
+        still = (motion.v == 0).all(axis=1)
+        worst = np.abs(result.effort_frictionless[still, drive]).max()
+        assert float(re.search(r"takes (\S+) N m", finding.why)[1]) == pytest.approx(
+            worst, rel=0.03
+        )
+    with pytest.raises(PinfricError, match="greater than 0"):
+        write_new(urdf, tmp_path / "other", 0.0)

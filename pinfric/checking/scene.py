@@ -21,6 +21,7 @@ from pinfric.checking.findings import (
 from pinfric.checking.links import outweighing
 from pinfric.checking.robot import BEYOND, RobotFacts
 from pinfric.elastic.motion import unloaded_frequency
+from pinfric.errors import PinfricError
 from pinfric.model.entry import USUALLY
 from pinfric.model.friction_terms import CoulombFriction
 from pinfric.model.hysteresis import excessive_friction
@@ -28,6 +29,8 @@ from pinfric.model.robot import link_frame, payload_inertia
 from pinfric.model.scene import Scene, Site
 from pinfric.model.transmission import Transmission
 from pinfric.model.urdf_file import read_xml
+from pinfric.motions.joint_columns import stated_limit
+from pinfric.motions.rating import holding_efforts
 
 #: A bearing's radius over half the diagonal of the larger of the links it joins.
 _BEARING_OVER_LINK = 1.0
@@ -57,7 +60,7 @@ def scene_findings(
     found: list[Finding] = []
     for site in scene.sites:
         found += [*_bearing(site, facts), *_coefficients(site, scene)]
-    found += [*payload_findings(scene), *_positions(scene, facts)]
+    found += [*payload_findings(scene), *_held(scene), *_positions(scene, facts)]
     found += [*_drives(scene), *_elastic_gears(scene)]
     yield from found
     places = {finding.place for finding in found}
@@ -246,6 +249,30 @@ def payload_findings(scene: Scene) -> Iterator[Finding]:
                 f"radius of gyration {radius:.3g} m; the robot reaches {reach:.3g} m",
                 excess=radius / reach,
             )
+
+
+def _held(scene: Scene) -> Iterator[Finding]:
+    """Effort limits below what holds a payload in the joint's worst posture."""
+    limits = dict(zip(scene.joint_names, scene.model.joints.tolist()[1:], strict=True))
+    for payload in scene.payloads:
+        try:
+            held = holding_efforts(scene, payload)
+        except PinfricError:  # loops, floating joints, a payload that never moves
+            continue
+        for name, effort in held.items():
+            limit = stated_limit(float(scene.model.effortLimit[limits[name].idx_v]))
+            if effort > limit:
+                unit = "N" if limits[name].shortname().startswith("JointModelP") else "N m"
+                yield Finding(
+                    Severity.WARNING,
+                    "held payload",
+                    f"joint {name}",
+                    f"effort limit {limit:.4g} {unit}",
+                    f"payload {payload} takes {effort:.4g} {unit} at rest in its worst posture, "
+                    "without friction: the limit, the payload or a mass is wrong, or the robot "
+                    "may not carry it there",
+                    excess=effort / limit,
+                )
 
 
 def _positions(scene: Scene, facts: RobotFacts | None) -> Iterator[Finding]:

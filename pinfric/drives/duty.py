@@ -7,7 +7,7 @@ their repetitions; what depends on the order (windows, standstills, temperatures
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -34,7 +34,7 @@ class Schedule:
 
     Attributes:
         starts: (K + 1,) first sample of each part, and the end.
-        repeats: (K,) how often it is run in a period.
+        repeats: (K,) how often it is run in a period; 0: not at all, but its peaks count.
         names: (K,) of the cycles. off: the last part stands switched off.
     """
 
@@ -44,19 +44,25 @@ class Schedule:
     off: bool = False
 
     def parts(self) -> Iterator[tuple[str, slice]]:
-        """Yield each cycle's name and samples; not those switched off."""
-        count = len(self.repeats) - self.off
-        for k in range(count):
-            yield self.names[k], slice(self.starts[k], self.starts[k + 1])
+        """Yield the name and samples of each cycle that is run; not those switched off."""
+        for k in range(len(self.repeats) - self.off):
+            if self.repeats[k]:
+                yield self.names[k], slice(self.starts[k], self.starts[k + 1])
 
     def powered(self, samples: int) -> np.ndarray:
         """Return (T,) which samples are not switched off."""
         return np.arange(samples) < (self.starts[-2] if self.off else samples)
 
+    def only(self, parts: Collection[int]) -> Schedule:
+        """Return the schedule that runs these parts once and no other."""
+        runs = tuple(float(k in parts) for k in range(len(self.repeats)))
+        return replace(self, repeats=runs)
+
     @cached_property
     def counts(self) -> np.ndarray:
         """(K,) how often each part is played: whole numbers."""
-        return np.maximum(np.rint(self.repeats), 1).astype(np.int64)
+        counts = np.maximum(np.rint(self.repeats), 1) * (np.array(self.repeats) > 0)
+        return counts.astype(np.int64)
 
     def stretched(self, t: np.ndarray) -> np.ndarray:
         """Return (T,) time as spent in a period: each cycle's stretched by its repetitions.
@@ -107,6 +113,7 @@ class Duty:
         cycles: pairs of a trajectory and its share or count.
         on: part of the period switched on, above 0 to 1.
         period: s, of shares; 10 minutes by default (IEC 60034-1, S3).
+        beside: motions that a period does not run, of which only peaks count.
 
     Raises:
         SizingError: shares that do not add up, a share or count that is not above 0, cycles of
@@ -116,6 +123,7 @@ class Duty:
     cycles: tuple[tuple[Trajectory, float], ...]
     on: float = 1.0
     period: float = PERIOD
+    beside: tuple[Trajectory, ...] = ()
     repeats: tuple[float, ...] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -192,21 +200,22 @@ class Duty:
 
     def schedule(self) -> Schedule:
         """Return which samples of `motion` are which cycle, and how often each is run."""
-        sizes = [len(cycle.t) for cycle, _ in self.cycles] + [len(_OFF)] * (self.on < 1)
+        runs = [*(cycle for cycle, _ in self.cycles), *self.beside]
+        sizes = [len(cycle.t) for cycle in runs] + [len(_OFF)] * (self.on < 1)
         return Schedule(
             starts=tuple(np.cumsum([0, *sizes]).tolist()),
-            repeats=self.repeats + (1.0,) * (self.on < 1),
-            names=tuple(Path(cycle.source).name for cycle, _ in self.cycles),
+            repeats=self.repeats + (0.0,) * len(self.beside) + (1.0,) * (self.on < 1),
+            names=tuple(Path(cycle.source).name for cycle in runs),
             off=self.on < 1,
         )
 
     def motion(self) -> Trajectory:
         """Return every cycle once, one after the other, and where the robot stands switched off."""
-        runs = [cycle for cycle, _ in self.cycles]
+        runs = [*(cycle for cycle, _ in self.cycles), *self.beside]
         if len(runs) == 1 and self.on == 1:
             return runs[0]
         if self.on < 1:
-            last, stay = runs[-1], np.full(len(_OFF), -1)
+            last, stay = self.cycles[-1][0], np.full(len(_OFF), -1)
             zero = np.zeros((len(_OFF), last.v.shape[1]))
             runs.append(
                 replace(

@@ -57,6 +57,8 @@ class Case(NamedTuple):
         hand: it is one of the hand axes, beyond the third joint.
         conditions: what is demanded.
         rest: what it asks of a brake; None: not known.
+        swung: inertia that rows on frequencies demand of, without a rating's postures: at which of
+            them makers mean their rule is not known. 0: of none; None: the load inertia.
     """
 
     demand: GearDemand
@@ -65,6 +67,7 @@ class Case(NamedTuple):
     hand: bool
     conditions: Conditions
     rest: Rest | None = None
+    swung: float | None = None
 
 
 def idle(conditions: Conditions, hand: bool = False) -> Case:

@@ -589,9 +589,14 @@ BEARING_LIMITS = [
 # ----------------------------------------------------------------------------- drive and load
 
 
+def _only_rated(d: Drives) -> bool:
+    """Whether there is no cycle whose frequencies could be demanded, only a rating's postures."""
+    return d.case.swung == 0.0
+
+
 def _resonance(d: Drives) -> Value:
     with np.errstate(divide="ignore"):
-        return resonance(d.gear.stiffness, d.load)
+        return resonance(d.gear.stiffness, number(d.case.swung or d.case.load_inertia))
 
 
 def brake_peak(
@@ -662,15 +667,17 @@ def _back_driving(d: Drives) -> Criterion:
 def _frequency(condition: str, hand: bool) -> Limit:
     return Limit(
         "gear resonance",
-        lambda d: getattr(d.conditions, condition),
+        lambda d: np.nan if _only_rated(d) else getattr(d.conditions, condition),
         _resonance,
         "Hz",
         "f = sqrt(K_1/max J_load)/(2 pi), all other joints rigid",
         "pinfric's default, as a maker's rule is quoted: 8 Hz base axes, 15 Hz hand axes",
         lambda d: _LOOPS if d.case.load_inertia is None else "stiffness",
+        lambda d: "of the rated payload; demanded of a cycle only" if _only_rated(d) else "",
         stage="gear",
         condition=condition,
         applies=lambda d: not d.linear and d.case.hand == hand,
+        optional=True,
     )
 
 

@@ -96,9 +96,13 @@ def own_parts(
 
 
 def check_names(scene: Scene, conditions: Conditions) -> None:
-    """Refuse conditions that name a drive that is not there: `CatalogError`."""
-    for key in ("mass_in_urdf", "collision_effort", "bearings", "amplifiers"):
-        for name in getattr(conditions, key):
+    """Refuse conditions that name a drive that is not there, or one twice: `CatalogError`."""
+    shared = [name for group in conditions.same_drive for name in group]
+    for name in shared:
+        if shared.count(name) > 1:
+            raise CatalogError(f"conditions.same_drive: {name!r} occurs {shared.count(name)} times")
+    for key in ("mass_in_urdf", "collision_effort", "bearings", "amplifiers", "same_drive"):
+        for name in shared if key == "same_drive" else getattr(conditions, key):
             if name not in scene.actuator_names and (key, name) != ("amplifiers", OTHERS):
                 raise CatalogError(
                     f"conditions.{key}: there is no drive {name!r}; "

@@ -59,6 +59,14 @@ class Collisions(Entry):
     duration: Annotated[Positive, key("of each", 0.15, "s")]
 
 
+def _as_groups(given: Any) -> Any:
+    """Groups of joints; of a text: joints between commas, groups between semicolons."""
+    if not isinstance(given, str):
+        return given
+    groups = (group.split(",") for group in given.split(";"))
+    return tuple(tuple(name.strip() for name in group) for group in groups)
+
+
 class Conditions(Entry):
     """Conditions of operation, with the defaults of common practice."""
 
@@ -121,6 +129,14 @@ class Conditions(Entry):
             {"elbow": "EPOS4 50/5", "others": "EPOS4 50/15"},
         ),
     ] = Field(default_factory=dict)
+    same_drive: Annotated[
+        tuple[tuple[str, ...], ...],
+        BeforeValidator(_as_groups, json_schema_input_type=tuple[tuple[str, ...], ...] | str),
+        key(
+            "groups of joints that share one motor and gear; on a command line a,b;c,d",
+            [["wrist_1", "wrist_2"]],
+        ),
+    ] = ()
     back_driving: Annotated[
         Literal["any", "required", "forbidden"],
         key("whether the load must, must not or may be able to move the motor", "required"),

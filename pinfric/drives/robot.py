@@ -30,6 +30,7 @@ from pinfric.drives.friction import without_drives
 from pinfric.drives.inertia import joint_inertias
 from pinfric.drives.limit import Case
 from pinfric.drives.policy import BASE_AXES, Conditions
+from pinfric.drives.rated import RatedCycle
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.outcome import Status
@@ -105,12 +106,18 @@ class Robot:
 
     Args:
         scene: the robot as given. motion: its cycle. duty: which samples are which cycle.
-        conditions: what is demanded.
+        conditions: what is demanded. rating: that the motion contains.
     """
 
     def __init__(
-        self, scene: Scene, motion: MotionLike, duty: Schedule | None, conditions: Conditions
+        self,
+        scene: Scene,
+        motion: MotionLike,
+        duty: Schedule | None,
+        conditions: Conditions,
+        rating: RatedCycle | None = None,
     ) -> None:
+        self.rating = rating
         self.scene, self.motion, self.duty, self.conditions = scene, motion, duty, conditions
         self.base = self.last = _Solved(self, {})
         states = self.result.states
@@ -129,15 +136,16 @@ class Robot:
         if given != self.last.masses:
             self.last = _Solved(self, given) if given else self.base
 
-    def cycle(self, i: int) -> DriveCycle:
-        """Return a drive's samples without the mass of any drive."""
-        return drive_cycle(self.base.result, i, self.holding, self.duty)
+    def cycle(self, i: int, means: Schedule | None = None) -> DriveCycle:
+        """Return a drive's samples without the mass of any drive; see `case`."""
+        return drive_cycle(self.base.result, i, self.holding, means or self.duty)
 
-    def case(self, i: int, masses: Masses) -> Case:
+    def case(self, i: int, masses: Masses, means: Schedule | None = None) -> Case:
         """Return a joint with the masses of the drives beyond it.
 
         Args:
             i: the drive's column. masses: of all drives; those that do not load it do not count.
+            means: what its means are taken over; None: the duty.
         """
         beyond = {k: m for k, m in masses.items() if m and loads(self.scene, k, i)}
         there = {k: m for k, m in self.last.masses.items() if loads(self.scene, k, i)}
@@ -146,7 +154,7 @@ class Robot:
             there = beyond
         more = {k: beyond.get(k, 0.0) - there.get(k, 0.0) for k in {**beyond, **there}}
         points = {k: self._point(k) for k, m in more.items() if m}
-        cycle = drive_cycle(self.result, i, self.holding, self.duty)
+        cycle = drive_cycle(self.result, i, self.holding, means or self.duty)
         inertia, rest = self.last.inertia, self.last.rest[:, i]
         own = None if inertia is None else inertia[:, i]
         joint, wrench = driven_joint(self.scene, i), None
@@ -166,8 +174,13 @@ class Robot:
         demand = gear_demand(self.result, i, cycle, wrench=wrench)
         inertia_max = None if joint is None or own is None else float(own.max())
         hand = depth(self.scene, i) > BASE_AXES
+        swung = None
+        if self.rating is not None:
+            demand = replace(demand, speed=max(demand.speed, self.rating.top_speed(i)))
+            if inertia_max is not None and own is not None:
+                swung = float(own[self.rating.own].max(initial=0.0))
         still = rest_of(self.scene, i, rest, demand.peak, demand.speed)
-        return Case(demand, cycle, inertia_max, hand, self.conditions, still)
+        return Case(demand, cycle, inertia_max, hand, self.conditions, still, swung)
 
     def _point(self, k: int) -> _Point:
         """What 1 kg at a drive adds (see the module)."""

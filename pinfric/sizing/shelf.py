@@ -406,10 +406,13 @@ class Search:
 
     Args:
         shelf: of turning or of sliding drives. case: the joint. parts: its own.
+        beside: of the same shelf: what a drive must fit as well. It is judged where it fits worst.
     """
 
-    def __init__(self, shelf: Shelf, case: Case, parts: Parts) -> None:
-        self.shelf, self.case, self.parts = shelf, case, parts
+    def __init__(
+        self, shelf: Shelf, case: Case, parts: Parts, beside: Sequence[Search] = ()
+    ) -> None:
+        self.shelf, self.case, self.parts, self.beside = shelf, case, parts, beside
         self._rows: dict[tuple[int, int], _Row] = {}
         self._source, self._found = self._offers(), list[tuple[float, float, int, int, int]]()
         self._judged: dict[tuple[int, int, int], Assessment] = {}
@@ -607,7 +610,9 @@ class Search:
             made = replace(block.make(g, m), **self.parts.own)
             missing = (*self._gear_lacks(block, g), *block.motor_lacks[m])
             row = self._row(b, g) if made.transmission is not None else None
-            self._judged[b, g, m] = self.assess(made, missing, row)
+            own = self.assess(made, missing, row)
+            every = (own, *(search.judge(b, g, m) for search in self.beside))
+            self._judged[b, g, m] = min(every, key=lambda a: (a.fits, a.margin))
         return self._judged[b, g, m]
 
     def assess(

@@ -34,9 +34,11 @@ from pinfric.drives.drivetrain import MotorCycle, line_voltage, motor_cycle
 from pinfric.drives.duty import Duty, Schedule, once
 from pinfric.drives.friction import without_drives
 from pinfric.drives.held import held_drives
+from pinfric.drives.limit import Case
 from pinfric.drives.parts import check_names, own_parts
 from pinfric.drives.policy import Conditions, parse_conditions
 from pinfric.drives.power import BusPower, bus_power
+from pinfric.drives.rated import RatedCycle
 from pinfric.drives.robot import (
     Robot,
     added_masses,
@@ -53,7 +55,8 @@ from pinfric.model.brief import counted, file_name, listed, screen
 from pinfric.model.scene import Scene, expect_scene
 from pinfric.model.schema import OTHERS
 from pinfric.model.upward import Shown
-from pinfric.motions.summary import beyond_limits, effort_unit
+from pinfric.motions.rating import Rated, Rating, rate
+from pinfric.motions.summary import beyond_limits, effort_unit, rms
 from pinfric.motions.trajectory import Trajectory
 from pinfric.sizing.branch import Arm, stiff_enough
 from pinfric.sizing.caveats import caveats, discontinuities, unclosed
@@ -84,6 +87,8 @@ class JointSizing:
         nearest: if none fits, the candidate with the smallest shortfall, none beyond -1000 %.
         nothing_because: why there are no candidates, if a catalogue was given; otherwise empty.
         search: of the drives that were looked at.
+        decided: with a rating, whose means leave the least of the drive: the cycle's, or its own.
+        alone: with a rating beside a cycle: what each of the two alone would take; None: nothing.
     """
 
     demand: JointDemand
@@ -95,6 +100,8 @@ class JointSizing:
     nearest: Assessment | None = None
     nothing_because: str = ""
     search: Search | None = field(default=None, repr=False, compare=False)
+    decided: str = ""
+    alone: Mapping[str, Assessment | None] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -105,6 +112,14 @@ class JointSizing:
     def installed(self) -> Assessment | None:
         """The drive whose mass is in the model: the choice, or the closest candidate."""
         return self.choice or self.nearest
+
+    @property
+    def decided_by(self) -> str:
+        """Which of cycle and rating alone takes the heavier drive; "" where only one is given."""
+        if len({a and a.candidate.name for a in self.alone.values()}) == 1:
+            return "both"
+        mass = {n: np.inf if a is None else a.candidate.mass for n, a in self.alone.items()}
+        return max(mass, key=lambda name: mass[name] or 0.0, default="")
 
     @property
     def candidates(self) -> int:
@@ -201,6 +216,7 @@ class SizingReport(Shown):
         unclosed: states that differ between end and start of the cycle; empty if it closes.
         stops: with the chosen drives and their brakes; None: none, or the scene has no `stops`.
         no_stops: why the stops that the scene asks for could not be judged; "" where they were.
+        rating: what the robot is rated for, beside a cycle or alone; None: a cycle alone.
     """
 
     scene: Scene
@@ -221,6 +237,7 @@ class SizingReport(Shown):
     stops: StopResult | None = None
     no_stops: str = ""
     contradiction: str = ""
+    rating: RatedCycle | None = None
 
     def __repr__(self) -> str:
         names = [joint.name for joint in self.joints]
@@ -353,9 +370,10 @@ _OF_ROBOT = ("lowest_frequency", "tool_sag", "tool_interval", "tool_reversal")
 
 def size(
     scene: Scene,
-    trajectory: MotionLike | Duty,
+    trajectory: MotionLike | Duty | None = None,
     catalog: Catalog | str | Path | None = None,
     *,
+    rating: Rating | Mapping[str, Any] | None = None,
     conditions: Conditions | Mapping[str, Any] | None = None,
     on_miss: Literal["warn", "raise", "ignore"] = "warn",
     progress: Callable[[str], object] | None = None,
@@ -372,14 +390,19 @@ def size(
         scene: the robot with its friction. Its `robot.masses` says whether the links hold the
             drives; if not, these are added. The candidates replace its transmissions.
         trajectory: one cycle, with times; it is repeated without a pause. If it does not end as
-            it began, `SizingReport.unclosed` and a note say so. Several cycles: as a `Duty`.
+            it began, `SizingReport.unclosed` and a note say so. Several cycles: as a `Duty`. None:
+            by the rating alone.
         catalog: a `Catalog`, a file, "default" for the bundled one, or None for the demand only.
+        rating: what the arm is built for before it has a cycle, `{"payload": 10}` (kg): this
+            payload is held in the worst posture of each joint and lifted from there by it alone
+            (`motions.rating`). Beside a cycle each joint gets what bears both.
         conditions: in place of the catalogue's: a mapping, or what was set in a `Conditions`.
         on_miss: what to do if no candidate fits a joint; the report says so in any case.
         progress: called with a line of text at each step.
 
     Raises:
         CatalogError: the catalogue or a condition is wrong; StateError: the motion has no times;
+        TrajectoryError: a rating that the robot cannot have;
         SizingError: a catalogue and no gravity; without `mass_in_urdf` a link is not a possible
         body; or the choice cannot be signed and `on_miss` is "raise".
 
@@ -407,7 +430,21 @@ def size(
     for joint in wanted.bearings:
         linear = effort_unit(scene, scene.actuator_names.index(joint)) == "N"
         own_parts(catalog or Catalog("no catalogue"), wanted, joint, linear)
-    report = _Sizing(scene, trajectory, catalog, wanted, progress or (lambda _: None)).run()
+    tell = progress or (lambda _: None)
+    rated = None if rating is None else rate(scene, rating)
+    report = _Sizing(scene, trajectory, catalog, wanted, tell, rated).run()
+    if rated is not None and trajectory is not None and catalog is not None:
+        with warnings.catch_warnings():  # said already of both together
+            warnings.simplefilter("ignore", PinfricWarning)
+            apart = {
+                "cycle": _Sizing(scene, trajectory, catalog, wanted, tell).choose(),
+                "rating": _Sizing(scene, None, catalog, wanted, tell, rated).choose(),
+            }
+        joints = (
+            replace(joint, alone={name: one.get(i) for name, one in apart.items()})
+            for i, joint in enumerate(report.joints)
+        )
+        report = replace(report, joints=tuple(joints))
     if on_miss == "raise":
         report.check()
     for text in report.verdict.failing if on_miss == "warn" else ():
@@ -421,22 +458,32 @@ class _Sizing:
     def __init__(
         self,
         scene: Scene,
-        trajectory: MotionLike | Duty,
+        trajectory: MotionLike | Duty | None,
         catalog: Catalog | None,
         conditions: Conditions,
         progress: Callable[[str], object],
+        rated: Rated | None = None,
     ) -> None:
         self.motion: MotionLike
-        duty, cycles = None, [trajectory]
-        if isinstance(trajectory, Duty):
-            cycles = [cycle for cycle, _ in trajectory.cycles]
+        duty, self.rating = None, None
+        cycles = [c for c, _ in trajectory.cycles] if isinstance(trajectory, Duty) else [trajectory]
+        if rated is not None:
+            if isinstance(trajectory, Trajectory):
+                trajectory = Duty(((trajectory, 1.0),))
+            if not isinstance(trajectory, Duty | None):
+                raise SizingError("beside a rating the cycle must be a Trajectory or a Duty")
+            self.rating = RatedCycle.of(rated, trajectory)
+            self.motion, duty, scene = self.rating.motion, self.rating.schedule, rated.scene
+        elif isinstance(trajectory, Duty):
             self.motion, duty = trajectory.motion(), trajectory.schedule()
+        elif trajectory is None:
+            raise SizingError("give a cycle, or a rating: rating={'payload': 10} (kg)")
         else:
             self.motion = trajectory
         every = [drive.name for drive in scene.drives] if catalog is not None else ()
         self.scene, self.catalog = without_drives(scene, every), catalog
         self.conditions, self.progress = conditions, progress
-        self.robot = Robot(self.scene, self.motion, duty, conditions)
+        self.robot = Robot(self.scene, self.motion, duty, conditions, self.rating)
         self.duty = duty or once(len(self.robot.result.states.q))
         robot = [] if scene.robot is None else [scene.robot.urdf]
         cycled = [getattr(cycle, "source", "") for cycle in cycles]
@@ -456,14 +503,16 @@ class _Sizing:
         joints = tuple(self._joint(i, taken) for i in range(len(self.scene.drives)))
         chosen = {i: a.candidate for i, a in taken.items()}
         equipped = equip(self.scene, chosen, self.conditions) if taken else self.scene
-        without = self.robot.base.result
-        gaps = unclosed(without, self.duty)
+        without, rating = self.robot.base.result, self.rating
+        cycles = rating is None or rating.duty is not None
+        gaps = unclosed(without, self.duty) if cycles else ()
+        source = str(getattr(self.motion, "source", "motion"))
         report = SizingReport(
             scene=equipped,
             given=self.scene,
             catalog=self.catalog,
             conditions=self.conditions,
-            trajectory=str(getattr(self.motion, "source", "motion")),
+            trajectory=source if rating is None else rating.source,
             files=self.files,
             joints=joints,
             result=inverse_dynamics(equipped, self.motion) if taken else without,
@@ -475,11 +524,12 @@ class _Sizing:
                 self.scene,
                 self.catalog,
                 gaps,
-                discontinuities(without, self.duty),
+                discontinuities(without, self.duty) if cycles else (),
                 beyond_limits(without),
             ),
             unclosed=gaps,
             contradiction=contradiction,
+            rating=rating,
         )
         stops, why = self._stopped(report)
         return replace(report, stops=stops, no_stops=why, other_mass=self._other_mass(taken))
@@ -512,8 +562,9 @@ class _Sizing:
         """The stops with the chosen drives and brakes, or why there are none."""
         if self.scene.stops is None or self.catalog is None or any(j.no_fit for j in report.joints):
             return None, ""
-        if len(report.duty.repeats) > 1:
-            return None, "stops: judged for one cycle, not for a duty of several"
+        if len(list(report.duty.parts())) > 1:
+            what = "judged for one cycle, not for a duty of several or a rating alone"
+            return None, f"stops: {what}"
         taken = [joint.installed for joint in report.joints]
         names = sorted({a.candidate.brake for a in taken if a is not None} - {""})
         if slow := [n for n in names if self.catalog.brakes[n].engage_time is None]:
@@ -524,10 +575,19 @@ class _Sizing:
         self.progress("stops of the chosen drives")
         scene, states = report.scene, report.result.states
         assert states.t is not None  # size refuses a motion without times
+        part = slice(None) if report.rating is None else report.rating.own
         carried = states.attached
-        attached = {} if carried is None else dict(zip(scene.payloads, carried.T, strict=True))
+        attached = (
+            {} if carried is None else dict(zip(scene.payloads, carried[part].T, strict=True))
+        )
         motion = Trajectory.from_arrays(
-            scene, states.t, states.q, states.v, states.a, attached, source=report.trajectory
+            scene,
+            states.t[part],
+            states.q[part],
+            states.v[part],
+            states.a[part],
+            attached,
+            source=report.trajectory,
         )
         try:
             return stop(scene, motion), ""
@@ -539,6 +599,15 @@ class _Sizing:
         masses = {i: a.candidate.mass for i, a in taken.items()}
         return added_masses(self.scene, self.conditions, masses)
 
+    def _cases(self, i: int, masses: Mapping[int, float]) -> dict[str, Case]:
+        """A joint, with a rating once by each of its parts; the one of largest RMS effort first."""
+        if self.rating is None:
+            return {"": self.robot.case(i, masses)}
+        means = self.rating.means(i).items()
+        cases = {name: self.robot.case(i, masses, schedule) for name, schedule in means}
+        effort = {n: rms(c.cycle.stretched, c.cycle.ends[0]) for n, c in cases.items()}
+        return {name: cases[name] for name in sorted(cases, key=lambda name: -effort[name])}
+
     def _search(self, i: int, masses: Mapping[int, float]) -> Search | None:
         """The drives of the catalogue at a joint; None: it takes none."""
         if self.catalog is None or driven_joint(self.scene, i) is None:
@@ -547,9 +616,14 @@ class _Sizing:
         if linear not in self.shelves:
             brakes = brakes_of(self.catalog, self.scene)
             self.shelves[linear] = Shelf(self.catalog, self.conditions, linear, brakes)
-        case = self.robot.case(i, masses)
         own = own_parts(self.catalog, self.conditions, name, linear)
-        return Search(self.shelves[linear], case, Parts(own, frozenset(self.banned.get(i, ()))))
+        shelf, parts = self.shelves[linear], Parts(own, frozenset(self.banned.get(i, ())))
+        first, *others = self._cases(i, masses).values()
+        return Search(shelf, first, parts, [Search(shelf, case, parts) for case in others])
+
+    def choose(self) -> dict[int, Assessment]:
+        """Return the drives that fit, by their columns."""
+        return {i: a for i, a in self._choose()[0].items() if a.fits}
 
     def _choose(self) -> tuple[dict[int, Assessment], int, bool]:
         """The drives taken, the number of passes, and whether the last one changed nothing."""
@@ -572,6 +646,7 @@ class _Sizing:
                     taken[i] = found
             if self.conditions.lowest_frequency is not None:
                 taken = self._together(taken, searches)
+            taken |= self._shared(taken, searches)
             exact = {k: m for k, m in self._added(taken).items() if m and carried(self.scene, k)}
             if _names(taken) == before and (self.robot.exact or self.robot.last.masses == exact):
                 return taken, passes, True
@@ -625,6 +700,24 @@ class _Sizing:
             return taken
         return taken | {i: front[p] for i, front, p in zip(turning, fronts, picked, strict=True)}
 
+    def _shared(
+        self, taken: Mapping[int, Assessment], searches: Mapping[int, Search]
+    ) -> dict[int, Assessment]:
+        """The lightest motor and gear of each group of `same_drive`, if one fits all its joints."""
+        found: dict[int, Assessment] = {}
+        for group in self.conditions.same_drive:
+            own = [i for i in map(self.scene.actuator_names.index, group) if i in searches]
+            heaviest = max(own, key=lambda i: taken[i].candidate.mass or 0.0 if i in taken else 0.0)
+            for _, _, *drive in searches[heaviest].offers():
+                judged = {i: searches[i].judge(*drive) for i in own}
+                banned = {a.candidate.name for a in judged.values()} & {
+                    name for i in own for name in searches[i].parts.banned
+                }
+                if all(a.fits for a in judged.values()) and not banned:
+                    found |= judged
+                    break
+        return found
+
     def arm(self, turning: Sequence[int], others: Mapping[int, float]) -> Arm:
         """Return the arm that swings on the gears of some drives, at every pose of the cycle."""
         states = self.robot.base.result.states
@@ -642,10 +735,15 @@ class _Sizing:
     def _joint(self, i: int, taken: Mapping[int, Assessment]) -> JointSizing:
         """The joint with all chosen drives in the model."""
         masses, found = self._added(taken), taken.get(i)
-        case, search = self.robot.case(i, masses), self._search(i, masses)
+        cases, search = self._cases(i, masses), self._search(i, masses)
+        ranked = {
+            n: c for n, c in cases.items() if found and c.cycle.duty == found.drives.case.cycle.duty
+        }
+        decided, case = next(iter((ranked or cases).items()))
         demand = joint_demand(self.robot.result, i, case.cycle)
+        demand = replace(demand, speed=case.demand.speed)
         base = self.robot.base.result
-        alone = joint_demand(base, i, self.robot.cycle(i)) if masses else demand
+        alone = joint_demand(base, i, self.robot.cycle(i, case.cycle.duty)) if masses else demand
         motor = None
         if found is not None and found.motor is not None:
             motor = motor_cycle(found.candidate, case.cycle, self.conditions)
@@ -659,6 +757,7 @@ class _Sizing:
             nearest=found if found is not None and not found.fits else None,
             nothing_because="" if search and search.shelf.count else self._no_candidates(i),
             search=search,
+            decided=decided,
         )
 
     def _no_candidates(self, i: int) -> str:

@@ -11,12 +11,15 @@ from pinfric.drives.brake import Standstill
 from pinfric.drives.criterion import Criterion, Status
 from pinfric.drives.demand import JointDemand
 from pinfric.drives.drivetrain import MotorFigures
+from pinfric.drives.limit import number
 from pinfric.drives.power import BusPower
+from pinfric.drives.rules import resonance
 from pinfric.elastic.summary import ElasticSummary, elastic_summary
-from pinfric.model.described import EFFORT, INERTIA, described, quantity
+from pinfric.model.described import EFFORT, INERTIA, SPEED, described, quantity
 from pinfric.model.mass_matrix import frame_jacobians
 from pinfric.model.robot import link_frame
-from pinfric.sizing.shelf import Assessment
+from pinfric.motions.rating import Rated
+from pinfric.sizing.shelf import Assessment, stiffness_of
 from pinfric.sizing.size import SizingReport
 from pinfric.sizing.verdict import JointVerdict, Verdict
 from pinfric.stops.summary import StopSummary, stop_summary
@@ -120,6 +123,10 @@ class SizedJoint(JointDemand):
     choice: str | None = quantity(
         "the lightest drive that fits the cycle; none: none does", heading="lightest that fits"
     )
+    decided_by: str | None = quantity(
+        "which of cycle and rating alone takes the heavier drive; none: only one is given",
+        heading="decided\nby",
+    )
     installed: Installed | None = quantity(
         "the drive in the model; none: no candidates", heading="*"
     )
@@ -155,11 +162,46 @@ class Cycle:
 
 
 @described
+class RatedJoint:
+    """A joint's part of a rating."""
+
+    name: str = quantity("the drive's", heading="joint", name=True)
+    unit: str = quantity('of its effort, "N m" or "N"', heading="unit")
+    held: float = quantity("effort that holds the payload in its worst posture", EFFORT, "held")
+    speed: float = quantity("its top speed", SPEED, "top\nspeed")
+    time: float = quantity("of the move from there, 90 degrees at most", "s", "move")
+    reached: float = quantity("largest speed of the move", SPEED, "speed\nreached")
+    frequency: float | None = quantity(
+        "with the rated payload, all other joints rigid; none: not known", "Hz", "frequency"
+    )
+    decided: str = quantity("whose mean is tightest: its move's, the holds', a cycle's")
+    by_cycle: str | None = quantity(
+        "the drive that the cycle alone would take", heading="by the cycle alone"
+    )
+    by_rating: str | None = quantity(
+        "the drive that the rating alone would take", heading="by the rating alone"
+    )
+
+
+@described
+class RatingSummary:
+    """What a robot is rated for."""
+
+    payload: float = quantity("rated mass", "kg")
+    payload_offset: float = quantity("of its centre of mass, along z of the link", "m")
+    link: str = quantity("that carries it")
+    reach: float = quantity("farthest of the payload from the second joint, the shoulder", "m")
+    acceleration_time: float = quantity("of one joint alone, from rest to top speed", "s")
+    joints: tuple[RatedJoint, ...] = quantity("that carry the payload")
+
+
+@described
 class SizingSummary:
     """Demand of a cycle on every drive, and the drives chosen for it."""
 
     verdict: Verdict = quantity("whether the choice can be signed, and what fails")
     trajectory: str = quantity("source of the motion")
+    rating: RatingSummary | None = quantity("in place of a cycle or beside it; none: no rating")
     catalog: str | None = quantity("the catalogue; none: demand only")
     conditions: dict[str, Any] = quantity("conditions, with the keys of a catalogue")
     cycle_time: float = quantity("duration of the repeated period", "s")
@@ -200,11 +242,12 @@ def sizing_summary(report: SizingReport) -> SizingSummary:
     return SizingSummary(
         verdict=report.verdict,
         trajectory=report.trajectory,
+        rating=None if report.rating is None else _rating_summary(report, report.rating.rated),
         catalog=None if report.catalog is None else report.catalog.source,
         conditions=report.conditions.model_dump(),
         cycle_time=report.period,
         cycles=tuple(
-            Cycle(name, n) for (name, _), n in zip(duty.parts(), duty.repeats, strict=False)
+            Cycle(name, n) for name, n in zip(duty.names, duty.repeats, strict=False) if n
         ),
         off=float(t[-1] - t[duty.starts[-2]]) if duty.off else 0.0,
         unclosed=report.unclosed,
@@ -220,6 +263,37 @@ def sizing_summary(report: SizingReport) -> SizingSummary:
         robot_criteria=report.arm_criteria,
         elasticity=None if report.elastic is None else elastic_summary(report.elastic),
         notes=report.notes,
+    )
+
+
+def _rating_summary(report: SizingReport, rated: Rated) -> RatingSummary:
+    joints = []
+    for lift in rated.lifts:
+        joint, taken = report.joints[lift.drive], report.joints[lift.drive].installed
+        stiffness = np.nan if taken is None else stiffness_of(taken)
+        hertz = resonance(stiffness, number(joint.load_inertia))
+        alone = {name: None if a is None else a.candidate.name for name, a in joint.alone.items()}
+        joints.append(
+            RatedJoint(
+                joint.name,
+                joint.demand.unit,
+                lift.held,
+                lift.speed,
+                lift.duration,
+                lift.reached,
+                None if np.isnan(hertz) else hertz,
+                joint.decided,
+                alone.get("cycle"),
+                alone.get("rating"),
+            )
+        )
+    return RatingSummary(
+        rated.rating.payload,
+        rated.rating.payload_offset,
+        rated.link,
+        rated.reach,
+        rated.rating.acceleration_time,
+        tuple(joints),
     )
 
 
@@ -278,6 +352,7 @@ def _sized_joint(report: SizingReport, k: int, lever: float) -> SizedJoint:
         rms_without_masses=joint.demand_without_masses.rms,
         load_inertia=joint.load_inertia,
         choice=None if joint.choice is None else joint.choice.candidate.name,
+        decided_by=joint.decided_by or None,
         verdict=verdicts[k] if verdicts else None,
         candidates=joint.candidates,
         installed=None if taken is None else _installed(taken, report.criteria[k], lever),

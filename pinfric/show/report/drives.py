@@ -19,13 +19,13 @@ _ROUNDING = 1e-9
 #: Fields of a joint that say which drive was chosen.
 _INSTALLED = ("brake", "mass", "backlash", "backlash_at_tool")
 _VERDICT = ("verdict.margin", "verdict.tightest")
-_CHOICE = ("name", "choice", *(f"installed.{name}" for name in _INSTALLED), *_VERDICT)
+_CHOICE = ("name", "choice", "decided_by", *(f"installed.{name}" for name in _INSTALLED), *_VERDICT)
 _SMALLER = ("name", "next_smaller.name", "next_smaller.mass", "next_smaller.short_by")
 _STILL = tuple(f"standstill.{name}" for name in ("effort", "shaft", "use", "brake", "margin"))
 
 
 #: The same in short.
-_SHORT = ("name", "choice", "installed.mass", *_VERDICT)
+_SHORT = ("name", "choice", "decided_by", "installed.mass", *_VERDICT)
 
 
 def choice_table(
@@ -43,6 +43,13 @@ def choice_table(
     title = f"drives from {found.catalog}, {digits(found.conditions['bus_voltage'])} V"
     own = {"choice": _chosen, **(cells or {})}
     return table_of(title, found.joints, only={*(_SHORT if short else _CHOICE), *own}, cells=own)
+
+
+def rating_table(found: SizingSummary) -> Table | None:
+    """Return what a rating asks of each joint; None without one."""
+    rows = () if found.rating is None else found.rating.joints
+    title = "the rating, each joint in its worst posture and alone"
+    return table_of(title, rows, zero=_ROUNDING)
 
 
 def _chosen(joint: SizedJoint) -> str:
@@ -147,7 +154,7 @@ def unchecked_table(
 
 def turn(report: SizingReport) -> str:
     """Return what is repeated: a cycle, or a period of several."""
-    return "period" if len(report.duty.repeats) > 1 else "cycle"
+    return "period" if len(list(report.duty.parts())) > 1 else "cycle"
 
 
 def bus_table(report: SizingReport) -> Table | None:

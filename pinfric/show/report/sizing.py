@@ -20,6 +20,7 @@ from pinfric.show.report.drives import (
     choice_table,
     mass_table,
     product_lines,
+    rating_table,
     smaller_table,
     turn,
     unchecked_table,
@@ -52,15 +53,17 @@ def sizing_report(report: SizingReport, verbose: bool = True) -> Report:
     """
     notes = [f"note: {line}" for line in report.notes]
     failing = [*beyond_limits(report.result_without_masses), *report.verdict.failing]
-    said = (*friction_line(report), *report.verdict.remarks)
-    opening = [verdict(report), *said, *(f"! {line}" for line in failing)]
-    if report.catalog is None:
-        return paragraphs(opening, demand_table(report), elastic_lines(report), notes)
     found = sizing_summary(report)
+    said = (*rating_lines(found), *friction_line(report), *report.verdict.remarks)
+    opening = [verdict(report), *said, *(f"! {line}" for line in failing)]
+    rating = rating_table(found)
+    if report.catalog is None:
+        return paragraphs(opening, rating, demand_table(report), elastic_lines(report), notes)
     if not verbose:
         return _short(report, found, opening)
     return paragraphs(
         opening,
+        rating,
         demand_table(report),
         choice_table(found),
         mass_table(found),
@@ -110,6 +113,30 @@ def friction_line(report: SizingReport) -> list[str]:
     return [f"friction: {said}, taken as the old drive's and replaced by the candidates' losses"]
 
 
+def rating_lines(found: SizingSummary) -> list[str]:
+    """Return what the robot is rated for, and the lowest frequency with that payload."""
+    if (rating := found.rating) is None:
+        return []
+    most = max(rating.joints, key=lambda joint: joint.held)
+    beside = "; beside the cycle: each joint bears both" if rating.joints[0].by_rating else ""
+    lines = [
+        f"rated for {digits(rating.payload)} kg, {digits(rating.payload_offset)} m beyond "
+        f"{rating.link}, up to {digits(rating.reach)} m from the second joint: held in the worst "
+        f"posture of each joint, at most {digits(most.held)} {most.unit} ({most.name}), and lifted "
+        f"from there by it alone, in {digits(rating.acceleration_time)} s to top speed, at most "
+        f"90\N{DEGREE SIGN}{beside}"
+    ]
+    swings = {joint.name: joint.frequency for joint in rating.joints if joint.frequency}
+    if swings:
+        slowest = min(swings, key=lambda name: swings[name])
+        base, hand = (found.conditions[f"resonance_{x}"] for x in ("base", "hand"))
+        lines.append(
+            f"with the rated payload {slowest} swings at {digits(swings[slowest])} Hz, the lowest "
+            f"of all joints; {digits(base)} and {digits(hand)} Hz are demanded of a cycle only"
+        )
+    return lines
+
+
 def stop_lines(found: SizingSummary) -> list[str]:
     """Return how the robot with its drives and brakes stops, in a line; none without `stops`."""
     return [] if found.stops is None else [f"stops, {how(found.stops)}: {said(found.stops)}"]
@@ -137,7 +164,9 @@ def elastic_lines(report: SizingReport) -> list[str]:
 
 def repetition(report: SizingReport) -> str:
     """Return how the cycle is assumed to repeat, in words."""
-    if len(report.duty.repeats) > 1:
+    if report.rating is not None and report.rating.duty is None:
+        return "means of each joint over its own part"
+    if len(list(report.duty.parts())) > 1:
         return "the period, repeated" + ("; not all cycles close" if report.unclosed else "")
     return "repeated, but it does not close" if report.unclosed else "repeated without a pause"
 

@@ -1,0 +1,98 @@
+"""A rating as a motion to size by, alone or beside a duty.
+
+Of a joint only its own part counts for means: its move, or the holds; one long motion would dilute
+the RMS effort of each joint by the parts of all others. A duty beside is a third such part. A drive
+must bear each of them, and the peaks of all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pinfric.drives.duty import Duty, Schedule
+from pinfric.motions.rating import Lift, Rated
+from pinfric.motions.trajectory import Trajectory
+
+
+@dataclass(frozen=True)
+class RatedCycle:
+    """A rating's parts behind the cycles of a duty, as one motion.
+
+    Attributes:
+        rated: the rating. motion: the cycles, then the rating, then the time switched off.
+        schedule: how often a period runs each part: of a rating beside a duty never.
+        moves: drive -> its part. holds: parts in which all joints stand. duty: beside it.
+    """
+
+    rated: Rated
+    motion: Trajectory
+    schedule: Schedule
+    moves: dict[int, int]
+    holds: tuple[int, ...]
+    duty: Duty | None
+
+    @classmethod
+    def of(cls, rated: Rated, duty: Duty | None) -> RatedCycle:
+        """Return a rating as a motion.
+
+        Args:
+            rated: of `rate`. duty: with the payloads of the scene as it was given; None: none.
+        """
+        lifts, parts = zip(*rated.motions(), strict=True)
+        if duty is None:
+            whole, cycles = Duty(tuple((part, 1.0) for part in parts)), 0
+        else:
+            given = tuple((_also(rated, cycle), weight) for cycle, weight in duty.cycles)
+            whole, cycles = replace(duty, cycles=given, beside=parts), len(given)
+        numbered: Sequence[tuple[int, Lift | None]] = list(enumerate(lifts, start=cycles))
+        return cls(
+            rated,
+            whole.motion(),
+            whole.schedule(),
+            {lift.drive: k for k, lift in numbered if lift is not None},
+            tuple(k for k, lift in numbered if lift is None),
+            duty,
+        )
+
+    @property
+    def cycles(self) -> int:
+        """How many parts are cycles of the duty."""
+        return 0 if self.duty is None else len(self.duty.cycles)
+
+    def means(self, drive: int) -> dict[str, Schedule]:
+        """Return what counts for a drive's means, by name: each by itself must be borne."""
+        found = {"cycle": self.schedule} if self.cycles else {}
+        found["rating: hold"] = self.schedule.only(self.holds)
+        if drive in self.moves:
+            found["rating: move"] = self.schedule.only((self.moves[drive],))
+        return found
+
+    def top_speed(self, drive: int) -> float:
+        """Return the speed that the rating asks of a joint, rad/s or m/s; 0 of others."""
+        return max((lift.speed for lift in self.rated.lifts if lift.drive == drive), default=0.0)
+
+    @property
+    def source(self) -> str:
+        """The cycles, and what the robot is rated for, in words."""
+        rating = f"rating {self.rated.rating.payload:g} kg"
+        if self.duty is None:
+            return rating
+        one = len(self.duty.cycles) == 1 and self.duty.on == 1
+        return f"{self.duty.cycles[0][0].source if one else self.duty.source}, {rating}"
+
+    @property
+    def own(self) -> np.ndarray:
+        """(T,) which samples are of the duty, not of the rating."""
+        return np.arange(len(self.motion.t)) < self.schedule.starts[self.cycles]
+
+
+def _also(rated: Rated, cycle: Trajectory) -> Trajectory:
+    """A cycle in which the rated payload is not carried."""
+    names = tuple(rated.scene.payloads)
+    columns = dict(zip(cycle.payload_names, cycle.attached.T, strict=True))
+    none = np.zeros(len(cycle.t), dtype=bool)
+    attached = np.column_stack([columns.get(name, none) for name in names])
+    return replace(cycle, payload_names=names, attached=attached)

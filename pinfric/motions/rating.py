@@ -1,0 +1,461 @@
+"""A rating in place of a cycle: a payload held in the worst postures, and lifted from there.
+
+Before anyone has a cycle, an arm is built for a payload, its reach and its top speeds. The posture
+of a joint is the one of its largest |gravity effort| over the ranges of all joints; where that is
+below 2 % of the largest of any joint, the one in which it moves the largest inertia. From there
+this joint alone moves against gravity, by D, 90 degrees at most, in a quintic move whose largest
+acceleration is top speed/t_a,
+
+    T = max(sqrt(10/sqrt(3) D t_a/v), 15 D/(8 v)),
+
+returns, and rests as long as it moved. t_a = 1.5 s is an inference: the peak torques that makers
+print leave 1.3 s at the shoulder of a UR10, 1.0 s at a UR5's, 0.4 s at a UR3's in this posture.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Any
+
+import numpy as np
+import pinocchio as pin
+from pydantic import Field
+
+from pinfric.dynamics.inverse.inverse import inverse_dynamics
+from pinfric.errors import TrajectoryError, choose_from
+from pinfric.model.arrays import FloatArray
+from pinfric.model.entry import Entry, NonNegative, Positive, Text, key, parse
+from pinfric.model.mass_matrix import mass_matrices
+from pinfric.model.robot import link_frame
+from pinfric.model.scene import Scene
+from pinfric.model.schema import Payload
+from pinfric.model.yamlfile import yaml_line
+from pinfric.motions.joint_columns import JointColumn, configurations, joint_columns
+from pinfric.motions.trajectory import Trajectory
+from pinfric.motions.waypoints import WayPoint, WayPointFile, sample_waypoints
+
+#: Random postures of a search, and how many of them are followed for each joint.
+_TRIED, _FOLLOWED = 4000, 20
+#: Steps of a search, of the joints' ranges: the first, and where it ends.
+_COARSEST, _FINEST = 0.1, 1e-6
+#: A step that gains less, of the largest value of all joints, gains nothing: ridges are long.
+_GAIN = 1e-8
+#: A joint whose gravity effort is less than this part of the largest takes its largest inertia.
+_NO_GRAVITY = 0.02
+#: A posture that reaches this part of another joint's worst serves it, too.
+_NEARLY_WORST = 0.97
+#: A payload is not heavier than so many times what moves.
+_HEAVIEST = 2.0
+#: A velocity limit beyond is a placeholder, rad/s or m/s.
+_FASTEST = 50.0
+#: 90 degrees, rad; and the least way of a move: with less room before a limit it goes back.
+_QUARTER, _LEAST_WAY = 0.5 * math.pi, 0.05
+#: s that each posture is held; Hz of the samples.
+_HOLD, _RATE = 2.0, 100.0
+#: Part of the joints' top speeds on the way from one posture to the next.
+_ON_THE_WAY = 0.25
+#: max |b''| and max |b'| of a quintic move.
+_PEAK_ACCELERATION, _PEAK_SPEED = 10.0 / math.sqrt(3.0), 15.0 / 8.0
+
+
+class Rating(Entry):
+    """What an arm is rated for, in place of a cycle."""
+
+    payload: Annotated[Positive, key("rated mass that it carries", 10.0, "kg")]
+    payload_offset: Annotated[
+        NonNegative,
+        key("of its centre of mass from the origin of `link`, along its z", 0.1, "m"),
+    ] = 0.1
+    link: Annotated[
+        Text | None,
+        key("that carries it; left out: the scene's `tool`, else the last link", "tool0"),
+    ] = None
+    speed: Annotated[
+        dict[str, Positive],
+        key("top speed by joint, in place of the URDF's limit", {"elbow": 3.14}, "rad/s or m/s"),
+    ] = Field(default_factory=dict)
+    acceleration_time: Annotated[
+        Positive, key("from rest to top speed in the worst posture, one joint alone", 1.5, "s")
+    ] = 1.5
+
+
+@dataclass(frozen=True)
+class Lift:
+    """One joint's part of a rating.
+
+    Attributes:
+        drive: its column in efforts. column: its joint's in `Rated.columns`.
+        posture: in which it is held and from which it moves, of `Rated.postures`.
+        held: largest |effort| that holds the payload at rest over all joints' ranges, N m or N.
+        to: (nj,) where the move ends. speed: its top speed, rad/s or m/s. duration: s of the move.
+        reached: the largest speed of the move, rad/s or m/s.
+    """
+
+    drive: int
+    column: int
+    posture: int
+    held: float
+    to: FloatArray
+    speed: float
+    duration: float
+    reached: float
+
+
+@dataclass(frozen=True)
+class Rated:
+    """A rating of one robot: its worst postures, and the moves from there.
+
+    Attributes:
+        scene: with the rated payload beside its own. rating: as given.
+        payload: its name in the scene. link: that carries it. reach: greatest distance of its
+            centre of mass from the second of the joints that carry it (the shoulder), m.
+        columns: (nj,) the joints. postures: (P, nj) rad or m. lifts: of the joints before the link.
+    """
+
+    scene: Scene
+    rating: Rating
+    payload: str
+    link: str
+    reach: float
+    columns: tuple[JointColumn, ...]
+    postures: FloatArray
+    lifts: tuple[Lift, ...]
+
+    def parts(self) -> Iterator[tuple[Lift | None, tuple[WayPoint, ...]]]:
+        """Yield of each posture its hold (None), then the moves of its joints, as way-points."""
+        for k, posture in enumerate(self.postures):
+            yield None, (_point(posture, hold=_HOLD),)
+            for one in self.lifts:
+                if one.posture == k:
+                    back = _point(posture, duration=one.duration, hold=2 * one.duration)
+                    yield one, (_point(posture), _point(one.to, duration=one.duration), back)
+
+    def motions(self) -> Iterator[tuple[Lift | None, Trajectory]]:
+        """Yield the same parts, each as a motion of its own."""
+        carried = {name: name == self.payload for name in self.scene.payloads}
+        for lift, points in self.parts():
+            name = "hold" if lift is None else f"lift of {self.columns[lift.column].name}"
+            file = WayPointFile(pinfric_trajectory=1, sample_rate=_RATE, points=points)
+            table = sample_waypoints(file, self.columns, carried, name)
+            q = configurations(self.columns, table.position, self.scene.model.nq)
+            motion = (table.t, q, table.velocity, table.acceleration)
+            yield lift, Trajectory.from_arrays(self.scene, *motion, carried, f"rating: {name}")
+
+    def waypoints(self) -> str:
+        """Return the whole motion as the text of a way-point file."""
+        names = [column.name for column in self.columns]
+        speeds = np.full(len(names), np.inf)
+        speeds[[one.column for one in self.lifts]] = [one.speed for one in self.lifts]
+        lines, posture = list[str](), -1
+        for lift, points in self.parts():
+            if lift is None:
+                posture += 1
+                of = [names[x.column] for x in self.lifts if x.posture == posture]
+                way = np.abs(self.postures[posture] - self.postures[max(posture - 1, 0)])
+                time = _whole(_PEAK_SPEED * float((way / speeds).max()) / _ON_THE_WAY)
+                points = (points[0].model_copy(update={"duration": time or None}),)
+                said = [f"worst posture of {', '.join(of)}"]
+            else:
+                points, said = points[1:], [f"{names[lift.column]} moves alone", "and back"]
+            for point, text in zip(points, said, strict=True):
+                parts = [
+                    f"name: {json.dumps(text)}",
+                    f"q: [{', '.join(f'{x:g}' for x in point.q)}]",
+                ]
+                parts += [f"duration: {point.duration:g}"] if point.duration else []
+                parts += [f"hold: {point.hold:g}"] if point.hold else []
+                lines.append(f"  - {{{', '.join(parts)}}}")
+        joints = ", ".join(map(yaml_line, names))
+        head = ["pinfric_trajectory: 1", "profile: quintic", f"sample_rate: {_RATE:g}"]
+        return "\n".join([*head, f"joints: [{joints}]", "points:", *lines, ""])
+
+
+def parse_rating(given: Rating | Mapping[str, Any]) -> Rating:
+    """Return a rating of its keys.
+
+    Raises:
+        TrajectoryError: an unknown key, or a value that cannot be.
+    """
+    return given if isinstance(given, Rating) else parse(Rating, given, "rating", TrajectoryError)
+
+
+def rate(scene: Scene, given: Rating | Mapping[str, Any]) -> Rated:
+    """Return the postures and moves of a robot that is rated for a payload.
+
+    Args:
+        scene: the robot; its own payloads are put down. given: the rating, or its keys.
+
+    Raises:
+        TrajectoryError: a rating that cannot be; closed loops; no link for the payload, or one that
+            never moves; more than twice the mass that moves; a joint without a range or top speed.
+    """
+    rating = parse_rating(given)
+    _check_open(scene)
+    link = rating.link or _last_link(scene)
+    moving = sum(inertia.mass for inertia in tuple(scene.model.inertias)[1:])
+    if rating.payload > _HEAVIEST * moving:
+        raise TrajectoryError(
+            f"rating.payload: {rating.payload:g} kg is more than {_HEAVIEST:g} times the "
+            f"{moving:.4g} kg of {scene.source} that move: give kg"
+        )
+    payload = "rated"
+    while payload in scene.payloads:
+        payload += "_"
+    load = Payload(link=link, mass=rating.payload, com=(0.0, 0.0, rating.payload_offset))
+    loaded = replace(scene, payloads={**scene.payloads, payload: load})
+    arm = Arm(loaded, payload)
+    speeds = arm.top_speeds(rating)
+    # 1. The worst posture of each joint: by gravity, else by inertia
+    every = range(len(arm.drives))
+    worst = arm.farthest(arm.efforts, every)
+    held = arm.efforts(worst)[every, every]
+    weighs = held >= _NO_GRAVITY * held.max()
+    light = np.flatnonzero(~weighs).tolist()
+    worst[light] = arm.farthest(arm.inertias, light)
+
+    # 2. As few postures as come near enough to all of these
+    def load_of(q: FloatArray) -> FloatArray:
+        return np.where(weighs, arm.efforts(q), arm.inertias(q))
+
+    best, postures, of = load_of(worst)[every, every], list[FloatArray](), np.zeros(len(worst), int)
+    left = sorted(every, key=lambda i: (not weighs[i], -held[i]))
+    while left:
+        near = load_of(worst[left]) >= _NEARLY_WORST * best
+        first = int(near[:, left].sum(axis=1).argmax())  # of equals the one that holds most
+        served = [i for i in left if near[first, i] or i == left[first]]
+        of[served] = len(postures)
+        postures.append(arm.simplified(worst[left[first]], served, load_of, best))
+        left = [i for i in left if i not in served]
+    # 3. From there each joint alone, against gravity
+    lifts = []
+    signed = arm.signed_efforts(np.array(postures))
+    for i in every:
+        k, p = arm.columns_of[i], int(of[i])
+        turns, speed, here = arm.columns[k].unit == "rad", speeds[i], postures[p][k]
+        room = arm.limits[k, 1] - here, here - arm.limits[k, 0]
+        up = signed[p, i] >= 0.0
+        up = up if room[not up] >= _LEAST_WAY else not up  # a limit is in the way
+        ramp = speed * rating.acceleration_time  # a slide goes as far as its top speed needs
+        most = _QUARTER if turns else _PEAK_ACCELERATION / _PEAK_SPEED**2 * ramp
+        way = min(most, room[not up])
+        to = postures[p].copy()
+        to[k] = round(here + (way if up else -way), 4)
+        slowest = _PEAK_ACCELERATION * way * rating.acceleration_time / speed
+        time = _whole(max(math.sqrt(slowest), _PEAK_SPEED * way / speed))
+        reached = _PEAK_SPEED * way / time
+        lifts.append(Lift(arm.drives[i], k, p, float(held[i]), to, speed, time, reached))
+    reach = arm.reach(worst[int(held.argmax())])
+    return Rated(
+        loaded, rating, payload, link, reach, arm.columns, np.array(postures), tuple(lifts)
+    )
+
+
+def holding_efforts(scene: Scene, payload: str) -> dict[str, float]:
+    """Return the largest |effort| that holds a payload, by the joint's name, N m or N.
+
+    Over the ranges of all joints before the payload's link, at rest, without friction.
+
+    Args:
+        scene: the robot. payload: one of its own.
+
+    Raises:
+        TrajectoryError: as `rate`.
+    """
+    arm = Arm(scene, payload)
+    every = range(len(arm.drives))
+    held = arm.efforts(arm.farthest(arm.efforts, every))[every, every]
+    names = [arm.columns[k].name for k in arm.columns_of]
+    return dict(zip(names, held.tolist(), strict=True))
+
+
+class Arm:
+    """The drives that carry a payload, and what they carry over all postures.
+
+    Args:
+        scene: the robot. payload: one of its own, which alone is carried.
+
+    Attributes:
+        columns: (nj,) all joints. drives, columns_of: (k,) of the carriers: columns in efforts, and
+            their joints'. limits: (nj, 2) rad or m. ranges: the same, of whole turns one.
+
+    Raises:
+        TrajectoryError: closed loops; a link that no drive moves; a slide without ends.
+    """
+
+    def __init__(self, scene: Scene, payload: str) -> None:
+        _check_open(scene)
+        load, model = scene.payloads[payload], scene.model
+        self.scene = replace(
+            scene,
+            payloads={payload: load.model_copy(update={"attached": True})},
+            friction={},
+        )
+        self.columns = joint_columns(model, scene.source)
+        self.frame = link_frame(model, load.link)
+        before = {
+            model.joints[j].idx_v for j in model.supports[model.frames[self.frame].parentJoint]
+        }
+        moved = {one.velocity_index: i for i, one in enumerate(scene.drives)}
+        found = [
+            (moved[column.index_v], k)
+            for k, column in enumerate(self.columns)
+            if column.index_v in before and column.index_v in moved
+        ]
+        if not found:
+            raise TrajectoryError(
+                f"{scene.source}: no drive moves {load.link}; name the tool's link"
+            )
+        self.drives, self.columns_of = ([pair[side] for pair in found] for side in (0, 1))
+        self.com = np.array(load.com)
+        limits = np.array([(column.lower, column.upper) for column in self.columns])
+        turns = np.array([column.unit == "rad" for column in self.columns])
+        for column, (low, high) in zip(self.columns, limits, strict=True):
+            if column.unit == "m" and not math.isfinite(high - low):
+                raise TrajectoryError(
+                    f"{scene.source}: joint {column.name} slides without limits; state both"
+                )
+        # of whole turns one, about the middle
+        endless = turns & ~np.isfinite(limits).all(axis=1)
+        self.limits = np.where(endless[:, None], [-math.inf, math.inf], limits)
+        inner = np.where(endless[:, None], 0.0, limits)
+        whole = endless | (turns & (np.ptp(inner, axis=1) > 2 * math.pi))
+        turn = inner.mean(axis=1, keepdims=True) + np.array([-math.pi, math.pi])
+        self.ranges = np.where(whole[:, None], turn, limits)
+        self.start = np.clip(0.0, *self.ranges.T)
+
+    def top_speeds(self, rating: Rating) -> list[float]:
+        """Return (k,) rad/s or m/s, of the rating, else of the URDF."""
+        names = [self.columns[k].name for k in self.columns_of]
+        for name in rating.speed:
+            if name not in names:
+                raise TrajectoryError(
+                    f"rating.speed: unknown joint {name!r}; {choose_from(name, names)}"
+                )
+        speeds = [
+            rating.speed.get(name, self.columns[k].velocity_limit)
+            for name, k in zip(names, self.columns_of, strict=True)
+        ]
+        for name, speed in zip(names, speeds, strict=True):
+            if not speed <= _FASTEST:
+                stated = "" if math.isinf(speed) else f" that a joint can have ({speed:g})"
+                raise TrajectoryError(
+                    f"{self.scene.source}: joint {name} has no velocity limit{stated}; give its "
+                    f"top speed as rating.speed.{name}"
+                )
+        return speeds
+
+    def signed_efforts(self, position: FloatArray) -> FloatArray:
+        """Return (n, k) efforts at rest without friction, N m or N, of positions (n, nj)."""
+        q = configurations(self.columns, position, self.scene.model.nq)
+        still = np.zeros((len(q), self.scene.model.nv))
+        return inverse_dynamics(self.scene, q, still, still).effort_frictionless[:, self.drives]
+
+    def efforts(self, position: FloatArray) -> FloatArray:
+        """Return their magnitudes."""
+        return np.abs(self.signed_efforts(position))
+
+    def inertias(self, position: FloatArray) -> FloatArray:
+        """Return (n, k) inertias about the joints, kg m^2 or kg, of positions (n, nj)."""
+        q = configurations(self.columns, position, self.scene.model.nq)
+        own = [self.columns[k].index_v for k in self.columns_of]
+        return mass_matrices(self.scene.twin(tuple(self.scene.payloads)), q)[:, own, own]
+
+    def farthest(
+        self, value: Callable[[FloatArray], FloatArray], which: Sequence[int]
+    ) -> FloatArray:
+        """Return (n, nj) positions in which some columns (n,) of a value are largest.
+
+        The best of random ones, then of steps along single joints, halved where none is better.
+        """
+        if not which:
+            return np.empty((0, len(self.columns)))
+        wanted = np.array(which)
+        low, size = self.ranges[:, 0], np.ptp(self.ranges, axis=1)
+        free = np.isin(np.arange(len(low)), self.columns_of)
+        tried = low + size * np.random.default_rng(0).random((_TRIED, len(low)))
+        tried = np.where(free, tried, self.start)
+        groups = value(tried)[:, wanted].reshape(_FOLLOWED, -1, len(which))
+        first = groups.argmax(axis=1) + _TRIED // _FOLLOWED * np.arange(_FOLLOWED)[:, None]
+        x, column = tried[first.ravel()], np.tile(wanted, _FOLLOWED)
+        step = np.full(len(x), _COARSEST)
+        best = value(x)[np.arange(len(x)), column]
+        least = _GAIN * best.max()
+        ways = np.concatenate([np.eye(len(low))[free], -np.eye(len(low))[free]]) * size
+        while (going := np.flatnonzero(step > _FINEST)).size:
+            beside = x[going, None] + step[going, None, None] * ways
+            beside = np.clip(beside, *self.ranges.T)
+            found = value(beside.reshape(-1, len(low)))[:, column[going]]
+            rows = np.arange(len(going))
+            found = found.reshape(*beside.shape[:2], -1)[rows, :, rows]
+            k = found.argmax(axis=1)
+            reached = found[rows, k]
+            better = reached > best[going] + least
+            moved = going[better]
+            x[moved], best[moved] = beside[better, k[better]], reached[better]
+            step[going[~better]] /= 2
+        winner = best.reshape(_FOLLOWED, -1).argmax(axis=0)
+        return x.reshape(_FOLLOWED, len(which), -1)[winner, np.arange(len(which))]
+
+    def simplified(
+        self,
+        position: FloatArray,
+        served: Sequence[int],
+        value: Callable[[FloatArray], FloatArray],
+        best: FloatArray,
+    ) -> FloatArray:
+        """Return a posture (nj,), to four digits, with 0 where a joint makes no difference."""
+        least = np.minimum(value(position[None])[0], best) * (1 - 1e-9)
+        for k in range(len(position)):
+            other = position.copy()
+            other[k] = self.start[k]
+            if (value(other[None])[0, served] >= least[served]).all():
+                position = other
+        inside = np.ceil(self.ranges[:, 0] * 1e4) / 1e4, np.floor(self.ranges[:, 1] * 1e4) / 1e4
+        return np.clip(np.round(position, 4), *inside) + 0.0
+
+    def reach(self, position: FloatArray) -> float:
+        """Return how far the payload is from the second joint that carries it, m."""
+        data = self.scene.model.createData()
+        q = configurations(self.columns, position[None], self.scene.model.nq)[0]
+        pin.framesForwardKinematics(self.scene.model, data, q)
+        shoulder = self.columns_of[min(1, len(self.columns_of) - 1)]
+        joint = self.scene.model.getJointId(self.columns[shoulder].name)
+        away = data.oMf[self.frame].act(self.com) - data.oMi[joint].translation
+        return float(np.linalg.norm(away))
+
+
+def _check_open(scene: Scene) -> None:
+    if scene.loops:
+        raise TrajectoryError(f"{scene.source}: a rating is for open chains; this one has loops")
+
+
+def _last_link(scene: Scene) -> str:
+    """The scene's tool; else the last link, or `tool0` of several that end the robot together.
+
+    Raises:
+        TrajectoryError: several joints end the robot.
+    """
+    if scene.tool is not None:
+        return scene.tool
+    model = scene.model
+    last = [j for j in range(1, model.njoints) if len(model.subtrees[j]) == 1]
+    bodies = [f for f in model.frames if f.type == pin.FrameType.BODY and f.parentJoint in last]
+    if len(last) != 1 or not bodies:
+        raise TrajectoryError(
+            f"rating: which link of {scene.source} carries the payload? It ends in "
+            f"{', '.join(f.name for f in bodies) or 'no link'}; name it as `link`, or as the "
+            "scene's `tool`"
+        )
+    return next((f.name for f in bodies if f.name == "tool0"), bodies[-1].name)
+
+
+def _point(position: FloatArray, **more: Any) -> WayPoint:
+    return WayPoint(q=tuple(position.tolist()), **more)
+
+
+def _whole(time: float) -> float:
+    """A duration of whole sample periods."""
+    return math.ceil(time * _RATE - 1e-9) / _RATE

@@ -1,0 +1,206 @@
+"""A rating's postures against a search that shares no code, and its moves by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from rating_cases import ROBOTS, rated_robot, write_arm
+from scipy.optimize import minimize
+
+import pinfric as pf
+from pinfric.errors import PinfricError, TrajectoryError
+from pinfric.model.robot import read_robot
+from pinfric.motions.rating import Rated, holding_efforts, rate
+
+QUICK = [n if n in ("ur10", "arm") else pytest.param(n, marks=pytest.mark.slow) for n in ROBOTS]
+
+
+def rated_of(name, folder, **more) -> tuple[pf.Scene, Rated]:
+    scene, keys = rated_robot(name, folder)
+    return scene, rate(scene, keys | more)
+
+
+def judge(scene, keys):
+    """The largest |gravity| of each joint: 8,000 random postures, and an optimizer from the best.
+
+    Plain Pinocchio with the payload as a body; its derivatives know no mimic joints (Panda's hand).
+    """
+    model = scene.model.copy()
+    frame = model.frames[model.getFrameId(keys["link"])]
+    load = pin.Inertia(keys["payload"], np.array([0.0, 0.0, 0.1]), np.zeros((3, 3)))
+    model.appendBodyToJoint(frame.parentJoint, load, frame.placement)
+    data, found = model.createData(), []
+    turns = [joint.nq == 2 for joint in list(model.joints)[1:]]
+    low, high = [], []
+    for joint, endless in zip(list(model.joints)[1:], turns, strict=True):
+        if joint.nv:
+            low.append(-np.pi if endless else model.lowerPositionLimit[joint.idx_q])
+            high.append(np.pi if endless else model.upperPositionLimit[joint.idx_q])
+    own = [joint for joint in list(model.joints)[1:] if joint.nv]
+
+    def placed(x):
+        q = np.empty(model.nq)
+        for value, joint in zip(x, own, strict=True):
+            q[joint.idx_q] = value if joint.nq == 1 else np.cos(value)
+            if joint.nq == 2:
+                q[joint.idx_q + 1] = np.sin(value)
+        return q
+
+    rng = np.random.default_rng(7)
+    tried = rng.uniform(low, high, (8_000, len(low)))
+    efforts = np.abs([pin.computeGeneralizedGravity(model, data, placed(x)) for x in tried])
+    ends = list(zip(low, high, strict=True))
+    for k in range(len(low)):
+
+        def least(x, k=k):
+            q = placed(x)
+            g = pin.computeGeneralizedGravity(model, data, q)[k]
+            slope = pin.computeGeneralizedGravityDerivatives(model, data, q)[k]
+            return -abs(g), -np.sign(g) * slope
+
+        starts = tried[np.argsort(-efforts[:, k])[:10]]
+        found.append(max(-minimize(least, x, jac=True, bounds=ends, tol=1e-9).fun for x in starts))
+    return dict(zip([model.names[j.id] for j in own], found, strict=True))
+
+
+def energy(model, q):
+    """The bodies' potential energy, J."""
+    data = model.createData()
+    pin.forwardKinematics(model, data, q)
+    bodies = zip(list(model.inertias), data.oMi, strict=True)
+    return 9.81 * sum(body.mass * at.act(body.lever)[2] for body, at in bodies)
+
+
+@pytest.mark.parametrize("name", [name for name in QUICK if "panda" not in str(name)])
+def test_the_worst_postures_are_those_of_another_search(name, tmp_path):
+    scene, rated = rated_of(name, tmp_path)
+    worst = judge(scene, rated_robot(name, tmp_path)[1])
+    most = max(worst.values())
+    for lift in rated.lifts:
+        joint = rated.columns[lift.column].name
+        # no posture of the judge is worse; the judge's own search ends a little early
+        assert worst[joint] * (1 - 1e-5) - 1e-6 * most <= lift.held
+        assert lift.held <= worst[joint] * (1 + 1e-3) + 1e-6 * most
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_each_joint_is_held_in_a_posture_that_comes_near_its_worst(name, tmp_path):
+    scene, rated = rated_of(name, tmp_path)
+    model = scene.model.copy()
+    load = pin.Inertia(rated.rating.payload, np.array([0.0, 0.0, 0.1]), np.zeros((3, 3)))
+    frame = model.frames[model.getFrameId(rated.link)]
+    model.appendBodyToJoint(frame.parentJoint, load, frame.placement)
+    data, most = model.createData(), max(lift.held for lift in rated.lifts)
+    moves = {lift.drive: motion for lift, motion in rated.motions() if lift is not None}
+    for lift in rated.lifts:
+        motion, column = moves[lift.drive], rated.columns[lift.column]
+        g = pin.computeGeneralizedGravity(model, data, motion.q[0])[column.index_v]
+        if lift.held >= 0.02 * most:
+            assert abs(g) >= 0.97 * lift.held * (1 - 1e-4)
+        # one joint moves, against gravity, by 90 degrees or up to its limit; then it rests
+        others = np.delete(np.abs(motion.v), column.index_v, axis=1)
+        assert not others.any()
+        position = motion.joint_positions()[:, lift.column]
+        far = int(np.abs(position - position[0]).argmax())
+        way, up = abs(position[far] - position[0]), np.sign(position[far] - position[0])
+        room = (column.upper if up > 0 else column.lower) - position[0]
+        if lift.held >= 0.02 * most:
+            assert up == np.sign(g)
+            low, high = (energy(model, q) for q in motion.q[[0, far]])
+            assert high > low
+        if column.unit == "rad":
+            assert way == pytest.approx(min(np.pi / 2, abs(room)), abs=1e-4)
+            acceleration = np.abs(motion.a).max()
+            assert acceleration == pytest.approx(lift.speed / 1.5, rel=0.02)
+            assert np.abs(motion.v).max() == pytest.approx(lift.reached, rel=2e-3)
+        assert np.abs(motion.v).max() <= lift.speed * (1 + 1e-9)
+        assert motion.duration == pytest.approx(4 * lift.duration)
+        assert position[-1] == position[0]
+        half = motion.t > 2 * lift.duration + 1e-9
+        assert not motion.v[half].any()
+
+
+def test_a_slide_goes_as_far_as_its_top_speed_needs(tmp_path):
+    _, rated = rated_of("arm", tmp_path)
+    slide = rated.lifts[2]
+    assert slide.reached == pytest.approx(slide.speed, rel=0.01)
+
+
+def test_few_postures_serve_all_joints(tmp_path):
+    assert [len(rated_of(name, tmp_path)[1].postures) for name in ("ur10", "ur5", "ur3")] == [2] * 3
+
+
+@pytest.mark.parametrize("name", ["ur5", "arm"])
+def test_the_motion_as_a_file_is_the_same(name, tmp_path):
+    _, rated = rated_of(name, tmp_path)
+    (tmp_path / "rating.waypoints.yaml").write_text(rated.waypoints())
+    scene = rated.scene
+    motion = pf.load_trajectory(tmp_path / "rating.waypoints.yaml", scene)
+    assert motion.attached.all()
+    whole = pf.inverse_dynamics(scene, motion).effort_frictionless
+    parts = [pf.inverse_dynamics(scene, part).effort_frictionless for _, part in rated.motions()]
+    peaks = np.abs(np.concatenate(parts)).max(axis=0)
+    np.testing.assert_allclose(np.abs(whole).max(axis=0), peaks, rtol=1e-3)
+
+
+def test_the_rating_has_a_longer_lever_or_less_time_by_its_keys(tmp_path):
+    _, near = rated_of("ur5", tmp_path)
+    _, far = rated_of("ur5", tmp_path, payload_offset=0.3)
+    assert far.lifts[1].held == pytest.approx(near.lifts[1].held + 5.0 * 9.81 * 0.2, rel=0.01)
+    _, slow = rated_of("ur5", tmp_path, acceleration_time=6.0)
+    assert slow.lifts[1].duration == pytest.approx(2 * near.lifts[1].duration, rel=0.01)
+
+
+BAD = [
+    ({"payload": 0}, "greater than 0"),
+    ({"payload": -1}, "greater than 0"),
+    ({"payload": 20}, "20 kg is more than 2 times the 9.5 kg of"),
+    ({"payload": "ten"}, "should be a number"),
+    ({}, "`payload` is missing"),
+    ({"payload": 1, "reach": 2}, "unknown key `reach`"),
+    ({"payload": 1, "speed": {"elbow": 1}}, "rating.speed: unknown joint 'elbow'"),
+    ({"payload": 1, "link": "hand"}, "there is no link 'hand'"),
+    ({"payload": 1, "link": "base"}, "no drive moves base"),
+]
+
+
+@pytest.mark.parametrize(("keys", "said"), BAD)
+def test_a_rating_that_cannot_be_is_refused_in_a_line(keys, said, tmp_path):
+    scene, _ = rated_robot("arm", tmp_path)
+    with pytest.raises(PinfricError, match=said) as refused:
+        rate(scene, keys)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('velocity="1.5"', 'velocity="0"', "joint lift has no velocity limit; .*rating.speed.lift"),
+        ('velocity="1.5"', 'velocity="1e6"', "that a joint can have"),
+        ('lower="0" upper="0.5"', 'lower="0" upper="0"', "joint slide slides without limits"),
+        (
+            '<parent link="stick"/><child link="tool"/>',
+            '<parent link="column"/><child link="tool"/>',
+            "It ends in stick, tool; name it as `link`",
+        ),
+    ],
+)
+def test_a_robot_that_cannot_be_rated_is_refused(old, new, said, tmp_path):
+    file = write_arm(tmp_path, old, new)
+    robot = read_robot(file, {})
+    scene = pf.Scene(robot.model, robot=robot, source=str(file))
+    with pytest.raises(TrajectoryError, match=said):
+        rate(scene, {"payload": 1})
+
+
+def test_closed_loops_are_refused():
+    with pytest.raises(TrajectoryError, match="has loops"):
+        rate(pf.load_scene("delta"), {"payload": 1})
+
+
+def test_what_holds_a_payload_is_that_of_the_rating(tmp_path):
+    _, rated = rated_of("xarm7", tmp_path)
+    held = holding_efforts(rated.scene, rated.payload)
+    for lift in rated.lifts:
+        assert held[rated.columns[lift.column].name] == pytest.approx(lift.held, rel=1e-9)

@@ -1,0 +1,160 @@
+"""Sizing by a rating: means over each joint's own part, what decides, and published arms."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from builders import example
+from rating_cases import rated_robot
+from sizing_cases import COOL, one_drive, trapezoid, turntable
+
+import pinfric as pf
+from pinfric.drives.criterion import Status
+from pinfric.errors import CatalogError, SizingError
+from pinfric.show.pages.sizing import sizing_page
+from pinfric.show.report.sizing import rating_lines
+from pinfric.sizing.summary import sizing_summary
+
+#: Sizes of CSF and CSG gears that the makers' printed peak torques suggest (inferred).
+BUILT = {
+    "ur10": [32, 32, 25, 17, 17, 17],
+    "ur5": [25, 25, 25, 14, 14, 14],
+    "ur3": [17, 17, 14, 14, 14, 14],
+}
+SIZES = [14, 17, 20, 25, 32, 40, 45, 50, 58, 65]
+
+
+def sized(name, folder, catalog="default", trajectory=None, conditions=None, **more):
+    scene, keys = rated_robot(name, folder)
+    return pf.size(
+        scene,
+        trajectory and trajectory(scene),
+        catalog,
+        rating=keys | more,
+        conditions=conditions,
+        on_miss="ignore",
+    )
+
+
+def wave(scene, amplitude=0.4, time=2.0):
+    """Every joint there and back, without payload."""
+    t = np.linspace(0.0, time, 201)
+    w = 2 * np.pi / time
+    middle = 0.5 * (scene.model.lowerPositionLimit + scene.model.upperPositionLimit)
+    q = middle + amplitude * (1 - np.cos(w * t))[:, None] / 2
+    v = np.tile(amplitude * w * np.sin(w * t)[:, None] / 2, (1, scene.model.nv))
+    a = np.tile(amplitude * w**2 * np.cos(w * t)[:, None] / 2, (1, scene.model.nv))
+    return pf.Trajectory.from_arrays(scene, t, q, v, a)
+
+
+@pytest.mark.slow
+def test_sizes_of_published_arms_are_those_that_their_makers_built(tmp_path):
+    off = 0
+    for name, built in BUILT.items():
+        report = sized(name, tmp_path)
+        found = [int(re.search(r"CSG-(\d+)", j.choice.candidate.name)[1]) for j in report.joints]
+        off += sum(abs(SIZES.index(a) - SIZES.index(b)) for a, b in zip(found, built, strict=True))
+    assert off <= 3
+
+
+def test_means_are_over_each_joints_own_part(tmp_path):
+    report = sized("arm", tmp_path, catalog=None)
+    rated = report.rating.rated
+    moves = {lift.drive: motion for lift, motion in rated.motions() if lift is not None}
+    holds = [motion for lift, motion in rated.motions() if lift is None]
+    for k, joint in enumerate(report.joints):
+        alone = pf.inverse_dynamics(rated.scene, moves[k])
+        square = np.trapezoid(alone.effort_frictionless[:, k] ** 2, moves[k].t)
+        own = np.sqrt(square / moves[k].duration)
+        held = [pf.inverse_dynamics(rated.scene, m).effort_frictionless[0, k] for m in holds]
+        still = np.sqrt(np.mean(np.square(held)))
+        assert joint.demand.rms == pytest.approx(max(own, still), rel=1e-6, abs=1e-9)
+        assert joint.decided == ("rating: move" if own >= still else "rating: hold")
+        every = [
+            pf.inverse_dynamics(rated.scene, m).effort_frictionless for _, m in rated.motions()
+        ]
+        assert joint.demand.peak == pytest.approx(np.abs(np.concatenate(every)[:, k]).max())
+        assert joint.demand.speed == pytest.approx(rated.lifts[k].speed)
+
+
+def test_frequencies_are_reported_of_a_rating_and_demanded_of_a_cycle(tmp_path):
+    parts = one_drive(tmp_path, gear={"stiffness": 1e4})
+    stiff = COOL | {"resonance_base": 12.0, "resonance_hand": 12.0}
+    alone = sized("ur3", tmp_path, parts, conditions=stiff)
+    rows = [c for j in alone.joints for c in j.installed.criteria if c.name == "gear resonance"]
+    assert {c.status for c in rows} == {Status.NOT_REQUIRED}
+    joints = sizing_summary(alone).rating.joints
+    for joint, row in zip(joints, rows, strict=True):
+        assert joint.frequency == pytest.approx(row.available)
+    lowest = min(j.frequency for j in joints)
+    assert lowest < 12
+    assert f"swings at {lowest:.2f} Hz, the lowest" in rating_lines(sizing_summary(alone))[1]
+    both = sized("ur3", tmp_path, parts, conditions=stiff, trajectory=wave)
+    rows = [c for j in both.joints for c in j.installed.criteria if c.name == "gear resonance"]
+    assert {c.status for c in rows} <= {Status.PASSES, Status.FAILS}
+    assert all(row.available > joint.frequency for row, joint in zip(rows, joints, strict=True))
+
+
+@pytest.mark.slow
+def test_beside_a_cycle_each_joint_bears_both_and_says_which_decided(tmp_path):
+    report = sized("ur5", tmp_path, trajectory=lambda scene: wave(scene, 1.5, 1.5), payload=0.5)
+    assert {j.decided_by for j in report.joints} >= {"cycle", "rating"}
+    for joint in report.joints:
+        masses = {name: a.candidate.mass for name, a in joint.alone.items()}
+        assert joint.choice.candidate.mass >= max(masses.values()) * (1 - 1e-9)
+        assert masses.get(joint.decided_by, max(masses.values())) == max(masses.values())
+    assert report.trajectory.endswith(", rating 0.5 kg")
+    assert report.period == pytest.approx(1.5)
+
+
+def test_what_a_cycle_carries_does_not_change_beside_a_rating():
+    scene, motion = example("ur10_machine_tending")
+    both = pf.size(scene, motion, rating={"payload": 10})
+    own = both.rating.own
+    before = pf.inverse_dynamics(scene, motion).effort_frictionless
+    np.testing.assert_allclose(both.result.effort_frictionless[own], before, atol=1e-9)
+
+
+@pytest.mark.slow
+def test_joints_that_share_a_drive_get_the_lightest_that_fits_all(tmp_path):
+    groups = [["wrist_1_joint", "wrist_2_joint", "wrist_3_joint"]]
+    report = sized("ur10", tmp_path, conditions={"same_drive": groups})
+    alone = sized("ur10", tmp_path)
+    names = {report.joint(name).choice.candidate.name for name in groups[0]}
+    assert len(names) == 1
+    heaviest = max(alone.joint(name).choice.candidate.mass for name in groups[0])
+    assert report.joint("wrist_3_joint").choice.candidate.mass >= 0.9 * heaviest
+    for one, other in zip(report.joints[:3], alone.joints[:3], strict=True):
+        assert one.choice.candidate.mass >= other.choice.candidate.mass - 1e-9
+
+
+@pytest.mark.parametrize(
+    ("groups", "said"),
+    [
+        ([["table", "elbow"]], "there is no drive 'elbow'"),
+        ([["table", "table"]], "'table' occurs 2 times"),
+        ("table;table", "'table' occurs 2 times"),
+    ],
+)
+def test_groups_that_cannot_share_a_drive_are_refused(groups, said, tmp_path):
+    scene = turntable()
+    with pytest.raises(CatalogError, match=said):
+        pf.size(scene, trapezoid(scene), conditions={"same_drive": groups})
+
+
+def test_without_a_cycle_and_without_a_rating_there_is_nothing_to_size():
+    with pytest.raises(SizingError, match="give a cycle, or a rating"):
+        pf.size(turntable())
+
+
+def test_the_first_screen_says_what_the_robot_is_rated_for(tmp_path):
+    report = sized("arm", tmp_path, catalog=None)
+    said = (
+        "rated for 2.00 kg, 0.100 m beyond tool, up to 1.20 m from the second joint: held in the "
+        "worst posture of each joint, at most 49.2 N m (lift), and lifted from there by it alone, "
+        "in 1.50 s to top speed, at most 90\N{DEGREE SIGN}"
+    )
+    assert rating_lines(sizing_summary(report)) == [said]
+    assert said in sizing_page(report)
