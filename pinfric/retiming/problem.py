@@ -185,6 +185,23 @@ class Problem:
                 )
         return f"{where}: several drives together cannot follow the path at any speed"
 
+    def stalled(self, profile: Profile, interval: int) -> str:
+        """Say that a profile would stop within an interval, where, and which drive does not let it.
+
+        Args:
+            profile: of this problem. interval: one of its `stalls`.
+        """
+        row = self.grid.start[interval]
+        s, piece = float(self.grid.s[row]), int(self.grid.piece[row])
+        x, u = profile.x[[interval]], profile.u[interval, :1]
+        use = usage(self.states(np.array([s]), np.array([piece]), x, u), self.limits)[0]
+        d, kind = divmod(int(use.argmax()), use.shape[1])
+        return (
+            f"{self.place(piece, s)}: drive {self.scene.drives[d].name!r}, at its "
+            f"{instant_limits()[kind].name}, comes to a standstill and cannot follow the path on; "
+            "a stronger drive, or less curvature"
+        )
+
     def place(self, piece: int, s: float) -> str:
         """Say where on the path a place is."""
         curve = self.path.pieces[piece]

@@ -23,6 +23,8 @@ from pinfric.retiming.tables import Grid
 _SERIES = 1.0e-6
 #: s; instants closer than this are one.
 _SAME_INSTANT = 1.0e-9
+#: Part of (z_a + z_b)^2 from which on an interval is never passed, to rounding.
+_STALLS = 1.0e-9
 #: Of the quadrature of a moving mean.
 _NODES = 48
 
@@ -58,6 +60,15 @@ class Profile:
         for a, b in pairwise(stops):
             begin[a + 1 : b + 1] = total[a]
         return cls(grid, x, u, total - begin, np.diff(total[stops]))
+
+    def stalls(self) -> np.ndarray:
+        """Return the intervals inside which x falls to 0: points too far apart for such limits.
+
+        x = x_a (1 - y) + x_b y - (u_b - u_a) step y (1 - y), y = h/step, has a zero in [0, 1] from
+        (u_b - u_a) step = (z_a + z_b)^2 on.
+        """
+        z, bend = np.sqrt(self.x), self.u[:, 1] - self.u[:, 0]
+        return np.flatnonzero(bend * self.grid.step >= (1.0 - _STALLS) * (z[:-1] + z[1:]) ** 2)
 
     def scaled(self, factor: float) -> Profile:
         """Return the same profile run `factor` times as fast."""

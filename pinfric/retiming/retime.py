@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -35,6 +35,7 @@ from pinfric.retiming.problem import Policy, Problem, modes, usage
 from pinfric.retiming.profile import Profile, Samples, columns_to_velocities, sample
 from pinfric.retiming.scan import box_scan, limit_curve
 from pinfric.retiming.tables import (
+    Grid,
     distinct,
     make_grid,
     make_tables,
@@ -405,6 +406,11 @@ class _Retiming:
         for attempt in range(_ROUNDS + 1):
             problem = self.problem(grids)
             profile = problem.solve()
+            if (stalls := profile.stalls()).size and attempt < _ROUNDS:
+                self._halve(problem.grid, stalls, grids)
+                continue
+            if stalls.size:
+                raise RetimeError(problem.stalled(profile, int(stalls[0])))
             samples = sample(self.path, profile, self.policy.sample_rate)
             if attempt == _ROUNDS or not self._cut(problem, profile, samples, grids):
                 break
@@ -463,8 +469,14 @@ class _Retiming:
         for j in over:
             p, first, last = grid.piece[grid.start[j]], grid.s[grid.start[j]], grid.s[grid.end[j]]
             self.constant.append((int(p), float(first), float(last)))
-            grids[p] = distinct(np.array([0.5 * (first + last)]), self.path.pieces[p], grids[p])
+        self._halve(grid, over, grids)
         return bool(over)
+
+    def _halve(self, grid: Grid, intervals: Iterable[int], grids: list[np.ndarray]) -> None:
+        """Add the middle of intervals to the points of their pieces."""
+        for j in intervals:
+            p, ends = grid.piece[grid.start[j]], grid.s[[grid.start[j], grid.end[j]]]
+            grids[p] = distinct(np.array([ends.mean()]), self.path.pieces[p], grids[p])
 
     def motion(self, samples: Samples) -> Trajectory:
         """The samples as a trajectory."""

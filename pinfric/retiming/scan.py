@@ -381,7 +381,7 @@ def largest_reachable(s: Scan, j: int, x: float, limit: float) -> float:
         last, miss = end, now
         end = min(max(end - now / min(slope, -0.2), 0.0), limit)
         if end == last:
-            if _reaches(s, j, x, a, end) == 0:
+            if end > 0.0 and _reaches(s, j, x, a, end) == 0:  # at 0 it was only cut off
                 return end
             break
     return _greatest(s, j, _REACHED, x, a, guess, limit)  # there is no u at some speeds
@@ -440,9 +440,11 @@ def largest_controllable(s: Scan, j: int, limit: float) -> float:
         x = min(max(x - now / min(slope, -0.2), 0.0), top)
         guess = max(x, guess)
         if x == last:
-            if _goes_on(s, j, x, limit):
+            if x > 0.0 and _goes_on(s, j, x, limit):  # at 0 it was only cut off
                 return x
             break
+    hardest = bounds(s, j, 0, 0.0)[0]
+    guess = min(max(guess, limit - 2.0 * step * hardest), top)
     return _greatest_start(s, j, guess, top, limit)  # there is no u at some speeds
 
 

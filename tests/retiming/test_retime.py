@@ -14,6 +14,7 @@ from scipy.optimize import brentq
 import pinfric as pf
 from pinfric.motions.summary import ends_by_magnitude, rms
 from pinfric.retiming.path import Path
+from pinfric.retiming.profile import Profile
 from pinfric.retiming.retime import retime
 
 
@@ -193,3 +194,45 @@ def test_smoothing_costs_its_width_and_stays_on_the_path():
     assert jump < 0.3 * np.abs(np.diff(plain.trajectory.a, axis=0)).max()
     assert np.abs((q[2:] - q[:-2]) / 2e-3 - v[1:-1]).max() < 2e-3 * np.abs(v).max()
     assert np.abs(q[-1] - STOPS.stop(2)).max() < 1e-9
+
+
+def near_rest(scene, points, factor):
+    """A spline, and efforts that are little more than what holds the robot at its hardest place."""
+    path = Path.spline(np.arange(float(len(points))), points)
+    curve = path.pieces[0]
+    q = curve(np.linspace(*curve.x[[0, -1]], 300))
+    still = pf.inverse_dynamics(scene, q, 0.0 * q, 0.0 * q)
+    most = np.maximum(np.abs(still.effort_lower), np.abs(still.effort_upper)).max(axis=0)
+    return path, {
+        n: {"effort": factor * e} for n, e in zip(scene.actuator_names, most, strict=True)
+    }
+
+
+def test_limits_near_what_holds_the_robot_give_a_motion():
+    """Wherever it is held at rest it goes on slowly; as on a grid of four times the points."""
+    a = [0.24, 0.52, 1.33, -1.18, 1.28, 1.36, -0.22, 1.49]
+    b = [-0.6, -0.9, -0.4, 0.39, -0.18, 0.0, 0.36, 1.35]
+    path, limits = near_rest(planar(), np.transpose([a, b]), 1.14)
+    found = retime(planar(), path, limits, heat=False, points=100)
+    finer = retime(planar(), path, limits, heat=False, points=400)
+    assert found.excess < 1e-3
+    assert found.duration == pytest.approx(finer.duration, rel=0.03)
+
+
+def test_a_drive_that_brings_the_motion_to_a_standstill_is_named(monkeypatch):
+    monkeypatch.setattr(Profile, "stalls", lambda _: np.array([3]))
+    with pytest.raises(pf.RetimeError, match=r"% of piece 0: drive '[ab]', at its .*, comes to a"):
+        retime(planar(), WAVE, MOTORS, points=30)
+
+
+@pytest.mark.slow
+def test_a_motion_that_would_stop_between_two_points_is_solved_on_nearer_ones():
+    """At 1200 points the speed of this one fell below 0 inside two intervals: a beyond 1e18."""
+    scene, random = pf.load_scene("ur10_machine_tending"), np.random.default_rng(1)
+    points = random.uniform(-1.2, 1.2, (6, 6)) - [0.0, 1.2, 0.0, 0.0, 0.0, 0.0]
+    path, limits = near_rest(scene, points, 1.25)
+    for entry in limits.values():
+        entry |= {"effort": entry["effort"] + 1.0, "velocity": 3.0}
+    rough, fine = (retime(scene, path, limits, heat=False, points=n) for n in (1200, 4800))
+    assert rough.excess < 1e-3
+    assert rough.duration == pytest.approx(fine.duration, rel=3e-3)

@@ -36,6 +36,14 @@ def test_a_slower_profile_is_the_same_in_another_time():
     assert again.duration == pytest.approx(2.0 * found.duration)
 
 
+def test_an_interval_is_not_passed_where_its_speed_falls_to_zero():
+    """x = 0.04 - 2 a h + 2 a h^2 on [0, 1]: 0.04 - a/2 in the middle."""
+    grid, x = SimpleNamespace(step=np.ones(1), stop=np.array([True, True])), np.full(2, 0.04)
+    for a, stalls in ((0.0799, []), (0.08, [0]), (-0.2, [])):
+        profile = Profile(grid, x, np.array([[-a, a]]), np.zeros(2), np.zeros(1))
+        assert profile.stalls().tolist() == stalls
+
+
 # Thermal: continuous torques over a whole cycle, by closed forms.
 
 
