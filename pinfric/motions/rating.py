@@ -43,6 +43,8 @@ _TRIED, _FOLLOWED = 4000, 20
 _COARSEST, _FINEST = 0.1, 1e-6
 #: A step that gains less, of the largest value of all joints, gains nothing: ridges are long.
 _GAIN = 1e-8
+#: Values that differ by this part are alike.
+_ALIKE = 1e-3
 #: A joint whose gravity effort is less than this part of the largest takes its largest inertia.
 _NO_GRAVITY = 0.02
 #: A posture that reaches this part of another joint's worst serves it, too.
@@ -210,11 +212,11 @@ def rate(scene: Scene, given: Rating | Mapping[str, Any]) -> Rated:
     speeds = arm.top_speeds(rating)
     # 1. The worst posture of each joint: by gravity, else by inertia
     every = range(len(arm.drives))
-    worst = arm.farthest(arm.efforts, every)
-    held = arm.efforts(worst)[every, every]
+    worst, held = arm.farthest(arm.efforts, every)
     weighs = held >= _NO_GRAVITY * held.max()
     light = np.flatnonzero(~weighs).tolist()
-    worst[light] = arm.farthest(arm.inertias, light)
+    if light:
+        worst[light] = arm.farthest(arm.inertias, light)[0]
 
     # 2. As few postures as come near enough to all of these
     def load_of(q: FloatArray) -> FloatArray:
@@ -247,7 +249,7 @@ def rate(scene: Scene, given: Rating | Mapping[str, Any]) -> Rated:
         time = _whole(max(math.sqrt(slowest), _PEAK_SPEED * way / speed))
         reached = _PEAK_SPEED * way / time
         lifts.append(Lift(arm.drives[i], k, p, float(held[i]), to, speed, time, reached))
-    reach = arm.reach(worst[int(held.argmax())])
+    reach = arm.reach(worst[int(held.argmax())])[1]
     return Rated(
         loaded, rating, payload, link, reach, arm.columns, np.array(postures), tuple(lifts)
     )
@@ -265,8 +267,7 @@ def holding_efforts(scene: Scene, payload: str) -> dict[str, float]:
         TrajectoryError: as `rate`.
     """
     arm = Arm(scene, payload)
-    every = range(len(arm.drives))
-    held = arm.efforts(arm.farthest(arm.efforts, every))[every, every]
+    held = arm.farthest(arm.efforts, range(len(arm.drives)))[1]
     names = [arm.columns[k].name for k in arm.columns_of]
     return dict(zip(names, held.tolist(), strict=True))
 
@@ -310,6 +311,7 @@ class Arm:
             )
         self.drives, self.columns_of = ([pair[side] for pair in found] for side in (0, 1))
         self.com = np.array(load.com)
+        self.joints = [model.getJointId(self.columns[k].name) for k in self.columns_of]
         limits = np.array([(column.lower, column.upper) for column in self.columns])
         turns = np.array([column.unit == "rad" for column in self.columns])
         for column, (low, high) in zip(self.columns, limits, strict=True):
@@ -365,13 +367,12 @@ class Arm:
 
     def farthest(
         self, value: Callable[[FloatArray], FloatArray], which: Sequence[int]
-    ) -> FloatArray:
-        """Return (n, nj) positions in which some columns (n,) of a value are largest.
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return (n, nj) positions in which some columns (n,) of a value are largest, and these.
 
-        The best of random ones, then of steps along single joints, halved where none is better.
+        The best of random ones, then of steps along single joints, halved where none is better. Of
+        equals the one that stays above the base, and reaches farthest: it does not hit itself.
         """
-        if not which:
-            return np.empty((0, len(self.columns)))
         wanted = np.array(which)
         low, size = self.ranges[:, 0], np.ptp(self.ranges, axis=1)
         free = np.isin(np.arange(len(low)), self.columns_of)
@@ -396,8 +397,12 @@ class Arm:
             moved = going[better]
             x[moved], best[moved] = beside[better, k[better]], reached[better]
             step[going[~better]] /= 2
-        winner = best.reshape(_FOLLOWED, -1).argmax(axis=0)
-        return x.reshape(_FOLLOWED, len(which), -1)[winner, np.arange(len(which))]
+        found, x = best.reshape(_FOLLOWED, -1), x.reshape(_FOLLOWED, len(which), -1)
+        winners = []
+        for k, most in enumerate(found.max(axis=0)):
+            alike = x[found[:, k] >= most * (1 - _ALIKE), k]
+            winners.append(max(alike, key=self.reach))
+        return np.array(winners), found.max(axis=0)
 
     def simplified(
         self,
@@ -416,15 +421,20 @@ class Arm:
         inside = np.ceil(self.ranges[:, 0] * 1e4) / 1e4, np.floor(self.ranges[:, 1] * 1e4) / 1e4
         return np.clip(np.round(position, 4), *inside) + 0.0
 
-    def reach(self, position: FloatArray) -> float:
-        """Return how far the payload is from the second joint that carries it, m."""
-        data = self.scene.model.createData()
-        q = configurations(self.columns, position[None], self.scene.model.nq)[0]
-        pin.framesForwardKinematics(self.scene.model, data, q)
-        shoulder = self.columns_of[min(1, len(self.columns_of) - 1)]
-        joint = self.scene.model.getJointId(self.columns[shoulder].name)
-        away = data.oMf[self.frame].act(self.com) - data.oMi[joint].translation
-        return float(np.linalg.norm(away))
+    def reach(self, position: FloatArray) -> tuple[float, float]:
+        """Return how far below the base the arm is, m (0 or less), and how far the payload reaches.
+
+        The distance is from the second joint that carries it, the shoulder.
+        """
+        model, data = self.scene.model, self.scene.model.createData()
+        pin.framesForwardKinematics(
+            model, data, configurations(self.columns, position[None], model.nq)[0]
+        )
+        places = [data.oMi[j].translation for j in self.joints] + [
+            data.oMf[self.frame].act(self.com)
+        ]
+        away = float(np.linalg.norm(places[-1] - places[min(1, len(self.joints) - 1)]))
+        return min(0.0, round(min(float(place[2]) for place in places), 3)), away
 
 
 def _check_open(scene: Scene) -> None:

@@ -204,3 +204,31 @@ def test_what_holds_a_payload_is_that_of_the_rating(tmp_path):
     held = holding_efforts(rated.scene, rated.payload)
     for lift in rated.lifts:
         assert held[rated.columns[lift.column].name] == pytest.approx(lift.held, rel=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [name for name in ROBOTS if name != "arm"])
+def test_no_arm_hits_itself_or_goes_below_its_base(name, tmp_path):
+    """By the collision meshes; neighbours and the Panda's two fingers always touch."""
+    scene, rated = rated_of(name, tmp_path)
+    folder = scene.source.partition("/example-robot-data/")[0]
+    shapes = pin.buildGeomFromUrdf(
+        model := pin.buildModelFromUrdf(scene.source),
+        scene.source,
+        pin.GeometryType.COLLISION,
+        package_dirs=[folder, f"{folder}/example-robot-data/robots"],
+    )
+    shapes.addAllCollisionPairs()
+    for pair in list(shapes.collisionPairs):
+        one, other = (shapes.geometryObjects[i] for i in (pair.first, pair.second))
+        j, k = sorted((one.parentJoint, other.parentJoint))
+        if j in (k, model.parents[k]) or ("finger" in one.name and "finger" in other.name):
+            shapes.removeCollisionPair(pair)
+    assert len(shapes.collisionPairs) >= 20
+    data, hit = model.createData(), shapes.createData()
+    for _, motion in rated.motions():
+        for position in motion.q[::5]:
+            q = pin.neutral(model)
+            q[: len(position)] = position
+            assert not pin.computeCollisions(model, data, shapes, hit, q, True)
+            assert min(place.translation[2] for place in list(data.oMi)[1:]) > -1e-3
