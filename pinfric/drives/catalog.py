@@ -185,6 +185,16 @@ class Motor(Rated):
         key("for the winding's temperature", {"winding_housing": 1.2, "housing_ambient": 3.0}),
     ] = None
 
+    @property
+    def mass_taken(self) -> float | None:
+        """Its mass, kg; where it is not printed 1.94 T^0.75 of a motor with a housing: heavy.
+
+        Nine in ten of the 36 of the bundled catalogue whose mass is known are lighter.
+        """
+        if self.mass is not None or self.mounting == "frameless" or not self.continuous_torque:
+            return self.mass
+        return 1.94 * self.continuous_torque**0.75
+
     @model_validator(mode="after")
     def _figures_agree(self) -> Motor:
         _ascending(self, "continuous_torque", "peak_torque")

@@ -513,7 +513,8 @@ def motor_with_gear(
     if motor.rotor_inertia is not None and gear.input_inertia is not None:
         inertia = motor.rotor_inertia + gear.input_inertia
     transmission, text = gear_transmission(gear, ratio, inertia)
-    mass = None if motor.mass is None or gear.mass is None else motor.mass + gear.mass
+    own = motor.mass_taken
+    mass = None if own is None or gear.mass is None else own + gear.mass
     kit = frameless(motor) and mass is not None
     return Candidate(
         name=drive_name(motor_name, gear_name, gear, ratio),
@@ -533,6 +534,7 @@ def motor_with_gear(
         backlash=gear.backlash,
         stand_ins=(
             *_stand_ins(motor),
+            *([] if own == motor.mass else [f"mass: 1.94 T^0.75 = {own:.2g} kg, by rule"]),
             *_stand_ins(gear),
             *([f"housing, shaft, bearings of a frameless kit: {KIT:.0%} of its mass"] * kit),
         ),

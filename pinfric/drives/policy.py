@@ -48,6 +48,14 @@ UNSURE_BRAKE_FACTOR = 2.0
 #: s, within which a brake alone stops its joint: Universal Robots UR5, user manual CB3 3.4.5, p.
 #: I-53, category 0 at full speed and reach: base 0.24, shoulder 0.53, elbow 0.16 s.
 STOP_TIME = 0.5
+#: Of a hobby servo's stall torque: what it bears for ever (ROBOTIS, Torque Ratings, 2020).
+HOBBY = 0.2
+#: Figures that a provisional drive may lack: no torque but the continuous one of a hobby servo.
+EXTRA_INERTIAS = frozenset(("input inertia", "rotor inertia"))
+PROVISIONAL = EXTRA_INERTIAS | {
+    *("efficiency", "stiffness", "output bearing", "maximum input speed", "largest speed"),
+    *("stroke", "continuous torque"),
+}
 #: Joints nearer to the base than this are base axes for the rule on frequencies.
 BASE_AXES = 3
 

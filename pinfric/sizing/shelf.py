@@ -75,11 +75,13 @@ class Assessment:
     Attributes:
         candidate: motor and gear. drives: as rows read it, without samples.
         lacks: figures of the policy that are not known: it cannot be signed.
+        would: of a provisional drive, what these must be; else empty.
     """
 
     candidate: Candidate
     drives: Drives
     lacks: tuple[str, ...] = ()
+    would: tuple[str, ...] = ()
 
     @cached_property
     def criteria(self) -> tuple[Criterion, ...]:
@@ -181,6 +183,7 @@ class _Block:
         ratio: (ng, 1). inertia, mass: (ng, nm). heat: continuous torques at the ambient.
         fits: (ng, nm) the two go together. names: of gears. gear_lacks, motor_lacks: figures.
         sources: of gears. motor_sources: of motors.
+        entries: of gears or gearmotors. motors: of motors.
         make: drive of a gear and a motor by their numbers. linear, at_output: of all.
         kin: of each motor, those of the same number go with the same `brakes` (`Shelf.brakes_for`).
     """
@@ -198,6 +201,8 @@ class _Block:
     motor_lacks: list[tuple[str, ...]]
     sources: list[str]
     motor_sources: list[str]
+    entries: list[Gear] | list[GearMotor]
+    motors: list[Motor]
     make: Callable[[int, int], Candidate]
     bare: Callable[[int], Candidate]
     linear: bool
@@ -282,6 +287,12 @@ class Shelf:
         """Return the brakes that are sold alone or in this motor, the smallest first."""
         return {name: brake for name, brake in self.brakes.items() if goes_with(brake, motor)}
 
+    def worst_efficiency(self, kind: str) -> float | None:
+        """Return the worst known efficiency of a kind of gears; None: none is known."""
+        gears = (entry for block in self.blocks for entry in block.entries)
+        known = (g.efficiency for g in gears if isinstance(g, Gear) and g.kind == kind)
+        return min((eta for eta in known if isinstance(eta, float)), default=None)
+
     @property
     def count(self) -> int:
         """Number of drives whose parts go together."""
@@ -310,7 +321,7 @@ def _of_gears(
     )
     best = [_at_best(entry) for entry in entries]
     own = columns(best, ("mass", "input_inertia"))
-    of_motors = columns(listed, ("mass", "rotor_inertia"))
+    of_motors = columns(listed, ("mass_taken", "rotor_inertia"))
     kit = np.array([frameless(motor) for motor in listed])
     blank = Motor.model_construct(source="", grade="R", rotor_inertia=0.0)
     cache: dict[tuple[str, tuple[str, ...]], np.ndarray] = {}
@@ -327,18 +338,23 @@ def _of_gears(
         motor=columns(ratings, MOTOR_FIGURES),
         ratio=np.array([ratio for _, _, ratio in gears])[:, None],
         inertia=own.input_inertia[:, None] + of_motors.rotor_inertia,
-        mass=(own.mass[:, None] + of_motors.mass) * (1 + KIT * kit),
+        mass=(own.mass[:, None] + of_motors.mass_taken) * (1 + KIT * kit),
         heat=np.array([_heat(r, conditions) for r in ratings]),
         fits=np.array([fitting(entry) for entry in entries]),
         names=[name for name, _, _ in gears],
         motor_names=names,
         gear_lacks=[lacks(kind_of(entry), entry) for entry in entries],
         motor_lacks=[
-            lacks("motor", SimpleNamespace(**vars(r), mass=m.mass, rotor_inertia=m.rotor_inertia))
+            lacks(
+                "motor",
+                SimpleNamespace(**vars(r), mass=m.mass_taken, rotor_inertia=m.rotor_inertia),
+            )
             for m, r in zip(listed, ratings, strict=True)
         ],
         sources=[entry.source for entry in entries],
         motor_sources=[motor.source for motor in listed],
+        entries=entries,
+        motors=listed,
         make=lambda g, m: motor_with_gear(names[m], listed[m], *gears[g], ratings[m]),
         bare=lambda g: motor_with_gear("", blank, gears[g][0], best[g], gears[g][2], Ratings()),
         linear=linear,
@@ -377,6 +393,8 @@ def _of_gearmotors(
         motor_lacks=[()],
         sources=[entry.source for entry in entries],
         motor_sources=[""],
+        entries=entries,
+        motors=[],
         make=lambda g, _: gearmotor_drive(*alone[g]),
         bare=lambda g: gearmotor_drive(*alone[g]),
         linear=linear,
@@ -417,7 +435,8 @@ class Search:
         self._source, self._found = self._offers(), list[tuple[float, float, int, int, int]]()
         self._judged: dict[tuple[int, int, int], Assessment] = {}
 
-    def _gear_lacks(self, block: _Block, g: int) -> tuple[str, ...]:
+    def gear_lacks(self, block: _Block, g: int) -> tuple[str, ...]:
+        """Return the figures that a gear lacks, beside what the joint has of its own."""
         own = self.parts.own
         return tuple(
             figure
@@ -519,7 +538,7 @@ class Search:
             return None
         return rest.reserve(conditions) * largest(rest.load) / abs(drive_.ratio)
 
-    def _margins(self, b: int, gears: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def margins(self, b: int, gears: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(n, nm) bounds of the least margins of some gears with every motor, and their masses."""
         block, conditions = self.shelf.blocks[b], self.case.conditions
         rows = [self._row(b, int(g)) for g in gears]
@@ -560,7 +579,8 @@ class Search:
         return best, lightest
 
     @cached_property
-    def _gear_margins(self) -> list[np.ndarray]:
+    def gear_margins(self) -> list[np.ndarray]:
+        """Of each block (ng,) the least margins of the rows of gears alone."""
         return [self._of_gears(block) for block in self.shelf.blocks]
 
     def _offers(self) -> Iterator[tuple[float, float, int, int, int]]:
@@ -572,20 +592,20 @@ class Search:
         signable = [np.array([not x for x in block.motor_lacks]) for block in self.shelf.blocks]
         for b, block in enumerate(self.shelf.blocks):
             mass = np.where(block.fits & signable[b], block.mass, np.nan)
-            left = np.isfinite(mass).any(axis=1) & (self._gear_margins[b] >= 0)
+            left = np.isfinite(mass).any(axis=1) & (self.gear_margins[b] >= 0)
             for g in np.flatnonzero(left).tolist():
-                if not self._gear_lacks(block, g):
+                if not self.gear_lacks(block, g):
                     gears.append((float(np.nanmin(mass[g])), b, g))
         gears.sort()
         ready: list[tuple[float, float, str, int, int, int]] = []
         for k, (_, b, g) in enumerate(gears):
             block = self.shelf.blocks[b]
             if self._row(b, g).margin >= 0:
-                least, masses = (x[0] for x in self._margins(b, np.array([g])))
+                least, masses = (x[0] for x in self.margins(b, np.array([g])))
                 ok = (least >= 0) & block.fits[g] & signable[b] & np.isfinite(masses)
                 for m in np.flatnonzero(ok).tolist():
                     name = f"{block.motor_names[m]} {block.names[g]}"
-                    margin = float(min(least[m], self._gear_margins[b][g]))
+                    margin = float(min(least[m], self.gear_margins[b][g]))
                     heapq.heappush(ready, (float(masses[m]), -margin, name, b, g, m))
             horizon = gears[k + 1][0] if k + 1 < len(gears) else np.inf
             while ready and ready[0][0] < horizon:
@@ -608,7 +628,7 @@ class Search:
         if (b, g, m) not in self._judged:
             block = self.shelf.blocks[b]
             made = replace(block.make(g, m), **self.parts.own)
-            missing = (*self._gear_lacks(block, g), *block.motor_lacks[m])
+            missing = (*self.gear_lacks(block, g), *block.motor_lacks[m])
             row = self._row(b, g) if made.transmission is not None else None
             own = self.assess(made, missing, row)
             every = (own, *(search.judge(b, g, m) for search in self.beside))
@@ -676,16 +696,16 @@ class Search:
         """Return the drive lighter than `below` (kg) that misses by least, none beyond a margin."""
         options: list[tuple[float, float, int, int, int]] = []
         for b, block in enumerate(self.shelf.blocks):
-            known = [g for g in range(len(block.names)) if not self._gear_lacks(block, g)]
+            known = [g for g in range(len(block.names)) if not self.gear_lacks(block, g)]
             signable = np.array([not figures for figures in block.motor_lacks])
             step = max(1, _MOST // max(len(signable), 1))
             for k in range(0, len(known), step):
                 gears = np.array(known[k : k + step])
-                gears = gears[self._gear_margins[b][gears] > worst]
+                gears = gears[self.gear_margins[b][gears] > worst]
                 if not len(gears):
                     continue
-                least, mass = self._margins(b, gears)
-                least = np.fmin(least, self._gear_margins[b][gears][:, None])
+                least, mass = self.margins(b, gears)
+                least = np.fmin(least, self.gear_margins[b][gears][:, None])
                 ok = (least > worst) & block.fits[gears] & signable & (mass < below)
                 rows, motors = np.nonzero(ok)
                 options += zip(
@@ -709,26 +729,26 @@ class Search:
         found: dict[str, Ask] = {}
         for b, block in enumerate(self.shelf.blocks):
             for g, name in enumerate(block.names):
-                figures = self._gear_lacks(block, g)
+                figures = self.gear_lacks(block, g)
                 mass = float(np.nanmin(block.mass[g])) if np.isfinite(block.mass[g]).any() else None
-                if not figures or self._gear_margins[b][g] < 0 or (mass and mass >= below):
+                if not figures or self.gear_margins[b][g] < 0 or (mass and mass >= below):
                     continue
                 bare = replace(block.bare(g), **self.parts.own)
                 if self._of_entry(bare) < 0:
                     continue
                 if bare.transmission is not None:  # else nothing is known of its torque
-                    least, _ = self._margins(b, np.array([g]))  # NaN: not known
+                    least, _ = self.margins(b, np.array([g]))  # NaN: not known
                     if not (block.fits[g] & ~(least[0] < 0)).any():
                         continue
                 found.setdefault(name, Ask(name, figures, mass, block.sources[g]))
             if block.at_output:
                 continue
-            known = [g for g in range(len(block.names)) if not self._gear_lacks(block, g)]
-            left = np.array([g for g in known if self._gear_margins[b][g] >= 0], dtype=np.int64)
+            known = [g for g in range(len(block.names)) if not self.gear_lacks(block, g)]
+            left = np.array([g for g in known if self.gear_margins[b][g] >= 0], dtype=np.int64)
             step = max(1, _MOST // max(len(block.motor_lacks), 1))
             might = np.zeros(len(block.motor_lacks), dtype=bool)
             for k in range(0, len(left), step):
-                least, mass_ = self._margins(b, left[k : k + step])
+                least, mass_ = self.margins(b, left[k : k + step])
                 heavy = mass_ >= below
                 might |= ((least >= 0) & block.fits[left[k : k + step]] & ~heavy).any(axis=0)
             for m in np.flatnonzero(might):

@@ -61,6 +61,7 @@ from pinfric.motions.trajectory import Trajectory
 from pinfric.sizing.branch import Arm, stiff_enough
 from pinfric.sizing.caveats import caveats, discontinuities, unclosed
 from pinfric.sizing.elastic_arm import arm_criteria, check_tool, reversal_criteria
+from pinfric.sizing.provisional import provisional
 from pinfric.sizing.shelf import Ask, Assessment, Parts, Search, Shelf, stiffness_of
 from pinfric.sizing.verdict import Verdict, joint_criteria, verdict_of
 from pinfric.stops.study import StopResult, stop
@@ -84,7 +85,8 @@ class JointSizing:
             closed loops couple the joints.
         motor: the shaft of the drive taken, sample by sample; None without one.
         choice: the lightest that fits; None if none fits.
-        nearest: if none fits, the candidate with the smallest shortfall, none beyond -1000 %.
+        nearest: if none fits, a provisional drive (its `would` is not empty), else the candidate
+            with the smallest shortfall, none beyond -1000 %.
         nothing_because: why there are no candidates, if a catalogue was given; otherwise empty.
         search: of the drives that were looked at.
         decided: with a rating, whose means leave the least of the drive: the cycle's, or its own.
@@ -179,6 +181,12 @@ class JointSizing:
         if self.search is None or not self.candidates:
             return f"{self.name}: no candidates: {self.nothing_because}"
         none = f"{self.name}: none of {counted(self.candidates, 'candidate')} fits"
+        if self.nearest is not None and self.nearest.would:
+            return (
+                f"{self.name}: none of {counted(self.candidates, 'candidate')} can be signed; "
+                f"{self.nearest.candidate.name} is provisional: ask its maker for "
+                f"{', '.join(self.nearest.lacks)}"
+            )
         if self.nearest is not None:
             name = self.nearest.candidate.name
             return f"{none}; the closest candidate is {name}: {self.nearest.why}"
@@ -640,7 +648,7 @@ class _Sizing:
                 if search is None:
                     continue
                 searches[i] = search
-                found = search.lightest() or search.nearest()
+                found = search.lightest() or provisional(search) or search.nearest()
                 taken.pop(i, None)
                 if found is not None:
                     taken[i] = found

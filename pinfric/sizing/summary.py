@@ -62,6 +62,17 @@ class NextSmaller(Rejection):
 
 
 @described
+class Provisional:
+    """A drive that would fit, of which figures are missing: it is not signed."""
+
+    drive: str = quantity("motor and gear", heading="drive")
+    mass: float | None = quantity("none: not known", "kg", "mass")
+    ask: tuple[str, ...] = quantity("figures that its makers must be asked for")
+    would: str = quantity("what these must be", heading="would fit if")
+    source: str = quantity("the documents of its other figures")
+
+
+@described
 class ToAsk:
     """A product that might do, lighter than the choice, but cannot be signed."""
 
@@ -132,6 +143,10 @@ class SizedJoint(JointDemand):
     )
     verdict: JointVerdict | None = quantity(
         "whether it can be signed, and what fails; none: no catalogue", heading="*"
+    )
+    provisional: Provisional | None = quantity(
+        "what would fit if figures were known that are missing, where nothing can be signed",
+        heading="*",
     )
     candidates: int = quantity("drives of the catalogue whose parts go together")
     standstill: Standstill = quantity("holding without power", heading="*")
@@ -354,6 +369,7 @@ def _sized_joint(report: SizingReport, k: int, lever: float) -> SizedJoint:
         choice=None if joint.choice is None else joint.choice.candidate.name,
         decided_by=joint.decided_by or None,
         verdict=verdicts[k] if verdicts else None,
+        provisional=_provisional(joint.nearest),
         candidates=joint.candidates,
         installed=None if taken is None else _installed(taken, report.criteria[k], lever),
         standstill=report.standstills[k],
@@ -364,6 +380,14 @@ def _sized_joint(report: SizingReport, k: int, lever: float) -> SizedJoint:
         nearest_miss=joint.no_fit or None,
         next_smaller=None if smaller is None else _next_smaller(smaller),
     )
+
+
+def _provisional(taken: Assessment | None) -> Provisional | None:
+    if taken is None or not taken.would:
+        return None
+    made = taken.candidate
+    would, sources = "; ".join(taken.would), "; ".join(made.sources)
+    return Provisional(made.name, made.mass, taken.lacks, would, sources)
 
 
 def _next_smaller(smaller: Assessment) -> NextSmaller:

@@ -176,14 +176,18 @@ def _of_joint(joint: JointSizing, criteria: tuple[Criterion, ...], doubted: bool
     tightest = min(judged, key=lambda c: c.margin or 0.0, default=None)
     failed, state, why = [c for c in criteria if c.status == Status.FAILS], State.SIGNED, ""
     failing = tuple(_failing(joint.name, failed))
-    if joint.choice is None:
+    taken = joint.choice
+    if taken is None and joint.nearest is not None and joint.nearest.would:
+        taken, state = joint.nearest, State.PROVISIONAL
+        beside = [c for c in failed if c not in taken.failed]
+        failing = (joint.no_fit, *_failing(joint.name, beside))
+    elif taken is None:
         state, why, failing = State.NONE, "no drive fits", (joint.no_fit,)
     elif failed:
         worst = min(failed, key=lambda c: c.margin or 0.0)
         state, why = State.FAILS, f"{worst.name} {worst.shortfall} short"
     elif doubted:
         state = State.PROVISIONAL
-    taken = joint.choice
     return JointVerdict(
         name=joint.name,
         state=state,

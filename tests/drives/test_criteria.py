@@ -286,9 +286,8 @@ def test_without_a_figure_for_the_motor_torque_nothing_is_chosen(tmp_path):
         {"gear": {"input_inertia": None}},
         {"motor": {"rotor_inertia": None}},
         {"motor": {"continuous_torque": None, "thermal": None}},
-        {"motor": {"mass": None}},
     ):
-        with pytest.warns(pf.PinfricWarning, match="cannot be signed: ask its maker for"):
+        with pytest.warns(pf.PinfricWarning, match=r"be signed.*: ask its maker for"):
             joint = sized(tmp_path, **part)
         assert joint.choice is None
         assert joint.assessments[0].lacks

@@ -178,7 +178,7 @@ def test_a_bound_of_a_gear_without_loss_is_the_rms_of_what_accelerates(tmp_path)
     shaft = 3e-4 + GEAR["input_inertia"] + 2.2e-6 * 0.3**1.38
     shaft = INERTIA / GEAR["ratio"] + shaft * GEAR["ratio"]
     rms = shaft * ACCELERATION * np.sqrt(2 * RAMP / CYCLE)
-    least, mass = joint.search._margins(0, np.array([0]))
+    least, mass = joint.search.margins(0, np.array([0]))
     assert (least[0, 0], mass[0, 0]) == pytest.approx((1 - rms / 0.2, 0.6 + 0.9 + 0.1), rel=1e-6)
     assert (joint.choice.candidate.brake, joint.choice.candidate.mass) == ("B", mass[0, 0])
     assert 0.0 < joint.choice.margin <= least[0, 0]
@@ -190,12 +190,12 @@ def test_bounds_never_exceed_what_they_bound(arm):
     (block,) = [b for b in search.shelf.blocks if not b.at_output]
     known = [g for g in range(len(block.names)) if not block.gear_lacks[g]][:4]
     for g in known:
-        least, _ = (x[0] for x in search._margins(0, np.array([g])))
+        least, _ = (x[0] for x in search.margins(0, np.array([g])))
         for m in range(0, len(block.motor_names), 5):
             if block.motor_lacks[m] or not block.fits[g, m]:
                 continue
             exact = search.judge(0, g, m)
-            assert exact.margin <= min(least[m], search._gear_margins[0][g]) + 1e-9
+            assert exact.margin <= min(least[m], search.gear_margins[0][g]) + 1e-9
 
 
 def altered(catalog, rng, kept):

@@ -24,6 +24,7 @@ from pinfric.show.report.drives import (
     bus_lines,
     bus_table,
     choice_table,
+    provisional_table,
     rating_table,
     smaller_table,
     turn,
@@ -115,6 +116,7 @@ def sizing_page(report: SizingReport, command: str = "", inputs: Iterable[str | 
         samples=len(report.result.status),
         found=found,
         choices=None if report.catalog is None else choice_table(found, _CELLS),
+        provisional=provisional_table(found),
         matrix=table_of(
             "Margins: the part of each limit that is left",
             [

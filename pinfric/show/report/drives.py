@@ -53,6 +53,8 @@ def rating_table(found: SizingSummary) -> Table | None:
 
 
 def _chosen(joint: SizedJoint) -> str:
+    if joint.provisional is not None:
+        return f"not signed: {joint.provisional.drive}"
     nearest = "" if joint.installed is None else f"; nearest {joint.installed.judged}"
     fails = joint.verdict is not None and joint.verdict.state == State.FAILS
     return f"{joint.choice or f'none{nearest}'}{' (fails)' * fails}"
@@ -90,6 +92,14 @@ def product_lines(found: SizingSummary) -> list[str]:
     taken = (joint.installed for joint in found.joints)
     notes = dict.fromkeys(note for one in taken if one is not None for note in one.notes)
     return [f"remarks: {'; '.join(notes)}"] if notes else []
+
+
+def provisional_table(found: SizingSummary) -> Table | None:
+    """Return what would fit joints for which nothing can be signed; None: there are none."""
+    rows = [joint for joint in found.joints if joint.provisional is not None]
+    asked = dict.fromkeys(x for j in rows for x in (j.provisional.ask if j.provisional else ()))
+    only = ("name", *(f"provisional.{name}" for name in ("drive", "mass", "would")))
+    return table_of(f"not signed: ask for {', '.join(asked)}", rows, only=only)
 
 
 def ask_table(found: SizingSummary, most: int = 0) -> Table | None:

@@ -20,6 +20,7 @@ from pinfric.show.report.drives import (
     choice_table,
     mass_table,
     product_lines,
+    provisional_table,
     rating_table,
     smaller_table,
     turn,
@@ -66,6 +67,7 @@ def sizing_report(report: SizingReport, verbose: bool = True) -> Report:
         rating,
         demand_table(report),
         choice_table(found),
+        provisional_table(found),
         mass_table(found),
         smaller_table(found),
         product_lines(found),
@@ -92,6 +94,7 @@ def _short(report: SizingReport, found: SizingSummary, opening: Sequence[Any]) -
     return paragraphs(
         list(opening),
         choice_table(found, short=True),
+        provisional_table(found),
         [*product_lines(found), *brake_line(found), *bus_lines(report), *stop_lines(found)],
         ask_table(found, _ASKED),
         first + ending,
@@ -210,7 +213,11 @@ def verdict(report: SizingReport) -> str:
         beyond = beyond_limits(report.result_without_masses)
         within = f"{counted(len(beyond), 'drive')} beyond the URDF's effort limits; " * bool(beyond)
         return f"{within}{report.verdict.headline}; drives that fit: --catalog default"
-    nearest = [joint.name for joint in report.joints if joint.choice is None and joint.nearest]
+    nearest = [
+        joint.name
+        for joint in report.joints
+        if joint.choice is None and joint.nearest and not joint.nearest.would
+    ]
     unchecked = sum(len(j.choice.not_checked) for j in report.joints if j.choice is not None)
     parts = [report.verdict.headline, f"{unchecked} criteria not checked"]
     if nearest:

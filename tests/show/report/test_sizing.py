@@ -40,11 +40,11 @@ BROWSER = next(
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory):
-    """One joint, a catalogue in which one motor fits, one fails and one lacks its mass."""
+    """One joint, a catalogue in which one motor fits, one fails and one lacks its peak torque."""
     motors = {
         "fits <b>": MOTOR,  # a name that must not become markup
         "weak": {**MOTOR, "continuous_torque": 0.05},
-        "no mass": {k: v for k, v in MOTOR.items() if k != "mass"},
+        "no peak": {k: v for k, v in MOTOR.items() if k != "peak_torque"} | {"mass": 0.5},
         "heavy": {**MOTOR, "mass": 1.5, "continuous_torque": 1.0, "rotor_inertia": 2e-4},
     }
     path = write_catalog(tmp_path_factory.mktemp("sizing") / "catalog.yaml", motors)
@@ -99,12 +99,12 @@ def test_what_does_not_fit_says_why_and_what_lacks_a_figure_is_asked_for(report)
     (sized,) = report.joints
     why = {a.candidate.name: a.why for a in sized.assessments if not a.fits}
     assert "continuous torque: needs 0.09" in why["weak + G"]
-    assert why["no mass + G"] == "cannot be signed: ask for mass"
+    assert why["no peak + G"] == "cannot be signed: ask for peak torque"
     found = in_json(sizing_summary(report))
     (joint,) = found["joints"]
     assert joint["choice"] == "fits <b> + G"
     assert [a["name"] for a in joint["alternatives"]] == ["heavy + G"]
-    assert [(a["name"], a["figures"]) for a in found["ask"]] == [("no mass", "mass")]
+    assert [(a["name"], a["figures"]) for a in found["ask"]] == [("no peak", "peak torque")]
 
 
 def test_infeasible_joint_has_its_nearest_miss_in_the_json(tmp_path):

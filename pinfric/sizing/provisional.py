@@ -1,0 +1,176 @@
+"""Provisional drives: what would fit a joint for which nothing can be signed, and what to ask for.
+
+Up to three figures of such a drive are not printed, none of its ratings of torque. Everything known
+passes. A missing figure is turned round: the need of the row that lacks it is what it must be.
+
+- Efficiency: the worst known of the kind stands in.
+- Inertia: the drive is judged with the least that its inertia ratio permits; it may be so large
+  that the motor still passes.
+- Continuous torque of a hobby servo: a fifth of its stall torque (ROBOTIS, Torque Ratings, 2020).
+  Where the cycle needs more, the servo runs hot.
+
+A provisional drive never competes with one that can be signed, and never signs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from math import pi
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pinfric.drives.catalog import Gear, GearMotor
+from pinfric.drives.drivetrain import Candidate, gearmotor_drive, motor_with_gear
+from pinfric.drives.limit import Drives
+from pinfric.drives.policy import EXTRA_INERTIAS, HOBBY, PROVISIONAL
+
+if TYPE_CHECKING:  # it is above this module
+    from pinfric.sizing.shelf import Assessment, Search
+
+#: Drives that are judged in full, the lightest of fewest missing figures first.
+_TRIED = 200
+#: Rows of a motor's heat, all of its continuous torque.
+_HEAT = ("continuous torque", "short-term torque", "overloaded standstill", "standstill")
+#: Doublings, then halvings, that find the largest inertia.
+_DOUBLINGS, _HALVINGS = 20, 12
+
+
+def provisional(search: Search) -> Assessment | None:
+    """Return the drive of fewest missing figures, then the lightest, all of whose known rows pass.
+
+    Its `would` says of each missing figure what it must be.
+
+    Args:
+        search: the shelf at a joint.
+    """
+    for _, _, b, g, m in sorted(_offers(search))[:_TRIED]:
+        found = _judged(search, b, g, m)
+        if found is not None:
+            return found
+    return None
+
+
+def _offers(search: Search) -> Iterator[tuple[int, float, int, int, int]]:
+    """Missing figures, mass, block, gear and motor of what no bound rules out."""
+    for b, block in enumerate(search.shelf.blocks):
+        for g in range(len(block.names)):
+            own = search.gear_lacks(block, g)
+            if not set(own) <= PROVISIONAL or search.gear_margins[b][g] < 0:
+                continue
+            able, mass = block.fits[g] & np.isfinite(block.mass[g]), block.mass[g]
+            if not EXTRA_INERTIAS & {*own}:  # else no bound is known: more inertia may help
+                able &= ~(search.margins(b, np.array([g]))[0][0] < 0)
+            for m in np.flatnonzero(able).tolist():
+                lacks = {*own, *block.motor_lacks[m]}
+                if not block.at_output and lacks & {"continuous torque", "rotor inertia"}:
+                    continue  # of a motor nothing stands in for them
+                if lacks <= PROVISIONAL and 0 < len(lacks) <= 3:
+                    yield len(lacks), float(mass[m]), b, g, m
+
+
+def _judged(search: Search, b: int, g: int, m: int) -> Assessment | None:
+    """A drive with stand-ins for what its maker does not print; None: it does not fit."""
+    block = search.shelf.blocks[b]
+    lacks = (*search.gear_lacks(block, g), *block.motor_lacks[m])
+    load, ratio = search.case.load_inertia or 0.0, float(block.ratio[g, 0])
+    least = load / (ratio**2 * search.case.conditions.inertia_ratio)
+    inertial, said = bool({*lacks} & EXTRA_INERTIAS), []
+    name, entry = block.names[g], block.entries[g]
+    if isinstance(entry, Gear):
+        motor = block.motors[m]
+        assert motor.rotor_inertia is not None
+        least = max(least - motor.rotor_inertia, 0.0)
+        if entry.efficiency is None:
+            worst = search.shelf.worst_efficiency(entry.kind)
+            if worst is None:
+                return None
+            entry = entry.model_copy(update={"efficiency": worst})
+            said.append(f"efficiency >= {worst:.2g}, the worst known of its kind")
+
+    def made(inertia: float) -> Candidate:
+        if isinstance(entry, Gear):
+            own = {"input_inertia": inertia} if inertial else {}
+            drive = motor_with_gear(
+                block.motor_names[m], block.motors[m], name, entry.model_copy(update=own), ratio
+            )
+        else:
+            drive = gearmotor_drive(
+                name, entry.model_copy(update={"rotor_inertia": inertia} if inertial else {})
+            )
+            if entry.continuous_torque is None:
+                rated = replace(drive.ratings, continuous_torque=HOBBY * (entry.peak_torque or 0.0))
+                drive = replace(drive, ratings=rated)
+        return replace(drive, **search.parts.own)
+
+    def assess(inertia: float) -> Assessment:
+        return search.assess(made(inertia), lacks)
+
+    def passes(found: Assessment) -> bool:
+        hot = _HEAT if isinstance(entry, GearMotor) and entry.continuous_torque is None else ()
+        return all(c.name in hot for c in found.failed)
+
+    found = assess(least * (1 + 1e-9))
+    if found.candidate.name in search.parts.banned or not passes(found):
+        return None
+    if inertial:
+        low, high = least, max(least, 1e-9)
+        for _ in range(_DOUBLINGS):
+            if not passes(assess(2.0 * high)):
+                break
+            low, high = 2.0 * high, 2.0 * high
+        high = 2.0 * high
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if passes(assess(middle)) else (low, middle)
+        range_ = f"{_up(least)} to {_down(low)}" if least else f"<= {_down(low)}"
+        said.append(f"{next(iter({*lacks} & EXTRA_INERTIAS))} {range_} kg m^2")
+    said += _turned(found.drives, {*lacks})
+    said += [_hot(found)] if "continuous torque" in lacks else []
+    return replace(found, would=tuple(said))
+
+
+def _turned(d: Drives, lacks: set[str]) -> list[str]:
+    """What the figures that only stand beside others must be."""
+    said, (_, rate) = list[str](), d.candidate.units
+    if "stiffness" in lacks and d.case.load_inertia:
+        c = d.conditions
+        hertz = c.resonance_hand if d.case.hand else c.resonance_base
+        said.append(f"stiffness >= {_up((2 * pi * hertz) ** 2 * d.load)} N m/rad")
+    if "output bearing" in lacks and d.demand.bearing is not None:
+        load = d.demand.bearing
+        said.append(
+            f"tilting moment >= {_up(load.moment)} N m, radial force >= {_up(load.radial)} N, "
+            f"axial force >= {_up(load.axial)} N"
+        )
+    speed = d.demand.speed * (1.0 if d.at_output else d.ratio)
+    for figure in ("maximum input speed", "largest speed"):
+        if figure in lacks:
+            said.append(f"{figure} >= {_up(speed)} {rate}")
+    if "stroke" in lacks:
+        said.append(f"stroke >= {_up(d.demand.travel or 0.0)} m")
+    return said
+
+
+def _up(x: float) -> str:
+    """Three digits that are not less: a limit that is met by them is met."""
+    near = float(f"{x:.3g}")
+    return f"{near if near >= x else near + 10.0 ** (np.floor(np.log10(x)) - 2):.3g}"
+
+
+def _down(x: float) -> str:
+    """Three digits that are not more."""
+    near = float(f"{x:.3g}")
+    return f"{near if near <= x else near - 10.0 ** (np.floor(np.log10(x)) - 2):.3g}"
+
+
+def _hot(found: Assessment) -> str:
+    """What the continuous torque of a hobby servo must be, and whether it has less."""
+    heat = next(c for c in found.criteria if c.name == "continuous torque")
+    need, has = heat.required or 0.0, heat.available or 0.0
+    hot = ", so it runs hot: needs pauses" * any(c.name in _HEAT for c in found.failed)
+    return (
+        f"continuous torque >= {_up(need)} {heat.unit} (taken: {HOBBY:g} of its stall torque, "
+        f"{has:.3g} {heat.unit}{hot})"
+    )

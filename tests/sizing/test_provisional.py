@@ -1,0 +1,159 @@
+"""Provisional drives: what a missing figure must be, against the choice with that figure given."""
+
+from __future__ import annotations
+
+import re
+from math import pi
+
+import numpy as np
+import pytest
+from builders import example
+from sizing_cases import (
+    ACCELERATION,
+    COULOMB,
+    GEAR,
+    INERTIA,
+    MOTOR,
+    RATE,
+    one_drive,
+    sized_cycle,
+    write_catalog,
+)
+
+import pinfric as pf
+from pinfric.show.pages.sizing import sizing_page
+from pinfric.show.report.drives import provisional_table
+from pinfric.sizing.summary import sizing_summary
+
+UP = INERTIA * ACCELERATION + COULOMB
+
+
+def sized(tmp_path, gear=None, motor=None, **more):
+    return sized_cycle(one_drive(tmp_path, motor, gear, **more), on_miss="ignore")
+
+
+def would(report):
+    """Figure -> the numbers of what it must be, of the drive of the only joint."""
+    (joint,) = report.joints
+    assert joint.choice is None
+    assert joint.nearest is not None
+    numbers = {}
+    for text in joint.nearest.would:
+        for part in re.sub(r", the worst.*|\(.*", "", text).split(", "):
+            words, found = re.match(r"([a-z ]+?) (?:[<>]= )?([\d.].*)", part).groups()
+            numbers[words] = [float(x) for x in re.findall(r"\d[\d.]*(?:e[+-]?\d+)?", found)]
+    return numbers
+
+
+#: Figure -> what it must be at least, by hand: K = (2 pi f)^2 J, the speeds of the cycle.
+LEAST = {
+    "stiffness": (2 * pi * 8.0) ** 2 * INERTIA,
+    "max_input_speed": GEAR["ratio"] * RATE,
+}
+
+
+@pytest.mark.parametrize("figure", LEAST)
+def test_a_missing_limit_is_the_need_of_its_row(tmp_path, figure):
+    others = {} if figure == "stiffness" else {"average_input_speed": None, "rated_speed": None}
+    report = sized(tmp_path, {figure: None, **others})
+    (value,) = would(report)["maximum input speed" if "speed" in figure else figure]
+    assert value == pytest.approx(LEAST[figure], rel=5e-3)
+    for factor, fits in ((1.01, True), (0.98, False)):  # the same joint with that figure
+        known = sized(tmp_path, {figure: factor * LEAST[figure], **others})
+        assert (known.joints[0].choice is not None) == fits
+
+
+def test_a_missing_inertia_is_between_what_the_ratio_and_the_motor_permit(tmp_path):
+    """J_load <= 10 r^2 (J_m + J): 1.5e-5 at least; at most what the peak torque accelerates."""
+    weak = {"continuous_torque": 0.45, "peak_torque": 0.5, "rotor_inertia": 5e-6, "thermal": None}
+    report = sized(tmp_path, {"input_inertia": None}, weak)
+    least, most, _ = would(report)["input inertia"]
+    assert least == pytest.approx(INERTIA / (10 * 1e4) - 5e-6, rel=0.05)
+    drag = UP / GEAR["efficiency"] / GEAR["ratio"]
+    shaft = (0.5 / 1.2 - drag) / (GEAR["ratio"] * ACCELERATION)
+    assert most == pytest.approx(shaft - 5e-6, rel=0.05)
+    for inertia, fits in (
+        (least, True),
+        (most, True),
+        (0.9 * least, False),
+        (1.06 * most, False),
+    ):
+        known = sized(tmp_path, {"input_inertia": inertia}, weak)
+        assert (known.joints[0].choice is not None) == fits
+
+
+def test_a_missing_efficiency_is_the_worst_of_its_kind(tmp_path):
+    """Beside a gear of 0.7 that is too weak; the drive is judged by it."""
+    unknown = {k: v for k, v in GEAR.items() if k not in ("efficiency", "back_efficiency")}
+    small = {**GEAR, "efficiency": 0.7, "repeated_peak_torque": 12.0, "average_torque": 8.0}
+    gears = {"G": unknown, "small": {**small, "rated_torque": 8.0}}
+    report = sized_cycle(write_catalog(tmp_path / "c.yaml", gears=gears), on_miss="ignore")
+    assert would(report) == {"efficiency": [0.7]}
+    (peak,) = (c for c in report.joints[0].nearest.criteria if c.name == "peak torque")
+    rotor = GEAR["ratio"] * (MOTOR["rotor_inertia"] + GEAR["input_inertia"]) * ACCELERATION
+    assert peak.required == pytest.approx(1.2 * (UP / 0.7 / GEAR["ratio"] + rotor), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("gear", "motor"),
+    [
+        ({"rated_torque": None, "average_torque": None}, {}),  # a rating of torque
+        ({}, {"continuous_torque": None}),
+        (
+            {
+                "stiffness": None,
+                "max_input_speed": 120.0,
+                "average_input_speed": 100.0,
+                "rated_speed": 90.0,
+            },
+            {},
+        ),  # a known row fails
+        ({k: None for k in ("stiffness", "bearing", "input_inertia", "efficiency")}, {}),  # four
+    ],
+)
+def test_what_is_not_eligible_is_not_shown(tmp_path, gear, motor):
+    (joint,) = sized(tmp_path, gear, motor).joints
+    assert joint.installed is None or not joint.installed.would
+
+
+def test_a_provisional_drive_never_competes_and_is_shown_apart(tmp_path):
+    light = {**{k: v for k, v in GEAR.items() if k != "stiffness"}, "mass": 0.1}
+    path = write_catalog(tmp_path / "c.yaml", gears={"G": GEAR, "light": light})
+    signed = sized_cycle(path)
+    assert signed.joints[0].choice.candidate.gear_name == "G"
+    assert provisional_table(sizing_summary(signed)) is None
+    report = sized(tmp_path, {"stiffness": None})
+    assert report.verdict.headline.startswith(
+        "0 of 1 joints can be signed, 1 provisional; 1.50 kg provisional"
+    )
+    table = provisional_table(sizing_summary(report))
+    assert table.title.startswith("not signed: ask for stiffness")
+    page = sizing_page(report)
+    assert '<div class="provisional"><h3>Not signed: ask for stiffness' in page
+    assert "Signature" not in page
+    (line,) = report.verdict.failing
+    assert "M + G is provisional: ask its maker for stiffness" in line
+
+
+def test_a_motor_with_a_housing_of_unknown_mass_is_signed_as_a_heavy_one(tmp_path):
+    (joint,) = sized(tmp_path, {}, {"mass": None}).joints
+    mass = 1.94 * MOTOR["continuous_torque"] ** 0.75
+    assert joint.choice.candidate.mass == pytest.approx(mass + GEAR["mass"])
+    assert "mass: 1.94 T^0.75 = 1.2 kg, by rule" in joint.choice.candidate.stand_ins
+    kit = sized(tmp_path, {"kind": "strain wave"}, {"mass": None, "mounting": "frameless"})
+    assert kit.joints[0].choice is None
+
+
+def test_the_servos_of_the_so101_hold_it_with_pauses():
+    """A fifth of 1.91 N m at 40 C; the motors hold the arm and run hot where gravity acts."""
+    scene, motion = example("so101")
+    servo = pf.load_catalog("default").gearmotors["Feetech STS3215 7.4 V"]
+    catalog = pf.drives.catalog.Catalog("servos", gearmotors={"STS3215": servo})
+    report = pf.size(scene, motion, catalog, conditions={"bus_voltage": 7.4}, on_miss="ignore")
+    assert {joint.state for joint in report.verdict.joints} == {"provisional"}
+    assert report.contradiction == ""  # six servos of 55 g are in 0.49 kg
+    rms = np.array([joint.motor.figures.rms for joint in report.joints])
+    has = 0.2 * 1.91 * np.sqrt((105 - 40) / (105 - 25))
+    hot = ["runs hot" in " ".join(joint.nearest.would) for joint in report.joints]
+    assert hot == list(rms > has)
+    assert 1 <= sum(hot) < 6
