@@ -15,6 +15,8 @@ import numpy as np
 
 from pinfric.model.described import described, quantity
 
+#: Voltages that pass are no tighter the nearer they are; a motor's own is often that of the bus.
+STEPS = ("bus voltage", "motor voltage")
 #: Margin that stands for minus infinity: nothing is available, or more than any number is needed.
 LEAST_MARGIN = -1e9
 
@@ -57,11 +59,11 @@ class Criterion:
     def scaled(self) -> bool:
         """Whether the margin is a measure of the reserve.
 
-        Back-driving has no scale; a bus voltage that passes is no tighter the nearer it is.
+        Back-driving has no scale; of `STEPS` only what fails has one.
         """
         if self.margin is None or self.name == "back-driving":
             return False
-        return self.name != "bus voltage" or self.status == Status.FAILS
+        return self.name not in STEPS or self.status == Status.FAILS
 
     @property
     def _no_finite_margin(self) -> bool:

@@ -307,19 +307,25 @@ def screw_load(cycle: DriveCycle) -> BearingLoad:
     return bearing_load(cycle.stretched, cycle.velocity, none, worst, none)
 
 
-def average_output_effort(t: np.ndarray, effort: np.ndarray, velocity: np.ndarray) -> float:
-    """Return T_av = cbrt(int |v T^3| dt / int |v| dt), which wears a strain wave gear.
+def average_output_effort(
+    t: np.ndarray, effort: np.ndarray, velocity: np.ndarray, exponent: float = 3.0
+) -> float:
+    """Return T_av = (int |v T^p| dt / int |v| dt)^(1/p), which wears a gear: p = 3, strain wave.
 
     A hold weighs nothing: nothing turns. 0 where the joint never moves.
 
     Args:
         t: (T,) s. effort: (T,) N m or N at the output. velocity: (T,) at the output.
+        exponent: p.
 
     Source: Harmonic Drive engineering data 1021387 12/2018, p. 30.
     """
     weight = integral(t, np.abs(velocity))
     if not weight > 0:
         return 0.0
+    if exponent != 3.0:
+        wear = np.abs(velocity) * np.abs(effort) ** exponent
+        return float((integral(t, wear) / weight) ** (1 / exponent))
     wear = np.abs(velocity * effort * effort * effort)  # a power takes ten times as long
     return float(np.cbrt(integral(t, wear) / weight))
 

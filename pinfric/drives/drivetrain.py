@@ -204,6 +204,12 @@ class Ratings:
         return None if torque is None or share is None else share * torque
 
     @property
+    def rated_up_to(self) -> float:
+        """The highest ambient temperature for which its own maker rates it, deg C."""
+        curve = self.ambient_curve
+        return max(self.rated_ambient, curve[-1][0] if curve else self.rated_ambient)
+
+    @property
     def max_winding_printed(self) -> float | None:
         """The maker's permissible winding temperature, deg C, or None."""
         return None if self.thermal is None else self.thermal.max_winding

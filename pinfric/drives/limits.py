@@ -15,6 +15,7 @@ import numpy as np
 from pinfric.drives.bearing import (
     BALL,
     KINDS,
+    ROLLER,
     BearingLoad,
     BearingRatings,
     bearing_life,
@@ -24,6 +25,7 @@ from pinfric.drives.bearing import (
 )
 from pinfric.drives.catalog import Nut, Screw
 from pinfric.drives.criterion import Criterion, Status
+from pinfric.drives.demand import average_output_effort
 from pinfric.drives.drivetrain import (
     Candidate,
     MotorCycle,
@@ -336,10 +338,41 @@ def _gear_life(d: Drives) -> float:
     if not _has_gear(d):  # a gearmotor: its maker prints no life
         return np.nan
     life, speed, torque = d.gear.nominal_life, d.gear.rated_speed, d.gear.rated_torque
-    if np.isnan(life * speed * torque):
+    mean_speed, mean_effort = d.ratio * d.demand.mean_speed, d.demand.mean_cubic
+    if d.entry.kind == "planetary":  # no law: printed for what is within the ratings
+        most = first_known(d.gear, STAND_INS["average_input_speed"])
+        within = d.demand.peak <= torque and mean_speed <= most
+        return _PLANETARY_LIFE if within else np.nan
+    if d.entry.kind != "cycloidal":
+        known = not np.isnan(life * speed * torque)
+        return gear_life(life, speed, torque, mean_speed, mean_effort)[0] if known else np.nan
+    life, cycle = _CYCLOIDAL_LIFE if np.isnan(life) else life, d.case.cycle
+    if np.isnan(speed * torque):
         return np.nan
-    mean_speed = d.ratio * d.demand.mean_speed
-    return gear_life(life, speed, torque, mean_speed, d.demand.mean_cubic)[0]
+    worn = average_output_effort(cycle.stretched, cycle.ends[0], cycle.velocity, ROLLER)
+    return gear_life(life, speed, torque, mean_speed, worn, ROLLER)[0]
+
+
+#: Formula and source of a gear's life, by its kind; of others as of strain wave gears.
+_LIVES = {
+    "planetary": (
+        "more than 20,000 h where max |T| <= T2N and the mean input speed <= n1N",
+        "Beckhoff AG2400, TP",
+    ),
+    "cycloidal": (
+        "L10 = L_n (n_N/n_in,av)(T_N/T_av)^(10/3), T_av over |v| with 10/3",
+        "Nabtesco GH, glossary: L_n = 6000 h; ISO 281's exponent of rollers, by rule",
+    ),
+}
+_STRAIN_WAVE_LIFE = (
+    "L10 = L50/5, L50 = L_n (n_N/n_in,av)(T_N/T_av)^3",
+    "Harmonic Drive engineering data 1021387 12/2018, p. 32, equations 32.2, 32.3",
+)
+_PLANETARY_LIFE, _CYCLOIDAL_LIFE = 20_000.0, 6_000.0
+
+
+def _life_of(d: Drives) -> tuple[str, str]:
+    return _LIVES.get(d.entry.kind if _has_gear(d) else "", _STRAIN_WAVE_LIFE)
 
 
 def _screw(d: Drives) -> bool:
@@ -426,8 +459,7 @@ GEAR_LIMITS = [
           "ratio 1/T int |v| dt <= limit for average input speed", _HARMONIC,
           "limit for average input speed", stage="gear", applies=_has_gear),
     Limit("gear life L10", lambda d: number(d.conditions.life), _gear_life, "h",
-          "L10 = L50/5, L50 = L_n (n_N/n_in,av)(T_N/T_av)^3",
-          "Harmonic Drive engineering data 1021387 12/2018, p. 32, equations 32.2, 32.3",
+          lambda d: _life_of(d)[0], lambda d: _life_of(d)[1],
           "nominal life, rated speed or rated torque", condition="life",
           endless="the joint never moves", optional=True),
     Limit("screw critical speed", "input speed", _of_screw(critical_speed), "rad/s",

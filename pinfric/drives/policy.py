@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
+import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from pinfric.errors import CatalogError, choose_from
@@ -58,6 +59,24 @@ PROVISIONAL = EXTRA_INERTIAS | {
 }
 #: Joints nearer to the base than this are base axes for the rule on frequencies.
 BASE_AXES = 3
+
+
+class Surroundings(NamedTuple):
+    """Temperatures of the surroundings, deg C, for which makers rate a kind of product."""
+
+    low: float
+    high: float
+    source: str
+
+
+#: Kind of product -> its surroundings; of others none were read.
+SURROUNDINGS = {
+    "motor": Surroundings(0.0, 50.0, "Kollmorgen Developer Network, derating: encoders from 0 C"),
+    "strain wave": Surroundings(-np.inf, 40.0, "Harmonic Drive 1021387 12/2018, 5.5.4"),
+    "planetary": Surroundings(-15.0, 40.0, "Beckhoff AG2400, TP"),
+    "cycloidal": Surroundings(-np.inf, 60.0, "Nabtesco RV-RH, p. 8: of the surface"),
+    "amplifier": Surroundings(-np.inf, 40.0, "Kollmorgen Developer Network, derating"),
+}
 
 
 class Collisions(Entry):
@@ -396,6 +415,22 @@ def lacks(kind: str, entry: Any) -> tuple[str, ...]:
         for need in NEEDS[kind]
         if all(getattr(entry, name, None) is None for name in need.keys)
     )
+
+
+def outside(kind: str, conditions: Conditions, rated: float = -np.inf) -> tuple[str, ...]:
+    """Return what to ask the maker for, where it is too cold or too warm for a kind of product.
+
+    Args:
+        kind: of `SURROUNDINGS`. conditions: `ambient`. rated: for which this product is rated, C.
+    """
+    if (given := SURROUNDINGS.get(kind)) is None:
+        return ()
+    ambient, high = conditions.ambient, max(given.high, rated)
+    if ambient > high:
+        return (f"ratings at {ambient:g} C (makers rate up to {high:g} C: {given.source})",)
+    if ambient < given.low:
+        return (f"ratings at {ambient:g} C (makers rate from {given.low:g} C on: {given.source})",)
+    return ()
 
 
 def frameless(motor: Motor) -> bool:

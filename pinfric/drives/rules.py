@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pinfric.drives.bearing import BALL
 from pinfric.drives.catalog import Nut, Screw
 from pinfric.drives.demand import DriveCycle
 
@@ -81,22 +82,28 @@ def gear_life(
     rated_torque: float,
     average_input_speed: float,
     average_torque: float,
+    exponent: float = 3.0,
 ) -> tuple[float, float]:
-    """Return (L10, L50) of a strain wave gear's wave generator bearing, in hours.
+    """Return (L10, L50) of a gear by the bearing of its input, in hours.
 
-    L50 = L_n (n_N/n_in,av)(T_N/T_av)^3, L10 = L50/5; infinite where nothing turns or loads.
+    Strain wave gears: L50 = L_n (n_N/n_in,av)(T_N/T_av)^3, L10 = L50/5, of the wave generator's
+    balls; infinite where nothing turns or loads. Cycloidal gears print L10 as L_n, of the rollers
+    on the crank: L10 = L_n (n_N/n_in,av)(T_N/T_av)^(10/3).
 
     Args:
         nominal_life: L_n, h (L50 at rated torque and speed).
         rated_speed, average_input_speed: n_N and n_in,av, rad/s; pauses count in the average.
         rated_torque, average_torque: T_N and T_av, N m at the output.
+        exponent: 3 of balls; that of rollers, 10/3, makes `nominal_life` an L10.
 
-    Source: Harmonic Drive engineering data 1021387 12/2018, p. 32, equations 32.2, 32.3.
+    Source: Harmonic Drive engineering data 1021387 12/2018, p. 32, equations 32.2, 32.3. Rollers:
+    ISO 281's exponent, by rule.
     """
     if not (average_input_speed > 0 and average_torque > 0):
         return np.inf, np.inf
-    l50 = nominal_life * rated_speed / average_input_speed * (rated_torque / average_torque) ** 3
-    return l50 / 5, l50
+    turns = nominal_life * rated_speed / average_input_speed
+    found = turns * float((rated_torque / average_torque) ** exponent)
+    return (found / 5, found) if exponent == BALL else (found, 5 * found)
 
 
 def resonance(stiffness: float, inertia: float) -> float:

@@ -24,7 +24,7 @@ import numpy as np
 
 from pinfric.drives.brake import Stop, braking_torque, smallest_brake
 from pinfric.drives.catalog import Brake, Catalog, Gear, GearMotor, Motor
-from pinfric.drives.criterion import Criterion, Status
+from pinfric.drives.criterion import STEPS, Criterion, Status
 from pinfric.drives.demand import largest, mean
 from pinfric.drives.drivetrain import (
     Candidate,
@@ -56,6 +56,7 @@ from pinfric.drives.policy import (
     goes_with,
     kind_of,
     lacks,
+    outside,
 )
 from pinfric.drives.thermal import COPPER
 from pinfric.model.transmission import driven_efficiency, shock_efficiency
@@ -144,7 +145,7 @@ class Assessment:
             for limit, margin in self._margins
             if not np.isnan(margin)
             and limit.name != "back-driving"
-            and (limit.name != "bus voltage" or margin < 0)
+            and (limit.name not in STEPS or margin < 0)
         )
         return min(scaled, default=0.0)
 
@@ -343,11 +344,13 @@ def _of_gears(
         fits=np.array([fitting(entry) for entry in entries]),
         names=[name for name, _, _ in gears],
         motor_names=names,
-        gear_lacks=[lacks(kind_of(entry), entry) for entry in entries],
+        gear_lacks=[
+            (*lacks(kind_of(entry), entry), *outside(entry.kind, conditions)) for entry in entries
+        ],
         motor_lacks=[
-            lacks(
-                "motor",
-                SimpleNamespace(**vars(r), mass=m.mass_taken, rotor_inertia=m.rotor_inertia),
+            (
+                *lacks("motor", SimpleNamespace(**vars(r) | _of_motor(m))),
+                *outside("motor", conditions, r.rated_up_to),
             )
             for m, r in zip(listed, ratings, strict=True)
         ],
@@ -362,11 +365,22 @@ def _of_gears(
     )
 
 
+def _of_motor(motor: Motor) -> dict[str, float | None]:
+    """What must be known of a motor beside its ratings."""
+    return {"mass": motor.mass_taken, "rotor_inertia": motor.rotor_inertia}
+
+
 def _at_best(gear: Gear) -> Gear:
     """A gear with no loss and no inertia where these are not known: nothing real is better."""
     best = {"efficiency": 1.0, "input_inertia": 0.0}
     unknown = {figure: x for figure, x in best.items() if getattr(gear, figure) is None}
     return gear.model_copy(update=unknown) if unknown else gear
+
+
+def _with_rotor(entry: GearMotor) -> GearMotor:
+    """A gearmotor with next to no rotor where its inertia is not known."""
+    known = entry.rotor_inertia is not None
+    return entry if known else entry.model_copy(update={"rotor_inertia": 1e-12})
 
 
 def _of_gearmotors(
@@ -389,14 +403,20 @@ def _of_gearmotors(
         fits=np.ones((len(alone), 1), dtype=bool),
         names=[name for name, _ in alone],
         motor_names=[""],
-        gear_lacks=[lacks(kind_of(entry, gearmotor=True), entry) for entry in entries],
+        gear_lacks=[
+            (
+                *lacks(kind_of(entry, gearmotor=True), entry),
+                *outside("motor", conditions, r.rated_up_to),
+            )
+            for entry, r in zip(entries, ratings, strict=True)
+        ],
         motor_lacks=[()],
         sources=[entry.source for entry in entries],
         motor_sources=[""],
         entries=entries,
         motors=[],
         make=lambda g, _: gearmotor_drive(*alone[g]),
-        bare=lambda g: gearmotor_drive(*alone[g]),
+        bare=lambda g: gearmotor_drive(alone[g][0], _with_rotor(entries[g])),
         linear=linear,
         at_output=True,
     )
@@ -438,11 +458,15 @@ class Search:
     def gear_lacks(self, block: _Block, g: int) -> tuple[str, ...]:
         """Return the figures that a gear lacks, beside what the joint has of its own."""
         own = self.parts.own
-        return tuple(
+        figures = [
             figure
             for figure in block.gear_lacks[g]
             if figure != "output bearing" or own.get("bearing") is None
-        )
+        ]
+        if own.get("amplifier") is not None:
+            asked = outside("amplifier", self.case.conditions)
+            figures += [f"{figure}, of its amplifier" for figure in asked]
+        return tuple(figures)
 
     def _of_gears(self, block: _Block) -> np.ndarray:
         """(ng,) the least margin of the rows of gears alone; infinite where none is known."""
@@ -496,8 +520,9 @@ class Search:
         """
         needed, rotors = self.holding_torque(bare), block.inertia[g][block.fits[g]]
         known = rotors[np.isfinite(rotors)]
-        if needed is None or not len(known):
+        if needed is None:
             return [[None] for _ in block.brakes]
+        known = known if len(known) else np.zeros(1)
         stops, found = [self._stop(bare, J) for J in (known.min(), known.max())], []
         for brakes in block.brakes:
             options: list[Brake | None] = []
@@ -554,9 +579,15 @@ class Search:
         back = np.array([row.back for row in rows])[:, None]
         own = np.array([row.margin for row in rows])[:, None]
         best, lightest = np.array(-np.inf), np.array(np.inf)
+        # least inertia that the inertia ratio permits: of rotors of which none is known
+        permitted = block.ratio[gears] ** 2 * conditions.inertia_ratio * (1 - 1e-9)
+        least_rotor = (self.case.load_inertia or 0.0) / permitted
         for torque, less, more, heavier in block.braked(gears, [row.brakes for row in rows]):
             J = block.inertia[gears] + more
-            square = mm + 2 * J * ma + J**2 * aa + hh + 2 * np.abs(hm + J * ha)
+            unknown, J = np.isnan(J), np.where(np.isnan(J), least_rotor, J)
+            # of an inertia that is not known the one that heats least
+            turning = np.where(unknown, np.maximum(J, -ma / np.maximum(aa, 1e-300)), J)
+            square = mm + 2 * turning * ma + turning**2 * aa + hh + 2 * np.abs(hm + turning * ha)
             ends = [(m + J * a, h, speed) for m, h, a, speed in samples]
             asked = SimpleNamespace(
                 rms=np.sqrt(np.maximum(square, 0.0)) * (1 - 1e-9),
@@ -571,7 +602,7 @@ class Search:
             for limit in LIMITS:
                 if limit.stage == "pair":
                     margin = limit.margin(d)
-                    if limit.name == "bus voltage":  # no measure where it passes
+                    if limit.name in STEPS:  # no measure where it passes
                         margin = np.where(margin >= 0, np.inf, margin)
                     least = np.fmin(least, margin)
             best = np.maximum(best, least)
@@ -725,21 +756,27 @@ class Search:
         return best
 
     def ask(self, below: float = np.inf) -> tuple[Ask, ...]:
-        """Return the gears and motors that might do but lack figures, by fewest missing, mass."""
+        """Return the gears and motors that might do but lack figures, by fewest missing, mass.
+
+        Each has a partner that lacks none, with which it fails by no bound and, where the masses
+        are known, is lighter than `below` (kg), its brake included.
+        """
         found: dict[str, Ask] = {}
         for b, block in enumerate(self.shelf.blocks):
+            signable = np.array([not lacking for lacking in block.motor_lacks])
             for g, name in enumerate(block.names):
                 figures = self.gear_lacks(block, g)
-                mass = float(np.nanmin(block.mass[g])) if np.isfinite(block.mass[g]).any() else None
-                if not figures or self.gear_margins[b][g] < 0 or (mass and mass >= below):
+                if not figures or self.gear_margins[b][g] < 0:
                     continue
                 bare = replace(block.bare(g), **self.parts.own)
                 if self._of_entry(bare) < 0:
                     continue
-                if bare.transmission is not None:  # else nothing is known of its torque
-                    least, _ = self.margins(b, np.array([g]))  # NaN: not known
-                    if not (block.fits[g] & ~(least[0] < 0)).any():
-                        continue
+                least, masses = (x[0] for x in self.margins(b, np.array([g])))  # NaN: not known
+                might = block.fits[g] & signable & ~(least < 0) & ~(masses >= below)
+                if not might.any():
+                    continue
+                known = masses[might & np.isfinite(masses)]
+                mass = float(known.min()) if len(known) else None
                 found.setdefault(name, Ask(name, figures, mass, block.sources[g]))
             if block.at_output:
                 continue

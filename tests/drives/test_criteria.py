@@ -109,6 +109,32 @@ def test_rated_point_has_the_nominal_life():
     assert gear_life(50_000.0, 209.44, 87.0, 0.0, 10.0) == (np.inf, np.inf)
 
 
+@pytest.mark.parametrize("kind", ["", "strain wave", "cycloidal", "planetary"])
+@pytest.mark.parametrize("nominal", [35_000.0, None])
+def test_life_is_that_of_the_kind_of_gear(tmp_path, kind, nominal):
+    """Balls: cube, a fifth; rollers: 10/3, 6000 h where none is printed; planets: no law."""
+    gear = {"kind": kind, "nominal_life": nominal, "rated_torque": 30.0}
+    joint = sized(tmp_path, gear=gear)
+    row = criterion(joint, "gear life L10")
+    ways = np.array([RATE * RAMP / 2, RATE * PLATEAU, RATE * RAMP / 2])
+    efforts = np.abs([INERTIA * ACCELERATION + COULOMB, COULOMB, COULOMB - INERTIA * ACCELERATION])
+    speed = RATIO * ways.sum() / CYCLE
+    turns = GEAR["rated_speed"] / speed
+    power = 10 / 3 if kind == "cycloidal" else 3.0
+    wear = (ways @ efforts**power / ways.sum()) ** (1 / power)
+    life = turns * (30.0 / wear) ** power
+    expected = {
+        "": nominal and life * nominal / 5,
+        "strain wave": nominal and life * nominal / 5,
+        "cycloidal": life * (nominal or 6000.0),
+        "planetary": 20_000.0,
+    }[kind]
+    assert row.available == (expected and pytest.approx(expected, rel=1e-6))
+    if kind == "planetary":  # beyond its ratings nothing is known
+        weak = sized(tmp_path, gear=gear | {"rated_torque": 14.9}, on_miss="ignore")
+        assert criterion(weak, "gear life L10").available is None
+
+
 def test_winding_temperature_of_the_cycle(tmp_path):
     joint = sized(tmp_path)
     thermal, alpha, ambient = MOTOR["thermal"], 0.0039, 25.0
@@ -393,6 +419,17 @@ def test_surroundings_hotter_than_the_winding_may_be_are_said_plainly(tmp_path):
         said = f"{name}: {text} ({reserve}conditions.ambient = 130, default 40)"
         assert criterion(joint, name).why == said
     assert not any("e+09" in str(w.message) for w in caught)
+
+
+def test_a_voltage_that_passes_hides_no_tighter_criterion(tmp_path):
+    """A motor of the bus's own voltage, of which only a speed is printed: 0 % by construction."""
+    bare = {"torque_constant": None, "resistance": None, "thermal": None}
+    line = {"nominal_voltage": 48.0, "max_speed": None, "rated_speed": 400.0}
+    joint = sized(tmp_path, bare | line)
+    assert criterion(joint, "motor voltage").margin == 0.0
+    assert joint.choice.margin > 0.05
+    low = sized(tmp_path, bare | line, conditions={"bus_voltage": 24.0}, on_miss="ignore")
+    assert criterion(low, "motor voltage").scaled  # there it fails
 
 
 def test_bus_voltage_far_above_the_motors_own(tmp_path):

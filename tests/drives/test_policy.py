@@ -122,6 +122,46 @@ def test_heat_has_no_cliff(tmp_path):
     assert (Conditions().ambient, Conditions().max_winding) == (40.0, 105.0)
 
 
+@pytest.mark.parametrize(
+    ("kind", "rated", "ambient", "asked"),
+    [
+        ("", {}, 50.0, ""),
+        ("", {}, 50.1, "M cannot be signed: ask its maker for ratings at 50.1 C (makers rate up"),
+        ("", {}, -0.1, "M cannot be signed: ask its maker for ratings at -0.1 C (makers rate from"),
+        ("", {"ambient_curve": [[40.0, 1.0], [60.0, 0.9]]}, 59.0, ""),
+        ("strain wave", {}, 40.0, ""),
+        ("strain wave", {}, 41.0, "G cannot be signed: ask its maker for ratings at 41 C (makers"),
+        ("planetary", {}, 41.0, "G cannot be signed: ask its maker for ratings at 41 C"),
+        ("planetary", {}, 0.0, ""),
+        ("cycloidal", {}, 49.0, ""),
+    ],
+)
+def test_nothing_is_signed_where_its_maker_does_not_rate_it(tmp_path, kind, rated, ambient, asked):
+    motor = {"thermal": None, "continuous_torque": 0.9, **rated}
+    catalog = one_drive(tmp_path, motor, {"kind": kind})
+    given = {"inertia_ratio": 20, "ambient": ambient}
+    report = sized_cycle(catalog, conditions=given, on_miss="ignore")
+    assert (report.joints[0].choice is None) == bool(asked)
+    assert asked in report.joints[0].no_fit
+    assert report.verdict.signed == (not asked)
+
+
+def test_an_amplifier_is_not_signed_where_its_maker_does_not_rate_it(tmp_path):
+    amplifier = {
+        "source": "invented",
+        "grade": "R",
+        "continuous_current": 9.0,
+        "peak_current": 90.0,
+    }
+    given = {"inertia_ratio": 20, "amplifiers": {"table": "A"}}
+    for ambient in (40.0, 41.0):
+        catalog = one_drive(tmp_path, {"thermal": None}, amplifiers={"A": amplifier})
+        more = {**given, "ambient": ambient}
+        (joint,) = sized_cycle(catalog, conditions=more, on_miss="ignore").joints
+        assert (joint.choice is None) == (ambient > 40.0)
+        assert ("of its amplifier" in joint.no_fit) == (ambient > 40.0)
+
+
 def test_what_fits_what():
     sourced = {"source": "invented", "grade": "R"}
     kit, shaft = (Motor(**sourced, mounting=x) for x in ("frameless", "shaft"))
@@ -165,7 +205,7 @@ def test_a_misspelt_condition_is_answered_with_the_right_one():
 
 def test_a_catalogues_ambient_stays_beside_given_conditions(tmp_path):
     """In `size` as an object and as keys, in `sweep` and in `retime`: one rule, one rating."""
-    catalog = one_drive(tmp_path, conditions={"ambient": 75.0, "peak_factor": 1.1})
+    catalog = one_drive(tmp_path, conditions={"ambient": 48.0, "peak_factor": 1.1})
     scene, keys = turntable(), {"bus_voltage": 60.0}
     asked = [sized_cycle(catalog, conditions=x) for x in (Conditions(**keys), keys)]
     source = {"catalog": str(tmp_path / "catalog.yaml"), "conditions": keys}
@@ -180,8 +220,8 @@ def test_a_catalogues_ambient_stays_beside_given_conditions(tmp_path):
     }
     trial = motors_on_trial(scene, load_sweep(sweep | source)[0], "sweep")[1][0]
     found = [*(report.conditions for report in asked), limits.from_catalog[1], trial.conditions]
-    assert [(c.ambient, c.peak_factor, c.bus_voltage) for c in found] == [(75.0, 1.1, 60.0)] * 4
-    left = MOTOR["continuous_torque"] * ((125.0 - 75.0) / (125.0 - 25.0)) ** 0.5
+    assert [(c.ambient, c.peak_factor, c.bus_voltage) for c in found] == [(48.0, 1.1, 60.0)] * 4
+    left = MOTOR["continuous_torque"] * ((125.0 - 48.0) / (125.0 - 25.0)) ** 0.5
     rated = [joint.choice.criteria[0].available for report in asked for joint in report.joints]
     rated += [limits.over_time[0], trial.continuous_torque]
     assert rated == pytest.approx([left] * 4, rel=1e-12)

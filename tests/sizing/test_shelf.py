@@ -25,13 +25,14 @@ from sizing_cases import (
 )
 
 import pinfric as pf
+from pinfric.drives.bearing import BearingRatings
 from pinfric.drives.catalog import Brake, Catalog, Gear, Motor
 from pinfric.drives.catalog_file import load_catalog
 from pinfric.drives.criterion import Status
 from pinfric.drives.drivetrain import motor_cycle, motor_with_gear, with_brake
 from pinfric.drives.limits import check
-from pinfric.drives.policy import fits, kind_of, lacks
-from pinfric.sizing.shelf import Parts, Search, rank
+from pinfric.drives.policy import NEEDS, fits, kind_of, lacks
+from pinfric.sizing.shelf import Parts, Search, Shelf, rank
 
 ARM = "ur10_machine_tending"
 
@@ -162,6 +163,44 @@ def test_a_product_that_known_figures_rule_out_is_not_asked_about():
     asked = [ask.name for joint in report.joints[:4] for ask in joint.ask]
     assert asked
     assert not any("XL-320" in name or "XL330" in name for name in asked)
+
+
+#: The best that a figure may be: with these a product that is asked about is lighter.
+BEST = {
+    "efficiency": 1.0,
+    "stiffness": 1e12,
+    "bearing": BearingRatings(kind="crossed roller", max_moment=1e9),
+    **dict.fromkeys(("mass",), 1e-3),
+    **dict.fromkeys(("rated_torque", "repeated_peak_torque", "momentary_peak_torque"), 1e9),
+    **dict.fromkeys(("max_input_speed", "average_input_speed", "max_speed"), 1e9),
+    **dict.fromkeys(("continuous_torque", "peak_torque"), 1e9),
+}
+
+
+def test_what_is_asked_for_would_be_lighter_with_some_figures(arm):
+    """With what it lacks at its best, inertias anything, it fits some joint and is lighter."""
+    report = sized(arm)
+    catalog, lighter = report.catalog, dict[str, bool]()
+    whole = {n: g for n, g in catalog.gears.items() if not lacks(kind_of(g), g)}
+    for joint, ask in [(each, ask) for each in report.joints for ask in each.ask]:
+        if lighter.get(ask.name):
+            continue
+        (kind,) = [k for k in ("gears", "motors", "gearmotors") if ask.name in getattr(catalog, k)]
+        entry, shelf = getattr(catalog, kind)[ask.name], joint.search.shelf
+        keys = [n.keys[0] for need in NEEDS.values() for n in need if n.figure in ask.figures]
+        lacking = [k for k in keys if getattr(entry, k, 0) is None]
+        best = {k: BEST[k] for k in lacking if k in BEST}
+        rotors = [k for k in lacking if k not in BEST]
+        found = None
+        for inertia in (1e-12, *np.logspace(-7, -2.5, 30))[: 99 if rotors else 1]:
+            made = {ask.name: entry.model_copy(update=best | dict.fromkeys(rotors, inertia))}
+            parts = {"gears": whole if kind == "motors" else {}, "gearmotors": {}, kind: made}
+            own = replace(catalog, **parts)
+            own = Shelf(own, report.conditions, shelf.linear, shelf.brakes)
+            found = found or Search(own, joint.search.case, joint.search.parts).lightest()
+        lighter[ask.name] = found is not None and found.candidate.mass < joint.choice.candidate.mass
+    assert len(lighter) > 20
+    assert [name for name, better in lighter.items() if not better] == []
 
 
 def test_a_bound_of_a_gear_without_loss_is_the_rms_of_what_accelerates(tmp_path):
