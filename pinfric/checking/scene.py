@@ -360,7 +360,7 @@ def _elastic_gears(scene: Scene) -> Iterator[Finding]:
         return
     frequency = unloaded_frequency(scene)
     low, high = _FREQUENCIES
-    if not low <= frequency <= high:  # also NaN
+    if np.isfinite(frequency) and not low <= frequency <= high:
         small = "too small: stiffness in N m/arcmin, or in N m/deg, entered as N m/rad?"
         large = (
             "too large: stiffness in N mm/rad entered as N m/rad, or converted from arcmin twice?"

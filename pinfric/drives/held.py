@@ -42,7 +42,9 @@ class Held(NamedTuple):
     @property
     def share(self) -> float:
         """Of the links' mass that is the drives'."""
-        return self.drives / self.links if self.links > 0 else np.inf
+        if self.drives == 0.0:
+            return 0.0
+        return self.drives / self.links if self.links > 0.0 else np.inf
 
     @property
     def where(self) -> str:
@@ -83,8 +85,9 @@ def doubted_masses(held: list[Held]) -> str:
     found = worst if worst.share >= _OF_BRANCH else whole if whole.share >= _OF_ALL else None
     if found is None:
         return ""
+    share = f"{found.share:.0%} of" if found.links > 0.0 else "more than"
     return (
-        f"drives would be {found.share:.0%} of the mass of {found.where}, {found.drives:.3g} of "
+        f"drives would be {share} the mass of {found.where}, {found.drives:.3g} of "
         f"{found.links:.3g} kg: do the links really hold them (`robot.masses`)?"
     )
 

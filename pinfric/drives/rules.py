@@ -108,4 +108,5 @@ def gear_life(
 
 def resonance(stiffness: float, inertia: float) -> float:
     """Return f = sqrt(K/J)/(2 pi), Hz, of a load J (kg m^2) behind a gear K (N m/rad)."""
-    return np.sqrt(stiffness / inertia) / (2 * np.pi)
+    with np.errstate(divide="ignore"):  # a load without inertia
+        return np.sqrt(np.divide(stiffness, inertia)) / (2 * np.pi)

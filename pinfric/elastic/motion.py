@@ -26,6 +26,7 @@ from pinfric.elastic.vibration import (
     bracket,
     free_motions,
     frequencies,
+    has_light,
     lowest_frequencies,
     lowest_mode,
     mobility,
@@ -170,7 +171,7 @@ class Elasticity(Shown):
 
     @cached_property
     def free(self) -> np.ndarray | None:
-        """(ne,) natural frequencies there with motors free, Hz; None without all rotor inertias."""
+        """(ne,) natural frequencies there with motors free, Hz; None without all inertias."""
         return free_frequencies(self.result, self.slowest)
 
 
@@ -181,8 +182,7 @@ def elasticity(result: InverseResult) -> Elasticity:
         result: of inverse dynamics, with times.
 
     Raises:
-        StateError: it has no times, no drive of its scene has a `stiffness`, or something moves
-            without inertia.
+        StateError: it has no times, or no drive of its scene has a `stiffness`.
     """
     scene = result.scene
     if not scene.elastic:
@@ -190,25 +190,20 @@ def elasticity(result: InverseResult) -> Elasticity:
     if result.t is None:
         raise StateError("elasticity needs times: give `t` to inverse_dynamics")
     notes, found = _notes(scene), _rest_samples(result)
-    try:
-        ways = _approaches(result, found, notes)
-        stiffest, softest = (
-            modes_of(result, [last for *_, last in found], torque) for torque in _torques(result)
-        )
-        rests = tuple(
-            _rest(result, span, ways[n], (softest[n], stiffest[n].frequency))
-            for n, span in enumerate(found)
-        )
-        names = tuple(scene.drives[d].name for d in scene.elastic)
-        return Elasticity(result, names, trajectory_frequencies(result), rests, tuple(notes))
-    except np.linalg.LinAlgError:  # of the lightest motion of any sample
-        mass, closed = _masses(result, np.arange(len(result.t))), _rows(scene, result.states.q)[1]
-        sample = int(np.argmin(np.linalg.eigvalsh(mass)[:, 0]))
-        joint = lightest_joint(scene.model, mass[sample], closed[sample])
-        raise StateError(
-            f"{scene.source}: a joint moves no mass ({joint}), so there is no natural frequency; "
-            "give its link a mass"
-        ) from None
+    ways = _approaches(result, found, notes)
+    stiffest, softest = (
+        modes_of(result, [last for *_, last in found], torque) for torque in _torques(result)
+    )
+    rests = tuple(
+        _rest(result, span, ways[n], (softest[n], stiffest[n].frequency))
+        for n, span in enumerate(found)
+    )
+    mass, closed = _masses(result, [0]), _rows(scene, result.states.q[:1])[1]
+    if has_light(mass, closed):
+        joint = lightest_joint(scene.model, mass[0], closed[0])
+        notes.append(f"a joint moves no mass ({joint}): its gear adds no natural frequency")
+    names = tuple(scene.drives[d].name for d in scene.elastic)
+    return Elasticity(result, names, trajectory_frequencies(result), rests, tuple(notes))
 
 
 def _notes(scene: Scene) -> list[str]:
@@ -248,15 +243,25 @@ def trajectory_frequencies(result: InverseResult) -> np.ndarray:
     if scene.one_drive_each and len(scene.elastic) == scene.model.nv:
         found[samples] = lowest_frequencies(M, K)
         return found
-    S, closed = _rows(scene, result.states.q[samples])
-    found[samples] = frequencies(mobility(M, S, closed), K)[:, 0]
+    found[samples] = _lowest(M, *_rows(scene, result.states.q[samples]), K)
     return found
+
+
+def _lowest(
+    mass: np.ndarray, rates: np.ndarray, closed: np.ndarray, stiffness: np.ndarray
+) -> np.ndarray:
+    """The lowest frequencies (n,), Hz, motors held; see `mobility` for the arguments."""
+    if has_light(mass, closed):
+        every = zip(mass, rates, closed, stiffness, strict=True)
+        return np.array([lowest_mode(*one).frequency for one in every])
+    return np.asarray(frequencies(mobility(mass, rates, closed), stiffness)[:, 0])
 
 
 def unloaded_frequency(scene: Scene) -> float:
     """Return the lowest natural frequency, Hz, at the scene's start, each gear at its softest.
 
-    Motors held, with the payloads attached by default; NaN where the loops do not close there.
+    Motors held, with the payloads attached by default; NaN where the loops do not close there, or
+    nothing has inertia.
     """
     try:
         q = scene.close(scene.start_configuration)[None]
@@ -264,8 +269,8 @@ def unloaded_frequency(scene: Scene) -> float:
         return np.nan
     nothing = np.zeros((1, len(scene.drives)))
     S, closed = _rows(scene, q)
-    moved = mobility(_with_armature(scene, mass_matrices(scene.twin(), q)), S, closed)
-    return float(frequencies(moved, stiffness_at(scene, nothing))[0, 0])
+    mass = _with_armature(scene, mass_matrices(scene.twin(), q))
+    return float(_lowest(mass, S, closed, stiffness_at(scene, nothing))[0])
 
 
 def modes_of(result: InverseResult, samples: list[int], torque: np.ndarray) -> list[Mode]:
@@ -284,7 +289,7 @@ def modes_of(result: InverseResult, samples: list[int], torque: np.ndarray) -> l
 
 
 def free_frequencies(result: InverseResult, sample: int) -> np.ndarray | None:
-    """Return the natural frequencies (ne,) with motors free, Hz; None without rotor inertias.
+    """Return the natural frequencies (ne,) with motors free, Hz; None without all inertias.
 
     Rotors of elastic drives swing against their joints, those of rigid ones turn with them.
     """
@@ -297,6 +302,8 @@ def free_frequencies(result: InverseResult, sample: int) -> np.ndarray | None:
     M = _masses(result, [sample])[0]
     for d in set(range(len(rotors))) - set(scene.elastic):
         M = M + rotors[d] * np.outer(every[0, d], every[0, d])
+    if has_light(M[None], closed):
+        return None
     inverse = np.diag([1.0 / rotors[d] for d in scene.elastic])
     K = stiffness_at(scene, _torques(result)[1][[sample]])
     return np.asarray(frequencies(mobility(M[None], S, closed) + inverse, K)[0])

@@ -14,7 +14,8 @@ and rigid drives leave. The squares of the angular frequencies are the eigenvalu
     K^1/2 (Lambda + I^-1) K^1/2     motors free
 
 Seen from torque to motor speed the first are the anti-resonances, the second the resonances.
-Motions that strain no spring have no frequency here.
+Motions that strain no spring have no frequency here. What has no inertia has none either: it
+follows at once, so that the springs strain least.
 
 Sources: Spong, Modeling and control of elastic joint robots, 1987; De Luca and Book, Robots with
 flexible elements, in Springer Handbook of Robotics, 2nd ed. 2016, ch. 11.
@@ -28,13 +29,15 @@ import numpy as np
 
 #: Singular values and squares of frequencies below this many times the largest are zero.
 _ZERO = 1e-9
+#: Motions have no inertia below this many times that of their parts, each alone.
+_LIGHT = 1e-12
 
 
 class Mode(NamedTuple):
     """One natural mode.
 
     Attributes:
-        frequency: Hz.
+        frequency: Hz; NaN, as all others, where nothing has inertia.
         shares: (ne,) of the strain energy in each spring, their sum 1.
         shape: (nv,) of the joints, its largest entry 1.
     """
@@ -57,6 +60,29 @@ def free_motions(rows: np.ndarray, nv: int) -> np.ndarray:
     _, sizes, V = np.linalg.svd(rows[:1] if same else rows)
     rank = int((sizes > _ZERO * sizes.max(axis=1, keepdims=True)).sum(axis=1).max())
     return np.broadcast_to(np.swapaxes(V[:, rank:], 1, 2), (n, nv, nv - rank))
+
+
+def inertias(mass: np.ndarray, N: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return (n, k) inertias of motions in the basis N, each part's alone 1, and the motions.
+
+    Args:
+        mass: (n, nv, nv) M. N: (n, nv, k), see `free_motions`.
+    """
+    inner = np.swapaxes(N, 1, 2) @ mass @ N
+    own = np.diagonal(inner, axis1=1, axis2=2)
+    scale = 1.0 / np.sqrt(np.where(own > 0.0, own, 1.0))
+    sizes, parts = np.linalg.eigh(scale[:, :, None] * inner * scale[:, None, :])
+    return sizes, N @ (scale[:, :, None] * parts)
+
+
+def has_light(mass: np.ndarray, closed: np.ndarray) -> bool:
+    """Return whether, in any sample, a motion has no inertia.
+
+    Args:
+        mass, closed: see `mobility`.
+    """
+    sizes, _ = inertias(mass, free_motions(closed, mass.shape[1]))
+    return bool((sizes < _LIGHT).any())
 
 
 def mobility(mass: np.ndarray, rates: np.ndarray, closed: np.ndarray) -> np.ndarray:
@@ -93,7 +119,14 @@ def lowest_mode(
         mass, rates, closed: (nv, nv), (ne, nv), (m, nv) as in `mobility`.
         stiffness: (ne,) tangents.
     """
-    N, root = free_motions(closed[None], len(mass))[0], np.sqrt(stiffness)
+    root = np.sqrt(stiffness)
+    (sizes,), (motions,) = inertias(mass[None], free_motions(closed[None], len(mass)))
+    light, N = motions[:, sizes < _LIGHT], motions[:, sizes >= _LIGHT]
+    if light.size:  # it follows: min |K^1/2 S (N a + light b)| over b
+        strain = root[:, None] * rates
+        N = N - light @ (np.linalg.pinv(strain @ light) @ (strain @ N))
+    if not N.size:
+        return Mode(np.nan, np.full(len(rates), np.nan), np.full(len(mass), np.nan))
     moved = N @ np.linalg.solve(N.T @ mass @ N, (rates @ N).T)  # q of a push at each spring
     squares, strains = np.linalg.eigh(root[:, None] * (rates @ moved) * root)
     first = int(np.argmax(squares > _ZERO * squares[-1]))
@@ -122,11 +155,11 @@ def bracket(inertia: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def lowest_frequencies(mass: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
-    """Return the lowest frequency (n,), Hz, where masses in the springs' coordinates are regular.
+    """Return the lowest frequency (n,), Hz, where each coordinate has its spring.
 
         1/(2 pi f)^2 = the largest eigenvalue of K^-1/2 Lambda^-1 K^-1/2
 
-    as `frequencies`, in less time.
+    as `frequencies`, in less time; NaN where nothing has inertia.
 
     Args:
         mass: (n, ne, ne) Lambda^-1; M of a tree in which every joint has one elastic drive.
@@ -134,4 +167,5 @@ def lowest_frequencies(mass: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
     """
     root = 1.0 / np.sqrt(stiffness)
     squares = np.linalg.eigvalsh(root[:, :, None] * mass * root[:, None, :])[:, -1]
+    squares = np.where(squares > 0.0, squares, np.nan)
     return np.asarray(1.0 / (2.0 * np.pi * np.sqrt(squares)))

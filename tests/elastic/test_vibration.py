@@ -11,6 +11,7 @@ from pinfric.elastic.vibration import (
     bracket,
     free_motions,
     frequencies,
+    has_light,
     lowest_frequencies,
     lowest_mode,
     mobility,
@@ -80,6 +81,23 @@ def test_springs_that_outnumber_the_motions_have_no_frequency_of_their_own():
     found = frequencies(mobility(M, S, none(1, 1)), np.array([[5.0, 7.0]]))[0]
     assert found[0] == pytest.approx(np.sqrt((5 + 9 * 7) / 2) / TAU)
     assert np.isnan(found[1])
+
+
+def test_a_spring_that_carries_no_mass_is_as_if_it_carried_hardly_any():
+    """Judge: the same with 1e-10 of the mass, by K_z beside M_z; the light mode is far above."""
+    rng = np.random.default_rng(3)
+    nv, ne, tiny = 5, 4, 1e-10
+    heavy = np.diag([1.0, 1.0, 1.0, 0.0, 0.0])
+    M = heavy @ spd(rng, nv, nv) @ heavy
+    S, closed, K = rng.normal(size=(ne, nv)), rng.normal(size=(1, nv)), rng.uniform(1e3, 1e5, ne)
+    Z = scipy.linalg.null_space(closed)
+    almost = Z.T @ (M + tiny * np.eye(nv)) @ Z
+    period, motion = scipy.linalg.eigh(almost, Z.T @ S.T @ np.diag(K) @ S @ Z)  # 1/w^2
+    mode = lowest_mode(M, S, closed, K)
+    assert has_light(M[None], closed[None])
+    assert mode.frequency == pytest.approx(period[-1] ** -0.5 / TAU, rel=1e-7)
+    strain = K * (S @ Z @ motion[:, -1]) ** 2
+    np.testing.assert_allclose(mode.shares, strain / strain.sum(), atol=1e-7)
 
 
 @pytest.mark.parametrize("k", [1, 2, 6])

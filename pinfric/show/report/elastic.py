@@ -39,10 +39,15 @@ def elasticity_parts(found: ElasticSummary, names: Sequence[str]) -> list[Table 
     return [*parts, [*frequency_lines(found, names), *found.notes]]
 
 
+_NO_MASS = "no natural frequency: nothing that the elastic gears carry has a mass"
+
+
 def elastic_line(found: ElasticSummary) -> str:
     """Return in a line how far the tool is off at rest, and the lowest frequency."""
     lowest, places = found.lowest_frequency, [rest.tool for rest in found.rests if rest.tool]
     said = f"lowest frequency, motors held: {digits(lowest.least)} Hz at {lowest.time:.2f} s"
+    if not np.isfinite(lowest.least):
+        said = _NO_MASS
     if not places:
         return f"elastic gears: {said}"
     sag = digits(1e3 * max(place.sag_distance for place in places))
@@ -57,6 +62,8 @@ def frequency_lines(found: ElasticSummary, names: Sequence[str]) -> list[str]:
     """Return "lowest frequency 8.17 Hz at 7.00 s, ...", a line for each kind of figure."""
     lowest = found.lowest_frequency
     shares = sorted(lowest.strain_energy.items(), key=lambda entry: -entry[1])
+    if not np.isfinite(lowest.least):
+        return [_NO_MASS]
     short = short_names(names)
     energy = ", ".join(
         f"{short[n]} {100 * share:.0f} %" for n, share in shares[:3] if share >= 0.05

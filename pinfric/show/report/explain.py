@@ -41,6 +41,8 @@ def explain_report(explanation: Explanation, scene: str) -> Report:
 
 def elastic_lines(effect: ElasticEffect) -> list[str]:
     """Return the effect of elastic gears on motors, motion and the tool's position."""
+    if not math.isfinite(effect.frequency):
+        return ["elastic gears: no natural frequency; loops stay open, or nothing has a mass"]
     if effect.bandwidth is None or effect.motor_share is None:
         return [
             f"elastic gears: lowest frequency {digits(effect.frequency)} Hz at the scene's "

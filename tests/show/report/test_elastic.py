@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from importlib import import_module
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -34,10 +36,29 @@ def test_the_command_writes_tables_json_and_a_picture(tmp_path, capsys, monkeypa
     assert len(np.unique(picture.reshape(-1, picture.shape[2]), axis=0)) > 50
 
 
+BODY = '<origin xyz="1 0 0"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/>'
+ARM = """<robot name="arm"><link name="base"/><link name="upper">{}</link><link name="tip"/>
+  <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/>
+    <axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="50" velocity="5"/></joint>
+  <joint name="wrist" type="revolute"><origin xyz="1 0 0"/><parent link="upper"/>
+    <child link="tip"/><axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="50" velocity="5"/>
+  </joint></robot>"""
+ELASTIC = """
+pinfric: 1
+robot: {urdf: arm.urdf, masses: {others: without_drives}}
+tool: tip
+actuators:
+  - {joint: shoulder, transmission: {ratio: 100, stiffness: 2.0e+4}}
+  - {joint: wrist, transmission: {ratio: 100, stiffness: 5.0e+3}}
+"""
+
+
 def test_rigid_scenes_print_and_write_what_they_did(tmp_path, capsys, monkeypatch):
     def never(*_):
         raise AssertionError("nothing here is elastic")
 
+    for module in ("pinfric.show.views", "pinfric.sweeps.cycle"):  # they keep the real one
+        import_module(module)
     monkeypatch.setattr("pinfric.elastic.motion.elasticity", never)  # no time, too
     said = told(capsys, "inverse", "pendulum", "pendulum", "--out", tmp_path, "--json")
     content = result_of(said.out)
@@ -75,3 +96,26 @@ def test_stiffness_changes_no_effort(door):
 
 def test_json_is_json(door):
     json.dumps(in_json(elastic_summary(door)), allow_nan=False)
+
+
+@pytest.mark.parametrize("moved", ["", f'<inertial><mass value="2"/>{BODY}</inertial>'])
+def test_a_massless_link_behind_a_spring(tmp_path, monkeypatch, capsys, moved):
+    """Efforts, no figure that is none, and what is missing; also where nothing has a mass."""
+    monkeypatch.chdir(tmp_path)
+    Path("arm.urdf").write_text(ARM.format(moved))
+    Path("arm.yaml").write_text(ELASTIC)
+    Path("way.yaml").write_text("pinfric_trajectory: 1\npoints: [{q: [0, 0], hold: 1}]\n")
+    given = "arm.yaml", "way.yaml"
+    frequency = result_of(told(capsys, "inverse", *given, "--json").out)["elasticity"]
+    least = frequency["lowest_frequency"]["least"]
+    assert least == (pytest.approx((2e4 / 2.1) ** 0.5 / (2 * np.pi)) if moved else None)
+    for command in (("inverse", "-v"), ("size", "-v"), ("explain",)):
+        out, err = told(capsys, command[0], *given, *command[1:])
+        assert "nan" not in out + err
+        if command[0] == "inverse":
+            assert (
+                f"a joint moves no mass ({'wrist' if moved else 'shoulder'}): its gear adds no"
+                in out
+            )
+            assert "warning: joint wrist: moves no mass" in err or not moved
+    assert "moves no mass" in told(capsys, "check", "arm.yaml", code=0 if moved else 2).out
