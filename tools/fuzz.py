@@ -6,9 +6,10 @@
 First every file and command runs without a mutation and must end in exit 0, which also compiles
 the kernels. Each case mutates one input of one command and must end in exit 0 with numbers that are
 numbers, or in exit 2 and one line on stderr that names the place. Everything else is a finding:
-exit 70, an exception, a number that is none, Python's own warnings, a hang, the death of the
-interpreter (cases run in a process of their own, which tells the case it dies of). A case depends
-on its seed alone.
+exit 70, an exception, a number that is none, an input that is changed (one in seven cases names an
+input, a link to one or their folder for the results), Python's own warnings, a hang, the death of
+the interpreter (cases run in a process of their own, which tells the case it dies of). A case
+depends on its seed alone.
 """
 
 from __future__ import annotations
@@ -100,10 +101,19 @@ ARM_SCENE = {
                 "no_load_torque": 0.01,
                 "motor_viscous": 1e-4,
                 "rotor_inertia": 1e-5,
+                "brake": {"torque": 2.0, "engage_time": 0.02},
             },
         },
-        {"joint": "extension"},
+        {
+            "joint": "extension",
+            "transmission": {
+                "ratio": 500.0,
+                "rotor_inertia": 1e-5,
+                "brake": {"torque": 0.5, "engage_time": 0.02},
+            },
+        },
     ],
+    "stops": {"category": 0, "reaction_time": 0.01},
     "stick": {"velocity": 1e-6},
     "simulation": {
         "start": {"q": {"shoulder": 0.1, "extension": 0.2}, "v": {"shoulder": 0.5}},
@@ -150,6 +160,27 @@ SWEEP = {
         "mounting.pitch": {"normal": {"mean": 0.0, "std": 0.02}},
     },
     "motors": {"shoulder": {"drive": "CubeMars AK80-64"}},
+}
+MOTORS = {
+    "pinfric_motors": 1,
+    "drives": {"shoulder": {"continuous_torque": 0.4, "peak_torque": 1.0, "max_speed": 400.0}},
+}
+TABLE = "Type,Mn,n,Weight,gap\nA,100,3000,250,\nB,150.5,4000,300.5,x\nC,200,3500,400,\n"
+TABLE_COLUMNS = {
+    "section": "motors",
+    "columns": {
+        "name": "Type",
+        "continuous_torque": {"column": "Mn", "unit": "mN m"},
+        "max_speed": {"column": "n", "unit": "rpm"},
+        "mass": {"column": "Weight", "unit": "g"},
+    },
+    "every": {
+        "peak_torque": 2.0,
+        "rotor_inertia": 1e-5,
+        "thermal": {"winding_housing": 1.0, "housing_ambient": 4.0},
+        "source": "a maker",
+        "grade": "R",
+    },
 }
 CATALOG = {"pinfric_catalog": 1, "motors": {"M": MOTOR}, "gears": {"G": GEAR}}
 STL = (
@@ -245,6 +276,7 @@ class Maker:
     """Makes the case of a seed."""
 
     BUNDLED = ("pendulum", "three_link", "drawer", "four_bar", "slider_crank", "excavator")
+    CHAINS = ("pendulum", "three_link", "arm")  # with drives at their joints
 
     def __init__(self):
         from pinfric.motions import waypoints
@@ -266,7 +298,8 @@ class Maker:
             commands["explain"] = ["explain", f"{name}.yaml", "way.yaml"]
             chosen = ["explain", "replay", "new", "check"]
             chosen += ["simulate"] if "simulation" in self.robots[name][0] else []
-            chosen += ["sweep"] if name == "arm" else []
+            chosen += ["export", "retime"] if name in self.CHAINS else []
+            chosen += ["sweep", "stop", "catalog"] if name == "arm" else []
             for command in chosen:
                 yield Case(self._files(name, "way.yaml"), commands[command], name)
             if name in ("pendulum", "three_link"):
@@ -295,6 +328,8 @@ class Maker:
         }
         if name == "arm":
             texts |= {"sweep.yaml": yaml_text(SWEEP), "part.stl": STL}
+            texts |= {"motors.yaml": yaml_text(MOTORS), "table.csv": TABLE}
+            texts |= {"table.columns.yaml": yaml_text(TABLE_COLUMNS)}
         files = {name: text.encode() for name, text in texts.items()}
         if motion.startswith("motion."):
             files[motion] = log_file(motion.removeprefix("motion."))
@@ -312,13 +347,17 @@ class Maker:
                 "sweep",
                 "catalog",
                 "mesh",
+                "motors",
+                "table",
                 "options",
                 "names",
             ),
-            (30, 30, 24, 8, 7, 5, 2, 4, 4),
+            (30, 30, 24, 8, 7, 5, 2, 4, 6, 4, 4),
         )[0]
         name = chance.choice((*self.robots, "arm", "arm"))
-        if what in ("sweep", "mesh", "names") or (what == "trajectory" and chance.random() < 0.5):
+        if what in ("sweep", "mesh", "motors", "table", "names") or (
+            what == "trajectory" and chance.random() < 0.5
+        ):
             name = "arm"
         elif what == "catalog":
             name = chance.choice(("pendulum", "three_link"))
@@ -345,12 +384,38 @@ class Maker:
             "sweep": "sweep.yaml",
             "catalog": "catalog.yaml",
             "mesh": "part.stl",
+            "motors": "motors.yaml",
+            "table": "table.csv" if chance.random() < 0.5 else "table.columns.yaml",
         }.get(what)
         if file is not None:
             trees = {f"{name}.yaml": scene, "way.yaml": way}
-            trees |= {"sweep.yaml": SWEEP, "catalog.yaml": CATALOG}
-            files[file] = self._mutated(mutate, files[file].decode(), trees.get(file), what)
+            trees |= {"sweep.yaml": SWEEP, "catalog.yaml": CATALOG, "motors.yaml": MOTORS}
+            trees |= {"table.columns.yaml": TABLE_COLUMNS}
+            if file == "table.csv":
+                files[file] = mutate.table(TABLE).encode("utf-8", "surrogatepass")
+            else:
+                files[file] = self._mutated(mutate, files[file].decode(), trees.get(file), what)
+        self._placed(chance, files, arguments)
         return Case(files, arguments, f"{what} of {name}")
+
+    @staticmethod
+    def _placed(chance, files, arguments):
+        """Sometimes name an input, a link to one or their folder as the place of the results."""
+        option = {"replay": "--html", "check": "", "explain": ""}.get(arguments[0], "--out")
+        if not option or chance.random() > 0.15:
+            return
+        place = chance.choice((*files, ".", "soft.x", "hard.x", "out"))
+        if option in arguments:
+            arguments[arguments.index(option) + 1] = place
+        else:
+            arguments += [option, place]
+        scene = next(iter(files))  # an input of these commands
+        if (
+            place in (scene, ".")
+            and arguments[0] not in ("new", "catalog")
+            and chance.random() < 0.5
+        ):
+            arguments.append("--overwrite")
 
     @staticmethod
     def _mutated(mutate, text, tree, what):
@@ -373,6 +438,21 @@ class Maker:
             "size": ["size", scene, motion],
             "sweep": ["sweep", scene, motion, "sweep.yaml", "--processes", "1"],
             "replay": ["replay", scene, motion, "--html", "page.html"],
+            "stop": ["stop", scene, "way.yaml", *chance.choice(([], ["--category", "1"]))],
+            "retime": [
+                "retime",
+                scene,
+                "way.yaml" if motion.endswith((".db3", ".mcap")) else motion,
+                *(["--motors", "motors.yaml"] if name == "arm" and chance.random() < 0.7 else []),
+            ],
+            "export": [
+                "export",
+                scene,
+                *("--to", chance.choice(("mjcf", "urdf", "sdf", "constants", "cpp"))),
+                *("--out", "made"),
+                *chance.choice(([], ["--trajectory", motion])),
+            ],
+            "catalog": ["catalog", "table.csv", "--out", "made.yaml"],
             "simulate": [
                 "simulate",
                 scene,
@@ -395,6 +475,9 @@ class Maker:
             "explain": 2,
             "size": 3,
             "replay": 2,
+            "stop": 3 if name == "arm" else 0,
+            "retime": 2 if name in self.CHAINS else 0,
+            "export": 3 if name in self.CHAINS else 0,
             "simulate": 6 if simulated else 0,
             "sweep": 2 if name == "arm" else 0,
             "new": 4 if what == "urdf" else 0,
@@ -402,14 +485,17 @@ class Maker:
         }
         if what == "trajectory":
             weights["simulate"] = 0
-        only = {"motion": "replay", "sweep": "sweep", "catalog": "size", "mesh": "replay"}.get(what)
+        only = {"motion": "replay", "sweep": "sweep", "catalog": "size", "mesh": "replay"}
+        only = (only | {"motors": "retime", "table": "catalog"}).get(what)
         chosen = only or chance.choices(list(weights), list(weights.values()))[0]
         arguments = commands[chosen]
         if what == "motion":
             arguments[2] = "motion.npz"
+        elif what == "motors":
+            arguments = [*arguments[:3], "--motors", "motors.yaml"]
         if what == "options":
             arguments = self._options(chance, scene, arguments)
-        if chosen != "new" and chance.random() < 0.7:
+        if chosen not in ("new", "catalog") and chance.random() < 0.7:
             arguments.append("--json")
         if chosen in ("inverse", "simulate", "size") and chance.random() < 0.03:
             arguments += ["--out", "out"]
@@ -451,8 +537,11 @@ def verdict(case, code, out, err):
         odd = next(x for x in lines if not x.startswith("pinfric: ") or not x.isprintable())
         return "raw text on stderr", odd
     errors = [line for line in lines if line.startswith(("pinfric: error", "pinfric: internal"))]
+    if "internal error" in out:  # of a sample, in what is printed
+        return "an internal error", out[max(0, out.index("internal error") - 100) :]
     if code == 0 and not errors:
-        return _numbers(case, out)
+        found, detail = _numbers(case, out)
+        return (found, detail) if found != "exit 0" else _words(case, [*_texts(case, out), *lines])
     if code != 2 or len(errors) != 1:
         return f"exit {code}, {len(errors)} errors", (errors or lines or [""])[-1]
     if len(errors[0]) > 6500:
@@ -477,8 +566,32 @@ def _numbers(case, out):
                 if joint["peak"] is None or joint["rms"] is None:
                     return "null without a reason", joint["name"]
         return "exit 0", ""
-    found = re.search(r"(?<![\w.])-?(nan|inf)(?!\w)", out)
-    return ("a number that is none", found.group()) if found else ("exit 0", "")
+    return "exit 0", ""
+
+
+def _texts(case, out):
+    """What is printed, as texts: those of a JSON tree, or all of it."""
+    if "--json" not in case.arguments:
+        return out.splitlines()
+    found, left = [], [json.loads(out)]
+    while left:
+        node = left.pop()
+        found += [node] if isinstance(node, str) else []
+        left += node if isinstance(node, list) else []
+        left += [*node, *node.values()] if isinstance(node, dict) else []
+    return found
+
+
+def _words(case, lines):
+    """A number that is none in a sentence or a table, unless an input says it by that word."""
+    for line in lines:
+        for found in re.finditer(
+            r"(?<![\w.'`])-?(nan|inf|infinity|∞)(?![\w'`])", line, re.IGNORECASE
+        ):
+            said = found.group(1).encode()
+            if not any(said.lower() in content.lower() for content in case.files.values()):
+                return "a number that is none", line
+    return "exit 0", ""
 
 
 def _names_a_place(case, line):
@@ -500,6 +613,9 @@ def run_case(case, folder):
 
     for name, content in case.files.items():
         (folder / name).write_bytes(content)
+    first = next(iter(case.files))
+    (folder / "hard.x").hardlink_to(folder / first)
+    (folder / "soft.x").symlink_to(first)
     out, err = io.StringIO(), io.StringIO()
     before, code, detail = os.getcwd(), None, ""
     os.chdir(folder)
@@ -530,6 +646,9 @@ def run_case(case, folder):
         raw.seek(0)
         said = raw.read().decode(errors="replace")
     seconds = perf_counter() - start
+    changed = [n for n, content in case.files.items() if (folder / n).read_bytes() != content]
+    if changed:
+        return "a changed input", ", ".join(changed), seconds
     if detail:
         return "exception", detail, seconds
     return (*verdict(case, code, out.getvalue(), err.getvalue() + said), seconds)

@@ -76,7 +76,7 @@ def test_a_case_depends_on_its_seed_alone():
     first = [maker.case(seed) for seed in range(20)]
     again = [maker.case(seed) for seed in reversed(range(20))][::-1]
     assert first == again
-    assert len({tuple(sorted(case.files.items())) for case in first}) == 20
+    assert len({(*sorted(case.files.items()), *case.arguments) for case in first}) == 20
 
 
 def test_a_base_that_is_refused_is_said():
