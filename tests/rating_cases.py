@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from machines import RATED, rated
+
 import pinfric as pf
-from pinfric.model.robot import read_robot, urdf_file
+from pinfric.model.robot import read_robot
 
 #: Turns endlessly, lifts between limits that leave out the stretched posture, slides, and turns.
 ARM = """<robot name="arm"><link name="base"/>
@@ -25,15 +27,8 @@ _LINK = (
 )
 _LINKS = {"column": 4.0, "boom": 3.0, "stick": 2.0, "tool": 0.5}
 
-#: Name -> URDF, what its maker prints (kg; Panda's 3 kg less its hand), link, top speeds (rad/s).
-ROBOTS = {
-    "ur10": ("ur_description/urdf/ur10_robot.urdf", 10.0, "tool0", [2.09] * 2 + [3.14] * 4),
-    "ur5": ("ur_description/urdf/ur5_robot.urdf", 5.0, "tool0", [3.14] * 6),
-    "ur3": ("ur_description/urdf/ur3_robot.urdf", 3.0, "tool0", [3.14] * 3 + [6.28] * 3),
-    "panda": ("panda_description/urdf/panda.urdf", 2.27, "panda_link8", []),
-    "xarm7": ("xarm_description/urdf/xarm7.urdf", 3.5, "link_eef", []),
-    "arm": ("", 2.0, "tool", []),
-}
+#: Published arms, and the one above.
+ROBOTS = (*RATED, "arm")
 
 
 def write_arm(folder: Path, old: str = "", new: str = "") -> Path:
@@ -46,9 +41,9 @@ def write_arm(folder: Path, old: str = "", new: str = "") -> Path:
 
 def rated_robot(name: str, folder: Path) -> tuple[pf.Scene, dict[str, object]]:
     """A robot whose links hold its drives, and the keys of its rating."""
-    urdf, payload, link, speeds = ROBOTS[name]
-    file = urdf_file(f"example-robot-data:{urdf}") if urdf else write_arm(folder)
+    if name in RATED:
+        return rated(name)
+    file = write_arm(folder)
     robot = read_robot(file, {})
     scene = pf.Scene(robot.model, robot=robot, masses="with_drives", source=str(file))
-    named = dict(zip(scene.joint_names, speeds, strict=False))
-    return scene, {"payload": payload, "link": link, "speed": named}
+    return scene, {"payload": 2.0, "link": "tool"}
