@@ -507,7 +507,7 @@ class _Sizing:
             mass = _mass(taken)
             self.scene, self.banned = replace(self.scene, masses="without_drives"), {}
             taken, passes, settled = self._choose()
-            contradiction += f"; {mass:.3g} kg of drives so, {_mass(taken):.3g} kg where added"
+            contradiction += f"; {mass:.2f} kg of drives so, {_mass(taken):.2f} kg where added"
         joints = tuple(self._joint(i, taken) for i in range(len(self.scene.drives)))
         chosen = {i: a.candidate for i, a in taken.items()}
         equipped = equip(self.scene, chosen, self.conditions) if taken else self.scene

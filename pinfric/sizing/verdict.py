@@ -132,10 +132,11 @@ def verdict_of(report: SizingReport) -> Verdict:
     if report.catalog is None:
         alone = (line for joint, own in joints for line in _failing(joint.name, own))
         return Verdict((), (*alone, *whole), "", ())
-    judged = tuple(_of_joint(joint, own, bool(report.contradiction)) for joint, own in joints)
+    doubt, possible = light_links(report.given)
+    doubted = bool(report.contradiction) or not possible
+    judged = tuple(_of_joint(joint, own, doubted) for joint, own in joints)
     lines = [line for joint in judged for line in joint.failing]
     # Of the robot as a whole: what the scene says of its masses, the choice, the bus, the stops
-    doubt, possible = light_links(report.given)
     if not report.settled:
         lines.append(f"the choice still alternates after {report.passes} passes")
     lines += [line for line in (report.contradiction, "" if possible else doubt) if line]
@@ -171,7 +172,7 @@ def joint_criteria(report: SizingReport) -> tuple[tuple[Criterion, ...], ...]:
 
 
 def _of_joint(joint: JointSizing, criteria: tuple[Criterion, ...], doubted: bool) -> JointVerdict:
-    """`doubted`: the scene contradicts the choice as a whole."""
+    """`doubted`: the scene's masses cannot be, so that nothing can be signed."""
     judged = (c for c in criteria if c.status in (Status.PASSES, Status.FAILS) and c.scaled)
     tightest = min(judged, key=lambda c: c.margin or 0.0, default=None)
     failed, state, why = [c for c in criteria if c.status == Status.FAILS], State.SIGNED, ""
@@ -185,7 +186,8 @@ def _of_joint(joint: JointSizing, criteria: tuple[Criterion, ...], doubted: bool
         state, why, failing = State.NONE, "no drive fits", (joint.no_fit,)
     elif failed:
         worst = min(failed, key=lambda c: c.margin or 0.0)
-        state, why = State.FAILS, f"{worst.name} {worst.shortfall} short"
+        short = f"{worst.shortfall} short" if "%" in worst.shortfall else worst.shortfall
+        state, why = State.FAILS, f"{worst.name}: {short}"
     elif doubted:
         state = State.PROVISIONAL
     return JointVerdict(

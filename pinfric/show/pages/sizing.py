@@ -36,6 +36,7 @@ from pinfric.show.report.rows import table_of
 from pinfric.show.report.sizing import (
     demand_table,
     elastic_lines,
+    friction_line,
     passes,
     power_table,
     rating_lines,
@@ -130,6 +131,7 @@ def sizing_page(report: SizingReport, command: str = "", inputs: Iterable[str | 
         bus_picture=report.catalog and svg(power_over_time(report), "Power from the bus"),
         turn=turn(report),
         elastic=elastic_lines(report),
+        remarks=[*rating_lines(found), *friction_line(report), *found.verdict.remarks],
         demand=demand_table(report),
         power=power_table(report),
         brakes=brake_table(found),
@@ -141,7 +143,6 @@ def sizing_page(report: SizingReport, command: str = "", inputs: Iterable[str | 
         rules=_rules(found, short),
         smaller=smaller_table(found),
         rating=rating_table(found),
-        rated=rating_lines(found),
         conditions_line="Demanded: " + "; ".join(demanded) + ".",
         all_conditions="; ".join(said),
         command=command,

@@ -55,7 +55,8 @@ def bill_of_materials(report: SizingReport) -> str:
     for name, entry in entries.items():
         count = len(joints[name])
         if isinstance(entry, Sourced):
-            mass, price = getattr(entry, "mass", None), entry.price
+            mass = getattr(entry, "mass_taken", getattr(entry, "mass", None))
+            price = entry.price
             about = [entry.dimensions, entry.source, entry.grade]
         else:
             mass, price, about = entry, None, ["", _KIT_SOURCE, ""]

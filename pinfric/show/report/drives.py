@@ -56,8 +56,9 @@ def _chosen(joint: SizedJoint) -> str:
     if joint.provisional is not None:
         return f"not signed: {joint.provisional.drive}"
     nearest = "" if joint.installed is None else f"; nearest {joint.installed.judged}"
-    fails = joint.verdict is not None and joint.verdict.state == State.FAILS
-    return f"{joint.choice or f'none{nearest}'}{' (fails)' * fails}"
+    ended = {State.FAILS: " (fails)", State.PROVISIONAL: " (provisional)"}
+    said = "" if joint.verdict is None else ended.get(joint.verdict.state, "")
+    return f"{joint.choice or f'none{nearest}'}{said}"
 
 
 def mass_table(found: SizingSummary) -> Table | None:
