@@ -330,6 +330,18 @@ def test_browser_draws_every_figure_without_errors(report, tmp_path):
     assert not [line for line in console if "rror" in line]
 
 
+@pytest.mark.slow
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium or Chrome is installed")
+def test_seven_joints_print_on_ten_pages_at_most(panda, tmp_path):
+    path, pdf = tmp_path / "report.html", tmp_path / "report.pdf"
+    path.write_text(sizing_page(panda), encoding="utf-8")
+    options = ("--headless", "--no-sandbox", "--disable-gpu", "--no-pdf-header-footer")
+    profile = f"--user-data-dir={tmp_path / 'profile'}"
+    words = [BROWSER, *options, profile, f"--print-to-pdf={pdf}", path.as_uri()]
+    subprocess.run(words, capture_output=True, timeout=90, check=True)
+    assert 5 <= len(re.findall(rb"/Type ?/Page\b", pdf.read_bytes())) <= 10
+
+
 def cells(page, heading, beside):
     """The texts below a heading, of all tables of a page that have it and the one beside."""
     found = []
