@@ -898,7 +898,7 @@ def export(
     out = out or Path()
     scene, _ = load(scene_name, later=[trajectory_name])
     names = file_names(scene, to, namespace)
-    folder = to == "cpp" or out.is_dir() or not out.suffix
+    folder = to == "cpp" or out.is_dir() or not (out.suffix or out.exists())
     file = out / names[0] if folder else out
     check_writable(file.parent, [file.name, *names[1:]])
     trajectory = None if trajectory_name is None else load_motion_of(scene, trajectory_name, log)

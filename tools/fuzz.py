@@ -182,7 +182,12 @@ TABLE_COLUMNS = {
         "grade": "R",
     },
 }
-CATALOG = {"pinfric_catalog": 1, "motors": {"M": MOTOR}, "gears": {"G": GEAR}}
+CATALOG = {
+    "pinfric_catalog": 1,
+    "motors": {"M": MOTOR},
+    "gears": {"G": GEAR},
+    "conditions": {"holding_brake": "any"},  # there is none
+}
 STL = (
     "solid part\n"
     + "".join(

@@ -15,6 +15,17 @@ def separator_of(line: str) -> str:
     return mark if mark in line else " "
 
 
+def number_of(cell: str) -> float:
+    """Return a cell's number; as in a URDF, digits are those of ASCII, and none stand for others.
+
+    Raises:
+        ValueError: it is none.
+    """
+    if not cell.isascii() or "_" in cell:
+        raise ValueError(f"could not convert string to float: {cell!r}")
+    return float(cell)
+
+
 def cells_of(line: str, separator: str) -> list[str]:
     """Return a line's cells, their quotes off."""
     if separator == " ":

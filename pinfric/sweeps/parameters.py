@@ -34,6 +34,7 @@ import pinocchio as pin
 
 from pinfric.errors import PinfricWarning, SweepError, choose_from, problems_line
 from pinfric.model.friction_terms import TERMS, CoulombFriction
+from pinfric.model.inputs import note_input
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Actuator, Friction, Payload
 from pinfric.model.transmission import MakersEfficiency, OwnTransmission
@@ -153,6 +154,7 @@ def _table_targets(scene: Scene, table: str | None, problems: list[str]) -> list
     if table is None:
         return []
     try:
+        note_input(table)
         frame = pd.read_csv(table, comment="#")
     except (OSError, ValueError) as problem:
         problems.append(f"`table`: {table} cannot be read: {' '.join(str(problem).split())[:200]}")

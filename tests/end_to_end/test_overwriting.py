@@ -5,12 +5,14 @@ Every command against every file: as its result itself, and through links, in a 
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
-from cli_cases import refused, run
+from cli_cases import refused, results_in, run
 from fuzz import ARM_CSV, ARM_SCENE, ARM_URDF, ARM_WAY, CATALOG, STL, SWEEP, yaml_text
 
 import pinfric as pf
@@ -199,3 +201,27 @@ def test_every_file_that_is_opened_is_noted(whole):
     lines = [line.split() for line in ended.stdout.splitlines() if line.startswith("READ")]
     assert [line[2] for line in lines] == ["[]"] * 8, ended
     assert all(int(line[3]) >= 1 for line in lines), ended
+
+
+@pytest.mark.slow
+def test_a_full_disk_a_pipe_links_and_odd_names(whole, capfd):
+    """Judge: the files afterwards; each refusal is one line, and what can be written is."""
+    given = "export", "arm.yaml", "--to", "mjcf", "--out"
+    said = refused(capfd, *given, "/dev/full")
+    assert "/dev/full: cannot be written: No space left on device" in said
+    said = refused(capfd, "replay", "arm.yaml", "way.yaml", "--html", "/dev/full")
+    assert "No space left on device" in said
+    os.mkfifo("pipe.yaml")
+    text = FILES["way.yaml"]
+    writer = threading.Thread(target=lambda: Path("pipe.yaml").write_text(text), daemon=True)
+    writer.start()
+    Path("linked.yaml").symlink_to("arm.yaml")
+    out = ("--out", "out\udcff")  # of no UTF-8, as a shell hands it on
+    assert run("inverse", "linked.yaml", "pipe.yaml", *out) == 0
+    writer.join(9)
+    assert results_in(out[1]) == ["efforts.csv", "efforts.png", "summary.json"]
+    Path("arm.urdf").write_text(ARM_URDF.replace("shoulder", "\u5173\u8282"))
+    Path("arm.yaml").write_text(FILES["arm.yaml"].replace("shoulder", "\u5173\u8282"))
+    Path("efforts.csv").write_text("t,\u5173\u8282\n0,5\n1,5\n")
+    assert run("inverse", "arm.yaml", "way.yaml", "--out", "named") == 0
+    assert "\u5173\u8282" in (Path("named") / "efforts.csv").read_text("utf-8")

@@ -13,7 +13,7 @@ import numpy as np
 
 from pinfric.errors import SimulationError, StateError, choose_from
 from pinfric.model.arrays import real_numbers
-from pinfric.model.csv_text import read_table
+from pinfric.model.csv_text import number_of, read_table
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, impossible
 from pinfric.model.scene import Scene
 from pinfric.model.schema import SineEffort, TableEffort
@@ -231,7 +231,7 @@ def _csv_column(scene: Scene, table: str, name: str, given: str) -> Effort:
             )
     try:
         picked = [
-            [float(row[header.index(column)]) for column in ("t", name)]
+            [number_of(row[header.index(column)]) for column in ("t", name)]
             for _, row in rows
             if not row[0].startswith("#")
         ]

@@ -24,7 +24,7 @@ import numpy as np
 from pinfric.errors import TrajectoryError
 from pinfric.model.arrays import FloatArray
 from pinfric.model.brief import counted
-from pinfric.model.csv_text import cells_of, separator_of
+from pinfric.model.csv_text import cells_of, number_of, separator_of
 from pinfric.model.yamlfile import NOT_UTF_8, brief_path
 from pinfric.motions.joint_columns import listing
 from pinfric.motions.log.frame import (
@@ -247,7 +247,7 @@ def _stamp(cell: str) -> int | None:
 
 def _number(cell: str) -> float | None:
     try:
-        return float(cell)
+        return number_of(cell)
     except ValueError:
         return None
 

@@ -41,7 +41,7 @@ def hashes(inputs: Iterable[str | Path]) -> dict[str, str]:
     """Return the SHA-256 of each input that is a file, or a folder of data files, once."""
     files: dict[Path, str] = {}
     for name in map(str, inputs):
-        if name and Path(name).exists():
+        if name and (Path(name).is_file() or Path(name).is_dir()):  # a pipe is read once
             files.setdefault(Path(name).resolve(), name)
     return {name: file_hash(name) for name in files.values()}
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from log_cases import DIALECTS, NAMES, PLAIN, Q, T, V, load, refused, table
 
+from pinfric.model.csv_text import number_of
 from pinfric.motions.log import csv_file
 
 
@@ -145,3 +146,13 @@ def test_stamps_of_iso_8601_are_times(zone, tmp_path):
     motion = load(tmp_path, "\n".join([",".join(("time", *NAMES)), *rows]) + "\n")
     np.testing.assert_allclose(motion.t, T, atol=1e-9)
     np.testing.assert_allclose(motion.q, Q, atol=1e-11)
+
+
+@pytest.mark.parametrize("cell", ["0_0.3", "\uff10.\uff13", "\u0660.\u0663"])
+def test_digits_are_those_of_ascii_as_in_a_urdf(tmp_path, cell):
+    rows = table(("t", *NAMES), T, Q).splitlines()
+    rows[8] = f"{T[7]:.12g},{cell},0.3"
+    (note,) = load(tmp_path, "\n".join(rows) + "\n").reading.notes
+    assert f"left out 1 row of 400: not a number: line 9, column base_turn: '{cell}'" in note
+    with pytest.raises(ValueError, match="could not convert"):
+        number_of(cell)
