@@ -627,6 +627,18 @@ def input_torques(candidate: Candidate, cycle: DriveCycle) -> tuple[np.ndarray, 
     )
 
 
+def braking_torque(candidate: Candidate, cycle: DriveCycle) -> float:
+    """Return the largest torque, rotor included, at the rated shaft of a drive that brakes, N m.
+
+    Args:
+        candidate: with a transmission. cycle: the joint's samples with their decelerations.
+    """
+    assert candidate.transmission is not None
+    scale = candidate.ratio if candidate.at_output else 1.0
+    rotor = candidate.ratio * candidate.transmission.rotor_inertia * cycle.acceleration
+    return scale * max(largest(end + rotor) for end in input_torques(candidate, cycle))
+
+
 def motor_cycle(
     candidate: Candidate,
     cycle: DriveCycle,

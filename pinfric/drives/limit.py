@@ -25,6 +25,7 @@ from pinfric.drives.drivetrain import (
     MotorCycle,
     Ratings,
     amplifier_torque,
+    braking_torque,
     line_voltage,
 )
 from pinfric.drives.policy import STAND_IN_WORDS, STAND_INS, Conditions, stated
@@ -59,6 +60,9 @@ class Case(NamedTuple):
         rest: what it asks of a brake; None: not known.
         swung: inertia that rows on frequencies demand of, without a rating's postures: at which of
             them makers mean their rule is not known. 0: of none; None: the load inertia.
+        stop_effort: that the gear must bear in stops of all joints together, N m or N; NaN: none
+            is demanded.
+        braking: what braking under power from each sample takes, without payload and with.
     """
 
     demand: GearDemand
@@ -68,6 +72,8 @@ class Case(NamedTuple):
     conditions: Conditions
     rest: Rest | None = None
     swung: float | None = None
+    stop_effort: float = np.nan
+    braking: tuple[DriveCycle, ...] = ()
 
 
 def idle(conditions: Conditions, hand: bool = False) -> Case:
@@ -192,7 +198,7 @@ class Drives:
 #: What the cycle asks of a motor of which nothing is known.
 _NOTHING_ASKED = (
     *("peak", "rms", "mean_speed", "short_term", "overloaded_standstill", "standing"),
-    *("peak_temperature", "mean_temperature", "voltage", "overdriven"),
+    *("peak_temperature", "mean_temperature", "voltage", "overdriven", "braking"),
 )
 
 
@@ -216,6 +222,8 @@ def drive(candidate: Candidate, motor: MotorCycle | None, case: Case) -> Drives:
             worst = ends_by_magnitude(motor.torque_lower, motor.torque_upper)[0]
             asked.overdriven = case.cycle.longest_above(worst, limit)
     transmission = candidate.transmission
+    if transmission is not None and case.braking:
+        asked.braking = max(braking_torque(candidate, cycle) for cycle in case.braking)
     gear = _numbers(candidate.gear, GEAR_FIGURES)
     gear.backlash = number(candidate.backlash)
     if candidate.gear is None:  # a gearmotor has some of a gear's figures

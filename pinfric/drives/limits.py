@@ -67,6 +67,8 @@ from pinfric.drives.rules import (
 from pinfric.errors import SizingError, choose_from
 from pinfric.model.transmission import driven_efficiency
 
+#: The row of what a gear bears in a collision or a stop.
+SHOCK = "gear momentary peak torque"
 _PRACTICE = "common practice of servo drives"
 _MAKER = "maker's figures"
 _HARMONIC = "Harmonic Drive engineering data 1021387 12/2018, p. 30"
@@ -267,6 +269,10 @@ MOTOR_LIMITS = [
           lambda d: f"{d.conditions.peak_factor:g} max |T_m| <= peak torque{d.output}",
           _PRACTICE + ": 20 to 30 %", _of_motor("peak torque"),
           stage="pair", reserve="peak_factor", key="peak_torque"),
+    Limit("peak torque of braking", lambda d: d.asked.braking, "motor.peak_torque", "torque",
+          lambda d: f"max |T_m| at the deceleration of a stop <= peak torque{d.output}",
+          "inverse dynamics with the rotor, without payload and with", _of_motor("peak torque"),
+          applies=lambda d: bool(d.case.braking)),
     Limit("bus voltage", lambda d: d.conditions.bus_voltage, _most_voltage, "V",
           f"bus voltage <= {MOST_OVERVOLTAGE:g} nominal voltage, or extra-low voltage",
           f"pinfric: any winding up to {EXTRA_LOW_VOLTAGE:g} V DC; above that a question",
@@ -319,7 +325,8 @@ def _linear(d: Drives) -> bool:
 
 
 def _collision(d: Drives) -> float:
-    return number(d.conditions.collision_effort.get(d.demand.name))
+    wanted = number(d.conditions.collision_effort.get(d.demand.name))
+    return float(np.fmax(wanted, d.case.stop_effort))
 
 
 def _by_rule(d: Drives) -> bool:
@@ -433,7 +440,7 @@ GEAR_LIMITS = [
           and d.entry.effort_curve is not None),
     Limit("effort", "effort", nothing, "effort", "max |effort| <= effort", _STATED,
           applies=never, key="effort"),
-    Limit("gear momentary peak torque", _collision, "gear.momentary_peak_torque", "effort",
+    Limit(SHOCK, _collision, "gear.momentary_peak_torque", "effort",
           "collision or emergency stop <= limit for momentary peak torque", _HARMONIC,
           lambda d: "conditions.collision_effort" if np.isnan(_collision(d)) else "momentary peak",
           stage="gear", condition="collision_effort", applies=_has_gear),

@@ -27,6 +27,7 @@ from pinfric.drives.criterion import Criterion
 from pinfric.drives.demand import (
     DriveCycle,
     JointDemand,
+    drive_cycle,
     driven_joint,
     joint_demand,
 )
@@ -34,9 +35,10 @@ from pinfric.drives.drivetrain import MotorCycle, line_voltage, motor_cycle
 from pinfric.drives.duty import Duty, Schedule, once
 from pinfric.drives.friction import without_drives
 from pinfric.drives.held import held_drives
-from pinfric.drives.limit import Case
+from pinfric.drives.limit import Case, first_known
+from pinfric.drives.limits import SHOCK
 from pinfric.drives.parts import check_names, own_parts
-from pinfric.drives.policy import Conditions, parse_conditions
+from pinfric.drives.policy import STAND_INS, Conditions, parse_conditions
 from pinfric.drives.power import BusPower, bus_power
 from pinfric.drives.rated import RatedCycle
 from pinfric.drives.robot import (
@@ -64,12 +66,17 @@ from pinfric.sizing.elastic_arm import arm_criteria, check_tool, reversal_criter
 from pinfric.sizing.provisional import provisional
 from pinfric.sizing.shelf import Ask, Assessment, Parts, Search, Shelf, stiffness_of
 from pinfric.sizing.verdict import Verdict, joint_criteria, verdict_of
+from pinfric.stops.machines import Machines, full_load, stop_settings
+from pinfric.stops.peaks import braking, cycle_peaks
 from pinfric.stops.study import StopResult, stop
 
 #: Passes over all joints before an alternating choice is given up; two are usual.
 _MOST_PASSES = 12
 #: Passes after which a choice that comes back is banned.
 _PATIENCE = 4
+#: How often a choice whose simulated stops overload a gear is made anew, and by which factor more
+#: than its peak the gear must then bear.
+_STOPPED_AGAIN, _STOP_RESERVE = 2, 1.02
 #: Drives that fit, of which a report tells.
 _ENOUGH = 12
 
@@ -181,6 +188,9 @@ class JointSizing:
         if self.search is None or not self.candidates:
             return f"{self.name}: no candidates: {self.nothing_because}"
         none = f"{self.name}: none of {counted(self.candidates, 'candidate')} fits"
+        failed = () if self.nearest is None else self.nearest.failed
+        if not np.isnan(self.search.case.stop_effort) and any(c.name == SHOCK for c in failed):
+            none = f"{self.name}: no gear of the catalogue bears the stop"
         if self.nearest is not None and self.nearest.would:
             return (
                 f"{self.name}: none of {counted(self.candidates, 'candidate')} can be signed; "
@@ -499,15 +509,39 @@ class _Sizing:
         self.files = tuple(str(f) for f in (scene.source, *robot, *cycled, *made))
         self.shelves: dict[bool, Shelf] = {}
         self.banned: dict[int, set[str]] = {}
+        #: Efforts that gears must bear in stops, and braking under power, by the drives' columns.
+        self.stop_effort: dict[int, float] = {}
+        self.braking: dict[int, tuple[DriveCycle, ...]] = {}
 
     def run(self) -> SizingReport:
-        """Choose until no choice changes, and report."""
-        taken, passes, settled = self._choose()
-        if contradiction := self._contradiction(taken):
+        """Choose until no choice changes, and report; with stops, until gears bear them.
+
+        One simulation of the stops judges the choice; what it finds too weak must bear a little
+        more than it says, and the choice begins anew, twice at most.
+        """
+        taken, passes, settled = self._bearing_stops()
+        contradiction = self._contradiction(taken)
+        if contradiction:
             mass = _mass(taken)
             self.scene, self.banned = replace(self.scene, masses="without_drives"), {}
-            taken, passes, settled = self._choose()
+            taken, passes, settled = self._bearing_stops()
             contradiction += f"; {mass:.2f} kg of drives so, {_mass(taken):.2f} kg where added"
+        for again in range(_STOPPED_AGAIN + 1):
+            report = self._report(taken, passes, settled, contradiction)
+            stops, why = self._stopped(report)
+            short = self._overloaded(
+                [] if stops is None else [axis.peak for axis in stops.axes], taken
+            )
+            if not short or again == _STOPPED_AGAIN:
+                break
+            self.stop_effort |= {i: _STOP_RESERVE * peak for i, peak in short.items()}
+            taken, passes, settled = self._bearing_stops()
+        return replace(report, stops=stops, no_stops=why, other_mass=self._other_mass(taken))
+
+    def _report(
+        self, taken: Mapping[int, Assessment], passes: int, settled: bool, contradiction: str
+    ) -> SizingReport:
+        """The report of a choice, without its stops."""
         joints = tuple(self._joint(i, taken) for i in range(len(self.scene.drives)))
         chosen = {i: a.candidate for i, a in taken.items()}
         equipped = equip(self.scene, chosen, self.conditions) if taken else self.scene
@@ -515,7 +549,7 @@ class _Sizing:
         cycles = rating is None or rating.duty is not None
         gaps = unclosed(without, self.duty) if cycles else ()
         source = str(getattr(self.motion, "source", "motion"))
-        report = SizingReport(
+        return SizingReport(
             scene=equipped,
             given=self.scene,
             catalog=self.catalog,
@@ -539,8 +573,6 @@ class _Sizing:
             contradiction=contradiction,
             rating=rating,
         )
-        stops, why = self._stopped(report)
-        return replace(report, stops=stops, no_stops=why, other_mass=self._other_mass(taken))
 
     def _contradiction(self, taken: Mapping[int, Assessment]) -> str:
         """That links are lighter than the drives that the scene says they hold; else empty."""
@@ -581,26 +613,71 @@ class _Sizing:
                 "(s) from power-off until it holds, as its maker states it"
             )
         self.progress("stops of the chosen drives")
-        scene, states = report.scene, report.result.states
+        try:
+            return stop(report.scene, self._one_cycle(report.scene)), ""
+        except StopError as problem:
+            return None, str(problem)
+
+    def _one_cycle(self, scene: Scene) -> Trajectory:
+        """The cycle of a duty of one, without a rating, as a motion of a scene."""
+        states, rating = self.robot.result.states, self.rating
         assert states.t is not None  # size refuses a motion without times
-        part = slice(None) if report.rating is None else report.rating.own
+        part = slice(None) if rating is None else rating.own
         carried = states.attached
         attached = (
             {} if carried is None else dict(zip(scene.payloads, carried[part].T, strict=True))
         )
-        motion = Trajectory.from_arrays(
+        return Trajectory.from_arrays(
             scene,
             states.t[part],
             states.q[part],
             states.v[part],
             states.a[part],
             attached,
-            source=report.trajectory,
+            source=str(getattr(self.motion, "source", "motion")),
         )
-        try:
-            return stop(scene, motion), ""
-        except StopError as problem:
-            return None, str(problem)
+
+    def _bearing_stops(self) -> tuple[dict[int, Assessment], int, bool]:
+        """Choose; where stops of all joints together overload a gear, it must bear them; again."""
+        taken, passes, settled = self._choose()
+        if not self._stops_once or not self.scene.one_drive_each:
+            return taken, passes, settled
+        braked: dict[int, str] = {}  # the choice of which braking under power is known
+        for _ in range(_MOST_PASSES):
+            if len(taken) < len(self.scene.drives) or not all(a.fits for a in taken.values()):
+                break
+            scene = equip(self.scene, {i: a.candidate for i, a in taken.items()}, self.conditions)
+            motion = self._one_cycle(scene)
+            try:
+                machines = Machines(scene, stop_settings(scene, None), full_load(scene, motion))
+                peaks, powered = cycle_peaks(machines, motion), braking(machines, motion)
+            except StopError:  # the simulation says what is missing
+                break
+            short = self._overloaded(peaks.tolist(), taken)
+            if not short and (not powered or braked == _names(taken)):
+                break
+            self.stop_effort |= short
+            held, braked = np.zeros(len(motion.t), dtype=bool), _names(taken)
+            if powered:
+                self.braking = {i: tuple(drive_cycle(x, i, held) for x in powered) for i in taken}
+            self.progress("gears that bear the stops of all joints together")
+            taken, more, settled = self._choose()
+            passes += more
+        return taken, passes, settled
+
+    @property
+    def _stops_once(self) -> bool:
+        """Whether the scene says how it is stopped, of one cycle."""
+        stops = self.scene.stops is not None and self.catalog is not None
+        return stops and len(list(self.duty.parts())) == 1
+
+    def _overloaded(
+        self, peaks: Sequence[float], taken: Mapping[int, Assessment]
+    ) -> dict[int, float]:
+        """The peaks (N m or N), by the drives' columns, that are more than gears bear."""
+        figures = STAND_INS["momentary_peak_torque"]
+        bears = {i: float(first_known(a.drives.gear, figures)) for i, a in taken.items()}
+        return {i: peak for i, peak in enumerate(peaks) if i in bears and peak > bears[i]}
 
     def _added(self, taken: Mapping[int, Assessment]) -> dict[int, float]:
         """The masses that the drives add to the robot's links."""
@@ -609,10 +686,12 @@ class _Sizing:
 
     def _cases(self, i: int, masses: Mapping[int, float]) -> dict[str, Case]:
         """A joint, with a rating once by each of its parts; the one of largest RMS effort first."""
-        if self.rating is None:
-            return {"": self.robot.case(i, masses)}
-        means = self.rating.means(i).items()
-        cases = {name: self.robot.case(i, masses, schedule) for name, schedule in means}
+        means = {"": None} if self.rating is None else self.rating.means(i)
+        bears, braked = self.stop_effort.get(i, np.nan), self.braking.get(i, ())
+        cases = {
+            name: self.robot.case(i, masses, schedule)._replace(stop_effort=bears, braking=braked)
+            for name, schedule in means.items()
+        }
         effort = {n: rms(c.cycle.stretched, c.cycle.ends[0]) for n, c in cases.items()}
         return {name: cases[name] for name in sorted(cases, key=lambda name: -effort[name])}
 

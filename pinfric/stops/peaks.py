@@ -64,7 +64,7 @@ def gear_peaks(
     back = np.array([1.0 if gear is None else shock_efficiency(gear) for gear in gears])
     ratio = np.abs([drive.ratio for drive in drives])
     rotor = np.array([0.0 if gear is None else gear.rotor_inertia for gear in gears])
-    names, closes = [drive.name for drive in drives], np.array(sorted(set(delay.values())))
+    names, closes = [drive.name for drive in drives], np.array(sorted({*delay.values()}) or [0.0])
     brake = np.array(
         [[torque[n] if n in torque and delay[n] <= t else 0.0 for n in names] for t in closes]
     ).reshape(len(closes), len(names))

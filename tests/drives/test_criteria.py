@@ -819,6 +819,7 @@ def test_every_row_names_the_conditions_that_set_it_and_their_defaults(tmp_path)
     assert rows - seen <= {
         "guide static safety",
         "amplifier currents",
+        "peak torque of braking",
         *(f"{what} loads" for what in ("guide", "screw", "bearing")),
     }
     assert len(named) > 20

@@ -7,7 +7,7 @@ import pytest
 from sizing_cases import GEAR, MOTOR, one_drive, sized_cycle, turntable, write_catalog
 
 from pinfric.drives.criterion import Status
-from pinfric.drives.limits import brake_peak
+from pinfric.drives.limits import SHOCK, brake_peak
 from pinfric.errors import SizingError
 
 BRAKE = {
@@ -165,3 +165,55 @@ def test_stops_that_a_brake_without_a_time_prevents_say_which_brake(tmp_path):
     report = sized(tmp_path, brake={**BRAKE, "engage_time": None})
     assert report.stops is None
     assert report.no_stops.startswith("stops: B of the catalogue has no `engage_time`; give it")
+
+
+def test_a_gear_that_a_stop_overloads_gives_way_to_one_that_bears_it(tmp_path, monkeypatch):
+    """The row of one axis does not see it here: its brake closes on the rotor alone."""
+    monkeypatch.setattr("pinfric.sizing.size.cycle_peaks", lambda *_: np.array([110.0]))
+    gears = {"G": GEAR, "H": {**GEAR, "mass": 1.5, "momentary_peak_torque": 120.0}}
+    path = write_catalog(tmp_path / "c.yaml", gears=gears, brakes={"B": BRAKE})
+    steps, required = [], {"holding_brake": "all"}
+    scene = turntable().with_(stops=STOPS)
+    given = {"conditions": required, "on_miss": "ignore", "progress": steps.append}
+    report = sized_cycle(path, scene, **given)
+    assert report.joints[0].choice.candidate.gear_name == "H"
+    (found,) = [c for c in report.joints[0].choice.criteria if c.name == SHOCK]
+    assert (found.required, found.available) == (110.0, 120.0)
+    assert steps.count("gears that bear the stops of all joints together") == 1
+    assert steps.count("stops of the chosen drives") == 1
+    alone = one_drive(tmp_path, MOTOR, GEAR, brakes={"B": BRAKE})
+    with pytest.raises(SizingError, match="no gear of the catalogue bears the stop"):
+        sized_cycle(alone, scene, conditions=required, on_miss="raise")
+
+
+def test_what_a_simulated_stop_overloads_must_bear_a_little_more(tmp_path, monkeypatch):
+    """The algebra says nothing here; the simulated peak of 65.7 N m is more than 65 of G."""
+    monkeypatch.setattr("pinfric.sizing.size.cycle_peaks", lambda *_: np.zeros(1))
+    monkeypatch.setattr("pinfric.drives.limits.brake_peak", lambda *_: np.nan)
+    gears = {
+        "G": {**GEAR, "momentary_peak_torque": 65.0},
+        "H": {**GEAR, "mass": 1.5, "momentary_peak_torque": 66.0},
+        "I": {**GEAR, "mass": 2.0, "momentary_peak_torque": 67.0},
+    }
+    path = write_catalog(tmp_path / "c.yaml", gears=gears, brakes={"B": BRAKE})
+    scene = turntable().with_(stops=STOPS)
+    report = sized_cycle(path, scene, conditions={"holding_brake": "all"}, on_miss="ignore")
+    peak = (70.0 - HEAVY * 3.0) / (0.7 + HEAVY)
+    assert 65.0 < peak < 66.0 < 1.02 * peak < 67.0
+    assert report.joints[0].choice.candidate.gear_name == "I"
+    (found,) = [c for c in report.joints[0].choice.criteria if c.name == SHOCK]
+    assert found.required == pytest.approx(1.02 * peak, rel=1e-6)
+
+
+def test_a_motor_that_cannot_brake_at_the_deceleration_of_a_stop_does_not_fit(tmp_path):
+    """2 kg m^2 x 5 less 3 N m of friction drive the gear, 0.7 of it arrive; the rotor is added."""
+    decelerated = {"category": 1, "reaction_time": 0.01, "deceleration": {"table": 5.0}}
+    report = sized(tmp_path, stops=decelerated)
+    by_name = {c.name: c for c in report.joints[0].choice.criteria}
+    found = by_name["peak torque of braking"]
+    assert found.required == pytest.approx(7.0 * 0.7 / 100.0 + 100.0 * 7e-5 * 5.0, rel=1e-6)
+    assert found.available == 2.0
+    hard = {**decelerated, "deceleration": {"table": 300.0}}
+    (joint,) = sized(tmp_path, stops=hard).joints
+    assert joint.choice is None
+    assert "peak torque of braking" in joint.no_fit
