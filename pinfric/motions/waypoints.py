@@ -16,6 +16,8 @@ Melchiorri, Trajectory Planning for Automatic Machines and Robots (2008), chapte
 from __future__ import annotations
 
 import math
+import os
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,7 +30,7 @@ from pinfric.errors import TrajectoryError, choose_from
 from pinfric.model.arrays import BoolArray, FloatArray
 from pinfric.model.brief import counted
 from pinfric.model.entry import Entry, NonNegative, Number, Positive, Vector3, Version, key, parse
-from pinfric.model.yamlfile import read_yaml
+from pinfric.model.yamlfile import bounded, read_yaml
 from pinfric.motions.joint_columns import JointColumn, limit_problems, refuse
 from pinfric.motions.log.reading import ANGLE_UNITS
 from pinfric.motions.table import TrajectoryTable
@@ -41,6 +43,8 @@ if TYPE_CHECKING:
 _SAME_INSTANT = 1.0e-9
 #: A move sampled more coarsely than this is a jump: its velocities fall between the samples.
 _MIN_PERIODS = 4
+#: More points than this are a log: reading them as YAML takes 0.3 ms each.
+_MOST_POINTS = 10_000
 #: More samples than this are a mistyped rate or duration, not a motion.
 _MAX_SAMPLES = 20_000_000
 
@@ -202,6 +206,13 @@ def read_waypoints(path: Path) -> WayPointFile:
     Raises:
         TrajectoryError: unreadable, not YAML, unknown keys, values that cannot be; all at once.
     """
+    if os.path.isfile(path):  # else `read_yaml` says so
+        count = len(re.findall(rb"\b(?:q|tool)\s*:", bounded(path, TrajectoryError)))
+        if count > _MOST_POINTS:
+            raise TrajectoryError(
+                f"{path}: has {count} points; way-points are at most {_MOST_POINTS}: write a motion "
+                "of so many as a CSV table with a column t"
+            )
     content = read_yaml(path, TrajectoryError, "pinfric_trajectory")
     return parse(WayPointFile, content, str(path), TrajectoryError)
 

@@ -91,6 +91,14 @@ def test_a_way_beyond_all_bounds_is_refused_for_its_samples():
         sampled({"q": [0]}, {"q": [1e12]})
 
 
+def test_more_points_than_a_person_writes_are_a_log(tmp_path):
+    """Before they are parsed, which takes 0.3 ms each."""
+    way = tmp_path / "long.yaml"
+    way.write_text("pinfric_trajectory: 1\npoints: [" + "{q: [0.1]}, " * 10_001 + "]\n")
+    with pytest.raises(TrajectoryError, match=r"long.yaml: has 10001 points; .* as a CSV table"):
+        load_trajectory(way, arm_scene(tmp_path))
+
+
 def two_joints():
     """A joint that turns, +-2 rad, and one that slides, +-300 m."""
     turning = JointColumn("a", 0, 0, 1, "rad", -2.0, 2.0, 1.0)
