@@ -108,3 +108,9 @@ def check_names(scene: Scene, conditions: Conditions) -> None:
                     f"conditions.{key}: there is no drive {name!r}; "
                     f"{choose_from(name, scene.actuator_names)}"
                 )
+    for group in conditions.same_drive:
+        if len({effort_unit(scene, scene.actuator_names.index(name)) for name in group}) > 1:
+            raise CatalogError(
+                f"conditions.same_drive: of {', '.join(group)} some turn and some slide; they have "
+                "no drive in common"
+            )

@@ -167,8 +167,23 @@ def joint_criteria(report: SizingReport) -> tuple[tuple[Criterion, ...], ...]:
         still = () if report.catalog is None else report.standstills[k].criteria
         stop = () if stops is None else stops[k].criteria
         named = (replace(c, name=f"stop: {c.name}") for c in stop)
-        found.append((*own, *still, *report.reversals[k : k + 1], *named))
+        found.append((*own, *still, *report.reversals[k : k + 1], *named, *_shared(report, k)))
     return tuple(found)
+
+
+def _shared(report: SizingReport, k: int) -> list[Criterion]:
+    """Whether a joint has the drive of its group, where it is of one."""
+    names, mine = [joint.name for joint in report.joints], report.joints[k].name
+    found = []
+    for group in report.conditions.same_drive:
+        taken = [report.joints[names.index(name)].installed for name in group]
+        if mine in group and report.catalog is not None:
+            alike = len({None if a is None else a.candidate.name for a in taken}) == 1
+            status, said = Status.PASSES if alike else Status.FAILS, f"by {', '.join(group)}"
+            note = said if alike else f"no one drive fits {', '.join(group)}"
+            rule = "one motor and gear for the group", "conditions.same_drive"
+            found.append(Criterion("same drive", status, None, None, "", None, *rule, note))
+    return found
 
 
 def _of_joint(joint: JointSizing, criteria: tuple[Criterion, ...], doubted: bool) -> JointVerdict:

@@ -28,6 +28,8 @@ from sizing_cases import (
 
 import pinfric as pf
 from pinfric.drives.criterion import Status
+from pinfric.drives.duty import Schedule
+from pinfric.drives.overload import Lag, settled_heat
 from pinfric.errors import CatalogError, SizingError
 
 
@@ -204,3 +206,13 @@ def test_duties_that_cannot_be_say_so_in_one_line(change, said):
     with pytest.raises(SizingError, match=said) as problem:
         pf.Duty(tuple(zip((cycle, other), weights, strict=True)), **change)
     assert "\n" not in str(problem.value)
+
+
+def test_a_part_that_is_not_run_counts_for_no_mean_and_no_heat():
+    t = np.concatenate([np.linspace(0, 2, 21), np.linspace(2.1, 5, 30)])
+    x = np.concatenate([np.full(21, 3.0), np.linspace(1, 2, 30)])
+    duty = Schedule((0, 21, 51), (1.0, 1.0), ("a", "b")).only({1})
+    assert list(duty.parts()) == [("b", slice(21, 51))]
+    lag = Lag((4.0,), (1.0,), "")
+    assert settled_heat(t, x, lag, duty) == pytest.approx(settled_heat(t[21:], x[21:], lag))
+    assert np.ptp(duty.stretched(t)) == pytest.approx(2.9 + 0.1)  # and the step between the parts

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from builders import example
 from rating_cases import rated_robot
-from sizing_cases import COOL, one_drive, trapezoid, turntable
+from sizing_cases import COOL, GEAR, MOTOR, one_drive, trapezoid, turntable, write_catalog
 
 import pinfric as pf
 from pinfric.drives.criterion import Status
@@ -84,7 +84,7 @@ def test_means_are_over_each_joints_own_part(tmp_path):
 
 def test_frequencies_are_reported_of_a_rating_and_demanded_of_a_cycle(tmp_path):
     torques = "average_torque", "repeated_peak_torque", "momentary_peak_torque"
-    strong = {"continuous_torque": 5.0, "peak_torque": 20.0, "resistance": 0.01}
+    strong = {"continuous_torque": 5.0, "peak_torque": 20.0, "resistance": 0.01, "max_speed": 700.0}
     parts = one_drive(tmp_path, strong, {"stiffness": 1e4, **dict.fromkeys(torques, 1e4)})
     stiff = COOL | {"resonance_base": 12.0, "resonance_hand": 12.0}
     alone = sized("ur3", tmp_path, parts, conditions=stiff)
@@ -114,6 +114,23 @@ def test_beside_a_cycle_each_joint_bears_both_and_says_which_decided(tmp_path):
     assert report.period == pytest.approx(1.5)
 
 
+def test_a_drive_bears_each_part_even_where_its_joints_effort_is_less(tmp_path):
+    """A heavy rotor is hard to turn in a fast cycle that asks less of the joint than the rating."""
+    torques = "average_torque", "repeated_peak_torque", "momentary_peak_torque"
+    heavy = {"rotor_inertia": 5e-3, "continuous_torque": 1.4, "peak_torque": 50.0}
+    heavy |= {"resistance": 0.01, "max_speed": 1e3, "thermal": None}
+    parts = one_drive(tmp_path, heavy, dict.fromkeys(torques, 1e4))
+    wanted = COOL | {"holding_brake": "any", "inertia_ratio": 1e3}
+    shoulders = [
+        sized("ur3", tmp_path, parts, cycle, wanted).joints[1]
+        for cycle in (None, lambda scene: wave(scene, 0.4, 1.0))
+    ]
+    missed = [{c.name for c in joint.installed.failed} for joint in shoulders]
+    assert "continuous torque" not in missed[0]
+    assert "continuous torque" in missed[1]
+    assert [joint.decided for joint in shoulders] == ["rating: move", "cycle"]
+
+
 def test_what_a_cycle_carries_does_not_change_beside_a_rating():
     scene, motion = example("ur10_machine_tending")
     both = pf.size(scene, motion, rating={"payload": 10})
@@ -133,6 +150,11 @@ def test_joints_that_share_a_drive_get_the_lightest_that_fits_all(tmp_path):
         assert one.choice.candidate.mass >= other.choice.candidate.mass - 1e-9
 
 
+def test_joints_that_turn_and_that_slide_share_no_drive(tmp_path):
+    with pytest.raises(CatalogError, match="of lift, slide some turn and some slide"):
+        sized("arm", tmp_path, None, conditions={"same_drive": [["lift", "slide"]]})
+
+
 @pytest.mark.parametrize(
     ("groups", "said"),
     [
@@ -145,6 +167,29 @@ def test_groups_that_cannot_share_a_drive_are_refused(groups, said, tmp_path):
     scene = turntable()
     with pytest.raises(CatalogError, match=said):
         pf.size(scene, trapezoid(scene), conditions={"same_drive": groups})
+
+
+def test_a_group_that_no_drive_fits_alike_is_not_signed(tmp_path):
+    """One gear bears the shoulder and is too slow for the wrist, the other the other way round."""
+    groups = [["shoulder_lift_joint", "wrist_3_joint"]]
+    torques = "average_torque", "repeated_peak_torque", "momentary_peak_torque"
+    strong = GEAR | dict.fromkeys(torques, 1e4) | {"max_input_speed": 400.0, "mass": 2.0}
+    fast = GEAR | dict.fromkeys((*torques, "rated_torque"), 5.0)
+    motor = MOTOR | {
+        "continuous_torque": 5.0,
+        "peak_torque": 20.0,
+        "resistance": 0.01,
+        "max_speed": 700.0,
+    }
+    file = write_catalog(tmp_path / "c.yaml", {"M": motor}, {"S": strong, "F": fast})
+    wanted = {"same_drive": groups, "inertia_ratio": 1e3, "holding_brake": "any"}
+    report = sized("ur3", tmp_path, file, conditions=wanted)
+    lift, wrist = (report.joint(name) for name in groups[0])
+    assert [lift.choice.candidate.gear_name[0], wrist.choice.candidate.gear_name[0]] == ["S", "F"]
+    for k in (1, 5):
+        rows = [c for c in report.criteria[k] if c.name == "same drive"]
+        assert [c.status for c in rows] == [Status.FAILS]
+    assert any("no one drive fits shoulder_lift_joint" in line for line in report.verdict.failing)
 
 
 def test_without_a_cycle_and_without_a_rating_there_is_nothing_to_size():
