@@ -210,8 +210,8 @@ def read_waypoints(path: Path) -> WayPointFile:
         count = len(re.findall(rb"\b(?:q|tool)\s*:", bounded(path, TrajectoryError)))
         if count > _MOST_POINTS:
             raise TrajectoryError(
-                f"{path}: has {count} points; way-points are at most {_MOST_POINTS}: write a motion "
-                "of so many as a CSV table with a column t"
+                f"{path}: has {count} points; way-points are at most {_MOST_POINTS}: write a "
+                "motion of so many as a CSV table with a column t"
             )
     content = read_yaml(path, TrajectoryError, "pinfric_trajectory")
     return parse(WayPointFile, content, str(path), TrajectoryError)

@@ -96,7 +96,7 @@ def test_more_points_than_a_person_writes_are_a_log(tmp_path):
     way = tmp_path / "long.yaml"
     way.write_text("pinfric_trajectory: 1\npoints: [" + "{q: [0.1]}, " * 10_001 + "]\n")
     with pytest.raises(TrajectoryError, match=r"long.yaml: has 10001 points; .* as a CSV table"):
-        load_trajectory(way, arm_scene(tmp_path))
+        load_trajectory(way, arm_scene())
 
 
 def two_joints():
