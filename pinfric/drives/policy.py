@@ -118,6 +118,10 @@ class Conditions(Entry):
         Literal["closed", "open", "fan"],
         key("what air the joints give to their motors: none, free air, or that of a fan", "fan"),
     ] = "closed"
+    mounting: Annotated[
+        Literal["scene", "any"],
+        key("how the robot is mounted: as the scene's gravity says, or any way round", "any"),
+    ] = "scene"
     inertia_ratio: Annotated[
         Positive, key("largest permitted J_load/(ratio^2 (J_motor + J_gear input))", 10.0, "1")
     ] = 10.0

@@ -37,6 +37,7 @@ from pinfric.drives.friction import without_drives
 from pinfric.drives.held import held_drives
 from pinfric.drives.limit import Case, first_known
 from pinfric.drives.limits import SHOCK
+from pinfric.drives.mounting import mounted, mountings
 from pinfric.drives.parts import check_names, own_parts
 from pinfric.drives.policy import STAND_INS, Conditions, parse_conditions
 from pinfric.drives.power import BusPower, bus_power
@@ -324,7 +325,10 @@ class SizingReport(Shown):
             if a is not None and ": " in a.candidate.brake_note
         )
         text = f"Not printed of brakes: {'; '.join(brakes)}."
-        return (*self.assumptions, text) if brakes else self.assumptions
+        if self.catalog is None:
+            return self.assumptions
+        how = mounted(self.given, self.conditions.mounting == "any")
+        return (*self.assumptions, how, *[text] * bool(brakes))
 
     @cached_property
     def elastic(self) -> Elasticity | None:
@@ -502,6 +506,12 @@ class _Sizing:
         self.scene, self.catalog = without_drives(scene, every), catalog
         self.conditions, self.progress = conditions, progress
         self.robot = Robot(self.scene, self.motion, duty, conditions, self.rating)
+        #: By how they are mounted: the scene's own "", then those that `mounting: any` asks for.
+        self.robots = {"": self.robot}
+        if conditions.mounting == "any":
+            for words, gravity in mountings(self.scene).items():
+                turned = self.scene.with_(gravity=gravity)
+                self.robots[words] = Robot(turned, self.motion, duty, conditions, self.rating)
         self.duty = duty or once(len(self.robot.result.states.q))
         robot = [] if scene.robot is None else [scene.robot.urdf]
         cycled = [getattr(cycle, "source", "") for cycle in cycles]
@@ -685,13 +695,27 @@ class _Sizing:
         return added_masses(self.scene, self.conditions, masses)
 
     def _cases(self, i: int, masses: Mapping[int, float]) -> dict[str, Case]:
-        """A joint, with a rating once by each of its parts; the one of largest RMS effort first."""
+        """A joint, with a rating once by each of its parts, and once by each mounting asked for.
+
+        The one of largest RMS effort first. A brake holds the largest load of all mountings.
+        """
         means = {"": None} if self.rating is None else self.rating.means(i)
         bears, braked = self.stop_effort.get(i, np.nan), self.braking.get(i, ())
         cases = {
-            name: self.robot.case(i, masses, schedule)._replace(stop_effort=bears, braking=braked)
+            " ".join(x for x in (name, mounting) if x): robot.case(i, masses, schedule)._replace(
+                stop_effort=bears, braking=braked
+            )
+            for mounting, robot in self.robots.items()
             for name, schedule in means.items()
         }
+        if len(self.robots) > 1:
+            rests = [case.rest for case in cases.values() if case.rest is not None]
+            load = np.max([np.abs(rest.load) for rest in rests], axis=0)
+            peak = max(rest.peak for rest in rests)
+            cases = {
+                name: case._replace(rest=case.rest and case.rest._replace(load=load, peak=peak))
+                for name, case in cases.items()
+            }
         effort = {n: rms(c.cycle.stretched, c.cycle.ends[0]) for n, c in cases.items()}
         return {name: cases[name] for name in sorted(cases, key=lambda name: -effort[name])}
 
@@ -737,7 +761,8 @@ class _Sizing:
             exact = {k: m for k, m in self._added(taken).items() if m and carried(self.scene, k)}
             if _names(taken) == before and (self.robot.exact or self.robot.last.masses == exact):
                 return taken, passes, True
-            self.robot.solve(self._added(taken))
+            for robot in self.robots.values():
+                robot.solve(self._added(taken))
             self._ban(seen, taken)
         warnings.warn(
             f"the choice of drives still alternates after {_MOST_PASSES} passes",
@@ -827,10 +852,12 @@ class _Sizing:
             n: c for n, c in cases.items() if found and c.cycle.duty == found.drives.case.cycle.duty
         }
         decided, case = next(iter((ranked or cases).items()))
-        demand = joint_demand(self.robot.result, i, case.cycle)
+        mounted = next((words for words in self.robots if words and words in decided), "")
+        demand = joint_demand(self.robots[mounted].result, i, case.cycle)
         demand = replace(demand, speed=case.demand.speed)
-        base = self.robot.base.result
-        alone = joint_demand(base, i, self.robot.cycle(i, case.cycle.duty)) if masses else demand
+        robot = self.robots[mounted]
+        base = robot.base.result
+        alone = joint_demand(base, i, robot.cycle(i, case.cycle.duty)) if masses else demand
         motor = None
         if found is not None and found.motor is not None:
             motor = motor_cycle(found.candidate, case.cycle, self.conditions)

@@ -8,6 +8,7 @@ from typing import Any
 
 from pinfric.drives.criterion import Status
 from pinfric.drives.friction import drive_friction
+from pinfric.drives.mounting import mounted
 from pinfric.elastic.summary import elastic_summary
 from pinfric.model.brief import counted
 from pinfric.motions.summary import beyond_limits
@@ -41,6 +42,8 @@ ROUNDING = 1e-9
 _VISIBLE = 1e-4
 
 
+#: A mounting that only the notes name.
+_USUAL = "The robot is mounted standing, as the scene's gravity says."
 #: Products to ask for that the short report lists.
 _ASKED = 3
 
@@ -56,6 +59,8 @@ def sizing_report(report: SizingReport, verbose: bool = True) -> Report:
     failing = [*beyond_limits(report.result_without_masses), *report.verdict.failing]
     found = sizing_summary(report)
     said = (*rating_lines(found), *friction_line(report), *report.verdict.remarks)
+    if not (how_ := mounted(report.given, report.conditions.mounting == "any")).startswith(_USUAL):
+        said = (*said, how_)
     opening = [verdict(report), *said, *(f"! {line}" for line in failing)]
     rating = rating_table(found)
     if report.catalog is None:
