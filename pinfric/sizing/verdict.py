@@ -132,14 +132,20 @@ def verdict_of(report: SizingReport) -> Verdict:
     if report.catalog is None:
         alone = (line for joint, own in joints for line in _failing(joint.name, own))
         return Verdict((), (*alone, *whole), "", ())
-    doubt, possible = light_links(report.given)
-    doubted = bool(report.contradiction) or not possible
+    # What the scene says of its masses
+    taken = ((i, joint.installed) for i, joint in enumerate(report.joints))
+    masses = {i: a.candidate.mass for i, a in taken if a is not None}
+    held = held_drives(report.given, masses, report.conditions.mass_in_urdf)
+    (light, possible), heavy = light_links(report.given), doubted_masses(held)
+    beyond = any(one.share > 1.0 for one in held)  # larger gears for the stops may be the last ones
+    impossible = (report.contradiction, heavy * beyond, "" if possible else light)
+    doubted = any(impossible)
     judged = tuple(_of_joint(joint, own, doubted) for joint, own in joints)
     lines = [line for joint in judged for line in joint.failing]
-    # Of the robot as a whole: what the scene says of its masses, the choice, the bus, the stops
+    # Of the robot as a whole: the choice, masses, the bus, the stops
     if not report.settled:
         lines.append(f"the choice still alternates after {report.passes} passes")
-    lines += [line for line in (report.contradiction, "" if possible else doubt) if line]
+    lines += [line for line in impossible if line]
     lines += [*_failing("bus", report.bus.criteria), *whole]
     lines += [report.no_stops] if report.no_stops else []
     # What it leaves open
@@ -151,10 +157,7 @@ def verdict_of(report: SizingReport) -> Verdict:
             f"{report.drive_mass:.2f} kg if the links are bare, {report.other_mass:.2f} kg if they "
             f"hold the drives{whose}: write `robot.masses`"
         )
-    taken = ((i, joint.installed) for i, joint in enumerate(report.joints))
-    masses = {i: a.candidate.mass for i, a in taken if a is not None}
-    held = held_drives(report.given, masses, report.conditions.mass_in_urdf)
-    remarks = (doubted_masses(held), doubt if possible else "")
+    remarks = ("" if beyond else heavy, light if possible else "")
     return Verdict(judged, tuple(lines), question, tuple(text for text in remarks if text))
 
 
