@@ -20,6 +20,7 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
+from pinfric.drives.demand import driven_joint
 from pinfric.dynamics.forward.workspace import Workspace
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.samples.closure import working_rates
@@ -33,9 +34,9 @@ from pinfric.motions.summary import ends_by_magnitude, running_integral
 from pinfric.stops.path import Slowed
 
 #: Longest time between samples of a stop, s; more lie before and after every change.
-_SAMPLE = 1e-3
+_SAMPLE = 2e-3
 #: Tolerances of a stop's simulation (rad, m, and per second).
-_RTOL, _ATOL = 1e-7, 1e-9
+_RTOL, _ATOL = 3e-7, 1e-9
 #: Longest step, s: the simulation looks for events 250 times in four of them.
 _LONGEST_STEP = 0.25
 #: A stop that takes longer than this (s) does not end; the first piece that is simulated.
@@ -110,7 +111,7 @@ class StopMotion:
     @cached_property
     def travel(self) -> np.ndarray:
         """(T, na) way of each drive's joint, rad or m."""
-        return running_integral(self.t, self.rate)
+        return _ways(self.scene, self.t, self.q, self.rate)
 
     @cached_property
     def rest_time(self) -> np.ndarray:
@@ -311,11 +312,23 @@ def _does_not_stop(
 
 
 def _brake_energy(part: Motion) -> np.ndarray:
-    """(na,) int T_b |r| |v| dt of the brakes that are closed, J."""
+    """(na,) T_b |r| times the way of the brakes that are closed, J."""
     closed = part.scene.closed_brakes
     force = [closed.get(drive.name, 0.0) * abs(drive.ratio) for drive in part.scene.drives]
     rate = working_rates(part.scene, part.q, part.v)[0]
-    return np.asarray(force * np.trapezoid(np.abs(rate), part.t, axis=0))
+    return np.asarray(
+        force * np.abs(np.diff(_ways(part.scene, part.t, part.q, rate), axis=0)).sum(0)
+    )
+
+
+def _ways(scene: Scene, t: np.ndarray, q: np.ndarray, rate: np.ndarray) -> np.ndarray:
+    """(T, na) ways of the drives: by the joint's place where it is one number, else by its rate."""
+    way = running_integral(t, rate)
+    for d in range(len(scene.drives)):
+        if (joint := driven_joint(scene, d)) is not None and scene.model.joints[joint].nq == 1:
+            place = q[:, scene.model.joints[joint].idx_q]
+            way[:, d] = place - place[0]
+    return way
 
 
 def tool_path(scene: Scene, carried: tuple[str, ...], q: np.ndarray) -> np.ndarray | None:
