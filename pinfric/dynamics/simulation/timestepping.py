@@ -9,7 +9,8 @@ static limits brings it to v' = 0 exactly, else it slips against x. This is the 
 instant with the next velocity in place of the acceleration. The method is of first order. It
 locates no events, is stable with friction at any step, and keeps sticking joints exactly at rest.
 Drag also acts at the end of the step (`accelerations._add_drag`). Efforts are taken at its middle:
-those that depend on q need a step below 2 / omega of the oscillation that they cause.
+those that depend on q need a step below 2 / omega of the oscillation that they cause. Steps end
+where an effort or its slope jumps: in a step that contains a jump the middle would miss a part.
 
 A step also ends at exactly zero velocity at a turning point where friction could absorb the rest of
 the velocity. This is a stop only if static friction holds the joint at that instant; otherwise the
@@ -44,8 +45,8 @@ def step_through(
     """Step from t = 0 to the end; the record holds what happens.
 
     Args:
-        system, settings, record: of this simulation; `dt` is shortened to divide `t_end`, or
-            each period of a controller.
+        system, settings, record: of this simulation; `dt` is shortened to divide each
+            piece between breakpoints.
         q, v: (nq,), (nv,) at the start.
 
     Raises:
@@ -57,9 +58,9 @@ def step_through(
         q, v = begin(system, record, q, v)
     except AccelerationError as problem:
         v = _begin_with_a_step(system, settings, record, (q, v), problem)
-    before, done = ws.modes.copy(), 0
+    before, since = ws.modes.copy(), 0.0
     for t, end, dt in _steps(system, settings):
-        start, done = q, done + 1
+        start, since = q, since + dt
         middle = pin.integrate(model, q, 0.5 * dt * v)
         system.assemble(t + 0.5 * dt, middle, v, dt)
         rates, rests = ws.constraints.rates(middle, v), ws.plan.coordinates.dry
@@ -85,7 +86,9 @@ def step_through(
         record.changes(end if stopped else t, before, turned)
         before = ws.modes.copy()
         record.watch_limits(t, end, _between(model, t, dt, start, q))
-        if done % max(1, round(settings.sample_step / dt)) == 0 or end == settings.t_end:
+        due = max(1, round(settings.sample_step / dt)) * dt
+        if since >= due * (1.0 - 1e-9) or end == settings.t_end:
+            since = 0.0
             system.solve_given_modes(end, q, at_end, before.kept())
             record.sample(end, q, at_end)
         record.progress(end)
@@ -151,9 +154,8 @@ def _begin_with_a_step(
 
 
 def _steps(system: System, settings: Settings) -> Iterator[tuple[float, float, float]]:
-    """Yield start, end and length (s) of the steps; none contains a breakpoint of a held effort."""
-    held = system.effort.held
-    for first, last, _ in system.pieces(settings.t_end) if held else [(0.0, settings.t_end, False)]:
+    """Yield start, end and length (s) of the steps; none contains a breakpoint."""
+    for first, last, _ in system.pieces(settings.t_end):
         steps = max(1, int(np.ceil((last - first) / settings.dt - 1e-9)))
         dt = (last - first) / steps
         for k in range(steps):

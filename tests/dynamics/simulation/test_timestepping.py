@@ -78,3 +78,27 @@ def test_a_loop_s_pin_that_sticks_keeps_its_angle(speed):
     assert scene.joint_names == ("O", "A", "D", "C")
     assert np.ptp(motion.q[sticks] @ [1.0, 1.0, -1.0, -1.0]) < 1e-14
     assert (np.ptp(motion.q[sticks], axis=0) > 0.01).all()
+
+
+@pytest.mark.parametrize("width", [0.5e-3, 1.4e-3, 2.6e-3])
+@pytest.mark.parametrize("table", [False, True])
+def test_a_step_ends_where_the_effort_jumps(width, table):
+    """A block of 2 kg under a pulse that no step of 1 ms divides: (F / m - mu g) w, then mu g."""
+    force, drag = 2000.0, 0.1 * 9.81
+    edge = 1e-9  # of the table
+    rows = [0.0, width, width + edge], [[force], [force], [0.0]]
+    motion = pf.simulate(
+        sliding_block(plane_friction(0.2, 0.1)),
+        [0.0],
+        [0.0],
+        rows if table else lambda t, q, v: [force if t < width else 0.0],
+        4.0,
+        "timestepping",
+        dt=1e-3,
+        sample_step=0.05,
+        **({} if table else {"breakpoints": [width]}),
+    )
+    speed = (force / 2.0 - drag) * width
+    length = 0.5 * speed * width + speed**2 / (2.0 * drag)
+    assert motion.q[-1, 0] == pytest.approx(length, abs=drag * 1e-6 + 2.0 * force * edge)
+    assert np.diff(motion.t).max() < 0.06
