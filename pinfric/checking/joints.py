@@ -131,16 +131,9 @@ def _limits(joint: Any, reach: float) -> Iterator[Finding]:
 
 def _masses(joint: Any, facts: RobotFacts) -> Iterator[Finding]:
     masses = facts.masses
-    if facts.moved_mass(joint) == 0.0:
-        yield Finding(
-            Severity.WARNING,
-            "no mass",
-            f"joint {joint.name}",
-            "moves no mass",
-            "its friction has no load; it cannot be simulated",
-        )
-    elif all(masses[link] == 0.0 for link in facts.fixed_to(joint.child)):
-        shaped = any(link in facts.shapes for link in facts.fixed_to(joint.child))
+    own = facts.fixed_to(joint.child)
+    if facts.moved_mass(joint) > 0.0 and all(masses[link] == 0.0 for link in own):
+        shaped = any(link in facts.shapes for link in own)
         yield Finding(
             Severity.WARNING if shaped else Severity.NOTE,
             "massless link",

@@ -11,9 +11,10 @@ from pinfric.checking.findings import CheckReport, Finding, Severity
 from pinfric.checking.joints import joint_findings
 from pinfric.checking.links import link_findings
 from pinfric.checking.robot import RobotFacts
-from pinfric.checking.scene import scene_findings
+from pinfric.checking.scene import massless_findings, scene_findings
 from pinfric.errors import PinfricWarning, RobotError
 from pinfric.model.robot import BUNDLED, Robot, read_robot, urdf_file
+from pinfric.model.scene import Scene
 from pinfric.model.scene_file import load_scene
 
 _URDF_SUFFIXES = (".urdf", ".xacro", ".xml", ".sdf", ".mjcf")
@@ -46,7 +47,7 @@ def check(source: str | Path) -> CheckReport:
     if scene.robot is not None:
         files.append(str(scene.robot.urdf))
         facts = RobotFacts.of(scene.robot.urdf)
-        findings += _urdf_findings(facts)
+        findings += _urdf_findings(facts, scene)
     findings += scene_findings(scene, facts, said)
     return CheckReport.of(scene.source, findings, {} if facts is None else _figures(facts), files)
 
@@ -76,7 +77,8 @@ def is_urdf(source: str | Path) -> bool:
         return file.read(256).lstrip().startswith(b"<")
 
 
-def _urdf_findings(facts: RobotFacts) -> Iterator[Finding]:
+def _urdf_findings(facts: RobotFacts, scene: Scene | None = None) -> Iterator[Finding]:
+    """With a scene, its payloads and rotors count where joints move no mass."""
     robot: Robot | None = None
     try:
         with warnings.catch_warnings():
@@ -87,6 +89,8 @@ def _urdf_findings(facts: RobotFacts) -> Iterator[Finding]:
         yield Finding(Severity.ERROR, "does not load", "robot", reason, "", excess=1e9)
     yield from link_findings(facts)
     yield from joint_findings(facts, robot)
+    if robot is not None and any(facts.masses.values()):
+        yield from massless_findings(scene or Scene(robot.model))
     if facts.nameless:
         yield Finding(Severity.NOTE, "no name", "robot", "has no name", "called 'robot'")
     for mesh in facts.missing:

@@ -25,6 +25,7 @@ from pinfric.errors import PinfricError
 from pinfric.model.entry import USUALLY
 from pinfric.model.friction_terms import CoulombFriction
 from pinfric.model.hysteresis import excessive_friction
+from pinfric.model.massless import massless_joints
 from pinfric.model.robot import link_frame, payload_inertia
 from pinfric.model.scene import Scene, Site
 from pinfric.model.transmission import Transmission
@@ -41,7 +42,7 @@ _PAYLOAD = 2.0
 #: A rotor's inertia at its joint over the largest inertia that any joint moves.
 _ROTOR = 30.0
 #: What is said of bodies whose mass is missing.
-_NO_MASS = "its friction has no load, and it cannot be simulated; give its links an <inertial>"
+_NO_MASS = "friction there has no load, and no drive is sized; give the links an <inertial>"
 _MASSLESS, _NO_INERTIAL = "has shapes and no mass", "efforts are too small; give it an <inertial>"
 #: Hz between which the lowest natural frequencies of robots lie.
 _FREQUENCIES = 3.0, 200.0
@@ -171,11 +172,10 @@ def load_findings(scene: Scene) -> Iterator[Finding]:
     yield from outweighing({f"what joint {name} moves": body.mass for name, body in inertias})
     root = None if scene.robot is None else read_xml(scene.robot.urdf)
     links = {} if root is None else {link.get("name"): link for link in root.findall("link")}
+    yield from massless_findings(scene)
     for j in range(1, model.njoints):
-        place = f"joint {model.names[j]}"
-        if not any(model.inertias[body].mass for body in model.subtrees[j]):
-            yield Finding(Severity.WARNING, "no mass", place, "moves no mass", _NO_MASS)
-        elif model.inertias[j].mass == 0.0:
+        moves = any(model.inertias[body].mass for body in model.subtrees[j])
+        if moves and model.inertias[j].mass == 0.0:
             carried = [
                 frame.name
                 for frame in model.frames
@@ -189,6 +189,18 @@ def load_findings(scene: Scene) -> Iterator[Finding]:
             for name in shaped[:1]:
                 what = f"link {name}"
                 yield Finding(Severity.WARNING, "massless link", what, _MASSLESS, _NO_INERTIAL)
+
+
+def massless_findings(scene: Scene) -> Iterator[Finding]:
+    """Yield one finding on all joints that move no mass, with all payloads and rotors."""
+    if names := massless_joints(scene):
+        every = len(names) == scene.model.nv
+        place, found = (
+            ("robot", "nothing that moves has a mass")
+            if every
+            else (f"joint {', '.join(names)}", "moves no mass")
+        )
+        yield Finding(Severity.WARNING, "no mass", place, found, _NO_MASS)
 
 
 def _reach(model: pin.Model) -> float:

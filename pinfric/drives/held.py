@@ -95,15 +95,10 @@ def doubted_masses(held: list[Held]) -> str:
 def light_links(scene: Scene) -> tuple[str, bool]:
     """Return what is doubted of a robot's mass as a whole, "" if nothing, and whether it can be.
 
-    It cannot where nothing has a mass, or less per metre of reach than an empty tube; where its
+    It cannot where it is less per metre of reach than an empty tube; where its
     links are said to hold drives also below the lightest arm.
     """
     mass, reach = mass_per_reach(scene.model)
-    if mass <= 0.0:
-        return (
-            "robot: no link that moves has a mass: give the URDF's links an <inertial>",
-            False,
-        )
     if not reach or (per := mass / reach) >= LIGHT:
         return "", True
     text = (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,7 +16,7 @@ from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.random_states import random_states
 from pinfric.dynamics.samples.states import MotionLike
-from pinfric.errors import PinfricError, choose_from, removed
+from pinfric.errors import PinfricError, PinfricWarning, choose_from, removed
 from pinfric.exporting.constants import JointConstants, joint_constants
 from pinfric.exporting.controller import compensator, level_uncertainty
 from pinfric.exporting.cpp import check_frames
@@ -25,10 +26,12 @@ from pinfric.exporting.sdf import sdf
 from pinfric.exporting.tree import bodies, check_plain_tree
 from pinfric.exporting.urdf import urdf
 from pinfric.model.brief import counted, file_name, listed, screen
+from pinfric.model.closure import velocity_names
 from pinfric.model.described import INERTIA, SPEED, described, in_json, quantity, unit_at
 from pinfric.model.effects import effects
 from pinfric.model.files import write_file, write_folder
 from pinfric.model.mass_matrix import mass_matrices
+from pinfric.model.massless import massless
 from pinfric.model.scene import Scene, expect_scene
 from pinfric.model.upward import Shown
 from pinfric.model.urdf import implausible_body
@@ -242,6 +245,13 @@ def export(
         f"While a joint rests the scene has a torque range, given at each joint: {form.at_rest}.",
     ]
     text = _WRITERS[to](scene, joints, lines, header)
+    if to == "mjcf" and (held := _held(scene)):
+        warnings.warn(
+            f"{scene.source}: {', '.join(held)} {'moves' if len(held) == 1 else 'move'} no mass: "
+            "written without the joint, for MuJoCo refuses it; give the link an <inertial>",
+            PinfricWarning,
+            stacklevel=2,
+        )
     return Exported(scene.source, name, to, len(result.status), joints, left_out, notes, text)
 
 
@@ -267,7 +277,10 @@ def _soft(scene: Scene, result: InverseResult, joints: Sequence[JointConstants])
     tree = [body for body in bodies(scene) if body.follows is None]
     mass = mass_matrices(scene.twin(), pin.neutral(scene.model)[None])[0]
     armature = [joint.armature + body.armature for joint, body in zip(joints, tree, strict=True)]
-    mobility = np.diag(np.linalg.inv(mass + np.diag(armature)))
+    held = massless(scene)  # the file does not have these joints
+    mobility = np.where(
+        held, 0.0, np.diag(np.linalg.inv(mass + np.diag(np.where(held, 1.0, armature))))
+    )
     parts = []
     for joint, body, A in zip(joints, tree, mobility, strict=True):
         v, a = (x[:, body.joint.index_v] for x in (result.states.v, result.states.a))
@@ -324,8 +337,12 @@ def _mjcf(
                 f"{why}; correct the <inertia> of its links"
             )
     by_name = {joint.joint: joint for joint in joints}
-    entries = []
+    entries, held = [], _held(scene)
     for body in tree:
+        if (body.joint.name if body.follows is None else body.follows[0]) in held:
+            said = f"the joint {body.joint.name} moves no mass and is left out: the body is fixed"
+            entries.append(MjcfJoint(0.0, 0.0, 0.0, comment=said, fixed=True))
+            continue
         if body.follows is not None:
             leader, ratio, shift = body.follows
             said = f"{body.joint.name} = {ratio:g} {leader} {shift:+g}, its friction is {leader}'s"
@@ -337,6 +354,12 @@ def _mjcf(
         entries.append(MjcfJoint(*constants, lines[joint.joint]))
     name = Path(scene.source).stem
     return mjcf(name, tree, entries, scene.model.gravity.linear, comment=header)
+
+
+def _held(scene: Scene) -> tuple[str, ...]:
+    """The joints that move no mass: MuJoCo refuses bodies that move without any."""
+    names = velocity_names(scene.model)
+    return tuple(names[k] for k in np.flatnonzero(massless(scene)))
 
 
 def _constants(
@@ -433,6 +456,11 @@ def _left_out(scene: Scene, to: str) -> tuple[str, ...]:
                 f"the payload {name!r} ({payload.mass:g} kg at {payload.link}), which the "
                 "scene does not carry by default"
             )
+    if to == "mjcf" and (held := _held(scene)):
+        lines.append(
+            f"the joints {', '.join(held)}, which move no mass, as MuJoCo refuses: their bodies "
+            "are fixed where the joints stand at 0"
+        )
     lines += _NOT_THERE.get(to, ())
     if to in ("urdf", "sdf"):
         gravity = scene.model.gravity.linear

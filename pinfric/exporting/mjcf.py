@@ -38,6 +38,7 @@ class MjcfJoint:
         armature: kg m^2 or kg.
         gear: motor turns per turn of the joint; None: no actuator.
         comment: written beside the joint; empty for none.
+        fixed: the body has no joint, and stands where the joint is at 0.
     """
 
     frictionloss: float
@@ -45,6 +46,7 @@ class MjcfJoint:
     armature: float
     gear: float | None = None
     comment: str = ""
+    fixed: bool = False
 
 
 def soft(
@@ -115,7 +117,8 @@ def mjcf(
         elements[row] = _add_body(elements[body.parent], body, joint)
         if body.parent >= 0:
             _add_capsule(elements[body.parent], body.placement.translation)
-    following = {body.joint.name: body.follows for body in bodies if body.follows is not None}
+    pairs = zip(bodies, joints, strict=True)
+    following = {b.joint.name: b.follows for b, j in pairs if b.follows is not None and not j.fixed}
     equations = _add(root, "equality") if following else root
     for follower, (leader, ratio, shift) in following.items():
         law = _numbers([shift, ratio, 0.0, 0.0, 0.0])
@@ -142,6 +145,8 @@ def _add_body(parent: ElementTree.Element, body: Body, joint: MjcfJoint) -> Elem
     )
     if joint.comment:
         element.append(xml_comment(joint.comment))
+    if joint.fixed:
+        return _with_sites(element, body)
     limits = {}
     if np.isfinite([body.joint.lower, body.joint.upper]).all():
         limits["range"] = _numbers([body.joint.lower, body.joint.upper])
@@ -158,6 +163,10 @@ def _add_body(parent: ElementTree.Element, body: Body, joint: MjcfJoint) -> Elem
         armature=_number(joint.armature),
         **limits,
     )
+    return _with_sites(element, body)
+
+
+def _with_sites(element: ElementTree.Element, body: Body) -> ElementTree.Element:
     for name, placement in body.frames.items():
         _add(element, "site", name=name, **_place(placement))
     return element

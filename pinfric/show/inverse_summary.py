@@ -9,6 +9,7 @@ from pinfric.dynamics.samples.outcome import Status
 from pinfric.elastic.motion import Elasticity
 from pinfric.elastic.summary import ElasticSummary, elastic_summary
 from pinfric.model.described import EFFORT, described, quantity
+from pinfric.model.massless import massless_joints
 from pinfric.motions.log.judged import JudgedLog, LogSummary, log_summary
 from pinfric.motions.summary import ActuatorSummary, beyond_limits, payload_phases, summarize
 
@@ -48,6 +49,7 @@ class InverseSummary:
     beyond_limits: tuple[str, ...] = quantity("efforts beyond the URDF's limits, in words")
     input: LogSummary | None = quantity("how the log was read; none: the motion is not a log")
     elasticity: ElasticSummary | None = quantity("effects of elastic gears; none: all are rigid")
+    massless: tuple[str, ...] = quantity("joints that move no mass: their efforts are friction")
 
 
 def inverse_summary(
@@ -96,4 +98,5 @@ def inverse_summary(
         beyond_limits=beyond_limits(result),
         input=None if log is None else log_summary(log),
         elasticity=None if elastic is None else elastic_summary(elastic),
+        massless=massless_joints(result.scene),
     )

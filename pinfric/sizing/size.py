@@ -55,6 +55,7 @@ from pinfric.dynamics.samples.states import MotionLike
 from pinfric.elastic.motion import Elasticity, elasticity
 from pinfric.errors import PinfricWarning, SizingError, StopError, choose_from
 from pinfric.model.brief import counted, file_name, listed, screen
+from pinfric.model.massless import massless
 from pinfric.model.scene import Scene, expect_scene
 from pinfric.model.schema import OTHERS
 from pinfric.model.upward import Shown
@@ -96,6 +97,7 @@ class JointSizing:
         nearest: if none fits, a provisional drive (its `would` is not empty), else the candidate
             with the smallest shortfall, none beyond -1000 %.
         nothing_because: why there are no candidates, if a catalogue was given; otherwise empty.
+        unloaded: the joint moves no mass, and gets no drive (`model.massless`).
         search: of the drives that were looked at.
         decided: with a rating, whose means leave the least of the drive: the cycle's, or its own.
         alone: with a rating beside a cycle: what each of the two alone would take; None: nothing.
@@ -109,6 +111,7 @@ class JointSizing:
     choice: Assessment | None = None
     nearest: Assessment | None = None
     nothing_because: str = ""
+    unloaded: bool = False
     search: Search | None = field(default=None, repr=False, compare=False)
     decided: str = ""
     alone: Mapping[str, Assessment | None] = field(default_factory=dict)
@@ -517,6 +520,12 @@ class _Sizing:
         cycled = [getattr(cycle, "source", "") for cycle in cycles]
         made = () if catalog is None else catalog.files
         self.files = tuple(str(f) for f in (scene.source, *robot, *cycled, *made))
+        self.unloaded = massless(self.scene, self.scene.payloads)
+        if self.unloaded.all():
+            raise SizingError(
+                f"{scene.source}: no link that moves has a mass, so there is nothing to size: give "
+                "the URDF's links an <inertial>"
+            )
         self.shelves: dict[bool, Shelf] = {}
         self.banned: dict[int, set[str]] = {}
         #: Efforts that gears must bear in stops, and braking under power, by the drives' columns.
@@ -694,6 +703,11 @@ class _Sizing:
         masses = {i: a.candidate.mass for i, a in taken.items()}
         return added_masses(self.scene, self.conditions, masses)
 
+    def _is_unloaded(self, i: int) -> bool:
+        """Whether a drive's joint moves no mass."""
+        column = self.scene.drives[i].velocity_index
+        return column >= 0 and bool(self.unloaded[column])
+
     def _cases(self, i: int, masses: Mapping[int, float]) -> dict[str, Case]:
         """A joint, with a rating once by each of its parts, and once by each mounting asked for.
 
@@ -721,7 +735,7 @@ class _Sizing:
 
     def _search(self, i: int, masses: Mapping[int, float]) -> Search | None:
         """The drives of the catalogue at a joint; None: it takes none."""
-        if self.catalog is None or driven_joint(self.scene, i) is None:
+        if self.catalog is None or driven_joint(self.scene, i) is None or self._is_unloaded(i):
             return None
         name, linear = self.scene.drives[i].name, effort_unit(self.scene, i) == "N"
         if linear not in self.shelves:
@@ -819,6 +833,8 @@ class _Sizing:
         found: dict[int, Assessment] = {}
         for group in self.conditions.same_drive:
             own = [i for i in map(self.scene.actuator_names.index, group) if i in searches]
+            if not own:
+                continue
             heaviest = max(own, key=lambda i: taken[i].candidate.mass or 0.0 if i in taken else 0.0)
             for _, _, *drive in searches[heaviest].offers():
                 judged = {i: searches[i].judge(*drive) for i in own}
@@ -870,13 +886,14 @@ class _Sizing:
             choice=found if found is not None and found.fits else None,
             nearest=found if found is not None and not found.fits else None,
             nothing_because="" if search and search.shelf.count else self._no_candidates(i),
+            unloaded=self._is_unloaded(i),
             search=search,
             decided=decided,
         )
 
     def _no_candidates(self, i: int) -> str:
-        """Why there are no candidates; empty without a catalogue."""
-        if self.catalog is None:
+        """Why there are no candidates; empty without a catalogue, or where none is asked for."""
+        if self.catalog is None or self._is_unloaded(i):
             return ""
         if driven_joint(self.scene, i) is None:
             return "motors and gears are for joints with one axis, not for cylinders and forces"

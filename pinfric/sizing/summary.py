@@ -318,6 +318,7 @@ def unchecked(report: SizingReport) -> tuple[Unchecked, ...]:
     for joint, criteria in zip(report.joints, report.criteria, strict=True):
         if joint.installed is None:
             because = joint.nothing_because or "no candidate can be judged"
+            because = "something to move: it moves no mass" if joint.unloaded else because
             found.setdefault(("all of its drive", because), []).append(joint.name)
             continue
         for c in criteria:

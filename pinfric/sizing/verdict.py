@@ -39,6 +39,7 @@ class State(StrEnum):
     FAILS = "fails"
     PROVISIONAL = "provisional"
     NONE = "none"
+    UNLOADED = "moves no mass"
 
 
 @described
@@ -47,7 +48,8 @@ class JointVerdict:
 
     name: str = quantity("the drive's", name=True)
     state: State = quantity(
-        "can be signed; fails: a brake, a stop, or the place where it ends; provisional; none"
+        "can be signed; fails: a brake, a stop, or the place where it ends; provisional; none; "
+        "moves no mass: not sized"
     )
     mass: float = quantity("of its drive, as far as known; 0 where none fits", "kg")
     margin: float = quantity(
@@ -109,6 +111,9 @@ class Verdict:
             parts.append(f"{self.mass:.2f} kg of drives")
         if provisional:
             parts.append(f"{sum(joint.mass for joint in provisional):.2f} kg provisional")
+        if unloaded := self.of(State.UNLOADED):
+            named = ", ".join(joint.name for joint in unloaded)
+            parts.append(f"{named}: moves no mass, not sized")
         wrong = [joint for joint in self.joints if joint.why]
         parts += [f"{joint.name}: {joint.why}" for joint in wrong[:_MOST_FAILING]]
         more = len(wrong[_MOST_FAILING:])
@@ -196,7 +201,9 @@ def _of_joint(joint: JointSizing, criteria: tuple[Criterion, ...], doubted: bool
     failed, state, why = [c for c in criteria if c.status == Status.FAILS], State.SIGNED, ""
     failing = tuple(_failing(joint.name, failed))
     taken = joint.choice
-    if taken is None and joint.nearest is not None and joint.nearest.would:
+    if joint.unloaded:
+        state, failing = State.UNLOADED, ()
+    elif taken is None and joint.nearest is not None and joint.nearest.would:
         taken, state = joint.nearest, State.PROVISIONAL
         beside = [c for c in failed if c not in taken.failed]
         failing = (joint.no_fit, *_failing(joint.name, beside))

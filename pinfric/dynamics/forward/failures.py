@@ -24,6 +24,7 @@ from pinfric.errors import (
 from pinfric.friction.gears import jam
 from pinfric.friction.problem import Found
 from pinfric.friction.search import MOST_ENUMERATED, MOST_PASSES, Count
+from pinfric.model.closure import velocity_names
 from pinfric.model.mobility import lightest_joint
 from pinfric.model.scene import Scene
 
@@ -85,6 +86,16 @@ class Failures:
         raise SceneError(
             f"{self._scene.source}: the mass matrix is not positive definite at this state: a "
             f"joint moves no mass ({self._lightest()}); give its link an inertia, or lock it"
+        )
+
+    def pushed(self, velocities: np.ndarray) -> str:
+        """Return that joints that move no mass get more effort than their friction bears."""
+        names = [velocity_names(self._scene.model)[k] for k in velocities.tolist()]
+        each = "moves no mass and gets" if len(names) == 1 else "move no mass and get"
+        return (
+            f"{self._scene.source}: {', '.join(names)} {each} an effort beyond its friction: no "
+            "finite acceleration; give the link an <inertial>, lock the joint, or leave the effort "
+            "out"
         )
 
     def _lightest(self) -> str:

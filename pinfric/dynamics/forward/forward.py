@@ -106,9 +106,10 @@ def forward_dynamics(
     """Return the accelerations, modes and friction that efforts cause at one state, or at many.
 
     a = M^-1 (u - h + J_ext^T f_ext + D phi) with phi by the laws of friction (paper eq. 3, 20,
-    21). A joint at or below its stick velocity sticks if that is consistent. The solver starts from
-    this thread's last solution for the scene, so the last digits depend on the previous call, by
-    some 1e-14 of the largest acceleration.
+    21). A joint at or below its stick velocity sticks if that is consistent; one that moves no mass
+    rests, as if it were locked (`model.massless`). The solver starts from this thread's last
+    solution for the scene, so the last digits depend on the previous call, by some 1e-14 of the
+    largest acceleration.
 
     Args:
         scene: the robot with its friction and drives.
@@ -122,7 +123,8 @@ def forward_dynamics(
         attached: names of the payloads carried; None takes those attached by default.
 
     Raises:
-        SceneError: motor torques with a drive without transmission.
+        SceneError: motor torques with a drive without transmission; a joint that moves no mass gets
+            an effort beyond its friction.
         GearJam: a self-locking gear has too light a rotor: no acceleration obeys its law, or one
             that is unstable.
         StateError: neither or both of effort and motor_torque; a wrong shape, a value not finite; a
@@ -195,6 +197,9 @@ def solve_state(
     """
     q, v = vector("q", q, ws.nq, "nq"), vector("v", v, ws.nv, "nv")
     effort = drive_vector(ws, effort)
+    if ws.held.size:
+        v = v.copy()
+        v[ws.held] = 0.0
     if not ws.must_project:
         ws.solve(q, v, effort, applied)
     elif not _solved_as_given(ws, q, v, effort, applied):
@@ -203,6 +208,7 @@ def solve_state(
         if ws.scene.loops:  # what an integrator hands to an effort function obeys them roughly
             check_closed(ws.scene, q, v, slack=1e3)
         ws.solve(q, v, effort, applied)
+    ws.check_held(ws.a)
     ws.failures.check_roll_moments(ws.wrench)
 
 

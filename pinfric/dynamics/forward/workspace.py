@@ -43,10 +43,13 @@ from pinfric.friction.search import given as given_modes
 from pinfric.kernels.compiled import KernelArgument, compile_for, compiling
 from pinfric.model.closure import guesses
 from pinfric.model.drives import slope_range
+from pinfric.model.massless import massless
 from pinfric.model.scene import Scene, payload_names
 
 #: An effort (N m or N) that no joint at rest can hold.
 _OVERWHELMING = 1e8
+#: An effort (N m or N, and of the largest) that is none.
+_ROUNDING = 1e-9
 
 
 class Workspace:
@@ -67,6 +70,7 @@ class Workspace:
         multipliers: (nl,) forces that close loops, of side a on side b, in the order of the
             linkage's rows; none in an open chain.
         locked: whether sticking coordinates prevent all motion (known where loops close).
+        held: velocities that move no mass (`model.massless`): as if locked, see `check_held`.
         least, most: (nc,) static limits of the friction x.
         site_modes: (ns,) int8, -1, 0, 1; of a ball 0, 1.
         places: (name, coordinate, whether it is a ball) of all that can stick: sites, then gears on
@@ -87,7 +91,9 @@ class Workspace:
         self.must_project = scene.linkage is not None or self.nq != self.nv
         self.supplier = Supplier(self.twin)
         self.closed = t.closure.dependent
+        self.held = np.flatnonzero(massless(scene, attached))
         self.machine = m = make_machine(self.twin, t, self.supplier.supply)
+        m.tree.armature[self.held] += 1.0  # M has nothing else in their rows and columns
         self._argument = KernelArgument(m, kept)
         self.problem, self.modes = m.problem, m.modes
         found = m.results
@@ -176,6 +182,25 @@ class Workspace:
         if found != Found.SOLVED:
             raise self.failures.failure(found, self.state)
         self.finish()
+
+    def check_held(self, a: np.ndarray) -> None:
+        """Refuse a solution in which a joint that moves no mass, at rest, does not stay so.
+
+        It has an inertia of 1 here, which changes nothing else, so that it stays at rest as long
+        as its friction bears its effort.
+
+        Args:
+            a: (nv,) of the solution; made exactly 0 there.
+
+        Raises:
+            SceneError: names the joint.
+        """
+        if not self.held.size:
+            return
+        rounding = _ROUNDING * max(1.0, float(np.abs(self.supplier.supply.h).max()))
+        if (moves := self.held[np.abs(a[self.held]) > rounding]).size:
+            raise SceneError(self.failures.pushed(moves))
+        a[self.held] = 0.0
 
     def _forget(self) -> None:
         """Forget the last solution, a guess of the next one.

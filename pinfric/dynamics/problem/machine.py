@@ -260,7 +260,7 @@ def make_tree(twin: Twin) -> Tree:
         parent=parent,
         mass=mass,
         gravity=np.array(twin.model.gravity.linear),
-        armature=twin.armature,
+        armature=twin.armature.copy(),
         first_freedom=links.first,
         freedom_velocity=links.column,
         twist=links.twist,

@@ -29,8 +29,12 @@ class RegularizedIntegration(Integration):
         part = np.divide(rates, speed, out=np.zeros_like(rates), where=speed > 0.0)
         dry, site_coordinate = ws.plan.coordinates.dry, ws.plan.site_coordinate
         direction = np.where(dry, np.tanh(speed / velocity), 1.0) * part
-        self.given = GivenModes(np.zeros(len(dry), dtype=bool), direction, balls_turn=False)
+        held = dry & np.isin(ws.plan.coordinates.velocity_index, ws.held)  # no mass: they rest
+        self.given = GivenModes(held, direction, balls_turn=False)
         a = self.system.solve_given_modes(t, q, v, self.given)
+        if held.any() and (ws.margins.nearest[held] < 0.0).any():
+            pushed = held & (ws.margins.nearest < 0.0)
+            raise SimulationError(ws.failures.pushed(ws.plan.coordinates.velocity_index[pushed]))
         slow = speed <= velocity
         ws.site_modes[slow[site_coordinate] & dry[site_coordinate]] = 0
         return a

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypedDict, Unpack
@@ -22,7 +23,14 @@ from pinfric.dynamics.simulation.recorder import Recorder
 from pinfric.dynamics.simulation.regularized import RegularizedIntegration
 from pinfric.dynamics.simulation.system import Settings, System
 from pinfric.dynamics.simulation.timestepping import step_through
-from pinfric.errors import AccelerationError, SimulationError, StateError, choose_from
+from pinfric.errors import (
+    AccelerationError,
+    PinfricWarning,
+    SimulationError,
+    StateError,
+    choose_from,
+)
+from pinfric.model.closure import velocity_names
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, LONGEST_TIME, SMALLEST, impossible
 from pinfric.model.scene import Scene, expect_scene, payload_names
 
@@ -95,8 +103,9 @@ def simulate(
 ) -> Motion:
     """Return the motion that efforts cause from a state at t = 0, with stick and slip.
 
-    M a + h = u + D phi in time (paper eq. 16, 20, 21). `event`: the modes change at located
-    instants, the reference. `timestepping`: Moreau and Jean's scheme, fixed steps, friction
+    M a + h = u + D phi in time (paper eq. 16, 20, 21). A joint that moves no mass is held at its
+    start, as if locked, as long as its friction bears its effort. `event`: the modes change at
+    located instants, the reference. `timestepping`: Moreau and Jean's scheme, fixed steps, friction
     impulses implicit, first order, exact standstill. `regularized`: mu(v) smoothed by
     tanh(v / velocity) and a stiff solver; joints creep where the other methods hold them, and there
     is no static friction.
@@ -119,7 +128,8 @@ def simulate(
         numbers: control_period, rtol, atol, dt, sample_step, ...; see `Numbers`.
 
     Raises:
-        SimulationError: an invalid argument, an effort function that raises, an integration that
+        SimulationError: an effort beyond the friction of a joint that moves no mass, an invalid
+            argument, an effort function that raises, an integration that
             cannot continue. StateError: q0, v0 of a wrong shape or not finite.
         AccelerationError: none, several, undecided or a jam, with time and state. The error's
             `motion` is the motion until then. After Ctrl-C the motion until then is returned, with
@@ -142,6 +152,14 @@ def simulate(
     with lent(scene, carried, made.given == "motor_torque") as ws:
         system = System(ws, made, applied)
         record = Recorder(scene, system, method, settings.sample_step, carried)
+        if ws.held.size:
+            names = [velocity_names(scene.model)[k] for k in ws.held.tolist()]
+            warnings.warn(
+                f"{scene.source}: {', '.join(names)} {'moves' if len(names) == 1 else 'move'} no "
+                "mass: held at the start position",
+                PinfricWarning,
+                stacklevel=2,
+            )
         with _Progress(progress, settings.t_end) as record.progress:
             return _run(method, system, settings, record, q, v)
 
@@ -228,6 +246,7 @@ def _run(
     method: str, system: System, settings: Settings, record: Recorder, q: np.ndarray, v: np.ndarray
 ) -> Motion:
     """Integrate; keep the recorded motion if the user or an error ends the run."""
+    v = np.where(np.isin(np.arange(len(v)), system.ws.held), 0.0, v)
     try:
         if method == "event":
             EventIntegration(system, settings, record).run(q, v)

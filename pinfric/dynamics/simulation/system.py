@@ -211,6 +211,7 @@ class System:
         u = self.efforts(t, q, v)
         try:
             self.ws.solve(q, v, u, self.applied)
+            self.ws.check_held(self.ws.a)
         except PinfricError as problem:
             raise timed(problem, t) from None
 
@@ -222,6 +223,7 @@ class System:
         u = self.efforts(t, q, v)
         try:
             self.ws.solve_given_modes(q, v, u, self.applied, given)
+            self.ws.check_held(self.ws.a)
         except PinfricError as problem:
             raise timed(problem, t) from None
         return self.ws.a

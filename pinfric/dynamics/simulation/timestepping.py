@@ -71,7 +71,9 @@ def step_through(
             raise ws.failures.failure(found, ws.state).at(t)
         stopped = bool((ws.modes.stuck & ~before.stuck).any())
         ws.finish()
-        v = v + dt * ws.accelerations()
+        a = ws.accelerations()
+        ws.check_held(a)
+        v = v + dt * a
         v = ws.constraints.project(middle, v, ws.modes.stuck)[1]
         q = pin.integrate(model, middle, 0.5 * dt * v)
         # v obeys the loops at the middle; made to obey them here it would lack half their impulse

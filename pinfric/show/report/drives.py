@@ -55,6 +55,8 @@ def rating_table(found: SizingSummary) -> Table | None:
 def _chosen(joint: SizedJoint) -> str:
     if joint.provisional is not None:
         return f"not signed: {joint.provisional.drive}"
+    if joint.verdict is not None and joint.verdict.state == State.UNLOADED:
+        return "moves no mass: not sized"
     nearest = "" if joint.installed is None else f"; nearest {joint.installed.judged}"
     ended = {State.FAILS: " (fails)", State.PROVISIONAL: " (provisional)"}
     said = "" if joint.verdict is None else ended.get(joint.verdict.state, "")

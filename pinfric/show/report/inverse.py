@@ -96,6 +96,11 @@ def verdict(result: InverseResult, found: InverseSummary) -> str:
     if not found.beyond_limits:
         within = "efforts are within the URDF's limits" if limited else "the URDF limits no effort"
         within += f", which {limited} of {drives} have" * (0 < limited < len(indices))
+    if len(found.massless) == result.scene.model.nv:
+        within = "nothing has mass: the efforts are friction only"
+    elif found.massless:
+        moves = "moves" if len(found.massless) == 1 else "move"
+        within += f"; {', '.join(found.massless)} {moves} no mass: friction only"
     narrow = f"; {counted(found.too_narrow, 'sample')} whose intervals may be too narrow"
     return f"{solved}; {within}" + narrow * (found.too_narrow > 0)
 

@@ -342,7 +342,7 @@ def test_bad_input(q, v, u, message, friction):
 
 def test_a_joint_that_moves_no_mass_is_an_error():
     model = chain(("slide", pin.JointModelPX()))
-    with pytest.raises(SceneError, match=r"moves no mass \(slide\)"):
+    with pytest.raises(SceneError, match="slide moves no mass"):
         pf.forward_dynamics(pf.Scene(model=model), [0.0], [0.0], [1.0])
 
 
@@ -354,7 +354,7 @@ def test_the_joint_that_moves_no_mass_is_named_among_others():
     for name, body in zip(("first", "second", "third"), bodies, strict=True):
         parent = model.addJoint(parent, pin.JointModelRZ(), away, name)
         model.appendBodyToJoint(parent, body, away)
-    with pytest.raises(SceneError, match=r"moves no mass \(third\)"):
+    with pytest.raises(SceneError, match="third moves no mass"):
         pf.forward_dynamics(pf.Scene(model=model), np.zeros(3), np.zeros(3), np.ones(3))
 
 

@@ -1,0 +1,66 @@
+"""Joints that move no mass: of a link without an <inertial>, or of a point mass on the axis.
+
+Such a joint turns without an effort beyond its friction, and no effort says how fast: it can be
+neither simulated nor sized. What all others need does not depend on it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.model.closure import action_maps, velocity_names
+from pinfric.model.mass_matrix import link_poses, mass_matrices
+from pinfric.model.scene import Scene
+
+#: Of the largest inertia of any joint.
+_NO_MASS = 1e-12
+#: Postures beside the start that are tried.
+_POSTURES = 8
+
+
+def massless(scene: Scene, attached: Iterable[str] | None = None) -> np.ndarray:
+    """Return (nv,) bool: which velocities move no mass, M_jj <= 1e-12 max M in all postures tried.
+
+    M holds the model's armatures and the drives' rotors, ratio^2 times. What a loop, a cylinder or
+    a force takes along moves others by it and is left out.
+
+    Args:
+        scene: the robot with its drives.
+        attached: names of the payloads carried; None takes those attached by default.
+    """
+    twin, model = scene.twin(attached), scene.model
+    rng, start = np.random.default_rng(0), scene.start_configuration
+    rotors = np.array(twin.armature)
+    for drive in scene.drives:
+        if drive.transmission is not None and drive.velocity_index >= 0:
+            gear = drive.transmission
+            rotors[drive.velocity_index] += gear.rotor_inertia * gear.ratio**2
+
+    def without(q: np.ndarray) -> np.ndarray:
+        own = np.diagonal(mass_matrices(twin, q), axis1=1, axis2=2) + rotors
+        found: np.ndarray = (own <= _NO_MASS * own.max()).all(axis=0)
+        return found
+
+    if not without(start[None]).any():
+        return np.zeros(twin.nv, dtype=bool)
+    away = rng.uniform(-np.pi, np.pi, (_POSTURES, twin.nv))
+    q = np.array([start, *(pin.integrate(model, start, one) for one in away)])
+    found = without(q)
+    if scene.linkage is not None and found.any():
+        rows = action_maps(twin, scene.linkage, *link_poses(twin, q))[1]
+        found &= ~rows.any(axis=(0, 1))
+    return found
+
+
+def massless_joints(scene: Scene) -> tuple[str, ...]:
+    """Return the names of what moves no mass even with all payloads attached; see `massless`."""
+    names = velocity_names(scene.model)
+    return tuple(names[k] for k in np.flatnonzero(massless(scene, scene.payloads)))
+
+
+def no_mass_at_all(scene: Scene) -> bool:
+    """Return whether nothing that moves has a mass, with all payloads attached."""
+    return bool(massless(scene, scene.payloads).all())
