@@ -155,14 +155,15 @@ def load_motion_of(scene: Scene, trajectory_name: str, log: ReadingOptions) -> T
 
 
 def pairs(given: Sequence[str] | None, option: str, kind: Callable[[str], Any]) -> dict[str, Any]:
-    """Return what an option gives as NAME=VALUE, by name.
+    """Return what an option gives as NAME=VALUE, by name; numbers may be listed: A=1,B=2.
 
     Raises:
         typer.BadParameter: no such pair, or a value that is not of the kind.
     """
-    found = {}
-    for text in given or ():
-        name, equals, value = text.rpartition("=")
+    found: dict[str, Any] = {}
+    listed = [one for text in given or () for one in (text.split(",") if kind is float else [text])]
+    for text in listed:
+        name, equals, value = text.strip().rpartition("=")
         try:
             found[name] = kind(value)
         except ValueError:

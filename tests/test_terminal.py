@@ -9,6 +9,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+import typer
 from cli_cases import ROOT, refused, run, told
 
 from pinfric import __version__, cli, terminal
@@ -39,6 +40,14 @@ def shell(*arguments, **options):
 def all_entries(kind):
     """A class of entries and all below it."""
     return {kind, *(one for below in kind.__subclasses__() for one in all_entries(below))}
+
+
+def test_numbers_of_an_option_may_be_listed():
+    given = ["A=1,B=2.5", "C=3", "A,B=4"]
+    assert terminal.pairs(given[:2], "--gain", float) == {"A": 1.0, "B": 2.5, "C": 3.0}
+    assert terminal.pairs(["a,b.csv=box"], "--payload", str) == {"a,b.csv": "box"}
+    with pytest.raises(typer.BadParameter, match="'A': should be NAME=VALUE"):
+        terminal.pairs(given, "--gain", float)
 
 
 def test_defect_is_one_line_unless_a_traceback_is_asked_for(files, capsys, monkeypatch):

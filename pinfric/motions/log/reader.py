@@ -30,6 +30,7 @@ from pinfric.motions.log.units import (
     slow_angles,
     time_factor,
     unwrapped_steps,
+    wrong_velocities,
 )
 from pinfric.motions.table import TrajectoryTable, mismatch_warning
 
@@ -167,6 +168,8 @@ def _to_si(
         t, position, velocity, acceleration, attached, resolution * np.abs(factors)
     )
     logged = velocity if found.velocity else None
+    if not problems and (log.recorded or not found.planned or efforts):
+        problems += wrong_velocities(named, t, position, velocity)
     if not problems and (log.recorded or not found.planned):
         notes += _compared(named, table)
         nothing = np.broadcast_to(np.nan, position.shape)

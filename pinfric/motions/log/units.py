@@ -11,6 +11,7 @@ from pinfric.model.arrays import FloatArray
 from pinfric.motions.joint_columns import LIMIT_TOLERANCE, JointColumn, listing
 from pinfric.motions.log.frame import FEWEST
 from pinfric.motions.log.reading import ANGLE_UNITS, TIME_UNITS
+from pinfric.motions.log.rows import GAP_FACTOR
 
 #: Hz; robots log at no less and no more than these.
 _SLOWEST, _FASTEST = 20.0, 20_000.0
@@ -29,6 +30,13 @@ _CRAWL = 0.02
 #: Rows for which a frozen encoder stands still; 1/s: no joint stops in less than 1/15 s from its
 #: velocity limit, nor in a like time from less.
 _FROZEN, _STOPPING = 10, 15.0
+#: Parts over which ways and integrals of velocities are compared: how many, fewest, s of each at
+#: most, fewest rows of each. A lag or a low pass of velocities hardly shows over a second.
+_PARTS, _FEWEST_PARTS, _LONGEST_PART, _FEWEST_ROWS = 40, 10, 1.0, 5
+#: What correlates less is no multiple of it, but another quantity, or noise.
+_CORRELATION = 0.95
+#: A factor between velocities and positions within this of 1 may be one of calibration.
+_CALIBRATED = 0.02
 #: s since 1970, of the years 2001 to 2096: what a clock shows.
 _EPOCH = (1e9, 4e9)
 
@@ -259,6 +267,60 @@ def frozen_angles(
                 )
                 break
     return found
+
+
+def wrong_velocities(
+    columns: Sequence[JointColumn], t: FloatArray, position: FloatArray, velocity: FloatArray
+) -> list[str]:
+    """Return one line where logged velocities are a multiple of the slopes of the positions.
+
+        int v dt = k (q(end) - q(start)) + offset    over parts of the log
+
+    Both sides have errors, so k is between the regression of either on the other: the interval
+    holds both with their 95 % intervals. Half a clock's speed makes k = 2.
+
+    Args:
+        columns: (nj,) the joints.
+        t: (T,) s.
+        position: (T, nj) rad or m, unwrapped.
+        velocity: (T, nj) as logged, rad/s or m/s; NaN where there is none.
+
+    Source: Frisch, Statistical Confluence Analysis (1934): bounds with errors in both variables.
+    """
+    from scipy.special import stdtrit
+
+    steps, found = np.diff(t), []
+    if t.size < _FEWEST_PARTS * _FEWEST_ROWS or not (steps > 0.0).all():
+        return []
+    step = float(np.median(steps))
+    rows = max(int(min(_LONGEST_PART, (t[-1] - t[0]) / _PARTS) / step), _FEWEST_ROWS)
+    edges = np.arange(0, t.size, rows)
+    first, steps = edges[:-1], steps[: edges[-1]]
+    whole = np.maximum.reduceat(steps, first) <= GAP_FACTOR * step
+    if whole.sum() < _FEWEST_PARTS:
+        return []
+    for column, q, v in zip(columns, position.T, velocity.T, strict=True):
+        means = 0.5 * (v[1:] + v[:-1])[: steps.size]
+        x, y = np.diff(q[edges])[whole], np.add.reduceat(means * steps, first)[whole]
+        x, y = x - x.mean(), y - y.mean()
+        xx, xy, yy = float(x @ x), float(x @ y), float(y @ y)
+        if not xy**2 > _CORRELATION**2 * xx * yy:  # nor where there are no velocities
+            continue
+        spread = np.sqrt(max(xx * yy / xy**2 - 1.0, 0.0) / (x.size - 2))
+        spread *= float(stdtrit(x.size - 2, 0.975))
+        one, other = xy / xx, yy / xy
+        low, high = sorted((one * (1.0 - spread), other * (1.0 + spread)))
+        k = 0.5 * (one + other)
+        if abs(k - 1.0) > max(_CALIBRATED, 0.5 * (high - low)):
+            found.append(f"{column.name} {k:.4g} [{low:.4g}, {high:.4g}]")
+    if not found:
+        return []
+    return [
+        "logged velocities are a multiple of the slopes of the positions (with its 95 % interval): "
+        f"{listing(found)}. The same one at all joints is the clock's: correct the time stamps; "
+        "else it is a unit, sign or scale: correct it in a file given by --columns, which may also "
+        "name position and effort of a joint only, if its velocities are known to be wrong"
+    ]
 
 
 def _speeds(t: FloatArray, position: FloatArray) -> list[float]:

@@ -211,7 +211,7 @@ def text_of(value: Any, display: str = "", zero: float = 0.0) -> str:
         return str(value)
     if display in ("", *DISPLAYS):
         return digits(DISPLAYS.get(display, 1.0) * value, DISPLAYS.get(display, 1.0) * zero)
-    return format(value, display)
+    return format(value, display) if math.isfinite(value) else "n/a"
 
 
 def flat(row: Any) -> dict[str, Any]:

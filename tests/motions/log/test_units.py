@@ -1,5 +1,7 @@
 """Units of a log are recognised by clear evidence; otherwise the choice is put to the person."""
 
+import re
+
 import numpy as np
 import pytest
 from log_cases import (
@@ -10,6 +12,7 @@ from log_cases import (
     V,
     arm,
     load,
+    noisy,
     refused,
     swung,
     table,
@@ -109,8 +112,45 @@ def test_a_header_of_degrees_is_right_where_radians_would_leave_the_limits(tmp_p
 def test_velocities_have_the_unit_of_their_own_header(tmp_path):
     header = [f"{n}{k}" for k in (" [deg]", " [rad/s]") for n in NAMES]
     assert not load(tmp_path, table(("t", *header), T, np.degrees(Q), V)).warnings
-    faster = load(tmp_path, table(("t", *header), T, np.degrees(Q), 57 * V))
-    assert "velocit" in str(faster.warnings)
+    said = refused(tmp_path, table(("t", *header), T, np.degrees(Q), 57 * V))
+    assert "base_turn 57 [57, 57], arm_lift 57 [57, 57]" in said
+
+
+@pytest.mark.parametrize(
+    ("clock", "factors", "noise", "named"),
+    [
+        (2.0, (1.0, 1.0), 0.0, {"base_turn": 2.0, "arm_lift": 2.0}),
+        (1.0, (1.0, -1.0), 0.0, {"arm_lift": -1.0}),
+        (1.0, (1.05, 1.0), 0.02, {"base_turn": 1.05}),
+        (1.0, (1.01, 1.0), 0.0, {}),  # by how much a gear's ratio is rounded
+        (1.0, (1.03, 1.0), 0.5, {}),  # within the interval
+        (1.0, (0.0, 0.0), 0.5, {}),  # nothing but noise is no multiple
+    ],
+)
+def test_a_factor_between_velocities_and_positions_is_named(clock, factors, noise, named, tmp_path):
+    seeded = np.random.default_rng(3)
+    text = table(
+        ("t", *NAMES, *(f"{name}/velocity" for name in NAMES)),
+        clock * T,
+        Q + 1e-5 * seeded.normal(size=Q.shape),
+        V * factors + noise * seeded.normal(size=V.shape),
+    )
+    if not named:
+        load(tmp_path, text)
+        return
+    found = re.findall(r"(\w+) (-?[\d.]+) \[(-?[\d.]+), (-?[\d.]+)\]", refused(tmp_path, text))
+    assert [name for name, *_ in found] == list(named)
+    for name, *figures in found:
+        middle, low, high = map(float, figures)
+        assert low <= named[name] <= high
+        assert middle == pytest.approx(named[name], rel=0.01)
+
+
+def test_velocities_that_lag_or_miss_rows_have_no_factor(tmp_path):
+    lag = np.column_stack((1.6 * np.cos(2 * (T - 0.03)), -0.6 * np.sin(3 * (T - 0.03))))
+    kept = np.delete(np.arange(T.size), [80, 81, 200])
+    header = ("t", *NAMES, *(f"{name}/velocity" for name in NAMES))
+    load(tmp_path, table(header, T[kept], noisy(T)[kept], lag[kept]))
 
 
 def test_a_frozen_encoder_is_named_by_its_jump(tmp_path):

@@ -112,6 +112,10 @@ def test_a_margin_below_zero_never_prints_as_zero(share, text):
     assert text_of(share, "margin") == text
 
 
+def test_what_is_not_known_is_never_printed_as_nan():
+    assert text_of(float("nan"), ".2f") == "n/a"
+
+
 # Values: numbers as reports print them.
 
 
