@@ -267,7 +267,7 @@ def paper(
     answer("paper", found, lambda: report, as_json, out, files)
 
 
-@app.command()
+@app.command(short_help="Size the drives for a cycle that repeats, or for a rating.")
 @takes_logs
 def size(
     *,

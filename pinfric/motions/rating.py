@@ -203,10 +203,10 @@ def rate(scene: Scene, given: Rating | Mapping[str, Any]) -> Rated:
             f"rating.payload: {rating.payload:g} kg is more than {_HEAVIEST:g} times the "
             f"{moving:.4g} kg of {scene.source} that move: give kg"
         )
-    payload = "rated"
-    while payload in scene.payloads:
-        payload += "_"
     load = Payload(link=link, mass=rating.payload, com=(0.0, 0.0, rating.payload_offset))
+    payload = "rated"  # `new --payload` writes the same
+    while scene.payloads.get(payload, load).model_copy(update={"attached": load.attached}) != load:
+        payload += "_"
     loaded = replace(scene, payloads={**scene.payloads, payload: load})
     arm = Arm(loaded, payload)
     speeds = arm.top_speeds(rating)

@@ -91,10 +91,10 @@ def brake_line(found: SizingSummary) -> list[str]:
 
 
 def product_lines(found: SizingSummary) -> list[str]:
-    """Return what the catalogue remarks on the products taken, in a line; none: nothing."""
+    """Return what the catalogue remarks on the products taken, a line each; none: nothing."""
     taken = (joint.installed for joint in found.joints)
     notes = dict.fromkeys(note for one in taken if one is not None for note in one.notes)
-    return [f"remarks: {'; '.join(notes)}"] if notes else []
+    return ["remarks of the catalogue:", *(f"  {note}" for note in notes)] if notes else []
 
 
 def provisional_table(found: SizingSummary) -> Table | None:
