@@ -93,8 +93,11 @@ def brake_line(found: SizingSummary) -> list[str]:
 def product_lines(found: SizingSummary) -> list[str]:
     """Return what the catalogue remarks on the products taken, a line each; none: nothing."""
     taken = (joint.installed for joint in found.joints)
-    notes = dict.fromkeys(note for one in taken if one is not None for note in one.notes)
-    return ["remarks of the catalogue:", *(f"  {note}" for note in notes)] if notes else []
+    products: dict[str, dict[str, None]] = {}  # what is remarked -> of which
+    for note in (note for one in taken if one is not None for note in one.notes):
+        name, _, said = note.partition(": ")
+        products.setdefault(said, {})[name] = None
+    return [f"{', '.join(names)}: {said}" for said, names in products.items()]
 
 
 def provisional_table(found: SizingSummary) -> Table | None:
