@@ -4,8 +4,9 @@ At rest stick has priority: a coordinate slips only if no admissible stick exist
 for the consistent modes with the fewest slipping joints. Two different accelerations with equally
 few slipping joints are ambiguous, unless exactly one of them lets all joints stick that were
 sticking until now. Up to `MOST_ENUMERATED` joints at rest all modes that kinematics allows are
-enumerated (`PossibleWays`). Beyond that, modes are followed from all stick; those found are
-consistent, but others may exist.
+enumerated (`PossibleWays`). If more rest in an open chain, those that do not depend on each other
+are searched apart (`_islands`). Beyond that, modes are followed from all stick; those found are
+consistent, but others may exist unless `_is_only` proves that there are none.
 
 A search ends after `MOST_PASSES` passes of its solves; it is then `UNDECIDED`.
 """
@@ -155,6 +156,17 @@ MOST_ENUMERATED = 8
 MOST_PASSES = 20_000
 #: Accelerations closer than this, relative to their size, are the same one.
 _SAME = 1e-6
+#: How far below 1 a bound has to be to prove something.
+_CERTAIN = 1e-3
+#: Outcomes of several searches: the last of them here is that of all.
+_GRAVITY = (
+    Found.SOLVED,
+    Found.UNSTABLE,
+    Found.AMBIGUOUS,
+    Found.UNDECIDED,
+    Found.NOT_CONVERGED,
+    Found.NONE,
+)
 #: Passes of the search: a constant, and a number per coordinate.
 _CHANGES, _FOR_EACH = 60, 20
 #: A ball's direction that turns by no more than this stays. Where it turns by less than `_NEARLY`,
@@ -174,7 +186,8 @@ class Count:
     """What a search counted.
 
     Attributes:
-        many: how many answers, and how many of them are stable.
+        many: how many answers, and how many of them are stable; 0 where one was found and others
+            may exist.
         tried: in how many modes it looked for them.
         unsure: whether gears allow more choices than are tried, so that there may be others.
     """
@@ -199,12 +212,13 @@ class _Query:
         left: passes.
         every: whether all solutions of given modes are wanted, where there may be several.
         unsure: whether the search for all solutions of some modes reached its limit.
+        proved: whether the answer found is known to be the only one.
     """
 
     def __init__(
         self, problem: Problem, modes: Modes, mechanism: Mechanism, count: Count, every: bool
     ) -> None:
-        self.every, self.left, self.unsure = every, MOST_PASSES, False
+        self.every, self.left, self.unsure, self.proved = every, MOST_PASSES, False, True
         self.problem, self.modes, self.mechanism = problem, modes, mechanism
         self.count, self.found = count, list[Answer]()
         count.many, count.tried, count.unsure = (0, 0), 0, False
@@ -329,6 +343,8 @@ def search(
             break
         modes.at_rest[:] = at_rest
         modes.direction[passing] = np.sign(modes.rate[passing])
+    if found == Found.SOLVED and not query.proved:
+        query.count.many = 0, 0
     return query.sure(found)
 
 
@@ -341,25 +357,113 @@ def _led(problem: Problem, modes: Modes, mechanism: Mechanism) -> np.ndarray:
 
 
 def _search_open(query: _Query, forced: dict[int, float], held: np.ndarray | None) -> Found:
-    """Find the modes of coordinates at rest if no joint passes its dead centre; see `search`."""
+    """Find the modes of coordinates at rest if no joint passes its dead centre; see `search`.
+
+    Where too many rest, each island alone while the others stick: its answers do not depend on
+    theirs.
+    """
+    problem, modes, rests = query.problem, query.modes, query.modes.at_rest.copy()
+    many_rest = len(query.mechanism.joints(rests)) > MOST_ENUMERATED
+    islands = _islands(problem, rests) if many_rest and not query.mechanism.closed else []
+    if len(islands) < 2:
+        return _search_island(query, forced, held)
+    answer, worst, figures, many = modes.copy(), Found.SOLVED, modes.figures, (0, 0)
+    for island in islands:
+        modes.stuck[rests], modes.direction[rests], modes.at_rest[:] = True, 0.0, island
+        ways = {c: way for c, way in forced.items() if island[c]}
+        query.count.many = 0, 0
+        found = _search_island(query, ways, None if held is None else held & island)
+        answer.stuck[island] = modes.stuck[island]
+        answer.direction[island] = modes.direction[island]
+        if _GRAVITY.index(found) > _GRAVITY.index(worst):
+            worst, figures, many = found, modes.figures.copy(), query.count.many
+    modes.at_rest[:] = rests
+    if worst != Found.SOLVED:
+        modes.figures[:], query.count.many = figures, many
+        return worst
+    modes.take(answer)
+    return query.end(*query.answer())
+
+
+def _islands(problem: Problem, rests: np.ndarray) -> list[np.ndarray]:
+    """(nc,) bool each: coordinates at rest that depend on each other, and on none of the others.
+
+    Gears that lock themselves are not split: the lines they are on are chosen together.
+    """
+    if problem.gear_rotor.shape[0] and problem.gear_lines[:, :2, :, 0].min() <= 0.0:
+        return [rests]
+    found = np.unique(_dependent(problem), axis=0) & rests
+    return [island for island in found if island.any()]
+
+
+def _dependent(problem: Problem) -> np.ndarray:
+    """(nc, nc) bool: which coordinates depend on each other, through rates, loads or others."""
+    linked = problem.rate_slope != 0.0
+    owner = problem.coordinate[problem.contact_entry]
+    np.logical_or.at(linked, owner, (problem.contact[:, 1:] != 0.0).any(axis=2))
+    linked |= linked.T | np.eye(len(linked), dtype=bool)
+    while (wider := linked @ linked).sum() > linked.sum():
+        linked = wider
+    return linked
+
+
+def _search_island(query: _Query, forced: dict[int, float], held: np.ndarray | None) -> Found:
+    """`_search_open` of coordinates at rest that depend on each other."""
     modes, mechanism = query.modes, query.mechanism
     rests, together = modes.at_rest, mechanism.is_dependent(modes.at_rest)
     if not rests.any():
         query.count.tried += 1
         return query.end(*query.answer())
     if len(mechanism.joints(rests)) > MOST_ENUMERATED:
-        _stick(modes, mechanism, forced)
-        return _follow(query, set(forced))
+        return _pivot(query, forced)
     found = _enumerate(query, forced, held)
     if found == Found.UNDECIDED:
         query.left = MOST_PASSES
-        _stick(modes, mechanism, forced)
-        found = _follow(query, set(forced))
+        found = _pivot(query, forced)
         return found if found == Found.SOLVED else Found.UNDECIDED
     if together and forced and found in (Found.NONE, Found.NOT_CONVERGED):
         # the direction of break-away was a guess: a slow joint's friction may act with the motion
         found = _enumerate(query, {}, held, fewest=1)
     return found
+
+
+def _pivot(query: _Query, forced: dict[int, float]) -> Found:
+    """Follow modes from all stick; the answer is the only one if none breaks away beside `forced`.
+
+    It is then the one with the fewest slipping joints. Else it has to be proved.
+    """
+    modes = query.modes
+    _stick(modes, query.mechanism, forced)
+    found = _follow(query, set(forced))
+    moves = query.mechanism.joints(modes.at_rest & ~modes.stuck)
+    if len(moves) > len(query.mechanism.joints(np.isin(np.arange(len(modes.stuck)), [*forced]))):
+        query.proved &= not query.mechanism.closed and _is_only(query.problem, modes.at_rest)
+    return found
+
+
+def _is_only(problem: Problem, rests: np.ndarray) -> bool:
+    """Return whether all answers are one, whichever modes they have, of an open chain.
+
+    Two answers x + d and x obey d_c (R d)_c <= |(R d)_c| |L_c(x + d) - L_c(x)| in each coordinate,
+    sticking or slipping, if static limits L equal sliding friction. |L_c(x + d) - L_c(x)| is at
+    most a_c |d|_R, with a_c = sum mu |P_t R^-1/2| over its contact forces. The sum over all
+    coordinates is |d|_R^2 <= sqrt(a^T |R| a) |d|_R^2: below 1 there is only d = 0.
+    """
+    here = rests[problem.coordinate]
+    same = (problem.mu_slip, problem.mu_stick), (problem.coulomb_slip, problem.coulomb_stick)
+    if problem.gear_rotor.shape[0] or problem.drag[here].any():
+        return False
+    if any((slip[here] != stick[here]).any() for slip, stick in same):
+        return False
+    near = _dependent(problem)[rests].any(axis=0)
+    R, entry = problem.rate_slope[np.ix_(near, near)], problem.contact_entry
+    size, axes = np.linalg.eigh(R)
+    if not size[0] > RANK * size[-1]:
+        return False
+    P = (axes / np.sqrt(size)).T @ problem.contact[:, 1:][:, near]
+    grows = np.linalg.norm(P, ord=2, axis=(1, 2)) * (np.abs(problem.ratio) * problem.mu_slip)[entry]
+    a = np.bincount(problem.coordinate[entry], grows, len(near))[near]
+    return bool(np.sqrt(a @ np.abs(R) @ a) < 1.0 - _CERTAIN)
 
 
 def _stick(modes: Modes, mechanism: Mechanism, ways: Mapping[int, float]) -> None:

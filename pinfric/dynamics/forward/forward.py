@@ -51,7 +51,8 @@ class Instant(NamedTuple):
             torques after the losses of the gears.
         driving: (na,) int8, of gears that move: 1 where the motor drives, -1 where the load does.
         answers: how many accelerations obey the laws (`friction/gears.py`); of several this is the
-            only stable one.
+            only stable one. 0: one was found, others may exist: not all modes were tried, as where
+            more than eight joints at rest depend on each other, and nothing proves it the only one.
     """
 
     a: np.ndarray
@@ -88,7 +89,9 @@ class Instant(NamedTuple):
                 "contraction": f"{self.contraction:.4g}",
                 "answers": f"{self.answers}, this is the stable one; driving {some(self.driving)}"
                 if self.answers > 1
-                else "",
+                else ""
+                if self.answers
+                else "one was found, others may exist",
             },
         )
 

@@ -8,6 +8,7 @@ import pytest
 from builders import (
     block,
     chain,
+    dry,
     guided,
     lump,
     plane_friction,
@@ -17,6 +18,7 @@ from builders import (
     sliding_block,
 )
 from mechanisms import pin_friction, shifted
+from scipy.optimize import lsq_linear
 
 import pinfric as pf
 from pinfric.errors import (
@@ -433,3 +435,51 @@ def test_a_wrong_batch_names_its_sample(change, says):
     given = {"q": np.ones((3, 1)), "v": np.ones((3, 1)), "effort": np.ones((3, 1))} | change
     with pytest.raises(StateError, match=says):
         pf.forward_dynamics(pf.load_scene("pendulum"), **given)
+
+
+def two_on_one_mass(others: int) -> pf.Scene:
+    """Two sliders that push one mass along x, masses 1 kg, and others beside them, all dry."""
+    body = lump(1.0)
+    model = chain(("a", pin.JointModelPX(), body), ("b", pin.JointModelPX(), body), gravity=0.0)
+    for i in range(others):
+        joint = model.addJoint(0, pin.JointModelPY(), pin.SE3.Identity(), f"c{i}")
+        model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+    return pf.Scene(model=model, friction=dict.fromkeys(model.names[1:], dry(2.0, 1.0)))
+
+
+@pytest.mark.parametrize("others", [0, 6, 7, 10, 14])
+def test_the_verdict_does_not_depend_on_what_rests_elsewhere(others):
+    """By hand: 2.5 N on each breaks away one of two, a = (0, 1.5) or (0.75, 0); 3.5 N only b.
+
+    With a at rest, b moves by (F - 1) / 1, and a holds F - (F - 1) = 1 N less than 2. With b at
+    rest, a moves by (F - 1) / 2, and b has to hold F - (F - 1) / 2: 1.75 N of 2.5, 2.25 N of 3.5.
+    """
+    scene = two_on_one_mass(others)
+    still, push = np.zeros(2 + others), np.eye(2 + others)[:2].sum(axis=0)
+    with pytest.raises(AmbiguousAcceleration, match="'a': 2 in"):
+        pf.forward_dynamics(scene, still, still, 2.5 * push)
+    push[2:] = 3.0  # every other one breaks away, too
+    found = pf.forward_dynamics(scene, still, still, push * ([3.5, 3.5] + [1.0] * others))
+    np.testing.assert_allclose(found.a, [0.0, 2.5] + [2.0] * others, atol=1e-12)
+    assert found.answers == 1
+
+
+@pytest.mark.parametrize(("static", "answers"), [(1.0, 1), (1.3, 0)])
+def test_beyond_what_is_enumerated_an_answer_is_one_only_where_that_is_proved(static, answers):
+    """Twelve sliders one behind the other: static = kinetic is a convex problem, by SciPy."""
+    n, body = 12, lump(1.0)
+    links = [(f"s{i}", pin.JointModelPX(), body) for i in range(n)]
+    scene = pf.Scene(
+        model=chain(*links, gravity=0.0),
+        friction={name: dry(static, 1.0) for name, *_ in links},
+    )
+    push = np.random.default_rng(3).normal(scale=2.0, size=n)
+    found = pf.forward_dynamics(scene, np.zeros(n), np.zeros(n), push)
+    assert found.answers == answers
+    assert ("others may exist" in repr(found)) == (answers == 0)
+    still = pf.forward_dynamics(scene, np.zeros(n), np.zeros(n), 0.1 * push)
+    assert (still.answers, still.a.any()) == (1, False)  # none that breaks away: no fewer do
+    if static == 1.0:
+        L = np.linalg.cholesky(np.linalg.inv(pin.crba(scene.model, scene.model.createData(), push)))
+        least = lsq_linear(L.T, -L.T @ push, (-1.0, 1.0), method="bvls", tol=1e-14)
+        np.testing.assert_allclose(found.friction, least.x, atol=1e-6)
