@@ -55,7 +55,8 @@ def test_every_robot_that_loads_gets_a_scene_that_runs(urdf, tmp_path):
     scene_file, way_file = write_new(urdf, tmp_path)
     scene = pf.load_scene(scene_file)
     one_axis = [joint for joint in scene.model.joints[1:] if joint.nv <= 1]
-    assert len(scene.sites) == len(one_axis) > 0
+    massless = scene_file.read_text().count("moves no mass; its friction")
+    assert len(scene.sites) + massless == len(one_axis) > 0
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", PinfricWarning)
         trajectory = pf.load_trajectory(way_file, scene)
@@ -299,8 +300,8 @@ def test_example_of_a_drive_names_a_joint_that_can_have_one(tmp_path):
 
 def test_robot_that_moves_no_mass_gets_no_simulation_that_would_fail(tmp_path):
     urdf = chain(tmp_path, ("j", "revolute", LEVEL + limits(-1, 1)), body="")
-    assert "simulation" not in entries(urdf)
-    assert "moves no mass" in new_scene(urdf)
+    assert entries(urdf).keys() == {"pinfric", "robot", "friction"}
+    assert "j: moves no mass" in new_scene(urdf)
     assert np.ptp(first_motion(urdf, tmp_path).q) > 0
 
 
