@@ -571,6 +571,12 @@ def identify(
         list[str] | None,
         typer.Option(metavar="LOG=NAME", help="A payload of the scene that this log carries."),
     ] = None,
+    without: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="JOINT,...", help="Joints whose friction is not fitted: efforts unusable."
+        ),
+    ] = None,
     held_out: Annotated[
         list[str] | None,
         typer.Option(metavar="LOG", help="A log that is predicted only, not fitted."),
@@ -587,6 +593,8 @@ def identify(
     names = "scene.yaml", "robot.urdf", "posterior.csv", "sweep.yaml", "advice.waypoints.yaml"
     pages, later = ("report.html", "summary.json"), [*logs, *(held_out or ()), log.columns]
     scene, _ = load(scene_name, out=out, names=(*names, *pages), later=later)
+    from dataclasses import replace
+
     from pinfric.identification.files import identified_files
     from pinfric.identification.identify import identify as find
     from pinfric.identification.summary import identify_summary
@@ -602,7 +610,9 @@ def identify(
             inertia=inertia,  # type: ignore[arg-type]  # checked there
             payloads=pairs(payload, "--payload", str),
             held_out=held_out or (),
-            options=log,
+            options=replace(
+                log, without=[name.strip() for x in without or () for name in x.split(",")]
+            ),
             progress=report,
         )
     read.extend(logs)

@@ -57,7 +57,7 @@ def check_efforts(scene: Scene, rows: Sequence[Rows], given: Collection[str]) ->
         if np.ptp(one.effort) <= _CONSTANT * np.abs(one.effort).max():
             problems.append(
                 f"joint {name}: its effort is always {one.effort[0]:.3g}, so it was not "
-                "measured; log it, or lock the joint (robot: locked)"
+                f"measured; log it, or leave its friction out: --without {name}"
             )
         elif slope < 0.0 and correlation < -_CORRELATION:
             problems.append(

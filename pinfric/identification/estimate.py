@@ -82,6 +82,7 @@ class Question:
         keep_inertias: the URDF's are right.
         laws: joint -> its law, where it is not to be chosen.
         gains: joints whose efforts' unit a person has said.
+        without: joints whose efforts were left out.
     """
 
     scene: Scene
@@ -90,6 +91,7 @@ class Question:
     keep_inertias: bool = False
     laws: Mapping[str, Law] = field(default_factory=dict)
     gains: Collection[str] = ()
+    without: Collection[str] = ()
 
     @property
     def motor(self) -> bool:

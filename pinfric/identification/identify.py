@@ -112,7 +112,7 @@ def identify(
         payloads: log's name, or its path as in `logs` where several logs have that name -> payload
             of the scene that it carries throughout.
         held_out: further logs, which are only predicted.
-        options: what a person says about columns, units and cutoff.
+        options: what a person says about columns, units, cutoff, and joints without usable efforts.
         seed: of the posterior's draws.
         progress: called with the number of finished steps and of all.
 
@@ -140,7 +140,9 @@ def identify(
         tuple(replace(one, effort=one.effort * factors) for one in read)
         for read in (recordings, unseen)
     )
-    question = Question(scene, recordings, effort_at, inertia == "keep", laws or {}, gain or {})
+    question = Question(
+        scene, recordings, effort_at, inertia == "keep", laws or {}, gain or {}, options.without
+    )
     found = estimate(question, progress or (lambda done, total: None))
     return _identified(found, unseen, seed)
 

@@ -252,14 +252,18 @@ def _of_masses(found: Estimate) -> list[str]:
 
 def _of_motion(found: Estimate, slid: Sequence[int]) -> dict[str, list[str]]:
     """What the motion does not show."""
-    names, other = found.scene.joint_names, "the Coulomb friction of the other direction is used"
+    names, without = found.scene.joint_names, found.question.without
+    other = "the Coulomb friction of the other direction is used"
 
     def hardly(sign: float) -> list[str]:
         return [names[j] for j in slid if (sign * found.rows[j].velocity > 0.0).sum() < FEWEST_ROWS]
 
     return {
+        "left out by --without, keeps the scene's friction": [
+            name for name in names if name in without
+        ],
         "never slides, keeps the scene's friction": [
-            name for j, name in enumerate(names) if j not in slid
+            name for j, name in enumerate(names) if j not in slid and name not in without
         ],
         f"hardly slides forward, {other}": hardly(1.0),
         f"hardly slides backward, {other}": hardly(-1.0),

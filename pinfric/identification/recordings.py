@@ -143,6 +143,13 @@ def read_recordings(
         TrajectoryError: a log cannot be read or does not fit the robot.
     """
     names = scene.joint_names
+    for name in options.without:
+        if name not in names:
+            raise IdentificationError(
+                f"without: there is no joint {name!r}; {choose_from(name, names)}"
+            )
+    if set(options.without) >= set(names):
+        raise IdentificationError("without: names every joint, so nothing is left to identify")
     for name in gain:
         if name not in names:
             raise IdentificationError(
@@ -192,16 +199,18 @@ def _read(
         raise IdentificationError(
             f"{name}: {reading.samples} samples can be used; at least {_FEWEST} are needed"
         )
-    missing = [joint for joint in scene.joint_names if joint not in reading.effort]
+    measured = [joint for joint in scene.joint_names if joint not in options.without]
+    missing = [joint for joint in measured if joint not in reading.effort]
     if missing:
         raise IdentificationError(
             f"{name}: no measured effort of {', '.join(missing)}; name the columns by --columns "
-            "FILE (currents with `effort_scale`, N m per A), or convert currents by --gain "
-            "(N m per A)"
+            "FILE (currents with `effort_scale`, N m per A), convert currents by --gain (N m per "
+            f"A), or leave their friction out: --without {','.join(missing)}"
         )
-    effort = np.column_stack(
-        [gain.get(joint, 1.0) * reading.effort[joint] for joint in scene.joint_names]
-    )
+    effort = np.full((trajectory.t.size, len(scene.joint_names)), np.nan)
+    for joint in measured:
+        own = gain.get(joint, 1.0) * reading.effort[joint]
+        effort[:, scene.joint_names.index(joint)] = own
     step = float(np.median(np.diff(trajectory.t)))
     if reading.uncertain is not None:
         noise = reading.uncertain.velocity

@@ -379,8 +379,15 @@ def read_trajectory(
     def choose(names: Sequence[str], wrong: list[str]) -> tuple[JointColumn, ...]:
         return named_columns(scene, columns, names, wrong)
 
+    robot = getattr(scene, "robot", None)  # none of a model made in Python
     named, table, reading = read_log(
-        source, columns, list(scene.payloads), choose, options, problems
+        source,
+        columns,
+        list(scene.payloads),
+        choose,
+        options,
+        problems,
+        robot.locked if robot else {},
     )
     found = _from_table(name, scene, columns, named, table, problems, reading.filtered)
     return replace(found, reading=reading, warnings=(*reading.notes, *found.warnings))

@@ -50,6 +50,8 @@ def test_a_payload_is_of_the_log_at_its_path(tmp_path):
         ({"gain": {NAMES[2]: np.nan}}, "should be finite, not zero"),
         ({"payloads": {"log": "box"}}, "has no payload 'box'"),
         ({"payloads": {"lgo": "box"}}, "there is no log 'lgo'"),
+        ({"options": ReadingOptions(without=["elbow"])}, "without: there is no joint 'elbow'"),
+        ({"options": ReadingOptions(without=NAMES)}, "nothing is left to identify"),
         ({"effort_at": "shaft"}, "--effort-at shaft"),
         ({"inertia": "new"}, "--inertia new"),
         ({"laws": {"elbow": Law()}}, "there is no joint 'elbow'"),
@@ -130,6 +132,49 @@ def test_a_gain_makes_efforts_of_logged_currents(tmp_path):
     np.testing.assert_allclose(found[0].effort, direct[0].effort, rtol=1e-6, atol=1e-6)
     with pytest.raises(IdentificationError, match=r"no measured effort.*--gain"):
         read_recordings(guess(3), [path], {}, {}, ReadingOptions())
+
+
+def test_joints_without_usable_efforts_are_left_out_and_still_move(tmp_path):
+    """Their columns are empty; the other joints' friction is that of the whole log."""
+    one, given = short(), {"laws": PLAIN, "inertia": "keep"}
+    header = [*NAMES, *(f"{name}/effort" for name in NAMES)]
+    path = write_csv(tmp_path / "log.csv", one.t, header, np.hstack((one.q, one.effort)), "%.17g")
+    rows = path.read_text().splitlines()
+    path.write_text("\n".join([rows[0], *(row.rsplit(",", 2)[0] + ",," for row in rows[1:])]))
+    with pytest.raises(pf.errors.TrajectoryError):
+        pf.identify(truth(), path, **given)
+    found = pf.identify(truth(), path, options=ReadingOptions(without=NAMES[4:]), **given)
+    whole = pf.identify(truth(), one, **given)
+    assert set(found.laws) == set(NAMES[:4])
+    assert {p.joint for p in found.parameters} == set(NAMES[:4])
+    for name in NAMES[4:]:
+        assert found.scene.friction[name] == truth().friction[name]
+    same = {p.key: p.value for p in whole.parameters}
+    for p in found.parameters:
+        assert p.value == pytest.approx(same[p.key], rel=0.02, abs=0.02)
+    said = f"left out by --without, keeps the scene's friction: {', '.join(NAMES[4:])}"
+    assert said in found.notes
+    assert not any("never slides" in line for line in found.notes)
+
+
+@pytest.mark.filterwarnings("ignore:.*(columns not used|above its velocity limit)")
+@pytest.mark.parametrize(("way", "refused"), [(0.7, True), (0.01, False)])
+def test_a_joint_that_the_scene_locks_and_that_moves_is_refused(way, refused, tmp_path):
+    urdf = "example-robot-data:ur_description/urdf/ur10_robot.urdf"
+    text = f"pinfric: 1\nrobot: {{urdf: '{urdf}', locked: {{{NAMES[4]}: 0.5}}}}\n"
+    (tmp_path / "ur10.yaml").write_text(text)
+    q = excitation(3, 4.0, 100.0).q
+    q[:, 4] = 0.5 + way * np.sin(np.arange(len(q)) / 50.0)
+    path = write_csv(tmp_path / "log.csv", np.arange(len(q)) / 100.0, NAMES, q)
+    scene = pf.load_scene(tmp_path / "ur10.yaml")
+    if not refused:
+        pf.load_trajectory(path, scene)
+        return
+    said = (
+        rf"joint {NAMES[4]}: the scene locks it at 0.5, .* from -0.2 to 1.2,.*--without {NAMES[4]}"
+    )
+    with pytest.raises(pf.errors.TrajectoryError, match=said):
+        pf.load_trajectory(path, scene)
 
 
 @pytest.mark.slow

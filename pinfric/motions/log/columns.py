@@ -193,7 +193,7 @@ def find_columns(
         if match and match[2].lower() == "name":
             numbered[next(x for x in match.groups()[2:] if x is not None)] = cell.strip()
     for column in dict.fromkeys(header):
-        meaning = _meaning(column, names, numbered)
+        meaning = meaning_of(column, names, numbered)
         if column.startswith(PAYLOAD):
             short = column.removeprefix(PAYLOAD)
             if short in payloads:
@@ -274,8 +274,16 @@ def _in_words(column: str) -> str:
     return f"{column[: unit.start()]}/{meant}" if unit and meant else column
 
 
-def _meaning(column: str, names: Sequence[str], numbered: dict[str, str]) -> tuple[str, str] | None:
-    """The joint and the quantity that a column's name says."""
+def meaning_of(
+    column: str, names: Sequence[str], numbered: dict[str, str]
+) -> tuple[str, str] | None:
+    """Return the joint and the quantity that a column's name says.
+
+    Args:
+        column: its name.
+        names: of joints.
+        numbered: number -> joint, of columns that only number the joints.
+    """
     if len(column) > _LONGEST_NAME:
         return None
     column = _in_words(column)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
@@ -15,7 +16,14 @@ from pinfric.model.inputs import note_input
 from pinfric.model.yamlfile import brief
 from pinfric.motions.joint_columns import JointColumn, listing, refuse
 from pinfric.motions.log.bags import is_bag, open_bag
-from pinfric.motions.log.columns import PAYLOAD, Columns, Use, find_columns, read_mapping
+from pinfric.motions.log.columns import (
+    PAYLOAD,
+    Columns,
+    Use,
+    find_columns,
+    meaning_of,
+    read_mapping,
+)
 from pinfric.motions.log.csv_file import open_csv
 from pinfric.motions.log.files import open_matlab, open_parquet
 from pinfric.motions.log.frame import Log, LogFrame, OpenedLog
@@ -38,6 +46,9 @@ from pinfric.motions.table import TrajectoryTable, mismatch_warning
 SUFFIXES = (".csv", ".tsv", ".txt", ".csv.gz", ".parquet", ".mat", ".db3", ".mcap")
 
 
+#: rad or m: a joint that goes no farther, as a gripper's finger, is locked nearly where it is.
+_LOCKED_WAY = 0.05
+
 #: What a file with samples says: the joints it names, their table, how it was read.
 Logged = tuple[tuple[JointColumn, ...], TrajectoryTable, Reading]
 
@@ -49,6 +60,7 @@ def read_log(
     choose: Callable[[Sequence[str], list[str]], tuple[JointColumn, ...]],
     options: ReadingOptions,
     problems: list[str],
+    locked: Mapping[str, float] = MappingProxyType({}),
 ) -> Logged:
     """Read a CSV, Parquet or MATLAB file, a bag, or arrays.
 
@@ -59,6 +71,7 @@ def read_log(
         choose: names of the joints that have positions, problems -> the joints that must have.
         options: what the person said.
         problems: everything wrong in the file is appended here.
+        locked: joint -> where the scene fixes it, rad or m.
 
     Raises:
         TrajectoryError: the file cannot be opened, or holds nothing to compute with.
@@ -72,6 +85,7 @@ def read_log(
         log.header, log.first, joints, payloads, mapping, problems, options.currents
     )
     options = replace(options, unit=options.unit or (mapping.unit if mapping else None))
+    found.effort = {x: use for x, use in found.effort.items() if x not in options.without}
     named = choose(list(found.position), problems)
     missing = [column.name for column in named if column.name not in found.position]
     others = listing(map(brief, found.ignored))
@@ -86,6 +100,8 @@ def read_log(
         refuse(name, problems)
     notes = [*log.notes, *found.notes, *([f"columns not used: {others}"] if others else [])]
     samples, efforts = _to_si(name, log, found, named, options, problems, notes)
+    unit = options.unit or next(iter(found.position.values())).unit or "rad"
+    problems += _moving_though_locked(log, found.ignored, locked, ANGLE_UNITS[unit])
     if not problems:
         samples = smooth(samples, regularise(samples), options)
         if samples.reading.filtered and found.planned and found.velocity and not log.recorded:
@@ -183,6 +199,27 @@ def _to_si(
     )
     recorded, rows = log.recorded or bool(found.effort), np.arange(t.size, dtype=np.float64)
     return Samples(named, table, rows, reading, problems, recorded, logged), efforts
+
+
+def _moving_though_locked(
+    log: OpenedLog, columns: Sequence[str], locked: Mapping[str, float], factor: float
+) -> list[str]:
+    """Return a line for each joint that the scene fixes, and that moves in the log."""
+    found = []
+    for column in columns:
+        joint, quantity = meaning_of(column, tuple(locked), {}) or ("", "")
+        if quantity != "position":
+            continue
+        q = factor * log.read([column], []).values[:, 0]
+        q = q[np.isfinite(q)]
+        if q.size and np.ptp(q) > _LOCKED_WAY:
+            found.append(
+                f"joint {joint}: the scene locks it at {locked[joint]:g}, but in the log it moves "
+                f"from {q.min():.4g} to {q.max():.4g}, which loads its neighbours: take it out of "
+                f"`robot: locked` (`identify --without {joint}` needs no effort of it), or leave "
+                "its column out of the log if what it moves weighs nothing"
+            )
+    return found
 
 
 def _finish(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -73,6 +73,8 @@ class ReadingOptions:
         cutoff: Hz of the low pass on every joint, or "none": positions are taken as they are.
         thinning: which samples of a filtered recording are kept; None keeps all.
         currents: joints whose current, where no effort is logged, is read as their effort.
+        without: joints whose efforts are not read: `identify` lets them move as logged, and keeps
+            the scene's friction.
 
     Raises:
         TrajectoryError: a unit that there is not, a cutoff that is not positive.
@@ -84,8 +86,10 @@ class ReadingOptions:
     cutoff: float | str | None = None
     thinning: Thinning | None = None
     currents: frozenset[str] = frozenset()
+    without: Collection[str] = frozenset()
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "without", frozenset(self.without))
         for option, value, units in (
             ("unit", self.unit, ANGLE_UNITS),
             ("time-unit", self.time_unit, TIME_UNITS),
