@@ -635,7 +635,7 @@ class _Sizing:
         try:
             return stop(report.scene, self._one_cycle(report.scene)), ""
         except StopError as problem:
-            return None, str(problem)
+            return None, of_products(str(problem), report.joints)
 
     def _one_cycle(self, scene: Scene) -> Trajectory:
         """The cycle of a duty of one, without a rating, as a motion of a scene."""
@@ -906,6 +906,24 @@ class _Sizing:
                 "strain wave gear, and a gear with `motors` one of these"
             )
         return f"{self.catalog.source} has no gear with a {output} output"
+
+
+def of_products(why: str, joints: Sequence[JointSizing]) -> str:
+    """Return why a stop cannot be judged, where a brake is missing with the product that lacks it.
+
+    The scene may have one: what has none is the drive that was chosen.
+
+    Args:
+        why: a `StopError` of the scene with the chosen drives.
+        joints: with these.
+    """
+    for joint in joints:
+        if joint.installed is not None and not joint.installed.candidate.brake:
+            given, product = f"actuators ({joint.name})", joint.installed.candidate.name
+            lacks = f"{joint.name}: {product}, chosen for it, has no brake"
+            why = why.replace(f"{given}: has no brake", lacks)
+            why = why.replace(f"it has no brake: give {given}", f"{lacks}: give {given}")
+    return why
 
 
 def brakes_of(catalog: Catalog, scene: Scene) -> dict[str, Brake]:

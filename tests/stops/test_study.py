@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from stop_cases import ARM, arm, turntable
 import pinfric as pf
 from pinfric.drives.criterion import Status
 from pinfric.errors import StopError, TrajectoryError
+from pinfric.sizing.size import of_products
 from pinfric.stops.machines import Kind
 from pinfric.stops.peaks import braking
 from pinfric.stops.search import Case, Cycle
@@ -326,6 +329,29 @@ def test_what_is_missing_is_named_with_what_to_give():
         braked(deceleration={"lift": 1.0, "elbow": 1.0})
     with pytest.raises(pf.PinfricError, match=r"torque_max 1 N m is less than torque 2 N m"):
         without(scene, brake={"torque": 2.0, "torque_max": 1.0})
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"brake": None}, r"lift: M [+] G, chosen for it, has no brake, and carrying nothing its"),
+        (  # light and without losses: nothing stops it
+            {"brake": None, "efficiency": 1.0, "back_efficiency": 1.0, "no_load_torque": 0.0},
+            r"lift: M [+] G, chosen for it, has no brake",
+        ),
+    ],
+)
+def test_a_missing_brake_is_that_of_the_chosen_product(change, says):
+    """The scene may have one: what lacks it is what `size` chose."""
+    scene = braked()
+    with pytest.raises(StopError) as caught:
+        pf.stop(without(scene, **change), swing(scene, 5))
+    chosen = SimpleNamespace(candidate=SimpleNamespace(brake="", name="M + G"))
+    joints = [SimpleNamespace(name=n, installed=chosen) for n in scene.actuator_names]
+    assert re.search(says, of_products(str(caught.value), joints))
+    braked_joint = SimpleNamespace(candidate=SimpleNamespace(brake="B", name="M + G"))
+    others = [SimpleNamespace(name=n, installed=braked_joint) for n in scene.actuator_names]
+    assert of_products(str(caught.value), others) == str(caught.value)
 
 
 def test_losses_scale_exactly():
