@@ -12,7 +12,7 @@ from pinfric.identification.columns import FEWEST_ROWS
 from pinfric.identification.delay import other_delays
 from pinfric.identification.estimate import Estimate, scale_is_known
 from pinfric.identification.inertias import mass_changes
-from pinfric.identification.laws import BACKWARD, FORWARD
+from pinfric.identification.laws import BACKWARD, FORWARD, INERTIA, K
 from pinfric.identification.misfit import Misfit, uneven
 from pinfric.identification.normal import residuals
 from pinfric.identification.parameters import Parameter
@@ -25,6 +25,8 @@ from pinfric.motions.summary import effort_unit
 _FAST = 0.2
 #: A fit that leaves a larger share of an effort lacks something.
 _MISSED = 0.1
+#: A motor's friction is a larger share of its effort than this.
+_LEAST_FRICTION = 0.01
 #: Share of the time at rest in which an effort should be within the interval.
 _HELD_INSIDE = 0.985
 #: How much larger an error may be than that of least squares without a word.
@@ -101,6 +103,11 @@ def notes(
             for j, rows, off in fitted
             if off @ off > _MISSED**2 * (rows.effort @ rows.effort)
         ],
+        f"its effort holds no friction (below {100 * _LEAST_FRICTION:.0f} %), so it is a model's "
+        "or measured behind the gear (--effort-at joint): log the motor's, or leave its friction "
+        "out (--without)": [
+            names[j] for j in slid if found.question.motor and _frictionless(found, j)
+        ],
         f"efforts at rest are within the interval for less than {100 * _HELD_INSIDE:g} % of the "
         "time, so static friction or the rigid effort is wrong": [
             f"{names[j]} {100 * rest[names[j]].inside:.1f} %"
@@ -111,6 +118,15 @@ def notes(
     doubts = _by_joint(contradicting) + _misfits(found, shapes) + _delays(found)
     doubts += [] if found.question.keep_inertias else _by_joint(_of_links(found))
     return Notes(tuple(doubts), tuple(lines))
+
+
+def _frictionless(found: Estimate, joint: int) -> bool:
+    """Whether the links and the rotor alone make a joint's effort."""
+    rows, fit = found.rows[joint], found.fit
+    left = residuals(rows, fit, joint)
+    friction = rows.slots @ np.where(np.arange(K) == INERTIA, 0.0, fit.slots[joint])
+    size = float(rows.effort @ rows.effort)
+    return bool(friction @ friction < _LEAST_FRICTION**2 * size and left @ left < _MISSED**2 * size)
 
 
 def _by_joint(what: Mapping[str, list[str]]) -> list[str]:

@@ -1,5 +1,6 @@
 """Notes: what was read, and what the log cannot tell."""
 
+from dataclasses import replace
 from io import StringIO
 from types import SimpleNamespace
 
@@ -12,6 +13,7 @@ from identify_cases import (
     excitation,
     guess,
     motor_effort,
+    robot,
     short,
     truth,
 )
@@ -60,6 +62,17 @@ def test_what_holds_do_not_show_is_said_of_those_joints_alone():
     rest = {name: RestBound(2.0 * (name != "never"), 1.0, 1.0, 1.0) for name in names}
     said = _of_rest(found, [0, 1, 2], rest, {(2, BACKWARD): None})
     assert list(said.values()) == [["never"], ["held"]]
+
+
+def test_a_joint_whose_effort_is_a_models_is_named():
+    """Its effort is that of the rigid body alone, and lags by nothing."""
+    motion, effort = excitation(0, 20.0, 100.0), short().effort.copy()
+    rigid = pf.inverse_dynamics(robot(), motion.q, motion.v, motion.a, t=motion.t)
+    effort[:, 4] = rigid.effort_frictionless[:, 4]
+    given = {"inertia": "keep", "laws": PLAIN}
+    found = pf.identify(truth(), replace(short(), effort=effort), **given)
+    (line,) = [line for line in found.doubts if "holds no friction" in line]
+    assert line.endswith(f"(--without): {NAMES[4]}")
 
 
 @pytest.mark.slow
