@@ -62,6 +62,12 @@ class Delay:
         """Whether the logs determine it."""
         return self.standard_error < _VAGUE
 
+    @property
+    def disputed(self) -> bool:
+        """Whether it is not determined because joints that know their own do not agree."""
+        known = sum(error**-2.0 for _, error in self.joints.values())
+        return not self.determined and known > _VAGUE**-2.0
+
     def __str__(self) -> str:
         text = f"{1e3 * self.value:.1f} ms"
         if self.determined:

@@ -214,7 +214,14 @@ def _of_logs(found: Estimate) -> list[str]:
             "one log only: how much friction changes from day to day is not known; "
             "between logs of one robot it changed by 1 to 10 %"
         )
-    if np.isfinite(delay.standard_error) and not delay.determined:
+    if delay.disputed and np.isfinite(delay.standard_error):
+        least, most = (1e3 * end(x for x, _ in delay.joints.values()) for end in (min, max))
+        lines.append(
+            f"the delay of the efforts is not determined: joints ask for {least:.1f} to {most:.1f} "
+            "ms, as presliding, play or filters make them; taken is the mean by what each knows, "
+            f"{1e3 * delay.value:.1f} ms"
+        )
+    elif np.isfinite(delay.standard_error) and not delay.determined:
         lines.append(
             "the delay of the efforts is not determined (standard error "
             f"{1e3 * delay.standard_error:.1f} ms) and is taken as {1e3 * delay.value:.1f} ms: log "

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from pinfric.identification.delay import Delay, LogDelay, common_delay, other_delays, pooled
+from pinfric.identification.notes import _of_logs
 
 
 def test_logs_that_differ_in_their_delay_by_more_than_they_know_do_not_determine_it():
@@ -32,6 +36,18 @@ def test_a_delay_of_its_own_is_named():
     assert other_delays(Delay(0.004, 1e-3, (), alike)) == {}
     apart = alike | {3: (-0.014, 1e-3)}
     assert 3 in other_delays(Delay(0.004, 1e-3, (), apart))
+
+
+def test_joints_that_disagree_are_told_from_joints_that_know_nothing():
+    """Presliding: wrists lag by 39 ms, and faster motion would not help."""
+    delay = Delay(0.034, 7.6e-3, ((0.034, 7.6e-3),), {0: (0.006, 5e-3), 5: (0.039, 1e-3)})
+    assert delay.disputed
+    slow = replace(delay, joints={0: (0.006, 5e-3), 5: (0.039, 9e-3)})
+    assert not slow.disputed
+    assert not replace(delay, standard_error=1e-3).disputed
+    for one, words in ((delay, "joints ask for 6.0 to 39.0 ms"), (slow, "log faster motion")):
+        (said,) = (x for x in _of_logs(SimpleNamespace(delay=one, prepared=())) if "delay" in x)
+        assert words in said
 
 
 def test_a_delay_that_joints_do_not_agree_on_is_less_certain():
