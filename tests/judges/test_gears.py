@@ -13,6 +13,7 @@ from judges.gear_enumeration import Arm, fewest, judge, locking_arm, random_arm,
 
 import pinfric as pf
 from pinfric.dynamics.forward.workspace import Workspace
+from pinfric.dynamics.samples.closure import consistent_motion
 from pinfric.errors import (
     AmbiguousAcceleration,
     GearJam,
@@ -425,3 +426,50 @@ def test_many_self_locking_gears_at_rest_move_as_an_enumeration_of_their_lines_s
             assert true, (seed, error)
             compared += 1
     assert compared > 15
+
+
+@pytest.mark.parametrize(
+    ("turn", "speed", "back", "rotor", "torque"),
+    [
+        (
+            38,
+            1.2833098926141853,
+            -0.025978252568037673,
+            1.4124462937451952e-08,
+            8.886806136529596e-06,
+        ),
+        (
+            53,
+            1.8616903696795846,
+            -0.37088417388148864,
+            1.3808277087192359e-07,
+            -0.00119152304087971,
+        ),
+    ],
+)
+def test_pins_steady_a_gear_on_the_line_that_falls(turn, speed, back, rotor, torque):
+    """Its rotor is too light beside the mechanism alone; the pins' loads add what is missing.
+
+    r T = r^2 I a + F(t(a)) with t by inverse dynamics, pins included: it rises where it is met.
+    """
+    plain = pf.load_scene("slider_crank").with_(actuators=[{"joint": "crank_pin"}])
+    q = plain.close(plain.start_configuration)
+
+    def motion(speed, a):
+        made = consistent_motion(plain, q[None], ["crank_pin"], [[speed]], [[a]])
+        return made[0][0], made[1][0]
+
+    for _ in range(turn):
+        q = plain.close(pin.integrate(plain.model, q, 0.1 * motion(1.0, 0.0)[0]))
+    v, start = motion(speed, 0.0)
+    along, a = motion(speed, 1.0)[1] - start, 3000.0 * np.linspace(-1.0, 1.0, 4001) ** 3
+    states = [np.tile(x, (len(a), 1)) for x in (q, v)]
+    t = pf.inverse_dynamics(plain, *states, start + a[:, None] * along).effort_lower[:, 0]
+    u = 2500.0 * rotor * a + np.where(np.sign(speed) * t > 0.0, t / 0.6, back * t)
+    (k,) = np.flatnonzero(np.diff(np.sign(u - 50.0 * torque)))
+    assert u[k + 1] > u[k]
+    gear = {"ratio": 50.0, "rotor_inertia": rotor, "efficiency": 0.6, "back_efficiency": back}
+    scene = plain.with_(actuators=[{"joint": "crank_pin", "transmission": gear}])
+    found = pf.forward_dynamics(scene, q, v, motor_torque=[torque])
+    assert a[k] <= found.a[0] <= a[k + 1]
+    assert found.answers == 1
