@@ -52,7 +52,9 @@ def main() -> int:
         return int(70 in codes)
     with given.expected.open(encoding="utf-8") as file:
         wanted = {row["robot"]: row for row in csv.DictReader(file)}
-    others = [
+    names = {str(row["robot"]) for row in rows}
+    others = [f"{name}: only in one of the two tables" for name in names ^ wanted.keys()]
+    others += [
         f"{row['robot']}: {key} {row[key]}, expected {wanted[row['robot']][key]}"
         for row in rows
         for key in ("found", *COMMANDS)
