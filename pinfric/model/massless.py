@@ -39,6 +39,9 @@ def massless(scene: Scene, attached: Iterable[str] | None = None) -> np.ndarray:
             gear = drive.transmission
             rotors[drive.velocity_index] += gear.rotor_inertia * gear.ratio**2
 
+    if twin.nv == 0:
+        return np.zeros(0, dtype=bool)
+
     def without(q: np.ndarray) -> np.ndarray:
         own = np.diagonal(mass_matrices(twin, q), axis1=1, axis2=2) + rotors
         found: np.ndarray = (own <= _NO_MASS * own.max()).all(axis=0)

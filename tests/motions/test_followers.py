@@ -31,7 +31,7 @@ def hand(tmp_path, limit=LIMIT):
     path = tmp_path / "hand.urdf"
     path.write_text(HAND.format(links="".join(LINK.format(n) for n in "lr"), limit=limit))
     model = pin.buildModelFromUrdf(str(path), mimic=True)
-    return SimpleNamespace(model=model, payloads={}, robot=SimpleNamespace(urdf=path))
+    return SimpleNamespace(model=model, payloads={}, robot=SimpleNamespace(urdf=path, locked={}))
 
 
 def motion(tmp_path, scene, positions):
