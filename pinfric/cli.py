@@ -7,6 +7,7 @@ inside functions: `pinfric --help` needs neither NumPy nor Pinocchio.
 
 from __future__ import annotations
 
+import errno
 import os
 import shlex
 import sys
@@ -1012,6 +1013,9 @@ def _unexpected(problem: Exception) -> tuple[str, int]:
         name = str(problem.filename)
         name = name if len(name) <= 250 else f"{name[:80]}..."
         return f"{name}: {problem.strerror}", BAD_INPUT
+    if isinstance(problem, OSError) and problem.errno == errno.ENOSPC:  # of what is printed
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nothing more is tried
+        return f"standard output cannot be written: {problem.strerror}", BAD_INPUT
     text = " ".join(f"{type(problem).__name__}: {problem}".split())[:200]
     return f"{text}; run with PINFRIC_TRACEBACK=1 to see where", INTERNAL_ERROR
 

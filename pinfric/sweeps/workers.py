@@ -9,6 +9,7 @@ import logging
 import os
 import pickle
 import signal
+import sys
 from collections.abc import Iterable, Iterator
 from concurrent.futures import CancelledError
 from concurrent.futures.process import BrokenProcessPool
@@ -102,6 +103,8 @@ def _signals_kept() -> Iterator[None]:
     """Within, Ctrl-C and TERM wait; processes that start here are never sent one."""
     from joblib.externals.loky.backend import resource_tracker as of_loky
 
+    # joblib's own process outlives a `kill -9` of this one, tidies up, and should say nothing
+    sys.warnoptions.append(f"ignore::UserWarning:{of_loky.__name__}")
     for tracker in resource_tracker, of_loky:  # where they start, they let signals through again
         tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))

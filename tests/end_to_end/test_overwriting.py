@@ -220,6 +220,13 @@ def test_a_full_disk_a_pipe_links_and_odd_names(whole, capfd):
     assert run("inverse", "linked.yaml", "pipe.yaml", *out) == 0
     writer.join(9)
     assert results_in(out[1]) == ["efforts.csv", "efforts.png", "summary.json"]
+    os.mkfifo("pipe.csv")
+    assert "pipe.csv: is a pipe" in refused(capfd, "inverse", "arm.yaml", "pipe.csv")
+    with open("/dev/full", "w") as full:
+        command = sys.executable, "-m", "pinfric", "robots"
+        printed = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
+    told = "pinfric: error: standard output cannot be written: No space left on device\n"
+    assert (printed.returncode, printed.stderr) == (2, told)
     Path("arm.urdf").write_text(ARM_URDF.replace("shoulder", "\u5173\u8282"))
     Path("arm.yaml").write_text(FILES["arm.yaml"].replace("shoulder", "\u5173\u8282"))
     Path("efforts.csv").write_text("t,\u5173\u8282\n0,5\n1,5\n")

@@ -158,7 +158,7 @@ class InverseResult(SolvedMotion, Shown):  # noqa: D101 (that of its fields)
         """Recompute the residuals of equilibrium, friction laws, loops and power.
 
         By Pinocchio's plain RNEA with friction and multipliers as external wrenches, one sample at
-        a time; see `Check`.
+        a time; see `Check`. Of motors' torques behind gears only where they are known is judged.
         """
         return check_result(self)
 

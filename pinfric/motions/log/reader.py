@@ -118,6 +118,10 @@ def _open(path: Path, joints: Sequence[JointColumn]) -> OpenedLog:
         return open_bag(path, [joint.name for joint in joints])
     if path.is_dir():
         raise TrajectoryError(f"{path}: is a folder without metadata.yaml, so it is not a bag")
+    if path.exists() and not path.is_file():
+        raise TrajectoryError(
+            f"{path}: is a pipe or a device, and a log is read twice: save it first"
+        )
     name = path.name.lower()
     for suffix, opened in ((".parquet", open_parquet), (".mat", open_matlab), (SUFFIXES, open_csv)):
         if name.endswith(suffix):
