@@ -221,6 +221,7 @@ def test_a_full_disk_a_pipe_links_and_odd_names(whole, capfd):
     writer.join(9)
     assert results_in(out[1]) == ["efforts.csv", "efforts.png", "summary.json"]
     os.mkfifo("pipe.csv")
+    capfd.readouterr()
     assert "pipe.csv: is a pipe" in refused(capfd, "inverse", "arm.yaml", "pipe.csv")
     with open("/dev/full", "w") as full:
         command = sys.executable, "-m", "pinfric", "robots"
