@@ -42,15 +42,16 @@ _NOTHING = {
     *("", "-", "--", "\N{EN DASH}", "\N{EM DASH}", "n/a", "na", "n.a.", "nan", "none", "null"),
     *("?", "tbd", "inf", "+inf", "-inf", "infinity"),
 }
-_NUMBER = re.compile(r"([-+]?[.,]?\d[\d.,']*(?:[eE][-+]?\d+)?)\s*(.*)")
+_NUMBER = re.compile(r"([-+]?[.,]?\d[\d.,']*(?:[eE][-+]?\d+)?)\s*(.*)", re.A)
 #: A gear's ratio as two numbers; a voltage from here to there, of which the lower counts.
-_RATIO = re.compile(r"(\d+(?:[.,]\d+)?)\s*:\s*(\d+(?:[.,]\d+)?)")
+_RATIO = re.compile(r"(\d+(?:[.,]\d+)?)\s*:\s*(\d+(?:[.,]\d+)?)", re.A)
 _RANGE = re.compile(
     r"(\d+(?:[.,]\d+)?)\s*(?:-|~|\.{2,3}|\N{EN DASH}|\N{HORIZONTAL ELLIPSIS}|to)\s*"
-    r"(\d+(?:[.,]\d+)?)\s*([^\d\s].*)?"
+    r"(\d+(?:[.,]\d+)?)\s*([^\d\s].*)?",
+    re.A,
 )
 #: A number whose marks may separate thousands, and nothing else if there are several.
-_THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(?:,\d{3})+|[-+]?[1-9]\d{0,2}(?:\.\d{3})+")
+_THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(?:,\d{3})+|[-+]?[1-9]\d{0,2}(?:\.\d{3})+", re.A)
 
 
 class Cells(Entry):

@@ -231,6 +231,8 @@ def test_a_row_that_cannot_be_costs_itself_and_a_line(tmp_path, capsys):
         "good,224,900,44,6000,390,,,,,\n"
         ",224,900,44,6000,390,,,,,\n"
         "light,224,900,44,6000,-390,,,,,\n"
+        "digits,\N{FULLWIDTH DIGIT TWO}24,900,44,6000,390,,,,,\n"
+        "score,2_24,900,44,6000,390,,,,,\n"
     )
     path = table(tmp_path, rows)
     found = import_table(path)
@@ -247,15 +249,17 @@ def test_a_row_that_cannot_be_costs_itself_and_a_line(tmp_path, capsys):
             "line 7 (good): this name is given twice",
             "line 8 (no name): no name",
             "line 9 (light): `mass`",
+            "line 10 (digits): continuous_torque: should be a number",
+            "line 11 (score): continuous_torque: the unit '_24' is not known",
         ),
         strict=True,
     ):
         assert part in line
     (tmp_path / "made").mkdir()
     said = told(capsys, "catalog", path, "--out", tmp_path / "made" / "mine.yaml")
-    for part in ("columns not used: unused", "7 rows left out:", "line 6 (unit)", "0.224 N m"):
+    for part in ("columns not used: unused", "9 rows left out:", "line 6 (unit)", "0.224 N m"):
         assert part in " ".join(said.out.split())
-    with pytest.warns(PinfricWarning, match=r"left out: line 3 \(swapped\).* 6 rows more"):
+    with pytest.warns(PinfricWarning, match=r"left out: line 3 \(swapped\).* 8 rows more"):
         load_catalog(tmp_path)
 
 
