@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from cli_cases import refused, run, told
+from cli_cases import refused, results_in, run, told
 from envelopes import result_of
 
 
@@ -51,7 +51,7 @@ def test_both_formulations_close_a_loop_alike(printed):
 def test_the_readings_are_stated_and_the_figures_drawn(printed):
     answer, folder = printed
     assert len(answer["readings"]) == 4
-    names = {p.name for p in folder.iterdir()}
+    names = set(results_in(folder))
     assert names == {f"figure_{n}.png" for n in (5, 6, 8, 9, 10)} | {"summary.json"}
 
 
