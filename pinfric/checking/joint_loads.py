@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -186,7 +186,7 @@ def limit_remarks(
                 "placeholder"
             )
     own = _own_weight(model, turning)
-    if _alike(turning, own, held_out):
+    if one_limit([limit for limit, _ in turning.values()], list(own.values()), held_out):
         for j, (limit, _) in turning.items():
             if limit > held_out and j not in remarks:
                 remarks[j] = (
@@ -196,10 +196,16 @@ def limit_remarks(
     return remarks, own
 
 
-def one_limit(model: pin.Model, held_out: float) -> bool:
-    """Return whether one limit stands at five joints or more whose own loads differ 20 times."""
-    turning = _turning(model)
-    return _alike(turning, _own_weight(model, turning), held_out)
+def one_limit(limits: Sequence[float], own: Sequence[float], held_out: float) -> bool:
+    """Return whether one limit stands at five joints or more whose own loads differ 20 times.
+
+    Args:
+        limits: of the turning joints that have one, N m.
+        own: what their own weight needs, N m, in the same order.
+        held_out: see `joint_loads`.
+    """
+    alike = len(limits) >= _ALIKE and len(set(limits)) == 1 and limits[0] > _ALIKE_OVER * held_out
+    return alike and max(own) > _LOADS_APART * min(own)
 
 
 def _turning(model: pin.Model) -> dict[int, tuple[float, float]]:
@@ -212,16 +218,6 @@ def _turning(model: pin.Model) -> dict[int, tuple[float, float]]:
         and not twist(model, kind)[:3].any()
         and (limit := _limit(model, kind))
     }
-
-
-def _alike(
-    turning: Mapping[int, tuple[float, float]], own: Mapping[int, float], held_out: float
-) -> bool:
-    limits, loads = {limit for limit, _ in turning.values()}, list(own.values())
-    alike = len(turning) >= _ALIKE and len(limits) == 1
-    return (
-        alike and limits.pop() > _ALIKE_OVER * held_out and max(loads) > _LOADS_APART * min(loads)
-    )
 
 
 def _own_weight(model: pin.Model, joints: Iterable[int]) -> dict[int, float]:

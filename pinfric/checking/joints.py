@@ -183,13 +183,14 @@ def _efforts(robot: Robot, facts: RobotFacts) -> Iterator[Finding]:
                 "spring helps",
                 excess=load.held / load.limit,
             )
-    limits = [load for load in loads if load.held > 0]
-    if held_out and not any(x.remark for x in limits) and one_limit(robot.model, held_out):
+    turning = [x for x in loads if x.limit > 0 and not x.sliding and x.leader is None]
+    limits, own = [x.limit for x in turning], [x.held for x in turning]
+    if held_out and not any(x.remark for x in turning) and one_limit(limits, own, held_out):
         yield Finding(
             Severity.NOTE,
             "equal limits",
             "robot",
-            f"all {len(limits)} effort limits are {limits[0].limit:.4g} N m",
+            f"all {len(limits)} effort limits are {limits[0]:.4g} N m",
             "one motor everywhere, or a placeholder",
         )
 

@@ -203,6 +203,13 @@ def test_one_limit_everywhere_is_noted(tmp_path, masses, limit, kinds):
     assert {f.kind for f in report.findings if "limit" in f.kind} == kinds
 
 
+def test_a_limit_of_an_axis_that_bears_no_weight_counts_too(tmp_path):
+    parts = arm((8, 7.9, 8, 8.1, 8), [500] * 5)
+    parts[0] = parts[0].replace('<axis xyz="0 1 0"/>', '<axis xyz="0 0 1"/>')
+    found = [f.found for f in pf.check(urdf(tmp_path, *parts)).findings if f.kind == "equal limits"]
+    assert found == ["all 5 effort limits are 500 N m"]
+
+
 def test_the_way_along_the_joints_leaves_pedestals_out(tmp_path):
     for pedestal, reach in itertools.product((0.0, 5.0), (1.0,)):
         parts = arm((10, 6, 4))
