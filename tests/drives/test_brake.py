@@ -433,7 +433,7 @@ def test_a_brake_holds_with_a_reserve_and_stops_within_half_a_second(
     assert ("guesses" in found.torque.formula) == (factor == 2.0)
 
 
-@pytest.mark.parametrize(("stops", "moves"), product((None, STOPS), (False, True)))
+@pytest.mark.parametrize(("stops", "moves"), [*product((None, STOPS), (False, True))])
 def test_a_joint_that_moves_needs_a_brake_where_the_robot_is_stopped(stops, moves):
     """Without `stops` the turntable coasts; where it stands still it needs none."""
     scene = turntable().with_(stops=stops)
