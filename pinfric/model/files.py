@@ -184,6 +184,8 @@ def check_writable(
         raise PinfricError(f"{folder}: is named like a file; name a folder")
     if not os.access(there, os.W_OK | os.X_OK):
         raise PinfricError(f"{folder}: cannot be written: no permission to write in {there}")
+    if "" in names:  # of "." or "/"
+        raise PinfricError(f"{folder.absolute()}: is a folder; name the file to write (--out)")
     taken = [name for name in names if (folder / name).is_dir()]
     if taken:
         raise PinfricError(

@@ -150,7 +150,9 @@ def on_cluster(address: str) -> Iterator[None]:
         from distributed.scheduler import KilledWorker
     except ImportError:
         raise SweepError('--cluster: needs Dask: pip install "pinfric[cluster]"') from None
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # an error says it, in one line
+    # an error says it, in one line; Dask gives these levels of their own
+    for name in ("distributed", "distributed.client", "tornado.application"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
         client = Client(address, timeout=_CONNECT_TIMEOUT)
     except _NO_SCHEDULER as problem:

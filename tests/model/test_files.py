@@ -69,6 +69,12 @@ def test_name_no_file_system_takes(tmp_path):
     assert len(str(caught.value)) < 300
 
 
+def test_a_folder_in_place_of_a_file_is_named(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(PinfricError, match=f"{tmp_path}: is a folder; name the file"):
+        write_file(".", lambda path: path.write_text("new"))
+
+
 def test_a_folder_named_like_a_file_is_not_made(tmp_path):
     with pytest.raises(PinfricError, match=r"z1\.yaml: is named like a file; name a folder"):
         write_folder(tmp_path / "z1.yaml", writers(a="new"))

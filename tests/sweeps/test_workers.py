@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import logging
 import os
 import random
 import signal
@@ -187,6 +188,8 @@ def test_a_scheduler_that_does_not_answer_is_said(address, monkeypatch):
         with pytest.raises(SweepError, match=said), on_cluster(named):
             pass
     assert monotonic() - start < 10
+    for logger in ("distributed", "distributed.client", "tornado.application"):  # of own levels
+        assert not logging.getLogger(logger).isEnabledFor(logging.ERROR)
 
 
 def _greet_as_ssh(listener):

@@ -22,6 +22,7 @@ from pinfric.errors import TrajectoryError
 from pinfric.motions.joint_columns import joint_columns
 from pinfric.motions.log.reader import read_log
 from pinfric.motions.log.reading import ReadingOptions
+from pinfric.motions.log.units import _ANY_SPEED, _speeds
 
 
 def test_units_in_brackets_say_the_quantity(tmp_path):
@@ -34,6 +35,12 @@ def test_degrees_are_recognised_by_the_limits(tmp_path):
     motion = load(tmp_path, table(("t", *NAMES), T, np.degrees(Q)))
     assert motion.warnings[0].startswith("angles are in degrees (as radians beyond the limits: ")
     np.testing.assert_allclose(motion.q, Q, atol=1e-10)
+
+
+def test_speeds_beyond_all_numbers_are_large_ones():
+    t, q = np.arange(20) * 1e-3, np.zeros((20, 2))
+    q[::2, 0] = 1e308  # over 1 ms this overflows, an error in tests
+    assert _speeds(t, q) == [_ANY_SPEED, 0.0]
 
 
 def test_mixed_angles_are_refused_with_the_choice(tmp_path):
