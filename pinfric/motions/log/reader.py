@@ -13,6 +13,7 @@ from pinfric.errors import TrajectoryError
 from pinfric.model.arrays import BoolArray, FloatArray
 from pinfric.model.brief import counted
 from pinfric.model.inputs import note_input
+from pinfric.model.magnitudes import LARGEST_OF_A_MOTION
 from pinfric.model.yamlfile import brief
 from pinfric.motions.joint_columns import JointColumn, listing, refuse
 from pinfric.motions.log.bags import is_bag, open_bag
@@ -131,6 +132,26 @@ def _open(path: Path, joints: Sequence[JointColumn]) -> OpenedLog:
     )
 
 
+def _refuse_absurd(name: str, cells: LogFrame, found: Columns, problems: list[str]) -> None:
+    """Refuse numbers beyond those of any motion before units, noise and speeds are asked of them.
+
+    Times have their own bounds: nanoseconds since 1970 are beyond 1e18.
+    """
+    given = ("position", found.position), ("velocity", found.velocity)
+    worst = {
+        f"{what} of {joint}": np.nanmax(np.abs(column), initial=0.0, where=np.isfinite(column))
+        for what, uses in (*given, ("acceleration", found.acceleration))
+        for joint, use in uses.items()
+        for column in [cells.column(use.column)]
+    }
+    absurd = [
+        f"{what}: {value:g} is beyond {LARGEST_OF_A_MOTION:g}"
+        for what, value in worst.items()
+        if value > LARGEST_OF_A_MOTION
+    ]
+    refuse(name, [*problems, *absurd] if absurd else [])
+
+
 def _to_si(
     name: str,
     log: OpenedLog,
@@ -144,6 +165,7 @@ def _to_si(
     cells = log.read(found.used(), problems)
     if len(cells.values) == 0:
         refuse(name, problems)
+    _refuse_absurd(name, cells, found, problems)
     if cells.dropped:
         every = len(cells.values) + cells.dropped
         notes.append(f"left out {counted(cells.dropped, 'row')} of {every}: {cells.why}")

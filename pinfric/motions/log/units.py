@@ -323,10 +323,6 @@ def wrong_velocities(
     ]
 
 
-#: A speed above all others: infinite ones have no quantile.
-_ANY_SPEED = 1e300
-
-
 def _speeds(t: FloatArray, position: FloatArray) -> list[float]:
     """The speed of each joint that one row of a hundred exceeds; () where times say nothing."""
     steps = np.diff(t)
@@ -334,6 +330,4 @@ def _speeds(t: FloatArray, position: FloatArray) -> list[float]:
         return []
     apart = np.maximum(steps, np.mean(steps))  # rows written at once say nothing about speeds
     # one joint after another: a long log fills much of the memory
-    with np.errstate(over="ignore"):
-        speeds = (np.minimum(unwrapped_steps(q) / apart, _ANY_SPEED) for q in position.T)
-        return [float(np.quantile(speed, 0.99)) for speed in speeds]
+    return [float(np.quantile(unwrapped_steps(q) / apart, 0.99)) for q in position.T]

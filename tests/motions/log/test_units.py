@@ -22,7 +22,6 @@ from pinfric.errors import TrajectoryError
 from pinfric.motions.joint_columns import joint_columns
 from pinfric.motions.log.reader import read_log
 from pinfric.motions.log.reading import ReadingOptions
-from pinfric.motions.log.units import _ANY_SPEED, _speeds
 
 
 def test_units_in_brackets_say_the_quantity(tmp_path):
@@ -37,12 +36,6 @@ def test_degrees_are_recognised_by_the_limits(tmp_path):
     np.testing.assert_allclose(motion.q, Q, atol=1e-10)
 
 
-def test_speeds_beyond_all_numbers_are_large_ones():
-    t, q = np.arange(20) * 1e-3, np.zeros((20, 2))
-    q[::2, 0] = 1e308  # over 1 ms this overflows, an error in tests
-    assert _speeds(t, q) == [_ANY_SPEED, 0.0]
-
-
 def test_mixed_angles_are_refused_with_the_choice(tmp_path):
     text = table(("t", *NAMES), T, np.degrees(Q[:, 0]), Q[:, 1])
     assert (
@@ -51,6 +44,18 @@ def test_mixed_angles_are_refused_with_the_choice(tmp_path):
     )
     assert "--unit deg" in refused(tmp_path, text)
     assert np.abs(load(tmp_path, text, unit="deg").q[:, 1]).max() < 0.01
+
+
+@pytest.mark.parametrize(("what", "header"), [("position", "{}"), ("velocity", "{}.v")])
+def test_numbers_beyond_any_motion_are_refused_before_they_are_asked(tmp_path, what, header):
+    """Their squares and speeds overflow, of which NumPy warns: an error in tests."""
+    absurd = Q.copy()
+    absurd[::2, 1] = 1e308
+    columns = (Q, absurd) if what == "velocity" else (absurd,)
+    names = [*(NAMES if what == "velocity" else ()), *map(header.format, NAMES)]
+    text = table(("t", *names), T, *columns)
+    says = f"log.csv: {what} of arm_lift: 1e+308 is beyond 1e+18"
+    assert refused(tmp_path, text).endswith(says)
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
