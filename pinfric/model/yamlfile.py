@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -40,18 +40,25 @@ _LARGEST_FILE = 2**26
 _MOST_REPEATS = 100
 
 
-def read_yaml(path: Path, error: type[PinfricError], kind: str = "") -> dict[str, Any]:
+def read_yaml(
+    path: Path,
+    error: type[PinfricError],
+    kind: str = "",
+    check: Callable[[bytes], None] = lambda content: None,
+) -> dict[str, Any]:
     """Read a YAML file whose top level is a mapping.
 
     Args:
         path: the file.
         error: what is raised, naming the file (and the line where YAML itself is malformed).
         kind: its first key, one of `FORMATS`; a file of another kind is refused as such.
+        check: raises what is said of a file that is not worth parsing.
     """
     from ruamel.yaml.error import YAMLError
 
     try:
-        content = _load(bounded(path, error).decode("utf-8"))
+        check(content := bounded(path, error))
+        content = _load(content.decode("utf-8"))
     except FileNotFoundError:
         raise error(f"there is no file {brief_path(path)}") from None
     except OSError as problem:

@@ -16,7 +16,6 @@ Melchiorri, Trajectory Planning for Automatic Machines and Robots (2008), chapte
 from __future__ import annotations
 
 import math
-import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -30,7 +29,7 @@ from pinfric.errors import TrajectoryError, choose_from
 from pinfric.model.arrays import BoolArray, FloatArray
 from pinfric.model.brief import counted
 from pinfric.model.entry import Entry, NonNegative, Number, Positive, Vector3, Version, key, parse
-from pinfric.model.yamlfile import bounded, read_yaml
+from pinfric.model.yamlfile import read_yaml
 from pinfric.motions.joint_columns import JointColumn, limit_problems, refuse
 from pinfric.motions.log.reading import ANGLE_UNITS
 from pinfric.motions.table import TrajectoryTable
@@ -206,14 +205,16 @@ def read_waypoints(path: Path) -> WayPointFile:
     Raises:
         TrajectoryError: unreadable, not YAML, unknown keys, values that cannot be; all at once.
     """
-    if os.path.isfile(path):  # else `read_yaml` says so
-        count = len(re.findall(rb"\b(?:q|tool)\s*:", bounded(path, TrajectoryError)))
+
+    def check(content: bytes) -> None:
+        count = len(re.findall(rb"\b(?:q|tool)\s*:", content))
         if count > _MOST_POINTS:
             raise TrajectoryError(
                 f"{path}: has {count} points; way-points are at most {_MOST_POINTS}: write a "
                 "motion of so many as a CSV table with a column t"
             )
-    content = read_yaml(path, TrajectoryError, "pinfric_trajectory")
+
+    content = read_yaml(path, TrajectoryError, "pinfric_trajectory", check)
     return parse(WayPointFile, content, str(path), TrajectoryError)
 
 

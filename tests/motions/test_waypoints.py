@@ -346,3 +346,10 @@ def test_a_misspelt_payload_is_not_said_to_be_let_go_twice(tmp_path):
     said = message(path, one_joint_scene(box=False))
     assert "unknown payload 'bx'" in said
     assert "detached already" not in said
+
+
+def test_a_file_that_fails_while_it_is_read_is_refused(tmp_path):
+    way = tmp_path / "broken.yaml"
+    way.symlink_to("/proc/self/mem")  # a regular file, whose first byte is an I/O error
+    with pytest.raises(TrajectoryError, match=r"broken.yaml: cannot be read: Input/output error"):
+        load_trajectory(way, arm_scene())
