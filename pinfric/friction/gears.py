@@ -28,7 +28,7 @@ import numpy as np
 
 from pinfric.friction.balance import RANK
 from pinfric.friction.dense import solve_dense
-from pinfric.friction.law import entry_limits, slip_law, write_rates
+from pinfric.friction.law import add_load_slopes, entry_limits, slip_law, write_rates
 from pinfric.friction.problem import Modes, Problem
 from pinfric.kernels.compiled import inlined, inlined_kernel, kernel
 
@@ -434,16 +434,41 @@ def _enough(
     return {g: float(heavier(high)[g]) for g in locking.tolist()}
 
 
-def _coupling(problem: Problem, modes: Modes, moves: np.ndarray) -> np.ndarray:
-    """W of the module's text (m, m), of the gears that move (m,)."""
-    c, R, stuck = problem.gear_coordinate[moves], problem.rate_slope, modes.stuck
-    across = R[np.ix_(c, stuck)]
-    W = (
-        R[np.ix_(c, c)]
-        - across @ np.linalg.pinv(R[np.ix_(stuck, stuck)], hermitian=True) @ across.T
-    )
+def _coupling(
+    problem: Problem, modes: Modes, moves: np.ndarray, R: np.ndarray | None = None
+) -> np.ndarray:
+    """W of the module's text (m, m), of the gears that move (m,).
+
+    R (nc, nc): rates per unit effort; None takes the problem's, which is symmetric.
+    """
+    c, stuck, own = problem.gear_coordinate[moves], modes.stuck, R is None
+    R = problem.rate_slope if R is None else R
+    inverse = np.linalg.pinv(R[np.ix_(stuck, stuck)], hermitian=own)
+    W = R[np.ix_(c, c)] - R[np.ix_(c, stuck)] @ inverse @ R[np.ix_(stuck, c)]
     W = W @ np.linalg.inv(np.eye(len(c)) - problem.gear_rotor[moves, 1][:, None] * W)
-    return 0.5 * (W + W.T)
+    return 0.5 * (W + W.T) if own else W
+
+
+def lasts_under_loads(problem: Problem, modes: Modes, slopes: np.ndarray) -> bool | None:
+    """Return whether an answer is stable beside bearings whose loads it changes.
+
+    With x = f + y(x), y the friction of bearings that slip, rates change by R (1 - dy/dx)^-1 per
+    unit effort f. The symmetric part of the matrix counts. None where no y depends on loads.
+
+    Args:
+        problem, modes: solved.
+        slopes: (ng,) of the lines that gears in motion are on.
+    """
+    gain, rest = np.empty(len(problem.constant)), np.empty(len(modes.stuck))
+    slip_law(problem, modes.stuck, modes.direction, gain, rest)
+    entry, grows = problem.contact_entry, np.zeros((len(rest), len(rest)))
+    add_load_slopes(problem.contact, problem.coordinate[entry], gain[entry], modes.friction, grows)
+    if not grows.any():
+        return None
+    moves = np.flatnonzero(~modes.stuck[problem.gear_coordinate])
+    R = problem.rate_slope @ np.linalg.inv(np.eye(len(rest)) - grows)
+    E = _energy(slopes[moves], problem.gear_rotor[moves, 1], _coupling(problem, modes, moves, R))
+    return bool(np.linalg.eigvalsh(0.5 * (E + E.T)).min(initial=1.0) > 0.0)
 
 
 def choices(problem: Problem, modes: Modes) -> list[tuple[np.ndarray, bool]] | None:

@@ -21,9 +21,9 @@ from typing import NamedTuple
 import numpy as np
 
 from pinfric.friction.balance import FITS, RANK
-from pinfric.friction.gears import choices, fit, is_certain, lines_and_rows
+from pinfric.friction.gears import choices, fit, is_certain, lasts_under_loads, lines_and_rows
 from pinfric.friction.given_modes import SHOULD_STICK, judge
-from pinfric.friction.law import add_load_slopes, evaluate, slip_law
+from pinfric.friction.law import evaluate
 from pinfric.friction.minimax import least_violation
 from pinfric.friction.problem import Found, Modes, Problem
 from pinfric.friction.rest import Mechanism, solve_modes
@@ -239,7 +239,7 @@ class _Query:
             lines = lines_and_rows(self.problem, m)[0]
             solutions, obeying = solve_modes(self.problem, m, self.mechanism, chosen=True)
             if solutions > 0:
-                lasts = _lasts_under_loads(self.problem, m, lines[:, 0])
+                lasts = lasts_under_loads(self.problem, m, lines[:, 0])
                 solved.append(Answer(m.copy(), stable if lasts is None else lasts))
                 self.found += solved[-1:] * (obeying > 0)
         if solved:
@@ -305,34 +305,6 @@ class _Query:
                 kept = modes.copy()
         modes.take(kept)
         return len(every.solutions), obeying
-
-
-def _lasts_under_loads(problem: Problem, modes: Modes, slopes: np.ndarray) -> bool | None:
-    """Return whether an answer is stable (`gears.py`) beside bearings whose loads it changes.
-
-    With x = f + y(x), y the friction of bearings that slip, rates change by R (1 - dy/dx)^-1 per
-    unit effort f. The symmetric part of the matrix counts. None where no y depends on loads.
-
-    Args:
-        problem, modes: solved.
-        slopes: (ng,) of the lines that gears in motion are on.
-    """
-    gain, rest = np.empty(len(problem.constant)), np.empty(len(modes.stuck))
-    slip_law(problem, modes.stuck, modes.direction, gain, rest)
-    entry, grows = problem.contact_entry, np.zeros((len(rest), len(rest)))
-    add_load_slopes(problem.contact, problem.coordinate[entry], gain[entry], modes.friction, grows)
-    if not grows.any():
-        return None
-    R, stuck = problem.rate_slope @ np.linalg.inv(np.eye(len(rest)) - grows), modes.stuck
-    moves = np.flatnonzero(~stuck[problem.gear_coordinate])
-    c, inertia = problem.gear_coordinate[moves], problem.gear_rotor[moves, 1]
-    W = (
-        R[np.ix_(c, c)]
-        - R[np.ix_(c, stuck)] @ np.linalg.pinv(R[np.ix_(stuck, stuck)]) @ (R[np.ix_(stuck, c)])
-    )
-    W = W @ np.linalg.inv(np.eye(len(c)) - inertia[:, None] * W)
-    E = np.diag(slopes[moves]) + np.sqrt(inertia)[:, None] * W * np.sqrt(inertia)
-    return bool(np.linalg.eigvalsh(0.5 * (E + E.T)).min(initial=1.0) > 0.0)
 
 
 def search(
