@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pinfric.identification.choice import free_errors
-from pinfric.identification.columns import FEWEST_ROWS
+from pinfric.identification.columns import FEWEST_ROWS, Rows
 from pinfric.identification.delay import other_delays
 from pinfric.identification.estimate import Estimate, scale_is_known
 from pinfric.identification.inertias import mass_changes
@@ -18,6 +18,7 @@ from pinfric.identification.normal import residuals
 from pinfric.identification.parameters import Parameter
 from pinfric.identification.recordings import stick_velocity
 from pinfric.identification.rest import BreakAway, RestBound
+from pinfric.model.arrays import FloatArray
 from pinfric.motions.log.effort_place import place_note
 from pinfric.motions.summary import effort_unit
 
@@ -106,7 +107,9 @@ def notes(
         f"its effort holds no friction (below {100 * _LEAST_FRICTION:.0f} %), so it is a model's "
         "or measured behind the gear (--effort-at joint): log the motor's, or leave its friction "
         "out (--without)": [
-            names[j] for j in slid if found.question.motor and _frictionless(found, j)
+            names[j]
+            for j, rows, off in fitted
+            if found.question.motor and _frictionless(rows, off, found.fit.slots[j])
         ],
         f"efforts at rest are within the interval for less than {100 * _HELD_INSIDE:g} % of the "
         "time, so static friction or the rigid effort is wrong": [
@@ -120,13 +123,11 @@ def notes(
     return Notes(tuple(doubts), tuple(lines))
 
 
-def _frictionless(found: Estimate, joint: int) -> bool:
-    """Whether the links and the rotor alone make a joint's effort."""
-    rows, fit = found.rows[joint], found.fit
-    left = residuals(rows, fit, joint)
-    friction = rows.slots @ np.where(np.arange(K) == INERTIA, 0.0, fit.slots[joint])
-    size = float(rows.effort @ rows.effort)
-    return bool(friction @ friction < _LEAST_FRICTION**2 * size and left @ left < _MISSED**2 * size)
+def _frictionless(rows: Rows, off: FloatArray, slots: FloatArray) -> bool:
+    """Whether the links and the rotor alone make a joint's effort, but for its residuals."""
+    friction = rows.slots @ np.where(np.arange(K) == INERTIA, 0.0, slots)
+    size = rows.effort @ rows.effort
+    return bool(friction @ friction < _LEAST_FRICTION**2 * size and off @ off < _MISSED**2 * size)
 
 
 def _by_joint(what: Mapping[str, list[str]]) -> list[str]:
