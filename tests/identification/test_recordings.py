@@ -157,15 +157,16 @@ def test_joints_without_usable_efforts_are_left_out_and_still_move(tmp_path):
     assert not any("never slides" in line for line in found.notes)
 
 
-@pytest.mark.filterwarnings("ignore:.*(columns not used|above its velocity limit)")
+@pytest.mark.filterwarnings("ignore:.*(columns not used|in degrees|above its velocity limit)")
+@pytest.mark.parametrize("unit", [1.0, np.pi / 180.0])  # degrees: of the others, who say so
 @pytest.mark.parametrize(("way", "refused"), [(0.7, True), (0.01, False)])
-def test_a_joint_that_the_scene_locks_and_that_moves_is_refused(way, refused, tmp_path):
+def test_a_joint_that_the_scene_locks_and_that_moves_is_refused(way, refused, unit, tmp_path):
     urdf = "example-robot-data:ur_description/urdf/ur10_robot.urdf"
     text = f"pinfric: 1\nrobot: {{urdf: '{urdf}', locked: {{{NAMES[4]}: 0.5}}}}\n"
     (tmp_path / "ur10.yaml").write_text(text)
     q = excitation(3, 4.0, 100.0).q
     q[:, 4] = 0.5 + way * np.sin(np.arange(len(q)) / 50.0)
-    path = write_csv(tmp_path / "log.csv", np.arange(len(q)) / 100.0, NAMES, q)
+    path = write_csv(tmp_path / "log.csv", np.arange(len(q)) / 100.0, NAMES, q / unit)
     scene = pf.load_scene(tmp_path / "ur10.yaml")
     if not refused:
         pf.load_trajectory(path, scene)

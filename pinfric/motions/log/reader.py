@@ -100,9 +100,9 @@ def read_log(
     if not found.time or not named:
         refuse(name, problems)
     notes = [*log.notes, *found.notes, *([f"columns not used: {others}"] if others else [])]
-    samples, efforts = _to_si(name, log, found, named, options, problems, notes)
-    unit = options.unit or next(iter(found.position.values())).unit or "rad"
-    problems += _moving_though_locked(log, found.ignored, locked, ANGLE_UNITS[unit])
+    samples, efforts, factors = _to_si(name, log, found, named, options, problems, notes)
+    turns = [factor for column, factor in zip(named, factors, strict=True) if column.unit == "rad"]
+    problems += _moving_though_locked(log, found.ignored, locked, (turns or [1.0])[0])
     if not problems:
         samples = smooth(samples, regularise(samples), options)
         if samples.reading.filtered and found.planned and found.velocity and not log.recorded:
@@ -160,8 +160,8 @@ def _to_si(
     options: ReadingOptions,
     problems: list[str],
     notes: list[str],
-) -> tuple[Samples, dict[str, FloatArray]]:
-    """Return the rows in SI and in order of time, and joint -> (rows,) effort."""
+) -> tuple[Samples, dict[str, FloatArray], list[float]]:
+    """Return the rows in SI and in order of time, joint -> (rows,) effort, and rad per unit."""
     cells = log.read(found.used(), problems)
     if len(cells.values) == 0:
         refuse(name, problems)
@@ -224,7 +224,7 @@ def _to_si(
         notes=tuple(notes),
     )
     recorded, rows = log.recorded or bool(found.effort), np.arange(t.size, dtype=np.float64)
-    return Samples(named, table, rows, reading, problems, recorded, logged), efforts
+    return Samples(named, table, rows, reading, problems, recorded, logged), efforts, factors
 
 
 def _moving_though_locked(
