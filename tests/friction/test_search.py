@@ -12,6 +12,7 @@ from friction_cases import (
     plain_loads,
     plain_solve,
     random_problem,
+    strong_problem,
 )
 from scipy.optimize import brentq, lsq_linear
 
@@ -27,6 +28,11 @@ pytestmark = pytest.mark.usefixtures("interpreted_kernels")
 
 def brute_force(p, at_rest):
     """Every mode of the coordinates at rest, by SciPy; the consistent ones with fewest slipping."""
+    return next(filter(None, by_level(p, at_rest)), [])
+
+
+def by_level(p, at_rest):
+    """The consistent modes with 0, 1, ... slipping coordinates."""
     nc = len(at_rest)
     free = np.flatnonzero(at_rest)
     for level in range(len(free) + 1):
@@ -47,9 +53,7 @@ def brute_force(p, at_rest):
             slips = direction * rate >= -1e-9
             if np.where(stuck, holds, slips | ~at_rest).all():
                 found.append((direction, x))
-        if found:
-            return found
-    return []
+        yield found
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -99,6 +103,38 @@ def test_pivoting_beyond_eight_finds_consistent_modes(seed):
         for ways in kinematics.ways(list(range(10)), level - 1, {}) if 0 < level < 4 else ():
             search._stick(other, a_tree(10), ways)
             assert solve_modes(p, other, a_tree(10))[1] == 0
+
+
+@pytest.mark.parametrize(
+    ("seed", "strength", "proved"),
+    [(29, 1.2, False), (74, 0.6, False), *((seed, 0.1, True) for seed in range(8))],
+)
+def test_what_is_proved_to_be_the_only_answer_is(seed, strength, proved):
+    """Beside the two most alike problems of 800 that have several: the bound is 1.7 and 1.6."""
+    p, _ = strong_problem(seed, along=1)
+    p.mu_slip[:] *= strength
+    p.mu_stick[:], p.coulomb_stick[:] = p.mu_slip, p.coulomb_slip
+    answers = [x for found in by_level(p, np.ones(2, bool)) for _, x in found]
+    assert (np.ptp(answers, axis=0).max() < 1e-9) == proved
+    assert search._is_only(p, np.ones(2, bool)) == proved
+
+
+@pytest.mark.parametrize("seed", range(4))  # alone, 1 and 2 would find what is no answer
+def test_what_only_loads_couple_is_searched_together(seed, monkeypatch):
+    """Two pairs: each has a rate of its own; loads depend on both frictions of a pair."""
+    monkeypatch.setattr(search, "MOST_ENUMERATED", 2)
+    p = random_problem(seed, strength=0.2, static=1.4)
+    pair = np.arange(4) // 2
+    p.rate_free[:] *= 2.0
+    p.rate_slope[:] *= np.eye(4)
+    p.contact[:, 1:] *= (pair[:, None] == pair[p.coordinate[p.contact_entry], None, None]) * 1.0
+    expected = brute_force(p, np.ones(4, bool))
+    m = Modes.of(4, 4)
+    m.at_rest[:] = True
+    status = search.search(p, m, a_tree(4))
+    assert status == (Found.NONE, Found.SOLVED, Found.AMBIGUOUS)[min(len(expected), 2)]
+    if status == Found.SOLVED:
+        np.testing.assert_allclose(m.friction, expected[0][1], rtol=1e-7, atol=1e-8)
 
 
 @pytest.mark.parametrize("seed", [6, 47, 56, 66, 77, 85])

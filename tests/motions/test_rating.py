@@ -127,6 +127,16 @@ def test_a_slide_goes_as_far_as_its_top_speed_needs(tmp_path):
     assert slide.reached == pytest.approx(slide.speed, rel=0.01)
 
 
+def test_where_a_limit_is_in_the_way_the_joint_moves_down(tmp_path):
+    robot = read_robot(
+        write_arm(tmp_path, 'lower="0.3" upper="1.9"', 'lower="-1.9" upper="-0.3"'), {}
+    )
+    rated = rate(pf.Scene(robot.model, robot=robot), {"payload": 2.0, "link": "tool"})
+    boom = rated.lifts[1]  # its effort is largest next to the level, above which it cannot go
+    assert rated.postures[boom.posture, 1] == pytest.approx(-0.3)
+    assert boom.to[1] == pytest.approx(-0.3 - np.pi / 2, abs=1e-4)
+
+
 def test_few_postures_serve_all_joints(tmp_path):
     assert [len(rated_of(name, tmp_path)[1].postures) for name in ("ur10", "ur5", "ur3")] == [2] * 3
 
