@@ -136,7 +136,7 @@ def test_peaks_of_a_lift_by_hand(name):
 def test_simulated_stops_of_sized_robots_load_their_gears_as_the_algebra_says(name):
     """Of joints that are loaded above a tenth of what their gears bear; a cycle may ask more."""
     scene, motion = example(name)
-    required = {"holding_brake": "required"}
+    required = {"holding_brake": "all"}
     report = pf.size(scene, motion, "default", conditions=required, on_miss="ignore")
     equipped = timed(report.scene).with_(stops={"category": 0, "reaction_time": 0.01})
     found = pf.stop(equipped, motion)
