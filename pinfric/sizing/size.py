@@ -31,7 +31,7 @@ from pinfric.drives.demand import (
     driven_joint,
     joint_demand,
 )
-from pinfric.drives.drivetrain import MotorCycle, line_voltage, motor_cycle
+from pinfric.drives.drivetrain import Candidate, MotorCycle, line_voltage, motor_cycle
 from pinfric.drives.duty import Duty, Schedule, once
 from pinfric.drives.friction import without_drives
 from pinfric.drives.held import held_drives
@@ -70,7 +70,7 @@ from pinfric.sizing.shelf import Ask, Assessment, Parts, Search, Shelf, stiffnes
 from pinfric.sizing.verdict import Verdict, joint_criteria, verdict_of
 from pinfric.stops.machines import Machines, full_load, stop_settings
 from pinfric.stops.peaks import braking, cycle_peaks
-from pinfric.stops.study import StopResult, stop
+from pinfric.stops.study import StopResult, stops_of
 
 #: Passes over all joints before an alternating choice is given up; two are usual.
 _MOST_PASSES = 12
@@ -632,10 +632,19 @@ class _Sizing:
                 "(s) from power-off until it holds, as its maker states it"
             )
         self.progress("stops of the chosen drives")
+        motion = self._one_cycle(report.scene)
+        chosen = {k: a.candidate for k, a in enumerate(taken) if a is not None}
         try:
-            return stop(report.scene, self._one_cycle(report.scene)), ""
+            return stops_of(self._machines(report.scene, motion, chosen), motion), ""
         except StopError as problem:
-            return None, of_products(str(problem), report.joints)
+            return None, str(problem)
+
+    def _machines(
+        self, scene: Scene, motion: Trajectory, chosen: Mapping[int, Candidate]
+    ) -> Machines:
+        """What is stopped: the scene with the chosen drives, named by these."""
+        names = {self.scene.actuator_names[i]: one.name for i, one in chosen.items()}
+        return Machines(scene, stop_settings(scene, None), full_load(scene, motion), names)
 
     def _one_cycle(self, scene: Scene) -> Trajectory:
         """The cycle of a duty of one, without a rating, as a motion of a scene."""
@@ -665,10 +674,11 @@ class _Sizing:
         for _ in range(_MOST_PASSES):
             if len(taken) < len(self.scene.drives) or not all(a.fits for a in taken.values()):
                 break
-            scene = equip(self.scene, {i: a.candidate for i, a in taken.items()}, self.conditions)
+            chosen = {i: a.candidate for i, a in taken.items()}
+            scene = equip(self.scene, chosen, self.conditions)
             motion = self._one_cycle(scene)
             try:
-                machines = Machines(scene, stop_settings(scene, None), full_load(scene, motion))
+                machines = self._machines(scene, motion, chosen)
                 peaks, powered = cycle_peaks(machines, motion), braking(machines, motion)
             except StopError:  # the simulation says what is missing
                 break
@@ -906,24 +916,6 @@ class _Sizing:
                 "strain wave gear, and a gear with `motors` one of these"
             )
         return f"{self.catalog.source} has no gear with a {output} output"
-
-
-def of_products(why: str, joints: Sequence[JointSizing]) -> str:
-    """Return why a stop cannot be judged, where a brake is missing with the product that lacks it.
-
-    The scene may have one: what has none is the drive that was chosen.
-
-    Args:
-        why: a `StopError` of the scene with the chosen drives.
-        joints: with these.
-    """
-    for joint in joints:
-        if joint.installed is not None and not joint.installed.candidate.brake:
-            given, product = f"actuators ({joint.name})", joint.installed.candidate.name
-            lacks = f"{joint.name}: {product}, chosen for it, has no brake"
-            why = why.replace(f"{given}: has no brake", lacks)
-            why = why.replace(f"it has no brake: give {given}", f"{lacks}: give {given}")
-    return why
 
 
 def brakes_of(catalog: Catalog, scene: Scene) -> dict[str, Brake]:

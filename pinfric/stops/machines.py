@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
@@ -39,11 +39,13 @@ class Machines:
         scene: as given.
         settings: how it is stopped.
         full: names of the payloads that make the full load.
+        products: drive -> what was chosen for it; the scene's own drives have none.
     """
 
     scene: Scene
     settings: Stops
     full: tuple[str, ...]
+    products: Mapping[str, str] = field(default_factory=dict)
     _made: dict[Kind, Machine] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -164,6 +166,7 @@ def _machine(machines: Machines, kind: Kind) -> Machine:
         drive_torque=dict(_limits(scene)) if by_limits else {},
         deceleration=machines.deceleration,
         holds=settings.power_until_braked,
+        products=machines.products,
     )
 
 

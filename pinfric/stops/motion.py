@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -60,6 +60,7 @@ class Machine:
             does not (category 0, or a stated deceleration).
         deceleration: (nv,) of an imposed motion, rad/s^2 or m/s^2; None: none is imposed.
         holds: whether the drives, under power at rest, hold until all brakes have closed.
+        products: of `Machines`.
     """
 
     scene: Scene
@@ -69,6 +70,7 @@ class Machine:
     drive_torque: Mapping[str, float]
     deceleration: np.ndarray | None
     holds: bool = False
+    products: Mapping[str, str] = field(default_factory=dict)
 
     @cached_property
     def _closed(self) -> dict[tuple[tuple[str, float], ...], Workspace]:
@@ -288,6 +290,17 @@ def _simulate(
     return motion
 
 
+def no_brake(products: Mapping[str, str], name: str, place: str) -> str:
+    """Return that a drive has no brake, in words.
+
+    Args:
+        products: of `Machines`. name: the drive's. place: what lacks it where none was chosen.
+    """
+    if name in products:
+        return f"{name}: {products[name]}, chosen for it, has no brake"
+    return f"{place} has no brake"
+
+
 def _does_not_stop(
     machine: Machine, torques: Mapping[str, float], v: np.ndarray, gone: float, how: str
 ) -> str:
@@ -302,8 +315,9 @@ def _does_not_stop(
     if brakes:
         cure = f"its brake of {', '.join(brakes)} is too weak: give a stronger one"
     elif names:
+        lacks = no_brake(machine.products, names[0], "it")
         cure = (
-            f"it has no brake: give actuators ({names[0]}) `transmission.brake: {{torque: N m, "
+            f"{lacks}: give actuators ({names[0]}) `transmission.brake: {{torque: N m, "
             "engage_time: s}`, or dry friction that stops it"
         )
     else:

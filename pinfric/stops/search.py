@@ -35,7 +35,7 @@ from pinfric.model.scene import Scene
 from pinfric.motions.summary import effort_unit, running_integral
 from pinfric.motions.trajectory import Trajectory
 from pinfric.stops.machines import UNLIMITED, Kind, Machines, carried_by
-from pinfric.stops.motion import Machine, StopMotion, stop_motion, tool_path
+from pinfric.stops.motion import Machine, StopMotion, no_brake, stop_motion, tool_path
 from pinfric.stops.path import CyclePath
 
 #: Samples spread evenly over the cycle: which other axis still moves matters, and no estimate of
@@ -131,7 +131,7 @@ class Cycle:
             least = machines.of(Kind(False, float(full))).scene
             carried = carried_by(machines, float(full), len(q))
             still = inverse_dynamics(least, q, zero, zero, t=trajectory.t, attached=carried)
-            _check_unbraked(still, "the full load" if full else "nothing")
+            _check_unbraked(still, "the full load" if full else "nothing", machines.products)
             hold[full] = still.effort_frictionless
         reaction, limits = machines.settings.reaction_time, position_limits(scene)
         return cls(trajectory, reaction, rate, way, path, hold, *limits)
@@ -172,7 +172,7 @@ def past(limits: np.ndarray, q: np.ndarray) -> np.ndarray:
     return np.stack([limits[..., 0] - q, q - limits[..., 1]], axis=-1)
 
 
-def _check_unbraked(still: InverseResult, carries: str) -> None:
+def _check_unbraked(still: InverseResult, carries: str, products: Mapping[str, str]) -> None:
     """Refuse a drive without a brake whose joint gravity moves although friction holds it."""
     scene, t = still.scene, still.t
     assert t is not None  # a cycle has times
@@ -184,8 +184,9 @@ def _check_unbraked(still: InverseResult, carries: str) -> None:
         k = int(np.argmax(short))
         if short[k] > _ROUNDING * max(np.abs(still.effort_frictionless[:, d]).max(), 1.0):
             load = abs(float(still.effort_frictionless[k, d]))
+            lacks = no_brake(products, drive.name, f"actuators ({drive.name}):")
             raise StopError(
-                f"{scene.source}: actuators ({drive.name}): has no brake, and carrying {carries} "
+                f"{scene.source}: {lacks}, and carrying {carries} "
                 f"its load of {load:.3g} {effort_unit(scene, d)} at {t[k]:.3g} s of the cycle is "
                 "more than friction holds; give `transmission.brake: {torque: N m, engage_time: s}`"
             )

@@ -138,14 +138,30 @@ def stop(
         TrajectoryError: the reaction takes longer than the trajectory.
     """
     expect_scene(scene, "stop")
-    settings = stop_settings(scene, category)
+    machines = Machines(scene, stop_settings(scene, category), full_load(scene, trajectory))
+    return stops_of(machines, trajectory, progress)
+
+
+def stops_of(
+    machines: Machines,
+    trajectory: Trajectory,
+    progress: Callable[[int, int], None] | None = None,
+) -> StopResult:
+    """Return the worst stops of a cycle, as `stop` does.
+
+    Args:
+        machines: what is stopped. trajectory, progress: of `stop`.
+
+    Raises:
+        StopError, TrajectoryError: as `stop`.
+    """
+    scene, settings = machines.scene, machines.settings
     if trajectory.duration < settings.reaction_time:
         raise TrajectoryError(
             f"{trajectory.source}: lasts {trajectory.duration:g} s, less than the reaction_time "
             f"{settings.reaction_time:g} s of {scene.source}: the robot's motion after the command "
             "is not known; give a longer trajectory"
         )
-    machines = Machines(scene, settings, full_load(scene, trajectory))
     cycle = Cycle.of(machines, trajectory)
     search = Search(machines, cycle, progress or (lambda done, total: None))
     search.run()
