@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 
 from pinfric.drives.criterion import Status
 from pinfric.drives.power import BusPower
+from pinfric.model.brief import counted
 from pinfric.show.report.names import short_names
 from pinfric.show.report.rows import NONE, table_of
 from pinfric.show.report.tables import Table
@@ -192,8 +193,8 @@ def bus_lines(report: SizingReport) -> list[str]:
     lines = [f"braking: {bus.remedy}"]
     if bus.mechanical:
         lines.append(
-            f"copper loss of {len(bus.mechanical)} drives is missing: no torque constant "
-            "or resistance"
+            f"copper loss of {counted(len(bus.mechanical), 'drive')} is missing: no torque "
+            "constant or resistance"
         )
     if bus.left_out and bus.known:
         lines.append(f"{', '.join(bus.left_out)}: not in the bus power, no motor")
