@@ -408,6 +408,7 @@ def test_a_load_of_two_percent_of_the_largest_effort_is_none(share):
         ("where_needed", STOPS, 3.0, "", 1.5),
         ("all", None, 3.0, "", 1.5),
         ("where_needed", None, 3.0, "robot.masses", 2.0),
+        ("where_needed", None, 3.0, "robot.payloads", 2.0),
         ("where_needed", None, 3.0, "friction.j.mu", 1.5),
     ],
 )

@@ -84,6 +84,28 @@ def test_peaks_of_all_joints_by_pinocchios_forward_dynamics(carried):
     np.testing.assert_allclose(found, judged, rtol=1e-6)
 
 
+def test_a_self_locking_gear_rests_and_passes_what_comes():
+    """eta_b < 0: the lift stands as soon as power is off, as a joint of no direction would.
+
+    Its gear has no brake that slips: what the other two throw at it, it must bear.
+    """
+    scene, random = three_axes(), np.random.default_rng(5)
+    locks = [
+        a.model_copy(update={"transmission": a.transmission.model_copy(update=change)})
+        for a, change in zip(scene.actuators, ({}, {"back_efficiency": -0.5}, {}), strict=True)
+    ]
+    q, v = random.uniform(-2.0, 2.0, (2, 20, 3))
+    delay, torque = (dict(zip(NAMES, x, strict=True)) for x in (DELAYS, BRAKES))
+    direction, holds = np.sign(v), torque | {"lift": 1e6}
+    found = gear_peaks(
+        Machine(scene.with_(actuators=locks), (), {}, {}, {}, None), torque, delay, q, v, direction
+    )
+    direction[:, 1] = 0.0
+    machine = Machine(scene, (), {}, {}, {}, None)
+    judged = gear_peaks(machine, holds, delay | {"lift": 0.0}, q, v, direction)
+    np.testing.assert_allclose(found, judged, rtol=1e-9)
+
+
 def lift(**stops):
     """10 kg on a screw of 200 rad/m, with 20 kg of rotor, and 20 N of friction."""
     brake = {"torque": 1.0, "engage_time": 0.05}
