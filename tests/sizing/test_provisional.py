@@ -109,11 +109,29 @@ def test_a_missing_efficiency_is_the_worst_of_its_kind(tmp_path):
             {},
         ),  # a known row fails
         ({k: None for k in ("stiffness", "bearing", "input_inertia", "efficiency")}, {}),  # four
+        (
+            {
+                **dict.fromkeys(("stiffness", "bearing", "input_inertia")),
+                **dict.fromkeys(("max_input_speed", "average_input_speed", "rated_speed")),
+            },
+            {},
+        ),  # four, for each of which something stands in
     ],
 )
 def test_what_is_not_eligible_is_not_shown(tmp_path, gear, motor):
     (joint,) = sized(tmp_path, gear, motor).joints
     assert joint.installed is None or not joint.installed.would
+
+
+def test_what_fails_beside_a_provisional_drive_is_said_too(tmp_path):
+    """No brake is in the catalogue, and one is demanded."""
+    path = one_drive(tmp_path, None, {"stiffness": None})
+    report = sized_cycle(path, conditions={"holding_brake": "all"}, on_miss="ignore")
+    (joint,) = report.verdict.joints
+    assert joint.state == "provisional"
+    provisional_, brake = joint.failing
+    assert "ask its maker for stiffness" in provisional_
+    assert "holding brake" in brake
 
 
 def test_a_provisional_drive_never_competes_and_is_shown_apart(tmp_path):
