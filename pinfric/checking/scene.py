@@ -193,7 +193,7 @@ def load_findings(scene: Scene) -> Iterator[Finding]:
 
 def massless_findings(scene: Scene) -> Iterator[Finding]:
     """Yield one finding on all joints that move no mass, with all payloads and rotors."""
-    if names := massless_joints(scene):
+    if names := massless_joints(scene, scene.payloads):
         every = len(names) == scene.model.nv
         place, found = (
             ("robot", "nothing that moves has a mass")

@@ -26,12 +26,11 @@ from pinfric.exporting.sdf import sdf
 from pinfric.exporting.tree import bodies, check_plain_tree
 from pinfric.exporting.urdf import urdf
 from pinfric.model.brief import counted, file_name, listed, screen
-from pinfric.model.closure import velocity_names
 from pinfric.model.described import INERTIA, SPEED, described, in_json, quantity, unit_at
 from pinfric.model.effects import effects
 from pinfric.model.files import write_file, write_folder
 from pinfric.model.mass_matrix import mass_matrices
-from pinfric.model.massless import massless
+from pinfric.model.massless import massless, massless_joints
 from pinfric.model.scene import Scene, expect_scene
 from pinfric.model.upward import Shown
 from pinfric.model.urdf import implausible_body
@@ -245,7 +244,7 @@ def export(
         f"While a joint rests the scene has a torque range, given at each joint: {form.at_rest}.",
     ]
     text = _WRITERS[to](scene, joints, lines, header)
-    if to == "mjcf" and (held := _held(scene)):
+    if to == "mjcf" and (held := massless_joints(scene)):
         warnings.warn(
             f"{scene.source}: {', '.join(held)} {'moves' if len(held) == 1 else 'move'} no mass: "
             "written without the joint, for MuJoCo refuses it; give the link an <inertial>",
@@ -337,7 +336,7 @@ def _mjcf(
                 f"{why}; correct the <inertia> of its links"
             )
     by_name = {joint.joint: joint for joint in joints}
-    entries, held = [], _held(scene)
+    entries, held = [], massless_joints(scene)  # MuJoCo refuses bodies that move without mass
     for body in tree:
         if (body.joint.name if body.follows is None else body.follows[0]) in held:
             said = f"the joint {body.joint.name} moves no mass and is left out: the body is fixed"
@@ -354,12 +353,6 @@ def _mjcf(
         entries.append(MjcfJoint(*constants, lines[joint.joint]))
     name = Path(scene.source).stem
     return mjcf(name, tree, entries, scene.model.gravity.linear, comment=header)
-
-
-def _held(scene: Scene) -> tuple[str, ...]:
-    """The joints that move no mass: MuJoCo refuses bodies that move without any."""
-    names = velocity_names(scene.model)
-    return tuple(names[k] for k in np.flatnonzero(massless(scene)))
 
 
 def _constants(
@@ -456,7 +449,7 @@ def _left_out(scene: Scene, to: str) -> tuple[str, ...]:
                 f"the payload {name!r} ({payload.mass:g} kg at {payload.link}), which the "
                 "scene does not carry by default"
             )
-    if to == "mjcf" and (held := _held(scene)):
+    if to == "mjcf" and (held := massless_joints(scene)):
         lines.append(
             f"the joints {', '.join(held)}, which move no mass, as MuJoCo refuses: their bodies "
             "are fixed where the joints stand at 0"

@@ -156,15 +156,12 @@ def _put_in_place(unfinished: Path, folder: Path, names: Sequence[str]) -> None:
         raise
 
 
-def check_writable(
-    folder: str | Path, names: Iterable[str] = (), checked: Iterable[str] = ()
-) -> None:
+def check_writable(folder: str | Path, names: Iterable[str] = ()) -> None:
     """Raise before a long computation if its results could not be written.
 
     Args:
         folder: where they go.
         names: the files that will be written there.
-        checked: further files, of which the caller knows whether it may replace them.
 
     Raises:
         PinfricError: `folder` is a file or named like one; it, or its parent if it is missing, is
@@ -194,7 +191,7 @@ def check_writable(
         )
     if (command := running()) is None:
         return
-    for name in (*names, *checked):
+    for name in names:
         file = folder / name
         if (source := _same_file(file, command.inputs)) is not None:
             same = "" if source.absolute() == file.absolute() else f" (it is {source})"
@@ -202,8 +199,10 @@ def check_writable(
                 f"{file}: is an input of this command{same}, which its result would replace; name "
                 "another place"
             )
-    known = {} if command.overwrite else _recorded(folder)
-    for name in () if command.overwrite else names:
+    if command.overwrite:
+        return
+    known = _recorded(folder)
+    for name in names:
         file = folder / name
         if file.is_file() and (name not in known or known[name] != file_hash(file)):
             why = "was changed since pinfric wrote it" if name in known else "is there already"

@@ -58,12 +58,7 @@ def massless(scene: Scene, attached: Iterable[str] | None = None) -> np.ndarray:
     return found
 
 
-def massless_joints(scene: Scene) -> tuple[str, ...]:
-    """Return the names of what moves no mass even with all payloads attached; see `massless`."""
+def massless_joints(scene: Scene, attached: Iterable[str] | None = None) -> tuple[str, ...]:
+    """Return the names of what moves no mass; see `massless`."""
     names = velocity_names(scene.model)
-    return tuple(names[k] for k in np.flatnonzero(massless(scene, scene.payloads)))
-
-
-def no_mass_at_all(scene: Scene) -> bool:
-    """Return whether nothing that moves has a mass, with all payloads attached."""
-    return bool(massless(scene, scene.payloads).all())
+    return tuple(names[k] for k in np.flatnonzero(massless(scene, attached)))

@@ -98,5 +98,5 @@ def inverse_summary(
         beyond_limits=beyond_limits(result),
         input=None if log is None else log_summary(log),
         elasticity=None if elastic is None else elastic_summary(elastic),
-        massless=massless_joints(result.scene),
+        massless=massless_joints(result.scene, result.scene.payloads),
     )

@@ -59,7 +59,8 @@ def rotor(inertia):
     ],
 )
 def test_which_joints_move_no_mass(finger, options, names):
-    assert massless_joints(arm(finger, **options)) == names
+    scene = arm(finger, **options)
+    assert massless_joints(scene, scene.payloads) == names
 
 
 def test_efforts_do_not_depend_on_it():
