@@ -25,12 +25,8 @@ from pinfric.checking.robot_masses import believed_weight
 from pinfric.errors import PinfricError, RobotError
 from pinfric.formats import json_schema
 from pinfric.model.files import file_hash, write_folder
-from pinfric.model.robot import (
-    Robot,
-    locator,
-    read_robot,
-    urdf_file,
-)
+from pinfric.model.massless import massless_joints
+from pinfric.model.robot import Robot, locator, read_robot, urdf_file
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Payload
 from pinfric.model.urdf import UrdfDynamics
@@ -78,7 +74,12 @@ def new_scene(
     robot = read_robot(urdf, {})
     weight = believed_weight(RobotFacts.of(urdf), robot.model)
     joints = joint_loads(robot.model, weight)
-    guessed = [joint for joint in joints if joint.degrees == 1 and not joint.massless]
+    massless = massless_joints(Scene(robot.model))
+    guessed = [
+        joint
+        for joint in joints
+        if joint.degrees == 1 and (joint.leader or joint.name) not in massless
+    ]
     rejected = [joint for joint in joints if joint.remark]
     mass = sum(inertia.mass for inertia in tuple(robot.model.inertias)[1:])  # 0 is the ground
     bodies = [frame.name for frame in robot.model.frames if frame.type == pin.FrameType.BODY]
@@ -107,7 +108,7 @@ def new_scene(
         "heavier drives",
         *_payload_section(payload, bodies[-1]),
         "friction:" if guessed else "friction: {}",
-        *[line for joint in joints for line in _joint_section(joint, robot.dynamics)],
+        *[line for j in joints for line in _joint_section(j, j in guessed, robot.dynamics)],
         *_actuators_section(robot),
         # what `pinfric simulate` runs
         *(
@@ -260,12 +261,14 @@ def _payload_section(payload: Payload | None, link: str) -> list[str]:
     ]
 
 
-def _joint_section(joint: JointLoad, dynamics: Mapping[str, UrdfDynamics]) -> list[str]:
+def _joint_section(
+    joint: JointLoad, moves_mass: bool, dynamics: Mapping[str, UrdfDynamics]
+) -> list[str]:
     """The lines of one joint; a joint without a single axis is only listed."""
     name = yaml_line(joint.name)
     if joint.degrees > 1:
         return [f"  # {name}: {joint.degrees} degrees of freedom; friction needs one axis"]
-    if joint.massless:
+    if not moves_mass:
         return [f"  # {name}: moves no mass; its friction would have no load, and none is guessed"]
     position = "m" if joint.sliding else "rad"
     if joint.leader is not None:

@@ -298,8 +298,16 @@ def test_example_of_a_drive_names_a_joint_that_can_have_one(tmp_path):
     assert "# base: 6 degrees of freedom" in text
 
 
-def test_robot_that_moves_no_mass_gets_no_simulation_that_would_fail(tmp_path):
-    urdf = chain(tmp_path, ("j", "revolute", LEVEL + limits(-1, 1)), body="")
+@pytest.mark.parametrize(
+    "body",
+    [
+        "",
+        '<inertial><mass value="1"/><inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/>'
+        "</inertial>",  # a point on the joint's axis
+    ],
+)
+def test_robot_that_moves_no_mass_gets_no_simulation_that_would_fail(tmp_path, body):
+    urdf = chain(tmp_path, ("j", "revolute", LEVEL + limits(-1, 1)), body=body)
     assert entries(urdf).keys() == {"pinfric", "robot", "friction"}
     assert "j: moves no mass" in new_scene(urdf)
     assert np.ptp(first_motion(urdf, tmp_path).q) > 0

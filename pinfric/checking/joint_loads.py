@@ -48,7 +48,6 @@ class JointLoad:
         name: the joint's.
         sliding: True for a prismatic joint.
         degrees: 1, or more for a planar or floating joint.
-        massless: whether nothing that it moves has mass or inertia.
         leader: of a mimic follower; None for others.
         lower, upper: rad or m, infinite without limits.
         load: what it must stand (N m or N).
@@ -63,7 +62,6 @@ class JointLoad:
     name: str
     sliding: bool
     degrees: int
-    massless: bool
     leader: str | None
     lower: float
     upper: float
@@ -122,7 +120,6 @@ def joint_loads(model: pin.Model, held_out: float | None) -> list[JointLoad]:
             name=str(model.names[j]),
             sliding=sliding,
             degrees=max(kind.nv, 1),
-            massless=not any(np.any(model.inertias[b].matrix()) for b in bodies),
             leader=follows,
             lower=lower,
             upper=upper,
