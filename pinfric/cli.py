@@ -314,6 +314,7 @@ def size(
     cycles += [load_motion_of(scene, name, log) for name in later]
     question_loads(scene)
     from pinfric.drives.duty import Duty
+    from pinfric.model.csv_text import number_of
     from pinfric.show.pages.sizing import sizing_page
     from pinfric.show.report.bill import bill_of_materials
     from pinfric.show.report.sizing import sizing_report, verdict
@@ -327,7 +328,7 @@ def size(
 
     def number_or_name(text: str) -> float | str:
         try:
-            return float(text)
+            return number_of(text)
         except ValueError:  # `required`
             return text
 
@@ -599,6 +600,7 @@ def identify(
     from pinfric.identification.files import identified_files
     from pinfric.identification.identify import identify as find
     from pinfric.identification.summary import identify_summary
+    from pinfric.model.csv_text import number_of
     from pinfric.show.pages.identification import identification_page
     from pinfric.show.report.identify import identify_report, verdict
 
@@ -606,7 +608,7 @@ def identify(
         found = find(
             scene,
             logs,
-            gain=pairs(gain, "--gain", float),
+            gain=pairs(gain, "--gain", number_of),
             effort_at=effort_at,  # type: ignore[arg-type]  # checked before
             inertia=inertia,  # type: ignore[arg-type]  # checked there
             payloads=pairs(payload, "--payload", str),

@@ -160,8 +160,12 @@ def pairs(given: Sequence[str] | None, option: str, kind: Callable[[str], Any]) 
     Raises:
         typer.BadParameter: no such pair, or a value that is not of the kind.
     """
+    from pinfric.model.csv_text import number_of
+
     found: dict[str, Any] = {}
-    listed = [one for text in given or () for one in (text.split(",") if kind is float else [text])]
+    listed = [
+        one for text in given or () for one in (text.split(",") if kind is number_of else [text])
+    ]
     for text in listed:
         name, equals, value = text.strip().rpartition("=")
         try:
@@ -175,9 +179,11 @@ def pairs(given: Sequence[str] | None, option: str, kind: Callable[[str], Any]) 
 
 def weighted(text: str) -> tuple[str, float]:
     """Return the file and the number of FILE:NUMBER; 1 where no number stands behind a colon."""
+    from pinfric.model.csv_text import number_of
+
     name, _, number = text.rpartition(":")
     try:
-        return (name, float(number)) if name else (text, 1.0)
+        return (name, number_of(number)) if name else (text, 1.0)
     except ValueError:
         if Path(name).is_file() and not Path(text).exists():
             raise typer.BadParameter(

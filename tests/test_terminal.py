@@ -23,6 +23,7 @@ from pinfric.errors import (
 )
 from pinfric.exporting.export import FORMATS as EXPORTS
 from pinfric.formats import FORMATS
+from pinfric.model.csv_text import number_of
 from pinfric.model.entry import Entry, parse
 
 
@@ -44,10 +45,17 @@ def all_entries(kind):
 
 def test_numbers_of_an_option_may_be_listed():
     given = ["A=1,B=2.5", "C=3", "A,B=4"]
-    assert terminal.pairs(given[:2], "--gain", float) == {"A": 1.0, "B": 2.5, "C": 3.0}
+    assert terminal.pairs(given[:2], "--gain", number_of) == {"A": 1.0, "B": 2.5, "C": 3.0}
     assert terminal.pairs(["a,b.csv=box"], "--payload", str) == {"a,b.csv": "box"}
     with pytest.raises(typer.BadParameter, match="'A': should be NAME=VALUE"):
-        terminal.pairs(given, "--gain", float)
+        terminal.pairs(given, "--gain", number_of)
+
+
+@pytest.mark.parametrize("number", ["1_0", "\N{FULLWIDTH DIGIT ONE}"])
+def test_numbers_of_options_have_ascii_digits_as_those_of_files(number):
+    with pytest.raises(typer.BadParameter, match="should be NAME=VALUE"):
+        terminal.pairs([f"A={number}"], "--gain", number_of)
+    assert terminal.weighted(f"way.csv:{number}") == (f"way.csv:{number}", 1.0)
 
 
 def test_defect_is_one_line_unless_a_traceback_is_asked_for(files, capsys, monkeypatch):

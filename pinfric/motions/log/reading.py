@@ -10,6 +10,7 @@ import numpy as np
 
 from pinfric.errors import TrajectoryError, choose_from
 from pinfric.model.arrays import BoolArray, FloatArray
+from pinfric.model.csv_text import number_of
 from pinfric.motions.log.noise import low_pass
 
 #: rad per unit of angle, s per unit of time.
@@ -99,7 +100,7 @@ class ReadingOptions:
         if self.cutoff is None or self.cutoff == "none":
             return
         try:
-            frequency = float(self.cutoff)
+            frequency = number_of(self.cutoff) if isinstance(self.cutoff, str) else self.cutoff
         except ValueError:
             frequency = np.nan
         if not (np.isfinite(frequency) and frequency > 0.0):

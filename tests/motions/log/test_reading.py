@@ -13,6 +13,12 @@ def test_cutoffs_that_cannot_be(cutoff, tmp_path):
     assert f"--cutoff {cutoff}: this log can be filtered from 1 to 100 Hz" in message
 
 
+@pytest.mark.parametrize("cutoff", ["1_0", "\N{FULLWIDTH DIGIT ONE}", "-1", "fast"])
+def test_cutoffs_that_are_no_frequency(cutoff):
+    with pytest.raises(TrajectoryError, match=f"--cutoff {cutoff}: give a frequency in Hz"):
+        ReadingOptions(cutoff=cutoff)
+
+
 @pytest.mark.parametrize(
     ("header", "columns", "parts"),
     [
