@@ -345,7 +345,7 @@ def size(
     files: Files = {"report.html": lambda path: path.write_text(page(), encoding="utf-8")}
     if bill := bill_of_materials(report):
         files["bom.csv"] = lambda path: path.write_text(bill, encoding="utf-8")
-    show_it = partial(sizing_report, report, telling["verbose"])
+    show_it = partial(sizing_report, report, telling["verbose"], out is not None)
     answer(
         "size",
         found,
@@ -450,7 +450,7 @@ def stop(
         "report.html": lambda path: path.write_text(stop_page(result), encoding="utf-8"),
         "stop.png": lambda path: stop_figure(result).savefig(path),
     }
-    tables = partial(stop_report, scene.source, found, telling["verbose"])
+    tables = partial(stop_report, scene.source, found, telling["verbose"], out is not None)
     said = partial(verdict, found)
     answer("stop", found, tables, as_json, out, files, verdict=said, scene=scene.source)
     result.check()  # what is not met is the last line, and the exit code (2)
@@ -497,7 +497,7 @@ def retime(
         "trajectory.csv": result.trajectory.to_csv,
         "retime.png": lambda path: retime_figure(result).savefig(path),
     }
-    report = partial(retime_report, result, found, telling["verbose"])
+    report = partial(retime_report, result, found, telling["verbose"], out is not None)
     said = partial(verdict, found)
     answer("retime", found, report, as_json, out, files, verdict=said, scene=scene.source)
 
@@ -624,7 +624,7 @@ def identify(
         **(identified_files(found, out) if out is not None else {}),
         "report.html": lambda path: path.write_text(identification_page(found), encoding="utf-8"),
     }
-    tables = partial(identify_report, found, summary, telling["verbose"])
+    tables = partial(identify_report, found, summary, telling["verbose"], out is not None)
     said = partial(verdict, summary)
     answer("identify", summary, tables, as_json, out, files, verdict=said, scene=scene.source)
 

@@ -43,15 +43,16 @@ def test_the_short_report_is_a_screen_with_all_doubts_and_the_long_one_has_all_n
     assert found.notes[: len(found.doubts)] == found.doubts
     summary = identify_summary(found)
 
-    def printed(verbose):
+    def printed(*options):
         console = Console(file=StringIO(), width=80)
-        console.print(*identify_report(found, summary, verbose), sep="\n")
+        console.print(*identify_report(found, summary, *options), sep="\n")
         return console.file.getvalue()
 
     short_one, words = printed(False), " ".join(printed(False).split())
     assert len(short_one.splitlines()) < 40  # six joints, whose laws take two lines or more
     assert words.count("! ") == len(found.doubts)
     assert "-v; scene, page: --out FOLDER" in words
+    assert "--out" not in printed(False, True)  # these files are written
     assert "one log only" not in words
     assert "one log only" in " ".join(printed(True).split())
 

@@ -15,13 +15,16 @@ from pinfric.show.report.values import digits
 _PAGE = ("rest.largest", "rest.share", "spread_between_logs")
 
 
-def identify_report(found: Identified, summary: IdentifySummary, verbose: bool = True) -> Report:
+def identify_report(
+    found: Identified, summary: IdentifySummary, verbose: bool = True, written: bool = False
+) -> Report:
     """Return the tables and lines that `pinfric identify` prints, for a rich console.
 
     Args:
         found: of `identify`.
         summary: of it.
         verbose: also the coefficients, and all notes.
+        written: the files of --out are, and the last line does not name it.
     """
     logs = ", ".join(one.name for one in summary.logs)
     duration = sum(one.duration for one in summary.logs)
@@ -45,10 +48,9 @@ def identify_report(found: Identified, summary: IdentifySummary, verbose: bool =
     )
     others = summary.notes[len(summary.doubts) :]
     if not verbose:
-        rest = (
-            f"coefficients with intervals, {counted(len(others), 'note')}: -v; scene, page: --out"
-        )
-        return paragraphs(opening, laws, unseen, [advice, f"{rest} FOLDER"])
+        rest = f"coefficients with intervals, {counted(len(others), 'note')}: -v"
+        out = "" if written else "; scene, page: --out FOLDER"
+        return paragraphs(opening, laws, unseen, [advice, f"{rest}{out}"])
     lines = [f"delay of the logged efforts: {found.estimate.delay}", *others, advice]
     return paragraphs(opening, laws, figures, unseen, lines)
 

@@ -12,13 +12,16 @@ from pinfric.show.report.tables import Report, paragraphs
 from pinfric.show.report.values import digits, percent
 
 
-def retime_report(result: RetimeResult, found: RetimeSummary, verbose: bool = True) -> Report:
+def retime_report(
+    result: RetimeResult, found: RetimeSummary, verbose: bool = True, written: bool = False
+) -> Report:
     """Return the tables and lines that `pinfric retime` prints, for a rich console.
 
     Args:
         result: of `retime`.
         found: its summary.
         verbose: also the moves one by one.
+        written: the files of --out are, and the last line does not name it.
     """
     holds = found.holds
     moves = [
@@ -62,7 +65,8 @@ def retime_report(result: RetimeResult, found: RetimeSummary, verbose: bool = Tr
             "ranges; the larger range was used"
         )
     if not verbose and len(moves) > 1:
-        lines.append(f"each of {len(moves)} moves: -v; the motion: --out FOLDER")
+        out = "" if written else "; the motion: --out FOLDER"
+        lines.append(f"each of {len(moves)} moves: -v{out}")
     shown = table_of("moves", moves) if verbose else None
     return paragraphs([verdict(found)], drives, shown, lines)
 

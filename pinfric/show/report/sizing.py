@@ -48,12 +48,13 @@ _USUAL = "The robot is mounted standing, as the scene's gravity says."
 _ASKED = 3
 
 
-def sizing_report(report: SizingReport, verbose: bool = True) -> Report:
+def sizing_report(report: SizingReport, verbose: bool = True, written: bool = False) -> Report:
     """Return the tables and lines that `pinfric size` prints, for a rich console.
 
     Args:
         report: of `size`.
         verbose: all of it; else what is chosen, what fails, and what to ask for.
+        written: the files of --out are, and the last line does not name it.
     """
     notes = [f"note: {line}" for line in report.notes]
     failing = [*beyond_limits(report.result_without_masses), *report.verdict.failing]
@@ -66,7 +67,7 @@ def sizing_report(report: SizingReport, verbose: bool = True) -> Report:
     if report.catalog is None:
         return paragraphs(opening, rating, demand_table(report), elastic_lines(report), notes)
     if not verbose:
-        return _short(report, found, opening)
+        return _short(report, found, opening, written)
     return paragraphs(
         opening,
         rating,
@@ -88,13 +89,16 @@ def sizing_report(report: SizingReport, verbose: bool = True) -> Report:
     )
 
 
-def _short(report: SizingReport, found: SizingSummary, opening: Sequence[Any]) -> Report:
+def _short(
+    report: SizingReport, found: SizingSummary, opening: Sequence[Any], written: bool
+) -> Report:
     """What is chosen, what fails, and what to ask for."""
     first = [f"note: {line}" for line in report.assumptions[: len(report.unclosed) > 0]]
     kinds = counted(len(found.unchecked), "kind of criteria was", "kinds of criteria were")
     ending = [
         f"why {kinds} not checked, the demand of each joint, next smaller drives, "
-        f"{counted(len(report.notes), 'note')}: -v; page to sign, bill of materials: --out FOLDER"
+        f"{counted(len(report.notes), 'note')}: -v"
+        + ("" if written else "; page to sign, bill of materials: --out FOLDER")
     ]
     return paragraphs(
         list(opening),

@@ -12,11 +12,14 @@ from pinfric.show.report.values import digits
 from pinfric.stops.summary import StopSummary
 
 
-def stop_report(scene: str, found: StopSummary, verbose: bool = True) -> Report:
+def stop_report(
+    scene: str, found: StopSummary, verbose: bool = True, written: bool = False
+) -> Report:
     """Return the tables and lines that `pinfric stop` prints, for a rich console.
 
     Args:
         scene: its file. found: the stops. verbose: also by payload and speed, and all notes.
+        written: the files of --out are, and the last line does not name it.
     """
     title = f"{Path(scene).stem} · {Path(found.trajectory).name}: {how(found)}"
     failing = [f"! {line}" for line in found.unmet]
@@ -25,8 +28,9 @@ def stop_report(scene: str, found: StopSummary, verbose: bool = True) -> Report:
     if not verbose:
         kinds = counted(len(unchecked), "kind of criteria was", "kinds of criteria were")
         rest = f"why {kinds} not checked, " if unchecked else ""
-        ending = f"{rest}stops by payload and speed, {counted(len(notes), 'note')}: -v; page: --out"
-        return paragraphs(opening, axes_table(found, title), [f"{ending} FOLDER"])
+        ending = f"{rest}stops by payload and speed, {counted(len(notes), 'note')}: -v"
+        ending += "" if written else "; page: --out FOLDER"
+        return paragraphs(opening, axes_table(found, title), [ending])
     return paragraphs(opening, axes_table(found, title), grid_table(found), unchecked, notes)
 
 
