@@ -443,8 +443,9 @@ def _coupling(
     """
     c, stuck, own = problem.gear_coordinate[moves], modes.stuck, R is None
     R = problem.rate_slope if R is None else R
-    inverse = np.linalg.pinv(R[np.ix_(stuck, stuck)], hermitian=own)
-    W = R[np.ix_(c, c)] - R[np.ix_(c, stuck)] @ inverse @ R[np.ix_(stuck, c)]
+    across, held = R[c], R[stuck]
+    inverse = np.linalg.pinv(held[:, stuck], hermitian=own)
+    W = across[:, c] - across[:, stuck] @ inverse @ held[:, c]
     W = W @ np.linalg.inv(np.eye(len(c)) - problem.gear_rotor[moves, 1][:, None] * W)
     return 0.5 * (W + W.T) if own else W
 
