@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
+from builders import chain
 from sizing_cases import GEAR, MOTOR, write_catalog
 
 import pinfric as pf
@@ -50,6 +51,7 @@ def rotor(inertia):
         (point([0, 0.1, 0]), {}, ("grip",)),
         (point([0.1, 0, 0]), {}, ()),
         (None, {"actuators": rotor(1e-6)}, ()),
+        (None, {"actuators": rotor(1e-15)}, ()),  # 2.5e-12 of it at the joint, 50^2 times
         (None, {"payloads": {"box": Payload(link="finger", mass=0.1, com=[0.1, 0, 0])}}, ()),
         (
             None,
@@ -61,6 +63,11 @@ def rotor(inertia):
 def test_which_joints_move_no_mass(finger, options, names):
     scene = arm(finger, **options)
     assert massless_joints(scene, scene.payloads) == names
+
+
+def test_a_mass_on_the_axis_at_the_start_alone_is_moved():
+    model = chain(("roll", pin.JointModelRX()), ("bend", pin.JointModelRY(), point([0.5, 0, 0])))
+    assert massless_joints(pf.Scene(model)) == ()
 
 
 def test_efforts_do_not_depend_on_it():
