@@ -466,6 +466,25 @@ class Gear(Sourced):
         return self
 
     @property
+    def rollers(self) -> float | None:
+        """1 of a cycloidal (RV) gear, whose rules are those of its crank's rollers; else None."""
+        return 1.0 if self.kind == "cycloidal" else None
+
+    @property
+    def repeated_by_rating(self) -> float | None:
+        """Peak of starts and stops where a cycloidal gear's is not printed, 2.5 x the rating.
+
+        Source: Nabtesco RV-40E, 412, 1029 and 2058 N m, retyped in a public selector; Zhenkang
+        ZKRV-20E to 450E print 2.5 and 5 times, too.
+        """
+        return 2.5 * self.rated_torque if self.rollers and self.rated_torque else None
+
+    @property
+    def momentary_by_rating(self) -> float | None:
+        """Emergency peak of the same, 5 x the rating."""
+        return 5.0 * self.rated_torque if self.rollers and self.rated_torque else None
+
+    @property
     def ratios(self) -> tuple[float, ...]:
         """All ratios this entry comes in."""
         return self.ratio if isinstance(self.ratio, tuple) else (self.ratio,)

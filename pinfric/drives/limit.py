@@ -42,6 +42,7 @@ GEAR_FIGURES = (
     *("average_torque", "repeated_peak_torque", "momentary_peak_torque", "momentary_peaks"),
     *("max_input_speed", "average_input_speed", "rated_speed", "rated_torque", "nominal_life"),
     *("stiffness", "backlash", "stroke"),
+    *("rollers", "repeated_by_rating", "momentary_by_rating"),
 )
 MOTOR_FIGURES = (
     *("peak_torque", "stall_torque", "torque_constant", "resistance", "nominal_voltage"),

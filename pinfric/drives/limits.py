@@ -25,7 +25,7 @@ from pinfric.drives.bearing import (
 )
 from pinfric.drives.catalog import Nut, Screw
 from pinfric.drives.criterion import Criterion, Status
-from pinfric.drives.demand import average_output_effort
+from pinfric.drives.demand import average_output_effort, mean, share
 from pinfric.drives.drivetrain import (
     Candidate,
     MotorCycle,
@@ -329,6 +329,31 @@ def _collision(d: Drives) -> float:
     return float(np.fmax(wanted, d.case.stop_effort))
 
 
+def _rolls(d: Drives) -> Value:
+    """Which gears are cycloidal."""
+    return ~np.isnan(d.gear.rollers)
+
+
+def _average_torque(d: Drives) -> Value:
+    """The mean that wears a gear: of cycloidal ones with the exponent of rollers."""
+    if not np.any(_rolls(d)):
+        return d.demand.mean_cubic
+    return np.where(_rolls(d), _rollers_torque(d), d.demand.mean_cubic)
+
+
+def _rollers_torque(d: Drives) -> float:
+    cycle = d.case.cycle
+    return average_output_effort(cycle.stretched, cycle.ends[0], cycle.velocity, ROLLER)
+
+
+def _speed_under_load(d: Drives) -> Value:
+    """Mean input speed while the joint moves, pauses left out."""
+    cycle = d.case.cycle
+    moving = share(cycle.stretched, np.abs(cycle.velocity) > cycle.stick_velocity)
+    speed = mean(cycle.stretched, np.abs(cycle.velocity))
+    return d.ratio * (min(speed / moving, d.demand.speed) if moving > 0 else 0.0)
+
+
 def _by_rule(d: Drives) -> bool:
     """Whether the number of momentary peaks follows from the maker's rule, not from a figure."""
     return np.isnan(d.gear.momentary_peaks) and d.entry.kind == "strain wave"
@@ -353,11 +378,10 @@ def _gear_life(d: Drives) -> float:
     if d.entry.kind != "cycloidal":
         known = not np.isnan(life * speed * torque)
         return gear_life(life, speed, torque, mean_speed, mean_effort)[0] if known else np.nan
-    life, cycle = _CYCLOIDAL_LIFE if np.isnan(life) else life, d.case.cycle
+    life = _CYCLOIDAL_LIFE if np.isnan(life) else life
     if np.isnan(speed * torque):
         return np.nan
-    worn = average_output_effort(cycle.stretched, cycle.ends[0], cycle.velocity, ROLLER)
-    return gear_life(life, speed, torque, mean_speed, worn, ROLLER)[0]
+    return gear_life(life, speed, torque, mean_speed, _rollers_torque(d), ROLLER)[0]
 
 
 #: Formula and source of a gear's life, by its kind; of others as of strain wave gears.
@@ -427,8 +451,10 @@ def _lead_screw(d: Drives) -> bool:
 _LENGTH = "screw: root diameter, length and supports"
 # fmt: off
 GEAR_LIMITS = [
-    Limit("gear average torque", lambda d: d.demand.mean_cubic, "gear.average_torque", "effort",
-          "T_av = cbrt(int |v T^3| dt/int |v| dt) <= limit for average torque", _HARMONIC,
+    Limit("gear average torque", _average_torque, "gear.average_torque", "effort",
+          lambda d: "T_av = (int |v| |T|^(10/3) dt/int |v| dt)^(3/10) <= rated torque" if _rolls(d)
+          else "T_av = cbrt(int |v T^3| dt/int |v| dt) <= limit for average torque",
+          lambda d: _LIVES["cycloidal"][1] if _rolls(d) else _HARMONIC,
           "limit for average torque", stage="gear", applies=_has_gear),
     Limit("gear repeated peak torque", "effort", "gear.repeated_peak_torque", "effort",
           "max |T| <= limit for repeated peak torque", _HARMONIC,
@@ -464,7 +490,12 @@ GEAR_LIMITS = [
     Limit("gear average input speed", lambda d: d.ratio * d.demand.mean_speed,
           "gear.average_input_speed", "rad/s",
           "ratio 1/T int |v| dt <= limit for average input speed", _HARMONIC,
-          "limit for average input speed", stage="gear", applies=_has_gear),
+          "limit for average input speed", stage="gear",
+          applies=lambda d: _has_gear(d) & ~_rolls(d)),
+    Limit("gear speed under load", _speed_under_load, "gear.max_input_speed", "rad/s",
+          "ratio int |v| dt/(time in which it moves) <= maximum input speed",
+          "Nabtesco manual of RV gears, p. 8: the allowable output speed is without load",
+          "maximum input speed", stage="gear", applies=_rolls),
     Limit("gear life L10", lambda d: number(d.conditions.life), _gear_life, "h",
           lambda d: _life_of(d)[0], lambda d: _life_of(d)[1],
           "nominal life, rated speed or rated torque", condition="life",

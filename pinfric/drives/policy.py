@@ -381,9 +381,12 @@ NEEDS: dict[str, tuple[Need, ...]] = {
 #: rated and repeated peak torque), and of all gears for speeds.
 STAND_INS: dict[str, tuple[str, ...]] = {
     "average_torque": ("average_torque", "rated_torque"),
-    "repeated_peak_torque": ("repeated_peak_torque", "average_torque", "rated_torque"),
+    "repeated_peak_torque": (
+        *("repeated_peak_torque", "repeated_by_rating", "average_torque", "rated_torque"),
+    ),
     "momentary_peak_torque": (
-        *("momentary_peak_torque", "repeated_peak_torque", "average_torque", "rated_torque"),
+        *("momentary_peak_torque", "momentary_by_rating", "repeated_peak_torque"),
+        *("average_torque", "rated_torque"),
     ),
     "max_input_speed": ("max_input_speed", "average_input_speed", "rated_speed"),
     "average_input_speed": ("average_input_speed", "rated_speed"),
@@ -396,6 +399,8 @@ STAND_INS: dict[str, tuple[str, ...]] = {
 STAND_IN_WORDS = {
     "peak_by_stall": f"the stall torque, at most {MOST_PEAK:g} x the continuous torque, by rule; "
     "if the amplifier gives it",
+    "repeated_by_rating": "2.5 x the rated torque of a cycloidal gear, by rule",
+    "momentary_by_rating": "5 x the rated torque of a cycloidal gear, by rule",
 }
 
 

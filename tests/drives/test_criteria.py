@@ -109,6 +109,39 @@ def test_rated_point_has_the_nominal_life():
     assert gear_life(50_000.0, 209.44, 87.0, 0.0, 10.0) == (np.inf, np.inf)
 
 
+def test_half_the_rated_torque_on_rollers_and_on_balls():
+    """412 N m and 15 rpm rated, 206 N m at 1.5 rad/s: 6000 pi/3 2^(10/3) h; balls 8 times, a fifth.
+
+    Halves of a cycle and a pause, by hand: N_m = 22/1.4 rpm, T_m = 540 N m, 3992 h by the clock.
+    """
+    rated = 15 * np.pi / 30
+    assert round(gear_life(6000.0, rated, 412.0, 1.5, 206.0, 10 / 3)[0]) == 63_331
+    assert round(gear_life(6000.0, rated, 412.0, 1.5, 206.0)[0]) == 10_053
+    turns, torque = np.array([3.0, 16.0, 3.0]), np.array([900.0, 250.0, 600.0])
+    worn = (turns @ torque ** (10 / 3) / turns.sum()) ** 0.3
+    assert round(worn) == 540
+    clock = gear_life(6000.0, rated, 412.0, 22 / 2.4 * np.pi / 30, worn, 10 / 3)[0]
+    assert clock == pytest.approx(3992, rel=1e-3)
+
+
+def test_a_cycloidal_gear_has_peaks_and_a_speed_of_its_own(tmp_path):
+    """2.5 and 5 times the rating where nothing is printed; the mean speed while it moves."""
+    printed = {"repeated_peak_torque": 66.0, "momentary_peak_torque": 99.0}
+    for own, peaks in ((printed, [66.0, 99.0]), (dict.fromkeys(printed), [75.0, 150.0])):
+        gear = {"kind": "cycloidal", "rated_torque": 30.0, "average_torque": None} | own
+        joint = sized(tmp_path, gear=gear, conditions={"collision_effort": {"table": 1.0}})
+        rows = [criterion(joint, f"gear {x} peak torque") for x in ("repeated", "momentary")]
+        assert [row.available for row in rows] == peaks
+    assert "5 x the rated torque of a cycloidal gear, by rule" in rows[1].note
+    moving = criterion(joint, "gear speed under load")
+    assert moving.required == pytest.approx(RATIO * ANGLE.sum() / (CYCLE - PAUSE), rel=1e-3)
+    assert moving.available == GEAR["max_input_speed"]
+    assert "gear average input speed" not in {c.name for c in joint.assessments[0].criteria}
+    efforts = np.abs([UP, RUN, DOWN])
+    worn = (ANGLE @ efforts ** (10 / 3) / ANGLE.sum()) ** 0.3
+    assert criterion(joint, "gear average torque").required == pytest.approx(worn, rel=1e-6)
+
+
 @pytest.mark.parametrize("kind", ["", "strain wave", "cycloidal", "planetary"])
 @pytest.mark.parametrize("nominal", [35_000.0, None])
 def test_life_is_that_of_the_kind_of_gear(tmp_path, kind, nominal):
@@ -760,6 +793,7 @@ def variants(tmp_path):
         ({"thermal": None, "thermal_time": 900.0, **only}, {"stiffness": None}),
         ({"thermal": {**MOTOR["thermal"], "max_winding": None}}, {}),
         ({"ambient_curve": [[25.0, 1.0], [90.0, 0.5]]}, {}),
+        ({}, {"kind": "cycloidal"}),
     ):
         catalog = one_drive(tmp_path, motor, gear, brakes=brake, **more)
         yield turning, trapezoid(turning), catalog
