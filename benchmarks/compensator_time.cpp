@@ -26,7 +26,7 @@ int main() {
       x->push_back(Eigen::VectorXd::NullaryExpr(n, [&] { return uniform(random); }));
   const Compensator compensator;
   const Options options;
-  Instant instant;
+  InverseInstant instant;
   bool good = true;
   std::vector<State> moving(states);
   for (int i = 0; i < states; ++i) {

@@ -173,7 +173,7 @@ class Headers:
         includes = "\n".join(f'#include "{name}.hpp"' for name in names)
         calls = "\n  ".join(
             f'if (!std::strcmp(arguments[1], "{name}"))\n    good = good && answer<{name}::Robot, '
-            f"{name}::Compensator, {name}::Options, {name}::Instant, {name}::State, "
+            f"{name}::Compensator, {name}::Options, {name}::InverseInstant, {name}::State, "
             f"{name}::Freedoms, {name}::Drives, "
             f"{name}::View<double, {name}::Robot::freedoms>>(in, out);"
             for name in names
@@ -225,7 +225,7 @@ class Headers:
             "friction": na,
             "limited": na,
             "feed_forward": na,
-            "effort": na,
+            "joint_effort": na,
             "effort_frictionless": na,
             "effort_lower": na,
             "effort_upper": na,

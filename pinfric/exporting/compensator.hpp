@@ -145,19 +145,19 @@ struct Options {
   }
 };
 
-// All that follows from one state (N m or N). `effort` is what an effort interface takes, as that of
-// ros2_control: the motor's torque seen from the joint, ratio x motor_torque, with rigid body, rotors,
-// friction and gear losses. `delivered` is what passes the gear, without its losses and the rotor.
-struct Instant {
-  double rigid_body[Robot::drives];
+// All that follows from one state (N m or N), by the names of pinfric's `Solver.inverse`.
+struct InverseInstant {
+  double effort_frictionless[Robot::drives];
+  double effort_lower[Robot::drives], effort_upper[Robot::drives];  // at the joint, after the gear
+  // All that a torque command at the joint contains, as that of ros2_control's effort interface:
+  // rigid body, rotors, friction and gear losses; ratio x motor_torque.
+  double joint_effort_lower[Robot::drives], joint_effort_upper[Robot::drives];
+  double motor_torque_lower[Robot::drives], motor_torque_upper[Robot::drives];  // N m at the shaft
   double wrench[Robot::sites > 0 ? Robot::sites : 1][6];  // parent on child, in the child's frame
   double normal_load[Robot::sites > 0 ? Robot::sites : 1];
   double friction_lower[Robot::sites > 0 ? Robot::sites : 1];  // of the parent on the child
   double friction_upper[Robot::sites > 0 ? Robot::sites : 1];
   bool sticking[Robot::sites > 0 ? Robot::sites : 1];
-  double delivered_lower[Robot::drives], delivered_upper[Robot::drives];
-  double effort_lower[Robot::drives], effort_upper[Robot::drives];
-  double motor_torque_lower[Robot::drives], motor_torque_upper[Robot::drives];  // N m at the shaft
 };
 
 // ------------------------------------------------------------------ the laws
@@ -403,7 +403,7 @@ class Compensator {
   }
 
   // What a motion takes with friction, as pinfric's `Solver.inverse`: intervals where joints stick.
-  [[nodiscard]] bool inverse(const State& state, Instant& out) const noexcept {
+  [[nodiscard]] bool inverse(const State& state, InverseInstant& out) const noexcept {
     Reactions found;
     return bound(state, found, out);
   }
@@ -419,10 +419,10 @@ class Compensator {
     return written(outcome, extra, out);
   }
 
-  // Feed-forward of a motion at the joints, what an effort interface takes: rigid body, rotors and
-  // `friction` at v_ref. Outside the band of switch_velocity, at scale 1 and v_ref = v, it lies in
-  // the interval of `inverse`; inside the band it need not.
-  Outcome effort(const State& state, const Options& options, Drives out) const noexcept {
+  // Feed-forward of a motion at the joints, all that a torque command there contains: rigid body,
+  // rotors and `friction` at v_ref. Outside the band of switch_velocity, at scale 1 and v_ref = v, it
+  // lies in the interval of `inverse`; inside the band it need not.
+  Outcome joint_effort(const State& state, const Options& options, Drives out) const noexcept {
     Reactions found;
     double load[sites_size] = {}, whole[Robot::drives];
     const bool good = react(state, found);
@@ -433,7 +433,7 @@ class Compensator {
 
   // The same at the motors' shafts (N m), with the interval of the state.
   Outcome motor_torque(const State& state, const Options& options, Drives out,
-                       Instant& instant) const noexcept {
+                       InverseInstant& instant) const noexcept {
     Reactions found;
     double whole[Robot::drives];
     Outcome outcome;
@@ -442,7 +442,7 @@ class Compensator {
     if (outcome)
       for (int d = 0; d < Robot::drives; ++d) whole[d] /= drives[d].ratio;
     outcome = written(outcome, whole, out);
-    if (!outcome) instant = Instant();
+    if (!outcome) instant = InverseInstant();
     return outcome;
   }
 
@@ -642,8 +642,8 @@ class Compensator {
     }
   }
 
-  bool bound(const State& state, Reactions& found, Instant& out) const noexcept {
-    out = Instant();
+  bool bound(const State& state, Reactions& found, InverseInstant& out) const noexcept {
+    out = InverseInstant();
     if (!react(state, found)) return false;
     const double *v = or_zeros(state.v), *a = or_zeros(state.a);
     write_loads(state.q.first(), found, out.normal_load);
@@ -664,11 +664,11 @@ class Compensator {
     }
     bool good = true;
     for (int d = 0; d < Robot::drives; ++d) good &= bound_drive(d, found.effort, lower, upper, v, a, out);
-    if (!good) out = Instant();
+    if (!good) out = InverseInstant();
     return good;
   }
 
-  static void bound_friction(int s, double v, Instant& out) noexcept {
+  static void bound_friction(int s, double v, InverseInstant& out) noexcept {
     const Site& site = sites[s];
     const double c = out.normal_load[s], speed = std::fabs(v);
     const detail::Moving now = detail::friction_at(site, speed);
@@ -688,7 +688,7 @@ class Compensator {
 
   // Efforts and motor torques of one drive, from the ends of the efforts of all freedoms.
   static bool bound_drive(int d, const double* effort, const double* lower, const double* upper,
-                          const double* v, const double* a, Instant& out) noexcept {
+                          const double* v, const double* a, InverseInstant& out) noexcept {
     double low = lower[d], high = upper[d];
     if (Robot::coupled) {
       low = high = 0.0;
@@ -707,11 +707,11 @@ class Compensator {
       detail::gear_range(d, rate > 0.0 ? 1.0 : -1.0, speed, 0.0, low, high, least, greatest);
     }
     const double motor = r * drive.rotor_inertia * detail::rate_of(d, a) + detail::motor_drag(d, rate) / r;
-    out.rigid_body[d] = detail::delivered(d, effort);
-    out.delivered_lower[d] = low;
-    out.delivered_upper[d] = high;
-    out.effort_lower[d] = least + r * motor;
-    out.effort_upper[d] = greatest + r * motor;
+    out.effort_frictionless[d] = detail::delivered(d, effort);
+    out.effort_lower[d] = low;
+    out.effort_upper[d] = high;
+    out.joint_effort_lower[d] = least + r * motor;
+    out.joint_effort_upper[d] = greatest + r * motor;
     out.motor_torque_lower[d] = std::fmin(least / r, greatest / r) + motor;
     out.motor_torque_upper[d] = std::fmax(least / r, greatest / r) + motor;
     const double all[3] = {low + high, out.motor_torque_lower[d], out.motor_torque_upper[d]};

@@ -61,7 +61,7 @@ int compare() {
   Difference least[Robot::drives], greatest[Robot::drives], friction[Robot::drives];
   bool good = true;
   for (const Embedded& state : states) {
-    Instant instant;
+    InverseInstant instant;
     double out[Robot::drives];
     const State now = state_of(state.q, state.v, state.a);
     good &= compensator.inverse(now, instant);
@@ -143,7 +143,7 @@ int replay(const char* name) {
       state[i] = good ? number(given[at[i]]) : NAN;
     }
     const State now = state_of(state, state + Robot::freedoms, state + 2 * Robot::freedoms);
-    Instant instant;
+    InverseInstant instant;
     good = good && compensator.motor_torque(now, options, motor, instant) &&
            compensator.friction(now, options, friction);
     if (!good) {

@@ -17,7 +17,7 @@ from pinfric.dynamics.forward.compensation import (
 )
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
-from pinfric.dynamics.samples.motor_torques import drive_stick_velocity
+from pinfric.dynamics.samples.motor_torques import drive_stick_velocity, scene_gears
 from pinfric.dynamics.samples.reactions import state_wrenches
 from pinfric.dynamics.samples.states import States
 from pinfric.exporting.cpp import (
@@ -80,18 +80,16 @@ def compensator(
 
 
 def compensation(result: InverseResult, end: str) -> np.ndarray:
-    """Return r T_m - r^2 J a - tau_id (T, na): friction and gear losses, at the joints.
+    """Return joint_effort - r^2 J a - tau_id (T, na): friction and gear losses, at the joints.
 
     Args:
         result: with the drives.
-        end: "lower" or "upper", of the motors' torques.
+        end: "lower" or "upper", of `joint_effort`.
     """
-    gears = [drive.transmission for drive in result.scene.drives]
-    ratio = np.array([1.0 if gear is None else gear.ratio for gear in gears])
-    rotor = np.array([0.0 if gear is None else gear.rotor_inertia for gear in gears])
-    torque: np.ndarray = getattr(result, f"motor_torque_{end}")
-    passing = ratio * torque - ratio**2 * rotor * result.actuator_acceleration
-    return np.asarray(passing - result.effort_frictionless)
+    gears = scene_gears(result.scene)
+    rotors = gears.ratio**2 * gears.rotor_inertia * result.actuator_acceleration
+    effort: np.ndarray = getattr(result, f"joint_effort_{end}")
+    return np.asarray(effort - rotors - result.effort_frictionless)
 
 
 def level_uncertainty(
@@ -197,11 +195,11 @@ def _heading(
         f"  {name}::Options options;            // scale 0.8; at the desired velocity 1",
         f"  {name}::State state;                // arrays of {scene.model.nv} numbers",
         "  state.q = q; state.v = v; state.a = a;",
-        "  if (compensator.effort(state, options, effort))",
+        "  if (compensator.joint_effort(state, options, effort))",
         "    ...                               // effort[] (N m or N at the joints): rigid body,",
         "                                      // rotors, friction; friction(...): friction alone",
         "",
-        "The effort lies in the interval of `inverse` only where no joint is within its band of",
+        "joint_effort lies in the interval of `inverse` only where no joint is within its band of",
         "switch_velocity, at scale 1, and no limit cuts it. Stiffness and hysteresis of gears are",
         "left out: what a spring winds up is not compensated.",
     ]

@@ -366,6 +366,21 @@ def write_motor_torques(
             lower[i, d], upper[i, d] = min(ends[0], ends[1]), max(ends[0], ends[1])
 
 
+def joint_effort_ends(
+    ratio: np.ndarray, lower: np.ndarray, upper: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the least and greatest `joint_effort`, r T_m: what a command at the joint contains.
+
+    It contains the rigid body, rotors, friction and the losses of gears (N m or N).
+
+    Args:
+        ratio: (na,), negative where the motor turns back.
+        lower, upper: (..., na) torques at the motors' shafts (N m).
+    """
+    ends = ratio * lower, ratio * upper
+    return np.minimum(*ends), np.maximum(*ends)
+
+
 def motor_torque_bounds(
     transmission: Transmission,
     effort_lower: np.ndarray,

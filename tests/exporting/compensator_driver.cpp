@@ -68,7 +68,7 @@ bool answer(std::FILE* in, std::FILE* out) {
     const auto outcome = compensator.friction(state, options, Drives::at(friction));
     good[3] = outcome.good;
     for (int d = 0; d < na; ++d) limited[d] = outcome.limited[d];
-    good[5] = compensator.effort(state, options, Drives::at(effort)).good;
+    good[5] = compensator.joint_effort(state, options, Drives::at(effort)).good;
     state.v_ref = v ? View::at(v) : View(zeros);
     good[4] = compensator.motor_torque(state, options, Drives::at(motor), other).good;
     for (int s = 0; s < ns; ++s) flags[s] = instant.sticking[s];
@@ -79,11 +79,11 @@ bool answer(std::FILE* in, std::FILE* out) {
     put(found, limited, na);
     put(found, motor, na);
     put(found, effort, na);
-    put(found, instant.rigid_body, na);
-    put(found, instant.delivered_lower, na);
-    put(found, instant.delivered_upper, na);
+    put(found, instant.effort_frictionless, na);
     put(found, instant.effort_lower, na);
     put(found, instant.effort_upper, na);
+    put(found, instant.joint_effort_lower, na);
+    put(found, instant.joint_effort_upper, na);
     put(found, instant.motor_torque_lower, na);
     put(found, instant.motor_torque_upper, na);
     put(found, instant.normal_load, ns);

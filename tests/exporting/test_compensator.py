@@ -22,13 +22,15 @@ from export_cases import (
     header,
     loadable,
     needs_compiler,
+    rich,
     sampled,
 )
 
 import pinfric as pf
 from pinfric.dynamics.forward.compensation import CompensationOptions
+from pinfric.dynamics.forward.solver import InverseInstant
 from pinfric.errors import PinfricError, StateError
-from pinfric.exporting.cpp import default_frames, namespace
+from pinfric.exporting.cpp import default_frames, namespace, template
 from pinfric.model.urdf import implausible_body
 
 
@@ -217,7 +219,7 @@ def test_in_place_and_by_containers(tmp_path):
     (tmp_path / "use.cpp").write_text(
         f"#include <array>\n#include <cstdio>\n#include <vector>\n{included(tmp_path, scene)}"
         "int main() {\n"
-        "  const Compensator c;\n  Options o;\n  Instant i;\n  int wrong = 0;\n"
+        "  const Compensator c;\n  Options o;\n  InverseInstant i;\n  int wrong = 0;\n"
         f"  const std::vector<double> x = {{{', '.join(str(0.1 * k + 0.2) for k in range(nv))}}};\n"
         f"  std::array<double, {nv}> plain = {{}};\n  State s;\n  s.q = s.v = s.a = s.v_ref = x;\n"
         "  s.error = s.v_now = x;\n  for (double& h : o.hold_error) h = 0.5;\n"
@@ -232,7 +234,7 @@ def test_in_place_and_by_containers(tmp_path):
         "        Drives to = plain;\n        if (again) to = y;\n"
         "        const State& from = again ? t : s;\n"
         "        if (call == 0) good = good && c.friction(from, o, to);\n"
-        "        if (call == 1) good = good && c.effort(from, o, to);\n"
+        "        if (call == 1) good = good && c.joint_effort(from, o, to);\n"
         "        if (call == 2) good = good && c.motor_torque(from, o, to, i);\n"
         "        if (call == 3) good = good && c.rigid_body(from, to);\n"
         "      }\n"
@@ -293,7 +295,30 @@ def test_what_no_robot_has_is_refused(headers, place, wrong):
         scene.solver().compensate(*(x[1] for x in state), **{k: x[1] for k, x in given.items()})
 
 
-def test_effort_is_the_motors_torque_seen_from_the_joint(headers):
+def test_efforts_have_the_same_names_and_figures_in_both_languages():
+    """`effort` after the gear, `joint_effort` what a command contains; ends of a negative ratio."""
+    fields = re.search(r"struct InverseInstant \{(.*?)\n\};", template("compensator.hpp"), re.S)
+    named = set(re.findall(r"(\w+)\[Robot::", fields[1]))
+    assert named == {n for n in dir(InverseInstant) if n[0] != "_"} - {
+        *("gear_ratio", "status", "count", "index")
+    }
+    scene = rich(1)
+    q, v, a = (x[:40] for x in sampled(scene, 4))
+    solver, ratio = scene.solver(), np.array([drive.ratio for drive in scene.drives])
+    assert (ratio < 0.0).any()
+    q = configurations(scene, q)
+    result = pf.inverse_dynamics(scene, q, v, a)
+    for i, state in enumerate(zip(q, v, a, strict=True)):
+        found = solver.inverse(*state)
+        torques = ratio * [found.motor_torque_lower, found.motor_torque_upper]
+        for end, expected in zip(("lower", "upper"), np.sort(torques, axis=0), strict=True):
+            name = f"joint_effort_{end}"
+            np.testing.assert_array_equal(getattr(found, name), expected)
+            np.testing.assert_allclose(getattr(result, name)[i], expected, rtol=1e-9, atol=1e-9)
+    assert np.abs(result.joint_effort_upper - result.effort_upper).max() > 1.0
+
+
+def test_joint_effort_is_the_motors_torque_seen_from_the_joint(headers):
     """Rigid body, rotors, friction: a controller that leaves out the rotors misses r^2 J a."""
     scene = bundled("ur10_machine_tending")
     q, _, a = sampled(scene, 3)
@@ -303,12 +328,12 @@ def test_effort_is_the_motors_torque_seen_from_the_joint(headers):
     result = pf.inverse_dynamics(scene, q, v, a)
     ratio = np.array([drive.ratio for drive in scene.drives])
     rotor = np.array([drive.transmission.rotor_inertia for drive in scene.drives])
-    assert_columns(found["effort"], ratio * result.motor_torque_lower, "effort")
+    assert_columns(found["joint_effort"], ratio * result.motor_torque_lower, "effort")
     for end in ("lower", "upper"):
         expected = ratio * getattr(result, f"motor_torque_{end}")
         assert_columns(found[f"joint_effort_{end}"], expected, end)
     without = found["rigid_body"] + found["friction"]
-    assert_columns(found["effort"] - without, ratio**2 * rotor * a, "rotors", 1e-10)
+    assert_columns(found["joint_effort"] - without, ratio**2 * rotor * a, "rotors", 1e-10)
 
 
 def test_a_limit_that_cuts_is_reported(headers):

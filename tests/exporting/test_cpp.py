@@ -42,6 +42,8 @@ COMPARED = (
     "effort_frictionless",
     "effort_lower",
     "effort_upper",
+    "joint_effort_lower",
+    "joint_effort_upper",
     "motor_torque_lower",
     "motor_torque_upper",
     "normal_load",
@@ -324,8 +326,16 @@ def test_what_is_not_finite_gives_false_and_zeros(headers, place, wrong):
         not (whole or place in ("error", "v_now")),
         0.0,
     ]
-    names = ("rigid_body", "friction", "feed_forward", "effort", *COMPARED, "sticking", "wrench")
-    for name in names if whole else ("friction", "effort"):
+    names = (
+        "rigid_body",
+        "friction",
+        "feed_forward",
+        "joint_effort",
+        *COMPARED,
+        "sticking",
+        "wrench",
+    )
+    for name in names if whole else ("friction", "joint_effort"):
         np.testing.assert_array_equal(found[name][1], 0.0)
     arguments = [configurations(scene, q)[1], *(x[1] for x in state[1:])]
     if place in ("q", "v", "a", "v_ref"):
@@ -373,13 +383,13 @@ def test_it_calls_nothing_but_mathematics(tmp_path):
     (tmp_path / "use.cpp").write_text(
         f'#include "{name}.hpp"\n'
         f"using namespace {name};\n"
-        "bool use(const double* q, Options& o, double* out, Instant& i) {\n"
+        "bool use(const double* q, Options& o, double* out, InverseInstant& i) {\n"
         "  Compensator c;\n  o = Options();\n  double x[3] = {*q, *q, *q}, w[6] = {*q};\n"
         "  State s;\n  s.q = s.v = s.a = s.v_ref = s.error = s.v_now = Freedoms::at(q);\n"
         "  c.clear_payloads();\n  const Drives to = Drives::at(out);\n"
         "  return c.set_gravity(x) && c.set_wrench(0, w) && c.add_payload(0, *q, x, w) &&\n"
         "         c.set_payload(0, *q, x, w) && c.rigid_body(s, to) && c.friction(s, o, to) &&\n"
-        "         c.effort(s, o, to) && c.motor_torque(s, o, to, i) && c.inverse(s, i);\n}\n"
+        "         c.joint_effort(s, o, to) && c.motor_torque(s, o, to, i) && c.inverse(s, i);\n}\n"
     )
     for flags in (["-O2"], ["-O0"]):
         command = [COMPILER, *STRICT, *flags, "-c", tmp_path / "use.cpp", "-o", tmp_path / "use.o"]

@@ -40,7 +40,7 @@ from pinfric.dynamics.samples.reactions import AppliedWrench, applied_wrenches
 from pinfric.dynamics.samples.states import States, unit_parts
 from pinfric.errors import PinfricError
 from pinfric.kernels.compiled import compile_for, compiling, kernel, record
-from pinfric.model.drives import Gears, write_motor_torques
+from pinfric.model.drives import Gears, joint_effort_ends, write_motor_torques
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION
 from pinfric.model.scene import Scene, SiteTables, expect_scene, payload_names
 
@@ -53,10 +53,13 @@ class InverseInstant(NamedTuple):
         effort_frictionless: (na,) the same without friction.
         motor_torque_lower, motor_torque_upper: (na,) at the motors' shafts; without gears the
             efforts.
+        joint_effort_lower, joint_effort_upper: (na,) the same seen from the joints, ratio x
+            motor_torque: all that a torque command there contains.
         sticking: (ns,) bool.
         normal_load: (ns,) load c its friction acts on.
         friction_lower, friction_upper: (ns,) of the parent on the child.
         wrench: (ns, 6) parent on child, in the child's joint frame, linear first.
+        gear_ratio: (na,) of the drives.
         status: `Status`; always `CONVERGED` unless reactions and friction are coupled.
     """
 
@@ -70,7 +73,23 @@ class InverseInstant(NamedTuple):
     friction_lower: np.ndarray
     friction_upper: np.ndarray
     wrench: np.ndarray
+    gear_ratio: np.ndarray
     status: Status
+
+    @property
+    def joint_effort_lower(self) -> np.ndarray:
+        """(na,) least `joint_effort` (N m or N), a new array."""
+        return self._joint_effort[0]
+
+    @property
+    def joint_effort_upper(self) -> np.ndarray:
+        """(na,) greatest `joint_effort`, a new array."""
+        return self._joint_effort[1]
+
+    @property
+    def _joint_effort(self) -> tuple[np.ndarray, np.ndarray]:
+        torques = self.motor_torque_lower, self.motor_torque_upper
+        return joint_effort_ends(self.gear_ratio, *torques)
 
 
 class Sample(NamedTuple):
@@ -195,8 +214,8 @@ class _Sample:
         self.q, self.v, self.a = x.q, x.v[0], x.a[0]
         self.argument = box_sample(x)
         every = x.found._asdict() | x._asdict()
-        found = {name: every[name][0] for name in InverseInstant._fields[:-1]}
-        self.found = InverseInstant(**found, status=Status.CONVERGED)
+        found = {name: every[name][0] for name in InverseInstant._fields[:-2]}
+        self.found = InverseInstant(**found, gear_ratio=x.gears.ratio, status=Status.CONVERGED)
 
 
 class _Buffers(threading.local):
@@ -316,8 +335,9 @@ class Solver:
             ws.supplier.balance(states.q[0], states.v[0], states.a[0])
             wrench = ws.supplier.supply.force[1 + ws.plan.sites.joint]
             found = replace(found, wrench=wrench[None])
-        figures = {name: getattr(found, name)[0] for name in InverseInstant._fields}
-        return InverseInstant(**figures | {"status": Status(found.status[0])})
+        figures = {name: getattr(found, name)[0] for name in InverseInstant._fields[:-2]}
+        ratio = np.array([drive.ratio for drive in self.scene.drives])
+        return InverseInstant(**figures, gear_ratio=ratio, status=Status(found.status[0]))
 
     def forward(
         self,

@@ -24,6 +24,8 @@ ACTUATOR_QUANTITIES = (
     "effort_lower",
     "effort_upper",
     "effort_frictionless",
+    "joint_effort_lower",
+    "joint_effort_upper",
     "motor_torque_lower",
     "motor_torque_upper",
 )

@@ -9,6 +9,7 @@ import numpy as np
 
 from pinfric.dynamics.samples.reactions import AppliedWrench
 from pinfric.dynamics.samples.states import States
+from pinfric.model.drives import joint_effort_ends
 from pinfric.model.scene import Scene
 
 
@@ -59,6 +60,8 @@ class SolvedMotion:
         effort_frictionless: (T, na) the same without friction.
         motor_torque_lower, motor_torque_upper: (T, na) at the motors' shafts (N m; for an ideal
             drive without a transmission: the effort itself).
+        joint_effort_lower, joint_effort_upper: (T, na) the same seen from the joint, ratio x
+            motor_torque: all that a torque command there contains.
         sticking: (T, ns) the site's speed is at most its stick velocity.
         reversal: (T, ns) the site passes through rest next to this sample.
         normal_load: (T, ns) load c of its bearing (N m about its axis, N along it).
@@ -110,3 +113,18 @@ class SolvedMotion:
     redundant: bool
     actuator_velocity: np.ndarray
     actuator_acceleration: np.ndarray
+
+    @property
+    def joint_effort_lower(self) -> np.ndarray:
+        """(T, na) least `joint_effort`, ratio x motor_torque (N m or N)."""
+        return self._joint_effort[0]
+
+    @property
+    def joint_effort_upper(self) -> np.ndarray:
+        """(T, na) greatest `joint_effort`."""
+        return self._joint_effort[1]
+
+    @property
+    def _joint_effort(self) -> tuple[np.ndarray, np.ndarray]:
+        ratio = np.array([drive.ratio for drive in self.scene.drives])
+        return joint_effort_ends(ratio, self.motor_torque_lower, self.motor_torque_upper)

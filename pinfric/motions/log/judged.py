@@ -17,7 +17,6 @@ from pinfric.motions.log.effort_place import (
     EFFORT_PLACES,
     better_place,
     check_effort_place,
-    drive_ratios,
     factors_to_joint,
     place_note,
 )
@@ -182,12 +181,9 @@ def measured_interval(result: InverseResult, at: str) -> tuple[FloatArray, Float
         result: of inverse dynamics.
         at: "joint": behind the gear; "motor" or "reflected": r times the motor's torque.
     """
-    lower, upper = result.effort_lower, result.effort_upper
     if at == "joint":
-        return lower, upper
-    ratio = drive_ratios(result.scene)
-    ends = np.stack((ratio * result.motor_torque_lower, ratio * result.motor_torque_upper))
-    return ends.min(axis=0), ends.max(axis=0)
+        return result.effort_lower, result.effort_upper
+    return result.joint_effort_lower, result.joint_effort_upper
 
 
 def compare_effort(
