@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable
 from enum import IntEnum
 from pathlib import Path
 
@@ -123,45 +122,3 @@ class CheckReport(Shown):
             first = failed[0]
             more = f" (and {len(failed) - 1} more)" if len(failed) > 1 else ""
             raise PinfricError(f"{self.source}: {first.place}: {first.text}{more}")
-
-
-@dataclass(frozen=True)
-class Unit:
-    """A unit that files hold by mistake, and its size in SI units."""
-
-    name: str
-    size: float
-
-
-LENGTHS = (Unit("mm", 1e-3), Unit("cm", 1e-2), Unit("inches", 0.0254))
-MASSES = (Unit("g", 1e-3), Unit("t", 1e3))
-INERTIAS = (
-    Unit("kg mm^2", 1e-6),
-    Unit("g mm^2", 1e-9),
-    Unit("kg cm^2", 1e-4),
-    Unit("g cm^2", 1e-7),
-)
-#: Of motors, in the order in which data sheets have them.
-ROTOR_INERTIAS = (Unit("kg cm^2", 1e-4), Unit("g cm^2", 1e-7))
-ANGLES = (Unit("degrees", 0.017453292519943295),)
-
-
-def in_unit(unit: Unit | None, si: str, value: float) -> str:
-    """Return the value of a number if it was written in a wrong unit; "" for no unit.
-
-    Args:
-        unit: the unit.
-        si: name of the SI unit.
-        value: as written.
-    """
-    return f"if it is in {unit.name}: {unit.size * value:.3g} {si}" if unit else ""
-
-
-def likely_unit(units: Iterable[Unit], plausible: Callable[[float], bool]) -> Unit | None:
-    """Return the first unit whose size makes a value plausible, or None.
-
-    Args:
-        units: the candidates, the likeliest first.
-        plausible: of the factor on the value.
-    """
-    return next((unit for unit in units if plausible(unit.size)), None)

@@ -6,10 +6,11 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from pinfric.checking.findings import ANGLES, LENGTHS, Finding, Severity, in_unit, likely_unit
+from pinfric.checking.findings import Finding, Severity
 from pinfric.checking.joint_loads import in_kgf_cm, joint_loads, one_limit
 from pinfric.checking.robot import RobotFacts
 from pinfric.checking.robot_masses import believed_weight
+from pinfric.model.mistaken_units import ANGLES, LENGTHS, in_unit, likely_unit
 from pinfric.model.robot import Robot
 from pinfric.model.urdf import reductions
 

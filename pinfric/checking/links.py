@@ -7,21 +7,15 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from pinfric.checking.findings import (
-    INERTIAS,
-    LENGTHS,
-    MASSES,
-    Finding,
-    Severity,
-    in_unit,
-    likely_unit,
-)
+from pinfric.checking.findings import Finding, Severity
 from pinfric.checking.robot import BEYOND, SHAPE_OVER_REACH, LinkFacts, RobotFacts
 from pinfric.checking.robot_masses import WHOLE, mass_findings
+from pinfric.model.mistaken_units import INERTIAS, LENGTHS, MASSES, in_unit, likely_unit
+from pinfric.model.total_mass import FARTHEST
 from pinfric.model.urdf import implausible_body
 
-#: A robot reaches no farther than this (m), and its joints are no closer than that.
-_FARTHEST, _NEAREST = 50.0, 5e-3
+#: The joints of a robot are no closer (m).
+_NEAREST = 5e-3
 _FEW = 3
 #: One of three links or more that is so many times as heavy as all others: its unit is probably
 #: wrong. Of the bundled robots the heaviest link is 1.2 times as heavy as all others.
@@ -65,7 +59,7 @@ def link_findings(facts: RobotFacts) -> Iterator[Finding]:
 
 def _whole_robot(facts: RobotFacts) -> Iterator[Finding]:
     reach = facts.reach
-    if reach > _FARTHEST:
+    if reach > FARTHEST:
         unit = likely_unit(LENGTHS, lambda size: 0.05 < size * reach < 20.0)
         yield Finding(
             Severity.ERROR,
@@ -74,7 +68,7 @@ def _whole_robot(facts: RobotFacts) -> Iterator[Finding]:
             f"its joints reach {reach:.3g} m",
             "no robot is so large; all lengths look wrong",
             in_unit(unit, "m", reach),
-            reach / _FARTHEST,
+            reach / FARTHEST,
         )
     elif 0.0 < reach < _NEAREST:
         yield Finding(
@@ -85,7 +79,7 @@ def _whole_robot(facts: RobotFacts) -> Iterator[Finding]:
             "so small a robot is rare; are all lengths 1000 times too small?",
             excess=_NEAREST / reach,
         )
-    if reach <= _FARTHEST:
+    if reach <= FARTHEST:
         yield from mass_findings(facts)
 
 

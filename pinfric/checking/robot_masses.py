@@ -2,6 +2,7 @@
 
 The thresholds are those of 484 public URDFs and the printed masses of about 100 robots: no rule
 below speaks of a robot whose masses are its maker's, but for hands and legs that are stated there.
+What every command asks of a robot's mass is in `model.total_mass`; the rules here need its file.
 """
 
 from __future__ import annotations
@@ -12,22 +13,13 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import pinocchio as pin
 
-from pinfric.checking.findings import MASSES, Finding, Severity, in_unit, likely_unit
+from pinfric.checking.findings import Finding, Severity
 from pinfric.checking.joint_loads import held_out_level
 from pinfric.checking.robot import LinkFacts, RobotFacts
+from pinfric.model.total_mass import doubted_total, shown_density
 
-#: Moving mass over the cube of the way along the joints, kg/m^3: Kinova's Jaco, the lightest arm
-#: made, has 3.2 in its URDF.
-_LIGHT = 2.0
-_LIGHT_JOINTS, _LIGHT_WAY = 3, 0.1
-#: All mass over the same: at most 293 in robots with a way of 0.3 m or more.
-_HEAVY, _HEAVY_WAY = 500.0, 0.3
-#: Mass over the convex hulls of the shapes that hold most of it, kg/m^3: arms have 380 to 2600.
-_THIN, _DENSE, _SHAPED = 150.0, 6000.0, 0.7
-#: So many times beyond these it is an error.
-_FAR = 10.0
-#: Of a unit that explains it.
-_USUAL_WAY, _USUAL_HULL = (3.0, 300.0), (300.0, 3000.0)
+#: The links whose shapes are measured hold at least so much of the mass that moves.
+_SHAPED = 0.7
 #: Links with mass on one way from root to tip, and the share of them with the same mass.
 _ON_ONE_WAY, _EQUAL = 5, 0.75
 #: Parts with closed meshes, the share of one density, and how near: within 1 %. Two parts of one
@@ -71,58 +63,26 @@ def believed_weight(facts: RobotFacts, model: pin.Model) -> float | None:
 
 
 def _by_size(facts: RobotFacts) -> Iterator[Finding]:
-    """By the way along the joints, m/L^3, and by the convex hulls of the shapes."""
-    moving, way = sum(link.mass for link in facts.links), facts.way
-    total = moving + sum(facts.fixed_mass.values())
-    cube = max(way, 1e-3) ** 3
+    """By the way along the joints, and by the convex hulls of the shapes."""
+    moving = sum(link.mass for link in facts.links)
     shaped = [
         link
         for link in facts.links
         if link.has_shapes and link.extent.hull > 0 and not facts.oversized(link.extent)
     ]
     held, hulls = sum(x.mass for x in shaped), sum(x.extent.hull for x in shaped)
-    density = held / hulls if hulls and held >= _SHAPED * moving > 0 else None
-    joints = sum(joint.type != "fixed" for joint in facts.document.joints)
-
-    said: list[str] = []
-    excess = 1.0
-    if moving > 0 and joints >= _LIGHT_JOINTS and way >= _LIGHT_WAY and moving / cube < _LIGHT:
-        found = f"{moving:.3g} kg move on {way:.3g} m of joints"
-        said.append(
-            f"{_short(moving / cube)} kg/m^3 of that length cubed; the lightest arms have 3.2"
-        )
-        excess = _LIGHT / (moving / cube)
-    elif way >= _HEAVY_WAY and total / cube > _HEAVY:
-        found = f"{total:.4g} kg on {way:.3g} m of joints"
-        said.append(f"{_short(total / cube)} kg/m^3 of that length cubed; robots have up to 300")
-        excess = total / cube / _HEAVY
-    else:
-        found = f"moving mass {moving:.4g} kg"
-    if density is not None and not _THIN <= density <= _DENSE:
-        said.append(f"its shapes have {_short(density)} kg/m^3 (arms: 380 to 2600)")
-        excess = max(excess, _THIN / density, density / _DENSE)
-    if not said:
-        return
-
-    def explains(size: float) -> bool:
-        by_way = way < _HEAVY_WAY or _USUAL_WAY[0] <= size * moving / cube <= _USUAL_WAY[1]
-        by_hull = density is None or _USUAL_HULL[0] <= size * density <= _USUAL_HULL[1]
-        return by_way and by_hull
-
-    unit = likely_unit(MASSES, explains)
-    yield Finding(
-        Severity.ERROR if excess > _FAR else Severity.WARNING,
-        "masses",
-        "robot",
-        found,
-        "; ".join(said),
-        in_unit(unit, "kg", moving),
-        excess,
+    doubt = doubted_total(
+        moving,
+        moving + sum(facts.fixed_mass.values()),
+        facts.way,
+        sum(joint.type != "fixed" for joint in facts.document.joints),
+        held / hulls if hulls and held >= _SHAPED * moving > 0 else None,
     )
-
-
-def _short(density: float) -> str:
-    return f"{density:.2g}" if density < 100 else f"{density:.0f}"
+    if doubt is not None:
+        severity = Severity.ERROR if doubt.impossible else Severity.WARNING
+        yield Finding(
+            severity, "masses", "robot", doubt.found, doubt.why, doubt.if_unit, doubt.excess
+        )
 
 
 def _equal_masses(facts: RobotFacts) -> Iterator[Finding]:
@@ -158,12 +118,13 @@ def _one_density(facts: RobotFacts) -> Iterator[Finding]:
     most = int(near.sum(axis=0).argmax())
     count = int(near[:, most].sum())
     if count >= _ONE_DENSITY * len(parts):
+        density = shown_density(float(np.median(densities[near[:, most]])))
         each = "all links have" if count == len(parts) else f"{count} of {len(parts)} links have"
         yield Finding(
             Severity.NOTE,
             "one density",
             "robot",
-            f"{each} {_short(float(np.median(densities[near[:, most]])))} kg/m^3 of their meshes",
+            f"{each} {density} kg/m^3 of their meshes",
             "computed from the drawing, not weighed: real arms of such a kind weigh 1.5 to 2.3 "
             "times as much",
             excess=count / len(parts),

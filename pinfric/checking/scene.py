@@ -8,16 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 import pinocchio as pin
 
-from pinfric.checking.findings import (
-    ANGLES,
-    LENGTHS,
-    MASSES,
-    ROTOR_INERTIAS,
-    Finding,
-    Severity,
-    in_unit,
-    likely_unit,
-)
+from pinfric.checking.findings import Finding, Severity
 from pinfric.checking.links import outweighing
 from pinfric.checking.robot import BEYOND, RobotFacts
 from pinfric.elastic.motion import unloaded_frequency
@@ -26,6 +17,14 @@ from pinfric.model.entry import USUALLY
 from pinfric.model.friction_terms import CoulombFriction
 from pinfric.model.hysteresis import excessive_friction
 from pinfric.model.massless import massless_joints
+from pinfric.model.mistaken_units import (
+    ANGLES,
+    LENGTHS,
+    MASSES,
+    ROTOR_INERTIAS,
+    in_unit,
+    likely_unit,
+)
 from pinfric.model.robot import link_frame, payload_inertia
 from pinfric.model.scene import Scene, Site
 from pinfric.model.transmission import Transmission

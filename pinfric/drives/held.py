@@ -10,18 +10,11 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-import pinocchio as pin
 
 from pinfric.drives.demand import driven_joint
 from pinfric.drives.robot import carried
 from pinfric.model.scene import Scene
 
-#: kg per metre of reach of a robot with its drives: the lightest arm of example-robot-data has 1.2
-#: (SO-101). Less than the second even a tube of carbon fibre, 25 mm wide and 1 mm thick, does not
-#: have (0.12 kg/m).
-LIGHT, IMPOSSIBLE = 1.0, 0.1
-#: Fewer joints are no arm of which that is known.
-_ARM = 3
 #: Parts of the mass of all moving links, and of those beyond a joint, that drives may have before
 #: it is asked: the xArm7 has 0.60, UR3 0.65 beyond a joint, Kinova's j2s6s200 0.51 by its own.
 _OF_ALL, _OF_BRANCH = 0.65, 0.75
@@ -90,33 +83,3 @@ def doubted_masses(held: list[Held]) -> str:
         f"drives would be {share} the mass of {found.where}, {found.drives:.3g} of "
         f"{found.links:.3g} kg: do the links really hold them (`robot.masses`)?"
     )
-
-
-def light_links(scene: Scene) -> tuple[str, bool]:
-    """Return what is doubted of a robot's mass as a whole, "" if nothing, and whether it can be.
-
-    It cannot where it is less per metre of reach than an empty tube; where its
-    links are said to hold drives also below the lightest arm.
-    """
-    mass, reach = mass_per_reach(scene.model)
-    if not reach or (per := mass / reach) >= LIGHT:
-        return "", True
-    text = (
-        f"robot: {mass:.3g} kg move at a reach of {reach:.3g} m, {per:.2g} kg/m; the lightest arm "
-        "known has 1.2: are the masses in t or g? Bare links are said by `robot.masses: "
-        "without_drives`"
-    )
-    return text, per >= IMPOSSIBLE and not any(hold is not False for hold in scene.masses_hold)
-
-
-def mass_per_reach(model: pin.Model) -> tuple[float, float]:
-    """Return the moving mass, kg, and the reach, m: along the links to the farthest joint.
-
-    The reach is 0 of a robot with fewer than three joints, of which no usual ratio is known.
-    """
-    far = np.zeros(model.njoints)
-    for j in range(1, model.njoints):
-        if parent := int(model.parents[j]):
-            far[j] = far[parent] + np.linalg.norm(model.jointPlacements[j].translation)
-    mass = float(sum(inertia.mass for inertia in list(model.inertias)[1:]))
-    return mass, float(far.max()) if model.njoints > _ARM else 0.0

@@ -10,6 +10,7 @@ from pinfric.elastic.motion import Elasticity
 from pinfric.elastic.summary import ElasticSummary, elastic_summary
 from pinfric.model.described import EFFORT, described, quantity
 from pinfric.model.massless import massless_joints
+from pinfric.model.total_mass import doubted_mass
 from pinfric.motions.log.judged import JudgedLog, LogSummary, log_summary
 from pinfric.motions.summary import ActuatorSummary, beyond_limits, payload_phases, summarize
 
@@ -50,6 +51,7 @@ class InverseSummary:
     input: LogSummary | None = quantity("how the log was read; none: the motion is not a log")
     elasticity: ElasticSummary | None = quantity("effects of elastic gears; none: all are rigid")
     massless: tuple[str, ...] = quantity("joints that move no mass: their efforts are friction")
+    mass_doubt: str = quantity("why no robot can weigh what this one does; empty: it can")
 
 
 def inverse_summary(
@@ -69,7 +71,7 @@ def inverse_summary(
     Raises:
         StateError: the result has no times.
     """
-    joints = summarize(result)
+    joints, doubt = summarize(result), doubted_mass(result.scene.model)
     t = result.t
     assert t is not None  # summarize refuses a result without
     sites = [
@@ -99,4 +101,5 @@ def inverse_summary(
         input=None if log is None else log_summary(log),
         elasticity=None if elastic is None else elastic_summary(elastic),
         massless=massless_joints(result.scene, result.scene.payloads),
+        mass_doubt=doubt.text if doubt is not None and doubt.impossible else "",
     )

@@ -21,9 +21,11 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from pinfric.drives.criterion import Criterion, Status
-from pinfric.drives.held import doubted_masses, held_drives, light_links
+from pinfric.drives.held import doubted_masses, held_drives
 from pinfric.model.brief import counted
 from pinfric.model.described import derived, described, quantity
+from pinfric.model.scene import Scene
+from pinfric.model.total_mass import doubted_mass
 
 if TYPE_CHECKING:  # it is above this module
     from pinfric.sizing.size import JointSizing, SizingReport
@@ -134,16 +136,17 @@ def verdict_of(report: SizingReport) -> Verdict:
     """
     joints = zip(report.joints, report.criteria, strict=True)
     whole = _failing("robot", report.arm_criteria)
+    weighs, possible = _weight(report.given)
     if report.catalog is None:
         alone = (line for joint, own in joints for line in _failing(joint.name, own))
-        return Verdict((), (*alone, *whole), "", ())
+        return Verdict((), (*alone, *whole, *([] if possible else [weighs])), "", ())
     # What the scene says of its masses
     taken = ((i, joint.installed) for i, joint in enumerate(report.joints))
     masses = {i: a.candidate.mass for i, a in taken if a is not None}
     held = held_drives(report.given, masses, report.conditions.mass_in_urdf)
-    (light, possible), heavy = light_links(report.given), doubted_masses(held)
+    heavy = doubted_masses(held)
     beyond = any(one.share > 1.0 for one in held)  # larger gears for the stops may be the last ones
-    impossible = (report.contradiction, heavy * beyond, "" if possible else light)
+    impossible = (report.contradiction, heavy * beyond, "" if possible else weighs)
     doubted = any(impossible)
     judged = tuple(_of_joint(joint, own, doubted) for joint, own in joints)
     lines = [line for joint in judged for line in joint.failing]
@@ -162,8 +165,23 @@ def verdict_of(report: SizingReport) -> Verdict:
             f"{report.drive_mass:.2f} kg if the links are bare, {report.other_mass:.2f} kg if they "
             f"hold the drives{whose}: write `robot.masses`"
         )
-    remarks = ("" if beyond else heavy, light if possible else "")
+    remarks = ("" if beyond else heavy, weighs if possible else "")
     return Verdict(judged, tuple(lines), question, tuple(text for text in remarks if text))
+
+
+def _weight(scene: Scene) -> tuple[str, bool]:
+    """What is doubted of the robot's mass, "" if nothing, and whether it can be signed so.
+
+    Robots that are too light by less than ten times are signed where the links are said to be bare.
+    """
+    doubt = doubted_mass(scene.model)
+    if doubt is None:
+        return "", True
+    if doubt.impossible or not doubt.light:
+        return f"robot: {doubt.text}", not doubt.impossible
+    bare = all(hold is False for hold in scene.masses_hold)
+    said = "" if bare else "; bare links are said by `robot.masses: without_drives`"
+    return f"robot: {doubt.text}{said}", bare
 
 
 def joint_criteria(report: SizingReport) -> tuple[tuple[Criterion, ...], ...]:

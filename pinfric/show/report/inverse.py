@@ -101,6 +101,8 @@ def verdict(result: InverseResult, found: InverseSummary) -> str:
     elif found.massless:
         moves = "moves" if len(found.massless) == 1 else "move"
         within += f"; {', '.join(found.massless)} {moves} no mass: friction only"
+    if found.mass_doubt:
+        within = f"no robot weighs so little or so much: {found.mass_doubt}"
     narrow = f"; {counted(found.too_narrow, 'sample')} whose intervals may be too narrow"
     return f"{solved}; {within}" + narrow * (found.too_narrow > 0)
 

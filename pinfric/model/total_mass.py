@@ -1,0 +1,135 @@
+"""Whether a robot weighs what robots of its size weigh, with the unit that would explain it.
+
+Judged by the way L along its joints: moving mass over L^3. Of 484 public URDFs the 258 whose masses
+are right have 3.2 kg/m^3 and more; mass over L would call six of them too light, small hands and
+arms, and find fewer whose masses are a tenth.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.model.mistaken_units import LENGTHS, MASSES, in_unit, likely_unit
+
+#: A robot reaches no farther, m.
+FARTHEST = 50.0
+#: Moving mass over the cube of the way, kg/m^3: Kinova's Jaco, the lightest arm made, has 3.2 in
+#: its URDF. Of robots with fewer joints, or a shorter way (m), that is not known.
+_LIGHT, _JOINTS, _WAY = 2.0, 3, 0.1
+#: All mass over the same: at most 293 in robots with a way of 0.3 m or more. Below, only what is
+#: `_FAR` times that is doubted.
+_HEAVY, _HEAVY_WAY = 500.0, 0.3
+#: Mass over the convex hulls of the shapes, kg/m^3: arms have 380 to 2600.
+_THIN, _DENSE = 150.0, 6000.0
+#: So many times beyond these it is impossible.
+_FAR = 10.0
+#: Of a unit that explains it.
+_USUAL_WAY, _USUAL_HULL = (3.0, 300.0), (300.0, 3000.0)
+
+
+@dataclass(frozen=True)
+class MassDoubt:
+    """Why the mass of a robot as a whole is doubted.
+
+    Attributes:
+        found, why, if_unit: what it is, why it is implausible, and in which unit it would not be.
+        excess: factor beyond the threshold.
+        light: it is too light for its way.
+    """
+
+    found: str
+    why: str
+    if_unit: str
+    excess: float
+    light: bool
+
+    @property
+    def impossible(self) -> bool:
+        """Whether no robot can be so: what is computed with such masses is wrong."""
+        return self.excess > _FAR
+
+    @property
+    def text(self) -> str:
+        """The doubt in a line."""
+        return f"{self.found}: {self.why}" + (f"; {self.if_unit}" if self.if_unit else "")
+
+
+def doubted_mass(model: pin.Model) -> MassDoubt | None:
+    """Return why the mass of a loaded robot is doubted as a whole; None: it is not."""
+    masses = [body.mass for body in model.inertias]
+    moving, way = float(sum(masses[1:])), way_along_joints(model)
+    if way > FARTHEST:
+        unit = likely_unit(LENGTHS, lambda size: 0.05 < size * way < 20.0)
+        why = "no robot is so large; all lengths look wrong"
+        found = f"its joints reach {way:.3g} m"
+        return MassDoubt(found, why, in_unit(unit, "m", way), 2 * _FAR, False)
+    return doubted_total(moving, moving + masses[0], way, model.njoints - 1)
+
+
+def doubted_total(
+    moving: float, total: float, way: float, joints: int, density: float | None = None
+) -> MassDoubt | None:
+    """Return why a mass is doubted: beside the way along the joints, and the volume of the shapes.
+
+    Args:
+        moving, total: kg; the second with what stands on the ground.
+        way: m, see `way_along_joints`.
+        joints: how many move.
+        density: over the convex hulls of the shapes, kg/m^3; None: not known.
+    """
+    cube, said, excess, light = max(way, 1e-3) ** 3, list[str](), 1.0, False
+    if 0 < moving < _LIGHT * cube and joints >= _JOINTS and way >= _WAY:
+        found, light = f"{moving:.3g} kg move on {way:.3g} m of joints", True
+        each = shown_density(moving / cube)
+        said.append(f"{each} kg/m^3 of that length cubed; the lightest arms have 3.2")
+        excess = _LIGHT / (moving / cube)
+    elif way >= _WAY and total > _HEAVY * cube * (1.0 if way >= _HEAVY_WAY else _FAR):
+        found = f"{total:.4g} kg on {way:.3g} m of joints"
+        each = shown_density(total / cube)
+        said.append(f"{each} kg/m^3 of that length cubed; robots have up to 300")
+        excess = total / cube / _HEAVY
+    else:
+        found = f"moving mass {moving:.4g} kg"
+    if density is not None and not _THIN <= density <= _DENSE:
+        said.append(f"its shapes have {shown_density(density)} kg/m^3 (arms: 380 to 2600)")
+        excess = max(excess, _THIN / density, density / _DENSE)
+    if not said:
+        return None
+
+    def explains(size: float) -> bool:
+        by_way = way < _HEAVY_WAY or _USUAL_WAY[0] <= size * moving / cube <= _USUAL_WAY[1]
+        by_hull = density is None or _USUAL_HULL[0] <= size * density <= _USUAL_HULL[1]
+        return by_way and by_hull
+
+    unit = likely_unit(MASSES, explains)
+    return MassDoubt(found, "; ".join(said), in_unit(unit, "kg", moving), excess, light)
+
+
+def way_along_joints(model: pin.Model) -> float:
+    """Return the longest way along the origins of joints, m, after the first that moves.
+
+    Pedestals do not count, links fixed behind the last joint do.
+    """
+    straight = np.zeros(model.njoints)  # of a model made in Python, which may have no frames
+    for j in range(1, model.njoints):
+        if parent := int(model.parents[j]):
+            step = np.linalg.norm(model.jointPlacements[j].translation)
+            straight[j] = straight[parent] + step
+    far = np.full(model.nframes, -np.inf)
+    for k, frame in enumerate(model.frames):
+        moves = frame.type == pin.FrameType.JOINT
+        if moves or frame.type in (pin.FrameType.FIXED_JOINT, pin.FrameType.BODY):
+            above = model.frames[frame.parentFrame].placement.translation
+            place = model.jointPlacements[frame.parentJoint] if moves else frame.placement
+            far[k] = far[frame.parentFrame] + np.linalg.norm(place.translation - above)
+            if moves:
+                far[k] = max(far[k], 0.0)
+    return float(max(far.max(), straight.max()))
+
+
+def shown_density(density: float) -> str:
+    """Return kg/m^3 with two digits, or as a whole number."""
+    return f"{density:.2g}" if density < 100 else f"{density:.0f}"
