@@ -21,9 +21,10 @@ from pinfric.exporting.constants import JointConstants, joint_constants
 from pinfric.exporting.controller import compensator, level_uncertainty
 from pinfric.exporting.cpp import check_frames
 from pinfric.exporting.cpp import namespace as header_name
-from pinfric.exporting.mjcf import MjcfJoint, mjcf, soft
+from pinfric.exporting.engines import shortfalls
+from pinfric.exporting.mjcf import MjcfJoint, creep_velocity, mjcf, soft
 from pinfric.exporting.sdf import sdf
-from pinfric.exporting.tree import bodies, check_plain_tree
+from pinfric.exporting.tree import bodies, check_plain_tree, rotor_inertias
 from pinfric.exporting.urdf import urdf
 from pinfric.model.brief import counted, file_name, listed, screen
 from pinfric.model.described import INERTIA, SPEED, described, in_json, quantity, unit_at
@@ -233,7 +234,12 @@ def export(
     result, name = _along(scene, trajectory)
     joints, left_out = joint_constants(result, columns, tuple(form.terms)), _left_out(scene, to)
     lines = {joint.joint: joint_line(joint, form) for joint in joints}
-    notes = _loads(scene, result) + (_soft(scene, result, joints) if to == "mjcf" else ())
+    mobility, rotors = _mobility(scene, joints), rotor_inertias(scene)
+    notes = _loads(scene, result)
+    if to == "mjcf":
+        notes += _soft(scene, result, joints, mobility)
+    creep = [creep_velocity(j.frictionloss, A) for j, A in zip(joints, mobility, strict=True)]
+    notes += shortfalls(to, joints, rotors, np.array(creep))
     header = [
         f"{file_name(scene.source)} for {form.title}, written by pinfric.",
         "Friction is given by constants, fitted to the motor's torque times the ratio, less that "
@@ -271,16 +277,21 @@ def _loads(scene: Scene, result: InverseResult) -> tuple[str, ...]:
     )
 
 
-def _soft(scene: Scene, result: InverseResult, joints: Sequence[JointConstants]) -> tuple[str, ...]:
-    """Samples in which MuJoCo's friction is not whole: it misses by more than is stated."""
+def _mobility(scene: Scene, joints: Sequence[JointConstants]) -> np.ndarray:
+    """(n,) diagonal of (M + armature)^-1 at q = 0, 0 where a joint moves no mass."""
     tree = [body for body in bodies(scene) if body.follows is None]
     mass = mass_matrices(scene.twin(), pin.neutral(scene.model)[None])[0]
     armature = [joint.armature + body.armature for joint, body in zip(joints, tree, strict=True)]
     held = massless(scene)  # the file does not have these joints
-    mobility = np.where(
-        held, 0.0, np.diag(np.linalg.inv(mass + np.diag(np.where(held, 1.0, armature))))
-    )
-    parts = []
+    inverse = np.linalg.inv(mass + np.diag(np.where(held, 1.0, armature)))
+    return np.where(held, 0.0, np.diag(inverse))
+
+
+def _soft(
+    scene: Scene, result: InverseResult, joints: Sequence[JointConstants], mobility: np.ndarray
+) -> tuple[str, ...]:
+    """Samples in which MuJoCo's friction is not whole: it misses by more than is stated."""
+    tree, parts = [body for body in bodies(scene) if body.follows is None], []
     for joint, body, A in zip(joints, tree, mobility, strict=True):
         v, a = (x[:, body.joint.index_v] for x in (result.states.v, result.states.a))
         near = soft(v, a, joint.frictionloss, A) & (np.abs(v) > 0.0)
@@ -455,10 +466,7 @@ def _left_out(scene: Scene, to: str) -> tuple[str, ...]:
             "are fixed where the joints stand at 0"
         )
     lines += _NOT_THERE.get(to, ())
-    if to in ("urdf", "sdf"):
-        gravity = scene.model.gravity.linear
-        if not np.allclose(gravity, [0.0, 0.0, -9.81]):
-            lines.append(f"gravity, {gravity.tolist()} m/s^2")
-        if any(drive.transmission is not None for drive in scene.drives):
-            lines.append("ratios and rotor inertias of the drives: the format has no key for them")
+    gravity = scene.model.gravity.linear
+    if to in ("urdf", "sdf") and not np.allclose(gravity, [0.0, 0.0, -9.81]):
+        lines.append(f"gravity, {gravity.tolist()} m/s^2")
     return tuple(lines)

@@ -66,6 +66,14 @@ def soft(
     return reached
 
 
+def creep_velocity(frictionloss: float, mobility: float) -> float:
+    """Return the speed (rad/s or m/s) at which a joint gives way whose load is its frictionloss.
+
+    |b v| = (1 - d)/d f A, see `soft`.
+    """
+    return _YIELD * frictionloss * mobility / _PULL
+
+
 def mjcf(
     name: str,
     bodies: Sequence[Body],

@@ -1,7 +1,7 @@
 """SDF, Gazebo's and Drake's format, from a robot's bodies: SDFormat 1.7, 1.11 with mimic joints.
 
 A joint's `<dynamics>` holds `damping` (N m s/rad or N s/m) and `friction` (N m or N); Gazebo's
-engines hold joints by up to `friction`, Drake reads `damping` alone.
+engines hold joints by up to `friction`, Drake reads `damping` alone, and rotors by keys of its own.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from pinfric.exporting.constants import JointConstants
 from pinfric.exporting.mjcf import xml_comment, xml_text
-from pinfric.exporting.tree import Body, bodies
+from pinfric.exporting.tree import Body, bodies, drake_rotor, rotor_inertias
 from pinfric.model.scene import Scene
 
 
@@ -33,10 +33,12 @@ def sdf(
     tree = bodies(scene)
     # <mimic> came with 1.11
     following = any(body.follows for body in tree)
-    root = ElementTree.Element("sdf", version="1.11" if following else "1.7")
+    space = {"version": "1.11" if following else "1.7", "xmlns:drake": "drake.mit.edu"}
+    root = ElementTree.Element("sdf", space)
     root.extend(xml_comment(line) for line in header)
     model = ElementTree.SubElement(root, "model", name=Path(scene.source).stem)
     by_name = {joint.joint: joint for joint in joints}
+    rotors = dict(zip(by_name, rotor_inertias(scene).tolist(), strict=True))
     # names of links and joints are one set there
     named = {body.joint.name for body in tree}
     links = [body.link if body.link not in named else f"{body.link}_link" for body in tree]
@@ -47,7 +49,10 @@ def sdf(
         if own is not None:
             model.append(xml_comment(lines[own.joint]))
         ends = "world" if body.parent < 0 else links[body.parent], name
-        model.append(_joint(body, ends, own))
+        model.append(element := _joint(body, ends, own))
+        if own is not None:
+            for tag, value in drake_rotor(own, rotors[own.joint]).items():
+                _text(element, tag, value)
     return xml_text(root)
 
 

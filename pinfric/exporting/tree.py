@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from pinfric.dynamics.samples.motor_torques import scene_gears
 from pinfric.errors import PinfricError
+from pinfric.exporting.constants import JointConstants
 from pinfric.model.scene import Scene
 from pinfric.model.twin import PRISMATIC
 from pinfric.motions.followers import find_followers
@@ -66,6 +68,32 @@ def check_plain_tree(scene: Scene) -> tuple[JointColumn, ...]:
                 "constant of these formats acts on one joint; leave its `couples` out"
             )
     return joint_columns(scene.loaded_model(), scene.source)
+
+
+def rotor_inertias(scene: Scene) -> np.ndarray:
+    """Return (n,) r^2 J of each drive's rotor and the model's armature, at the joint (kg m^2 or kg).
+
+    In the order of `check_plain_tree`.
+    """
+    own, gears = scene.model.armature, scene_gears(scene)
+    reflected = (gears.ratio**2 * gears.rotor_inertia).tolist()
+    rotors = dict(zip([d.velocity_index for d in scene.drives], reflected, strict=True))
+    columns = [column.index_v for column in check_plain_tree(scene)]
+    return np.array([float(own[v]) + rotors.get(v, 0.0) for v in columns])
+
+
+def drake_rotor(joint: JointConstants, reflected: float) -> dict[str, str]:
+    """Return the tags by which Drake takes a rotor, with their values; none without a rotor.
+
+    Args:
+        joint: with the ratio. reflected: `rotor_inertias` (kg m^2 or kg).
+
+    Source: Drake documentation, parsing models: drake:rotor_inertia, drake:gear_ratio.
+    """
+    if not reflected > 0.0:
+        return {}
+    values = reflected / joint.ratio**2, joint.ratio
+    return dict(zip(("drake:rotor_inertia", "drake:gear_ratio"), map(repr, values), strict=True))
 
 
 def bodies(scene: Scene) -> tuple[Body, ...]:

@@ -12,12 +12,16 @@ import numpy as np
 from pinfric.errors import PinfricError, PinfricWarning
 from pinfric.exporting.constants import JointConstants
 from pinfric.exporting.mjcf import xml_comment, xml_text
+from pinfric.exporting.tree import drake_rotor, rotor_inertias
 from pinfric.model.mimics import lock_joints
 from pinfric.model.robot import changed_parts, read_robot
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Payload
 from pinfric.model.urdf import check_urdf
 from pinfric.model.urdf_file import read_xml
+
+#: The namespace of Drake's own tags.
+_DRAKE = "http://drake.mit.edu"
 
 
 def urdf(
@@ -70,6 +74,9 @@ def urdf(
             ElementTree.SubElement(
                 element, "dynamics", damping=repr(found.damping), friction=repr(found.frictionloss)
             )
+    reflected = rotor_inertias(scene).tolist()
+    for joint, inertia in zip(joints, reflected, strict=True):
+        _add_rotor(root, joint.joint, drake_rotor(joint, inertia))
     for mesh in root.iter("mesh"):
         name = mesh.get("filename", "")
         if name and "://" not in name:  # beside the file that it was named in
@@ -80,6 +87,35 @@ def urdf(
     for row, line in enumerate(header):
         root.insert(row, xml_comment(line))
     return xml_text(root)
+
+
+def _add_rotor(root: ElementTree.Element, joint: str, tags: Mapping[str, str]) -> None:
+    """Write Drake's tags of a rotor into the joint's transmission, which is made if there is none.
+
+    Tags of one namespace have one prefix in the written file, whatever they had in the read one.
+    """
+    spaces = {tag[1:].partition("}")[0] for tag in (x.tag for x in root.iter()) if "}" in str(tag)}
+    space = next((found for found in sorted(spaces) if "drake" in found), _DRAKE)
+    ElementTree.register_namespace("drake", space)
+    if not tags:
+        return
+    found = [x for x in root.findall("transmission/joint") if x.get("name") == joint]
+    parent = {child: up for up in root for child in up}
+    if found:
+        transmission = parent[found[0]]
+    else:
+        transmission = ElementTree.SubElement(root, "transmission", name=f"{joint}_transmission")
+        kind = ElementTree.SubElement(transmission, "type")
+        kind.text = "transmission_interface/SimpleTransmission"
+        ElementTree.SubElement(transmission, "joint", name=joint)
+    actuator = transmission.find("actuator")
+    if actuator is None:
+        actuator = ElementTree.SubElement(transmission, "actuator", name=joint)
+    for tag, value in tags.items():
+        full = f"{{{space}}}{tag.partition(':')[2]}"
+        for old in actuator.findall(full):
+            actuator.remove(old)
+        ElementTree.SubElement(actuator, full, value=value)
 
 
 def _payload(name: str, payload: Payload) -> tuple[ElementTree.Element, ElementTree.Element]:

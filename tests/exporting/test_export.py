@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import pinocchio as pin
@@ -71,6 +72,34 @@ def test_elastic_gears_are_said_to_be_rigid_there():
     assert "the stiffness of the gear of elbow_joint: the joint is rigid there" in lost
     assert "the hysteresis of the gear of elbow_joint: the joint is rigid there" in lost
     assert "Stiffness and hysteresis of gears are" in pf.export(scene, to="cpp").text
+
+
+@pytest.mark.parametrize(
+    ("to", "lines"),
+    [
+        ("mjcf", ("MuJoCo, mj_step: .* creeps, at its limit by", "mj_inverse: no friction at rest")),
+        ("urdf", ("Drake: no dry friction, .* {dry}", "Pinocchio, .* {dry}", "Isaac Sim before 5")),
+        ("sdf", ("Drake: no dry friction, .* {dry}", "Gazebo, .*: no rotor inertia, {rotor}")),
+        ("constants", ("as Drake: .* {dry}", "no armature, as Gazebo: .* {rotor}", "measured velo")),
+    ],
+)
+def test_a_file_says_in_its_head_what_its_engines_do_not_do(ur5, to, lines):
+    """With the figure at the joint that has most: damping alone, all of it; the rotor."""
+    scene, motion, *_ = ur5
+    made = pf.export(scene, motion, to)
+    joint = max(made.joints, key=lambda joint: joint.frictionloss)
+    drag = joint.damping * np.abs(motion.v[:, list(scene.joint_names).index(joint.joint)]).max()
+    rotors = {d.name: d.ratio**2 * d.transmission.rotor_inertia for d in scene.drives}
+    name, heaviest = max(rotors.items(), key=lambda item: item[1])
+    figures = {
+        "dry": rf"constants say {joint.frictionloss + drag:.3g} N m \({joint.joint}",
+        "rotor": rf"{heaviest:.3g} kg m\^2 \({name}\)",
+    }
+    head = made.text.partition("<worldbody>")[0].partition("<model")[0].partition("<link")[0]
+    for line in lines:
+        assert re.search(line.format(**figures), head), line
+        if to == "sdf" and "Drake" in line:
+            assert f"{drag:.3g} N m where" in head
 
 
 def test_the_object_says_what_it_is(ur5):

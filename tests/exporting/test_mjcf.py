@@ -87,7 +87,7 @@ def test_mujocos_friction_is_soft_in_the_samples_that_the_file_names():
     made, result = pf.export(scene, bare), pf.inverse_dynamics(scene, bare)
     v, a = motion.v, motion.a
     torque = mujoco_inverse(made.text, scene.joint_names, motion.joint_positions(), v, a)
-    (note,) = made.notes
+    note, *_ = made.notes
     named = dict(re.findall(r"(\w+_joint) (\d+) sample", note))
     assert note.startswith("near rest MuJoCo's friction is soft")
     for d, joint in enumerate(made.joints):

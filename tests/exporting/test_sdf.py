@@ -74,6 +74,11 @@ def test_constants_limits_and_errors_are_there():
     lower = [numbers(joint, "axis/limit/lower")[0] for joint in root.findall("joint")]
     np.testing.assert_allclose(lower, scene.model.lowerPositionLimit)
     assert made.text.count("; error rms ") == 6
+    for joint, drive in zip(root.findall("joint"), scene.drives, strict=True):  # Drake's own tags
+        tags = [joint.find(f"{{drake.mit.edu}}{tag}") for tag in ("rotor_inertia", "gear_ratio")]
+        inertia, ratio = (float(tag.text) for tag in tags)
+        assert ratio == drive.ratio
+        assert inertia == pytest.approx(drive.transmission.rotor_inertia)
     names = [x.get("name") for x in (*root.findall("link"), *root.findall("joint"))]
     assert len(set(names)) == len(names)
 
@@ -100,4 +105,5 @@ def test_drake_reads_it(tmp_path):
     model = scene.loaded_model()
     wanted = pin.rnea(model, model.createData(), q, v, a)
     damping = np.array([joint.damping for joint in made.joints])
-    np.testing.assert_allclose(found, wanted + damping * v, rtol=1e-9, atol=1e-9)
+    rotors = np.array([d.ratio**2 * d.transmission.rotor_inertia for d in scene.drives])
+    np.testing.assert_allclose(found, wanted + damping * v + rotors * a, rtol=1e-9, atol=1e-9)

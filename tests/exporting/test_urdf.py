@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import warnings
 import xml.etree.ElementTree as ElementTree
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -41,6 +43,38 @@ def test_a_urdf_read_back_misses_what_was_stated(tmp_path):
             assert np.sqrt(np.mean(missed**2)) == pytest.approx(joint.error_rms)
         else:
             assert joint.joint in again.friction
+
+
+@pytest.mark.parametrize("stated", ["", "_other"])
+def test_rotors_stand_in_transmissions_as_drake_reads_them(tmp_path, stated):
+    """In the joint's own transmission where there is one, else in a new one."""
+    text = (Path(pf.load_scene("three_link").robot.urdf)).read_text()
+    first = pf.load_scene("three_link").joint_names[0]
+    own = (
+        f'<transmission name="its"><joint name="{first}{stated}"/><actuator name="m">'
+        '<d:gear_ratio value="3"/></actuator></transmission></robot>'
+    )
+    text = text.replace("<robot", '<robot xmlns:d="http://drake.mit.edu"', 1)
+    (tmp_path / "arm.urdf").write_text(text.replace("</robot>", own))
+    gear = "{joint: %s, transmission: {ratio: 50, rotor_inertia: 2e-4}}" % first
+    (tmp_path / "arm.yaml").write_text(
+        f"pinfric: 1\nrobot: {{urdf: arm.urdf, urdf_dynamics: ignore}}\nactuators: [{gear}]\n"
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        scene = pf.load_scene(tmp_path / "arm.yaml")
+    made = pf.export(scene.with_(actuators=[*scene.actuators, *rest(scene, first)]), to="urdf").text
+    root = ElementTree.fromstring(made)
+    assert 'xmlns:drake="http://drake.mit.edu"' in made
+    found = {x.find("joint").get("name"): x for x in root.findall("transmission")}
+    actuator = found[first].find("actuator")
+    values = {x.tag.rpartition("}")[2]: float(x.get("value")) for x in actuator}
+    assert values == {"rotor_inertia": 2e-4, "gear_ratio": 50.0}
+    assert len(found) == 1 + bool(stated)
+
+
+def rest(scene, name):
+    return [{"joint": other} for other in scene.joint_names if other != name]
 
 
 @pytest.mark.parametrize("kind", ["revolute", "continuous", "prismatic"])
