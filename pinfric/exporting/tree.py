@@ -71,7 +71,7 @@ def check_plain_tree(scene: Scene) -> tuple[JointColumn, ...]:
 
 
 def rotor_inertias(scene: Scene) -> np.ndarray:
-    """Return (n,) r^2 J of each drive's rotor and the model's armature, at the joint (kg m^2 or kg).
+    """Return (n,) r^2 J of each rotor and the model's armature, at the joint (kg m^2 or kg).
 
     In the order of `check_plain_tree`.
     """

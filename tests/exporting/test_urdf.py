@@ -56,7 +56,7 @@ def test_rotors_stand_in_transmissions_as_drake_reads_them(tmp_path, stated):
     )
     text = text.replace("<robot", '<robot xmlns:d="http://drake.mit.edu"', 1)
     (tmp_path / "arm.urdf").write_text(text.replace("</robot>", own))
-    gear = "{joint: %s, transmission: {ratio: 50, rotor_inertia: 2e-4}}" % first
+    gear = f"{{joint: {first}, transmission: {{ratio: 50, rotor_inertia: 2e-4}}}}"
     (tmp_path / "arm.yaml").write_text(
         f"pinfric: 1\nrobot: {{urdf: arm.urdf, urdf_dynamics: ignore}}\nactuators: [{gear}]\n"
     )
