@@ -61,13 +61,13 @@ def run(scene, motion, sweep, **more):
 
 
 @cache
-def swept_panda():
-    """A sweep of the bundled panda with motors on trial."""
+def swept_panda(drive=DRIVE):
+    """A sweep of the bundled panda with a drive on trial at its second joint."""
     scene, motion = example("panda_pick_and_place", "panda_pick_and_place.csv")
     varied = sweep_of(
         40,
         payload__box__mass=uniform(1.0, 3.0),
         friction__all__coulomb=uniform(0.5, 2.0, each=True),
-        motors={"panda_joint2": {"drive": DRIVE}},
+        motors={"panda_joint2": {"drive": drive}},
     )
     return pf.sweep(scene, motion, varied, processes=1)
