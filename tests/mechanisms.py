@@ -434,3 +434,32 @@ def two_ball_loops(seed, counts=(3, 3, 2)):
         friction[name] = {"bearing": bearing, "mu": {"static": 1.2 * mu, "kinetic": mu}}
     driven = [{"joint": name} for name in names[: len(names) - 6]]
     return pf.Scene(model=model, loops=loops, friction=friction, actuators=driven), q, rng
+
+
+def beside(*scenes):
+    """One scene of several that stand beside each other on the ground, as they are in the first."""
+    model, friction, actuators, loops = grounded_model(), {}, [], []
+    model.gravity.linear = scenes[0].model.gravity.linear
+    for n, scene in enumerate(scenes):
+        names, ids = {"ground": "ground"}, [0]
+        for j in range(1, scene.model.njoints):
+            name, place = f"{scene.model.names[j]}_{n}", scene.model.jointPlacements[j]
+            ids.append(
+                model.addJoint(ids[scene.model.parents[j]], scene.model.joints[j], place, name)
+            )
+            model.appendBodyToJoint(ids[j], scene.model.inertias[j], pin.SE3.Identity())
+        for frame in scene.model.frames:
+            if frame.type == pin.FrameType.BODY and frame.name != "ground":
+                names[frame.name] = f"{frame.name}_{n}"
+                body = pin.Frame(
+                    f"{frame.name}_{n}", ids[frame.parentJoint], frame.placement, frame.type
+                )
+                model.addFrame(body)
+        friction |= {f"{name}_{n}": entry for name, entry in scene.friction.items()}
+        drives = scene.actuators or [{"joint": name} for name in list(scene.model.names)[1:]]
+        actuators += [dict(a) | {"joint": f"{dict(a)['joint']}_{n}"} for a in drives]
+        for loop in scene.loops:
+            sides = {s: getattr(loop, s) for s in "ab"}
+            sides = {s: at.model_copy(update={"link": names[at.link]}) for s, at in sides.items()}
+            loops.append(loop.model_copy(update={"name": f"{loop.name}_{n}", **sides}))
+    return pf.Scene(model=model, friction=friction, actuators=actuators, loops=loops)

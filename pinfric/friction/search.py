@@ -3,26 +3,27 @@
 At rest stick has priority: a coordinate slips only if no admissible stick exists. So the search is
 for the consistent modes with the fewest slipping joints. Two different accelerations with equally
 few slipping joints are ambiguous, unless exactly one of them lets all joints stick that were
-sticking until now. Up to `MOST_ENUMERATED` joints at rest all modes that kinematics allows are
-enumerated (`PossibleWays`). If more rest in an open chain, those that do not depend on each other
-are searched apart (`_islands`). Beyond that, modes are followed from all stick; those found are
-consistent, but others may exist unless `_is_only` proves that there are none.
+sticking until now. Joints that do not depend on each other are searched apart (`islands`). Of up
+to `MOST_ENUMERATED` joints at rest all modes that kinematics allows are tried (`PossibleWays`).
+Beyond that, modes are followed from all stick; those found are consistent, but others may exist
+unless `_is_only` proves that there are none.
 
 A search ends after `MOST_PASSES` passes of its solves; it is then `UNDECIDED`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from itertools import combinations, product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from pinfric.friction.balance import FITS, RANK
 from pinfric.friction.gears import choices, fit, is_certain, lasts_under_loads, lines_and_rows
 from pinfric.friction.given_modes import SHOULD_STICK, judge
+from pinfric.friction.islands import split
 from pinfric.friction.law import evaluate
 from pinfric.friction.minimax import least_violation
 from pinfric.friction.problem import Found, Modes, Problem
@@ -190,11 +191,13 @@ class Count:
             may exist.
         tried: in how many modes it looked for them.
         unsure: whether gears allow more choices than are tried, so that there may be others.
+        island: (n,) the coordinates that depend on each other of which the outcome is.
     """
 
     many: tuple[int, int] = (1, 1)
     tried: int = 1
     unsure: bool = False
+    island: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
 
     def single(self, solutions: int, obeying: int) -> Found:
         """Return how a search of a single mode ends, from what `rest.solve_modes` returns."""
@@ -328,7 +331,53 @@ def search(
             equally few slipping joints, the one in which all of these stick is chosen.
         count: overwritten with what was counted.
     """
-    query = _Query(problem, modes, mechanism, count or Count(), every=True)
+    return _each_island(_search, problem, modes, mechanism, count or Count(), forced, held)
+
+
+def _each_island(
+    solve: Callable[..., Found],
+    problem: Problem,
+    modes: Modes,
+    mechanism: Mechanism,
+    count: Count,
+    forced: Mapping[int, float] | None = None,
+    held: np.ndarray | None = None,
+) -> Found:
+    """Solve each part of a problem alone; the outcome is that of the one that is worst."""
+    islands, forced = split(problem, modes, mechanism), forced or {}
+    if not islands:
+        count.island = np.arange(len(modes.stuck))
+        return solve(problem, modes, mechanism, count, forced, held)
+    ends = list[tuple[Found, Count, np.ndarray]]()
+    for island in islands:
+        ways = {k: forced[c] for k, c in enumerate(island.coordinates.tolist()) if c in forced}
+        stays = None if held is None else held[island.coordinates]
+        own = Count(island=island.coordinates)
+        part = island.problem, island.modes, island.mechanism
+        ends.append((solve(*part, own, ways, stays), own, island.modes.figures))
+        island.put_back(problem, modes, mechanism)
+    if np.isnan(modes.friction).any():
+        modes.friction[:1] = np.nan
+    worst = max((found for found, _, _ in ends), key=_GRAVITY.index)
+    those = [(own, figures) for found, own, figures in ends if found == worst]
+    modes.figures[:] = np.max([figures for _, figures in those], axis=0)
+    many = np.prod([own.many for own, _ in those], axis=0).tolist()
+    count.many = (many[0], many[1]) if worst == Found.SOLVED else those[0][0].many
+    count.tried, count.island = those[0][0].tried, those[0][0].island
+    count.unsure = any(own.unsure for own, _ in those)
+    return worst
+
+
+def _search(
+    problem: Problem,
+    modes: Modes,
+    mechanism: Mechanism,
+    count: Count,
+    forced: Mapping[int, float],
+    held: np.ndarray | None,
+) -> Found:
+    """`search` of one island."""
+    query = _Query(problem, modes, mechanism, count, every=True)
     together = mechanism.is_dependent(modes.at_rest)
     passing = modes.at_rest & mechanism.idle
     if together:
@@ -338,9 +387,9 @@ def search(
     at_rest = modes.at_rest.copy()
     for _ in range(3):
         if together and not mechanism.is_dependent(at_rest):
-            found = search(problem, modes, mechanism, forced, held, count)
+            found = _search(problem, modes, mechanism, count, forced, held)
         else:
-            found = _search_open(query, dict(forced or {}), held)
+            found = _search_open(query, dict(forced), held)
         if (modes.direction[passing] * modes.rate[passing] >= 0.0).all():
             break
         modes.at_rest[:] = at_rest
@@ -359,58 +408,7 @@ def _led(problem: Problem, modes: Modes, mechanism: Mechanism) -> np.ndarray:
 
 
 def _search_open(query: _Query, forced: dict[int, float], held: np.ndarray | None) -> Found:
-    """Find the modes of coordinates at rest if no joint passes its dead centre; see `search`.
-
-    Where too many rest, each island alone while the others stick: its answers do not depend on
-    theirs.
-    """
-    problem, modes, rests = query.problem, query.modes, query.modes.at_rest.copy()
-    many_rest = len(query.mechanism.joints(rests)) > MOST_ENUMERATED
-    islands = _islands(problem, rests) if many_rest and not query.mechanism.closed else []
-    if len(islands) < 2:
-        return _search_island(query, forced, held)
-    answer, worst, figures, many = modes.copy(), Found.SOLVED, modes.figures, (0, 0)
-    for island in islands:
-        modes.stuck[rests], modes.direction[rests], modes.at_rest[:] = True, 0.0, island
-        ways = {c: way for c, way in forced.items() if island[c]}
-        query.count.many = 0, 0
-        found = _search_island(query, ways, None if held is None else held & island)
-        answer.stuck[island] = modes.stuck[island]
-        answer.direction[island] = modes.direction[island]
-        if _GRAVITY.index(found) > _GRAVITY.index(worst):
-            worst, figures, many = found, modes.figures.copy(), query.count.many
-    modes.at_rest[:] = rests
-    if worst != Found.SOLVED:
-        modes.figures[:], query.count.many = figures, many
-        return worst
-    modes.take(answer)
-    return query.end(*query.answer())
-
-
-def _islands(problem: Problem, rests: np.ndarray) -> list[np.ndarray]:
-    """(nc,) bool each: coordinates at rest that depend on each other, and on none of the others.
-
-    Gears that lock themselves are not split: the lines they are on are chosen together.
-    """
-    if problem.gear_rotor.shape[0] and problem.gear_lines[:, :2, :, 0].min() <= 0.0:
-        return [rests]
-    found = np.unique(_dependent(problem), axis=0) & rests
-    return [island for island in found if island.any()]
-
-
-def _dependent(problem: Problem) -> np.ndarray:
-    """(nc, nc) bool: which coordinates depend on each other, through rates, loads or others."""
-    linked = problem.rate_slope != 0.0
-    owner = problem.coordinate[problem.contact_entry]
-    np.logical_or.at(linked, owner, (problem.contact[:, 1:] != 0.0).any(axis=2))
-    linked |= linked.T | np.eye(len(linked), dtype=bool)
-    while (wider := linked @ linked).sum() > linked.sum():
-        linked = wider
-    return linked
-
-
-def _search_island(query: _Query, forced: dict[int, float], held: np.ndarray | None) -> Found:
-    """`_search_open` of coordinates at rest that depend on each other."""
+    """Find the modes of coordinates at rest if no joint passes its dead centre; see `search`."""
     modes, mechanism = query.modes, query.mechanism
     rests, together = modes.at_rest, mechanism.is_dependent(modes.at_rest)
     if not rests.any():
@@ -437,6 +435,8 @@ def _pivot(query: _Query, forced: dict[int, float]) -> Found:
     modes = query.modes
     _stick(modes, query.mechanism, forced)
     found = _follow(query, set(forced))
+    if found in (Found.NONE, Found.NOT_CONVERGED):
+        return Found.UNDECIDED  # there are modes that were not tried
     moves = query.mechanism.joints(modes.at_rest & ~modes.stuck)
     if len(moves) > len(query.mechanism.joints(np.isin(np.arange(len(modes.stuck)), [*forced]))):
         query.proved &= not query.mechanism.closed and _is_only(query.problem, modes.at_rest)
@@ -457,14 +457,13 @@ def _is_only(problem: Problem, rests: np.ndarray) -> bool:
         return False
     if any((slip[here] != stick[here]).any() for slip, stick in same):
         return False
-    near = _dependent(problem)[rests].any(axis=0)
-    R, entry = problem.rate_slope[np.ix_(near, near)], problem.contact_entry
+    R, entry = problem.rate_slope, problem.contact_entry
     size, axes = np.linalg.eigh(R)
     if not size[0] > RANK * size[-1]:
         return False
-    P = (axes / np.sqrt(size)).T @ problem.contact[:, 1:][:, near]
+    P = (axes / np.sqrt(size)).T @ problem.contact[:, 1:]
     grows = np.linalg.norm(P, ord=2, axis=(1, 2)) * (np.abs(problem.ratio) * problem.mu_slip)[entry]
-    a = np.bincount(problem.coordinate[entry], grows, len(near))[near]
+    a = np.bincount(problem.coordinate[entry], grows, len(R))
     return bool(np.sqrt(a @ np.abs(R) @ a) < 1.0 - _CERTAIN)
 
 
@@ -609,6 +608,13 @@ def follow(problem: Problem, modes: Modes, mechanism: Mechanism, count: Count) -
 
     Args, returns: see `search`.
     """
+    return _each_island(_follow_or_try, problem, modes, mechanism, count)
+
+
+def _follow_or_try(
+    problem: Problem, modes: Modes, mechanism: Mechanism, count: Count, *search: Any
+) -> Found:
+    """`follow` of one island."""
     start = modes.copy()
     found = _follow(_Query(problem, modes, mechanism, count, every=False), set())
     if found != Found.SOLVED and mechanism.closed:
@@ -616,7 +622,7 @@ def follow(problem: Problem, modes: Modes, mechanism: Mechanism, count: Count) -
         modes.stuck[modes.at_rest], modes.direction[modes.at_rest] = True, 0.0
         found = _follow(_Query(problem, modes, mechanism, count, every=False), set())
     if found != Found.SOLVED and int(modes.at_rest.sum()) <= MOST_ENUMERATED:
-        return search(problem, modes, mechanism, count=count)
+        return _search(problem, modes, mechanism, count, *search)
     return found
 
 

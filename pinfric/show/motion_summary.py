@@ -59,6 +59,9 @@ class MotionSummary:
     evaluations: int = quantity("right-hand sides computed")
     stick_intervals: tuple[StickInterval, ...] = quantity("in the order of the joints")
     events: tuple[Event, ...] = quantity("in the order of time")
+    unproved: tuple[float, ...] = quantity(
+        "from when on the modes are one answer of which others may exist", "s"
+    )
     energy: EnergySummary | None = quantity("none: the motion was interrupted")
     end: State = quantity("final state")
 
@@ -88,6 +91,7 @@ def motion_summary(motion: Motion) -> MotionSummary:
         evaluations=motion.evaluations,
         stick_intervals=motion.stick_intervals(),
         events=motion.events,
+        unproved=motion.unproved,
         energy=energy,
         end=State(motion.q[-1], motion.v[-1]),
     )

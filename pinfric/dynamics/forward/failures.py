@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import hypot
+from math import hypot, prod
 from typing import NoReturn
 
 import numpy as np
@@ -108,10 +108,10 @@ class Failures:
         jammed = self._jam(found, state)
         if jammed and found in (Found.NONE, Found.UNSTABLE):
             return jammed
-        contraction, resting = self._modes.figures[0], int(self._modes.at_rest.sum())
+        contraction, (modes, names) = self._modes.figures[0], self._resting()
         finding: type[AccelerationError] = NoConsistentAcceleration
         (many, stable), tried = self._count.many, self._count.tried
-        counted = f"{many} in {tried} mode{'s' * (tried != 1)} tried"
+        counted = f"{many} in {tried} mode{'s' * (tried != 1)} tried{modes}"
         reason = f"{counted}; neither sticking nor slipping either way is consistent"
         if contraction >= 1.0:
             reason = (
@@ -140,14 +140,40 @@ class Failures:
         elif found == Found.UNDECIDED:
             finding = UndecidedAcceleration
             reason = (
-                f"{resting} coordinates at rest, {tried} modes in {MOST_PASSES} passes; remove "
-                "friction from joints where it does not matter, or start from a state in motion"
+                f"{counted}; {self._untried()}, so there may be one; without friction at joints "
+                "where it does not matter the search would decide, method 'timestepping' of "
+                "simulate goes on"
             )
-        elif resting > MOST_ENUMERATED:
-            reason += f"; with more than {MOST_ENUMERATED} joints at rest not every mode is tried"
+        reason += names
         if jammed:
             reason += f"; joint {jammed.site!r}: {jammed.reason}"
         return finding(*self._as_given(state), self._worst_site(), reason, given=self._given)
+
+    def _resting(self) -> tuple[str, str]:
+        """Say of how many modes, and of which of its joints, an outcome is: where some rest."""
+        m, here, t = self._modes, self._decided(), self._plan.entries
+        rests = here[m.at_rest[here]]
+        if not rests.size:
+            return "", ""
+        joints = np.unique(self._plan.coordinates.block[rests])
+        modes = prod(2 if self._plan.coordinates.ball[c] else 3 for c in joints.tolist())
+        of = np.unique(t.site[np.isin(t.coordinate, rests)]).tolist()
+        names = ", ".join(self._scene.site_names[s] for s in of)
+        alone = len(here) < len(m.stuck) and names
+        return f" of {modes}", f"; the other joints do not matter to {names}" if alone else ""
+
+    def _untried(self) -> str:
+        """What a search that proves nothing has not tried."""
+        rests = self._modes.at_rest & np.isin(np.arange(self._modes.stuck.size), self._decided())
+        if (rests & self._plan.coordinates.ball).any():
+            return "the direction in which a ball slips is searched from one start"
+        few = f"{MOST_ENUMERATED} joints at rest, or in {MOST_PASSES} passes"
+        return f"of more than {few}, not every mode is tried"
+
+    def _decided(self) -> np.ndarray:
+        """The coordinates of which the outcome is: those that depend on each other, or all."""
+        island = self._count.island
+        return island if island.size else np.arange(self._modes.stuck.size)
 
     def _as_given(self, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Copies of q, v, and of efforts or motor torques, as they were given."""
@@ -157,12 +183,13 @@ class Failures:
     def _jam(self, found: Found, state: State) -> GearJam | None:
         """The error for moving self-locking gears without an answer, or a single stable one."""
         m, drives = self._modes, self._plan.drives
+        kept, outside = m.stuck.copy(), ~np.isin(np.arange(len(m.stuck)), self._decided())
+        m.stuck[m.at_rest & outside] = False
         worm = jam(self._machine.problem, m)
         if worm is None and m.at_rest.any():  # they move with all that may slip, if at all
-            kept = m.stuck.copy()
             m.stuck[m.at_rest] = False
             worm = jam(self._machine.problem, m)
-            m.stuck[:] = kept
+        m.stuck[:] = kept
         if worm is None:
             return None
         geared, gears, step = np.flatnonzero(drives.gear_entry >= 0), drives.gears, state[4] or 1.0
@@ -208,6 +235,7 @@ class Failures:
         norms = np.linalg.norm(p.contact[:, 1:], axis=2).sum(axis=1)
         np.add.at(growth, p.contact_entry, norms)
         open_ = ~self._modes.stuck | self._modes.at_rest
+        open_ &= np.isin(np.arange(len(open_)), self._decided())
         worst = np.argmax(growth * p.mu_slip + np.where(open_[p.coordinate], 0.0, -np.inf))
         if worst < len(self._plan.entries.site):
             return self._scene.site_names[self._plan.entries.site[worst]]

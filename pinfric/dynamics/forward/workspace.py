@@ -259,6 +259,7 @@ class Workspace:
         self._kept, self.state = None, (q, v, effort, applied, step)
         if choice != UNSOLVED:
             self.count.many, self.count.tried, self.locked = (1, 1), 1, False
+            self.count.island = self.count.island[:0]
         self.supplier.at(q, v, applied)
         refused, solutions, obeying, resting = solve_instant(
             self.argument, q, v, effort, step, choice

@@ -116,6 +116,8 @@ class Motion(Shown):
         evaluations: right-hand sides computed.
         carried: names of the payloads carried; None: those attached by default.
         motor_torque: (T, na) N m at the motors' shafts; None: efforts were given.
+        unproved: times (s) from which the modes are one answer that was found, and others may exist
+            (`Instant.answers` 0).
         dense: the integrator's polynomials; None where there are none.
     """
 
@@ -137,6 +139,7 @@ class Motion(Shown):
     evaluations: int
     carried: tuple[str, ...] | None = None
     motor_torque: np.ndarray | None = None
+    unproved: tuple[float, ...] = ()
     dense: Dense | None = field(default=None, repr=False)
 
     def __repr__(self) -> str:
@@ -158,6 +161,7 @@ class Motion(Shown):
                 "speeds": f"{largest} (largest, rad/s or m/s)",
                 "sticks": listed([i.site for i in intervals], sticks) or "none",
                 "events": ", ".join(happened) or "none",
+                "unproved": listed_times(self.unproved),
                 "status": f"{self.status}; {counted(self.evaluations, 'right-hand side')}"
                 + (f"; {self.message}" if self.status != FINISHED else ""),
                 "more": _MORE,
@@ -286,6 +290,7 @@ class Motion(Shown):
             "scene": scene_digests(self.scene, self.given),
             "source": self.scene.source,
             "carried": self.carried,
+            "unproved": self.unproved,
             "events": [[e.time, e.name, e.kind, e.direction] for e in self.events],
         }
         arrays = {name: getattr(self, name) for name in ARRAYS}
@@ -301,6 +306,14 @@ class Motion(Shown):
             return write_file(path, write)
         except PinfricError as problem:
             raise SimulationError(str(problem)) from None
+
+
+def listed_times(unproved: tuple[float, ...]) -> str:
+    """Return from when on modes are not known to be the only ones that obey the laws."""
+    if not unproved:
+        return ""
+    more = f" and {len(unproved) - 1} times more" if len(unproved) > 1 else ""
+    return f"from {unproved[0]:.6g} s on{more}, other modes may obey the laws as well"
 
 
 def mechanical_energy(model: pin.Model, data: pin.Data, q: np.ndarray, v: np.ndarray) -> float:

@@ -33,6 +33,7 @@ class _About(Entry):
     scene: dict[str, str]
     source: str
     carried: tuple[str, ...] | None
+    unproved: tuple[FiniteFloat, ...] = ()
     events: tuple[
         tuple[FiniteFloat, str, Literal["stick", "slip", "reversal", "limit"], Literal[-1, 0, 1]],
         ...,
@@ -76,6 +77,7 @@ def load_motion(path: str | Path, scene: Scene) -> Motion:
         message=about.message,
         evaluations=about.evaluations,
         carried=about.carried,
+        unproved=about.unproved,
         **arrays,
     )
 

@@ -23,7 +23,7 @@ class Recorder:
 
     Attributes:
         rows: samples; t increases strictly.
-        events, phase_t: see `Motion`.
+        events, phase_t, unproved: see `Motion`.
         phase_modes: of all `Workspace.places`.
         steps: (polynomial, chart, what stands still) of every step, where the integrator has them.
     """
@@ -41,6 +41,7 @@ class Recorder:
         self.rows: list[Row] = []
         self.events: list[Event] = []
         self.phase_t: list[float] = []
+        self.unproved: list[float] = []
         self.phase_modes: list[np.ndarray] = []
         self.step_t: list[float] = []
         self.steps: list[tuple[Callable[[float], np.ndarray], Chart, Standing | None]] = []
@@ -87,6 +88,8 @@ class Recorder:
     def phase(self, t: float) -> None:
         """Note that from t on the present modes hold."""
         modes = self.system.ws.place_modes
+        if self.system.ws.count.many[0] == 0:
+            self.unproved.append(float(t))
         if self.phase_t and t <= self.phase_t[-1]:
             self.phase_modes[-1] = modes
         elif not self.phase_modes or (modes != self.phase_modes[-1]).any():
@@ -156,6 +159,7 @@ class Recorder:
             message=message,
             evaluations=self.system.evaluations,
             carried=self.carried,
+            unproved=tuple(self.unproved),
             dense=self._dense(phase_t, phase_modes),
         )
 

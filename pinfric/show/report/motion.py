@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from pinfric.dynamics.simulation.motion import FINISHED, Event, Motion
+from pinfric.dynamics.simulation.motion import FINISHED, Event, Motion, listed_times
 from pinfric.model.brief import counted
 from pinfric.show.motion_summary import EnergySummary, MotionSummary
 from pinfric.show.report.rows import table_of
@@ -41,7 +41,7 @@ def motion_report(motion: Motion, found: MotionSummary) -> Report:
     events = _first("events", found.events, {"direction": direction})
     energy = None if found.energy is None else _energy_table(found.energy, motors)
     ended = [f"{found.status}: {found.message}"] if found.status != FINISHED else []
-    return paragraphs(title, sticks, events, energy, ended)
+    return paragraphs(title, sticks, events, energy, listed_times(found.unproved), ended)
 
 
 def _first(

@@ -17,7 +17,7 @@ from builders import (
     random_tree,
     sliding_block,
 )
-from mechanisms import pin_friction, shifted
+from mechanisms import beside, four_bar, pin_friction, shifted
 from scipy.optimize import lsq_linear
 
 import pinfric as pf
@@ -462,6 +462,37 @@ def test_the_verdict_does_not_depend_on_what_rests_elsewhere(others):
     found = pf.forward_dynamics(scene, still, still, push * ([3.5, 3.5] + [1.0] * others))
     np.testing.assert_allclose(found.a, [0.0, 2.5] + [2.0] * others, atol=1e-12)
     assert found.answers == 1
+
+
+@pytest.mark.parametrize("neighbours", ["loops", "locking gears"])
+def test_neither_loops_nor_locking_gears_nearby_change_the_verdict(neighbours):
+    """Beside three four-bars (twelve pins), or eight gears that lock: as the two sliders alone."""
+    two, (bars, angles) = two_on_one_mass(0), four_bar(static=0.4, gravity=(0.0, 0.0, 0.0))
+    if neighbours == "loops":
+        scene = beside(two, *[bars] * 3)
+        q = np.concatenate([np.zeros(2), *[bars.close(angles(np.array([1.0, 0.3, 1.2])))] * 3])
+        others, given = [0.5, 9.0, 0.5], "effort"
+    else:
+        body = chain(*((f"c{i}", pin.JointModelPX(), lump(1.0)) for i in range(8)), beside=True)
+        gear = {"efficiency": 0.4, "back_efficiency": -0.2, "rotor_inertia": 0.1, "ratio": 1.0}
+        drives = [{"joint": f"c{i}", "transmission": gear} for i in range(8)]
+        scene = beside(
+            two.with_(actuators=[{"joint": x, "transmission": {"ratio": 1.0}} for x in "ab"]),
+            pf.Scene(
+                model=body, friction={f"c{i}": dry(2.0, 1.0) for i in range(8)}, actuators=drives
+            ),
+        )
+        q, others, given = np.zeros(10), [1.0] * 8, "motor_torque"
+    still = np.zeros(scene.model.nv)
+    with pytest.raises(AmbiguousAcceleration, match="'a_0': 2 in"):
+        pf.forward_dynamics(scene, q, still, **{given: np.array([2.5, 2.5, *others])})
+    found = pf.forward_dynamics(scene, q, still, **{given: np.array([3.5, 3.5, *others])})
+    np.testing.assert_allclose(found.a[:2], [0.0, 2.5], atol=1e-12)
+    assert found.answers == 1
+    if neighbours == "loops":
+        held, moved = (pf.forward_dynamics(bars, q[2:5], still[:3], [u]).a for u in (0.5, 9.0))
+        np.testing.assert_array_equal(found.a[2:], [*held, *moved, *held])
+        assert moved.any()
 
 
 @pytest.mark.parametrize(("static", "answers"), [(1.0, 1), (1.3, 0)])

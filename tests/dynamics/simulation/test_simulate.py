@@ -366,3 +366,16 @@ def test_simulations_within_and_beside_each_other_do_not_meet():
         for name in ("t", "q", "v", "a", "effort", "modes", "friction", "normal_load"):
             np.testing.assert_array_equal(getattr(other, name), getattr(alone, name), name)
     np.testing.assert_array_equal(alone.sample(np.array([0.0505])).a, middle.a)
+
+
+def test_a_motion_says_where_other_modes_may_obey(tmp_path):
+    """Twelve sliders one behind the other: more than are tried, and static is above kinetic."""
+    names, body = [f"s{i}" for i in range(12)], lump(1.0)
+    model = chain(*((name, pin.JointModelPX(), body) for name in names), gravity=0.0)
+    push, still = np.random.default_rng(3).normal(scale=2.0, size=12), np.zeros(12)
+    for static, unproved in ((1.3, (0.0,)), (1.0, ())):
+        scene = pf.Scene(model=model, friction=dict.fromkeys(names, dry(static, 1.0)))
+        motion = pf.simulate(scene, still, still, push, 0.01)
+        assert motion.unproved == unproved
+        assert ("other modes may obey" in repr(motion)) == bool(unproved)
+        assert pf.load_motion(motion.save(tmp_path / "motion"), scene).unproved == unproved

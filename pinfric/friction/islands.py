@@ -1,0 +1,110 @@
+"""Independent parts of a problem: what neither rates nor loads couple is solved and judged alone.
+
+An island's answers do not depend on those of the others, so the modes of n islands are searched one
+after the other: their numbers add up in place of being multiplied.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from pinfric.friction.problem import Modes, Problem
+from pinfric.friction.rest import Mechanism
+
+
+class Island(NamedTuple):
+    """One part of a problem, with arrays of its own.
+
+    Attributes:
+        coordinates, entries, gears: numbers of its coordinates, entries and gears in the whole.
+        problem, modes, mechanism: of these alone.
+    """
+
+    coordinates: np.ndarray
+    entries: np.ndarray
+    gears: np.ndarray
+    problem: Problem
+    modes: Modes
+    mechanism: Mechanism
+
+    def put_back(self, problem: Problem, modes: Modes, mechanism: Mechanism) -> None:
+        """Write the island's modes, the solution in them and what its gears hold into the whole."""
+        c, e, part = self.coordinates, self.entries, self.modes
+        for name in ("stuck", "direction", "at_rest", "friction", "rate", "verdict"):
+            getattr(modes, name)[c] = getattr(part, name)
+        modes.load[e], modes.effort[self.gears] = part.load, part.effort
+        problem.coulomb_stick[e] = self.problem.coulomb_stick
+        mechanism.way[c] = self.mechanism.way
+
+
+def split(problem: Problem, modes: Modes, mechanism: Mechanism) -> list[Island]:
+    """Return the islands of a problem with the modes as they are; none where it is one itself."""
+    linked = problem.rate_slope != 0.0
+    if linked.all():
+        return []
+    owner = problem.coordinate[problem.contact_entry]
+    np.logical_or.at(linked, owner, (problem.contact[:, 1:] != 0.0).any(axis=2))
+    linked |= linked.T | np.equal.outer(mechanism.block, mechanism.block)
+    left, islands = np.ones(len(linked), dtype=bool), list[Island]()
+    while left.any():
+        here = linked[np.argmax(left)]
+        while (wider := linked[here].any(axis=0)).sum() > here.sum():
+            here = wider
+        if here.all():
+            return []
+        left &= ~here
+        islands.append(_part(problem, modes, mechanism, np.flatnonzero(here)))
+    return islands
+
+
+def _part(problem: Problem, modes: Modes, mechanism: Mechanism, c: np.ndarray) -> Island:
+    """The island of coordinates c, in ascending order."""
+    place, entry = np.full((2, max(len(modes.stuck), len(modes.load))), -1)
+    place[c] = np.arange(len(c))
+    e = np.flatnonzero(place[problem.coordinate] >= 0)
+    entry[e] = np.arange(len(e))
+    t = np.flatnonzero(entry[problem.contact_entry] >= 0)
+    g = np.flatnonzero(place[problem.gear_coordinate] >= 0)
+    of = {"rate_free": c, "rate_scale": c, "gear_rotor": g, "gear_lines": g, "gear_held": g}
+    taken = {name: getattr(problem, name)[of.get(name, e)] for name in (*of, *_OF_ENTRIES)}
+    part = problem._replace(
+        **taken | {"coordinate": place[taken["coordinate"]]},
+        rate_slope=problem.rate_slope[np.ix_(c, c)],
+        contact=problem.contact[np.ix_(t, np.append(0, 1 + c))],
+        contact_entry=entry[problem.contact_entry[t]],
+    )
+    own = Modes.of(len(c), len(e), len(g))
+    for name in ("stuck", "direction", "at_rest", "friction", "rate", "verdict"):
+        getattr(own, name)[:] = getattr(modes, name)[c]
+    own.load[:], own.effort[:] = modes.load[e], modes.effort[g]
+    factor = mechanism.factor[:, c]
+    return Island(
+        c,
+        e,
+        g,
+        part,
+        own,
+        Mechanism(
+            mechanism.closed,
+            factor[factor.any(axis=1)],
+            place[mechanism.block[c]],
+            mechanism.ball[c],
+            mechanism.idle[c],
+            mechanism.way[c],
+        ),
+    )
+
+
+#: Arrays of a `Problem` with a row for each entry.
+_OF_ENTRIES = (
+    "constant",
+    "coordinate",
+    "ratio",
+    "mu_slip",
+    "mu_stick",
+    "coulomb_slip",
+    "coulomb_stick",
+    "drag",
+)
