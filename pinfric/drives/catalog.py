@@ -238,6 +238,15 @@ class GearMotor(Rated):
     peak_torque: Annotated[
         Positive | None, key("largest output for a short time", 120.0, "N m or N")
     ] = None
+    stall_torque: Annotated[
+        Positive | None,
+        key(
+            "of a servo at nominal voltage, its output blocked: for a moment only. Where they are "
+            "not printed it stands in for the peak torque, and 0.2 of it for the continuous one",
+            2.9,
+            "N m or N",
+        ),
+    ] = None
     nominal_voltage: Annotated[
         Positive | None, key("for which the speeds are given", 48.0, "V")
     ] = None
@@ -251,10 +260,20 @@ class GearMotor(Rated):
     torque_constant: Annotated[
         Positive | None, key("at the output, per current of the motor", 4.8, "N m/A or N/A")
     ] = None
+    peak_current: Annotated[
+        Positive | None,
+        key("largest of its own electronics, of the kind of `current`: bounds the peak", 43.0, "A"),
+    ] = None
     current: Annotated[
         Literal["dc", "rms", "peak"],
         key("kind of current of the torque constant, as of a motor", "rms"),
     ] = "dc"
+    resistance: Annotated[
+        Positive | None, key("between two terminals of the motor at 25 C", 0.39, "Ohm")
+    ] = None
+    max_voltage: Annotated[
+        Positive | None, key("highest that its own electronics permit", 60.0, "V")
+    ] = None
     stiffness: Annotated[
         Stiffness | None,
         key("of the output, its rotor held; as of a gear", 16000, "N m/rad or N/m"),
@@ -277,7 +296,9 @@ class GearMotor(Rated):
     @model_validator(mode="after")
     def _figures_agree(self) -> GearMotor:
         _ascending(self, "continuous_torque", "peak_torque")
+        _ascending(self, "continuous_torque", "stall_torque")
         _ascending(self, "rated_speed", "no_load_speed")
+        _ascending(self, "nominal_voltage", "max_voltage")
         if (self.no_load_speed or self.rated_speed) and self.nominal_voltage is None:
             raise ValueError("no_load_speed and rated_speed need `nominal_voltage`")
         return self

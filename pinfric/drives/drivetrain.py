@@ -36,7 +36,7 @@ from pinfric.drives.catalog import (
 )
 from pinfric.drives.demand import DriveCycle, largest, mean, power_figures
 from pinfric.drives.overload import heat_lag, settled_heat
-from pinfric.drives.policy import COOLING, KIT, MOST_PEAK, STALLED, Conditions, frameless
+from pinfric.drives.policy import COOLING, HOBBY, KIT, MOST_PEAK, STALLED, Conditions, frameless
 from pinfric.drives.thermal import (
     COPPER,
     WindingCycle,
@@ -55,6 +55,8 @@ from pinfric.model.transmission import (
 )
 from pinfric.motions.summary import ends_by_magnitude, rms
 
+#: What is said of a product whose figures were not read in its maker's document.
+RETYPED = "figures retyped by a third party"
 #: What the ratings of a motor need, in words.
 _AIR = {"closed": "nothing", "plate": "a plate", "open": "free air", "fan": "a fan's air"}
 #: Torque constant of the equivalent DC motor over one that is printed per A of phase current.
@@ -77,7 +79,7 @@ class Ratings:
         ambient_curve: points (deg C, part of the continuous ratings).
         cooling: of `policy.COOLING`, that the ratings need; None: none.
         peak_by_stall: what the stall torque says of a peak torque that is not printed, N m.
-        derived: what was computed from other figures ("continuous torque" or "line"), and how.
+        derived: what was computed from others (continuous or peak torque, "line"), and how.
     """
 
     continuous_torque: float | None = None
@@ -747,6 +749,18 @@ def ratings_of(entry: Motor | GearMotor) -> Ratings:
         continuous = k * current
         text = "continuous torque = torque constant x continuous current"
         derived.append(("continuous torque", text))
+    peak = found.peak_torque
+    if isinstance(entry, GearMotor):
+        stalled, current = entry.stall_torque, entry.peak_current
+        if continuous is None and stalled is not None:
+            continuous = HOBBY * stalled
+            text = f"{HOBBY:g} x the stall torque, by rule (ROBOTIS, Torque Ratings, 2020)"
+            derived.append(("continuous torque", text))
+        text, printed = "the stall torque, a momentary maximum", peak
+        peak = stalled if peak is None else peak
+        if current is not None and k is not None and (peak is None or k * current < peak):
+            text, peak = "torque constant x largest current of its electronics", k * current
+        derived += [("peak torque", text)] if peak != printed else []
     if k is not None and entry.current != "dc":
         k *= PER_DC_AMPERE[entry.current]
         text = f"{PER_DC_AMPERE[entry.current]:.4g} of the torque constant, which is per A "
@@ -764,12 +778,13 @@ def ratings_of(entry: Motor | GearMotor) -> Ratings:
         stall = continuous / (1 - rated / no_load)
         text = "speed-torque line through the rated point and the no-load speed"
         derived.append(("line", text))
-    by_stall = None if found.peak_torque is not None else stall
+    by_stall = None if peak is not None else stall
     if by_stall is not None and continuous is not None:
         by_stall = min(by_stall, MOST_PEAK * continuous)
     return replace(
         found,
         continuous_torque=continuous,
+        peak_torque=peak,
         torque_constant=k,
         resistance=resistance,
         stall_torque=stall,
@@ -783,7 +798,8 @@ def _stand_ins(entry: Sourced) -> tuple[str, ...]:
 
 
 def _notes(name: str, entry: Sourced) -> tuple[str, ...]:
-    return (f"{name}: {entry.note}",) if entry.note else ()
+    noted, third = [entry.note] * bool(entry.note), [RETYPED] * (entry.grade == "T")
+    return tuple(f"{name}: {text}" for text in (*noted, *third))
 
 
 def gearmotor_drive(name: str, entry: GearMotor) -> Candidate:

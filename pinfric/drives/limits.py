@@ -85,6 +85,11 @@ def _of_motor(words: str) -> Callable[[Drives], str]:
     return lambda d: d.missing or words
 
 
+def _derived(figure: str) -> Callable[[Drives], str]:
+    """Say how a figure follows from others."""
+    return lambda d: "; ".join(text for of, text in d.ratings.derived if of == figure)
+
+
 def _continuous_note(d: Drives) -> str:
     """Say how the rating was found, and when a stop exceeds it: it assumes that the rotor turns."""
     ratings, figures = d.ratings, d.asked.figures
@@ -92,7 +97,7 @@ def _continuous_note(d: Drives) -> str:
     notes = [derated] if derated else []
     if ratings.continuous_curve is not None and figures is not None:
         notes.append(f"of the maker's curve at the mean speed, {d.asked.mean_speed:.4g} rad/s")
-    notes += [text for figure, text in ratings.derived if figure == "continuous torque"]
+    notes += [text] if (text := _derived("continuous torque")(d)) else []
     standing, stall = d.asked.standing, ratings.stall_at(d.conditions)
     if limit and stall is not None and standing > stall:
         notes.append(
@@ -267,7 +272,7 @@ MOTOR_LIMITS = [
           condition=_stalled),
     Limit("peak torque", "motor torque", "motor.peak_torque", "torque",
           lambda d: f"{d.conditions.peak_factor:g} max |T_m| <= peak torque{d.output}",
-          _PRACTICE + ": 20 to 30 %", _of_motor("peak torque"),
+          _PRACTICE + ": 20 to 30 %", _of_motor("peak torque"), _derived("peak torque"),
           stage="pair", reserve="peak_factor", key="peak_torque"),
     Limit("peak torque of braking", lambda d: d.asked.braking, "motor.peak_torque", "torque",
           lambda d: f"max |T_m| at the deceleration of a stop <= peak torque{d.output}",
@@ -286,7 +291,7 @@ MOTOR_LIMITS = [
     Limit("speed-torque line", "voltage", lambda d: d.conditions.bus_voltage, "V", _line_formula,
           "equivalent circuit of a DC or field-oriented motor",
           _of_motor("torque constant and resistance, or no-load speed and stall torque"),
-          lambda d: "; ".join(text for of, text in d.ratings.derived if of == "line"),
+          _derived("line"),
           stage="pair", condition="bus_voltage", key="stall_torque"),
     Limit("motor speed", "motor speed", "motor.max_speed", "speed",
           "max |omega| <= maximum speed", _MAKER, "maximum speed", stage="pair", key="max_speed"),

@@ -51,11 +51,11 @@ UNSURE_BRAKE_FACTOR = 2.0
 STOP_TIME = 0.5
 #: Of a hobby servo's stall torque: what it bears for ever (ROBOTIS, Torque Ratings, 2020).
 HOBBY = 0.2
-#: Figures that a provisional drive may lack: no torque but the continuous one of a hobby servo.
+#: Figures that a provisional drive may lack: no torque.
 EXTRA_INERTIAS = frozenset(("input inertia", "rotor inertia"))
 PROVISIONAL = EXTRA_INERTIAS | {
     *("efficiency", "stiffness", "output bearing", "maximum input speed", "largest speed"),
-    *("stroke", "continuous torque"),
+    "stroke",
 }
 #: Joints nearer to the base than this are base axes for the rule on frequencies.
 BASE_AXES = 3
@@ -368,7 +368,13 @@ NEEDS: dict[str, tuple[Need, ...]] = {
         Need(_SPEED.figure, (*_SPEED.keys, "screw")),
         Need("stroke", ("stroke", "screw")),
     ),
-    "gearmotor": (*_OF_MOTORS, _STIFF, _BEARING),
+    "gearmotor": (
+        *_OF_MOTORS[:2],
+        Need("continuous torque", ("continuous_torque", "stall_torque")),
+        *_OF_MOTORS[3:],
+        _STIFF,
+        _BEARING,
+    ),
     "linear motor": (
         Need("mass", ("mass",)),
         Need("moving mass", ("rotor_inertia",)),

@@ -7,7 +7,7 @@ passes. A missing figure is turned round: the need of the row that lacks it is w
 - Inertia: the drive is judged with the least that its inertia ratio permits; it may be so large
   that the motor still passes.
 - Continuous torque of a hobby servo: a fifth of its stall torque (ROBOTIS, Torque Ratings, 2020).
-  Where the cycle needs more, the servo runs hot.
+  Where nothing else fits the servo may need more: it runs hot.
 
 A provisional drive never competes with one that can be signed, and never signs.
 """
@@ -45,11 +45,18 @@ def provisional(search: Search) -> Assessment | None:
     Args:
         search: the shelf at a joint.
     """
-    for _, _, b, g, m in sorted(_offers(search))[:_TRIED]:
-        found = _judged(search, b, g, m)
-        if found is not None:
-            return found
+    tried = sorted(_offers(search))[:_TRIED]
+    for hot in (False, True):
+        for _, _, b, g, m in tried:
+            found = _judged(search, b, g, m, hot)
+            if found is not None:
+                return found
     return None
+
+
+def _by_stall(entry: Gear | GearMotor) -> bool:
+    """Whether it is a hobby servo: its continuous torque follows from its stall torque."""
+    return isinstance(entry, GearMotor) and entry.continuous_torque is None
 
 
 def _offers(search: Search) -> Iterator[tuple[int, float, int, int, int]]:
@@ -60,20 +67,27 @@ def _offers(search: Search) -> Iterator[tuple[int, float, int, int, int]]:
             if not set(own) <= PROVISIONAL or search.gear_margins[b][g] < 0:
                 continue
             able, mass = block.fits[g] & np.isfinite(block.mass[g]), block.mass[g]
-            if not EXTRA_INERTIAS & {*own}:  # else no bound is known: more inertia may help
+            # else no bound is known: more inertia may help, and a servo may run hot
+            if not EXTRA_INERTIAS & {*own} and not _by_stall(block.entries[g]):
                 able &= ~(search.margins(b, np.array([g]))[0][0] < 0)
             for m in np.flatnonzero(able).tolist():
                 lacks = {*own, *block.motor_lacks[m]}
-                if not block.at_output and lacks & {"continuous torque", "rotor inertia"}:
-                    continue  # of a motor nothing stands in for them
+                if not block.at_output and "rotor inertia" in lacks:
+                    continue  # of a motor nothing stands in for it
                 if lacks <= PROVISIONAL and 0 < len(lacks) <= 3:
                     yield len(lacks), float(mass[m]), b, g, m
 
 
-def _judged(search: Search, b: int, g: int, m: int) -> Assessment | None:
-    """A drive with stand-ins for what its maker does not print; None: it does not fit."""
+def _judged(search: Search, b: int, g: int, m: int, hot: bool) -> Assessment | None:
+    """A drive with stand-ins for what its maker does not print; None: it does not fit.
+
+    `hot`: of a hobby servo only, and the rows of its heat may fail.
+    """
     block = search.shelf.blocks[b]
-    lacks = (*search.gear_lacks(block, g), *block.motor_lacks[m])
+    servo = _by_stall(block.entries[g])
+    if hot and not servo:
+        return None
+    lacks = (*search.gear_lacks(block, g), *block.motor_lacks[m], *["continuous torque"] * servo)
     load, ratio = search.case.load_inertia or 0.0, float(block.ratio[g, 0])
     least = load / (ratio**2 * search.case.conditions.inertia_ratio)
     inertial, said = bool({*lacks} & EXTRA_INERTIAS), []
@@ -99,17 +113,13 @@ def _judged(search: Search, b: int, g: int, m: int) -> Assessment | None:
             drive = gearmotor_drive(
                 name, entry.model_copy(update={"rotor_inertia": inertia} if inertial else {})
             )
-            if entry.continuous_torque is None:
-                rated = replace(drive.ratings, continuous_torque=HOBBY * (entry.peak_torque or 0.0))
-                drive = replace(drive, ratings=rated)
         return replace(drive, **search.parts.own)
 
     def assess(inertia: float) -> Assessment:
         return search.assess(made(inertia), lacks)
 
     def passes(found: Assessment) -> bool:
-        hot = _HEAT if isinstance(entry, GearMotor) and entry.continuous_torque is None else ()
-        return all(c.name in hot for c in found.failed)
+        return all(c.name in (_HEAT if hot else ()) for c in found.failed)
 
     found = assess(least * (1 + 1e-9))
     if found.candidate.name in search.parts.banned or not passes(found):
@@ -127,7 +137,7 @@ def _judged(search: Search, b: int, g: int, m: int) -> Assessment | None:
         range_ = f"{_up(least)} to {_down(low)}" if least else f"<= {_down(low)}"
         said.append(f"{next(iter({*lacks} & EXTRA_INERTIAS))} {range_} kg m^2")
     said += _turned(found.drives, {*lacks})
-    said += [_hot(found)] if "continuous torque" in lacks else []
+    said += [_hot(found)] if servo else []
     return replace(found, would=tuple(said))
 
 

@@ -633,6 +633,41 @@ def test_an_amplifier_feeds_a_gearmotor_by_its_constant_at_the_output(tmp_path):
     assert criterion(joint, "backlash").margin == pytest.approx(0.5)
 
 
+SERVO = {
+    **{key: GEAR[key] for key in ("source", "grade", "stiffness", "bearing")},
+    **{"ratio": 200.0, "stall_torque": 200.0, "nominal_voltage": 12.0, "no_load_speed": 3.0},
+    **{"rotor_inertia": 1e-6, "mass": 0.2, "max_voltage": 14.8},
+}
+
+
+def test_a_servo_of_which_only_the_stall_is_printed(tmp_path):
+    """A fifth of it for ever, all of it for a moment, and the line from there to no load."""
+    found = {}
+    for name, more in {
+        "stall": {},
+        "printed": {"continuous_torque": 55.0, "peak_torque": 150.0},
+        "current": {"torque_constant": 10.0, "peak_current": 5.0, "current": "peak"},
+    }.items():
+        content = {"motors": {}, "gears": {}, "gearmotors": {"S": SERVO | more}}
+        catalog = load_catalog(write_catalog(tmp_path / "c.yaml", **content))
+        given = {"bus_voltage": 12.0, "inertia_ratio": 1e4}
+        (joint,) = sized_cycle(catalog, conditions=given, on_miss="ignore").joints
+        found[name] = {c.name: c for c in joint.assessments[0].criteria}
+    heat = [found[name]["continuous torque"] for name in ("stall", "printed")]
+    assert [row.available for row in heat] == [40.0, 55.0]
+    assert "0.2 x the stall torque, by rule (ROBOTIS, Torque Ratings, 2020)" in heat[0].note
+    peaks = {name: rows["peak torque"] for name, rows in found.items()}
+    assert {n: p.available for n, p in peaks.items()} == dict(stall=200, printed=150, current=50)
+    assert "momentary" in peaks["stall"].note
+    assert peaks["current"].note == "torque constant x largest current of its electronics"
+    line = found["stall"]["speed-torque line"]
+    up = UP + 200.0**2 * 1e-6 * ACCELERATION
+    assert line.required == pytest.approx(12 * (up / 200 + RATE / 3), rel=1e-6)
+    high = sized_cycle(catalog, conditions={"bus_voltage": 48.0}, on_miss="ignore").joints[0]
+    bus = next(c for c in high.assessments[0].criteria if c.name == "bus voltage")
+    assert (bus.status, bus.available) == (Status.FAILS, 14.8)
+
+
 def test_an_amplifier_bounds_a_retimed_motion(tmp_path):
     amplified(tmp_path, "dc", peak_current=12.0)
     path = tmp_path / "motors.yaml"

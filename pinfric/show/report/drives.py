@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from pinfric.drives.criterion import Status
+from pinfric.drives.drivetrain import RETYPED
 from pinfric.drives.power import BusPower
 from pinfric.model.brief import counted
 from pinfric.show.report.names import short_names
@@ -98,7 +99,10 @@ def product_lines(found: SizingSummary) -> list[str]:
     for note in (note for one in taken if one is not None for note in one.notes):
         name, _, said = note.partition(": ")
         products.setdefault(said, {})[name] = None
-    return [f"{', '.join(names)}: {said}" for said, names in products.items()]
+    retyped = list(products.pop(RETYPED, {}))
+    more = f" and {len(retyped) - 1} more" * (len(retyped) > 1)
+    lines = [f"{', '.join(names)}: {said}" for said, names in products.items()]
+    return [*lines, *(f"{name}{more}: {RETYPED}" for name in retyped[:1])]
 
 
 def provisional_table(found: SizingSummary) -> Table | None:
