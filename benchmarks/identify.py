@@ -81,7 +81,7 @@ class Outcome:
 
 
 def hidden(case: str) -> dict[str, tuple[float, float]]:
-    """Key -> least and greatest true value (a gear with one loss: between both of its own)."""
+    """Key -> least and greatest true value."""
     names, known = truth().joint_names, {}
     for name, ways, viscous in zip(names, COULOMB, VISCOUS, strict=True):
         for way, value in zip(("positive", "negative"), ways, strict=True):
@@ -91,9 +91,9 @@ def hidden(case: str) -> dict[str, tuple[float, float]]:
         known[f"friction.{name}.viscous"] = viscous, viscous
         if case in STRIBECK:
             known[f"friction.{name}.stribeck.velocity"] = FALL, FALL
-    equal = 1.0 / (2.0 - BACK_EFFICIENCY)
     known[f"friction.{names[2]}.mu"] = MU, MU
-    known[f"transmission.{names[1]}.efficiency"] = min(equal, EFFICIENCY), EFFICIENCY
+    product = EFFICIENCY * BACK_EFFICIENCY
+    known[f"transmission.{names[1]}.efficiency_product"] = product, product
     return known
 
 
@@ -154,7 +154,7 @@ def whole(found: Identified, robot: pf.Scene) -> np.ndarray:
 
 def misfits(found: Identified) -> int:
     """Return of how many joints lack of fit is said."""
-    return sum(line.startswith("lack of fit") for line in found.notes)
+    return sum(line.startswith("lack of fit") for line in found.doubts)
 
 
 def rms(x: object) -> float:

@@ -175,10 +175,9 @@ def found(case: str, stribeck: bool = False, seed: int = 21) -> Identified:
 
 def hits(one: Identified, stribeck: bool = False) -> dict[str, bool]:
     """Key -> whether its interval holds the true value."""
-    least = 1.0 / (2.0 - BACK_EFFICIENCY)
     known = {
         f"friction.{NAMES[2]}.mu": (MU, MU),
-        f"transmission.{NAMES[1]}.efficiency": (least, EFFICIENCY),
+        f"transmission.{NAMES[1]}.efficiency_product": (EFFICIENCY * BACK_EFFICIENCY,) * 2,
     }
     for name, ways, viscous in zip(NAMES, COULOMB, VISCOUS, strict=True):
         known[f"friction.{name}.viscous"] = viscous, viscous

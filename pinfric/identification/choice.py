@@ -27,6 +27,8 @@ MARGIN = 0.02
 _FOLDS, _LOGS = 10, 5
 #: Share of the URDF's weight that remains where links are free: it decides what rows do not tell.
 _FREE = 1e-4
+#: Standard errors of the parts' differences by which a law must be worse to be ruled out.
+_RULED_OUT = 2.0
 #: Rounds in which joints change their laws one at a time.
 _ROUNDS = 2
 
@@ -81,10 +83,12 @@ class Choice:
     Attributes:
         laws: of each joint.
         errors: of each joint: law -> RMS on held-out rows, N m or N.
+        rivals: of each joint: laws with another load that these rows do not rule out.
     """
 
     laws: tuple[Law, ...]
     errors: tuple[Mapping[Law, float], ...]
+    rivals: tuple[tuple[Law, ...], ...] = ()
 
     def on_motors(self, there: BoolArray) -> Choice:
         """Return the choice with the friction of some drives (nj,) on their motors' sides."""
@@ -97,7 +101,11 @@ class Choice:
             {moved(law, bool(m)): error for law, error in own.items()}
             for own, m in zip(self.errors, there, strict=True)
         )
-        return replace(self, laws=laws, errors=errors)
+        rivals = tuple(
+            tuple(moved(law, bool(m)) for law in own)
+            for own, m in zip(self.rivals, there, strict=True)
+        )
+        return replace(self, laws=laws, errors=errors, rivals=rivals)
 
 
 def held_out_parts(block: IntArray, log: IntArray) -> IntArray:
@@ -147,7 +155,13 @@ def choose(problem: Problem) -> Choice:
         {law: float(np.sqrt(e.sum() / max(judge.rows[j].sum(), 1.0))) for law, e in table.items()}
         for j, table in enumerate(tables)
     )
-    return Choice(tuple(chosen), errors)
+    rivals = tuple(
+        not_ruled_out(
+            law, {own: table[own] for own in laws}, judge.rows[j], ways=True
+        )
+        for j, (law, laws, table) in enumerate(zip(chosen, problem.laws, tables, strict=True))
+    )
+    return Choice(tuple(chosen), errors, rivals)
 
 
 def nested_errors(problem: Problem, rows: Sequence[Rows]) -> tuple[FloatArray, FloatArray]:
@@ -239,15 +253,49 @@ def simplest_adequate_law(errors: Mapping[Law, FloatArray], rows: FloatArray) ->
         rows: (parts,) their numbers.
     """
     best = min(errors, key=lambda law: float(errors[law].sum()))
-    known = rows > 0
     least = float(errors[best].sum())
 
     def good(law: Law) -> bool:
-        difference = (errors[law] - errors[best])[known]
-        spread = float(difference.std(ddof=1)) * np.sqrt(difference.size) if known.sum() > 1 else 0
-        return bool(difference.sum() <= max(spread, ((1.0 + MARGIN) ** 2 - 1.0) * least))
+        worse, spread = _worse(errors[law], errors[best], rows)
+        return worse <= max(spread, ((1.0 + MARGIN) ** 2 - 1.0) * least)
 
     fine = [law for law in errors if good(law)]
     return min(
         fine, key=lambda law: (law.size, law.exponent not in (None, 1.0), float(errors[law].sum()))
     )
+
+
+def not_ruled_out(
+    chosen: Law, errors: Mapping[Law, FloatArray], rows: FloatArray, ways: bool
+) -> tuple[Law, ...]:
+    """Return the best law of each other load, where held-out rows do not rule it out.
+
+    It is beside the chosen law's Coulomb friction and power of the speed. Ruled out is what is
+    worse by more than two standard errors of the parts' differences.
+
+    Args:
+        chosen: the law.
+        errors, rows: as in `simplest_adequate_law`.
+        ways: whether one loss of a gear and two losses are different loads.
+    """
+
+    def load(law: Law) -> tuple[str, bool]:
+        return law.load, ways and law.both_ways
+
+    def beside(law: Law) -> tuple[bool, float | None, bool]:
+        return law.coulomb, law.exponent, law.stribeck
+
+    best: dict[tuple[str, bool], Law] = {}
+    for law in sorted(errors, key=lambda law: float(errors[law].sum())):
+        if beside(law) == beside(chosen) and load(law) != load(chosen):
+            worse, spread = _worse(errors[law], errors[chosen], rows)
+            if worse <= _RULED_OUT * spread:
+                best.setdefault(load(law), law)
+    return tuple(best.values())
+
+
+def _worse(law: FloatArray, other: FloatArray, rows: FloatArray) -> tuple[float, float]:
+    """Return by how much a law's sum of squares exceeds another's, and its standard error."""
+    difference = (law - other)[rows > 0]
+    spread = float(difference.std(ddof=1)) if difference.size > 1 else 0.0
+    return float(difference.sum()), spread * float(np.sqrt(difference.size))

@@ -32,7 +32,8 @@ from pinfric.model.arrays import FloatArray
 
 #: s: delays that can be, and their standard deviation before anything was logged.
 _LEAST, _MOST, _USUAL = -0.03, 0.1, 0.02
-#: A joint is named if its delay differs from the common one by more standard errors than this.
+#: A joint is named if its delay differs from the common one by more standard errors than this, and
+#: by what would leave a delay undetermined.
 _DIFFERS = 4.0
 #: s: with a larger standard error, a delay is not determined.
 _VAGUE = 2.5e-3
@@ -155,7 +156,7 @@ def other_delays(delay: Delay) -> dict[int, tuple[float, float]]:
     return {
         j: (value, error)
         for j, (value, error) in delay.joints.items()
-        if abs(value - mean) > _DIFFERS * error
+        if abs(value - mean) > max(_DIFFERS * error, _VAGUE)
     }
 
 

@@ -178,7 +178,7 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
     for number, one in enumerate(prepared):  # by the URDF's inertias
         prepared[number] = with_loads(one, scene, np.zeros_like(one.payload))
     plain = ((PLAIN,),) * scene.model.nv
-    choice = Choice((PLAIN,) * scene.model.nv, ({},) * scene.model.nv)
+    choice = _unjudged((PLAIN,) * scene.model.nv)
     found = Estimate(question, scene, tuple(prepared), choice)
     del prepared, one  # a long log's columns fill much of the memory
     _fit(found, plain)
@@ -211,6 +211,11 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
     return found
 
 
+def _unjudged(laws: tuple[Law, ...]) -> Choice:
+    """Laws that nothing was held out for."""
+    return Choice(laws, ({},) * len(laws), ((),) * len(laws))
+
+
 def _doubt(found: Estimate) -> None:
     """Take plain friction where choosing laws made unseen blocks worse."""
     rows = [own.effort.size for own in found.rows]
@@ -219,7 +224,7 @@ def _doubt(found: Estimate) -> None:
         return
     errors, given = found.choice.errors, found.question.laws
     laws = [given.get(name, PLAIN) for name in found.scene.joint_names]
-    found.choice = Choice(tuple(laws), errors)
+    found.choice = _unjudged(tuple(laws))
     _fit(found, [(law,) for law in laws])
     found.errors, found.distrusted = nested_errors(found.problem, found.rows), True
     found.choice = replace(found.choice, errors=errors)
@@ -263,7 +268,7 @@ def _fit(found: Estimate, laws: Sequence[Sequence[Law]]) -> None:
         normal = problem.normal()
         fit = FrictionNormalEquations(normal, prior).fit(problem.slots(chosen))
     first = all(tuple(own) == (PLAIN,) for own in laws)
-    choice = Choice(chosen, ({},) * nj) if first else choose(problem)
+    choice = _unjudged(chosen) if first else choose(problem)
     choice = choice.on_motors(mixed(question.scene.drives, nj))
 
     def fitted(choice: Choice) -> Fit:

@@ -171,12 +171,15 @@ def _comments(found: Findings) -> dict[tuple[str, ...], str]:
     """Comments by the path of keys that they stand beside."""
     comments = {}
     order = found.scene.joint_names
+    products = {p.joint: p for p in found.parameters if p.name == "efficiency_product"}
     for parameter in found.parameters:
         where: tuple[str, ...] = ("friction", parameter.joint)
         if parameter.section == "transmission":
             where = ("actuators", str(order.index(parameter.joint)), "transmission")
         where += tuple(parameter.name.split("."))
         comments[where] = _interval(parameter)
+        if parameter.name == "efficiency" and (product := products.get(parameter.joint)):
+            comments[where] += f"; of both directions {product.value:.4g}, {_interval(product)}"
     comments |= {
         ("friction", name): "not explained by the logs: value of the scene"
         for name in found.errors.keys() - found.laws.keys()

@@ -159,7 +159,7 @@ def _identified(found: Estimate, unseen: Sequence[Recording], seed: int) -> Iden
     rest = dict(zip(names, rest_bounds(found, better), strict=True))
     spread = dict(zip(names, known.spread.tolist(), strict=True))
     every = parameters(found, known, static)
-    said = notes(found, rest, every, static, shapes)
+    said = notes(found, rest, every, static, shapes, known.uneven)
     return Identified(
         scene=better,
         laws={names[j]: found.choice.laws[j] for j in found.known},

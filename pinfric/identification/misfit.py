@@ -39,7 +39,7 @@ _MOST = 3
 _HARMONICS = tuple(range(1, 13))
 #: Coulomb friction forward and backward that differ by more than this share of their sum may well
 #: be equal, and the effort's sensor off.
-_UNEVEN = 0.15
+UNEVEN = 0.15
 #: Directions of a shape do not show if the model's columns leave less than this share of their
 #: square. Hats over the speed make Coulomb friction, and their sum with it could be anything.
 _DESCRIBED = 0.1
@@ -107,7 +107,7 @@ def uneven(found: Estimate) -> dict[int, float]:
     result = {}
     for j in found.known:
         up, down = found.fit.slots[j, COULOMB].tolist()
-        if found.choice.laws[j].coulomb and abs(up - down) > _UNEVEN * (up + down):
+        if found.choice.laws[j].coulomb and abs(up - down) > UNEVEN * (up + down):
             result[j] = 0.5 * (up - down)
     return result
 

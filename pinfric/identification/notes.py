@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +14,7 @@ from pinfric.identification.delay import other_delays
 from pinfric.identification.estimate import Estimate, scale_is_known
 from pinfric.identification.inertias import mass_changes
 from pinfric.identification.laws import BACKWARD, FORWARD, INERTIA, K
-from pinfric.identification.misfit import Misfit, uneven
+from pinfric.identification.misfit import Misfit
 from pinfric.identification.normal import residuals
 from pinfric.identification.parameters import Parameter
 from pinfric.identification.recordings import stick_velocity
@@ -30,6 +31,8 @@ _MISSED = 0.1
 _LEAST_FRICTION = 0.01
 #: Share of the time at rest in which an effort should be within the interval.
 _HELD_INSIDE = 0.985
+#: Share of a residual's square up to which a shape is no doubt: of 120 shapes one is found by chance.
+_SLIGHT = 0.05
 #: How much larger an error may be than that of least squares without a word.
 _WORSE = 0.03
 #: URDFs' masses are wrong by 10 to 40 %: a larger change has another cause.
@@ -49,6 +52,7 @@ def notes(
     every: Sequence[Parameter],
     static: Mapping[tuple[int, int], BreakAway],
     shapes: Sequence[Misfit] = (),
+    uneven: Mapping[int, float] = MappingProxyType({}),
 ) -> Notes:
     """Return a line for everything that was read, repaired or left out, or that logs do not show.
 
@@ -58,6 +62,8 @@ def notes(
         every: the coefficients.
         static: joint, FORWARD or BACKWARD -> friction at which it broke away, where logged.
         shapes: what residuals still depend on.
+        uneven: joint -> half the difference of its Coulomb friction by direction, where it is
+            clearly large.
     """
     lines = [
         f"{one.name}: {line}" for one in found.question.recordings for line in one.reading.notes
@@ -118,7 +124,10 @@ def notes(
             if rest[names[j]].inside < _HELD_INSIDE
         ],
     }
-    doubts = _by_joint(contradicting) + _misfits(found, shapes) + _delays(found)
+    clear, slight = ([x for x in shapes if (x.share > _SLIGHT) is named] for named in (True, False))
+    lines += _misfits(found, slight)
+    doubts = _by_joint(contradicting) + _misfits(found, clear) + _uneven(found, uneven)
+    doubts += _delays(found)
     doubts += [] if found.question.keep_inertias else _by_joint(_of_links(found))
     return Notes(tuple(doubts), tuple(lines))
 
@@ -149,7 +158,13 @@ def _misfits(found: Estimate, shapes: Sequence[Misfit]) -> list[str]:
             f"lack of fit: {found.scene.joint_names[j]}: the residual still depends on "
             f"{'; '.join(own)}; intervals are widened for that"
         )
-    for j, half in uneven(found).items():
+    return lines
+
+
+def _uneven(found: Estimate, halves: Mapping[int, float]) -> list[str]:
+    """Joints whose friction differs so much by direction that a sensor may be off."""
+    lines = []
+    for j, half in halves.items():
         unit = effort_unit(found.scene, j)
         lines.append(
             f"lack of fit: {found.scene.joint_names[j]}: Coulomb friction differs by "
@@ -338,6 +353,8 @@ def _of_laws(found: Estimate, slid: Sequence[int]) -> dict[str, list[str]]:
             name for name, law in laws if question.laws.get(name, law).side != law.side
         ],
         "with free masses, only the product of a gear's two efficiencies (motor drives, load "
-        "drives) is known; each alone is as wrong as the URDF's masses; record a log with a known "
-        "payload (--payload)": [name for name, law in laws if law.load == "gear" and not scale],
+        "drives) is known (`efficiency_product`); each alone is as wrong as the URDF's masses; "
+        "record a log with a known payload (--payload)": [
+            name for name, law in laws if law.load == "gear" and not scale
+        ],
     }

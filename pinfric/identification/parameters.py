@@ -3,7 +3,7 @@
     c+, c-   friction.J.coulomb.positive, .negative  or  transmission.J.no_load_torque.* = c/|r|
     k, p     friction.J.viscous {k, p}               or  transmission.J.motor_viscous = k/|r|^(1+p)
     mu       friction.J.mu
-    g+, g-   transmission.J.efficiency = 1/(1 + g+), back_efficiency = 1 - g-
+    g+, g-   transmission.J.efficiency = 1/(1 + g+), back_efficiency = 1 - g-, and their product
     J        transmission.J.rotor_inertia = J/r^2
 
 With friction on the motor's side the second form holds, else the first.
@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from pinfric.identification.columns import Rows
-from pinfric.identification.estimate import Estimate
+from pinfric.identification.estimate import Estimate, scale_is_known
 from pinfric.identification.laws import (
     BEARING,
     COULOMB,
@@ -53,6 +53,8 @@ _STEEP = 0.5
 _SLOWEST = 0.02
 
 
+#: Why one efficiency of two is not known.
+_ONE_LOSS = "with free masses only the product of both efficiencies is known"
 #: Keys of a transmission that logs of the motor's effort replace.
 _LOSSES = {"efficiency", "back_efficiency", "no_load_torque", "motor_viscous", "rotor_inertia"}
 _DRIVEN = [slot for (_, way), slot in GEARS.items() if way == "driven"]
@@ -149,12 +151,15 @@ def parameters(
             if slot in FALLS:  # at rest it adds to the friction in motion
                 own.append(COULOMB[FALLS.index(slot)])
             x = float(fitted[own].sum())
-            error, reach = known.of([j * K + at for at in own])
+            error, reach = known.of({j * K + at: 1.0 for at in own})
             ends = (float(scene_value(law, slot, max(x + d, 0.0), ratio)) for d in (-reach, reach))
             low, high = sorted(ends)
             value, why = float(scene_value(law, slot, x, ratio)), ""
             if x == 0.0:
                 why, high = "at its bound, zero", np.nan
+            elif slot in GEARS.values() and law.both_ways and not scale_is_known(found):
+                # equal losses are an assumption: each efficiency is between the product and 1
+                low, high, why = _both_losses(found, known, j)[1], 1.0, _ONE_LOSS
             elif x <= reach:
                 why = "its interval contains zero"
             elif error > _VAGUE * x:
@@ -170,10 +175,17 @@ def parameters(
                 )
                 key = f"{key}.static"
                 result.append(Parameter(section, name, key, unit, x, low, high, error, True))
+        if law.load == "gear" and fitted[list(GEARS.values())].any():
+            value, low, high, error = _both_losses(found, known, j)
+            why = "" if high < 1.0 else "its interval contains 1"
+            key = "efficiency_product"
+            result.append(
+                Parameter("transmission", name, key, "", value, low, high, error, not why, why)
+            )
         if fitted[FALLS].any():  # of the speed the logarithm has a standard error
             fall, unit = found.falls[j], unit_at(SPEED, effort_unit(found.scene, j))
             assert fall is not None  # its law has one
-            v, (error, reach) = fall.velocity, known.of([j * K + FALL_SPEED])
+            v, (error, reach) = fall.velocity, known.of({j * K + FALL_SPEED: 1.0})
             why = "its standard error exceeds half of it" if error > _VAGUE else ""
             low, high = (v * float(np.exp(np.clip(x, -700.0, 700.0))) for x in (-reach, reach))
             key = "stribeck.velocity"
@@ -181,6 +193,27 @@ def parameters(
                 Parameter("friction", name, key, unit, v, low, high, error * v, not why, why)
             )
     return tuple(result)
+
+
+def _both_losses(
+    found: Estimate, known: Uncertainty, joint: int
+) -> tuple[float, float, float, float]:
+    """Return the product of a gear's two efficiencies, its 95 % interval, and standard error.
+
+        eta eta_b = (1 - g-) / (1 + g+)
+
+    The scale of free masses multiplies 1 + g+ and 1 - g- alike, so it is known without them.
+    """
+    law, fitted = found.choice.laws[joint], found.fit.slots[joint]
+    driving, driven = (
+        GEARS[law.side, "both" if law.both_ways else way] for way in ("driving", "driven")
+    )
+    whole = 1.0 + float(fitted[driving])
+    product = (1.0 - float(fitted[driven])) / whole
+    slopes = {joint * K + driving: -product / whole}
+    slopes[joint * K + driven] = slopes.get(joint * K + driven, 0.0) - 1.0 / whole
+    error, reach = known.of(slopes)
+    return product, product - reach, min(product + reach, 1.0), error
 
 
 def identified_scene(found: Estimate, static: Mapping[tuple[int, int], BreakAway]) -> Scene:

@@ -9,8 +9,8 @@ differ by a factor on each joint's friction, mostly due to temperature.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -22,6 +22,8 @@ from pinfric.identification.influence import influence, of_joint
 from pinfric.identification.laws import (
     BACKWARD,
     BEARING,
+    COULOMB,
+    DIRECTIONS,
     FALL_BACKWARD,
     FALL_FORWARD,
     FALL_SPEED,
@@ -32,9 +34,10 @@ from pinfric.identification.laws import (
     SLOTS,
     SPEEDS,
     K,
+    Law,
 )
-from pinfric.identification.misfit import Misfit, uneven
-from pinfric.identification.normal import above_zero, residuals
+from pinfric.identification.misfit import UNEVEN, Misfit, uneven
+from pinfric.identification.normal import FrictionNormalEquations, above_zero, residuals
 from pinfric.identification.stribeck import beside_other
 from pinfric.model.arrays import FloatArray, IntArray
 
@@ -44,6 +47,8 @@ _STEP = 0.1
 _INNER = (FORWARD, BACKWARD, *SPEEDS, FALL_FORWARD, FALL_BACKWARD, FALL_SPEED)
 #: Regularization where shapes are nearly the same.
 _RIDGE = 1e-9
+#: Reaches of its 95 % interval by which a difference between directions must be large to be named.
+_CLEARLY = 1.5
 #: Logs from which a spread between them can be told.
 _FEWEST_LOGS = 2
 
@@ -59,6 +64,8 @@ class Uncertainty:
         logs: how many; one less is the freedom of `between`.
         spread: (nj,) standard deviation of a log's factor on the joint's friction; NaN with one
             log, which cannot tell.
+        uneven: joint -> half the difference of its Coulomb friction by direction, where it is
+            clearly large.
     """
 
     place: IntArray
@@ -67,21 +74,22 @@ class Uncertainty:
     freedom: int
     logs: int
     spread: FloatArray
+    uneven: Mapping[int, float] = field(default_factory=dict)
 
-    def of(self, places: Sequence[int], level: float = 0.95) -> tuple[float, float]:
+    def of(self, weights: Mapping[int, float], level: float = 0.95) -> tuple[float, float]:
         """Return standard error and interval's reach to either side of a sum of coefficients.
 
         Degrees of freedom of a sum of two variances (Satterthwaite 1946):
         (a + b)^2 / (a^2/n_a + b^2/n_b).
 
         Args:
-            places: of the coefficients among (nj K,); those at zero are taken as known.
+            weights: place among (nj K,) -> weight in the sum; those at zero are taken as known.
             level: share of the intervals that hold the sum.
         """
         from scipy.special import stdtrit
 
-        taken = np.isin(self.place, places)
-        own, other = (float(x[np.ix_(taken, taken)].sum()) for x in (self.within, self.between))
+        w = np.array([weights.get(at, 0.0) for at in self.place.tolist()])
+        own, other = (float(w @ x @ w) for x in (self.within, self.between))
         both = own + other
         if both <= 0.0:
             return 0.0, 0.0
@@ -140,14 +148,18 @@ def uncertainty(found: Estimate, shapes: Sequence[Misfit] = ()) -> Uncertainty:
     seen = [replace(one, columns=one.columns[:, : one.shown]) for one in shapes]
     of_joints = [[one for one in seen if one.joint == j] for j in {one.joint for one in shapes}]
     biases = [bias(found, own, place) for own in of_joints]
-    offsets = [  # if an offset explains a joint's uneven friction
-        half * ((place == j * K + FORWARD) * 1.0 - (place == j * K + BACKWARD))
-        for j, half in uneven(found).items()
-    ]
-    for off in (*biases, *offsets, *_other_falls(found, place)):
+    for off in (*biases, *_other_falls(found, place), *_other_loads(found, place)):
         within += np.outer(off, off)
     between, logs = for_a_further_log(found, place)
-    return Uncertainty(place, within, between, count - 1, logs, between_logs(found))
+    known = Uncertainty(place, within, between, count - 1, logs, between_logs(found))
+    clear = {}
+    for j, half in uneven(found).items():  # if an offset explains it
+        _, reach = known.of({j * K + FORWARD: 0.5, j * K + BACKWARD: -0.5})
+        if abs(half) > 0.5 * UNEVEN * found.fit.slots[j, COULOMB].sum() + _CLEARLY * reach:
+            clear[j] = half
+        off = half * ((place == j * K + FORWARD) * 1.0 - (place == j * K + BACKWARD))
+        within = within + np.outer(off, off)
+    return replace(known, within=within, uneven=clear)
 
 
 def gradients(found: Estimate, shapes: Sequence[Misfit], place: IntArray) -> FloatArray:
@@ -243,6 +255,24 @@ def _other_falls(found: Estimate, place: IntArray) -> Iterator[FloatArray]:
         for at, change in zip(own, direct.values(), strict=True):
             off[place == at] = change
         yield off
+
+
+def _other_loads(found: Estimate, place: IntArray) -> Iterator[FloatArray]:
+    """Yield (n,) the changes of the coefficients with each other load that is not ruled out."""
+    problem, laws = found.problem, list(found.choice.laws)
+    equations = FrictionNormalEquations(problem.normal(), problem.prior)
+
+    def fitted(joint: int, law: Law) -> FloatArray:
+        slots = equations.fit(problem.slots([*laws[:joint], law, *laws[joint + 1 :]])).slots
+        own, losses = slots[joint], list(GEARS.values())
+        if law.load == "gear" == laws[joint].load:  # one loss beside two is their mean
+            ways = DIRECTIONS[2:] if law.both_ways else DIRECTIONS[:2]
+            own[losses] = np.mean([own[GEARS[law.side, way]] for way in ways])
+        return np.asarray(slots.ravel()[place])
+
+    for j in found.known:
+        for law in found.choice.rivals[j]:
+            yield fitted(j, law) - fitted(j, laws[j])
 
 
 def _row_weights(found: Estimate, joint: int) -> FloatArray:

@@ -308,15 +308,21 @@ def test_intervals_and_errors_of_a_coefficient_are_those_in_the_scenes_terms(law
         choice=SimpleNamespace(laws=[law]),
         problem=SimpleNamespace(slots=lambda laws: [laws[0].slots]),
         fit=fit_of({slot: 0.3}),
+        question=SimpleNamespace(keep_inertias=True),
     )
     sure = Uncertainty(np.array([slot]), 1e-4 * np.eye(1), np.zeros((1, 1)), 10, 1, np.zeros(1))
-    (one,) = (p for p in parameters(found, sure, {}) if not p.why)
+    one, *product = (p for p in parameters(found, sure, {}) if not p.why)
     ends = sorted(scene_term(0.3 + x) for x in (-0.02228, 0.02228))
     assert (one.low, one.value, one.high) == pytest.approx(
         (ends[0], scene_term(0.3), ends[1]), rel=1e-4
     )
     slope = (scene_term(0.301) - scene_term(0.299)) / 0.002
     assert one.standard_error == pytest.approx(0.01 * abs(slope), rel=1e-3)
+    for p in product:  # (1 - g)/(1 + g) has the slope -2/(1 + g)^2
+        spread = 0.01 * 2.0 / 1.3**2
+        assert (p.value, p.standard_error) == pytest.approx((0.7 / 1.3, spread))
+        assert p.high == pytest.approx(0.7 / 1.3 + 2.228 * spread, rel=1e-4)
+    assert len(product) == (law.load == "gear")
 
 
 @pytest.mark.parametrize(("ratio", "way"), [(0.5, "positive"), (-0.5, "negative")])
