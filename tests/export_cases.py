@@ -16,7 +16,7 @@ from builders import chain, dry, example, lump, random_friction, random_inertia,
 
 import pinfric as pf
 from pinfric.dynamics.forward.compensation import CompensationOptions
-from pinfric.exporting.cpp import cpp_files, namespace
+from pinfric.exporting.cpp import Bounds, cpp_files, namespace
 
 
 def moved(scene, speed=5.0, samples=200):
@@ -48,7 +48,7 @@ DRIVER = Path(__file__).with_name("exporting") / "compensator_driver.cpp"
 BUNDLED = ("ur10_machine_tending", "ur5_pick_and_place", "panda_pick_and_place", "so101")
 
 
-WHOLE = CompensationOptions(scale=1.0, viscous_scale=1.0)
+WHOLE = CompensationOptions()
 
 
 def rich(seed, couples=False, mimic=False):
@@ -150,9 +150,10 @@ def sampled(scene, seed, count=300):
     return q, v, a
 
 
-def header(scene, frames=()):
-    """The header of a scene without limits."""
-    return cpp_files(scene, frames, [np.inf] * len(scene.drives), [], ["a test"]).header
+def header(scene, frames=(), bounds=None):
+    """The header of a scene, without limits by default."""
+    bounds = bounds or Bounds.none(len(scene.drives))
+    return cpp_files(scene, frames, bounds, [], ["a test"]).header
 
 
 class Headers:
@@ -193,6 +194,7 @@ class Headers:
         error=None,
         v_now=None,
         options=WHOLE,
+        joint_effort_limit=np.inf,
         payloads=(),
         wrenches=(),
     ):
@@ -206,7 +208,8 @@ class Headers:
         nv, na, ns = scene.model.nv, len(scene.drives), len(scene.sites)
         given = [q, v, a, v if v_ref is None else v_ref, error, v_now]
         rows = [np.zeros_like(q) if x is None else x for x in given]
-        rows.append(np.broadcast_to(options.table(scene).ravel(), (len(q), 6 * na)))
+        settings = np.vstack([options.table(scene), np.broadcast_to(joint_effort_limit, na)])
+        rows.append(np.broadcast_to(settings.ravel(), (len(q), 8 * na)))
         counts = [len(payloads), len(wrenches), len(q), *(x is not None for x in (v, error, v_now))]
         flat = [np.array(counts, dtype=float)]
         flat += [np.hstack([frame, mass, com, inertia]) for frame, mass, com, inertia in payloads]
@@ -220,9 +223,10 @@ class Headers:
         ]
         subprocess.run(command, check=True, timeout=60)
         widths = {
-            "good": 6,
+            "good": 7,
             "rigid_body": nv,
             "friction": na,
+            "friction_measured": na,
             "limited": na,
             "feed_forward": na,
             "joint_effort": na,
@@ -265,7 +269,7 @@ def assert_columns(found, expected, name, tolerance=1e-12):
 
 SETTINGS = [
     WHOLE,
-    CompensationOptions(),
+    CompensationOptions(scale=0.8, viscous_scale=0.7, measured_scale=0.6),
     CompensationOptions(scale=0.9, hold_error=0.01, switch_velocity=0.5, limit=3.0),
     CompensationOptions(scale=1.3, hold_error=0.02, switch_velocity=0.3, power=0.01),
 ]

@@ -25,7 +25,7 @@ from pinfric.model.mistaken_units import (
     in_unit,
     likely_unit,
 )
-from pinfric.model.robot import link_frame, payload_inertia
+from pinfric.model.robot import link_frame, payload_inertia, plausible_distance, reach_of
 from pinfric.model.scene import Scene, Site
 from pinfric.model.transmission import Transmission
 from pinfric.model.urdf_file import read_xml
@@ -202,19 +202,10 @@ def massless_findings(scene: Scene) -> Iterator[Finding]:
         yield Finding(Severity.WARNING, "no mass", place, found, _NO_MASS)
 
 
-def _reach(model: pin.Model) -> float:
-    """The longest way from the root along the origins of joints and links, m."""
-    far = np.zeros(model.njoints)
-    for j in range(1, model.njoints):
-        far[j] = far[model.parents[j]] + np.linalg.norm(model.jointPlacements[j].translation)
-    ends = [far[f.parentJoint] + np.linalg.norm(f.placement.translation) for f in model.frames]
-    return float(max(ends, default=0.0))
-
-
 def payload_findings(scene: Scene) -> Iterator[Finding]:
     """Yield payloads that are too heavy, too far away, too wide, or on a link that never moves."""
     moving = sum(inertia.mass for inertia in tuple(scene.model.inertias)[1:])
-    reach = _reach(scene.model)
+    reach, farthest = reach_of(scene.model), plausible_distance(scene.model)
     for name, payload in scene.payloads.items():
         place = f"robot.payloads.{name}"
         frame = scene.model.frames[link_frame(scene.model, payload.link)]
@@ -238,7 +229,7 @@ def payload_findings(scene: Scene) -> Iterator[Finding]:
                 payload.mass / (_PAYLOAD * moving),
             )
         away = float(np.linalg.norm(payload.com))
-        if reach > 0 and away > max(BEYOND * reach, 0.3):
+        if away > farthest:
             unit = likely_unit(LENGTHS, _below(away, 0.5 * reach))
             yield Finding(
                 Severity.WARNING,
@@ -251,7 +242,7 @@ def payload_findings(scene: Scene) -> Iterator[Finding]:
             )
         moment = float(np.linalg.eigvalsh(payload_inertia(payload).inertia)[2])
         radius = math.sqrt(max(moment, 0.0) / payload.mass)
-        if reach > 0 and radius > max(BEYOND * reach, 0.3):
+        if radius > farthest:
             yield Finding(
                 Severity.WARNING,
                 "payload",

@@ -113,33 +113,37 @@ using Drives = View<double, Robot::drives>;
 struct State {
   Freedoms q;             // positions (rad or m), continuous joints, too
   Freedoms v, a;          // velocities, accelerations whose load counts; none: the load of gravity
-  Freedoms v_ref;         // velocity whose friction is compensated: desired or measured; none: v
-  Freedoms error, v_now;  // desired less actual position, measured velocity: for hold_error, power
+  Freedoms v_ref;         // desired velocity whose friction is compensated; none: v
+  Freedoms error, v_now;  // desired less actual position; measured velocity
 };
 
 // What a call says of itself.
 struct [[nodiscard]] Outcome {
   bool good = false;                     // else it wrote zeros
-  bool limited[Robot::drives] = {};      // whether `limit` cut the drive's compensation
+  bool limited[Robot::drives] = {};      // whether a limit cut what the drive gets
   explicit operator bool() const noexcept { return good; }
 };
 
 // How the compensation behaves; one number per drive. An option that could do nothing is refused:
 // hold_error without State's error and v_now or without switch_velocity, power without v_now.
 struct Options {
-  double scale[Robot::drives];            // of dry friction and gear losses: at most 1/(1 + e)
-  double viscous_scale[Robot::drives];    // of friction that vanishes at rest
+  double scale[Robot::drives];            // of dry friction and gear losses, at a desired velocity
+  double viscous_scale[Robot::drives];    // of friction that vanishes at rest, there
+  double measured_scale[Robot::drives];   // of both at a measured velocity: at most `stable_scale`
   double switch_velocity[Robot::drives];  // band in which the direction changes (rad/s or m/s)
   double hold_error[Robot::drives];       // position error that asks for all of break-away; 0: off
   double limit[Robot::drives];            // of the compensation (N m or N)
+  double joint_effort_limit[Robot::drives];  // of joint_effort, rigid body and rotors with it (N m or N)
   double power[Robot::drives];            // it may inject beyond friction (W); inf: not watched
 
   Options() noexcept {
     for (int d = 0; d < Robot::drives; ++d) {
-      scale[d] = viscous_scale[d] = 0.8;
+      scale[d] = viscous_scale[d] = 1.0;
+      measured_scale[d] = default_measured_scale[d];
       switch_velocity[d] = 0.02;
       hold_error[d] = 0.0;
       limit[d] = default_limit[d];
+      joint_effort_limit[d] = default_joint_effort_limit[d];
       power[d] = inf;
     }
   }
@@ -354,7 +358,8 @@ class Compensator {
 
   // Add a body to a frame of Robot::frames. com: in its axes (m); inertia: about the centre of mass,
   // xx xy xz yy yz zz (kg m^2). The payloads that the scene carries by default are there already.
-  // False, and nothing changed, where no body has such a mass and inertia.
+  // False, and nothing changed, where no body has such a mass and inertia, or its centre of mass is
+  // farther from the frame than `farthest`: millimetres in place of metres.
   [[nodiscard]] bool add_payload(int frame, double mass, View<const double, 3> com,
                                  View<const double, 6> inertia) noexcept {
     return carry(frame, mass, com, inertia, true);
@@ -408,20 +413,23 @@ class Compensator {
     return bound(state, found, out);
   }
 
-  // The friction and gear losses that the drives must overcome, at the joints: to be added to the
-  // torque of a controller that has rigid body and rotors (ratio^2 rotor_inertia a) of its own.
+  // The friction and gear losses that the drives must overcome at the desired velocity v_ref, at the
+  // joints: to be added to the torque of a controller that has rigid body and rotors (ratio^2
+  // rotor_inertia a) of its own.
   Outcome friction(const State& state, const Options& options, Drives out) const noexcept {
-    Reactions found;
-    double load[sites_size] = {}, extra[Robot::drives];
-    const bool good = react(state, found);
-    if (good) write_loads(state.q.first(), found, load);
-    const Outcome outcome = good ? compensate(found.effort, load, state, options, extra) : Outcome();
-    return written(outcome, extra, out);
+    return friction_at(false, state, options, out);
+  }
+
+  // The same at the measured velocity v_now, as for hand guiding, by measured_scale: a feedback loop
+  // that stays passive while the model's friction is not larger than the joint's by more than
+  // 1 / measured_scale. A v_ref is refused.
+  Outcome friction_measured(const State& state, const Options& options, Drives out) const noexcept {
+    return friction_at(true, state, options, out);
   }
 
   // Feed-forward of a motion at the joints, all that a torque command there contains: rigid body,
   // rotors and `friction` at v_ref. Outside the band of switch_velocity, at scale 1 and v_ref = v, it
-  // lies in the interval of `inverse`; inside the band it need not.
+  // lies in the interval of `inverse`; inside the band it need not. joint_effort_limit cuts all of it.
   Outcome joint_effort(const State& state, const Options& options, Drives out) const noexcept {
     Reactions found;
     double load[sites_size] = {}, whole[Robot::drives];
@@ -474,6 +482,17 @@ class Compensator {
     return good;
   }
 
+  Outcome friction_at(bool measured, const State& state, const Options& options,
+                      Drives out) const noexcept {
+    Reactions found;
+    double load[sites_size] = {}, extra[Robot::drives];
+    const bool good = react(state, found);
+    if (good) write_loads(state.q.first(), found, load);
+    const Outcome outcome =
+        good ? compensate(found.effort, load, state, options, measured, extra) : Outcome();
+    return written(outcome, extra, out);
+  }
+
   // Write what a call found, or zeros.
   static Outcome written(Outcome outcome, const double* found, Drives out) noexcept {
     if (!out.fits() || !out.first()) return Outcome();
@@ -482,12 +501,15 @@ class Compensator {
   }
 
   // Whether a body has that mass and inertia: no principal moment exceeds the sum of the others,
-  // so tr(J)/2 - J has no negative eigenvalue, but for the rounding of a file.
+  // so tr(J)/2 - J has no negative eigenvalue, but for the rounding of a file. tr(J)/2 is at least the
+  // largest moment, so it bounds the radius of gyration.
   static bool possible(double mass, const double* com, const double* J) noexcept {
-    if (!(mass >= 0.0) || !(mass <= largest) || !detail::within(com, 3, largest) ||
+    if (!(mass >= 0.0) || !(mass <= largest) || !detail::within(com, 3, farthest) ||
         !detail::within(J, 6, largest))
       return false;
+    if (com[0] * com[0] + com[1] * com[1] + com[2] * com[2] > farthest * farthest) return false;
     const double half = 0.5 * (J[0] + J[3] + J[5]), slack = 5e-4 * std::fabs(half) + 5e-10;
+    if (half > mass * farthest * farthest + slack) return false;
     if (mass == 0.0 && (std::fabs(J[0]) > 1e-9 || std::fabs(J[3]) > 1e-9 || std::fabs(J[5]) > 1e-9))
       return false;
     const double x = half - J[0] + slack, y = half - J[3] + slack, z = half - J[5] + slack;
@@ -789,7 +811,9 @@ class Compensator {
     for (int d = 0; d < Robot::drives; ++d) {
       const double given[4] = {options.scale[d], options.viscous_scale[d],
                                options.switch_velocity[d], options.hold_error[d]};
-      if (!detail::finite(given, 4) || !(options.limit[d] >= 0.0) || !(options.power[d] >= 0.0))
+      if (!detail::finite(given, 4) || !(options.limit[d] >= 0.0) || !(options.power[d] >= 0.0) ||
+          !(options.joint_effort_limit[d] >= 0.0) || !(options.measured_scale[d] >= 0.0) ||
+          !(options.measured_scale[d] <= stable_scale[d]))
         return false;
       for (const double x : given)
         if (x < 0.0) return false;
@@ -800,19 +824,30 @@ class Compensator {
   // Rigid body, friction and rotors, at the joints.
   static Outcome feed_forward(const Reactions& found, const double* load, const State& state,
                               const Options& options, double* out) noexcept {
-    const Outcome outcome = compensate(found.effort, load, state, options, out);
+    Outcome outcome = compensate(found.effort, load, state, options, false, out);
     const double* a = or_zeros(state.a);
     for (int d = 0; outcome && d < Robot::drives; ++d) {
       const Drive& drive = drives[d];
       out[d] += detail::delivered(d, found.effort) +
                 drive.ratio * drive.ratio * drive.rotor_inertia * detail::rate_of(d, a);
     }
+    if (outcome && !detail::finite(out, Robot::drives)) return {};  // before a limit hides it
+    for (int d = 0; outcome && d < Robot::drives; ++d)
+      cut(options.joint_effort_limit[d], out[d], outcome.limited[d]);
     return outcome;
   }
 
+  static void cut(double limit, double& value, bool& limited) noexcept {
+    limited = limited || std::fabs(value) > limit;
+    value = std::fmax(-limit, std::fmin(limit, value));
+  }
+
+  // measured: at v_now by measured_scale, else at v_ref.
   static Outcome compensate(const double* effort, const double* load, const State& state,
-                            const Options& options, double* out) noexcept {
+                            const Options& options, bool measured, double* out) noexcept {
+    if (measured && state.v_ref.first()) return {};
     const double* v_ref = state.v_ref.first() ? state.v_ref.first() : state.v.first();
+    if (measured) v_ref = state.v_now.first();
     const double *e = or_zeros(state.error), *now = or_zeros(state.v_now);
     if (!v_ref || !state.v_ref.fits() || !state.error.fits() || !state.v_now.fits() ||
         !slow_enough(v_ref) || !slow_enough(now) ||
@@ -835,13 +870,11 @@ class Compensator {
     double dry[Robot::drives], drag[Robot::drives];
     friction_of(effort, load, v_ref, to, dry, drag);
     for (int d = 0; d < Robot::drives; ++d)
-      out[d] = options.scale[d] * dry[d] + options.viscous_scale[d] * drag[d];
+      out[d] = measured ? options.measured_scale[d] * (dry[d] + drag[d])
+                        : options.scale[d] * dry[d] + options.viscous_scale[d] * drag[d];
     Outcome outcome;
     if (!detail::finite(out, Robot::drives)) return outcome;  // before a limit hides it
-    for (int d = 0; d < Robot::drives; ++d) {
-      outcome.limited[d] = std::fabs(out[d]) > options.limit[d];
-      out[d] = std::fmax(-options.limit[d], std::fmin(options.limit[d], out[d]));
-    }
+    for (int d = 0; d < Robot::drives; ++d) cut(options.limit[d], out[d], outcome.limited[d]);
     if (watched) watch_power(effort, load, now, options, out);
     if (!detail::finite(out, Robot::drives)) return {};
     outcome.good = true;

@@ -3,7 +3,7 @@
 //   c++ -std=c++17 -O2 THIS_FILE -o check
 //   ./check                   compares the embedded states: ends with 0 where all agree, else with 1
 //   ./check trajectory.csv    replays a trajectory that pinfric wrote (t, JOINT, JOINT.v, JOINT.a):
-//                             of each row friction at scale 1, feed-forward and interval of each motor
+//                             of each row friction, feed-forward and interval of each motor
 #include "@@HEADER"
 
 #include <cmath>
@@ -39,8 +39,7 @@ State state_of(const double* q, const double* v, const double* a) {
 Options whole() {
   Options options;
   for (int d = 0; d < Robot::drives; ++d) {
-    options.scale[d] = options.viscous_scale[d] = 1.0;
-    options.limit[d] = inf;
+    options.limit[d] = options.joint_effort_limit[d] = inf;
   }
   return options;
 }

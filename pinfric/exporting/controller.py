@@ -21,6 +21,7 @@ from pinfric.dynamics.samples.motor_torques import drive_stick_velocity, scene_g
 from pinfric.dynamics.samples.reactions import state_wrenches
 from pinfric.dynamics.samples.states import States
 from pinfric.exporting.cpp import (
+    Bounds,
     CppFiles,
     EmbeddedState,
     cpp_files,
@@ -29,7 +30,7 @@ from pinfric.exporting.cpp import (
 from pinfric.model.brief import file_name
 from pinfric.model.scene import Scene
 from pinfric.model.twin import project
-from pinfric.motions.joint_columns import single_positions
+from pinfric.motions.joint_columns import single_positions, stated_limit
 from pinfric.sweeps.file import load_sweep
 from pinfric.sweeps.parameters import resolve, vary
 
@@ -63,7 +64,8 @@ def compensator(
         PinfricError: see `cpp_files`.
     """
     largest = np.max(np.abs([compensation(result, end) for end in ("lower", "upper")]), axis=(0, 1))
-    limits = [float(f"{_SPARE * x:.3g}") if x > 0.0 else np.inf for x in largest]
+    stable = [stable_scale(unknown.get(name, 0.0)) for name in scene.actuator_names]
+    bounds = Bounds(_spare(largest), _effort_limits(scene, result), stable)
     frames = tuple(frames) or default_frames(scene)
     # States along the motion, the first as it is at rest, with what pinfric computes of them
     picked = np.linspace(0, len(result.status) - 1, _STATES).astype(int)
@@ -76,7 +78,20 @@ def compensator(
     rows = at, v, a, found.motor_torque_lower, found.motor_torque_upper, friction
     states = [EmbeddedState(*row) for row in zip(*rows, strict=True)]
     heading = _heading(scene, frames, unknown, name)
-    return cpp_files(scene, frames, limits, states, heading, name)
+    return cpp_files(scene, frames, bounds, states, heading, name)
+
+
+def _spare(largest: np.ndarray) -> list[float]:
+    """Limits of what reaches the largest along a motion; infinite where that is nothing."""
+    return [float(f"{_SPARE * x:.3g}") if x > 0.0 else np.inf for x in largest]
+
+
+def _effort_limits(scene: Scene, result: InverseResult) -> list[float]:
+    """The joints' effort limits; where none is stated, that of what the motion takes."""
+    ends = result.joint_effort_lower, result.joint_effort_upper
+    spare = _spare(np.abs(ends).max(axis=(0, 1)))
+    stated = [stated_limit(scene.model.effortLimit[d.velocity_index]) for d in scene.drives]
+    return [a if a < np.inf else b for a, b in zip(stated, spare, strict=True)]
 
 
 def compensation(result: InverseResult, end: str) -> np.ndarray:
@@ -148,12 +163,12 @@ def _level(result: InverseResult, moving: np.ndarray) -> np.ndarray:
 
 
 def _compensation_at(scene: Scene, states: States) -> np.ndarray:
-    """(n, na) what is compensated at the states' own velocities, at scale 1."""
+    """(n, na) what is compensated at the states' own velocities."""
     tables, twin, count = make_compensated(scene), scene.twin(), len(states.q)
     wrench, effort = state_wrenches(scene, states), np.empty((count, scene.model.nv))
     project(wrench, twin.embedding, twin.armature, states.a, effort)
     places = twin.displacements(tables.joint, states.q)
-    options = CompensationOptions(scale=1.0, viscous_scale=1.0)
+    options = CompensationOptions().table(scene)
     return np.array(
         [
             compensate_state(
@@ -192,12 +207,13 @@ def _heading(
         *(["How far friction is known (`pinfric identify`):", *known] if known else []),
         "",
         f"  {name}::Compensator compensator;    // once",
-        f"  {name}::Options options;            // scale 0.8; at the desired velocity 1",
+        f"  {name}::Options options;            // one number per drive",
         f"  {name}::State state;                // arrays of {scene.model.nv} numbers",
         "  state.q = q; state.v = v; state.a = a;",
         "  if (compensator.joint_effort(state, options, effort))",
         "    ...                               // effort[] (N m or N at the joints): rigid body,",
-        "                                      // rotors, friction; friction(...): friction alone",
+        "                                      // rotors, friction; friction(...): friction alone,",
+        "                                      // friction_measured(...): at a measured velocity",
         "",
         "joint_effort lies in the interval of `inverse` only where no joint is within its band of",
         "switch_velocity, at scale 1, and no limit cuts it. Stiffness and hysteresis of gears are",

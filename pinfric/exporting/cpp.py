@@ -24,6 +24,7 @@ from pinfric import __version__
 from pinfric.dynamics.forward.compensation import (
     LARGEST_ACCELERATION,
     LARGEST_ERROR,
+    MEASURED_SCALE,
     check_compensated,
     freedom_names,
     reach,
@@ -33,7 +34,8 @@ from pinfric.errors import PinfricError, choose_from, one_line
 from pinfric.model.bearings import axes_along, contacts
 from pinfric.model.couples import delivery, rate_rows, taking_part
 from pinfric.model.files import file_hash
-from pinfric.model.robot import link_frame
+from pinfric.model.magnitudes import LARGEST
+from pinfric.model.robot import link_frame, plausible_distance
 from pinfric.model.scene import Scene
 from pinfric.model.twin import PRISMATIC
 
@@ -61,13 +63,31 @@ class CppFiles(NamedTuple):
     test: str
 
 
+class Bounds(NamedTuple):
+    """What the options of a header begin with, (na,) each.
+
+    Attributes:
+        limit: of the compensation (N m or N). joint_effort_limit: of all of `joint_effort`.
+        stable_scale: 1/(1 + e), the largest at a measured velocity; 1 where e is not known.
+    """
+
+    limit: Sequence[float]
+    joint_effort_limit: Sequence[float]
+    stable_scale: Sequence[float]
+
+    @classmethod
+    def none(cls, drives: int) -> Bounds:
+        """Return those that cut nothing."""
+        return cls([np.inf] * drives, [np.inf] * drives, [1.0] * drives)
+
+
 class EmbeddedState(NamedTuple):
     """One state with what pinfric computes of it.
 
     Attributes:
         q, v, a: (nv,) rad, m and per second.
         least, greatest: (na,) torques of the motors (N m).
-        friction: (na,) compensation at v with default options and scale 1 (N m or N at the joint).
+        friction: (na,) compensation at v with default options (N m or N at the joint).
     """
 
     q: np.ndarray
@@ -91,7 +111,7 @@ def check_frames(scene: Scene, frames: Sequence[str]) -> None:
 def cpp_files(
     scene: Scene,
     frames: Sequence[str],
-    limits: Sequence[float],
+    bounds: Bounds,
     states: Sequence[EmbeddedState],
     lines: Iterable[str],
     name: str = "",
@@ -101,7 +121,7 @@ def cpp_files(
     Args:
         scene: see `check_compensated`.
         frames: names of links for payloads and wrenches at run time; none: see `default_frames`.
-        limits: (na,) of the compensation by default (N m or N); infinite: none.
+        bounds: what its options begin with.
         states: what the test compares.
         lines: the comment at the top of the header.
         name: of the namespace and the files; empty: see `namespace`.
@@ -114,7 +134,7 @@ def cpp_files(
     frames = tuple(dict.fromkeys(frames)) or default_frames(scene)
     name = namespace(scene.source, name)
     title = "\n".join(f"// {_comment(line)}".rstrip() for line in lines).removeprefix("// ")
-    constants = "\n".join(_constants(scene, frames, limits))
+    constants = "\n".join(_constants(scene, frames, bounds))
     header = _named(template("compensator.hpp").replace("// @@CONSTANTS\n", constants + "\n"), name)
     digest = hashlib.sha256(header.encode()).hexdigest()[:12]
     made_of = f"{name}: {_made_of(scene)}, constants and code {digest}"
@@ -190,7 +210,7 @@ def _frame(scene: Scene, name: str) -> pin.Frame:
     return found[0]
 
 
-def _constants(scene: Scene, frames: Sequence[str], limits: Sequence[float]) -> list[str]:
+def _constants(scene: Scene, frames: Sequence[str], bounds: Bounds) -> list[str]:
     """All tables of a scene, the names of whose fields stand in `compensator.hpp`."""
     nv, na, twin = scene.model.nv, len(scene.drives), scene.twin()
     # from the axes of each joint's child to those whose z is its axis
@@ -232,7 +252,13 @@ def _constants(scene: Scene, frames: Sequence[str], limits: Sequence[float]) -> 
         *_table("Frame", "frames", placed),
         *_numbers("armature[]", scene.model.armature),
         *_numbers("default_gravity[]", scene.model.gravity.linear),
-        *_numbers("default_limit[]", limits),
+        *_numbers("default_limit[]", bounds.limit),
+        *_numbers("default_joint_effort_limit[]", bounds.joint_effort_limit),
+        "// At a measured velocity: 1/(1 + e), where e is how far friction is known.",
+        *_numbers("stable_scale[]", bounds.stable_scale),
+        *_numbers("default_measured_scale[]", np.minimum(MEASURED_SCALE, bounds.stable_scale)),
+        "// No payload's centre of mass is farther from its frame (m).",
+        *_numbers("farthest", min(plausible_distance(scene.model), LARGEST)),
         *_numbers(f"drive_rate[][{nv}]", rate_rows(scene.drives, nv)),
         *_numbers(f"delivery[][{na}]", P if P.size else np.eye(na)),
         f"inline constexpr bool together[] = {_array(d in part for d in range(na))};",

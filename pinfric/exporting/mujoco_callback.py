@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from pinfric.errors import PinfricError
-from pinfric.exporting.cpp import cpp_files, template
+from pinfric.exporting.cpp import Bounds, cpp_files, template
 from pinfric.model.scene import Scene
 
 #: The sensor, and how many numbers it keeps for each joint (`Last` in the C++ text).
@@ -134,8 +134,8 @@ def _compiled(mujoco: Any, scene: Scene, constants: dict[str, float]) -> ctypes.
             f"mujoco_friction: the callback needs a C++ compiler ({', '.join(_COMPILERS)}); "
             "`step` needs none"
         )
-    limits = [np.inf] * len(scene.drives)
-    header = cpp_files(scene, (), limits, [], ["friction in MuJoCo"], "pinfric_scene").header
+    bounds = Bounds.none(len(scene.drives))
+    header = cpp_files(scene, (), bounds, [], ["friction in MuJoCo"], "pinfric_scene").header
     code = template("mujoco_callback.cpp")
     for name, value in {**constants, "LAST": _LAST}.items():
         code = code.replace(f"@@{name}", repr(value))

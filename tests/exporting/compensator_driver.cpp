@@ -36,7 +36,7 @@ bool answer(std::FILE* in, std::FILE* out) {
     if (!compensator.set_wrench(static_cast<int>(x[0]), wrench)) accepted = 0.0;
   }
   constexpr int nv = Robot::freedoms, na = Robot::drives, ns = Robot::sites;
-  std::vector<double> row(std::size_t{6 * nv + 6 * na}), found;
+  std::vector<double> row(std::size_t{6 * nv + 8 * na}), found;
   for (int i = 0; i < static_cast<int>(counts[2]); ++i) {
     if (std::fread(row.data(), sizeof(double), row.size(), in) != row.size()) return false;
     const double *q = row.data(), *v = q + nv, *a = v + nv, *v_ref = a + nv, *error = v_ref + nv,
@@ -46,14 +46,15 @@ bool answer(std::FILE* in, std::FILE* out) {
     if (counts[5] == 0.0) v_now = nullptr;
     Options options;
     double* const fields[] = {options.scale, options.viscous_scale, options.switch_velocity,
-                              options.hold_error, options.limit, options.power};
-    for (int f = 0; f < 6; ++f)
+                              options.hold_error, options.limit, options.power,
+                              options.measured_scale, options.joint_effort_limit};
+    for (int f = 0; f < 8; ++f)
       for (int d = 0; d < na; ++d) fields[f][d] = settings[f * na + d];
     Instant instant, other;
     using Size = std::size_t;  // arrays of a template's sizes: g++ warns of any other
     double rigid[Size{Robot::freedoms}], friction[Size{Robot::drives}], motor[Size{Robot::drives}];
-    double effort[Size{Robot::drives}], limited[Size{Robot::drives}];
-    double flags[Size{Robot::sites} + 1], good[6];
+    double effort[Size{Robot::drives}], limited[Size{Robot::drives}], fed[Size{Robot::drives}];
+    double flags[Size{Robot::sites} + 1], good[7];
     State state;
     state.q = View::at(q);
     state.v = View::at(v);
@@ -69,13 +70,18 @@ bool answer(std::FILE* in, std::FILE* out) {
     good[3] = outcome.good;
     for (int d = 0; d < na; ++d) limited[d] = outcome.limited[d];
     good[5] = compensator.joint_effort(state, options, Drives::at(effort)).good;
+    state.v_ref = View();
+    if (!v_now) state.v_now = View::at(v_ref);
+    good[6] = compensator.friction_measured(state, options, Drives::at(fed)).good;
+    state.v_now = View::at(v_now);
     state.v_ref = v ? View::at(v) : View(zeros);
     good[4] = compensator.motor_torque(state, options, Drives::at(motor), other).good;
     for (int s = 0; s < ns; ++s) flags[s] = instant.sticking[s];
     found.clear();
-    put(found, good, 6);
+    put(found, good, 7);
     put(found, rigid, nv);
     put(found, friction, na);
+    put(found, fed, na);
     put(found, limited, na);
     put(found, motor, na);
     put(found, effort, na);

@@ -30,7 +30,7 @@ import pinfric as pf
 from pinfric.dynamics.forward.compensation import CompensationOptions
 from pinfric.dynamics.forward.solver import InverseInstant
 from pinfric.errors import PinfricError, StateError
-from pinfric.exporting.cpp import default_frames, namespace, template
+from pinfric.exporting.cpp import Bounds, default_frames, namespace, template
 from pinfric.model.urdf import implausible_body
 
 
@@ -70,10 +70,10 @@ int main() { std::printf("%.17g %.17g", left(), right()); }
 """
 
 
-def included(folder, scene):
+def included(folder, scene, bounds=None):
     """The line that includes the scene's header, which is written."""
     name = namespace(scene.source)
-    (folder / f"{name}.hpp").write_text(header(scene))
+    (folder / f"{name}.hpp").write_text(header(scene, bounds=bounds))
     return f'#include "{name}.hpp"\nusing namespace {name};\n'
 
 
@@ -269,7 +269,7 @@ def test_options_that_could_do_nothing_are_refused(headers, options, given):
     measured = {name: 0.1 * v for name in given}
     wanted = CompensationOptions(**options)
     found = headers.ask(scene, q, v, a, **measured, options=wanted)
-    assert (found["good"][:, 3:] == 0.0).all()
+    assert (found["good"][:, 3:6] == 0.0).all()
     assert not found["friction"].any()
     state = configurations(scene, q)[0], v[0], a[0], v[0]
     with pytest.raises(StateError, match="CompensationOptions"):
@@ -323,7 +323,7 @@ def test_joint_effort_is_the_motors_torque_seen_from_the_joint(headers):
     scene = bundled("ur10_machine_tending")
     q, _, a = sampled(scene, 3)
     v = np.random.default_rng(3).choice([-1.0, 1.0], a.shape) * 0.5
-    options = CompensationOptions(scale=1.0, viscous_scale=1.0, switch_velocity=1e-3)
+    options = CompensationOptions(switch_velocity=1e-3)
     found = headers.ask(scene, q, v, a, options=options)
     result = pf.inverse_dynamics(scene, q, v, a)
     ratio = np.array([drive.ratio for drive in scene.drives])
@@ -342,10 +342,71 @@ def test_a_limit_that_cuts_is_reported(headers):
     free = headers.ask(scene, q, v, a)
     assert not free["limited"].any()
     limit = np.abs(free["friction"]).mean(axis=0)
-    cut = CompensationOptions(scale=1.0, viscous_scale=1.0, limit=limit)
+    cut = CompensationOptions(limit=limit)
     found = headers.ask(scene, q, v, a, options=cut)
     np.testing.assert_array_equal(found["limited"] == 1.0, np.abs(free["friction"]) > limit)
     assert found["limited"].any()
+
+
+@needs_compiler
+def test_a_scale_that_drives_is_refused_at_a_measured_velocity(tmp_path):
+    """Above 1/(1 + e) in the header, above 1 in Python; a desired velocity there, too."""
+    (tmp_path / "use.cpp").write_text(
+        "#include <cstdio>\n"
+        + included(tmp_path, RICH[0], bounds=Bounds.none(6)._replace(stable_scale=[0.7] * 6))
+        + "int main() {\n  const Compensator c;\n  Options o;\n  State s;\n"
+        "  const double x[6] = {0.1, 0.1, 0.1, 0.1, 0.1, 0.1};\n  double out[6];\n"
+        "  s.q = s.v_now = x;\n"
+        '  std::printf("%g %d ", o.measured_scale[0], c.friction_measured(s, o, out).good);\n'
+        "  o.measured_scale[0] = 0.71;\n"
+        '  std::printf("%d ", c.friction_measured(s, o, out).good);\n'
+        "  o = Options();\n  s.v_ref = x;\n"
+        '  std::printf("%d", c.friction_measured(s, o, out).good);\n}\n'
+    )
+    compiled(tmp_path / "use.cpp", tmp_path / "use")
+    assert said(tmp_path / "use") == [0.7, 1.0, 0.0, 0.0]
+    solver = RICH[0].solver()
+    with pytest.raises(StateError, match=r"measured_scale: 1\.01 drives a joint that moves"):
+        solver.compensate_measured(
+            pin.neutral(RICH[0].model),
+            np.zeros(6),
+            options=CompensationOptions(measured_scale=1.01),
+        )
+
+
+def test_the_limit_of_joint_effort_covers_the_rigid_body(headers):
+    """What `limit` lets through of a wrong load stops there, at the shafts, too."""
+    scene = RICH[0]
+    q, v, a = sampled(scene, 13, 100)
+    free = headers.ask(scene, q, v, a)
+    limit = np.abs(free["joint_effort"]).mean(axis=0)
+    found = headers.ask(scene, q, v, a, joint_effort_limit=limit)
+    assert_columns(found["joint_effort"], np.clip(free["joint_effort"], -limit, limit), "cut")
+    at_shaft = np.abs(limit / [drive.ratio for drive in scene.drives])
+    expected = np.clip(free["feed_forward"], -at_shaft, at_shaft)
+    assert_columns(found["feed_forward"], expected, "cut")
+    np.testing.assert_array_equal(found["friction"], free["friction"])
+
+
+def test_limits_of_joint_effort_are_the_robots(tmp_path):
+    scene = bundled("ur10_machine_tending")
+    text = pf.export(scene, pf.load_trajectory("ur10_machine_tending", scene), "cpp").text
+    limits = re.search(r"default_joint_effort_limit\[\] = \{(.*)\};", text)[1]
+    assert [float(x) for x in limits.split(", ")] == scene.model.effortLimit.tolist()
+
+
+@pytest.mark.parametrize(
+    ("com", "moment", "taken"),
+    [(0.14, 0.01, True), (140.0, 0.01, False), (-8.0, 0.01, False), (0.14, 5e4, False)],
+)
+def test_a_payload_in_millimetres_is_refused(headers, com, moment, taken):
+    """140 in place of 0.14 m gives thousands of N m; a moment in kg mm^2 as many."""
+    scene = bundled("ur10_machine_tending")
+    payload = (0, 2.8, [0.0, 0.0, com], [moment, 0.0, 0.0, moment, 0.0, moment])
+    q, v, a = (0.3 * x for x in sampled(scene, 14, 1))
+    found = headers.ask(scene, q, v, a, payloads=[payload])
+    assert (found["good"][0, 0] == 1.0) == taken
+    assert np.abs(found["rigid_body"]).max() < 1e3
 
 
 @needs_compiler

@@ -35,7 +35,7 @@ from mechanisms import four_bar
 import pinfric as pf
 from pinfric.dynamics.forward.compensation import CompensationOptions
 from pinfric.errors import PinfricError
-from pinfric.exporting.cpp import cpp_files, default_frames, namespace
+from pinfric.exporting.cpp import Bounds, cpp_files, default_frames, namespace
 from pinfric.model.couples import rate_rows
 
 COMPARED = (
@@ -96,7 +96,7 @@ def test_feed_forward_outside_the_band_is_the_torque_that_the_motion_takes(heade
     q, _, a = sampled(scene, 3)
     rng = np.random.default_rng(3)
     v = rng.choice([-1.0, 1.0], a.shape) * rng.uniform(0.3, 2.0, a.shape)
-    options = CompensationOptions(scale=1.0, viscous_scale=1.0, switch_velocity=1e-3)
+    options = CompensationOptions(switch_velocity=1e-3)
     found = headers.ask(scene, q, v, a, options=options)
     result = pf.inverse_dynamics(scene, configurations(scene, q), v, a)
     assert_columns(found["feed_forward"], result.motor_torque_lower, "feed-forward")
@@ -178,7 +178,7 @@ def judge_passive(headers, scene, options, states=40):
     rows = [np.repeat(x, len(speeds), axis=0) for x in (q, v, a)]
     v_ref = np.tile(speeds, states)[:, None] * rng.uniform(0.5, 1.0, (states * len(speeds), nv))
     found = headers.ask(scene, *rows, v_ref, options=options)
-    sharp = CompensationOptions(scale=1.0, viscous_scale=1.0, switch_velocity=0.0)
+    sharp = CompensationOptions(switch_velocity=0.0)
     lost = headers.ask(scene, *rows, v_ref, options=sharp)
     rate = v_ref  # drive d moves freedom d
     excess = found["friction"] * rate - options.scale * lost["friction"] * rate
@@ -186,6 +186,22 @@ def judge_passive(headers, scene, options, states=40):
 
 
 PASSIVE = [worm(), *RICH[:6], bundled("ur10_machine_tending"), bundled("panda_pick_and_place")]
+
+
+@pytest.mark.parametrize("scene", [*RICH, worm()], ids=lambda scene: scene.source)
+def test_a_measured_velocity_has_a_call_and_a_scale_of_its_own(headers, scene):
+    """By default 0.8 of what the same velocity takes if desired, whatever `scale` says."""
+    q, v, a = sampled(scene, 16, 20)
+    whole = CompensationOptions()
+    found = headers.ask(scene, q, v, a, v_now=-v, options=CompensationOptions(scale=0.3))
+    desired = headers.ask(scene, q, v, a, -v, options=whole)
+    assert_columns(found["friction_measured"], 0.8 * desired["friction"], "measured")
+    rows, solver = configurations(scene, q), scene.solver()
+    python = [
+        solver.compensate_measured(rows[i], -v[i], v=v[i], a=a[i], options=whole)
+        for i in range(len(v))
+    ]
+    assert_columns(np.array(python), found["friction_measured"], "python")
 
 
 @pytest.mark.parametrize("scene", PASSIVE, ids=lambda scene: scene.source)
@@ -202,7 +218,7 @@ def test_what_friction_takes_is_that_of_inverse_dynamics(headers):
     for scene in PASSIVE[:4]:
         q, _, a = sampled(scene, 10, 50)
         v = np.random.default_rng(2).choice([-1.0, 1.0], a.shape) * 1e-4
-        sharp = CompensationOptions(scale=1.0, viscous_scale=1.0, switch_velocity=0.0)
+        sharp = CompensationOptions(switch_velocity=0.0)
         found = headers.ask(scene, q, v, a, options=sharp)
         result = pf.inverse_dynamics(scene, configurations(scene, q), v, a)
         ratio, rotor = np.array(
@@ -234,7 +250,7 @@ BLENDED_LOAD = (
 def test_blending_the_load_in_place_of_the_ends_would_not_be_passive(tmp_path):
     """The mutant that the test above is for: F(t(s)) gives more than friction takes."""
     mutant = Headers(tmp_path, [worm()], edit=lambda text: text.replace(ENDS, BLENDED_LOAD))
-    options = CompensationOptions(scale=1.0, viscous_scale=1.0, switch_velocity=0.05)
+    options = CompensationOptions(switch_velocity=0.05)
     excess, size, _ = judge_passive(mutant, worm(), options)
     assert excess > 1e-4 * size
 
@@ -242,9 +258,7 @@ def test_blending_the_load_in_place_of_the_ends_would_not_be_passive(tmp_path):
 @pytest.mark.parametrize("scene", RICH, ids=lambda scene: scene.source)
 def test_it_is_continuous_in_the_velocity(headers, scene):
     """Ten times finer steps of velocity give about ten times smaller steps."""
-    options = CompensationOptions(
-        scale=1.0, viscous_scale=1.0, switch_velocity=0.05, hold_error=0.01
-    )
+    options = CompensationOptions(switch_velocity=0.05, hold_error=0.01)
     (q, _, a), nv, steps = sampled(scene, 11, 1), scene.model.nv, []
     for count in (2001, 20001):
         v = np.linspace(-0.1, 0.1, count)[:, None] * np.ones(nv)
@@ -261,7 +275,7 @@ def test_power_is_watched(headers):
         v_ref, v_now = np.sign(v + 1e-9), np.random.default_rng(1).normal(size=v.shape)
         free = CompensationOptions(scale=1.5, viscous_scale=1.0)
         watched = CompensationOptions(scale=1.5, viscous_scale=1.0, power=0.5)
-        sharp = CompensationOptions(scale=1.0, viscous_scale=1.0, switch_velocity=0.0)
+        sharp = CompensationOptions(switch_velocity=0.0)
         loose, found, lost = (
             headers.ask(scene, q, v, a, vr, v_now=v_now, options=options)["friction"]
             for vr, options in ((v_ref, free), (v_ref, watched), (v_now, sharp))
@@ -325,6 +339,7 @@ def test_what_is_not_finite_gives_false_and_zeros(headers, place, wrong):
         0.0,
         not (whole or place in ("error", "v_now")),
         0.0,
+        not (whole or place in ("error", "v_now")),
     ]
     names = (
         "rigid_body",
@@ -536,7 +551,7 @@ REFUSED = [
 def test_what_cannot_be_compensated_is_named(scene, message, frames):
     made = scene()
     with pytest.raises(PinfricError, match=message) as found:
-        cpp_files(made, frames, [np.inf] * len(made.drives), [], [""])
+        cpp_files(made, frames, Bounds.none(len(made.drives)), [], [""])
     assert "\n" not in str(found.value)
     if not frames:
         with pytest.raises(PinfricError, match=message):

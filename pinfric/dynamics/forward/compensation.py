@@ -33,35 +33,40 @@ from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, impossible
 from pinfric.model.scene import Scene, SiteTables
 from pinfric.model.twin import PRISMATIC
 
+#: The default factor at a measured velocity: friction that is 25 % too large is passive, too.
+MEASURED_SCALE = 0.8
+
 
 @dataclass(frozen=True)
 class CompensationOptions:
     """Options of the compensation; each is one number, or one number per drive.
 
     Attributes:
-        scale: factor on dry friction and gear losses; with the measured velocity at most
-            1/(1 + e), with e the relative error of the friction's level.
-        viscous_scale: factor on friction that vanishes at rest.
+        scale: factor on dry friction and gear losses, at a desired velocity.
+        viscous_scale: factor on friction that vanishes at rest, there.
         switch_velocity: v_s, below which the compensation changes direction (rad/s or m/s).
         hold_error: position error at which the full break-away friction acts (rad or m); 0: off.
         limit: largest compensation (N m or N).
         power: largest power beyond that of friction (W); infinite: no limit.
+        measured_scale: factor on all of it at a measured velocity, at most 1, and at most 1/(1 + e)
+            with e the relative error of the friction's level.
     """
 
-    scale: Any = 0.8
-    viscous_scale: Any = 0.8
+    scale: Any = 1.0
+    viscous_scale: Any = 1.0
     switch_velocity: Any = 0.02
     hold_error: Any = 0.0
     limit: Any = np.inf
     power: Any = np.inf
+    measured_scale: Any = MEASURED_SCALE
 
     def table(self, scene: Scene) -> np.ndarray:
-        """Return the options as rows (6, na).
+        """Return the options as rows (7, na).
 
         Raises:
             StateError: not numbers of the drives, or below 0.
         """
-        rows = np.empty((6, len(scene.drives)))
+        rows = np.empty((7, len(scene.drives)))
         for row, entry in zip(rows, fields(self), strict=True):
             where = f"{scene.source}: CompensationOptions.{entry.name}"
             given = real_numbers(where, getattr(self, entry.name))
@@ -71,6 +76,12 @@ class CompensationOptions:
                     f"found {np.array2string(given, threshold=9)}"
                 )
             row[:] = given
+        if (rows[6] > 1.0).any():
+            raise StateError(
+                f"{scene.source}: CompensationOptions.measured_scale: {rows[6].max():g} drives a "
+                "joint that moves; at a measured velocity at most 1, and 1/(1 + e) with e the "
+                "error of the friction's level"
+            )
         return rows
 
 
@@ -179,7 +190,7 @@ def compensate_state(
     wrench: np.ndarray,
     displacement: np.ndarray,
     motion: Mapping[str, np.ndarray | None],
-    options: CompensationOptions,
+    rows: np.ndarray,
 ) -> np.ndarray:
     """Return the compensation (na,) at one state (N m or N at the joints).
 
@@ -189,7 +200,7 @@ def compensate_state(
         wrench: (1, ns, 6) of the sites' joints.
         displacement: (1, ns) along them.
         motion: v_ref, and error and v_now or None: (nv,) each.
-        options: how.
+        rows: (7, na) of `CompensationOptions.table`; the first two scale.
 
     Raises:
         StateError: a value is not finite, or an option is invalid.
@@ -201,7 +212,7 @@ def compensate_state(
     normal_loads(wrench, tables.sites.joint, tables.sites.contacts, displacement, load)
     v_ref, error, v_now = (motion[name] for name in ("v_ref", "error", "v_now"))
     assert v_ref is not None
-    rows, nothing = options.table(scene), np.zeros(len(v_ref))
+    nothing = np.zeros(len(v_ref))
     _check_used(scene, rows, error is not None, v_now is not None)
     out = np.empty(len(scene.drives))
     compensate(
@@ -404,7 +415,7 @@ def compensate(
         t, effort, load: see `friction_of`.
         v_ref, error, v_now: (nv,).
         given: (2,) bool: whether `error` is given for a hold; whether v_now is given.
-        options: (6, na), the fields of `CompensationOptions`.
+        options: (7, na), the fields of `CompensationOptions`; the scales used are the first two.
         out: (na,) N m or N at the joints, overwritten.
     """
     nv, na = v_ref.size, out.size

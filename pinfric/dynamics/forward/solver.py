@@ -385,15 +385,15 @@ class Solver:
         options: CompensationOptions = CompensationOptions(),  # noqa: B008 - frozen
         external: Mapping[str, np.ndarray] | None = None,
     ) -> np.ndarray:
-        """Return the friction compensation that a controller adds, under the joints' present load.
+        """Return the friction at a desired velocity that a controller adds, under the present load.
 
         out = scale D(v_ref) + viscous_scale (P drag + motor's drag)(v_ref); see `compensation`. The
-        header of `pinfric export --to cpp` computes the same. Its kernels are compiled at the first
-        call.
+        header of `pinfric export --to cpp` computes the same (`friction`). Its kernels are compiled
+        at the first call.
 
         Args:
             q, v, a: (nq,), (nv,), (nv,) state that determines the load; v, a None: gravity only.
-            v_ref: (nv,) velocity for the friction: desired, or measured.
+            v_ref: (nv,) desired velocity; of a measured one see `compensate_measured`.
             error: (nv,) desired less actual position, for `hold_error`.
             v_now: (nv,) measured velocity, for `hold_error` and `power`.
             options: scales, band, hold, limits.
@@ -406,9 +406,46 @@ class Solver:
             StateError: a wrong shape, a value far beyond limits, an option without what it needs.
             PinfricError: loops, drives off the joints, joints without a drive or with several.
         """
+        given = {"v": v, "a": a, "v_ref": v_ref, "error": error, "v_now": v_now}
+        return self._compensate(q, given, options.table(self.scene), external)
+
+    def compensate_measured(
+        self,
+        q: np.ndarray,
+        v_now: np.ndarray,
+        *,
+        v: np.ndarray | None = None,
+        a: np.ndarray | None = None,
+        error: np.ndarray | None = None,
+        options: CompensationOptions = CompensationOptions(),  # noqa: B008 - frozen
+        external: Mapping[str, np.ndarray] | None = None,
+    ) -> np.ndarray:
+        """Return the friction at a measured velocity that a controller may add to its own.
+
+        out = measured_scale (D + P drag + motor's drag)(v_now). This is a feedback loop: it takes
+        less than the joints' friction as long as that is at least measured_scale times the model's.
+
+        Args:
+            q: (nq,). v_now: (nv,) measured velocity, low-passed.
+            v, a: (nv,) motion that determines the load; None: gravity only.
+            error, options, external: see `compensate`.
+
+        Returns, raises: see `compensate`.
+        """
+        given = {"v": v, "a": a, "v_ref": v_now, "error": error, "v_now": v_now}
+        rows = options.table(self.scene)
+        rows[:2] = rows[6]
+        return self._compensate(q, given, rows, external)
+
+    def _compensate(
+        self,
+        q: np.ndarray,
+        given: Mapping[str, np.ndarray | None],
+        options: np.ndarray,
+        external: Mapping[str, np.ndarray] | None,
+    ) -> np.ndarray:
         (ws, _), tables = self._own.both, self._compensated
         nv, still = ws.nv, np.zeros(ws.nv)
-        given = {"v": v, "a": a, "v_ref": v_ref, "error": error, "v_now": v_now}
         motion = {n: None if x is None else vector(n, x, nv, "nv") for n, x in given.items()}
         rate, bend = (still if x is None else x for x in (motion["v"], motion["a"]))
         carried = None
@@ -438,7 +475,8 @@ class Solver:
         motion = {"v_ref": np.zeros(nv), "error": None, "v_now": None}
         still = np.zeros(nv), np.zeros((1, ns, 6)), np.zeros((1, ns))
         with compiling():
-            compensate_state(self.scene, tables, *still, motion, CompensationOptions())
+            options = CompensationOptions().table(self.scene)
+            compensate_state(self.scene, tables, *still, motion, options)
         return tables
 
     def _mend(self, x: _Sample) -> None:
