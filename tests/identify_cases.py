@@ -297,7 +297,8 @@ def prepared_of(v: np.ndarray, columns: dict, **more: object) -> Prepared:
         trajectory=SimpleNamespace(t=t), step=0.1, velocity=v[:, None], acceleration=still
     )
     given = {"kept": np.arange(len(v)), "slides": (v != 0.0)[:, None], "load": still}
-    given |= {"rigid": np.zeros((len(v), 1, 10)), "effort": None, "payload": still} | more
+    given |= {"rigid": np.zeros((len(v), 1, 10)), "effort": None, "payload": still}
+    given |= {"missing": still} | more
     return Prepared(recording=recording, slots=rows_of(t, columns).slots[:, None], **given)
 
 
@@ -305,6 +306,17 @@ def parameter(found: Identified, section: str, joint: int, name: str):
     return next(
         p for p in found.parameters if (p.section, p.joint, p.name) == (section, NAMES[joint], name)
     )
+
+
+def true_friction(found: Identified):
+    """Yield each coefficient of Coulomb and viscous friction beside the true one."""
+    for j in range(6):
+        for key, value in zip(
+            ("coulomb.positive", "coulomb.negative", "viscous"),
+            (*COULOMB[j], VISCOUS[j]),
+            strict=True,
+        ):
+            yield parameter(found, "friction", j, key), value
 
 
 @cache

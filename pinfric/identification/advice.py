@@ -203,7 +203,7 @@ def _grams(found: Estimate, points: tuple[WayPoint, ...], load: float) -> list[B
         np.zeros_like(motion.velocity),
         found.prepared[0].recording.noise,
     )
-    one = reloaded(found, prepare(loaded, recording), loaded)
+    one = reloaded(found, prepare(loaded, recording, no_gravity=found.question.no_gravity), loaded)
     rows = [joint_rows([one], j, 0.0) for j in range(scene.model.nv)]
     return [
         BlockProducts.of(replace(r, block=np.zeros_like(r.block)), np.ones(r.effort.size), 1)

@@ -9,13 +9,15 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
+import pinocchio as pin
 
 from pinfric.errors import IdentificationError, problems_line
-from pinfric.identification.columns import Rows
+from pinfric.identification.columns import Prepared, Rows
 from pinfric.identification.inertias import urdf_prior
-from pinfric.identification.laws import COULOMB, INERTIA, PLAIN
-from pinfric.identification.normal import Fit, Prior, residuals
+from pinfric.identification.laws import COULOMB, GEARS, INERTIA, PLAIN
+from pinfric.identification.normal import Fit, Prior, orthonormal, residuals
 from pinfric.model.arrays import FloatArray
+from pinfric.model.couples import delivery
 from pinfric.model.scene import Scene
 
 #: Slopes of the logged effort on that of the URDF's masses: right logs gave 0.92 to 1.35 with
@@ -33,6 +35,9 @@ _OWN = [*COULOMB, PLAIN.slots[2], INERTIA]
 #: Logged efforts may exceed a URDF's limit, which is often a continuous one, by this factor; dry
 #: friction is a smaller share of it. From the second on a URDF means that there is none, N m or N.
 _OVER_LIMIT, _MOST_FRICTION, _NO_LIMIT = 1.5, 0.5, 1e6
+#: Blocks from which an interval of gravity's factor is computed, the reach from which it says
+#: nothing, the factor below which there is no gravity, and the change that kept masses may need.
+_FEWEST_BLOCKS, _UNKNOWN, _NO_GRAVITY, _OTHER_GRAVITY = 5, 0.2, 0.2, 0.15
 #: How far the rigid efforts of two logs of one robot may differ, as a share.
 _ONE_ROBOT = 0.3
 
@@ -88,6 +93,86 @@ def check_efforts(scene: Scene, rows: Sequence[Rows], given: Collection[str]) ->
             f"in N m, and the masses are wrong or the scene lacks a payload){dead}"
             for j, slope in factors.items()
         ]
+    if problems:
+        raise IdentificationError(problems_line(scene.source, problems))
+
+
+def gravity_scales(
+    scene: Scene, every: Sequence[Prepared], rows: Sequence[Rows]
+) -> dict[int, tuple[float, float]]:
+    """Return joint -> by what gravity of the URDF is multiplied in its effort, and its reach.
+
+        y = s G(q) + s_d (t - G) + J a + friction + g |t| sign v
+
+    t is the URDF's rigid effort. The reach is that of the 95 % interval of s, with blocks as
+    samples; losses that differ driving and driven by d change s by up to d/2. Joints whose effort
+    tells no such factor are left out: that gravity hardly loads, or whose motion does not tell it
+    from friction.
+
+    Args:
+        scene: the robot as its URDF has it.
+        every: its logs.
+        rows: of each joint.
+    """
+    from scipy.special import stdtrit
+
+    model, P = scene.model, delivery(scene.drives, scene.model.nv)
+    data, parts, scales = model.createData(), [], {}
+    for one in every:
+        q = one.recording.trajectory.q[one.kept]
+        gravity = np.array([pin.computeGeneralizedGravity(model, data, x) for x in q])
+        parts.append(gravity.reshape(len(q), -1) @ P.T if P.size else gravity.reshape(len(q), -1))
+    losses = GEARS["motor", "both"]
+    for j, own in enumerate(rows):
+        if own.effort.size < _FEWEST:
+            continue
+        seen = [part[log.slides[:, j], j] for part, log in zip(parts, every, strict=True)]
+        G = np.concatenate(seen)
+        others = np.column_stack((own.load - G, own.slots[:, [*_OWN, losses]], np.ones(G.size)))
+        basis = orthonormal(others)
+        y, g = (x - basis @ (basis.T @ x) for x in (own.effort, G))
+        size = float(g @ g)
+        if size <= _LEAST_LOAD**2 * max(float(own.effort @ own.effort), 1e-12):
+            continue
+        scale = float(g @ y) / size
+        scores = np.bincount(own.block, g * (y - scale * g))
+        count = np.unique(own.block).size
+        if count > _FEWEST_BLOCKS:
+            reach = float(np.linalg.norm(scores)) / size * float(stdtrit(count - 1, 0.975))
+            if reach < _UNKNOWN:
+                scales[j] = scale, reach
+    return scales
+
+
+def holds_no_gravity(scales: Mapping[int, tuple[float, float]]) -> bool:
+    """Return whether efforts hold no gravity: that of no joint, of those that tell it."""
+    return bool(scales) and all(abs(s) + reach < _NO_GRAVITY for s, reach in scales.values())
+
+
+def check_gravity(
+    scene: Scene, scales: Mapping[int, tuple[float, float]], given: Collection[str]
+) -> None:
+    """Refuse efforts that ask for another gravity than that of masses that are kept.
+
+    Args:
+        scene: the robot; its masses are kept.
+        scales: as of `gravity_scales`.
+        given: joints whose unit a person has confirmed.
+
+    Raises:
+        IdentificationError: by joint, all in one message.
+    """
+    problems = []
+    for j, (scale, reach) in scales.items():
+        name = scene.joint_names[j]
+        if abs(scale - 1.0) > _OTHER_GRAVITY + reach and name not in given:
+            problems.append(
+                f"joint {name}: its effort holds {scale:.3g} +- {reach:.2g} times the gravity of "
+                "the masses that --inertia keep keeps: are its unit, gear ratio, or the masses "
+                f"wrong, or is it balanced by a spring? Give the factor to N m by --gain "
+                f"{name}=FACTOR ({name}=1 if it is in N m), or let masses be corrected: --inertia "
+                "consistent"
+            )
     if problems:
         raise IdentificationError(problems_line(scene.source, problems))
 

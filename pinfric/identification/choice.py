@@ -156,9 +156,7 @@ def choose(problem: Problem) -> Choice:
         for j, table in enumerate(tables)
     )
     rivals = tuple(
-        not_ruled_out(
-            law, {own: table[own] for own in laws}, judge.rows[j], ways=True
-        )
+        not_ruled_out(law, {own: table[own] for own in laws}, judge.rows[j], ways=True)
         for j, (law, laws, table) in enumerate(zip(chosen, problem.laws, tables, strict=True))
     )
     return Choice(tuple(chosen), errors, rivals)

@@ -93,6 +93,7 @@ class Prepared:
             samples, means of two would have less noise, and delays be drawn there.
         payload: (T, nj) what payloads take, N m or N.
         load: (T, nj) effort without friction of the present estimate, N m or N.
+        missing: (T, nj) gravity by the URDF where the efforts hold none, else 0, N m or N.
     """
 
     recording: Recording
@@ -103,6 +104,7 @@ class Prepared:
     effort: BSpline
     payload: FloatArray
     load: FloatArray
+    missing: FloatArray
 
 
 def thinning(recordings: Sequence[Recording]) -> int:
@@ -119,24 +121,32 @@ def _spacing(step: float) -> int:
     return max(1, int(1.0 / (_PER_PERIOD * PASS * step)))
 
 
-def prepare(scene: Scene, recording: Recording, thin: int = 1) -> Prepared:
+def prepare(
+    scene: Scene, recording: Recording, thin: int = 1, no_gravity: bool = False
+) -> Prepared:
     """Return those of a log's columns that no estimate changes.
 
     Args:
         scene: the robot as its URDF has it.
         recording: one log.
         thin: by how much fewer samples are kept than the low pass asks for.
+        no_gravity: whether the efforts hold no gravity; loads of bearings and gears do.
     """
     from scipy.interpolate import BSpline, make_interp_spline
 
     motion, step, nj = recording.trajectory, recording.step, scene.model.nv
     rigid_effort = along(scene, motion)[0]
-    payload = np.broadcast_to(0.0, rigid_effort.shape)
+    payload = missing = np.broadcast_to(0.0, rigid_effort.shape)
+    seen, own = rigid_effort, scene
+    if no_gravity:
+        own = scene.with_(model=weightless(scene.model), friction={})
+        seen = along(own, motion)[0]
+        missing = rigid_effort - seen
     if scene.payloads:
         empty = replace(motion, attached=np.zeros_like(motion.attached))
-        payload = rigid_effort - along(scene.with_(friction={}), empty)[0]
+        payload = seen - along(own.with_(friction={}), empty)[0]
     known = np.isfinite(recording.effort)
-    measured = np.where(known, recording.effort, rigid_effort) - payload
+    measured = np.where(known, recording.effort, seen) - payload
     kept = np.arange(0, motion.t.size, thin * _spacing(step))
     slides = _sliding(recording, known)[kept]
     # one after another, to spare memory
@@ -152,12 +162,20 @@ def prepare(scene: Scene, recording: Recording, thin: int = 1) -> Prepared:
         recording,
         kept,
         slides,
-        _rigid_columns(scene, recording, kept),
+        _rigid_columns(own, recording, kept),
         slots,
         effort,
         payload,
         rigid_effort,
+        missing,
     )
+
+
+def weightless(model: pin.Model) -> pin.Model:
+    """Return a copy of a robot on which no gravity acts."""
+    copied = model.copy()
+    copied.gravity.linear = np.zeros(3)
+    return copied
 
 
 def along(scene: Scene, motion: Trajectory) -> tuple[FloatArray, FloatArray]:

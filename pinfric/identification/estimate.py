@@ -14,7 +14,13 @@ from functools import cached_property
 import numpy as np
 
 from pinfric.errors import IdentificationError
-from pinfric.identification.checks import check_efforts, check_limits
+from pinfric.identification.checks import (
+    check_efforts,
+    check_gravity,
+    check_limits,
+    gravity_scales,
+    holds_no_gravity,
+)
 from pinfric.identification.choice import (
     MARGIN,
     Choice,
@@ -83,6 +89,8 @@ class Question:
         laws: joint -> its law, where it is not to be chosen.
         gains: joints whose efforts' unit a person has said.
         without: joints whose efforts were left out.
+        no_gravity: the efforts hold no gravity: the loads on bearings and gears are the URDF's, and
+            links found of the rest are no robot's.
     """
 
     scene: Scene
@@ -92,6 +100,12 @@ class Question:
     laws: Mapping[str, Law] = field(default_factory=dict)
     gains: Collection[str] = ()
     without: Collection[str] = ()
+    no_gravity: bool = False
+
+    @property
+    def inertias_stay(self) -> bool:
+        """Whether the scene found has the URDF's inertias."""
+        return self.keep_inertias or self.no_gravity
 
     @property
     def motor(self) -> bool:
@@ -118,6 +132,8 @@ class Estimate:
             nor their fit has seen, N m or N.
         distrusted: whether the chosen laws predicted these blocks worse than plain friction,
             which was taken instead.
+        gravity: joint -> by what the URDF's gravity is multiplied in its effort, and the reach of
+            the 95 % interval, where the logs tell it.
     """
 
     question: Question
@@ -132,6 +148,7 @@ class Estimate:
     falls: tuple[Fall | None, ...] = ()
     errors: tuple[FloatArray, FloatArray] = (np.zeros(0), np.zeros(0))
     distrusted: bool = False
+    gravity: Mapping[int, tuple[float, float]] = field(default_factory=dict)
 
     @cached_property
     def unexplained(self) -> dict[int, float]:
@@ -162,7 +179,7 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
     scene, steps = question.scene, len(question.recordings) + 3
     prepared, thin = [], thinning(question.recordings)
     for recording in question.recordings:
-        prepared.append(prepare(scene, recording, thin))
+        prepared.append(prepare(scene, recording, thin, question.no_gravity))
         progress(len(prepared), steps)
     held = [  # blocks are the samples of all that follows
         np.unique(blocks(one.recording.trajectory.t)[1][one.kept[one.slides.any(axis=1)]])
@@ -182,6 +199,13 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
     found = Estimate(question, scene, tuple(prepared), choice)
     del prepared, one  # a long log's columns fill much of the memory
     _fit(found, plain)
+    if not question.no_gravity:
+        found.gravity = gravity_scales(scene, found.prepared, found.rows)
+        if holds_no_gravity(found.gravity):
+            del found
+            return estimate(replace(question, no_gravity=True), progress)
+        if question.keep_inertias:
+            check_gravity(scene, found.gravity, question.gains)
     check_efforts(scene, found.rows, question.gains)
     check_limits(scene, found.rows, found.fit, logs, question.gains)
     _find_delay(found)
@@ -288,7 +312,7 @@ def _fit(found: Estimate, laws: Sequence[Sequence[Law]]) -> None:
         if law.coulomb and len(dry) == 1:  # it moved one way only
             values[COULOMB] = values[dry[0]]
     found.row_weights, found.problem, found.choice, found.fit = row_weights, problem, choice, fit
-    if not prior.kept:
+    if not question.inertias_stay:
         found.scene = question.scene.with_(model=with_parameters(question.scene.model, fit.theta))
 
 
@@ -329,7 +353,7 @@ def scale_is_known(found: Estimate) -> bool:
     Args:
         found: the estimate.
     """
-    return found.question.keep_inertias or any(
+    return found.question.inertias_stay or any(
         one.recording.trajectory.attached.any() for one in found.prepared
     )
 

@@ -78,7 +78,7 @@ class Findings:
     @property
     def keeps_inertias(self) -> bool:
         """Whether the links' inertias are the URDF's."""
-        return self.estimate.question.keep_inertias
+        return self.estimate.question.inertias_stay
 
     @property
     def recordings(self) -> tuple[Recording, ...]:

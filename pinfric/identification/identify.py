@@ -191,7 +191,8 @@ def beside_measured(found: Identified, log: int = 0) -> tuple[InverseResult, Jud
     recording = found.recordings[log]
     result = inverse_dynamics(found.scene, recording.trajectory)
     at = found.estimate.question.at
-    effort = dict(zip(found.scene.joint_names, recording.effort.T, strict=True))
+    whole = recording.effort + found.estimate.prepared[log].missing
+    effort = dict(zip(found.scene.joint_names, whole.T, strict=True))
     reading = replace(recording.reading, effort=effort)
     measured = {
         name: compare_effort(result, j, y, at) for j, (name, y) in enumerate(effort.items())
@@ -240,7 +241,8 @@ def _check_options(scene: Scene, effort_at: str, inertia: str, laws: Mapping[str
 
 def _predicted(found: Estimate, recording: Recording) -> dict[str, HeldOut]:
     """Errors on a log that was not fitted."""
-    one = reloaded(found, prepare(found.question.scene, recording, thinning([recording])))
+    thin, no_gravity = thinning([recording]), found.question.no_gravity
+    one = reloaded(found, prepare(found.question.scene, recording, thin, no_gravity))
     rows = [joint_rows([one], j, found.delay.value) for j in range(len(found.rows))]
     return {
         name: HeldOut(_rms(own.effort), _rms(residuals(own, found.fit, j)), np.nan)

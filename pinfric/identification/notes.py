@@ -31,7 +31,7 @@ _MISSED = 0.1
 _LEAST_FRICTION = 0.01
 #: Share of the time at rest in which an effort should be within the interval.
 _HELD_INSIDE = 0.985
-#: Share of a residual's square up to which a shape is no doubt: of 120 shapes one is found by chance.
+#: Share of a residual's square up to which a shape is no doubt: one of 120 is found by chance.
 _SLIGHT = 0.05
 #: How much larger an error may be than that of least squares without a word.
 _WORSE = 0.03
@@ -128,7 +128,12 @@ def notes(
     lines += _misfits(found, slight)
     doubts = _by_joint(contradicting) + _misfits(found, clear) + _uneven(found, uneven)
     doubts += _delays(found)
-    doubts += [] if found.question.keep_inertias else _by_joint(_of_links(found))
+    if found.question.no_gravity:
+        doubts.append(
+            "the efforts hold no gravity (their controller takes it off): friction was fitted with "
+            "loads from the URDF's masses, and no inertias are written"
+        )
+    doubts += [] if found.question.inertias_stay else _by_joint(_of_links(found))
     return Notes(tuple(doubts), tuple(lines))
 
 
@@ -278,8 +283,15 @@ def _delays(found: Estimate) -> list[str]:
 
 def _of_masses(found: Estimate) -> list[str]:
     """How far the links' masses have moved from the URDF's, and what that may mean."""
+    if found.question.no_gravity:
+        return []
     if found.question.keep_inertias:
-        return ["the URDF's inertias were kept: their errors are in the friction"]
+        each = ", ".join(
+            f"{found.scene.joint_names[j]} {scale:.3g} +- {reach:.2g}"
+            for j, (scale, reach) in found.gravity.items()
+        )
+        asked = [f"gravity in the efforts over that of the URDF: {each}"] if each else []
+        return ["the URDF's inertias were kept: their errors are in the friction", *asked]
     model, names = found.question.scene.model, found.scene.joint_names
     bodies = zip(tuple(model.inertias)[1:], tuple(found.scene.model.inertias)[1:], strict=True)
     masses = [

@@ -69,7 +69,7 @@ def rest_bounds(found: Estimate, scene: Scene) -> tuple[RestBound, ...]:
         ]
         lower, upper = (np.concatenate(ends) for ends in zip(*parts, strict=True))
         middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
-        off = np.abs(one.effort(motion.t) + one.payload - middle)
+        off = np.abs(one.effort(motion.t) + one.payload + one.missing - middle)
         for j in range(nj):
             at = held[:, j] & np.isfinite(off[:, j])
             if at.any():
@@ -135,7 +135,7 @@ def _peaks(found: Estimate, one: Prepared, joint: int) -> Iterator[tuple[int, fl
     effort = np.where(np.isfinite(recording.effort[:, joint]), recording.effort[:, joint], rigid)
     if step * PEAK_PASS < 0.45:
         effort = low_pass(effort, step, PEAK_PASS)
-    effort = np.interp(t + found.delay.value, t, effort)
+    effort = np.interp(t + found.delay.value, t, effort) + one.missing[:, joint]
     before, near, after = (int(np.ceil(span / step)) for span in (_BEFORE, _NEAR, _AFTER))
     for first, last in runs(recording.rests[:, joint]):
         if (last - first) * step < _HELD or last + after >= t.size:

@@ -334,6 +334,8 @@ def _load_slopes(found: Estimate, joint: int, slot: int) -> FloatArray | None:
     """Derivatives (rows, p + K) of a load's column by theta and slots; None: it has no load."""
     rows = found.rows[joint]
     none = np.zeros_like(rows.slots)
+    if found.question.no_gravity:  # then loads are the URDF's
+        return None
     if slot == BEARING:
         slopes = [_bearing_slopes(found, one, joint) for one in found.prepared]
         return np.hstack((np.concatenate(slopes), none))

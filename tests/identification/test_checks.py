@@ -11,13 +11,16 @@ import pinocchio as pin
 import pytest
 from builders import chain, lump
 from identify_cases import (
+    DELAY,
     NAMES,
     PLAIN,
+    excitation,
     fit_of,
     guess,
     one_joint,
     rows_of,
     short,
+    true_friction,
     truth,
 )
 from identify_wrong_models import wrong_log
@@ -26,6 +29,7 @@ import pinfric as pf
 from pinfric.errors import IdentificationError
 from pinfric.identification.checks import check_efforts, check_one_robot
 from pinfric.identification.columns import joint_rows, prepare
+from pinfric.identification.identify import beside_measured
 from pinfric.identification.laws import BACKWARD, FORWARD, Law
 from pinfric.identification.recordings import read_recordings
 from pinfric.motions.log.reading import ReadingOptions
@@ -53,6 +57,40 @@ def test_efforts_off_by_a_factor_are_asked_about_at_joints_that_carry(factor):
         pf.identify(guess(0), wrong)
     told = float(re.search(rf"{NAMES[1]}: its effort is ([\d.e+]+) times", str(e.value))[1])
     assert 0.7 * factor < told < 1.4 * factor  # the URDF's masses are wrong by 20 %
+
+
+@pytest.mark.parametrize(("joint", "factor"), [(1, 0.7), (2, 0.7), (1, 1.3)])
+def test_efforts_off_by_a_factor_are_refused_where_masses_are_kept(joint, factor):
+    """No gain of 0.7 is within what a URDF's masses are wrong by, but for those that are kept."""
+    scale = np.where(np.arange(6) == joint, factor, 1.0)
+    given = replace(short(), effort=scale * short().effort)
+    with pytest.raises(IdentificationError, match=f"joint {NAMES[joint]}: its effort holds") as e:
+        pf.identify(truth(), given, inertia="keep", laws=PLAIN)
+    told, reach = re.search(r"holds ([\d.]+) \+- ([\d.]+) times", str(e.value)).groups()
+    assert abs(float(told) - factor) < float(reach) + 0.02 * factor < 0.05  # losses differ by 0.02
+    confirmed = pf.identify(truth(), given, inertia="keep", laws=PLAIN, gain={NAMES[joint]: 1.0})
+    assert f"{NAMES[joint]} {told} +- " in "\n".join(confirmed.notes)
+
+
+def test_efforts_without_gravity_are_named_and_give_friction_but_no_inertias():
+    motion, scene, nothing = excitation(0, 20.0, 100.0), truth(), np.zeros(6)
+    model, data = scene.model, scene.model.createData()
+    gravity = np.array([pin.rnea(model, data, q, nothing, nothing) for q in motion.q])
+    late = np.column_stack([np.interp(motion.t - DELAY, motion.t, g) for g in gravity.T])
+    laws = PLAIN | {NAMES[1]: Law(load="gear"), NAMES[2]: Law(load="bearing")}
+    found = pf.identify(guess(0), replace(short(), effort=short().effort - late), laws=laws)
+    assert any(line.startswith("the efforts hold no gravity") for line in found.doubts)
+    assert found.keeps_inertias
+    kept = zip(found.scene.model.inertias, guess(0).model.inertias, strict=True)
+    assert all(one == other for one, other in kept)
+    inside = [p.low <= x <= p.high for p, x in true_friction(found)]
+    assert np.mean(inside) > 0.8
+    assert abs(found.delay - DELAY) < 3.0 * found.estimate.delay.standard_error < 4e-3
+    # efforts beside computed ones are whole again
+    result, judged = beside_measured(found)
+    lift = judged.reading.effort[NAMES[1]]
+    off = lift - 0.5 * (result.effort_lower + result.effort_upper)[:, 1]
+    assert np.sqrt(np.mean(off**2)) < 0.35 * np.sqrt(np.mean(lift**2))
 
 
 def test_a_turned_sign_shows_by_inertia_where_it_is_more_than_friction():

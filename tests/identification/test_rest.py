@@ -126,7 +126,11 @@ def test_a_gears_loss_is_taken_out_of_what_a_joint_broke_away_at(side, way):
         choice=SimpleNamespace(laws=[SimpleNamespace(load="gear", side=side)]),
         fit=Fit(np.zeros(10), slots),
         delay=SimpleNamespace(value=0.0),
-        prepared=[SimpleNamespace(recording=recording, load=np.full((165, 1), load))],
+        prepared=[
+            SimpleNamespace(
+                recording=recording, load=np.full((165, 1), load), missing=np.zeros((165, 1))
+            )
+        ],
     )
     ((key, broke),) = break_aways(found).items()
     assert key == (0, way)

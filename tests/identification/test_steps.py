@@ -308,7 +308,7 @@ def test_intervals_and_errors_of_a_coefficient_are_those_in_the_scenes_terms(law
         choice=SimpleNamespace(laws=[law]),
         problem=SimpleNamespace(slots=lambda laws: [laws[0].slots]),
         fit=fit_of({slot: 0.3}),
-        question=SimpleNamespace(keep_inertias=True),
+        question=SimpleNamespace(inertias_stay=True),
     )
     sure = Uncertainty(np.array([slot]), 1e-4 * np.eye(1), np.zeros((1, 1)), 10, 1, np.zeros(1))
     one, *product = (p for p in parameters(found, sure, {}) if not p.why)

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from identify_cases import (
     BACK_EFFICIENCY,
-    COULOMB,
     DELAY,
     EFFICIENCY,
     KEPT,
@@ -28,6 +27,7 @@ from identify_cases import (
     prepared_of,
     rows_of,
     short,
+    true_friction,
 )
 
 import pinfric as pf
@@ -75,13 +75,7 @@ def test_coefficients_lie_in_their_intervals(found):
     assert f"of both directions {known[1][0].value:.4g}" in scene_text(
         found, found.scene.robot, Path()
     )
-    for j in range(6):
-        for name, value in (
-            ("coulomb.positive", COULOMB[j][0]),
-            ("viscous", VISCOUS[j]),
-            ("coulomb.negative", COULOMB[j][1]),
-        ):
-            known.append((parameter(found, "friction", j, name), value))
+    known += true_friction(found)
     inside = [p.low <= value <= p.high for p, value in known]
     assert np.mean(inside) > 0.8
     assert all(abs(p.value - value) < 0.15 * abs(value) for p, value in known)
