@@ -191,9 +191,10 @@ class Motor(Rated):
 
         Nine in ten of the 36 of the bundled catalogue whose mass is known are lighter.
         """
-        if self.mass is not None or self.mounting == "frameless" or not self.continuous_torque:
+        torque = max(self.continuous_torque or 0.0, self.continuous_stall_torque or 0.0)
+        if self.mass is not None or self.mounting == "frameless" or not torque:
             return self.mass
-        return 1.94 * self.continuous_torque**0.75
+        return 1.94 * torque**0.75
 
     @model_validator(mode="after")
     def _figures_agree(self) -> Motor:
@@ -373,6 +374,13 @@ class Gear(Sourced):
     ] = None
     momentary_peaks: Annotated[
         Positive | None, key("permissible number of momentary peaks in its life", 10000, "1")
+    ] = None
+    peak_turns: Annotated[
+        Positive | None,
+        key("output turns in its life above `rated_torque`, up to the repeated peak", 30000, "1"),
+    ] = None
+    peaks_per_hour: Annotated[
+        Positive | None, key("how often an hour it may exceed `rated_torque`", 1000.0, "1/h")
     ] = None
     rated_speed: Annotated[
         Positive | None, key("of the input, for which the life is given", 209.4, "rad/s")

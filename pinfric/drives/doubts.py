@@ -22,7 +22,7 @@ _USUAL = {
     "max_input_speed": (1.0, 2e3, "rpm"),
     "average_input_speed": (1.0, 1.5e3, "rpm"),
     "rated_torque": (1e-3, 2e4, "mN m"),
-    "rotor_inertia": (1e-10, 0.05, "kg cm^2 or g cm^2"),
+    "rotor_inertia": (1e-10, 0.08, "kg cm^2 or g cm^2"),
     "input_inertia": (1e-10, 0.05, "kg cm^2"),
     "stiffness": (10.0, 1e8, "N m/arcmin"),
     "nominal_life": (100.0, 1e6, "s"),

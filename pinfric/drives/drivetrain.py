@@ -751,13 +751,13 @@ def ratings_of(entry: Motor | GearMotor) -> Ratings:
         derived.append(("continuous torque", text))
     peak = found.peak_torque
     if isinstance(entry, GearMotor):
-        stalled, current = entry.stall_torque, entry.peak_current
-        if continuous is None and stalled is not None:
-            continuous = HOBBY * stalled
+        blocked, current = entry.stall_torque, entry.peak_current
+        if continuous is None and blocked is not None:
+            continuous = HOBBY * blocked
             text = f"{HOBBY:g} x the stall torque, by rule (ROBOTIS, Torque Ratings, 2020)"
             derived.append(("continuous torque", text))
         text, printed = "the stall torque, a momentary maximum", peak
-        peak = stalled if peak is None else peak
+        peak = blocked if peak is None else peak
         if current is not None and k is not None and (peak is None or k * current < peak):
             text, peak = "torque constant x largest current of its electronics", k * current
         derived += [("peak torque", text)] if peak != printed else []
@@ -771,6 +771,11 @@ def ratings_of(entry: Motor | GearMotor) -> Ratings:
     if resistance is None and k is not None and stall is not None and found.nominal_voltage:
         resistance = k * found.nominal_voltage / stall
         derived.append(("line", "resistance = torque constant x nominal voltage/stall torque"))
+    curve, stalled = found.continuous_curve, found.continuous_stall_torque
+    if curve is None and continuous and stalled and found.rated_speed and stalled > continuous:
+        curve = ((0.0, stalled), (found.rated_speed, continuous))
+        text = "along a line from the one at standstill to the one at the rated speed"
+        derived.append(("continuous torque", text))
     if continuous is None and found.continuous_curve is not None:
         continuous = max(torque for _, torque in found.continuous_curve)
     rated, no_load = found.rated_speed, found.no_load_speed
@@ -784,6 +789,7 @@ def ratings_of(entry: Motor | GearMotor) -> Ratings:
     return replace(
         found,
         continuous_torque=continuous,
+        continuous_curve=curve,
         peak_torque=peak,
         torque_constant=k,
         resistance=resistance,

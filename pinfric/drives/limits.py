@@ -411,6 +411,30 @@ def _life_of(d: Drives) -> tuple[str, str]:
     return _LIVES.get(d.entry.kind if _has_gear(d) else "", _STRAIN_WAVE_LIFE)
 
 
+def _above_rated(d: Drives) -> np.ndarray:
+    """(T,) at which samples a gear bears more than its nominal torque."""
+    return np.abs(d.case.cycle.ends[0]) > d.gear.rated_torque
+
+
+def _peak_turns(d: Drives) -> float:
+    """Output turns above the nominal torque in the gear's life: as asked for, else 20,000 h."""
+    cycle, hours = d.case.cycle, d.conditions.life or _PLANETARY_LIFE
+    rate = mean(cycle.stretched, np.abs(cycle.velocity) * _above_rated(d))
+    return rate / (2 * np.pi) * 3600 * hours
+
+
+def _peaks_per_hour(d: Drives) -> float:
+    """How often an hour the nominal torque is exceeded."""
+    cycle, above = d.case.cycle, _above_rated(d)
+    runs = np.diff(cycle.stretched) / np.diff(cycle.t)  # of the cycle that a sample is in
+    rises = (above[1:] & ~above[:-1]) @ runs + float(above[0] and not above[-1])
+    return float(rises * 3600 / (cycle.stretched[-1] - cycle.stretched[0]))
+
+
+def _printed(figure: str) -> Callable[[Drives], bool]:
+    return lambda d: d.one is not None and _has_gear(d) and getattr(d.entry, figure) is not None
+
+
 def _screw(d: Drives) -> bool:
     return d.one is not None and d.one.gear is not None and "screw" in d.one.gear.kind
 
@@ -464,6 +488,14 @@ GEAR_LIMITS = [
     Limit("gear repeated peak torque", "effort", "gear.repeated_peak_torque", "effort",
           "max |T| <= limit for repeated peak torque", _HARMONIC,
           "limit for repeated peak torque", stage="gear", applies=_has_gear),
+    Limit("gear turns above rated torque", _peak_turns, lambda d: number(d.entry.peak_turns), "",
+          "output turns with |T| > T2N in `life`, else 20,000 h <= those of its maker",
+          "Neugart PLE as Beckhoff AG2250: T2B for 30,000 output revolutions in all",
+          stage="entry", condition="life", applies=_printed("peak_turns")),
+    Limit("gear peaks per hour", _peaks_per_hour, lambda d: number(d.entry.peaks_per_hour), "1/h",
+          "times an hour that |T| rises above T2N <= those of its maker",
+          "Wittenstein as Beckhoff AG2300, AG3300: T2B for 1000 cycles an hour",
+          stage="entry", applies=_printed("peaks_per_hour")),
     Limit("gear effort at its speed", lambda d: _tightest(d)[0], lambda d: _tightest(d)[1],
           "effort", "|T| <= the maker's limit at the input speed of the same instant", _MAKER,
           "the maker's curve ends below the input speed", stage="entry",

@@ -124,6 +124,38 @@ def test_half_the_rated_torque_on_rollers_and_on_balls():
     assert clock == pytest.approx(3992, rel=1e-3)
 
 
+def test_the_peaks_of_planetary_gears_are_counted_as_their_makers_count_them(tmp_path):
+    """Above T2N while it speeds up: by way in Neugart's gears, by times in Wittenstein's."""
+    gear = {"kind": "planetary", "rated_torque": 14.0, "peak_turns": 3e4, "peaks_per_hour": 1e3}
+    found = {}
+    for life in (None, 5000.0):
+        joint = sized(tmp_path, gear=gear, conditions={"life": life}, on_miss="ignore")
+        found[life] = criterion(joint, "gear turns above rated torque")
+        cycles = (life or 20_000.0) * 3600 / CYCLE
+        turns = cycles * ANGLE[0] / (2 * np.pi)
+        assert found[life].required == pytest.approx(turns, rel=1e-2)
+        assert found[life].available == 3e4
+    assert found[None].status == Status.FAILS
+    times = criterion(joint, "gear peaks per hour")
+    assert (times.required, times.available) == pytest.approx((3600 / CYCLE, 1e3))
+    strong = sized(tmp_path, gear=gear | {"rated_torque": 16.0})
+    rows = [criterion(strong, name) for name in (found[None].name, times.name)]
+    assert [(row.required, row.status) for row in rows] == [(0.0, Status.PASSES)] * 2
+
+
+def test_a_motor_for_mains_has_less_torque_the_faster_it_turns(tmp_path):
+    """0.6 N m at standstill, 0.4 at 600 rad/s; its mass by rule of the larger."""
+    motor = {"continuous_stall_torque": 0.6, "continuous_torque": 0.4, "rated_speed": 600.0}
+    motor |= {"mass": None, "thermal": None, "nominal_voltage": 48.0}
+    joint = sized(tmp_path, motor)
+    speed = RATIO * ANGLE.sum() / CYCLE
+    row = criterion(joint, "continuous torque")
+    assert row.available == pytest.approx(0.6 - 0.2 * speed / 600.0, rel=1e-6)
+    assert "along a line" in row.note
+    heavy = 1.94 * 0.6**0.75
+    assert joint.choice.candidate.mass == pytest.approx(heavy + GEAR["mass"])
+
+
 def test_a_cycloidal_gear_has_peaks_and_a_speed_of_its_own(tmp_path):
     """2.5 and 5 times the rating where nothing is printed; the mean speed while it moves."""
     printed = {"repeated_peak_torque": 66.0, "momentary_peak_torque": 99.0}
@@ -828,7 +860,7 @@ def variants(tmp_path):
         ({"thermal": None, "thermal_time": 900.0, **only}, {"stiffness": None}),
         ({"thermal": {**MOTOR["thermal"], "max_winding": None}}, {}),
         ({"ambient_curve": [[25.0, 1.0], [90.0, 0.5]]}, {}),
-        ({}, {"kind": "cycloidal"}),
+        ({}, {"kind": "cycloidal", "peak_turns": 3e4, "peaks_per_hour": 1e3}),
     ):
         catalog = one_drive(tmp_path, motor, gear, brakes=brake, **more)
         yield turning, trapezoid(turning), catalog
