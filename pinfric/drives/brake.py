@@ -290,9 +290,13 @@ class Stop(NamedTuple):
         return float(brake.torque * way.max())
 
 
-def braking_torque(brake: Brake, torque: float, stop: Stop | None) -> float:
-    """Return what a brake must hold at the shaft, N m: a torque, and that of a stop in time."""
-    return torque if stop is None else max(torque, stop.torque(brake))
+def braking_torques(brake: Brake, torque: float, stop: Stop | None) -> tuple[float, float]:
+    """Return what a brake must have at the shaft, and has, N m, by which least is left.
+
+    At rest a torque, which its static one holds; of a stop in time its dynamic one.
+    """
+    pairs = [(torque, brake.holds), *([] if stop is None else [(stop.torque(brake), brake.torque)])]
+    return max(pairs, key=lambda pair: pair[0] / pair[1])
 
 
 def closing_way(
@@ -368,9 +372,8 @@ def smallest_brake(brakes: Mapping[str, Brake], torque: float, stop: Stop | None
     """
     for name, brake in brakes.items():
         most = brake.stop_energy
-        if brake.torque >= braking_torque(brake, torque, stop) and (
-            stop is None or most is None or stop.energy(brake) <= most
-        ):
+        wanted, has = braking_torques(brake, torque, stop)
+        if has >= wanted and (stop is None or most is None or stop.energy(brake) <= most):
             return name
     return None
 
@@ -393,14 +396,16 @@ def _torque(
     formula = f"{factor} max |load|/ratio at rest, without friction <= torque of the brake"
     if stop is not None and stop.within < np.inf:
         formula += f", and max |load|/ratio + J max omega/{stop.within:g} s"
+    torque = None
     if name is not None or brakes:
-        taken = name or list(brakes)[-1]
-        wanted = None if wanted is None else braking_torque(brakes[taken], wanted, stop)
+        taken = brakes[name or list(brakes)[-1]]
+        torque = taken.holds
+        if wanted is not None:
+            wanted, torque = braking_torques(taken, wanted, stop)
     if name is not None:
         note = f"{name}: {_described(brakes[name])}"
-        torque = brakes[name].torque
         return compare(_BRAKE, wanted, torque, "N m", formula, _SOURCE, "", note, said)
-    strongest = max((brake.torque for brake in brakes.values()), default=None)
+    strongest = torque
     missing = "brakes in the catalogue" if wanted is not None else "gear and motor"
     if needed and chosen and wanted is not None and not brakes:
         said, figures = stated(conditions, "holding_brake"), (wanted, 0.0, "N m", LEAST_MARGIN)
@@ -435,6 +440,7 @@ def _energy(
 def _described(brake: Brake) -> str:
     parts = [f"{brake.torque:g} N m"]
     for value, text in (
+        (brake.static_torque, "{:g} N m at rest"),
         (brake.voltage, "{:g} V"),
         (brake.power, "{:g} W"),
         (brake.release_time, "opens in {:g} s"),

@@ -18,7 +18,12 @@ class HoldingBrake(Entry):
     Closed it acts like dry friction: it holds up to its torque, and opposes motion with it.
     """
 
-    torque: Annotated[Positive, key("least holding torque", 0.5, "N m")]
+    torque: Annotated[
+        Positive, key("least holding torque; the dynamic one of a stop, if it is less", 0.5, "N m")
+    ]
+    static_torque: Annotated[
+        Positive | None, key("M4, least at rest, where it is more than `torque`", 0.8, "N m")
+    ] = None
     torque_max: Annotated[
         Positive | None,
         key("largest torque, which loads the gear in a stop; left out: twice `torque`", 0.9, "N m"),
@@ -33,14 +38,21 @@ class HoldingBrake(Entry):
 
     @property
     def greatest(self) -> float:
-        """The largest torque, N m: `torque_max`, or 2 times `torque` where it is not known."""
-        return self.torque_max or BRAKE_PEAK * self.torque
+        """The largest torque, N m: `torque_max`, or 2 times `holds` where it is not known."""
+        return self.torque_max or BRAKE_PEAK * self.holds
+
+    @property
+    def holds(self) -> float:
+        """What it holds at rest, N m."""
+        return self.static_torque or self.torque
 
     @model_validator(mode="after")
     def _most_is_more(self) -> HoldingBrake:
-        if self.torque_max is not None and self.torque_max < self.torque:
-            raise ValueError(
-                f"torque_max {self.torque_max:g} N m is less than torque {self.torque:g} N m: "
-                "`torque` is the least that it holds"
-            )
+        for most in ("torque_max", "static_torque"):
+            given = getattr(self, most)
+            if given is not None and given < self.torque:
+                raise ValueError(
+                    f"{most} {given:g} N m is less than torque {self.torque:g} N m: `torque` is "
+                    "the least that it holds"
+                )
         return self

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from pinfric.drives.brake import Stop, braking_torque, smallest_brake
+from pinfric.drives.brake import Stop, braking_torques, smallest_brake
 from pinfric.drives.catalog import Brake, Catalog, Gear, GearMotor, Motor
 from pinfric.drives.criterion import STEPS, Criterion, Status
 from pinfric.drives.demand import largest, mean
@@ -528,7 +528,8 @@ class Search:
             options: list[Brake | None] = []
             for name, brake in brakes.items():
                 borne = [smallest_brake({name: brake}, needed, stop) for stop in stops]
-                options += [brake] * (brake.torque >= braking_torque(brake, needed, stops[0]))
+                wanted, has = braking_torques(brake, needed, stops[0])
+                options += [brake] * (has >= wanted)
                 if None not in borne:
                     break
             else:

@@ -432,6 +432,20 @@ def test_a_brake_holds_with_a_reserve_and_stops_within_half_a_second(
     assert (found.brake, found.fitted) == ("1.01", True)
     assert found.torque.required == pytest.approx(needed, rel=1e-3)
     assert ("guesses" in found.torque.formula) == (factor == 2.0)
+    # at rest the static torque counts, in a stop the dynamic one, which is more than the load
+    stopped = max(stopped, LOAD / 50)
+    slides = 1.01 * stopped
+    parts = {"weak": (0.99 * slides, 0.99 * held), "fits": (slides, 1.01 * held)}
+    brakes = {
+        name: Brake(torque=low, static_torque=max(low, high), **same)
+        for name, (low, high) in parts.items()
+    }
+    (found,) = standstills(result, brakes, Conditions(holding_brake=wanted))
+    assert found.brake == "fits"
+    assert (found.torque.required, found.torque.available) in [
+        pytest.approx((held, max(slides, 1.01 * held)), rel=1e-3),
+        pytest.approx((stopped, slides), rel=1e-3),
+    ]
 
 
 @pytest.mark.parametrize(("stops", "moves"), [*product((None, STOPS), (False, True))])

@@ -160,7 +160,7 @@ def test_brakes_have_the_torques_of_their_own_rows():
     for model, torque in yaskawa.items():
         assert brakes[f"Yaskawa SGMGV-{model}"].torque == torque
     assert brakes["Mitsubishi HC-MF 23, 43"].stop_energy == 22.0
-    assert brakes["Siemens 1FK2-05"].torque == 5  # dynamic; 8 N m static
+    assert (brakes["Siemens 1FK2-05"].torque, brakes["Siemens 1FK2-05"].holds) == (5, 8)
 
 
 def test_amplifiers_have_the_currents_of_their_names():
