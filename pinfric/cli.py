@@ -45,6 +45,7 @@ from pinfric.terminal import (
     warnings_as_notices,
     weighted,
     working,
+    xacro_arguments,
 )
 
 #: Exit codes: what was given is wrong; a defect of pinfric (sysexits.h's EX_SOFTWARE); stopped by
@@ -103,6 +104,10 @@ Period = Annotated[
 ]
 Motors = Annotated[
     str | None, typer.Option(metavar="FILE", help="Limits of the drives (YAML), or default:NAME.")
+]
+XacroArgs = Annotated[
+    list[str] | None,
+    typer.Option("--xacro-arg", metavar="NAME:=VALUE", help="Argument of a robot that is xacro."),
 ]
 Threads = Annotated[
     int | None, typer.Option(min=1, metavar="N", help="Threads; by default chosen automatically.")
@@ -707,11 +712,23 @@ def new(
         str | None,
         typer.Option(metavar="LINK", help="That carries the payload; by default the last."),
     ] = None,
+    drive: Annotated[
+        str | None,
+        typer.Option(
+            metavar="strain_wave|cycloidal|direct|servo",
+            help="What the drives are; friction is guessed as measured on such.",
+        ),
+    ] = None,
+    mass: Annotated[
+        float | None,
+        typer.Option(metavar="KG", help="Of a robot whose URDF has none: shared by its links."),
+    ] = None,
+    xacro_arg: XacroArgs = None,
 ) -> None:
     """Write a starting scene and a first motion for a URDF; every guess is marked.
 
     With --payload also rating.waypoints.yaml: the payload held in the worst posture of each joint,
-    and lifted from there by it alone.
+    and lifted from there by it alone. With --mass also NAME.masses.urdf, the robot with that mass.
     """
     if link is not None and payload is None:
         raise typer.BadParameter("is the payload's: give --payload KG", param_hint="--link")
@@ -721,17 +738,21 @@ def new(
 
     with working("reading the robot and its meshes"), warnings.catch_warnings():
         warnings.simplefilter("ignore", PinfricWarning)  # what they say is among the doubts
-        files = write_new(urdf, out, payload, link)
-        report = judge(urdf if payload is None else files[0])
+        given = xacro_arguments(xacro_arg)
+        files = write_new(urdf, out, payload, link, drive=drive, mass=mass, xacro_args=given)
+        scene = payload is not None or mass is not None
+        report = judge(files[0]) if scene else judge(urdf, given)
     show(doubts(report))
     for file in files:
         print_line(f"wrote {file}")
-    print_line(
-        "do the links' masses hold the motors and gears? Write `robot.masses`: until then `size` "
-        "tries both and takes the heavier drives"
-    )
-    command = "inverse" if len(files) > 1 else "explain"
-    print_line(f"try: pinfric {command} {' '.join(map(str, files[:2]))}")
+    if mass is None:
+        print_line(
+            "do the links' masses hold the motors and gears? Write `robot.masses`: until then "
+            "`size` tries both and takes the heavier drives"
+        )
+    motion = [file for file in files if file.name.endswith(".waypoints.yaml")][:1]
+    command = "inverse" if motion else "explain"
+    print_line(f"try: pinfric {command} {' '.join(map(str, [files[0], *motion]))}")
     if payload is not None:
         of = "" if link is None else f" --rating link={link}"
         print_line(
@@ -783,6 +804,7 @@ def check(
     strict: Annotated[
         bool, typer.Option("--strict", help="Treat warnings as errors (exit code 2).")
     ] = False,
+    xacro_arg: XacroArgs = None,
     as_json: AsJson = False,
 ) -> None:
     """List implausible values of a robot or a scene, and the units that would explain them."""
@@ -790,7 +812,7 @@ def check(
     from pinfric.show.report.check import check_report
 
     with working("reading the robot and its meshes"):
-        report = judge(source)
+        report = judge(source, xacro_arguments(xacro_arg))
     read.extend(report.files)
     scene_name = "" if report.source.endswith((".urdf", ".xacro")) else report.source
     answer("check", report, partial(check_report, report), as_json, scene=scene_name)

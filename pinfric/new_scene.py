@@ -11,22 +11,24 @@ import datetime
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pinocchio as pin
 
 from pinfric import __version__
-from pinfric.checking.joint_loads import JointLoad, joint_loads
+from pinfric.checking.estimated_masses import estimated_masses
+from pinfric.checking.joint_loads import JointLoad, held_out_level, joint_loads, two_digits
 from pinfric.checking.robot import RobotFacts
 from pinfric.checking.robot_masses import believed_weight
-from pinfric.errors import PinfricError, RobotError
+from pinfric.errors import PinfricError, RobotError, choose_from
 from pinfric.formats import json_schema
 from pinfric.model.files import file_hash, write_folder
 from pinfric.model.massless import massless_joints
-from pinfric.model.robot import Robot, locator, read_robot, urdf_file
+from pinfric.model.robot import Robot, link_frame, locator, read_robot, robot_text, urdf_file
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Payload
 from pinfric.model.urdf import UrdfDynamics
@@ -43,6 +45,14 @@ _LONGEST = 10.0
 #: must stand, and viscous friction at the velocity limit. Identified on a UR10e (Innopolis
 #: University): 3.3 to 5 %, and 13 to 22 %.
 _COULOMB, _VISCOUS = 0.05, 0.2
+#: Coulomb friction as part of the effort limit by the kind of drive, and on what that was measured:
+#: UR5e, UR10e, FR3; KR 300 R2700; Go2 (5 actuators, no gear or one stage); SO-101 (stall torque).
+DRIVES = {
+    "strain_wave": (0.04, "strain wave gear", "UR5e, UR10e, FR3: 1.3 to 6.4 %"),
+    "cycloidal": (0.022, "cycloidal gear", "KR 300: 1.7 to 2.7 %"),
+    "direct": (0.01, "no gear or one stage", "Go2: 0.7 to 1.6 %"),
+    "servo": (0.15, "hobby servo", "SO-101: 8 to 21 % of the stall torque"),
+}
 #: Static over kinetic friction; a joint's fastest turn or slide where the URDF does not say (rad/s,
 #: m/s).
 _STATIC, _FASTEST, _FASTEST_SLIDING = 1.2, 3.0, 1.0
@@ -50,39 +60,108 @@ _STATIC, _FASTEST, _FASTEST_SLIDING = 1.2, 3.0, 1.0
 _MU = {"static": 0.003, "kinetic": 0.002}
 
 
+@dataclass(frozen=True)
+class Begun:
+    """A robot of which a scene is begun, read once.
+
+    Attributes:
+        urdf: the file. robot, facts: as read and measured.
+        masses: link -> its part of an estimated mass; empty where the URDF has masses.
+        mass: of which they are parts, kg; 0 where none was given.
+        by: what they are shared by.
+        drive: kind of all drives, of `DRIVES`; None: not known.
+    """
+
+    urdf: Path
+    robot: Robot
+    facts: RobotFacts
+    masses: Mapping[str, pin.Inertia]
+    mass: float
+    by: str
+    drive: str | None
+
+    @classmethod
+    def read(
+        cls,
+        urdf: str | Path,
+        drive: str | None = None,
+        mass: float | None = None,
+        xacro_args: Mapping[str, str] | None = None,
+    ) -> Begun:
+        """Read a robot, and estimate its masses where `mass` is given.
+
+        Args:
+            urdf: the file, or `example-robot-data:<path below its robots folder>`.
+            drive: kind of all drives, see `DRIVES`.
+            mass: of a robot whose URDF has none, kg, with its drives: what its maker prints.
+            xacro_args: of a robot that is xacro.
+
+        Raises:
+            RobotError: the URDF cannot be read, or describes something that cannot exist; a mass
+                of a robot that has its own.
+        """
+        urdf = urdf_file(urdf)
+        if drive is not None and drive not in DRIVES:
+            raise RobotError(f"drive {drive!r}: {choose_from(drive, list(DRIVES))}")
+        robot, facts = read_robot(urdf, {}, xacro_args), RobotFacts.of(urdf, xacro_args)
+        if mass is None:
+            return cls(urdf, robot, facts, {}, 0.0, "", drive)
+        if not 0 < mass < math.inf:
+            raise RobotError(f"mass {mass:g} kg: give what the robot weighs, above 0")
+        masses, by = estimated_masses(facts, mass)
+        model = robot.model.copy()
+        for link, body in masses.items():
+            frame = model.frames[link_frame(model, link)]
+            model.appendBodyToJoint(frame.parentJoint, body, frame.placement)
+        return cls(urdf, replace(robot, model=model), facts, masses, mass, by, drive)
+
+    @property
+    def name(self) -> str:
+        """Of its files: of arm.urdf.xacro, too."""
+        return self.urdf.stem.removesuffix(".urdf")
+
+    @property
+    def weight(self) -> float | None:
+        """Torque (N m) that holds it out level; None where its masses are doubtful."""
+        if self.masses:
+            return held_out_level(self.mass, self.facts.way, self.robot.model)
+        return believed_weight(self.facts, self.robot.model)
+
+
 def new_scene(
-    urdf: str | Path, folder: str | Path | None = None, payload: Payload | None = None
+    begun: Begun, folder: str | Path | None = None, payload: Payload | None = None
 ) -> str:
-    """Return a scene for a URDF as commented YAML that loads and runs as it is.
+    """Return a scene for a robot as commented YAML that loads and runs as it is.
 
     Bearings: a turning joint gets two bearings on a shaft that carries its torque T at a shear
     stress of 20 MPa, d = (16 T/(pi 20 MPa))^(1/3); a sliding joint a guide half as long as its
     travel. Dry friction is 5 % of the lesser of the joint's effort limit and three times the weight
-    that it carries, viscous friction 20 % of it at the velocity limit, as identified on a UR10e.
-    Each guess has its reason beside it, and in `assumed`. Whether the links hold the drives is
-    asked, not guessed.
+    that it carries, or the share of a kind of drive (`DRIVES`) of its effort limit; viscous
+    friction 20 % of the lesser at the velocity limit, as identified on a UR10e. Where a limit is a
+    placeholder (`limit_remarks`) it counts for nothing. Each guess has its reason beside it, and in
+    `assumed`. Whether the links hold the drives is asked, not guessed.
 
     Args:
-        urdf: the file, or `example-robot-data:<path below its robots folder>`.
+        begun: the robot.
         folder: where the scene will be saved; the URDF is named relative to it. None: in full.
         payload: that it is rated for; None: an example in a comment.
-
-    Raises:
-        RobotError: the URDF cannot be read, or describes something that cannot exist.
     """
-    urdf = urdf_file(urdf)
-    robot = read_robot(urdf, {})
-    weight = believed_weight(RobotFacts.of(urdf), robot.model)
-    joints = joint_loads(robot.model, weight)
+    urdf, robot = begun.urdf, begun.robot
+    joints = joint_loads(robot.model, begun.weight)
     massless = massless_joints(Scene(robot.model))
-    guessed = [
-        joint
+    guesses = {
+        joint.name: _guesses(joint, begun.drive)
         for joint in joints
         if joint.degrees == 1 and (joint.leader or joint.name) not in massless
-    ]
+    }
     rejected = [joint for joint in joints if joint.remark]
     mass = sum(inertia.mass for inertia in tuple(robot.model.inertias)[1:])  # 0 is the ground
     bodies = [frame.name for frame in robot.model.frames if frame.type == pin.FrameType.BODY]
+    named = locator(urdf, folder) if not begun.masses else f"{begun.name}.masses.urdf"
+    made = [f"pinfric new {locator(urdf, folder)}"]
+    made += [f"--xacro-arg {name}:={value}" for name, value in robot.xacro_args.items()]
+    made += [f"--drive {begun.drive}"] * (begun.drive is not None)
+    made += [f"--mass {begun.mass:g}"] * bool(begun.masses)
     parts = [
         f"# A starting scene for {urdf.name} ({robot.model.njoints - 1} joints, {mass:.4g} kg that "
         "move), made by `pinfric new`.\n"
@@ -99,16 +178,14 @@ def new_scene(
         ),
         "pinfric: 1",
         "robot:",
-        f"  urdf: {yaml_line(locator(urdf, folder))}",
+        f"  urdf: {yaml_line(named)}" + f"  # guess: {_mass_guess(begun)}" * bool(begun.masses),
+        *_xacro_section(robot.xacro_args if not begun.masses else {}),
         "  gravity: [0.0, 0.0, -9.81]",
         *_dynamics_section(robot),
-        "  # masses: with_drives        # do the links hold motors and gears? Nothing in a URDF "
-        "tells it:\n"
-        "  # masses: without_drives     # write one. Until then `size` tries both and takes the "
-        "heavier drives",
+        *_masses_section(begun),
         *_payload_section(payload, bodies[-1]),
-        "friction:" if guessed else "friction: {}",
-        *[line for j in joints for line in _joint_section(j, j in guessed, robot.dynamics)],
+        "friction:" if guesses else "friction: {}",
+        *[line for j in joints for line in _joint_section(j, guesses, robot.dynamics)],
         *_actuators_section(robot),
         # what `pinfric simulate` runs
         *(
@@ -116,50 +193,49 @@ def new_scene(
                 "simulation:                    # pinfric simulate: the robot without power for "
                 "1 s\n  t_end: 1.0",
             ]
-            if guessed or any(joint.degrees > 1 for joint in joints)
+            if guesses or any(joint.degrees > 1 for joint in joints)
             else [
                 "# simulation: not possible, because nothing moves a mass; give links an <inertial>"
             ]
         ),
-        # the guesses as data, so that every report can list them
-        *(
-            [
-                "assumed:                       # delete the line of each guess that you replace",
-                f"  by: {yaml_line(f'pinfric new {locator(urdf, folder)}')}",
-                f"  date: '{datetime.date.today().isoformat()}'",
-                f"  version: {yaml_line(__version__)}",
-                f"  inputs: {{{yaml_line(urdf.name)}: {file_hash(urdf)}}}",
-                "  values:",
-            ]
-            if guessed
-            else []
-        ),
-        *[
-            f"    {yaml_line(f'friction.{joint.name}.{key}')}: {yaml_line(why)}"
-            for joint in guessed
-            for key, (_, why) in _guesses(joint).items()
-        ],
     ]
+    # the guesses as data, so that every report can list them
+    values = {
+        f"friction.{name}.{key}": why
+        for name, guessed in guesses.items()
+        for key, (_, why) in guessed.items()
+    }
+    if begun.masses:
+        values = {"robot.urdf": _mass_guess(begun), **values}
+    if values:
+        parts += [
+            "assumed:                       # delete the line of each guess that you replace",
+            f"  by: {yaml_line(' '.join(made))}",
+            f"  date: '{datetime.date.today().isoformat()}'",
+            f"  version: {yaml_line(__version__)}",
+            f"  inputs: {{{yaml_line(urdf.name)}: {file_hash(urdf)}}}",
+            "  values:",
+            *[f"    {yaml_line(place)}: {yaml_line(why)}" for place, why in values.items()],
+        ]
     return "\n".join(parts) + "\n"
 
 
-def new_waypoints(urdf: str | Path) -> str:
+def new_waypoints(begun: Begun) -> str:
     """Return a way-point file for the same robot: a small move of every joint, a hold, and back.
 
     Raises:
-        RobotError: the URDF cannot be read.
         TrajectoryError: planar or floating joints, which files cannot describe.
     """
-    urdf = urdf_file(urdf)
-    robot = read_robot(urdf, {})
-    columns = joint_columns(robot.model, str(urdf))
+    robot = begun.robot
+    columns = joint_columns(robot.model, str(begun.urdf))
     followers = find_followers(SimpleNamespace(robot=robot, model=robot.model), columns)
     columns = tuple(_followed(column, followers) for column in columns)
     start = [_start(column) for column in columns]
     end = [_end(column, at) for column, at in zip(columns, start, strict=True)]
     names = ", ".join(yaml_line(column.name) for column in columns)
     there, back, time = _numbers(end), _numbers(start), f"{_duration(columns, start, end):g}"
-    return f"""# A first motion for {urdf.name}: each joint moves a little, holds, and returns.
+    name = begun.urdf.name
+    return f"""# A first motion for {name}: each joint moves a little, holds, and returns.
 # Made by `pinfric new`; positions in rad and m, times in s.
 pinfric_trajectory: 1
 profile: quintic
@@ -172,22 +248,20 @@ points:
 """
 
 
-def new_rating(urdf: str | Path, payload: float, link: str | None = None) -> tuple[Payload, str]:
+def new_rating(begun: Begun, payload: float, link: str | None = None) -> tuple[Payload, str]:
     """Return a rated payload for a scene, and a way-point file that holds and lifts it.
 
     Args:
-        urdf: see `new_scene`. payload: kg. link: that carries it; None: the last one.
+        begun: the robot. payload: kg. link: that carries it; None: the last one.
 
     Raises:
-        RobotError: the URDF cannot be read; TrajectoryError: see `rate`.
+        TrajectoryError: see `rate`.
     """
-    urdf = urdf_file(urdf)
-    robot = read_robot(urdf, {})
-    scene = Scene(robot.model, robot=robot, source=str(urdf))
+    scene = Scene(begun.robot.model, robot=begun.robot, source=str(begun.urdf))
     rated = rate(scene, {"payload": payload, **({} if link is None else {"link": link})})
     return rated.scene.payloads[rated.payload], (
-        f"# What {urdf.name} is rated for, as a motion: {payload:g} kg, held in the worst posture "
-        "of each joint and lifted\n"
+        f"# What {begun.urdf.name} is rated for, as a motion: {payload:g} kg, held in the worst "
+        "posture of each joint and lifted\n"
         "# from there by it alone, against gravity. `pinfric size --rating` takes each joint's "
         "means over its own part.\n"
         f"# Made by `pinfric new`; positions in rad and m, times in s.\n{rated.waypoints()}"
@@ -199,31 +273,35 @@ def write_new(
     folder: str | Path = ".",
     payload: float | None = None,
     link: str | None = None,
+    **given: Any,
 ) -> list[Path]:
     """Write NAME.yaml and NAME.waypoints.yaml for a URDF; existing files are never overwritten.
 
     Beside them go the JSON schemas of both, which their first lines name to editors; with a payload
-    rating.waypoints.yaml.
+    rating.waypoints.yaml, with a mass NAME.masses.urdf.
 
     Args:
-        urdf: see `new_scene`; NAME is the file's without suffix.
+        urdf: see `Begun.read`; NAME is the file's without suffix.
         folder: where to; made if missing. payload, link: see `new_rating`.
+        **given: drive, mass, xacro_args of `Begun.read`.
 
     Raises:
-        RobotError: see `new_scene`; PinfricError: a file exists already or cannot be written.
+        RobotError: see `Begun.read`; PinfricError: a file exists already or cannot be written.
     """
-    urdf = urdf_file(urdf)
-    folder, name = Path(folder), urdf.stem.removesuffix(".urdf")  # of arm.urdf.xacro, too
-    load, rating = (None, "") if payload is None else new_rating(urdf, payload, link)
-    contents = {f"{name}.yaml": _checked("scene", new_scene(urdf, folder, load))}
+    begun = Begun.read(urdf, **given)
+    folder, name = Path(folder), begun.name
+    load, rating = (None, "") if payload is None else new_rating(begun, payload, link)
+    contents = {f"{name}.yaml": _checked("scene", new_scene(begun, folder, load))}
     try:
-        contents[f"{name}.waypoints.yaml"] = _checked("waypoints", new_waypoints(urdf))
+        contents[f"{name}.waypoints.yaml"] = _checked("waypoints", new_waypoints(begun))
     except RobotError:
         raise
     except PinfricError:
         pass  # a floating joint: motions are made in Python
     if rating:
         contents["rating.waypoints.yaml"] = _checked("waypoints", rating)
+    if begun.masses:
+        contents[f"{name}.masses.urdf"] = robot_text(begun.robot, begun.masses)
     for file in contents:
         if (folder / file).exists():
             raise PinfricError(f"{folder / file}: exists already; name another folder (--out)")
@@ -246,6 +324,27 @@ def _checked(kind: str, text: str) -> str:
     return f"# yaml-language-server: $schema={kind}.schema.json\n{text}"
 
 
+def _mass_guess(begun: Begun) -> str:
+    return f"{begun.mass:g} kg, shared by {begun.by}; {begun.urdf.name} has no mass"
+
+
+def _xacro_section(given: Mapping[str, str]) -> list[str]:
+    words = ", ".join(f"{yaml_line(name)}: {yaml_line(value)}" for name, value in given.items())
+    return [f"  xacro_args: {{{words}}}"] if given else []
+
+
+def _masses_section(begun: Begun) -> list[str]:
+    """Whether links hold their drives: what a maker prints does, of all else nothing tells."""
+    if begun.masses:
+        return ["  masses: with_drives         # a robot's printed mass holds motors and gears"]
+    return [
+        "  # masses: with_drives        # do the links hold motors and gears? Nothing in a URDF "
+        "tells it:\n"
+        "  # masses: without_drives     # write one. Until then `size` tries both and takes the "
+        "heavier drives"
+    ]
+
+
 def _payload_section(payload: Payload | None, link: str) -> list[str]:
     """The rated payload, or an example in a comment."""
     if payload is None:
@@ -262,13 +361,15 @@ def _payload_section(payload: Payload | None, link: str) -> list[str]:
 
 
 def _joint_section(
-    joint: JointLoad, moves_mass: bool, dynamics: Mapping[str, UrdfDynamics]
+    joint: JointLoad,
+    guesses: Mapping[str, dict[str, tuple[str, str]]],
+    dynamics: Mapping[str, UrdfDynamics],
 ) -> list[str]:
     """The lines of one joint; a joint without a single axis is only listed."""
     name = yaml_line(joint.name)
     if joint.degrees > 1:
         return [f"  # {name}: {joint.degrees} degrees of freedom; friction needs one axis"]
-    if not moves_mass:
+    if joint.name not in guesses:
         return [f"  # {name}: moves no mass; its friction would have no load, and none is guessed"]
     position = "m" if joint.sliding else "rad"
     if joint.leader is not None:
@@ -281,7 +382,7 @@ def _joint_section(
     given = dynamics.get(joint.name, UrdfDynamics(0.0, 0.0))
     stated = {"coulomb": given.friction, "viscous": given.damping}
     lines = [f"  {name}:  # {'slides' if joint.sliding else 'turns'}, {about}"]
-    for key, (value, why) in _guesses(joint).items():
+    for key, (value, why) in guesses[joint.name].items():
         urdf = f"; <dynamics>: {stated[key]:g}" if stated.get(key) else ""
         lines.append(f"    {key}: {value}  # guess: {why}{urdf}")
     if joint.leader is None:
@@ -289,15 +390,18 @@ def _joint_section(
     return lines
 
 
-def _guesses(joint: JointLoad) -> dict[str, tuple[str, str]]:
+def _guesses(joint: JointLoad, drive: str | None) -> dict[str, tuple[str, str]]:
     """Key of a joint's friction -> its guess, and why."""
-    dry = _COULOMB * joint.least
+    dry, measured = _COULOMB * joint.least, "measured robots: 0.2 to 6.5 %"
     unit, rate = ("N", "m/s") if joint.sliding else ("N m", "rad/s")
     speed, at = joint.fastest, "its velocity limit"
     if not speed:
         speed, at = (_FASTEST_SLIDING if joint.sliding else _FASTEST), "a usual velocity"
     least = f"{joint.least:.3g} {unit}"
-    lesser = joint.why_least if joint.least < joint.load else least
+    share = f"{100 * _COULOMB:g} % of {joint.why_least if joint.least < joint.load else least}"
+    if drive is not None:
+        part, called, measured = DRIVES[drive]
+        dry, share = part * joint.load, f"{called}, {100 * part:g} % of {joint.why}"
     if joint.sliding:
         travel = joint.upper - joint.lower
         length = min(max(0.5 * travel, 0.02), 0.3) if math.isfinite(travel) else 0.1
@@ -312,7 +416,7 @@ def _guesses(joint: JointLoad) -> dict[str, tuple[str, str]]:
         r, width = _short(radius), _short(2.0 * radius)
         bearing = (
             f"{{kind: pin, radius: {r}, length: {width}, thrust_radius: {r}}}",
-            f"{1e3 * shaft:.2g} mm shaft for {joint.why}",
+            f"{two_digits(1e3 * shaft)} mm shaft for {joint.why}",
         )
     return {
         "bearing": bearing,
@@ -322,7 +426,7 @@ def _guesses(joint: JointLoad) -> dict[str, tuple[str, str]]:
         ),
         "coulomb": (
             f"{{static: {_short(_STATIC * dry)}, kinetic: {_short(dry)}}}",
-            f"gear and seals, {100 * _COULOMB:g} % of {lesser}; measured robots: 0.2 to 6.5 %",
+            f"gear and seals, {share}; {measured}",
         ),
         "viscous": (
             _short(_VISCOUS * joint.least / speed),

@@ -177,6 +177,21 @@ def pairs(given: Sequence[str] | None, option: str, kind: Callable[[str], Any]) 
     return found
 
 
+def xacro_arguments(given: Sequence[str] | None) -> dict[str, str]:
+    """Return what `--xacro-arg` gives as NAME:=VALUE, by name.
+
+    Raises:
+        typer.BadParameter: no such pair.
+    """
+    found = {}
+    for text in given or ():
+        name, sign, value = text.strip().partition(":=")
+        if not (sign and name):
+            raise typer.BadParameter(f"{text!r}: should be NAME:=VALUE", param_hint="--xacro-arg")
+        found[name] = value
+    return found
+
+
 def weighted(text: str) -> tuple[str, float]:
     """Return the file and the number of FILE:NUMBER; 1 where no number stands behind a colon."""
     from pinfric.model.csv_text import number_of

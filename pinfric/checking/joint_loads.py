@@ -270,14 +270,19 @@ def _by_weight(
     unit = "N" if sliding else "N m"
     load, why = 1.0, f"1 {unit} (no weight to estimate from)"
     if weight > 0:
-        what = f"{mass:.2g} kg" if sliding else f"{mass:.2g} kg held out level"
-        load = _OVER_WEIGHT * weight
-        why = f"{_OVER_WEIGHT:g} times {what}, {load:.2g} {unit}"
+        load, level = _OVER_WEIGHT * weight, "" if sliding else " held out level"
+        what = f"{two_digits(mass)} kg{level}"
+        why = f"{_OVER_WEIGHT:g} times {what}, {two_digits(load)} {unit}"
     strongest = max(before, key=lambda joint: joint.least, default=None)
     if strongest and load < _OF_CHAIN * strongest.least:
         load = _OF_CHAIN * strongest.least
         why = f"{_OF_CHAIN:g} of the {strongest.least:.3g} N m of {strongest.name}"
     return load, why
+
+
+def two_digits(x: float) -> str:
+    """Return a number with two digits, without an exponent below a million: 8500, not 8.5e+03."""
+    return f"{float(f'{x:.2g}'):g}"
 
 
 def _limits(model: pin.Model, kind: Any) -> tuple[float, float]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from pinfric.checking.findings import CheckReport, Finding, Severity
@@ -12,7 +12,7 @@ from pinfric.checking.joints import joint_findings
 from pinfric.checking.links import link_findings
 from pinfric.checking.robot import RobotFacts
 from pinfric.checking.scene import massless_findings, scene_findings
-from pinfric.errors import PinfricWarning, RobotError
+from pinfric.errors import PinfricWarning, RobotError, SceneError
 from pinfric.model.robot import BUNDLED, Robot, read_robot, urdf_file
 from pinfric.model.scene import Scene
 from pinfric.model.scene_file import load_scene
@@ -20,12 +20,13 @@ from pinfric.model.scene_file import load_scene
 _URDF_SUFFIXES = (".urdf", ".xacro", ".xml", ".sdf", ".mjcf")
 
 
-def check(source: str | Path) -> CheckReport:
+def check(source: str | Path, xacro_args: Mapping[str, str] | None = None) -> CheckReport:
     """Return everything implausible about a URDF, or about a scene and its URDF.
 
     Args:
         source: a URDF (or xacro), `example-robot-data:<path below its robots folder>`, a scene
             file, or a bundled scene's name.
+        xacro_args: of a robot that is xacro; a scene has its own, `robot.xacro_args`.
 
     Raises:
         RobotError, SceneError: it cannot be read at all.
@@ -35,8 +36,9 @@ def check(source: str | Path) -> CheckReport:
     0
     """
     if is_urdf(source):
-        path = urdf_file(source)
-        return check_urdf(path, str(source))
+        return check_urdf(urdf_file(source), str(source), xacro_args)
+    if xacro_args:
+        raise SceneError(f"{source}: is a scene: write its `robot.xacro_args`")
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", PinfricWarning)
         scene = load_scene(source)
@@ -46,23 +48,26 @@ def check(source: str | Path) -> CheckReport:
     facts, files = None, [scene.source]
     if scene.robot is not None:
         files.append(str(scene.robot.urdf))
-        facts = RobotFacts.of(scene.robot.urdf)
+        facts = RobotFacts.of(scene.robot.urdf, scene.robot.xacro_args)
         findings += _urdf_findings(facts, scene)
     findings += scene_findings(scene, facts, said)
     return CheckReport.of(scene.source, findings, {} if facts is None else _figures(facts), files)
 
 
-def check_urdf(urdf: Path, source: str = "") -> CheckReport:
+def check_urdf(
+    urdf: Path, source: str = "", xacro_args: Mapping[str, str] | None = None
+) -> CheckReport:
     """Return everything implausible about a URDF.
 
     Args:
         urdf: the file.
         source: what to call it; by default its path.
+        xacro_args: see `check`.
 
     Raises:
         RobotError: it cannot be read at all.
     """
-    facts = RobotFacts.of(urdf)
+    facts = RobotFacts.of(urdf, xacro_args)
     return CheckReport.of(source or str(urdf), _urdf_findings(facts), _figures(facts), [urdf])
 
 
@@ -83,7 +88,7 @@ def _urdf_findings(facts: RobotFacts, scene: Scene | None = None) -> Iterator[Fi
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", PinfricWarning)
-            robot = read_robot(facts.urdf, {})
+            robot = read_robot(facts.urdf, {}, facts.xacro_args)
     except RobotError as refused:
         reason = str(refused).removeprefix(f"{facts.urdf}: ")
         yield Finding(Severity.ERROR, "does not load", "robot", reason, "", excess=1e9)
@@ -91,6 +96,8 @@ def _urdf_findings(facts: RobotFacts, scene: Scene | None = None) -> Iterator[Fi
     yield from joint_findings(facts, robot)
     if robot is not None and any(facts.masses.values()):
         yield from massless_findings(scene or Scene(robot.model))
+    for text in facts.said:
+        yield Finding(Severity.WARNING, "reading", "robot", text, "")
     if facts.nameless:
         yield Finding(Severity.NOTE, "no name", "robot", "has no name", "called 'robot'")
     for mesh in facts.missing:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -24,6 +25,8 @@ from pinfric.model.urdf import (
 )
 from pinfric.model.urdf_file import read_xml
 
+#: Parts of warnings of reading that are findings of their own: lost leaders, impossible inertias.
+_FOUND = "which is not there", "used as written"
 #: Shapes smaller than this part of the robot's reach stand in for something.
 _STAND_IN = 0.01
 
@@ -73,6 +76,8 @@ class RobotFacts:
         lost: joint -> the leader that is not there.
         missing, unread: meshes that are not there; those that cannot be read -> why.
         extents: link -> box of its shapes.
+        said: what reading warned of that is no other fact.
+        xacro_args: with which it was read.
     """
 
     urdf: Path
@@ -83,19 +88,25 @@ class RobotFacts:
     missing: list[str]
     unread: dict[str, str]
     extents: dict[str, Extent]
+    said: tuple[str, ...]
+    xacro_args: Mapping[str, str]
 
     @classmethod
-    def of(cls, urdf: Path) -> RobotFacts:
+    def of(cls, urdf: Path, xacro_args: Mapping[str, str] | None = None) -> RobotFacts:
         """Read a URDF and its meshes; what loading warns of is among the facts.
+
+        Args:
+            urdf: the file. xacro_args: see `read_xml`.
 
         Raises:
             RobotError: see `read_document`.
         """
-        root = read_xml(urdf)
-        lost, nameless = lost_leaders(root), not root.get("name")
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", PinfricWarning)
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always", PinfricWarning)
+            root = read_xml(urdf, xacro_args)
+            lost, nameless = lost_leaders(root), not root.get("name")
             check_urdf(root, urdf)
+        texts = (str(one.message).removeprefix(f"{urdf}: ") for one in said)
         document = read_document(root, urdf)
         folders = mesh_folders(urdf)
         extents, unread = link_extents(document, urdf, folders)
@@ -108,6 +119,8 @@ class RobotFacts:
             missing_meshes(root, urdf, folders),
             unread,
             extents,
+            tuple(text for text in texts if not any(part in text for part in _FOUND)),
+            xacro_args or {},
         )
 
     @cached_property
@@ -145,6 +158,11 @@ class RobotFacts:
             ways[joint.child] = [*ways[joint.parent], joint.child]
         carrying = {joint.parent for joint in self.document.joints}
         return [way for tip, way in ways.items() if tip not in carrying]
+
+    @property
+    def root_link(self) -> str:
+        """The link that no joint carries."""
+        return self._roots[0]
 
     @cached_property
     def _roots(self) -> list[str]:

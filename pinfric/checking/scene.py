@@ -28,7 +28,6 @@ from pinfric.model.mistaken_units import (
 from pinfric.model.robot import link_frame, payload_inertia, plausible_distance, reach_of
 from pinfric.model.scene import Scene, Site
 from pinfric.model.transmission import Transmission
-from pinfric.model.urdf_file import read_xml
 from pinfric.motions.joint_columns import stated_limit
 from pinfric.motions.rating import holding_efforts
 
@@ -169,7 +168,7 @@ def load_findings(scene: Scene) -> Iterator[Finding]:
     model = scene.model
     inertias = zip(scene.joint_names, tuple(model.inertias)[1:], strict=True)
     yield from outweighing({f"what joint {name} moves": body.mass for name, body in inertias})
-    root = None if scene.robot is None else read_xml(scene.robot.urdf)
+    root = None if scene.robot is None else scene.robot.xml()
     links = {} if root is None else {link.get("name"): link for link in root.findall("link")}
     yield from massless_findings(scene)
     for j in range(1, model.njoints):

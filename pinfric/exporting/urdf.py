@@ -18,7 +18,6 @@ from pinfric.model.robot import changed_parts, read_robot
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Payload
 from pinfric.model.urdf import check_urdf
-from pinfric.model.urdf_file import read_xml
 
 #: The namespace of Drake's own tags.
 _DRAKE = "http://drake.mit.edu"
@@ -49,7 +48,7 @@ def urdf(
         )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", PinfricWarning)
-        file = read_robot(robot.urdf, robot.locked).model
+        file = read_robot(robot.urdf, robot.locked, robot.xacro_args).model
     file.gravity = scene.model.gravity  # a URDF has none
     if changed := changed_parts(scene.model, file):
         raise PinfricError(
@@ -57,7 +56,7 @@ def urdf(
             f"({', '.join(changed)}), whose URDF this writes; export to mjcf, which is written "
             "from the model"
         )
-    root = read_xml(robot.urdf)
+    root = robot.xml()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", PinfricWarning)  # said when the scene was read
         check_urdf(root, robot.urdf)

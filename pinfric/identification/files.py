@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import copy
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -17,10 +15,8 @@ from pinfric.identification.findings import Findings
 from pinfric.identification.laws import PLAIN
 from pinfric.identification.parameters import Parameter, on_motor
 from pinfric.model.entry import Entry
-from pinfric.model.robot import Robot, example_robot_data, locator
+from pinfric.model.robot import Robot, locator, robot_text
 from pinfric.model.schema import Simulation, TableEffort
-from pinfric.model.urdf import mesh_file
-from pinfric.model.urdf_file import read_xml
 from pinfric.model.yamlfile import yaml_text
 
 #: Columns of the posterior that a sweep sets as they are; all others are factors on the scene's.
@@ -100,6 +96,8 @@ def scene_text(found: Findings, robot: Robot, folder: Path) -> str:
     scene = found.scene
     urdf = locator(robot.urdf, folder) if found.keeps_inertias else "robot.urdf"
     section: dict[str, Any] = {"urdf": urdf, "gravity": scene.model.gravity.linear.tolist()}
+    if robot.xacro_args and found.keeps_inertias:
+        section["xacro_args"] = dict(robot.xacro_args)
     if robot.locked:
         section["locked"] = dict(robot.locked)
     if scene.masses is not None:
@@ -206,40 +204,13 @@ def _robot_text(robot: Robot, model: pin.Model) -> str:
 
     Links that are fixed to that link give theirs up: logs cannot tell them apart.
     """
-    root = copy.deepcopy(read_xml(robot.urdf))
-    links = {str(link.get("name")): link for link in root.findall("link")}
     moved_by = {
         str(joint.get("name")): str(child.get("link"))
-        for joint in root.findall("joint")
+        for joint in robot.xml().findall("joint")
         if (child := joint.find("child")) is not None
     }
-    for frame in model.frames:
-        if frame.type == pin.FrameType.BODY and frame.parentJoint > 0:
-            link = links[frame.name]
-            for old in link.findall("inertial"):
-                link.remove(old)
+    bodies = (f for f in model.frames if f.type == pin.FrameType.BODY and f.parentJoint > 0)
+    inertias: dict[str, pin.Inertia | None] = dict.fromkeys(str(frame.name) for frame in bodies)
     for body in range(1, model.njoints):
-        links[moved_by[model.names[body]]].insert(0, _inertial(model.inertias[body]))
-    bundled = example_robot_data().resolve()
-    for mesh in root.iter("mesh"):
-        name = mesh.get("filename")
-        file = mesh_file(name, robot.urdf, robot.package_dirs)
-        if file is not None and not (
-            str(name).startswith("package:") and file.resolve().is_relative_to(bundled)
-        ):
-            mesh.set("filename", f"file://{file.resolve()}")
-    ElementTree.indent(root)
-    return '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
-
-
-def _inertial(inertia: pin.Inertia) -> ElementTree.Element:
-    def numbers(values: Any) -> str:
-        return " ".join(f"{x:.10g}" for x in values)
-
-    element = ElementTree.Element("inertial")
-    ElementTree.SubElement(element, "origin", xyz=numbers(inertia.lever), rpy="0 0 0")
-    ElementTree.SubElement(element, "mass", value=f"{inertia.mass:.10g}")
-    I = inertia.inertia  # noqa: E741 - the moments
-    moments = {f"i{'xyz'[i]}{'xyz'[k]}": f"{I[i, k]:.10g}" for i in range(3) for k in range(i, 3)}
-    ElementTree.SubElement(element, "inertia", moments)
-    return element
+        inertias[moved_by[model.names[body]]] = model.inertias[body]
+    return robot_text(robot, inertias)

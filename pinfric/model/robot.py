@@ -23,6 +23,7 @@ from pinfric.model.urdf import (
     bodies,
     check_urdf,
     dynamics,
+    mesh_file,
     reductions,
     warn_of_missing_meshes,
 )
@@ -52,6 +53,13 @@ class Robot:
     dynamics: Mapping[str, UrdfDynamics]
     reductions: Mapping[str, float]
     locked: Mapping[str, float] = field(default_factory=dict)
+    xacro_args: Mapping[str, str] = field(default_factory=dict)
+
+    def xml(self) -> ElementTree.Element:
+        """Return the root element of its file, with xacro expanded; see `read_xml`."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", PinfricWarning)  # said when the robot was read
+            return read_xml(self.urdf, self.xacro_args)
 
     @property
     def gears(self) -> dict[str, float]:
@@ -111,17 +119,20 @@ def urdf_file(name: str | Path) -> Path:
     return Path(name)
 
 
-def read_robot(urdf: Path, locked: Mapping[str, float]) -> Robot:
+def read_robot(
+    urdf: Path, locked: Mapping[str, float], xacro_args: Mapping[str, str] | None = None
+) -> Robot:
     """Read and check a URDF, with its mimic joints, and fix the joints in `locked`.
 
     Args:
         urdf: the file.
         locked: joint name -> position (rad or m) at which it is fixed and removed.
+        xacro_args: see `read_xml`.
 
     Raises:
         RobotError: not XML, not a URDF, an impossible mass, inertia or axis, an unknown joint.
     """
-    root = read_xml(urdf)
+    root = read_xml(urdf, xacro_args)
     check_urdf(root, urdf)
     package_dirs = mesh_folders(urdf)
     warn_of_missing_meshes(root, urdf, package_dirs)
@@ -131,7 +142,8 @@ def read_robot(urdf: Path, locked: Mapping[str, float]) -> Robot:
     if model.nv == 0:
         raise RobotError(f"{urdf}: no joint of this robot can move; there is nothing to drive")
     check_kinetic_energy(model, str(urdf))
-    return Robot(model, urdf, package_dirs, dynamics(root), reductions(root), locked)
+    data = dynamics(root), reductions(root)
+    return Robot(model, urdf, package_dirs, *data, locked, xacro_args or {})
 
 
 def mesh_folders(urdf: Path) -> tuple[Path, ...]:
@@ -293,6 +305,42 @@ class _silent_stderr:  # noqa: N801 - used like a function
         os.dup2(self._saved, 2)
         os.close(self._saved)
         self._file.close()
+
+
+def robot_text(robot: Robot, inertias: Mapping[str, pin.Inertia | None]) -> str:
+    """Return a robot's URDF with other inertias; its meshes are named in full.
+
+    Args:
+        robot: as read. inertias: link -> its own, about its centre of mass; None: it has none.
+    """
+    root = robot.xml()
+    for link in root.findall("link"):
+        if (name := link.attrib["name"]) in inertias:
+            for old in link.findall("inertial"):
+                link.remove(old)
+            if (own := inertias[name]) is not None:
+                link.insert(0, _inertial(own))
+    bundled = example_robot_data().resolve()
+    for mesh in root.iter("mesh"):
+        file = mesh_file(mesh.get("filename"), robot.urdf, robot.package_dirs)
+        named = str(mesh.get("filename")).startswith("package:")
+        if file is not None and not (named and file.resolve().is_relative_to(bundled)):
+            mesh.set("filename", f"file://{file.resolve()}")
+    ElementTree.indent(root)
+    return '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def _inertial(inertia: pin.Inertia) -> ElementTree.Element:
+    def numbers(values: Any) -> str:
+        return " ".join(f"{x:.10g}" for x in values)
+
+    element = ElementTree.Element("inertial")
+    ElementTree.SubElement(element, "origin", xyz=numbers(inertia.lever), rpy="0 0 0")
+    ElementTree.SubElement(element, "mass", value=f"{inertia.mass:.10g}")
+    I = inertia.inertia  # noqa: E741 - the moments
+    moments = {f"i{'xyz'[i]}{'xyz'[k]}": f"{I[i, k]:.10g}" for i in range(3) for k in range(i, 3)}
+    ElementTree.SubElement(element, "inertia", moments)
+    return element
 
 
 def payload_inertia(payload: Payload) -> pin.Inertia:

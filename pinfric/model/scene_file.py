@@ -56,7 +56,8 @@ def load_scene(path: str | Path) -> Scene:
         )
     entries: SceneFile = parse(SceneFile, read_yaml(file, SceneError, "pinfric"), str(file))
     try:
-        robot = read_robot(locate_urdf(entries.robot.urdf, file.parent), entries.robot.locked)
+        of = entries.robot
+        robot = read_robot(locate_urdf(of.urdf, file.parent), of.locked, of.xacro_args)
     except RobotError as problem:
         raise RobotError(f"{file}: {problem}") from None
     if entries.actuators is None:

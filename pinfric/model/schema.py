@@ -72,6 +72,13 @@ MassesHold = Literal["with_drives", "without_drives"]
 OTHERS = "others"
 
 
+def _word(value: Any) -> Any:
+    """A number or a truth value as xacro reads it."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return str(value) if isinstance(value, (int, float)) else value
+
+
 class RobotEntry(Entry):
     """The URDF, gravity, locked joints and payloads."""
 
@@ -82,6 +89,10 @@ class RobotEntry(Entry):
             "example-robot-data:ur_description/urdf/ur5_robot.urdf",
         ),
     ]
+    xacro_args: Annotated[
+        dict[str, Annotated[str, BeforeValidator(_word)]],
+        key("arguments of a robot written as xacro", {"ur_type": "ur10", "safety_limits": True}),
+    ] = Field(default_factory=dict)
     gravity: Annotated[Vector3, key("in the world's axes", [0.0, 0.0, -9.81], "m/s^2")] = (
         0.0,
         0.0,

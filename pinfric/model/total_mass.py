@@ -23,7 +23,7 @@ _LIGHT, _JOINTS, _WAY = 2.0, 3, 0.1
 #: `_FAR` times that is doubted.
 _HEAVY, _HEAVY_WAY = 500.0, 0.3
 #: Mass over the convex hulls of the shapes, kg/m^3: arms have 380 to 2600.
-_THIN, _DENSE = 150.0, 6000.0
+THIN, DENSE = 150.0, 6000.0
 #: So many times beyond these it is impossible.
 _FAR = 10.0
 #: Of a unit that explains it.
@@ -93,9 +93,9 @@ def doubted_total(
         excess = total / cube / _HEAVY
     else:
         found = f"moving mass {moving:.4g} kg"
-    if density is not None and not _THIN <= density <= _DENSE:
+    if density is not None and not THIN <= density <= DENSE:
         said.append(f"its shapes have {shown_density(density)} kg/m^3 (arms: 380 to 2600)")
-        excess = max(excess, _THIN / density, density / _DENSE)
+        excess = max(excess, THIN / density, density / DENSE)
     if not said:
         return None
 

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import subprocess
 import sys
+import warnings
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
 
-from pinfric.errors import RobotError, cut
+from pinfric.errors import PinfricWarning, RobotError, cut
 from pinfric.model.inputs import note_input
 from pinfric.model.yamlfile import bounded
 
@@ -23,15 +26,25 @@ _OTHERS = {
 }
 #: Seconds within which xacro expands: the largest robots take one.
 _PATIENCE = 20
+#: A tag of xacro.
+_TAG = re.compile(r"\{[^}]*/xacro/?\}")
 #: What a robot without a name is called.
 NAMELESS = "robot"
 
 
-def read_xml(urdf: Path) -> ElementTree.Element:
+def read_xml(urdf: Path, xacro_args: Mapping[str, str] | None = None) -> ElementTree.Element:
     """Return a URDF's root element, with xacro expanded.
 
+    A `.urdf` in which tags of xacro are left over that do not expand is read without them, with a
+    warning, where no name and no number depends on them.
+
+    Args:
+        urdf: the file.
+        xacro_args: its arguments and their values.
+
     Raises:
-        RobotError: it cannot be read, is not XML, is another format, or xacro that does not expand.
+        RobotError: it cannot be read, is not XML, is another format, or xacro that does not expand;
+            an argument that the file does not have.
     """
     root = _parsed(urdf)
     if root.tag != "robot":
@@ -40,9 +53,22 @@ def read_xml(urdf: Path) -> ElementTree.Element:
         raise RobotError(
             f"{urdf}: the root element is <{root.tag}>, a URDF begins with <robot>{is_other}"
         )
-    if _is_xacro(root):
-        root = _expanded(urdf, root)
-    return root
+    if not _is_xacro(root):
+        if xacro_args:
+            raise RobotError(f"{urdf}: is no xacro, and has no argument {next(iter(xacro_args))!r}")
+        return root
+    try:
+        return _expanded(urdf, root, xacro_args or {})
+    except RobotError as problem:
+        if urdf.suffix.lower() != ".urdf" or not _without_xacro(root):
+            raise
+        warnings.warn(
+            f"{urdf}: tags of xacro are left in it, and what they stand for is missing; it is read "
+            f"without them ({str(problem).removeprefix(f'{urdf}: ')})",
+            PinfricWarning,
+            stacklevel=3,
+        )
+        return root
 
 
 def _parsed(urdf: Path) -> ElementTree.Element:
@@ -63,18 +89,33 @@ def _parsed(urdf: Path) -> ElementTree.Element:
 def _is_xacro(root: ElementTree.Element) -> bool:
     """Whether anything is left to expand: expanded files still declare the namespace."""
     for element in root.iter():
-        if isinstance(element.tag, str) and re.match(r"\{[^}]*/xacro/?\}", element.tag):
+        if isinstance(element.tag, str) and _TAG.match(element.tag):
             return True
         if any("${" in text or "$(" in text for text in element.attrib.values()):
             return True
     return False
 
 
+def _without_xacro(root: ElementTree.Element) -> bool:
+    """Remove the tags of xacro; whether what is left names no expression but files of meshes."""
+    for element in list(root.iter()):
+        for inner in list(element):
+            if isinstance(inner.tag, str) and _TAG.match(inner.tag):
+                element.remove(inner)
+    for element in root.iter():
+        if element.tag in ("mesh", "texture"):
+            name = element.get("filename", "")
+            element.set("filename", re.sub(r"\$\(\s*find\s+(\S+?)\s*\)", r"package://\1", name))
+    return not _is_xacro(root)
+
+
 #: Expands the xacro file that is its argument: on stdout the names of the files it includes or
-#: loads and the robot, on stderr why it does not expand. Expressions may load any file, and errors
-#: quote it: only YAML is loaded, and only words that stand in XML files or xacro itself are told.
+#: loads and the robot, on stderr why it does not expand. A package is looked for as xacrodoc does,
+#: then as a folder of its name above the file or beside what is above it. Expressions may load any
+#: file, and errors quote it: only YAML is loaded, and only words that stand in XML files or xacro
+#: itself are told.
 _EXPAND = """
-import json, os, re, resource, sys
+import json, os, pathlib, re, resource, sys
 for kind, most in (resource.RLIMIT_AS, 2**32), (resource.RLIMIT_CPU, int(sys.argv[3])):
     resource.setrlimit(kind, (most, most))
 import xacro, yaml
@@ -85,32 +126,64 @@ def safe_load(file):
         raise OSError(refusal)
     return load(file)
 yaml.safe_load = safe_load
+given = json.loads(sys.argv[4])
+def innermost(problem):
+    while getattr(problem, "exc", None) is not None:
+        problem = problem.exc
+    return problem
+def written():
+    own = [x for x in (sys.argv[1], *xacro.all_includes) if os.path.isfile(x)]
+    return [name for name in own if not name.lower().endswith((".yaml", ".yml"))]
+def expanded():
+    # included, not read: only so do its own includes count from its folder
+    options = {"name": sys.argv[2], "resolve_packages": False, "subargs": dict(given)}
+    return XacroDoc.from_includes([sys.argv[1]], **options)
+missing = ""
 try:
     packages.walk_up_from(sys.argv[1])
-    # included, not read: only so do its own includes count from its folder
-    made = XacroDoc.from_includes([sys.argv[1]], name=sys.argv[2], resolve_packages=False)
+    while True:
+        try:
+            made = expanded()
+            break
+        except Exception as problem:
+            inner = innermost(problem)
+            if type(inner).__name__ != "PackageNotFoundError":
+                raise
+            missing, again = str(inner.args[0]), missing
+            above = [p / missing for p in pathlib.Path(sys.argv[1]).parents]
+            above += [p for p in pathlib.Path(sys.argv[1]).parents if p.name == missing]
+            there = [p for p in above if p.is_dir()] if missing != again else []
+            if not there:
+                raise
+            packages.update_package_cache({missing: there[0]})
+    texts = " ".join(open(name, errors="replace").read() for name in written())
+    known = set(re.findall(r"\\$\\(\\s*arg\\s+([^\\s)]+)", texts))
+    known |= set(re.findall(r":arg\\s[^>]*?name=.([^'\\s>]+?).[\\s/>]", texts))
+    if unknown := set(given) - known:
+        has = f"it has {', '.join(sorted(known))}" if known else "it has none"
+        sys.exit(f"there is no argument {min(unknown)!r}; {has}")
     files = json.dumps(xacro.all_includes)
     sys.stdout.buffer.write(f"{files}\\n{made.to_urdf_string()}".encode())
 except Exception as problem:
-    inner, text = problem, str(problem)
-    while getattr(inner, "exc", None) is not None:
-        inner = inner.exc
+    inner, text = innermost(problem), str(problem)
+    package = type(inner).__name__ == "PackageNotFoundError"
+    text = f"package {missing}" if package else text
     before, within, expression = text.partition("when evaluating")
     if within and "is not defined" not in before:
         kind = refusal if refusal in before else type(inner).__name__
         text = f"{kind} {within}{expression}"
-    words = "[Errno] No such file or directory not well-formed column"
+    words = "[Errno] No such file or directory not well-formed column package"
     known = [type(inner).__name__, refusal, words, sys.argv[1]]
-    for name in [sys.argv[1], xacro.__file__, *xacro.all_includes]:
-        if os.path.isfile(name) and not name.lower().endswith((".yaml", ".yml")):
-            known.append(open(name, errors="replace").read())
+    known += [open(name, errors="replace").read() for name in [xacro.__file__, *written()]]
     known, number = " ".join(known), r"(?<!line )(?<!column )"
     text = re.sub(number + r"\\b\\w+", lambda word: word[0] if word[0] in known else "...", text)
     sys.exit(text or type(problem).__name__)
 """
 
 
-def _expanded(urdf: Path, root: ElementTree.Element) -> ElementTree.Element:
+def _expanded(
+    urdf: Path, root: ElementTree.Element, xacro_args: Mapping[str, str]
+) -> ElementTree.Element:
     """Expand in a process of its own: an expression may take any time and memory."""
     if find_spec("xacrodoc") is None:
         raise RobotError(
@@ -118,7 +191,8 @@ def _expanded(urdf: Path, root: ElementTree.Element) -> ElementTree.Element:
             f"yourself (xacro {urdf.name} > robot.urdf)"
         )
     failed = f"{urdf}: is xacro and does not expand"
-    given = [str(urdf.resolve()), root.get("name") or NAMELESS, str(_PATIENCE)]
+    name = root.get("name") or NAMELESS
+    given = [str(urdf.resolve()), name, str(_PATIENCE), json.dumps(dict(xacro_args))]
     try:
         ended = subprocess.run(
             [sys.executable, "-P", "-c", _EXPAND, *given], capture_output=True, timeout=_PATIENCE
@@ -127,6 +201,12 @@ def _expanded(urdf: Path, root: ElementTree.Element) -> ElementTree.Element:
         raise RobotError(f"{failed} in {_PATIENCE} s") from None
     if ended.returncode:
         said = " ".join(ended.stderr.decode(errors="replace").split())
+        if (package := re.fullmatch(r"package (\S+)", said)) is not None:
+            raise RobotError(f"{failed}: {_package_not_found(package[1], urdf)}")
+        if (argument := re.search(r"Undefined substitution argument (\S+)", said)) is not None:
+            name = argument[1]
+            said = f"its argument {name!r} has no default: give it by --xacro-arg {name}:=VALUE, or"
+            said += f" in the scene by robot.xacro_args: {{{name}: VALUE}}"
         raise RobotError(f"{failed}: {cut(said, 300) or 'its process was killed'}")
     files, _, made = ended.stdout.partition(b"\n")
     note_input(*json.loads(files))
@@ -134,3 +214,14 @@ def _expanded(urdf: Path, root: ElementTree.Element) -> ElementTree.Element:
         return ElementTree.fromstring(made)
     except ElementTree.ParseError as problem:
         raise RobotError(f"{failed}: its result is not well-formed XML ({problem})") from None
+
+
+def _package_not_found(name: str, urdf: Path) -> str:
+    """Where a package was looked for."""
+    paths = {key: os.environ.get(key) for key in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")}
+    places = [f"{key} ({value or 'not set'})" for key, value in paths.items()]
+    return (
+        f"there is no package {name!r}: looked for a folder of this name in "
+        f"{urdf.resolve().parent} and all above it, for a package.xml with it there, and in "
+        f"{' and '.join(places)}"
+    )

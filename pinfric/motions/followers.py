@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pinfric.model.arrays import FloatArray
-from pinfric.model.urdf_file import read_xml
 from pinfric.motions.joint_columns import (
     JointColumn,
     limit_problems,
@@ -46,7 +44,7 @@ def find_followers(scene: Any, columns: Sequence[JointColumn]) -> tuple[Follower
     if robot is None or not len(model.mimicking_joints):
         return ()
     leaders = {column.name: column for column in columns}
-    limits = _urdf_limits(robot.urdf)
+    limits = _urdf_limits(robot)
     found: list[Follower] = []
     for follower, leader in zip(model.mimicking_joints, model.mimicked_joints, strict=True):
         mimic, of = model.joints[follower].extract(), model.names[leader]
@@ -91,10 +89,10 @@ def follower_warnings(
     return velocity_warnings(columns, t, led * [follower.ratio for follower in followers])
 
 
-def _urdf_limits(urdf: Path) -> dict[str, JointColumn]:
+def _urdf_limits(robot: Any) -> dict[str, JointColumn]:
     """Limits of a URDF's joints by name; the file was checked when the robot was read."""
     found = {}
-    for joint in read_xml(urdf).findall("joint"):
+    for joint in robot.xml().findall("joint"):
         name, kind, limit = joint.get("name", ""), joint.get("type"), joint.find("limit")
         given = {} if limit is None else limit.attrib
         lower, upper = stated_range(float(given.get("lower", 0)), float(given.get("upper", 0)))

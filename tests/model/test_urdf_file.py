@@ -7,7 +7,7 @@ import re
 import pytest
 
 import pinfric as pf
-from pinfric.errors import RobotError
+from pinfric.errors import PinfricWarning, RobotError
 from pinfric.model.robot import read_robot
 from pinfric.model.urdf_file import read_xml
 
@@ -53,6 +53,79 @@ def test_xacro_that_does_not_expand_says_why(arm, capfd):
         read_robot(arm, {})
     assert "\n" not in str(told.value)
     assert capfd.readouterr() == ("", "")
+
+
+GRIPPER = f"""<robot {NAMESPACE}><link name="$(arg grip)"/>
+  <joint name="hold" type="fixed"><parent link="rod"/><child link="$(arg grip)"/></joint></robot>"""
+
+
+@pytest.fixture
+def gripped(arm):
+    """The arm with what another package gives it, and an argument without default."""
+    found = '<xacro:include filename="$(find gripper)/grip.xacro"/>'
+    arm.write_text(ARM.replace('<link name="base"/>', f'<link name="base"/>{found}'))
+    return arm
+
+
+def test_arguments_are_given_and_packages_found_beside_what_is_above(gripped, tmp_path):
+    pytest.importorskip("xacrodoc")
+    (tmp_path / "gripper").mkdir()
+    (tmp_path / "gripper/grip.xacro").write_text(GRIPPER)
+    scene = tmp_path / "scene.yaml"
+    scene.write_text(
+        "pinfric: 1\nrobot: {urdf: arm.urdf.xacro, xacro_args: {load: 2, grip: fingers}}"
+    )
+    model = pf.load_scene(scene).model
+    assert model.inertias[1].mass == 4.0
+    assert model.existFrame("fingers")
+    given = {"load": "0.5", "grip": "a"}
+    assert pf.check(gripped, given).figures["moving_mass"] == 1.0
+    with pytest.raises(RobotError, match=r"'grip' has no default: give it by --xacro-arg grip:="):
+        read_robot(gripped, {})
+    with pytest.raises(RobotError, match=r"there is no argument 'laod'; it has grip, load$"):
+        read_robot(gripped, {}, {**given, "laod": "1"})
+    (tmp_path / "plain.urdf").write_text('<robot name="r"><link name="base"/></robot>')
+    with pytest.raises(RobotError, match=r"plain.urdf: is no xacro, and has no argument 'load'"):
+        read_robot(tmp_path / "plain.urdf", {}, given)
+
+
+def test_a_package_that_is_not_there_is_named_with_where_it_was_looked_for(gripped, monkeypatch):
+    pytest.importorskip("xacrodoc")
+    monkeypatch.setenv("ROS_PACKAGE_PATH", "/opt/ros")
+    says = f"no package 'gripper': looked for a folder of this name in {gripped.parent} and all "
+    with pytest.raises(RobotError, match=says + r".*ROS_PACKAGE_PATH \(/opt/ros\)") as told:
+        read_robot(gripped, {})
+    assert "\n" not in str(told.value)
+
+
+@pytest.mark.filterwarnings("ignore:.*there is no mesh")
+@pytest.mark.parametrize(
+    ("left", "reads"),
+    [
+        ('<xacro:include filename="$(find gripper)/grip.xacro"/>', True),
+        (
+            '<link name="a"><visual><geometry><mesh filename="$(find gripper)/a.stl"/></geometry>'
+            '</visual></link><joint name="f" type="fixed"><parent link="base"/><child link="a"/>'
+            "</joint>",
+            True,
+        ),
+        ('<link name="${prefix}tip"/>', False),
+    ],
+)
+def test_tags_left_over_in_a_urdf_are_a_warning(tmp_path, left, reads):
+    text = f"""<robot name="arm" {NAMESPACE}>{left}<link name="base"/>
+      <link name="rod"><inertial><mass value="2"/>{BODY}</inertial></link>
+      <joint name="swing" type="continuous"><parent link="base"/><child link="rod"/></joint>
+      </robot>"""
+    file = tmp_path / "arm.urdf"
+    file.write_text(text)
+    if not reads:
+        with pytest.raises(RobotError, match="is xacro and does not expand"):
+            read_robot(file, {})
+        return
+    with pytest.warns(PinfricWarning, match="tags of xacro are left in it.* no package 'gripper'"):
+        assert read_robot(file, {}).model.inertias[1].mass == 2.0
+    assert "reading" in {finding.kind for finding in pf.check(file).findings}
 
 
 def test_xacro_that_never_ends_is_stopped(arm, monkeypatch):

@@ -17,7 +17,7 @@ import pinocchio as pin
 from pinfric.errors import RobotError
 from pinfric.model.magnitudes import LARGEST, impossible
 from pinfric.model.robot import Robot
-from pinfric.model.urdf import mesh_file, read_mesh_scene
+from pinfric.model.urdf import mesh_file, read_document, read_mesh_scene
 
 _GRAY = (190, 196, 204, 255)
 #: Triangles of a robot that a page takes, and the first cell of a grid, as a part of its size.
@@ -55,17 +55,15 @@ def urdf_visuals(model: pin.Model, robot: Robot) -> tuple[list[Shape], dict[str,
         model: the robot, with a frame for each of its links.
         robot: the URDF and where its meshes are.
     """
-    import yourdfpy
-
     try:
-        document = yourdfpy.URDF.load(str(robot.urdf), build_scene_graph=False, load_meshes=False)
+        document = read_document(robot.xml(), robot.urdf)
     except Exception as problem:  # a colour that is no number, say: it must not stop the replay
         return [], {"its <visual>s": str(problem)}
-    named = {m.name: m.color for m in document.robot.materials or () if m.color is not None}
+    named = {m.name: m.color for m in document.materials or () if m.color is not None}
     found: list[Shape] = []
     missing: dict[str, str] = {}
     loaded: dict[Path, Any] = {}
-    for link in document.robot.links:
+    for link in document.links:
         if not model.existFrame(link.name, pin.FrameType.BODY):
             continue
         frame = model.frames[model.getFrameId(link.name, pin.FrameType.BODY)]
