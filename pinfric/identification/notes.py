@@ -31,6 +31,8 @@ _MISSED = 0.1
 _LEAST_FRICTION = 0.01
 #: Share of the time at rest in which an effort should be within the interval.
 _HELD_INSIDE = 0.985
+#: Holds outside it from which that is said: a long hold in one posture is one sample.
+_HOLDS = 3
 #: Share of a residual's square up to which a shape is no doubt: one of 120 is found by chance.
 _SLIGHT = 0.05
 #: How much larger an error may be than that of least squares without a word.
@@ -121,7 +123,7 @@ def notes(
         "time, so static friction or the rigid effort is wrong": [
             f"{names[j]} {100 * rest[names[j]].inside:.1f} %"
             for j in slid
-            if rest[names[j]].inside < _HELD_INSIDE
+            if rest[names[j]].inside < _HELD_INSIDE and rest[names[j]].outside >= _HOLDS
         ],
     }
     clear, slight = ([x for x in shapes if (x.share > _SLIGHT) is named] for named in (True, False))

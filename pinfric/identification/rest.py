@@ -26,6 +26,8 @@ from pinfric.motions.log.noise import low_pass
 #: s: a hold from which a departure counts, what counts as before it and right before it, and what
 #: comes after it.
 _HELD, _BEFORE, _NEAR, _AFTER = 0.5, 0.3, 0.05, 0.15
+#: s left out after a joint has stopped, for filters and presliding, and before it departs.
+_SETTLES, _DEPARTS = 0.25, 0.1
 #: By which share of its peak friction must have risen during the hold, and how much of it the
 #: change of the rigid effort may be while the joint departs.
 _RISE, _INERTIA = 0.3, 0.15
@@ -37,7 +39,9 @@ _FEWEST = 3
 class RestBound:
     """Lower bound of a joint's static friction, from the time at rest."""
 
-    seconds: float = quantity("time at rest in all logs", "s")
+    seconds: float = quantity(
+        "time at rest in all logs, in holds of 0.5 s or more that settled", "s"
+    )
     largest: float = quantity(
         "the largest friction that held it", EFFORT, "at rest,\nlargest friction"
     )
@@ -45,9 +49,10 @@ class RestBound:
         "`held` / half the identified interval", heading="of half\nthe interval"
     )
     inside: float = quantity(
-        "share of the time in which the effort was within the identified interval; NaN where it "
-        "never rests"
+        "share of the time in which the effort was within the identified interval, but for the "
+        "fit's error; NaN where it never rests"
     )
+    outside: int = quantity("holds in which the effort was mostly outside the interval")
 
 
 def rest_bounds(found: Estimate, scene: Scene) -> tuple[RestBound, ...]:
@@ -58,7 +63,8 @@ def rest_bounds(found: Estimate, scene: Scene) -> tuple[RestBound, ...]:
         scene: the identified one, whose joints stick up to a velocity.
     """
     nj = scene.model.nv
-    seconds, largest, share, inside = np.zeros((4, nj))
+    seconds, largest, share, inside, outside = np.zeros((5, nj))
+    noise = np.maximum(found.problem.weights, 1e-300) ** -0.5  # what the fit leaves
     for one in found.prepared:
         motion, held = one.recording.trajectory, _held(one.recording, scene.stick_velocity)
         if not held.any():
@@ -74,22 +80,29 @@ def rest_bounds(found: Estimate, scene: Scene) -> tuple[RestBound, ...]:
             at = held[:, j] & np.isfinite(off[:, j])
             if at.any():
                 seconds[j] += at.sum() * one.recording.step
-                inside[j] += np.sum(off[at, j] <= half[at, j]) * one.recording.step
+                within = off[:, j] <= half[:, j] + noise[j]
+                inside[j] += within[at].sum() * one.recording.step
+                outside[j] += sum(within[a : b + 1].mean() < 0.5 for a, b in runs(at))
                 largest[j] = max(largest[j], float(off[at, j].max()))
                 wide = np.maximum(half[at, j], 1e-12)
                 share[j] = max(share[j], float((off[at, j] / wide).max()))
     inside = np.where(seconds > 0.0, inside / np.maximum(seconds, 1e-12), np.nan)
-    every = np.column_stack((seconds, largest, share, inside))
-    return tuple(RestBound(*row) for row in every.tolist())
+    every = np.column_stack((seconds, largest, share, inside)).tolist()
+    return tuple(
+        RestBound(a, b, c, d, round(holds))
+        for (a, b, c, d), holds in zip(every, outside.tolist(), strict=True)
+    )
 
 
 def _held(recording: Recording, stick: float) -> BoolArray:
-    """(T, nv) where a drive rests or is as slow as one that sticks, for at least a hold's time."""
-    held = recording.rests.copy()
+    """(T, nv) where a drive rests or is as slow as one that sticks, in holds that have settled."""
+    held, end = np.zeros_like(recording.rests), len(recording.rests) - 1
+    settles, departs = (round(span / recording.step) for span in (_SETTLES, _DEPARTS))
     for j, v in enumerate(recording.velocity.T):
-        for first, last in runs(np.abs(v) <= stick):
+        for first, last in runs(recording.rests[:, j] | (np.abs(v) <= stick)):
             if (last - first) * recording.step >= _HELD:
-                held[first : last + 1, j] = True
+                here = first + settles * (first > 0), last + 1 - departs * (last < end)
+                held[slice(*here), j] = True
     return held
 
 

@@ -60,7 +60,7 @@ def test_the_short_report_is_a_screen_with_all_doubts_and_the_long_one_has_all_n
 def test_what_holds_do_not_show_is_said_of_those_joints_alone():
     names = ("never", "held", "broke", "still")
     found = SimpleNamespace(scene=SimpleNamespace(joint_names=names))
-    rest = {name: RestBound(2.0 * (name != "never"), 1.0, 1.0, 1.0) for name in names}
+    rest = {name: RestBound(2.0 * (name != "never"), 1.0, 1.0, 1.0, 0) for name in names}
     said = _of_rest(found, [0, 1, 2], rest, {(2, BACKWARD): None})
     assert list(said.values()) == [["never"], ["held"]]
 

@@ -86,7 +86,7 @@ def test_a_hold_beside_a_motion_bounds_friction_at_rest_and_changes_nothing_else
     assert min(bound.seconds for bound in both.rest.values()) == pytest.approx(20.0, abs=0.1)
 
 
-def test_a_drive_as_slow_as_noise_is_held_where_it_is_for_as_long_as_holds_last():
+def test_a_drive_as_slow_as_noise_is_held_where_holds_have_settled():
     t = np.arange(0.0, 6.0, 0.01)
     slow = (t > 1.0) & (t < 2.0)  # long enough; not so where it turns about
     v = np.where(slow, 1e-4 * np.sin(40.0 * t), np.sin(3.0 * t))[:, None]
@@ -94,7 +94,15 @@ def test_a_drive_as_slow_as_noise_is_held_where_it_is_for_as_long_as_holds_last(
     motion = pf.Trajectory.from_arrays(scene, t, np.cumsum(v, axis=0) * 0.01, v, np.ones_like(v))
     recording = Recording.of(scene, "", motion, 0.01, v, np.array([1e-4]))
     assert _held(recording, 1e-6).sum() == 0
-    assert (_held(recording, 3e-4)[:, 0] == slow).all()
+    settled = (t > 1.255) & (t < 1.895)  # 0.25 s after the stop, 0.1 s before the departure
+    assert (_held(recording, 3e-4)[:, 0] == settled).all()
+    short_rest = np.where(slow, 1.0, 0.0) * (
+        t < 1.4
+    )  # a reversal, where filters and presliding act
+    still = v * (1.0 - short_rest[:, None])
+    turned = replace(recording, velocity=still, acceleration=np.where(still == 0.0, 0.0, 1.0))
+    assert turned.rests.sum() > 30
+    assert _held(turned, 1e-6).sum() == 0
     assert stick_velocity(scene, [recording]) == pytest.approx(3e-4)
     assert stick_velocity(scene, [replace(recording, noise=np.array([1.0]))]) == STILL
 
