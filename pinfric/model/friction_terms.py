@@ -167,7 +167,11 @@ class LoadFriction(Coefficients, FrictionTerm):
 
 
 class CoulombFriction(Coefficients, FrictionTerm):
-    """Friction that does not depend on the load, equal in both directions (N m or N)."""
+    """Friction that does not depend on the load, equal in both directions (N m or N).
+
+    coulomb: 5.0                            # at rest and in motion
+    coulomb: {static: 6.0, kinetic: 5.0}
+    """
 
     def at_rest(self) -> Strength:
         """See `FrictionTerm.at_rest`."""
@@ -216,10 +220,18 @@ def constant_friction(size: float) -> CoulombFriction | None:
     return CoulombFriction(static=size, kinetic=size) if size > 0 else None
 
 
-#: Forms of `coulomb` in a file.
-Coulomb = Annotated[
-    CoulombFriction | DirectedCoulombFriction, Forms(CoulombFriction, DirectedCoulombFriction)
-]
+#: Forms of `coulomb` in a file: a number is both static and kinetic; None for 0.
+Coulomb = (
+    Annotated[
+        CoulombFriction | DirectedCoulombFriction,
+        Forms(
+            CoulombFriction,
+            DirectedCoulombFriction,
+            Annotated[NonNegative, AfterValidator(constant_friction)],
+        ),
+    ]
+    | None
+)
 
 
 class ViscousFriction(FrictionTerm):

@@ -238,6 +238,7 @@ class Scene:
         self._check_masses()
         set_(self, "mobility", self._mobility(doubts))
         self._mention_driven_base()
+        self._mention_unused()
 
     def _check_start(self) -> None:
         if self.start is None:
@@ -274,6 +275,33 @@ class Scene:
                 )
                 # of one place: Python's filter shows it once, not at every `with_`
                 warnings.warn(text, PinfricWarning, stacklevel=1)
+
+    def _mention_unused(self) -> None:
+        """Warn of what the model has beside the scene's entries: friction, and rotors twice."""
+        model, names, given = self.model, velocity_names(self.model), set(self.friction)
+        size = np.abs([model.damping, model.lowerDryFrictionLimit, model.upperDryFrictionLimit])
+        pairs = zip(names, size.max(axis=0), strict=True)
+        unused = list(dict.fromkeys(n for n, most in pairs if most > 0.0 and n not in given))
+        more = f" and {len(unused) - 4} more" if len(unused) > 4 else ""
+        said = []
+        if unused and self.robot is None:  # of a URDF `load_scene` says it
+            said.append(
+                f"model.damping and model.friction of {', '.join(unused[:4])}{more} do not "
+                "count: give them as `friction` ({joint: {coulomb: 5.0, viscous: 2.0}}), or set "
+                "them to 0"
+            )
+        for drive in self.drives:
+            gear, v = drive.transmission, drive.velocity_index
+            rotor = 0.0 if gear is None else gear.ratio**2 * gear.rotor_inertia
+            if v >= 0 and rotor > 0.0 < model.armature[v]:
+                said.append(
+                    f"both the rotor of {drive.name!r} ({rotor:.3g} kg m^2 or kg at the joint) and "
+                    f"model.armature ({model.armature[v]:.3g}) count, "
+                    f"{rotor + model.armature[v]:.3g} together: if they are one rotor, set "
+                    f"model.armature[{v}] to 0 or leave out rotor_inertia"
+                )
+        for text in said:  # of one place: Python's filter shows each once, not at every `with_`
+            warnings.warn(f"{self.source}: {text}", PinfricWarning, stacklevel=1)
 
     def _mobility(self, doubts: Mapping[str, str]) -> Mobility:
         if self.linkage is None:

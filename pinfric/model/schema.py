@@ -152,7 +152,7 @@ class Friction(Entry):
         ),
     ] = None
     coulomb: Annotated[
-        Coulomb | None,
+        Coulomb,
         key("friction independent of the load", {"static": 6.0, "kinetic": 5.0}),
     ] = None
     viscous: Annotated[

@@ -75,3 +75,15 @@ def test_a_body_runs_out_in_finite_time_and_stays(method, tolerance):
 def test_what_cannot_be_is_named(viscous, says):
     with pytest.raises(SceneError, match=says):
         sliding(viscous)
+
+
+@pytest.mark.parametrize("size", [5.0, 0, 0.0])
+def test_a_number_is_coulomb_friction_at_rest_and_in_motion(size):
+    both = {"static": size, "kinetic": size}
+    scenes = [sliding_block({"coulomb": form}) for form in (size, both)]
+    for v in (0.0, 1.0, -1.0):
+        found = [pf.inverse_dynamics(s, [[0.0]], [[v]], [[0.0]]) for s in scenes]
+        assert found[0].effort_upper == found[1].effort_upper
+        assert found[0].effort_lower == found[1].effort_lower
+    with pytest.raises(SceneError, match="coulomb`: should be at least 0, found -1"):
+        sliding_block({"coulomb": -1.0})

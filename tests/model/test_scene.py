@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import pickle
+import re
 import warnings
 
 import numpy as np
@@ -257,3 +258,31 @@ def test_loops_made_in_code_close_near_their_start():
 def test_a_wrong_start_is_named(start, says):
     with pytest.raises(SceneError, match=says):
         four_bar()[0].with_(start=start)
+
+
+def turning(damping=0.0, friction=0.0, armature=0.0):
+    """A hinge whose model has more than a scene reads."""
+    model = chain(("hinge", pin.JointModelRZ(), lump(1.0, moment=1.0)))
+    model.damping[:], model.armature[:] = damping, armature
+    model.upperDryFrictionLimit[:], model.lowerDryFrictionLimit[:] = friction, -friction
+    return model
+
+
+@pytest.mark.parametrize(
+    ("model", "entry", "rotor", "words"),
+    [
+        ({"damping": 1.0}, None, 0.0, r"model\.damping and model\.friction of hinge do not count"),
+        ({"friction": 1.0}, None, 0.0, r"hinge do not count: give them as `friction`"),
+        ({"damping": 1.0, "friction": 1.0}, {"coulomb": 5.0}, 0.0, None),
+        ({"armature": 0.62}, None, 6.1e-5, r"\(0\.61 kg .*\(0\.62\) count, 1\.23 together"),
+        ({"armature": 0.62}, None, 0.0, None),
+        ({}, None, 6.1e-5, None),
+    ],
+)
+def test_what_a_model_has_beside_the_scene_is_said(recwarn, model, entry, rotor, words):
+    friction = {} if entry is None else {"hinge": entry}
+    gear = {"ratio": 100.0, "rotor_inertia": rotor}
+    drives = [{"joint": "hinge", "transmission": gear if rotor else None}]
+    pf.Scene(turning(**model), friction=friction, actuators=drives)
+    said = [str(one.message) for one in recwarn]
+    assert [bool(re.search(words or "", text)) for text in said] == [True] * bool(words)

@@ -32,7 +32,7 @@ REFUSED = [
     (["lops"], {}, r"unknown key `lops`"),
     (["simulation", "motor_torqe"], {}, "'motor_torque'"),
     (["friction", "joint_12", "radius"], 0.1, r"key `friction\.joint_12\.radius`; there are: bear"),
-    (["friction", "joint_12", "coulomb"], 5.0, r"12\.coulomb`: should be a mapping.*5\.0$"),
+    (["friction", "joint_12", "coulomb"], "5 N m", r"12\.coulomb`: should be a mapping.*5 N m.$"),
     (["friction", "joint_12", 7], 0.1, r"`friction\.joint_12\[7\]`: keys should be strings"),
     (["friction", 7], {}, r"`friction\[7\]`: should be text, found 7$"),
     (
