@@ -294,7 +294,7 @@ class Candidate:
         amplifier: that feeds the motor; None where none is named.
         backlash: of its output, rad (m), or None.
         brake: name of the brake at the motor's shaft that is in mass and inertia; empty: none.
-        brake_peak: its largest torque, N m. brake_note: what of it is not known, in words.
+        brake_note: what of it is not known, in words.
         brake_unsure: what its inertia may be less than the one that is in `rotor_inertia`, kg m^2.
         stand_ins: figures taken from other products, or by rule.
         notes: what the catalogue remarks on motor, gear and brake, with their names.
@@ -325,7 +325,6 @@ class Candidate:
     amplifier: Amplifier | None = None
     backlash: float | None = None
     brake: str = ""
-    brake_peak: float | None = None
     brake_note: str = ""
     brake_unsure: float = 0.0
 
@@ -473,7 +472,6 @@ def with_brake(candidate: Candidate, name: str, brake: Brake) -> Candidate:
         rotor_inertia=None if inertia is None else inertia + more,
         transmission=transmission,
         brake=name,
-        brake_peak=brake.greatest,
         brake_unsure=more - least,
         brake_note=f"{name}: {', '.join(unknown)}" if unknown else name,
         stand_ins=(*candidate.stand_ins, *_stand_ins(brake), *(f"{name}: {x}" for x in unknown)),

@@ -31,7 +31,6 @@ from pinfric.drives.drivetrain import (
 from pinfric.drives.policy import STAND_IN_WORDS, STAND_INS, Conditions, stated
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.model.springs import softest
-from pinfric.model.transmission import shock_efficiency
 from pinfric.motions.summary import ends_by_magnitude, rests
 
 #: A number, or an array over gears and motors; NaN: not known.
@@ -61,8 +60,8 @@ class Case(NamedTuple):
         rest: what it asks of a brake; None: not known.
         swung: inertia that rows on frequencies demand of, without a rating's postures: at which of
             them makers mean their rule is not known. 0: of none; None: the load inertia.
-        stop_effort: that the gear must bear in stops of all joints together, N m or N; NaN: none
-            is demanded.
+        stop_effort: that the gear must bear in stops of all joints together, N m or N; NaN: it is
+            not known. stop_note: where it is from, in words.
         braking: what braking under power from each sample takes, without payload and with.
     """
 
@@ -74,6 +73,7 @@ class Case(NamedTuple):
     rest: Rest | None = None
     swung: float | None = None
     stop_effort: float = np.nan
+    stop_note: str = ""
     braking: tuple[DriveCycle, ...] = ()
 
 
@@ -121,8 +121,6 @@ class Drives:
         case: the joint. gear, motor: figures by name. asked: of the motor (`MotorFigures`).
         ratio: motor turns per joint turn. inertia: of rotor, brake and gear input, kg m^2.
         heat: continuous torque at the rated shaft and the ambient temperature, N m.
-        back: eta_b of the driven gear when the brake closes. brake: its largest torque, N m.
-        unsure: what the brake's inertia may be less than the one in `inertia`, kg m^2.
         at_output: motors are rated at the joint. linear: the joint slides.
         one: the drive, where it is one.
     """
@@ -134,12 +132,9 @@ class Drives:
     ratio: Value
     inertia: Value
     heat: Value
-    back: Value
-    brake: Value
     at_output: bool
     linear: bool
     one: Candidate | None = None
-    unsure: Value = 0.0
 
     @property
     def conditions(self) -> Conditions:
@@ -222,13 +217,12 @@ def drive(candidate: Candidate, motor: MotorCycle | None, case: Case) -> Drives:
         if limit is not None:
             worst = ends_by_magnitude(motor.torque_lower, motor.torque_upper)[0]
             asked.overdriven = case.cycle.longest_above(worst, limit)
-    transmission = candidate.transmission
-    if transmission is not None and case.braking:
+    if candidate.transmission is not None and case.braking:
         asked.braking = max(braking_torque(candidate, cycle) for cycle in case.braking)
     gear = _numbers(candidate.gear, GEAR_FIGURES)
     gear.backlash = number(candidate.backlash)
     if candidate.gear is None:  # a gearmotor has some of a gear's figures
-        gear.stiffness = _figure(transmission, "stiffness")
+        gear.stiffness = _figure(candidate.transmission, "stiffness")
     return Drives(
         case,
         gear,
@@ -237,12 +231,9 @@ def drive(candidate: Candidate, motor: MotorCycle | None, case: Case) -> Drives:
         candidate.ratio,
         number(candidate.rotor_inertia),
         number(ratings.continuous_at(conditions, asked.mean_speed)[0]),
-        np.nan if transmission is None else shock_efficiency(transmission),
-        number(candidate.brake_peak),
         candidate.at_output,
         candidate.linear,
         candidate,
-        candidate.brake_unsure,
     )
 
 

@@ -329,6 +329,11 @@ def _linear(d: Drives) -> bool:
     return d.linear and _has_gear(d)
 
 
+def _shocked(d: Drives) -> bool:
+    """Whether a gear bears collisions and stops: also one inside of a gearmotor with a brake."""
+    return _has_gear(d) or (d.candidate.brake != "" and d.ratio != 1.0)
+
+
 def _collision(d: Drives) -> float:
     wanted = number(d.conditions.collision_effort.get(d.demand.name))
     return float(np.fmax(wanted, d.case.stop_effort))
@@ -357,6 +362,22 @@ def _speed_under_load(d: Drives) -> Value:
     moving = share(cycle.stretched, np.abs(cycle.velocity) > cycle.stick_velocity)
     speed = mean(cycle.stretched, np.abs(cycle.velocity))
     return d.ratio * (min(speed / moving, d.demand.speed) if moving > 0 else 0.0)
+
+
+def _by_stop(d: Drives) -> bool:
+    return d.case.stop_effort == _collision(d)
+
+
+def _shock_missing(d: Drives) -> str:
+    if not np.isnan(_collision(d)):
+        return "momentary peak" + " of the gear in the gearmotor" * (not _has_gear(d))
+    stopped = "peaks of stops, of a closed loop or a joint with several drives"
+    return stopped if d.candidate.brake else "conditions.collision_effort"
+
+
+def _shock_note(d: Drives) -> str:
+    note = f"{d.case.stop_note}; {d.candidate.brake_note}"
+    return note.strip("; ") if _by_stop(d) else ""
 
 
 def _by_rule(d: Drives) -> bool:
@@ -505,8 +526,8 @@ GEAR_LIMITS = [
           applies=never, key="effort"),
     Limit(SHOCK, _collision, "gear.momentary_peak_torque", "effort",
           "collision or emergency stop <= limit for momentary peak torque", _HARMONIC,
-          lambda d: "conditions.collision_effort" if np.isnan(_collision(d)) else "momentary peak",
-          stage="gear", condition="collision_effort", applies=_has_gear),
+          _shock_missing, _shock_note, stage="gear", applies=_shocked,
+          condition=lambda d: "brake_factor" if _by_stop(d) else "collision_effort"),
     Limit("gear momentary peaks",
           lambda d: np.nan if d.conditions.collisions is None else d.conditions.collisions.count,
           _momentary_peaks, "",
@@ -706,45 +727,6 @@ def _resonance(d: Drives) -> Value:
         return resonance(d.gear.stiffness, number(d.case.swung or d.case.load_inertia))
 
 
-def brake_peak(
-    torque: Value, ratio: Value, rotor: Value, load: float, effort: float, back: Value
-) -> Value:
-    """Return the effort (N m or N) that a gear bears when a brake closes.
-
-    The brake on the motor's side stops rotor and load through the gear, the other joints held:
-
-        |t| = (|r| T_b/eta_b + x G)/(1 + x),     x = r^2 J_rotor/(eta_b J_L),
-
-    of J_L a = t + G and, in the gear, eta_b t = -|r| T_b - r^2 J_rotor a, without the joint's
-    friction, the gear rigid. `pinfric stop` simulates all joints.
-
-    Args:
-        torque: T_b, the brake's largest, at the motor's shaft, N m. ratio: motor turns per turn or
-            m of the joint. rotor: J_rotor at the shaft, kg m^2. load: J_L about the joint, the
-            largest, kg m^2 (kg). effort: G, the largest of the cycle, N m or N.
-        back: eta_b of the driven gear; where a self-locking gear jams there is no bound: NaN.
-    """
-    heavy = ratio**2 * rotor / load
-    slope = back + heavy
-    return (np.abs(ratio) * torque + heavy * effort) / np.where(slope > 0, slope, np.nan)
-
-
-def _closing(d: Drives) -> Value:
-    """The gear's peak, the larger of those with both ends of the brake's inertia."""
-    ends = (d.inertia, d.inertia - d.unsure)
-    return np.fmax(*(brake_peak(d.brake, d.ratio, J, d.load, d.demand.peak, d.back) for J in ends))
-
-
-def _brake_missing(d: Drives) -> str:
-    if d.candidate.gear is None:
-        return "momentary peak of the gear in the gearmotor"
-    if np.isnan(first_known(d.gear, STAND_INS["momentary_peak_torque"])):
-        return "momentary peak"
-    if d.candidate.transmission is None:
-        return d.missing
-    return "inertia of the load" if not d.case.load_inertia else "a bound: the driven gear jams"
-
-
 def _back_driving(d: Drives) -> Criterion:
     candidate, wanted = d.candidate, d.conditions.back_driving
     name, formula = "back-driving", "eta_b > 0: a large enough load moves the motor"
@@ -788,11 +770,6 @@ def _frequency(condition: str, hand: bool) -> Limit:
     )
 
 
-def _shocked(d: Drives) -> bool:
-    """Whether a gear lies between the drive's brake and the joint."""
-    return d.one is None or (d.one.brake != "" and (d.one.gear is not None or d.one.ratio != 1.0))
-
-
 # fmt: off
 JOINT_LIMITS = [
     Limit("inertia ratio", lambda d: d.load / (d.ratio**2 * d.inertia),
@@ -808,13 +785,6 @@ JOINT_LIMITS = [
           stage="gear", condition="backlash",
           applies=lambda d: d.conditions.backlash is not None),
     Limit("back-driving", nothing, nothing, "", "", "", verdict=_back_driving),
-    Limit("gear momentary peak torque, brake closing",
-          _closing,
-          "gear.momentary_peak_torque", "effort",
-          "(|r| T_b + J_r G/J_L)/(eta_b + J_r/J_L) <= limit for momentary peak torque",
-          "statics and dynamics of one axis, the gear rigid; pinfric stop simulates all",
-          _brake_missing, lambda d: d.candidate.brake_note, stage="pair",
-          condition="brake_factor", applies=_shocked),
 ]
 # fmt: on
 

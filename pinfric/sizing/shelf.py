@@ -59,7 +59,7 @@ from pinfric.drives.policy import (
     outside,
 )
 from pinfric.drives.thermal import COPPER
-from pinfric.model.transmission import driven_efficiency, shock_efficiency
+from pinfric.model.transmission import driven_efficiency
 
 #: Numbers of an array over gears and motors at a time.
 _MOST = 2_000_000
@@ -83,6 +83,11 @@ class Assessment:
     drives: Drives
     lacks: tuple[str, ...] = ()
     would: tuple[str, ...] = ()
+
+    def where(self, **case: Any) -> Assessment:
+        """Return the same drive at a joint of which more is known, by fields of its case."""
+        known = self.drives.case._replace(**case)
+        return replace(self, drives=replace(self.drives, case=known))
 
     @cached_property
     def criteria(self) -> tuple[Criterion, ...]:
@@ -214,7 +219,7 @@ class _Block:
     def braked(
         self, gears: np.ndarray, options: Sequence[Sequence[Sequence[Brake | None]]]
     ) -> Iterator[tuple[np.ndarray, ...]]:
-        """Yield the figures (n, nm) of each brake on trial: see `_NO_BRAKE`.
+        """Yield greatest inertia and mass (n, nm) of each brake on trial, 0 where there is none.
 
         Args:
             gears: (n,) rows. options: of each gear and kin, as of `_Row`; the last one is repeated.
@@ -224,15 +229,11 @@ class _Block:
             held = [[own[min(k, len(own) - 1)] for own in row] for row in options]
             figures = np.array(
                 [
-                    [(b.greatest, *b.inertia_ends, b.mass_taken) if b else _NO_BRAKE for b in row]
+                    [(b.inertia_ends[1], b.mass_taken) if b else (0.0, 0.0) for b in row]
                     for row in held
                 ]
             )
             yield tuple(np.moveaxis(figures[np.arange(len(gears))[:, None], kin], -1, 0))
-
-
-#: Largest torque, least and greatest inertia, mass of a drive's brake where it has none.
-_NO_BRAKE = (np.nan, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -429,14 +430,13 @@ class _Row:
     Attributes:
         ends: (T,) twice, torques at the input without rotor. numbers: of the bounds, see `Search`.
         brakes: of each kin of motors that drives may get, the smallest first; None: none.
-        margin: the least of its own rows. back: eta_b when a brake closes.
+        margin: the least of its own rows.
     """
 
     ends: tuple[np.ndarray, np.ndarray]
     brakes: list[list[Brake | None]]
     numbers: tuple[float, ...]
     margin: float
-    back: float
 
 
 class Search:
@@ -473,7 +473,7 @@ class Search:
         blank = SimpleNamespace()
         nan = np.nan
         d = Drives(
-            self.case, block.gear, block.motor, blank, block.ratio, nan, nan, nan, nan,
+            self.case, block.gear, block.motor, blank, block.ratio, nan, nan,
             block.at_output, block.linear,
         )  # fmt: skip
         least = np.full((len(block.names), 1), np.inf)
@@ -507,8 +507,7 @@ class Search:
             *(value for k in (x, y, z) for value in (m[k], h[k], a[k], speed[k])),
         )
         brakes = self._brakes(block, g, bare)
-        back = np.nan if bare.transmission is None else shock_efficiency(bare.transmission)
-        row = _Row(ends, brakes, numbers, self._of_entry(bare), back)
+        row = _Row(ends, brakes, numbers, self._of_entry(bare))
         self._rows[b, g] = row
         return row
 
@@ -577,13 +576,12 @@ class Search:
         cool = min(1.0, 1 + COPPER * (conditions.ambient - 25.0))
         gear = SimpleNamespace(**{k: v[gears] for k, v in vars(block.gear).items()})
         heat = block.heat[gears] if block.at_output else block.heat
-        back = np.array([row.back for row in rows])[:, None]
         own = np.array([row.margin for row in rows])[:, None]
         best, lightest = np.array(-np.inf), np.array(np.inf)
         # least inertia that the inertia ratio permits: of rotors of which none is known
         permitted = block.ratio[gears] ** 2 * conditions.inertia_ratio * (1 - 1e-9)
         least_rotor = (self.case.load_inertia or 0.0) / permitted
-        for torque, less, more, heavier in block.braked(gears, [row.brakes for row in rows]):
+        for more, heavier in block.braked(gears, [row.brakes for row in rows]):
             J = block.inertia[gears] + more
             unknown, J = np.isnan(J), np.where(np.isnan(J), least_rotor, J)
             # of an inertia that is not known the one that heats least
@@ -596,8 +594,8 @@ class Search:
                 voltage=np.maximum.reduce([_least_voltage(motor, *end, cool) for end in ends]),
             )
             d = Drives(
-                self.case, gear, motor, asked, block.ratio[gears], J, heat, back, torque,
-                block.at_output, block.linear, unsure=more - less,
+                self.case, gear, motor, asked, block.ratio[gears], J, heat,
+                block.at_output, block.linear,
             )  # fmt: skip
             least = np.broadcast_to(own, J.shape).copy()
             for limit in LIMITS:

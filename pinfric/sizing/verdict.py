@@ -166,6 +166,7 @@ def verdict_of(report: SizingReport) -> Verdict:
             f"hold the drives{whose}: write `robot.masses`"
         )
     remarks = ("" if beyond else heavy, weighs if possible else "")
+    question = "; ".join(text for text in (question, report.open_stops) if text)
     return Verdict(judged, tuple(lines), question, tuple(text for text in remarks if text))
 
 

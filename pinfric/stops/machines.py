@@ -109,8 +109,12 @@ def carried_by(machines: Machines, load: float, samples: int) -> np.ndarray | No
     return np.tile([load > 0.0 and name in machines.full for name in names], (samples, 1))
 
 
-def _check(scene: Scene, settings: Stops) -> None:
-    """Refuse what a stop needs and the scene lacks."""
+def check_brakes(scene: Scene) -> None:
+    """Refuse what a simulated stop needs and the scene lacks.
+
+    Raises:
+        StopError: a drive has no transmission, or a brake no `engage_time`, or one that is absurd.
+    """
     for drive in scene.drives:
         where = f"{scene.source}: actuators ({drive.name})"
         gear = drive.transmission
@@ -132,6 +136,10 @@ def _check(scene: Scene, settings: Stops) -> None:
                 f"{key}: engage_time is {delay:g} s; should be at most {LONGEST:g} s (30 ms is "
                 "0.03)"
             )
+
+
+def _check(scene: Scene, settings: Stops) -> None:
+    """Refuse decelerations that do not fit the scene's drives."""
     if settings.category == 0 or not settings.deceleration:
         return
     where, names = f"{scene.source}: stops.deceleration", scene.actuator_names

@@ -8,8 +8,8 @@ taken at once: each set of brakes that have closed, and each set S of joints tha
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from itertools import combinations
+from collections.abc import Mapping, Sequence
+from itertools import chain, combinations
 
 import numpy as np
 import pinocchio as pin
@@ -17,7 +17,9 @@ import pinocchio as pin
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.closure import working_rates
+from pinfric.model.couples import delivery
 from pinfric.model.mass_matrix import mass_matrices
+from pinfric.model.massless import massless
 from pinfric.model.transmission import shock_efficiency
 from pinfric.motions.trajectory import Trajectory
 from pinfric.stops.machines import Kind, Machines, carried_by
@@ -25,6 +27,8 @@ from pinfric.stops.motion import Machine
 
 #: Samples spread evenly over the cycle, beside those of each axis's largest speed.
 _SPREAD = 80
+#: Of so many joints that move every set is taken; of more those of one, two, all and all but one.
+_EVERY_SET = 10
 #: A torque this small beside the load is rounding.
 _ROUNDING = 1e-9
 
@@ -47,10 +51,11 @@ def gear_peaks(
     T_b = 0 of brakes that are still open. h is gravity, and what the velocities of S add; eta_b the
     efficiency of the gear that the load drives (`shock_efficiency`). Friction of the joints is left
     out. The gear of a joint at rest passes at most r T_b/eta_b: beyond, its brake slips. A
-    self-locking gear, eta_b <= 0, stands as soon as power is off, and passes what comes.
+    self-locking gear, eta_b <= 0, stands as soon as power is off, and passes what comes. Of coupled
+    drives M and h are those along their own rates; a joint without a drive moves in every set.
 
     Args:
-        machine: an open chain with one drive on each joint.
+        machine: an open chain, no joint with several drives.
         torque: drive -> T_b of its brake, N m. delay: drive -> when it closes, s.
         q, v: (T, nq), (T, nv).
         direction: (T, na) -1 or 1 of a joint that moves when the drives react, 0 of one at rest.
@@ -59,8 +64,8 @@ def gear_peaks(
     accelerations are given, here 0, and of the other joints the forces).
     """
     scene, drives = machine.scene, machine.scene.drives
-    gears = [drive.transmission for drive in drives]
-    own = np.array([drive.velocity_index for drive in drives])
+    gears, own = [d.transmission for d in drives], [d.velocity_index for d in drives]
+    free = [k for k in range(scene.model.nv) if k not in own]
     back = np.array([1.0 if gear is None else shock_efficiency(gear) for gear in gears])
     ratio = np.abs([drive.ratio for drive in drives])
     rotor = np.array([0.0 if gear is None else gear.rotor_inertia for gear in gears])
@@ -68,44 +73,59 @@ def gear_peaks(
     brake = np.array(
         [[torque[n] if n in torque and delay[n] <= t else 0.0 for n in names] for t in closes]
     ).reshape(len(closes), len(names))
-    slips = back > 0.0
-    divided, direction = np.where(slips, back, 1.0), np.where(slips, direction, 0.0)
-    heavy = ratio**2 * rotor / divided
-    passes = np.where(slips, ratio * brake / divided, np.inf)  # (brakes closed, na)
-    model = scene.loaded_model(machine.carried)
-    data, still = model.createData(), np.zeros(model.nv)
-    M = mass_matrices(scene.twin(machine.carried), q)[:, own][:, :, own]
-    most = np.zeros((len(q), len(own)))
-    for size in range(1, len(own) + 1):
-        for S in map(list, combinations(range(len(own)), size)):
-            rows = np.flatnonzero(direction[:, S].all(axis=1))
-            if not rows.size:
+    # 1. Drives with brakes, then free joints: efforts t = along u, velocities along^T rates
+    along = np.eye(scene.model.nv)[own + free]
+    if (P := delivery(drives, scene.model.nv)).size:
+        along[np.ix_(range(len(own)), own)] = P
+    rate = np.hstack([working_rates(scene, q, v)[0], v[:, free]])
+    none, slips = np.zeros(len(free)), np.append(back > 0.0, np.ones(len(free), dtype=bool))
+    divided = np.where(slips, np.append(back, none + 1.0), 1.0)
+    heavy = np.append(ratio**2 * rotor, none) / divided
+    pushes = np.pad(ratio * brake, ((0, 0), (0, len(free)))) / divided
+    passes = np.where(slips, pushes, np.inf)  # (brakes closed, nv)
+    direction = np.hstack([np.where(slips[: len(own)], direction, 0.0), v[:, free] * 0.0])
+    model, M = (
+        scene.loaded_model(machine.carried),
+        along @ mass_matrices(scene.twin(machine.carried), q) @ along.T,
+    )
+    data, still, most = model.createData(), np.zeros(model.nv), np.zeros(rate.shape)
+    # 2. Of the samples in which the same drives move, every set of these, and the free joints
+    patterns, which = np.unique(direction != 0.0, axis=0, return_inverse=True)
+    for k, pattern in enumerate(patterns):
+        rows, moving, n = np.flatnonzero(which == k), np.flatnonzero(pattern), int(pattern.sum())
+        sizes = range(n + 1) if n <= _EVERY_SET else (0, 1, 2, n - 1, n)
+        for few in chain.from_iterable(combinations(moving, size) for size in sizes):
+            S = [*few, *range(len(own), len(own) + len(free))]
+            if not S:
                 continue
-            speed, moves = np.zeros((len(rows), model.nv)), own[S]
-            speed[:, moves] = v[rows][:, moves]
+            speed = rate[rows][:, S] @ along[S]
             h = np.array(
                 [pin.rnea(model, data, *pair, still) for pair in zip(q[rows], speed, strict=True)]
-            )[:, own]
+            )
+            h = h @ along.T
             inertia = M[rows][:, S][:, :, S] + np.diag(heavy[S])
             push = -passes[:, S] * direction[rows][:, None, S] - h[:, None, S]
             a = np.linalg.solve(inertia, push.transpose(0, 2, 1))
             effort = np.abs(M[rows][:, :, S] @ a + h[:, :, None]).transpose(0, 2, 1)
-            rest = np.delete(np.arange(len(own)), S)
+            rest = np.delete(np.arange(len(rate[0])), S)
             effort[..., rest] = np.minimum(effort[..., rest], passes[:, rest])
             most[rows] = np.maximum(most[rows], effort.max(axis=1))
-    return most
+    return most[:, : len(own)]
 
 
-def cycle_peaks(machines: Machines, trajectory: Trajectory) -> np.ndarray:
+def cycle_peaks(
+    machines: Machines, trajectory: Trajectory, powers: Sequence[InverseResult]
+) -> np.ndarray:
     """Return (na,) the largest efforts of the gears in all stops of a cycle, N m or N.
 
     Of `gear_peaks`, with greatest friction and brakes, without payload and with the full load, at
     80 samples and those of each axis's largest speed. Category 0: what moves is stopped by the
     brakes. Category 1: by the drives' efforts, or see `braking`; then what friction does not hold
-    falls from rest until its brake closes.
+    falls from rest until its brake closes. What moves no mass is left at rest.
 
     Args:
-        machines: of a scene for which `Scene.one_drive_each` holds. trajectory: the cycle.
+        machines: of an open chain, no joint with several drives. trajectory: the cycle.
+        powers: of `braking`.
     """
     rate = working_rates(machines.scene, trajectory.q, trajectory.v)[0]
     fastest = np.argmax(np.abs(rate), axis=0)
@@ -115,19 +135,20 @@ def cycle_peaks(machines: Machines, trajectory: Trajectory) -> np.ndarray:
     most, powered = [np.zeros(rate.shape[1])], machines.settings.category == 1
     for load in {0.0, 1.0} if machines.full else {0.0}:
         machine = machines.of(Kind(True, load))
+        light = massless(machine.scene, machine.carried)
+        heavy = ~light[[drive.velocity_index for drive in machine.scene.drives]]
+        stopped = []
         if not powered:
-            found = gear_peaks(machine, machine.torque, machine.delay, q, v, np.sign(rate))
-            most.append(found.max(axis=0))
-            continue
-        if machine.drive_torque:
+            stopped.append((machine.torque, machine.delay, v, np.sign(rate)))
+        if powered and machine.drive_torque:
             at_once = dict.fromkeys(machine.drive_torque, 0.0)
-            found = gear_peaks(machine, machine.drive_torque, at_once, q, v, np.sign(rate))
-            most.append(found.max(axis=0))
-        if not machine.holds:
+            stopped.append((machine.drive_torque, at_once, v, np.sign(rate)))
+        if powered and not machine.holds:
             down = _falls(machine, machines, q, load)
-            found = gear_peaks(machine, machine.torque, machine.delay, q, 0.0 * v, down)
+            stopped.append((machine.torque, machine.delay, 0.0 * v, down))
+        for torque, delay, speed, way in stopped:
+            found = gear_peaks(machine, torque, delay, q, speed, way * heavy)
             most.append(found.max(axis=0))
-    powers = braking(machines, trajectory)
     most += [np.max(np.abs([x.effort_lower, x.effort_upper]), axis=(0, 1)) for x in powers]
     return np.max(most, axis=0)
 

@@ -20,7 +20,7 @@ from pinfric.model.scene import Scene, expect_scene
 from pinfric.model.schema import Stops
 from pinfric.model.upward import Shown
 from pinfric.motions.trajectory import Trajectory
-from pinfric.stops.machines import Machines, full_load, stop_settings
+from pinfric.stops.machines import Machines, check_brakes, full_load, stop_settings
 from pinfric.stops.motion import StopMotion
 from pinfric.stops.search import Cycle, Search, Stopped
 from pinfric.stops.summary import AxisStop, StopGrid, axis_stop, stop_grid
@@ -156,6 +156,7 @@ def stops_of(
         StopError, TrajectoryError: as `stop`.
     """
     scene, settings = machines.scene, machines.settings
+    check_brakes(scene)
     if trajectory.duration < settings.reaction_time:
         raise TrajectoryError(
             f"{trajectory.source}: lasts {trajectory.duration:g} s, less than the reaction_time "

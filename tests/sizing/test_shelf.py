@@ -280,14 +280,22 @@ def test_ruling_out_a_chosen_drive_makes_no_arm_lighter(arm, masses):
 
 
 def test_a_whole_arm_is_like_its_makers(arm):
-    """A UR10 seems to have strain wave gears of sizes 32, 32, 25, 17, 17, 17, ratio 100."""
+    """A UR10 seems to have strain wave gears of sizes 32, 32, 25, 17, 17, 17, ratio 100.
+
+    Nothing larger than the next size, though its brakes may close in motion (1.3 times the peak).
+    """
     scene, motion, catalog = arm
     bare = sized((scene.with_(masses="without_drives"), motion, catalog))
     sizes = [int(name.split("CSG-")[1].split("-")[0]) for name in drives(bare)]
-    assert sizes == [32, 32, 25, 14, 14, 14]
-    assert 9 < bare.verdict.mass < 16
+    made = [14, 17, 20, 25, 32, 40]
+    off = [
+        made.index(ours) - made.index(its)
+        for ours, its in zip(sizes, (32, 32, 25, 17, 17, 17), strict=True)
+    ]
+    assert np.abs(off).max() <= 1
+    assert 15 < bare.verdict.mass < 20
     assert bare.settled
-    assert bare.passes == 2
+    assert bare.passes == 4
 
 
 def test_offers_come_by_mass_whatever_gear_they_have(tmp_path):

@@ -14,7 +14,7 @@ from stop_cases import axis
 import pinfric as pf
 from pinfric.stops.machines import Machines, full_load, stop_settings
 from pinfric.stops.motion import Machine
-from pinfric.stops.peaks import cycle_peaks, gear_peaks
+from pinfric.stops.peaks import braking, cycle_peaks, gear_peaks
 
 RATIOS, ROTORS = np.array([-100.0, 80.0, 50.0]), np.array([1e-4, 8e-5, 3e-5])
 BACK, BRAKES, DELAYS = np.array([0.6, 0.8, 0.5]), np.array([0.4, 0.9, 0.3]), (0.03, 0.01, 0.03)
@@ -84,6 +84,54 @@ def test_peaks_of_all_joints_by_pinocchios_forward_dynamics(carried):
     np.testing.assert_allclose(found, judged, rtol=1e-6)
 
 
+#: Joints that other drives turn as well, and joints that no drive turns.
+OTHER_CHAINS = {
+    "coupled": {"couples": {"elbow": {"lift": -0.7, "turn": 0.2}}, "drives": NAMES},
+    "undriven": {"couples": {}, "drives": ("lift", "elbow")},
+}
+
+
+@pytest.mark.parametrize("name", OTHER_CHAINS)
+def test_peaks_of_coupled_drives_and_beside_free_joints_by_one_linear_system(name):
+    """M a + h = S^T t, S a = 0 of what rests, whose effort is free."""
+    scene, random, given = three_axes(), np.random.default_rng(4), OTHER_CHAINS[name]
+    there = [NAMES.index(n) for n in given["drives"]]
+    actuators = [
+        a.model_copy(update={"couples": given["couples"].get(a.joint, {})})
+        for a in (scene.actuators[k] for k in there)
+    ]
+    scene = scene.with_(actuators=actuators)
+    S = np.eye(3)[there]
+    for driven, others in given["couples"].items():
+        for other, factor in others.items():
+            S[given["drives"].index(driven), NAMES.index(other)] = factor
+    q, v = random.uniform(-2.0, 2.0, (2, 10, 3))
+    delay, torque = (dict.fromkeys(NAMES, 0.01), dict(zip(NAMES, BRAKES, strict=True)))
+    direction, machine = np.sign(v @ S.T), Machine(scene, (), {}, {}, {}, None)
+    found = gear_peaks(machine, torque, delay, q, v, direction)
+    model, n = scene.loaded_model(()), len(there)
+    data, push = model.createData(), (np.abs(RATIOS) * BRAKES / BACK)[there]
+    heavy, most = (RATIOS**2 * ROTORS / BACK)[there], np.zeros((10, n))
+    for k, moving in product(range(10), product((False, True), repeat=n)):
+        rest = ~np.array(moving)
+        # the velocities of what moves, the rates of what rests being 0
+        free = np.eye(3)[[j for j in range(3) if j not in there]]
+        rates = np.concatenate([np.where(rest, 0.0, S @ v[k]), free @ v[k]])
+        speed = np.linalg.solve(np.vstack([S, free]), rates)
+        h, M = pin.rnea(model, data, q[k], speed, np.zeros(3)), pin.crba(model, data, q[k])
+        M = np.triu(M) + np.triu(M, 1).T
+        # unknown: a, t; t = -push sign - heavy S a where it moves, S a = 0 where it rests
+        A = np.block(
+            [[M, -S.T], [np.where(rest[:, None], 1.0, heavy[:, None]) * S, np.diag(~rest)]]
+        )
+        b = np.concatenate([-h, np.where(rest, 0.0, -push * direction[k])])
+        t = np.abs(np.linalg.solve(A.astype(float), b)[3:])
+        if n == 3 and rest.all():
+            continue
+        most[k] = np.maximum(most[k], np.where(rest, np.minimum(t, push), t))
+    np.testing.assert_allclose(found, most, rtol=1e-6)
+
+
 def test_a_self_locking_gear_rests_and_passes_what_comes():
     """eta_b < 0: the lift stands as soon as power is off, as a joint of no direction would.
 
@@ -148,7 +196,9 @@ def test_peaks_of_a_lift_by_hand(name):
     stops, peak = BY_HAND[name]
     scene = lift(**stops)
     motion = down_and_up(scene)
-    assert cycle_peaks(machines_of(scene, motion), motion) == pytest.approx([peak], rel=1e-9)
+    machines = machines_of(scene, motion)
+    found = cycle_peaks(machines, motion, braking(machines, motion))
+    assert found == pytest.approx([peak], rel=1e-9)
 
 
 @pytest.mark.slow
@@ -165,7 +215,7 @@ def test_simulated_stops_of_sized_robots_load_their_gears_as_the_algebra_says(na
     simulated = np.array([axis.peak for axis in found.axes])
     bears = np.array([d.transmission.momentary_peak for d in equipped.drives])
     own = np.array([joint.demand.peak for joint in report.joints])
-    algebra = np.maximum(cycle_peaks(found.search.machines, motion), own)
+    algebra = np.maximum(cycle_peaks(found.search.machines, motion, ()), own)
     ratio = (simulated / algebra)[simulated > 0.1 * bears]
     assert 0.68 < ratio.min() <= ratio.max() < 1.15
     assert np.median(ratio) == pytest.approx(0.95, abs=0.1)
