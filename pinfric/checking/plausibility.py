@@ -13,6 +13,7 @@ from pinfric.checking.links import link_findings
 from pinfric.checking.robot import RobotFacts
 from pinfric.checking.scene import massless_findings, scene_findings
 from pinfric.errors import PinfricWarning, RobotError, SceneError
+from pinfric.model.legs import hanging_legs
 from pinfric.model.robot import BUNDLED, Robot, read_robot, urdf_file
 from pinfric.model.scene import Scene
 from pinfric.model.scene_file import load_scene
@@ -96,6 +97,9 @@ def _urdf_findings(facts: RobotFacts, scene: Scene | None = None) -> Iterator[Fi
     yield from joint_findings(facts, robot)
     if robot is not None and any(facts.masses.values()):
         yield from massless_findings(scene or Scene(robot.model))
+    if robot is not None and (legs := hanging_legs(robot.model)):
+        found, _, how = legs.partition("; ")
+        yield Finding(Severity.WARNING, "legs", "robot", found, how)
     for text in facts.said:
         yield Finding(Severity.WARNING, "reading", "robot", text, "")
     if facts.nameless:

@@ -24,6 +24,7 @@ from pinfric.drives.criterion import Criterion, Status
 from pinfric.drives.held import doubted_masses, held_drives
 from pinfric.model.brief import counted
 from pinfric.model.described import derived, described, quantity
+from pinfric.model.legs import hanging_legs
 from pinfric.model.scene import Scene
 from pinfric.model.total_mass import doubted_mass
 
@@ -136,10 +137,11 @@ def verdict_of(report: SizingReport) -> Verdict:
     """
     joints = zip(report.joints, report.criteria, strict=True)
     whole = _failing("robot", report.arm_criteria)
-    weighs, possible = _weight(report.given)
+    (weighs, possible), legs = _weight(report.given), hanging_legs(report.given.model)
     if report.catalog is None:
         alone = (line for joint, own in joints for line in _failing(joint.name, own))
-        return Verdict((), (*alone, *whole, *([] if possible else [weighs])), "", ())
+        whole += [] if possible else [weighs]
+        return Verdict((), (*alone, *whole), "", (legs,) if legs else ())
     # What the scene says of its masses
     taken = ((i, joint.installed) for i, joint in enumerate(report.joints))
     masses = {i: a.candidate.mass for i, a in taken if a is not None}
@@ -165,8 +167,8 @@ def verdict_of(report: SizingReport) -> Verdict:
             f"{report.drive_mass:.2f} kg if the links are bare, {report.other_mass:.2f} kg if they "
             f"hold the drives{whose}: write `robot.masses`"
         )
-    remarks = ("" if beyond else heavy, weighs if possible else "")
     question = "; ".join(text for text in (question, report.open_stops) if text)
+    remarks = (legs, "" if beyond else heavy, weighs if possible else "")
     return Verdict(judged, tuple(lines), question, tuple(text for text in remarks if text))
 
 

@@ -104,7 +104,8 @@ def verdict(result: InverseResult, found: InverseSummary) -> str:
     if found.mass_doubt:
         within = f"no robot weighs so little or so much: {found.mass_doubt}"
     narrow = f"; {counted(found.too_narrow, 'sample')} whose intervals may be too narrow"
-    return f"{solved}; {within}" + narrow * (found.too_narrow > 0)
+    hanging = f"; {found.hanging}" if found.hanging else ""
+    return f"{solved}; {within}" + narrow * (found.too_narrow > 0) + hanging
 
 
 def log_lines(log: JudgedLog | None, units: Mapping[str, str]) -> list[str]:
