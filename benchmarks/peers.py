@@ -30,7 +30,7 @@ from pinfric.accuracy.study import (
 )
 from pinfric.dynamics.forward.efforts import make_effort
 from pinfric.dynamics.inverse.result import StickInterval, runs
-from pinfric.dynamics.simulation.scene_run import start_state
+from pinfric.dynamics.simulation.start import start_state
 from pinfric.errors import PinfricError
 from pinfric.exporting.mjcf import MjcfJoint, mjcf
 from pinfric.exporting.tree import Body, bodies

@@ -34,7 +34,6 @@ _PUBLIC = {
     "simulate": "pinfric.dynamics.simulation.simulate",
     "Motion": "pinfric.dynamics.simulation.motion",
     "load_motion": "pinfric.dynamics.simulation.motion_file",
-    "run_scene": "pinfric.dynamics.simulation.scene_run",
     "Trajectory": "pinfric.motions.trajectory",
     "load_trajectory": "pinfric.motions.trajectory",
     "Log": "pinfric.motions.log.frame",
@@ -89,7 +88,6 @@ if TYPE_CHECKING:  # the same names for type checkers, which do not run __getatt
     from pinfric.dynamics.samples.reactions import joint_wrenches as joint_wrenches
     from pinfric.dynamics.simulation.motion import Motion as Motion
     from pinfric.dynamics.simulation.motion_file import load_motion as load_motion
-    from pinfric.dynamics.simulation.scene_run import run_scene as run_scene
     from pinfric.dynamics.simulation.simulate import simulate as simulate
     from pinfric.dynamics.warm_up import warm_up as warm_up
     from pinfric.elastic.motion import Elasticity as Elasticity
@@ -128,7 +126,10 @@ def __getattr__(name: str) -> Any:
         found = getattr(import_module(_PUBLIC[name]), name)
         globals()[name] = found  # later accesses skip this function, which takes 3 us
         return found
-    raise AttributeError(f"module 'pinfric' has no attribute {name!r}")
+    from pinfric.errors import removed
+
+    gone = removed(f"pinfric.{name}")
+    raise AttributeError(f"module 'pinfric' has no attribute {name!r}{gone and f'; {gone}'}")
 
 
 def _from_below(name: str) -> Any:

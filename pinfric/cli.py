@@ -214,14 +214,14 @@ def simulate(
     """
     names = "motion.csv", "motion.npz", "motion.png", "summary.json"
     scene, _ = load(scene_name, out=out, names=names)
-    from pinfric.dynamics.simulation.scene_run import run_scene
+    from pinfric.dynamics.simulation.simulate import simulate as run
     from pinfric.show.figure.motion import motion_figure
     from pinfric.show.motion_summary import motion_summary
     from pinfric.show.report.motion import motion_report
 
     numbers = {"rtol": rtol, "atol": None if rtol is None else 1e-2 * rtol, "dt": dt}
-    given = {name: value for name, value in numbers.items() if value is not None}
-    motion = run_scene(scene, t_end=t_end, method=method, **given)
+    given: Any = {name: value for name, value in numbers.items() if value is not None}
+    motion = run(scene, t_end=t_end, method=method, **given)
     found = motion_summary(motion)
     files: Files = {
         "motion.csv": lambda path: motion.to_dataframe().to_csv(path, index=False),

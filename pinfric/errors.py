@@ -30,6 +30,7 @@ REMOVED = {
         ),
         "name a `drive` of a catalogue, motor and gear",
     ),
+    "pinfric.run_scene": "call pf.simulate(scene)",
     "pinfric replay --live": "the page plays without a server (--html FILE)",
     "pinfric sweep --scheduler": "write --cluster ADDRESS",
     "pinfric size --what-if": "for another scene (`robot.masses`, no `friction`) run `size` again",

@@ -12,6 +12,7 @@ import pytest
 import typer
 from cli_cases import ROOT, refused, run, told
 
+import pinfric as pf
 from pinfric import __version__, cli, terminal
 from pinfric.errors import (
     REMOVED,
@@ -108,6 +109,9 @@ def test_no_removed_name_is_there_again(capsys):
             assert "it was removed" in refused(capsys, *words[1:])
         elif words[0] == "--to":
             assert words[1] not in EXPORTS
+        elif gone.startswith("pinfric."):
+            with pytest.raises(AttributeError, match="it was removed"):
+                getattr(pf, gone.removeprefix("pinfric."))
         else:
             kind, key = gone.split(".")
             assert key not in kinds[kind].model_fields

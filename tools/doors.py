@@ -72,8 +72,7 @@ for method in ("event", "timestepping", "regularized"):
     is_number(found.q, found.v)
     found.energy()
 """,
-    "run_scene": "pf.run_scene(arm, t_end=0.02).save('m.npz')",
-    "load_motion": "pf.run_scene(arm, t_end=0.02).save('m.npz'); pf.load_motion('m.npz', arm)",
+    "load_motion": "pf.simulate(arm, t_end=0.02).save('m.npz'); pf.load_motion('m.npz', arm)",
     "load_trajectory": "motion()",
     "elasticity": """
 lines = {"k1": 3e4, "k2": 5e4, "t1": 14}
@@ -98,7 +97,7 @@ is_number(friction.limit(data), friction.normal_load(data))
     "stop": "pf.stop(pf.load_scene('braked.yaml'), motion()).summary()",
     "retime": "pf.retime(arm, motion(), 'motors.yaml')",
     "sweep": "pf.sweep(arm, motion(), 'sweep.yaml', processes=1)",
-    "replay": "pf.replay(arm, pf.run_scene(arm, t_end=0.02), html='page.html')",
+    "replay": "pf.replay(arm, pf.simulate(arm, t_end=0.02), html='page.html')",
     "identify": "pf.identify(pf.load_scene('pendulum'), ['log.csv'], effort_at='joint')",
     "Path": "pf.Path.from_trajectory(motion())",
     "CompensationOptions": "pf.CompensationOptions(scale=1.0)",

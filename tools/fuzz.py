@@ -261,7 +261,7 @@ def saved_motion(name):
     import pinfric as pf
 
     with tempfile.TemporaryDirectory() as folder:
-        motion = pf.run_scene(pf.load_scene(name), t_end=0.05)
+        motion = pf.simulate(pf.load_scene(name), t_end=0.05)
         return motion.save(Path(folder) / "m.npz").read_bytes()
 
 

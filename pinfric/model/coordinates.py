@@ -19,6 +19,17 @@ def one_number(joint: Any, q: np.ndarray) -> np.ndarray:
     return first if joint.nq == 1 else unwrapped_angle(first, q[:, joint.idx_q + 1])
 
 
+def from_angles(model: pin.Model, width: int) -> str:
+    """Return how q is made from one number per joint, or "" where q is not as wide as v."""
+    turning = [n for n, j in zip(model.names, model.joints, strict=True) if (j.nq, j.nv) == (2, 1)]
+    if width != model.nv or not turning:
+        return ""
+    return (
+        f"; {', '.join(turning)}: cos and sin of the angle; from one number per joint: "
+        "q = pin.integrate(model, pin.neutral(model), numbers)"
+    )
+
+
 def unwrapped_angle(cosine: np.ndarray, sine: np.ndarray) -> np.ndarray:
     """Return (T,) the angle without jumps, the first within +-pi."""
     return np.asarray(np.unwrap(np.arctan2(sine, cosine)))

@@ -19,6 +19,7 @@ from pinfric.model.arrays import real_numbers
 from pinfric.model.bearings import Contacts, contacts
 from pinfric.model.brief import counted, file_name, listed, screen
 from pinfric.model.closure import close, velocity_indices, velocity_names
+from pinfric.model.coordinates import from_angles
 from pinfric.model.couples import check_couples, taking_part
 from pinfric.model.drives import Drive
 from pinfric.model.entry import parse
@@ -547,6 +548,7 @@ class Scene:
         if q.shape != (self.model.nq,):
             raise SceneError(
                 f"{self.source}: close: q_guess has shape {q.shape}; should be ({self.model.nq},)"
+                f"{from_angles(self.model, q.size)}"
             )
         return q if self.linkage is None else close(self.twin(), self.linkage, q, held)
 

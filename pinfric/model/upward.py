@@ -40,7 +40,7 @@ class Shown:
     """Results with a table and a picture.
 
     >>> import pinfric as pf
-    >>> motion = pf.run_scene(pf.load_scene("pendulum"), t_end=0.1)
+    >>> motion = pf.simulate(pf.load_scene("pendulum"), t_end=0.1)
     >>> motion.summary().columns.tolist()
     ['unit', 'peak', 'rms', 'work', 'heat', 'gear_heat', 'stick_time']
     """

@@ -21,6 +21,7 @@ from pinfric.dynamics.inverse.result import runs
 from pinfric.errors import PinfricError, PinfricWarning, TrajectoryError, choose_from
 from pinfric.model.arrays import BoolArray, FloatArray, real_numbers
 from pinfric.model.brief import counted, file_name, listed, screen
+from pinfric.model.coordinates import from_angles
 from pinfric.model.files import write_file
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, impossible
 from pinfric.model.scene import Scene, expect_scene
@@ -171,6 +172,7 @@ class Trajectory:
         given, rows = attached or {}, times.size
         problems = [
             f"{name} has shape {array.shape}; the model needs (T, {width}) = ({rows}, {count})"
+            + (from_angles(model, array.shape[-1]) if name == "q" and array.ndim else "")
             for name, array, width, count in (
                 ("q", qs, "nq", model.nq),
                 ("v", v, "nv", model.nv),

@@ -142,7 +142,7 @@ def test_the_drawer_pushed_at_its_corner_against_pinfric():
     simulated = simulate(
         mechanism, [0.0], [0.0], lambda t: 28.0 * np.sin(6.0 * np.array([t])), 0.8, sample_step=0.1
     )
-    ours = pf.run_scene(
+    ours = pf.simulate(
         dataclasses.replace(scene, simulation=scene.simulation.model_copy(update={"t_end": 0.8}))
     )
     expected = simulated.stick_intervals("slide")

@@ -27,7 +27,7 @@ from mechanisms import four_bar, two_ball_loops
 
 import pinfric as pf
 from pinfric.dynamics.samples.closure import consistent_motion
-from pinfric.dynamics.simulation.scene_run import start_state
+from pinfric.dynamics.simulation.start import start_state
 from pinfric.errors import (
     LoopMotionError,
     NoConsistentAcceleration,

@@ -13,7 +13,7 @@ from mechanisms import add_link, bar, four_bar, grounded_model, shifted
 
 import pinfric as pf
 from pinfric.dynamics.samples.closure import consistent_motion
-from pinfric.dynamics.simulation.scene_run import run_scene, start_state
+from pinfric.dynamics.simulation.start import start_state
 from pinfric.errors import LoopMotionError, SceneError
 from pinfric.model.closure import loop_state
 
@@ -160,7 +160,7 @@ def test_stick_and_slip_of_a_driven_mechanism_by_the_one_pendulum():
 
 
 def test_energy_is_balanced_with_load_dependent_friction_in_a_loop():
-    motion = run_scene(pf.load_scene("four_bar"), t_end=1.0)
+    motion = pf.simulate(pf.load_scene("four_bar"), t_end=1.0)
     energy = motion.energy()
     assert energy.friction_loss.min() > 0.0
     assert abs(energy.residual) < 1e-7 * energy.friction_loss.sum()
@@ -170,7 +170,7 @@ def test_energy_is_balanced_with_load_dependent_friction_in_a_loop():
 # are said to stick.
 def test_all_that_runs_out_stops_at_once():
     """One freedom: when one joint of the slider-crank stops, all four do, at the same instant."""
-    motion = run_scene(pf.load_scene("slider_crank"))
+    motion = pf.simulate(pf.load_scene("slider_crank"))
     sticks = motion.stick_intervals()
     assert {s.site for s in sticks} == {"crank_pin", "rod_pin", "guide", "piston_pin"}
     assert len({s.start for s in sticks}) == 1
@@ -211,7 +211,7 @@ def test_time_stepping_a_mechanism_is_first_order():
 
 @pytest.mark.parametrize("name", ["four_bar", "slider_crank", "drawer", "excavator", "delta"])
 def test_bundled_mechanisms_run_as_their_scenes_say(name):
-    motion = run_scene(pf.load_scene(name))
+    motion = pf.simulate(pf.load_scene(name))
     assert motion.status == "finished"
     assert motion.stick_intervals()
     assert np.isfinite(motion.friction).all()
@@ -235,7 +235,7 @@ def test_a_start_that_is_open_or_against_the_loop_says_by_how_much():
 
 def test_a_motion_goes_to_a_file_and_back_and_knows_its_loops(tmp_path):
     scene = pf.load_scene("four_bar")
-    motion = run_scene(scene, t_end=0.2)
+    motion = pf.simulate(scene, t_end=0.2)
     path = motion.save(tmp_path / "m")
     again = pf.load_motion(path, scene)
     assert (again.q == motion.q).all()
@@ -307,7 +307,7 @@ def test_a_start_at_which_loops_do_not_close_is_refused_with_one_at_which_they_d
     far = dict.fromkeys(("crank_pin", "coupler_pin", "ground_pin"), 0.0)
     refused = scene.with_(simulation={"start": {"q": far}, "t_end": 0.01})
     with pytest.raises(SceneError, match=r"simulation\.start: loop 'rocker_pin'.*e\.g\.") as error:
-        run_scene(refused)
+        pf.simulate(refused)
     offered = yaml.safe_load(str(error.value).partition("e.g. ")[2])
     taken = scene.with_(simulation={"start": {"q": offered}, "t_end": 0.01})
-    assert run_scene(taken).status == "finished"
+    assert pf.simulate(taken).status == "finished"

@@ -18,7 +18,7 @@ from judges.test_linked_simulate import parallelogram_scene, swing
 from mechanisms import pin_friction
 
 import pinfric as pf
-from pinfric.dynamics.simulation.scene_run import start_state
+from pinfric.dynamics.simulation.start import start_state
 from pinfric.errors import NoConsistentAcceleration
 
 EPS = 1e-15

@@ -20,7 +20,6 @@ CALLS = {
     "holds": lambda name: pf.holds(name, THREE, THREE),
     "Solver": lambda name: pf.Solver(name),
     "warm_up": lambda name: pf.warm_up(name),
-    "run_scene": lambda name: pf.run_scene(name),
     "load_trajectory": lambda name: pf.load_trajectory("three_link", name),
     "load_motion": lambda name: pf.load_motion("motion.npz", name),
     "size": lambda name: pf.size(name, "three_link"),

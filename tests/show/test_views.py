@@ -142,7 +142,7 @@ def test_plot_is_a_matplotlib_figure(panda):
     figure = result.plot(trajectory="pick.csv", drives=["panda_joint2", "panda_joint4"])
     assert isinstance(figure, Figure)
     assert any("pick.csv" in text.get_text() for text in figure.texts)
-    for other in (pf.size(scene, motion), pf.run_scene(scene=pf.load_scene("pendulum"))):
+    for other in (pf.size(scene, motion), pf.simulate(scene=pf.load_scene("pendulum"))):
         assert isinstance(other.plot(), Figure)
         assert isinstance(pf.plot(other), Figure)
     with pytest.raises(StateError, match="a Scene has no picture"):
@@ -222,7 +222,6 @@ def test_a_notebook_shows_a_result_as_its_table_and_its_figure_as_a_picture(pand
         "load_scene",
         "load_trajectory",
         "retime",
-        "run_scene",
         "simulate",
         "size",
         "sweep",

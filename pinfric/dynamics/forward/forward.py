@@ -13,6 +13,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple, cast
 
 import numpy as np
+import pinocchio as pin
 
 from pinfric.dynamics.forward.efforts import by_name
 from pinfric.dynamics.forward.workspace import Workspace, workspace
@@ -23,6 +24,7 @@ from pinfric.dynamics.samples.states import States
 from pinfric.errors import PinfricError, StateError
 from pinfric.model.arrays import real_numbers
 from pinfric.model.brief import counted, screen
+from pinfric.model.coordinates import from_angles
 from pinfric.model.scene import Scene, expect_scene
 
 #: Compared by identity: a tenth of the time.
@@ -198,7 +200,7 @@ def solve_state(
     Raises:
         See `forward_dynamics`.
     """
-    q, v = vector("q", q, ws.nq, "nq"), vector("v", v, ws.nv, "nv")
+    q, v = vector("q", q, ws.nq, "nq", ws.scene.model), vector("v", v, ws.nv, "nv")
     effort = drive_vector(ws, effort)
     if ws.held.size:
         v = v.copy()
@@ -289,11 +291,23 @@ def drive_vector(ws: Workspace, given: Any) -> np.ndarray:
     return array * ws.plan.drives.gears.ratio if ws.given == "motor_torque" else array
 
 
-def vector(name: str, given: Any, size: int, symbol: str) -> np.ndarray:
-    """Return a (size,) C-ordered float array, or raise `StateError` naming it."""
+def vector(
+    name: str, given: Any, size: int, symbol: str, model: pin.Model | None = None
+) -> np.ndarray:
+    """Return a (size,) C-ordered float array, or raise `StateError` naming it.
+
+    Args:
+        name, symbol: of the array and of its size, for the message.
+        given: what should be one.
+        size: entries.
+        model: of a configuration: the message says how it is made from angles.
+    """
     if type(given) is np.ndarray and given.dtype is _FLOAT and given.shape == (size,):
         return np.ascontiguousarray(given)
     array = np.atleast_1d(real_numbers(name, given))
     if array.shape != (size,):
-        raise StateError(f"{name}: shape {np.shape(given)}; should be ({size},), {symbol} = {size}")
+        made = from_angles(model, array.size) if model is not None else ""
+        raise StateError(
+            f"{name}: shape {np.shape(given)}; should be ({size},), {symbol} = {size}{made}"
+        )
     return array

@@ -95,7 +95,7 @@ def holds(
     expect_scene(scene, "holds")
     given = one_of("holds", effort, motor_torque)
     ws = Workspace(scene, attached, motors=effort is None)
-    q, v = vector("q", q, ws.nq, "nq"), np.zeros(ws.nv)
+    q, v = vector("q", q, ws.nq, "nq", ws.scene.model), np.zeros(ws.nv)
     u = drive_vector(ws, given)
     applied = None if external is None else applied_wrenches(scene, external, 1)
     if scene.loops and np.isfinite(q).all():

@@ -310,7 +310,7 @@ class Solver:
         ws, x = self._own.both
         if x is None:
             return self._inverse_of_batch(q, v, a, applied)
-        x.q[:] = vector("q", q, x.q.size, "nq")
+        x.q[:] = vector("q", q, x.q.size, "nq", self.scene.model)
         x.v[:] = vector("v", v, x.v.size, "nv")
         x.a[:] = vector("a", a, x.a.size, "nv")
         ws.supplier.balance(x.q, x.v, x.a, applied)
@@ -451,7 +451,7 @@ class Solver:
         carried = None
         if self._carried is not None:
             carried = np.array([[name in self._carried for name in self.scene.payloads]])
-        q = vector("q", q, ws.nq, "nq")
+        q = vector("q", q, ws.nq, "nq", ws.scene.model)
         check_reach(self.scene, self._reach, q, motion)
         states = States.of(self.scene, q, rate, bend, None, carried)
         applied = applied_wrenches(self.scene, external, 1)

@@ -13,6 +13,7 @@ import pinocchio as pin
 
 from pinfric.errors import PinfricWarning, StateError
 from pinfric.model.arrays import flags, real_numbers
+from pinfric.model.coordinates import from_angles
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, impossible
 from pinfric.model.scene import Scene
 
@@ -65,8 +66,7 @@ class States:
             StateError: not real numbers, a wrong shape, a value not finite, times not increasing.
         """
         model = scene.model
-        q = _samples("q", q, model.nq)
-        v, a = _samples("v", v, model.nv), _samples("a", a, model.nv)
+        q, v, a = (_samples(name, x, model) for name, x in (("q", q), ("v", v), ("a", a)))
         if not len(q) == len(v) == len(a):
             raise StateError(f"q, v, a have {len(q)}, {len(v)}, {len(a)} samples; should be equal")
         if t is not None:
@@ -196,12 +196,14 @@ def mention_unmeasured(scene: Scene, v: np.ndarray) -> None:
         )
 
 
-def _samples(name: str, given: Any, width: int) -> np.ndarray:
+def _samples(name: str, given: Any, model: pin.Model) -> np.ndarray:
     array = np.atleast_2d(real_numbers(name, given))
+    width = model.nq if name == "q" else model.nv
     if array.ndim != 2 or array.shape[1] != width:
         raise StateError(
             f"{name}: shape {np.shape(given)}; should be (T, {width}), samples first, "
-            f"{'n' + name if name == 'q' else 'nv'} = {width}"
+            f"{'nq' if name == 'q' else 'nv'} = {width}"
+            f"{from_angles(model, array.shape[-1]) if name == 'q' else ''}"
         )
     if len(array) == 0:
         raise StateError(f"{name}: no samples")

@@ -21,6 +21,7 @@ from pinfric.dynamics.simulation.event import EventIntegration
 from pinfric.dynamics.simulation.motion import FAILED, FINISHED, INTERRUPTED, Motion
 from pinfric.dynamics.simulation.recorder import Recorder
 from pinfric.dynamics.simulation.regularized import RegularizedIntegration
+from pinfric.dynamics.simulation.start import start_state
 from pinfric.dynamics.simulation.system import Settings, System
 from pinfric.dynamics.simulation.timestepping import step_through
 from pinfric.errors import (
@@ -88,8 +89,8 @@ class Numbers(TypedDict, total=False):
 
 def simulate(
     scene: Scene,
-    q0: np.ndarray,
-    v0: np.ndarray,
+    q0: np.ndarray | None = None,
+    v0: np.ndarray | None = None,
     effort: EffortLike = None,
     t_end: float | None = None,
     method: str = "event",
@@ -112,7 +113,8 @@ def simulate(
 
     Args:
         scene: the robot with its friction and drives.
-        q0, v0: (nq,), (nv,) at t = 0; a joint at or below its stick velocity starts at rest.
+        q0, v0: (nq,), (nv,) at t = 0; a joint at or below its stick velocity starts at rest. None,
+            both: the scene's own, `simulation.start`; only v0: at rest.
         effort: a function (t, q, v) -> (na,), constants (na,), (times, values), a mapping by drive
             to numbers or functions, or None for the scene's own; see `efforts.make_effort`. Arrays
             are in the order of `scene.actuator_names`. A function must be pure, for it is called at
@@ -137,6 +139,8 @@ def simulate(
 
     >>> import pinfric as pf
     >>> scene = pf.load_scene("pendulum")
+    >>> pf.simulate(scene, t_end=0.5).status
+    'finished'
     >>> motion = pf.simulate(scene, [0.0], [1.0], [0.0], 1.0)
     >>> motion.q[-1].round(4)
     array([0.237])
@@ -162,6 +166,18 @@ def simulate(
             )
         with _Progress(progress, settings.t_end) as record.progress:
             return _run(method, system, settings, record, q, v)
+
+
+def simulate_whole(scene: Scene, **options: Any) -> Motion:
+    """Do as `simulate` from the scene's own start; Ctrl-C raises, half a motion is no reference.
+
+    Raises:
+        KeyboardInterrupt; and what `simulate` raises.
+    """
+    motion = simulate(scene, **options)
+    if motion.status == INTERRUPTED:
+        raise KeyboardInterrupt
+    return motion
 
 
 def simulate_constant(
@@ -209,7 +225,10 @@ def _end(scene: Scene, t_end: float | None) -> float:
     if t_end is not None:
         return t_end
     if scene.simulation is None:
-        raise SimulationError(f"{scene.source}: has no `simulation` section; give t_end (s)")
+        raise SimulationError(
+            f"{scene.source}: has no `simulation` section; add one with start, effort and t_end, "
+            "or give q0, v0, effort and t_end (s)"
+        )
     return scene.simulation.t_end
 
 
@@ -337,7 +356,12 @@ def _check_counts(t_end: float, **steps: float | None) -> None:
 
 
 def _start(scene: Scene, q0: Any, v0: Any) -> tuple[np.ndarray, np.ndarray]:
-    q, v = vector("q0", q0, scene.model.nq, "nq"), vector("v0", v0, scene.model.nv, "nv")
+    model = scene.model
+    if q0 is None:
+        own = start_state(scene)
+        q0, v0 = own[0], own[1] if v0 is None else v0
+    v0 = np.zeros(model.nv) if v0 is None else v0
+    q, v = vector("q0", q0, model.nq, "nq", model), vector("v0", v0, model.nv, "nv")
     for name, array in (("q0", q), ("v0", v)):
         if (wrong := impossible(array)).any():
             i = int(np.argmax(wrong))

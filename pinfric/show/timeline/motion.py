@@ -9,7 +9,7 @@ from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.simulation.motion import Motion, scene_digests
 from pinfric.dynamics.simulation.motion_file import load_motion
-from pinfric.dynamics.simulation.scene_run import run_scene
+from pinfric.dynamics.simulation.simulate import simulate
 from pinfric.errors import StateError, TrajectoryError
 from pinfric.model.scene import Scene
 from pinfric.motions.log.judged import JudgedLog, judge_log
@@ -37,7 +37,7 @@ def motion_to_replay(
         PinfricError: the file cannot be read or is of another scene; there is no simulation.
     """
     if name is None:
-        return run_scene(scene), None
+        return simulate(scene), None
     if Path(name).suffix.lower() == ".npz":
         if not os.path.isfile(name):
             raise TrajectoryError(f"there is no file {name}; `Motion.save` writes such files")

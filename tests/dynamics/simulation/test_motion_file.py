@@ -20,7 +20,7 @@ from pinfric.errors import SimulationError, StateError
 @pytest.fixture(scope="module")
 def saved(tmp_path_factory):
     scene = pf.load_scene("pendulum")
-    motion = pf.run_scene(scene, t_end=0.4)
+    motion = pf.simulate(scene, t_end=0.4)
     path = motion.save(tmp_path_factory.mktemp("motion") / "motion.npz")
     return scene, motion, path.read_bytes()
 

@@ -337,7 +337,7 @@ def test_an_effort_too_fast_for_any_run_is_refused(method):
     with pytest.raises(
         SimulationError, match=r"efforts that change within 1\.66667e-10 s: 1\.8e\+08"
     ):
-        pf.run_scene(scene.with_(simulation=start), t_end=0.03, method=method)
+        pf.simulate(scene.with_(simulation=start), t_end=0.03, method=method)
     with pytest.raises(SimulationError, match="max_step = 1e-10 s: 3e"):
         pf.simulate(scene, [0.0], [0.0], [0.0], 0.03, method, max_step=1e-10)
 

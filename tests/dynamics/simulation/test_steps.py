@@ -106,10 +106,10 @@ def test_regularized_creeps_as_predicted():
 def test_an_end_that_is_given_is_not_replaced_by_the_scenes(method, t_end):
     """At 0 the scene's own two seconds ran."""
     with pytest.raises(SimulationError, match="t_end"):
-        pf.run_scene(pf.load_scene("pendulum"), t_end=t_end, method=method)
+        pf.simulate(pf.load_scene("pendulum"), t_end=t_end, method=method)
 
 
 def test_without_an_end_it_is_the_scenes():
     scene = pf.load_scene("pendulum")
-    assert pf.run_scene(scene).t[-1] == scene.simulation.t_end
-    assert pf.run_scene(scene, t_end=0.25).t[-1] == 0.25
+    assert pf.simulate(scene).t[-1] == scene.simulation.t_end
+    assert pf.simulate(scene, t_end=0.25).t[-1] == 0.25

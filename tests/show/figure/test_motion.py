@@ -72,7 +72,7 @@ def test_a_joint_is_shaded_where_it_sticks_and_nowhere_else():
 
 
 def test_a_loops_joint_has_its_friction_and_says_why_it_has_no_position():
-    motion = pf.run_scene(pf.load_scene("four_bar"), t_end=0.02)
+    motion = pf.simulate(pf.load_scene("four_bar"), t_end=0.02)
     figure = motion_figure(motion)
     *_, last = np.reshape(figure.axes, (-1, 3))
     assert [text.get_text() for text in last[0].texts] == ["closes a loop"]

@@ -325,10 +325,8 @@ def test_simulated_motion_whose_loops_are_a_little_open_is_replayed_without_forc
 
 @pytest.mark.parametrize("name", ["slider_crank", "delta", "excavator", "drawer"])
 def test_own_simulation_of_loops_and_cylinders_is_replayed(name):
-    from pinfric.dynamics.simulation.scene_run import run_scene
-
     scene = pf.load_scene(ROBOTS / f"{name}.yaml")
-    frames = make_frames(scene, run_scene(scene, t_end=0.1))
+    frames = make_frames(scene, pf.simulate(scene, t_end=0.1))
     assert np.isfinite(frames.force).all()
     assert np.isfinite(frames.friction_upper).all()
     sticks = np.isfinite(frames.use)

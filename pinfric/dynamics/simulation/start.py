@@ -1,57 +1,15 @@
-"""Run the `simulation` section of a scene file."""
+"""The state in which the `simulation` section of a scene file starts."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 
 from pinfric.dynamics.samples.closure import consistent_motion, independent_joints
-from pinfric.dynamics.simulation.motion import INTERRUPTED, Motion
-from pinfric.dynamics.simulation.simulate import simulate
 from pinfric.errors import ClosureError, SceneError, choose_from
 from pinfric.model.closure import closed_configurations, velocity_indices, velocity_names
 from pinfric.model.coordinates import motion_columns
-from pinfric.model.scene import Scene, expect_scene
+from pinfric.model.scene import Scene
 from pinfric.model.schema import Start
-
-
-def run_scene(scene: Scene, *, t_end: float | None = None, **options: Any) -> Motion:
-    """Simulate a scene from its own start, with its own efforts.
-
-    Args:
-        scene: with a `simulation` section.
-        t_end: s; None takes the scene's.
-        options: as `simulate` takes them (method, rtol, dt, ...).
-
-    Raises:
-        SceneError: there is no such section, or it names an unknown joint.
-        And the errors of `simulate`.
-
-    >>> import pinfric as pf
-    >>> scene = pf.load_scene("pendulum")
-    >>> pf.run_scene(scene, t_end=0.5).status
-    'finished'
-    """
-    expect_scene(scene, "run_scene")
-    if scene.simulation is None:
-        raise SceneError(
-            f"{scene.source}: has no `simulation` section; add one with start, effort and t_end"
-        )
-    q0, v0 = start_state(scene)
-    return simulate(scene, q0, v0, None, t_end, **options)
-
-
-def run_whole(scene: Scene, **options: Any) -> Motion:
-    """Do as `run_scene`, for studies: Ctrl-C raises, since half a motion would be taken for all.
-
-    Raises:
-        KeyboardInterrupt; and what `run_scene` raises.
-    """
-    motion = run_scene(scene, **options)
-    if motion.status == INTERRUPTED:
-        raise KeyboardInterrupt
-    return motion
 
 
 def start_state(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
@@ -61,12 +19,16 @@ def start_state(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     follow, from the configuration near which `start` has them.
 
     Raises:
-        SceneError: a joint that is not there, or has more than one degree of freedom; loops do not
-            close near there.
+        SceneError: no such section; a joint that is not there, or has more than one degree of
+            freedom; loops do not close near there.
         ClosureError: the loops do not determine how all joints move.
     """
+    if scene.simulation is None:
+        raise SceneError(
+            f"{scene.source}: has no `simulation` section; add one with start, effort and t_end, "
+            "or give q0 and v0"
+        )
     v0 = np.zeros(scene.model.nv)
-    assert scene.simulation is not None  # callers have a section
     start = scene.simulation.start
     single = [
         name
