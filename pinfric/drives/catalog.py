@@ -112,6 +112,66 @@ class Rated(Sourced):
         return self
 
 
+class Stepper(Entry):
+    """What a stepper motor has in place of continuous, peak torque and speed-torque line.
+
+    It follows its steps up to the pull-out torque of its speed. Where the maker prints no curve of
+    it, that of resistance, inductance and holding torque counts by half (`rules.pull_out_torque`).
+    """
+
+    holding_torque: Annotated[
+        Positive, key("at rest, both phases on at the rated current", 0.59, "N m")
+    ]
+    current: Annotated[Positive, key("rated, of each phase", 2.0, "A")]
+    steps: Annotated[Positive, key("full steps per turn", 200, "1")] = 200.0
+    resistance: Annotated[Positive | None, key("of a phase, end to end", 1.4, "Ohm")] = None
+    inductance: Annotated[Positive | None, key("of a phase", 0.003, "H")] = None
+    pull_out: Annotated[
+        tuple[tuple[NonNegative, Positive], ...] | None,
+        key(
+            "the maker's curve: points of speed (rad/s) and pull-out torque (N m)",
+            [[22.0, 2.82], [62.8, 1.29], [103.7, 0.78]],
+        ),
+    ] = None
+    voltage: Annotated[Positive | None, key("of the driver of that curve", 36.0, "V")] = None
+    driver: Annotated[str, key("of that curve, with its current", "DM556T, 4.1 A")] = ""
+    detent_torque: Annotated[NonNegative | None, key("without current", 0.015, "N m")] = None
+    standstill_current: Annotated[
+        Number,
+        Field(gt=0, le=1),
+        key(
+            "share of the current, and of the holding torque, that its driver leaves at rest",
+            0.5,
+            "1",
+        ),
+    ] = 0.5
+    temperature_rise: Annotated[
+        Positive, key("of the winding at the rated current in both phases", 80.0, "K")
+    ] = 80.0
+    max_winding: Annotated[Number, key("highest of the winding: class B", 130.0, "deg C")] = 130.0
+
+    @model_validator(mode="after")
+    def _has_a_curve(self) -> Stepper:
+        if self.pull_out is None and (self.resistance is None or self.inductance is None):
+            raise ValueError(
+                "no `pull_out`, and no `resistance` with `inductance`: its torque in motion is not "
+                "known; take the maker's curve with its voltage and driver, or measure resistance "
+                "and inductance of one phase, its shaft held"
+            )
+        if self.pull_out is not None and self.voltage is None:
+            raise ValueError("pull_out: give the `voltage` of the driver for which it is printed")
+        at = [speed for speed, _ in self.pull_out or ()]
+        if any(b <= a for a, b in pairwise(at)) or len(at) == 1:
+            raise ValueError("pull_out: points [rad/s, N m], rad/s ascending, two or more")
+        most = max((torque for _, torque in self.pull_out or ()), default=0.0)
+        if most > self.holding_torque:
+            raise ValueError(
+                f"pull_out: {most:g} N m is more than holding_torque {self.holding_torque:g} N m: "
+                "swapped, or a unit?"
+            )
+        return self
+
+
 class Motor(Rated):
     """A motor: torques and speeds at its shaft."""
 
@@ -183,6 +243,13 @@ class Motor(Rated):
     thermal: Annotated[
         Thermal | None,
         key("for the winding's temperature", {"winding_housing": 1.2, "housing_ambient": 3.0}),
+    ] = None
+    stepper: Annotated[
+        Stepper | None,
+        key(
+            "of a stepper motor, in place of torques and speeds",
+            {"holding_torque": 0.59, "current": 2.0, "resistance": 1.4, "inductance": 0.003},
+        ),
     ] = None
 
     @property

@@ -32,11 +32,22 @@ from pinfric.drives.catalog import (
     GearMotor,
     Motor,
     Sourced,
+    Stepper,
     Thermal,
 )
 from pinfric.drives.demand import DriveCycle, largest, mean, power_figures
 from pinfric.drives.overload import heat_lag, settled_heat
-from pinfric.drives.policy import COOLING, HOBBY, KIT, MOST_PEAK, STALLED, Conditions, frameless
+from pinfric.drives.policy import (
+    COOLING,
+    EXTRA_LOW_VOLTAGE,
+    HOBBY,
+    KIT,
+    MOST_PEAK,
+    STALLED,
+    Conditions,
+    frameless,
+)
+from pinfric.drives.rules import pull_out_torque
 from pinfric.drives.thermal import (
     COPPER,
     WindingCycle,
@@ -79,6 +90,7 @@ class Ratings:
         ambient_curve: points (deg C, part of the continuous ratings).
         cooling: of `policy.COOLING`, that the ratings need; None: none.
         peak_by_stall: what the stall torque says of a peak torque that is not printed, N m.
+        stepper: of a stepper motor; its torque in motion is that of its pull-out curve.
         derived: what was computed from others (continuous or peak torque, "line"), and how.
     """
 
@@ -100,6 +112,7 @@ class Ratings:
     ambient_curve: tuple[tuple[float, float], ...] | None = None
     cooling: str | None = None
     peak_by_stall: float | None = None
+    stepper: Stepper | None = None
     derived: tuple[tuple[str, str], ...] = ()
 
     @property
@@ -266,6 +279,26 @@ def line_voltage(ratings: Ratings, motor: MotorCycle) -> np.ndarray | None:
     hot, speed = motor.figures.hot, motor.speed
     ends = motor.torque_lower, motor.torque_upper
     return np.maximum(*(ratings.voltage(torque, speed, hot) for torque in ends))
+
+
+def pull_out_share(
+    ratings: Ratings, motor: MotorCycle, standing: np.ndarray, conditions: Conditions
+) -> np.ndarray | None:
+    """Return the share (T,) of a stepper's pull-out torque that a cycle takes; None: it is none.
+
+    At rest of its holding torque with the current that its driver leaves it.
+
+    Args:
+        ratings: of the rated shaft. motor: the cycle there. standing: (T,) it stands still.
+        conditions: the bus voltage.
+    """
+    if (stepper := ratings.stepper) is None:
+        return None
+    worst = np.abs(ends_by_magnitude(motor.torque_lower, motor.torque_upper)[0])
+    most = pull_out_torque(stepper, motor.speed, conditions.bus_voltage)
+    most = np.where(standing, stepper.standstill_current * stepper.holding_torque, most)
+    with np.errstate(divide="ignore"):
+        return np.where(worst > 0, worst / most, 0.0)
 
 
 def too_hot(ambient: float, hottest: float) -> str:
@@ -743,6 +776,12 @@ def ratings_of(entry: Motor | GearMotor) -> Ratings:
     found, derived = Ratings(**there), list[tuple[str, str]]()
     k, current = found.torque_constant, getattr(entry, "continuous_current", None)
     continuous, stall, resistance = found.continuous_torque, found.stall_torque, found.resistance
+    if (stepper := found.stepper) is not None:
+        continuous = stepper.holding_torque
+        text = "holding torque: its current heats it, not the load; see the pull-out torque"
+        derived += [(figure, text) for figure in ("continuous torque", "peak torque")]
+        highest = found.max_voltage or EXTRA_LOW_VOLTAGE
+        found = replace(found, peak_torque=continuous, max_voltage=highest)
     if continuous is None and current is not None and k is not None:
         continuous = k * current
         text = "continuous torque = torque constant x continuous current"

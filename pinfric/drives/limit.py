@@ -27,6 +27,7 @@ from pinfric.drives.drivetrain import (
     amplifier_torque,
     braking_torque,
     line_voltage,
+    pull_out_share,
 )
 from pinfric.drives.policy import STAND_IN_WORDS, STAND_INS, Conditions, stated
 from pinfric.dynamics.inverse.result import InverseResult
@@ -194,7 +195,7 @@ class Drives:
 #: What the cycle asks of a motor of which nothing is known.
 _NOTHING_ASKED = (
     *("peak", "rms", "mean_speed", "short_term", "overloaded_standstill", "standing"),
-    *("peak_temperature", "mean_temperature", "voltage", "overdriven", "braking"),
+    *("peak_temperature", "mean_temperature", "voltage", "overdriven", "braking", "pull_out"),
 )
 
 
@@ -213,6 +214,8 @@ def drive(candidate: Candidate, motor: MotorCycle | None, case: Case) -> Drives:
         asked = SimpleNamespace(**vars(asked) | figures | {"figures": motor.figures})
         needed = line_voltage(ratings, motor)
         asked.voltage = np.nan if needed is None else largest(needed)
+        taken = pull_out_share(ratings, motor, case.cycle.standing, conditions)
+        asked.pull_out = np.nan if taken is None else largest(taken)
         limit, _ = amplifier_torque(candidate, "continuous_current")
         if limit is not None:
             worst = ends_by_magnitude(motor.torque_lower, motor.torque_upper)[0]

@@ -23,7 +23,7 @@ from pinfric.drives.bearing import (
     guide_safety,
     static_load,
 )
-from pinfric.drives.catalog import Nut, Screw
+from pinfric.drives.catalog import Nut, Screw, Stepper
 from pinfric.drives.criterion import Criterion, Status
 from pinfric.drives.demand import average_output_effort, mean, share
 from pinfric.drives.drivetrain import (
@@ -56,12 +56,14 @@ from pinfric.drives.policy import (
     stated,
 )
 from pinfric.drives.rules import (
+    COMPUTED_CURVE,
     buckling_load,
     critical_speed,
     dn_speed,
     gear_life,
     momentary_peaks,
     nut_pv,
+    pull_out_torque,
     resonance,
 )
 from pinfric.errors import SizingError, choose_from
@@ -252,6 +254,45 @@ def _of_amplifier(figure: str) -> Callable[[Drives], str]:
     )
 
 
+def _steps(d: Drives) -> bool:
+    """Whether one drive has a stepper motor."""
+    return d.one is not None and d.ratings.stepper is not None
+
+
+def _turns_smoothly(d: Drives) -> bool:
+    return not _steps(d)
+
+
+def _stepper(d: Drives) -> Stepper:
+    assert d.ratings.stepper is not None  # its rows are for steppers
+    return d.ratings.stepper
+
+
+def _pull_out_source(d: Drives) -> str:
+    stepper = _stepper(d)
+    if stepper.pull_out is None:
+        return f"by rule: {COMPUTED_CURVE:g} of the curve of resistance, inductance, holding torque"
+    return f"{_MAKER}: curve at {stepper.voltage:g} V" + f", {stepper.driver}" * bool(
+        stepper.driver
+    )
+
+
+def _pull_out_note(d: Drives) -> str:
+    stepper, speed = _stepper(d), (1.0 if d.at_output else d.ratio) * d.demand.speed
+    bus = d.conditions.bus_voltage
+    top = float(pull_out_torque(stepper, np.array([speed]), bus)[0])
+    lower = stepper.pull_out is not None and (stepper.voltage or bus) > bus
+    scaled = f"; its speeds scaled to {bus:g} V, by rule" * lower
+    return f"{top:.3g} N m at {speed:.4g} rad/s, its fastest; a lost step is not seen" + scaled
+
+
+def _held_heat(d: Drives) -> float:
+    """Temperature rise, K, of a current that falls at rest."""
+    stepper, cycle = _stepper(d), d.case.cycle
+    share = np.where(cycle.standing, stepper.standstill_current, 1.0) * cycle.powered
+    return stepper.temperature_rise * mean(cycle.stretched, share**2)
+
+
 _RMS = "sqrt(1/T int T_m^2 dt) <= "
 _NEVER_ABOVE = "never above its continuous current"
 # fmt: off
@@ -274,6 +315,14 @@ MOTOR_LIMITS = [
           lambda d: f"{d.conditions.peak_factor:g} max |T_m| <= peak torque{d.output}",
           _PRACTICE + ": 20 to 30 %", _of_motor("peak torque"), _derived("peak torque"),
           stage="pair", reserve="peak_factor", key="peak_torque"),
+    Limit("stepper pull-out torque", lambda d: d.asked.pull_out, lambda _: 1.0, "",
+          lambda d: f"{d.conditions.pull_out_factor:g} max |T_m|/T_pull-out(|omega|) <= 1, at rest "
+          f"of {_stepper(d).standstill_current:g} x holding torque", _pull_out_source,
+          "pull-out curve", _pull_out_note, reserve="pull_out_factor", condition="bus_voltage",
+          stage="pair", applies=lambda d: d.one is None or _steps(d)),
+    Limit("stepper winding", _held_heat, lambda d: _stepper(d).max_winding - d.conditions.ambient,
+          "K", "rise at rated current x mean (I/I_rated)^2 <= highest winding temperature - T_a",
+          "80 K and class B (SongYang SY28STH45 data sheet)", condition="ambient", applies=_steps),
     Limit("peak torque of braking", lambda d: d.asked.braking, "motor.peak_torque", "torque",
           lambda d: f"max |T_m| at the deceleration of a stop <= peak torque{d.output}",
           "inverse dynamics with the rotor, without payload and with", _of_motor("peak torque"),
@@ -292,12 +341,13 @@ MOTOR_LIMITS = [
           "equivalent circuit of a DC or field-oriented motor",
           _of_motor("torque constant and resistance, or no-load speed and stall torque"),
           _derived("line"),
-          stage="pair", condition="bus_voltage", key="stall_torque"),
+          stage="pair", condition="bus_voltage", key="stall_torque", applies=_turns_smoothly),
     Limit("motor speed", "motor speed", "motor.max_speed", "speed",
-          "max |omega| <= maximum speed", _MAKER, "maximum speed", stage="pair", key="max_speed"),
+          "max |omega| <= maximum speed", _MAKER, "maximum speed", stage="pair", key="max_speed",
+          applies=_turns_smoothly),
     Limit("winding temperature", _winding_rise, _winding_room, "K", _winding_formula,
           "maxon, Key information: thermal behaviour (two nodes), copper +0.39 %/K",
-          _winding_missing, _winding_note, condition=_cooled),
+          _winding_missing, _winding_note, condition=_cooled, applies=_turns_smoothly),
     Limit("amplifier currents", nothing, nothing, "A",
           "currents of the motor <= those of its amplifier", _MAKER,
           "conditions.amplifiers: which amplifier feeds it", applies=lambda d: not _fed(d)),

@@ -114,6 +114,11 @@ class Conditions(Entry):
             "1",
         ),
     ] = 1.1
+    pull_out_factor: Annotated[
+        Number,
+        Field(ge=1),
+        key("reserve on the pull-out torque of stepper motors; 1.5 to 2 are usual", 2.0, "1"),
+    ] = 1.5
     cooling: Annotated[
         Literal["closed", "open", "fan"],
         key("what air the joints give to their motors: none, free air, or that of a fan", "fan"),
@@ -353,6 +358,7 @@ _OF_MOTORS = (
 #: Kind -> what must be known of it.
 NEEDS: dict[str, tuple[Need, ...]] = {
     "motor": _OF_MOTORS,
+    "stepper": _OF_MOTORS[:2],
     "strain wave": (
         *_OF_GEARS,
         *_TORQUES,

@@ -217,9 +217,14 @@ def candidate_limits(candidate: Candidate, conditions: Conditions) -> DriveLimit
     conditions. A gearmotor's figures are brought to its motor's shaft.
 
     Raises:
-        RetimeError: a figure is missing that the motor's torque needs.
+        RetimeError: a figure is missing that the motor's torque needs; it is a stepper.
     """
     ratings, ratio = candidate.ratings, candidate.ratio
+    if ratings.stepper is not None:
+        raise RetimeError(
+            f"{candidate.name}: a stepper motor, whose pull-out curve `retime` does not follow; "
+            "give the peak_torque and the max_speed that it has at all speeds of the motion"
+        )
     if candidate.transmission is None:
         raise RetimeError(
             f"{candidate.name}: not known: {', '.join(candidate.missing)}; without "

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from pinfric.drives.brake import Stop, braking_torques, smallest_brake
-from pinfric.drives.catalog import Brake, Catalog, Gear, GearMotor, Motor
+from pinfric.drives.catalog import Brake, Catalog, Gear, GearMotor, Motor, Stepper
 from pinfric.drives.criterion import STEPS, Criterion, Status
 from pinfric.drives.demand import largest, mean
 from pinfric.drives.drivetrain import (
@@ -58,6 +58,7 @@ from pinfric.drives.policy import (
     lacks,
     outside,
 )
+from pinfric.drives.rules import pull_out_torque
 from pinfric.drives.thermal import COPPER
 from pinfric.model.transmission import driven_efficiency
 
@@ -191,6 +192,7 @@ class _Block:
         sources: of gears. motor_sources: of motors.
         entries: of gears or gearmotors. motors: of motors.
         make: drive of a gear and a motor by their numbers. linear, at_output: of all.
+        steppers: of motors that are steppers, by their numbers.
         kin: of each motor, those of the same number go with the same `brakes` (`Shelf.brakes_for`).
     """
 
@@ -213,6 +215,7 @@ class _Block:
     bare: Callable[[int], Candidate]
     linear: bool
     at_output: bool
+    steppers: Mapping[int, Stepper] = field(default_factory=dict)
     kin: np.ndarray = field(default_factory=lambda: np.zeros(1, dtype=np.int64))
     brakes: list[dict[str, Brake]] = field(default_factory=list)
 
@@ -350,7 +353,9 @@ def _of_gears(
         ],
         motor_lacks=[
             (
-                *lacks("motor", SimpleNamespace(**vars(r) | _of_motor(m))),
+                *lacks(
+                    "stepper" if m.stepper else "motor", SimpleNamespace(**vars(r) | _of_motor(m))
+                ),
                 *outside("motor", conditions, r.rated_up_to),
             )
             for m, r in zip(listed, ratings, strict=True)
@@ -363,6 +368,7 @@ def _of_gears(
         bare=lambda g: motor_with_gear("", blank, gears[g][0], best[g], gears[g][2], Ratings()),
         linear=linear,
         at_output=False,
+        steppers={k: m.stepper for k, m in enumerate(listed) if m.stepper is not None},
     )
 
 
@@ -592,6 +598,7 @@ class Search:
                 rms=np.sqrt(np.maximum(square, 0.0)) * (1 - 1e-9),
                 peak=np.maximum.reduce([np.abs(m) + h for m, h, _ in ends]) * (1 - 1e-9),
                 voltage=np.maximum.reduce([_least_voltage(motor, *end, cool) for end in ends]),
+                pull_out=self._least_pull_out(block, ends),
             )
             d = Drives(
                 self.case, gear, motor, asked, block.ratio[gears], J, heat,
@@ -607,6 +614,19 @@ class Search:
             best = np.maximum(best, least)
             lightest = np.minimum(lightest, block.mass[gears] + heavier)
         return best, lightest
+
+    def _least_pull_out(self, block: _Block, ends: Sequence[tuple[np.ndarray, ...]]) -> np.ndarray:
+        """(n, nm) bounds of the shares of pull-out torques that samples take; NaN: no stepper."""
+        found = np.full(ends[0][0].shape, np.nan)
+        bus, slow = self.case.conditions.bus_voltage, self.case.cycle.stick_velocity
+        for m, stepper in block.steppers.items():
+            held = stepper.standstill_current * stepper.holding_torque
+            for middle, half, speed in ends:
+                most = pull_out_torque(stepper, speed[:, 0], bus)
+                most = np.where(np.abs(speed[:, 0]) <= 1e3 * slow, np.maximum(most, held), most)
+                share = (np.abs(middle[:, m]) + half[:, 0]) * (1 - 1e-9) / np.maximum(most, 1e-300)
+                found[:, m] = np.fmax(found[:, m], np.minimum(share, 1e9))
+        return found
 
     @cached_property
     def gear_margins(self) -> list[np.ndarray]:

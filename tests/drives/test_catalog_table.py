@@ -414,7 +414,7 @@ def test_tables_in_the_forms_of_shops_and_makers(tmp_path, name):
         ("section: motors\ncolumns: {name: Typ}\n", "has no column 'Typ'; did you mean 'Type'"),
         ("section: motors\ncolumns: {mass: Weight}\n", "which column has the names"),
         ("section: motor\ncolumns: {name: Type}\n", "'motors'"),
-        ("section: motors\ncolumns: {name: Type, masss: n}\n", "did you mean 'mass'"),
+        ("section: motors\ncolumns: {name: Type, masss: n}\n", "nearest of 42: 'mass'"),
     ],
 )
 def test_mappings_that_cannot_be(tmp_path, mapping, text):

@@ -860,6 +860,17 @@ def variants(tmp_path):
         ({"thermal": None, "thermal_time": 900.0, **only}, {"stiffness": None}),
         ({"thermal": {**MOTOR["thermal"], "max_winding": None}}, {}),
         ({"ambient_curve": [[25.0, 1.0], [90.0, 0.5]]}, {}),
+        (
+            {
+                "stepper": {
+                    "holding_torque": 1.0,
+                    "current": 2.0,
+                    "resistance": 1.0,
+                    "inductance": 2e-3,
+                }
+            },
+            {},
+        ),
         ({}, {"kind": "cycloidal", "peak_turns": 3e4, "peaks_per_hour": 1e3}),
     ):
         catalog = one_drive(tmp_path, motor, gear, brakes=brake, **more)

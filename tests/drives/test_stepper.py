@@ -1,0 +1,147 @@
+"""Stepper motors: the pull-out curve against a search, printed points, and rows by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from sizing_cases import (
+    ACCELERATION,
+    COULOMB,
+    CYCLE,
+    GEAR,
+    INERTIA,
+    PAUSE,
+    RATE,
+    one_drive,
+    sized_cycle,
+    turntable,
+)
+
+from pinfric.drives.catalog import Stepper
+from pinfric.drives.criterion import Status
+from pinfric.drives.rules import pull_out_torque
+from pinfric.errors import CatalogError, RetimeError
+from pinfric.retiming.limits import read_limits
+
+RPM = np.pi / 30
+ELECTRIC = {"holding_torque": 3.0, "current": 4.2, "resistance": 0.88, "inductance": 3.4e-3}
+#: StepperOnline 23HS45-4204S at a DM556T of 36 V, rpm: N m, read from the maker's curve.
+PRINTED = {210: 2.82, 600: 1.29, 990: 0.78, 1200: 0.42}
+
+
+def searched(stepper, speed, voltage):
+    """The largest torque of all currents of two phases, on a grid, whose voltage is there."""
+    most = np.sqrt(2) * stepper.current
+    k, w = stepper.holding_torque / most, speed * stepper.steps / 4
+    size, angle = np.meshgrid(np.linspace(0, most, 1201), np.linspace(-np.pi, np.pi, 2881))
+    across, along = size * np.cos(angle), size * np.sin(angle)  # beside and along the flux
+    drop = stepper.resistance * across - w * stepper.inductance * along + k * speed
+    other = stepper.resistance * along + w * stepper.inductance * across
+    able = drop**2 + other**2 <= voltage**2
+    return k * max(across[able].max(initial=0.0), 0.0)
+
+
+@pytest.mark.parametrize("voltage", [12.0, 36.0, 60.0])
+@pytest.mark.parametrize(
+    "change", [{}, {"steps": 400}, {"resistance": 6.8, "inductance": 9.5e-3, "current": 0.67}]
+)
+def test_a_computed_curve_is_half_of_what_any_currents_give(change, voltage):
+    stepper = Stepper(**ELECTRIC | change)
+    speeds = np.array([0.0, 5.0, 22.0, 40.0, 63.0, 104.0, 200.0, 900.0])
+    found = pull_out_torque(stepper, speeds, voltage)
+    expected = [0.5 * searched(stepper, w, voltage) for w in speeds]
+    assert found == pytest.approx(expected, rel=4e-3, abs=4e-3)
+    assert found[0] == 0.5 * min(
+        3.0, 3.0 * voltage / np.sqrt(2) / stepper.current / stepper.resistance
+    )
+
+
+def test_the_half_is_below_printed_curves_and_never_far():
+    """At four speeds 0.94, 0.82, 0.82 and 0.53 of the whole are printed."""
+    speeds = RPM * np.array(list(PRINTED))
+    half = pull_out_torque(Stepper(**ELECTRIC), speeds, 36.0)
+    share = np.array(list(PRINTED.values())) / (2 * half)
+    assert share == pytest.approx([0.94, 0.82, 0.82, 0.53], abs=5e-3)
+
+
+def test_a_printed_curve_is_taken_as_it_is_and_ends():
+    points = [(n * RPM, torque) for n, torque in PRINTED.items()]
+    stepper = Stepper(holding_torque=3.0, current=4.2, pull_out=points, voltage=36.0)
+    speeds = RPM * np.array([0.0, 210, 795, 1200, 1201])
+    expected = [2.82, 2.82, (1.29 + 0.78) / 2, 0.42, 0.0]
+    assert pull_out_torque(stepper, speeds, 48.0) == pytest.approx(expected)
+    # a driver of two thirds of the voltage reaches two thirds of the speeds
+    assert pull_out_torque(stepper, speeds * 2 / 3, 24.0) == pytest.approx(expected)
+
+
+CURVE = {
+    "holding_torque": 0.9,
+    "current": 2.0,
+    "pull_out": [[0.0, 0.8], [100.0, 0.7], [200.0, 0.5]],
+    "voltage": 48.0,
+}
+
+
+def sized(tmp_path, stepper, **conditions):
+    none = ("continuous_torque", "peak_torque", "torque_constant", "resistance", "max_speed")
+    motor = dict.fromkeys((*none, "thermal")) | {"stepper": stepper}
+    (joint,) = sized_cycle(
+        one_drive(tmp_path, motor), conditions=conditions, on_miss="ignore"
+    ).joints
+    return joint, {c.name: c for c in joint.assessments[0].criteria}
+
+
+def test_a_stepper_is_judged_at_every_speed_by_its_curve(tmp_path):
+    """Where it accelerates up to the plateau, 150 rad/s: 0.6 N m there, of 1.5 times the need."""
+    joint, rows = sized(tmp_path, CURVE)
+    assert joint.choice is not None
+    row = rows["stepper pull-out torque"]
+    rotor = GEAR["ratio"] * 6e-5 * ACCELERATION
+    up = (INERTIA * ACCELERATION + COULOMB) / GEAR["efficiency"] / GEAR["ratio"] + rotor
+    assert GEAR["ratio"] * RATE == 150.0
+    assert (row.required, row.available) == (pytest.approx(1.5 * up / 0.6, rel=1e-6), 1.0)
+    heat = rows["stepper winding"]
+    moving = (CYCLE - PAUSE) / CYCLE
+    assert heat.required == pytest.approx(80 * (moving + 0.25 * (1 - moving)), rel=2e-3)
+    assert heat.available == 130 - 25
+    assert not {"winding temperature", "motor speed", "speed-torque line"} & set(rows)
+    assert rows["bus voltage"].available == 60.0
+    hot, _ = sized(tmp_path, CURVE, ambient=50.0, pull_out_factor=2.0)
+    assert hot.choice is not None
+
+
+def test_at_rest_half_of_the_holding_torque_is_left(tmp_path):
+    """The friction of the joint, which may load the motor at rest; beside it a strong curve."""
+    weak = {**CURVE, "standstill_current": 0.04}
+    joint, rows = sized(tmp_path, weak)
+    rest = COULOMB / GEAR["efficiency"] / GEAR["ratio"]
+    row = rows["stepper pull-out torque"]
+    assert row.required == pytest.approx(1.5 * rest / (0.04 * 0.9), rel=1e-6)
+    assert row.status == Status.FAILS
+    assert joint.choice is None
+    by_rule = {k: v for k, v in CURVE.items() if k not in ("pull_out", "voltage")}
+    _, rows = sized(tmp_path, by_rule | {"resistance": 1.0, "inductance": 2e-3})
+    assert "by rule: 0.5 of the curve" in rows["stepper pull-out torque"].source
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"pull_out": None, "voltage": None}, "measure resistance and inductance of one phase"),
+        ({"pull_out": None, "resistance": 1.0}, "no `pull_out`, and no `resistance` with"),
+        ({"voltage": None}, "give the `voltage` of the driver"),
+        ({"pull_out": [[0.0, 8.0], [100.0, 7.0]]}, "8 N m is more than holding_torque 0.9"),
+        ({"pull_out": [[100.0, 0.7], [0.0, 0.8]]}, "rad/s ascending"),
+    ],
+)
+def test_a_stepper_without_a_curve_says_what_to_measure(tmp_path, change, says):
+    with pytest.raises(CatalogError, match="motors.M.stepper.*" + says):
+        sized(tmp_path, {k: v for k, v in {**CURVE, **change}.items() if v is not None})
+
+
+def test_retiming_refuses_a_stepper(tmp_path):
+    joint, _ = sized(tmp_path, CURVE)
+    with pytest.raises(
+        RetimeError, match="a stepper motor, whose pull-out curve `retime` does not"
+    ):
+        read_limits(turntable(), {"table": joint.choice.candidate})
