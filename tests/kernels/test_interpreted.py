@@ -128,11 +128,11 @@ def test_inverse_dynamics_of_one_state_can_be_interpreted(name):
     scene = pf.load_scene(name)
     x = make_sample(Workspace(scene))
     rng = np.random.default_rng(4)
-    x.q[:], x.v[:], x.a[:] = rng.normal(size=(3, scene.model.nv))
+    motion = rng.normal(size=(3, scene.model.nv))
     supplier = Workspace(scene).supplier
-    supplier.balance(x.q, x.v[0], x.a[0])
+    supplier.balance(*motion)
     x.force[:], x.h[:] = supplier.supply.force, supplier.supply.h
-    assert interpreted.plain(rub)(x)
+    assert interpreted.plain(rub)(x, *motion)
     rnea = pin.rnea(scene.model, scene.twin().model.createData(), x.q, x.v[0], x.a[0])
     found = x.found
     np.testing.assert_allclose(found.effort_frictionless[0], rnea, rtol=1e-9, atol=1e-9)

@@ -17,6 +17,7 @@ import pinocchio as pin
 
 from pinfric.dynamics.forward.efforts import by_name
 from pinfric.dynamics.forward.workspace import Workspace, workspace
+from pinfric.dynamics.problem.instant import FREE
 from pinfric.dynamics.samples.closure import check_closed
 from pinfric.dynamics.samples.outcome import Status
 from pinfric.dynamics.samples.reactions import AppliedWrench, applied_wrenches
@@ -202,11 +203,13 @@ def solve_state(
     """
     q, v = vector("q", q, ws.nq, "nq", ws.scene.model), vector("v", v, ws.nv, "nv")
     effort = drive_vector(ws, effort)
+    if not ws.must_project and ws.slides(q, v, effort, applied, FREE):
+        return
     if ws.held.size:
         v = v.copy()
         v[ws.held] = 0.0
     if not ws.must_project:
-        ws.solve(q, v, effort, applied)
+        ws.solve_coupled(q, v, effort, applied)
     elif not _solved_as_given(ws, q, v, effort, applied):
         states = States.of(ws.scene, q, v, np.zeros(ws.nv))
         q, v = states.q[0], states.v[0]
@@ -236,8 +239,14 @@ def _solved_as_given(
 def solution(ws: Workspace) -> Instant:
     """Return the workspace's solution: `a` is its own, the rest are views, overwritten next time.
 
-    Copies of all would cost an eighth to a fifth of a call.
+    Copies of all would cost an eighth to a fifth of a call, and so would a tuple made by name.
     """
+    if ws.wrench is ws.forces:  # one ABA
+        if not ws.views:
+            modes, effort, driving = ws.site_modes, ws.effort, ws.machine.results.driving
+            ws.views = (modes, ws.phi, ws.multipliers, ws.load, ws.wrench, 0.0, Status.CONVERGED, 0)
+            ws.views += (effort, driving, 1)
+        return tuple.__new__(Instant, (ws.a, *ws.views))
     contraction, passes = ws.modes.figures.tolist()
     return Instant(
         ws.a.copy(),

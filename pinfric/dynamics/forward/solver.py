@@ -145,13 +145,20 @@ def is_usual(x: Sample) -> bool:
 
 
 @kernel
-def rub(x: Sample) -> bool:
+def rub(x: Sample, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> bool:
     """Write loads, friction, efforts and motor torques of the last motion that RNEA computed.
+
+    Args:
+        x: q (nq,), v and a (nv,) of the motion are kept in it.
 
     Returns:
         False if the state is invalid (`is_usual`), or an effort overflows.
     """
     found = x.found  # once: arrays of a record are counted at every access
+    for i in range(q.size):
+        x.q[i] = q[i]
+    for i in range(v.size):
+        x.v[0, i], x.a[0, i] = v[i], a[i]
     for s in range(x.joint.size):
         found.velocity[0, s] = x.v[0, x.sites.velocity_index[s]] * x.sites.ratio[s]
         found.displacement[0, s] = (
@@ -268,7 +275,7 @@ class Solver:
         rehearse(Workspace(self.scene, self._carried))
         ws, x = self._own.both
         if x is not None:
-            compile_for(rub, x.argument)
+            compile_for(rub, x.argument, x.q, x.v, x.a)
             return
         q, a = closed_configuration(self.scene), np.zeros(ws.nv)
         push = [AppliedWrench(0, np.zeros((1, 6)))]
@@ -310,13 +317,12 @@ class Solver:
         ws, x = self._own.both
         if x is None:
             return self._inverse_of_batch(q, v, a, applied)
-        x.q[:] = vector("q", q, x.q.size, "nq", self.scene.model)
-        x.v[:] = vector("v", v, x.v.size, "nv")
-        x.a[:] = vector("a", a, x.a.size, "nv")
-        ws.supplier.balance(x.q, x.v, x.a, applied)
-        while not rub(x.argument):
-            self._mend(x)
-            ws.supplier.balance(x.q, x.v, x.a, applied)
+        q = vector("q", q, ws.nq, "nq", self.scene.model)
+        v, a = vector("v", v, ws.nv, "nv"), vector("a", a, ws.nv, "nv")
+        ws.supplier.balance(q, v, a, applied)
+        while not rub(x.argument, q, v, a):
+            q = self._mend(x)
+            ws.supplier.balance(q, v, a, applied)
         ws.failures.check_roll_moments(x.found.wrench)
         return x.found
 
@@ -479,11 +485,11 @@ class Solver:
             compensate_state(self.scene, tables, *still, motion, options)
         return tables
 
-    def _mend(self, x: _Sample) -> None:
-        """Bring q to its manifold, or raise the error of the state or of its solution."""
+    def _mend(self, x: _Sample) -> np.ndarray:
+        """Return q (nq,) on its manifold, or raise the error of the state or of its solution."""
         q, found = States.of(self.scene, x.q, x.v, x.a).q[0], x.whole.found
         if np.array_equal(q, x.q):
             check_finite(self.scene, (found.effort_lower, found.effort_upper), 0)
             motors = x.whole.motor_torque_lower, x.whole.motor_torque_upper
             check_finite(self.scene, motors, 0)
-        x.q[:] = q
+        return q

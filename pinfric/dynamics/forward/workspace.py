@@ -6,9 +6,11 @@ import threading
 import weakref
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from math import hypot
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from pinfric.dynamics.forward.constraints import Constraints
 from pinfric.dynamics.forward.failures import Failures, State
@@ -26,6 +28,7 @@ from pinfric.dynamics.problem.instant import (
 )
 from pinfric.dynamics.problem.machine import Machine, Supplier, make_machine
 from pinfric.dynamics.problem.plan import kept_plan
+from pinfric.dynamics.problem.sliding import deliver, slide_freely
 from pinfric.dynamics.samples.reactions import AppliedWrench
 from pinfric.errors import (
     ClosureError,
@@ -50,6 +53,11 @@ from pinfric.model.scene import Scene, payload_names
 _OVERWHELMING = 1e8
 #: An effort (N m or N, and of the largest) that is none.
 _ROUNDING = 1e-9
+#: |a| above this: a singular mass matrix, or an overflow, which `solve_instant` names.
+_FASTEST = 1e10
+#: Lines of gears that are tried before the search takes over.
+_LINES = 8
+_NOWHERE = np.empty(0, dtype=np.int64)
 
 
 class Workspace:
@@ -67,6 +75,8 @@ class Workspace:
         count: what its last search counted.
         a, effort, phi, load, wrench: (nv,), (na,), (ns,), (ns,), (ns, 6) of the solution:
             accelerations, efforts of the drives, friction, normal load and wrench of each site.
+        forces: (ns, 6) `wrench` after `slides`, of Pinocchio's own; None: it never does.
+        views: what `forward.solution` returns then, beside accelerations; empty at first.
         multipliers: (nl,) forces that close loops, of side a on side b, in the order of the
             linkage's rows; none in an open chain.
         locked: whether sticking coordinates prevent all motion (known where loops close).
@@ -114,10 +124,20 @@ class Workspace:
         self._alone = np.setdiff1d(geared, t.entries.coordinate)
         of = drives.gear_coordinate.tolist()
         self.places += [(scene.drives[of.index(c)].name, c, False) for c in self._alone.tolist()]
+        self._tau, self._free = m.scratch.given, self._free_model()
         self.state: State
         self.count = Count()
         self.failures = Failures(scene, m, self.given, self.count)
         self.renew()
+
+    def kernels_of_sliding(self) -> list[tuple[Any, tuple[Any, ...]]]:
+        """Return the kernels that `slides` calls, with arguments of their types."""
+        calls: list[tuple[Any, tuple[Any, ...]]] = []
+        if self._free is not None:
+            calls = [(slide_freely, (self.argument, self._tau, self._tau, FREE))]
+        if self._free is not None and all(drive.transmission for drive in self.scene.drives):
+            calls.append((deliver, (self.argument, self._tau)))
+        return calls
 
     def renew(self) -> None:
         """Forget all that was solved, so that the next solution does not depend on it."""
@@ -150,6 +170,63 @@ class Workspace:
 
     # ------------------------------------------------------------ solving
 
+    def _free_model(self) -> pin.Model | None:
+        """Return a model for one ABA while all slides; None where that does not have the motion.
+
+        It has if no load changes friction, and every drive moves one velocity of an open chain.
+        """
+        t, drives, supplier = self.plan, self.plan.drives, self.supplier
+        coupled = self.closed or t.contacts.owner.size or t.sites.guides.size or t.off_joints
+        alone = (drives.velocity_index >= 0) & (drives.action < 0)
+        alone &= (drives.rate_row != 0.0).sum(axis=1) == 1
+        mimic = any("Mimic" in joint.shortname() for joint in supplier.model.joints)
+        odd = self._locks or self.held.size or t.coordinates.ball.any() or supplier.copies
+        self.forces: Any = None
+        self.views: tuple[Any, ...] = ()
+        if coupled or mimic or odd or not alone.all():
+            return None
+        row = 1 + t.sites.joint
+        gaps = not row.size or (np.diff(row) != 1).any()
+        self._taken, force = row if gaps else None, supplier.supply.force
+        self.forces = np.empty((row.size, 6)) if gaps else force[row[0] : row[-1] + 1]
+        model = supplier.model.copy()  # its armature is that of the lines that gears are on
+        self._armature = model.armature if self.given == "motor_torque" else None
+        return model
+
+    def slides(
+        self,
+        q: np.ndarray,
+        v: np.ndarray,
+        effort: np.ndarray,
+        applied: list[AppliedWrench] | None,
+        choice: int,
+    ) -> bool:
+        """Solve a state in which everything slides and no load matters; False: it is another.
+
+        Args: see `solve`; choice: see `instant.solve_instant`.
+        """
+        if self._free is None or applied:
+            return False
+        machine, armature, tries = self._argument.now, self._armature, 0
+        while True:
+            if tries == _LINES or not slide_freely(machine, v, effort, choice):
+                return False
+            if armature is not None:
+                armature[:] = self.machine.maps.push
+            a = pin.aba(self._free, self.supplier.data, q, v, self._tau)
+            if not hypot(*a.tolist()) < _FASTEST:
+                return False
+            if armature is None or deliver(machine, a):
+                break
+            tries += 1
+        self.a = a
+        if self._taken is not None:
+            np.take(self.supplier.supply.force, self._taken, 0, self.forces)
+        if self.wrench is not self.forces:  # the first of several
+            self.wrench = self.forces
+            self.count.many, self.count.tried, self.count.island = (1, 1), 1, _NOWHERE
+        return True
+
     def solve(
         self,
         q: np.ndarray,
@@ -168,6 +245,17 @@ class Workspace:
             ToggleError: the loops allow more degrees of freedom here than elsewhere.
             AccelerationError: there is none, there are several, or the search found none.
         """
+        if not self.slides(q, v, effort, applied, FREE):
+            self.solve_coupled(q, v, effort, applied)
+
+    def solve_coupled(
+        self,
+        q: np.ndarray,
+        v: np.ndarray,
+        effort: np.ndarray,
+        applied: list[AppliedWrench] | None,
+    ) -> None:
+        """`solve` where something rests, or loads matter."""
         if self._locks:
             self._forget()
         solutions, obeying, resting = self._run(q, v, effort, applied, FREE)
@@ -225,6 +313,8 @@ class Workspace:
         self.modes.stuck[:], self.modes.direction[:] = given.stuck, given.direction
         if self._kept is not None and self._kept == self._key(q, v, effort, applied):
             return  # nothing moves and nothing has changed
+        if self.slides(q, v, effort, applied, GIVEN):
+            return
         turned = TURNED if self.mechanism.balls and given.balls_turn else GIVEN
         solutions, obeying, resting = self._run(q, v, effort, applied, turned)
         if obeying == 1 and resting >= 0 and self.is_sure():
@@ -257,9 +347,10 @@ class Workspace:
     ) -> tuple[int, int, int]:
         """(solutions, how many obey, how many rest); -1 rest: modes were given and not tried."""
         self._kept, self.state = None, (q, v, effort, applied, step)
+        self.a, self.wrench = self.machine.results.a, self.machine.results.wrench
         if choice != UNSOLVED:
             self.count.many, self.count.tried, self.locked = (1, 1), 1, False
-            self.count.island = self.count.island[:0]
+            self.count.island = _NOWHERE
         self.supplier.at(q, v, applied)
         refused, solutions, obeying, resting = solve_instant(
             self.argument, q, v, effort, step, choice
@@ -373,6 +464,7 @@ def rehearse(ws: Workspace) -> None:
         (relate, (m, v)),
         (measure_rates, (m, v)),
         (is_exact, (m, q)),
+        *ws.kernels_of_sliding(),
         *_kernels_of_search(ws.problem, ws.modes),
     ):
         compile_for(made, *arguments)

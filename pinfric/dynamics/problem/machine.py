@@ -278,12 +278,13 @@ class Supplier:
     Attributes:
         model, data: of Pinocchio.
         supply: live views of the data, the ground first.
+        copies: of what has another memory layout, with where it comes from.
     """
 
     def __init__(self, twin: Twin) -> None:
         self.twin, self.model, self.data = twin, twin.model, twin.model.createData()
         self._zero = np.zeros(twin.nv)
-        self._copies: list[tuple[np.ndarray, Sequence[np.ndarray]]] = []
+        self.copies: list[tuple[np.ndarray, Sequence[np.ndarray]]] = []
         data, joints = self.data, range(twin.model.njoints)
         pin.crba(self.model, data, pin.neutral(self.model), _WORLD)
         lever = self._rows([data.oYcrb[j].lever for j in joints])
@@ -302,7 +303,7 @@ class Supplier:
         """Compute everything at one state (nq,), (nv,), under wrenches from outside."""
         pin.crba(self.model, self.data, q, _WORLD)
         pin.rnea(self.model, self.data, q, v, self._zero)
-        if self._copies:
+        if self.copies:
             self._copy()
         for wrench in applied or ():
             self._subtract(wrench.joint, wrench.wrench[0])
@@ -312,7 +313,7 @@ class Supplier:
     ) -> None:
         """Compute the wrenches and, in `h`, the efforts of a motion without friction."""
         pin.rnea(self.model, self.data, q, v, a)
-        if self._copies:
+        if self.copies:
             self._copy()
         for wrench in applied:
             self._subtract(wrench.joint, wrench.wrench[0])
@@ -350,23 +351,23 @@ class Supplier:
         out = np.lib.stride_tricks.as_strided(
             out, (len(arrays), *first.shape), (out.strides[0], *first.strides)
         )
-        self._copies.append((out, arrays))
+        self.copies.append((out, arrays))
         return out
 
     def _inertias(self, lever: np.ndarray) -> np.ndarray:
         """(1 + nj, 6) rotational inertias: they stand behind the levers, which is tested."""
         rows, columns = np.array([0, 1, 1, 2, 2, 2]), np.array([0, 0, 1, 0, 1, 2])
         given = np.array([y.inertia[rows, columns] for y in self.data.oYcrb])
-        if not self._copies:
+        if not self.copies:
             behind = np.lib.stride_tricks.as_strided(lever, (len(given), 9), lever.strides)[:, 3:]
             if np.array_equal(behind, given):
                 return behind
         out = np.zeros((len(given), 9))[:, 3:]
-        self._copies.append((out, _Inertias(self.data, rows, columns)))
+        self.copies.append((out, _Inertias(self.data, rows, columns)))
         return out
 
     def _copy(self) -> None:
-        for target, sources in self._copies:
+        for target, sources in self.copies:
             for row, source in enumerate(sources):
                 target[row] = source
 

@@ -116,16 +116,16 @@ def test_what_pinocchio_holds_is_seen_without_a_copy_and_else_copied(joints, mon
     twin = tree(3, joints).twin()
     (q, *_), (v, *_), _ = random_states(twin.model, 3, 1)
     live = Supplier(twin)
-    assert live._copies == []
+    assert live.copies == []
 
     def somewhere_else(self, arrays):
         out = np.zeros((len(arrays), *arrays[0].shape))
-        self._copies.append((out, arrays))
+        self.copies.append((out, arrays))
         return out
 
     monkeypatch.setattr(Supplier, "_rows", somewhere_else)
     copied = Supplier(twin)
-    assert copied._copies
+    assert copied.copies
     for supplier in (live, copied):
         supplier.at(q, v, None)
     data = live.data
