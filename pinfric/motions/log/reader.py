@@ -201,8 +201,8 @@ def _to_si(
     )
     attached = {name: _phase(cells, name, problems)[kept] for name in found.payloads}
     efforts = {
-        column.name: mended_effort(column.name, effort[taken], lines, problems, notes)
-        for column in named
+        column.name: mended_effort(column.name, effort[taken], q, lines, problems, notes)
+        for column, q in zip(named, position.T, strict=True)
         if (use := found.effort.get(column.name))
         for effort in [use.factor * cells.column(use.column)]
     }

@@ -292,21 +292,31 @@ def gap_problems(t: FloatArray) -> list[str]:
 _LONGEST = 5
 #: Typical changes from row to row within which an effort may pass through zero.
 _NEAR_ZERO = 5.0
-#: Spreads (of nine tenths of the rows) beyond these rows at which no effort is.
-_BEYOND = 3.0
+#: Spreads (of nine tenths of the rows) beyond these rows at which hardly any value is; counts of an
+#: encoder that are no motion.
+_BEYOND, _COUNTS = 3.0, 5.0
+#: Rows beside a spike that are as all others; as they are if they are beyond them by less than this
+#: share of what the spike is.
+_BESIDE, _FLANK = 2, 0.5
 
 
 def mended_effort(
-    joint: str, effort: FloatArray, lines: Sequence[int], problems: list[str], notes: list[str]
+    joint: str,
+    effort: FloatArray,
+    position: FloatArray,
+    lines: Sequence[int],
+    problems: list[str],
+    notes: list[str],
 ) -> FloatArray:
     """Return an effort with lost samples and spikes interpolated.
 
     Lost ones are exactly 0 amid values of one sign that are far from it; spikes are far beyond all
-    other values. Both are short.
+    other values, also those right beside them, while the joint moves as usual. Both are short.
 
     Args:
         joint: its name.
         effort: (rows,) as logged, before any low pass.
+        position: (rows,) of the joint, rad or m.
         lines: (rows,) where they stand in the file.
         problems: more than 1 % of the rows are appended here.
         notes: else what was left out.
@@ -314,7 +324,10 @@ def mended_effort(
     if effort.size < FEWEST or not np.isfinite(effort).all():
         return effort
     result = effort
-    for found, what in ((_zeros(effort), "exactly 0 amid other values"), (_spikes(effort), "")):
+    for found, what in (
+        (_zeros(effort), "exactly 0 amid other values"),
+        (_spikes(effort, position), ""),
+    ):
         if not found.size:
             continue
         where = (
@@ -342,21 +355,48 @@ def _zeros(effort: FloatArray) -> IntArray:
     steps = np.abs(np.diff(effort[~zero]))
     count = float(np.min(steps, where=steps > 0.0, initial=np.inf))
     near = _NEAR_ZERO * max(float(np.median(steps)), count) if np.isfinite(count) else 0.0
-    return _short(zero, lambda a, b: min(abs(a), abs(b)) > near and a * b > 0.0, effort)
+
+    def amid(first: int, last: int) -> bool:
+        a, b = effort[first - 1], effort[last + 1]
+        return bool(min(abs(a), abs(b)) > near and a * b > 0.0)
+
+    return _short(zero, amid)
 
 
-def _spikes(effort: FloatArray) -> IntArray:
-    """Rows of short runs that are far beyond the others."""
-    low, high = np.quantile(effort[:: max(1, effort.size // 20_000)], (0.05, 0.95))
-    reach = _BEYOND * (high - low)
-    beyond = (effort > high + reach) | (effort < low - reach)
-    return _short(beyond, lambda a, b: True, effort) if reach > 0.0 else np.zeros(0, dtype=np.int64)
+def _spikes(effort: FloatArray, position: FloatArray) -> IntArray:
+    """Rows of short runs that neither the rows beside them nor the joint's motion explain."""
+    far, reach = _far(effort)
+    if reach == 0.0:
+        return np.zeros(0, dtype=np.int64)
+    speed = np.diff(position, prepend=position[:1])
+    moves = np.zeros(effort.size, dtype=bool)
+    for rate in (speed, np.diff(speed, append=speed[-1:])):
+        off, usual = _far(rate)
+        sizes = np.abs(rate)
+        count = float(np.min(sizes, where=sizes > 0.0, initial=np.inf))
+        moves |= off > max(usual, _COUNTS * count if usual == 0.0 else 0.0)
+
+    def alone(first: int, last: int) -> bool:
+        near = slice(max(first - _BESIDE, 0), last + 1 + _BESIDE)
+        flanks = [*far[near.start : first], *far[last + 1 : near.stop]]
+        edge = min(far[first], far[last])  # a smooth peak rises to its top
+        jumps = max(flanks) < _FLANK * edge and edge > _FLANK * far[first : last + 1].max()
+        return bool(jumps and not moves[near].any())
+
+    return _short(far > reach, alone)
 
 
-def _short(flags: BoolArray, fits: Callable[[float, float], bool], effort: FloatArray) -> IntArray:
+def _far(values: FloatArray) -> tuple[FloatArray, float]:
+    """Return how far values are beyond nine tenths of them, and from where that is unusual."""
+    low, high = np.quantile(values[:: max(1, values.size // 20_000)], (0.05, 0.95))
+    return np.maximum(np.maximum(values - high, low - values), 0.0), _BEYOND * float(high - low)
+
+
+def _short(flags: BoolArray, fits: Callable[[int, int], bool]) -> IntArray:
+    """Rows of short runs, first to last, that fit."""
     found = []
     for first, last in runs(flags):
         inside = first > 0 and last + 1 < flags.size and last - first < _LONGEST
-        if inside and fits(float(effort[first - 1]), float(effort[last + 1])):
+        if inside and fits(first, last):
             found.append(np.arange(first, last + 1))
     return np.concatenate(found) if found else np.zeros(0, dtype=np.int64)

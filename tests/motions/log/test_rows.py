@@ -168,9 +168,33 @@ TIMES = np.arange(2000) / 100.0
 EFFORT = 20.0 + 5.0 * np.sin(TIMES) + 3.0 * np.sign(np.cos(0.7 * TIMES))
 
 
-def mended(effort):
+def mended(effort, position=np.sin(TIMES)):  # noqa: B008
     problems, notes = [], []
-    return mended_effort("elbow", effort, range(2, 2002), problems, notes), problems, notes
+    lines = range(2, 2 + effort.size)
+    return mended_effort("elbow", effort, position, lines, problems, notes), problems, notes
+
+
+@pytest.mark.parametrize("every", [8.0, 30.0])
+@pytest.mark.parametrize("rate", [25.0, 100.0, 1000.0])
+def test_efforts_that_the_joints_own_motion_explains_are_no_spikes(every, rate):
+    t, rng = np.arange(0.0, 120.0, 1.0 / rate), np.random.default_rng(0)
+    s = np.clip(np.mod(t, every) / 0.2, 0.0, 1.0)
+    position = (np.floor(t / every) + s**3 * (10 - 15 * s + 6 * s**2)) % 2.0
+    push = np.where(s < 1.0, 4.4 * np.sin(2.0 * np.pi * s), 0.0)
+    effort = push + 0.05 * rng.normal(size=t.size)
+    assert mended(effort, position)[0] is effort
+    lost = effort.copy()
+    lost[int(5.0 * rate)] = 9.0  # amid rest
+    result, problems, notes = mended(lost, position)
+    assert (problems, len(notes)) == ([], 1)
+    assert np.abs(result - effort).max() < 0.5
+
+
+def test_the_flanks_of_a_peak_are_no_spikes():
+    """Few rows of a smooth peak are beyond the others: another joint moves the load of this one."""
+    peak = 40.0 * np.exp(-(((TIMES - 10.0) / 0.02) ** 2))
+    effort = np.sin(TIMES) + peak
+    assert mended(effort, 0.0 * TIMES)[0] is effort
 
 
 @pytest.mark.parametrize(("value", "said"), [(0.0, "exactly 0"), (9999.0, "up to 9999")])
