@@ -576,7 +576,9 @@ def identify(
     ] = "consistent",
     payload: Annotated[
         list[str] | None,
-        typer.Option(metavar="LOG=NAME", help="A payload of the scene that this log carries."),
+        typer.Option(
+            metavar="LOG=NAME", help="A payload of the scene, or none, that this log carries."
+        ),
     ] = None,
     without: Annotated[
         list[str] | None,

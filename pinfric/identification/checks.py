@@ -40,6 +40,9 @@ _OVER_LIMIT, _MOST_FRICTION, _NO_LIMIT = 1.5, 0.5, 1e6
 _FEWEST_BLOCKS, _UNKNOWN, _NO_GRAVITY, _OTHER_GRAVITY = 5, 0.2, 0.2, 0.15
 #: How far the rigid efforts of two logs of one robot may differ, as a share.
 _ONE_ROBOT = 0.3
+#: Error of the fit of all logs in one of them, as a share of its effort and over that of the log's
+#: own fit, from which they may be of two robots.
+_UNLIKE, _OWN_ERROR = 0.1, 2.0
 
 
 def check_efforts(scene: Scene, rows: Sequence[Rows], given: Collection[str]) -> None:
@@ -281,35 +284,48 @@ def _slope(rows: Rows, prior: Prior) -> tuple[float, float]:
 
 
 def check_one_robot(
-    joints: Sequence[str], rows: Sequence[Rows], fit: Fit, logs: Sequence[str]
+    joints: Sequence[str],
+    rows: Sequence[Rows],
+    fits: Sequence[Fit],
+    logs: Sequence[str],
+    stated: Collection[int] = (),
 ) -> None:
     """Refuse logs whose rigid efforts cannot be from one robot.
+
+    Their factors on the rigid effort differ, and the fit of all predicts a log much worse than one
+    of its own does: a law that no fit has, as a gear's loss, shows in both.
 
     Args:
         joints: their names.
         rows: of each joint.
-        fit: of all logs.
+        fits: of all logs, and then of each log alone.
         logs: their names.
+        stated: numbers of logs of which a person has said what they carry; among these, no two are
+            compared.
 
     Raises:
         IdentificationError: names joint and logs.
     """
+    whole, *own_fits = fits
     for j, one in enumerate(rows):
-        load = one.rigid @ fit.theta
+        load = one.rigid @ whole.theta
         if load @ load < _LEAST_LOAD * float(one.effort @ one.effort):
             continue
-        off, slopes = residuals(one, fit, j), {}
-        for log in np.unique(one.log):
+        off, slopes, strange = residuals(one, whole, j), {}, False
+        for log, fit in enumerate(own_fits):
             part = one.log == log
             size = float(load[part] @ load[part])
             if size > 0.0:
-                slopes[int(log)] = 1.0 + float(load[part] @ off[part]) / size
-        if not slopes:
+                slopes[log] = 1.0 + float(load[part] @ off[part]) / size
+                ours, alone = (float(x[part] @ x[part]) for x in (off, residuals(one, fit, j)))
+                most = _UNLIKE**2 * float(one.effort[part] @ one.effort[part])
+                strange |= ours > max(most, _OWN_ERROR**2 * alone)
+        if not strange:
             continue
         low, high = min(slopes, key=slopes.__getitem__), max(slopes, key=slopes.__getitem__)
-        if slopes[high] - slopes[low] > _ONE_ROBOT:
+        if slopes[high] - slopes[low] > _ONE_ROBOT and not {low, high} <= set(stated):
             raise IdentificationError(
                 f"joint {joints[j]}: its effort is {slopes[high]:.2f} times the rigid effort in "
                 f"{logs[high]}, and {slopes[low]:.2f} times in {logs[low]}: logs of two robots, or "
-                "with a payload; name it by --payload LOG=NAME"
+                "with a payload; say what each carries: --payload LOG=NAME, or LOG=none"
             )

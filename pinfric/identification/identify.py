@@ -20,7 +20,7 @@ from pinfric.identification.files import identified_files
 from pinfric.identification.findings import Findings, HeldOut
 from pinfric.identification.laws import COULOMB, FALL_SPEED, FALLS, K, Law
 from pinfric.identification.misfit import misfits
-from pinfric.identification.normal import residuals
+from pinfric.identification.normal import Fit, FrictionNormalEquations, residuals
 from pinfric.identification.notes import notes
 from pinfric.identification.parameters import (
     identified_scene,
@@ -110,7 +110,7 @@ def identify(
             URDF's.
         laws: joint -> its law, where it is not to be chosen.
         payloads: log's name, or its path as in `logs` where several logs have that name -> payload
-            of the scene that it carries throughout.
+            of the scene that it carries throughout, or "none".
         held_out: further logs, which are only predicted.
         options: what a person says about columns, units, cutoff, and joints without usable efforts.
         seed: of the posterior's draws.
@@ -144,13 +144,25 @@ def identify(
         scene, recordings, effort_at, inertia == "keep", laws or {}, gain or {}, options.without
     )
     found = estimate(question, progress or (lambda done, total: None))
+    names, said = [one.name for one in recordings], payloads or {}
+    stated = [k for k, log in enumerate(logs) if {names[k], str(log)} & said.keys()]
+    check_one_robot(scene.joint_names, found.rows, _fits(found), names, stated)
     return _identified(found, unseen, seed)
+
+
+def _fits(found: Estimate) -> list[Fit]:
+    """The fit of all logs, and that of each log alone with the same laws."""
+    problem, log_of = found.problem, np.full(found.problem.folds.size, -1)
+    for rows in found.rows:
+        log_of[rows.block] = rows.log
+    slots = problem.slots(found.choice.laws)
+    alone = [problem.normal(log_of == log) for log in range(len(found.prepared))]
+    return [found.fit, *(FrictionNormalEquations(n, problem.prior).fit(slots) for n in alone)]
 
 
 def _identified(found: Estimate, unseen: Sequence[Recording], seed: int) -> Identified:
     """Return what an estimate says in a scene's terms."""
-    scene, recordings = found.question.scene, found.question.recordings
-    check_one_robot(scene.joint_names, found.rows, found.fit, [r.name for r in recordings])
+    scene = found.question.scene
     shapes = misfits(found)
     known = uncertainty(found, shapes)
     static = break_aways(found)

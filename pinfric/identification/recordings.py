@@ -19,6 +19,8 @@ from pinfric.motions.log.frame import Log
 from pinfric.motions.log.reading import Reading, ReadingOptions, Thinning
 from pinfric.motions.trajectory import Trajectory, read_trajectory
 
+#: What a log carries of which a person says that it carries nothing.
+NO_PAYLOAD = "none"
 #: rad/s or m/s: a joint that is never faster than this has not moved.
 STILL = 0.01
 #: Standard deviations beyond which a velocity is not noise.
@@ -135,7 +137,8 @@ def read_recordings(
         scene: the robot; its payloads may be carried.
         logs: paths, or arrays.
         gain: joint -> factor on its logged effort (N m per A).
-        payloads: log's name, or path as in `logs`, -> the payload that it carries throughout.
+        payloads: log's name, or path as in `logs`, -> the payload that it carries throughout; or
+            "none".
         options: what a person says about columns, units and cutoff.
 
     Raises:
@@ -240,12 +243,12 @@ def _thinned(
 
 
 def _carrying(scene: Scene, recording: Recording, payload: str | None) -> Recording:
-    if payload is None:
+    if payload is None or (payload == NO_PAYLOAD and payload not in scene.payloads):
         return recording
     if payload not in scene.payloads:
         raise IdentificationError(
             f"payload: {scene.source} has no payload {payload!r}; "
-            f"{choose_from(payload, scene.payloads)}"
+            f"{choose_from(payload, [*scene.payloads, NO_PAYLOAD])}"
         )
     attached = np.zeros_like(recording.trajectory.attached)
     attached[:, list(scene.payloads).index(payload)] = True
