@@ -10,7 +10,7 @@ import numpy as np
 from pinfric.checking.findings import Finding, Severity
 from pinfric.checking.robot import BEYOND, SHAPE_OVER_REACH, LinkFacts, RobotFacts
 from pinfric.checking.robot_masses import WHOLE, mass_findings
-from pinfric.model.mistaken_units import INERTIAS, LENGTHS, MASSES, in_unit, likely_unit
+from pinfric.model.mistaken_units import INERTIAS, LENGTHS, MASSES, Unit, in_unit, likely_unit
 from pinfric.model.total_mass import FARTHEST
 from pinfric.model.urdf import implausible_body
 
@@ -25,8 +25,10 @@ _OUTSIDE, _LEAST_OUTSIDE = 0.25, 0.02
 #: Radius of gyration over the distance to the farthest corner (1 if all mass were there), and
 #: over the diagonal (0.2 to 0.35 for half of all links): less is a point, not a body.
 _WIDE, _NARROW = 1.5, 0.02
+#: From so many times that distance on the unit is asked.
+_FAR_TOO_WIDE = 30.0
 #: Between these a link's radius of gyration over its diagonal is as usual.
-_USUAL = (0.05, 0.8)
+_USUAL, _NEARLY = (0.05, 0.8), 0.8
 #: kg/m^3 of the box around the shapes: denser than solid tungsten, lighter than any foam.
 _DENSEST, _LIGHTEST = 20000.0, 5.0
 #: A link that is fixed to heavier ones matters from this part of them on; as a point of mass
@@ -44,6 +46,7 @@ def link_findings(facts: RobotFacts) -> Iterator[Finding]:
     if any(finding.kind == "lengths" for finding in whole):
         return  # every link's size would be judged by the wrong length
     said = any(finding.kind in WHOLE for finding in whole)
+    unit = _inertia_unit(facts)
     for link in facts.links:
         if problem := implausible_body(link.mass, link.inertia):
             yield Finding(
@@ -52,7 +55,7 @@ def link_findings(facts: RobotFacts) -> Iterator[Finding]:
         if link.has_shapes and (finding := _shape(link, facts)):
             yield finding
         elif link.mass > 0 and (link.has_shapes or facts.reach > 0):
-            found = [_com(link), _large_inertia(link), _small_inertia(link)]
+            found = [_com(link), _large_inertia(link, unit), _small_inertia(link)]
             found += [_density(link)] if link.has_shapes and not said else []
             yield from (finding for finding in found if finding is not None)
 
@@ -163,21 +166,33 @@ def _com(link: LinkFacts) -> Finding | None:
     )
 
 
-def _large_inertia(link: LinkFacts) -> Finding | None:
+def _inertia_unit(facts: RobotFacts) -> Unit:
+    """The likeliest unit in which nearly as many of those far too large are usual as in any."""
+    ratios = [
+        radius / link.extent.diagonal
+        for link in facts.links
+        if link.has_shapes and link.mass > 0
+        for _, radius, farthest in [_gyration(link)]
+        if radius > _FAR_TOO_WIDE * farthest
+    ]
+    usual = {unit: sum(_is_usual(ratio, unit) for ratio in ratios) for unit in INERTIAS}
+    return next(unit for unit in INERTIAS if usual[unit] >= _NEARLY * max(usual.values()))
+
+
+def _is_usual(ratio: float, unit: Unit) -> bool:
+    """Whether a radius of gyration over a diagonal is as usual if the inertia is in a unit."""
+    return _USUAL[0] < ratio * math.sqrt(unit.size) < _USUAL[1]
+
+
+def _large_inertia(link: LinkFacts, common: Unit) -> Finding | None:
     """The radius of gyration sqrt(J/m) against the distance to the farthest corner."""
     moment, radius, farthest = _gyration(link)
     if radius <= _WIDE * farthest or link.inertia_share < _SHARE:
         return None
-    size = link.extent.diagonal
-    unit = (
-        likely_unit(
-            INERTIAS, lambda factor: _USUAL[0] < radius * math.sqrt(factor) / size < _USUAL[1]
-        )
-        if radius > 30.0 * farthest
-        else None
-    )
+    far = link.has_shapes and radius > _FAR_TOO_WIDE * farthest
+    unit = common if far and _is_usual(radius / link.extent.diagonal, common) else None
     return Finding(
-        Severity.ERROR if unit and link.has_shapes else Severity.WARNING,
+        Severity.ERROR if unit else Severity.WARNING,
         "large inertia",
         f"link {link.name}",
         f"inertia {moment:.3g} kg m^2 for {link.mass:.3g} kg",
