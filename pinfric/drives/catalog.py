@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
+from math import asin, cos, pi
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
@@ -625,6 +626,114 @@ class Gear(Sourced):
             )
 
 
+class Belt(Sourced):
+    """A closed synchronous belt on two pulleys, which is a gear (`gear`).
+
+    The tangential force F that cords and teeth bear makes its torque F r_2 at the driven pulley,
+    its two strands of length l the stiffness 2 C r_2^2/l, C the specific one (force per strain).
+    """
+
+    pitch: Annotated[Positive, key("of its teeth", 0.005, "m")]
+    width: Annotated[Positive, key("of the belt", 0.016, "m")]
+    teeth_in: Annotated[Positive, key("of the motor's pulley", 20, "1")]
+    teeth_out: Annotated[Positive, key("of the driven pulley", 60, "1")]
+    length: Annotated[Positive, key("pitch length of the closed belt", 0.5, "m")]
+    allowable_tension: Annotated[Positive, key("of its cords", 560.0, "N")]
+    specific_stiffness: Annotated[
+        Positive, key("force per strain of one strand, of this width", 280000.0, "N")
+    ]
+    mass_per_length: Annotated[Positive, key("of this width", 0.05, "kg/m")]
+    tooth_load: Annotated[
+        tuple[tuple[NonNegative, Positive], ...] | None,
+        key(
+            "permissible for one tooth in mesh per width over the speed of the motor's pulley: "
+            "points of rad/s and N/m; left out: only the cords count",
+            [[0.0, 3640.0], [104.7, 2650.0]],
+        ),
+    ] = None
+    most_teeth: Annotated[
+        Positive, key("in mesh that count: 6 of a belt that is welded, else 12", 6, "1")
+    ] = 6.0
+    max_input_speed: Annotated[Positive, key("of the motor's pulley", 419.0, "rad/s")]
+    service_factor: Annotated[
+        Number, Field(ge=1), key("on the peak torque; 1.5 to 2 are usual", 1.5, "1")
+    ] = 1.5
+    efficiency: Annotated[
+        Number | None, Field(gt=0, le=1), key("left out: 0.9, by rule", 0.96, "1")
+    ] = None
+    pulley_density: Annotated[
+        Positive, key("of pulleys as solid discs, as wide as the belt", 2700.0, "kg/m^3")
+    ] = 2700.0
+
+    @model_validator(mode="after")
+    def _goes_around(self) -> Belt:
+        _rising(self, "tooth_load", "rad/s, N/m")
+        least = self._around(sum(self.radii))
+        if self.length <= least:
+            raise ValueError(
+                f"length {self.length:g} m is shorter than its pulleys need, {least:.4g} m for "
+                f"{self.teeth_in:g} and {self.teeth_out:g} teeth side by side: count the belt's "
+                "teeth, or take smaller pulleys"
+            )
+        return self
+
+    @property
+    def radii(self) -> tuple[float, float]:
+        """Pitch radii of the motor's and of the driven pulley, m."""
+        turn = self.pitch / (2 * pi)
+        return self.teeth_in * turn, self.teeth_out * turn
+
+    def _around(self, distance: float) -> float:
+        """Return the length of a belt around pulleys at a centre distance, m."""
+        first, second = self.radii
+        lean = asin(abs(second - first) / distance)
+        return 2 * distance * cos(lean) + pi * (first + second) + 2 * lean * abs(second - first)
+
+    @property
+    def distance(self) -> float:
+        """Centre distance at which the belt is straight, m."""
+        low, high = sum(self.radii), self.length
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if self._around(middle) < self.length else (low, middle)
+        return low
+
+    @property
+    def gear(self) -> Gear:
+        """The gear that it is: ratio, torques, stiffness, inertia and mass of belt and pulleys."""
+        first, second = self.radii
+        ratio = self.teeth_out / self.teeth_in
+        lean = asin((second - first) / self.distance)
+        wrapped = self.teeth_in * (0.5 - lean / pi), self.teeth_out * (0.5 + lean / pi)
+        meshing = int(min(*wrapped, self.most_teeth))
+        tension, reach = self.allowable_tension, second / self.service_factor
+        curve = tuple(
+            (speed, reach * min(tension, load * meshing * self.width))
+            for speed, load in self.tooth_load or ()
+        )
+        most = max((torque for _, torque in curve), default=reach * tension)
+        discs = [pi * r**2 * self.width * self.pulley_density for r in self.radii]
+        belt, rule = self.mass_per_length * self.length, "by rule: solid pulleys"
+        turning = discs[0] * first**2 / 2 + discs[1] * second**2 / 2 / ratio**2 + belt * first**2
+        note = f"centre distance {self.distance:.3g} m, {meshing} teeth in mesh count"
+        return Gear(
+            **{key: getattr(self, key) for key in ("source", "grade", "price", "max_input_speed")},
+            note=f"{self.note}; {note}" if self.note else note,
+            stand_ins={"mass": rule, "input_inertia": rule}
+            | ({} if self.efficiency else {"efficiency": "by rule: 0.9"}),
+            kind="belt",
+            ratio=ratio,
+            rated_torque=most,
+            repeated_peak_torque=most,
+            effort_curve=curve or None,
+            input="clamp",
+            input_inertia=turning,
+            mass=sum(discs) + belt,
+            efficiency=self.efficiency or 0.9,
+            stiffness=2 * self.specific_stiffness / (self.distance * cos(lean)) * second**2,
+        )
+
+
 class BearingEntry(Sourced):
     """Friction mu x (radial |F_r| + axial |F_a| + moment |M_b|), the levers x a diameter."""
 
@@ -729,6 +838,27 @@ class CatalogFile(Entry):
         key(
             "to combine with motors",
             {"G 100": {"source": "data sheet", "grade": "R", "ratio": 100}},
+        ),
+    ] = Field(default_factory=dict)
+    belts: Annotated[
+        dict[str, Belt],
+        key(
+            "synchronous belts with their pulleys, as gears",
+            {
+                "AT5 3:1": {
+                    "source": "data sheet",
+                    "grade": "R",
+                    "pitch": 0.005,
+                    "width": 0.016,
+                    "teeth_in": 20,
+                    "teeth_out": 60,
+                    "length": 0.41,
+                    "allowable_tension": 560.0,
+                    "specific_stiffness": 280000.0,
+                    "mass_per_length": 0.05,
+                    "max_input_speed": 419.0,
+                }
+            },
         ),
     ] = Field(default_factory=dict)
     gearmotors: Annotated[

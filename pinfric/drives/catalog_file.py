@@ -26,7 +26,7 @@ from pinfric.model.yamlfile import brief, read_yaml
 #: The bundled catalogue's name, and its folder.
 DEFAULT = "default"
 _FOLDER = Path(__file__).parents[1] / "catalog"
-_SECTIONS = ("motors", "gears", "gearmotors", "bearings", "brakes", "amplifiers")
+_SECTIONS = ("motors", "gears", "belts", "gearmotors", "bearings", "brakes", "amplifiers")
 
 
 def load_catalog(name: str | Path = DEFAULT) -> Catalog:
@@ -53,8 +53,8 @@ def load_catalog(name: str | Path = DEFAULT) -> Catalog:
         extends = any(file.extends for file in own)
         if not extends and not any(getattr(f, section) for f in own for section in _SECTIONS):
             raise CatalogError(
-                f"{name}: no motors, gears, gearmotors, bearings, brakes or amplifiers in it; "
-                "`extends: default` takes the bundled ones"
+                f"{name}: no motors, gears, belts, gearmotors, bearings, brakes or amplifiers "
+                "in it; `extends: default` takes the bundled ones"
             )
         bundled = _bundled() if extends else ()
         replaced = tuple(text for file in own for text in _replaced(bundled, file))
@@ -111,6 +111,7 @@ def _merged(source: str, files: Sequence[CatalogFile]) -> Catalog:
         section: {name: entry for file in files for name, entry in getattr(file, section).items()}
         for section in _SECTIONS
     }
+    entries["gears"] |= {name: belt.gear for name, belt in entries.pop("belts").items()}
     return Catalog(source, **entries, conditions=given[-1] if given else Conditions())
 
 

@@ -16,6 +16,7 @@ from pydantic import Field, model_validator
 
 from pinfric.drives.catalog import (
     BearingEntry,
+    Belt,
     Brake,
     Gear,
     GearMotor,
@@ -33,6 +34,7 @@ from pinfric.model.yamlfile import brief, read_yaml, yaml_text
 _SECTIONS: dict[str, type[Sourced]] = {
     "motors": Motor,
     "gears": Gear,
+    "belts": Belt,
     "gearmotors": GearMotor,
     "bearings": BearingEntry,
     "brakes": Brake,
@@ -65,7 +67,7 @@ class TableMapping(Entry):
     """A mapping file: the column of a table for each key of an entry."""
 
     section: Annotated[
-        Literal["motors", "gears", "gearmotors", "bearings", "brakes"],
+        Literal["motors", "gears", "belts", "gearmotors", "bearings", "brakes"],
         key("kind of the rows", "motors"),
     ]
     columns: Annotated[
