@@ -88,7 +88,8 @@ def hidden(case: str) -> dict[str, tuple[float, float]]:
             known[f"friction.{name}.coulomb.{way}"] = value, value
             if case in STRIBECK:
                 known[f"friction.{name}.coulomb.{way}.static"] = STATIC * value, STATIC * value
-        known[f"friction.{name}.viscous"] = viscous, viscous
+        if case != "power":
+            known[f"friction.{name}.viscous"] = viscous, viscous
         if case in STRIBECK:
             known[f"friction.{name}.stribeck.velocity"] = FALL, FALL
     known[f"friction.{names[2]}.mu"] = MU, MU

@@ -117,6 +117,28 @@ def _offset(seed: int, motion: Motion) -> Simulated:
     return motion, motor_effort(truth(), motion) + offset
 
 
+def _presliding(seed: int, motion: Motion) -> Simulated:
+    """Coulomb friction that builds up over some way after a reversal (Dahl).
+
+    dz/dx = (sign v - z) / d, so z - sign v falls as exp(-x/d) between reversals.
+    """
+    effort, z = motor_effort(truth(), motion) - coulomb(motion.v), np.empty_like(motion.v)
+    for j, (q, v) in enumerate(zip(motion.q.T, motion.v.T, strict=True)):
+        last = 0.0
+        for part in np.split(np.arange(v.size), np.flatnonzero(np.diff(np.sign(v))) + 1):
+            sign = np.sign(v[part[0]])
+            z[part, j] = sign + (last - sign) * np.exp(-np.abs(q[part] - q[part[0]]) / WAY)
+            last = z[part[-1], j]
+    up, down = np.array(COULOMB).T
+    return motion, effort + np.where(z > 0.0, up, down) * z
+
+
+def _power(seed: int, motion: Motion) -> Simulated:
+    """Friction that grows as a power of the speed, with the coefficients of viscous friction."""
+    more = VISCOUS * (np.sign(motion.v) * np.abs(motion.v) ** POWER - motion.v)
+    return motion, motor_effort(truth(), motion) + more
+
+
 def _payload(seed: int, motion: Motion) -> Simulated:
     """A payload at the last link that nobody names."""
     box = {"link": "tool0", "mass": PAYLOAD, "com": (0.0, 0.0, 0.1)}
@@ -133,8 +155,9 @@ def _payload(seed: int, motion: Motion) -> Simulated:
     return motion, effort
 
 
-#: Share of friction that is lost as a robot warms up; s of a further delay.
-WARM_UP, LATE = 0.2, 0.02
+#: Share of friction that is lost as a robot warms up; s of a further delay; rad over which friction
+#: builds up after a reversal; exponent of the speed.
+WARM_UP, LATE, WAY, POWER = 0.2, 0.02, 5e-3, 0.67
 
 #: Name -> what a seed makes of a motion.
 CASES: dict[str, Callable[[int, Motion], Simulated]] = {
@@ -147,6 +170,8 @@ CASES: dict[str, Callable[[int, Motion], Simulated]] = {
     "play": _play,
     "offset": _offset,
     "payload": _payload,
+    "presliding": _presliding,
+    "power": _power,
     "warm-up": _warm_up,
     "delay": _late,
 }

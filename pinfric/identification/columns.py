@@ -46,6 +46,8 @@ PART, _FORGOTTEN = 8192, 2.0
 #: s: blocks must be longer than residuals are autocorrelated, and short enough to be many.
 _BLOCK = (1.0, 5.0)
 _BLOCKS, _MOST_BLOCKS = 10, 200
+#: rad or m: ways over which friction may build up after a reversal.
+PRESLIDING = (1e-3, 4e-3, 1.6e-2)
 #: Rows of a joint in one direction from which friction in that direction is its own coefficient.
 FEWEST_ROWS = 25
 #: A coefficient so small that the load it reports is that without friction.
@@ -93,6 +95,7 @@ class Prepared:
             samples, means of two would have less noise, and delays be drawn there.
         payload: (T, nj) what payloads take, N m or N.
         load: (T, nj) effort without friction of the present estimate, N m or N.
+        presliding: (n, nj, 3) of friction that builds up after reversals; only the delay has it.
         missing: (T, nj) gravity by the URDF where the efforts hold none, else 0, N m or N.
     """
 
@@ -104,6 +107,7 @@ class Prepared:
     effort: BSpline
     payload: FloatArray
     load: FloatArray
+    presliding: FloatArray
     missing: FloatArray
 
 
@@ -150,14 +154,14 @@ def prepare(
     kept = np.arange(0, motion.t.size, thin * _spacing(step))
     slides = _sliding(recording, known)[kept]
     # one after another, to spare memory
-    splines = [make_interp_spline(motion.t, column, k=3) for column in _passed(measured, step).T]
+    splines = [make_interp_spline(motion.t, column, k=3) for column in passed(measured, step).T]
     effort = BSpline(splines[0].t, np.column_stack([one.c for one in splines]), 3)
     slots, v = np.zeros((kept.size, nj, K)), recording.velocity
-    slots[:, :, INERTIA] = _passed(recording.acceleration, step)[kept]
-    slots[:, :, FORWARD] = _passed((v > 0.0).astype(np.float64), step)[kept]
-    slots[:, :, BACKWARD] = _passed(-(v < 0.0).astype(np.float64), step)[kept]
+    slots[:, :, INERTIA] = passed(recording.acceleration, step)[kept]
+    slots[:, :, FORWARD] = passed((v > 0.0).astype(np.float64), step)[kept]
+    slots[:, :, BACKWARD] = passed(-(v < 0.0).astype(np.float64), step)[kept]
     for slot, p in SPEEDS.items():
-        slots[:, :, slot] = _passed(np.sign(v) * np.abs(v) ** p, step)[kept]
+        slots[:, :, slot] = passed(np.sign(v) * np.abs(v) ** p, step)[kept]
     return Prepared(
         recording,
         kept,
@@ -167,8 +171,25 @@ def prepare(
         effort,
         payload,
         rigid_effort,
+        _presliding(recording, kept),
         missing,
     )
+
+
+def _presliding(recording: Recording, kept: IntArray) -> FloatArray:
+    """Return sign v exp(-x/d), low-passed (n, nj, 3), x: the way since the joint reversed."""
+    step, nj = recording.step, recording.velocity.shape[1]
+    columns = np.zeros((kept.size, nj, len(PRESLIDING)))
+    for j, v in enumerate(recording.velocity.T):
+        way = np.append(0.0, np.cumsum(0.5 * step * np.abs(v[1:] + v[:-1])))
+        moves = np.flatnonzero(v)
+        turned = moves[1:][np.diff(np.sign(v[moves])) != 0.0]
+        start = np.zeros(v.size)
+        start[turned] = way[turned]
+        since = way - np.maximum.accumulate(start)
+        for k, d in enumerate(PRESLIDING):
+            columns[:, j, k] = passed(np.sign(v) * np.exp(-since / d), step)[kept]
+    return columns
 
 
 def weightless(model: pin.Model) -> pin.Model:
@@ -208,8 +229,8 @@ def _rigid_columns(scene: Scene, recording: Recording, kept: IntArray) -> FloatA
         every = _regressor(scene, recording.trajectory, start, first + PART + beyond)
         for j in range(nj):
             used = np.flatnonzero(every[:, j].any(axis=0))
-            passed = _passed(every[:, j, used], recording.step)
-            thin[own[:, None], j, used] = passed[kept[own] - start]
+            whole = passed(every[:, j, used], recording.step)
+            thin[own[:, None], j, used] = whole[kept[own] - start]
     return thin
 
 
@@ -227,7 +248,13 @@ def _regressor(scene: Scene, motion: Trajectory, start: int, stop: int) -> Float
     return P @ every if P.size else every
 
 
-def _passed(columns: FloatArray, step: float) -> FloatArray:
+def passed(columns: FloatArray, step: float) -> FloatArray:
+    """Return columns behind the low pass of all columns.
+
+    Args:
+        columns: (T, ...).
+        step: s between samples.
+    """
     if step * PASS >= 0.45:
         return columns
     if columns.size < _AT_ONCE:
@@ -265,7 +292,7 @@ def with_loads(prepared: Prepared, scene: Scene, inner: FloatArray) -> Prepared:
         sign = np.sign(recording.velocity[:, j])
         if name in probe.site_names:
             load = sites[:, probe.site_names.index(name)]
-            slots[:, j, BEARING] = _passed(sign * load, step)[kept]
+            slots[:, j, BEARING] = passed(sign * load, step)[kept]
         for side, x in zip(SIDES, (rigid[:, j], rigid[:, j] + inner[:, j]), strict=True):
             both = sign * np.abs(x)
             for direction, part in (
@@ -274,7 +301,7 @@ def with_loads(prepared: Prepared, scene: Scene, inner: FloatArray) -> Prepared:
                 ("both", True),
             ):
                 slot = GEARS[side, direction]
-                slots[:, j, slot] = _passed(both * part, step)[kept]
+                slots[:, j, slot] = passed(both * part, step)[kept]
     return replace(prepared, slots=slots, load=rigid)
 
 

@@ -6,7 +6,9 @@ Each joint's change of delay is one more coefficient beside the links' and frict
 standard error from blocks as theirs. One clock and one filter make one delay. So joints that differ
 by more than their errors show something else: friction that changes with the angle, play, a filter.
 Their disagreement is then part of the delay's standard error. Each log has coefficients of its own:
-a warm robot must not look like a delay.
+a warm robot must not look like a delay. Friction that builds up over some way after a reversal
+(presliding) looks like one, too, so each joint's friction may do so
+(`columns.PRESLIDING`).
 """
 
 from __future__ import annotations
@@ -38,6 +40,8 @@ _DIFFERS = 4.0
 #: s: with a larger standard error, a delay is not determined.
 _VAGUE = 2.5e-3
 _ROUNDS = 4
+#: Weight of the prior of friction that builds up after a reversal: next to none.
+_FREE = 1e-12
 #: Huber's limit, in standard errors, and E[psi^2] of a normal variable with it; his steps.
 _HUBER, _HUBER_SQUARE, _HUBER_ROUNDS = 1.345, 0.7102, 50
 
@@ -175,6 +179,7 @@ def log_delay(
     """
     if not one.slides.any():
         return LogDelay(start, np.inf)
+    one, prior = _with_presliding(one, prior)
     delay, slopes = start, [np.zeros(one.kept.size) for _ in slots]
     row_weights: tuple[FloatArray, ...] = ()
     weights = np.ones(len(slots))
@@ -201,6 +206,18 @@ def log_delay(
         best = float(np.average(values, weights=weights))
         mean = best if weights.sum() > _VAGUE**-2.0 else 0.0
     return LogDelay(mean, error, joints)
+
+
+def _with_presliding(one: Prepared, links: Prior) -> tuple[Prepared, Prior]:
+    """Columns of friction that builds up after a joint's reversals, behind those of the links."""
+    n, nj, ways = one.presliding.shape
+    columns = np.zeros((n, nj, nj, ways))
+    columns[:, range(nj), range(nj)] = one.presliding
+    free = np.zeros(nj * ways), np.full(nj * ways, _FREE), np.zeros(nj * ways)
+    own = links.center, links.weight, links.deviation
+    prior = Prior(*(np.append(x, last) for x, last in zip(own, free, strict=True)))
+    rigid = np.concatenate((one.rigid, columns.reshape(n, nj, -1)), axis=2)
+    return replace(one, rigid=rigid), prior
 
 
 def _changes(

@@ -7,7 +7,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from identify_cases import DELAY, PLAIN, guess
+from identify_wrong_models import wrong_log
 
+import pinfric as pf
 from pinfric.identification.delay import Delay, LogDelay, common_delay, other_delays, pooled
 from pinfric.identification.notes import _of_logs
 
@@ -48,6 +51,13 @@ def test_joints_that_disagree_are_told_from_joints_that_know_nothing():
     for one, words in ((delay, "joints ask for 6.0 to 39.0 ms"), (slow, "log faster motion")):
         (said,) = (x for x in _of_logs(SimpleNamespace(delay=one, prepared=())) if "delay" in x)
         assert words in said
+
+
+def test_friction_that_builds_up_after_reversals_is_no_delay():
+    """Before, 15 to 27 ms were found for 4."""
+    found = pf.identify(guess(21), wrong_log("presliding", 21, 30.0, 125.0), laws=PLAIN)
+    delay = found.estimate.delay
+    assert abs(delay.value - DELAY) < 2.5 * delay.standard_error < 5e-3
 
 
 def test_a_delay_that_joints_do_not_agree_on_is_less_certain():
