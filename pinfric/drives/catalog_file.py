@@ -111,7 +111,8 @@ def _merged(source: str, files: Sequence[CatalogFile]) -> Catalog:
         section: {name: entry for file in files for name, entry in getattr(file, section).items()}
         for section in _SECTIONS
     }
-    entries["gears"] |= {name: belt.gear for name, belt in entries.pop("belts").items()}
+    belts = {name: belt.gear for name, belt in entries.pop("belts").items()}
+    entries["gears"] = belts | entries["gears"]
     return Catalog(source, **entries, conditions=given[-1] if given else Conditions())
 
 
