@@ -99,6 +99,8 @@ def _joint(
         mimic = ElementTree.SubElement(axis, "mimic", joint=leader)
         for tag, value in (("multiplier", ratio), ("offset", shift), ("reference", 0.0)):
             _text(mimic, tag, _numbers([value]))
+        law = {"joint": leader, "multiplier": repr(ratio), "offset": repr(shift)}
+        ElementTree.SubElement(joint, "drake:mimic", law)  # Drake reads no other
     if constants is None:
         return joint
     dynamics = ElementTree.SubElement(axis, "dynamics")

@@ -327,6 +327,8 @@ SPELLINGS = {
     "C": dict.fromkeys(("\N{DEGREE SIGN}C", "degC"), 1.0),
     "W": {"Watts": 1.0, "kW": 1e3},
     "1/h": {"1/min": 60.0},
+    "Pa": {"N/mm/mm": 1e6},  # all behind the first "/" divides
+    "N": {"kg m/s/s": 1.0},
 }
 
 

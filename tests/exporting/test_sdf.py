@@ -83,6 +83,52 @@ def test_constants_limits_and_errors_are_there():
     assert len(set(names)) == len(names)
 
 
+RODS = (
+    '<robot name="rods"><link name="base"/>'
+    + "".join(
+        f'<link name="{n}{n}"><inertial><origin xyz="0.3 0 0"/><mass value="{m}"/>'
+        f'<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        f'<joint name="{n}" type="revolute"><parent link="base"/><child link="{n}{n}"/>'
+        f'<axis xyz="0 1 0"/><limit lower="-9" upper="9" effort="9" velocity="9"/>{mimic}</joint>'
+        for n, m, mimic in (
+            ("a", 1.2, ""),
+            ("b", 0.7, '<mimic joint="a" multiplier="-0.5" offset="0.2"/>'),
+            ("c", 0.4, '<mimic joint="b" multiplier="3"/>'),
+        )
+    )
+    + "</robot>"
+)
+
+
+def test_drake_moves_followers_with_their_leader(tmp_path):
+    """A chain of followers: the leader's acceleration, and q_b = 0.2 - q_a/2, q_c = 3 q_b."""
+    plants = pytest.importorskip("pydrake.multibody.plant", reason="Drake is not installed")
+    parsing = pytest.importorskip("pydrake.multibody.parsing")
+    analysis = pytest.importorskip("pydrake.systems.analysis")
+    (tmp_path / "robot.urdf").write_text(RODS)
+    (tmp_path / "scene.yaml").write_text("pinfric: 1\nrobot: {urdf: robot.urdf}")
+    scene = pf.load_scene(tmp_path / "scene.yaml")
+    file = pf.export(scene, to="sdf").write(tmp_path / "robot.sdf")
+    step, q, v = 1e-5, 0.4, 0.5
+    plant = plants.MultibodyPlant(step)
+    plant.set_discrete_contact_approximation(plants.DiscreteContactApproximation.kSap)
+    parsing.Parser(plant).AddModels(str(file))
+    plant.Finalize()
+    simulator = analysis.Simulator(plant)
+    context = simulator.get_mutable_context()
+    plant.get_actuation_input_port().FixValue(context, np.zeros(plant.num_actuators()))
+    a, b, c = (plant.GetJointByName(name) for name in "abc")
+    for joint, ratio, shift in ((a, 1, 0), (b, -0.5, 0.2), (c, -1.5, 0.6)):
+        joint.set_angle(context, ratio * q + shift)
+        joint.set_angular_rate(context, ratio * v)
+    simulator.AdvanceTo(10 * step)
+    found = (a.get_angular_rate(context) - v) / (10 * step)
+    assert found == pytest.approx(pf.forward_dynamics(scene, [q], [v], [0.0]).a[0], rel=1e-3)
+    simulator.AdvanceTo(0.05)
+    assert b.get_angle(context) == pytest.approx(0.2 - 0.5 * a.get_angle(context), abs=1e-4)
+    assert c.get_angle(context) == pytest.approx(3 * b.get_angle(context), abs=1e-4)
+
+
 def test_drake_reads_it(tmp_path):
     """Drake 1.51 takes masses, limits and damping, and no dry friction."""
     plants = pytest.importorskip("pydrake.multibody.plant", reason="Drake is not installed")

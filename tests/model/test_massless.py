@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from builders import chain
+from cases import slider_crank
 from sizing_cases import GEAR, MOTOR, write_catalog
 
 import pinfric as pf
@@ -63,6 +64,13 @@ def rotor(inertia):
 def test_which_joints_move_no_mass(finger, options, names):
     scene = arm(finger, **options)
     assert massless_joints(scene, scene.payloads) == names
+
+
+def test_what_a_loop_takes_along_is_no_joint_without_mass():
+    """A piston of 0.8 kg on a crank and a rod without any: with the loop both move it."""
+    scene = slider_crank([0.3]).scene
+    assert massless_joints(scene) == ()
+    assert massless_joints(scene.with_(loops=(), actuators=None)) == ("crank", "rod")
 
 
 def test_a_mass_on_the_axis_at_the_start_alone_is_moved():
