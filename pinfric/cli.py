@@ -54,6 +54,8 @@ BAD_INPUT, INTERNAL_ERROR, INTERRUPTED = 2, 70, 130
 
 #: Files that a command writes with --out, by name.
 Files = dict[str, Callable[[Path], object]]
+#: What `size --out` writes for the commands that follow.
+SIZED = "sized.scene.yaml", "sized.urdf", "motors.yaml"
 
 app = typer.Typer(
     name="pinfric",
@@ -307,12 +309,13 @@ def size(
     """Size the drives for a cycle that repeats, or for a rated payload.
 
     Without a catalogue: what each joint demands. With one: the lightest motor and gear that
-    meets it. --out writes sizing.json, report.html and bom.csv. A duty of several
-    cycles: --cycle pick.csv:0.7 --cycle wait.csv:0.3, or counts. Before there is a cycle:
-    --rating payload=10 (kg), held and lifted in the worst posture of each joint.
+    meets it. --out writes sizing.json, report.html, bom.csv and, for the commands that follow,
+    sized.scene.yaml, sized.urdf and motors.yaml. A duty of several cycles: --cycle pick.csv:0.7
+    --cycle wait.csv:0.3, or counts. Before there is a cycle: --rating payload=10 (kg), held and
+    lifted in the worst posture of each joint.
     """
     given = _cycles(trajectory_name, cycle, rating is not None)
-    names = "sizing.json", "report.html", "bom.csv"
+    names = "sizing.json", "report.html", "bom.csv", *SIZED
     first, later = (given[0][0] if given else None), [name for name, _ in given[1:]]
     scene, trajectory = load(scene_name, first, log, out, names, [*later, catalog])
     cycles = [trajectory] if given else []
@@ -323,6 +326,7 @@ def size(
     from pinfric.show.pages.sizing import sizing_page
     from pinfric.show.report.bill import bill_of_materials
     from pinfric.show.report.sizing import sizing_report, verdict
+    from pinfric.sizing.files import sized_files
     from pinfric.sizing.size import size as size_drives
     from pinfric.sizing.summary import sizing_summary
 
@@ -350,6 +354,8 @@ def size(
     files: Files = {"report.html": lambda path: path.write_text(page(), encoding="utf-8")}
     if bill := bill_of_materials(report):
         files["bom.csv"] = lambda path: path.write_text(bill, encoding="utf-8")
+    if out is not None:
+        files |= sized_files(report, out)
     show_it = partial(sizing_report, report, telling["verbose"], out is not None)
     answer(
         "size",
@@ -361,6 +367,7 @@ def size(
         verdict=partial(verdict, report),
         name="sizing.json",
         scene=report.given.source,
+        names=names,
     )
     report.check()  # what does not fit is the last line, and the exit code (2)
 

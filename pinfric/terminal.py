@@ -12,8 +12,9 @@ import re
 import sys
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TextIO
 
@@ -250,6 +251,7 @@ def answer(
     verdict: Callable[[], str] | None = None,
     name: str = "summary.json",
     scene: str = "",
+    names: Iterable[str] = (),
 ) -> None:
     """Write what a command found into a folder, all files or none, and print it.
 
@@ -263,6 +265,7 @@ def answer(
         verdict: makes the line that --quiet prints in place of the tables; None: it prints them.
         name: of the JSON there.
         scene: its file.
+        names: of all files that the command may write: of an earlier run they do not stay.
     """
     from pinfric.show.report.envelope import envelope
 
@@ -273,8 +276,12 @@ def answer(
         def write_summary(path: Path) -> None:
             path.write_text(as_text(summary), encoding="utf-8")
 
+        if "report.html" in (files := dict(files or {})) and find_spec("jinja2") is None:
+            del files["report.html"]
+            say("report.html is left out: it needs jinja2: pip install 'pinfric[report]'")
         with working(f"writing {out}"):
-            written = write_folder(out, {**(files or {}), name: write_summary})
+            made = {**files, name: write_summary}
+            written = write_folder(out, made, [other for other in names if other not in made])
         say(f"wrote {', '.join(map(str, written))}")
     if as_json:
         show(summary)

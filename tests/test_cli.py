@@ -161,6 +161,8 @@ def test_size_prints_each_joints_demand_and_choice(capsys, tmp_path):
         "sizing.json",
         "report.html",
         "bom.csv",
+        "sized.scene.yaml",
+        "motors.yaml",
     }
 
 

@@ -4,24 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
 from pinfric.errors import IdentificationError
 from pinfric.identification.advice import advice_text
 from pinfric.identification.findings import Findings
 from pinfric.identification.laws import PLAIN
 from pinfric.identification.parameters import Parameter, on_motor
-from pinfric.model.entry import Entry
-from pinfric.model.robot import Robot, locator, robot_text
-from pinfric.model.schema import Simulation, TableEffort
+from pinfric.model.robot import Robot
+from pinfric.model.scene_text import robot_with_bodies, scene_content
 from pinfric.model.yamlfile import yaml_text
 
 #: Columns of the posterior that a sweep sets as they are; all others are factors on the scene's.
 _ABSOLUTE = ("efficiency", "back_efficiency")
 _SAMPLES = 200
+_ROBOT = "robot.urdf"
 
 
 def identified_files(found: Findings, folder: Path) -> dict[str, Callable[[Path], object]]:
@@ -47,7 +45,7 @@ def identified_files(found: Findings, folder: Path) -> dict[str, Callable[[Path]
         "advice.waypoints.yaml": advice_text(found.advice[0], found.scene),
     }
     if not found.keeps_inertias:
-        texts["robot.urdf"] = _robot_text(robot, found.scene.model)
+        texts[_ROBOT] = robot_with_bodies(robot, found.scene.model)
 
     def writer(text: str) -> Callable[[Path], object]:
         return lambda path: path.write_text(text, encoding="utf-8")
@@ -93,40 +91,7 @@ def scene_text(found: Findings, robot: Robot, folder: Path) -> str:
         robot: of its scene.
         folder: where it will stand.
     """
-    scene = found.scene
-    urdf = locator(robot.urdf, folder) if found.keeps_inertias else "robot.urdf"
-    section: dict[str, Any] = {"urdf": urdf, "gravity": scene.model.gravity.linear.tolist()}
-    if robot.xacro_args and found.keeps_inertias:
-        section["xacro_args"] = dict(robot.xacro_args)
-    if robot.locked:
-        section["locked"] = dict(robot.locked)
-    if scene.masses is not None:
-        section["masses"] = scene.masses
-    if scene.payloads:
-        section["payloads"] = {name: _dump(payload) for name, payload in scene.payloads.items()}
-    content: dict[str, Any] = {
-        "pinfric": 1,
-        "robot": section,
-        "friction": {
-            name: _dump(scene.friction[name])
-            for name in scene.joint_names
-            if name in scene.friction
-        },
-        "actuators": [
-            _dump(drive)
-            | ({"transmission": _dump(drive.transmission)} if drive.transmission else {})
-            for drive in scene.actuators or ()
-        ],
-    }
-    content["stick"] = {"velocity": scene.stick_velocity}
-    if scene.tool is not None:
-        content["tool"] = scene.tool
-    if scene.assumed is not None:
-        content["assumed"] = scene.assumed.model_dump()
-    if scene.simulation is not None:
-        content["simulation"] = _simulation(scene.simulation, Path(scene.source).parent)
-    if scene.stops is not None:
-        content["stops"] = scene.stops.model_dump(exclude_unset=True)
+    content = scene_content(found.scene, robot, folder, "" if found.keeps_inertias else _ROBOT)
     return "\n".join([*_heading(found), yaml_text(content, _comments(found))])
 
 
@@ -143,26 +108,6 @@ def _heading(found: Findings) -> Iterator[str]:
     yield "#   pinfric sweep scene.yaml TRAJECTORY sweep.yaml    # with what is uncertain"
     yield "#"
     yield from (f"#   {line}" for line in found.notes)
-
-
-def _dump(entry: Entry) -> dict[str, Any]:
-    """An entry as a file has it: what is not said is left out, a number stands by itself."""
-    content = entry.model_dump(exclude_defaults=True)
-    return {
-        key: value["coefficient"]
-        if isinstance(value, dict) and set(value) == {"coefficient"}
-        else value
-        for key, value in content.items()
-    }
-
-
-def _simulation(simulation: Simulation, folder: Path) -> dict[str, Any]:
-    """The scene's own, with its tables named in full."""
-    content = _dump(simulation)
-    for name, effort in simulation.effort.items():
-        if isinstance(effort, TableEffort):
-            content["effort"][name] = {"table": str((folder / effort.table).resolve())}
-    return content
 
 
 def _comments(found: Findings) -> dict[tuple[str, ...], str]:
@@ -197,20 +142,3 @@ def _interval(parameter: Parameter) -> str:
         return f"not determined: {parameter.why}"
     text = f"{parameter.low:.3g} to {parameter.high:.3g} {parameter.unit}".rstrip()
     return text if parameter.determined else f"not determined: {parameter.why} ({text})"
-
-
-def _robot_text(robot: Robot, model: pin.Model) -> str:
-    """The URDF with the model's inertias: each body's at the link its joint moves.
-
-    Links that are fixed to that link give theirs up: logs cannot tell them apart.
-    """
-    moved_by = {
-        str(joint.get("name")): str(child.get("link"))
-        for joint in robot.xml().findall("joint")
-        if (child := joint.find("child")) is not None
-    }
-    bodies = (f for f in model.frames if f.type == pin.FrameType.BODY and f.parentJoint > 0)
-    inertias: dict[str, pin.Inertia | None] = dict.fromkeys(str(frame.name) for frame in bodies)
-    for body in range(1, model.njoints):
-        inertias[moved_by[model.names[body]]] = model.inertias[body]
-    return robot_text(robot, inertias)

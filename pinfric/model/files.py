@@ -55,17 +55,24 @@ def write_file(path: str | Path, write: Writer) -> Path:
     return write_folder(path.parent, {path.name: write})[0]
 
 
-def write_folder(folder: str | Path, writers: Mapping[str, Writer]) -> list[Path]:
+def write_folder(
+    folder: str | Path, writers: Mapping[str, Writer], outdated: Iterable[str] = ()
+) -> list[Path]:
     """Write several files, by name; they appear in `folder` when all of them are complete.
 
     The folder is created if it is missing; other files in it stay. If one of the files cannot be
     moved to its place, the old files are restored.
 
+    Args:
+        folder: where they go.
+        writers: name -> what writes that file.
+        outdated: names of files of an earlier run that contradict these ones: they are removed.
+
     Raises:
         PinfricError: the folder or a file in it cannot be written.
     """
-    folder = Path(folder)
-    check_writable(folder, writers)
+    folder, outdated = Path(folder), list(outdated)
+    check_writable(folder, [*writers, *outdated])
     made = [p for p in (folder, *folder.parents) if not p.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -75,6 +82,8 @@ def write_folder(folder: str | Path, writers: Mapping[str, Writer]) -> list[Path
             with _locked(folder, os.O_RDONLY, wait=True):  # the record is one for all runs
                 recorded = _write_record(unfinished, folder, writers)
                 _put_in_place(unfinished, folder, [*writers, *recorded])
+                for name in outdated:
+                    (folder / name).unlink(missing_ok=True)
     except OSError as problem:
         raise PinfricError(f"{folder}: cannot be written: {problem.strerror or problem}") from None
     except UnicodeEncodeError as problem:

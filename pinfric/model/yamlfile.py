@@ -82,6 +82,11 @@ def read_yaml(
         raise error(f"{path}: the file is empty{written}")
     if not isinstance(content, dict):
         raise error(f"{path}: should be a mapping of keys, found a {type(content).__name__}")
+    if "command" in content and "pinfric" in content:  # what --out and --json write
+        raise error(
+            f"{path}: is what `pinfric {content['command']}` found, no file for other commands; "
+            "`pinfric size --out` writes sized.scene.yaml and, for --motors, motors.yaml beside it"
+        )
     other = next((key for key in content if key in FORMATS), kind)
     if kind and kind not in content and other != kind:
         order = "commands take SCENE TRAJECTORY SWEEP in this order"

@@ -18,9 +18,9 @@ from identify_cases import (
 
 import pinfric as pf
 from pinfric.errors import IdentificationError
-from pinfric.identification.files import _robot_text
 from pinfric.identification.laws import Law
 from pinfric.model.robot import Robot, example_robot_data
+from pinfric.model.scene_text import robot_with_bodies
 from pinfric.model.urdf import mesh_file
 
 
@@ -104,7 +104,7 @@ def test_a_written_robot_has_the_inertias_found_and_finds_its_meshes_from_anywhe
     )
     model = pin.buildModelFromUrdf(str(urdf))
     model.inertias[1] = pin.Inertia(2.0, np.array([0.1, 0.2, 0.3]), np.diag([0.04, 0.05, 0.06]))
-    text = _robot_text(Robot(model, urdf, (tmp_path, example_robot_data()), {}, {}), model)
+    text = robot_with_bodies(Robot(model, urdf, (tmp_path, example_robot_data()), {}, {}), model)
     assert pin.buildModelFromXML(text).inertias[1].isApprox(model.inertias[1])
     written = re.findall('mesh filename="(.*)"', text)
     assert written[2] == bundled

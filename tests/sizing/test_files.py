@@ -1,0 +1,40 @@
+"""What `size --out` writes for the commands that follow."""
+
+import numpy as np
+from cli_cases import refused, run, told
+from sizing_cases import write_catalog
+
+import pinfric as pf
+from pinfric.retiming.limits import limited_scene, read_limits
+
+
+def test_the_sized_scene_is_the_reports_and_goes_with_it(tmp_path, capsys):
+    catalog = write_catalog(tmp_path / "catalog.yaml", conditions={"holding_brake": "any"})
+    size = "size", "three_link", "three_link", "--catalog", catalog, "--out", tmp_path / "out"
+    assert run(*size) == 0
+    scene = pf.load_scene("three_link")
+    motion = pf.load_trajectory("three_link", scene)
+    report = pf.size(scene, motion, catalog)
+    read = pf.load_scene(tmp_path / "out/sized.scene.yaml")
+    for ours in (read, limited_scene(scene, read_limits(scene, tmp_path / "out/motors.yaml"))):
+        found = pf.inverse_dynamics(ours, motion)
+        assert np.allclose(found.effort_upper, report.result.effort_upper, rtol=1e-9, atol=1e-9)
+        assert [d.transmission for d in ours.drives] == [
+            d.transmission for d in report.scene.drives
+        ]
+    heavier = read.model.inertias[2].mass - scene.model.inertias[2].mass
+    assert heavier > 0
+    told(capsys, *size, "--condition", "peak_factor=900", code=2)
+    assert not (tmp_path / "out/sized.scene.yaml").exists()
+    assert not (tmp_path / "out/bom.csv").exists()
+
+
+def test_without_jinja2_all_but_the_page_is_written(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("pinfric.terminal.find_spec", lambda name: None)
+    said = told(capsys, "size", "pendulum", "pendulum", "--out", tmp_path / "out")
+    assert "report.html is left out: it needs jinja2: pip install" in said.err
+    assert (tmp_path / "out/sizing.json").exists()
+    assert not (tmp_path / "out/report.html").exists()
+    error = refused(capsys, "stop", tmp_path / "out/sizing.json", "pendulum")
+    assert "is what `pinfric size` found" in error
+    assert "sized.scene.yaml" in error
