@@ -41,7 +41,7 @@ FOLDERS = [
     ("inverse arm.yaml way.yaml", {"way.yaml"}, "efforts.csv efforts.png measured.png tool.png"),
     ("inverse arm.yaml log.csv --columns columns.yaml", {"log.csv"}, "efforts.csv summary.json"),
     ("simulate arm.yaml", set(), "motion.csv motion.npz motion.png summary.json"),
-    ("size arm.yaml way.yaml", {"way.yaml"}, "sizing.json report.html bom.csv sized.scene.yaml sized.urdf motors.yaml"),
+    ("size arm.yaml way.yaml", {"way.yaml"}, "sizing.json report.html sized.urdf motors.yaml"),
     ("size arm.yaml way.yaml --catalog catalog.yaml", {"way.yaml", "catalog.yaml"}, "bom.csv"),
     ("size arm.yaml --cycle way.yaml:1 --cycle log.csv:2", {"way.yaml", "log.csv"}, "bom.csv"),
     ("stop arm.yaml way.yaml", {"way.yaml"}, "report.html stop.png summary.json"),
