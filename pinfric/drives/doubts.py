@@ -69,12 +69,12 @@ def doubts(catalog: Catalog) -> Iterator[tuple[str, str]]:
 
 
 def _beyond_usual(section: str, entry: Sourced) -> Iterator[str]:
-    usual = _USUAL | (_USUAL_OF_GEARS if section == "gears" else {})
+    figures, usual = vars(entry), _USUAL | (_USUAL_OF_GEARS if section == "gears" else {})
     for rating, (least, greatest, slip) in usual.items():
-        value = getattr(entry, rating, None)
+        value = figures.get(rating)
         if rating == "stiffness" and value is not None:
             value = softest(value)
-        if value is None or getattr(entry, "output", "") == "linear":
+        if value is None or figures.get("output") == "linear":
             continue
         unit = "motor turns per output turn" if rating == "ratio" else unit_of(type(entry), rating)
         for x in value if isinstance(value, tuple) else (value,):

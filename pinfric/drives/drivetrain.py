@@ -765,6 +765,9 @@ def _temperatures(
     return current, winding, at_mean
 
 
+_RATINGS = tuple(figure.name for figure in fields(Ratings))
+
+
 def ratings_of(entry: Motor | GearMotor) -> Ratings:
     """Return a maker's figures, completed by what follows from others.
 
@@ -772,7 +775,8 @@ def ratings_of(entry: Motor | GearMotor) -> Ratings:
     with k per ampere of the phase current's peak and a phase's resistance R_ph, 2/sqrt(3) k and
     2 R_ph (3/2 R_ph i^2 is lost; sqrt(3) times a phase's voltage is the bus's).
     """
-    there = {f.name: getattr(entry, f.name) for f in fields(Ratings) if hasattr(entry, f.name)}
+    own = vars(entry)
+    there = {name: own[name] for name in _RATINGS if name in own}
     found, derived = Ratings(**there), list[tuple[str, str]]()
     k, current = found.torque_constant, getattr(entry, "continuous_current", None)
     continuous, stall, resistance = found.continuous_torque, found.stall_torque, found.resistance

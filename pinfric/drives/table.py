@@ -100,12 +100,15 @@ class ImportedTable:
     """A table as a catalogue, and how it was understood.
 
     Attributes:
+        section: kind of the rows. entries: by name.
         content: the catalogue, as its YAML file holds it.
         first: of the first row that was read: column, figure, text of the cell, value in SI, unit.
         unused: columns that the mapping does not name.
         left_out: rows that cannot be, each with its line and why.
     """
 
+    section: str
+    entries: dict[str, Sourced]
     content: dict[str, Any]
     first: tuple[tuple[str, str, str, str, str], ...]
     unused: tuple[str, ...]
@@ -158,18 +161,20 @@ def import_table(table: str | Path, mapping: str | Path | None = None) -> Import
     of_rows = cells_of(kind)
     numbers = [given.column for figure, given in cells.items() if of_rows.get(figure)]
     mark = _decimal_mark(path, delimiter, (row[column] for _, row in rows for column in numbers))
-    entries: dict[str, Any] = {}
+    entries: dict[str, Sourced] = {}
+    content: dict[str, Any] = {}
+    plan = [(figure, cells[figure]) for figure in sorted(cells, key=lambda x: x != "ratio")]
     first: tuple[tuple[str, str, str, str, str], ...] = ()
     problems = []
     for line, row in rows:
         name = row[cells["name"].column]
-        entry, units, found = _entry(row, cells, wanted, mark)
+        entry, made, units, found = _entry(row, plan, wanted, mark)
         if not name or name in entries:
             found.insert(0, "this name is given twice" if name else "no name")
-        if found:
+        if found or made is None:
             problems.append(f"line {line} ({name or 'no name'}): {'; '.join(found)}")
             continue
-        entries[name] = entry
+        content[name], entries[name] = entry, made
         first = first or _understood(row, cells, entry, units)
     if not entries:
         read = ", ".join(f"{given.column} as {figure}" for figure, given in cells.items())
@@ -180,7 +185,12 @@ def import_table(table: str | Path, mapping: str | Path | None = None) -> Import
     used = {given.column for given in cells.values()}
     unused = tuple(name for name in names if name and name not in used)
     return ImportedTable(
-        {"pinfric_catalog": 1, wanted.section: entries}, first, unused, tuple(problems)
+        wanted.section,
+        entries,
+        {"pinfric_catalog": 1, wanted.section: content},
+        first,
+        unused,
+        tuple(problems),
     )
 
 
@@ -228,14 +238,18 @@ def _decimal_mark(path: Path, delimiter: str, texts: Iterable[str]) -> str:
 
 
 def _entry(
-    row: dict[str, str], cells: dict[str, Cells], wanted: TableMapping, mark: str
-) -> tuple[dict[str, Any], dict[str, str], list[str]]:
-    """A row's entry, the SI units of its figures, and what is wrong with it."""
+    row: dict[str, str], plan: list[tuple[str, Cells]], wanted: TableMapping, mark: str
+) -> tuple[dict[str, Any], Sourced | None, dict[str, str], list[str]]:
+    """A row as a file holds it and as an entry, its figures' SI units, and what is wrong with it.
+
+    Of the cells `plan` has the ratio first: it says what turns.
+    """
     entry: dict[str, Any] = deepcopy(wanted.every)  # its parts, too: each row adds its own
     kind, units, problems = _SECTIONS[wanted.section], dict[str, str](), list[str]()
-    linear = (row[cells["output"].column] if "output" in cells else entry.get("output")) == "linear"
-    for figure in sorted(cells, key=lambda figure: figure != "ratio"):  # it says what turns
-        given = cells[figure]
+    output, made = wanted.columns.get("output"), None
+    column = output.column if isinstance(output, Cells) else output
+    linear = (row[column] if column else entry.get("output")) == "linear"
+    for figure, given in plan:
         text, value = row[given.column], None
         if text.lower() in _NOTHING or figure == "name":
             continue
@@ -249,10 +263,10 @@ def _entry(
         part, _, key = figure.rpartition(".")
         (entry.setdefault(part, {}) if part else entry)[key] = value
     try:
-        parse(kind, {k: v for k, v in entry.items() if v is not None}, "")
+        made = parse(kind, {k: v for k, v in entry.items() if v is not None}, "")
     except PinfricError as problem:
         problems.append(str(problem).removeprefix(": "))
-    return entry, units, problems
+    return entry, made, units, problems
 
 
 def _understood(

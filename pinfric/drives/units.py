@@ -216,6 +216,15 @@ def in_si(value: float, unit: str, wanted: str) -> float:
         if unit != "price":
             raise CatalogError(f"{unit} is not a unit of a price: give the number alone")
         return value
+    factor, inverse = _conversion(unit, wanted)
+    if inverse:
+        return 1.0 / (factor * value) if value else math.inf
+    return factor * value
+
+
+@lru_cache
+def _conversion(unit: str, wanted: str) -> tuple[float, bool]:
+    """What one of a unit is in another; of a lead its 2 pi/lead is one over it."""
     found = _parsed(unit)
     fitting = (wanted, *_PRINTED.get(wanted, ()))
     if found is None:
@@ -225,15 +234,14 @@ def in_si(value: float, unit: str, wanted: str) -> float:
     factor, dimensions = found[0] / target[0], found[1]
     apart = tuple(int(x) for x in np.subtract(target[1], dimensions))
     if not any(apart):
-        return factor * value
+        return factor, False
     if apart == (0, 1, -2, 0, 0, 0, 0):
-        return _STANDARD_GRAVITY * factor * value
+        return _STANDARD_GRAVITY * factor, False
     turns = (0, 0, 0, 0, 0, 1, 0)
     if apart == turns and target[1] == _SPEED:
-        return _TURN * factor * value
+        return _TURN * factor, False
     if apart == turns and target[1] == _TORQUE_CONSTANT:
-        return factor * value
+        return factor, False
     if target[1] == _PER_TRAVEL and dimensions in ((0, 1, 0, 0, 0, -1, 0), (0, 1, 0, 0, 0, 0, 0)):
-        lead = found[0] * value * (1.0 if dimensions[5] else 1.0 / _TURN)
-        return 1.0 / lead if lead else math.inf
+        return found[0] / (1.0 if dimensions[5] else _TURN), True
     raise CatalogError(f"{unit} is not a unit of this value; take {', '.join(fitting)}")

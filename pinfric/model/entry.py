@@ -347,9 +347,9 @@ def _questions(made: Any, at: tuple[int | str, ...]) -> Iterator[tuple[tuple[int
     """Plausibility warnings of the entries at and below a place, each with its place."""
     if isinstance(made, Entry):
         yield from ((at, text) for text in made.questions())
+    parts: Iterable[tuple[Any, Any]] = enumerate(made) if isinstance(made, list | tuple) else ()
     if isinstance(made, BaseModel | dict):
-        parts: Iterable[tuple[Any, Any]] = made.items() if isinstance(made, dict) else made
-    else:
-        parts = enumerate(made) if isinstance(made, list | tuple) else ()
+        parts = made.items() if isinstance(made, dict) else vars(made).items()
     for name, part in parts:
-        yield from _questions(part, (*at, name))
+        if isinstance(part, BaseModel | dict | list | tuple):
+            yield from _questions(part, (*at, name))

@@ -219,6 +219,11 @@ class _Block:
     kin: np.ndarray = field(default_factory=lambda: np.zeros(1, dtype=np.int64))
     brakes: list[dict[str, Brake]] = field(default_factory=list)
 
+    @cached_property
+    def by_name(self) -> np.ndarray:
+        """(nm,) place of each motor among all, by its name with a blank behind."""
+        return np.argsort(np.argsort(np.array([f"{name} " for name in self.motor_names])))
+
     def braked(
         self, gears: np.ndarray, options: Sequence[Sequence[Sequence[Brake | None]]]
     ) -> Iterator[tuple[np.ndarray, ...]]:
@@ -647,20 +652,31 @@ class Search:
                 if not self.gear_lacks(block, g):
                     gears.append((float(np.nanmin(mass[g])), b, g))
         gears.sort()
-        ready: list[tuple[float, float, str, int, int, int]] = []
+        ready: list[tuple[float, float, str, int, int, int, Iterator[Any]]] = []
         for k, (_, b, g) in enumerate(gears):
-            block = self.shelf.blocks[b]
             if self._row(b, g).margin >= 0:
-                least, masses = (x[0] for x in self.margins(b, np.array([g])))
-                ok = (least >= 0) & block.fits[g] & signable[b] & np.isfinite(masses)
-                for m in np.flatnonzero(ok).tolist():
-                    name = f"{block.motor_names[m]} {block.names[g]}"
-                    margin = float(min(least[m], self.gear_margins[b][g]))
-                    heapq.heappush(ready, (float(masses[m]), -margin, name, b, g, m))
+                own = self._of_one(b, g, signable[b])
+                ready += [(*first, own) for first in [next(own, None)] if first]
+                heapq.heapify(ready)
             horizon = gears[k + 1][0] if k + 1 < len(gears) else np.inf
             while ready and ready[0][0] < horizon:
-                lightest, short, _, *where = heapq.heappop(ready)
+                lightest, short, _, *where, own = ready[0]
+                if following := next(own, None):
+                    heapq.heapreplace(ready, (*following, own))
+                else:
+                    heapq.heappop(ready)
                 yield lightest, -short, where[0], where[1], where[2]
+
+    def _of_one(
+        self, b: int, g: int, signable: np.ndarray
+    ) -> Iterator[tuple[float, float, str, int, int, int]]:
+        """Yield mass, minus margin and name of a gear with motors, and their numbers, in order."""
+        block, (least, mass) = self.shelf.blocks[b], self.margins(b, np.array([g]))
+        short, mass = -np.minimum(least[0], self.gear_margins[b][g]), mass[0]
+        ok = np.flatnonzero((least[0] >= 0) & block.fits[g] & signable & np.isfinite(mass))
+        for m in ok[np.lexsort((block.by_name[ok], short[ok], mass[ok]))].tolist():
+            name = f"{block.motor_names[m]} {block.names[g]}"
+            yield float(mass[m]), float(short[m]), name, b, g, m
 
     def offers(self) -> Iterator[tuple[float, float, int, int, int]]:
         """Yield the same, of which what was found before is not searched again."""
