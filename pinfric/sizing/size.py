@@ -531,8 +531,10 @@ class _Sizing:
             )
         self.shelves: dict[bool, Shelf] = {}
         self.banned: dict[int, set[str]] = {}
-        #: Efforts that gears must bear in stops, and braking under power, by the drives' columns.
+        #: Efforts that gears must bear in stops, those of them that a simulation showed, and braking
+        #: under power, by the drives' columns.
         self.stop_effort: dict[int, float] = {}
+        self.stop_least: dict[int, float] = {}
         self.stop_note = self.open_stops = ""
         self.braking: dict[int, tuple[DriveCycle, ...]] = {}
 
@@ -557,7 +559,8 @@ class _Sizing:
             short = self._overloaded({i: axis.peak for i, axis in enumerate(axes)}, taken)
             if not short or again == _STOPPED_AGAIN:
                 break
-            self.stop_effort |= {i: _STOP_RESERVE * peak for i, peak in short.items()}
+            self.stop_least |= {i: _STOP_RESERVE * peak for i, peak in short.items()}
+            self.stop_effort |= self.stop_least
             taken, passes, settled = self._bearing_stops()
         return replace(report, stops=stops, no_stops=why, other_mass=self._other_mass(taken))
 
@@ -618,7 +621,7 @@ class _Sizing:
         other, settled = copy(self), self.robot.last
         bare = {n: "without_drives" for n, hold in zip(names, holds, strict=True) if hold is False}
         other.scene, other.banned = replace(self.scene, masses={**bare, OTHERS: "with_drives"}), {}
-        other.stop_effort = {}
+        other.stop_effort, other.stop_least = {}, {}
         held, _, _ = other._bearing_stops()
         self.robot.last = settled
         return None if _names(held) == _names(taken) or other._contradiction(held) else _mass(held)
@@ -666,13 +669,15 @@ class _Sizing:
         )
 
     def _bearing_stops(self) -> tuple[dict[int, Assessment], int, bool]:
-        """Choose; where stops of all joints together overload a gear, it must bear them; again.
+        """Choose; gears must bear the stops of all joints together with this choice; again.
 
-        Where no simulation follows, gears must bear 1.3 times what algebra says. Of a rating alone
-        it is not demanded, unless the scene has `stops`.
+        Until the choice bears its own stops and none lighter would do: what it takes depends on no
+        drive that was chosen before. Only where choices come back the largest peaks count. Where no
+        simulation follows, gears must bear 1.3 times what algebra says. Of a rating alone it is not
+        demanded, unless the scene has `stops`.
         """
         taken, passes, settled = self._choose()
-        scene, braked = self.scene, dict[int, str]()  # of which braking under power is known
+        scene, seen = self.scene, list[dict[int, str]]()
         if self.catalog is None or scene.linkage is not None or scene.mobility.redundant:
             return taken, passes, settled
         for _ in range(_MOST_PASSES):
@@ -685,26 +690,25 @@ class _Sizing:
                 most, powered = self._stop_peaks(taken)
             except StopError:  # the simulation says what is missing
                 break
-            peaks = {i: factor * float(most[i]) for i in taken}
-            short = self._overloaded(peaks, {i: a for i, a in taken.items() if a.fits or a.would})
+            peaks = {i: max(factor * float(most[i]), self.stop_least.get(i, 0.0)) for i in taken}
+            short = self._overloaded(peaks, taken)
             if self.rating is not None and not self.rating.cycles and scene.stops is None:
                 self.open_stops = _overload(scene, taken, short)
                 break
-            if not short and (not powered or braked == _names(taken)):
-                self.stop_effort = peaks | {
-                    i: max(wanted, peaks[i]) if taken[i].fits else wanted
-                    for i, wanted in self.stop_effort.items()
-                    if i in taken
-                }
+            if _names(taken) in seen:
+                peaks |= {i: max(x, peaks[i]) for i, x in self.stop_effort.items() if i in peaks}
+            first, self.stop_effort = not self.stop_effort, peaks
+            if first and not short and not powered:  # it stays the lightest
                 taken = {i: a.where(**self._stop(i)) for i, a in taken.items()}
                 break
-            self.stop_effort |= short
-            braked = _names(taken)
+            seen.append(_names(taken))
             held = np.zeros(len(powered[0].effort_lower) if powered else 0, dtype=bool)
             self.braking = {i: tuple(drive_cycle(x, i, held) for x in powered) for i in taken}
             self.progress("gears that bear the stops of all joints together")
             taken, more, settled = self._choose()
             passes += more
+            if _names(taken) == seen[-1]:
+                break
         return taken, passes, settled
 
     def _stop_peaks(

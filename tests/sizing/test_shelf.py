@@ -303,7 +303,6 @@ def test_a_whole_arm_is_like_its_makers(arm):
     assert np.abs(off).max() <= 1
     assert 15 < bare.verdict.mass < 20
     assert bare.settled
-    assert bare.passes == 4
 
 
 def test_offers_come_by_mass_whatever_gear_they_have(tmp_path):
