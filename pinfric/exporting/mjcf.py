@@ -200,9 +200,9 @@ def _inertia(body: Body) -> np.ndarray:
     """The body's (3, 3) inertia, raised so that rounding leaves the triangle inequality true."""
     inertia = body.inertia.inertia
     moments = np.linalg.eigvalsh(inertia)
-    lacking = max(moments[2] - moments[0] - moments[1], -moments[0], 0.0)
+    lacking = max(moments[2] - moments[0] - moments[1], _LEAST_INERTIA - moments[0], 0.0)
     rounding = 1e-12 * moments[2]
-    near = moments[2] - moments[0] - moments[1] > -rounding
+    near = moments[2] - moments[0] - moments[1] >= -rounding
     return np.asarray(inertia + (lacking + rounding) * np.eye(3)) if near else inertia
 
 

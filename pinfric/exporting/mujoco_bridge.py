@@ -16,7 +16,7 @@ of low efficiency zigzag. Where that is not above 0 the gear jams, which is refu
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
@@ -41,59 +41,38 @@ _LEAST = 1e-9
 _HELD = 1e9
 #: Impedance of the friction constraint from the first on: what is held creeps least.
 _SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
+#: Flags of MuJoCo without which there is no friction, or no damping.
+_FLAGS = ("FRICTIONLOSS", "CONSTRAINT", "DAMPER", "PASSIVE")
 #: Relative difference of reactions, and absolute one of poses (m, rad), that counts as the same.
 _SAME_WRENCH, _SAME_POSE = 1e-6, 1e-7
 
 
 class MujocoFriction:
-    """A scene's friction in a MuJoCo model; see `mujoco_friction`.
+    """The friction of scenes in one MuJoCo model; see `mujoco_friction`.
+
+    Arrays have one entry for each drive, or each joint with friction, scene after scene.
 
     Attributes:
-        scene: with the friction.
+        scenes: prefix of their joints -> scene.
         model: its `dof_frictionloss` changes at every step; one per thread.
-        dofs: (nv,) MuJoCo's degree of freedom of each of the scene's drives.
+        dofs: (na,) MuJoCo's degree of freedom of each drive.
     """
 
-    def __init__(self, scene: Scene, model: Any) -> None:
+    def __init__(self, scenes: Mapping[str, Scene], model: Any) -> None:
         self._mujoco = mujoco = _mujoco()
-        self.scene, self.model = scene, model
-        found = _joints(mujoco, scene, model)
-        self._joint = np.array(found)
-        self.dofs = np.array(model.jnt_dofadr[found])
-        self._body = np.array(model.jnt_bodyid[found])
-        self._root = np.array(model.body_rootid[self._body])
-        _check_solver(mujoco, scene, model, self._joint)
-        self._tree = tree = bodies(scene)
-        _check_same_robot(mujoco, self, tree)
-        self._qpos = np.array(model.jnt_qposadr[found])
-        self._axis = np.zeros((len(tree), 6))
-        for row, body in zip(self._axis, tree, strict=True):
-            row[:3] = body.axis if body.joint.unit == "m" else 0.0
-            row[3:] = body.axis if body.joint.unit != "m" else 0.0
-        self._tables, self._gears = scene.site_tables, scene_gears(scene)
-        self._site = np.full(len(tree), -1)
-        self._site[self._tables.velocity_index] = np.arange(len(scene.sites))
+        self.scenes, self.model = dict(scenes), model
+        _check_options(mujoco, model)
+        self._robots = tuple(_Robot(mujoco, x, model, prefix) for prefix, x in scenes.items())
+        self.dofs = np.concatenate([robot.dofs for robot in self._robots])
+        if len(set(self.dofs.tolist())) < self.dofs.size:
+            raise PinfricError("mujoco_friction: two scenes have the same joint of the model")
         self._timestep = float(model.opt.timestep)
         self._callback: Callback | None = None
         self._calls = False  # whether it is installed
-        self._write_constants()
+        for robot in self._robots:
+            robot.write_constants(mujoco)
         with compiling():
             self.start(mujoco.MjData(model))
-
-    def _write_constants(self) -> None:
-        """Set what does not depend on the load: rotors, damping, hardness of the constraint."""
-        model, gears, laws = self.model, self._gears, self._tables.laws
-        self._own = np.array([body.armature for body in self._tree])
-        linear = np.where(gears.power == 1.0, gears.viscous, 0.0) * gears.ratio**2
-        viscous = np.where(self._site >= 0, laws.viscous[self._site] if laws.viscous.size else 0, 0)
-        model.dof_armature[self.dofs] = gears.ratio**2 * gears.rotor_inertia + self._own
-        model.dof_damping[self.dofs] = viscous + linear
-        model.dof_solref[self.dofs] = 2.0 * self._timestep, 1.0
-        model.dof_solimp[self.dofs] = _SOLIMP
-        model.dof_frictionloss[self.dofs] = _LEAST
-        self._mujoco.mj_setConst(model, self._mujoco.MjData(model))
-        rotor = model.dof_armature[self.dofs] - self._own
-        self._share = 1.0 - rotor * model.dof_invweight0[self.dofs]  # M/(M + J)
 
     def start(self, data: Any) -> None:
         """Set the limits of the state in `data`: joints at or below their stick velocity rest.
@@ -104,16 +83,17 @@ class MujocoFriction:
         Raises:
             PinfricError: a gear jams.
         """
-        resting = np.abs(data.qvel[self.dofs]) <= self._gears.stick_velocity
-        self.model.dof_frictionloss[self.dofs] = np.where(resting, _HELD, _LEAST)
+        limits = []
+        for robot in self._robots:
+            robot.write(np.where(robot.resting(data), _HELD, _LEAST))
         for _ in range(2):  # the second: with the friction of what moves
             self._mujoco.mj_forward(self.model, data)
             self._mujoco.mj_rnePostConstraint(self.model, data)
-            direction = np.where(resting, -self._last(data)[0], data.qvel[self.dofs])
-            old = self.model.dof_frictionloss[self.dofs]
-            limits = self._limits(data, resting, direction, np.where(resting, old, np.nan))
-            self.model.dof_frictionloss[self.dofs] = np.where(resting, _HELD, limits)
-        self.model.dof_frictionloss[self.dofs] = limits
+            limits = [robot.first(data) for robot in self._robots]
+            for robot, found in zip(self._robots, limits, strict=True):
+                robot.write(np.where(robot.resting(data), _HELD, found))
+        for robot, found in zip(self._robots, limits, strict=True):
+            robot.write(found)
 
     def step(self, data: Any) -> None:
         """Advance by one time step, then set the limits of the next: `mj_step` with friction.
@@ -122,7 +102,7 @@ class MujocoFriction:
             data: MjData of the model, after `start`.
 
         Raises:
-            PinfricError: a gear jams; the time step was changed.
+            PinfricError: a gear jams; the time step, the integrator or a flag was changed.
         """
         mujoco, model = self._mujoco, self.model
         if model.opt.timestep != self._timestep:
@@ -130,20 +110,15 @@ class MujocoFriction:
                 f"mujoco_friction: the time step is {model.opt.timestep:g} s and was "
                 f"{self._timestep:g} s: make the friction anew for another one"
             )
+        _check_options(mujoco, model)
         before = data.qvel.copy()
         mujoco.mj_step(model, data)
         after = data.qvel.copy()
         data.qvel[:] = before  # reactions belong to the state at which they were solved
         mujoco.mj_rnePostConstraint(model, data)
         data.qvel[:] = after
-        model.dof_frictionloss[self.dofs] = self._next(data)
-
-    def _next(self, data: Any) -> np.ndarray:
-        """(nv,) limits after a step whose reactions are known."""
-        (force, used), rate = self._last(data), data.qvel[self.dofs]
-        sticks = _sticking(force, used)
-        fast = ~sticks & (np.abs(rate) > self._gears.stick_velocity)
-        return self._limits(data, sticks, np.where(fast, rate, -force), used)
+        for robot in self._robots:
+            robot.write(robot.next(data))
 
     @contextmanager
     def installed(self) -> Iterator[None]:
@@ -155,14 +130,15 @@ class MujocoFriction:
 
         Raises:
             PinfricError: no C++ compiler; no MjSpec was given; another control or sensor callback
-                is set; at the end of the `with`: a gear jammed, or the time step was changed.
+                is set; at the end of the `with`: a gear jammed, or the time step, the integrator or
+                a flag was changed.
 
         Source: MuJoCo documentation, API reference: physics callbacks.
         """
         if self._callback is None:
-            places = self._joint, self._own, self._share
-            constants = {"LEAST": _LEAST, "HELD": _HELD}
-            self._callback = Callback(self._mujoco, self.scene, self.model, places, constants)
+            constants = {"LEAST": _LEAST, "HELD": _HELD, "REFUSED": _refused_flags(self._mujoco)}
+            places = {robot.prefix: robot.places for robot in self._robots}
+            self._callback = Callback(self._mujoco, self.scenes, self.model, places, constants)
         with self._callback.installed():
             self._calls = True
             try:
@@ -171,18 +147,108 @@ class MujocoFriction:
                 self._calls = False
 
     def sticking(self, data: Any) -> np.ndarray:
-        """Return (nv,) bool, whether each joint stuck in the last step."""
-        return _sticking(*self._last(data))
+        """Return (na,) bool, whether each joint stuck in the last step."""
+        return np.concatenate([_sticking(*robot.last(data)) for robot in self._robots])
 
     def limit(self, data: Any) -> np.ndarray:
-        """Return (nv,) the friction limits of the next step (N m or N)."""
-        return self._next(data) if self._calls else self.model.dof_frictionloss[self.dofs].copy()
+        """Return (na,) the friction limits of the next step (N m or N)."""
+        if self._calls:
+            return np.concatenate([robot.next(data) for robot in self._robots])
+        return np.array(self.model.dof_frictionloss[self.dofs])
 
     def normal_load(self, data: Any) -> np.ndarray:
-        """Return (ns,) the normal loads of the scene's joints with friction (N m or N)."""
-        return self._loads(data, self.wrench(data))
+        """Return (ns,) the normal loads of the joints with friction (N m or N)."""
+        return np.concatenate([robot.loads(data, robot.wrench(data)) for robot in self._robots])
 
-    def _loads(self, data: Any, wrench: np.ndarray) -> np.ndarray:
+    def wrench(self, data: Any) -> np.ndarray:
+        """Return (nj, 6) parent on child in the child's joint frame, linear first (N, N m)."""
+        return np.concatenate([robot.wrench(data) for robot in self._robots])
+
+
+class _Robot:
+    """The joints of one scene in a model; see `MujocoFriction`.
+
+    Attributes:
+        counts: (na,) bool, whether the drive's joint rubs or has a gear: the others stay as the
+            model has them.
+    """
+
+    def __init__(self, mujoco: Any, scene: Scene, model: Any, prefix: str) -> None:
+        self._mujoco = mujoco
+        self.scene, self.model, self.prefix = scene, model, prefix
+        self._tree = tree = bodies(scene)
+        self.joint = joint = np.array(_joints(mujoco, scene, model, prefix))
+        self.body = np.array(model.jnt_bodyid[joint])
+        self._root = np.array(model.body_rootid[self.body])
+        # of the drives: a joint that follows another has none
+        self.row = np.array([k for k, body in enumerate(tree) if body.follows is None])
+        own = [tree[k] for k in self.row]
+        self._joint = joint[self.row]
+        self.dofs = np.array(model.jnt_dofadr[self._joint])
+        self._qpos = np.array(model.jnt_qposadr[self._joint])
+        rubs = {site.name for site in scene.sites}
+        geared = [drive.transmission is not None for drive in scene.drives]
+        named = zip(own, geared, strict=True)
+        self.counts = np.array([gear or body.joint.name in rubs for body, gear in named])
+        self._written = self.dofs[self.counts]
+        _check_followers(scene, tree, self.counts, rubs)
+        _check_solver(mujoco, self)
+        _check_same_robot(mujoco, self, tree)
+        self._axis = np.zeros((len(own), 6))
+        for row, body in zip(self._axis, own, strict=True):
+            row[:3] = body.axis if body.joint.unit == "m" else 0.0
+            row[3:] = body.axis if body.joint.unit != "m" else 0.0
+        self._tables, self._gears = scene.site_tables, scene_gears(scene)
+        self._site = np.full(len(own), -1)
+        self._site[self._tables.velocity_index] = np.arange(len(scene.sites))
+        self._armature = np.array([body.armature for body in own])
+
+    def names(self) -> dict[int, str]:
+        """Return MuJoCo's joint -> its name, of those that count."""
+        own = zip(self._joint.tolist(), self.counts, self.row, strict=True)
+        return {j: self.prefix + self._tree[k].joint.name for j, counts, k in own if counts}
+
+    def write_constants(self, mujoco: Any) -> None:
+        """Set what does not depend on the load: rotors, damping, hardness of the constraint."""
+        model, gears, laws, on = self.model, self._gears, self._tables.laws, self.counts
+        linear = np.where(gears.power == 1.0, gears.viscous, 0.0) * gears.ratio**2
+        viscous = np.where(self._site >= 0, laws.viscous[self._site] if laws.viscous.size else 0, 0)
+        rotor = gears.ratio**2 * gears.rotor_inertia
+        model.dof_armature[self._written] = (rotor + self._armature)[on]
+        model.dof_damping[self._written] = (viscous + linear)[on]
+        model.dof_solref[self._written] = 2.0 * float(model.opt.timestep), 1.0
+        model.dof_solimp[self._written] = _SOLIMP
+        model.dof_frictionloss[self._written] = _LEAST
+        mujoco.mj_setConst(model, mujoco.MjData(model))
+        self._share = 1.0 - rotor * model.dof_invweight0[self.dofs]  # M/(M + J)
+
+    @property
+    def places(self) -> tuple[np.ndarray, ...]:
+        """Joints of the model, rows of their bodies, armature of the links, M/(M + J), `counts`."""
+        return self._joint, self.row, self._armature, self._share, self.counts
+
+    def write(self, limits: np.ndarray) -> None:
+        """Set the limits (na,) of the joints that count."""
+        self.model.dof_frictionloss[self._written] = limits[self.counts]
+
+    def resting(self, data: Any) -> np.ndarray:
+        """(na,) bool, whether a joint is at or below its stick velocity."""
+        return np.asarray(np.abs(data.qvel[self.dofs]) <= self._gears.stick_velocity)
+
+    def first(self, data: Any) -> np.ndarray:
+        """(na,) limits where a motion begins."""
+        resting, old = self.resting(data), self.model.dof_frictionloss[self.dofs]
+        direction = np.where(resting, -self.last(data)[0], data.qvel[self.dofs])
+        return self._limits(data, resting, direction, np.where(resting, old, np.nan))
+
+    def next(self, data: Any) -> np.ndarray:
+        """(na,) limits after a step whose reactions are known."""
+        (force, used), rate = self.last(data), data.qvel[self.dofs]
+        sticks = _sticking(force, used)
+        fast = ~sticks & (np.abs(rate) > self._gears.stick_velocity)
+        return self._limits(data, sticks, np.where(fast, rate, -force), used)
+
+    def loads(self, data: Any, wrench: np.ndarray) -> np.ndarray:
         tables, load = self._tables, np.zeros((1, len(self.scene.sites)))
         place = np.zeros_like(load)
         place[0] = data.qpos[self._qpos][tables.velocity_index]
@@ -191,12 +257,12 @@ class MujocoFriction:
 
     def wrench(self, data: Any) -> np.ndarray:
         """Return (nj, 6) parent on child in the child's joint frame, linear first (N, N m)."""
-        out = np.empty((len(self.dofs), 6))
+        out = np.empty((len(self.joint), 6))
         places = data.subtree_com, data.xpos, data.xmat
-        write_wrenches(data.cfrc_int, *places, self._body, self._root, out)
+        write_wrenches(data.cfrc_int, *places, self.body, self._root, out)
         return out
 
-    def _last(self, data: Any) -> tuple[np.ndarray, np.ndarray]:
+    def last(self, data: Any) -> tuple[np.ndarray, np.ndarray]:
         """(nv,) friction of the last step, on the child along the joint, and its limits."""
         force, used = np.zeros(self.model.nv), np.zeros(self.model.nv)
         start, end = data.ne, data.ne + data.nf
@@ -225,13 +291,13 @@ class MujocoFriction:
     ) -> np.ndarray:
         """Limits (nv,) of the next step; old: NaN where there are none before."""
         wrench = self.wrench(data)
-        tau = (wrench * self._axis).sum(axis=1) + self._own * data.qacc[self.dofs]
+        tau = (wrench[self.row] * self._axis).sum(axis=1) + self._armature * data.qacc[self.dofs]
         out = np.empty(len(self.dofs))
         d = write_limits(
             self._tables.laws,
             self._gears,
             self._site,
-            self._loads(data, wrench),
+            self.loads(data, wrench),
             tau - self._stops(data),
             data.qvel[self.dofs],
             np.where(direction < 0.0, -1.0, 1.0),
@@ -334,36 +400,42 @@ def write_limits(
     return -1
 
 
-def mujoco_friction(scene: Scene, model: Any) -> MujocoFriction:
+def mujoco_friction(scene: Scene | Mapping[str, Scene], model: Any) -> MujocoFriction:
     """Return the friction of a scene for a MuJoCo model: its limits follow the load at every step.
 
-    frictionloss = d (F_d(tau + d B + drag) - tau) - viscous |v|; see the module's text. Armature
-    (rotors), damping and `solref` of the model are set.
+    frictionloss = d (F_d(tau + d B + drag) - tau) - viscous |v|; see the module's text. Of the
+    joints that rub or have a gear armature (rotors), damping and `solref` are set; the others stay
+    as the model has them.
 
     Args:
-        scene: an open chain with a drive at each joint.
+        scene: an open chain with a drive at each joint; or several robots of one model, by the
+            prefix of their joints' names: {"left_": scene, "right_": other}.
         model: mujoco.MjModel of the same robot, with the payloads that the scene carries by
             default: joints of the same names, axes and frames, as `pf.export(scene)` writes it;
-            or a mujoco.MjSpec of it, which `installed` needs.
+            or a mujoco.MjSpec of it, which `installed` needs. Joints that the scene locks may move.
 
     Raises:
-        PinfricError: MuJoCo is not installed; loops, cylinders, coupled or mimic joints; a model
-            whose joints, axes, frames or masses differ, named; an equality or a fixed tendon on a
-            joint with friction; the integrator RK4; a gear that jams (by `start` and `step`).
+        PinfricError: MuJoCo is not installed; loops, cylinders, coupled joints; a model
+            whose joints, axes, frames or masses differ, named; an equality, a mimic or a fixed
+            tendon on a joint that rubs or has a gear; an actuator that pulls a link; the integrator
+            RK4; a gear that jams (by `start` and `step`).
 
     Source: MuJoCo documentation, Computation: constraint model, friction loss.
     """
-    expect_scene(scene, "mujoco_friction")
-    check_compensated(scene)
+    scenes = scene if isinstance(scene, Mapping) else {"": scene}
+    for one in scenes.values():
+        expect_scene(one, "mujoco_friction")
+        check_compensated(one)
     mujoco = _mujoco()
     if isinstance(model, mujoco.MjSpec):
-        model = with_memory(mujoco, model, len(scene.joint_names))
+        sizes = {prefix: len(one.drives) for prefix, one in scenes.items()}
+        model = with_memory(mujoco, model, sizes)
     if not isinstance(model, mujoco.MjModel):
         raise PinfricError(
             f"mujoco_friction: model is a {type(model).__name__}, not a mujoco.MjModel or MjSpec: "
             "give mujoco.MjModel.from_xml_string(pf.export(scene).text)"
         )
-    return MujocoFriction(scene, model)
+    return MujocoFriction(scenes, model)
 
 
 def _mujoco() -> Any:
@@ -373,11 +445,11 @@ def _mujoco() -> Any:
         raise PinfricError("mujoco_friction needs mujoco: pip install 'pinfric[mujoco]'") from None
 
 
-def _joints(mujoco: Any, scene: Scene, model: Any) -> list[int]:
+def _joints(mujoco: Any, scene: Scene, model: Any, prefix: str) -> list[int]:
     """The model's joint of each of the scene's."""
     found, kind = [], mujoco.mjtJoint
     for body in bodies(scene):
-        name = body.joint.name
+        name = prefix + body.joint.name
         j = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
         if j < 0:
             every = [model.joint(i).name for i in range(model.njnt)]
@@ -419,9 +491,28 @@ def _check_nothing_between(scene: Scene, model: Any, found: list[int]) -> None:
                 break
 
 
-def _check_solver(mujoco: Any, scene: Scene, model: Any, joints: np.ndarray) -> None:
-    """Refuse what would make the friction another."""
-    name = {int(j): body.joint.name for j, body in zip(joints, bodies(scene), strict=True)}
+def _check_followers(scene: Scene, tree: Any, counts: np.ndarray, rubs: set[str]) -> None:
+    """Refuse mimic joints that rub, or follow one that does: MuJoCo couples them by a force."""
+    own = [body.joint.name for body in tree if body.follows is None]
+    leading = dict(zip(own, counts.tolist(), strict=True))
+    for body in tree:
+        if body.follows is not None and (body.joint.name in rubs or leading[body.follows[0]]):
+            raise PinfricError(
+                f"{scene.source}: joint {body.joint.name!r} mimics {body.follows[0]!r}, and one of "
+                "them has friction or a gear: in MuJoCo the force that couples them would count as "
+                "the gear's; lock both (robot.locked), they may move in the MuJoCo model"
+            )
+
+
+def _refused_flags(mujoco: Any) -> int:
+    bits, flags = mujoco.mjtDisableBit, 0
+    for name in _FLAGS:
+        flags |= int(getattr(bits, f"mjDSBL_{name}", 0))
+    return flags
+
+
+def _check_options(mujoco: Any, model: Any) -> None:
+    """Refuse options that would make the friction another; they may be set at any time."""
     if model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
         raise PinfricError(
             "mujoco_friction: the integrator RK4 solves friction four times a step; "
@@ -431,13 +522,18 @@ def _check_solver(mujoco: Any, scene: Scene, model: Any, joints: np.ndarray) -> 
         raise PinfricError(
             f"mujoco_friction: the model's time step is {model.opt.timestep:g} s; give one above 0"
         )
-    bits = mujoco.mjtDisableBit
-    for bit, flag in (
-        (bits.mjDSBL_FRICTIONLOSS, "frictionloss"),
-        (bits.mjDSBL_CONSTRAINT, "constraint"),
-    ):
-        if model.opt.disableflags & bit:
-            raise PinfricError(f"mujoco_friction: the model's flag {flag} is disabled; enable it")
+    if model.opt.disableflags & _refused_flags(mujoco):
+        for flag in _FLAGS:
+            if model.opt.disableflags & int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}", 0)):
+                raise PinfricError(
+                    f"mujoco_friction: the model's flag {flag.lower()} is disabled; enable it"
+                )
+
+
+def _check_solver(mujoco: Any, robot: _Robot) -> None:
+    """Refuse what acts on the joints that count in another way than their drives."""
+    model, name = robot.model, robot.names()
+    joints, dofs = np.array(list(name), dtype=int), robot.dofs[robot.counts]
     for e in range(model.neq):
         pair = (int(model.eq_obj1id[e]), int(model.eq_obj2id[e]))
         if model.eq_type[e] == mujoco.mjtEq.mjEQ_JOINT and (hit := name.keys() & {*pair}):
@@ -464,26 +560,64 @@ def _check_solver(mujoco: Any, scene: Scene, model: Any, joints: np.ndarray) -> 
             f"mujoco_friction: tendon {model.tendon(k).name!r} pulls the robot with a spring, "
             "whose force would count twice: use a limit of its length"
         )
-    if not np.allclose(model.opt.gravity, scene.model.gravity.linear):
-        raise PinfricError(
-            f"mujoco_friction: gravity is {model.opt.gravity.tolist()} in the MuJoCo model and "
-            f"{scene.model.gravity.linear.tolist()} in {scene.source}"
-        )
+    direct = int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)
+    for u in range(model.nu):
+        if model.actuator_trntype[u] in direct:
+            continue
+        data.ctrl[:], data.act[:] = np.arange(model.nu) == u, 1.0
+        mujoco.mj_fwdVelocity(model, data)
+        mujoco.mj_fwdActuation(model, data)
+        with_it = data.qfrc_actuator[dofs].copy()
+        data.ctrl[:] = data.act[:] = 0.0
+        mujoco.mj_fwdActuation(model, data)
+        if (with_it != data.qfrc_actuator[dofs]).any():
+            raise PinfricError(
+                f"mujoco_friction: actuator {model.actuator(u).name!r} pulls a link, not a joint: "
+                "its force would count as the joints' load; use motors of joints, or xfrc_applied"
+            )
 
 
-def _check_same_robot(mujoco: Any, friction: MujocoFriction, tree: Any) -> None:
-    """Refuse another robot: poses of joints and reactions at random states must be the scene's."""
+def _follow(mujoco: Any, model: Any, data: Any) -> None:
+    """Move joints that an equality couples with another to where that one has them."""
+    at, start = model.jnt_qposadr, model.qpos0
+    for e in np.flatnonzero(model.eq_type == int(mujoco.mjtEq.mjEQ_JOINT)):
+        follower, leader = model.eq_obj1id[e], model.eq_obj2id[e]
+        if leader >= 0:
+            moved = data.qpos[at[leader]] - start[at[leader]]
+            law = np.polynomial.Polynomial(model.eq_data[e, :5])
+            data.qpos[at[follower]] = start[at[follower]] + law(moved)
+
+
+def _check_same_robot(mujoco: Any, friction: _Robot, tree: Any) -> None:
+    """Refuse another robot: poses of joints and reactions at random states must be the scene's.
+
+    Joints that the scene locks stand there where it has them; later they may move.
+    """
     scene, plain = friction.scene, copy.deepcopy(friction.model)
     bits = mujoco.mjtDisableBit
     plain.opt.disableflags |= bits.mjDSBL_CONSTRAINT | bits.mjDSBL_ACTUATION
     plain.dof_armature[:] = plain.tendon_stiffness[:] = plain.tendon_damping[:] = 0.0
+    locked = {} if scene.robot is None else dict(scene.robot.locked)
+    ids = {n: mujoco.mj_name2id(plain, 3, friction.prefix + n) for n in locked}
+    leader = {body.joint.name: row for row, body in enumerate(tree)}
     data, pins = mujoco.MjData(plain), scene.loaded_model()
     of, rng = pins.createData(), np.random.default_rng(0)
     for _ in range(3):
-        q, v, a = rng.uniform(-1.0, 1.0, (3, len(tree)))
+        q, v, a = rng.uniform(-1.0, 1.0, (3, scene.model.nv))
+        every = np.zeros((3, len(tree)))
+        every[:, friction.row] = q, v, a
+        for row, body in enumerate(tree):
+            if body.follows is not None:
+                name, ratio, shift = body.follows
+                every[:, row] = ratio * every[:, leader[name]] + [shift, 0.0, 0.0]
         mujoco.mj_resetData(plain, data)
-        data.qpos[plain.jnt_qposadr[friction._joint]] = q
-        data.qvel[friction.dofs], data.qacc[friction.dofs] = v, a
+        for name, j in ids.items():
+            if j >= 0:
+                data.qpos[plain.jnt_qposadr[j]] = locked[name]
+        _follow(mujoco, plain, data)
+        data.qpos[plain.jnt_qposadr[friction.joint]] = every[0]
+        dofs = plain.jnt_dofadr[friction.joint]
+        data.qvel[dofs], data.qacc[dofs] = every[1:]
         mujoco.mj_fwdPosition(plain, data)
         mujoco.mj_fwdVelocity(plain, data)
         mujoco.mj_rnePostConstraint(plain, data)
@@ -492,21 +626,23 @@ def _check_same_robot(mujoco: Any, friction: MujocoFriction, tree: Any) -> None:
         for joint in list(pins.joints)[1:]:
             if joint.nq == 2:
                 full[joint.idx_q : joint.idx_q + 2] = np.cos(q[joint.idx_v]), np.sin(q[joint.idx_v])
-            else:
+            elif joint.nq == 1:
                 full[joint.idx_q] = q[joint.idx_v]
         pin.rnea(pins, of, full, v, a)
         pin.updateGlobalPlacements(pins, of)
         found = friction.wrench(data)
         for row, body in enumerate(tree):
-            here, above = friction._body[row], friction._body[body.parent]
+            here, above = friction.body[row], friction.body[body.parent]
             turn, place = data.xmat[here].reshape(3, 3), data.xpos[here]
             if body.parent < 0:
-                down = scene.model.gravity.linear
-                apart = turn.T @ down - of.oMi[row + 1].rotation.T @ down
-                if np.abs(apart).max() > _SAME_POSE * np.abs(down).max():
+                theirs, ours = plain.opt.gravity, scene.model.gravity.linear
+                apart = turn.T @ theirs - of.oMi[row + 1].rotation.T @ ours
+                if np.abs(apart).max() > _SAME_POSE * max(np.abs(theirs).max(), 1.0):
                     raise PinfricError(
-                        f"{scene.source}: gravity has another direction at joint "
-                        f"{body.joint.name!r} in the MuJoCo model: its base is turned"
+                        f"{scene.source}: gravity has another direction or size at joint "
+                        f"{body.joint.name!r} in the MuJoCo model, where gravity is "
+                        f"{theirs.tolist()}: its base is turned, or gravity differs; give it as "
+                        "the base sees it (scene.with_(gravity=...))"
                     )
             else:
                 base = data.xmat[above].reshape(3, 3)

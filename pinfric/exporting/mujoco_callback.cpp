@@ -19,6 +19,8 @@ constexpr double least = @@LEAST, held = @@HELD;
 
 struct Place {
   int joint, body, root, dof, position;
+  int row;      // of its body in the header
+  bool counts;  // it rubs or has a gear
   double own, share;  // armature of the link (kg m^2 or kg), M/(M + J)
 };
 struct Last {  // of one joint in the last step; the memory is time, and one of these per joint
@@ -27,8 +29,8 @@ struct Last {  // of one joint in the last step; the memory is time, and one of 
 static_assert(sizeof(Last) == @@LAST * sizeof(double), "the sensor's size counts on it");
 
 Place places[joints];
-std::vector<int> joint_of;  // of each degree of freedom; -1: not the robot's
-int memory = 0;
+std::vector<int> joint_of;  // of each degree of freedom; -1: none of those that count
+int memory = 0, first = -1;  // of the joints that count
 double timestep = 0.0;
 std::uint64_t model_signature = 0;
 std::atomic<int> jammed{-1};
@@ -62,7 +64,7 @@ void read(const mjModel* m, mjData* d, Last* last) {
     const detail::Vector arm = {com[0] - place[0], com[1] - place[1], com[2] - place[2]};
     const detail::Vector moment =
         detail::sum({wrench[0], wrench[1], wrench[2]}, detail::cross(arm, force));
-    const double* turn = bodies[j].turn;
+    const double* turn = bodies[at.row].turn;
     const detail::Vector f = detail::turned(turn, detail::turned_back(R, force));
     const detail::Vector n = detail::turned(turn, detail::turned_back(R, moment));
     last[j] = {0.0, 0.0, d->qfrc_spring[at.dof], d->qacc[at.dof], d->qacc_warmstart[at.dof],
@@ -89,11 +91,11 @@ double limit_of(int j, const Last& last, double q, double velocity, double direc
   const Place& at = places[j];
   const double way = direction < 0.0 ? -1.0 : 1.0, v = sticks ? 0.0 : velocity, speed = std::fabs(v);
   const double tau =
-      last.wrench[bodies[j].turns ? 5 : 2] + at.own * last.acceleration - last.beside;
+      last.wrench[bodies[at.row].turns ? 5 : 2] + at.own * last.acceleration - last.beside;
   const int side = way > 0.0 ? 0 : 1;
   double dry = 0.0, drag = 0.0, viscous = 0.0;
   for (const Site& site : sites) {
-    if (Robot::sites == 0 || site.body != j) continue;
+    if (Robot::sites == 0 || site.body != at.row) continue;
     const double c = detail::normal_load(site, last.wrench, q);
     if (sticks) {
       dry = site.mu_static * c + site.coulomb_static[side];
@@ -147,7 +149,7 @@ void start(const mjModel* m, mjData* d, double* limit) {
 // A rollout begins without a warm start, so none goes on where another one happened to end.
 int steps_since(const mjModel* m, const mjData* d, const mjtNum* kept, const Last* last) {
   const int steps = d->time == kept[0] ? 0 : 1;
-  if (!(last[0].used > 0.0) || (steps == 1 && d->time != kept[0] + m->opt.timestep)) return -1;
+  if (!(last[first].used > 0.0) || (steps == 1 && d->time != kept[0] + m->opt.timestep)) return -1;
   bool warm = false;
   for (int j = 0; j < joints; ++j) {
     const Place& at = places[j];
@@ -164,14 +166,17 @@ int steps_since(const mjModel* m, const mjData* d, const mjtNum* kept, const Las
 
 extern "C" {
 
-// joint, own, share: one per drive. memory_at: the sensor's first number.
-void pinfric_set(const mjModel* m, const int* joint, const double* own, const double* share,
-                 int memory_at) {
+// joint ... counts: one per drive. memory_at: the sensor's first number.
+void pinfric_set_@@SCENE(const mjModel* m, const int* joint, const int* row, const double* own,
+                 const double* share, const int* counts, int memory_at) {
+  first = -1;
   joint_of.assign(static_cast<unsigned>(m->nv), -1);
   for (int j = 0; j < joints; ++j) {
     const int id = joint[j], body = m->jnt_bodyid[id], dof = m->jnt_dofadr[id];
-    places[j] = {id, body, m->body_rootid[body], dof, m->jnt_qposadr[id], own[j], share[j]};
-    joint_of[static_cast<unsigned>(dof)] = j;
+    places[j] = {id, body, m->body_rootid[body], dof, m->jnt_qposadr[id],
+                 row[j], counts[j] != 0, own[j], share[j]};
+    if (counts[j]) joint_of[static_cast<unsigned>(dof)] = j;
+    if (counts[j] && first < 0) first = j;
   }
   memory = memory_at;
   timestep = m->opt.timestep;
@@ -180,12 +185,15 @@ void pinfric_set(const mjModel* m, const int* joint, const double* own, const do
   changed = false;
 }
 
-// The drive that jammed since, or -1; -2: the time step is another.
-int pinfric_failed() { return changed ? -2 : jammed.load(); }
+// The drive that jammed since, or -1; -2: the time step, the integrator or a flag is another.
+int pinfric_failed_@@SCENE() { return changed ? -2 : jammed.load(); }
 
-void pinfric_control(const mjModel* m, mjData* d) {
+void pinfric_control_@@SCENE(const mjModel* m, mjData* d) {
   if (m->signature != model_signature) return;  // callbacks are global: another model
-  if (m->opt.timestep != timestep) changed = true;
+  if (m->opt.timestep != timestep || m->opt.integrator == mjINT_RK4 ||
+      (m->opt.disableflags & @@REFUSED) != 0)
+    changed = true;
+  if (first < 0) return;
   const mjtNum* kept = d->sensordata + memory;
   const Last* last = reinterpret_cast<const Last*>(kept + 1);
   double limit[joints];
@@ -201,7 +209,7 @@ void pinfric_control(const mjModel* m, mjData* d) {
   write(d, limit);
 }
 
-void pinfric_sensor(const mjModel* m, mjData* d, int stage) {
+void pinfric_sensor_@@SCENE(const mjModel* m, mjData* d, int stage) {
   if (stage != mjSTAGE_ACC || m->signature != model_signature) return;
   d->sensordata[memory] = d->time;
   read(m, d, reinterpret_cast<Last*>(d->sensordata + memory + 1));

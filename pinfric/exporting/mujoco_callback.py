@@ -10,7 +10,7 @@ import ctypes
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -27,24 +27,28 @@ _COMPILERS = ("g++", "clang++", "c++")
 _FLAGS = ("-std=c++17", "-O2", "-ffp-contract=off", "-shared", "-fPIC")
 
 
-def with_memory(mujoco: Any, spec: Any, joints: int) -> Any:
-    """Return the compiled model of an MjSpec, with the sensor in which the friction keeps its data.
+def with_memory(mujoco: Any, spec: Any, sizes: Mapping[str, int]) -> Any:
+    """Return the compiled model of an MjSpec, with sensors in which the friction keeps its data.
 
     Args:
-        mujoco: the module. spec: changed where the sensor is missing. joints: how many.
+        mujoco: the module. spec: changed where a sensor is missing.
+        sizes: prefix of a scene's joints -> how many drives it has.
     """
-    if spec.sensor(_SENSOR) is None:
-        kind, stage = mujoco.mjtSensor.mjSENS_USER, mujoco.mjtStage.mjSTAGE_ACC
-        spec.add_sensor(name=_SENSOR, type=kind, needstage=stage, dim=1 + _LAST * joints)
+    kind, stage = mujoco.mjtSensor.mjSENS_USER, mujoco.mjtStage.mjSTAGE_ACC
+    for prefix, joints in sizes.items():
+        if spec.sensor(_SENSOR + prefix) is None:
+            dim = 1 + _LAST * joints
+            spec.add_sensor(name=_SENSOR + prefix, type=kind, needstage=stage, dim=dim)
     return spec.compile()
 
 
 class Callback:
-    """The compiled friction of one scene in one model.
+    """The compiled friction of scenes in one model.
 
     Args:
-        mujoco: the module. scene, model: see `mujoco_friction`.
-        places: (nv,) each: joints of the model, armature of the links, M/(M + J).
+        mujoco: the module. scenes, model: see `MujocoFriction`.
+        places: of each scene, (na,) each: joints of the model, rows of their bodies, armature of
+            the links, M/(M + J), whether the joint counts.
         constants: of the law, by their names in the C++ text.
 
     Raises:
@@ -54,16 +58,19 @@ class Callback:
     def __init__(
         self,
         mujoco: Any,
-        scene: Scene,
+        scenes: Mapping[str, Scene],
         model: Any,
-        places: tuple[np.ndarray, np.ndarray, np.ndarray],
+        places: Mapping[str, tuple[np.ndarray, ...]],
         constants: dict[str, float],
     ) -> None:
-        self._mujoco, self._scene, self._model = mujoco, scene, model
-        joints, own, share = places
-        self._joints, self._own, self._share = joints.astype(np.int32), own, share
-        self._memory = _memory(mujoco, model, len(joints))
-        self._library = _compiled(mujoco, scene, constants)
+        self._mujoco, self._model, self._scenes = mujoco, model, list(scenes.values())
+        self._places = [
+            tuple(x.astype(float if x.dtype == float else np.int32) for x in of)
+            for of in places.values()
+        ]
+        sizes = [(prefix, len(of[0])) for prefix, of in places.items()]
+        self._memory = [_memory(mujoco, model, *size) for size in sizes]
+        self._library = _compiled(mujoco, self._scenes, constants)
 
     @contextmanager
     def installed(self) -> Iterator[None]:
@@ -71,7 +78,7 @@ class Callback:
 
         Raises:
             PinfricError: another callback is set; actuation or sensors are disabled; at the end:
-                a gear jammed, or the time step was changed.
+                a gear jammed, or the time step, the integrator or a flag was changed.
         """
         mujoco, bits = self._mujoco, self._mujoco.mjtDisableBit
         for name in ("control", "sensor"):
@@ -86,11 +93,10 @@ class Callback:
                     f"mujoco_friction: the model's flag {name} is disabled, so MuJoCo does not "
                     "call friction; enable it"
                 )
-        self._library.pinfric_set(
-            ctypes.c_void_p(self._model._address),
-            *(a.ctypes.data_as(ctypes.c_void_p) for a in (self._joints, self._own, self._share)),
-            self._memory,
-        )
+        address = ctypes.c_void_p(self._model._address)
+        for k, (of, memory) in enumerate(zip(self._places, self._memory, strict=True)):
+            arrays = (a.ctypes.data_as(ctypes.c_void_p) for a in of)
+            self._library[f"pinfric_set_{k}"](address, *arrays, memory)
         mujoco.set_mjcb_control(self._library.pinfric_control)
         mujoco.set_mjcb_sensor(self._library.pinfric_sensor)
         try:
@@ -98,14 +104,16 @@ class Callback:
         finally:
             mujoco.set_mjcb_control(None)
             mujoco.set_mjcb_sensor(None)
-        failed = self._library.pinfric_failed()
-        if failed == -2:
-            raise PinfricError(
-                "mujoco_friction: the time step was changed while friction was installed: make "
-                "the friction anew for another one"
-            )
-        if failed >= 0:
-            raise jams(self._scene, failed, "in a step with the callback")
+        for k, scene in enumerate(self._scenes):
+            failed = self._library[f"pinfric_failed_{k}"]()
+            if failed == -2:
+                raise PinfricError(
+                    "mujoco_friction: the time step was changed while friction was installed, or "
+                    "the integrator to RK4, or a flag that friction needs: make the friction anew "
+                    "for another one"
+                )
+            if failed >= 0:
+                raise jams(scene, failed, "in a step with the callback")
 
 
 def jams(scene: Scene, drive: int, when: str) -> PinfricError:
@@ -116,38 +124,61 @@ def jams(scene: Scene, drive: int, when: str) -> PinfricError:
     )
 
 
-def _memory(mujoco: Any, model: Any, joints: int) -> int:
+def _memory(mujoco: Any, model: Any, prefix: str, joints: int) -> int:
     """Where the sensor's data begin."""
-    s = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SENSOR, _SENSOR)
+    s = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SENSOR, _SENSOR + prefix)
     if s < 0 or model.sensor_dim[s] != 1 + _LAST * joints:
         raise PinfricError(
-            f"mujoco_friction: the model has no sensor {_SENSOR!r}, in which the callback keeps "
-            "its data: give mujoco_friction a mujoco.MjSpec, and use its attribute `model`"
+            f"mujoco_friction: the model has no sensor {_SENSOR + prefix!r}, in which the "
+            "callback keeps its data: give mujoco_friction a mujoco.MjSpec, and use its attribute "
+            "`model`"
         )
     return int(model.sensor_adr[s])
 
 
-def _compiled(mujoco: Any, scene: Scene, constants: dict[str, float]) -> ctypes.CDLL:
+#: What MuJoCo calls, of all scenes one after the other.
+_ALL = """#include <mujoco/mujoco.h>
+extern "C" {{
+{declared}
+void pinfric_control(const mjModel* m, mjData* d) {{ {control} }}
+void pinfric_sensor(const mjModel* m, mjData* d, int stage) {{ {sensor} }}
+}}
+"""
+
+
+def _compiled(mujoco: Any, scenes: Sequence[Scene], constants: dict[str, float]) -> ctypes.CDLL:
     compiler = next(filter(None, map(shutil.which, _COMPILERS)), None)
     if compiler is None:
         raise PinfricError(
             f"mujoco_friction: the callback needs a C++ compiler ({', '.join(_COMPILERS)}); "
             "`step` needs none"
         )
-    bounds = Bounds.none(len(scene.drives))
-    header = cpp_files(scene, (), bounds, [], ["friction in MuJoCo"], "pinfric_scene").header
     code = template("mujoco_callback.cpp")
     for name, value in {**constants, "LAST": _LAST}.items():
         code = code.replace(f"@@{name}", repr(value))
+    every = range(len(scenes))
+    declared = "\n".join(
+        f"void pinfric_control_{k}(const mjModel*, mjData*);\n"
+        f"void pinfric_sensor_{k}(const mjModel*, mjData*, int);"
+        for k in every
+    )
+    control = " ".join(f"pinfric_control_{k}(m, d);" for k in every)
+    sensor = " ".join(f"pinfric_sensor_{k}(m, d, stage);" for k in every)
+    texts = {"all.cpp": _ALL.format(declared=declared, control=control, sensor=sensor)}
+    for k, scene in enumerate(scenes):
+        name, bounds = f"pinfric_scene_{k}", Bounds.none(len(scene.drives))
+        texts[f"{name}.hpp"] = cpp_files(scene, (), bounds, [], ["in MuJoCo"], name).header
+        texts[f"{name}.cpp"] = code.replace("pinfric_scene", name).replace("@@SCENE", str(k))
     home = Path(mujoco.__file__).parent
     engine = next(home.glob("libmujoco.*"), None)
     if engine is None:
         raise PinfricError(f"mujoco_friction: there is no libmujoco in {home}")
     with tempfile.TemporaryDirectory() as folder:
-        (Path(folder) / "pinfric_scene.hpp").write_text(header, encoding="utf-8")
-        (source := Path(folder) / "callback.cpp").write_text(code, encoding="utf-8")
+        for name, text in texts.items():
+            (Path(folder) / name).write_text(text, encoding="utf-8")
         made = Path(folder) / "callback.so"
-        paths = f"-I{home / 'include'}", f"{source}", f"{engine}", f"-Wl,-rpath,{home}"
+        sources = [str(Path(folder) / name) for name in texts if name.endswith(".cpp")]
+        paths = f"-I{home / 'include'}", *sources, f"{engine}", f"-Wl,-rpath,{home}"
         command = [compiler, *_FLAGS, *paths, "-o", f"{made}"]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
+
 import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
 from builders import chain, dry, lump, random_states
+from export_cases import needs_compiler
 from mechanisms import pin_friction, shifted
-from mujoco_bridge import compare, loaded, made, slider
+from mujoco_bridge import compare, loaded, made, random_motion, slider
 
 import pinfric as pf
 from pinfric.errors import PinfricError
@@ -252,7 +255,7 @@ def test_a_gear_that_jams_is_refused():
         (
             'pos="0.0 0.0 0.1273" quat="1.0 0.0',
             'pos="0.0 0.0 0.1273" quat="1.0 0.01',
-            "gravity has another direction at joint 'shoulder_pan",
+            "gravity has another direction or size at joint 'shoulder_pan",
         ),
         (
             'axis="0.0 1.0 0.0" type="hinge"',
@@ -374,3 +377,196 @@ def test_a_time_step_changed_later_is_refused():
     friction.model.opt.timestep = 5e-4
     with pytest.raises(PinfricError, match=r"the time step is 0.0005 s and was 0.001 s"):
         friction.step(mujoco.MjData(friction.model))
+
+
+def hand(folder, locked=None, rubs="", gear="null"):
+    """A hinge with friction, and a hand of two coupled fingers, which load it more farther out."""
+    link = (
+        '<link name="{0}"><inertial><origin xyz="{1} 0 0"/><mass value="{2}"/><inertia ixx="0.01" '
+        'iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+    )
+    slide = (
+        '<joint name="{0}" type="prismatic"><parent link="arm"/><child link="{0}"/><origin '
+        'xyz="0.3 {1} 0"/><axis xyz="1 0 0"/><limit lower="0" upper="0.4" effort="9" velocity="9"/>'
+        '<dynamics damping="3" friction="0.5"/>{2}</joint>'
+    )
+    mimic = '<mimic joint="left" multiplier="1" offset="0"/>'
+    (folder / "hand.urdf").write_text(
+        f'<robot name="hand"><link name="base"/>{link.format("arm", 0.2, 1.0)}'
+        f"{link.format('left', 0.0, 0.5)}{link.format('right', 0.0, 0.5)}"
+        '<joint name="hinge" type="continuous"><parent link="base"/><child link="arm"/>'
+        '<axis xyz="0 1 0"/></joint>'
+        f"{slide.format('left', 0.1, '')}{slide.format('right', -0.1, mimic)}</robot>"
+    )
+    more = "" if locked is None else f", locked: {{left: {locked}}}"
+    drives = "" if locked is not None else f", {{joint: left, transmission: {gear}}}"
+    (folder / "hand.yaml").write_text(
+        f"pinfric: 1\nrobot: {{urdf: hand.urdf, urdf_dynamics: ignore{more}}}\n"
+        "actuators: [{joint: hinge, transmission: {ratio: 50, efficiency: 0.7,"
+        f" back_efficiency: 0.6, rotor_inertia: 1.0e-4}}}}{drives}]\n".replace("}}}}", "}}")
+        + "friction:\n  hinge: {mu: {static: 0.4, kinetic: 0.3}, bearing: {kind: pin, radius: 0.05,"
+        f" length: 0.02}}}}\n{rubs}".replace("}}}}", "}}")
+    )
+    return pf.load_scene(folder / "hand.yaml")
+
+
+@pytest.mark.parametrize("locked", [None, 0.0, 0.03])
+def test_fingers_without_friction_move_as_the_model_has_them(tmp_path, locked):
+    """MuJoCo's own load of a URDF with a mimic joint; locked in the scene or not, they load it."""
+    scene = hand(tmp_path, locked)
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "hand.urdf"))
+    friction, data, limits = pf.mujoco_friction(scene, model), mujoco.MjData(model), []
+    for place in (0.0, 0.3):
+        data.qpos[:] = [0.0, place, place]
+        mujoco.mj_forward(model, data)
+        data.qfrc_applied[0] = data.qfrc_bias[0] * 1.01  # the hinge holds
+        friction.start(data)
+        limits.append(friction.limit(data)[0])
+        friction.step(data)
+    assert model.neq == 1
+    assert limits[1] > 1.3 * limits[0]
+    assert len(friction.dofs) == 1 + (locked is None)
+    left = model.joint("left")
+    assert (left.damping[0], left.frictionloss[0], left.armature[0]) == (3.0, 0.5, 0.0)
+
+
+@pytest.mark.parametrize(
+    "more",
+    [{"rubs": "  left: {coulomb: 1.0}\n"}, {"gear": "{ratio: 500.0}"}],
+    ids=["friction", "gear"],
+)
+def test_coupled_fingers_that_count_are_refused(tmp_path, more):
+    scene = hand(tmp_path, **more)
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "hand.urdf"))
+    with pytest.raises(PinfricError, match=r"'right' mimics 'left', and one .* lock both"):
+        pf.mujoco_friction(scene, model)
+
+
+def two_sliders(turned=0.0):
+    """A slider, and another that rubs more, in one MuJoCo model."""
+    one, other = slider(), slider()
+    friction = {"slide": other.friction["slide"].scaled(1.5)}
+    other = other.with_(friction=friction, source="other.yaml")
+    spec = mujoco.MjSpec()
+    spec.option.timestep, spec.option.integrator = 1e-3, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    for k, (prefix, scene) in enumerate((("left_", one), ("right_", other))):
+        frame = spec.worldbody.add_frame(pos=[0.0, k, 0.0])
+        spec.attach(made(scene, 1e-3), prefix=prefix, frame=frame)
+    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_LIMIT
+    return {"left_": one, "right_": other}, spec
+
+
+@pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=needs_compiler)])
+def test_several_robots_in_one_model_step_once(compiled):
+    """Each moves as alone; the time advances by one step."""
+    scenes, spec = two_sliders()
+    both = pf.mujoco_friction(scenes, spec)
+    data = mujoco.MjData(both.model)
+    alone = [pf.mujoco_friction(scene, made(scene, 1e-3)) for scene in scenes.values()]
+    apart = [mujoco.MjData(friction.model) for friction in alone]
+    torque = lambda t: 2.0 * random_motion(slider(), 3)[1](t)  # noqa: E731
+    for friction, now in zip((both, *alone), (data, *apart), strict=True):
+        now.ctrl[:] = torque(0.0)
+        friction.start(now)
+    with both.installed() if compiled else nullcontext():
+        for k in range(300):
+            for friction, now in zip((both, *alone), (data, *apart), strict=True):
+                now.ctrl[:] = torque(k * 1e-3)
+                if compiled and friction is both:
+                    mujoco.mj_step(both.model, data)
+                else:
+                    friction.step(now)
+    assert data.time == pytest.approx(0.3)
+    places = [now.qpos[0] for now in apart]
+    assert abs(places[0] - places[1]) > 1e-5
+    np.testing.assert_allclose(data.qpos[both.dofs], places, rtol=0, atol=1e-9)
+    assert both.limit(data).shape == both.sticking(data).shape == both.dofs.shape == (2,)
+    assert len(both.normal_load(data)) == len(both.wrench(data)) == 2
+
+
+def test_two_scenes_of_one_joint_are_refused():
+    _, spec = two_sliders()
+    with pytest.raises(PinfricError, match="no joint 'middle_slide'"):
+        pf.mujoco_friction({"middle_": slider()}, spec)
+    model = made(slider(), 1e-3).compile()
+    with pytest.raises(PinfricError, match="two scenes have the same joint"):
+        pf.mujoco_friction({"": slider(), "s": slider_named("lide")}, model)
+
+
+def slider_named(name):
+    scene = slider()
+    model = scene.model.copy()
+    model.names[1] = name
+    (friction,) = scene.friction.values()
+    (drive,) = scene.actuators
+    drives = [drive.model_copy(update={"joint": name})]
+    return scene.with_(model=model, friction={name: friction}, actuators=drives)
+
+
+BITS = mujoco.mjtDisableBit
+DAMPER = getattr(BITS, "mjDSBL_DAMPER", None) or BITS.mjDSBL_PASSIVE  # of older versions
+
+
+def set_late(name, value):
+    def change(model):
+        setattr(model.opt, name, value)
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (set_late("integrator", mujoco.mjtIntegrator.mjINT_RK4), "RK4"),
+        (set_late("disableflags", DAMPER), "flag (damper|passive) is disabled"),
+        (set_late("disableflags", BITS.mjDSBL_FRICTIONLOSS), "flag frictionloss"),
+    ],
+)
+def test_what_would_change_friction_is_refused_whenever_it_is_set(change, message):
+    friction = pf.mujoco_friction(slider(), made(slider(), 1e-3))
+    before, after = friction.model, mujoco.MjData(friction.model)
+    change(before)
+    with pytest.raises(PinfricError, match=message):
+        friction.step(after)
+    with pytest.raises(PinfricError, match=message):
+        pf.mujoco_friction(slider(), before)
+
+
+def test_a_motor_that_pulls_a_link_is_refused():
+    """Its force would stand in each joint's reaction as if the joints carried it."""
+    site = '<motor name="jet" site="nozzle" gear="0 0 1 0 0 0"/></actuator>'
+    text = pf.export(slider()).text.replace("</actuator>", site)
+    text = text.replace("<joint name=", '<site name="nozzle"/><joint name=', 1)
+    with pytest.raises(PinfricError, match="actuator 'jet' pulls a link, not a joint"):
+        pf.mujoco_friction(slider(), mujoco.MjModel.from_xml_string(text))
+
+
+def test_a_motion_goes_on_from_what_was_saved_and_begins_anew_after_a_reset():
+    """By state and limits bit by bit; by `start` nearly; a reset leaves nothing of the motion."""
+    friction, whole = pf.mujoco_friction(slider(), made(slider(), 1e-3)), []
+    model, kind = friction.model, mujoco.mjtState.mjSTATE_INTEGRATION
+    torque, state = random_motion(slider(), 3)[1], np.empty(mujoco.mj_stateSize(model, kind))
+
+    def go(data, first, last):
+        for k in range(first, last):
+            data.ctrl[:] = 2.0 * torque(k * 1e-3)
+            friction.step(data)
+        return data.qpos[0]
+
+    data = mujoco.MjData(model)
+    for _ in range(2):
+        mujoco.mj_resetData(model, data)
+        friction.start(data)
+        go(data, 0, 100)
+        mujoco.mj_getState(model, data, state, kind)
+        limits = friction.limit(data)
+        whole.append(go(data, 100, 300))
+    assert whole[0] == whole[1]
+    for saved in (True, False):
+        again = mujoco.MjData(model)
+        mujoco.mj_setState(model, again, state, kind)
+        if saved:
+            model.dof_frictionloss[friction.dofs] = limits
+        else:
+            friction.start(again)
+        assert go(again, 100, 300) == (whole[0] if saved else pytest.approx(whole[0], abs=1e-4))
