@@ -22,6 +22,7 @@ from pinfric.motions.log.noise import (
     acceleration_jumps,
     low_pass,
     motion_taken_away,
+    noise_differences,
     noise_floor,
     noise_gain,
     noise_level,
@@ -50,8 +51,9 @@ _TURN = 2.0 * np.pi
 _STEP = 0.25 * np.pi
 #: s; nobody writes rows by hand at such steps.
 _PACE = 0.05
-#: Share of the noise that a reading of the stamps must leave, to be the right one.
-_CLEARLY = 0.98
+#: Standard errors by which a reading of the stamps must leave less, to be the right one; rows whose
+#: sums are samples of that.
+_CLEARLY, _TOGETHER = 3.0, 50
 #: Stamps are wrong where positions have less than this share of their roughness by rows.
 _CONTRADICTED = 0.5
 #: Share of a step: rows that follow sooner are not interpolated between.
@@ -259,8 +261,26 @@ def _leave_out_repeats(samples: Samples) -> None:
 
 def _less_noise(position: FloatArray, t: FloatArray, than: FloatArray) -> bool:
     """Whether positions have clearly less noise at some times than at others."""
-    own, other = (sum(noise_level(q, at) for q in position.T) for at in (t, than))
-    return own < _CLEARLY * other
+    return _clearly_less(
+        [(noise_differences(q, t), noise_differences(q, than)) for q in position.T]
+    )
+
+
+def _clearly_less(pairs: Sequence[tuple[FloatArray, FloatArray]]) -> bool:
+    """Whether the squares of the first are clearly less than those of the second, of all joints.
+
+    Each joint counts by its own mean square, so that a noisy one does not hide the others.
+    """
+    total = np.zeros(0)
+    for own, other in pairs:  # one after another: a long log fills much of the memory
+        less = other**2 - own**2
+        sums = np.add.reduceat(less, np.arange(0, less.size, _TOGETHER)) if less.size else less
+        sums = sums / max(float(np.mean(other**2)) if less.size else 0.0, 1e-300)
+        longer, shorter = sorted((total, sums), key=len)[::-1]
+        total = longer + np.pad(shorter, (0, longer.size - shorter.size))
+    if total.size < 2:
+        return False
+    return bool(total.mean() > _CLEARLY * total.std(ddof=1) / np.sqrt(total.size))
 
 
 def _on_regular_time(samples: Samples, timing: Timing) -> Regular:
@@ -304,17 +324,14 @@ def _stamps_are_better(
     if (np.diff(stamps) <= 0.0).any():
         return False
     if logged is not None and logged.any() and np.isfinite(logged).all():
-        by_stamps, by_rows = (_off(position, at, logged) for at in (stamps, regular))
-        return by_stamps < _CLEARLY * by_rows
+        joints = list(zip(position.T, logged.T, strict=True))
+        return _clearly_less([(_off(q, stamps, v), _off(q, regular, v)) for q, v in joints])
     return _less_noise(position, stamps, regular)
 
 
-def _off(position: FloatArray, t: FloatArray, velocity: FloatArray) -> float:
-    """RMS by which velocities miss the slopes of the positions between rows, rad/s or m/s."""
-    steps, total = np.diff(t), 0.0
-    for q, v in zip(position.T, velocity.T, strict=True):  # one by one: long logs fill the memory
-        total += float(np.mean((np.diff(q) / steps - 0.5 * (v[1:] + v[:-1])) ** 2))
-    return float(np.sqrt(total))
+def _off(position: FloatArray, t: FloatArray, velocity: FloatArray) -> FloatArray:
+    """By how much a joint's velocities miss the slopes of its positions between rows, rad/s."""
+    return np.asarray(np.diff(position) / np.diff(t) - 0.5 * (velocity[1:] + velocity[:-1]))
 
 
 def _by_stamps(even: Samples, timing: Timing) -> Regular:

@@ -69,6 +69,16 @@ def noise_level(position: FloatArray, t: FloatArray | None = None) -> float:
     return float(np.sqrt(np.mean(differences**2))) if differences.size else 0.0
 
 
+def noise_differences(position: FloatArray, t: FloatArray) -> FloatArray:
+    """Return the differences of which `noise_level` is the RMS; none where an encoder flickers.
+
+    Args:
+        position: (T,) rad or m.
+        t: (T,) increasing times, s.
+    """
+    return np.empty(0) if _flickers(position) > 0.0 else _differences(position, _ORDER, t)
+
+
 def noise_floor(position: FloatArray, t: FloatArray | None = None) -> float:
     """Return the sigma of `noise_level` over all samples, those at rest too, for spectra.
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from log_cases import NAMES, PLAIN, Q, T, load, noisy, refused, swung, table
 
+from pinfric.motions.log.motion import _stamps_are_better
 from pinfric.motions.log.rows import mended_effort
 
 
@@ -71,6 +72,20 @@ def test_measurements_at_wandering_stamps_are_interpolated_on_them(noise, tmp_pa
     np.testing.assert_allclose(motion.a[:, 0], -3.2 * np.sin(2 * motion.t), atol=0.1)
     effort = motion.reading.effort["base_turn"]
     np.testing.assert_allclose(effort, 5.6 * np.sin(2 * motion.t), atol=1e-3)
+
+
+@pytest.mark.parametrize("stamps_are_right", [True, False])
+def test_a_small_jitter_is_that_of_samples_or_of_stamps(stamps_are_right):
+    """It changes the noise by 1 % only: before, five of twelve right stamps were not believed."""
+    even = np.arange(0.0, 20.0, 0.008)
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        stamps = even + 1.6e-4 * rng.normal(size=even.size)
+        taken = stamps if stamps_are_right else even
+        size, phase = rng.uniform(0.1, 0.5, 6), rng.uniform(0.0, 6.0, 6)
+        q = size * np.sin(np.outer(taken, 2.0 * np.pi * rng.uniform(0.1, 0.8, 6)) + phase)
+        q += 1e-3 * rng.normal(size=q.shape)
+        assert _stamps_are_better(q, stamps, even, None) is stamps_are_right
 
 
 def test_stamps_of_writing_are_refused(tmp_path):
