@@ -96,6 +96,11 @@ class FormatPage:
                 kinds = self._kinds(self.defs[name])
                 return " or ".join(_link(kind, _of_kind(place, kind)) for kind in kinds)
             return _link(place, place)
+        if "discriminator" in value:  # a union that has no name of its own
+            if place not in self.places:
+                self.places[place] = place
+                self.waiting.append((place, value))
+            return " or ".join(_link(kind, _of_kind(place, kind)) for kind in self._kinds(value))
         if forms := value.get("anyOf", value.get("oneOf")):
             kinds = [form for form in forms if form.get("type") != "null"]
             return " or ".join(dict.fromkeys(self._kind(place, kind) for kind in kinds))

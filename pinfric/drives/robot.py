@@ -190,7 +190,7 @@ class Robot:
                 model.inertias[j] = pin.Inertia.Zero()
             model.armature = np.zeros(model.nv)
             scene = with_masses(
-                replace(self.scene, model=model, friction={}, payloads={}), {k: 1.0}
+                replace(self.scene, model=model, friction={}, payloads={}, springs=()), {k: 1.0}
             )
             q, v, a = (getattr(self.base.result.states, x) for x in "qva")
             moving = inverse_dynamics(scene, q, v, a)

@@ -33,6 +33,7 @@ from pinfric.model.files import write_file, write_folder
 from pinfric.model.mass_matrix import mass_matrices
 from pinfric.model.massless import massless, massless_joints
 from pinfric.model.scene import Scene, expect_scene
+from pinfric.model.spring_entries import Spring, TensionSpring, TorsionSpring
 from pinfric.model.upward import Shown
 from pinfric.model.urdf import implausible_body
 
@@ -324,6 +325,11 @@ def _for_cpp(
     """A compensator; its constants are what a controller would have without it."""
     check_compensated(scene)
     check_frames(scene, frames)
+    if scene.springs:
+        raise PinfricError(
+            f"{scene.source}: springs: the header's rigid body has no {scene.springs[0].name!r}; "
+            "leave `springs` out and add their torques yourself, or call scene.solver()"
+        )
     coupled = any(drive.couples for drive in scene.drives)  # no joint has constants of its own
     result, name = _along(scene, trajectory)
     columns = () if coupled else check_plain_tree(scene)
@@ -363,7 +369,8 @@ def _mjcf(
         constants = joint.frictionloss, joint.damping, armature, joint.ratio
         entries.append(MjcfJoint(*constants, lines[joint.joint]))
     name = Path(scene.source).stem
-    return mjcf(name, tree, entries, scene.model.gravity.linear, comment=header)
+    springs = scene.twin().springs
+    return mjcf(name, tree, entries, scene.model.gravity.linear, comment=header, springs=springs)
 
 
 def _constants(
@@ -434,6 +441,13 @@ def joint_line(joint: JointConstants, form: Format) -> str:
     )
 
 
+def _holds_spring(to: str, spring: Spring) -> bool:
+    """Whether a format holds a spring exactly: its law is a stiffness and a place without force."""
+    if isinstance(spring, TensionSpring):
+        return to == "mjcf" and not spring.initial_tension
+    return isinstance(spring, TorsionSpring) and spring.stiffness > 0.0 and to in ("mjcf", "sdf")
+
+
 def _left_out(scene: Scene, to: str) -> tuple[str, ...]:
     """What the scene has and the file has not, with the key of the first place."""
     lines = [
@@ -460,6 +474,12 @@ def _left_out(scene: Scene, to: str) -> tuple[str, ...]:
                 f"the payload {name!r} ({payload.mass:g} kg at {payload.link}), which the "
                 "scene does not carry by default"
             )
+    lines += [
+        f"the {spring.kind} {spring.name!r} (springs[{i}]): add its forces, without which the "
+        "robot needs other torques"
+        for i, spring in enumerate(scene.springs)
+        if not _holds_spring(to, spring)
+    ]
     if to == "mjcf" and (held := massless_joints(scene)):
         lines.append(
             f"the joints {', '.join(held)}, which move no mass, as MuJoCo refuses: their bodies "

@@ -13,6 +13,8 @@ import pinocchio as pin
 
 from pinfric.errors import one_line
 from pinfric.exporting.tree import Body
+from pinfric.model.spring_entries import TensionSpring
+from pinfric.model.spring_forces import Springs
 
 #: Dry friction of joints as hard and as quick as a step of 1 ms lets MuJoCo have it. By default it
 #: follows a + 100 v, not v: of the wrong sign while a joint brakes.
@@ -84,8 +86,11 @@ def mjcf(
     friction: Mapping[str, str] = HARD_FRICTION,
     limits: bool = True,
     comment: Sequence[str] = (),
+    springs: Springs | None = None,
 ) -> str:
     """Return a robot as MJCF: bodies with their masses, joints with limits, frames, motors.
+
+    Springs in joints are their `stiffness` and `springref`, tension springs are spatial tendons.
 
     Args:
         name: the model's.
@@ -96,6 +101,7 @@ def mjcf(
         friction: attributes of all joints that say how MuJoCo's friction constraint is solved.
         limits: whether joints stop at theirs.
         comment: lines at the top.
+        springs: of the scene; those that MuJoCo cannot hold exactly are left out.
     """
     root = ElementTree.Element("mujoco", model=name)
     root.extend(xml_comment(line) for line in comment)
@@ -123,6 +129,10 @@ def mjcf(
     elements = {-1: world}
     for row, (body, joint) in enumerate(zip(bodies, joints, strict=True)):
         elements[row] = _add_body(elements[body.parent], body, joint)
+        element = elements[row].find("joint")
+        if element is not None and springs is not None and (coil := springs.in_joint(row)):
+            element.set("stiffness", _number(coil[0]))
+            element.set("springref", _number(coil[1]))
         if body.parent >= 0:
             _add_capsule(elements[body.parent], body.placement.translation)
     pairs = zip(bodies, joints, strict=True)
@@ -131,6 +141,8 @@ def mjcf(
     for follower, (leader, ratio, shift) in following.items():
         law = _numbers([shift, ratio, 0.0, 0.0, 0.0])
         _add(equations, "joint", joint1=follower, joint2=leader, polycoef=law, **_FOLLOWS)
+    if springs is not None:
+        _add_tendons(root, elements, springs)
     motors = [(b.joint.name, j.gear) for b, j in zip(bodies, joints, strict=True)]
     if any(gear is not None for _, gear in motors):
         actuator = _add(root, "actuator")
@@ -172,6 +184,27 @@ def _add_body(parent: ElementTree.Element, body: Body, joint: MjcfJoint) -> Elem
         **limits,
     )
     return _with_sites(element, body)
+
+
+def _add_tendons(
+    root: ElementTree.Element, elements: Mapping[int, ElementTree.Element], springs: Springs
+) -> None:
+    """Tension springs as tendons between sites, without force up to the free length if slack."""
+    found = [
+        (line, ends, points)
+        for line, ends, points in zip(springs.lines, springs.ends, springs.points, strict=True)
+        if isinstance(line, TensionSpring) and not line.initial_tension
+    ]
+    tendons = _add(root, "tendon") if found else root
+    for line, ends, points in found:
+        length = _number(line.free_length)
+        rest = length if line.pushes else f"0 {length}"
+        stiffness = _number(line.stiffness)
+        tendon = _add(tendons, "spatial", name=line.name, stiffness=stiffness, springlength=rest)
+        for side, end, point in zip("ab", ends, points, strict=True):
+            site = f"{line.name}_{side}"
+            _add(elements[int(end)], "site", name=site, pos=_numbers(point))
+            _add(tendon, "site", site=site)
 
 
 def _with_sites(element: ElementTree.Element, body: Body) -> ElementTree.Element:

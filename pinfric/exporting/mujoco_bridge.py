@@ -426,6 +426,11 @@ def mujoco_friction(scene: Scene | Mapping[str, Scene], model: Any) -> MujocoFri
     for one in scenes.values():
         expect_scene(one, "mujoco_friction")
         check_compensated(one)
+        if one.springs:
+            raise PinfricError(
+                f"{one.source}: springs: mujoco_friction takes loads without springs, but there is "
+                f"{one.springs[0].name!r}; take pf.export's constants, or leave `springs` out"
+            )
     mujoco = _mujoco()
     if isinstance(model, mujoco.MjSpec):
         sizes = {prefix: len(one.drives) for prefix, one in scenes.items()}

@@ -44,12 +44,14 @@ def sdf(
     links = [body.link if body.link not in named else f"{body.link}_link" for body in tree]
     for body, name in zip(tree, links, strict=True):
         model.append(_link(body, name))
-    for body, name in zip(tree, links, strict=True):
+    springs = scene.twin().springs
+    for row, (body, name) in enumerate(zip(tree, links, strict=True)):
         own = by_name.get(body.joint.name)
         if own is not None:
             model.append(xml_comment(lines[own.joint]))
         ends = "world" if body.parent < 0 else links[body.parent], name
-        model.append(element := _joint(body, ends, own))
+        coil = None if springs is None else springs.in_joint(row)
+        model.append(element := _joint(body, ends, own, coil))
         if own is not None:
             for tag, value in drake_rotor(own, rotors[own.joint]).items():
                 _text(element, tag, value)
@@ -71,9 +73,15 @@ def _link(body: Body, name: str) -> ElementTree.Element:
 
 
 def _joint(
-    body: Body, ends: tuple[str, str], constants: JointConstants | None
+    body: Body,
+    ends: tuple[str, str],
+    constants: JointConstants | None,
+    coil: tuple[float, float] | None,
 ) -> ElementTree.Element:
-    """A joint between two links, the parent's and its own; a follower has no constants."""
+    """A joint between two links, the parent's and its own, with the spring in it.
+
+    A follower has no constants.
+    """
     parent, child = ends
     kind = "prismatic" if body.joint.unit == "m" else "revolute"
     joint = ElementTree.Element("joint", name=body.joint.name, type=kind)
@@ -101,11 +109,15 @@ def _joint(
             _text(mimic, tag, _numbers([value]))
         law = {"joint": leader, "multiplier": repr(ratio), "offset": repr(shift)}
         ElementTree.SubElement(joint, "drake:mimic", law)  # Drake reads no other
-    if constants is None:
+    if constants is None and coil is None:
         return joint
     dynamics = ElementTree.SubElement(axis, "dynamics")
-    _text(dynamics, "damping", _numbers([constants.damping]))
-    _text(dynamics, "friction", _numbers([constants.frictionloss]))
+    if constants is not None:
+        _text(dynamics, "damping", _numbers([constants.damping]))
+        _text(dynamics, "friction", _numbers([constants.frictionloss]))
+    if coil is not None:
+        _text(dynamics, "spring_stiffness", _numbers(coil[:1]))
+        _text(dynamics, "spring_reference", _numbers(coil[1:]))
     return joint
 
 

@@ -61,6 +61,11 @@ def check_plain_tree(scene: Scene) -> tuple[JointColumn, ...]:
                 "cylinders as soft constraints, for which no error can be stated; only open "
                 "chains with drives at their joints are exported"
             )
+    if scene.linkage is not None and scene.linkage.rods:
+        raise PinfricError(
+            f"{scene.source}: friction.{scene.linkage.rods[0]} is along a spring, where other "
+            "engines have no dry friction; leave it out"
+        )
     for drive in scene.drives:
         if drive.couples:
             raise PinfricError(

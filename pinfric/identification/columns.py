@@ -91,9 +91,9 @@ class Prepared:
         slides: (n, nj) which rows count.
         rigid: (n, nj, 10 nj).
         slots: (n, nj, K); those of loads are 0.
-        effort: time -> (., nj) low-passed, payloads' part taken out. A cubic spline: between
-            samples, means of two would have less noise, and delays be drawn there.
-        payload: (T, nj) what payloads take, N m or N.
+        effort: time -> (., nj) low-passed, payloads' and springs' part taken out. A cubic spline:
+            between samples, means of two would have less noise, and delays be drawn there.
+        payload: (T, nj) what payloads take, less what springs give, N m or N.
         load: (T, nj) effort without friction of the present estimate, N m or N.
         presliding: (n, nj, 3) of friction that builds up after reversals; only the delay has it.
         missing: (T, nj) gravity by the URDF where the efforts hold none, else 0, N m or N.
@@ -146,9 +146,9 @@ def prepare(
         own = scene.with_(model=weightless(scene.model), friction={})
         seen = along(own, motion)[0]
         missing = rigid_effort - seen
-    if scene.payloads:
+    if scene.payloads or scene.springs:
         empty = replace(motion, attached=np.zeros_like(motion.attached))
-        payload = seen - along(own.with_(friction={}), empty)[0]
+        payload = seen - along(own.with_(friction={}, springs=()), empty)[0]
     known = np.isfinite(recording.effort)
     measured = np.where(known, recording.effort, seen) - payload
     kept = np.arange(0, motion.t.size, thin * _spacing(step))

@@ -113,7 +113,7 @@ def check_scene(scene: Scene) -> None:
     """
     why = ""
     if scene.linkage is not None:
-        why = "this scene has closed loops, or drives that are not at joints"
+        why = "this scene has closed loops, drives that are not at joints, or springs that rub"
     elif len(scene.model.mimicking_joints):
         why = "here joints mimic others; lock them in the scene (robot: locked)"
     elif any(joint.nv != 1 for joint in tuple(scene.model.joints)[1:]):

@@ -85,7 +85,7 @@ def _kinds() -> tuple[_Kind, ...]:
 
 def switchable() -> tuple[str, ...]:
     """Return all effects that can be switched, in the order in which they build on each other."""
-    return *(kind.name for kind in _kinds()), "transmission", "gear", "payload"
+    return *(kind.name for kind in _kinds()), "transmission", "gear", "payload", "springs"
 
 
 #: Effects that change motors' torques, but no effort at a joint.
@@ -111,6 +111,8 @@ def effects(scene: Scene) -> tuple[Effect, ...]:
     lossy = [i for i, actuator in actuators.items() if _unloaded(actuator) != actuator]
     found.append(_listed("gear", "actuators[{}].transmission.efficiency", scene, lossy))
     found.append(_effect("payload", "robot.payloads.{}", list(scene.payloads)))
+    springs = [f"[{i}] ({spring.name})" for i, spring in enumerate(scene.springs)]
+    found.append(_effect("springs", "springs{}", springs, "springs"))
     loops = [loop_place(scene.loops, loop.name).removeprefix("loops") for loop in scene.loops]
     found.append(_effect("loops", "loops{}", loops, "loops"))
     coupled = [i for i, actuator in actuators.items() if actuator.couples]
@@ -118,7 +120,7 @@ def effects(scene: Scene) -> tuple[Effect, ...]:
     # Loads that depend on friction: with loops or drives off the joints
     loaded = [name for name, friction in scene.friction.items() if _has_load(friction)]
     found.append(
-        Effect("coupling", False, "no loops, no actuators[].cylinder or force")
+        Effect("coupling", False, "no loops, no actuators[].cylinder or force, no spring that rubs")
         if scene.linkage is None
         else _effect("coupling", "friction.{}.bearing", loaded)
     )
@@ -165,6 +167,8 @@ def with_effects(
             for name, entry in friction.items():
                 if kind.present(entry):
                     friction[name] = entry.model_copy(update=kind.removed(entry))
+    if "springs" in off:
+        friction = {n: x for n, x in friction.items() if n not in {s.name for s in scene.springs}}
     # an empty entry makes no site, so it costs no time
     friction = {name: entry for name, entry in friction.items() if entry.bearing or entry.terms}
     actuators = scene.actuators
@@ -176,6 +180,7 @@ def with_effects(
         friction=friction,
         actuators=actuators,
         payloads={} if "payload" in off else scene.payloads,
+        springs=() if "springs" in off else scene.springs,
     )
 
 

@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 import pinocchio as pin
@@ -28,10 +28,10 @@ from pinfric.model.robot import link_frame
 from pinfric.model.schema import (
     Actuator,
     Friction,
-    LinkPoint,
     Loop,
     PointForce,
 )
+from pinfric.model.spring_entries import LineSpring, LinkPoint, Spring
 
 #: Kinds of pairs. In a `SLIDING` loop frame b moves along frame a's axis. The moment of a
 #: `UNIVERSAL` loop is about the common normal of two axes, which depends on the configuration, as
@@ -87,6 +87,7 @@ class Linkage:
         multipliers: columns [off_joint, off_joint + multipliers) are lambda, the rest friction.
         friction_column: (np,) first friction column of each pair, -1 without friction; a spherical
             joint has three, a cylinder its drive's column.
+        rods: names of the springs that rub along their line; their pairs come last.
         rest_gap: (nx,) the gap of a closed column: 0, except for cylinders that stand still.
         size: m, a length of the mechanism, with which gaps are compared.
         standing: columns of loops' joints and of cylinders that stand still, see `stand_still`.
@@ -108,6 +109,7 @@ class Linkage:
     friction_column: np.ndarray
     rest_gap: np.ndarray
     size: float
+    rods: tuple[str, ...] = ()
     standing: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     @property
@@ -132,15 +134,25 @@ class Linkage:
 
     @property
     def cylinders(self) -> dict[str, int]:
-        """Name -> pair of the drives along the line between two points."""
+        """Name -> pair of the drives, and of the springs, along the line between two points."""
         pairs = {drive.name: int(self.column_pair[drive.column]) for drive in self.drives}
+        pairs |= dict(
+            zip(
+                self.rods,
+                range(len(self.pair_kind) - len(self.rods), len(self.pair_kind)),
+                strict=True,
+            )
+        )
         return {name: pair for name, pair in pairs.items() if self.pair_kind[pair] == CYLINDER}
 
     def name_of_row(self, row: int) -> str:
         """Return the name of the loop (or cylinder) that a row of the closure belongs to."""
         column = self.closed[row]
-        pair = self.column_pair[column]
-        return self.loops[pair].name if pair < len(self.loops) else self.drives[column].name
+        pair = int(self.column_pair[column])
+        if pair < len(self.loops):
+            return self.loops[pair].name
+        rods = {number: name for name, number in self.cylinders.items()}
+        return self.drives[column].name if column < self.off_joint else rods[pair]
 
 
 def make_linkage(
@@ -149,8 +161,9 @@ def make_linkage(
     actuators: Sequence[Actuator],
     friction: Mapping[str, Friction],
     source: str,
+    springs: Sequence[Spring] = (),
 ) -> Linkage:
-    """Tabulate a scene's loops and its drives off the joints.
+    """Tabulate a scene's loops, its drives off the joints and the springs that rub.
 
     Args:
         model: the robot, locked joints removed.
@@ -158,6 +171,7 @@ def make_linkage(
         actuators: all of them; those on joints of the tree are passed over.
         friction: name -> friction: which loops and cylinders have friction columns.
         source: the scene, for messages.
+        springs: of the scene; those without friction are passed over.
 
     Raises:
         SceneError: an unknown or duplicate name, an axis or direction of length zero, both sides on
@@ -183,7 +197,18 @@ def make_linkage(
     for row, loop in enumerate(loops):
         columns += [(row, unit) for unit in _closed_directions(loop.kind, pairs[row]["axis"])]
     multipliers = len(columns) - off_joint
+    rods = [spring for spring in springs if rubs(spring, friction)]
+    for rod in rods:
+        where = f"{source}: springs: {rod.name}"
+        sides = [
+            _point(model, end, f"{where}.{side}.link") for side, end in (("a", rod.a), ("b", rod.b))
+        ]
+        pairs.append(_pair(CYLINDER, _NONE, np.array([0.0, 0.0, 1.0]), sides, where))
     friction_column = _friction_columns(loops, drives, friction, pairs, columns, source)
+    for pair, rod in enumerate(rods, len(pairs) - len(rods)):
+        check_bearing(friction[rod.name], "cylinder", f"{source}: friction.{rod.name}")
+        friction_column[pair] = len(columns)
+        columns.append((pair, np.zeros(6)))
     column_pair = np.array([pair for pair, _ in columns], dtype=np.int64)
     joints = np.array([pair["joint"] for pair in pairs], dtype=np.int64).reshape(-1, 2)
     support = np.zeros((len(columns), model.njoints - 1), dtype=np.int8)
@@ -212,7 +237,13 @@ def make_linkage(
         friction_column=friction_column,
         rest_gap=np.zeros(len(columns)),
         size=float(max(lengths, default=0.0)) or 1.0,
+        rods=tuple(rod.name for rod in rods),
     )
+
+
+def rubs(spring: Spring, friction: Mapping[str, Friction]) -> TypeGuard[LineSpring]:
+    """Return whether a spring between points has friction along its line."""
+    return isinstance(spring, LineSpring) and spring.name in friction
 
 
 def no_linkage(model: pin.Model) -> Linkage:
@@ -433,6 +464,23 @@ def loop_axis(loop: Loop, side: str, where: str) -> np.ndarray:
 def turn_between(start: np.ndarray, end: np.ndarray) -> np.ndarray:
     """Return the least rotation (3, 3) that takes one unit vector (3,) to another."""
     return np.asarray(pin.Quaternion.FromTwoVectors(start, end).toRotationMatrix())
+
+
+def two_points(
+    model: pin.Model, a: LinkPoint, b: LinkPoint, where: str
+) -> list[tuple[int, np.ndarray]]:
+    """Return of two points the row of the joint that carries each, and its place (3,) there.
+
+    Raises:
+        SceneError: an unknown link, both on one body; begins with `where`.
+    """
+    sides = [_point(model, end, f"{where}.{side}.link") for side, end in (("a", a), ("b", b))]
+    if sides[0][0] == sides[1][0]:
+        raise SceneError(
+            f"{where}: its ends are on the same rigid body and move with it; name two links that "
+            "a joint moves against each other"
+        )
+    return [(row, frame.translation) for row, frame in sides]
 
 
 def _point(model: pin.Model, at: LinkPoint | PointForce, where: str) -> tuple[int, pin.SE3]:

@@ -24,7 +24,7 @@ from pinfric.model.couples import check_couples, taking_part
 from pinfric.model.drives import Drive
 from pinfric.model.entry import parse
 from pinfric.model.laws import FrictionLaw, Laws, friction_law, law_table
-from pinfric.model.loops import Linkage, check_bearing, make_linkage, slides
+from pinfric.model.loops import Linkage, check_bearing, make_linkage, rubs, slides
 from pinfric.model.magnitudes import LARGEST
 from pinfric.model.mobility import Mobility, mobility_of_linkage, mobility_of_tree
 from pinfric.model.robot import (
@@ -49,6 +49,8 @@ from pinfric.model.schema import (
     Stops,
     guesses_left,
 )
+from pinfric.model.spring_entries import LineSpring, Spring, SpringList
+from pinfric.model.spring_forces import make_springs
 from pinfric.model.twin import PRISMATIC, Twin, make_twin
 from pinfric.model.upward import make_solver
 from pinfric.model.urdf import implausible_body
@@ -157,6 +159,7 @@ class Scene:
         stops: input of `pinfric stop`.
         closed_brakes: drive -> torque (N m) of a closed brake at its motor's shaft: dry friction
             there, in forward dynamics with torques of motors given.
+        springs: springs and hoses, as `Spring` or as the mappings of a scene file.
         start: near which the loops close: joint -> position (rad or m), 0 for those left out, or an
             array (nq,); None: that of `simulation`.
 
@@ -185,6 +188,7 @@ class Scene:
     stops: Stops | None = None
     closed_brakes: Mapping[str, float] = field(default_factory=dict)
     start: Mapping[str, float] | Sequence[float] | None = None
+    springs: Sequence[Spring] = ()
     mobility: Mobility = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -219,6 +223,8 @@ class Scene:
             set_(self, "actuators", tuple(drives))
         loops = [parse(Loop, x, self.source, at=("loops", i)) for i, x in enumerate(self.loops)]
         set_(self, "loops", tuple(loops))
+        springs = parse(SpringList, {"springs": list(self.springs)}, self.source).springs
+        set_(self, "springs", tuple(springs))
         kinds: dict[str, type[Any]] = {
             "loop_tolerance": LoopTolerance,
             "measured": Measured,
@@ -482,9 +488,11 @@ class Scene:
         cylinders = {} if self.linkage is None else self.linkage.cylinders
         for name in self.friction:
             if name not in (*names, *loops, *cylinders):
+                lines = [s.name for s in self.springs if isinstance(s, LineSpring)]
+                known = *names, *loops, *cylinders, *lines
                 raise SceneError(
                     f"{self.source}: friction: there is no joint {name!r}; "
-                    f"{choose_from(name, (*names, *loops, *cylinders))}"
+                    f"{choose_from(name, known)}"
                 )
         return (
             *(
@@ -506,11 +514,14 @@ class Scene:
 
     @cached_property
     def linkage(self) -> Linkage | None:
-        """Loops and drives off the joints as arrays; None for an open chain with joint drives."""
+        """Loops, drives off the joints and springs that rub as arrays; None without any."""
         actuators = self.actuators or ()
-        if not self.loops and all(a.joint is not None for a in actuators):
+        rubbing = any(rubs(spring, self.friction) for spring in self.springs)
+        if not self.loops and all(a.joint is not None for a in actuators) and not rubbing:
             return None
-        return make_linkage(self.model, self.loops, actuators, self.friction, self.source)
+        return make_linkage(
+            self.model, self.loops, actuators, self.friction, self.source, self.springs
+        )
 
     @property
     def start_configuration(self) -> np.ndarray:
@@ -668,8 +679,13 @@ class Scene:
                 )
             carried = {name: self.payloads[name] for name in sorted(names)}
             model = with_payloads(self.model, carried)
-            self._variants[names] = model, make_twin(model)
+            self._variants[names] = model, self._with_springs(make_twin(model))
         return self._variants[names]
+
+    def _with_springs(self, twin: Twin) -> Twin:
+        """The twin with the scene's springs."""
+        given = self.springs, self.friction, self.start_configuration, self.source
+        return replace(twin, springs=make_springs(twin.model, twin.axis, *given))
 
     def __copy__(self) -> Scene:
         """Return a copy without derived quantities; it works with mimic joints, unlike pickling."""

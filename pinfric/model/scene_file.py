@@ -101,6 +101,7 @@ def load_scene(path: str | Path) -> Scene:
         assumed=entries.assumed,
         measured=entries.measured,
         stops=entries.stops,
+        springs=entries.springs,
     )
 
 

@@ -44,6 +44,7 @@ from pinfric.model.friction_terms import (
     Stribeck,
     Viscous,
 )
+from pinfric.model.spring_entries import LinkPoint, SpringsKey
 from pinfric.model.transmission import Transmission
 
 
@@ -223,13 +224,6 @@ class Friction(Entry):
         """Yield a warning for a coefficient that no pair of materials has."""
         if self.mu is not None:
             yield from unlikely("mu.static", self.mu.static, 2.0, "")
-
-
-class LinkPoint(Entry):
-    """A point of a link."""
-
-    link: Annotated[str, key("of the robot", "base")]
-    xyz: Annotated[Vector3, key("in the link's frame", [0.2, 0, 0.1], "m")] = (0.0, 0.0, 0.0)
 
 
 class Cylinder(Entry):
@@ -644,7 +638,7 @@ class SceneFile(Entry):
     robot: Annotated[RobotEntry, key("which robot", {"urdf": "three_link.urdf"})]
     friction: Annotated[
         dict[str, Friction],
-        key("by joint, loop or cylinder; others have none", {"elbow": {"viscous": 3.0}}),
+        key("by joint, loop, cylinder or spring; others have none", {"elbow": {"viscous": 3.0}}),
     ] = Field(default_factory=dict)
     loops: Annotated[
         list[Loop],
@@ -670,6 +664,7 @@ class SceneFile(Entry):
         list[Actuator] | None,
         key("the drives; without it one ideal drive per joint", [{"joint": "joint_1"}]),
     ] = None
+    springs: SpringsKey = Field(default_factory=list)
     stick: Annotated[Stick, key("when a joint is at rest", {"velocity": 1e-06})] = Stick()
     tool: Annotated[
         str | None,

@@ -18,6 +18,7 @@ import pinocchio as pin
 from pinfric.errors import RobotError
 from pinfric.kernels.compiled import kernel
 from pinfric.model.kinematics import rotation
+from pinfric.model.spring_forces import Springs
 
 #: Most joints that are opened: Pinocchio's `Data` holds arrays of nv^3 numbers, 55 MB for 20 opened
 #: joints, 1.5 GB for 60. For larger robots the wrenches are computed joint by joint.
@@ -61,6 +62,7 @@ class Twin:
         axis: (nj, 6) unit motion subspace of one-degree joints, linear first, zero for others.
         components: (nj, 6) velocity components of many-degree joints, in order, padded with -1.
         armature: (nv,) rotor inertia reflected to the joints, from the model.
+        springs: of the scene, which act on its links; None: it has none.
         pools: Pinocchio's pools and data by use and threads; made when first used, not pickled.
     """
 
@@ -74,6 +76,7 @@ class Twin:
     axis: np.ndarray
     components: np.ndarray
     armature: np.ndarray
+    springs: Springs | None = None
     pools: dict[Any, pin.ModelPool] = field(default_factory=dict, compare=False, repr=False)
 
     @property

@@ -19,15 +19,10 @@ import numpy as np
 import pinocchio as pin
 from scipy.interpolate import PPoly
 
-from pinfric.dynamics.samples.reactions import (
-    Batch,
-    batch_size,
-    reactions,
-    slices,
-)
+from pinfric.dynamics.samples.reactions import rigid_efforts
 from pinfric.model.couples import delivery, rate_rows
 from pinfric.model.scene import Scene
-from pinfric.model.twin import Twin, project
+from pinfric.model.twin import Twin
 from pinfric.motions.joint_columns import JointColumn, configurations
 from pinfric.retiming.path import Path, reversals
 
@@ -182,7 +177,8 @@ def make_tables(scene: Scene, path: Path, columns: tuple[JointColumn, ...], grid
             (grid.rate[rows], grid.curvature[rows]),
             (at_rest, grid.rate[rows]),
         )
-        found = [_wrenches_and_efforts(twin, q[rows], v, a, nt > 0) for v, a in states]
+        reacting = nt > 0 or twin.springs is not None
+        found = [_wrenches_and_efforts(twin, q[rows], v, a, reacting) for v, a in states]
         for k, (_, effort) in enumerate(found):
             tables.effort[rows, :, k] = effort if k == 0 else effort - found[0][1]
         if nt:
@@ -197,18 +193,11 @@ def make_tables(scene: Scene, path: Path, columns: tuple[JointColumn, ...], grid
 def _wrenches_and_efforts(
     twin: Twin, q: np.ndarray, v: np.ndarray, a: np.ndarray, reacting: bool
 ) -> tuple[np.ndarray, np.ndarray]:
-    effort = np.empty(v.shape)
     if not reacting:
+        effort = np.empty(v.shape)
         pin.rneaInParallel(1, twin.plain_pool(1), q.T, v.T, a.T, effort.T)
         return np.empty(0), effort
-    wrench = np.empty((len(q), twin.n_joints, 6))
-    batch = Batch.of(twin, min(len(q), batch_size(1)))
-    for part in slices(0, len(q), batch_size(1)):
-        first = batch.first(part.stop - part.start)
-        reactions(twin, q[part], v[part], a[part], first, 1)
-        wrench[part] = first.wrench
-    project(wrench, twin.embedding, twin.armature, a, effort)
-    return wrench, effort
+    return rigid_efforts(twin, q, v, a)
 
 
 def _gram(scene: Scene, twin: Twin, q: np.ndarray, wrenches: tuple[np.ndarray, ...]) -> np.ndarray:

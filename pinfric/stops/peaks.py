@@ -12,11 +12,11 @@ from collections.abc import Mapping, Sequence
 from itertools import chain, combinations
 
 import numpy as np
-import pinocchio as pin
 
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.closure import working_rates
+from pinfric.dynamics.samples.reactions import rigid_efforts
 from pinfric.model.couples import delivery
 from pinfric.model.mass_matrix import mass_matrices
 from pinfric.model.massless import massless
@@ -48,11 +48,12 @@ def gear_peaks(
 
         (M_SS + diag(r^2 J/eta_b)) a_S = -(r T_b/eta_b) sign v - h_S,      t = M_{.S} a_S + h,
 
-    T_b = 0 of brakes that are still open. h is gravity, and what the velocities of S add; eta_b the
-    efficiency of the gear that the load drives (`shock_efficiency`). Friction of the joints is left
-    out. The gear of a joint at rest passes at most r T_b/eta_b: beyond, its brake slips. A
-    self-locking gear, eta_b <= 0, stands as soon as power is off, and passes what comes. Of coupled
-    drives M and h are those along their own rates; a joint without a drive moves in every set.
+    T_b = 0 of brakes that are still open. h is gravity and springs, and what the velocities of S
+    add; eta_b the efficiency of the gear that the load drives (`shock_efficiency`). Friction of the
+    joints is left out. The gear of a joint at rest passes at most r T_b/eta_b: beyond, its brake
+    slips. A self-locking gear, eta_b <= 0, stands as soon as power is off, and passes what comes.
+    Of coupled drives M and h are those along their own rates; a joint without a drive moves in
+    every set.
 
     Args:
         machine: an open chain, no joint with several drives.
@@ -84,11 +85,8 @@ def gear_peaks(
     pushes = np.pad(ratio * brake, ((0, 0), (0, len(free)))) / divided
     passes = np.where(slips, pushes, np.inf)  # (brakes closed, nv)
     direction = np.hstack([np.where(slips[: len(own)], direction, 0.0), v[:, free] * 0.0])
-    model, M = (
-        scene.loaded_model(machine.carried),
-        along @ mass_matrices(scene.twin(machine.carried), q) @ along.T,
-    )
-    data, still, most = model.createData(), np.zeros(model.nv), np.zeros(rate.shape)
+    twin, most = scene.twin(machine.carried), np.zeros(rate.shape)
+    M = along @ mass_matrices(twin, q) @ along.T
     # 2. Of the samples in which the same drives move, every set of these, and the free joints
     patterns, which = np.unique(direction != 0.0, axis=0, return_inverse=True)
     for k, pattern in enumerate(patterns):
@@ -99,10 +97,7 @@ def gear_peaks(
             if not S:
                 continue
             speed = rate[rows][:, S] @ along[S]
-            h = np.array(
-                [pin.rnea(model, data, *pair, still) for pair in zip(q[rows], speed, strict=True)]
-            )
-            h = h @ along.T
+            h = rigid_efforts(twin, q[rows], speed, np.zeros_like(speed))[1] @ along.T
             inertia = M[rows][:, S][:, :, S] + np.diag(heavy[S])
             push = -passes[:, S] * direction[rows][:, None, S] - h[:, None, S]
             a = np.linalg.solve(inertia, push.transpose(0, 2, 1))

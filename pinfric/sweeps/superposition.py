@@ -237,7 +237,8 @@ class Superposition:
 def _is_linear(scene: Scene, targets: Sequence[Target]) -> bool:
     """Whether every sample is a sum of stored cycles, and only a number out of range is refused.
 
-    Not with loops, drives off the joints or several on one (friction reacts on wrenches), where a
+    Not with loops, drives off the joints or several on one (friction reacts on wrenches), with
+    springs (gravity's components do not scale them), where a
     bearing refuses a moment, for values that change a gear's loss or a term's shape, and for
     sections that this module does not know.
     """
@@ -247,6 +248,7 @@ def _is_linear(scene: Scene, targets: Sequence[Target]) -> bool:
     bearings = [site.friction.bearing for site in scene.sites]
     return (
         scene.linkage is None
+        and not scene.springs
         and scene.one_drive_each
         and {target.section for target in targets} <= _SECTIONS
         and not any(target.key in (*SET, *ELASTIC) for target in targets)

@@ -29,7 +29,9 @@ from pinfric.errors import SizingError
 
 @pytest.fixture(scope="module")
 def arm():
-    scene, motion = example("ur5_pick_and_place", masses="without_drives")
+    a, b = {"link": "base_link", "xyz": [0, 0.2, 0]}, {"link": "forearm_link", "xyz": [0, 0, 0.1]}
+    rod = {"kind": "tension", "name": "rod", "a": a, "b": b, "stiffness": 50, "free_length": 0.1}
+    scene, motion = example("ur5_pick_and_place", masses="without_drives", springs=[rod])
     return scene, motion, Robot(scene, motion, None, Conditions())
 
 

@@ -292,7 +292,7 @@ PUBLISHED = {
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_friction_is_what_the_source_prints(name):
     law, speeds, error = PUBLISHED[name]
-    scene = pf.load_scene(name).with_(payloads={})
+    scene = pf.load_scene(name).with_(payloads={}, springs=[])
     nv = scene.model.nv
     for speed in (*speeds, *(-s for s in speeds)):
         v = np.full((1, nv), speed)
@@ -333,20 +333,29 @@ def test_what_is_computed_beside_a_motion_warns_no_second_time():
 
 
 def kr300_log(letter):
-    """A log of the KR 300: its angles count from home; less its counterbalance's torque, joint 2.
-
-    The gas spring's geometry and pressure as the log's authors give them.
-    """
+    """A log of the KR 300; its angles count from home."""
     rec = loadmat(LOGS / "kr300" / f"rec_2020-10-21_10s_FF_{letter}_08ms.mat", squeeze_me=True)
     home = np.array([0, -90, 90, 0, 0, 0])
     q = np.radians(rec["rec"]["act_pos_mot_deg"].item().T + home)
+    return pf.Log(0.004 * np.arange(len(q)), q, rec["rec"]["act_torque_abs_nm"].item().T)
+
+
+def test_the_counterbalance_of_the_kr300_is_its_authors():
+    """Geometry and pressure as the authors of its logs give them; its shoulder with and without."""
+    scene, q = pf.load_scene("kr300").with_(friction={}), np.zeros((136, 6))
+    q[:, 1], q[:, 2] = np.radians(np.arange(-140, -4)), np.pi / 2
+    bare = scene.with_(springs=[])
+    held, free = (pf.inverse_dynamics(s, q, 0 * q, 0 * q).effort_lower for s in (scene, bare))
     angle = q[:, 1] + np.radians(95)
     long, short, area = 0.8, 0.2, np.pi / 4 * (0.055**2 - 0.030**2)
     length = np.sqrt(long**2 + short**2 - 2 * long * short * np.cos(angle))
     pressure = 1.01 * 296.8 * 328 * 0.159 / (0.00096 - (length - long + short) * area)
-    effort = rec["rec"]["act_torque_abs_nm"].item().T.copy()
-    effort[:, 1] -= pressure * area * np.sin(angle) * long * short / length * 7 / 1872
-    return pf.Log(0.004 * np.arange(len(q)), q, effort)
+    torque = pressure * area * np.sin(angle) * long * short / length
+    np.testing.assert_allclose((held - free)[:, 1], torque, atol=1.0)
+    others = [0, 2, 3, 4, 5]
+    np.testing.assert_allclose(held[:, others], free[:, others], atol=1e-9)
+    assert np.abs(held[:, 1]).max() == pytest.approx(3239, abs=2)
+    assert np.abs(free[:, 1]).max() == pytest.approx(5911, abs=2)
 
 
 #: RMS of measured torques less those computed, with the scene and without friction, N m (KR 300:

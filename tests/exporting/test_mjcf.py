@@ -245,3 +245,46 @@ def test_followers_accelerate_and_stay_with_their_leader(tmp_path, kind, k, o, f
     for _ in range(200):
         mujoco.mj_step(model, data)
         np.testing.assert_allclose(data.qpos[order], full(data.qpos[order[0]], 1.0), atol=2e-5)
+
+
+def test_springs_are_stiffness_in_joints_and_tendons_between_links(tmp_path):
+    """MuJoCo's inverse dynamics of the file beside pinfric's, slack and taut, and what is said."""
+    model = random_tree(3, 5, sliding=0.4)
+    for j in range(6):
+        model.addBodyFrame(f"link_{j}", j, pin.SE3.Identity(), 0)
+    ends = {
+        "a": {"link": "link_0", "xyz": [0.3, 0.1, 0.0]},
+        "b": {"link": "link_4", "xyz": [0, 0.2, 0]},
+    }
+    rod = {"kind": "tension", "stiffness": 900.0, "free_length": 0.9, **ends}
+    coil = {"kind": "torsion", "name": "coil", "joint": "joint_2", "stiffness": 12.0}
+    held = [
+        coil | {"rest": 0.4, "preload": -2.0},
+        coil | {"name": "second"},
+        rod | {"name": "slack"},
+        rod | {"name": "bar", "pushes": True},
+    ]
+    lost = [
+        rod | {"name": "wound", "initial_tension": 5.0},
+        {"kind": "hose", "name": "hose", "joint": "joint_1", "torque": 1.0},
+        {"kind": "gas", "name": "strut", "force": 90.0, "length": 9.0, "stroke": 8.9, **ends},
+    ]
+    scene, (q, v, a) = pf.Scene(model, springs=held), random_states(model, 3)
+    efforts = pf.inverse_dynamics(scene, q, v, a).effort_lower
+    made = pf.export(scene)
+    found = mujoco_inverse(made.text, scene.joint_names, q, v, a)
+    np.testing.assert_allclose(found, efforts, rtol=1e-9, atol=1e-8)
+    bare = pf.inverse_dynamics(scene.with_(springs=held[:2]), q, v, a).effort_lower
+    assert np.abs(efforts - bare).max() > 1.0
+    for to, missing in (("mjcf", ()), ("sdf", ("slack", "bar"))):
+        said = pf.export(scene.with_(springs=[*held, *lost]), to=to).left_out
+        for spring in (*missing, "wound", "hose", "strut"):
+            assert any(f"{spring!r} (springs[" in line for line in said), (to, spring)
+    assert "<spring_stiffness>24.0<" in pf.export(scene, to="sdf").text
+    with pytest.raises(pf.PinfricError, match="the header's rigid body has no 'coil'"):
+        pf.export(scene, to="cpp")
+    with pytest.raises(pf.PinfricError, match="mujoco_friction takes loads without springs"):
+        pf.mujoco_friction(scene, mujoco.MjModel.from_xml_string(made.text))
+    rubs = {"slack": {"coulomb": {"static": 3.0, "kinetic": 3.0}}}
+    with pytest.raises(pf.PinfricError, match=r"friction.slack is along a spring"):
+        pf.export(scene.with_(friction=rubs))

@@ -76,6 +76,23 @@ def test_way_points_are_no_log():
         pf.identify(pf.load_scene("ur5_pick_and_place"), "ur5_pick_and_place.waypoints.yaml")
 
 
+def test_what_springs_give_is_taken_out_of_a_log():
+    """Of the same motion: less effort by a hose's torque, and the hose in the scene."""
+    hose = {"kind": "hose", "name": "hose", "joint": truth().joint_names[1], "torque": 9.0}
+    motion = excitation(0, 10.0, 100.0)
+    effort = motor_effort(truth(), motion)
+    helped = effort - 9.0 * (np.arange(effort.shape[1]) == 1)
+    plain, sprung = (
+        prepare(
+            scene,
+            read_recordings(scene, [pf.Log(motion.t, motion.q, y)], {}, {}, pf.ReadingOptions())[0],
+        )
+        for scene, y in ((truth(), effort), (truth().with_(springs=[hose]), helped))
+    )
+    t = motion.t[50:-50]
+    np.testing.assert_allclose(sprung.effort(t), plain.effort(t), atol=1e-6)
+
+
 @pytest.mark.slow
 def test_a_long_log_is_prepared_in_parts_as_in_one(monkeypatch):
     motion = excitation(0, 30.0, 100.0)

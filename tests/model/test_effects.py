@@ -37,6 +37,7 @@ def whole_scene(seed=1, joints=4):
         friction={f"joint_{j}": EVERYTHING for j in range(1, joints + 1)},
         actuators=[{"joint": f"joint_{j}", "transmission": gear} for j in range(1, joints + 1)],
         payloads={"box": {"link": "tool", "mass": 2.0, "com": [0.0, 0.0, 0.1]}},
+        springs=[{"kind": "torsion", "name": "coil", "joint": "joint_1", "stiffness": 5.0}],
     )
 
 

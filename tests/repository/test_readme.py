@@ -151,10 +151,13 @@ def test_way_to_the_solver_exists():
 
 
 def test_scene_in_the_guide_loads(tmp_path):
-    scene_text, loops = blocks("yaml", GUIDE / "scene.md")
+    scene_text, loops, springs = blocks("yaml", GUIDE / "scene.md")
     (tmp_path / "scene.yaml").write_text(scene_text)
     scene = pf.load_scene(tmp_path / "scene.yaml")
     assert scene.site_names == ("shoulder_lift_joint", "elbow_joint")
     assert len(scene.drives) == 4
     (loop,) = pf.load_scene("four_bar").with_(**yaml.safe_load(loops)).loops
     assert (loop.name, loop.kind, loop.b.link) == ("rocker_pin", "planar_pin", "rocker")
+    sprung = scene.with_(**yaml.safe_load(springs))
+    assert sprung.site_names == ("balancer",)
+    assert [spring.kind for spring in sprung.springs] == ["torsion", "hose", "tension"]

@@ -40,6 +40,23 @@ def along_a_line(up, down, distance):
     return whole(switch)[1]
 
 
+def test_a_hose_speeds_one_way_and_slows_the_other():
+    """Rest to rest with (5 + 2)/J to speed up and (5 - 2)/J to brake, and the other way round."""
+    hose = {"kind": "hose", "name": "hose", "joint": "j", "torque": 2.0}
+    scene, limits = one_joint(inertia=2.0).with_(springs=[hose]), {"j": {"peak_torque": 5.0}}
+    up, down = 7.0 / 2.0, 3.0 / 2.0
+    expected = np.sqrt(2.0 * 6.0 * (1.0 / up + 1.0 / down))
+    assert retime(scene, straight(6.0), limits).duration == pytest.approx(expected, rel=1e-4)
+    rubs = {"kind": "tension", "name": "rod", "stiffness": 1.0, "free_length": 0.0, "pushes": True}
+    model = scene.model.copy()
+    for n, name in enumerate(("ground", "body")):
+        model.addBodyFrame(name, n, pin.SE3.Identity(), 0)
+    ends = {"a": {"link": "ground", "xyz": [1, 0, 0]}, "b": {"link": "body", "xyz": [0, 0.5, 0]}}
+    rubbing = scene.with_(model=model, springs=[rubs | ends], friction={"rod": dry(1.0)})
+    with pytest.raises(pf.PinfricError, match=r"friction\.rod couples efforts and friction"):
+        retime(rubbing, straight(6.0), limits)
+
+
 def test_coulomb_viscous_and_a_speed_torque_line():
     inertia, coulomb, viscous = 2.0, 1.0, 0.6
     friction = {"j": dry(1.0, viscous=viscous)}

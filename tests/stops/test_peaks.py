@@ -48,8 +48,8 @@ def three_axes():
     )
 
 
-def by_forward_dynamics(scene, carried, q, v, direction):
-    """(3,) the largest efforts of one sample.
+def by_forward_dynamics(scene, carried, q, v, direction, hose):
+    """(3,) the largest efforts of one sample, with torques (3,) of hoses.
 
     Rotors, seen through gears that pass 1/eta_b, are Pinocchio's armature; what rests has so much
     of it that it does not move.
@@ -62,24 +62,27 @@ def by_forward_dynamics(scene, carried, q, v, direction):
             continue
         model.armature = np.where(moving, RATIOS**2 * ROTORS / BACK, 1e9)
         push, speed = -(np.array(closed) * pushes * direction), np.where(moving, v, 0.0)
-        a = pin.aba(model, model.createData(), q, speed, np.where(moving, push, 0.0))
+        a = pin.aba(model, model.createData(), q, speed, np.where(moving, push, 0.0) + hose)
         model.armature = np.zeros(3)
-        effort = np.abs(pin.rnea(model, model.createData(), q, speed, a))
+        effort = np.abs(pin.rnea(model, model.createData(), q, speed, a) - hose)
         effort[~moving] = np.minimum(effort[~moving], (np.array(closed) * pushes)[~moving])
         most = np.maximum(most, effort)
     return most
 
 
-@pytest.mark.parametrize("carried", [(), ("box",)])
-def test_peaks_of_all_joints_by_pinocchios_forward_dynamics(carried):
-    scene, random = three_axes(), np.random.default_rng(3)
+@pytest.mark.parametrize(("carried", "torque"), [((), 0.0), (("box",), 7.0)])
+def test_peaks_of_all_joints_by_pinocchios_forward_dynamics(carried, torque):
+    hose = {"kind": "hose", "name": "hose", "joint": "lift", "torque": torque}
+    scene, random = three_axes().with_(springs=[hose]), np.random.default_rng(3)
+    hoses = np.array([0.0, torque, 0.0])
     q, v = random.uniform(-2.0, 2.0, (2, 20, 3))
     v[::4, 1] = 0.0
     delay, torque = (dict(zip(NAMES, x, strict=True)) for x in (DELAYS, BRAKES))
     machine = Machine(scene, carried, {}, {}, {}, None)
     found = gear_peaks(machine, torque, delay, q, v, np.sign(v))
     judged = [
-        by_forward_dynamics(scene, carried, *row) for row in zip(q, v, np.sign(v), strict=True)
+        by_forward_dynamics(scene, carried, *row, hoses)
+        for row in zip(q, v, np.sign(v), strict=True)
     ]
     np.testing.assert_allclose(found, judged, rtol=1e-6)
 

@@ -181,6 +181,7 @@ class Workspace:
         alone &= (drives.rate_row != 0.0).sum(axis=1) == 1
         mimic = any("Mimic" in joint.shortname() for joint in supplier.model.joints)
         odd = self._locks or self.held.size or t.coordinates.ball.any() or supplier.copies
+        odd = odd or self.twin.springs is not None  # ABA would not know them
         self.forces: Any = None
         self.views: tuple[Any, ...] = ()
         if coupled or mimic or odd or not alone.all():

@@ -127,6 +127,14 @@ class _Sample:
         self.motion = states.q[i], states.v[i], states.a[i]
         pin.forwardKinematics(model, self.data, *self.motion[:2])
         self.pairs, self.twist, place = [], np.zeros(self.units.shape[1:]), self.data.oMi
+        self.pulls, twin = [], result.scene.twin()
+        if twin.springs is not None:
+            p, R = (
+                np.array([[getattr(M, x) for M in list(place)[1:]]])
+                for x in ("translation", "rotation")
+            )
+            moved = twin.displacements(twin.springs.joint, self.motion[0][None])
+            self.pulls = twin.springs.wrenches(moved, p, R)
         for row in range(len(self.twist)):
             assert linkage is not None
             a, b = (linkage.frame_joint[row] + 1).tolist()
@@ -155,6 +163,8 @@ class _Sample:
         forces.extend([pin.Force.Zero() for _ in range(self.model.njoints)])
         for applied in self.result.external:
             forces[applied.joint + 1] += pin.Force(applied.wrench[self.i])
+        for joint, wrench in self.pulls:
+            forces[joint + 1] += pin.Force(wrench[0])
         between = np.tensordot(x, self.units, 1)
         between[: len(multipliers)] += multipliers
         for (a, b, pose), wrench in zip(self.pairs, between, strict=True):
@@ -323,6 +333,7 @@ def _check_sample(sample: _Sample, largest: _Largest) -> bool:
             terms += [left[undriven] * v[undriven]]
             terms += [(state.multipliers * sample.twist[: len(state.multipliers)]).ravel()]
             terms += [f.wrench[i] * sample.data.v[f.joint + 1].vector for f in result.external]
+            terms += [pull[0] * sample.data.v[row + 1].vector for row, pull in sample.pulls]
             terms += [-v * pin.rnea(sample.model, sample.data, *sample.motion)]
             largest.beside("power", *terms)
             if na:

@@ -130,7 +130,9 @@ def _site_velocities(
 
 def _needs_wrenches(scene: Scene, applied: list[AppliedWrench]) -> bool:
     """Return whether anything in the scene depends on reactions; else they are not computed."""
-    return bool(applied) or any(site.friction.bearing is not None for site in scene.sites)
+    return bool(applied or scene.springs) or any(
+        site.friction.bearing is not None for site in scene.sites
+    )
 
 
 def _react(

@@ -305,23 +305,34 @@ class Supplier:
         pin.rnea(self.model, self.data, q, v, self._zero)
         if self.copies:
             self._copy()
-        for wrench in applied or ():
-            self._subtract(wrench.joint, wrench.wrench[0])
+        self._load(q, applied or ())
 
     def balance(
         self, q: np.ndarray, v: np.ndarray, a: np.ndarray, applied: Sequence[AppliedWrench] = ()
     ) -> None:
         """Compute the wrenches and, in `h`, the efforts of a motion without friction."""
         pin.rnea(self.model, self.data, q, v, a)
+        if self.twin.springs is not None:
+            pin.updateGlobalPlacements(self.model, self.data)
         if self.copies:
             self._copy()
-        for wrench in applied:
-            self._subtract(wrench.joint, wrench.wrench[0])
+        self._load(q, applied)
 
     def move(self, q: np.ndarray, v: np.ndarray) -> None:
         """Compute poses and velocities only."""
         pin.forwardKinematics(self.model, self.data, q, v)
         self._copy()
+
+    def _load(self, q: np.ndarray, applied: Sequence[AppliedWrench]) -> None:
+        """Let wrenches from outside, and those of springs, relieve the joints."""
+        for wrench in applied:
+            self._subtract(wrench.joint, wrench.wrench[0])
+        if (springs := self.twin.springs) is not None:
+            moved = self.twin.displacements(springs.joint, q[None])
+            for row, pull in springs.wrenches(
+                moved, self.supply.p[None, 1:], self.supply.R[None, 1:]
+            ):
+                self._subtract(row, pull[0])
 
     def _subtract(self, row: int, wrench: np.ndarray) -> None:
         """Let a wrench on a link, in its joint's frame, relieve the joints that carry it."""

@@ -436,7 +436,8 @@ def _tabulate_coordinates(
             rows[c, v] = 1.0
         else:
             assert linkage is not None
-            if action < linkage.off_joint or linkage.unit[action, :3].any():
+            unit = linkage.unit[action]
+            if action < linkage.off_joint or unit[:3].any() or not unit.any():
                 direction_size[c] = min(1.0, linkage.size)
     return Coordinates(
         velocity_index=np.array([key[0] for key in keys], dtype=np.int64),

@@ -12,10 +12,11 @@ from pinfric.dynamics.samples.states import States
 from pinfric.dynamics.samples.threaded import embed_in_parts, team, threads_for
 from pinfric.errors import RollMomentError, SceneError, StateError, choose_from
 from pinfric.model.arrays import real_numbers
-from pinfric.model.closure import tree_tables
+from pinfric.model.closure import embedded, tree_tables
+from pinfric.model.kinematics import place_links
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, impossible
 from pinfric.model.scene import Scene, expect_scene
-from pinfric.model.twin import Twin, embed, transmit
+from pinfric.model.twin import Twin, embed, project, transmit
 
 #: Samples per batch and thread: the twin's arrays of one batch stay in the second-level cache.
 CHUNK = 512
@@ -120,10 +121,65 @@ def reactions(
     transmitted(twin, q, v, a, batch, threads)
 
 
+def rigid_efforts(
+    twin: Twin, q: np.ndarray, v: np.ndarray, a: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the wrenches (n, nj, 6) and efforts (n, nv) of states without friction (`reactions`).
+
+    Args:
+        twin: with the springs. q, v, a: (n, nq), (n, nv), (n, nv).
+    """
+    wrench, effort = np.empty((len(q), twin.n_joints, 6)), np.empty(v.shape)
+    batch = Batch.of(twin, min(len(q), batch_size(1)))
+    for part in slices(0, len(q), batch_size(1)):
+        first = batch.first(part.stop - part.start)
+        reactions(twin, q[part], v[part], a[part], first, 1)
+        wrench[part] = first.wrench
+    project(wrench, twin.embedding, twin.armature, a, effort)
+    return wrench, effort
+
+
 def transmitted(
     twin: Twin, q: np.ndarray, v: np.ndarray, a: np.ndarray, batch: Batch, threads: int
 ) -> None:
     """Write `reactions` of a batch whose states of the twin are there."""
+    _transmitted(twin, q, v, a, batch, threads)
+    for joint, wrench in spring_wrenches(twin, q, batch.q):
+        transmit(wrench, joint, *tree_tables(twin), batch.q, batch.wrench)
+
+
+def spring_wrenches(twin: Twin, q: np.ndarray, q_twin: np.ndarray) -> list[tuple[int, np.ndarray]]:
+    """Return the springs' wrenches on links (`Springs.wrenches`) of a batch.
+
+    Args:
+        twin: with the springs. q: (n, nq). q_twin: (n, 7 nj), as `embed` writes it.
+    """
+    return [] if twin.springs is None else twin.springs.wrenches(*_places(twin, q, q_twin))
+
+
+def spring_energy(twin: Twin, q: np.ndarray) -> np.ndarray:
+    """Return (n,) the potential energy (J) of the springs at configurations q (n, nq)."""
+    if twin.springs is None:
+        return np.zeros(len(q))
+    zero = np.zeros((len(q), twin.nv))
+    return twin.springs.energy(*_places(twin, q, embedded(twin, q, zero, zero)[0]))
+
+
+def _places(
+    twin: Twin, q: np.ndarray, q_twin: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What `Springs` asks for: positions of their joints, poses of all links."""
+    assert twin.springs is not None
+    n, nj = len(q), twin.n_joints
+    p, R = np.empty((n, nj, 3)), np.empty((n, nj, 3, 3))
+    place_links(q_twin, *tree_tables(twin), p, R)
+    return twin.displacements(twin.springs.joint, q), p, R
+
+
+def _transmitted(
+    twin: Twin, q: np.ndarray, v: np.ndarray, a: np.ndarray, batch: Batch, threads: int
+) -> None:
+    """Write the wrenches of a batch without springs."""
     flat = batch.wrench.reshape(len(q), -1)
     if twin.opened is None:
         data, forces = twin.joint_forces()

@@ -17,6 +17,7 @@ import pinocchio as pin
 from pinfric.dynamics.inverse.result import StickInterval, runs
 from pinfric.dynamics.samples.closure import working_rates
 from pinfric.dynamics.samples.motor_torques import scene_gears
+from pinfric.dynamics.samples.reactions import spring_energy
 from pinfric.errors import PinfricError, SimulationError, StateError
 from pinfric.model.arrays import real_numbers
 from pinfric.model.brief import counted, file_name, listed, screen
@@ -235,10 +236,10 @@ class Motion(Shown):
     @cached_property
     def _energy(self) -> Energy:
         model = self.scene.loaded_model(self.carried)
-        data = model.createData()
+        data, springs = model.createData(), spring_energy(self.scene.twin(), self.q[[0, -1]])
 
         def total(i: int) -> float:
-            return mechanical_energy(model, data, self.q[i], self.v[i])
+            return mechanical_energy(model, data, self.q[i], self.v[i]) + float(springs[i])
 
         if self.dense is not None:
             sums = self.dense.integrate(self)
@@ -347,6 +348,7 @@ def scene_digests(scene: Scene, given: str) -> dict[str, str]:
         "payloads": {name: p.model_dump() for name, p in sorted(scene.payloads.items())},
         "friction": {name: f.model_dump() for name, f in sorted(scene.friction.items())},
         "stick velocity": scene.stick_velocity,
+        "springs": [spring.model_dump() for spring in scene.springs],
         "actuators": scene.actuator_names,
     }
     actuators = [actuator.model_dump() for actuator in scene.actuators or ()]

@@ -130,6 +130,7 @@ def set_stage(viewer: Any, scene: Scene, placements: np.ndarray) -> Stage:
         viewer[path].set_transform(carried[name].placement.homogeneous)
         viewer[path].set_property("visible", bool(scene.payloads[name].attached))
     cylinders = _draw_linkage(viewer, scene.linkage, nodes, size) if scene.linkage else ()
+    cylinders += _draw_springs(viewer, scene, size)
     for n, place in enumerate(tool_stops(scene, placements)):
         _draw_ball(viewer[f"world/stop_{n}"], STOP_COLOR, place, _STOP * size, on_top=True)
     low, high = np.min(seen, axis=(0, 1)), np.max(seen, axis=(0, 1))
@@ -241,17 +242,16 @@ def _draw_linkage(
         node = viewer[f"{nodes[joint]}/loop {_node(loop.name)}"]
         _draw_ball(node, _LINE_COLOR, frame.translation, 2.0 * _LINE * size)
     drawn = []
-    pairs = range(len(linkage.loops), len(linkage.pair_kind))
+    pairs = range(len(linkage.loops), len(linkage.pair_kind) - len(linkage.rods))
     off_joint = [drive for drive in linkage.drives if linkage.column_pair[drive.column] in pairs]
     for pair, drive in zip(pairs, off_joint, strict=True):
         joint, frame = linkage_frame(linkage, pair, 1)
         if linkage.pair_kind[pair] == CYLINDER:
-            path = f"world/cylinder {_node(drive.name)}"
-            viewer[path]["barrel"].set_object(Surface(_rod(2.2 * _LINE * size), DRIVE_COLOR))
-            viewer[path]["rod"].set_object(Surface(_rod(_LINE * size), _LINE_COLOR))
             from_, start = linkage_frame(linkage, pair, 0)
             ends = (from_, start.translation), (joint, frame.translation)
-            drawn.append(DrawnCylinder(path, *ends))
+            drawn.append(
+                _draw_rod(viewer, f"cylinder {_node(drive.name)}", DRIVE_COLOR, ends, size)
+            )
         elif linkage.pair_kind[pair] == FORCE:
             node = viewer[f"{nodes[joint]}/drive {_node(drive.name)}"]
             thickness = 1.2 * _ARROW * size
@@ -263,6 +263,33 @@ def _draw_linkage(
             tail = -(0.15 * size + 5.0 * thickness) * axis  # its tip is where it pushes
             node.set_transform((frame * pin.SE3(turn_between(UP, axis), tail)).homogeneous)
     return tuple(drawn)
+
+
+def _draw_rod(
+    viewer: Any, name: str, color: Any, ends: tuple[tuple[int, Any], tuple[int, Any]], size: float
+) -> DrawnCylinder:
+    """Draw a barrel and a rod between two points of links, each a joint's index and a place."""
+    path = f"world/{name}"
+    viewer[path]["barrel"].set_object(Surface(_rod(2.2 * _LINE * size), color))
+    viewer[path]["rod"].set_object(Surface(_rod(_LINE * size), _LINE_COLOR))
+    return DrawnCylinder(path, *ends)
+
+
+def _draw_springs(viewer: Any, scene: Scene, size: float) -> tuple[DrawnCylinder, ...]:
+    """Draw the springs between points."""
+    if (springs := scene.twin().springs) is None:
+        return ()
+    every = zip(springs.lines, springs.ends, springs.points, strict=True)
+    return tuple(
+        _draw_rod(
+            viewer,
+            f"spring {_node(line.name)}",
+            _LINE_COLOR,
+            ((int(ends[0]) + 1, places[0]), (int(ends[1]) + 1, places[1])),
+            size,
+        )
+        for line, ends, places in every
+    )
 
 
 def _draw_marker(node: Any, marker: Marker, site: Site, size: float) -> None:
