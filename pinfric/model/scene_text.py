@@ -47,6 +47,8 @@ def scene_content(scene: Scene, robot: Robot, folder: Path, urdf: str = "") -> d
             content["loop_tolerance"] = _dump(scene.loop_tolerance)
         if scene.redundancy_length != Redundancy().length:
             content["redundancy"] = {"length": scene.redundancy_length}
+    if scene.springs:
+        content["springs"] = [_dump(spring) for spring in scene.springs]
     if scene.actuators is not None:
         content["actuators"] = [
             _dump(drive)

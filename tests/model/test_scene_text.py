@@ -31,7 +31,7 @@ def test_bundled_scenes_and_rare_keys_are_read_back(tmp_path):
             content = scene_content(scene, scene.robot, tmp_path, urdf)
             (tmp_path / "scene.yaml").write_text(yaml_text(content))
             read = pf.load_scene(tmp_path / "scene.yaml")
-            for key in ("friction", "actuators", "payloads", "simulation", "measured"):
+            for key in ("friction", "actuators", "payloads", "simulation", "measured", "springs"):
                 assert getattr(read, key) == getattr(scene, key), (name, key)
             for key in ("stops", "tool", "masses_hold", "stick_velocity", *RARE):
                 assert getattr(read, key) == getattr(scene, key), (name, key)
