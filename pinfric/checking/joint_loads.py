@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.model.twin import PRISMATIC, make_twin, twist
+from pinfric.model.urdf import PLACEHOLDER_SPEED
 from pinfric.motions.joint_columns import stated_range
 
 #: An effort limit beyond so many times the whole robot held out level is a placeholder: the
@@ -33,8 +34,6 @@ _GRAVITY = 9.81
 #: Effort limits over the weight that a joint carries: payload and acceleration come to it. UR10:
 #: 2.5 at the base, 4.4 at the elbow.
 _OVER_WEIGHT = 3.0
-#: A velocity limit beyond is a placeholder (rad/s, m/s).
-_FASTEST = 50.0
 #: A turning joint without an effort limit bears at least this part of the largest load of a turning
 #: joint before it in the same chain: of UR5, UR10, Panda and iiwa the least is 0.12.
 _OF_CHAIN = 0.15
@@ -128,7 +127,7 @@ def joint_loads(model: pin.Model, held_out: float | None) -> list[JointLoad]:
             limit=limit,
             held=own.get(j, 0.0),
             remark=remark,
-            fastest=speed if 0.0 < speed <= _FASTEST else 0.0,
+            fastest=speed if 0.0 < speed <= PLACEHOLDER_SPEED else 0.0,
             least=min(load, rule[0]),
             why_least=why if load <= rule[0] else rule[1],
         )

@@ -48,6 +48,7 @@ from pinfric.motions.summary import effort_unit, ends_by_magnitude
 
 _SOURCE = "Machine Design, Mechantronics Q & A: Hold it steady (2007): factor 1.5 to 3"
 _NO_BRAKE = "the catalogue has no brake that goes with this motor"
+_NO_SHAFT = "a linear motor has no shaft for a brake: the joint needs a clamp or a counterweight"
 _STATICS = (
     "limits of static friction (pinfric.holds) at the worst pose; Harmonic "
     "Drive: do not rely on the back-driving torque to hold a load"
@@ -170,6 +171,12 @@ def _standstill(
         name = smallest_brake(brakes, torque, stop)
     needed = bool(why) and conditions.holding_brake != "any"
     held_by = _torque(torque, stop, name, brakes, (rest, conditions), needed, fitted is not None)
+    if slides and gear is not None and shaft is None and needed and fitted is not None:
+        said, most = stated(conditions, "holding_brake"), rest.reserve(conditions) * effort[1]
+        figures = most, 0.0, "N", LEAST_MARGIN
+        held_by = Criterion(
+            _BRAKE, Status.FAILS, *figures, held_by.formula, _SOURCE, _NO_SHAFT, said
+        )
     if fitted == "" and not why:
         held_by = replace(held_by, note=rest.without_brake(back))
     assert result.t is not None  # size refuses a motion without times

@@ -32,6 +32,8 @@ from pinfric.model.yamlfile import brief
 _INERTIA_SLACK = 1e-3
 #: Moments below this (kg m^2) are the rounding of an exporter.
 _INERTIA_FLOOR = 1e-9
+#: A velocity limit beyond is a placeholder, rad/s or m/s.
+PLACEHOLDER_SPEED = 50.0
 _JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "planar", "floating")
 _MOMENTS = ("ixx", "ixy", "ixz", "ixy", "iyy", "iyz", "ixz", "iyz", "izz")
 #: Required attributes of each shape.

@@ -32,6 +32,7 @@ from pinfric.model.mass_matrix import mass_matrices
 from pinfric.model.robot import link_frame
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Payload
+from pinfric.model.urdf import PLACEHOLDER_SPEED
 from pinfric.model.yamlfile import yaml_line
 from pinfric.motions.joint_columns import JointColumn, configurations, joint_columns
 from pinfric.motions.trajectory import Trajectory
@@ -51,8 +52,6 @@ _NO_GRAVITY = 0.02
 _NEARLY_WORST = 0.97
 #: A payload is not heavier than so many times what moves.
 _HEAVIEST = 2.0
-#: A velocity limit beyond is a placeholder, rad/s or m/s.
-_FASTEST = 50.0
 #: 90 degrees, rad; and the least way of a move: with less room before a limit it goes back.
 _QUARTER, _LEAST_WAY = 0.5 * math.pi, 0.05
 #: s that each posture is held; Hz of the samples.
@@ -341,7 +340,7 @@ class Arm:
             for name, k in zip(names, self.columns_of, strict=True)
         ]
         for name, speed in zip(names, speeds, strict=True):
-            if not speed <= _FASTEST:
+            if not speed <= PLACEHOLDER_SPEED:
                 stated = "" if math.isinf(speed) else f" that a joint can have ({speed:g})"
                 raise TrajectoryError(
                     f"{self.scene.source}: joint {name} has no velocity limit{stated}; give its "

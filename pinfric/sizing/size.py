@@ -531,8 +531,8 @@ class _Sizing:
             )
         self.shelves: dict[bool, Shelf] = {}
         self.banned: dict[int, set[str]] = {}
-        #: Efforts that gears must bear in stops, those of them that a simulation showed, and braking
-        #: under power, by the drives' columns.
+        #: By the drives' columns: efforts that gears must bear in stops, those of them that a
+        #: simulation showed, and braking under power.
         self.stop_effort: dict[int, float] = {}
         self.stop_least: dict[int, float] = {}
         self.stop_note = self.open_stops = ""

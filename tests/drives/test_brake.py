@@ -316,8 +316,12 @@ def test_only_a_linear_motor_has_no_shaft(joint):
     zero = np.zeros((2, 1))
     motion = pf.Trajectory.from_arrays(scene, np.array([0.0, 1.0]), zero, zero, zero)
     slides = joint.shortname() == "JointModelPZ"
-    (found,) = pf.size(scene, motion).standstills
+    report = pf.size(scene, motion)
+    (found,) = report.standstills
     assert (found.shaft is None) == slides
+    (chosen,) = standstills(report.result, {}, Conditions(), [""])
+    assert (chosen.torque.status == Status.FAILS) == slides  # its load would fall
+    assert ("no shaft for a brake" in chosen.torque.note) == slides
     assert found.effort == pytest.approx((2.0 * 9.81,) * 2 if slides else (0.0, 0.0), abs=1e-12)
 
 

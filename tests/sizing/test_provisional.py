@@ -23,6 +23,8 @@ from sizing_cases import (
 import pinfric as pf
 from pinfric.show.pages.sizing import sizing_page
 from pinfric.show.report.drives import provisional_table
+from pinfric.sizing.provisional import provisional
+from pinfric.sizing.shelf import Parts, Search
 from pinfric.sizing.summary import sizing_summary
 
 UP = INERTIA * ACCELERATION + COULOMB
@@ -175,3 +177,15 @@ def test_the_servos_of_the_so101_hold_it_with_pauses():
     hot = ["runs hot" in " ".join(joint.nearest.would) for joint in report.joints]
     assert hot == list(rms > has)
     assert 1 <= sum(hot) < 6
+
+
+def test_a_banned_drive_is_not_provisional(tmp_path):
+    """Of two alike the other."""
+    gears = {n: GEAR | {"stiffness": None, "mass": m} for n, m in (("G", 0.5), ("H", 0.6))}
+    path = write_catalog(tmp_path / "c.yaml", gears=gears)
+    (joint,) = sized_cycle(path, on_miss="ignore").joints
+    search = joint.search
+    assert provisional(search).candidate.gear_name == "G"
+    banned = Parts(banned=frozenset([provisional(search).candidate.name]))
+    other = Search(search.shelf, search.case, banned)
+    assert provisional(other).candidate.gear_name == "H"

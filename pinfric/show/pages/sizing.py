@@ -23,6 +23,7 @@ from pinfric.show.report.drives import (
     brake_table,
     bus_lines,
     bus_table,
+    by_text,
     choice_table,
     provisional_table,
     rating_table,
@@ -99,11 +100,8 @@ def sizing_page(report: SizingReport, command: str = "", inputs: Iterable[str | 
         if value is not None and value != {}:
             shown = f"{value:g}" if isinstance(value, float) else str(value)
             said.append(f"{name} {shown}{given}")
-    documents: dict[str, dict[str, None]] = {}
-    for taken in (joint.installed for joint in report.joints):
-        for line in () if taken is None else taken.candidate.sources:
-            name, _, text = line.partition(": ")
-            documents.setdefault(text, {})[name] = None
+    taken = (joint.installed for joint in report.joints)
+    documents = by_text(line for one in taken if one for line in one.candidate.sources)
     return page(
         "sizing",
         report.scene.actuator_names,
@@ -203,6 +201,8 @@ def _ended(c: Criterion) -> Marked:
         return mark("none", "not checked", c.note)
     if c.status == Status.NOT_REQUIRED:
         return mark("free", "not required", c.note)
+    if c.status == Status.PASSES and not c.scaled:
+        return mark("free", "passes", c.why)  # a step has no reserve
     return Marked(f'<span title="{escape(c.why)}">{_margin(c.margin)}</span>')
 
 
@@ -210,7 +210,11 @@ def _criteria(criteria: Sequence[Criterion]) -> tuple[Table | None, ...]:
     """All criteria of a drive in two tables, each with a bar of the used part of its limit."""
 
     def margin(c: Criterion) -> Marked:
-        if c.status in (Status.NOT_CHECKED, Status.NOT_REQUIRED) or c.margin is None:
+        if (
+            c.status in (Status.NOT_CHECKED, Status.NOT_REQUIRED)
+            or c.margin is None
+            or not c.scaled
+        ):
             return _ended(c)
         used = min(max(100.0 * (1.0 - c.margin), 0.0), 100.0)
         colour = "red" if c.status == Status.FAILS else "blue"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 from pinfric.drives.criterion import Status
 from pinfric.drives.drivetrain import RETYPED
@@ -92,13 +92,19 @@ def brake_line(found: SizingSummary) -> list[str]:
     return [f"brakes: {said}", *lines] if said else lines
 
 
+def by_text(lines: Iterable[str]) -> dict[str, dict[str, None]]:
+    """Return of lines `name: text` the names of each text, each once."""
+    found: dict[str, dict[str, None]] = {}
+    for line in lines:
+        name, _, text = line.partition(": ")
+        found.setdefault(text, {})[name] = None
+    return found
+
+
 def product_lines(found: SizingSummary) -> list[str]:
     """Return what the catalogue remarks on the products taken, a line each; none: nothing."""
     taken = (joint.installed for joint in found.joints)
-    products: dict[str, dict[str, None]] = {}  # what is remarked -> of which
-    for note in (note for one in taken if one is not None for note in one.notes):
-        name, _, said = note.partition(": ")
-        products.setdefault(said, {})[name] = None
+    products = by_text(note for one in taken if one is not None for note in one.notes)
     retyped = list(products.pop(RETYPED, {}))
     more = f" and {len(retyped) - 1} more" * (len(retyped) > 1)
     lines = [f"{', '.join(names)}: {said}" for said, names in products.items()]

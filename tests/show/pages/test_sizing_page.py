@@ -26,8 +26,9 @@ from sizing_cases import (
 )
 
 from pinfric import __version__
+from pinfric.drives.criterion import compare
 from pinfric.model.scene_file import bundled_folder
-from pinfric.show.pages.sizing import sizing_page
+from pinfric.show.pages.sizing import _ended, sizing_page
 
 
 def texts(html):
@@ -102,7 +103,7 @@ def test_every_number_of_a_joint_is_that_of_a_pocket_calculator(tmp_path):
     }
     rows = {row["criterion"]: row for row in with_heading(page, "criterion", "needs", "has")}
     judged = {name for name, row in rows.items() if "%" in row["margin"]}
-    assert judged - {"bus voltage"} == set(expected)
+    assert judged == set(expected)  # "bus voltage" passes, without a reserve
     margins = {}
     for name, (need, has) in expected.items():
         is_about(rows[name]["needs"], need)
@@ -119,7 +120,7 @@ def test_every_number_of_a_joint_is_that_of_a_pocket_calculator(tmp_path):
     is_about(chosen["mass kg"], MOTOR["mass"] + GEAR["mass"])
     powers = [t * speed + resistance * (t / k) ** 2 for t in motor]
     tiles = [texts(x) for x in re.findall(r'<div class="fact[^"]*"><b>(.*?)</b>', page)]
-    assert tiles[:3] == ["1.50 kg", "1 of 1", str(len(rows) - len(judged) - 5)]
+    assert tiles[:3] == ["1.50 kg", "1 of 1", str(len(rows) - len(judged) - 6)]
     is_about(tiles[3].removesuffix(" W"), powers[0])
     # what the cycle demands
     (demand,) = with_heading(page, "peak N m", "speed rad/s")
@@ -160,3 +161,18 @@ def test_the_page_states_the_words_typed_and_every_input(tmp_path, monkeypatch):
     assert names == {"pendulum.yaml", "pendulum.urdf", "a cycle.yaml", "b.yaml", "catalog"}
     for name in ("a cycle.yaml", "b.yaml"):
         assert stated[name] == hashlib.sha256((tmp_path / name).read_bytes()).hexdigest()
+
+
+@pytest.mark.parametrize(
+    ("name", "bus", "shown"),
+    [
+        ("motor voltage", 48.0, "passes"),
+        ("motor speed", 48.0, "0 %"),
+        ("motor voltage", 40.0, "-20 %"),
+    ],
+)
+def test_a_step_that_passes_is_no_tight_margin(name, bus, shown):
+    """Of a nominal voltage that equals the bus nothing is left, and nothing is needed."""
+    cell = _ended(compare(name, 48.0, bus, "V", "", ""))
+    assert re.sub("<[^>]*>", "", cell) == shown
+    assert ("tight" in cell) == (shown == "0 %")
