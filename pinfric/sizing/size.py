@@ -527,7 +527,7 @@ class _Sizing:
         if self.unloaded.all():
             raise SizingError(
                 f"{scene.source}: no link that moves has a mass, so there is nothing to size: give "
-                "the URDF's links an <inertial>"
+                "the URDF's links an <inertial>; `pinfric new URDF --mass KG` makes a start"
             )
         self.shelves: dict[bool, Shelf] = {}
         self.banned: dict[int, set[str]] = {}

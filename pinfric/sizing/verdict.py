@@ -55,8 +55,8 @@ class JointVerdict:
         "moves no mass: not sized"
     )
     mass: float = quantity("of its drive, as far as known; 0 where none fits", "kg")
-    margin: float = quantity(
-        "the least of all criteria of drive, brake, stop and place",
+    margin: float | None = quantity(
+        "the least of all criteria of drive, brake, stop and place; none: none was checked",
         heading="least\nmargin",
         cell="{margin:margin}",
     )
@@ -95,6 +95,12 @@ class Verdict:
         return len(self.of(State.SIGNED))
 
     @property
+    @derived()
+    def sized(self) -> int:
+        """Number of joints that get a drive: all but those that move no mass."""
+        return len(self.joints) - len(self.of(State.UNLOADED))
+
+    @property
     @derived("kg")
     def mass(self) -> float:
         """Mass of the drives that can be signed."""
@@ -108,7 +114,7 @@ class Verdict:
             unmet = f"{counted(len(self.failing), 'criterion', 'criteria')} not met"
             return unmet if self.failing else "no criterion fails"
         provisional = self.of(State.PROVISIONAL)
-        said = f"{self.fitted} of {len(self.joints)} joints can be signed"
+        said = f"{self.fitted} of {self.sized} joints can be signed"
         parts = [f"{said}, {len(provisional)} provisional" if provisional else said]
         if self.fitted:
             parts.append(f"{self.mass:.2f} kg of drives")
@@ -217,7 +223,8 @@ def _shared(report: SizingReport, k: int) -> list[Criterion]:
 
 def _of_joint(joint: JointSizing, criteria: tuple[Criterion, ...], doubted: bool) -> JointVerdict:
     """`doubted`: the scene's masses cannot be, so that nothing can be signed."""
-    judged = (c for c in criteria if c.status in (Status.PASSES, Status.FAILS) and c.scaled)
+    ended = () if joint.unloaded else (Status.PASSES, Status.FAILS)
+    judged = (c for c in criteria if c.status in ended and c.scaled)
     tightest = min(judged, key=lambda c: c.margin or 0.0, default=None)
     failed, state, why = [c for c in criteria if c.status == Status.FAILS], State.SIGNED, ""
     failing = tuple(_failing(joint.name, failed))
@@ -240,7 +247,7 @@ def _of_joint(joint: JointSizing, criteria: tuple[Criterion, ...], doubted: bool
         name=joint.name,
         state=state,
         mass=0.0 if taken is None else taken.candidate.mass or 0.0,
-        margin=0.0 if tightest is None else tightest.margin or 0.0,
+        margin=None if tightest is None else tightest.margin or 0.0,
         tightest=None if tightest is None else tightest.name,
         why=why,
         failing=failing,

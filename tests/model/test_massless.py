@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import mujoco
 import numpy as np
 import pinocchio as pin
@@ -14,6 +16,7 @@ import pinfric as pf
 from pinfric.errors import PinfricError, PinfricWarning, SizingError
 from pinfric.model.massless import massless_joints
 from pinfric.model.schema import Payload
+from pinfric.show.pages.sizing import sizing_page
 
 FRICTION = {"grip": {"coulomb": {"static": 0.3, "kinetic": 0.2}}}
 
@@ -136,6 +139,11 @@ def test_it_is_not_sized(tmp_path):
     assert states["grip"] == "moves no mass"
     assert "grip: moves no mass, not sized" in report.verdict.headline
     assert not any("grip" in line for line in report.verdict.failing)
+    assert report.verdict.headline.startswith(f"{report.verdict.fitted} of 1 joints can be signed")
+    assert [j.margin for j in report.verdict.joints if j.name == "grip"] == [None]
+    (section,) = re.findall("<h2>grip.*?</section>", sizing_page(report), re.DOTALL)
+    assert "grip: not sized" in section
+    assert "<svg" not in section
     nothing = arm(mass=0.0)
     with pytest.raises(SizingError, match="no link that moves has a mass"):
         pf.size(nothing, still(nothing), path, conditions=given)

@@ -179,6 +179,7 @@ def _joint_view(
         "units": joint.installed.candidate.units if joint.installed is not None else (),
         "at_output": joint.installed is not None and joint.installed.candidate.at_output,
         "fitting": table_of("", found.alternatives),
+        "unloaded": joint.unloaded and report.catalog is not None,
     }
 
 

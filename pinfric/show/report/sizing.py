@@ -228,7 +228,7 @@ def verdict(report: SizingReport) -> str:
         if joint.choice is None and joint.nearest and not joint.nearest.would
     ]
     unchecked = sum(len(j.choice.not_checked) for j in report.joints if j.choice is not None)
-    parts = [report.verdict.headline, f"{unchecked} criteria not checked"]
+    parts = [report.verdict.headline, f"{counted(unchecked, 'criterion', 'criteria')} not checked"]
     if nearest:
         parts.append(f"{', '.join(nearest)}: computed with the closest candidate")
     if report.scene.assumed is not None:
