@@ -13,7 +13,7 @@ A search ends after `MOST_PASSES` passes of its solves; it is then `UNDECIDED`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import combinations, product
 from typing import Any, NamedTuple
@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pinfric.friction.balance import FITS, RANK
+from pinfric.friction.certificate import Ball, kinetic
 from pinfric.friction.gears import choices, fit, is_certain, lasts_under_loads, lines_and_rows
 from pinfric.friction.given_modes import SHOULD_STICK, judge
 from pinfric.friction.islands import split
@@ -152,13 +153,13 @@ class PossibleWays:
 
 #: Up to this number of joints at rest all modes are tried: 3^8 = 6561 solves.
 MOST_ENUMERATED = 8
+#: So many joints are tried in less time than the ball of their answers takes.
+_FEW = 2
 #: Passes of all solves of a search, a few seconds once compiled. A solve takes one pass in an open
 #: chain, three in a mechanism, more where friction is shared.
 MOST_PASSES = 20_000
 #: Accelerations closer than this, relative to their size, are the same one.
 _SAME = 1e-6
-#: How far below 1 a bound has to be to prove something.
-_CERTAIN = 1e-3
 #: Outcomes of several searches: the last of them here is that of all.
 _GRAVITY = (
     Found.SOLVED,
@@ -414,23 +415,91 @@ def _search_open(query: _Query, forced: dict[int, float], held: np.ndarray | Non
     if not rests.any():
         query.count.tried += 1
         return query.end(*query.answer())
+    if not mechanism.closed and not forced and rests.sum() > _FEW:
+        certain = _in_ball(query, held)
+        if certain is not None:
+            return certain
     if len(mechanism.joints(rests)) > MOST_ENUMERATED:
         return _pivot(query, forced)
-    found = _enumerate(query, forced, held)
+    found = _enumerate(query, _all_ways(query, forced), forced, held)
     if found == Found.UNDECIDED:
         query.left = MOST_PASSES
         found = _pivot(query, forced)
         return found if found == Found.SOLVED else Found.UNDECIDED
     if together and forced and found in (Found.NONE, Found.NOT_CONVERGED):
         # the direction of break-away was a guess: a slow joint's friction may act with the motion
-        found = _enumerate(query, {}, held, fewest=1)
+        found = _enumerate(query, _all_ways(query, {}, fewest=1), {}, held)
     return found
+
+
+def _in_ball(query: _Query, held: np.ndarray | None) -> Found | None:
+    """Search an open chain among the answers that its kinetic answer allows; None: nothing proved.
+
+    See `certificate`.
+    """
+    problem, modes, mechanism = query.problem, query.modes, query.mechanism
+    rests, limits = modes.at_rest.copy(), kinetic(problem, modes.at_rest)
+    if limits is None:
+        return None
+    _stick(modes, mechanism, {})
+    query.count.tried += 1
+    solutions, obeying = query.answer()
+    if modes.figures[0] >= 1.0:
+        return None
+    if obeying:
+        return query.end(solutions, obeying)
+
+    def follow() -> bool:
+        sub = _Query(limits, modes, mechanism, Count(), every=False)
+        found = _follow(sub, set()) == Found.SOLVED
+        query.count.tried += sub.count.tried
+        return found
+
+    if not follow():
+        return None
+    ball, failed = Ball(problem, limits, centre := modes.copy(), rests), False
+
+    def ways(sets: list[np.ndarray]) -> Iterator[Ways]:
+        nonlocal failed
+        for slipping in sets:
+            modes.take(centre)
+            modes.stuck[rests], modes.direction[rests] = True, 0.0
+            modes.stuck[slipping], modes.direction[slipping] = (
+                centre.stuck[slipping],
+                centre.direction[slipping],
+            )
+            modes.at_rest[:] = False
+            modes.at_rest[slipping] = True
+            if (modes.stuck != centre.stuck).any() and not follow():
+                failed = True
+            slips, modes.at_rest[:] = not modes.stuck[slipping].any(), rests
+            if slips:
+                yield dict(zip(slipping.tolist(), modes.direction[slipping].tolist(), strict=True))
+
+    if not ball.sure:
+        return None
+    query.every = False  # in given modes there is one solution
+    if not ball.open.size and (found := query.end(*query.answer())) == Found.SOLVED:
+        query.every = True
+        return found
+    found = _enumerate(query, (list(ways(sets)) for sets in ball.sets()), {}, held)
+    query.every = True
+    return None if failed or found in (Found.NONE, Found.NOT_CONVERGED) else found
+
+
+def _all_ways(query: _Query, forced: Ways, fewest: int = 0) -> Iterator[list[Ways]]:
+    """Yield the ways to slip that kinematics allows, with ever more joints beside the forced."""
+    modes, mechanism = query.modes, query.mechanism
+    others = [c for c in mechanism.joints(modes.at_rest) if c not in forced]
+    possible = PossibleWays(query.problem, mechanism, modes.at_rest.copy())
+    for level in range(fewest, len(others) + 1):
+        yield [forced | more for more in possible.ways(others, level, forced)]
 
 
 def _pivot(query: _Query, forced: dict[int, float]) -> Found:
     """Follow modes from all stick; the answer is the only one if none breaks away beside `forced`.
 
-    It is then the one with the fewest slipping joints. Else it has to be proved.
+    It is then the one with the fewest slipping joints.
     """
     modes = query.modes
     _stick(modes, query.mechanism, forced)
@@ -438,33 +507,9 @@ def _pivot(query: _Query, forced: dict[int, float]) -> Found:
     if found in (Found.NONE, Found.NOT_CONVERGED):
         return Found.UNDECIDED  # there are modes that were not tried
     moves = query.mechanism.joints(modes.at_rest & ~modes.stuck)
-    if len(moves) > len(query.mechanism.joints(np.isin(np.arange(len(modes.stuck)), [*forced]))):
-        query.proved &= not query.mechanism.closed and _is_only(query.problem, modes.at_rest)
+    forced_to = query.mechanism.joints(np.isin(np.arange(len(modes.stuck)), [*forced]))
+    query.proved &= len(moves) <= len(forced_to)
     return found
-
-
-def _is_only(problem: Problem, rests: np.ndarray) -> bool:
-    """Return whether all answers are one, whichever modes they have, of an open chain.
-
-    Two answers x + d and x obey d_c (R d)_c <= |(R d)_c| |L_c(x + d) - L_c(x)| in each coordinate,
-    sticking or slipping, if static limits L equal sliding friction. |L_c(x + d) - L_c(x)| is at
-    most a_c |d|_R, with a_c = sum mu |P_t R^-1/2| over its contact forces. The sum over all
-    coordinates is |d|_R^2 <= sqrt(a^T |R| a) |d|_R^2: below 1 there is only d = 0.
-    """
-    here = rests[problem.coordinate]
-    same = (problem.mu_slip, problem.mu_stick), (problem.coulomb_slip, problem.coulomb_stick)
-    if problem.gear_rotor.shape[0] or problem.drag[here].any():
-        return False
-    if any((slip[here] != stick[here]).any() for slip, stick in same):
-        return False
-    R, entry = problem.rate_slope, problem.contact_entry
-    size, axes = np.linalg.eigh(R)
-    if not size[0] > RANK * size[-1]:
-        return False
-    P = (axes / np.sqrt(size)).T @ problem.contact[:, 1:]
-    grows = np.linalg.norm(P, ord=2, axis=(1, 2)) * (np.abs(problem.ratio) * problem.mu_slip)[entry]
-    a = np.bincount(problem.coordinate[entry], grows, len(R))
-    return bool(np.sqrt(a @ np.abs(R) @ a) < 1.0 - _CERTAIN)
 
 
 def _stick(modes: Modes, mechanism: Mechanism, ways: Mapping[int, float]) -> None:
@@ -485,18 +530,14 @@ def _agree(modes: Modes, mechanism: Mechanism, c: int) -> None:
 
 
 def _enumerate(
-    query: _Query, forced: dict[int, float], held: np.ndarray | None, fewest: int = 0
+    query: _Query, levels: Iterable[list[Ways]], forced: Ways, held: np.ndarray | None
 ) -> Found:
-    """Try all modes, with the fewest joints that slip beside the forced ones first.
+    """Try ways to slip, those with the fewest joints beside the forced ones first.
 
     Where all answers of these are unstable, a joint that they let stick breaks away: more may slip.
     """
-    modes, mechanism = query.modes, query.mechanism
     status, unstable = Found.NONE, list[Answer]()
-    others = [c for c in mechanism.joints(modes.at_rest) if c not in forced]
-    possible = PossibleWays(query.problem, mechanism, modes.at_rest.copy())
-    for level in range(fewest, len(others) + 1):
-        ways = [forced | more for more in possible.ways(others, level, forced)]
+    for ways in levels:
         found, consistent = _try_all(query, ways)
         status = found if found == Found.NOT_CONVERGED else status
         if found in (Found.UNDECIDED, Found.AMBIGUOUS):

@@ -17,6 +17,7 @@ from friction_cases import (
 from scipy.optimize import brentq, lsq_linear
 
 from pinfric.friction import search
+from pinfric.friction.certificate import Ball, kinetic
 from pinfric.friction.given_modes import judge
 from pinfric.friction.law import evaluate
 from pinfric.friction.problem import Found, Modes
@@ -116,7 +117,25 @@ def test_what_is_proved_to_be_the_only_answer_is(seed, strength, proved):
     p.mu_stick[:], p.coulomb_stick[:] = p.mu_slip, p.coulomb_slip
     answers = [x for found in by_level(p, np.ones(2, bool)) for _, x in found]
     assert (np.ptp(answers, axis=0).max() < 1e-9) == proved
-    assert search._is_only(p, np.ones(2, bool)) == proved
+    m = Modes.of(2, 2)
+    m.at_rest[:] = m.stuck[:] = True
+    search.follow(p, m, a_tree(2), search.Count())
+    assert Ball(p, kinetic(p, m.at_rest), m, m.at_rest).sure == proved
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_the_ball_of_all_answers_leaves_out_none(seed, monkeypatch):
+    """As all modes do, in problems with one and with several answers."""
+    p = random_problem(seed, nc=6, strength=0.02, static=1.4)
+    p.rate_free[:] *= 0.4
+    ends = []
+    for limits in (kinetic, lambda *_: None):
+        monkeypatch.setattr(search, "kinetic", limits)
+        m, count = Modes.of(6, 6), search.Count()
+        m.at_rest[:] = True
+        found = search.search(p, m, a_tree(6), count=count)
+        ends.append((found, m.direction.tolist() if found == Found.SOLVED else count.many))
+    assert ends[0] == ends[1]
 
 
 @pytest.mark.parametrize("seed", range(4))  # alone, 1 and 2 would find what is no answer
@@ -259,7 +278,7 @@ def test_a_search_that_runs_out_of_passes_is_followed_to_a_solution_or_undecided
 @pytest.mark.parametrize("worth", [(-1, 0), (0, 0)])
 def test_an_answer_that_does_not_come_again_is_none(worth, monkeypatch):
     """The modes kept are solved again at the end. Whether that gave anything was not asked."""
-    p = random_problem(3, nc=2, strength=0.05, static=1.0)
+    p = random_problem(3, nc=2, strength=0.05, static=1.0)  # so few are tried
     m, mechanism = Modes.of(2, 2), a_tree(2)
     m.at_rest[:] = True
     tried = {}
