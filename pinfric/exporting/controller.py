@@ -10,16 +10,11 @@ import numpy as np
 
 from pinfric import __version__
 from pinfric.dynamics.forward.compensation import (
-    CompensationOptions,
-    compensate_state,
     freedom_names,
-    make_compensated,
 )
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.motor_torques import drive_stick_velocity, scene_gears
-from pinfric.dynamics.samples.reactions import state_wrenches
-from pinfric.dynamics.samples.states import States
 from pinfric.exporting.cpp import (
     Bounds,
     CppFiles,
@@ -29,7 +24,6 @@ from pinfric.exporting.cpp import (
 )
 from pinfric.model.brief import file_name
 from pinfric.model.scene import Scene
-from pinfric.model.twin import project
 from pinfric.motions.joint_columns import single_positions, stated_limit
 from pinfric.sweeps.file import load_sweep
 from pinfric.sweeps.parameters import resolve, vary
@@ -72,7 +66,8 @@ def compensator(
     q, v, a = (x[picked].copy() for x in (result.states.q, result.states.v, result.states.a))
     v[0] = 0.0
     found = inverse_dynamics(replace(scene, measured=None), q, v, a)  # speeds are mentioned
-    friction = _compensation_at(scene, States.of(scene, q, v, a))
+    solver = scene.solver()
+    friction = [solver.compensate(*state, state[1]) for state in zip(q, v, a, strict=True)]
     joints = list(scene.model.joints)[1:]
     at = single_positions(q, [joint.nq for joint in joints if joint.nq])
     rows = at, v, a, found.motor_torque_lower, found.motor_torque_upper, friction
@@ -160,29 +155,6 @@ def stable_scale(e: float) -> float:
 def _level(result: InverseResult, moving: np.ndarray) -> np.ndarray:
     lost = np.abs(compensation(result, "lower")) * moving
     return np.asarray(lost.sum(axis=0) / np.maximum(moving.sum(axis=0), 1))
-
-
-def _compensation_at(scene: Scene, states: States) -> np.ndarray:
-    """(n, na) what is compensated at the states' own velocities."""
-    tables, twin, count = make_compensated(scene), scene.twin(), len(states.q)
-    wrench, effort = state_wrenches(scene, states), np.empty((count, scene.model.nv))
-    project(wrench, twin.embedding, twin.armature, states.a, effort)
-    places = twin.displacements(tables.joint, states.q)
-    options = CompensationOptions().table(scene)
-    return np.array(
-        [
-            compensate_state(
-                scene,
-                tables,
-                effort[i],
-                wrench[i : i + 1, tables.joint],
-                places[i : i + 1],
-                {"v_ref": states.v[i], "error": None, "v_now": None},
-                options,
-            )
-            for i in range(count)
-        ]
-    )
 
 
 def _heading(

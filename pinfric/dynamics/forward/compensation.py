@@ -21,15 +21,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from pinfric.dynamics.problem.accelerations import is_normalized
 from pinfric.dynamics.samples.motor_torques import scene_gears
 from pinfric.errors import PinfricError, StateError
-from pinfric.kernels.compiled import kernel
+from pinfric.kernels.compiled import kernel, record
 from pinfric.model.arrays import real_numbers
 from pinfric.model.bearings import normal_loads
 from pinfric.model.couples import delivery, rate_rows, taking_part
 from pinfric.model.drives import Gears, gear_drag, gear_line
 from pinfric.model.laws import law_at
-from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, impossible
+from pinfric.model.magnitudes import LARGEST_OF_A_MOTION
 from pinfric.model.scene import Scene, SiteTables
 from pinfric.model.twin import PRISMATIC
 
@@ -89,15 +90,15 @@ class Compensated(NamedTuple):
     """Constant tables of a scene for the kernels.
 
     Attributes:
-        joint: (ns,) row of each site's joint.
         sites: `Scene.site_tables`, `joint` the row of the site itself. gears: of the scene.
+        own: (na,) velocity of each drive's joint.
         rate, delivery: (na, nv), (na, na) of drives, see `couples`.
-        together: (na,) whether a drive's joint turns with other drives: its directions differ.
+        together: (nv,) whether a drive's joint turns with other drives: its directions differ.
     """
 
-    joint: np.ndarray
     sites: SiteTables
     gears: Gears
+    own: np.ndarray
     rate: np.ndarray
     delivery: np.ndarray
     together: np.ndarray
@@ -116,8 +117,12 @@ class Directions(NamedTuple):
     drive_leaving: np.ndarray
 
 
-def check_compensated(scene: Scene) -> None:
+def check_compensated(scene: Scene, based: bool = False) -> None:
     """Refuse a scene whose compensation has no bound on its computing time, or is undetermined.
+
+    Args:
+        scene: the robot.
+        based: whether joints without drives may be in it, as the floating base of a legged robot.
 
     Raises:
         PinfricError: names the loop, drive off the joints, joint of several degrees of freedom,
@@ -134,14 +139,14 @@ def check_compensated(scene: Scene) -> None:
     if not scene.joint_names:
         raise PinfricError(f"{scene.source}: has no joint that a compensator could act on")
     for name, components in zip(scene.joint_names, scene.twin().components, strict=True):
-        if components[0] >= 0:
+        if components[0] >= 0 and not based:
             raise PinfricError(
                 f"{scene.source}: joint {name!r} has several degrees of freedom; a compensator "
                 "needs joints of one degree, each with its drive; lock it (robot.locked)"
             )
     own, names = [drive.velocity_index for drive in scene.drives], freedom_names(scene)
     for v, name in enumerate(names):
-        if own.count(v) != 1:
+        if own.count(v) != 1 and not (based and own.count(v) == 0):
             raise PinfricError(
                 f"{scene.source}: actuators: joint {name!r} has "
                 f"{'several drives' if own.count(v) else 'no drive'}; a compensator needs one "
@@ -170,74 +175,18 @@ def make_compensated(scene: Scene) -> Compensated:
     Raises:
         PinfricError: see `check_compensated`.
     """
-    check_compensated(scene)
+    check_compensated(scene, based=True)
     tables, nv, drives = scene.site_tables, scene.model.nv, scene.drives
     P, part = delivery(drives, nv), taking_part(drives)
+    own = np.array([drive.velocity_index for drive in drives], dtype=np.int64)
     return Compensated(
-        joint=tables.joint,
         sites=tables._replace(joint=np.arange(len(scene.sites))),
         gears=scene_gears(scene),
+        own=own,
         rate=rate_rows(drives, nv),
         delivery=P if P.size else np.eye(len(drives)),
-        together=np.isin(np.arange(len(drives)), part),
+        together=np.isin(np.arange(nv), own[list(part)]),
     )
-
-
-def compensate_state(
-    scene: Scene,
-    tables: Compensated,
-    effort: np.ndarray,
-    wrench: np.ndarray,
-    displacement: np.ndarray,
-    motion: Mapping[str, np.ndarray | None],
-    rows: np.ndarray,
-) -> np.ndarray:
-    """Return the compensation (na,) at one state (N m or N at the joints).
-
-    Args:
-        scene, tables: `make_compensated`.
-        effort: (nv,) tau, without friction.
-        wrench: (1, ns, 6) of the sites' joints.
-        displacement: (1, ns) along them.
-        motion: v_ref, and error and v_now or None: (nv,) each.
-        rows: (7, na) of `CompensationOptions.table`; the first two scale.
-
-    Raises:
-        StateError: a value is not finite, or an option is invalid.
-    """
-    for name, given in motion.items():
-        if given is not None and impossible(given).any():
-            raise StateError(f"{name}: holds NaN, Inf or more than {LARGEST_OF_A_MOTION:g}")
-    load = np.zeros((1, len(scene.sites)))
-    normal_loads(wrench, tables.sites.joint, tables.sites.contacts, displacement, load)
-    v_ref, error, v_now = (motion[name] for name in ("v_ref", "error", "v_now"))
-    assert v_ref is not None
-    nothing = np.zeros(len(v_ref))
-    _check_used(scene, rows, error is not None, v_now is not None)
-    out = np.empty(len(scene.drives))
-    compensate(
-        tables,
-        effort,
-        load[0],
-        v_ref,
-        nothing if error is None else error,
-        nothing if v_now is None else v_now,
-        np.array([error is not None and v_now is not None, v_now is not None]),
-        rows,
-        out,
-    )
-    return out
-
-
-def _check_used(scene: Scene, rows: np.ndarray, error: bool, v_now: bool) -> None:
-    """Refuse options that could do nothing: `hold_error` and `power` need what is measured."""
-    holding = rows[3] > 0.0
-    if (holding & (rows[2] == 0.0)).any():
-        raise StateError(f"{scene.source}: CompensationOptions.hold_error: needs a switch_velocity")
-    if holding.any() and not (error and v_now):
-        raise StateError(f"{scene.source}: CompensationOptions.hold_error: needs error and v_now")
-    if not v_now and (rows[5] < np.inf).any():
-        raise StateError(f"{scene.source}: CompensationOptions.power: needs v_now")
 
 
 class Reach(NamedTuple):
@@ -250,6 +199,57 @@ class Reach(NamedTuple):
     least: np.ndarray
     greatest: np.ndarray
     fastest: np.ndarray
+
+
+class CompensatedSample(NamedTuple):
+    """One state of a thread's solver: what a kernel needs beside the arguments of a call.
+
+    Attributes:
+        tables: of the scene.
+        joint: (ns,) row of each site's joint.
+        displacement_q, displacement_ratio, displacement_shift: (ns,), see `Plan`.
+        unit_q, unit_count: (nu,) where in q the parts of length 1 begin, how long they are.
+        force, h: (1 + nj, 6), (nv,) of Pinocchio's `Data`, see `machine.Supply`.
+        reach: see `reach`. position: (nv,) index in q of a joint's one position, or -1.
+        wrench, displacement, load: (1, ns, 6), (1, ns), (1, ns) buffers.
+    """
+
+    tables: Compensated
+    joint: np.ndarray
+    displacement_q: np.ndarray
+    displacement_ratio: np.ndarray
+    displacement_shift: np.ndarray
+    unit_q: np.ndarray
+    unit_count: np.ndarray
+    force: np.ndarray
+    h: np.ndarray
+    reach: Reach
+    position: np.ndarray
+    wrench: np.ndarray
+    displacement: np.ndarray
+    load: np.ndarray
+
+
+box_compensated = record(CompensatedSample)
+
+
+def check_used(scene: Scene, rows: np.ndarray, error: bool, v_now: bool) -> None:
+    """Refuse options that could do nothing: `hold_error` and `power` need what is measured.
+
+    Args:
+        scene: for the message. rows: `CompensationOptions.table`.
+        error, v_now: whether they are given.
+
+    Raises:
+        StateError: named.
+    """
+    holding = rows[3] > 0.0
+    if (holding & (rows[2] == 0.0)).any():
+        raise StateError(f"{scene.source}: CompensationOptions.hold_error: needs a switch_velocity")
+    if holding.any() and not (error and v_now):
+        raise StateError(f"{scene.source}: CompensationOptions.hold_error: needs error and v_now")
+    if not v_now and (rows[5] < np.inf).any():
+        raise StateError(f"{scene.source}: CompensationOptions.power: needs v_now")
 
 
 #: rad/s^2 (m/s^2); rad (m) of a position error; of positions and speeds without limits.
@@ -373,8 +373,8 @@ def friction_of(
         plus = minus = without = damping = 0.0
         for i in range(v.size):
             rate += t.rate[d, i] * v[i]
-        for i in range(dry.size):
-            P = t.delivery[d, i]
+        for e in range(dry.size):
+            P, i = t.delivery[d, e], t.own[e]
             plus += P * (rest[i] + ahead[i])
             minus += P * (rest[i] - back[i])
             without += P * rest[i]
@@ -420,7 +420,7 @@ def compensate(
     """
     nv, na = v_ref.size, out.size
     dry, drag, now = np.empty(na), np.empty(na), np.zeros(na)
-    to = Directions(np.empty(nv), np.empty(nv), np.empty(na), np.empty(na))
+    to = Directions(np.zeros(nv), np.zeros(nv), np.empty(na), np.empty(na))
     for d in range(na):
         band, hold = options[2, d], options[3, d] if given[0] else 0.0
         rate = wrong = 0.0
@@ -428,7 +428,8 @@ def compensate(
             rate += t.rate[d, i] * v_ref[i]
             wrong += t.rate[d, i] * error[i]
             now[d] += t.rate[d, i] * v_now[i]
-        to.joint[d], to.joint_leaving[d] = _direct(v_ref[d], band, error[d], hold, v_now[d])
+        i = t.own[d]
+        to.joint[i], to.joint_leaving[i] = _direct(v_ref[i], band, error[i], hold, v_now[i])
         to.drive[d], to.drive_leaving[d] = _direct(rate, band, wrong, hold, now[d])
     friction_of(t, effort, load, v_ref, to, dry, drag)
     for d in range(na):
@@ -437,10 +438,68 @@ def compensate(
     if not (given[1] and options[5].min() < np.inf):
         return
     for d in range(na):
-        to.joint[d], to.drive[d] = np.sign(v_now[d]), np.sign(now[d])
-        to.joint_leaving[d] = to.drive_leaving[d] = 0.0
+        i = t.own[d]
+        to.joint[i], to.drive[d] = np.sign(v_now[i]), np.sign(now[d])
+        to.joint_leaving[i] = to.drive_leaving[d] = 0.0
     friction_of(t, effort, load, v_now, to, dry, drag)
     for d in range(na):
         lost = dry[d] + drag[d]
         if out[d] * now[d] > lost * now[d] + options[5, d]:
             out[d] = lost + options[5, d] / now[d]
+
+
+@kernel
+def compensate_sample(
+    x: CompensatedSample,
+    q: np.ndarray,
+    v: np.ndarray,
+    a: np.ndarray,
+    v_ref: np.ndarray,
+    error: np.ndarray,
+    v_now: np.ndarray,
+    given: np.ndarray,
+    options: np.ndarray,
+    out: np.ndarray,
+) -> bool:
+    """Write the compensation at the last state that RNEA computed, or all of `joint_effort`.
+
+    Args:
+        x: of the solver. q: (nq,). v, a, v_ref, error, v_now: (nv,).
+        given: (3,) bool: see `compensate`; whether rigid body and rotors are in it.
+        options, out: see `compensate`.
+
+    Returns:
+        False if the state is beyond `reach` or not normalized, or the result is not finite.
+    """
+    for i in range(v.size):
+        k, fastest = x.position[i], x.reach.fastest[i]
+        if k >= 0 and not x.reach.least[i] <= q[k] <= x.reach.greatest[i]:
+            return False
+        if not (abs(v[i]) <= fastest and abs(v_ref[i]) <= fastest and abs(v_now[i]) <= fastest):
+            return False
+        if not (abs(a[i]) <= LARGEST_ACCELERATION and abs(error[i]) <= LARGEST_ERROR):
+            return False
+    for i in range(q.size):
+        if not abs(q[i]) <= LARGEST_OF_A_MOTION:
+            return False
+    if not is_normalized(x.unit_q, x.unit_count, q):
+        return False
+    t = x.tables
+    for s in range(x.joint.size):
+        x.displacement[0, s] = x.displacement_ratio[s] * q[x.displacement_q[s]]
+        x.displacement[0, s] += x.displacement_shift[s]
+        for e in range(6):
+            x.wrench[0, s, e] = x.force[1 + x.joint[s], e]
+    normal_loads(x.wrench, t.sites.joint, t.sites.contacts, x.displacement, x.load)
+    compensate(t, x.h, x.load[0], v_ref, error, v_now, given, options, out)
+    finite = True
+    for d in range(out.size):
+        if given[2]:
+            change = 0.0
+            for i in range(v.size):
+                change += t.rate[d, i] * a[i]
+            for e in range(out.size):
+                out[d] += t.delivery[d, e] * x.h[t.own[e]]
+            out[d] += t.gears.ratio[d] ** 2 * t.gears.rotor_inertia[d] * change
+        finite &= abs(out[d]) < np.inf
+    return finite

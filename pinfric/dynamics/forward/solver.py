@@ -13,17 +13,18 @@ import threading
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
-from functools import cached_property
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from pinfric.dynamics.forward.compensation import (
-    Compensated,
+    CompensatedSample,
     CompensationOptions,
-    Reach,
+    box_compensated,
     check_reach,
-    compensate_state,
+    check_used,
+    compensate_sample,
     make_compensated,
     reach,
 )
@@ -36,13 +37,18 @@ from pinfric.dynamics.problem.accelerations import is_normalized
 from pinfric.dynamics.samples.motion_kernels import TreeSamples, bound_within
 from pinfric.dynamics.samples.motor_torques import scene_gears
 from pinfric.dynamics.samples.outcome import Status
-from pinfric.dynamics.samples.reactions import AppliedWrench, applied_wrenches
+from pinfric.dynamics.samples.reactions import AppliedWrench, applied_wrenches, external_frame
 from pinfric.dynamics.samples.states import States, unit_parts
 from pinfric.errors import PinfricError
 from pinfric.kernels.compiled import compile_for, compiling, kernel, record
 from pinfric.model.drives import Gears, joint_effort_ends, write_motor_torques
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION
 from pinfric.model.scene import Scene, SiteTables, expect_scene, payload_names
+
+#: Of `Solver._compensate`: the names of a motion's parts, and its kernel's `given`.
+_MOTION = ("v", "a", "v_ref", "error", "v_now")
+_DEFAULT = CompensationOptions()
+_FLAGS = {flags: np.array(flags) for flags in product((False, True), repeat=3)}
 
 
 class InverseInstant(NamedTuple):
@@ -225,6 +231,57 @@ class _Sample:
         self.found = InverseInstant(**found, gear_ratio=x.gears.ratio, status=Status.CONVERGED)
 
 
+class _Compensated:
+    """What the kernel of `compensate` takes, and the compiled options of the last call."""
+
+    def __init__(self, ws: Workspace) -> None:
+        scene, plan, supply = ws.scene, ws.plan.sites, ws.supplier.supply
+        position = np.full(ws.nv, -1)
+        for joint in list(scene.model.joints)[1:]:
+            if joint.nq == 1:
+                position[joint.idx_v] = joint.idx_q
+        unit_q, unit_count = unit_parts(scene.model)
+        ns = len(scene.sites)
+        self.reach = reach(scene)
+        self.argument = box_compensated(
+            CompensatedSample(
+                tables=make_compensated(scene),
+                joint=plan.joint,
+                displacement_q=plan.displacement_q,
+                displacement_ratio=plan.displacement_ratio,
+                displacement_shift=plan.displacement_shift,
+                unit_q=unit_q,
+                unit_count=unit_count,
+                force=supply.force,
+                h=supply.h,
+                reach=self.reach,
+                position=position,
+                wrench=np.zeros((1, ns, 6)),
+                displacement=np.zeros((1, ns)),
+                load=np.zeros((1, ns)),
+            )
+        )
+        self.still, self.na = np.zeros(ws.nv), len(scene.drives)
+        self._scene, self._options = scene, _DEFAULT
+        self._rows = self._tables(self._options)
+
+    def rows(self, options: CompensationOptions, measured: bool) -> tuple[np.ndarray, bool]:
+        """Return the options as rows, and whether they need what is measured."""
+        if options is not self._options:
+            tables = self._tables(options)
+            if any(isinstance(value, np.ndarray | list) for value in vars(options).values()):
+                return tables[1] if measured else tables[0], tables[2]  # it may change
+            self._options, self._rows = options, tables
+        desired, own, needs_measured = self._rows
+        return own if measured else desired, needs_measured
+
+    def _tables(self, options: CompensationOptions) -> tuple[np.ndarray, np.ndarray, bool]:
+        rows = options.table(self._scene)
+        measured = rows.copy()
+        measured[:2] = rows[6]
+        return rows, measured, bool((rows[3] > 0.0).any() or (rows[5] < np.inf).any())
+
+
 class _Buffers(threading.local):
     """What a solver computes in: each thread that calls it has its own, made at its first call.
 
@@ -232,12 +289,14 @@ class _Buffers(threading.local):
         both: the workspace, and where each joint has its own drive a sample; read together, for
             to read an attribute of a thread takes twice as long as another.
         motors: the workspace for motors' torques, made where they are given.
+        compensated: of `compensate`, made at its first call.
     """
 
     def __init__(self, scene: Scene, carried: tuple[str, ...] | None) -> None:
         ws = Workspace(scene, carried)
         self.both = ws, _Sample(ws) if scene.one_drive_each else None
         self.motors: Workspace | None = None
+        self.compensated: _Compensated | None = None
 
 
 class Solver:
@@ -266,6 +325,7 @@ class Solver:
         expect_scene(scene, "Solver")
         self.scene = scene.with_()
         self._carried = payload_names(attached)
+        self._frames: dict[tuple[str, ...], tuple[np.ndarray, np.ndarray]] = {}
         with compiling():
             self._own = _Buffers(self.scene, self._carried)
             self._rehearse()
@@ -276,6 +336,8 @@ class Solver:
         ws, x = self._own.both
         if x is not None:
             compile_for(rub, x.argument, x.q, x.v, x.a)
+            for name in self.scene.joint_names[-1:]:
+                self._balance(ws, x.q, x.v, x.a, {name: np.zeros(6)})
             return
         q, a = closed_configuration(self.scene), np.zeros(ws.nv)
         push = [AppliedWrench(0, np.zeros((1, 6)))]
@@ -313,18 +375,51 @@ class Solver:
             SceneError, UndrivenMotionError: redundant or missing drives (`inverse_dynamics`); an
                 unknown frame.
         """
-        applied = [] if external is None else applied_wrenches(self.scene, external, 1)
         ws, x = self._own.both
         if x is None:
+            applied = [] if external is None else applied_wrenches(self.scene, external, 1)
             return self._inverse_of_batch(q, v, a, applied)
         q = vector("q", q, ws.nq, "nq", self.scene.model)
         v, a = vector("v", v, ws.nv, "nv"), vector("a", a, ws.nv, "nv")
-        ws.supplier.balance(q, v, a, applied)
+        self._balance(ws, q, v, a, external)
         while not rub(x.argument, q, v, a):
             q = self._mend(x)
-            ws.supplier.balance(q, v, a, applied)
+            self._balance(ws, q, v, a, external)
         ws.failures.check_roll_moments(x.found.wrench)
         return x.found
+
+    def _balance(
+        self,
+        ws: Workspace,
+        q: np.ndarray,
+        v: np.ndarray,
+        a: np.ndarray,
+        external: Mapping[str, np.ndarray] | None,
+    ) -> None:
+        """Compute wrenches and efforts without friction, see `Supplier.balance`."""
+        ws.supplier.balance(q, v, a)
+        if external is None:
+            return
+        if not isinstance(external, Mapping):
+            applied_wrenches(self.scene, external, 1)  # refuses it
+        if not external:
+            return
+        names, wrench = tuple(external), np.empty((len(external), 6))
+        row, action = self._frames.get(names) or self._add_frames(names)
+        for k, given in enumerate(external.values()):
+            if type(given) is not np.ndarray or given.shape != (6,):
+                applied_wrenches(self.scene, external, 1)  # refuses it
+            wrench[k] = given
+        if not ws.supplier.relieve(row, action, wrench):
+            applied_wrenches(self.scene, external, 1)
+
+    def _add_frames(self, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
+        """Remember frames on which wrenches act: rows of joints, actions (k, 6, 6) to these."""
+        frames = [external_frame(self.scene, name) for name in names]
+        row = np.array([frame.parentJoint - 1 for frame in frames], dtype=np.int64)
+        action = np.array([frame.placement.toDualActionMatrix() for frame in frames])
+        self._frames[names] = found = row, action.reshape(-1, 6, 6)
+        return found
 
     def _inverse_of_batch(
         self, q: np.ndarray, v: np.ndarray, a: np.ndarray, applied: list[AppliedWrench]
@@ -388,7 +483,7 @@ class Solver:
         *,
         error: np.ndarray | None = None,
         v_now: np.ndarray | None = None,
-        options: CompensationOptions = CompensationOptions(),  # noqa: B008 - frozen
+        options: CompensationOptions = _DEFAULT,
         external: Mapping[str, np.ndarray] | None = None,
     ) -> np.ndarray:
         """Return the friction at a desired velocity that a controller adds, under the present load.
@@ -412,8 +507,35 @@ class Solver:
             StateError: a wrong shape, a value far beyond limits, an option without what it needs.
             PinfricError: loops, drives off the joints, joints without a drive or with several.
         """
-        given = {"v": v, "a": a, "v_ref": v_ref, "error": error, "v_now": v_now}
-        return self._compensate(q, given, options.table(self.scene), external)
+        motion = v, a, v_ref, error, v_now
+        return self._compensate(q, motion, options, external, measured=False, whole=False)
+
+    def joint_effort(
+        self,
+        q: np.ndarray,
+        v: np.ndarray,
+        a: np.ndarray,
+        v_ref: np.ndarray | None = None,
+        *,
+        error: np.ndarray | None = None,
+        v_now: np.ndarray | None = None,
+        options: CompensationOptions = _DEFAULT,
+        external: Mapping[str, np.ndarray] | None = None,
+    ) -> np.ndarray:
+        """Return all that a torque command at the joints contains for a desired motion.
+
+        P tau + r^2 J a + `compensate`: rigid body, rotors, friction and gear losses. Outside the
+        band of switch_velocity it is the `joint_effort_lower` of `inverse`. Of the header:
+        `joint_effort`, without its limit.
+
+        Args:
+            q, v, a: (nq,), (nv,), (nv,) of the desired motion.
+            v_ref, error, v_now, options, external: see `compensate`; v_ref None: v.
+
+        Returns, raises: see `compensate`.
+        """
+        motion = v, a, v if v_ref is None else v_ref, error, v_now
+        return self._compensate(q, motion, options, external, measured=False, whole=True)
 
     def compensate_measured(
         self,
@@ -423,7 +545,7 @@ class Solver:
         v: np.ndarray | None = None,
         a: np.ndarray | None = None,
         error: np.ndarray | None = None,
-        options: CompensationOptions = CompensationOptions(),  # noqa: B008 - frozen
+        options: CompensationOptions = _DEFAULT,
         external: Mapping[str, np.ndarray] | None = None,
     ) -> np.ndarray:
         """Return the friction at a measured velocity that a controller may add to its own.
@@ -438,52 +560,59 @@ class Solver:
 
         Returns, raises: see `compensate`.
         """
-        given = {"v": v, "a": a, "v_ref": v_now, "error": error, "v_now": v_now}
-        rows = options.table(self.scene)
-        rows[:2] = rows[6]
-        return self._compensate(q, given, rows, external)
+        motion = v, a, v_now, error, v_now
+        return self._compensate(q, motion, options, external, measured=True, whole=False)
 
     def _compensate(
         self,
         q: np.ndarray,
-        given: Mapping[str, np.ndarray | None],
-        options: np.ndarray,
+        motion: tuple[np.ndarray | None, ...],
+        options: CompensationOptions,
         external: Mapping[str, np.ndarray] | None,
+        *,
+        measured: bool,
+        whole: bool,
     ) -> np.ndarray:
-        (ws, _), tables = self._own.both, self._compensated
-        nv, still = ws.nv, np.zeros(ws.nv)
-        motion = {n: None if x is None else vector(n, x, nv, "nv") for n, x in given.items()}
-        rate, bend = (still if x is None else x for x in (motion["v"], motion["a"]))
-        carried = None
-        if self._carried is not None:
-            carried = np.array([[name in self._carried for name in self.scene.payloads]])
-        q = vector("q", q, ws.nq, "nq", ws.scene.model)
-        check_reach(self.scene, self._reach, q, motion)
-        states = States.of(self.scene, q, rate, bend, None, carried)
-        applied = applied_wrenches(self.scene, external, 1)
-        ws.supplier.balance(states.q[0], states.v[0], states.a[0], applied)
-        supply = ws.supplier.supply
-        wrench, effort = supply.force[1 + tables.joint][None], supply.h
-        displacement = ws.twin.displacements(tables.joint, states.q)
-        found = compensate_state(self.scene, tables, effort, wrench, displacement, motion, options)
-        check_finite(self.scene, (found[None], found[None]), 0)
-        return found
+        """Compensate at q (nq,) and v, a, v_ref, error, v_now (nv,), see `compensate`."""
+        own = self._own
+        (ws, _), x = own.both, own.compensated or self._begin_compensation()
+        q, nv, still = vector("q", q, ws.nq, "nq", ws.scene.model), ws.nv, x.still
+        given = [
+            still if part is None else vector(name, part, nv, "nv")
+            for name, part in zip(_MOTION, motion, strict=True)
+        ]
+        v, a, v_ref, error, v_now = given
+        has_error, has_v_now = motion[3] is not None, motion[4] is not None
+        rows, needs_measured = x.rows(options, measured)
+        if needs_measured:
+            check_used(self.scene, rows, has_error, has_v_now)
+        flags, out = _FLAGS[has_error and has_v_now, has_v_now, whole], np.empty(x.na)
+        self._balance(ws, q, v, a, external)
+        if compensate_sample(x.argument, q, v, a, v_ref, error, v_now, flags, rows, out):
+            return out
+        # Not normalized, or no state of this robot
+        named = zip(_MOTION, given, motion, strict=True)
+        checked = {name: None if one is None else part for name, part, one in named}
+        check_reach(self.scene, x.reach, q, checked)
+        normal = States.of(self.scene, q, v, a).q[0]
+        if not np.array_equal(normal, q):
+            return self._compensate(
+                normal, motion, options, external, measured=measured, whole=whole
+            )
+        check_finite(self.scene, (out[None], out[None]), 0)
+        raise AssertionError
 
-    @cached_property
-    def _reach(self) -> Reach:
-        """The states that `compensate` takes."""
-        return reach(self.scene)
-
-    @cached_property
-    def _compensated(self) -> Compensated:
-        """The tables of `compensate`; its kernels are compiled with them, at the first call."""
-        tables, nv, ns = make_compensated(self.scene), self.scene.twin().nv, len(self.scene.sites)
-        motion = {"v_ref": np.zeros(nv), "error": None, "v_now": None}
-        still = np.zeros(nv), np.zeros((1, ns, 6)), np.zeros((1, ns))
+    def _begin_compensation(self) -> _Compensated:
+        """Make this thread's buffers of `compensate`, and compile its kernel at the first call."""
+        ws, _ = self._own.both
+        x = _Compensated(ws)
+        still, flags = x.still, _FLAGS[False, False, False]
+        rows, _ = x.rows(_DEFAULT, False)
         with compiling():
-            options = CompensationOptions().table(self.scene)
-            compensate_state(self.scene, tables, *still, motion, options)
-        return tables
+            arrays = np.zeros(ws.nq), *[still] * 5, flags, rows, np.empty(x.na)
+            compile_for(compensate_sample, x.argument, *arrays)
+        self._own.compensated = x
+        return x
 
     def _mend(self, x: _Sample) -> np.ndarray:
         """Return q (nq,) on its manifold, or raise the error of the state or of its solution."""

@@ -18,9 +18,10 @@ from pinfric.dynamics.samples.reactions import AppliedWrench
 from pinfric.dynamics.samples.states import unit_parts
 from pinfric.friction.problem import Modes, Problem, empty_problem
 from pinfric.kernels.arrays import array, make
-from pinfric.kernels.compiled import record
+from pinfric.kernels.compiled import KernelArgument, kernel, record
 from pinfric.model.closure import tree_tables
 from pinfric.model.drives import most_lines
+from pinfric.model.magnitudes import LARGEST_OF_A_MOTION
 from pinfric.model.mass_matrix import bodies
 from pinfric.model.twin import Twin
 
@@ -269,7 +270,76 @@ def make_tree(twin: Twin) -> Tree:
     )
 
 
+class Links(NamedTuple):
+    """What wrenches from outside act through, see `relieve`; the first row of R, p, force: ground.
+
+    Attributes:
+        parent: (nj,), -1: the ground. R, p: (1 + nj, 3, 3), (1 + nj, 3) of each joint's child in
+            the frame of its parent's. force, h: see `Supply`.
+        v_index, ratio, axis, components: (nj,), (nj,), (nj, 6), (nj, 6) of the twin.
+    """
+
+    parent: np.ndarray
+    R: np.ndarray
+    p: np.ndarray
+    force: np.ndarray
+    h: np.ndarray
+    v_index: np.ndarray
+    ratio: np.ndarray
+    axis: np.ndarray
+    components: np.ndarray
+
+
+record(Links)
+
+
+@kernel
+def relieve(links: Links, row: np.ndarray, action: np.ndarray, wrench: np.ndarray) -> bool:
+    """Let wrenches on links relieve the joints that carry them; False where one is impossible.
+
+    Args:
+        links: `force` and `h` are changed.
+        row: (k,) joint whose child each acts on, -1: the ground.
+        action: (k, 6, 6) from the axes of each wrench to those of the joint's child.
+        wrench: (k, 6) N, N m, linear first.
+    """
+    for k in range(row.size):
+        for e in range(6):
+            if not abs(wrench[k, e]) <= LARGEST_OF_A_MOTION:
+                return False
+    f, moved = np.empty(6), np.empty(6)
+    for k in range(row.size):
+        for i in range(6):
+            f[i] = 0.0
+            for e in range(6):
+                f[i] += action[k, i, e] * wrench[k, e]
+        j = row[k]
+        while j >= 0:
+            first, sum_ = links.v_index[j], 0.0
+            for e in range(6):
+                links.force[j + 1, e] -= f[e]
+                sum_ += links.axis[j, e] * f[e]
+            if links.components[j, 0] < 0:
+                links.h[first] -= links.ratio[j] * sum_
+            else:
+                for n in range(6):
+                    if links.components[j, n] >= 0:
+                        links.h[first + n] -= f[links.components[j, n]]
+            R, p = links.R[j + 1], links.p[j + 1]
+            for i in range(3):
+                moved[i] = R[i, 0] * f[0] + R[i, 1] * f[1] + R[i, 2] * f[2]
+                moved[3 + i] = R[i, 0] * f[3] + R[i, 1] * f[4] + R[i, 2] * f[5]
+            f[0], f[1], f[2] = moved[0], moved[1], moved[2]
+            f[3] = moved[3] + p[1] * moved[2] - p[2] * moved[1]
+            f[4] = moved[4] + p[2] * moved[0] - p[0] * moved[2]
+            f[5] = moved[5] + p[0] * moved[1] - p[1] * moved[0]
+            j = links.parent[j]
+    return True
+
+
 _WORLD = pin.Convention.WORLD
+#: The action of wrenches that stand in their joint's axes.
+_THERE = np.eye(6)[None]
 
 
 class Supplier:
@@ -285,6 +355,7 @@ class Supplier:
         self.twin, self.model, self.data = twin, twin.model, twin.model.createData()
         self._zero = np.zeros(twin.nv)
         self.copies: list[tuple[np.ndarray, Sequence[np.ndarray]]] = []
+        self._links: KernelArgument[Links] | None = None
         data, joints = self.data, range(twin.model.njoints)
         pin.crba(self.model, data, pin.neutral(self.model), _WORLD)
         lever = self._rows([data.oYcrb[j].lever for j in joints])
@@ -325,29 +396,34 @@ class Supplier:
 
     def _load(self, q: np.ndarray, applied: Sequence[AppliedWrench]) -> None:
         """Let wrenches from outside, and those of springs, relieve the joints."""
-        for wrench in applied:
-            self._subtract(wrench.joint, wrench.wrench[0])
+        acting = [(wrench.joint, wrench.wrench[0]) for wrench in applied]
         if (springs := self.twin.springs) is not None:
             moved = self.twin.displacements(springs.joint, q[None])
-            for row, pull in springs.wrenches(
-                moved, self.supply.p[None, 1:], self.supply.R[None, 1:]
-            ):
-                self._subtract(row, pull[0])
+            R, p = self.supply.R[None, 1:], self.supply.p[None, 1:]
+            acting += [(row, pull[0]) for row, pull in springs.wrenches(moved, p, R)]
+        if acting:
+            row, wrench = (np.array(part) for part in zip(*acting, strict=True))
+            self.relieve(row, np.repeat(_THERE, len(row), axis=0), wrench)
 
-    def _subtract(self, row: int, wrench: np.ndarray) -> None:
-        """Let a wrench on a link, in its joint's frame, relieve the joints that carry it."""
-        twin, h, force = self.twin, self.supply.h, pin.Force(wrench)
-        while row >= 0:
-            f = force.vector
-            self.supply.force[row + 1] -= f
-            first = twin.v_index[row]
-            if twin.components[row, 0] < 0:
-                h[first] -= twin.ratio[row] * (twin.axis[row] @ f)
-            else:
-                moved = twin.components[row][twin.components[row] >= 0]
-                h[first : first + len(moved)] -= f[moved]
-            force = self.data.liMi[row + 1].act(force)
-            row = self.model.parents[row + 1] - 1
+    def relieve(self, row: np.ndarray, action: np.ndarray, wrench: np.ndarray) -> bool:
+        """Let wrenches on links, at the last state, relieve the joints; see the kernel."""
+        if self._links is None:
+            data, joints, twin = self.data, range(self.model.njoints), self.twin
+            links = Links(
+                parent=tree_tables(twin)[0],
+                R=self._rows([data.liMi[j].rotation for j in joints]),
+                p=self._rows([data.liMi[j].translation for j in joints]),
+                force=self.supply.force,
+                h=self.supply.h,
+                v_index=twin.v_index,
+                ratio=twin.ratio,
+                axis=twin.axis,
+                components=twin.components,
+            )
+            if self.copies:
+                self._copy()
+            self._links = KernelArgument(links)
+        return bool(relieve(self._links.now, row, action, wrench))
 
     def _rows(self, arrays: Sequence[np.ndarray]) -> np.ndarray:
         """One array whose rows are the given ones of Pinocchio's memory, or follow them."""

@@ -224,15 +224,19 @@ def applied_wrenches(
             raise StateError(
                 f"external[{name!r}]: holds NaN, Inf or more than {LARGEST_OF_A_MOTION:g}"
             )
-        frame = _frame(scene, name)
+        frame = external_frame(scene, name)
         in_joint = wrench @ frame.placement.toDualActionMatrix().T
         in_joint = np.ascontiguousarray(np.broadcast_to(in_joint, (samples, 6)))
         applied.append(AppliedWrench(frame.parentJoint - 1, in_joint))
     return applied
 
 
-def _frame(scene: Scene, name: str) -> pin.Frame:
-    """The frame of that name: a link's before others, for URDFs give joints the same names."""
+def external_frame(scene: Scene, name: str) -> pin.Frame:
+    """Return the frame of that name: a link's before others, for URDFs give joints the same names.
+
+    Raises:
+        SceneError: there is none.
+    """
     model = scene.model
     found = [frame for frame in model.frames if frame.name == name]
     bodies = [frame for frame in found if frame.type == pin.FrameType.BODY]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import chain, lump
+from builders import chain, lump, random_inertia, random_states
 from export_cases import (
     RICH,
     SETTINGS,
@@ -13,8 +13,10 @@ from export_cases import (
     configurations,
     sampled,
 )
+from mechanisms import pin_friction
 
 import pinfric as pf
+from pinfric.dynamics.forward.compensation import CompensationOptions
 
 
 @pytest.mark.parametrize("options", SETTINGS, ids=range(len(SETTINGS)))
@@ -40,6 +42,67 @@ def test_the_solver_compensates_as_the_header(headers, scene, options):
             for i in range(len(q))
         ]
         assert_columns(found["friction"], np.array(expected), "friction")
+
+
+def test_joint_effort_is_what_the_header_feeds_forward(headers):
+    """Rigid body, rotors and friction at another velocity than that of the load."""
+    for scene in (RICH[2], RICH[6]):
+        q, v, a = sampled(scene, 5, 30)
+        v_ref, solver = v + 0.1, scene.solver()
+        found = headers.ask(scene, q, v, a, v_ref)
+        rows = zip(configurations(scene, q), v, a, v_ref, strict=True)
+        expected = np.array([solver.joint_effort(*row) for row in rows])
+        assert_columns(found["joint_effort"], expected, "joint_effort")
+
+
+def legs(seed=3):
+    """A floating base with two legs of two joints, which rub under load, and gears that lose."""
+    rng, model = np.random.default_rng(seed), pin.Model()
+    base = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
+    model.appendBodyToJoint(base, random_inertia(rng), pin.SE3.Identity())
+    for side in ("left", "right"):
+        above = base
+        for k, kind in enumerate((pin.JointModelRX(), pin.JointModelRY())):
+            place = pin.SE3(np.eye(3), rng.normal(scale=0.3, size=3))
+            above = model.addJoint(above, kind, place, f"{side}_{k}")
+            model.appendBodyToJoint(above, random_inertia(rng), pin.SE3.Identity())
+        model.addBodyFrame(f"{side}_foot", above, pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.3])), 0)
+    names = list(model.names)[2:]
+    gear = {"ratio": 9.0, "efficiency": 0.9, "back_efficiency": 0.85, "rotor_inertia": 1e-4}
+    return pf.Scene(
+        model,
+        friction={n: pin_friction(0.1, 0.03, static=0.2) | {"viscous": 0.2} for n in names},
+        actuators=[{"joint": n, "transmission": gear} for n in names],
+        source="legs.yaml",
+    )
+
+
+def test_measured_states_of_legs_are_compensated_under_the_feets_forces():
+    """The base balances nothing here: no motion that its drives could make is asked for.
+
+    Judge: the same robot with six drives more, whose base `inverse` balances.
+    """
+    scene = legs()
+    base = [{"joint": f"base.{c}"} for c in ("vx", "vy", "vz", "wx", "wy", "wz")]
+    driven = scene.with_(actuators=[*base, *scene.actuators])
+    q, v, a = random_states(scene.model, 4, 20)
+    v[:, 6:] += np.sign(v[:, 6:]) * 0.1
+    feet = {
+        f"{side}_foot": np.array([3.0, -5.0, 40.0, 0.5, 0.2, -0.1]) for side in ("left", "right")
+    }
+    solver = scene.solver()
+    options = CompensationOptions(switch_velocity=1e-3)
+    for state in zip(q, v, a, strict=True):
+        judged = pf.inverse_dynamics(driven, *state, external=feet)
+        expected = judged.joint_effort_lower[0, -4:]
+        found = solver.joint_effort(*state, options=options, external=feet)
+        np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-10)
+        rotors = 81.0 * 1e-4 * state[2][6:]
+        losses = expected - rotors - judged.effort_frictionless[0, -4:]
+        measured = solver.compensate_measured(
+            state[0], state[1], v=state[1], a=state[2], options=options, external=feet
+        )
+        np.testing.assert_allclose(measured, 0.8 * losses, rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("ratio", [0.7, -0.7])
