@@ -109,6 +109,7 @@ def standstills(
     conditions: Conditions,
     fitted: Sequence[str] = (),
     motors: Sequence[str] = (),
+    integrated: Sequence[bool] = (),
 ) -> tuple[Standstill, ...]:
     """Return the holding of each drive's joint without power, in the order of the drives.
 
@@ -119,6 +120,7 @@ def standstills(
             is left out, what each joint would need is said.
         motors: (na,) names of the motors: a brake that is built into others does not count. Where
             it is left out, those sold alone do.
+        integrated: (na,) which of them are gearmotors, as of `goes_with`; left out: none.
     """
     zero, states = np.zeros_like(result.states.v), result.states
     still = inverse_dynamics(result.scene, states.q, zero, zero, attached=states.attached)
@@ -131,7 +133,8 @@ def standstills(
             inside = brakes[there].inertia_ends[1]  # each brake on trial adds its own
             own = own - drive.transmission.ratio**2 * inside
         motor = motors[i] if motors else ""
-        fitting = ranked({name: b for name, b in brakes.items() if goes_with(b, motor)})
+        inside = bool(integrated) and integrated[i]
+        fitting = ranked({name: b for name, b in brakes.items() if goes_with(b, motor, inside)})
         found.append(_standstill(result, still, i, own, fitting, conditions, there))
     return tuple(found)
 

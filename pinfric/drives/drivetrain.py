@@ -367,6 +367,11 @@ class Candidate:
         return self.bearing is not None or self.guide is not None
 
     @property
+    def integrated(self) -> bool:
+        """Whether it is a gearmotor, without a shaft for a brake that is sold alone."""
+        return self.at_output and not self.linear
+
+    @property
     def units(self) -> tuple[str, str]:
         """Of torque and speed at the rated shaft; N and m/s of a linear motor."""
         return ("N", "m/s") if self.linear and self.at_output else ("N m", "rad/s")

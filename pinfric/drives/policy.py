@@ -473,6 +473,13 @@ def fits(name: str, motor: Motor, gear: Gear) -> bool:
     return not gear.motors or name.startswith(gear.motors)
 
 
-def goes_with(brake: Brake, motor_name: str) -> bool:
-    """Return whether a brake is sold alone, or in this motor; where nothing is said it is."""
-    return brake.sold in (None, "alone") or motor_name.startswith(str(brake.sold))
+def goes_with(brake: Brake, motor_name: str, integrated: bool = False) -> bool:
+    """Return whether a brake is sold alone, or in this motor; where nothing is said it is.
+
+    Args:
+        brake: its entry. motor_name: of the motor, or of a gearmotor.
+        integrated: it is one of these, which has no shaft for a brake that is sold alone.
+    """
+    if brake.sold == "alone":
+        return not integrated
+    return brake.sold is None or motor_name.startswith(brake.sold)

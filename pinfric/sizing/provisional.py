@@ -66,7 +66,8 @@ def _offers(search: Search) -> Iterator[tuple[int, float, int, int, int]]:
             own = search.gear_lacks(block, g)
             if not set(own) <= PROVISIONAL or search.gear_margins[b][g] < 0:
                 continue
-            able, mass = block.fits[g] & np.isfinite(block.mass[g]), block.mass[g]
+            mass = block.mass[g]
+            able = block.fits[g] & np.isfinite(mass) & (mass <= search.parts.most)
             # else no bound is known: more inertia may help, and a servo may run hot
             if not EXTRA_INERTIAS & {*own} and not _by_stall(block.entries[g]):
                 able &= ~(search.margins(b, np.array([g]))[0][0] < 0)
@@ -122,7 +123,9 @@ def _judged(search: Search, b: int, g: int, m: int, hot: bool) -> Assessment | N
         return all(c.name in (_HEAT if hot else ()) for c in found.failed)
 
     found = assess(least * (1 + 1e-9))
-    if found.candidate.name in search.parts.banned or not passes(found):
+    drive = found.candidate
+    heavy = (drive.mass or 0.0) > search.parts.most
+    if drive.name in search.parts.banned or heavy or not passes(found):
         return None
     if inertial:
         low, high = least, max(least, 1e-9)

@@ -250,10 +250,12 @@ class Parts:
 
     Attributes:
         own: fields of a candidate that replace the drive's. banned: names that may not be taken.
+        most: kg, that a drive may weigh.
     """
 
     own: Mapping[str, Any] = field(default_factory=dict)
     banned: frozenset[str] = frozenset()
+    most: float = np.inf
 
 
 class Shelf:
@@ -289,13 +291,14 @@ class Shelf:
             ]
             first = dict(zip(kin, names, strict=True))
             number_of = {words: k for k, words in enumerate(first)}
-            block.brakes = [self.brakes_for(name) for name in first.values()]
+            inside_ = block.at_output and not linear
+            block.brakes = [self.brakes_for(name, inside_) for name in first.values()]
             if len(first) > 1 or block.at_output:
                 block.kin = np.array([number_of[words] for words in kin])
 
-    def brakes_for(self, motor: str) -> dict[str, Brake]:
-        """Return the brakes that are sold alone or in this motor, the smallest first."""
-        return {name: brake for name, brake in self.brakes.items() if goes_with(brake, motor)}
+    def brakes_for(self, motor: str, integrated: bool = False) -> dict[str, Brake]:
+        """Return the brakes that go with this motor (`policy.goes_with`), the smallest first."""
+        return {n: brake for n, brake in self.brakes.items() if goes_with(brake, motor, integrated)}
 
     def worst_efficiency(self, kind: str) -> float | None:
         """Return the worst known efficiency of a kind of gears; None: none is known."""
@@ -673,7 +676,8 @@ class Search:
         """Yield mass, minus margin and name of a gear with motors, and their numbers, in order."""
         block, (least, mass) = self.shelf.blocks[b], self.margins(b, np.array([g]))
         short, mass = -np.minimum(least[0], self.gear_margins[b][g]), mass[0]
-        ok = np.flatnonzero((least[0] >= 0) & block.fits[g] & signable & np.isfinite(mass))
+        able = block.fits[g] & signable & np.isfinite(mass) & (mass <= self.parts.most)
+        ok = np.flatnonzero((least[0] >= 0) & able)
         for m in ok[np.lexsort((block.by_name[ok], short[ok], mass[ok]))].tolist():
             name = f"{block.motor_names[m]} {block.names[g]}"
             yield float(mass[m]), float(short[m]), name, b, g, m
@@ -709,7 +713,7 @@ class Search:
         if (gear := made.transmission) is not None:
             ends = row.ends if row else input_torques(made, self.case.cycle)
             if needed is not None:
-                brakes = self.shelf.brakes_for(made.motor)
+                brakes = self.shelf.brakes_for(made.motor, made.integrated)
                 name = smallest_brake(brakes, needed, self._stop(made, gear.rotor_inertia))
                 made = made if name is None else with_brake(made, name, brakes[name])
             motor = motor_cycle(made, self.case.cycle, self.case.conditions, ends)
@@ -730,7 +734,8 @@ class Search:
                 if mass >= heaviest and margin < found[-1].margin - 1e-8:
                     continue  # of equal masses the greater margin comes first
             judged = self.judge(b, g, m)
-            if judged.fits and judged.candidate.name not in self.parts.banned:
+            name, heavy = judged.candidate.name, judged.candidate.mass or 0.0
+            if judged.fits and name not in self.parts.banned and heavy <= self.parts.most:
                 found = sorted([*found, judged], key=rank)[:count]
         return found
 

@@ -197,10 +197,11 @@ class JointSizing:
         if not np.isnan(self.search.case.stop_effort) and any(c.name == SHOCK for c in failed):
             none = f"{self.name}: no gear of the catalogue bears the stop"
         if self.nearest is not None and self.nearest.would:
+            of = counted(self.candidates, "candidate")
+            of += " that its link can hold" * bool(np.isfinite(self.search.parts.most))
             return (
-                f"{self.name}: none of {counted(self.candidates, 'candidate')} can be signed; "
-                f"{self.nearest.candidate.name} is provisional: ask its maker for "
-                f"{', '.join(self.nearest.lacks)}"
+                f"{self.name}: none of {of} can be signed; {self.nearest.candidate.name} is "
+                f"provisional: ask its maker for {', '.join(self.nearest.lacks)}"
             )
         if self.nearest is not None:
             name = self.nearest.candidate.name
@@ -313,12 +314,14 @@ class SizingReport(Shown):
         catalog = self.catalog or Catalog("no catalogue")
         fitted = [j.installed.candidate.brake if j.installed else "" for j in self.joints]
         motors = [j.installed.candidate.motor if j.installed else "" for j in self.joints]
+        inside = [bool(j.installed and j.installed.candidate.integrated) for j in self.joints]
         return standstills(
             self.result,
             brakes_of(catalog, self.given),
             self.conditions,
             fitted if self.catalog is not None else (),
             motors,
+            inside,
         )
 
     @property
@@ -529,6 +532,8 @@ class _Sizing:
                 f"{scene.source}: no link that moves has a mass, so there is nothing to size: give "
                 "the URDF's links an <inertial>; `pinfric new URDF --mass KG` makes a start"
             )
+        #: kg, that a drive may weigh.
+        self.most = np.inf
         self.shelves: dict[bool, Shelf] = {}
         self.banned: dict[int, set[str]] = {}
         #: By the drives' columns: efforts that gears must bear in stops, those of them that a
@@ -546,7 +551,9 @@ class _Sizing:
         """
         taken, passes, settled = self._bearing_stops()
         contradiction = self._contradiction(taken)
-        if contradiction:
+        if contradiction and (light := self._light(taken)) is not None:
+            (taken, passes, settled), contradiction = light
+        elif contradiction:
             mass = _mass(taken)
             self.scene, self.banned = replace(self.scene, masses="without_drives"), {}
             self.stop_effort = {}
@@ -612,6 +619,28 @@ class _Sizing:
             f"robot.masses: {worst.where} weigh {worst.links:.3g} kg and cannot hold "
             f"{worst.drives:.3g} kg of drives: write `without_drives`, or correct the masses"
         )
+
+    def _light(
+        self, taken: Mapping[int, Assessment]
+    ) -> tuple[tuple[dict[int, Assessment], int, bool], str] | None:
+        """A choice of drives that the links can hold, and what is said of it; None: there is none.
+
+        None of it need be signed: each is at most its part of the links that weigh least for the
+        number of drives in them.
+        """
+        each = held_drives(self.scene, dict.fromkeys(taken, 1.0), self.conditions.mass_in_urdf)
+        self.most = min(one.links / one.drives for one in each if one.drives)
+        bears, self.stop_effort = self.stop_effort, {}
+        found = self._bearing_stops()
+        fit = found[0].keys() == taken.keys() and all(a.fits or a.would for a in found[0].values())
+        if fit and not self._contradiction(found[0]):
+            why = self._contradiction(taken).partition(" of drives: ")[0]
+            most = f"of at most {self.most:.2g} kg each, are provisional, or"
+            return found, f"{why} of drives that can be signed: lighter ones, {most} write " + (
+                "`without_drives`"
+            )
+        self.most, self.stop_effort = np.inf, bears
+        return None
 
     def _other_mass(self, taken: Mapping[int, Assessment]) -> float | None:
         """Mass of the drives if the links hold them; None: as `SizingReport.other_mass`."""
@@ -802,7 +831,8 @@ class _Sizing:
             brakes = brakes_of(self.catalog, self.scene)
             self.shelves[linear] = Shelf(self.catalog, self.conditions, linear, brakes)
         own = own_parts(self.catalog, self.conditions, name, linear)
-        shelf, parts = self.shelves[linear], Parts(own, frozenset(self.banned.get(i, ())))
+        banned = frozenset(self.banned.get(i, ()))
+        shelf, parts = self.shelves[linear], Parts(own, banned, self.most)
         first, *others = self._cases(i, masses).values()
         return Search(shelf, first, parts, [Search(shelf, case, parts) for case in others])
 

@@ -177,7 +177,10 @@ def test_what_fits_what():
         True,
         False,
     ]
-    assert goes_with(Brake(**sourced, torque=1.0, sold="alone"), "M")
+    alone = Brake(**sourced, torque=1.0, sold="alone")
+    assert goes_with(alone, "M")
+    assert not goes_with(alone, "A", integrated=True)  # a gearmotor has no shaft for it
+    assert goes_with(inside, "Siemens 1FK2-03", integrated=True)
 
 
 def test_a_frameless_kit_weighs_a_quarter_more(tmp_path):

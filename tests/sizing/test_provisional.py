@@ -170,6 +170,15 @@ def test_the_servos_of_the_so101_hold_it_with_pauses():
     servo = pf.load_catalog("default").gearmotors["Feetech STS3215 7.4 V"]
     catalog = pf.drives.catalog.Catalog("servos", gearmotors={"STS3215": servo})
     report = pf.size(scene, motion, catalog, conditions={"bus_voltage": 7.4}, on_miss="ignore")
+    whole = pf.size(scene, motion, "default", conditions={"bus_voltage": 12.0}, on_miss="ignore")
+    taken = [joint.nearest for joint in whole.joints]
+    assert {a.candidate.name for a in taken} == {"Feetech STS3215 12 V"}  # what is built
+    assert whole.drive_mass == pytest.approx(6 * 0.055)
+    assert not any(a.candidate.brake for a in taken)  # they have no shaft for one
+    light = "cannot hold 3.56 kg of drives that can be signed: lighter ones, of at most 0.089 kg"
+    assert light in whole.verdict.headline
+    assert "none of " in whole.joints[0].no_fit
+    assert "that its link can hold can be signed" in whole.joints[0].no_fit
     assert {joint.state for joint in report.verdict.joints} == {"provisional"}
     assert report.contradiction == ""  # six servos of 55 g are in 0.49 kg
     rms = np.array([joint.motor.figures.rms for joint in report.joints])
