@@ -350,7 +350,8 @@ def _payload_section(payload: Payload | None, link: str) -> list[str]:
     if payload is None:
         return [
             "  # payloads:                  # what it carries; com in the link's frame",
-            f"  #   box: {{link: {yaml_line(link)}, mass: 1.0, com: [0, 0, 0.05]}}",
+            f"  #   box: {{link: {yaml_line(link)}, mass: 1.0, com: [0, 0, 0.05], "
+            "attached: false}",
         ]
     com = ", ".join(_short(x) for x in payload.com)
     return [

@@ -29,8 +29,10 @@ from pydantic import (
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
+from pinfric.errors import SceneError
 from pinfric.kernels.compiled import kernel
 from pinfric.model.entry import Entry, NonNegative, Number, Positive, key, register_kind, unlikely
+from pinfric.model.yamlfile import brief
 
 #: Rows that take one component of the wrench, z along the joint's axis.
 FX, FY, FZ, MX, MY, MZ = np.eye(6)
@@ -400,6 +402,14 @@ def contacts(bearings: Sequence[Bearing | None], axes: Sequence[np.ndarray]) -> 
         if bearing is None:
             continue
         terms, turn = bearing.terms(), np.kron(np.eye(2), axes_along(axis))
+        shapes = isinstance(terms, LoadTerms) and {
+            np.shape(each) for each in (*terms.maps, *terms.moved)
+        }
+        if shapes is False or shapes - {(3, 6)}:
+            raise SceneError(
+                f"{type(bearing).__name__}.terms: should return LoadTerms of maps (3, 6), see "
+                f"`norm_of`; found {brief(shapes or terms)}"
+            )
         constant[s] = terms.constant
         for i, map_ in enumerate(terms.maps):
             map_moved = terms.moved[i] if i < len(terms.moved) else np.zeros((3, 6))

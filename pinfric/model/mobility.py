@@ -73,7 +73,7 @@ def mobility_of_linkage(
         doubts: loop -> which of its axes are nearly parallel (`alignment.Alignment`).
 
     Raises:
-        SceneError: a loop that cannot close, a planar pin whose axes are nearly parallel.
+        SceneError: a loop that cannot close, a planar pin whose axes are not parallel.
     """
     freedoms, best = twin.nv, -1
     undriven: list[int] = []
@@ -83,14 +83,15 @@ def mobility_of_linkage(
         zero = np.zeros((1, twin.nv))
         state = loop_state(twin, linkage, q[None], zero, zero)
         for row, loop in enumerate(linkage.loops):
-            if (
-                loop.kind == "planar_pin"
-                and loop.name in doubts
-                and (state.tilt[0, row] > NEARLY_CLOSED)
-            ):
+            if loop.kind == "planar_pin" and state.tilt[0, row] > NEARLY_CLOSED:
                 raise SceneError(
                     f"{source}: {loop_place(linkage.loops, loop.name)}: the axes of its sides "
-                    f"differ by {state.tilt[0, row]:.3g} rad; {doubts[loop.name]}"
+                    f"differ by {state.tilt[0, row]:.3g} rad; "
+                    + doubts.get(
+                        loop.name,
+                        "a planar_pin turns about the axis that all joints of its loop turn about: "
+                        "give it as `axis`, in frame a",
+                    )
                 )
         J = action_maps(twin, linkage, state.p, state.R)[1][0]
         S = [

@@ -383,8 +383,8 @@ def _check_points(
                     )
                 elif attached[name] is state and not unknown:  # it may be this one, misspelt
                     problems.append(
-                        f"{where}: {name!r} is {change}ed already (at the start: the "
-                        "scene's robot.payloads says so in `attached`)"
+                        f"{where}: {name!r} is {change}ed already; if by the scene, write "
+                        f"attached: {str(not state).lower()} beside it under robot.payloads"
                     )
                 else:
                     attached[name] = state

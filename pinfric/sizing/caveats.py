@@ -21,6 +21,8 @@ _CLOSES = 1e-3
 _LOOKED_AT = 1000
 #: Gaps of a cycle that a note lists; the others are counted.
 _MOST_GAPS = 4
+#: Begins a gap that no return move closes.
+_PAYLOAD = "payload "
 
 
 def unclosed(result: InverseResult, duty: Schedule) -> tuple[str, ...]:
@@ -69,10 +71,14 @@ def _gaps(scene: Scene, states: States) -> list[str]:
             found.append(f"{name} ends {gap:.3g} {unit} from where it began")
         if jump > max(_CLOSES * float(speed.max()), scene.stick_velocity):
             found.append(f"{name} ends with a velocity {jump:.3g} {unit}/s from that at its start")
-    if states.attached is not None:
+    resting = bool((np.abs(states.v[[0, -1]]) <= scene.stick_velocity).all())
+    if states.attached is not None and not (resting and not found):  # gripped there, at rest
         for name, first, last in zip(scene.payloads, *states.attached[[0, -1]], strict=True):
             if first != last:
-                found.append(f"payload {name} is carried at the {'start' if first else 'end'} only")
+                found.append(
+                    f"{_PAYLOAD}{name} is carried at the {'start' if first else 'end'} only: "
+                    f"{'attach' if first else 'detach'} it where the robot stands"
+                )
     return found
 
 
@@ -150,11 +156,16 @@ def _of_the_motion(gaps: Sequence[str], jumps: Sequence[str]) -> list[str]:
         )
     if gaps:
         more = f" and {len(gaps) - _MOST_GAPS} more" if len(gaps) > _MOST_GAPS else ""
+        returns = any(_PAYLOAD not in gap for gap in gaps)
         opening.append(
             f"The cycle does not close: {'; '.join(gaps[:_MOST_GAPS])}{more}. RMS, energies, "
-            "temperatures, overload and gear life assume that it repeats without a pause, and that "
-            "the return move takes no time and no torque. For valid figures add the return move "
-            "and the pause to the trajectory."
+            "temperatures, overload and gear life assume that it repeats without a pause"
+            + (
+                ", and that the return move takes no time and no torque. For valid figures add the "
+                "return move and the pause to the trajectory."
+                if returns
+                else "."
+            )
         )
     return opening
 

@@ -94,6 +94,21 @@ def test_a_name_that_exists_is_refused():
     bearing_kind(KINDS["collar"])
 
 
+@pytest.mark.parametrize("terms", [1.0, [norm_of(FZ)], LoadTerms([FZ])])
+def test_terms_that_are_no_load_are_refused_by_the_classes_name(terms, monkeypatch):
+    monkeypatch.setattr(KINDS["collar"], "terms", lambda _: terms)
+    friction = {
+        "joint_1": {
+            "bearing": {"kind": "collar", "weight": 2.0},
+            "mu": {"static": 0.1, "kinetic": 0.1},
+        }
+    }
+    with pytest.raises(
+        SceneError, match=r"^Collar.terms: should return LoadTerms of maps \(3, 6\)"
+    ):
+        pf.Solver(pf.load_scene("pendulum").with_(friction=friction))
+
+
 M, R, J, G = 2.0, 0.3, 0.05, 9.81
 INERTIA = J + M * R * R
 MU, WEIGHT, DRAG, POWER = 0.05, 2.0, 0.4, 0.6

@@ -33,6 +33,15 @@ def test_a_four_bar_is_closed_where_trigonometry_says_so(cut, kind):
         assert np.abs(relation).max() < 1e-14 * size * 10
 
 
+def test_a_planar_pin_across_its_mechanism_is_refused_with_what_its_axis_is():
+    scene = pf.load_scene("four_bar")
+    across = [{**scene.loops[0].model_dump(exclude={"axis_b"}), "axis": (1.0, 0.0, 0.0)}]
+    with pytest.raises(
+        SceneError, match="a planar_pin turns about the axis that all joints of its"
+    ):
+        scene.with_(loops=across)
+
+
 def test_a_spherical_loop_is_closed_by_newton():
     for relation in relations(ball_tripod()):
         assert np.abs(relation).max() < 1e-13

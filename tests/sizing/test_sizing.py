@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import sys
 from io import StringIO
 from types import SimpleNamespace
@@ -481,13 +482,30 @@ def test_a_cycle_that_does_not_close_says_what_and_by_how_much(tmp_path):
     assert report.unclosed == (
         "table ends 0.5 rad from where it began",
         "table ends with a velocity 0.2 rad/s from that at its start",
-        "payload box is carried at the end only",
+        "payload box is carried at the end only: detach it where the robot stands",
     )
     assert report.notes[0].startswith("The cycle does not close: table ends 0.5 rad from where it")
     assert "assume that it repeats without a pause" in report.notes[0]
     # without a catalogue, too: the RMS is of the repeated cycle
     (note,) = pf.size(scene, way_out(scene)).notes
     assert "table ends 0.5 rad" in note
+
+
+def test_a_payload_gripped_at_rest_at_the_seam_closes_the_cycle():
+    scene = turntable()
+    model = scene.model.copy()
+    model.addBodyFrame("table", 1, pin.SE3.Identity(), 0)
+    payload = {"box": {"link": "table", "mass": 1.0, "com": [0.0, 0.0, 0.0]}}
+    scene = pf.Scene(model=model, payloads=payload, friction=scene.friction)
+    carried = {"box": np.arange(51) > 20}
+    assert pf.size(scene, way_out(scene, 0.0, 0.0, carried)).unclosed == ()
+    (note,) = pf.size(scene, way_out(scene, 0.0, 0.2, carried)).notes
+    assert "add the return move" in note  # it does not stand there
+    moving = way_out(scene, 0.0, 0.0, carried)
+    moving = dataclasses.replace(moving, v=moving.v + 0.1)
+    (note,) = pf.size(scene, moving).notes
+    assert "detach it where the robot stands" in note
+    assert "return move" not in note
 
 
 def test_a_cycle_that_closes_but_for_noise_says_nothing():
