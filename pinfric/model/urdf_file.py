@@ -109,13 +109,19 @@ def _without_xacro(root: ElementTree.Element) -> bool:
     return not _is_xacro(root)
 
 
+#: Attributes that hold numbers wherever they stand.
+NUMBERS = (
+    *("xyz", "rpy", "value", "ixx", "ixy", "ixz", "iyy", "iyz", "izz", "lower", "upper", "effort"),
+    *("velocity", "friction", "damping", "multiplier", "offset", "size", "radius", "length"),
+)
 #: Expands the xacro file that is its argument: on stdout the names of the files it includes or
 #: loads and the robot, on stderr why it does not expand. A package is looked for as xacrodoc does,
 #: then as a folder of its name above the file or beside what is above it. Expressions may load any
 #: file, and errors quote it: only YAML is loaded, and only words that stand in XML files or xacro
-#: itself are told.
+#: itself are told, also of what stands in place of a number.
 _EXPAND = """
 import json, os, pathlib, re, resource, sys
+from xml.etree import ElementTree
 for kind, most in (resource.RLIMIT_AS, 2**32), (resource.RLIMIT_CPU, int(sys.argv[3])):
     resource.setrlimit(kind, (most, most))
 import xacro, yaml
@@ -138,6 +144,12 @@ def expanded():
     # included, not read: only so do its own includes count from its folder
     options = {"name": sys.argv[2], "resolve_packages": False, "subargs": dict(given)}
     return XacroDoc.from_includes([sys.argv[1]], **options)
+def told(text, *words):
+    files = [open(name, errors="replace").read() for name in [xacro.__file__, *written()]]
+    known, number = " ".join([*words, sys.argv[1], *files]), r"(?<!line )(?<!column )"
+    return re.sub(number + r"\\b\\w+", lambda word: word[0] if word[0] in known else "...", text)
+def is_number(text):
+    return re.fullmatch(r"[-+.\\deEinfat\\s]*", text) is not None
 missing = ""
 try:
     packages.walk_up_from(sys.argv[1])
@@ -163,7 +175,12 @@ try:
         has = f"it has {', '.join(sorted(known))}" if known else "it has none"
         sys.exit(f"there is no argument {min(unknown)!r}; {has}")
     files = json.dumps(xacro.all_includes)
-    sys.stdout.buffer.write(f"{files}\\n{made.to_urdf_string()}".encode())
+    root = ElementTree.fromstring(made.to_urdf_string())
+    for element in root.iter():
+        for name in {*sys.argv[5:]} & {*element.keys()}:
+            if not is_number(element.get(name)):
+                element.set(name, told(element.get(name)))
+    sys.stdout.buffer.write(files.encode() + b"\\n" + ElementTree.tostring(root))
 except Exception as problem:
     inner, text = innermost(problem), str(problem)
     package = type(inner).__name__ == "PackageNotFoundError"
@@ -173,10 +190,7 @@ except Exception as problem:
         kind = refusal if refusal in before else type(inner).__name__
         text = f"{kind} {within}{expression}"
     words = "[Errno] No such file or directory not well-formed column package"
-    known = [type(inner).__name__, refusal, words, sys.argv[1]]
-    known += [open(name, errors="replace").read() for name in [xacro.__file__, *written()]]
-    known, number = " ".join(known), r"(?<!line )(?<!column )"
-    text = re.sub(number + r"\\b\\w+", lambda word: word[0] if word[0] in known else "...", text)
+    text = told(text, type(inner).__name__, refusal, words)
     sys.exit(text or type(problem).__name__)
 """
 
@@ -192,7 +206,7 @@ def _expanded(
         )
     failed = f"{urdf}: is xacro and does not expand"
     name = root.get("name") or NAMELESS
-    given = [str(urdf.resolve()), name, str(_PATIENCE), json.dumps(dict(xacro_args))]
+    given = [str(urdf.resolve()), name, str(_PATIENCE), json.dumps(dict(xacro_args)), *NUMBERS]
     try:
         ended = subprocess.run(
             [sys.executable, "-P", "-c", _EXPAND, *given], capture_output=True, timeout=_PATIENCE

@@ -165,6 +165,19 @@ def test_errors_of_xacro_do_not_quote_other_files(arm, wrong, content, says):
     assert "\n" not in str(told.value)
 
 
+def test_what_a_yaml_file_gives_for_a_number_is_not_quoted_by_later_errors(arm):
+    pytest.importorskip("xacrodoc")
+    (arm.parent / "a.yaml").write_text("{k: secret, m: 2.5e0}")
+    load = "${xacro.load_yaml('a.yaml')['%s']}"
+    mass = '"${2 * $(arg load)}"'
+    assert mass in ARM
+    arm.write_text(ARM.replace(mass, f'"{load % "m"}"'))
+    assert read_robot(arm, {}).model.inertias[1].mass == 2.5
+    arm.write_text(ARM.replace(mass, f'"{load % "k"}"'))
+    with pytest.raises(RobotError, match=r"<mass value='\.\.\.'> should be a finite"):
+        read_robot(arm, {})
+
+
 def test_xacro_without_its_extra_says_how_to_expand_it(arm, monkeypatch):
     monkeypatch.setattr("pinfric.model.urdf_file.find_spec", lambda name: None)
     says = r"is xacro: install.*pinfric\[xacro\].*xacro arm\.urdf\.xacro > robot\.urdf"
