@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 
 from pinfric.errors import TrajectoryError
+from pinfric.model.robot import Robot
 from pinfric.motions.trajectory import Trajectory, load_trajectory
 
 LINK = (
@@ -31,7 +32,7 @@ def hand(tmp_path, limit=LIMIT):
     path = tmp_path / "hand.urdf"
     path.write_text(HAND.format(links="".join(LINK.format(n) for n in "lr"), limit=limit))
     model = pin.buildModelFromUrdf(str(path), mimic=True)
-    return SimpleNamespace(model=model, payloads={}, robot=SimpleNamespace(urdf=path, locked={}))
+    return SimpleNamespace(model=model, payloads={}, robot=Robot(model, path, (), {}, {}))
 
 
 def motion(tmp_path, scene, positions):
