@@ -463,3 +463,29 @@ def beside(*scenes):
             sides = {s: at.model_copy(update={"link": names[at.link]}) for s, at in sides.items()}
             loops.append(loop.model_copy(update={"name": f"{loop.name}_{n}", **sides}))
     return pf.Scene(model=model, friction=friction, actuators=actuators, loops=loops)
+
+
+def three_rrs(mu, radius, static):
+    """Three legs of two pins that carry a platform on balls: scene, and a configuration's guess."""
+    model, friction, loops = grounded_model((0.0, 0.0, -9.81)), {}, []
+    body = pin.Inertia(2.0, np.zeros(3), np.diag([0.02, 0.02, 0.04]))
+    add_link(model, 0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "platform", body)
+    ball = {
+        "bearing": {"kind": "ball", "radius": radius},
+        "mu": {"static": static * mu, "kinetic": mu},
+    }
+    for k in range(3):
+        R = pin.rpy.rpyToMatrix(0.0, 0.0, 2.0 * np.pi * k / 3.0)
+        place = pin.SE3(R, R @ np.array([0.25, 0.0, 0.0]))
+        arm = add_link(model, 0, pin.JointModelRY(), place, f"arm{k}", bar(0.6, 0.2))
+        add_link(model, arm, pin.JointModelRY(), shifted(0.2), f"knee{k}", bar(0.5, 0.3))
+        friction |= dict.fromkeys((f"arm{k}", f"knee{k}"), pin_friction(0.1, static=0.1 * static))
+        friction[f"ball{k}"] = ball
+        sides = {
+            "a": {"link": f"knee{k}", "xyz": [0.3, 0.0, 0.0]},
+            "b": {"link": "platform", "xyz": (R @ np.array([0.15, 0.0, 0.0])).tolist()},
+        }
+        loops.append({"name": f"ball{k}", "kind": "spherical", **sides})
+    drives = [{"joint": f"arm{k}"} for k in range(3)]
+    scene = pf.Scene(model=model, friction=friction, actuators=drives, loops=loops)
+    return scene, np.array([0.0, 0.0, 0.3, 0.0, 0.0, 0.0, 1.0, *[-0.9, -1.3] * 3])

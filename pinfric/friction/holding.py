@@ -14,8 +14,10 @@ import numpy as np
 
 from pinfric.friction.balance import Balance
 from pinfric.friction.branching import MOST_NODES, prove
+from pinfric.friction.law import stick_limits
 from pinfric.friction.least_use import Rest, descend, make_rest
 from pinfric.friction.problem import Problem
+from pinfric.friction.sharing import joint_sizes, share
 
 #: The proof is that nothing holds with a use of 1 - _MARGIN.
 _MARGIN = 1e-9
@@ -88,6 +90,46 @@ def decide(
         z, found = near, float(descend(wide, near))
         return verdict(True, True)
     return verdict(False if outcome == 0 else None, outcome == 0 and certain)
+
+
+def least_possible_use(
+    problem: Problem, resting: np.ndarray, balance: Balance, block: np.ndarray
+) -> float:
+    """Return a bound of the use of all friction: above 1 none holds, that of balls included.
+
+    If one holds, |x_k| <= limit_k <= m_k with m = (1 - C)^-1 limit(0) and C the growth of each
+    joint's limit with each joint's |x|. Then for every motion w, that of least resistance say,
+
+        need^T w = sum x_k rows_k^T w <= sum m_k |rows_k^T w|
+
+    0: limits may grow without bound, or a gear holds any load.
+
+    Args:
+        problem: `Problem`. resting: (n,) coordinates. balance: rows x = need of theirs.
+        block: (n,) joint of each; |.| is over the three coordinates of a ball.
+    """
+    nc, load = len(problem.rate_free), problem.constant.copy()
+    np.add.at(load, problem.contact_entry, np.linalg.norm(problem.contact[:, 0], axis=1))
+    ends = np.empty((2, nc))
+    stick_limits(problem, load, *ends)
+    joints, first = np.unique(block, return_index=True)
+    limit, owner = (
+        np.abs(ends).max(axis=0)[resting][first],
+        problem.coordinate[problem.contact_entry],
+    )
+    grows = np.zeros((len(joints), len(joints)))
+    for j, joint in enumerate(joints):
+        columns = problem.contact[:, 1 + resting[block == joint]]
+        size = problem.grip[problem.contact_entry] * np.linalg.norm(columns, ord=2, axis=(1, 2))
+        grows[:, j] = np.bincount(owner, size, nc)[resting[first]]
+    if not np.abs(np.linalg.eigvals(grows)).max(initial=0.0) < 1.0 or not np.isfinite(limit).all():
+        return 0.0
+    most = np.linalg.solve(np.eye(len(joints)) - grows, limit)[np.searchsorted(joints, block)]
+    _, w = share(balance.rows, balance.need, most, block)
+    speed = joint_sizes(balance.rows.T @ w, block)
+    number = np.bincount(np.searchsorted(joints, block))[np.searchsorted(joints, block)]
+    resistance = float((most * speed / number).sum())
+    return float(balance.need @ w) / resistance if resistance > 0.0 else 0.0
 
 
 def _least(narrow: Rest, wide: Rest, z: np.ndarray, use: float) -> tuple[float, bool]:

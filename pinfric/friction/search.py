@@ -30,6 +30,7 @@ from pinfric.friction.minimax import least_violation
 from pinfric.friction.problem import Found, Modes, Problem
 from pinfric.friction.rest import Mechanism, solve_modes
 from pinfric.friction.several import find_all
+from pinfric.friction.smoothing import guess_modes
 
 #: A rate this small beside the terms of its sum counts as zero.
 _ROUNDING = 1e-7
@@ -422,7 +423,8 @@ def _search_open(query: _Query, forced: dict[int, float], held: np.ndarray | Non
     if len(mechanism.joints(rests)) > MOST_ENUMERATED:
         return _pivot(query, forced)
     found = _enumerate(query, _all_ways(query, forced), forced, held)
-    if found == Found.UNDECIDED:
+    missed = found in (Found.NONE, Found.NOT_CONVERGED) and (mechanism.ball & rests).any()
+    if missed or found == Found.UNDECIDED:  # a ball's direction is searched from one start
         query.left = MOST_PASSES
         found = _pivot(query, forced)
         return found if found == Found.SOLVED else Found.UNDECIDED
@@ -504,6 +506,10 @@ def _pivot(query: _Query, forced: dict[int, float]) -> Found:
     modes = query.modes
     _stick(modes, query.mechanism, forced)
     found = _follow(query, set(forced))
+    if found != Found.SOLVED and not forced and not modes.effort.size:
+        guess_modes(query.problem, modes, query.mechanism)
+        modes.friction[:1], query.left = np.nan, MOST_PASSES
+        found = _follow(query, set())
     if found in (Found.NONE, Found.NOT_CONVERGED):
         return Found.UNDECIDED  # there are modes that were not tried
     moves = query.mechanism.joints(modes.at_rest & ~modes.stuck)

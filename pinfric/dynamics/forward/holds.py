@@ -14,7 +14,7 @@ from pinfric.dynamics.samples.reactions import AppliedWrench, applied_wrenches
 from pinfric.errors import AccelerationError
 from pinfric.friction.balance import RANK, Balance
 from pinfric.friction.gears import hold_chosen, lines_and_rows, ways_to_hold, without_gears
-from pinfric.friction.holding import Verdict, decide
+from pinfric.friction.holding import Verdict, decide, least_possible_use
 from pinfric.friction.law import evaluate
 from pinfric.model.scene import Scene, expect_scene
 
@@ -22,6 +22,8 @@ from pinfric.model.scene import Scene, expect_scene
 _AT_LIMIT = 1.0 - 1e-6
 #: An acceleration below this fraction of the terms of its sum is rounding.
 _STILL = 1e-9
+#: A bound of the use has to be so much above 1 to prove something.
+_MARGIN = 1e-9
 
 
 @dataclass(frozen=True)
@@ -33,9 +35,10 @@ class StaticHold:
         use: the largest ratio of a joint's friction to its static limit; above 1 if friction does
             not hold. It is the smallest value found over all ways to share friction among the
             joints. Where friction can wedge itself, it is the smallest over frictions up to 50
-            times the limits.
+            times the limits. Where balls rest and no friction holds, it is a lower bound of it.
         proved: whether `held` is proved: if True by the friction returned here, if False by
-            branching. Friction that might wedge itself beyond 50 times its limits is not covered.
+            branching, with balls by a motion that friction cannot resist. Friction that might
+            wedge itself beyond 50 times its limits is not covered.
         least: whether `use` is proved to be the smallest, to 1e-6, with self-locking gears holding
             as here. A smaller use may exist if a contact force lies in no plane, if balls rest, or
             if 200 nodes of the proof are not enough.
@@ -160,7 +163,12 @@ def _decide(
         shift = of_y[:, 0] if of_y.size else np.zeros(len(dry))
         found = decide(plain, ws.mechanism.factor, dry, _statics(ws, dry, shift), least=True)
         return replace(found, friction=found.friction + shift)
-    # a ball's limit is a sphere: its friction is found as in forward dynamics, without a proof
+    # a ball's limit is a sphere: its friction is found as in forward dynamics
+    resting, nothing = np.flatnonzero(dry), np.zeros(len(dry))
+    balance, block = _statics(ws, dry, nothing), ws.mechanism.block[dry]
+    least = least_possible_use(ws.problem, resting, balance, block)
+    if least > 1.0 + _MARGIN:
+        return Verdict(False, least, np.full(len(dry), np.nan), True)
     try:
         ws.solve(q, np.zeros(ws.nv), effort, applied)
     except AccelerationError:

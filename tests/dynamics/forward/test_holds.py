@@ -315,7 +315,7 @@ def test_bad_input_is_named():
 
 
 def test_wrenches_from_outside_count_where_balls_rest_too():
-    """It holds where forward dynamics stays; what slips is not proved with balls: undecided."""
+    """It holds where forward dynamics stays; that nothing does is proved where it moves, by far."""
     case = ball_tripod()
     q, still = case.q[0], 0 * case.v[0]
     result = pf.inverse_dynamics(case.scene, q[None], still[None], still[None])
@@ -326,7 +326,23 @@ def test_wrenches_from_outside_count_where_balls_rest_too():
             push = {"rocker": size * np.eye(6)[axis]}
             instant = pf.forward_dynamics(case.scene, q, still, middle, push)
             found = pf.holds(case.scene, q, middle, push)
-            assert found.held is (True if (instant.modes == 0).all() else None)
-            assert found.proved is bool(found.held)
+            stays = (instant.modes == 0).all()
+            assert found.held in ((True,) if stays else (False, None))
+            assert found.proved is (found.held is not None)
             seen.add(found.held)
-    assert seen == {True, None}
+    assert seen == {True, False}
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_that_no_friction_of_balls_holds_is_proved_only_where_none_does(seed):
+    """Pushed ever harder: the bound lies below the use of the friction that holds, and near it."""
+    base, rng = pf.load_scene("delta"), np.random.default_rng(seed)
+    q = pf.load_trajectory("delta.waypoints.yaml", base).q[rng.integers(300)]
+    still = np.zeros((1, base.model.nv))
+    found = pf.inverse_dynamics(base, q[None], still, still)
+    low, high = found.effort_lower[0], found.effort_upper[0]
+    push, middle = 0.5 * (high - low) * rng.choice([-1, 1], 3), 0.5 * (low + high)
+    held = [pf.holds(base, q, middle + share * push).held for share in (0.2, 0.5, 1.5, 2.5)]
+    assert held[0] is True
+    assert held[3] is False
+    assert sorted(held, key=[True, None, False].index) == held
