@@ -27,6 +27,8 @@ _PUBLIC = {
     "Instant": "pinfric.dynamics.forward.forward",
     "Solver": "pinfric.dynamics.forward.solver",
     "InverseInstant": "pinfric.dynamics.forward.solver",
+    "InverseDerivatives": "pinfric.dynamics.derivatives.derivatives",
+    "ForwardDerivatives": "pinfric.dynamics.derivatives.derivatives",
     "CompensationOptions": "pinfric.dynamics.forward.compensation",
     "warm_up": "pinfric.dynamics.warm_up",
     "holds": "pinfric.dynamics.forward.holds",
@@ -74,6 +76,8 @@ if TYPE_CHECKING:  # the same names for type checkers, which do not run __getatt
     from pinfric.checking.plausibility import check as check
     from pinfric.drives.catalog_file import load_catalog as load_catalog
     from pinfric.drives.duty import Duty as Duty
+    from pinfric.dynamics.derivatives.derivatives import ForwardDerivatives as ForwardDerivatives
+    from pinfric.dynamics.derivatives.derivatives import InverseDerivatives as InverseDerivatives
     from pinfric.dynamics.forward.compensation import CompensationOptions as CompensationOptions
     from pinfric.dynamics.forward.forward import Instant as Instant
     from pinfric.dynamics.forward.forward import forward_dynamics as forward_dynamics

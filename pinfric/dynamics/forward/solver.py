@@ -18,6 +18,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from pinfric.dynamics.derivatives.derivatives import (
+    Differentiator,
+    ForwardDerivatives,
+    InverseDerivatives,
+    check_differentiable,
+)
 from pinfric.dynamics.forward.compensation import (
     CompensatedSample,
     CompensationOptions,
@@ -290,6 +296,7 @@ class _Buffers(threading.local):
             to read an attribute of a thread takes twice as long as another.
         motors: the workspace for motors' torques, made where they are given.
         compensated: of `compensate`, made at its first call.
+        derived: derivatives in these two workspaces, made at first; True: of motors.
     """
 
     def __init__(self, scene: Scene, carried: tuple[str, ...] | None) -> None:
@@ -297,6 +304,7 @@ class _Buffers(threading.local):
         self.both = ws, _Sample(ws) if scene.one_drive_each else None
         self.motors: Workspace | None = None
         self.compensated: _Compensated | None = None
+        self.derived: dict[bool, Differentiator] = {}
 
 
 class Solver:
@@ -466,13 +474,100 @@ class Solver:
         Raises:
             See `forward_dynamics`.
         """
-        own, given = self._own, one_of("Solver.forward", effort, motor_torque)
-        ws, _ = own.both
-        if effort is None:
-            own.motors = ws = own.motors or Workspace(self.scene, self._carried, motors=True)
+        given = one_of("Solver.forward", effort, motor_torque)
+        ws = self._workspace(motors=effort is None)
         applied = None if external is None else applied_wrenches(self.scene, external, 1)
         solve_state(ws, q, v, given, applied)
         return solution(ws)
+
+    def inverse_derivatives(
+        self,
+        q: np.ndarray,
+        v: np.ndarray,
+        a: np.ndarray,
+        *,
+        external: Mapping[str, np.ndarray] | None = None,
+    ) -> InverseDerivatives:
+        """Return the derivatives of the efforts of a motion by q, v and a.
+
+        du = dtau_id - D ((dphi/dc) dc + (dphi/dv) dv), with c the load of each joint, exact in the
+        present modes; see `derivatives.wrenches` and `derivatives.efforts`. Where a joint rests,
+        its efforts have two ends, and dtau_dv is 0. The kernel is compiled at the first call.
+
+        Args:
+            q, v, a: (nq,), (nv,), (nv,) in rad, m and per second.
+            external: frame name -> (6,) wrench on it, in its axes at its origin (N, N m), held
+                constant there.
+
+        Returns:
+            Arrays that the next call overwrites.
+
+        Raises:
+            SceneError: loops or drives off the joints; redundant drives without shares.
+            StateError: not real numbers, a wrong shape, a value not finite.
+            RollMomentError: a guide without width is loaded by a moment about its axis.
+        """
+        ws, _ = self._own.both
+        derived = self._own.derived.get(False) or self._differentiator(motors=False)
+        q = vector("q", q, ws.nq, "nq", self.scene.model)
+        v, a = vector("v", v, ws.nv, "nv"), vector("a", a, ws.nv, "nv")
+        applied = [] if external is None else applied_wrenches(self.scene, external, 1)
+        return derived.at(q, v, a, applied)
+
+    def forward_derivatives(
+        self,
+        q: np.ndarray,
+        v: np.ndarray,
+        effort: np.ndarray | Mapping[str, float] | None = None,
+        *,
+        motor_torque: np.ndarray | Mapping[str, float] | None = None,
+        external: Mapping[str, np.ndarray] | None = None,
+    ) -> ForwardDerivatives:
+        """Return the accelerations that efforts cause, and their derivatives in the modes found.
+
+        da_s = U_a[s,s]^-1 (du_s - U_q dq - U_v dv), with U_q, U_v, U_a the derivatives of the
+        efforts in these modes and s what slips; what sticks has rows of 0. A mode does not change
+        with the state: an optimizer never learns from them to break away (`smoothed` does).
+
+        Args:
+            q, v, effort, motor_torque, external: see `forward`.
+
+        Returns:
+            Arrays that the next call overwrites.
+
+        Raises:
+            See `forward` and `inverse_derivatives`.
+        """
+        check_differentiable(self.scene)
+        found = self.forward(q, v, effort, motor_torque=motor_torque, external=external)
+        motors = effort is None
+        ws = self._workspace(motors)
+        applied = [] if external is None else applied_wrenches(self.scene, external, 1)
+        q, v = vector("q", q, ws.nq, "nq"), vector("v", v, ws.nv, "nv")
+        if ws.must_project:
+            q = States.of(self.scene, q, v, found.a).q[0]
+        if ws.held.size:
+            v = np.where(np.isin(np.arange(ws.nv), ws.held), 0.0, v)
+        return self._differentiator(motors).of_solution(q, v, found.a, applied, ws.held, motors)
+
+    def _workspace(self, motors: bool) -> Workspace:
+        """The workspace for efforts, or for torques of motors, made at first."""
+        own = self._own
+        if not motors:
+            return own.both[0]
+        own.motors = own.motors or Workspace(self.scene, self._carried, motors=True)
+        return own.motors
+
+    def _differentiator(self, motors: bool) -> Differentiator:
+        """Derivatives in the workspace for efforts, or for torques of motors."""
+        own = self._own
+        if motors not in own.derived:
+            ws = self._workspace(motors)
+            with compiling():
+                own.derived[motors] = Differentiator(
+                    self.scene, ws.supplier, ws.machine, ws.argument
+                )
+        return own.derived[motors]
 
     def compensate(
         self,

@@ -1,0 +1,197 @@
+"""Derivatives of inverse and forward dynamics of one state, in the solver's memory.
+
+They are by Pinocchio's conventions: q in the tangent space (of a floating base its twist in its own
+axes), v, a; names as those of `pin.computeRNEADerivatives` and `pin.computeABADerivatives`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.dynamics.derivatives.efforts import differentiate_accelerations, differentiate_efforts
+from pinfric.dynamics.derivatives.tables import Tables, make_tables, record_tables
+from pinfric.dynamics.inverse.undriven import check_shares
+from pinfric.dynamics.problem.machine import Machine, Supplier
+from pinfric.dynamics.samples.reactions import AppliedWrench, check_roll_moments
+from pinfric.dynamics.samples.states import States
+from pinfric.errors import SceneError, StateError
+from pinfric.kernels.compiled import compile_for
+from pinfric.model.scene import Scene
+
+
+class Partials(NamedTuple):
+    """Derivatives of efforts or torques of motors, (na, nv) each.
+
+    Attributes:
+        dtau_dq, dtau_dv, dtau_da: by the motion; q in the tangent space.
+    """
+
+    dtau_dq: np.ndarray
+    dtau_dv: np.ndarray
+    dtau_da: np.ndarray
+
+
+class InverseDerivatives(NamedTuple):
+    """Derivatives of the efforts of a motion; see `InverseInstant` for the efforts.
+
+    Attributes:
+        effort_lower, effort_upper: of the ends of `effort`; equal where everything slides.
+        joint_effort_lower, joint_effort_upper: of `joint_effort`.
+        motor_torque_lower, motor_torque_upper: of `motor_torque`.
+        kink: (na,) bool: of a drive whose derivatives are of one side only, at a contact force of
+            0, a corner of a gear's loss, or where a power of the speed below 1 begins.
+    """
+
+    effort_lower: Partials
+    effort_upper: Partials
+    joint_effort_lower: Partials
+    joint_effort_upper: Partials
+    motor_torque_lower: Partials
+    motor_torque_upper: Partials
+    kink: np.ndarray
+
+
+class ForwardDerivatives(NamedTuple):
+    """Derivatives of the accelerations that efforts cause, in the modes that were found.
+
+    Attributes:
+        ddq_dq, ddq_dv: (nv, nv); what sticks has rows of 0.
+        ddq_dtau: (nv, na) by the efforts, or by the torques of motors where those are given.
+        a, modes: (nv,), (ns,) of the solution, see `Instant`.
+        kink: whether they are of one side only; see `InverseDerivatives`.
+    """
+
+    ddq_dq: np.ndarray
+    ddq_dv: np.ndarray
+    ddq_dtau: np.ndarray
+    a: np.ndarray
+    modes: np.ndarray
+    kink: bool
+
+
+def check_differentiable(scene: Scene) -> None:
+    """Refuse a scene that is no open chain with drives on its joints, or has springs.
+
+    Raises:
+        SceneError: names the loop or the drive, and what is missing.
+    """
+    if scene.linkage is None and scene.twin().springs is None:
+        return
+    missing = "those of multipliers"
+    if scene.linkage is None:
+        what, missing = "a spring acts on its links", "those of springs"
+    elif balls := [site.name for site in scene.sites if site.ball]:
+        what = f"the ball {balls[0]!r} has friction"
+    elif scene.loops:
+        what = f"{scene.loops[0].name!r} closes a loop"
+    else:
+        what = f"{next(d.name for d in scene.drives if d.velocity_index < 0)!r} acts off the joints"
+    raise SceneError(
+        f"{scene.source}: derivatives: {what}; {missing} are missing: derivatives are of open "
+        "chains with drives on joints, without springs; take differences of `inverse` or `forward`"
+    )
+
+
+class Differentiator:
+    """Derivatives of one scene in buffers of its own.
+
+    Attributes:
+        tables: the results of the last call.
+        supplier: of Pinocchio's figures.
+
+    Args:
+        scene: an open chain.
+        supplier, machine: of a workspace of it; argument: the machine as kernels take it.
+    """
+
+    def __init__(
+        self, scene: Scene, supplier: Supplier, machine: Machine, argument: Machine
+    ) -> None:
+        check_differentiable(scene)
+        check_shares(scene)
+        self.scene, self.supplier, self._machine = scene, supplier, argument
+        self._modes = machine.results.site_modes
+        self.tables: Tables = make_tables(scene, supplier.twin, machine)
+        self._record = record_tables(self.tables)
+        x, nv = self.tables, supplier.twin.nv
+        state = np.empty(scene.model.nq), np.empty(nv), np.empty(nv)
+        compile_for(differentiate_efforts, self._machine, self._record, *state, 0.0)
+        self._forward_is_compiled = False
+        self._guides = any(
+            s.friction.bearing and s.friction.bearing.roll_lever() for s in scene.sites
+        )
+        ends = *x.effort_change, *x.geared_change, *x.motor_change
+        self._inverse = InverseDerivatives._make([*(Partials(*end) for end in ends), x.kink])
+        self._by_q, self._by_v, self._by_u = (
+            x.answer[:nv, part] for part in (slice(0, nv), slice(nv, 2 * nv), slice(2 * nv, None))
+        )
+
+    def at(
+        self,
+        q: np.ndarray,
+        v: np.ndarray,
+        a: np.ndarray,
+        applied: Sequence[AppliedWrench] = (),
+        width: float = 0.0,
+    ) -> InverseDerivatives:
+        """Compute the efforts of a motion and their derivatives, see `Solver.inverse_derivatives`.
+
+        Args:
+            q, v, a: (nq,), (nv,), (nv,).
+            applied: wrenches on links, held constant in the links' axes.
+            width: of speeds below which friction is smooth (`efforts`); 0: none.
+        """
+        self._balance(q, v, a, applied)
+        if not differentiate_efforts(
+            self._machine, self._record, q, v, a, width
+        ):  # raises, unless q has to be normalized
+            q = States.of(self.scene, q, v, a).q[0]
+            self._balance(q, v, a, applied)
+            differentiate_efforts(self._machine, self._record, q, v, a, width)
+        if self._guides:
+            joints = self.tables.sites.joint
+            check_roll_moments(self.scene, self.supplier.supply.force[None, 1 + joints], 0)
+        return self._inverse
+
+    def of_solution(
+        self,
+        q: np.ndarray,
+        v: np.ndarray,
+        a: np.ndarray,
+        applied: Sequence[AppliedWrench],
+        held: np.ndarray,
+        motors: bool,
+    ) -> ForwardDerivatives:
+        """Compute the derivatives of accelerations in the modes that the machine holds.
+
+        Args:
+            q, v, a, applied: the state that was solved, and its accelerations.
+            held, motors: see `efforts.differentiate_accelerations`.
+
+        Raises:
+            StateError: the derivative is infinite, as at a jam.
+        """
+        self._balance(q, v, a, applied)
+        state = self._machine, self._record, q, v, a, held, motors
+        if not self._forward_is_compiled:  # at the first call: a cold solver has no need of it
+            compile_for(differentiate_accelerations, *state)
+            self._forward_is_compiled = True
+        solved, kink = differentiate_accelerations(*state)
+        if not solved:
+            raise StateError(
+                f"{self.scene.source}: accelerations have no derivative at this state: friction "
+                "grows as fast as the load that it causes; change the state"
+            )
+        return ForwardDerivatives(self._by_q, self._by_v, self._by_u, a, self._modes, bool(kink))
+
+    def _balance(
+        self, q: np.ndarray, v: np.ndarray, a: np.ndarray, applied: Sequence[AppliedWrench]
+    ) -> None:
+        """Compute poses, inertias of all that joints carry, and wrenches."""
+        supplier = self.supplier
+        pin.crba(supplier.model, supplier.data, q, pin.Convention.WORLD)
+        supplier.balance(q, v, a, applied)
