@@ -113,6 +113,23 @@ DIALECTS = {
 }
 
 
+WORDS = [f"field.{kind}{i}" for kind in ("name", "position") for i in (0, 1)]
+STAMPS = [1700000000123456789 + round(t * 1e9) for t in T.tolist()]
+DIALECTS |= {
+    "headers of joints and units": table(("t", "j1_rad", "j2_rad"), T, Q),
+    "numbered axes": table(("t", "A1", "A2"), T, Q),
+    "numbered axes in degrees": table(("t", "A1 [deg]", "A2 [deg]"), T, np.degrees(Q)),
+    "one row a joint": "time,joint,position,effort\n"
+    + "".join(f"{t!r},base_turn,{a!r},1\n{t!r},arm_lift,{b!r},2\n" for t, a, b in PAIRS),
+    "rostopic echo -p": ",".join(["%time", "field.header.seq", "field.header.stamp", *WORDS])
+    + "\n"
+    + "".join(
+        f"{stamp + 5_000_000},{i},{stamp},arm_lift,base_turn,{b!r},{a!r}\n"
+        for i, (stamp, (_, a, b)) in enumerate(zip(STAMPS, PAIRS, strict=True))
+    ),
+}
+
+
 def noisy(t, seed=5):
     rng = np.random.default_rng(seed)
     return swung(t) + 1e-5 * rng.normal(size=(t.size, 2))

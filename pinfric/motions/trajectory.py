@@ -24,6 +24,7 @@ from pinfric.model.brief import counted, file_name, listed, screen
 from pinfric.model.coordinates import from_angles
 from pinfric.model.files import write_file
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, impossible
+from pinfric.model.robot import Robot
 from pinfric.model.scene import Scene, expect_scene
 from pinfric.model.scene_file import find_file
 from pinfric.motions.followers import find_followers, follower_problems, follower_warnings
@@ -389,10 +390,21 @@ def read_trajectory(
         choose,
         options,
         problems,
-        robot.locked if robot else {},
+        _locked(robot) if robot else {},
     )
     found = _from_table(name, scene, columns, named, table, problems, reading.filtered)
     return replace(found, reading=reading, warnings=(*reading.notes, *found.warnings))
+
+
+def _locked(robot: Robot) -> dict[str, tuple[float, str]]:
+    """Joint -> where the scene fixes it, and in what, rad or m."""
+    if not robot.locked:
+        return {}
+    kinds = {joint.get("name"): joint.get("type") for joint in robot.xml().findall("joint")}
+    return {
+        name: (place, "m" if kinds[name] == "prismatic" else "rad")
+        for name, place in robot.locked.items()
+    }
 
 
 def _from_waypoints(path: Path, scene: HasModel, columns: Sequence[JointColumn]) -> Trajectory:

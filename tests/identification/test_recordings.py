@@ -195,6 +195,27 @@ def test_a_joint_that_the_scene_locks_and_that_moves_is_refused(way, refused, un
         pf.load_trajectory(path, scene)
 
 
+def test_a_locked_slide_moves_in_m_where_angles_are_in_degrees(tmp_path):
+    joints = "".join(
+        f"<link name='{link}'><inertial><mass value='1'/><origin xyz='.1 0 0'/><inertia ixx='.1' "
+        f"iyy='.1' izz='.1' ixy='0' ixz='0' iyz='0'/></inertial></link><joint name='{name}' "
+        f"type='{kind}'><parent link='{parent}'/><child link='{link}'/><axis xyz='0 0 1'/>"
+        "<limit lower='-3' upper='3' effort='9' velocity='9'/></joint>"
+        for name, kind, parent, link in (
+            ("turn", "revolute", "base", "arm"),
+            ("slide", "prismatic", "arm", "tool"),
+        )
+    )
+    (tmp_path / "arm.urdf").write_text(f"<robot name='arm'><link name='base'/>{joints}</robot>")
+    text = "pinfric: 1\nrobot: {urdf: arm.urdf, locked: {slide: 0.1}}\n"
+    (tmp_path / "arm.yaml").write_text(text)
+    t = np.arange(400) / 100.0
+    columns = np.column_stack((np.degrees(np.sin(t)), 0.2 + 0.2 * np.sin(2.0 * t)))
+    path = write_csv(tmp_path / "log.csv", t, ["turn [deg]", "slide"], columns)
+    with pytest.raises(pf.errors.TrajectoryError, match=r"locks it at 0.1, .* from \S+ to 0.4,"):
+        pf.load_trajectory(path, pf.load_scene(tmp_path / "arm.yaml"))
+
+
 @pytest.mark.slow
 def test_torques_at_the_shafts_are_multiplied_by_the_ratios():
     given = {"inertia": "keep", "laws": PLAIN}

@@ -13,12 +13,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from pinfric.dynamics.inverse.result import ACTUATOR_QUANTITIES, SITE_QUANTITIES
 from pinfric.dynamics.simulation.motion import SITE_ARRAYS
 from pinfric.errors import TrajectoryError, choose_from
-from pinfric.model.entry import Entry, Forms, Number, key, parse
+from pinfric.model.entry import Entry, Forms, Number, Positive, key, parse
 from pinfric.model.yamlfile import brief, cut, read_yaml
 from pinfric.motions.joint_columns import JointColumn, listing
 
@@ -45,8 +45,10 @@ _UNITS = {
     "rad/s²": "acceleration",
 }
 _UNIT = re.compile(r"[ _]*[\[(]\s*([^\])]*[^\])\d][^\])]*)[\])]$")
-#: Words beside the quantity in names of columns that only number the joints: `actual_q_0`.
-_FILLERS = {"actual", "measured", "joint", "joints", "axis", "state", "states"}
+#: Words beside the quantity in names of columns that only number the joints: `actual_q_0`,
+#: `j1_rad`, `observation.state_0`; of `A1` the word is no acceleration, but an axis.
+_FILLERS = {"actual", "measured", "joint", "joints", "axis", "state", "states", "j", "observation"}
+_AXIS = "A"
 #: What `pinfric inverse` and `simulate` write beside the motion.
 _COMPUTED = tuple(
     f".{quantity}" for quantity in (*ACTUATOR_QUANTITIES, *SITE_QUANTITIES, *SITE_ARRAYS)
@@ -54,10 +56,12 @@ _COMPUTED = tuple(
 #: What was asked of a joint is not what it did.
 _WANTED = re.compile(r"command|desired|target|reference|setpoint|error", re.IGNORECASE)
 _TIME = re.compile(
-    r"^(?:t|time|__time|timestamp|time_?stamp|elapsed|stamp)"
+    r"^(?:t|%?time|__time|timestamp|time_?stamp|elapsed|stamp)"
     r"(?:[ _]?[\[(]?(s|sec|ms|us|ns)[\])]?)?$",
     re.IGNORECASE,
 )
+#: What `rostopic echo -p` writes; its numbers stand without a mark behind the quantity.
+_ROSTOPIC, _ROSTOPIC_STAMP = "field.", "field.header.stamp"
 _STAMP = re.compile(r"header[./_]stamp[./_](secs?|nsecs?|nanosec)$", re.IGNORECASE)
 _NUMBERED = re.compile(r"^(.*?)([A-Za-z]+)(?:_(\d+)|\[(\d+)\]|\.(\d+))$")
 #: No tool writes longer names; they would only take time.
@@ -85,13 +89,22 @@ class JointMapping(Entry):
 
 
 class TimeMapping(Entry):
-    """Which column is time, and in what."""
+    """Which column is time, and in what; or the rate of rows that have none."""
 
-    column: Annotated[str, key("its name", "stamp")]
+    column: Annotated[str | None, key("its name", "stamp")] = None
+    rate: Annotated[
+        Positive | None, key("of the rows, where no column is their time", 50, "Hz")
+    ] = None
     unit: Annotated[
         Literal["s", "ms", "us", "ns"] | None,
         key("of its numbers; left out: from their steps", "us"),
     ] = None
+
+    @model_validator(mode="after")
+    def _either(self) -> TimeMapping:
+        if (self.column is None) == (self.rate is None):
+            raise ValueError("give either `column`, or `rate` in Hz where there is no time")
+        return self
 
 
 class ColumnsFile(Entry):
@@ -130,6 +143,7 @@ class Columns:
     """
 
     time: str = ""
+    rate: float | None = None
     time_unit: str | None = None
     by_header: bool = False
     nanoseconds: str | None = None
@@ -145,7 +159,7 @@ class Columns:
     def used(self) -> list[str]:
         """Every column that is read, time first."""
         uses = (self.position, self.velocity, self.acceleration, self.effort)
-        names = [self.time, *([self.nanoseconds] if self.nanoseconds else [])]
+        names = [name for name in (self.time, self.nanoseconds) if name]
         names += [use.column for part in uses for use in part.values()]
         return list(dict.fromkeys([*names, *(PAYLOAD + name for name in self.payloads)]))
 
@@ -189,7 +203,7 @@ def find_columns(
     claims: dict[tuple[str, str], list[str]] = {}
     numbered = {}  # number -> joint, from columns `name_0` or `name[0]` that hold the joints' names
     for column, cell in zip(header, first, strict=False):
-        match = _NUMBERED.match(column[:_LONGEST_NAME])
+        match = _NUMBERED.match(_marked(column[:_LONGEST_NAME]))
         if match and match[2].lower() == "name":
             numbered[next(x for x in match.groups()[2:] if x is not None)] = cell.strip()
     for column in dict.fromkeys(header):
@@ -206,12 +220,12 @@ def find_columns(
             claims.setdefault(meaning, []).append(column)
         elif not (_TIME.match(column) or column.endswith(_COMPUTED)):
             found.ignored.append(column)
-    _find_time(header, mapping, found, problems)
+    _find_time(header, first, mapping, found, problems)
     named = {c for c, cell in zip(header, first, strict=False) if cell in numbered.values()}
     if mapping is not None:
         _apply(mapping, header, names, claims, found, problems)
     if not found.position and not any(quantity == "position" for _, quantity in claims):
-        _take_in_order(header, names, claims, found)
+        _take_in_order(header, names, claims, found, currents)
     _settle(claims, found, problems, currents)
     used = {*found.used(), *named}
     found.ignored = [column for column in dict.fromkeys(found.ignored) if column not in used]
@@ -237,10 +251,11 @@ def _take_in_order(
     names: Sequence[str],
     claims: dict[tuple[str, str], list[str]],
     found: Columns,
+    currents: Collection[str],
 ) -> None:
     """Take columns that only number the joints in the scene's order, if there is one for each.
 
-    Such are `actual_q_0` to `actual_q_5`, `q1` to `q6`, `joint_1_position` and so on.
+    Such are `actual_q_0` to `actual_q_5`, `q1` to `q6`, `joint_1_position`, `A1` and so on.
     """
     groups: dict[tuple[str, str], dict[int, str]] = {}
     for column in dict.fromkeys(header):
@@ -249,18 +264,30 @@ def _take_in_order(
             groups.setdefault((match[1], match[3]), {})[int(match[2])] = column
     for template, group in groups.items():
         words = [
-            word.lower() for part in template for word in re.split(r"[^A-Za-z]+", part) if word
+            word.lower()
+            for part in template
+            for word in re.split(r"[^A-Za-z]+", part)
+            if word and (word, part) != (_AXIS, template[0])
         ]
+        axes = template[0] == _AXIS
         kinds = {_QUANTITY[word] for word in words if word in _QUANTITY}
         known = all(word in _QUANTITY or word in _FILLERS for word in words)
         numbers = sorted(group)
-        if not known or not words or len(kinds) > 1 or "acceleration" in kinds or numbers[0] > 1:
+        if (
+            not known
+            or not (words or axes)
+            or len(kinds) > 1
+            or "acceleration" in kinds
+            or numbers[0] > 1
+        ):
             continue
         if numbers != list(range(numbers[0], numbers[0] + len(names))):
             continue
-        ordered = [group[number] for number in numbers]
+        ordered, kind = [group[number] for number in numbers], next(iter(kinds), "position")
         for name, column in zip(names, ordered, strict=True):
-            claims.setdefault((name, next(iter(kinds), "position")), []).append(column)
+            claims.setdefault((name, kind), []).append(column)
+        if kind == "current" and not currents:
+            continue  # they are not read
         found.notes.append(
             f"columns {ordered[0]} to {ordered[-1]} are read in the scene's order, "
             f"{names[0]} to {names[-1]}"
@@ -272,6 +299,11 @@ def _in_words(column: str) -> str:
     unit = _UNIT.search(column)
     meant = _UNITS.get(re.sub(r"[ ·*.]", "", unit[1]).lower()) if unit else None
     return f"{column[: unit.start()]}/{meant}" if unit and meant else column
+
+
+def _marked(column: str) -> str:
+    """Return a column of `rostopic echo -p` with a mark before its number: field.position_0."""
+    return re.sub(r"(\d+)$", r"_\1", column) if column.startswith(_ROSTOPIC) else column
 
 
 def meaning_of(
@@ -286,7 +318,7 @@ def meaning_of(
     """
     if len(column) > _LONGEST_NAME:
         return None
-    column = _in_words(column)
+    column = _marked(_in_words(column))
     for ending, quantity in (("", "position"), (".v", "velocity"), (".a", "acceleration")):
         if column.endswith(ending) and column.removesuffix(ending) in names:
             return column.removesuffix(ending), quantity
@@ -311,11 +343,18 @@ def meaning_of(
 
 
 def _find_time(
-    header: Sequence[str], mapping: ColumnsFile | None, found: Columns, problems: list[str]
+    header: Sequence[str],
+    first: Sequence[str],
+    mapping: ColumnsFile | None,
+    found: Columns,
+    problems: list[str],
 ) -> None:
     if mapping is not None and mapping.time is not None:
         time = mapping.time if isinstance(mapping.time, TimeMapping) else None
-        found.time = time.column if time else str(mapping.time)
+        found.rate = time.rate if time else None
+        if found.rate is not None:
+            return
+        found.time = str(time.column if time else mapping.time)
         found.time_unit = time.unit if time else None
         if found.time not in header:
             problems.append(
@@ -324,6 +363,9 @@ def _find_time(
             )
         return
     candidates = [name for name in dict.fromkeys(header) if _TIME.match(name)]
+    stamped = dict(zip(header, first, strict=False)).get(_ROSTOPIC_STAMP, "0")
+    if stamped.strip("0"):  # when it was measured; %time says when it was written
+        candidates = [_ROSTOPIC_STAMP]
     stamps = {m[1][0].lower(): name for name in header if (m := _STAMP.search(name))}
     if len(candidates) > 1:
         problems.append(
@@ -339,7 +381,8 @@ def _find_time(
     else:
         problems.append(
             f"there is no column t (time, s), nor time, timestamp or __time; there are: "
-            f"{_shown(header)}; name it by --columns FILE, a YAML file with `time: NAME`"
+            f"{_shown(header)}; name it by --columns FILE, a YAML file with `time: NAME`, or with "
+            "the rows' rate in Hz, `time: {rate: 50}`, if they have none"
         )
 
 

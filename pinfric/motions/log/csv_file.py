@@ -46,6 +46,8 @@ _SMALL, _LONG = 2**20, 2**20
 _ISO = re.compile(
     r"^(\d{4}-\d\d-\d\d)[T ](\d\d:\d\d:\d\d(?:[.,]\d{1,9})?)(?:Z|([+-])(\d\d):?(\d\d))?$"
 )
+#: Columns that name the joint of a row, in tables with one row a joint.
+_JOINT_COLUMNS = {"joint", "joint_name", "name", "motor", "axis"}
 #: Columns that tables of joint states number: `name_0`, `position[0]`.
 _NUMBERED = re.compile(r"^(.*?)[_\[.]?(\d+)\]?$")
 
@@ -62,6 +64,7 @@ class _Table:
         separator: of cells.
         comma: whether numbers have decimal commas.
         notes: what a person should know of it.
+        rewritten: the rows are not those of the file.
     """
 
     path: Path
@@ -71,6 +74,7 @@ class _Table:
     separator: str
     comma: bool
     notes: tuple[str, ...] = ()
+    rewritten: bool = False
 
     @property
     def is_named(self) -> bool:
@@ -91,12 +95,15 @@ def open_csv(path: Path) -> OpenedLog:
     table = _table(path, _numbered_lines(path, _HEAD))
     if table.is_named:
         table = _sorted_by_names(_table(path, _numbered_lines(path)))
+    elif (place := _joint_place(table)) is not None:
+        table = _one_row_a_time(_table(path, _numbered_lines(path)), place)
+    given = table.is_named or table.rewritten
 
     def read(names: Sequence[str], problems: list[str]) -> LogFrame:
-        in_parts = not table.is_named and path.stat().st_size >= _SMALL
+        in_parts = not given and path.stat().st_size >= _SMALL
         found = _read_in_parts(table, names) if in_parts else None
         if found is None:
-            whole = table if table.is_named else _table(path, _numbered_lines(path))
+            whole = table if given else _table(path, _numbered_lines(path))
             found = _read_by_line(whole, names)
         return usable_rows(found, problems)
 
@@ -343,6 +350,46 @@ def _sorted_by_names(table: _Table) -> _Table:
         f"line {changed[0]}: each row is read by its own names"
     )
     return replace(table, rows=rows, notes=(note,))
+
+
+def _joint_place(table: _Table) -> int | None:
+    """Where the joint stands of which each row is, in a table with one row a joint; else None."""
+    first = cells_of(table.rows[0], table.separator)
+    for place, (column, cell) in enumerate(zip(table.header, first, strict=False)):
+        if column.lower() in _JOINT_COLUMNS and _number(cell) is None:
+            return place
+    return None
+
+
+def _one_row_a_time(table: _Table, place: int) -> _Table:
+    """Return a table with one row for each time, of one with a row for each joint and time.
+
+    A row's time is its first cell; columns are `joint/position` and so on. Rows of which the joint
+    or the time is missing stay torn.
+    """
+    width, others = len(table.header), [i for i in range(1, len(table.header)) if i != place]
+    merged: dict[str, dict[str, list[str]]] = {}
+    lines: dict[str, int] = {}
+    for line, row in zip(table.lines, table.rows, strict=True):
+        cells = cells_of(row, table.separator)
+        if len(cells) == width:
+            merged.setdefault(cells[0], {})[cells[place]] = [cells[i] for i in others]
+            lines.setdefault(cells[0], line)
+    joints = list(dict.fromkeys(name for own in merged.values() for name in own))
+    header = [table.header[0], *(f"{name}/{table.header[i]}" for name in joints for i in others)]
+    none = [""] * len(others)
+    rows = [
+        table.separator.join([time, *(cell for name in joints for cell in own.get(name, none))])
+        for time, own in merged.items()
+    ]
+    if place == 0 or table.separator == " ":
+        raise TrajectoryError(
+            f"{table.path}: has one row a joint; write the time first, and separate by commas"
+        )
+    note = f"the table has one row a joint and time: {listing(joints)}"
+    return replace(
+        table, header=header, lines=list(lines.values()), rows=rows, notes=(note,), rewritten=True
+    )
 
 
 def _echoed(cells: Sequence[str]) -> list[str] | None:

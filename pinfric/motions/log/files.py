@@ -1,10 +1,12 @@
-"""Parquet and MATLAB files."""
+"""Files of arrays: Parquet, MATLAB, NumPy and JSON."""
 
 from __future__ import annotations
 
+import json
 import struct
+import zipfile
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -15,12 +17,14 @@ from numpy.typing import NDArray
 from pinfric.errors import TrajectoryError
 from pinfric.motions.log.frame import FEWEST, MOST_BYTES, OpenedLog, arrays_log, check_size
 
+#: Keys of a file under which the joints' names stand.
+_NAMES = {"name", "names", "joint_names", "joints"}
 #: Bytes that are decompressed at a time.
 _PART = 2**20
 
 
 def open_parquet(path: Path) -> OpenedLog:
-    """Open a Parquet file; time stamps, of any zone, and durations count as whole ns.
+    """Open a Parquet file; times, of any zone, count as whole ns; lists of numbers are columns.
 
     Raises:
         TrajectoryError: damaged, too large, no rows, names twice, or pyarrow is missing.
@@ -42,6 +46,9 @@ def open_parquet(path: Path) -> OpenedLog:
                 name: _arrow_numbers(file.read([name]).column(name).cast(kinds[name]), kinds[name])
                 for name in (() if twice else used)
             }
+            lists = [field.name for field in file.schema_arrow if _is_list(field.type)]
+            for name in () if twice else lists:
+                columns |= _arrow_lists(name, file.read([name]).column(name))
     except (OSError, ValueError, KeyError) as problem:  # pyarrow's errors are ValueErrors, OSErrors
         reason = " ".join(str(problem).split())[:200]
         raise TrajectoryError(f"{path}: cannot be read as a Parquet file: {reason}") from None
@@ -65,6 +72,24 @@ def _arrow_type(kind: Any) -> Any:
         return pa.float64()
     plain = pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind)
     return kind if plain else None
+
+
+def _is_list(kind: Any) -> bool:
+    """Whether a column holds lists of numbers, as LeRobot's `observation.state`."""
+    import pyarrow as pa
+
+    lists = pa.types.is_list(kind) or pa.types.is_fixed_size_list(kind)
+    return bool(lists and _arrow_type(kind.value_type) is not None)
+
+
+def _arrow_lists(name: str, column: Any) -> dict[str, NDArray[Any]]:
+    """Columns `name_0` and on of lists that are all as long; else none."""
+    rows = column.to_pylist()
+    lengths = {len(row) for row in rows if row is not None}
+    if len(lengths) != 1 or not (width := lengths.pop()):
+        return {}
+    values = np.array([row or [None] * width for row in rows], dtype=np.float64)
+    return {f"{name}_{i}": each for i, each in enumerate(values.T)}
 
 
 def _arrow_numbers(column: Any, kind: Any) -> NDArray[Any]:
@@ -96,7 +121,79 @@ def open_matlab(path: Path) -> OpenedLog:
     except Exception as problem:  # zlib's, struct's, NumPy's: whatever a cut file ends in
         reason = " ".join(str(problem).split())[:200] or type(problem).__name__
         raise TrajectoryError(f"{path}: cannot be read as a MATLAB file: {reason}") from None
-    arrays = dict(_matlab_arrays("", content))
+    return _arrays_opened(path, dict(_matlab_arrays("", content)))
+
+
+def open_numpy(path: Path) -> OpenedLog:
+    """Open a file of `np.savez`; rows or columns of arrays are named as those of MATLAB files.
+
+    Raises:
+        TrajectoryError: damaged, too large, no arrays of numbers.
+    """
+    try:
+        with zipfile.ZipFile(path) as parts:
+            check_size(path, 0, inflated=sum(part.file_size for part in parts.infolist()))
+        with np.load(path, allow_pickle=False) as content:
+            arrays = {name: content[name] for name in content.files}
+    except (OSError, ValueError, zipfile.BadZipFile, zlib.error, EOFError) as problem:
+        reason = " ".join(str(problem).split())[:200] or type(problem).__name__
+        raise TrajectoryError(f"{path}: cannot be read as a NumPy file: {reason}") from None
+    return _arrays_opened(path, dict(_arrays("", arrays)), _joint_names(arrays))
+
+
+def open_json(path: Path) -> OpenedLog:
+    """Open a JSON file: arrays by name, or a list of records.
+
+    Raises:
+        TrajectoryError: damaged, too large, no arrays of numbers.
+    """
+    try:
+        check_size(path, 0, inflated=path.stat().st_size)
+        content = json.loads(path.read_bytes())
+        if isinstance(content, list) and all(isinstance(one, dict) for one in content):
+            keys = dict.fromkeys(key for one in content for key in one)
+            content = {key: [one.get(key) for one in content] for key in keys}
+    except (OSError, ValueError, RecursionError) as problem:
+        reason = " ".join(str(problem).split())[:200]
+        raise TrajectoryError(f"{path}: cannot be read as JSON: {reason}") from None
+    content = content if isinstance(content, dict) else {}
+    return _arrays_opened(path, dict(_arrays("", content)), _joint_names(content))
+
+
+def _joint_names(content: Mapping[str, Any]) -> list[str]:
+    """The names of the arrays' columns, where the file itself says them."""
+    for key in _NAMES & content.keys():
+        names = np.asarray(content[key])
+        if names.ndim == 1 and names.dtype.kind == "U":
+            return [str(name) for name in names]
+    return []
+
+
+def _arrays(prefix: str, content: Mapping[str, Any]) -> Iterator[tuple[str, NDArray[Any]]]:
+    """Yield the arrays of numbers in mappings, and in mappings and lists of these; None is NaN."""
+    for name, value in content.items():
+        first = value[0] if isinstance(value, list) and value else None
+        if isinstance(value, dict):
+            yield from _arrays(f"{prefix}{name}.", value)
+            continue
+        if isinstance(first, dict) and all(isinstance(one, dict) for one in value):
+            rows = {key: [one.get(key) for one in value] for key in first}
+            yield from _arrays(f"{prefix}{name}.", rows)
+            continue
+        try:
+            array = np.asarray(value)
+            if array.dtype == object:  # None beside numbers
+                array = array.astype(np.float64)
+        except (ValueError, TypeError, OverflowError):  # rows of several lengths, texts
+            continue
+        if array.dtype.kind in "iufb" and array.ndim in (1, 2):
+            yield f"{prefix}{name}", array
+
+
+def _arrays_opened(
+    path: Path, arrays: Mapping[str, NDArray[Any]], names: Sequence[str] = ()
+) -> OpenedLog:
+    """The log of those arrays that have as many rows, or columns, as most have."""
     sizes = [max(x.shape) for x in arrays.values() if max(x.shape) >= FEWEST]
     count = max(sizes, key=lambda size: (sizes.count(size), size), default=0)
     columns: dict[str, NDArray[Any]] = {}
@@ -105,9 +202,12 @@ def open_matlab(path: Path) -> OpenedLog:
             columns[name] = values
         elif values.ndim == 2 and count in values.shape:
             each = values if values.shape[1] == count else values.T
-            columns |= {f"{name}_{i}": row for i, row in enumerate(each, 1)}
+            numbers = [f"{name}_{i}" for i in range(1, len(each) + 1)]
+            own = [f"{joint}/{name}" for joint in names]
+            columns |= zip(own if len(own) == len(each) else numbers, each, strict=True)
     if not columns:
         raise TrajectoryError(f"{path}: holds no arrays of numbers")
+    check_size(path, count, len(columns))
     return arrays_log(columns, {}, recorded=True)
 
 

@@ -26,7 +26,7 @@ from pinfric.motions.log.columns import (
     read_mapping,
 )
 from pinfric.motions.log.csv_file import open_csv
-from pinfric.motions.log.files import open_matlab, open_parquet
+from pinfric.motions.log.files import open_json, open_matlab, open_numpy, open_parquet
 from pinfric.motions.log.frame import Log, LogFrame, OpenedLog
 from pinfric.motions.log.motion import Samples, regularise, smooth, unwrapped
 from pinfric.motions.log.reading import ANGLE_UNITS, Reading, ReadingOptions, Thinning
@@ -44,8 +44,14 @@ from pinfric.motions.log.units import (
 from pinfric.motions.table import TrajectoryTable, mismatch_warning
 
 #: Endings of the files that are read here; a bag may be a folder, too.
-SUFFIXES = (".csv", ".tsv", ".txt", ".csv.gz", ".parquet", ".mat", ".db3", ".mcap")
-
+SUFFIXES = (".csv", ".tsv", ".txt", ".csv.gz", ".parquet", ".mat", ".npz", ".json", ".db3", ".mcap")
+#: How files of arrays are opened; all others are text or bags.
+_OPENED = {
+    ".parquet": open_parquet,
+    ".mat": open_matlab,
+    ".npz": open_numpy,
+    ".json": open_json,
+}
 
 #: rad or m: a joint that goes no farther, as a gripper's finger, is locked nearly where it is.
 _LOCKED_WAY = 0.05
@@ -61,7 +67,7 @@ def read_log(
     choose: Callable[[Sequence[str], list[str]], tuple[JointColumn, ...]],
     options: ReadingOptions,
     problems: list[str],
-    locked: Mapping[str, float] = MappingProxyType({}),
+    locked: Mapping[str, tuple[float, str]] = MappingProxyType({}),
 ) -> Logged:
     """Read a CSV, Parquet or MATLAB file, a bag, or arrays.
 
@@ -72,7 +78,7 @@ def read_log(
         choose: names of the joints that have positions, problems -> the joints that must have.
         options: what the person said.
         problems: everything wrong in the file is appended here.
-        locked: joint -> where the scene fixes it, rad or m.
+        locked: joint -> where the scene fixes it, and the unit of that, "rad" or "m".
 
     Raises:
         TrajectoryError: the file cannot be opened, or holds nothing to compute with.
@@ -97,7 +103,7 @@ def read_log(
             "--columns FILE, or lock them in the scene (robot: locked)"
         )
     named = tuple(column for column in named if column.name in found.position)
-    if not found.time or not named:
+    if not (found.time or found.rate) or not named:
         refuse(name, problems)
     notes = [*log.notes, *found.notes, *([f"columns not used: {others}"] if others else [])]
     samples, efforts, factors = _to_si(name, log, found, named, options, problems, notes)
@@ -124,9 +130,8 @@ def _open(path: Path, joints: Sequence[JointColumn]) -> OpenedLog:
             f"{path}: is a pipe or a device, and a log is read twice: save it first"
         )
     name = path.name.lower()
-    for suffix, opened in ((".parquet", open_parquet), (".mat", open_matlab), (SUFFIXES, open_csv)):
-        if name.endswith(suffix):
-            return opened(path)
+    if name.endswith(SUFFIXES):
+        return _OPENED.get(Path(name).suffix, open_csv)(path)
     raise TrajectoryError(
         f"{path}: a trajectory ends in .csv, .yaml or .yml; a log in {', '.join(SUFFIXES)}"
     )
@@ -228,7 +233,10 @@ def _to_si(
 
 
 def _moving_though_locked(
-    log: OpenedLog, columns: Sequence[str], locked: Mapping[str, float], factor: float
+    log: OpenedLog,
+    columns: Sequence[str],
+    locked: Mapping[str, tuple[float, str]],
+    factor: float,
 ) -> list[str]:
     """Return a line for each joint that the scene fixes, and that moves in the log."""
     found = []
@@ -236,11 +244,12 @@ def _moving_though_locked(
         joint, quantity = meaning_of(column, tuple(locked), {}) or ("", "")
         if quantity != "position":
             continue
-        q = factor * log.read([column], []).values[:, 0]
+        place, unit = locked[joint]
+        q = (factor if unit == "rad" else 1.0) * log.read([column], []).values[:, 0]
         q = q[np.isfinite(q)]
         if q.size and np.ptp(q) > _LOCKED_WAY:
             found.append(
-                f"joint {joint}: the scene locks it at {locked[joint]:g}, but in the log it moves "
+                f"joint {joint}: the scene locks it at {place:g}, but in the log it moves "
                 f"from {q.min():.4g} to {q.max():.4g}, which loads its neighbours: take it out of "
                 f"`robot: locked` (`identify --without {joint}` needs no effort of it), or leave "
                 "its column out of the log if what it moves weighs nothing"
@@ -320,7 +329,13 @@ def _seconds(
     problems: list[str],
     notes: list[str],
 ) -> FloatArray:
-    """Return the rows' times in s, those of a clock from its first one on."""
+    """Return the rows' times in s, those of a clock from its first one on.
+
+    Rows without a time were written at one rate; those that were left out have theirs.
+    """
+    if found.rate is not None:
+        notes.append(f"no column is the time: rows taken as written at {found.rate:g} Hz")
+        return (np.asarray(cells.lines, dtype=np.float64) - cells.lines[0]) / found.rate
     t = cells.column(found.time)
     start = float(cells.origin.get(found.time, 0)) + float(t[0])
     if found.nanoseconds is not None:

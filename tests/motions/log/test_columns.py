@@ -55,6 +55,31 @@ joints:
     ]
 
 
+def test_rows_without_a_time_have_the_rate_that_a_person_gives(tmp_path):
+    text = table(NAMES, Q)
+    assert "`time: {rate: 50}`" in refused(tmp_path, text)
+    (tmp_path / "log.columns.yaml").write_text("time: {rate: 200}")
+    motion = load(tmp_path, text)
+    np.testing.assert_allclose((motion.t, *motion.q.T), (T, *Q.T), atol=1e-11)
+    assert "no column is the time: rows taken as written at 200 Hz" in motion.warnings
+    lines = text.splitlines(keepends=True)
+    torn = load(tmp_path, "".join([*lines[:50], "0.1\n", *lines[51:]]))  # its time is kept
+    np.testing.assert_allclose(torn.t, np.delete(T, 49), atol=1e-9)
+    for wrong in ("{rate: 0}", "{rate: 50, column: t}", "{unit: s}"):
+        (tmp_path / "log.columns.yaml").write_text(f"time: {wrong}")
+        assert "log.columns.yaml: `time" in refused(tmp_path, text)
+
+
+@pytest.mark.parametrize("read", [False, True])
+def test_currents_of_the_ur_are_read_or_not_used_but_not_both(read, tmp_path):
+    header = ("t", "actual_q_0", "actual_q_1", "actual_current_0", "actual_current_1")
+    (tmp_path / "log.csv").write_text(table(header, T, Q, V))
+    options = ReadingOptions(currents=frozenset(NAMES if read else ()))
+    said = pf.load_trajectory(tmp_path / "log.csv", arm(), options).warnings
+    assert any("columns actual_current_0 to" in line for line in said) is read
+    assert any("not used" in line and "current" in line for line in said) is not read
+
+
 def test_a_table_of_efforts_is_a_motion_again_without_a_word(tmp_path):
     motion = load(tmp_path, PLAIN)
     efforts = pf.inverse_dynamics(arm(), motion).to_dataframe().to_csv(index=False)

@@ -1,5 +1,6 @@
 """Logs in the dialects of robots and their tools: columns, units, rows, bags, and bad files."""
 
+import json
 import sys
 from pathlib import Path
 
@@ -70,6 +71,56 @@ joints:
         with pytest.raises(TrajectoryError, match=rf"log\.mat: {message}") as caught:
             pf.load_trajectory(tmp_path / "log.mat", arm())
         assert "\n" not in str(caught.value)
+
+
+JSON = {"t": T.tolist(), "names": ["arm_lift", "base_turn"], "position": Q[:, ::-1].tolist()}
+RECORDS = [
+    {"time": t, "base_turn": {"position": a}, "arm_lift": {"position": b}}
+    for t, (a, b) in zip(T.tolist(), Q.tolist(), strict=True)
+]
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        JSON,
+        {"log": {"t": T.tolist(), "q": Q.tolist()}},
+        RECORDS,
+        {"t": T.tolist(), "q": Q.T.tolist(), "note": "a text", "gear": 101.0},
+    ],
+)
+def test_json_and_numpy_files(content, tmp_path):
+    path = tmp_path / "log.json"
+    path.write_text(json.dumps(content))
+    if "log" in content:
+        (tmp_path / "log.columns.yaml").write_text(
+            "time: log.t\njoints: {base_turn: log.q_1, arm_lift: log.q_2}"
+        )
+    motion = pf.load_trajectory(path, arm())
+    np.testing.assert_allclose(motion.q, Q, atol=1e-12)
+    np.testing.assert_allclose(motion.t, T, atol=1e-9)
+    if isinstance(content, dict) and "log" not in content:
+        np.savez(tmp_path / "log.npz", **{key: np.array(x) for key, x in content.items()})
+        np.testing.assert_array_equal(pf.load_trajectory(tmp_path / "log.npz", arm()).q, motion.q)
+    for name in ("log.json", "log.npz"):
+        for damaged in (b"", b"{", b"PK\x03\x04" + bytes(100), b"[1, 2]", b'{"a": "text"}'):
+            (tmp_path / name).write_bytes(damaged)
+            with pytest.raises(TrajectoryError, match=rf"{name}: (cannot be read|holds no)") as e:
+                pf.load_trajectory(tmp_path / name, arm())
+            assert "\n" not in str(e.value)
+
+
+def test_lists_of_parquet_files_are_columns(tmp_path):
+    """As LeRobot records: `observation.state` of all joints, and what was asked of them."""
+    import pandas as pd
+
+    lists = {"observation.state": list(Q.astype(np.float32)), "action": list(-Q)}
+    pd.DataFrame({"timestamp": T, "frame_index": range(len(T)), **lists}).to_parquet(
+        tmp_path / "episode.parquet"
+    )
+    motion = pf.load_trajectory(tmp_path / "episode.parquet", arm())
+    np.testing.assert_allclose(motion.q, Q, atol=1e-6)
+    assert "'frame_index', 'action_0', 'action_1'" in "\n".join(motion.warnings)
 
 
 def test_parquet(tmp_path):
