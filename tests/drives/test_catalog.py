@@ -466,3 +466,50 @@ def test_a_servos_losses_grow_with_its_load_as_they_were_identified(name):
         assert (load > 0.0).all()
         u = way * entry.ratio * found.motor_torque_lower[:, 0]
         assert u - load == pytest.approx(base + share * (u + load) + viscous * v[:, 0], rel=1e-12)
+
+
+#: Kind -> its torque, and its rules: mass a T^0.75 kg, inertia at the input b m^(5/3) kg m^2, as of
+#: bodies of one shape; a and b are near the medians of the bundled ones.
+RULES = {
+    "stepper": ("holding_torque", 0.73, 3.2e-5),
+    "frameless": ("continuous_torque", 0.53, 2.2e-4),
+    "motor": ("continuous_torque", 1.3, 2.9e-5),
+    "flat motor": ("continuous_torque", 1.3, 5.5e-4),
+    "gearmotor": ("peak_torque", 0.045, 1.2e-4),
+    "servo": ("stall_torque", 0.045, 1.4e-5),
+    "strain wave": ("rated_torque", 0.070, 2.4e-5),
+    "planetary": ("rated_torque", 0.12, 9e-6),
+    "planetary of stages": ("rated_torque", 0.12, 2.5e-6),
+    "cycloidal": ("rated_torque", 0.10, None),
+    "belt": ("rated_torque", 0.084, 1.8e-4),
+}
+
+
+def kind_of_row(section, name, entry):
+    """Its kind of `RULES`; "": screws and linear motors have none."""
+    if section == "motors":
+        flat = "flat motor" if " flat " in name else "motor"
+        return (
+            "stepper" if entry.stepper else "frameless" if entry.mounting == "frameless" else flat
+        )
+    if entry.output == "linear":
+        return ""
+    if section == "gearmotors":
+        return "servo" if entry.stall_torque else "gearmotor"
+    return entry.kind + " of stages" * (entry.kind == "planetary" and max(entry.ratios) > 12)
+
+
+@pytest.mark.parametrize("section", ["motors", "gears", "gearmotors"])
+def test_masses_and_inertias_are_those_of_their_kind_or_a_note_says_why(section):
+    odd = {}
+    for name, entry in getattr(pf.load_catalog(), section).items():
+        if not (kind := kind_of_row(section, name, entry)):
+            continue
+        figure, a, b = RULES[kind]
+        torque = getattr(entry.stepper if kind == "stepper" else entry, figure)
+        inertia = getattr(entry, "input_inertia" if section == "gears" else "rotor_inertia")
+        off = [entry.mass / (a * torque**0.75)] if entry.mass and torque else []
+        off += [inertia / (b * entry.mass ** (5 / 3))] if entry.mass and inertia and b else []
+        if any(not 0.2 <= x <= 5.0 for x in off) and not entry.note:
+            odd[name] = off
+    assert odd == {}
