@@ -95,7 +95,10 @@ OneCycle = Annotated[
 ]
 Cycles = Annotated[
     list[str] | None,
-    typer.Option(metavar="FILE:SHARE", help="A cycle and its share of the time, or its count."),
+    typer.Option(
+        metavar="[SCENE:]FILE:SHARE",
+        help="A cycle and its share of the time, or its count; in a scene with another gravity.",
+    ),
 ]
 On = Annotated[
     float, typer.Option(metavar="PART", help="Share of the period switched on (S3 duty).")
@@ -311,13 +314,16 @@ def size(
     Without a catalogue: what each joint demands. With one: the lightest motor and gear that
     meets it. --out writes sizing.json, report.html, bom.csv and, for the commands that follow,
     sized.scene.yaml, sized.urdf and motors.yaml. A duty of several cycles: --cycle pick.csv:0.7
-    --cycle wait.csv:0.3, or counts. Before there is a cycle: --rating payload=10 (kg), held and
-    lifted in the worst posture of each joint.
+    --cycle wait.csv:0.3, or counts. Several mountings: --cycle wall.yaml:pick.csv is a cycle of the
+    same robot in a scene with another gravity; each joint gets what bears the hardest. Before
+    there is a cycle: --rating payload=10 (kg), held and lifted in the worst posture of each joint.
     """
-    given = _cycles(trajectory_name, cycle, rating is not None)
+    by_scene = _by_scene(_cycles(trajectory_name, cycle, rating is not None))
+    given = by_scene.pop("")
     names = "sizing.json", "report.html", "bom.csv", *SIZED
     first, later = (given[0][0] if given else None), [name for name, _ in given[1:]]
-    scene, trajectory = load(scene_name, first, log, out, names, [*later, catalog])
+    others = [*by_scene, *(name for cycles in by_scene.values() for name, _ in cycles)]
+    scene, trajectory = load(scene_name, first, log, out, names, [*later, *others, catalog])
     cycles = [trajectory] if given else []
     cycles += [load_motion_of(scene, name, log) for name in later]
     question_loads(scene)
@@ -332,8 +338,13 @@ def size(
 
     if not given and (on, period) != (1.0, 600.0):
         raise typer.BadParameter("belongs to cycles; there is only a rating", param_hint="--on")
+    elsewhere = []
+    for name, turned in by_scene.items():
+        other, _ = load(name)
+        there = [(load_motion_of(other, file, log), share) for file, share in turned]
+        elsewhere.append((other, Duty(tuple(there), on, period)))
     weighed = tuple((c, share) for c, (_, share) in zip(cycles, given, strict=True))
-    duty = Duty(weighed, on, period) if weighed else None
+    duty = Duty(weighed, on, period, elsewhere=tuple(elsewhere)) if weighed else None
 
     def number_or_name(text: str) -> float | str:
         try:
@@ -384,6 +395,20 @@ def _cycles(
             param_hint="--cycle",
         )
     return given or ([] if trajectory_name is None else [(trajectory_name, 1.0)])
+
+
+def _by_scene(given: list[tuple[str, float]]) -> dict[str, list[tuple[str, float]]]:
+    """The cycles of each scene that is named before their file, SCENE:FILE; "": SCENE's own."""
+    found: dict[str, list[tuple[str, float]]] = {"": []}
+    for name, share in given:
+        scene, colon, file = name.partition(":")
+        there = colon and scene.lower().endswith((".yaml", ".yml"))
+        found.setdefault(scene if there else "", []).append((file if there else name, share))
+    if len(found) > 1 and not found[""]:
+        raise typer.BadParameter(
+            "all cycles name another scene; give one of SCENE itself, too", param_hint="--cycle"
+        )
+    return found
 
 
 def _nested(given: dict[str, Any]) -> dict[str, Any]:

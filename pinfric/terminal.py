@@ -194,14 +194,18 @@ def xacro_arguments(given: Sequence[str] | None) -> dict[str, str]:
 
 
 def weighted(text: str) -> tuple[str, float]:
-    """Return the file and the number of FILE:NUMBER; 1 where no number stands behind a colon."""
+    """Return the file and the number of FILE:NUMBER; 1 where no number stands behind a colon.
+
+    The file may be SCENE:FILE.
+    """
     from pinfric.model.csv_text import number_of
 
     name, _, number = text.rpartition(":")
     try:
         return (name, number_of(number)) if name else (text, 1.0)
     except ValueError:
-        if Path(name).is_file() and not Path(text).exists():
+        of_scene = name.lower().endswith((".yaml", ".yml")) and Path(number).suffix
+        if Path(name).is_file() and not Path(text).exists() and not of_scene:
             raise typer.BadParameter(
                 f"{text!r}: should be FILE:SHARE, with a number behind the colon",
                 param_hint="--cycle",

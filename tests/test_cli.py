@@ -195,6 +195,12 @@ def test_size_takes_several_cycles_and_refuses_shares_that_do_not_add_up(files, 
     error = "pinfric: error: duty: the shares 0.7, 0.2 add up to 0.9; "
     assert capsys.readouterr().err.startswith(error)
     assert "give one TRAJECTORY" in refused(capsys, "size", "arm.yaml")
+    hung = (files / "arm.yaml").read_text().replace("arm.urdf", "arm.urdf, gravity: [0, 0, 9.81]")
+    (files / "hung.yaml").write_text(hung)
+    mounted = ("--cycle", "way.yaml", "--cycle", "hung.yaml:way.yaml")
+    hardest = result_of(told(capsys, "size", "arm.yaml", *mounted, "--json").out)["mountings"]
+    assert [one["rms_in"] in ("arm.yaml", "hung.yaml") for one in hardest] == [True]
+    assert "give one of SCENE itself" in refused(capsys, "size", "arm.yaml", *mounted[2:])
 
 
 SWEEP = """

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from pinfric.errors import SizingError
+from pinfric.model.scene import Scene
 from pinfric.motions.trajectory import Trajectory
 
 #: s; between the last sample of one cycle and the first of the next, which are one instant.
@@ -114,6 +115,8 @@ class Duty:
         on: part of the period switched on, above 0 to 1.
         period: s, of shares; 10 minutes by default (IEC 60034-1, S3).
         beside: motions that a period does not run, of which only peaks count.
+        elsewhere: the same robot mounted otherwise: a scene with another gravity, and the duty that
+            it has there. The hardest of them counts, joint by joint.
 
     Raises:
         SizingError: shares that do not add up, a share or count that is not above 0, cycles of
@@ -124,6 +127,7 @@ class Duty:
     on: float = 1.0
     period: float = PERIOD
     beside: tuple[Trajectory, ...] = ()
+    elsewhere: tuple[tuple[Scene, Duty], ...] = ()
     repeats: tuple[float, ...] = field(init=False)
 
     def __post_init__(self) -> None:

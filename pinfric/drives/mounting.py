@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from pinfric.errors import SizingError
+from pinfric.model.brief import file_name
+from pinfric.model.robot import changed_parts
 from pinfric.model.scene import Scene
 
 #: Degrees; less than this off an axis is along it.
 _ALONG = 1.0
+#: What scenes of one robot have in common, beside its model.
+_SAME = ("friction", "payloads", "actuators", "loops", "springs", "masses", "stops")
 
 
 def mounting(scene: Scene) -> str:
@@ -23,10 +30,41 @@ def mounting(scene: Scene) -> str:
     return f"tilted by {tilt:.3g} degrees"
 
 
-def mounted(scene: Scene, every: bool) -> str:
-    """Return a sentence: how the robot is mounted, and that drives are for `every` mounting."""
-    more = "; drives and brakes are chosen for all six ways, brakes and stops printed for this one"
-    return f"The robot is mounted {mounting(scene)}, as the scene's gravity says{more * every}."
+def mounted(scene: Scene, every: bool, elsewhere: Sequence[str] = ()) -> str:
+    """Return a sentence: how the robot is mounted, and for which other mountings drives are.
+
+    Args:
+        scene: as it is mounted. every: whether drives are for all six ways.
+        elsewhere: scenes in which it is mounted otherwise, for which drives are, too.
+    """
+    others = ["all six ways"] * every + list(elsewhere)
+    printed = "demand, bus, brakes" if elsewhere else "brakes"
+    more = (
+        f"; drives and brakes are chosen for {', '.join(others)}{' as well' * bool(elsewhere)}, "
+        f"{printed} and stops printed for this one"
+    )
+    told = more * bool(others)
+    return f"The robot is mounted {mounting(scene)}, as the scene's gravity says{told}."
+
+
+def turned_as(scene: Scene, other: Scene) -> str:
+    """Return the name of another scene, in which the same robot is mounted otherwise.
+
+    Raises:
+        SizingError: more than gravity differs, or nothing.
+    """
+    ours, name = file_name(scene.source), file_name(other.source)
+    differs = changed_parts(other.model, scene.model)
+    differs += [key for key in _SAME if getattr(other, key) != getattr(scene, key)]
+    if other.joint_names != scene.joint_names:
+        differs = ["joints"]
+    if differs != ["gravity"]:
+        what = ", ".join(part for part in differs if part != "gravity") or "gravity is the same"
+        raise SizingError(
+            f"{name}: should be {ours} with another gravity and nothing else, found: {what}; copy "
+            f"{ours} and change robot.gravity alone"
+        )
+    return name
 
 
 def mountings(scene: Scene) -> dict[str, list[float]]:

@@ -37,7 +37,7 @@ from pinfric.drives.friction import without_drives
 from pinfric.drives.held import held_drives
 from pinfric.drives.limit import Case, first_known
 from pinfric.drives.limits import SHOCK
-from pinfric.drives.mounting import mounted, mountings
+from pinfric.drives.mounting import mounted, mountings, turned_as
 from pinfric.drives.parts import check_names, own_parts
 from pinfric.drives.policy import STAND_INS, Conditions, parse_conditions
 from pinfric.drives.power import BusPower, bus_power
@@ -102,6 +102,7 @@ class JointSizing:
         search: of the drives that were looked at.
         decided: with a rating, whose means leave the least of the drive: the cycle's, or its own.
         alone: with a rating beside a cycle: what each of the two alone would take; None: nothing.
+        mountings: of several mountings, by name, RMS and peak effort; empty: there is one.
     """
 
     demand: JointDemand
@@ -116,6 +117,7 @@ class JointSizing:
     search: Search | None = field(default=None, repr=False, compare=False)
     decided: str = ""
     alone: Mapping[str, Assessment | None] = field(default_factory=dict)
+    mountings: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -241,6 +243,7 @@ class SizingReport(Shown):
         stops: with the chosen drives and their brakes; None: none, or the scene has no `stops`.
         no_stops: why the stops that the scene asks for could not be judged; "" where they were.
         rating: what the robot is rated for, beside a cycle or alone; None: a cycle alone.
+        elsewhere: scenes in which the robot is mounted otherwise, for which the drives are, too.
         open_stops: which gears stops would overload, where none are demanded.
     """
 
@@ -263,6 +266,7 @@ class SizingReport(Shown):
     no_stops: str = ""
     contradiction: str = ""
     rating: RatedCycle | None = None
+    elsewhere: tuple[str, ...] = ()
     open_stops: str = ""
 
     def __repr__(self) -> str:
@@ -336,7 +340,7 @@ class SizingReport(Shown):
         text = f"Not printed of brakes: {'; '.join(brakes)}."
         if self.catalog is None:
             return self.assumptions
-        how = mounted(self.given, self.conditions.mounting == "any")
+        how = mounted(self.given, self.conditions.mounting == "any", self.elsewhere)
         return (*self.assumptions, how, *[text] * bool(brakes))
 
     @cached_property
@@ -521,11 +525,28 @@ class _Sizing:
             for words, gravity in mountings(self.scene).items():
                 turned = self.scene.with_(gravity=gravity)
                 self.robots[words] = Robot(turned, self.motion, duty, conditions, self.rating)
+        self.elsewhere: dict[str, Duty] = {}
+        for other, there in trajectory.elsewhere if isinstance(trajectory, Duty) else ():
+            if rated is not None:
+                raise SizingError(
+                    "a rating beside cycles of other scenes: give the condition mounting=any, or "
+                    "size without the rating"
+                )
+            words, gravity = turned_as(scene, other), other.model.gravity.linear
+            if words in self.elsewhere:
+                raise SizingError(f"duty: {words} is there twice; give all its cycles in one duty")
+            if catalog is not None and not gravity.any():
+                raise SizingError(f"{words}: robot.gravity is [0, 0, 0]; give the gravity")
+            self.elsewhere[words] = there
+            turned, schedule = self.scene.with_(gravity=gravity), there.schedule()
+            self.robots[words] = Robot(turned, there.motion(), schedule, conditions)
+            cycles += [cycle for cycle, _ in there.cycles]
         self.duty = duty or once(len(self.robot.result.states.q))
         robot = [] if scene.robot is None else [scene.robot.urdf]
         cycled = [getattr(cycle, "source", "") for cycle in cycles]
         made = () if catalog is None else catalog.files
-        self.files = tuple(str(f) for f in (scene.source, *robot, *cycled, *made))
+        scenes = [scene.source, *(o.source for o, _ in getattr(trajectory, "elsewhere", ()))]
+        self.files = tuple(str(f) for f in (*scenes, *robot, *cycled, *made))
         self.unloaded = massless(self.scene, self.scene.payloads)
         if self.unloaded.all():
             raise SizingError(
@@ -605,6 +626,7 @@ class _Sizing:
             unclosed=gaps,
             contradiction=contradiction,
             rating=rating,
+            elsewhere=tuple(self.elsewhere),
             open_stops=self.open_stops,
         )
 
@@ -670,7 +692,7 @@ class _Sizing:
                 "(s) from power-off until it holds, as its maker states it"
             )
         self.progress("stops of the chosen drives")
-        motion = self._one_cycle(report.scene)
+        motion = self._one_cycle(report.scene, self.robot)
         products = {j.name: a.candidate.name for j in report.joints if (a := j.installed)}
         load, settings = full_load(report.scene, motion), stop_settings(report.scene, None)
         try:
@@ -678,9 +700,9 @@ class _Sizing:
         except StopError as problem:
             return None, str(problem)
 
-    def _one_cycle(self, scene: Scene) -> Trajectory:
+    def _one_cycle(self, scene: Scene, robot: Robot) -> Trajectory:
         """The cycles without a rating, or a rating alone, as a motion of a scene."""
-        states, rating = self.robot.result.states, self.rating
+        states, rating = robot.result.states, robot.rating
         assert states.t is not None  # size refuses a motion without times
         part = rating.own if rating is not None and rating.cycles else slice(None)
         carried = states.attached
@@ -694,7 +716,7 @@ class _Sizing:
             states.v[part],
             states.a[part],
             attached,
-            source=str(getattr(self.motion, "source", "motion")),
+            source=str(getattr(robot.motion, "source", "motion")),
         )
 
     def _bearing_stops(self) -> tuple[dict[int, Assessment], int, bool]:
@@ -731,8 +753,12 @@ class _Sizing:
                 taken = {i: a.where(**self._stop(i)) for i, a in taken.items()}
                 break
             seen.append(_names(taken))
-            held = np.zeros(len(powered[0].effort_lower) if powered else 0, dtype=bool)
-            self.braking = {i: tuple(drive_cycle(x, i, held) for x in powered) for i in taken}
+            self.braking = {
+                i: tuple(
+                    drive_cycle(x, i, np.zeros(len(x.effort_lower), dtype=bool)) for x in powered
+                )
+                for i in taken
+            }
             self.progress("gears that bear the stops of all joints together")
             taken, more, settled = self._choose()
             passes += more
@@ -757,11 +783,11 @@ class _Sizing:
                 made = replace(made, transmission=gear)
             chosen[i] = made
         scene = equip(self.scene, chosen, self.conditions)
-        motion, powers = self._one_cycle(scene), list[InverseResult]()
-        most = np.zeros(len(scene.drives))
+        powers, most = list[InverseResult](), np.zeros(len(scene.drives))
         for words, robot in self.robots.items():
             gravity = robot.scene.model.gravity.linear
             turned = scene.with_(gravity=gravity) if words else scene
+            motion = self._one_cycle(turned, robot)
             settings = stops or Stops(category=0, reaction_time=0.0)
             machines = Machines(turned, settings, full_load(turned, motion))
             powered = braking(machines, motion)
@@ -801,22 +827,27 @@ class _Sizing:
     def _cases(self, i: int, masses: Mapping[int, float]) -> dict[str, Case]:
         """A joint, with a rating once by each of its parts, and once by each mounting asked for.
 
-        The one of largest RMS effort first. A brake holds the largest load of all mountings.
+        The one of largest RMS effort first. A brake holds the largest load of all mountings, where
+        their motions differ in every pose.
         """
-        means = {"": None} if self.rating is None else self.rating.means(i)
         cases = {
             " ".join(x for x in (name, mounting) if x): robot.case(i, masses, schedule)._replace(
                 **self._stop(i)
             )
             for mounting, robot in self.robots.items()
-            for name, schedule in means.items()
+            for name, schedule in _means(robot, i).items()
         }
         if len(self.robots) > 1:
             rests = [case.rest for case in cases.values() if case.rest is not None]
-            load = np.max([np.abs(rest.load) for rest in rests], axis=0)
+            loads = [np.abs(rest.load) for rest in rests]
+            alike = len({len(load) for load in loads}) == 1
+            most = np.max(loads, axis=0) if alike else max(load.max() for load in loads)
             peak = max(rest.peak for rest in rests)
             cases = {
-                name: case._replace(rest=case.rest and case.rest._replace(load=load, peak=peak))
+                name: case._replace(
+                    rest=case.rest
+                    and case.rest._replace(load=most + 0.0 * case.rest.load, peak=peak)
+                )
                 for name, case in cases.items()
             }
         effort = {n: rms(c.cycle.stretched, c.cycle.ends[0]) for n, c in cases.items()}
@@ -954,11 +985,13 @@ class _Sizing:
         """The joint with all chosen drives in the model."""
         masses, found = self._added(taken), taken.get(i)
         cases, search = self._cases(i, masses), self._search(i, masses)
+        # other scenes have motions of their own, which the tables do not show
+        shown = {n: c for n, c in cases.items() if self._mounting(n) not in self.elsewhere}
         ranked = {
-            n: c for n, c in cases.items() if found and c.cycle.duty == found.drives.case.cycle.duty
+            n: c for n, c in shown.items() if found and c.cycle.duty == found.drives.case.cycle.duty
         }
-        decided, case = next(iter((ranked or cases).items()))
-        mounted = next((words for words in self.robots if words and words in decided), "")
+        decided, case = next(iter((ranked or shown).items()))
+        mounted = self._mounting(decided)
         demand = joint_demand(self.robots[mounted].result, i, case.cycle)
         demand = replace(demand, speed=case.demand.speed)
         robot = self.robots[mounted]
@@ -979,7 +1012,22 @@ class _Sizing:
             unloaded=self._is_unloaded(i),
             search=search,
             decided=decided,
+            mountings=self._by_mounting(cases),
         )
+
+    def _mounting(self, name: str) -> str:
+        """The mounting of a case by its name; "": the scene's own."""
+        return next((words for words in self.robots if words and words in name), "")
+
+    def _by_mounting(self, cases: Mapping[str, Case]) -> dict[str, tuple[float, float]]:
+        """RMS and peak effort of a joint in each mounting; empty: there is one."""
+        found: dict[str, tuple[float, float]] = {}
+        for name, case in cases.items() if len(self.robots) > 1 else ():
+            words = self._mounting(name) or file_name(self.scene.source)
+            before, worst = found.get(words, (0.0, 0.0)), case.cycle.ends[0]
+            now = rms(case.cycle.stretched, worst), float(np.abs(worst).max())
+            found[words] = max(before[0], now[0]), max(before[1], now[1])
+        return found
 
     def _no_candidates(self, i: int) -> str:
         """Why there are no candidates; empty without a catalogue, or where none is asked for."""
@@ -996,6 +1044,11 @@ class _Sizing:
                 "strain wave gear, and a gear with `motors` one of these"
             )
         return f"{self.catalog.source} has no gear with a {output} output"
+
+
+def _means(robot: Robot, i: int) -> dict[str, Schedule | None]:
+    """What a joint's means are taken over: its cycle, with a rating each part of it."""
+    return {"": None} if robot.rating is None else dict(robot.rating.means(i))
 
 
 def brakes_of(catalog: Catalog, scene: Scene) -> dict[str, Brake]:

@@ -20,7 +20,7 @@ from pinfric.model.mass_matrix import frame_jacobians
 from pinfric.model.robot import link_frame
 from pinfric.motions.rating import Rated
 from pinfric.sizing.shelf import Assessment, stiffness_of
-from pinfric.sizing.size import SizingReport
+from pinfric.sizing.size import JointSizing, SizingReport
 from pinfric.sizing.verdict import JointVerdict, Verdict
 from pinfric.stops.summary import StopSummary, stop_summary
 
@@ -211,6 +211,18 @@ class RatingSummary:
 
 
 @described
+class Hardest:
+    """In which of several mountings a joint's effort is largest."""
+
+    name: str = quantity("the drive's", heading="joint", name=True)
+    unit: str = quantity('of its efforts, "N m" or "N"', heading="unit")
+    rms: float = quantity("largest RMS effort", EFFORT, "largest\nRMS")
+    rms_in: str = quantity("the mounting that has it", heading="in")
+    peak: float = quantity("largest effort", EFFORT, "largest\npeak")
+    peak_in: str = quantity("the mounting that has it", heading="in ")
+
+
+@described
 class SizingSummary:
     """Demand of a cycle on every drive, and the drives chosen for it."""
 
@@ -227,6 +239,9 @@ class SizingSummary:
     settled: bool = quantity("whether no choice changed in the last pass")
     drive_mass: float = quantity("mass of all drives in the model", "kg")
     joints: tuple[SizedJoint, ...] = quantity("in the order of the scene's drives")
+    mountings: tuple[Hardest, ...] = quantity(
+        "of several mountings the hardest for each joint; empty: there is one"
+    )
     bus: BusPower = quantity("electrical power of all drives together")
     other_mass: float | None = quantity(
         "mass of the drives if the links hold them; none: the scene says it, or no other result",
@@ -270,6 +285,7 @@ def sizing_summary(report: SizingReport) -> SizingSummary:
         settled=report.settled,
         drive_mass=report.drive_mass,
         joints=tuple(_sized_joint(report, k, lever) for k, lever in enumerate(levers(report))),
+        mountings=tuple(_hardest(joint) for joint in report.joints if joint.mountings),
         bus=report.bus,
         other_mass=report.other_mass,
         ask=to_ask(report),
@@ -279,6 +295,14 @@ def sizing_summary(report: SizingReport) -> SizingSummary:
         elasticity=None if report.elastic is None else elastic_summary(report.elastic),
         notes=report.notes,
     )
+
+
+def _hardest(joint: JointSizing) -> Hardest:
+    """In which mounting a joint's RMS and peak effort are largest."""
+    figures = joint.mountings
+    by_rms, by_peak = (max(figures, key=lambda words: figures[words][k]) for k in (0, 1))
+    rms, peak = figures[by_rms][0], figures[by_peak][1]
+    return Hardest(joint.name, joint.demand.unit, rms, by_rms, peak, by_peak)
 
 
 def _rating_summary(report: SizingReport, rated: Rated) -> RatingSummary:

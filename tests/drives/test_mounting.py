@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -10,6 +12,7 @@ from sizing_cases import GEAR, MOTOR, write_catalog
 
 import pinfric as pf
 from pinfric.drives.mounting import mounting, mountings
+from pinfric.sizing.summary import sizing_summary
 
 G = 9.81
 BRAKE = {"source": "invented", "grade": "R", "torque": 0.2, "mass": 0.2, "rotor_inertia": 1e-6}
@@ -63,6 +66,52 @@ def test_any_mounting_asks_for_what_the_hardest_one_takes(tmp_path):
     for key in (("standing", "any"), ("wall", "scene"), ("wall", "any")):
         assert (drives[key].motor, drives[key].brake) == ("M1.0", "B")
     assert any("for all six ways" in note for note in found["standing", "any"].notes)
+
+
+def test_cycles_of_scenes_with_another_gravity_ask_for_the_hardest_by_joint(tmp_path):
+    """A slew and a lift: on the wall the slew bears weight, standing only the lift does.
+
+    The wall's cycle is another motion, of other samples; what each joint must bear is what a sizing
+    of that scene alone says.
+    """
+    motors = {
+        f"M{c}": {**MOTOR, "thermal": None, "continuous_torque": c, "mass": c} for c in (0.05, 1)
+    }
+    path = write_catalog(
+        tmp_path / "c.yaml", motors, {"G": GEAR}, brakes={"B": {**BRAKE, "torque": 0.5}}
+    )
+    body = lump(3.0, [0.3, 0.0, 0.0])
+    model = chain(("slew", pin.JointModelRZ(), body), ("lift", pin.JointModelRY(), body))
+    floor = pf.Scene(model=model, stick_velocity=1e-9, source="floor.yaml")
+    wall = dataclasses.replace(floor.with_(gravity=[0, G, 0]), source="wall.yaml")
+    motions = []
+    for scene, samples, size in ((floor, 101, 0.02), (wall, 61, 0.03)):
+        t = np.linspace(0.0, 1.0, samples)
+        q = size * np.sin(2 * np.pi * t)[:, None] * np.ones(2)
+        motions.append(pf.Trajectory.from_arrays(scene, t, q))
+    given = {"conditions": {"inertia_ratio": 1e3, "thermal_time": 1.0}, "on_miss": "ignore"}
+    there = pf.Duty(((motions[1], 1),))
+    both = pf.size(floor, pf.Duty(((motions[0], 1),), elsewhere=((wall, there),)), path, **given)
+    alone = [
+        pf.size(scene, motion, path, **given)
+        for scene, motion in zip((floor, wall), motions, strict=True)
+    ]
+    table = [(x.rms_in, x.peak_in) for x in sizing_summary(both).mountings]
+    assert table == [("wall.yaml", "wall.yaml"), ("floor.yaml", "floor.yaml")]
+    for k, (joint, hard) in enumerate(zip(both.joints, (1, 0), strict=True)):
+        apart = [report.joints[k] for report in alone]
+        heaviest = max(apart, key=lambda one: one.choice.candidate.mass)
+        assert joint.choice.candidate.motor == heaviest.choice.candidate.motor
+        assert joint.choice.candidate.brake == "B"  # the largest load of both holds it
+        rms, peak = joint.mountings[("floor.yaml", "wall.yaml")[hard]]
+        assert rms == pytest.approx(apart[hard].demand.rms, rel=1e-3)  # masses of drives differ
+        assert peak == pytest.approx(apart[hard].demand.peak, rel=1e-3)
+        assert joint.demand.rms == pytest.approx(joint.mountings["floor.yaml"][0])
+    assert any("chosen for wall.yaml as well" in note for note in both.notes)
+    rubbing = wall.with_(friction={"lift": {"viscous": 1.0}})
+    for other, said in ((rubbing, "found: friction; copy"), (floor, "gravity is the same")):
+        with pytest.raises(pf.PinfricError, match=said):
+            pf.size(floor, pf.Duty(((motions[0], 1),), elsewhere=((other, there),)))
 
 
 @pytest.mark.slow

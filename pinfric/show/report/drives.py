@@ -54,6 +54,11 @@ def rating_table(found: SizingSummary) -> Table | None:
     return table_of(title, rows, zero=_ROUNDING)
 
 
+def mounting_table(found: SizingSummary) -> Table | None:
+    """Return which of several mountings is the hardest for each joint; None where there is one."""
+    return table_of("the hardest mounting of each joint", found.mountings, zero=_ROUNDING)
+
+
 def _chosen(joint: SizedJoint) -> str:
     if joint.provisional is not None:
         return f"not signed: {joint.provisional.drive}"

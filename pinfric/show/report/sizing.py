@@ -20,6 +20,7 @@ from pinfric.show.report.drives import (
     bus_table,
     choice_table,
     mass_table,
+    mounting_table,
     product_lines,
     provisional_table,
     rating_table,
@@ -60,18 +61,21 @@ def sizing_report(report: SizingReport, verbose: bool = True, written: bool = Fa
     failing = [*beyond_limits(report.result_without_masses), *report.verdict.failing]
     found = sizing_summary(report)
     said = (*rating_lines(found), *friction_line(report), *report.verdict.remarks)
-    if not (how_ := mounted(report.given, report.conditions.mounting == "any")).startswith(_USUAL):
+    how_ = mounted(report.given, report.conditions.mounting == "any", report.elsewhere)
+    if not how_.startswith(_USUAL):
         said = (*said, how_)
     opening = [verdict(report), *said, *(f"! {line}" for line in failing)]
     rating = rating_table(found)
     if report.catalog is None:
-        return paragraphs(opening, rating, demand_table(report), elastic_lines(report), notes)
+        tables = rating, demand_table(report), mounting_table(found)
+        return paragraphs(opening, *tables, elastic_lines(report), notes)
     if not verbose:
         return _short(report, found, opening, written)
     return paragraphs(
         opening,
         rating,
         demand_table(report),
+        mounting_table(found),
         choice_table(found),
         provisional_table(found),
         mass_table(found),
@@ -103,6 +107,7 @@ def _short(
     return paragraphs(
         list(opening),
         choice_table(found, short=True),
+        mounting_table(found),
         provisional_table(found),
         [*product_lines(found), *brake_line(found), *bus_lines(report), *stop_lines(found)],
         ask_table(found, _ASKED),
