@@ -386,6 +386,38 @@ class Scene:
             now["measured"] = self.measured if changed.friction == self.friction else None
         return replace(changed, **now) if now else changed
 
+    def with_coefficients(self, friction: Mapping[str, Friction]) -> Scene | None:
+        """Return the scene with other coefficients of joints that rub: it shares all the rest.
+
+        Args:
+            friction: joint -> friction; the others keep theirs.
+
+        Returns:
+            None where a loop, or another bearing or joint, would need more than new laws.
+        """
+        known = {site.name: site for site in self.sites}
+        if self.linkage is not None or any(
+            name not in known or entry.bearing != known[name].friction.bearing
+            for name, entry in friction.items()
+        ):
+            return None
+        for name, entry in friction.items():
+            law = friction_law(entry, self.stick_velocity)
+            known[name] = replace(known[name], law=law, friction=entry)
+        every, sites = {**self.friction, **friction}, tuple(known.values())
+        left = self.assumed and guesses_left(self.assumed, self.friction, every)
+        tables = self.site_tables._replace(laws=law_table([site.law for site in sites]))
+        changed: dict[str, Any] = {
+            "friction": MappingProxyType(every),
+            "assumed": left,
+            "measured": None,
+            "sites": sites,
+            "site_tables": tables,
+        }
+        made = object.__new__(type(self))
+        made.__dict__.update(self.__dict__ | changed)
+        return made
+
     def solver(self, attached: Iterable[str] | None = None) -> Solver:
         """Return a solver for one state at a time, for controllers and optimizers; see `Solver`.
 

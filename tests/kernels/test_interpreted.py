@@ -126,7 +126,7 @@ def test_within_compiling_few_numbers_are_compiled_too(patient):
 def test_inverse_dynamics_of_one_state_can_be_interpreted(name):
     """Its module holds kernels that box records; friction and gears as the equations say."""
     scene = pf.load_scene(name)
-    x = make_sample(Workspace(scene))
+    x = make_sample(Workspace(scene), scene)
     rng = np.random.default_rng(4)
     motion = rng.normal(size=(3, scene.model.nv))
     supplier = Workspace(scene).supplier

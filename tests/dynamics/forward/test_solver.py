@@ -7,6 +7,7 @@ import subprocess
 import sys
 import warnings
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -39,6 +40,7 @@ from pinfric.dynamics.samples.outcome import Status
 from pinfric.errors import (
     AccelerationError,
     LoopMotionError,
+    PinfricError,
     RollMomentError,
     SceneError,
     StateError,
@@ -626,3 +628,58 @@ def test_no_kernel_is_compiled_or_interpreted_after_a_solver_is_made():
     for name, calls, compiled, interpreted in lines:
         assert int(calls) >= 3, name
         assert (compiled, float(interpreted)) == ("none", 0.0), name
+
+
+@pytest.mark.parametrize("index", range(len(EVERY)), ids=IDS)
+def test_a_solver_of_other_friction_is_that_of_a_new_scene(index):
+    """The old one stays as it is, and both may be called in turn."""
+    scene, q, v, a = EVERY[index]
+    solver = scene.solver()
+    friction = {n: f.scaled(1.3) for n, f in list(scene.friction.items())[1:]}
+    other, fresh = (
+        solver.with_friction(friction),
+        scene.with_(friction={**scene.friction, **friction}).solver(),
+    )
+    for i in range(len(q)):
+        for found, expected in ((other, fresh), (solver, scene.solver())):
+            ours = {
+                name: np.array(getattr(found.inverse(q[i], v[i], a[i]), name)) for name in FIGURES
+            }
+            theirs = expected.inverse(q[i], v[i], a[i])
+            for name, figure in ours.items():
+                assert_equal(figure, getattr(theirs, name), name)
+    effort = 0.7 * pf.inverse_dynamics(fresh.scene, q, v, a).effort_lower[0] + 0.1
+    for found, expected in ((other, fresh), (solver, scene.solver())):
+        with suppress(PinfricError):
+            assert_equal(
+                found.forward(q[0], v[0], effort).a, expected.forward(q[0], v[0], effort).a, "a"
+            )
+
+
+def test_other_coefficients_need_no_new_tables(monkeypatch):
+    """Neither kernels nor workspaces nor a checked scene are made; another bearing needs them."""
+    scene = pf.load_scene("ur10_machine_tending")
+    solver, friction = scene.solver(), {n: f.scaled(0.9) for n, f in scene.friction.items()}
+    state = np.zeros(6), np.full(6, 0.3), np.ones(6)
+    wanted = scene.with_(friction=friction).solver().compensate(*state, state[1])
+
+    def refuse(*_, **__):
+        raise AssertionError
+
+    with monkeypatch.context() as patched:
+        for made in ("Workspace", "rehearse"):
+            patched.setattr(f"pinfric.dynamics.forward.solver.{made}", refuse)
+        patched.setattr(pf.Scene, "__post_init__", refuse)
+        other = solver.with_friction(friction)
+        assert other.inverse(*state).normal_load.shape == (6,)
+        np.testing.assert_array_equal(other.compensate(*state, state[1]), wanted)
+        with pytest.raises(AssertionError):
+            solver.with_friction({"elbow_joint": {"coulomb": 1.0}})
+    assert (
+        solver.with_friction({"elbow_joint": {"coulomb": 1.0}})
+        .scene.friction["elbow_joint"]
+        .bearing
+        is None
+    )
+    with pytest.raises(SceneError, match="there is no joint 'elbow'"):
+        solver.with_friction({"elbow": {"coulomb": 1.0}})
