@@ -8,10 +8,12 @@ Contestants of one row are timed in turn, round by round; medians count.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import subprocess
 import sys
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import pinfric as pf  # isort: skip - before Pinocchio loads: it sets how threads wait
@@ -22,6 +24,7 @@ import pinocchio as pin
 if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))  # cases, as pytest finds them
 
+from pinfric.model.robot import example_robot_data  # isort: skip
 from measure import all_seconds, machine, median_seconds, states, ur5, with_pins  # isort: skip
 from peers import compete_with_peers  # isort: skip
 
@@ -315,6 +318,115 @@ def loops():
     ]
 
 
+def without_loads():
+    """Measured robots whose friction no load changes, everything sliding, against plain ABA."""
+    rows, rng = [], np.random.default_rng(0)
+    for name in ("ur10", "panda"):
+        scene = pf.load_scene(name)
+        data, solver = scene.model.createData(), scene.solver()
+        q, v, u = (row.copy() for row in rng.uniform(0.5, 1, (3, scene.model.nv)))
+        contestants = {
+            "aba": partial(pin.aba, scene.model, data, q, v, u),
+            "rnea": partial(pin.rnea, scene.model, data, q, v, u),
+            "forward": partial(solver.forward, q, v, u),
+            "inverse": partial(solver.inverse, q, v, u),
+        }
+        s = median_seconds(contestants, rounds=41, calls=200)
+        for what, plain in (("forward", "aba"), ("inverse", "rnea")):
+            more = f"{1e6 * s[what]:.1f} to {1e6 * s[plain]:.1f} us a call"
+            ratio = s[what] / s[plain]
+            rows.append(Row(f"`Solver.{what}`, {name}", f"pin.{plain}", ratio, 2.5, more=more))
+    return rows
+
+
+def breaking_away():
+    """Robots at rest about to move, each effort 0.6 to 1.6 half widths off what holds it."""
+    rows, rng = [], np.random.default_rng(0)
+    for name, given in (
+        ("panda", "effort"),
+        ("ur10", "effort"),
+        ("panda_pick_and_place", "effort"),
+        ("ur10_machine_tending", "motor_torque"),
+    ):
+        scene = pf.load_scene(name)
+        n, solver, times = scene.model.nv, scene.solver(), []
+        still = np.zeros(n)
+        for _ in range(60):
+            q = pin.integrate(scene.model, pin.neutral(scene.model), rng.normal(size=n))
+            found = pf.inverse_dynamics(scene, q[None], still[None], still[None])
+            low, high = (getattr(found, f"{given}_{end}")[0] for end in ("lower", "upper"))
+            off = 0.5 * (high - low) * rng.choice([-1, 1], n) * rng.uniform(0.6, 1.6, n)
+            effort = {given: 0.5 * (low + high) + off}
+            with contextlib.suppress(pf.errors.AmbiguousAcceleration):
+                run = partial(solver.forward, q, still, **effort)
+                times.append(median_seconds({"run": run}, rounds=3)["run"])
+        most = f"99 % {1e3 * np.quantile(times, 0.99):.2f} ms"
+        what = f"`Solver.forward`, {name} about to move, {given}"
+        rows.append(Row(what, "", 1e3 * np.median(times), 0.2, "ms", more=most))
+    return rows
+
+
+def many_joints():
+    """Trees of 50 and 200 joints that slide, and 20 four-bars that rest beside each other."""
+    from builders import random_states, random_tree
+    from mechanisms import beside, four_bar
+
+    rows = []
+    for n, goal in ((50, 12), (200, 20)):
+        model = random_tree(1, n, 0.0)
+        data, ((q, *_), (v, *_), (u, *_)) = model.createData(), random_states(model, 0, 1)
+        entry = {"coulomb": {"static": 1.0, "kinetic": 0.8}}
+        forward = (
+            pf.Scene(model=model, friction=dict.fromkeys(model.names[1:], entry)).solver().forward
+        )
+        contestants = {
+            "aba": partial(pin.aba, model, data, q, v, u),
+            "forward": partial(forward, q, v, u),
+        }
+        s = median_seconds(contestants, rounds=21, calls=10)
+        more = f"{1e6 * s['forward']:.0f} to {1e6 * s['aba']:.0f} us a call"
+        what = f"`Solver.forward`, {n} joints, constant friction"
+        rows.append(Row(what, "pin.aba", s["forward"] / s["aba"], goal, more=more))
+    bars, angles = four_bar(static=0.4)
+    q, many = bars.close(angles(np.array([1.0, 0.3, 1.2]))), beside(*[bars] * 20)
+    one, all_of_them = bars.solver().forward, many.solver().forward
+    s = median_seconds(
+        {
+            "one": lambda: one(q, np.zeros(3), np.array([9.0])),
+            "all": lambda: all_of_them(np.tile(q, 20), np.zeros(60), np.full(20, 9.0)),
+        },
+        rounds=3,
+    )
+    what, more = "20 four-bars that break away", f"{1e3 * s['all']:.0f} to {1e3 * s['one']:.1f} ms"
+    return [*rows, Row(what, "20 times one", s["all"] / s["one"] / 20, 2, more=more)]
+
+
+def hard_inverse():
+    """The delta at rest, where balls hold, and a legged robot with wrenches on its feet."""
+    scene = pf.load_scene("delta")
+    q, still = pf.load_trajectory("delta.waypoints.yaml", scene).q[0], np.zeros(scene.model.nv)
+    robot = example_robot_data() / "solo_description/robots/solo12.urdf"
+    model = pin.buildModelFromUrdf(str(robot), pin.JointModelFreeFlyer())
+    entry, drives = {"coulomb": {"static": 0.1, "kinetic": 0.1}}, list(model.names)[2:]
+    base = [f"root_joint.{x}" for x in ("vx", "vy", "vz", "wx", "wy", "wz")]
+    legs = pf.Scene(
+        model=model,
+        friction={name: entry for name in drives},
+        actuators=[{"joint": name} for name in [*base, *drives]],
+    )
+    feet = {f"{leg}_FOOT": np.r_[0.0, 0.0, 6.0, np.zeros(3)] for leg in ("FL", "FR", "HL", "HR")}
+    place, moving = pin.neutral(model), np.full(model.nv, 0.1)
+    contestants = {
+        "rest": partial(scene.solver().inverse, q, still, still),
+        "feet": partial(legs.solver().inverse, place, moving, moving, external=feet),
+    }
+    s = median_seconds(contestants, rounds=15, calls=5)
+    return [
+        Row("`Solver.inverse`, delta at rest", "", 1e3 * s["rest"], 1, "ms"),
+        Row("`Solver.inverse`, solo12 with feet", "", 1e6 * s["feet"], 15, "us"),
+    ]
+
+
 # ---------------------------------------------------------------- peers
 
 
@@ -383,6 +495,10 @@ def rows(with_peers=False):
         simulation,
         at_rest_and_moving,
         loops,
+        without_loads,
+        breaking_away,
+        many_joints,
+        hard_inverse,
     ]
     if with_peers:
         studies.append(peer_rows)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -20,3 +21,13 @@ def make(fields: Any, **sizes: int) -> Any:
         if fill is not None:
             made[name].fill(fill)
     return fields(**made)
+
+
+def rows_of(arrays: Sequence[np.ndarray]) -> np.ndarray | None:
+    """Return a view whose rows are these arrays of one library's memory; None: there is none."""
+    places = np.diff([x.__array_interface__["data"][0] for x in arrays])
+    if not (places == places[:1]).all() or not (places > 0).all():
+        return None
+    first = arrays[0]
+    strides = (int(places[0]) if places.size else first.nbytes, *first.strides)
+    return np.lib.stride_tricks.as_strided(first, (len(arrays), *first.shape), strides)

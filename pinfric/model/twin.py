@@ -16,6 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.errors import RobotError
+from pinfric.kernels.arrays import rows_of
 from pinfric.kernels.compiled import kernel
 from pinfric.model.kinematics import rotation
 from pinfric.model.spring_forces import Springs
@@ -113,12 +114,14 @@ class Twin:
             self.pools[key] = pin.ModelPool(self.model, threads)
         return self.pools[key]
 
-    def joint_forces(self) -> tuple[pin.Data, list[np.ndarray]]:
-        """Return this thread's data and views of its `data.f`, one (6,) array per joint."""
+    def joint_forces(self) -> tuple[pin.Data, np.ndarray | list[np.ndarray]]:
+        """Return this thread's data and a view of its `data.f`, a row (6,) per joint."""
         key = "forces", threading.get_ident()
         if key not in self.pools:
             data = self.model.createData()
-            self.pools[key] = data, [data.f[j].vector for j in range(1, self.model.njoints)]
+            forces = [data.f[j].vector for j in range(1, self.model.njoints)]
+            view = rows_of(forces)
+            self.pools[key] = data, forces if view is None else view
         return self.pools[key]
 
     def poses(self) -> tuple[pin.Data, list[np.ndarray], list[np.ndarray]]:

@@ -17,7 +17,7 @@ from pinfric.dynamics.problem.plan import Plan
 from pinfric.dynamics.samples.reactions import AppliedWrench
 from pinfric.dynamics.samples.states import unit_parts
 from pinfric.friction.problem import Modes, Problem, empty_problem
-from pinfric.kernels.arrays import array, make
+from pinfric.kernels.arrays import array, make, rows_of
 from pinfric.kernels.compiled import KernelArgument, kernel, record
 from pinfric.model.closure import tree_tables
 from pinfric.model.drives import most_lines
@@ -427,11 +427,9 @@ class Supplier:
 
     def _rows(self, arrays: Sequence[np.ndarray]) -> np.ndarray:
         """One array whose rows are the given ones of Pinocchio's memory, or follow them."""
-        places = np.diff([x.__array_interface__["data"][0] for x in arrays])
         first = arrays[0]
-        if (places == places[:1]).all() and (places > 0).all():
-            strides = (int(places[0]) if places.size else first.nbytes, *first.strides)
-            return np.lib.stride_tricks.as_strided(first, (len(arrays), *first.shape), strides)
+        if (view := rows_of(arrays)) is not None:
+            return view
         # of the same layout as the view would have: other types are other kernels
         wider = np.zeros((len(arrays), 2 * first.size))
         out = wider[:, : first.size] if first.size != 6 else np.zeros((len(arrays), 6))

@@ -185,7 +185,7 @@ def _transmitted(
         data, forces = twin.joint_forces()
         for i in range(len(q)):
             pin.rnea(twin.model, data, q[i], v[i], a[i])
-            np.concatenate(forces, out=flat[i])
+            batch.wrench[i] = forces
         return
     # transposes of C-ordered arrays are the Fortran-ordered columns Pinocchio takes, uncopied
     pin.rneaInParallel(threads, twin.pool(threads), batch.q.T, batch.v.T, batch.a.T, flat.T)

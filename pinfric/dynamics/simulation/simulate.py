@@ -39,6 +39,8 @@ from pinfric.model.scene import Scene, expect_scene, payload_names
 _PATIENCE = 2.0
 #: The finest relative tolerance that an integrator can keep: a hundred times rounding.
 _FINEST = 100 * np.finfo(float).eps
+#: Samples of a motion, by default; of a short one no closer than this (s), but so many.
+_SAMPLES, _SHORTEST, _FEWEST = 1000, 1e-5, 10
 #: More steps would take days and too much memory.
 _MOST_STEPS = 1e9
 #: The same for the longest step of an integrator: each has six right-hand sides.
@@ -69,8 +71,9 @@ class Numbers(TypedDict, total=False):
         control_period: of all methods (s); the effort is asked once at each of t = 0, T, 2T ...
             before t_end, in this order, and holds until the next: a digital controller. None: it is
             asked wherever the method needs it. `timestepping` shortens `dt` to divide it.
-        sample_step: time between samples of all methods (s); None gives 1001 samples. `event` adds
-            one at every event; `timestepping` takes the nearest step.
+        sample_step: time between samples of all methods (s); None gives 1001 samples, of less
+            than 10 ms one every 10 us, at least 11. `event` adds one at every event;
+            `timestepping` takes the nearest step.
         max_step: longest step of `event` and `regularized` (s); None gives t_end / 4, or t_end / 50
             for an effort function: a change that lasts less than a sixth of it may be missed.
         regularization_velocity: of `regularized` (rad/s or m/s); 1e-3.
@@ -338,10 +341,15 @@ def _settings(
         dt=float(dt),
         control_period=None if control_period is None else float(control_period),
         max_step=t_end if max_step is None else float(max_step),
-        sample_step=t_end / 1000 if sample_step is None else float(sample_step),
+        sample_step=_default_step(t_end) if sample_step is None else float(sample_step),
         regularization_velocity=float(regularization_velocity),
         max_events=int(max_events),
     )
+
+
+def _default_step(t_end: float) -> float:
+    """Return the time between samples (s): each costs a solve, so a short motion has fewer."""
+    return max(t_end / _SAMPLES, min(t_end / _FEWEST, _SHORTEST))
 
 
 def _check_counts(t_end: float, **steps: float | None) -> None:

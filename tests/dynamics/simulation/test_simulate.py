@@ -381,3 +381,11 @@ def test_a_motion_says_where_other_modes_may_obey(tmp_path, monkeypatch):
         assert motion.unproved == unproved
         assert ("other modes may obey" in repr(motion)) == bool(unproved)
         assert pf.load_motion(motion.save(tmp_path / "motion"), scene).unproved == unproved
+
+
+@pytest.mark.parametrize(("t_end", "samples"), [(1.0, 1001), (1e-2, 1001), (1e-3, 101), (1e-6, 11)])
+def test_a_short_motion_has_fewer_samples(t_end, samples):
+    """Each costs a solve: a millisecond of 200 joints had 1001."""
+    motion = pf.simulate(pf.load_scene("pendulum"), [0.0], [5.0], [0.0], t_end)
+    assert len(motion.t) - len(motion.events) in (samples, samples - 1)
+    assert motion.t[-1] == t_end
