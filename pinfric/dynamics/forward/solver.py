@@ -24,6 +24,7 @@ from pinfric.dynamics.derivatives.derivatives import (
     InverseDerivatives,
     check_differentiable,
 )
+from pinfric.dynamics.derivatives.smoothed import Smoothed
 from pinfric.dynamics.forward.compensation import (
     CompensatedSample,
     CompensationOptions,
@@ -584,6 +585,26 @@ class Solver:
         if ws.held.size:
             v = np.where(np.isin(np.arange(ws.nv), ws.held), 0.0, v)
         return self._differentiator(motors).of_solution(q, v, found.a, applied, ws.held, motors)
+
+    def smoothed(self, width: float) -> Smoothed:
+        """Return the dynamics with friction that is smooth through rest, for optimizers.
+
+        phi = -s(v/width) (mu c + coulomb) - drag, with s a polynomial: exact at |v| >= width.
+        Below, efforts lie within the intervals of exact joints at rest but for at most
+        `Smoothed.bound`, which is 0 where drag within the width is no more than static exceeds
+        kinetic friction.
+
+        Args:
+            width: rad/s or m/s.
+
+        Raises:
+            StateError: a width of 0 or below. SceneError: see `inverse_derivatives`.
+        """
+        check_differentiable(self.scene)
+        with compiling():
+            ws = Workspace(self.scene, self._carried)
+            derived = Differentiator(self.scene, ws.supplier, ws.machine, ws.argument)
+        return Smoothed(derived, width)
 
     def _workspace(self, motors: bool) -> Workspace:
         """The workspace for efforts, or for torques of motors, made at first."""

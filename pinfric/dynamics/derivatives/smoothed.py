@@ -1,0 +1,282 @@
+"""Friction that is smooth through rest, for optimizers: efforts, accelerations, implicit steps.
+
+    phi = -s(v/w) (mu c + coulomb) - drag,     s of `efforts`, w the width of speeds
+
+At |v| >= w it is the exact law. Below, it lies within the interval of an exact joint at rest, but
+for at most `Smoothed.bound`. A load that static friction would hold creeps at less than w.
+Break-away (static above kinetic friction) is not in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from scipy.optimize import minimize_scalar
+
+from pinfric.dynamics.derivatives.derivatives import Differentiator, ForwardDerivatives, Partials
+from pinfric.dynamics.derivatives.efforts import smooth_sign
+from pinfric.dynamics.samples.reactions import applied_wrenches
+from pinfric.errors import SceneError, StateError
+from pinfric.model.arrays import real_numbers
+from pinfric.model.laws import is_dry, law_at
+
+#: A sum below this part of its terms is 0; Newton's passes, and halvings of one.
+_BALANCED, _PASSES, _HALVINGS = 1e-12, 200, 40
+External = Mapping[str, np.ndarray] | None
+
+
+class SmoothInverse(NamedTuple):
+    """Efforts of a motion with smooth friction, and their derivatives.
+
+    Attributes:
+        effort, joint_effort, motor_torque: (na,), see `InverseInstant`.
+        of_effort, of_joint_effort, of_motor_torque: derivatives of each.
+        kink: (na,) bool, see `InverseDerivatives`.
+    """
+
+    effort: np.ndarray
+    joint_effort: np.ndarray
+    motor_torque: np.ndarray
+    of_effort: Partials
+    of_joint_effort: Partials
+    of_motor_torque: Partials
+    kink: np.ndarray
+
+
+class SmoothStep(NamedTuple):
+    """State at the end of a time step, and derivatives of its velocity.
+
+    Attributes:
+        q, v: (nq,), (nv,) at the end; q is that of the beginning moved by dt v.
+        dv_dq, dv_dv, dv_dtau: (nv, nv), (nv, nv), (nv, na) by the state at the beginning and by the
+            efforts, or the torques of motors.
+    """
+
+    q: np.ndarray
+    v: np.ndarray
+    dv_dq: np.ndarray
+    dv_dv: np.ndarray
+    dv_dtau: np.ndarray
+
+
+class Smoothed:
+    """Dynamics with smooth friction of one scene, one state at a time; for one thread.
+
+    Attributes:
+        width: w (rad/s or m/s).
+
+    Args:
+        derived: derivatives of the scene, in buffers that nothing else uses.
+        width: see above.
+
+    Raises:
+        StateError: a width of 0 or below.
+    """
+
+    def __init__(self, derived: Differentiator, width: float) -> None:
+        given = real_numbers("width", width)
+        if given.shape != () or not 0.0 < given < np.inf:
+            raise StateError(f"width: {width!r}; should be a speed above 0 (rad/s or m/s)")
+        self.width, self._derived, self._scene = float(given), derived, derived.scene
+
+    def inverse(
+        self, q: np.ndarray, v: np.ndarray, a: np.ndarray, *, external: External = None
+    ) -> SmoothInverse:
+        """Return the efforts of a motion, u = tau_id - D phi, and their derivatives.
+
+        Args, raises: see `Solver.inverse_derivatives`. The next call overwrites the arrays.
+        """
+        x = self._at(external)(*(np.array(y, dtype=float) for y in (q, v, a)))
+        ends = x.effort_change, x.geared_change, x.motor_change
+        values = x.effort[0], x.geared[0], x.motor[0]
+        return SmoothInverse._make([*values, *(Partials(*end[0]) for end in ends), x.kink])
+
+    def forward(
+        self,
+        q: np.ndarray,
+        v: np.ndarray,
+        effort: np.ndarray | None = None,
+        *,
+        motor_torque: np.ndarray | None = None,
+        external: External = None,
+    ) -> ForwardDerivatives:
+        """Return the accelerations that efforts, or torques of motors, cause, and derivatives.
+
+        U(q, v, a) = u by Newton's method from a = 0, with U the efforts of `inverse`.
+
+        Args: see `Solver.forward`; arrays only.
+
+        Raises:
+            StateError: no acceleration is found. SceneError: torques of motors with several drives
+                on one joint.
+        """
+        q, v = np.array(q, dtype=float), np.array(v, dtype=float)
+        f = self._at(external)
+        solved = self._solve(
+            np.zeros(v.size), (effort, motor_torque), lambda a: f(q, v, a), lambda dU: dU[2]
+        )
+        a, dU, by_u, J = solved
+        by_q, by_v, by_u = np.split(
+            np.linalg.solve(J, np.hstack([-dU[0], -dU[1], by_u])), [v.size, 2 * v.size], axis=1
+        )
+        modes = np.zeros(len(self._scene.sites), dtype=np.int8)
+        site = self._derived.tables.sites
+        modes[:] = np.sign(site.ratio * v[site.velocity_index])
+        kink = bool(self._derived.tables.kink.any())
+        return ForwardDerivatives(by_q, by_v, by_u, a, modes, kink)
+
+    def step(
+        self,
+        q: np.ndarray,
+        v: np.ndarray,
+        effort: np.ndarray | None = None,
+        *,
+        dt: float,
+        motor_torque: np.ndarray | None = None,
+        external: External = None,
+    ) -> SmoothStep:
+        """Return the state after an implicit step, and the derivatives of its velocity.
+
+        U(q, v+, (v+ - v)/dt) = u,  q+ = q + dt v+;  dv+ = (U_v + U_a/dt)^-1 (-U_q, U_a/dt, 1);
+        stable at any dt and width.
+
+        Args: see `forward`; dt: s.
+
+        Raises: see `forward`.
+        """
+        if not 0.0 < dt < np.inf:
+            raise StateError(f"dt: {dt!r}; should be a time above 0 (s)")
+        q, v = np.array(q, dtype=float), np.array(v, dtype=float)
+        f = self._at(external)
+        end, dU, by_u, J = self._solve(
+            v.copy(),
+            (effort, motor_torque),
+            lambda after: f(q, after, (after - v) / dt),
+            lambda dU: dU[1] + dU[2] / dt,
+        )
+        by_q, by_v, by_u = np.split(
+            np.linalg.solve(J, np.hstack([-dU[0], dU[2] / dt, by_u])), [v.size, 2 * v.size], axis=1
+        )
+        return SmoothStep(pin.integrate(self._scene.model, q, dt * end), end, by_q, by_v, by_u)
+
+    def bound(self, load: np.ndarray | None = None) -> np.ndarray:
+        """Return how far efforts are at most beyond those of the exact joints at rest (N m or N).
+
+        max over 0 < |v| < w of  s(v/w) (mu c + coulomb) + drag - (mu_s c + coulomb_s), or 0, of
+        every site; 0 where drag within w is no more than static exceeds kinetic friction. Torques
+        of motors have the drag of the motor beside it.
+
+        Args:
+            load: (ns,) loads c (N m or N); None: the worst, if that is the least.
+
+        Returns:
+            (na,) of the drives' efforts.
+
+        Raises:
+            StateError: drag that grows with the load, and no load.
+        """
+        tables, scene, per_joint = self._derived.tables, self._scene, np.zeros(self._scene.model.nv)
+        c = tables.sites.contacts.constant if load is None else real_numbers("load", load)
+        if c.shape != (len(scene.sites),):
+            raise StateError(f"load: shape {c.shape}; should be ({len(scene.sites)},)")
+        grid = np.linspace(0.0, self.width, 65)
+        for s, site in enumerate(scene.sites):
+            most = 0.0
+            for way in (1.0, -1.0):
+                fixed, by_load = np.array([self._beyond(s, way * speed) for speed in grid]).T
+                if load is None and (by_load > 0.0).any():
+                    raise StateError(
+                        f"{scene.source}: bound: drag of {site.name!r} grows with its load; give "
+                        "`load`"
+                    )
+                k, at = int(np.argmax(fixed + by_load * c[s])), (1.0, c[s])
+                near = grid[max(k - 1, 0)], grid[min(k + 1, 64)]
+                found = minimize_scalar(
+                    lambda y, s=s, way=way, at=at: -np.dot(self._beyond(s, way * y), at),
+                    bounds=near,
+                    method="bounded",
+                )
+                most = max(most, fixed[k] + by_load[k] * c[s], -float(found.fun))
+            per_joint[site.velocity_index] += abs(site.ratio) * most
+        return np.asarray(np.abs(tables.delivery) @ per_joint)
+
+    def _beyond(self, s: int, velocity: float) -> tuple[float, float]:
+        """Smooth friction of a site beyond its static limit at no load, and per unit of load."""
+        laws = self._derived.tables.sites.laws
+        law, share = law_at(laws, s, velocity), abs(smooth_sign(velocity / self.width)[0])
+        if not is_dry(law):
+            return 0.0, 0.0
+        ends = law.forward, law.static_forward
+        if velocity < 0.0:
+            ends = law.backward, law.static_backward
+        fixed = share * ends[0] - ends[1] + law.drag + law.viscous * abs(velocity)
+        return fixed, share * law.mu + law.drag_mu - law.static_mu
+
+    def _at(self, external: External) -> Callable[..., Any]:
+        applied = [] if external is None else applied_wrenches(self._scene, external, 1)
+
+        def at(q: np.ndarray, v: np.ndarray, a: np.ndarray) -> Any:
+            self._derived.at(q, v, a, applied, self.width)
+            return self._derived.tables
+
+        return at
+
+    def _solve(
+        self,
+        y: np.ndarray,
+        given: tuple[np.ndarray | None, np.ndarray | None],
+        at: Callable[[np.ndarray], Any],
+        slope: Callable[[np.ndarray], np.ndarray],
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Return y with U = u, U's changes (3, nv, nv), du by what is given, and dU/dy.
+
+        Each pass is halved until it brings U nearer to u: friction is steep within the width.
+        """
+        scene, x, nv = self._scene, self._derived.tables, y.size
+        effort, motor_torque = given
+        if (effort is None) == (motor_torque is None):
+            raise StateError("Smoothed: give one of effort and motor_torque")
+        u, by_u = np.asarray(effort, dtype=float), x.rate.T
+        if effort is None:  # rows of drives, then of joints without one
+            u, by_u = np.zeros(nv), np.zeros((nv, len(scene.drives)))
+            undriven = list(scene.mobility.undriven)
+            if len(scene.drives) + len(undriven) != nv:
+                raise SceneError(f"{scene.source}: Smoothed: several drives move one joint")
+            np.fill_diagonal(by_u, x.gears.ratio)
+            u = np.asarray(motor_torque, dtype=float)
+        if u.shape != (len(scene.drives),):
+            raise StateError(f"Smoothed: shape {u.shape}; should be ({len(scene.drives)},)")
+        target = by_u @ u
+
+        def equations(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            at(y)
+            if effort is not None:
+                return x.joint[0] - target, x.joint_change[0]
+            value = np.concatenate([x.geared[0], x.joint[0, undriven]]) - target
+            return value, np.concatenate([x.geared_change[0], x.joint_change[0][:, undriven]], 1)
+
+        value, dU = equations(y)
+        terms = float(np.abs(target).max(initial=0.0) + np.abs(value).max(initial=0.0)) + 1e-300
+        for _ in range(_PASSES):
+            size, J = float(np.linalg.norm(value)), slope(dU).copy()
+            step, part = -np.linalg.solve(J, value), 1.0
+            for _ in range(_HALVINGS):
+                ahead, dU = equations(y + part * step)
+                if np.linalg.norm(ahead) < size:
+                    break
+                part *= 0.5
+            else:
+                value, dU = equations(y)
+                break
+            y, value = y + part * step, ahead
+            if size <= _BALANCED * terms:
+                break
+        if not np.linalg.norm(value) <= 1e-9 * terms:
+            raise StateError(
+                f"{scene.source}: Smoothed: no motion found that balances the efforts; take a "
+                "larger width or a smaller dt"
+            )
+        return y, dU, by_u, slope(dU)
