@@ -28,6 +28,7 @@ from pinfric.identification.normal import (
     Normal,
     Prior,
     above_zero,
+    orthonormal,
     weighted,
 )
 from pinfric.model.arrays import FloatArray
@@ -40,8 +41,6 @@ _DIFFERS = 4.0
 #: s: with a larger standard error, a delay is not determined.
 _VAGUE = 2.5e-3
 _ROUNDS = 4
-#: Weight of the prior of friction that builds up after a reversal: next to none.
-_FREE = 1e-12
 #: Huber's limit, in standard errors, and E[psi^2] of a normal variable with it; his steps.
 _HUBER, _HUBER_SQUARE, _HUBER_ROUNDS = 1.345, 0.7102, 50
 
@@ -179,7 +178,6 @@ def log_delay(
     """
     if not one.slides.any():
         return LogDelay(start, np.inf)
-    one, prior = _with_presliding(one, prior)
     delay, slopes = start, [np.zeros(one.kept.size) for _ in slots]
     row_weights: tuple[FloatArray, ...] = ()
     weights = np.ones(len(slots))
@@ -206,18 +204,6 @@ def log_delay(
         best = float(np.average(values, weights=weights))
         mean = best if weights.sum() > _VAGUE**-2.0 else 0.0
     return LogDelay(mean, error, joints)
-
-
-def _with_presliding(one: Prepared, links: Prior) -> tuple[Prepared, Prior]:
-    """Columns of friction that builds up after a joint's reversals, behind those of the links."""
-    n, nj, ways = one.presliding.shape
-    columns = np.zeros((n, nj, nj, ways))
-    columns[:, range(nj), range(nj)] = one.presliding
-    free = np.zeros(nj * ways), np.full(nj * ways, _FREE), np.zeros(nj * ways)
-    own = links.center, links.weight, links.deviation
-    prior = Prior(*(np.append(x, last) for x, last in zip(own, free, strict=True)))
-    rigid = np.concatenate((one.rigid, columns.reshape(n, nj, -1)), axis=2)
-    return replace(one, rigid=rigid), prior
 
 
 def _changes(
@@ -255,14 +241,22 @@ def _with_delays(links: Prior, one: Prepared, delay: float, count: int) -> Prior
 def _with_slopes(
     one: Prepared, delay: float, slopes: Sequence[FloatArray], apart: bool
 ) -> list[Rows]:
-    """Each joint's rows with -y' behind the links' columns: one column, or one for each joint."""
+    """Each joint's rows with -y' behind the links' columns: one column, or one for each joint.
+
+    What presliding describes is taken out of all of them.
+    """
     result = []
     for j, slope in enumerate(slopes):
         rows = joint_rows([one], j, delay)
         own = -slope[one.slides[:, j]][:, None]
         if apart:
             own = own * (np.arange(len(slopes)) == j)
-        result.append(replace(rows, rigid=np.column_stack((rows.rigid, own))))
+        basis = orthonormal(one.presliding[one.slides[:, j], j])
+        rigid, slots, effort = (
+            x - basis @ (basis.T @ x)
+            for x in (np.column_stack((rows.rigid, own)), rows.slots, rows.effort)
+        )
+        result.append(replace(rows, rigid=rigid, slots=slots, effort=effort))
     return result
 
 
