@@ -570,3 +570,39 @@ def test_a_motion_goes_on_from_what_was_saved_and_begins_anew_after_a_reset():
         else:
             friction.start(again)
         assert go(again, 100, 300) == (whole[0] if saved else pytest.approx(whole[0], abs=1e-4))
+
+
+MENAGERIE = """<mujoco><option integrator="implicitfast" timestep="0.001"/><default><default
+class="arm"> <joint armature="0.1" damping="1" frictionloss="0.3"/><default
+class="finger"><joint type="slide" axis="0 1
+0"/></default></default></default><worldbody><body name="link"
+childclass="arm"><inertial mass="2" pos="0.1 0 0" diaginertia="0.1 0.1 0.1"/><joint
+name="joint1" axis="0 1 0"/><body name="left" pos="0.3 0 0"><inertial mass="0.2"
+pos="0 0 0" diaginertia="1e-3 1e-3 1e-3"/><joint name="finger1"
+class="finger"/></body><body name="right" pos="0.3 0 0" quat="0 0 0 1"><inertial
+mass="0.2" pos="0 0 0" diaginertia="1e-3 1e-3 1e-3"/><joint name="finger2"
+class="finger"/></body></body></worldbody><tendon> <fixed name="split"><joint
+joint="finger1" coef="0.5"/><joint joint="finger2" coef="0.5"/></fixed>
+</tendon><equality><joint joint1="finger1"
+joint2="finger2"/></equality><actuator><general joint="joint1" gainprm="450"
+biastype="affine" biasprm="0 -450 -45"/><general tendon="split"/></actuator>
+</mujoco>"""
+
+
+@pytest.mark.parametrize("fingers", [True, False])
+def test_a_menagerie_mjcf_is_the_scene_and_the_model(tmp_path, fingers):
+    """Defaults by class, fingers coupled by equality and tendon, position servos."""
+    (tmp_path / "arm.xml").write_text(MENAGERIE)
+    model = pin.buildModelFromMJCF(str(tmp_path / "arm.xml"))
+    if not fingers:
+        locked = [model.getJointId(name) for name in ("finger1", "finger2")]
+        model = pin.buildReducedModel(model, locked, pin.neutral(model))
+    robot = pf.Scene(model, friction={"joint1": {"coulomb": 4.0}})
+    friction = pf.mujoco_friction(robot, mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml")))
+    friction.start(data := mujoco.MjData(friction.model))
+    data.ctrl[0] = 0.5
+    for _ in range(100):
+        friction.step(data)
+    assert friction.limit(data).tolist() == [4.0, *[0.3] * (2 * fingers)]
+    assert friction.model.dof_armature.tolist() == [0.1] * 3
+    assert abs(data.qpos[0]) > 0.01
