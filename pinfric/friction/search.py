@@ -204,6 +204,7 @@ class Count:
     def single(self, solutions: int, obeying: int) -> Found:
         """Return how a search of a single mode ends, from what `rest.solve_modes` returns."""
         self.many, self.tried, self.unsure = (obeying, obeying), 1, False
+        self.island = self.island[:0]
         return outcome(solutions, obeying)
 
 
@@ -645,7 +646,7 @@ class _Patience:
 
 def given(problem: Problem, modes: Modes, mechanism: Mechanism, count: Count) -> Found:
     """Solve the modes as they are; of several answers that gears leave the only stable one."""
-    query = _Query(problem, modes, mechanism, count, every=False)
+    query, count.island = _Query(problem, modes, mechanism, count, every=False), count.island[:0]
     query.count.tried += 1
     return query.end(*query.answer())
 

@@ -57,7 +57,6 @@ _ROUNDING = 1e-9
 _FASTEST = 1e10
 #: Lines of gears that are tried before the search takes over.
 _LINES = 8
-_NOWHERE = np.empty(0, dtype=np.int64)
 
 
 class Workspace:
@@ -225,7 +224,7 @@ class Workspace:
             np.take(self.supplier.supply.force, self._taken, 0, self.forces)
         if self.wrench is not self.forces:  # the first of several
             self.wrench = self.forces
-            self.count.many, self.count.tried, self.count.island = (1, 1), 1, _NOWHERE
+            self.count.many, self.count.tried = (1, 1), 1
         return True
 
     def solve(
@@ -246,7 +245,7 @@ class Workspace:
             ToggleError: the loops allow more degrees of freedom here than elsewhere.
             AccelerationError: there is none, there are several, or the search found none.
         """
-        if not self.slides(q, v, effort, applied, FREE):
+        if self.forces is None or not self.slides(q, v, effort, applied, FREE):
             self.solve_coupled(q, v, effort, applied)
 
     def solve_coupled(
@@ -314,7 +313,7 @@ class Workspace:
         self.modes.stuck[:], self.modes.direction[:] = given.stuck, given.direction
         if self._kept is not None and self._kept == self._key(q, v, effort, applied):
             return  # nothing moves and nothing has changed
-        if self.slides(q, v, effort, applied, GIVEN):
+        if self.forces is not None and self.slides(q, v, effort, applied, GIVEN):
             return
         turned = TURNED if self.mechanism.balls and given.balls_turn else GIVEN
         solutions, obeying, resting = self._run(q, v, effort, applied, turned)
@@ -348,10 +347,10 @@ class Workspace:
     ) -> tuple[int, int, int]:
         """(solutions, how many obey, how many rest); -1 rest: modes were given and not tried."""
         self._kept, self.state = None, (q, v, effort, applied, step)
-        self.a, self.wrench = self.machine.results.a, self.machine.results.wrench
+        if self.forces is not None:
+            self.a, self.wrench = self.machine.results.a, self.machine.results.wrench
         if choice != UNSOLVED:
             self.count.many, self.count.tried, self.locked = (1, 1), 1, False
-            self.count.island = _NOWHERE
         self.supplier.at(q, v, applied)
         refused, solutions, obeying, resting = solve_instant(
             self.argument, q, v, effort, step, choice

@@ -51,11 +51,14 @@ def check_undriven(
     if not undriven or not len(lower):
         return
     missing = np.nan_to_num(np.fmax(np.fmax(lower, -upper), 0.0))
-    size = np.maximum(_terms(scene, states.part(whole)), _weights(scene)[undriven])
+    weights = _weights(scene)[undriven]
+    if (missing <= _OBEYS * weights).all():
+        return  # without the terms of the motion, which take longer
+    size = np.maximum(_terms(scene, states.part(whole)), weights)
     sample, place = np.unravel_index(np.argmax(missing / np.maximum(size, 1e-300)), missing.shape)
-    names = [velocity_names(scene.model)[v] for v in undriven]
     needed = (missing > _OBEYS * size).any(axis=0)
     if needed[place]:
+        names = [velocity_names(scene.model)[v] for v in undriven]
         raise UndrivenMotionError(
             names[place],
             whole.start + int(sample),
@@ -75,8 +78,11 @@ def _terms(scene: Scene, states: States) -> float:
 
 
 def _weights(scene: Scene) -> np.ndarray:
-    """(nv,) most that the weight of what a joint carries can take of it (N m or N)."""
-    model, out = scene.model, np.zeros(scene.model.nv)
+    """(nv,) most that the weight of what a joint carries can take of it (N m or N), kept."""
+    pools, model = scene.twin().pools, scene.model
+    if "weights" in pools:
+        return np.asarray(pools["weights"])
+    pools["weights"] = out = np.zeros(model.nv)
     data, g = model.createData(), float(np.linalg.norm(model.gravity.linear))
     pin.crba(model, data, pin.neutral(model))
     for kind, joint, carried in zip(
@@ -100,6 +106,8 @@ def narrow_friction(scene: Scene, effort: np.ndarray, lower: np.ndarray, upper: 
     sites = scene.site_tables
     for v in scene.mobility.undriven:
         on = np.flatnonzero(sites.velocity_index == v)
+        if not on.size:
+            continue
         ends = np.sort([sites.ratio[on] * lower[:, on], sites.ratio[on] * upper[:, on]], axis=0)
         least, most = ends.sum(axis=2, keepdims=True)
         needed = effort[:, v, None]
