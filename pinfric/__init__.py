@@ -29,6 +29,7 @@ _PUBLIC = {
     "InverseInstant": "pinfric.dynamics.forward.solver",
     "InverseDerivatives": "pinfric.dynamics.derivatives.derivatives",
     "ForwardDerivatives": "pinfric.dynamics.derivatives.derivatives",
+    "ParameterDerivatives": "pinfric.dynamics.derivatives.parameters",
     "Smoothed": "pinfric.dynamics.derivatives.smoothed",
     "CompensationOptions": "pinfric.dynamics.forward.compensation",
     "warm_up": "pinfric.dynamics.warm_up",
@@ -79,6 +80,7 @@ if TYPE_CHECKING:  # the same names for type checkers, which do not run __getatt
     from pinfric.drives.duty import Duty as Duty
     from pinfric.dynamics.derivatives.derivatives import ForwardDerivatives as ForwardDerivatives
     from pinfric.dynamics.derivatives.derivatives import InverseDerivatives as InverseDerivatives
+    from pinfric.dynamics.derivatives.parameters import ParameterDerivatives as ParameterDerivatives
     from pinfric.dynamics.derivatives.smoothed import Smoothed as Smoothed
     from pinfric.dynamics.forward.compensation import CompensationOptions as CompensationOptions
     from pinfric.dynamics.forward.forward import Instant as Instant

@@ -10,7 +10,7 @@ reactions and friction are coupled, inverse dynamics is that of a batch of one s
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import product
@@ -24,6 +24,7 @@ from pinfric.dynamics.derivatives.derivatives import (
     InverseDerivatives,
     check_differentiable,
 )
+from pinfric.dynamics.derivatives.parameters import ParameterDerivatives, by_parameters
 from pinfric.dynamics.derivatives.smoothed import Smoothed
 from pinfric.dynamics.forward.compensation import (
     CompensatedSample,
@@ -585,6 +586,25 @@ class Solver:
         if ws.held.size:
             v = np.where(np.isin(np.arange(ws.nv), ws.held), 0.0, v)
         return self._differentiator(motors).of_solution(q, v, found.a, applied, ws.held, motors)
+
+    def parameter_derivatives(
+        self, q: np.ndarray, v: np.ndarray, a: np.ndarray, names: Sequence[str]
+    ) -> ParameterDerivatives:
+        """Return the derivatives of the efforts of a motion by coefficients and inertias.
+
+        d tau/d theta = E^T W - ratio (dphi/dc) g . W_k; see `derivatives.parameters`.
+
+        Args:
+            q, v, a: see `inverse_derivatives`.
+            names: keys of friction, "mu.kinetic", "coulomb.static", "viscous" ..., of each joint
+                that has it; "inertia": m, m c and the inertia about its joint, of each link.
+
+        Raises:
+            StateError: no joint has such a coefficient; and see `inverse_derivatives`.
+        """
+        self.inverse_derivatives(q, v, a)
+        q, v, a = (np.array(x, dtype=float) for x in (q, v, a))
+        return by_parameters(self._differentiator(motors=False), q, v, a, names)
 
     def smoothed(self, width: float) -> Smoothed:
         """Return the dynamics with friction that is smooth through rest, for optimizers.
