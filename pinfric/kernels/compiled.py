@@ -25,6 +25,7 @@ from numba.experimental import structref
 
 from pinfric.errors import PinfricError, PinfricWarning
 from pinfric.kernels.interpreted import CLOCK, interpreted, is_small
+from pinfric.kernels.progress import CompileProgress
 
 _DIGEST_SIZE = 16
 #: So many versions of a kernel's sources keep what was compiled from them.
@@ -128,7 +129,7 @@ def _compiled(
         cached: Any = _CheckedCache(function)
         CLOCK.keep_in(cached.cache_path)
     except RuntimeError:  # numba finds no folder to cache in (a read-only installation)
-        cached = _NoCache()
+        cached = _NoCache(function)
     vars(made)["_cache"] = cached
     call_template = made.get_call_template  # type: ignore[attr-defined]
 
@@ -169,15 +170,8 @@ def is_ready(made: Any, arguments: tuple[Any, ...]) -> bool:
 _MISSING: set[Any] = set()
 
 
-@cache
-def say_compiling(again: str = "once") -> None:
-    """Print on stderr, once per process, that kernels are compiled; nothing if all are cached."""
-    print(
-        f"pinfric: compiling kernels for this machine, {again}: up to two minutes of "
-        "processor time",
-        file=sys.stderr,
-        flush=True,
-    )
+#: Says that kernels compile; nothing if all are cached.
+PROGRESS = CompileProgress()
 
 
 class _NoCache(NullCache):
@@ -187,9 +181,20 @@ class _NoCache(NullCache):
         """Find nothing."""
         return False
 
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__()
+        self._function = function
+
     def load_overload(self, sig: Any, target_context: Any) -> None:
         """Find nothing: numba compiles next."""
-        say_compiling("in every run (no folder to keep them in is writable; set NUMBA_CACHE_DIR)")
+        PROGRESS.begin(
+            self._function,
+            "in every run (no folder to keep them in is writable; set NUMBA_CACHE_DIR)",
+        )
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Note that it is compiled."""
+        PROGRESS.end(self._function, compiled=True)
 
 
 def record(fields: type) -> Any:
@@ -323,6 +328,7 @@ class _CheckedCache(FunctionCache):
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
+        self._function = function
         name = f"{function.__module__}.{function.__qualname__}.{sys.implementation.cache_tag}"
         stamp = numba.__version__, _source_stamp(function)
         self._cache_file = _CheckedFile(self.cache_path, re.sub("[^.\\w]", "", name), stamp)
@@ -335,11 +341,14 @@ class _CheckedCache(FunctionCache):
         """Return the cached kernel; if that is None, numba compiles next."""
         found = super().load_overload(sig, target_context)
         if found is None:
-            say_compiling()
+            PROGRESS.begin(self._function, "they are kept for later runs")
+        else:
+            PROGRESS.end(self._function, compiled=False)
         return found
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Cache the compiled kernel; a full disk is ignored."""
+        PROGRESS.end(self._function, compiled=True)
         with suppress(OSError):
             super().save_overload(sig, data)
 

@@ -1,0 +1,91 @@
+"""What is said while kernels compile: that they do, how many are done, about how long it takes.
+
+Numba tells neither how many functions a call will compile nor how long that takes. The work of a
+call are the kernels that its root reaches and that are not in the cache; the time of each follows
+the length of its byte code.
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+from numba.core import event
+from numba.core.dispatcher import Dispatcher
+
+#: Seconds between two lines.
+PERIOD = 10.0
+#: Below so many kernels the time left is that of one that is half compiled: it is not said.
+_FEW = 5
+
+
+class CompileProgress(event.Listener):
+    """Prints lines on stderr while numba compiles, from a thread: a kernel may take long."""
+
+    def __init__(self) -> None:
+        self._left: dict[Callable[..., Any], int] = {}  # to be compiled -> length of its code
+        self._count, self._done, self._seconds = 0, 0, 0.0
+        self._depth, self._began, self._watching = 0, 0.0, False
+        event.register("numba:compile", self)
+
+    def begin(self, function: Callable[..., Any], kept: str) -> None:
+        """Note that a kernel is not in the cache; `kept` says at the first one where it will be."""
+        if not self._watching:
+            self._watching = True
+            _say(f"compiling kernels for this machine; {kept}")
+            threading.Thread(target=self._watch, daemon=True).start()
+        if function not in self._left:
+            self._left |= {each: len(each.__code__.co_code) for each in _reached(function)}
+
+    def end(self, function: Callable[..., Any], compiled: bool) -> None:
+        """Note that a kernel is there: compiled, or found in the cache."""
+        length = self._left.pop(function, 0)
+        if compiled:
+            self._count, self._done = self._count + 1, self._done + length
+
+    def on_start(self, _: Any) -> None:
+        """Numba begins with a function, a root or one that another calls."""
+        if self._depth == 0:
+            self._began = time.monotonic()
+        self._depth += 1
+
+    def on_end(self, _: Any) -> None:
+        """It has compiled it, or failed."""
+        self._depth -= 1
+        if self._depth == 0:
+            self._seconds += time.monotonic() - self._began
+            self._left.clear()
+
+    def line(self) -> str:
+        """Return how far it is."""
+        seconds, left = self._seconds + time.monotonic() - self._began, dict(self._left)
+        said = f"compiling kernels: {self._count} done in {seconds:.0f} s, {len(left)} to go"
+        if len(left) < _FEW or not self._done:
+            return said
+        return f"{said}, about {seconds * sum(left.values()) / self._done:.0f} s"
+
+    def _watch(self) -> None:
+        while True:
+            time.sleep(PERIOD)
+            if self._depth > 0:
+                _say(self.line())
+
+
+def _say(text: str) -> None:
+    print(f"pinfric: {text}", file=sys.stderr, flush=True)
+
+
+def _reached(function: Callable[..., Any]) -> set[Callable[..., Any]]:
+    """The functions of a kernel and of all kernels that it calls, but for inlined ones."""
+    found, queue = {function}, [function]
+    for each in queue:  # grows while it is walked
+        for name in each.__code__.co_names:
+            callee = each.__globals__.get(name)
+            if isinstance(callee, Dispatcher) and callee.py_func not in found:
+                queue.append(callee.py_func)
+                if callee.targetoptions.get("inline", "never") == "never":
+                    found.add(callee.py_func)
+    return found
