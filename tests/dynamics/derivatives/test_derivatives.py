@@ -89,8 +89,12 @@ def quotients(f, model, state, steps):
         yield [(4 * central(n, h) - central(n, 2 * h)) / 3 for n in range(len(state))]
 
 
-def assert_close(found, f, model, state, tolerance, free=None, steps=(1e-3, 2e-4)):
-    """Blocks (3, k, ...) against the better of two differences, which err by themselves."""
+def assert_close(found, f, model, state, tolerance, free=None, steps=(1e-3, 2e-4, 2e-5)):
+    """Blocks (3, k, ...) against the best of some differences.
+
+    Wide steps err where laws bend, and short ones by the rounding of f, which is allowed for.
+    """
+    rounding = 4e-16 * np.abs(f(*state)).reshape(len(found[0]), -1).max(axis=1) / min(steps)
     judges = list(quotients(f, model, state, steps))
     for n, block in enumerate(found):
         for k, one in enumerate(block):
@@ -100,7 +104,8 @@ def assert_close(found, f, model, state, tolerance, free=None, steps=(1e-3, 2e-4
                 if free is not None and n == 1:
                     error = error[~free] if error.ndim == 1 else np.where(free, 0.0, error)
                 errors.append(error.max() / max(np.abs(one).max(), 1e-9))
-            assert min(errors) < tolerance, (n, k, errors)
+            allowed = tolerance + rounding[k] / max(np.abs(one).max(), 1e-9)
+            assert min(errors) < allowed, (n, k, errors, allowed)
 
 
 def inverse_case(scene, seed, rest):
