@@ -15,7 +15,7 @@ from pinfric.errors import IdentificationError, problems_line
 from pinfric.identification.columns import Prepared, Rows
 from pinfric.identification.inertias import urdf_prior
 from pinfric.identification.laws import COULOMB, GEARS, INERTIA, PLAIN
-from pinfric.identification.normal import Fit, Prior, orthonormal, residuals
+from pinfric.identification.normal import Fit, Prior, beside, orthonormal, residuals
 from pinfric.model.arrays import FloatArray
 from pinfric.model.couples import delivery
 from pinfric.model.scene import Scene
@@ -132,8 +132,7 @@ def gravity_scales(
         seen = [part[log.slides[:, j], j] for part, log in zip(parts, every, strict=True)]
         G = np.concatenate(seen)
         others = np.column_stack((own.load - G, own.slots[:, [*_OWN, losses]], np.ones(G.size)))
-        basis = orthonormal(others)
-        y, g = (x - basis @ (basis.T @ x) for x in (own.effort, G))
+        y, g = beside(orthonormal(others), np.column_stack((own.effort, G))).T
         size = float(g @ g)
         if size <= _LEAST_LOAD**2 * max(float(own.effort @ own.effort), 1e-12):
             continue
@@ -245,7 +244,7 @@ def _beside_friction(rows: Rows, *given: FloatArray) -> Iterator[FloatArray]:
     others = others / np.maximum(np.abs(others).max(axis=0), 1e-12)
     basis = np.linalg.qr(others)[0]
     for x in given:
-        yield x - basis @ (basis.T @ x)
+        yield beside(basis, x.reshape(len(x), -1)).reshape(x.shape)
 
 
 def _turned(rows: Rows, theta: FloatArray) -> bool:

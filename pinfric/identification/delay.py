@@ -28,6 +28,7 @@ from pinfric.identification.normal import (
     Normal,
     Prior,
     above_zero,
+    beside,
     orthonormal,
     weighted,
 )
@@ -252,11 +253,9 @@ def _with_slopes(
         if apart:
             own = own * (np.arange(len(slopes)) == j)
         basis = orthonormal(one.presliding[one.slides[:, j], j])
-        rigid, slots, effort = (
-            x - basis @ (basis.T @ x)
-            for x in (np.column_stack((rows.rigid, own)), rows.slots, rows.effort)
-        )
-        result.append(replace(rows, rigid=rigid, slots=slots, effort=effort))
+        every = beside(basis, np.column_stack((rows.rigid, own, rows.slots, rows.effort)))
+        rigid, slots = np.split(every[:, :-1], [rows.rigid.shape[1] + own.shape[1]], axis=1)
+        result.append(replace(rows, rigid=rigid, slots=slots, effort=every[:, -1]))
     return result
 
 

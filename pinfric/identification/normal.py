@@ -223,7 +223,7 @@ def gram(columns: FloatArray, weight: FloatArray) -> FloatArray:
         weight: (n,) the diagonal of W.
     """
     size = columns.shape[1]
-    total, rows = np.zeros((size, size)), max(1, _ALONE // size**2)
+    total, rows = np.zeros((size, size)), _rows_alone(size, size)
     for start in range(0, len(columns), rows):
         part = columns[start : start + rows]
         total += (part * weight[start : start + rows, None]).T @ part
@@ -242,7 +242,34 @@ def orthonormal(columns: FloatArray) -> FloatArray:
         return scaled
     values, vectors = np.linalg.eigh(gram(scaled, np.ones(len(scaled))))
     kept = values > _DEPENDENT * max(float(values.max(initial=0.0)), 1e-300)
-    return np.asarray(scaled @ (vectors[:, kept] / np.sqrt(values[kept])))
+    return _times(scaled, vectors[:, kept] / np.sqrt(values[kept]))
+
+
+def beside(basis: FloatArray, columns: FloatArray) -> FloatArray:
+    """Return columns less their part in the span of a basis: A - B (B^T A).
+
+    Args:
+        basis: (n, r) B, orthonormal.
+        columns: (n, m) A.
+    """
+    r, rows = basis.shape[1], _rows_alone(basis.shape[1], columns.shape[1])
+    part = np.zeros((r, columns.shape[1]))
+    for start in range(0, len(columns), rows):
+        part += basis[start : start + rows].T @ columns[start : start + rows]
+    return columns - _times(basis, part)
+
+
+def _times(columns: FloatArray, small: FloatArray) -> FloatArray:
+    """Return A S of a long A (n, m) and a small S (m, k)."""
+    result, rows = np.empty((len(columns), small.shape[1])), _rows_alone(*small.shape)
+    for start in range(0, len(columns), rows):
+        result[start : start + rows] = columns[start : start + rows] @ small
+    return result
+
+
+def _rows_alone(m: int, k: int) -> int:
+    """Rows of a product of (., m) and (m, k) or (., k) that BLAS makes in one thread."""
+    return max(1, _ALONE // max(1, m * k))
 
 
 def places(chosen: Sequence[Sequence[int]]) -> IntArray:
