@@ -55,7 +55,7 @@ _STATICS = (
 )
 #: Of the robot's largest effort: what is smaller is rounding of its motion or of its masses.
 _NOTHING = 1e-6
-_HOLDING, _BRAKE, _STOP = "holding without power", "holding brake", "brake stop energy"
+_HOLDING, BRAKE, _STOP = "holding without power", "holding brake", "brake stop energy"
 
 
 @described
@@ -94,7 +94,7 @@ class Standstill:
     @property
     def torque(self) -> Criterion:
         """The brake's torque against the load."""
-        return next(c for c in self.criteria if c.name == _BRAKE)
+        return next(c for c in self.criteria if c.name == BRAKE)
 
     @property
     @derived(heading="margin", cell="{margin:margin}")
@@ -178,7 +178,7 @@ def _standstill(
         said, most = stated(conditions, "holding_brake"), rest.reserve(conditions) * effort[1]
         figures = most, 0.0, "N", LEAST_MARGIN
         held_by = Criterion(
-            _BRAKE, Status.FAILS, *figures, held_by.formula, _SOURCE, _NO_SHAFT, said
+            BRAKE, Status.FAILS, *figures, held_by.formula, _SOURCE, _NO_SHAFT, said
         )
     if fitted == "" and not why:
         held_by = replace(held_by, note=rest.without_brake(back))
@@ -414,18 +414,18 @@ def _torque(
             wanted, torque = braking_torques(taken, wanted, stop)
     if name is not None:
         note = f"{name}: {_described(brakes[name])}"
-        return compare(_BRAKE, wanted, torque, "N m", formula, _SOURCE, "", note, said)
+        return compare(BRAKE, wanted, torque, "N m", formula, _SOURCE, "", note, said)
     strongest = torque
     missing = "brakes in the catalogue" if wanted is not None else "gear and motor"
     if needed and chosen and wanted is not None and not brakes:
         said, figures = stated(conditions, "holding_brake"), (wanted, 0.0, "N m", LEAST_MARGIN)
-        return Criterion(_BRAKE, Status.FAILS, *figures, formula, _SOURCE, _NO_BRAKE, said)
+        return Criterion(BRAKE, Status.FAILS, *figures, formula, _SOURCE, _NO_BRAKE, said)
     if needed:
         note = "" if strongest is None else f"{list(brakes)[-1]}, the strongest"
-        return compare(_BRAKE, wanted, strongest, "N m", formula, _SOURCE, missing, note, said)
+        return compare(BRAKE, wanted, strongest, "N m", formula, _SOURCE, missing, note, said)
     note = "no brake of the catalogue holds it" if brakes and wanted else ""
     return Criterion(
-        _BRAKE, Status.NOT_REQUIRED, wanted, strongest, "N m", None, formula, _SOURCE, note
+        BRAKE, Status.NOT_REQUIRED, wanted, strongest, "N m", None, formula, _SOURCE, note
     )
 
 

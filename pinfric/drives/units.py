@@ -72,7 +72,7 @@ _BASES: tuple[tuple[str, float, _Dimensions, str], ...] = (
     ("rpm", _TURN / 60, _SPEED, "k"),
     ("A Arms Adc amp amps ampere", 1.0, (0, 0, 0, 1, 0, 0, 0), "m"),
     ("V Vdc Vrms volt volts", 1.0, (1, 2, -3, -1, 0, 0, 0), "mk"),
-    ("ohm ohms", 1.0, (1, 2, -3, -2, 0, 0, 0), "mk"),
+    ("ohm ohms Ohm Ohms", 1.0, (1, 2, -3, -2, 0, 0, 0), "mk"),
     ("H", 1.0, (1, 2, -2, -2, 0, 0, 0), "mu"),
     ("W watt watts", 1.0, (1, 2, -3, 0, 0, 0, 0), "mk"),
     ("J", 1.0, _TORQUE, "mk"),

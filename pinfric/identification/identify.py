@@ -151,13 +151,19 @@ def identify(
 
 
 def _fits(found: Estimate) -> list[Fit]:
-    """The fit of all logs, and that of each log alone with the same laws."""
+    """The fit of all logs, and of each log alone with the same laws; a hold has none of its own."""
     problem, log_of = found.problem, np.full(found.problem.folds.size, -1)
     for rows in found.rows:
         log_of[rows.block] = rows.log
     slots = problem.slots(found.choice.laws)
     alone = [problem.normal(log_of == log) for log in range(len(found.prepared))]
-    return [found.fit, *(FrictionNormalEquations(n, problem.prior).fit(slots) for n in alone)]
+    fits = [found.fit]
+    for own in alone:
+        try:
+            fits.append(FrictionNormalEquations(own, problem.prior).fit(slots))
+        except np.linalg.LinAlgError:  # nothing slides in it
+            fits.append(found.fit)
+    return fits
 
 
 def _identified(found: Estimate, unseen: Sequence[Recording], seed: int) -> Identified:

@@ -78,6 +78,10 @@ def _parsed(urdf: Path) -> ElementTree.Element:
         raise RobotError(f"{urdf}: cannot be read: {problem.strerror}") from None
     if not content.strip():
         raise RobotError(f"{urdf}: is empty, a URDF begins with <robot>")
+    if b"<xacro:" in content and b"xmlns:xacro" not in content:  # urdfdom reads it
+        content = content.replace(
+            b"<robot", b'<robot xmlns:xacro="http://www.ros.org/wiki/xacro"', 1
+        )
     try:
         return ElementTree.fromstring(content)
     except (ElementTree.ParseError, UnicodeDecodeError, ValueError, LookupError) as problem:
@@ -189,7 +193,7 @@ except Exception as problem:
     if within and "is not defined" not in before:
         kind = refusal if refusal in before else type(inner).__name__
         text = f"{kind} {within}{expression}"
-    words = "[Errno] No such file or directory not well-formed column package"
+    words = "[Errno] No such file or directory not well-formed unbound column package"
     text = told(text, type(inner).__name__, refusal, words)
     sys.exit(text or type(problem).__name__)
 """

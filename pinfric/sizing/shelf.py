@@ -45,11 +45,13 @@ from pinfric.drives.limit import (
     Limit,
     columns,
     drive,
+    first_known,
     number,
 )
 from pinfric.drives.limits import LIMITS, criteria
 from pinfric.drives.policy import (
     KIT,
+    STAND_INS,
     Conditions,
     fits,
     frameless,
@@ -838,6 +840,11 @@ class Search:
 def stiffness_of(assessment: Assessment) -> float:
     """Return K_1 of a drive, N m/rad; NaN: not known."""
     return float(assessment.drives.gear.stiffness)
+
+
+def momentary_peak(assessment: Assessment) -> float:
+    """Return what the gear bears for a moment, N m or N; NaN: not known."""
+    return float(first_known(assessment.drives.gear, STAND_INS["momentary_peak_torque"]))
 
 
 def _least_voltage(

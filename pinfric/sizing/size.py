@@ -21,7 +21,7 @@ from typing import Any, Literal
 import numpy as np
 
 from pinfric.drives.brake import Standstill, ranked, standstills
-from pinfric.drives.catalog import Brake, Catalog
+from pinfric.drives.catalog import Brake, Catalog, GearMotor, Motor
 from pinfric.drives.catalog_file import load_catalog
 from pinfric.drives.criterion import Criterion
 from pinfric.drives.demand import (
@@ -31,15 +31,15 @@ from pinfric.drives.demand import (
     driven_joint,
     joint_demand,
 )
-from pinfric.drives.drivetrain import Candidate, MotorCycle, line_voltage, motor_cycle
+from pinfric.drives.drivetrain import Candidate, MotorCycle, line_voltage, motor_cycle, ratings_of
 from pinfric.drives.duty import Duty, Schedule, once
 from pinfric.drives.friction import without_drives
 from pinfric.drives.held import held_drives
-from pinfric.drives.limit import Case, first_known
+from pinfric.drives.limit import Case
 from pinfric.drives.limits import SHOCK
 from pinfric.drives.mounting import mounted, mountings, turned_as
 from pinfric.drives.parts import check_names, own_parts
-from pinfric.drives.policy import STAND_INS, Conditions, parse_conditions
+from pinfric.drives.policy import Conditions, outside, parse_conditions
 from pinfric.drives.power import BusPower, bus_power
 from pinfric.drives.rated import RatedCycle
 from pinfric.drives.robot import (
@@ -66,8 +66,8 @@ from pinfric.sizing.branch import Arm, stiff_enough
 from pinfric.sizing.caveats import caveats, discontinuities, unclosed
 from pinfric.sizing.elastic_arm import arm_criteria, check_tool, reversal_criteria
 from pinfric.sizing.provisional import provisional
-from pinfric.sizing.shelf import Ask, Assessment, Parts, Search, Shelf, stiffness_of
-from pinfric.sizing.verdict import Verdict, joint_criteria, verdict_of
+from pinfric.sizing.shelf import Ask, Assessment, Parts, Search, Shelf, momentary_peak, stiffness_of
+from pinfric.sizing.verdict import Verdict, causes, joint_criteria, verdict_of
 from pinfric.stops.machines import Machines, full_load, stop_settings
 from pinfric.stops.peaks import braking, cycle_peaks
 from pinfric.stops.study import StopResult, stops_of
@@ -244,7 +244,8 @@ class SizingReport(Shown):
         no_stops: why the stops that the scene asks for could not be judged; "" where they were.
         rating: what the robot is rated for, beside a cycle or alone; None: a cycle alone.
         elsewhere: scenes in which the robot is mounted otherwise, for which the drives are, too.
-        open_stops: which gears stops would overload, where none are demanded.
+        open_stops: of a rating alone, by the drives' columns: what the gears would have to bear in
+            stops, N m or N; no drive was chosen by it. Empty: it was demanded.
     """
 
     scene: Scene
@@ -267,7 +268,7 @@ class SizingReport(Shown):
     contradiction: str = ""
     rating: RatedCycle | None = None
     elsewhere: tuple[str, ...] = ()
-    open_stops: str = ""
+    open_stops: Mapping[int, float] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         names = [joint.name for joint in self.joints]
@@ -384,7 +385,7 @@ class SizingReport(Shown):
             SizingError: names what fails, where, and by how much; holds the report.
         """
         if wrong := self.verdict.failing:
-            raise SizingError("; ".join(wrong), self)
+            raise SizingError("; ".join(causes(self) or wrong), self)
 
     def joint(self, name: str) -> JointSizing:
         """Return one joint's sizing by name.
@@ -438,8 +439,9 @@ def size(
     Raises:
         CatalogError: the catalogue or a condition is wrong; StateError: the motion has no times;
         TrajectoryError: a rating that the robot cannot have;
-        SizingError: a catalogue and no gravity; without `mass_in_urdf` a link is not a possible
-        body; or the choice cannot be signed and `on_miss` is "raise".
+        SizingError: a catalogue and no gravity, or no motor that is rated for the ambient; without
+        `mass_in_urdf` a link is not a possible body; or the choice cannot be signed and `on_miss`
+        is "raise".
 
     Warns:
         PinfricWarning: no candidate fits a joint; with the shortfall of the nearest one.
@@ -460,6 +462,7 @@ def size(
         )
     default = Conditions() if catalog is None else catalog.conditions
     wanted = parse_conditions(conditions or {}, default)
+    _check_ambient(catalog, wanted)
     check_names(scene, wanted)
     check_tool(scene, wanted)
     for joint in wanted.bearings:
@@ -561,7 +564,8 @@ class _Sizing:
         #: simulation showed, and braking under power.
         self.stop_effort: dict[int, float] = {}
         self.stop_least: dict[int, float] = {}
-        self.stop_note = self.open_stops = ""
+        self.open_stops: dict[int, float] = {}
+        self.stop_note = ""
         self.braking: dict[int, tuple[DriveCycle, ...]] = {}
 
     def run(self) -> SizingReport:
@@ -724,10 +728,10 @@ class _Sizing:
 
         Until the choice bears its own stops and none lighter would do: what it takes depends on no
         drive that was chosen before. Only where choices come back the largest peaks count. Where no
-        simulation follows, gears must bear 1.3 times what algebra says. Of a rating alone it is not
-        demanded, unless the scene has `stops`.
+        simulation follows, gears must bear 1.3 times what algebra says. Of a rating alone no choice
+        is made by it, unless the scene has `stops`: what its gears do not bear is not signed.
         """
-        taken, passes, settled = self._choose()
+        (taken, passes, settled), self.open_stops = self._choose(), {}
         scene, seen = self.scene, list[dict[int, str]]()
         if self.catalog is None or scene.linkage is not None or scene.mobility.redundant:
             return taken, passes, settled
@@ -744,7 +748,7 @@ class _Sizing:
             peaks = {i: max(factor * float(most[i]), self.stop_least.get(i, 0.0)) for i in taken}
             short = self._overloaded(peaks, taken)
             if self.rating is not None and not self.rating.cycles and scene.stops is None:
-                self.open_stops = _overload(scene, taken, short)
+                self.open_stops = peaks
                 break
             if _names(taken) in seen:
                 peaks |= {i: max(x, peaks[i]) for i, x in self.stop_effort.items() if i in peaks}
@@ -812,7 +816,9 @@ class _Sizing:
         self, peaks: Mapping[int, float], taken: Mapping[int, Assessment]
     ) -> dict[int, float]:
         """The peaks (N m or N), by the drives' columns, that are more than gears bear."""
-        return {i: peak for i, peak in peaks.items() if i in taken and peak > _bears(taken[i])}
+        return {
+            i: peak for i, peak in peaks.items() if i in taken and peak > momentary_peak(taken[i])
+        }
 
     def _added(self, taken: Mapping[int, Assessment]) -> dict[int, float]:
         """The masses that the drives add to the robot's links."""
@@ -1051,6 +1057,22 @@ def _means(robot: Robot, i: int) -> dict[str, Schedule | None]:
     return {"": None} if robot.rating is None else dict(robot.rating.means(i))
 
 
+def _check_ambient(catalog: Catalog | None, conditions: Conditions) -> None:
+    """Raise where no motor of the catalogue is rated for the surroundings."""
+    motors: tuple[Motor | GearMotor, ...] = ()
+    if catalog is not None:
+        motors = *catalog.motors.values(), *catalog.gearmotors.values()
+    asked: tuple[str, ...] = ()
+    for motor in motors:
+        if not (asked := outside("motor", conditions, ratings_of(motor).rated_up_to)):
+            return
+    if asked and catalog is not None:
+        raise SizingError(
+            f"conditions.ambient = {conditions.ambient:g} C: no motor of {catalog.source} has "
+            f"{asked[0]}: give the temperature at the drives, or motors that are rated for it"
+        )
+
+
 def brakes_of(catalog: Catalog, scene: Scene) -> dict[str, Brake]:
     """Return the brakes that a robot may have, the smallest first.
 
@@ -1058,25 +1080,6 @@ def brakes_of(catalog: Catalog, scene: Scene) -> dict[str, Brake]:
     """
     timed = {n: brake for n, brake in catalog.brakes.items() if brake.engage_time is not None}
     return ranked(catalog.brakes if scene.stops is None else timed or catalog.brakes)
-
-
-def _bears(taken: Assessment) -> float:
-    """The gear's momentary peak, N m or N; NaN: not known."""
-    return float(first_known(taken.drives.gear, STAND_INS["momentary_peak_torque"]))
-
-
-def _overload(scene: Scene, taken: Mapping[int, Assessment], short: Mapping[int, float]) -> str:
-    """Say which gears a stop would overload; empty: none."""
-    peaks = [
-        f"{scene.drives[i].name} ({peak:.4g} of {_bears(taken[i]):.4g} {effort_unit(scene, i)})"
-        for i, peak in sorted(short.items())
-    ]
-    if not peaks:
-        return ""
-    return (
-        f"stops are not demanded of a rating alone, and would overload gears of "
-        f"{', '.join(peaks)}: give a cycle beside it, or `stops`"
-    )
 
 
 def _mass(taken: Mapping[int, Assessment]) -> float:

@@ -6,7 +6,8 @@ once, where it is judged, and counts from then on:
 
 - of a drive: a row of `drives.limits.LIMITS`,
 - of a brake: `Standstill.criteria`,
-- of a stop, and of the place where it ends: `SizingReport.stops.axes[i].criteria`,
+- of a stop, and of the place where it ends: `SizingReport.stops.axes[i].criteria`; of a rating
+  alone what its gear would bear in one: `SizingReport.open_stops`,
 - of the bus or the whole robot: `SizingReport.bus` and `.arm_criteria`.
 
 Only `Status.FAILS` counts against a joint. What was not checked does so where a drive cannot be
@@ -20,17 +21,26 @@ from dataclasses import replace
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from pinfric.drives.criterion import Criterion, Status
+import numpy as np
+
+from pinfric.drives.brake import BRAKE
+from pinfric.drives.criterion import Criterion, Status, compare
 from pinfric.drives.held import doubted_masses, held_drives
+from pinfric.drives.limits import SHOCK
+from pinfric.drives.policy import SURROUNDINGS, outside
 from pinfric.model.brief import counted
 from pinfric.model.described import derived, described, quantity
 from pinfric.model.legs import hanging_legs
 from pinfric.model.scene import Scene
 from pinfric.model.total_mass import doubted_mass
+from pinfric.sizing.shelf import momentary_peak
 
 if TYPE_CHECKING:  # it is above this module
     from pinfric.sizing.size import JointSizing, SizingReport
 
+#: Of a rating alone, what its gear would bear in a stop, and what to do where it does not.
+_OPEN_STOP = f"stop: {SHOCK}"
+_DEMAND_STOPS = "give a cycle beside it, or `stops`"
 #: Joints of which the headline says what fails; the others are counted.
 _MOST_FAILING = 2
 
@@ -161,7 +171,7 @@ def verdict_of(report: SizingReport) -> Verdict:
     # Of the robot as a whole: the choice, masses, the bus, the stops
     if not report.settled:
         lines.append(f"the choice still alternates after {report.passes} passes")
-    lines += [line for line in impossible if line]
+    lines += [*(line for line in impossible[:2] if line), *causes(report)]
     lines += [*_failing("bus", report.bus.criteria), *whole]
     lines += [report.no_stops] if report.no_stops else []
     # What it leaves open
@@ -173,9 +183,39 @@ def verdict_of(report: SizingReport) -> Verdict:
             f"{report.drive_mass:.2f} kg if the links are bare, {report.other_mass:.2f} kg if they "
             f"hold the drives{whose}: write `robot.masses`"
         )
-    question = "; ".join(text for text in (question, report.open_stops) if text)
+    if any(
+        c.name == _OPEN_STOP and c.status == Status.FAILS for own in report.criteria for c in own
+    ):
+        open_stop = f"of a rating alone stops are not demanded: {_DEMAND_STOPS}"
+        question = "; ".join(text for text in (question, open_stop) if text)
     remarks = (legs, "" if beyond else heavy, weighs if possible else "")
     return Verdict(judged, tuple(lines), question, tuple(text for text in remarks if text))
+
+
+def causes(report: SizingReport) -> tuple[str, ...]:
+    """Return what of catalogue, ambient or masses keeps joints from being signed."""
+    catalog, conditions = report.catalog, report.conditions
+    if catalog is None:
+        return ()
+    found, pairs = [], tuple(zip(report.joints, report.criteria, strict=True))
+    bare = [j.name for j, own in pairs for c in own if c.name == BRAKE and c.status == Status.FAILS]
+    if bare and not catalog.brakes:
+        found.append(
+            f"{catalog.source} has no brakes, and {', '.join(bare)} would not be held without "
+            "power: add `brakes`, or `extends: default`"
+        )
+    outer = [kind for kind in SURROUNDINGS if outside(kind, conditions)]
+    if outer and any(joint.choice is None and not joint.unloaded for joint in report.joints):
+        named = ", ".join(
+            k + " gears" if k not in ("motor", "amplifier") else k + "s" for k in outer
+        )
+        found.append(
+            f"conditions.ambient = {conditions.ambient:g} C: {named} lack "
+            f"{outside(outer[0], conditions)[0]}, and none is signed: give the temperature at the "
+            "drives"
+        )
+    weighs, possible = _weight(report.given)
+    return (*found, *[weighs] * (not possible))
 
 
 def _weight(scene: Scene) -> tuple[str, bool]:
@@ -202,8 +242,28 @@ def joint_criteria(report: SizingReport) -> tuple[tuple[Criterion, ...], ...]:
         still = () if report.catalog is None else report.standstills[k].criteria
         stop = () if stops is None else stops[k].criteria
         named = (replace(c, name=f"stop: {c.name}") for c in stop)
-        found.append((*own, *still, *report.reversals[k : k + 1], *named, *_shared(report, k)))
+        rest = (*named, *_open_stop(report, k), *_shared(report, k))
+        found.append((*own, *still, *report.reversals[k : k + 1], *rest))
     return tuple(found)
+
+
+def _open_stop(report: SizingReport, k: int) -> list[Criterion]:
+    """What the gear of a rating alone would have to bear if brakes close."""
+    taken = report.joints[k].installed
+    if taken is None or k not in report.open_stops:
+        return []
+    bears = momentary_peak(taken)
+    found = compare(
+        _OPEN_STOP,
+        report.open_stops[k],
+        None if np.isnan(bears) else bears,
+        report.joints[k].demand.unit,
+        "1.3 x the peak in stops of all joints <= limit for momentary peak torque",
+        "algebra (`stops.peaks`), all brakes closing at once",
+        "momentary_peak_torque of the gear",
+    )
+    fails = found.status == Status.FAILS
+    return [replace(found, note=_DEMAND_STOPS) if fails else found]
 
 
 def _shared(report: SizingReport, k: int) -> list[Criterion]:

@@ -320,7 +320,12 @@ SPELLINGS = {
     "kg": {"lbs": POUND, "Kg": 1.0, "KG": 1.0, "oz": OUNCE},
     "V": dict.fromkeys(("VDC", "Vdc", "Volts"), 1.0),
     "A": dict.fromkeys(("Amps", "Arms"), 1.0),
-    "ohm": {"Ohms": 1.0, "\N{OHM SIGN}": 1.0, "m\N{GREEK CAPITAL LETTER OMEGA}": 1e-3},
+    "ohm": {
+        "Ohms": 1.0,
+        "mOhm": 1e-3,
+        "\N{OHM SIGN}": 1.0,
+        "m\N{GREEK CAPITAL LETTER OMEGA}": 1e-3,
+    },
     "rad": dict.fromkeys(("arcmin", "arc-min", "arc min", "arc.min"), np.pi / 10800),
     "N m/rad": {"Nm/arcmin": 10800 / np.pi, "kNm/rad": 1e3},
     "rad/m": {"mm": 2e3 * np.pi, "mm/rev": 2e3 * np.pi},

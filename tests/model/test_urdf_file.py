@@ -126,6 +126,10 @@ def test_tags_left_over_in_a_urdf_are_a_warning(tmp_path, left, reads):
     with pytest.warns(PinfricWarning, match="tags of xacro are left in it.* no package 'gripper'"):
         assert read_robot(file, {}).model.inertias[1].mass == 2.0
     assert "reading" in {finding.kind for finding in pf.check(file).findings}
+    file.write_text(text.replace(NAMESPACE, ""))  # its prefix is not declared
+    if "<xacro:" in left:
+        with pytest.warns(PinfricWarning, match="tags of xacro are left in it.*unbound prefix"):
+            assert read_robot(file, {}).model.inertias[1].mass == 2.0
 
 
 def test_xacro_that_never_ends_is_stopped(arm, monkeypatch):

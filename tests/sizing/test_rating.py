@@ -17,6 +17,7 @@ from pinfric.errors import CatalogError, SizingError
 from pinfric.show.pages.sizing import sizing_page
 from pinfric.show.report.sizing import rating_lines
 from pinfric.sizing.summary import sizing_summary
+from pinfric.sizing.verdict import State
 
 #: Sizes of CSF and CSG gears that the makers' printed peak torques suggest (inferred).
 BUILT = {
@@ -64,19 +65,29 @@ def test_sizes_of_published_arms_are_near_those_that_their_makers_built(tmp_path
     assert sum(map(abs, off)) <= 3
 
 
-def test_a_rating_alone_names_the_gears_that_stops_would_overload(tmp_path):
-    """A cycle beside it, or `stops`, makes them bear it."""
+def test_of_a_rating_alone_gears_that_stops_would_overload_are_not_signed(tmp_path):
+    """A cycle beside it, or `stops`, takes gears that bear them."""
     alone = sized("ur3", tmp_path)
-    assert alone.verdict.signed
-    asked = re.search(r"overload gears of .*elbow_joint \((\S+) of (\S+) N m\)", alone.open_stops)
-    assert float(asked[1]) > float(asked[2])
-    assert alone.open_stops in alone.verdict.headline
+    wrong = {joint.name for joint in alone.verdict.of(State.FAILS)}
+    assert "elbow_joint" in wrong
+    assert alone.verdict.fitted == len(alone.joints) - len(wrong) > 0
+    assert len(alone.verdict.failing) == len(wrong)
+    for k, (joint, own) in enumerate(zip(alone.joints, alone.criteria, strict=True)):
+        assert joint.choice is not None
+        bears = joint.choice.drives.gear.momentary_peak_torque
+        (row,) = (c for c in own if c.name == f"stop: {SHOCK}")
+        assert (row.required, row.available) == (alone.open_stops[k], bears)
+        assert (row.status == Status.FAILS) == (joint.name in wrong)
+        told = [line for line in alone.verdict.failing if line.startswith(joint.name)]
+        assert all("give a cycle beside it, or `stops`" in line for line in told)
+    with pytest.raises(SizingError, match="elbow_joint: stop: gear momentary peak torque: needs"):
+        alone.check()
     beside = sized("ur3", tmp_path, trajectory=wave)
     scene, keys = rated_robot("ur3", tmp_path)
     stopped = scene.with_(stops={"category": 0, "reaction_time": 0.01})
     stopped = pf.size(stopped, None, "default", rating=keys, on_miss="ignore")
     for report in (beside, stopped):
-        assert report.open_stops == ""
+        assert not report.open_stops
         rows = [c for own in report.criteria for c in own if c.name == SHOCK]
         assert {c.status for c in rows} == {Status.PASSES}
     assert "a rating alone" in stopped.no_stops
