@@ -14,7 +14,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from scipy.optimize import minimize_scalar
 
 from pinfric.dynamics.derivatives.derivatives import Differentiator, ForwardDerivatives, Partials
 from pinfric.dynamics.derivatives.efforts import smooth_sign
@@ -182,6 +181,8 @@ class Smoothed:
         c = tables.sites.contacts.constant if load is None else real_numbers("load", load)
         if c.shape != (len(scene.sites),):
             raise StateError(f"load: shape {c.shape}; should be ({len(scene.sites)},)")
+        from scipy.optimize import minimize_scalar  # 0.6 s to import
+
         grid = np.linspace(0.0, self.width, 65)
         for s, site in enumerate(scene.sites):
             most = 0.0
