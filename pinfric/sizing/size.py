@@ -21,7 +21,7 @@ from typing import Any, Literal
 import numpy as np
 
 from pinfric.drives.brake import Standstill, ranked, standstills
-from pinfric.drives.catalog import Brake, Catalog, GearMotor, Motor
+from pinfric.drives.catalog import Brake, Catalog
 from pinfric.drives.catalog_file import load_catalog
 from pinfric.drives.criterion import Criterion
 from pinfric.drives.demand import (
@@ -31,7 +31,7 @@ from pinfric.drives.demand import (
     driven_joint,
     joint_demand,
 )
-from pinfric.drives.drivetrain import Candidate, MotorCycle, line_voltage, motor_cycle, ratings_of
+from pinfric.drives.drivetrain import Candidate, MotorCycle, line_voltage, motor_cycle
 from pinfric.drives.duty import Duty, Schedule, once
 from pinfric.drives.friction import without_drives
 from pinfric.drives.held import held_drives
@@ -39,7 +39,7 @@ from pinfric.drives.limit import Case
 from pinfric.drives.limits import SHOCK
 from pinfric.drives.mounting import mounted, mountings, turned_as
 from pinfric.drives.parts import check_names, own_parts
-from pinfric.drives.policy import Conditions, outside, parse_conditions
+from pinfric.drives.policy import Conditions, parse_conditions
 from pinfric.drives.power import BusPower, bus_power
 from pinfric.drives.rated import RatedCycle
 from pinfric.drives.robot import (
@@ -439,9 +439,8 @@ def size(
     Raises:
         CatalogError: the catalogue or a condition is wrong; StateError: the motion has no times;
         TrajectoryError: a rating that the robot cannot have;
-        SizingError: a catalogue and no gravity, or no motor that is rated for the ambient; without
-        `mass_in_urdf` a link is not a possible body; or the choice cannot be signed and `on_miss`
-        is "raise".
+        SizingError: a catalogue and no gravity; without `mass_in_urdf` a link is not a possible
+        body; or the choice cannot be signed and `on_miss` is "raise".
 
     Warns:
         PinfricWarning: no candidate fits a joint; with the shortfall of the nearest one.
@@ -462,7 +461,6 @@ def size(
         )
     default = Conditions() if catalog is None else catalog.conditions
     wanted = parse_conditions(conditions or {}, default)
-    _check_ambient(catalog, wanted)
     check_names(scene, wanted)
     check_tool(scene, wanted)
     for joint in wanted.bearings:
@@ -1055,22 +1053,6 @@ class _Sizing:
 def _means(robot: Robot, i: int) -> dict[str, Schedule | None]:
     """What a joint's means are taken over: its cycle, with a rating each part of it."""
     return {"": None} if robot.rating is None else dict(robot.rating.means(i))
-
-
-def _check_ambient(catalog: Catalog | None, conditions: Conditions) -> None:
-    """Raise where no motor of the catalogue is rated for the surroundings."""
-    motors: tuple[Motor | GearMotor, ...] = ()
-    if catalog is not None:
-        motors = *catalog.motors.values(), *catalog.gearmotors.values()
-    asked: tuple[str, ...] = ()
-    for motor in motors:
-        if not (asked := outside("motor", conditions, ratings_of(motor).rated_up_to)):
-            return
-    if asked and catalog is not None:
-        raise SizingError(
-            f"conditions.ambient = {conditions.ambient:g} C: no motor of {catalog.source} has "
-            f"{asked[0]}: give the temperature at the drives, or motors that are rated for it"
-        )
 
 
 def brakes_of(catalog: Catalog, scene: Scene) -> dict[str, Brake]:

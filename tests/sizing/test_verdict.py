@@ -32,7 +32,7 @@ STOPS = {"category": 0, "reaction_time": 0.01, "per_hour": 4}
 CASES = {
     "all passes": ({}, "can be signed", "", ""),
     "its drive": ({"peak_factor": 50.0}, "none", "peak torque", "none of 1 candidate fits"),
-    "no brake": ({"brakes": {}}, "fails", "holding brake", "the catalogue has no brake"),
+    "no brake": ({"brakes": {}}, "fails", "holding brake", "has no brakes, and table would"),
     "a stop": (
         {"brakes": {"B": BRAKE | {"stop_energy": None, "stops_per_hour": 2.0}}},
         "fails",
