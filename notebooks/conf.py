@@ -26,7 +26,10 @@ exclude_patterns = ["**/.ipynb_checkpoints"]
 myst_enable_extensions = ["amsmath", "attrs_block", "colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
 nb_execution_mode = "off"
-suppress_warnings = ["misc.highlighting_failure"]  # cells of `%%writefile` are no Python
+suppress_warnings = [
+    "misc.highlighting_failure",  # cells of `%%writefile` are no Python
+    "ref.python",  # fields of several results have one name, as `a`
+]
 
 # Every function that a page names must be there; types of attributes need not.
 nitpicky = True
