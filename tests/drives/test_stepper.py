@@ -22,6 +22,7 @@ from pinfric.drives.criterion import Status
 from pinfric.drives.rules import pull_out_torque
 from pinfric.errors import CatalogError, RetimeError
 from pinfric.retiming.limits import read_limits
+from pinfric.show.pages.sizing import sizing_page
 
 RPM = np.pi / 30
 ELECTRIC = {"holding_torque": 3.0, "current": 4.2, "resistance": 0.88, "inductance": 3.4e-3}
@@ -82,12 +83,14 @@ CURVE = {
 }
 
 
-def sized(tmp_path, stepper, **conditions):
+def report_of(tmp_path, stepper, **conditions):
     none = ("continuous_torque", "peak_torque", "torque_constant", "resistance", "max_speed")
     motor = dict.fromkeys((*none, "thermal")) | {"stepper": stepper}
-    (joint,) = sized_cycle(
-        one_drive(tmp_path, motor), conditions=conditions, on_miss="ignore"
-    ).joints
+    return sized_cycle(one_drive(tmp_path, motor), conditions=conditions, on_miss="ignore")
+
+
+def sized(tmp_path, stepper, **conditions):
+    (joint,) = report_of(tmp_path, stepper, **conditions).joints
     return joint, {c.name: c for c in joint.assessments[0].criteria}
 
 
@@ -120,8 +123,9 @@ def test_at_rest_half_of_the_holding_torque_is_left(tmp_path):
     assert row.status == Status.FAILS
     assert joint.choice is None
     by_rule = {k: v for k, v in CURVE.items() if k not in ("pull_out", "voltage")}
-    _, rows = sized(tmp_path, by_rule | {"resistance": 1.0, "inductance": 2e-3})
-    assert "by rule: 0.5 of the curve" in rows["stepper pull-out torque"].source
+    report = report_of(tmp_path, by_rule | {"resistance": 1.0, "inductance": 2e-3})
+    assert report.joints[0].choice is not None
+    assert "by rule: 0.5 of the curve" in sizing_page(report)
 
 
 @pytest.mark.parametrize(

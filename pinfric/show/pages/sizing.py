@@ -164,9 +164,9 @@ def _joint_view(
         warm = temperature(joint, report)
         if warm is not None:
             drawn.append(("heat", "Winding temperature, settled cycle", warm))
-        elif taken is not None:
-            heat = next(c for c in taken.criteria if c.name == "winding temperature")
-            missing.append(("Winding temperature", f"{heat.status}: {heat.note}"))
+        elif taken is not None:  # a stepper's winding has a criterion of its own, without a curve
+            heat = [c for c in taken.criteria if c.name == "winding temperature"]
+            missing += [("Winding temperature", f"{c.status}: {c.note}") for c in heat]
     pictures = [
         (f"{kind}-{k}", title, svg(figure, f"{title} of {name}")) for kind, title, figure in drawn
     ]
