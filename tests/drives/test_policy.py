@@ -19,7 +19,7 @@ from pinfric.drives.policy import (
     lacks,
     parse_conditions,
 )
-from pinfric.errors import CatalogError
+from pinfric.errors import CatalogError, SizingError
 from pinfric.retiming.limits import read_limits
 from pinfric.sweeps.file import load_sweep
 from pinfric.sweeps.motors import motors_on_trial
@@ -144,6 +144,9 @@ def test_nothing_is_signed_where_its_maker_does_not_rate_it(tmp_path, kind, rate
     assert (report.joints[0].choice is None) == bool(asked)
     assert asked in report.joints[0].no_fit
     assert report.verdict.signed == (not asked)
+    if asked:
+        with pytest.raises(SizingError, match=f"^conditions.ambient = {ambient:g} C: "):
+            report.check()
 
 
 def test_an_amplifier_is_not_signed_where_its_maker_does_not_rate_it(tmp_path):
