@@ -44,9 +44,9 @@ _NOTHING = {
     *("", "-", "--", "\N{EN DASH}", "\N{EM DASH}", "n/a", "na", "n.a.", "nan", "none", "null"),
     *("?", "tbd", "inf", "+inf", "-inf", "infinity"),
 }
-_NUMBER = re.compile(r"([-+]?[.,]?\d[\d.,']*(?:[eE][-+]?\d+)?)\s*(.*)", re.A)
+_NUMBER = re.compile(r"([-+]?[.,]?\d(?:[\d.,]|'(?=\d))*(?:[eE][-+]?\d+)?)\s*(.*)", re.A)
 #: A gear's ratio as two numbers; a voltage from here to there, of which the lower counts.
-_RATIO = re.compile(r"(\d+(?:[.,]\d+)?)\s*:\s*(\d+(?:[.,]\d+)?)", re.A)
+_RATIO = re.compile(r"(\d+(?:[.,]\d+)?)\s*[:/]\s*(\d+(?:[.,]\d+)?)", re.A)
 _RANGE = re.compile(
     r"(\d+(?:[.,]\d+)?)\s*(?:-|~|\.{2,3}|\N{EN DASH}|\N{HORIZONTAL ELLIPSIS}|to)\s*"
     r"(\d+(?:[.,]\d+)?)\s*([^\d\s].*)?",
@@ -278,7 +278,9 @@ def _understood(
         part, _, key = figure.rpartition(".")
         value = (entry.get(part, {}) if part else entry).get(key)
         shown = f"{value:.4g}" if isinstance(value, float) else ""
-        cell = f"{row[given.column]} {given.unit or ''}".strip()
+        cell, number = row[given.column], _NUMBER.fullmatch(row[given.column])
+        if given.unit and (number is None or not number[2]):  # a cell's own unit goes before it
+            cell = f"{cell} {given.unit}".strip()
         found.append((given.column, figure, cell, shown, units.get(figure, "") if shown else ""))
     return tuple(found)
 

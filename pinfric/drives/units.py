@@ -51,7 +51,7 @@ _PER_TRAVEL: _Dimensions = (0, -1, 0, 0, 0, 1, 0)
 _STANDARD_GRAVITY, _POUND, _TURN = 9.80665, 0.45359237, 2 * math.pi
 #: Symbols: (factor to SI, dimensions), and the prefixes they take.
 _BASES: tuple[tuple[str, float, _Dimensions, str], ...] = (
-    ("g", 1e-3, (1, 0, 0, 0, 0, 0, 0), "kKm"),
+    ("g gr", 1e-3, (1, 0, 0, 0, 0, 0, 0), "kKm"),
     ("lb lbs lbm", _POUND, (1, 0, 0, 0, 0, 0, 0), ""),
     ("oz", _POUND / 16, (1, 0, 0, 0, 0, 0, 0), ""),
     ("N", 1.0, _FORCE, "kmcM"),
@@ -99,10 +99,13 @@ _SIGNS = str.maketrans(
         **{"\N{SUPERSCRIPT MINUS}": "^-", "\N{SUPERSCRIPT ONE}": "1"},
         **{"\N{OHM SIGN}": "ohm", "\N{GREEK CAPITAL LETTER OMEGA}": "ohm"},
         **{"\N{MICRO SIGN}": "u", "\N{GREEK SMALL LETTER MU}": "u", "\N{DEGREE SIGN}": "deg"},
+        **{"'": "arcmin", "\N{PRIME}": "arcmin", "\N{DOUBLE PRIME}": "arcsec"},
     }
 )
 _POWER_OF_TEN = re.compile(r"x?\s*(?:10\s*\^?|1[eE])\s*([-+]?\d+)\s*")
 _FACTOR = re.compile(r"(?:([A-Za-z%]+)(?:\^?(-?\d))?|1)[\s.-]*")
+#: How many of the unit behind "/": 60 of s/60deg.
+_MANY = re.compile(r"(\d+)\s*(?=[A-Za-z])")
 
 #: As the keys of entries say it -> as tables do.
 _MEANT = {"Ohm": "ohm", "deg C": "C", "of the catalogue's currency": "price"}
@@ -153,9 +156,10 @@ def _parsed(unit: str) -> tuple[float, _Dimensions] | None:
     """What one of a unit is in SI, and its dimensions; None where it cannot be read.
 
     A unit is a product of symbols with powers, and what stands after "/" divides. Between symbols
-    stands a blank, a point, a hyphen, or nothing ("N m", "N.m", "oz-in", "gcm2").
+    stands a blank, a point, a hyphen, or nothing ("N m", "N.m", "oz-in", "gcm2"). A number may
+    follow "/" ("s/60deg").
     """
-    text = unit.translate(_SIGNS).strip()
+    text = unit.replace("''", "\N{DOUBLE PRIME}").translate(_SIGNS).strip()
     ten = _POWER_OF_TEN.match(text)
     text = re.sub(r"\barc[ .-]?(min|sec)", r"arc\1", text[ten.end() if ten else 0 :], flags=re.I)
     above, _, below = text.partition("/")
@@ -163,6 +167,8 @@ def _parsed(unit: str) -> tuple[float, _Dimensions] | None:
     dimensions = np.zeros(7, dtype=int)
     for part, sign in ((above, 1), (below.replace("/", " "), -1)):
         part, at = part.strip(), 0
+        if sign < 0 and (many := _MANY.match(part)) is not None:
+            scale, at = scale / float(many[1]), many.end()
         while at < len(part):
             if (found := _FACTOR.match(part, at)) is None:
                 return None
@@ -201,8 +207,9 @@ def in_si(value: float, unit: str, wanted: str) -> float:
     """Return a figure in the SI unit it is wanted in.
 
     A mass where a force is wanted is its weight (kg cm of a torque, oz in s^2 of an inertia), 1/min
-    of a speed are turns, V/rpm of a torque constant is N m/A. A length, or a length per turn, of a
-    ratio is a screw's lead, which becomes 2 pi/lead.
+    of a speed are turns, V/rpm and V/min-1 of a torque constant are N m/A. A length, or a length
+    per turn, of a ratio is a screw's lead, which becomes 2 pi/lead; a time per angle of a speed (a
+    servo's s/60deg) becomes one over it.
 
     Args:
         value: as printed.
@@ -224,7 +231,7 @@ def in_si(value: float, unit: str, wanted: str) -> float:
 
 @lru_cache
 def _conversion(unit: str, wanted: str) -> tuple[float, bool]:
-    """What one of a unit is in another; of a lead its 2 pi/lead is one over it."""
+    """What one of a unit is in another, or what is one over it: a lead, a time per angle."""
     found = _parsed(unit)
     fitting = (wanted, *_PRINTED.get(wanted, ()))
     if found is None:
@@ -234,12 +241,15 @@ def _conversion(unit: str, wanted: str) -> tuple[float, bool]:
     factor, dimensions = found[0] / target[0], found[1]
     apart = tuple(int(x) for x in np.subtract(target[1], dimensions))
     if not any(apart):
-        return factor, False
+        turns_a_minute = target[1] == _TORQUE_CONSTANT and "min" in unit.lower()  # V/min-1
+        return factor / (_TURN if turns_a_minute else 1.0), False
     if apart == (0, 1, -2, 0, 0, 0, 0):
         return _STANDARD_GRAVITY * factor, False
     turns = (0, 0, 0, 0, 0, 1, 0)
-    if apart == turns and target[1] == _SPEED:
+    if target[1] == _SPEED and apart == turns:
         return _TURN * factor, False
+    if target[1] == _SPEED and dimensions == (0, 0, 1, 0, 0, -1, 0):
+        return found[0], True
     if apart == turns and target[1] == _TORQUE_CONSTANT:
         return factor, False
     if target[1] == _PER_TRAVEL and dimensions in ((0, 1, 0, 0, 0, -1, 0), (0, 1, 0, 0, 0, 0, 0)):

@@ -59,6 +59,8 @@ def test_a_table_becomes_a_catalogue_in_si(tmp_path):
         warnings.simplefilter("ignore")  # half a turn a minute is questioned
         one, two = load_catalog(tmp_path / "m.yaml").motors.values()
     assert (one.continuous_torque, one.peak_torque) == pytest.approx((0.224, 0.9))
+    shown = [cell for _, _, cell, *_ in import_table(path).first]
+    assert shown[1:4] == ["224 mN m", "0.9 N m", "44 g cm^2"]  # its own unit, else the mapping's
     assert one.rotor_inertia == pytest.approx(4.4e-6)
     assert one.max_speed == pytest.approx(6000 * np.pi / 30)
     assert two.max_speed == pytest.approx(0.5 * np.pi / 30)
@@ -288,6 +290,7 @@ SPELLINGS = {
         ),
         **dict.fromkeys(("deg/s", "\N{DEGREE SIGN}/s"), np.pi / 180),
         "krpm": 100 * np.pi / 3,
+        **dict.fromkeys(("s/60\N{DEGREE SIGN}", "sec/60deg", "s/60 deg"), np.pi / 3),
     },
     "N m": {
         **dict.fromkeys(("N.m", "Nm", "N-m", "N*m", "NM", "N\N{MIDDLE DOT}m", "[Nm]"), 1.0),
@@ -315,9 +318,9 @@ SPELLINGS = {
     "N m/A": {
         **dict.fromkeys(("Nm/A", "N.m/Arms"), 1.0),
         "oz-in/A": OUNCE * GRAVITY * INCH,
-        **dict.fromkeys(("V/krpm", "mV/rpm"), 0.03 / np.pi),
+        **dict.fromkeys(("V/krpm", "mV/rpm", "mV/min-1", "V/1000rpm"), 0.03 / np.pi),
     },
-    "kg": {"lbs": POUND, "Kg": 1.0, "KG": 1.0, "oz": OUNCE},
+    "kg": {"lbs": POUND, "Kg": 1.0, "KG": 1.0, "oz": OUNCE, "gr": 1e-3},
     "V": dict.fromkeys(("VDC", "Vdc", "Volts"), 1.0),
     "A": dict.fromkeys(("Amps", "Arms"), 1.0),
     "ohm": {
@@ -327,7 +330,11 @@ SPELLINGS = {
         "m\N{GREEK CAPITAL LETTER OMEGA}": 1e-3,
     },
     "rad": dict.fromkeys(("arcmin", "arc-min", "arc min", "arc.min"), np.pi / 10800),
-    "N m/rad": {"Nm/arcmin": 10800 / np.pi, "kNm/rad": 1e3},
+    "N m/rad": {
+        **dict.fromkeys(("Nm/arcmin", "Nm/'", "N.m/\N{PRIME}"), 10800 / np.pi),
+        **dict.fromkeys(("Nm/''", "Nm/\N{DOUBLE PRIME}"), 648000 / np.pi),
+        "kNm/rad": 1e3,
+    },
     "rad/m": {"mm": 2e3 * np.pi, "mm/rev": 2e3 * np.pi},
     "C": dict.fromkeys(("\N{DEGREE SIGN}C", "degC"), 1.0),
     "W": {"Watts": 1.0, "kW": 1e3},
@@ -369,6 +376,15 @@ TABLES = {
         ["A", "C"],
         {"peak_torque": 1.9, "max_speed": 57 * np.pi / 30, "mass": 0.082, "ratio": 272.5},
     ),
+    "hobby": (
+        "gearmotors",
+        "Model,Speed (s/60\N{DEGREE SIGN}),Weight (gr),Ratio,V\nA,0.20,55,1/254,6\n",
+        {"no_load_speed": {"column": "Speed (s/60\N{DEGREE SIGN})", "unit": "s/60\N{DEGREE SIGN}"}}
+        | {"mass": {"column": "Weight (gr)", "unit": "gr"}, "ratio": "Ratio"}
+        | {"nominal_voltage": {"column": "V", "unit": "V"}},
+        ["A"],
+        {"no_load_speed": np.pi / 0.6, "mass": 0.055, "ratio": 254.0},
+    ),
     "shop": (
         "motors",
         "sku;torque oz-in;inertia;amps;weight\nS17;62,3;82 gcm2;1,68 Amps;0,63 lbs\n",
@@ -390,9 +406,10 @@ TABLES = {
     ),
     "gearbox": (
         "gears",
-        "name,i,T2N,J1,backlash\nPLE,9:1,130 Nm,0.14 kgcm2,7 arc-min\nPLX,n.a.,1 Nm,-,-\n",
+        "name,i,T2N,J1,backlash\nPLE,9:1,130 Nm,0.14 kgcm2,7 arc-min\n"
+        "PLF,9/1,130 Nm,0.14 kgcm2,7'\nPLX,n.a.,1 Nm,-,-\n",
         {"ratio": "i", "rated_torque": "T2N", "input_inertia": "J1", "backlash": "backlash"},
-        ["PLE"],
+        ["PLE", "PLF"],
         {"ratio": 9.0, "rated_torque": 130.0, "backlash": 7 * np.pi / 10800},
     ),
 }
@@ -413,6 +430,10 @@ def test_tables_in_the_forms_of_shops_and_makers(tmp_path, name):
     assert list(entries) == read, found.left_out
     for figure, value in figures.items():
         assert entries[read[0]][figure] == pytest.approx(value, rel=1e-12)
+    if name == "gearbox":  # the same figures, spelled otherwise
+        for figure, value in entries["PLE"].items():
+            same = value if isinstance(value, str) else pytest.approx(value, rel=1e-12)
+            assert entries["PLF"][figure] == same
 
 
 @pytest.mark.parametrize(
