@@ -204,7 +204,10 @@ def causes(report: SizingReport) -> tuple[str, ...]:
             f"{catalog.source} has no brakes, and {', '.join(bare)} would not be held without "
             "power: add `brakes`, or `extends: default`"
         )
-    outer = [kind for kind in SURROUNDINGS if outside(kind, conditions)]
+    there = {gear.kind for gear in catalog.gears.values()}
+    there |= {"motor"} if catalog.motors or catalog.gearmotors else set()
+    there |= {"amplifier"} if conditions.amplifiers else set()
+    outer = [kind for kind in SURROUNDINGS if kind in there and outside(kind, conditions)]
     if outer and any(joint.choice is None and not joint.unloaded for joint in report.joints):
         named = ", ".join(
             k + " gears" if k not in ("motor", "amplifier") else k + "s" for k in outer

@@ -145,7 +145,8 @@ def test_nothing_is_signed_where_its_maker_does_not_rate_it(tmp_path, kind, rate
     assert asked in report.joints[0].no_fit
     assert report.verdict.signed == (not asked)
     if asked:
-        with pytest.raises(SizingError, match=f"^conditions.ambient = {ambient:g} C: "):
+        lacking = f"{kind} gears" if kind else "motors"  # of what the catalogue holds
+        with pytest.raises(SizingError, match=f"^conditions.ambient = {ambient:g} C: {lacking} la"):
             report.check()
 
 
