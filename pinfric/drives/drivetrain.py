@@ -47,7 +47,7 @@ from pinfric.drives.policy import (
     Conditions,
     frameless,
 )
-from pinfric.drives.rules import pull_out_torque
+from pinfric.drives.rules import COMPUTED_CURVE, pull_out_torque
 from pinfric.drives.thermal import (
     COPPER,
     WindingCycle,
@@ -68,6 +68,8 @@ from pinfric.motions.summary import ends_by_magnitude, rms
 
 #: What is said of a product whose figures were not read in its maker's document.
 RETYPED = "figures retyped by a third party"
+#: The same of a stepper without its maker's pull-out curve.
+_COMPUTED = f"pull-out torque by rule, {COMPUTED_CURVE:g} of that of resistance and inductance"
 #: What the ratings of a motor need, in words.
 _AIR = {"closed": "nothing", "plate": "a plate", "open": "free air", "fan": "a fan's air"}
 #: Torque constant of the equivalent DC motor over one that is printed per A of phase current.
@@ -217,6 +219,11 @@ class Ratings:
             rated = STALLED * self.continuous_torque
         torque = rated if torque is None else torque
         return None if torque is None or share is None else share * torque
+
+    @property
+    def computed_curve(self) -> bool:
+        """Whether it is a stepper whose maker prints no pull-out curve."""
+        return self.stepper is not None and self.stepper.pull_out is None
 
     @property
     def rated_up_to(self) -> float:
@@ -557,7 +564,7 @@ def motor_with_gear(
     if motor.rotor_inertia is not None and gear.input_inertia is not None:
         inertia = motor.rotor_inertia + gear.input_inertia
     transmission, text = gear_transmission(gear, ratio, inertia)
-    own = motor.mass_taken
+    own, rated = motor.mass_taken, ratings or ratings_of(motor)
     mass = None if own is None or gear.mass is None else own + gear.mass
     kit = frameless(motor) and mass is not None
     return Candidate(
@@ -565,7 +572,7 @@ def motor_with_gear(
         motor=motor_name,
         gear_name=gear_name,
         ratio=ratio,
-        ratings=ratings or ratings_of(motor),
+        ratings=rated,
         linear=gear.output == "linear",
         gear=gear,
         transmission=transmission,
@@ -582,7 +589,11 @@ def motor_with_gear(
             *_stand_ins(gear),
             *([f"housing, shaft, bearings of a frameless kit: {KIT:.0%} of its mass"] * kit),
         ),
-        notes=(*_notes(motor_name, motor), *_notes(gear_name, gear)),
+        notes=(
+            *_notes(motor_name, motor),
+            *([f"{motor_name}: {_COMPUTED}"] * rated.computed_curve),
+            *_notes(gear_name, gear),
+        ),
         losses=text,
         sources=(
             f"{motor_name}: {motor.source} ({motor.grade})",

@@ -164,10 +164,10 @@ class Assessment:
         return "; ".join([c.why for c in self.failed] or ask * (not self.fits))
 
 
-def rank(assessment: Assessment) -> tuple[float, float, str]:
-    """Order of drives that fit: by mass, then margin, then name."""
-    mass = assessment.candidate.mass or 0.0
-    return mass, -round(assessment.margin, 9), assessment.candidate.name
+def rank(assessment: Assessment) -> tuple[float, bool, float, str]:
+    """Order of drives that fit: by mass, printed before computed curves, then margin, then name."""
+    made = assessment.candidate
+    return made.mass or 0.0, made.ratings.computed_curve, -round(assessment.margin, 9), made.name
 
 
 @dataclass(frozen=True)
@@ -722,18 +722,19 @@ class Search:
         return Assessment(made, drive(made, motor, self.case), missing)
 
     def lightest(self) -> Assessment | None:
-        """Return the lightest drive that fits; of equal masses the one of greatest margin."""
+        """Return the first drive that fits, by `rank`."""
         return next(iter(self.fitting(1)), None)
 
     def fitting(self, count: int) -> list[Assessment]:
-        """Return the lightest drives that fit, by mass, then margin, then name."""
+        """Return the lightest drives that fit, by `rank`."""
         found: list[Assessment] = []
         for mass, margin, b, g, m in self.offers():
             if len(found) == count:
                 heaviest = found[-1].candidate.mass or 0.0
                 if mass > heaviest * (1 + 1e-12):
                     break
-                if mass >= heaviest and margin < found[-1].margin - 1e-8:
+                printed = not found[-1].candidate.ratings.computed_curve
+                if mass >= heaviest and printed and margin < found[-1].margin - 1e-8:
                     continue  # of equal masses the greater margin comes first
             judged = self.judge(b, g, m)
             name, heavy = judged.candidate.name, judged.candidate.mass or 0.0

@@ -10,11 +10,13 @@ from sizing_cases import (
     CYCLE,
     GEAR,
     INERTIA,
+    MOTOR,
     PAUSE,
     RATE,
     one_drive,
     sized_cycle,
     turntable,
+    write_catalog,
 )
 
 from pinfric.drives.catalog import Stepper
@@ -23,6 +25,8 @@ from pinfric.drives.rules import pull_out_torque
 from pinfric.errors import CatalogError, RetimeError
 from pinfric.retiming.limits import read_limits
 from pinfric.show.pages.sizing import sizing_page
+from pinfric.show.report.drives import product_lines
+from pinfric.sizing.summary import sizing_summary
 
 RPM = np.pi / 30
 ELECTRIC = {"holding_torque": 3.0, "current": 4.2, "resistance": 0.88, "inductance": 3.4e-3}
@@ -83,9 +87,11 @@ CURVE = {
 }
 
 
+NONE = ("continuous_torque", "peak_torque", "torque_constant", "resistance", "max_speed", "thermal")
+
+
 def report_of(tmp_path, stepper, **conditions):
-    none = ("continuous_torque", "peak_torque", "torque_constant", "resistance", "max_speed")
-    motor = dict.fromkeys((*none, "thermal")) | {"stepper": stepper}
+    motor = dict.fromkeys(NONE) | {"stepper": stepper}
     return sized_cycle(one_drive(tmp_path, motor), conditions=conditions, on_miss="ignore")
 
 
@@ -126,6 +132,27 @@ def test_at_rest_half_of_the_holding_torque_is_left(tmp_path):
     report = report_of(tmp_path, by_rule | {"resistance": 1.0, "inductance": 2e-3})
     assert report.joints[0].choice is not None
     assert "by rule: 0.5 of the curve" in sizing_page(report)
+
+
+def test_of_equal_steppers_a_printed_curve_goes_before_a_computed_one(tmp_path):
+    """Though the computed one leaves more; where it is taken the first screen names the rule."""
+    base = {k: v for k, v in MOTOR.items() if k not in NONE}
+    rule = {"holding_torque": 2.0, "current": 8.0, "resistance": 0.3, "inductance": 2e-4}
+    weak = CURVE | {"pull_out": [[w, 0.7 * torque] for w, torque in CURVE["pull_out"]]}
+    motors = {"A": base | {"stepper": rule}, "M": base | {"stepper": weak}}
+    path = write_catalog(tmp_path / "two.yaml", motors)
+    for most in (1, 12):
+        first, *others = sized_cycle(path).joints[0].search.fitting(most)
+        assert first.candidate.motor == "M"
+        assert [a.candidate.motor for a in others] == ["A"] * (most > 1)
+    assert others[0].margin > first.margin
+    assert "by rule" not in shown(sized_cycle(path))
+    alone = sized_cycle(write_catalog(tmp_path / "one.yaml", {"A": motors["A"]}))
+    assert "A: pull-out torque by rule, 0.5 of that of resistance and inductance" in shown(alone)
+
+
+def shown(report):
+    return "; ".join(product_lines(sizing_summary(report)))
 
 
 @pytest.mark.parametrize(

@@ -30,7 +30,7 @@ from pinfric.drives.bearing import BearingRatings
 from pinfric.drives.catalog import Brake, Catalog, Gear, Motor
 from pinfric.drives.catalog_file import load_catalog
 from pinfric.drives.criterion import Status
-from pinfric.drives.drivetrain import motor_cycle, motor_with_gear, with_brake
+from pinfric.drives.drivetrain import Ratings, motor_cycle, motor_with_gear, with_brake
 from pinfric.drives.limits import check
 from pinfric.drives.policy import NEEDS, fits, kind_of, lacks
 from pinfric.sizing.shelf import Parts, Search, Shelf, rank
@@ -320,7 +320,9 @@ def test_of_equal_masses_the_exact_margin_counts_not_its_bound():
     offers = [(1.0, bound, 0, 0, k) for k, bound in enumerate((0.5, 0.4, 0.2))]
     judged = [
         SimpleNamespace(
-            candidate=SimpleNamespace(mass=2.0 if k == 3 else 1.0, name=f"{k}"), margin=x, fits=True
+            candidate=SimpleNamespace(mass=2.0 if k == 3 else 1.0, name=f"{k}", ratings=Ratings()),
+            margin=x,
+            fits=True,
         )
         for k, x in enumerate(margins)
     ]
