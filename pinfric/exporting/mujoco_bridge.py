@@ -42,7 +42,7 @@ _HELD = 1e9
 #: Impedance of the friction constraint from the first on: what is held creeps least.
 _SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 #: Flags of MuJoCo without which there is no friction, or no damping.
-_FLAGS = ("FRICTIONLOSS", "CONSTRAINT", "DAMPER", "PASSIVE")
+_FLAGS = ("FRICTIONLOSS", "CONSTRAINT", "DAMPER")
 #: Relative difference of reactions, and absolute one of poses (m, rad), that counts as the same.
 _SAME_WRENCH, _SAME_POSE = 1e-6, 1e-7
 
@@ -510,10 +510,11 @@ def _check_followers(scene: Scene, tree: Any, counts: np.ndarray, rubs: set[str]
 
 
 def _refused_flags(mujoco: Any) -> int:
-    bits, flags = mujoco.mjtDisableBit, 0
-    for name in _FLAGS:
-        flags |= int(getattr(bits, f"mjDSBL_{name}", 0))
-    return flags
+    return sum(_bit(mujoco, flag) for flag in _FLAGS)
+
+
+def _bit(mujoco: Any, flag: str) -> int:
+    return int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}"))
 
 
 def _check_options(mujoco: Any, model: Any) -> None:
@@ -527,12 +528,11 @@ def _check_options(mujoco: Any, model: Any) -> None:
         raise PinfricError(
             f"mujoco_friction: the model's time step is {model.opt.timestep:g} s; give one above 0"
         )
-    if model.opt.disableflags & _refused_flags(mujoco):
-        for flag in _FLAGS:
-            if model.opt.disableflags & int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}", 0)):
-                raise PinfricError(
-                    f"mujoco_friction: the model's flag {flag.lower()} is disabled; enable it"
-                )
+    for flag in _FLAGS:
+        if model.opt.disableflags & _bit(mujoco, flag):
+            raise PinfricError(
+                f"mujoco_friction: the model's flag {flag.lower()} is disabled; enable it"
+            )
 
 
 def _check_solver(mujoco: Any, robot: _Robot) -> None:
@@ -553,8 +553,7 @@ def _check_solver(mujoco: Any, robot: _Robot) -> None:
                 f"mujoco_friction: a fixed tendon acts on joint {name[joint]!r}: its torque would "
                 "count as the gear's"
             )
-    sprung = np.array(model.tendon_stiffness != 0.0)
-    sprung |= getattr(model, "tendon_stiffnesspoly", sprung[:, None]).any(axis=1)
+    sprung = (model.tendon_stiffness != 0.0) | model.tendon_stiffnesspoly.any(axis=1)
     data, lengths = mujoco.MjData(model), []
     for place in np.random.default_rng(0).uniform(-1.0, 1.0, (2, len(joints))):
         data.qpos[model.jnt_qposadr[joints]] = place
@@ -603,7 +602,8 @@ def _check_same_robot(mujoco: Any, friction: _Robot, tree: Any) -> None:
     plain.opt.disableflags |= bits.mjDSBL_CONSTRAINT | bits.mjDSBL_ACTUATION
     plain.dof_armature[:] = plain.tendon_stiffness[:] = plain.tendon_damping[:] = 0.0
     locked = {} if scene.robot is None else dict(scene.robot.locked)
-    ids = {n: mujoco.mj_name2id(plain, 3, friction.prefix + n) for n in locked}
+    kind = mujoco.mjtObj.mjOBJ_JOINT
+    ids = {n: mujoco.mj_name2id(plain, kind, friction.prefix + n) for n in locked}
     leader = {body.joint.name: row for row, body in enumerate(tree)}
     data, pins = mujoco.MjData(plain), scene.loaded_model()
     of, rng = pins.createData(), np.random.default_rng(0)

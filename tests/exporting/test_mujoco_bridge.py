@@ -504,7 +504,6 @@ def slider_named(name):
 
 
 BITS = mujoco.mjtDisableBit
-DAMPER = getattr(BITS, "mjDSBL_DAMPER", None) or BITS.mjDSBL_PASSIVE  # of older versions
 
 
 def set_late(name, value):
@@ -518,7 +517,7 @@ def set_late(name, value):
     ("change", "message"),
     [
         (set_late("integrator", mujoco.mjtIntegrator.mjINT_RK4), "RK4"),
-        (set_late("disableflags", DAMPER), "flag (damper|passive) is disabled"),
+        (set_late("disableflags", BITS.mjDSBL_DAMPER), "flag damper is disabled"),
         (set_late("disableflags", BITS.mjDSBL_FRICTIONLOSS), "flag frictionloss"),
     ],
 )
