@@ -73,9 +73,7 @@ def urdf(
             ElementTree.SubElement(
                 element, "dynamics", damping=repr(found.damping), friction=repr(found.frictionloss)
             )
-    reflected = rotor_inertias(scene).tolist()
-    for joint, inertia in zip(joints, reflected, strict=True):
-        _add_rotor(root, joint.joint, drake_rotor(joint, inertia))
+    _add_rotors(root, joints, rotor_inertias(scene).tolist())
     for mesh in root.iter("mesh"):
         name = mesh.get("filename", "")
         if name and "://" not in name:  # beside the file that it was named in
@@ -88,33 +86,35 @@ def urdf(
     return xml_text(root)
 
 
-def _add_rotor(root: ElementTree.Element, joint: str, tags: Mapping[str, str]) -> None:
-    """Write Drake's tags of a rotor into the joint's transmission, which is made if there is none.
+def _add_rotors(
+    root: ElementTree.Element, joints: Sequence[JointConstants], reflected: Sequence[float]
+) -> None:
+    """Write Drake's tags of rotors into the joints' transmissions, made where there are none.
 
     Tags of one namespace have one prefix in the written file, whatever they had in the read one.
     """
     spaces = {tag[1:].partition("}")[0] for tag in (x.tag for x in root.iter()) if "}" in str(tag)}
     space = next((found for found in sorted(spaces) if "drake" in found), _DRAKE)
     ElementTree.register_namespace("drake", space)
-    if not tags:
-        return
-    found = [x for x in root.findall("transmission/joint") if x.get("name") == joint]
-    parent = {child: up for up in root for child in up}
-    if found:
-        transmission = parent[found[0]]
-    else:
-        transmission = ElementTree.SubElement(root, "transmission", name=f"{joint}_transmission")
-        kind = ElementTree.SubElement(transmission, "type")
-        kind.text = "transmission_interface/SimpleTransmission"
-        ElementTree.SubElement(transmission, "joint", name=joint)
-    actuator = transmission.find("actuator")
-    if actuator is None:
-        actuator = ElementTree.SubElement(transmission, "actuator", name=joint)
-    for tag, value in tags.items():
-        full = f"{{{space}}}{tag.partition(':')[2]}"
-        for old in actuator.findall(full):
-            actuator.remove(old)
-        ElementTree.SubElement(actuator, full, value=value)
+    stated = {x.get("name"): up for up in root.findall("transmission") for x in up.findall("joint")}
+    for joint, inertia in zip(joints, reflected, strict=True):
+        tags, transmission = drake_rotor(joint, inertia), stated.get(joint.joint)
+        if not tags:
+            continue
+        if transmission is None:
+            name = f"{joint.joint}_transmission"
+            transmission = ElementTree.SubElement(root, "transmission", name=name)
+            kind = ElementTree.SubElement(transmission, "type")
+            kind.text = "transmission_interface/SimpleTransmission"
+            ElementTree.SubElement(transmission, "joint", name=joint.joint)
+        actuator = transmission.find("actuator")
+        if actuator is None:
+            actuator = ElementTree.SubElement(transmission, "actuator", name=joint.joint)
+        for tag, value in tags.items():
+            full = f"{{{space}}}{tag.partition(':')[2]}"
+            for old in actuator.findall(full):
+                actuator.remove(old)
+            ElementTree.SubElement(actuator, full, value=value)
 
 
 def _payload(name: str, payload: Payload) -> tuple[ElementTree.Element, ElementTree.Element]:
