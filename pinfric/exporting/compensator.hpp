@@ -417,14 +417,14 @@ class Compensator {
   // joints: to be added to the torque of a controller that has rigid body and rotors (ratio^2
   // rotor_inertia a) of its own.
   Outcome friction(const State& state, const Options& options, Drives out) const noexcept {
-    return friction_at(false, state, options, out);
+    return compensation(false, state, options, out);
   }
 
   // The same at the measured velocity v_now, as for hand guiding, by measured_scale: a feedback loop
-  // that stays passive while the model's friction is not larger than the joint's by more than
-  // 1 / measured_scale. A v_ref is refused.
+  // that is passive while the model's friction is at most 1 / measured_scale times the joint's. A v_ref
+  // is refused.
   Outcome friction_measured(const State& state, const Options& options, Drives out) const noexcept {
-    return friction_at(true, state, options, out);
+    return compensation(true, state, options, out);
   }
 
   // Feed-forward of a motion at the joints, all that a torque command there contains: rigid body,
@@ -482,8 +482,8 @@ class Compensator {
     return good;
   }
 
-  Outcome friction_at(bool measured, const State& state, const Options& options,
-                      Drives out) const noexcept {
+  Outcome compensation(bool measured, const State& state, const Options& options,
+                       Drives out) const noexcept {
     Reactions found;
     double load[sites_size] = {}, extra[Robot::drives];
     const bool good = react(state, found);

@@ -9,19 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from pinfric import __version__
-from pinfric.dynamics.forward.compensation import (
-    freedom_names,
-)
+from pinfric.dynamics.forward.compensation import freedom_names
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.motor_torques import drive_stick_velocity, scene_gears
-from pinfric.exporting.cpp import (
-    Bounds,
-    CppFiles,
-    EmbeddedState,
-    cpp_files,
-    default_frames,
-)
+from pinfric.exporting.cpp import Bounds, CppFiles, EmbeddedState, cpp_files, default_frames
 from pinfric.model.brief import file_name
 from pinfric.model.scene import Scene
 from pinfric.motions.joint_columns import single_positions, stated_limit

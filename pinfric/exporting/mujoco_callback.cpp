@@ -34,7 +34,7 @@ int memory = 0, first = -1;  // of the joints that count
 double timestep = 0.0;
 std::uint64_t model_signature = 0;
 std::atomic<int> jammed{-1};
-std::atomic<bool> changed{false};  // the time step
+std::atomic<bool> changed{false};  // time step, integrator or flags
 
 int friction_rows(const mjData* d) {
   int end = d->ne;
