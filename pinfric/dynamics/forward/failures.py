@@ -152,28 +152,28 @@ class Failures:
     def _resting(self) -> tuple[str, str]:
         """Say of how many modes, and of which of its joints, an outcome is: where some rest."""
         m, here, t = self._modes, self._decided(), self._plan.entries
-        rests = here[m.at_rest[here]]
+        rests = np.flatnonzero(m.at_rest & here)
         if not rests.size:
             return "", ""
         joints = np.unique(self._plan.coordinates.block[rests])
         modes = prod(2 if self._plan.coordinates.ball[c] else 3 for c in joints.tolist())
         of = np.unique(t.site[np.isin(t.coordinate, rests)]).tolist()
         names = ", ".join(self._scene.site_names[s] for s in of)
-        alone = len(here) < len(m.stuck) and names
+        alone = not here.all() and names
         return f" of {modes}", f"; the other joints do not matter to {names}" if alone else ""
 
     def _untried(self) -> str:
         """What a search that proves nothing has not tried."""
-        rests = self._modes.at_rest & np.isin(np.arange(self._modes.stuck.size), self._decided())
-        if (rests & self._plan.coordinates.ball).any():
+        balls = self._decided() & self._plan.coordinates.ball
+        if (self._modes.at_rest & balls).any():
             return "the direction in which a ball slips is searched from one start"
         few = f"{MOST_ENUMERATED} joints at rest, or in {MOST_PASSES} passes"
         return f"of more than {few}, not every mode is tried"
 
     def _decided(self) -> np.ndarray:
-        """The coordinates of which the outcome is: those that depend on each other, or all."""
-        island = self._count.island
-        return island if island.size else np.arange(self._modes.stuck.size)
+        """(nc,) bool: of which the outcome is; those that depend on each other, or all."""
+        every = np.arange(self._modes.stuck.size)
+        return np.isin(every, self._count.island if self._count.island.size else every)
 
     def _as_given(self, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Copies of q, v, and of efforts or motor torques, as they were given."""
@@ -183,8 +183,8 @@ class Failures:
     def _jam(self, found: Found, state: State) -> GearJam | None:
         """The error for moving self-locking gears without an answer, or a single stable one."""
         m, drives = self._modes, self._plan.drives
-        kept, outside = m.stuck.copy(), ~np.isin(np.arange(len(m.stuck)), self._decided())
-        m.stuck[m.at_rest & outside] = False
+        kept = m.stuck.copy()
+        m.stuck[m.at_rest & ~self._decided()] = False
         worm = jam(self._machine.problem, m)
         if worm is None and m.at_rest.any():  # they move with all that may slip, if at all
             m.stuck[m.at_rest] = False
@@ -234,8 +234,7 @@ class Failures:
         growth = np.zeros(len(p.constant))
         norms = np.linalg.norm(p.contact[:, 1:], axis=2).sum(axis=1)
         np.add.at(growth, p.contact_entry, norms)
-        open_ = ~self._modes.stuck | self._modes.at_rest
-        open_ &= np.isin(np.arange(len(open_)), self._decided())
+        open_ = (~self._modes.stuck | self._modes.at_rest) & self._decided()
         worst = np.argmax(growth * p.mu_slip + np.where(open_[p.coordinate], 0.0, -np.inf))
         if worst < len(self._plan.entries.site):
             return self._scene.site_names[self._plan.entries.site[worst]]
