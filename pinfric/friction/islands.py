@@ -32,7 +32,7 @@ class Island(NamedTuple):
     def put_back(self, problem: Problem, modes: Modes, mechanism: Mechanism) -> None:
         """Write the island's modes, the solution in them and what its gears hold into the whole."""
         c, e, part = self.coordinates, self.entries, self.modes
-        for name in ("stuck", "direction", "at_rest", "friction", "rate", "verdict"):
+        for name in _OF_COORDINATES:
             getattr(modes, name)[c] = getattr(part, name)
         modes.load[e], modes.effort[self.gears] = part.load, part.effort
         problem.coulomb_stick[e] = self.problem.coulomb_stick
@@ -76,7 +76,7 @@ def _part(problem: Problem, modes: Modes, mechanism: Mechanism, c: np.ndarray) -
         contact_entry=entry[problem.contact_entry[t]],
     )
     own = Modes.of(len(c), len(e), len(g))
-    for name in ("stuck", "direction", "at_rest", "friction", "rate", "verdict"):
+    for name in _OF_COORDINATES:
         getattr(own, name)[:] = getattr(modes, name)[c]
     own.load[:], own.effort[:] = modes.load[e], modes.effort[g]
     factor = mechanism.factor[:, c]
@@ -97,6 +97,8 @@ def _part(problem: Problem, modes: Modes, mechanism: Mechanism, c: np.ndarray) -
     )
 
 
+#: Arrays of `Modes` with an element for each coordinate.
+_OF_COORDINATES = "stuck", "direction", "at_rest", "friction", "rate", "verdict"
 #: Arrays of a `Problem` with a row for each entry.
 _OF_ENTRIES = (
     "constant",

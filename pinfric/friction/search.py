@@ -466,11 +466,8 @@ def _in_ball(query: _Query, held: np.ndarray | None) -> Found | None:
         nonlocal failed
         for slipping in sets:
             modes.take(centre)
-            modes.stuck[rests], modes.direction[rests] = True, 0.0
-            modes.stuck[slipping], modes.direction[slipping] = (
-                centre.stuck[slipping],
-                centre.direction[slipping],
-            )
+            moving = slipping[~centre.stuck[slipping]].tolist()
+            _stick(modes, mechanism, {c: centre.direction[c] for c in moving})
             modes.at_rest[:] = False
             modes.at_rest[slipping] = True
             if (modes.stuck != centre.stuck).any() and not follow():
@@ -482,10 +479,9 @@ def _in_ball(query: _Query, held: np.ndarray | None) -> Found | None:
     if not ball.sure:
         return None
     query.every = False  # in given modes there is one solution
-    if not ball.open.size and (found := query.end(*query.answer())) == Found.SOLVED:
-        query.every = True
-        return found
-    found = _enumerate(query, (list(ways(sets)) for sets in ball.sets()), {}, held)
+    found = Found.NONE if ball.open.size else query.end(*query.answer())
+    if found != Found.SOLVED:
+        found = _enumerate(query, (list(ways(sets)) for sets in ball.sets()), {}, held)
     query.every = True
     return None if failed or found in (Found.NONE, Found.NOT_CONVERGED) else found
 
