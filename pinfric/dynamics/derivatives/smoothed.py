@@ -113,19 +113,15 @@ class Smoothed:
                 on one joint.
         """
         q, v = np.array(q, dtype=float), np.array(v, dtype=float)
-        f = self._at(external)
-        solved = self._solve(
-            np.zeros(v.size), (effort, motor_torque), lambda a: f(q, v, a), lambda dU: dU[2]
+        f, x = self._at(external), self._derived.tables
+        a, by_q, by_v, by_u = self._solve(
+            np.zeros(v.size),
+            (effort, motor_torque),
+            lambda a: f(q, v, a),
+            lambda dU: (dU[2], -dU[1]),
         )
-        a, dU, by_u, J = solved
-        by_q, by_v, by_u = np.split(
-            np.linalg.solve(J, np.hstack([-dU[0], -dU[1], by_u])), [v.size, 2 * v.size], axis=1
-        )
-        modes = np.zeros(len(self._scene.sites), dtype=np.int8)
-        site = self._derived.tables.sites
-        modes[:] = np.sign(site.ratio * v[site.velocity_index])
-        kink = bool(self._derived.tables.kink.any())
-        return ForwardDerivatives(by_q, by_v, by_u, a, modes, kink)
+        modes = np.sign(x.sites.ratio * v[x.sites.velocity_index]).astype(np.int8)
+        return ForwardDerivatives(by_q, by_v, by_u, a, modes, bool(x.kink.any()))
 
     def step(
         self,
@@ -150,14 +146,11 @@ class Smoothed:
             raise StateError(f"dt: {dt!r}; should be a time above 0 (s)")
         q, v = np.array(q, dtype=float), np.array(v, dtype=float)
         f = self._at(external)
-        end, dU, by_u, J = self._solve(
+        end, by_q, by_v, by_u = self._solve(
             v.copy(),
             (effort, motor_torque),
             lambda after: f(q, after, (after - v) / dt),
-            lambda dU: dU[1] + dU[2] / dt,
-        )
-        by_q, by_v, by_u = np.split(
-            np.linalg.solve(J, np.hstack([-dU[0], dU[2] / dt, by_u])), [v.size, 2 * v.size], axis=1
+            lambda dU: (dU[1] + dU[2] / dt, dU[2] / dt),
         )
         return SmoothStep(pin.integrate(self._scene.model, q, dt * end), end, by_q, by_v, by_u)
 
@@ -230,11 +223,12 @@ class Smoothed:
         y: np.ndarray,
         given: tuple[np.ndarray | None, np.ndarray | None],
         at: Callable[[np.ndarray], Any],
-        slope: Callable[[np.ndarray], np.ndarray],
+        slopes: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return y with U = u, U's changes (3, nv, nv), du by what is given, and dU/dy.
+        """Return y with U = u, and its derivatives by q, v and what is given.
 
-        Each pass is halved until it brings U nearer to u: friction is steep within the width.
+        `slopes` makes of U's changes (3, nv, nv) dU/dy, and what multiplies dv. Each pass is halved
+        until it brings U nearer to u: friction is steep within the width.
         """
         scene, x, nv = self._scene, self._derived.tables, y.size
         effort, motor_torque = given
@@ -262,8 +256,8 @@ class Smoothed:
         value, dU = equations(y)
         terms = float(np.abs(target).max(initial=0.0) + np.abs(value).max(initial=0.0)) + 1e-300
         for _ in range(_PASSES):
-            size, J = float(np.linalg.norm(value)), slope(dU).copy()
-            step, part = -np.linalg.solve(J, value), 1.0
+            size, part = float(np.linalg.norm(value)), 1.0
+            step = -np.linalg.solve(slopes(dU)[0], value)
             for _ in range(_HALVINGS):
                 ahead, dU = equations(y + part * step)
                 if np.linalg.norm(ahead) < size:
@@ -280,4 +274,6 @@ class Smoothed:
                 f"{scene.source}: Smoothed: no motion found that balances the efforts; take a "
                 "larger width or a smaller dt"
             )
-        return y, dU, by_u, slope(dU)
+        J, by_v = slopes(dU)
+        changes = np.linalg.solve(J, np.hstack([-dU[0], by_v, by_u]))
+        return y, changes[:, :nv], changes[:, nv : 2 * nv], changes[:, 2 * nv :]
