@@ -299,20 +299,19 @@ class _Buffers(threading.local):
         both: the workspace, and where each joint has its own drive a sample; read together, for
             to read an attribute of a thread takes twice as long as another. A solver of other
             friction computes reactions in the workspace of the one it was made of.
-        efforts: the workspace for efforts: of such a solver made where they are given.
-        motors: the workspace for motors' torques, made where they are given.
+        given: the workspaces where efforts (False) and motors' torques (True) are given, made at
+            first; of such a solver that for efforts, too.
         compensated: of `compensate`, made at its first call.
-        derived: derivatives in these two workspaces, made at first; True: of motors.
+        derived: derivatives in these two workspaces, made at first.
     """
 
     def __init__(
         self, scene: Scene, carried: tuple[str, ...] | None, base: _Buffers | None = None
     ) -> None:
         ws = Workspace(scene, carried) if base is None else base.both[0]
-        self.efforts = ws if base is None else None
+        self.given = {False: ws} if base is None else {}
         sample = _Sample(ws, scene) if scene.one_drive_each else None
         self.both: tuple[Workspace, _Sample | None] = ws, sample
-        self.motors: Workspace | None = None
         self.compensated: _Compensated | None = None
         self.derived: dict[bool, Differentiator] = {}
 
@@ -545,7 +544,7 @@ class Solver:
             RollMomentError: a guide without width is loaded by a moment about its axis.
         """
         ws, _ = self._own.both
-        derived = self._own.derived.get(False) or self._differentiator(motors=False)
+        derived = self._differentiator(motors=False)
         q = vector("q", q, ws.nq, "nq", self.scene.model)
         v, a = vector("v", v, ws.nv, "nv"), vector("a", a, ws.nv, "nv")
         applied = [] if external is None else applied_wrenches(self.scene, external, 1)
@@ -620,7 +619,6 @@ class Solver:
         Raises:
             StateError: a width of 0 or below. SceneError: see `inverse_derivatives`.
         """
-        check_differentiable(self.scene)
         with compiling():
             ws = Workspace(self.scene, self._carried)
             derived = Differentiator(self.scene, ws.supplier, ws.machine, ws.argument)
@@ -628,27 +626,20 @@ class Solver:
 
     def _workspace(self, motors: bool) -> Workspace:
         """The workspace for efforts, or for torques of motors, made at first."""
-        own = self._own
-        ws = own.motors if motors else own.efforts
-        if ws is None:
+        made = self._own.given
+        if motors not in made:
             with compiling():
-                ws = Workspace(self.scene, self._carried, motors=motors)
-            if motors:
-                own.motors = ws
-            else:
-                own.efforts = ws
-        return ws
+                made[motors] = Workspace(self.scene, self._carried, motors=motors)
+        return made[motors]
 
     def _differentiator(self, motors: bool) -> Differentiator:
         """Derivatives in the workspace for efforts, or for torques of motors."""
-        own = self._own
-        if motors not in own.derived:
+        made = self._own.derived
+        if motors not in made:
             ws = self._workspace(motors)
             with compiling():
-                own.derived[motors] = Differentiator(
-                    self.scene, ws.supplier, ws.machine, ws.argument
-                )
-        return own.derived[motors]
+                made[motors] = Differentiator(self.scene, ws.supplier, ws.machine, ws.argument)
+        return made[motors]
 
     def compensate(
         self,
