@@ -203,8 +203,7 @@ def solve_state(
     """
     q, v = vector("q", q, ws.nq, "nq", ws.scene.model), vector("v", v, ws.nv, "nv")
     effort = drive_vector(ws, effort)
-    free = ws.forces is not None and not ws.must_project
-    if free and ws.slides(q, v, effort, applied, FREE):
+    if not ws.must_project and ws.slides(q, v, effort, applied, FREE):
         return
     if ws.held.size:
         v = v.copy()

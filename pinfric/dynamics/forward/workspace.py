@@ -131,10 +131,11 @@ class Workspace:
 
     def kernels_of_sliding(self) -> list[tuple[Any, tuple[Any, ...]]]:
         """Return the kernels that `slides` calls, with arguments of their types."""
-        calls: list[tuple[Any, tuple[Any, ...]]] = []
-        if self._free is not None:
-            calls = [(slide_freely, (self.argument, self._tau, self._tau, FREE))]
-        if self._free is not None and all(drive.transmission for drive in self.scene.drives):
+        if self._free is None:
+            return []
+        calls: list[tuple[Any, tuple[Any, ...]]]
+        calls = [(slide_freely, (self.argument, self._tau, self._tau, FREE))]
+        if all(drive.transmission for drive in self.scene.drives):
             calls.append((deliver, (self.argument, self._tau)))
         return calls
 
@@ -245,7 +246,7 @@ class Workspace:
             ToggleError: the loops allow more degrees of freedom here than elsewhere.
             AccelerationError: there is none, there are several, or the search found none.
         """
-        if self.forces is None or not self.slides(q, v, effort, applied, FREE):
+        if not self.slides(q, v, effort, applied, FREE):
             self.solve_coupled(q, v, effort, applied)
 
     def solve_coupled(
@@ -313,7 +314,7 @@ class Workspace:
         self.modes.stuck[:], self.modes.direction[:] = given.stuck, given.direction
         if self._kept is not None and self._kept == self._key(q, v, effort, applied):
             return  # nothing moves and nothing has changed
-        if self.forces is not None and self.slides(q, v, effort, applied, GIVEN):
+        if self.slides(q, v, effort, applied, GIVEN):
             return
         turned = TURNED if self.mechanism.balls and given.balls_turn else GIVEN
         solutions, obeying, resting = self._run(q, v, effort, applied, turned)
