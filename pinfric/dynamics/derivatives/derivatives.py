@@ -121,9 +121,7 @@ class Differentiator:
         state = np.empty(scene.model.nq), np.empty(nv), np.empty(nv)
         compile_for(differentiate_efforts, self._machine, self._record, *state, 0.0)
         self._forward_is_compiled = False
-        self._guides = any(
-            s.friction.bearing and s.friction.bearing.roll_lever() for s in scene.sites
-        )
+        self._guides = bool(machine.plan.sites.guides.size)
         ends = *x.effort_change, *x.geared_change, *x.motor_change
         self._inverse = InverseDerivatives._make([*(Partials(*end) for end in ends), x.kink])
         self._by_q, self._by_v, self._by_u = (
