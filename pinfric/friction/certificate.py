@@ -11,8 +11,8 @@ where a_c = sum mu |P_t R^-1/2|. Summed, with kappa a bound of the first terms i
     (1 - kappa) |d|_R^2 <= sum over T of e_c |r_c(x0)|,     T: slip in x0 and stick in x
 
 So for kappa < 1 a joint that moves fast in x0 slips in every answer, and one that needs little
-friction sticks in every answer. Of what is left each set of joints that slip has at most one
-answer, whose directions pivoting finds. A gear that does not lock itself only helps: its rotor
+friction sticks in every answer. With each set of the other joints that slips there is at most one
+answer; pivoting finds its directions. A gear that does not lock itself only helps: its rotor
 counts as I / (steepest slope of its lines) in R.
 """
 
@@ -28,16 +28,16 @@ from pinfric.friction.balance import RANK
 from pinfric.friction.law import stick_limits
 from pinfric.friction.problem import Modes, Problem
 
-#: kappa has to be below this; what is left of a bound for rounding.
+#: kappa has to be below this. Bounds are widened by this part for rounding.
 _BELOW, _ROUNDING = 0.999, 1e-9
 #: Sets of slipping joints that are looked at.
 _MOST_SETS = 20_000
 
 
 def kinetic(problem: Problem, at_rest: np.ndarray) -> Problem | None:
-    """Return the problem with sliding friction as static limits; None: these are below that.
+    """Return the problem with sliding friction as static limits; None: true ones are below it.
 
-    A gear at rest holds what its lines of motion would. None, too, beside one that locks itself.
+    A gear at rest holds what its lines in motion would hold. None, too, where a gear locks itself.
     """
     lines, gears = problem.gear_lines.copy(), len(problem.gear_rotor)
     if gears and lines[:, :2, :, 0].min() <= 0.0:
@@ -80,7 +80,7 @@ class Ball:
 
     Attributes:
         sure: whether kappa < 1.
-        slips, open: coordinates that slip in every answer; that do in some, perhaps.
+        slips, open: coordinates that slip in every answer; those that slip in some, perhaps.
 
     Args:
         problem: `Problem`, of an open chain.
@@ -154,12 +154,12 @@ class Ball:
         return min(plain, float(np.linalg.eigvalsh(total)[-1]))
 
     def radius(self, sticking: np.ndarray) -> float:
-        """Return how far |d|_R reaches if only these of what slips in x0 may stick."""
+        """Return a bound of |d|_R if, of the joints that slip in x0, only these may stick."""
         E, B, left = self.excess[sticking].sum(), self.grows[sticking].sum(), 1.0 - self.kappa
         return float((B + np.sqrt(B * B + 4.0 * left * E)) / (2.0 * left)) * (1.0 + _ROUNDING)
 
     def _mark(self, moved: np.ndarray, at_rest: np.ndarray) -> None:
-        """Write which joints slip in every answer, and of which it is open."""
+        """Write `slips` and `open`."""
         unsure, speed = moved.copy(), np.abs(self.centre.rate)
         while True:
             radius = self.radius(unsure)
@@ -172,10 +172,10 @@ class Ball:
         self.open = np.flatnonzero(unsure | (near if radius > 0.0 else False))
 
     def sets(self) -> Iterator[list[np.ndarray]]:
-        """Yield the sets of joints that may slip while the others stick, by their size.
+        """Yield, by their size, the sets of joints that may slip while the others stick.
 
-        The last ones are as large as that of x0, which is among them. It ends before where there
-        are too many.
+        The last ones are as large as the set that slips in x0, which is among them. Where that
+        makes more than `_MOST_SETS`, it ends early.
         """
         looked = 0
         for more in range(int(self.moved.sum()) - len(self.slips) + 1):

@@ -95,10 +95,10 @@ def decide(
 def least_possible_use(
     problem: Problem, resting: np.ndarray, balance: Balance, block: np.ndarray
 ) -> float:
-    """Return a bound of the use of all friction: above 1 none holds, that of balls included.
+    """Return a lower bound of the use of any friction, balls included: above 1 none holds.
 
-    If one holds, |x_k| <= limit_k <= m_k with m = (1 - C)^-1 limit(0) and C the growth of each
-    joint's limit with each joint's |x|. Then for every motion w, that of least resistance say,
+    If x holds, |x_k| <= limit_k <= m_k with m = (1 - C)^-1 limit(0) and C the growth of each
+    joint's limit with each joint's |x|. Then for every motion w, such as that of least resistance,
 
         need^T w = sum x_k rows_k^T w <= sum m_k |rows_k^T w|
 

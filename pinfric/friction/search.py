@@ -154,14 +154,14 @@ class PossibleWays:
 
 #: Up to this number of joints at rest all modes are tried: 3^8 = 6561 solves.
 MOST_ENUMERATED = 8
-#: So many joints are tried in less time than the ball of their answers takes.
+#: All modes of up to so many joints are tried in less time than the ball of their answers takes.
 _FEW = 2
 #: Passes of all solves of a search, a few seconds once compiled. A solve takes one pass in an open
 #: chain, three in a mechanism, more where friction is shared.
 MOST_PASSES = 20_000
 #: Accelerations closer than this, relative to their size, are the same one.
 _SAME = 1e-6
-#: Outcomes of several searches: the last of them here is that of all.
+#: Outcomes from the best to the worst; that of several searches is their worst.
 _GRAVITY = (
     Found.SOLVED,
     Found.UNSTABLE,
@@ -193,7 +193,7 @@ class Count:
             may exist.
         tried: in how many modes it looked for them.
         unsure: whether gears allow more choices than are tried, so that there may be others.
-        island: (n,) the coordinates that depend on each other of which the outcome is.
+        island: (n,) coordinates of the island that decided the outcome; none: all did.
     """
 
     many: tuple[int, int] = (1, 1)
@@ -346,7 +346,7 @@ def _each_island(
     forced: Mapping[int, float] | None = None,
     held: np.ndarray | None = None,
 ) -> Found:
-    """Solve each part of a problem alone; the outcome is that of the one that is worst."""
+    """Solve each island alone; the worst outcome is that of the whole."""
     islands, forced = split(problem, modes, mechanism), forced or {}
     if not islands:
         count.island = np.arange(len(modes.stuck))

@@ -2,7 +2,7 @@
 
 x_c = -L_c(x) r_c / (|r|^2 + e^2)^1/2 with r = r_0 + R x has a solution that Newton's method follows
 as e falls to nearly zero: where |r| >> e the joint slips, else it sticks, a ball's |r| its three
-coordinates'. It proves nothing, but where modes followed one by one turn in a circle it ends.
+coordinates'. It proves nothing, but it ends where following modes one by one turns in a circle.
 """
 
 from __future__ import annotations

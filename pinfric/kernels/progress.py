@@ -1,7 +1,7 @@
 """What is said while kernels compile: that they do, how many are done, about how long it takes.
 
 Numba tells neither how many functions a call will compile nor how long that takes. The work of a
-call are the kernels that its root reaches and that are not in the cache; the time of each follows
+call is all kernels that its root reaches and that are not in the cache; the time of each follows
 the length of its byte code.
 """
 
@@ -18,7 +18,7 @@ from numba.core.dispatcher import Dispatcher
 
 #: Seconds between two lines.
 PERIOD = 10.0
-#: Below so many kernels the time left is that of one that is half compiled: it is not said.
+#: With fewer kernels to go no time is said: one that is half compiled would be most of it.
 _FEW = 5
 
 

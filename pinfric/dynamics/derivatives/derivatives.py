@@ -81,9 +81,8 @@ def check_differentiable(scene: Scene) -> None:
     """
     if scene.linkage is None and scene.twin().springs is None:
         return
-    missing = "those of multipliers"
     if scene.linkage is None:
-        what, missing = "a spring acts on its links", "those of springs"
+        what = "a spring acts on its links"
     elif balls := [site.name for site in scene.sites if site.ball]:
         what = f"the ball {balls[0]!r} has friction"
     elif scene.loops:
@@ -91,8 +90,8 @@ def check_differentiable(scene: Scene) -> None:
     else:
         what = f"{next(d.name for d in scene.drives if d.velocity_index < 0)!r} acts off the joints"
     raise SceneError(
-        f"{scene.source}: derivatives: {what}; {missing} are missing: derivatives are of open "
-        "chains with drives on joints, without springs; take differences of `inverse` or `forward`"
+        f"{scene.source}: derivatives: {what}; should be an open chain with drives on its joints, "
+        "without springs; of others take differences of `inverse` or `forward`"
     )
 
 

@@ -2,8 +2,8 @@
 
     phi = -s(v/w) (mu c + coulomb) - drag,     s of `efforts`, w the width of speeds
 
-At |v| >= w it is the exact law. Below, it lies within the interval of an exact joint at rest, but
-for at most `Smoothed.bound`. A load that static friction would hold creeps at less than w.
+At |v| >= w it is the exact law. Below, it leaves the interval of an exact joint at rest by at most
+`Smoothed.bound`. A load that static friction would hold creeps at less than w.
 Break-away (static above kinetic friction) is not in it.
 """
 
@@ -162,13 +162,13 @@ class Smoothed:
         of motors have the drag of the motor beside it.
 
         Args:
-            load: (ns,) loads c (N m or N); None: the worst, if that is the least.
+            load: (ns,) loads c (N m or N); None: the least, which is the worst unless drag grows.
 
         Returns:
             (na,) of the drives' efforts.
 
         Raises:
-            StateError: drag that grows with the load, and no load.
+            StateError: drag grows with the load, and no load is given.
         """
         tables, scene, per_joint = self._derived.tables, self._scene, np.zeros(self._scene.model.nv)
         c = tables.sites.contacts.constant if load is None else real_numbers("load", load)

@@ -140,9 +140,8 @@ class Failures:
         elif found == Found.UNDECIDED:
             finding = UndecidedAcceleration
             reason = (
-                f"{counted}; {self._untried()}, so there may be one; without friction at joints "
-                "where it does not matter the search would decide, method 'timestepping' of "
-                "simulate goes on"
+                f"{counted}; {self._untried()}, so there may be one; remove friction from joints "
+                "where it does not matter, or take method 'timestepping' of simulate, which goes on"
             )
         reason += names
         if jammed:
@@ -150,7 +149,7 @@ class Failures:
         return finding(*self._as_given(state), self._worst_site(), reason, given=self._given)
 
     def _resting(self) -> tuple[str, str]:
-        """Say of how many modes, and of which of its joints, an outcome is: where some rest."""
+        """Say how many modes the joints at rest have, and which joints these are."""
         m, here, t = self._modes, self._decided(), self._plan.entries
         rests = np.flatnonzero(m.at_rest & here)
         if not rests.size:
@@ -163,15 +162,15 @@ class Failures:
         return f" of {modes}", f"; the other joints do not matter to {names}" if alone else ""
 
     def _untried(self) -> str:
-        """What a search that proves nothing has not tried."""
+        """Say what a search that proves nothing has not tried."""
         balls = self._decided() & self._plan.coordinates.ball
         if (self._modes.at_rest & balls).any():
             return "the direction in which a ball slips is searched from one start"
-        few = f"{MOST_ENUMERATED} joints at rest, or in {MOST_PASSES} passes"
-        return f"of more than {few}, not every mode is tried"
+        few = f"{MOST_PASSES} passes and tries every mode of {MOST_ENUMERATED} joints at rest only"
+        return f"the search ends after {few}"
 
     def _decided(self) -> np.ndarray:
-        """(nc,) bool: of which the outcome is; those that depend on each other, or all."""
+        """(nc,) bool: the coordinates that decided the outcome, one island or all."""
         every = np.arange(self._modes.stuck.size)
         return np.isin(every, self._count.island if self._count.island.size else every)
 

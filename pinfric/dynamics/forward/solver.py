@@ -296,9 +296,9 @@ class _Buffers(threading.local):
     """What a solver computes in: each thread that calls it has its own, made at its first call.
 
     Attributes:
-        both: the workspace, and where each joint has its own drive a sample; read together, for
-            to read an attribute of a thread takes twice as long as another. A solver of other
-            friction computes reactions in the workspace of the one it was made of.
+        both: the workspace, and where each joint has its own drive a sample; read together: an
+            attribute of a thread takes twice as long as another. A solver of other friction
+            computes reactions in the workspace of the one it was made of.
         given: the workspaces where efforts (False) and motors' torques (True) are given, made at
             first; of such a solver that for efforts, too.
         compensated: of `compensate`, made at its first call.
@@ -609,9 +609,8 @@ class Solver:
         """Return the dynamics with friction that is smooth through rest, for optimizers.
 
         phi = -s(v/width) (mu c + coulomb) - drag, with s a polynomial: exact at |v| >= width.
-        Below, efforts lie within the intervals of exact joints at rest but for at most
-        `Smoothed.bound`, which is 0 where drag within the width is no more than static exceeds
-        kinetic friction.
+        Below, efforts leave the intervals of exact joints at rest by at most `Smoothed.bound`. It
+        is 0 where drag within the width is no more than static exceeds kinetic friction.
 
         Args:
             width: rad/s or m/s.

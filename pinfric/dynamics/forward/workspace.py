@@ -171,9 +171,9 @@ class Workspace:
     # ------------------------------------------------------------ solving
 
     def _free_model(self) -> pin.Model | None:
-        """Return a model for one ABA while all slides; None where that does not have the motion.
+        """Return the model whose ABA has the motion while all slides; None: there is none.
 
-        It has if no load changes friction, and every drive moves one velocity of an open chain.
+        There is if no load changes friction, and every drive moves one velocity of an open chain.
         """
         t, drives, supplier = self.plan, self.plan.drives, self.supplier
         coupled = self.closed or t.contacts.owner.size or t.sites.guides.size or t.off_joints

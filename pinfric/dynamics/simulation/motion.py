@@ -310,11 +310,11 @@ class Motion(Shown):
 
 
 def listed_times(unproved: tuple[float, ...]) -> str:
-    """Return from when on modes are not known to be the only ones that obey the laws."""
+    """Say from when on other modes may obey the laws as well; "" where they never may."""
     if not unproved:
         return ""
-    more = f" and {len(unproved) - 1} times more" if len(unproved) > 1 else ""
-    return f"from {unproved[0]:.6g} s on{more}, other modes may obey the laws as well"
+    more = f", and after {len(unproved) - 1} later changes" if len(unproved) > 1 else ""
+    return f"other modes may obey the laws as well from {unproved[0]:.6g} s on{more}"
 
 
 def mechanical_energy(model: pin.Model, data: pin.Data, q: np.ndarray, v: np.ndarray) -> float:

@@ -39,7 +39,7 @@ from pinfric.model.scene import Scene, expect_scene, payload_names
 _PATIENCE = 2.0
 #: The finest relative tolerance that an integrator can keep: a hundred times rounding.
 _FINEST = 100 * np.finfo(float).eps
-#: Samples of a motion, by default; of a short one no closer than this (s), but so many.
+#: Samples of a motion by default; of a short one no closer than this (s), but at least so many.
 _SAMPLES, _SHORTEST, _FEWEST = 1000, 1e-5, 10
 #: More steps would take days and too much memory.
 _MOST_STEPS = 1e9
@@ -172,7 +172,7 @@ def simulate(
 
 
 def simulate_whole(scene: Scene, **options: Any) -> Motion:
-    """Do as `simulate` from the scene's own start; Ctrl-C raises, half a motion is no reference.
+    """Simulate from the scene's own start; Ctrl-C raises, for half a motion is no reference.
 
     Raises:
         KeyboardInterrupt; and what `simulate` raises.

@@ -307,7 +307,7 @@ def test_bad_input_is_refused_in_one_line():
         lambda: solver.inverse_derivatives(*nothing),
         lambda: solver.forward_derivatives(*nothing[:2], [0.0] * len(solver.scene.drives)),
     ):
-        with pytest.raises(SceneError, match=r"closes a loop; .* are missing") as refused:
+        with pytest.raises(SceneError, match="closes a loop; should be an open chain") as refused:
             call()
         assert "\n" not in str(refused.value)
     solver = pf.load_scene("pendulum").solver()
