@@ -387,6 +387,12 @@ class SizingReport(Shown):
         if wrong := self.verdict.failing:
             raise SizingError("; ".join(causes(self) or wrong), self)
 
+    @property
+    def not_checked(self) -> int:
+        """Number of criteria that lack a figure, of all drives in the model."""
+        taken = (joint.installed for joint in self.joints)
+        return sum(len(one.not_checked) for one in taken if one is not None)
+
     def joint(self, name: str) -> JointSizing:
         """Return one joint's sizing by name.
 

@@ -21,8 +21,10 @@ from sizing_cases import (
 )
 
 import pinfric as pf
+from pinfric.drives.criterion import Status
 from pinfric.show.pages.sizing import sizing_page
 from pinfric.show.report.drives import provisional_table
+from pinfric.show.report.sizing import verdict
 from pinfric.sizing.provisional import provisional
 from pinfric.sizing.shelf import Parts, Search
 from pinfric.sizing.summary import sizing_summary
@@ -149,6 +151,9 @@ def test_a_provisional_drive_never_competes_and_is_shown_apart(tmp_path):
     table = provisional_table(sizing_summary(report))
     assert table.title.startswith("not signed: ask for stiffness")
     page = sizing_page(report)
+    lacking = [c for c in report.joints[0].nearest.criteria if c.status == Status.NOT_CHECKED]
+    assert f"{len(lacking)} criteria not checked" in verdict(report)
+    assert f"<b>{len(lacking)}</b><span>criteria not checked" in page
     assert '<div class="provisional"><h3>Not signed: ask for stiffness' in page
     assert "Signature" not in page
     (line,) = report.verdict.failing

@@ -232,8 +232,8 @@ def verdict(report: SizingReport) -> str:
         for joint in report.joints
         if joint.choice is None and joint.nearest and not joint.nearest.would
     ]
-    unchecked = sum(len(j.choice.not_checked) for j in report.joints if j.choice is not None)
-    parts = [report.verdict.headline, f"{counted(unchecked, 'criterion', 'criteria')} not checked"]
+    unchecked = counted(report.not_checked, "criterion", "criteria")
+    parts = [report.verdict.headline, f"{unchecked} not checked"]
     if nearest:
         parts.append(f"{', '.join(nearest)}: computed with the closest candidate")
     if report.scene.assumed is not None:
