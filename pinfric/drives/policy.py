@@ -7,7 +7,7 @@ Nothing here looks at other candidates: what is chosen does not depend on what e
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import numpy as np
@@ -347,7 +347,9 @@ _OF_GEARS = (
 )
 _SPEED = Need("maximum input speed", ("max_input_speed", "average_input_speed", "rated_speed"))
 _FASTEST = Need("largest speed", ("max_speed", "no_load_speed", "rated_speed"))
-_STIFF, _BEARING = Need("stiffness", ("stiffness",)), Need("output bearing", ("bearing",))
+#: Of a gear; in place of it a joint may have a bearing of its own, and behind a belt it must.
+BEARING, OWN_BEARING = "output bearing", "conditions.bearings"
+_STIFF, _BEARING = Need("stiffness", ("stiffness",)), Need(BEARING, ("bearing",))
 _OF_MOTORS = (
     Need("mass", ("mass",)),
     Need("rotor inertia", ("rotor_inertia",)),
@@ -436,6 +438,23 @@ def lacks(kind: str, entry: Any) -> tuple[str, ...]:
         for need in NEEDS[kind]
         if all(getattr(entry, name, None) is None for name in need.keys)
     )
+
+
+def of_maker(figures: Sequence[str], kind: str) -> tuple[str, ...]:
+    """Return the missing figures that a maker can be asked for: a belt has no bearing.
+
+    Args:
+        figures: of `lacks`. kind: of the gear.
+    """
+    return tuple(figure for figure in figures if (kind, figure) != ("belt", BEARING))
+
+
+def request(figures: Sequence[str], kind: str) -> str:
+    """Return what to do about missing figures, in words; arguments as of `of_maker`."""
+    asked = of_maker(figures, kind)
+    own = f"give the joint a bearing of its own: {OWN_BEARING}"
+    said = [f"ask its maker for {', '.join(asked)}"] * bool(asked)
+    return "; ".join([*said, *[own] * (len(asked) < len(figures))])
 
 
 def outside(kind: str, conditions: Conditions, rated: float = -np.inf) -> tuple[str, ...]:

@@ -24,7 +24,7 @@ import numpy as np
 from pinfric.drives.catalog import Gear, GearMotor
 from pinfric.drives.drivetrain import Candidate, gearmotor_drive, motor_with_gear
 from pinfric.drives.limit import Drives
-from pinfric.drives.policy import EXTRA_INERTIAS, HOBBY, PROVISIONAL
+from pinfric.drives.policy import BEARING, EXTRA_INERTIAS, HOBBY, OWN_BEARING, PROVISIONAL
 
 if TYPE_CHECKING:  # it is above this module
     from pinfric.sizing.shelf import Assessment, Search
@@ -151,11 +151,12 @@ def _turned(d: Drives, lacks: set[str]) -> list[str]:
         c = d.conditions
         hertz = c.resonance_hand if d.case.hand else c.resonance_base
         said.append(f"stiffness >= {_up((2 * pi * hertz) ** 2 * d.load)} N m/rad")
-    if "output bearing" in lacks and d.demand.bearing is not None:
-        load = d.demand.bearing
+    if BEARING in lacks and d.demand.bearing is not None:
+        load, belt = d.demand.bearing, d.candidate.gear is not None and d.entry.kind == "belt"
         said.append(
             f"tilting moment >= {_up(load.moment)} N m, radial force >= {_up(load.radial)} N, "
-            f"axial force >= {_up(load.axial)} N"
+            f"axial force >= {_up(load.axial)} N{' of' if belt else ', or'} a bearing of the "
+            f"joint's own ({OWN_BEARING})"
         )
     speed = d.demand.speed * (1.0 if d.at_output else d.ratio)
     for figure in ("maximum input speed", "largest speed"):

@@ -50,6 +50,7 @@ from pinfric.drives.limit import (
 )
 from pinfric.drives.limits import LIMITS, criteria
 from pinfric.drives.policy import (
+    BEARING,
     KIT,
     STAND_INS,
     Conditions,
@@ -109,6 +110,11 @@ class Assessment:
             elif limit.applies(self.drives):
                 found.append((limit, float(limit.margin(self.drives))))
         return found
+
+    @property
+    def kind(self) -> str:
+        """Of its gear; of a gearmotor empty."""
+        return self.candidate.gear.kind if self.candidate.gear is not None else ""
 
     @property
     def motor(self) -> MotorFigures | None:
@@ -174,13 +180,14 @@ def rank(assessment: Assessment) -> tuple[float, bool, float, str]:
 class Ask:
     """A product that cannot be signed, and the figures to ask its maker for.
 
-    `source`: the document of its other figures.
+    `source`: the document of its other figures. `kind`: of a gear.
     """
 
     name: str
     figures: tuple[str, ...]
     mass: float | None
     source: str
+    kind: str = ""
 
 
 @dataclass
@@ -477,7 +484,7 @@ class Search:
         figures = [
             figure
             for figure in block.gear_lacks[g]
-            if figure != "output bearing" or own.get("bearing") is None
+            if figure != BEARING or own.get("bearing") is None
         ]
         if own.get("amplifier") is not None:
             asked = outside("amplifier", self.case.conditions)
@@ -820,7 +827,8 @@ class Search:
                     continue
                 known = masses[might & np.isfinite(masses)]
                 mass = float(known.min()) if len(known) else None
-                found.setdefault(name, Ask(name, figures, mass, block.sources[g]))
+                kind = getattr(block.entries[g], "kind", "")
+                found.setdefault(name, Ask(name, figures, mass, block.sources[g], kind))
             if block.at_output:
                 continue
             known = [g for g in range(len(block.names)) if not self.gear_lacks(block, g)]

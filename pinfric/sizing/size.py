@@ -39,7 +39,7 @@ from pinfric.drives.limit import Case
 from pinfric.drives.limits import SHOCK
 from pinfric.drives.mounting import mounted, mountings, turned_as
 from pinfric.drives.parts import check_names, own_parts
-from pinfric.drives.policy import Conditions, parse_conditions
+from pinfric.drives.policy import Conditions, parse_conditions, request
 from pinfric.drives.power import BusPower, bus_power
 from pinfric.drives.rated import RatedCycle
 from pinfric.drives.robot import (
@@ -201,18 +201,16 @@ class JointSizing:
         if self.nearest is not None and self.nearest.would:
             of = counted(self.candidates, "candidate")
             of += " that its link can hold" * bool(np.isfinite(self.search.parts.most))
-            return (
-                f"{self.name}: none of {of} can be signed; {self.nearest.candidate.name} is "
-                f"provisional: ask its maker for {', '.join(self.nearest.lacks)}"
-            )
+            made, asked = self.nearest.candidate, request(self.nearest.lacks, self.nearest.kind)
+            return f"{self.name}: none of {of} can be signed; {made.name} is provisional: {asked}"
         if self.nearest is not None:
             name = self.nearest.candidate.name
             return f"{none}; the closest candidate is {name}: {self.nearest.why}"
         if self.ask:
             first = self.ask[0]
             return (
-                f"{none}; {first.name} cannot be signed: ask its maker for "
-                f"{', '.join(first.figures)} (its other figures: {first.source})"
+                f"{none}; {first.name} cannot be signed: {request(first.figures, first.kind)} "
+                f"(its other figures: {first.source})"
             )
         closest = self.search.nearest(worst=-np.inf)
         if closest is None:

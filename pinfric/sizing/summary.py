@@ -12,6 +12,7 @@ from pinfric.drives.criterion import Criterion, Status
 from pinfric.drives.demand import JointDemand
 from pinfric.drives.drivetrain import MotorFigures
 from pinfric.drives.limit import number
+from pinfric.drives.policy import OWN_BEARING, of_maker
 from pinfric.drives.power import BusPower
 from pinfric.drives.rules import resonance
 from pinfric.elastic.summary import ElasticSummary, elastic_summary
@@ -19,7 +20,7 @@ from pinfric.model.described import EFFORT, INERTIA, SPEED, described, quantity
 from pinfric.model.mass_matrix import frame_jacobians
 from pinfric.model.robot import link_frame
 from pinfric.motions.rating import Rated
-from pinfric.sizing.shelf import Assessment, stiffness_of
+from pinfric.sizing.shelf import Ask, Assessment, stiffness_of
 from pinfric.sizing.size import JointSizing, SizingReport
 from pinfric.sizing.verdict import JointVerdict, Verdict
 from pinfric.stops.summary import StopSummary, stop_summary
@@ -77,7 +78,10 @@ class ToAsk:
     """A product that might do, lighter than the choice, but cannot be signed."""
 
     name: str = quantity("gear or motor", heading="product")
-    figures: str = quantity("that its maker must be asked for", heading="ask its maker for")
+    figures: str = quantity(
+        "that its maker must be asked for, or the condition that gives them",
+        heading="what is missing",
+    )
     mass: float | None = quantity("with its lightest partner; none: not known", "kg")
     joints: tuple[str, ...] = quantity("at which it might do", heading="joints")
     source: str = quantity("the document of its other figures")
@@ -377,9 +381,12 @@ def to_ask(report: SizingReport) -> tuple[ToAsk, ...]:
             found.setdefault(ask.name, []).append(joint.name)
             asked[ask.name] = ask
     order = sorted(asked.values(), key=lambda a: (len(a.figures), -len(found[a.name]), a.name))
-    return tuple(
-        ToAsk(a.name, ", ".join(a.figures), a.mass, tuple(found[a.name]), a.source) for a in order
-    )
+
+    def missing(ask: Ask) -> str:
+        asked = of_maker(ask.figures, ask.kind)
+        return ", ".join([*asked, *[OWN_BEARING] * (len(asked) < len(ask.figures))])
+
+    return tuple(ToAsk(a.name, missing(a), a.mass, tuple(found[a.name]), a.source) for a in order)
 
 
 def _sized_joint(report: SizingReport, k: int, lever: float) -> SizedJoint:
@@ -412,7 +419,7 @@ def _provisional(taken: Assessment | None) -> Provisional | None:
         return None
     made = taken.candidate
     would, sources = "; ".join(taken.would), "; ".join(made.sources)
-    return Provisional(made.name, made.mass, taken.lacks, would, sources)
+    return Provisional(made.name, made.mass, of_maker(taken.lacks, taken.kind), would, sources)
 
 
 def _next_smaller(smaller: Assessment) -> NextSmaller:

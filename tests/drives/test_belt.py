@@ -10,6 +10,8 @@ from sizing_cases import GEAR, MOTOR, sized_cycle, write_catalog
 from pinfric.drives.catalog import Belt
 from pinfric.drives.catalog_file import load_catalog
 from pinfric.errors import CatalogError
+from pinfric.show.report.drives import provisional_table
+from pinfric.sizing.summary import sizing_summary
 
 #: AT5-16 at 600 rpm; of a tooth 29.1 N/cm.
 AT5 = {
@@ -64,8 +66,15 @@ def test_a_joint_behind_a_belt_needs_a_bearing_of_its_own(tmp_path):
     parts = {"gears": {}, "belts": {"B": belt}, "bearings": {"R": own}}
     path = write_catalog(tmp_path / "c.yaml", motors, **parts)
     given = {"inertia_ratio": 1e4, "resonance_base": 1.0}
-    (bare,) = sized_cycle(path, conditions=given, on_miss="ignore").joints
+    report = sized_cycle(path, conditions=given, on_miss="ignore")
+    (bare,) = report.joints
     assert bare.nearest.lacks == ("output bearing",)
+    assert bare.no_fit.endswith(
+        "provisional: give the joint a bearing of its own: conditions.bearings"
+    )
+    table = provisional_table(sizing_summary(report))  # its maker has nothing to say
+    assert table.title == "not signed"
+    assert "N of a bearing of the joint's own (conditions.bearings)" in bare.nearest.would[-1]
     (joint,) = sized_cycle(path, conditions=given | {"bearings": {"table": "R"}}).joints
     assert joint.choice.candidate.name == "M + B"
     assert "efficiency: by rule: 0.9" in joint.choice.candidate.stand_ins

@@ -121,7 +121,7 @@ def provisional_table(found: SizingSummary) -> Table | None:
     rows = [joint for joint in found.joints if joint.provisional is not None]
     asked = dict.fromkeys(x for j in rows for x in (j.provisional.ask if j.provisional else ()))
     only = ("name", *(f"provisional.{name}" for name in ("drive", "mass", "would")))
-    return table_of(f"not signed: ask for {', '.join(asked)}", rows, only=only)
+    return table_of("not signed" + f": ask for {', '.join(asked)}" * bool(asked), rows, only=only)
 
 
 def ask_table(found: SizingSummary, most: int = 0) -> Table | None:
