@@ -10,6 +10,7 @@ import numpy as np
 
 from pinfric import __version__
 from pinfric.dynamics.forward.compensation import freedom_names
+from pinfric.dynamics.forward.solver import compensated_states
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.motor_torques import drive_stick_velocity, scene_gears
@@ -58,8 +59,7 @@ def compensator(
     q, v, a = (x[picked].copy() for x in (result.states.q, result.states.v, result.states.a))
     v[0] = 0.0
     found = inverse_dynamics(replace(scene, measured=None), q, v, a)  # speeds are mentioned
-    solver = scene.solver()
-    friction = [solver.compensate(*state, state[1]) for state in zip(q, v, a, strict=True)]
+    friction = compensated_states(scene, q, v, a)
     joints = list(scene.model.joints)[1:]
     at = single_positions(q, [joint.nq for joint in joints if joint.nq])
     rows = at, v, a, found.motor_torque_lower, found.motor_torque_upper, friction

@@ -241,36 +241,62 @@ class _Sample:
         self.found = InverseInstant(**found, gear_ratio=x.gears.ratio, status=Status.CONVERGED)
 
 
+def compensated_sample(ws: Workspace, scene: Scene) -> CompensatedSample:
+    """Return what the kernel of `compensate` takes; it reads the workspace's last RNEA.
+
+    Args:
+        ws: computes reactions; it may be that of the scene with other friction.
+        scene: with the friction that is compensated.
+    """
+    plan, supply = ws.plan.sites, ws.supplier.supply
+    position = np.full(ws.nv, -1)
+    for joint in list(scene.model.joints)[1:]:
+        if joint.nq == 1:
+            position[joint.idx_v] = joint.idx_q
+    unit_q, unit_count = unit_parts(scene.model)
+    ns = len(scene.sites)
+    return CompensatedSample(
+        tables=make_compensated(scene),
+        joint=plan.joint,
+        displacement_q=plan.displacement_q,
+        displacement_ratio=plan.displacement_ratio,
+        displacement_shift=plan.displacement_shift,
+        unit_q=unit_q,
+        unit_count=unit_count,
+        force=supply.force,
+        h=supply.h,
+        reach=reach(scene),
+        position=position,
+        wrench=np.zeros((1, ns, 6)),
+        displacement=np.zeros((1, ns)),
+        load=np.zeros((1, ns)),
+    )
+
+
+def compensated_states(
+    scene: Scene, q: np.ndarray, v: np.ndarray, a: np.ndarray
+) -> list[np.ndarray]:
+    """Return `Solver.compensate` (na,) of a few states at their own velocities; compiles nothing.
+
+    Args:
+        scene: that a solver compensates.
+        q, v, a: (n, nq), (n, nv), (n, nv).
+    """
+    ws = Workspace(scene, None)
+    x, rows, still = compensated_sample(ws, scene), _DEFAULT.table(scene), np.zeros(ws.nv)
+    flags, found = _FLAGS[False, False, False], np.empty((len(q), len(scene.drives)))
+    for state, out in zip(zip(q, v, a, strict=True), found, strict=True):
+        ws.supplier.balance(*state)
+        compensate_sample(x, *state, state[1], still, still, flags, rows, out)
+    return list(found)
+
+
 class _Compensated:
     """What the kernel of `compensate` takes, and the compiled options of the last call."""
 
     def __init__(self, ws: Workspace, scene: Scene) -> None:
-        plan, supply = ws.plan.sites, ws.supplier.supply
-        position = np.full(ws.nv, -1)
-        for joint in list(scene.model.joints)[1:]:
-            if joint.nq == 1:
-                position[joint.idx_v] = joint.idx_q
-        unit_q, unit_count = unit_parts(scene.model)
-        ns = len(scene.sites)
-        self.reach = reach(scene)
-        self.argument = box_compensated(
-            CompensatedSample(
-                tables=make_compensated(scene),
-                joint=plan.joint,
-                displacement_q=plan.displacement_q,
-                displacement_ratio=plan.displacement_ratio,
-                displacement_shift=plan.displacement_shift,
-                unit_q=unit_q,
-                unit_count=unit_count,
-                force=supply.force,
-                h=supply.h,
-                reach=self.reach,
-                position=position,
-                wrench=np.zeros((1, ns, 6)),
-                displacement=np.zeros((1, ns)),
-                load=np.zeros((1, ns)),
-            )
-        )
+        made = compensated_sample(ws, scene)
+        self.reach, self.argument = made.reach, box_compensated(made)
         self.still, self.na = np.zeros(ws.nv), len(scene.drives)
         self._scene, self._options = scene, _DEFAULT
         self._rows = self._tables(self._options)
