@@ -111,7 +111,7 @@ def _data(scene: Scene, frames: Frames, staged: Stage) -> dict[str, Any]:
         ],
         "rows": rows,
         "colors": markers.COLORS,
-        "legend": _legend(scene, frames, staged),
+        "legend": _legend(scene, frames),
         "middle": staged.middle,
         "distance": staged.distance,
         "view": stage.VIEW,
@@ -141,7 +141,7 @@ def _rows(frames: Frames) -> list[dict[str, Any]]:
     return [{"mark": m, "name": name, "of": of, "parts": parts} for m, name, of, parts in rows]
 
 
-def _legend(scene: Scene, frames: Frames, staged: Stage) -> list[tuple[str, str, str]]:
+def _legend(scene: Scene, frames: Frames) -> list[tuple[str, str, str]]:
     """(kind of mark or the mark itself, colour, meaning) of what the page shows."""
     meanings = markers.MEANINGS | (markers.SIMULATED if frames.simulated else {})
     found = [
@@ -156,12 +156,14 @@ def _legend(scene: Scene, frames: Frames, staged: Stage) -> list[tuple[str, str,
     ]
     found = found if scene.sites else [("", "", "no joint has friction")]
     stops = stage.tool_stops(scene, frames.placement)
-    drives = staged.cylinders or any(a.force for a in scene.actuators or ())
+    drives = any(a.cylinder or a.force for a in scene.actuators or ())
+    springs = scene.twin().springs
     for there, mark, color, words in (
         (frames.gears, "⚙", markers.GEAR_COLOR, markers.GEAR_MEANING),
         (frames.off, "≠", markers.OFF_COLORS[1], markers.OFF_MEANING),
         (frames.limiting, "▲", markers.LIMIT_COLORS[0], markers.LIMIT_MEANING),
         (drives, "box", stage.DRIVE_COLOR, "cylinder or force that drives"),
+        (springs and springs.lines, "box", stage.LINE_COLOR, "spring between links"),
         (len(stops), "●", stage.STOP_COLOR, f"where {scene.tool} stops"),
     ):
         if there:

@@ -29,7 +29,7 @@ from pinfric.show.replay.meshes import Shape, fewer_triangles
 from pinfric.show.replay.shapes import UP, box_mesh, linkage_frame, robot_shapes
 from pinfric.show.timeline.frames import Frames
 
-_LINE_COLOR = "#5D6B78"
+LINE_COLOR = "#5D6B78"
 #: Of cylinders and of forces that drive.
 DRIVE_COLOR = "#C9A227"
 #: Of places at which the tool stops; their radius as a part of the robot's size.
@@ -240,7 +240,7 @@ def _draw_linkage(
     for row, loop in enumerate(linkage.loops):
         joint, frame = linkage_frame(linkage, row, 1)
         node = viewer[f"{nodes[joint]}/loop {_node(loop.name)}"]
-        _draw_ball(node, _LINE_COLOR, frame.translation, 2.0 * _LINE * size)
+        _draw_ball(node, LINE_COLOR, frame.translation, 2.0 * _LINE * size)
     drawn = []
     pairs = range(len(linkage.loops), len(linkage.pair_kind) - len(linkage.rods))
     off_joint = [drive for drive in linkage.drives if linkage.column_pair[drive.column] in pairs]
@@ -271,7 +271,7 @@ def _draw_rod(
     """Draw a barrel and a rod between two points of links, each a joint's index and a place."""
     path = f"world/{name}"
     viewer[path]["barrel"].set_object(Surface(_rod(2.2 * _LINE * size), color))
-    viewer[path]["rod"].set_object(Surface(_rod(_LINE * size), _LINE_COLOR))
+    viewer[path]["rod"].set_object(Surface(_rod(_LINE * size), LINE_COLOR))
     return DrawnCylinder(path, *ends)
 
 
@@ -284,7 +284,7 @@ def _draw_springs(viewer: Any, scene: Scene, size: float) -> tuple[DrawnCylinder
         _draw_rod(
             viewer,
             f"spring {_node(line.name)}",
-            _LINE_COLOR,
+            LINE_COLOR,
             ((int(ends[0]) + 1, places[0]), (int(ends[1]) + 1, places[1])),
             size,
         )

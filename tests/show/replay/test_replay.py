@@ -53,6 +53,18 @@ def test_json_is_what_the_command_prints(three_link, tmp_path):
     assert [i["site"] for i in printed["stick_intervals"]] == ["joint_12"] * 3
 
 
+def test_springs_are_not_said_to_drive(tmp_path):
+    """The KR 300 is driven at its joints, and has a gas spring between two links."""
+    q = np.array([[0.0, -1.5, 1.5, 0.0, 0.0, 0.0]] * 2)
+    scene = pf.load_scene("kr300")
+    for springs, seen in ((scene.springs, True), ((), False)):
+        now = scene.with_(springs=springs)
+        result = pf.inverse_dynamics(now, q, 0 * q, 0 * q, t=[0.0, 1.0])
+        text = pf.replay(now, result, html=tmp_path / "out.html").html.read_text()
+        assert ("spring between links" in text) == seen
+        assert "cylinder or force that drives" not in text
+
+
 def pushed():
     """2 kg m^2 that 4 N m speed up for 1 s, that rests on at 2 rad/s, that 6 N m brake; rest."""
     model = chain(("j", pin.JointModelRZ(), lump(1.0, moment=2.0)))
