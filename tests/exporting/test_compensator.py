@@ -388,11 +388,19 @@ def test_the_limit_of_joint_effort_covers_the_rigid_body(headers):
     np.testing.assert_array_equal(found["friction"], free["friction"])
 
 
-def test_limits_of_joint_effort_are_the_robots(tmp_path):
+def test_limits_of_joint_effort_are_the_robots():
+    """Of a joint that states none: 1.5 times what the motion takes."""
     scene = bundled("ur10_machine_tending")
-    text = pf.export(scene, pf.load_trajectory("ur10_machine_tending", scene), "cpp").text
+    model = scene.model.copy()
+    model.effortLimit[4] = np.inf
+    scene = scene.with_(model=model)
+    motion = pf.load_trajectory("ur10_machine_tending", scene)
+    text = pf.export(scene, motion, "cpp").text
     limits = re.search(r"default_joint_effort_limit\[\] = \{(.*)\};", text)[1]
-    assert [float(x) for x in limits.split(", ")] == scene.model.effortLimit.tolist()
+    found, result = [float(x) for x in limits.split(", ")], pf.inverse_dynamics(scene, motion)
+    most = np.maximum(-result.joint_effort_lower, result.joint_effort_upper)[:, 4].max()
+    assert found.pop(4) == pytest.approx(1.5 * most, rel=5e-3)
+    assert found == np.delete(model.effortLimit, 4).tolist()
 
 
 @pytest.mark.parametrize(
