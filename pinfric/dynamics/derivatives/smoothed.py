@@ -18,6 +18,7 @@ import pinocchio as pin
 from pinfric.dynamics.derivatives.derivatives import Differentiator, ForwardDerivatives, Partials
 from pinfric.dynamics.derivatives.efforts import smooth_sign
 from pinfric.dynamics.samples.reactions import applied_wrenches
+from pinfric.dynamics.samples.states import one_of, vector
 from pinfric.errors import SceneError, StateError
 from pinfric.model.arrays import real_numbers
 from pinfric.model.laws import is_dry, law_at
@@ -76,10 +77,8 @@ class Smoothed:
     """
 
     def __init__(self, derived: Differentiator, width: float) -> None:
-        given = real_numbers("width", width)
-        if given.shape != () or not 0.0 < given < np.inf:
-            raise StateError(f"width: {width!r}; should be a speed above 0 (rad/s or m/s)")
-        self.width, self._derived, self._scene = float(given), derived, derived.scene
+        self.width = _positive("width", width, "rad/s or m/s")
+        self._derived, self._scene = derived, derived.scene
 
     def inverse(
         self, q: np.ndarray, v: np.ndarray, a: np.ndarray, *, external: External = None
@@ -88,7 +87,7 @@ class Smoothed:
 
         Args, raises: see `Solver.inverse_derivatives`. The next call overwrites the arrays.
         """
-        x = self._at(external)(*(np.array(y, dtype=float) for y in (q, v, a)))
+        x = self._at(external)(*self._vectors(q, v, a))
         ends = x.effort_change, x.geared_change, x.motor_change
         values = x.effort[0], x.geared[0], x.motor[0]
         return SmoothInverse._make([*values, *(Partials(*end[0]) for end in ends), x.kink])
@@ -112,7 +111,7 @@ class Smoothed:
             StateError: no acceleration is found. SceneError: torques of motors with several drives
                 on one joint.
         """
-        q, v = np.array(q, dtype=float), np.array(v, dtype=float)
+        q, v = self._vectors(q, v)
         f, x = self._at(external), self._derived.tables
         a, by_q, by_v, by_u = self._solve(
             np.zeros(v.size),
@@ -142,12 +141,11 @@ class Smoothed:
 
         Raises: see `forward`.
         """
-        if not 0.0 < dt < np.inf:
-            raise StateError(f"dt: {dt!r}; should be a time above 0 (s)")
-        q, v = np.array(q, dtype=float), np.array(v, dtype=float)
+        dt = _positive("dt", dt, "s")
+        q, v = self._vectors(q, v)
         f = self._at(external)
         end, by_q, by_v, by_u = self._solve(
-            v.copy(),
+            v,
             (effort, motor_torque),
             lambda after: f(q, after, (after - v) / dt),
             lambda dU: (dU[1] + dU[2] / dt, dU[2] / dt),
@@ -209,6 +207,15 @@ class Smoothed:
         fixed = share * ends[0] - ends[1] + law.drag + law.viscous * abs(velocity)
         return fixed, share * law.mu + law.drag_mu - law.static_mu
 
+    def _vectors(self, q: np.ndarray, *rates: np.ndarray) -> list[np.ndarray]:
+        """q, v and perhaps a as `vector` returns them."""
+        model = self._scene.model
+        named = zip("va", rates, strict=False)
+        return [
+            vector("q", q, model.nq, "nq", model),
+            *(vector(name, rate, model.nv, "nv") for name, rate in named),
+        ]
+
     def _at(self, external: External) -> Callable[..., Any]:
         applied = [] if external is None else applied_wrenches(self._scene, external, 1)
 
@@ -231,19 +238,15 @@ class Smoothed:
         until it brings U nearer to u: friction is steep within the width.
         """
         scene, x, nv = self._scene, self._derived.tables, y.size
-        effort, motor_torque = given
-        if (effort is None) == (motor_torque is None):
-            raise StateError("Smoothed: give one of effort and motor_torque")
-        u, by_u = np.asarray(effort, dtype=float), x.rate.T
+        effort, by_u, na = given[0], x.rate.T, len(scene.drives)
+        name = "motor_torque" if effort is None else "effort"
+        u = vector(name, one_of("Smoothed", *given), na, "na")
         if effort is None:  # rows of drives, then of joints without one
-            u, by_u = np.zeros(nv), np.zeros((nv, len(scene.drives)))
+            by_u = np.zeros((nv, na))
             undriven = list(scene.mobility.undriven)
-            if len(scene.drives) + len(undriven) != nv:
+            if na + len(undriven) != nv:
                 raise SceneError(f"{scene.source}: Smoothed: several drives move one joint")
             np.fill_diagonal(by_u, x.gears.ratio)
-            u = np.asarray(motor_torque, dtype=float)
-        if u.shape != (len(scene.drives),):
-            raise StateError(f"Smoothed: shape {u.shape}; should be ({len(scene.drives)},)")
         target = by_u @ u
 
         def equations(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -277,3 +280,11 @@ class Smoothed:
         J, by_v = slopes(dU)
         changes = np.linalg.solve(J, np.hstack([-dU[0], by_v, by_u]))
         return y, changes[:, :nv], changes[:, nv : 2 * nv], changes[:, 2 * nv :]
+
+
+def _positive(name: str, given: float, unit: str) -> float:
+    """Return one number above 0, or raise `StateError` naming it."""
+    number = real_numbers(name, given)
+    if number.shape != () or not 0.0 < number < np.inf:
+        raise StateError(f"{name}: {given!r}; should be one number above 0 ({unit})")
+    return float(number)

@@ -10,10 +10,9 @@ friction, from Pinocchio's figures at the state. The rest is the small coupled p
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
-import pinocchio as pin
 
 from pinfric.dynamics.forward.efforts import by_name
 from pinfric.dynamics.forward.workspace import Workspace, workspace
@@ -21,15 +20,10 @@ from pinfric.dynamics.problem.instant import FREE
 from pinfric.dynamics.samples.closure import check_closed
 from pinfric.dynamics.samples.outcome import Status
 from pinfric.dynamics.samples.reactions import AppliedWrench, applied_wrenches
-from pinfric.dynamics.samples.states import States
+from pinfric.dynamics.samples.states import States, one_of, vector
 from pinfric.errors import PinfricError, StateError
-from pinfric.model.arrays import real_numbers
 from pinfric.model.brief import counted, screen
-from pinfric.model.coordinates import from_angles
 from pinfric.model.scene import Scene, expect_scene
-
-#: Compared by identity: a tenth of the time.
-_FLOAT = np.dtype(float)
 
 
 class Instant(NamedTuple):
@@ -284,39 +278,9 @@ def instant(ws: Workspace) -> Instant:
     )
 
 
-def one_of(where: str, effort: Any, motor_torque: Any) -> np.ndarray:
-    """Return the efforts or the motor torques; raise `StateError` for both or neither."""
-    if (effort is None) == (motor_torque is None):
-        both = "both" if effort is not None else "neither"
-        raise StateError(f"{where}: found {both} of effort and motor_torque; give one of them")
-    return cast("np.ndarray", motor_torque if effort is None else effort)
-
-
 def drive_vector(ws: Workspace, given: Any) -> np.ndarray:
     """Return (na,) of the drives: efforts, or r T_m (N m or N at the joint) where motors drive."""
     if type(given) is not np.ndarray and isinstance(given, Mapping):
         given = by_name(ws.scene.actuator_names, given, ws.given)
     array = vector(ws.given, given, ws.na, "na")
     return array * ws.plan.drives.gears.ratio if ws.given == "motor_torque" else array
-
-
-def vector(
-    name: str, given: Any, size: int, symbol: str, model: pin.Model | None = None
-) -> np.ndarray:
-    """Return a (size,) C-ordered float array, or raise `StateError` naming it.
-
-    Args:
-        name, symbol: of the array and of its size, for the message.
-        given: what should be one.
-        size: entries.
-        model: of a configuration: the message says how it is made from angles.
-    """
-    if type(given) is np.ndarray and given.dtype is _FLOAT and given.shape == (size,):
-        return np.ascontiguousarray(given)
-    array = np.atleast_1d(real_numbers(name, given))
-    if array.shape != (size,):
-        made = from_angles(model, array.size) if model is not None else ""
-        raise StateError(
-            f"{name}: shape {np.shape(given)}; should be ({size},), {symbol} = {size}{made}"
-        )
-    return array

@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pinfric.dynamics.forward.forward import drive_vector, one_of, vector
+from pinfric.dynamics.forward.forward import drive_vector
 from pinfric.dynamics.forward.workspace import Workspace
 from pinfric.dynamics.samples.closure import check_closed
 from pinfric.dynamics.samples.reactions import AppliedWrench, applied_wrenches
+from pinfric.dynamics.samples.states import one_of, vector
 from pinfric.errors import AccelerationError
 from pinfric.friction.balance import RANK, Balance
 from pinfric.friction.gears import hold_chosen, lines_and_rows, ways_to_hold, without_gears

@@ -36,7 +36,7 @@ from pinfric.dynamics.forward.compensation import (
     make_compensated,
     reach,
 )
-from pinfric.dynamics.forward.forward import Instant, one_of, solution, solve_state, vector
+from pinfric.dynamics.forward.forward import Instant, solution, solve_state
 from pinfric.dynamics.forward.workspace import Workspace, closed_configuration, rehearse
 from pinfric.dynamics.inverse.linkage import solve_linkage
 from pinfric.dynamics.inverse.tree import check_finite, solve_tree
@@ -46,7 +46,7 @@ from pinfric.dynamics.samples.motion_kernels import TreeSamples, bound_within
 from pinfric.dynamics.samples.motor_torques import scene_gears
 from pinfric.dynamics.samples.outcome import Status
 from pinfric.dynamics.samples.reactions import AppliedWrench, applied_wrenches, external_frame
-from pinfric.dynamics.samples.states import States, unit_parts
+from pinfric.dynamics.samples.states import States, one_of, unit_parts, vector
 from pinfric.errors import PinfricError
 from pinfric.kernels.compiled import compile_for, compiling, kernel, record
 from pinfric.model.drives import Gears, joint_effort_ends, write_motor_torques

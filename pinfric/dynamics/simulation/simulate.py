@@ -12,11 +12,10 @@ from typing import Any, TypedDict, Unpack
 import numpy as np
 
 from pinfric.dynamics.forward.efforts import Effort, EffortLike, make_effort
-from pinfric.dynamics.forward.forward import vector
 from pinfric.dynamics.forward.workspace import Workspace, lent
 from pinfric.dynamics.samples.closure import check_closed
 from pinfric.dynamics.samples.reactions import applied_wrenches
-from pinfric.dynamics.samples.states import States, mention_unmeasured
+from pinfric.dynamics.samples.states import States, mention_unmeasured, vector
 from pinfric.dynamics.simulation.event import EventIntegration
 from pinfric.dynamics.simulation.motion import FAILED, FINISHED, INTERRUPTED, Motion
 from pinfric.dynamics.simulation.recorder import Recorder

@@ -122,3 +122,22 @@ def test_a_step_is_stable_at_any_length_and_holds(width):
 def test_a_width_that_is_none_is_refused(width):
     with pytest.raises(StateError, match="width"):
         pf.load_scene("pendulum").solver().smoothed(width)
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda x: x.inverse([0.0, 0.0], [0.0], [0.0]), "q: shape"),
+        (lambda x: x.inverse([0.0], ["fast"], [0.0]), "v: "),
+        (lambda x: x.inverse([0.0], [0.0], [0.0, 0.0]), "a: shape"),
+        (lambda x: x.forward([0.0], [0.0], [0.0], motor_torque=[0.0]), "found both"),
+        (lambda x: x.forward([0.0], [0.0], [0.0, 0.0]), "effort: shape"),
+        (lambda x: x.step([0.0], [0.0, 0.0], [0.0], dt=0.1), "v: shape"),
+        (lambda x: x.step([0.0], [0.0], motor_torque={"bar": 1.0}, dt=0.1), "motor_torque: "),
+        (lambda x: x.step([0.0], [0.0], [0.0], dt="soon"), "dt: "),
+    ],
+)
+def test_bad_input_is_refused_in_one_line(call, says):
+    with pytest.raises(StateError, match=says) as refused:
+        call(pf.load_scene("pendulum").solver().smoothed(0.1))
+    assert "\n" not in str(refused.value)
