@@ -13,6 +13,7 @@ from export_cases import moved, planar
 
 import pinfric as pf
 from pinfric.errors import PinfricError
+from pinfric.exporting.engines import shortfalls
 
 
 def mimic():
@@ -100,6 +101,16 @@ def test_a_file_says_in_its_head_what_its_engines_do_not_do(ur5, to, lines):
         assert re.search(line.format(**figures), head), line
         if to == "sdf" and "Drake" in line:
             assert f"{drag:.3g} N m where" in head
+
+
+def test_a_figure_in_the_head_is_of_the_joint_where_it_is_largest(ur5):
+    joints = ur5[2].joints
+    most = np.eye(6)
+    for k, joint in enumerate(joints):
+        (*_, rotor) = shortfalls("urdf", joints, 1.5 * most[k], 0.0 * most[k])
+        assert f"no rotor inertia, 1.5 kg m^2 ({joint.joint})" in rotor
+        creeps, *_ = shortfalls("mjcf", joints, most[k], 2.5 * most[k])
+        assert f"creeps, at its limit by 2.5 rad/s ({joint.joint})" in creeps
 
 
 def test_the_object_says_what_it_is(ur5):

@@ -325,6 +325,7 @@ HOLDS = {
     "connect": ('<connect body1="wrist_3_link" body2="world" anchor="0 0 0.05"/>', False),
     "weld": ('<weld body1="wrist_3_link" body2="upper_arm_link"/>', False),
     "rope": (ROPE.format('limited="true" range="0 0.5"'), True),
+    "rubbing rope": (ROPE.format('frictionloss="20"'), True),
 }
 
 
@@ -350,6 +351,8 @@ def test_what_holds_a_link_loads_its_joints(kind):
     passing = (friction.wrench(data)[:, 3:] * axes).sum(axis=1)
     np.testing.assert_allclose(passing, torque, atol=1e-10)
     assert beside > 5.0
+    sticks = np.abs(data.efc_force[rows]) < (1.0 - 1e-12) * data.efc_frictionloss[rows]
+    assert friction.sticking(data).tolist() == sticks.tolist()  # a rope's friction is no joint's
     assert (np.abs(data.efc_force[rows]) <= limit[data.efc_id[rows]] + 1e-9).all()
 
 
@@ -605,3 +608,27 @@ def test_a_menagerie_mjcf_is_the_scene_and_the_model(tmp_path, fingers):
     assert friction.limit(data).tolist() == [4.0, *[0.3] * (2 * fingers)]
     assert friction.model.dof_armature.tolist() == [0.1] * 3
     assert abs(data.qpos[0]) > 0.01
+
+
+@pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=needs_compiler)])
+def test_no_gear_carries_what_a_stop_does(compiled):
+    """Pressed against either stop by the same torque a joint has the same limit of friction."""
+    model = chain(("hinge", pin.JointModelRZ(), lump(3.0, [0.5, 0.0, 0.0], 0.1)))
+    model.lowerPositionLimit[:], model.upperPositionLimit[:] = -0.5, 0.5
+    model.addBodyFrame("bar", 1, pin.SE3.Identity(), 0)
+    gear = {"ratio": 50.0, "efficiency": 0.6, "back_efficiency": 0.4, "rotor_inertia": 1e-4}
+    drives = [{"joint": "hinge", "transmission": gear}]
+    scene = pf.Scene(model, friction={"hinge": {"coulomb": 1.0}}, actuators=drives)
+    friction = pf.mujoco_friction(scene, mujoco.MjSpec.from_string(pf.export(scene).text))
+    found = []
+    for side in (-1.0, 1.0):
+        data = mujoco.MjData(friction.model)
+        data.qpos[:], data.ctrl[:] = 0.501 * side, 0.4 * side  # 20 N m at the joint
+        friction.start(data)
+        with friction.installed() if compiled else nullcontext():
+            for _ in range(200):
+                mujoco.mj_step(friction.model, data) if compiled else friction.step(data)
+        assert data.nl == 1
+        assert abs(data.efc_force[-1]) > 5.0
+        found.append(data.efc_frictionloss[0])
+    assert found[1] == pytest.approx(found[0], rel=1e-9)
