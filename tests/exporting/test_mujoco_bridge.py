@@ -467,14 +467,14 @@ def test_several_robots_in_one_model_step_once(compiled):
     data = mujoco.MjData(both.model)
     alone = [pf.mujoco_friction(scene, made(scene, 1e-3)) for scene in scenes.values()]
     apart = [mujoco.MjData(friction.model) for friction in alone]
-    torque = lambda t: 2.0 * random_motion(slider(), 3)[1](t)  # noqa: E731
+    torque = random_motion(slider(), 3)[1]
     for friction, now in zip((both, *alone), (data, *apart), strict=True):
-        now.ctrl[:] = torque(0.0)
+        now.ctrl[:] = 2.0 * torque(0.0)
         friction.start(now)
     with both.installed() if compiled else nullcontext():
         for k in range(300):
             for friction, now in zip((both, *alone), (data, *apart), strict=True):
-                now.ctrl[:] = torque(k * 1e-3)
+                now.ctrl[:] = 2.0 * torque(k * 1e-3)
                 if compiled and friction is both:
                     mujoco.mj_step(both.model, data)
                 else:
