@@ -54,8 +54,8 @@ BAD_INPUT, INTERNAL_ERROR, INTERRUPTED = 2, 70, 130
 
 #: Files that a command writes with --out, by name.
 Files = dict[str, Callable[[Path], object]]
-#: What `size --out` writes for the commands that follow.
-SIZED = "sized.scene.yaml", "sized.urdf", "motors.yaml"
+#: What `size --out` writes where drives are chosen.
+CHOSEN = "bom.csv", "sized.scene.yaml", "sized.urdf", "motors.yaml"
 
 app = typer.Typer(
     name="pinfric",
@@ -320,7 +320,7 @@ def size(
     """
     by_scene = _by_scene(_cycles(trajectory_name, cycle, rating is not None))
     given = by_scene.pop("")
-    names = "sizing.json", "report.html", "bom.csv", *SIZED
+    names = "sizing.json", "report.html", *(CHOSEN if catalog is not None else ())
     first, later = (given[0][0] if given else None), [name for name, _ in given[1:]]
     others = [*by_scene, *(name for cycles in by_scene.values() for name, _ in cycles)]
     scene, trajectory = load(scene_name, first, log, out, names, [*later, *others, catalog])
@@ -378,7 +378,7 @@ def size(
         verdict=partial(verdict, report),
         name="sizing.json",
         scene=report.given.source,
-        names=names,
+        outdated=("report.html", *CHOSEN),
     )
     report.check()  # what does not fit is the last line, and the exit code (2)
 

@@ -255,7 +255,7 @@ def answer(
     verdict: Callable[[], str] | None = None,
     name: str = "summary.json",
     scene: str = "",
-    names: Iterable[str] = (),
+    outdated: Iterable[str] = (),
 ) -> None:
     """Write what a command found into a folder, all files or none, and print it.
 
@@ -269,7 +269,7 @@ def answer(
         verdict: makes the line that --quiet prints in place of the tables; None: it prints them.
         name: of the JSON there.
         scene: its file.
-        names: of all files that the command may write: of an earlier run they do not stay.
+        outdated: names of files that do not stay of an earlier run, where this one has none.
     """
     from pinfric.show.report.envelope import envelope
 
@@ -285,7 +285,7 @@ def answer(
             say("report.html is left out: it needs jinja2: pip install 'pinfric[report]'")
         with working(f"writing {out}"):
             made = {**files, name: write_summary}
-            written = write_folder(out, made, [other for other in names if other not in made])
+            written = write_folder(out, made, [other for other in outdated if other not in made])
         say(f"wrote {', '.join(map(str, written))}")
     if as_json:
         show(summary)

@@ -66,13 +66,14 @@ def write_folder(
     Args:
         folder: where they go.
         writers: name -> what writes that file.
-        outdated: names of files of an earlier run that contradict these ones: they are removed.
+        outdated: names of files of an earlier run that contradict these ones: they are removed,
+            but not what somebody else wrote or changed, nor an input of the command.
 
     Raises:
         PinfricError: the folder or a file in it cannot be written.
     """
-    folder, outdated = Path(folder), list(outdated)
-    check_writable(folder, [*writers, *outdated])
+    folder = Path(folder)
+    check_writable(folder, writers)
     made = [p for p in (folder, *folder.parents) if not p.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -82,8 +83,7 @@ def write_folder(
             with _locked(folder, os.O_RDONLY, wait=True):  # the record is one for all runs
                 recorded = _write_record(unfinished, folder, writers)
                 _put_in_place(unfinished, folder, [*writers, *recorded])
-                for name in outdated:
-                    (folder / name).unlink(missing_ok=True)
+                _remove_outdated(folder, outdated)
     except OSError as problem:
         raise PinfricError(f"{folder}: cannot be written: {problem.strerror or problem}") from None
     except UnicodeEncodeError as problem:
@@ -213,7 +213,7 @@ def check_writable(folder: str | Path, names: Iterable[str] = ()) -> None:
     known = _recorded(folder)
     for name in names:
         file = folder / name
-        if file.is_file() and (name not in known or known[name] != file_hash(file)):
+        if file.is_file() and not _as_written(file, known):
             why = "was changed since pinfric wrote it" if name in known else "is there already"
             raise PinfricError(f"{file}: {why}; name another place, or replace it: --overwrite")
 
@@ -225,6 +225,20 @@ def _same_file(file: Path, inputs: Iterable[Path]) -> Path | None:
             if os.path.samefile(source, file):
                 return source
     return None
+
+
+def _as_written(file: Path, known: Mapping[str, str]) -> bool:
+    """Whether a file is as a command wrote it."""
+    return file.name in known and known[file.name] == file_hash(file)
+
+
+def _remove_outdated(folder: Path, names: Iterable[str]) -> None:
+    """Remove what earlier commands wrote, and nothing else; --overwrite removes no more."""
+    known, command = _recorded(folder), running()
+    for file in (folder / name for name in names):
+        ours = file.is_file() and _as_written(file, known)
+        if ours and command is not None and _same_file(file, command.inputs) is None:
+            file.unlink()
 
 
 def _recorded(folder: Path) -> dict[str, str]:
