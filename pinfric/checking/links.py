@@ -11,7 +11,7 @@ from pinfric.checking.findings import Finding, Severity
 from pinfric.checking.robot import BEYOND, SHAPE_OVER_REACH, LinkFacts, RobotFacts
 from pinfric.checking.robot_masses import WHOLE, mass_findings
 from pinfric.model.mistaken_units import INERTIAS, LENGTHS, MASSES, Unit, in_unit, likely_unit
-from pinfric.model.total_mass import FARTHEST
+from pinfric.model.total_mass import doubted_reach
 from pinfric.model.urdf import implausible_body
 
 #: The joints of a robot are no closer (m).
@@ -62,16 +62,15 @@ def link_findings(facts: RobotFacts) -> Iterator[Finding]:
 
 def _whole_robot(facts: RobotFacts) -> Iterator[Finding]:
     reach = facts.reach
-    if reach > FARTHEST:
-        unit = likely_unit(LENGTHS, lambda size: 0.05 < size * reach < 20.0)
+    if doubt := doubted_reach(reach):
         yield Finding(
             Severity.ERROR,
             "lengths",
             "robot",
-            f"its joints reach {reach:.3g} m",
-            "no robot is so large; all lengths look wrong",
-            in_unit(unit, "m", reach),
-            reach / FARTHEST,
+            doubt.found,
+            doubt.why,
+            doubt.if_unit,
+            doubt.excess,
         )
     elif 0.0 < reach < _NEAREST:
         yield Finding(
@@ -82,7 +81,7 @@ def _whole_robot(facts: RobotFacts) -> Iterator[Finding]:
             "so small a robot is rare; are all lengths 1000 times too small?",
             excess=_NEAREST / reach,
         )
-    if reach <= FARTHEST:
+    if doubt is None:
         yield from mass_findings(facts)
 
 

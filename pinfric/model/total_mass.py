@@ -15,7 +15,7 @@ import pinocchio as pin
 from pinfric.model.mistaken_units import LENGTHS, MASSES, in_unit, likely_unit
 
 #: A robot reaches no farther, m.
-FARTHEST = 50.0
+_FARTHEST = 50.0
 #: Moving mass over the cube of the way, kg/m^3: Kinova's Jaco, the lightest arm made, has 3.2 in
 #: its URDF. Of robots with fewer joints, or a shorter way (m), that is not known.
 _LIGHT, _JOINTS, _WAY = 2.0, 3, 0.1
@@ -32,12 +32,13 @@ _USUAL_WAY, _USUAL_HULL = (3.0, 300.0), (300.0, 3000.0)
 
 @dataclass(frozen=True)
 class MassDoubt:
-    """Why the mass of a robot as a whole is doubted.
+    """Why the mass of a robot as a whole, or its lengths, are doubted.
 
     Attributes:
         found, why, if_unit: what it is, why it is implausible, and in which unit it would not be.
         excess: factor beyond the threshold.
         light: it is too light for its way.
+        impossible: no robot can be so; what is computed with such masses is wrong.
     """
 
     found: str
@@ -45,11 +46,7 @@ class MassDoubt:
     if_unit: str
     excess: float
     light: bool
-
-    @property
-    def impossible(self) -> bool:
-        """Whether no robot can be so: what is computed with such masses is wrong."""
-        return self.excess > _FAR
+    impossible: bool
 
     @property
     def text(self) -> str:
@@ -61,12 +58,22 @@ def doubted_mass(model: pin.Model) -> MassDoubt | None:
     """Return why the mass of a loaded robot is doubted as a whole; None: it is not."""
     masses = [body.mass for body in model.inertias]
     moving, way = float(sum(masses[1:])), way_along_joints(model)
-    if way > FARTHEST:
-        unit = likely_unit(LENGTHS, lambda size: 0.05 < size * way < 20.0)
-        why = "no robot is so large; all lengths look wrong"
-        found = f"its joints reach {way:.3g} m"
-        return MassDoubt(found, why, in_unit(unit, "m", way), 2 * _FAR, False)
-    return doubted_total(moving, moving + masses[0], way, model.njoints - 1)
+    total = moving + masses[0]
+    return doubted_reach(way) or doubted_total(moving, total, way, model.njoints - 1)
+
+
+def doubted_reach(reach: float) -> MassDoubt | None:
+    """Return why lengths, and with them every mass, are doubted; None: they are not.
+
+    Args:
+        reach: m, along the joints.
+    """
+    if reach <= _FARTHEST:
+        return None
+    unit = likely_unit(LENGTHS, lambda size: 0.05 < size * reach < 20.0)
+    why = "no robot is so large; all lengths look wrong"
+    found, mistaken = f"its joints reach {reach:.0f} m", in_unit(unit, "m", reach)
+    return MassDoubt(found, why, mistaken, reach / _FARTHEST, light=False, impossible=True)
 
 
 def doubted_total(
@@ -105,7 +112,8 @@ def doubted_total(
         return by_way and by_hull
 
     unit = likely_unit(MASSES, explains)
-    return MassDoubt(found, "; ".join(said), in_unit(unit, "kg", moving), excess, light)
+    mistaken = in_unit(unit, "kg", moving)
+    return MassDoubt(found, "; ".join(said), mistaken, excess, light, impossible=excess > _FAR)
 
 
 def way_along_joints(model: pin.Model) -> float:

@@ -53,7 +53,7 @@ class InverseSummary:
     elasticity: ElasticSummary | None = quantity("effects of elastic gears; none: all are rigid")
     massless: tuple[str, ...] = quantity("joints that move no mass: their efforts are friction")
     hanging: str = quantity("that its legs hang by a fixed base, and how to let it stand; or empty")
-    mass_doubt: str = quantity("why no robot can weigh what this one does; empty: it can")
+    mass_doubt: str = quantity("why no robot can have these masses or lengths; or empty")
 
 
 def inverse_summary(

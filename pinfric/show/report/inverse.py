@@ -102,7 +102,7 @@ def verdict(result: InverseResult, found: InverseSummary) -> str:
         moves = "moves" if len(found.massless) == 1 else "move"
         within += f"; {', '.join(found.massless)} {moves} no mass: friction only"
     if found.mass_doubt:
-        within = f"no robot weighs so little or so much: {found.mass_doubt}"
+        within = f"no robot is so: {found.mass_doubt}"
     narrow = f"; {counted(found.too_narrow, 'sample')} whose intervals may be too narrow"
     hanging = f"; {found.hanging}" if found.hanging else ""
     return f"{solved}; {within}" + narrow * (found.too_narrow > 0) + hanging
