@@ -157,13 +157,13 @@ def _fits(found: Estimate) -> list[Fit]:
         log_of[rows.block] = rows.log
     slots = problem.slots(found.choice.laws)
     alone = [problem.normal(log_of == log) for log in range(len(found.prepared))]
-    fits = [found.fit]
-    for own in alone:
-        try:
-            fits.append(FrictionNormalEquations(own, problem.prior).fit(slots))
-        except np.linalg.LinAlgError:  # nothing slides in it
-            fits.append(found.fit)
-    return fits
+    return [
+        found.fit,
+        *(
+            FrictionNormalEquations(own, problem.prior).fit(slots) if own.rows else found.fit
+            for own in alone
+        ),
+    ]
 
 
 def _identified(found: Estimate, unseen: Sequence[Recording], seed: int) -> Identified:
