@@ -170,10 +170,10 @@ def check_gravity(
         if abs(scale - 1.0) > _OTHER_GRAVITY + reach and name not in given:
             problems.append(
                 f"joint {name}: its effort holds {scale:.3g} +- {reach:.2g} times the gravity of "
-                "the masses that --inertia keep keeps: are its unit, gear ratio, or the masses "
-                f"wrong, or is it balanced by a spring? Give the factor to N m by --gain "
-                f"{name}=FACTOR ({name}=1 if it is in N m), or let masses be corrected: --inertia "
-                "consistent"
+                "the URDF's masses, which --inertia keep holds fixed: are its unit, gear ratio, or "
+                "the masses wrong, or is it balanced by a spring? Give the factor to N m by "
+                f"--gain {name}=FACTOR ({name}=1 if it is in N m), or let masses be corrected: "
+                "--inertia consistent"
             )
     if problems:
         raise IdentificationError(problems_line(scene.source, problems))
