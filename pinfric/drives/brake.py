@@ -424,6 +424,8 @@ def _torque(
         note = "" if strongest is None else f"{list(brakes)[-1]}, the strongest"
         return compare(BRAKE, wanted, strongest, "N m", formula, _SOURCE, missing, note, said)
     note = "no brake of the catalogue holds it" if brakes and wanted else ""
+    if chosen and wanted and not brakes:
+        note = f"{_NO_BRAKE}: without power its load moves it"
     return Criterion(
         BRAKE, Status.NOT_REQUIRED, wanted, strongest, "N m", None, formula, _SOURCE, note
     )

@@ -21,6 +21,8 @@ from pinfric.drives.policy import Conditions
 from pinfric.drives.robot import Robot
 from pinfric.errors import SizingError
 from pinfric.model.schema import Assumed, Measured
+from pinfric.show.report.drives import brake_line
+from pinfric.sizing.summary import sizing_summary
 
 MASS, LENGTH, G = 2.0, 0.6, 9.81
 MU, RADIUS = 0.3, (0.05, 0.7)  # of the pins' friction circles: the second joint's is large
@@ -150,7 +152,11 @@ def test_a_brake_that_is_required_of_a_catalogue_without_any_fails(tmp_path):
     assert re.search(says, "; ".join(report.verdict.failing))
     with pytest.raises(SizingError, match="has no brakes, and joint_1, joint_2 would"):
         report.check()
-    assert sized(tmp_path, (), "any").verdict.failing == ()
+    wanted = sized(tmp_path, (), "any")
+    assert wanted.verdict.failing == ()
+    (line,) = brake_line(sizing_summary(wanted))  # on the first screen: both fall
+    assert line.startswith("joint_1, joint_2: the catalogue has no brake that goes with this motor")
+    assert line.endswith("without power its load moves it")
 
 
 def test_of_brakes_with_equal_torque_the_lightest_is_taken():
