@@ -495,11 +495,14 @@ def _peak_turns(d: Drives) -> float:
 
 
 def _peaks_per_hour(d: Drives) -> float:
-    """How often an hour the nominal torque is exceeded."""
-    cycle, above = d.case.cycle, _above_rated(d)
-    runs = np.diff(cycle.stretched) / np.diff(cycle.t)  # of the cycle that a sample is in
-    rises = (above[1:] & ~above[:-1]) @ runs + float(above[0] and not above[-1])
-    return float(rises * 3600 / (cycle.stretched[-1] - cycle.stretched[0]))
+    """How often an hour the nominal torque is exceeded; a cycle that begins so follows another."""
+    cycle, above, rises = d.case.cycle, _above_rated(d), 0.0
+    runs, starts = cycle.schedule.repeats, cycle.schedule.starts
+    parts = [(n, above[starts[k] : starts[k + 1]]) for k, n in enumerate(runs) if n]
+    drops = not all(part[-1] for _, part in parts)
+    for n, part in parts:
+        rises += n * float((part[1:] & ~part[:-1]).sum() + (part[0] and drops))
+    return rises * 3600 / float(cycle.stretched[-1] - cycle.stretched[0])
 
 
 def _printed(figure: str) -> Callable[[Drives], bool]:

@@ -138,6 +138,10 @@ def test_the_peaks_of_planetary_gears_are_counted_as_their_makers_count_them(tmp
     assert found[None].status == Status.FAILS
     times = criterion(joint, "gear peaks per hour")
     assert (times.required, times.available) == pytest.approx((3600 / CYCLE, 1e3))
+    scene = turntable()
+    half = pf.Duty([(trapezoid(scene), 1.0)], on=0.5)  # switched off the other half of the time
+    found_ = pf.size(scene, half, one_drive(tmp_path, None, gear), on_miss="ignore").joints[0]
+    assert criterion(found_, times.name).required == pytest.approx(1800 / CYCLE, rel=1e-3)
     strong = sized(tmp_path, gear=gear | {"rated_torque": 16.0})
     rows = [criterion(strong, name) for name in (found[None].name, times.name)]
     assert [(row.required, row.status) for row in rows] == [(0.0, Status.PASSES)] * 2

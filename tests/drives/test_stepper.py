@@ -15,10 +15,12 @@ from sizing_cases import (
     RATE,
     one_drive,
     sized_cycle,
+    trapezoid,
     turntable,
     write_catalog,
 )
 
+import pinfric as pf
 from pinfric.drives.catalog import Stepper
 from pinfric.drives.criterion import Status
 from pinfric.drives.rules import pull_out_torque
@@ -117,6 +119,29 @@ def test_a_stepper_is_judged_at_every_speed_by_its_curve(tmp_path):
     assert rows["bus voltage"].available == 60.0
     hot, _ = sized(tmp_path, CURVE, ambient=50.0, pull_out_factor=2.0)
     assert hot.choice is not None
+
+
+def test_a_stepper_that_is_switched_off_is_not_heated(tmp_path):
+    scene, moving = turntable(), (CYCLE - PAUSE) / CYCLE
+    path = one_drive(tmp_path, dict.fromkeys(NONE) | {"stepper": CURVE})
+    (joint,) = pf.size(scene, pf.Duty([(trapezoid(scene), 1.0)], on=0.5), path).joints
+    heat = next(c for c in joint.choice.criteria if c.name == "stepper winding")
+    assert heat.required == pytest.approx(40 * (moving + 0.25 * (1 - moving)), rel=5e-3)
+
+
+def test_no_stepper_is_ruled_out_that_bears_a_sample(tmp_path):
+    """What the search takes of a sample is its share, above by nothing; at rest of what is held."""
+    stepper = CURVE | {
+        "pull_out": [[0.0, 0.2], [100.0, 0.7], [200.0, 0.5]],
+        "standstill_current": 1,
+    }
+    (joint,) = report_of(tmp_path, stepper).joints
+    search, torque = joint.search, 0.13
+    (block,) = (block for block in search.shelf.blocks if block.steppers)
+    for speed, most in ((0.0, 0.9), (50.0, 0.45), (150.0, 0.6), (-150.0, 0.6)):
+        sample = np.full((1, 1), 0.1), np.full((1, 1), 0.03), np.full((1, 1), speed)
+        (share,) = search._least_pull_out(block, [sample])[0]
+        assert 0.999 * torque / most < share <= torque / most
 
 
 def test_at_rest_half_of_the_holding_torque_is_left(tmp_path):
