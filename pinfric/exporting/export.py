@@ -235,12 +235,13 @@ def export(
     result, name = _along(scene, trajectory)
     joints, left_out = joint_constants(result, columns, tuple(form.terms)), _left_out(scene, to)
     lines = {joint.joint: joint_line(joint, form) for joint in joints}
-    mobility, rotors = _mobility(scene, joints), rotor_inertias(scene)
-    notes = _loads(scene, result)
+    notes, creep = _loads(scene, result), np.zeros(len(joints))
     if to == "mjcf":
+        mobility = _mobility(scene, joints)
         notes += _soft(scene, result, joints, mobility)
-    creep = [creep_velocity(j.frictionloss, A) for j, A in zip(joints, mobility, strict=True)]
-    notes += shortfalls(to, joints, rotors, np.array(creep))
+        found = zip(joints, mobility, strict=True)
+        creep = np.array([creep_velocity(joint.frictionloss, A) for joint, A in found])
+    notes += shortfalls(to, joints, rotor_inertias(scene), creep)
     header = [
         f"{file_name(scene.source)} for {form.title}, written by pinfric.",
         "Friction is given by constants, fitted to the motor's torque times the ratio, less that "
