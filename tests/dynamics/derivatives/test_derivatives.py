@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import random_friction, random_states, random_tree
+from builders import chain, dry, lump, random_friction, random_states, random_tree
 
 import pinfric as pf
 from pinfric.errors import SceneError, StateError
@@ -168,6 +168,55 @@ def test_a_mimic_joint_adds_to_its_leader():
     check_inverse(panda(), 4, MODES["slip"])
 
 
+#: Friction, gear and velocity of the second of two sliders.
+RARE = {
+    "pads that stay on the parent": (
+        {
+            "bearing": {"kind": "guide", "length": 0.2, "width": 0.1, "on": "parent"},
+            "mu": {"static": 0.3, "kinetic": 0.2},
+        },
+        None,
+        0.4,
+    ),
+    "creep": (dry(2.0, 1.0) | {"viscous": 3.0}, None, 0.02),
+    "losses that grow with speed": (
+        {"viscous": 3.0},
+        {
+            "ratio": 50.0,
+            "efficiency": {"load": 20.0, "over_speed": [[5.0, 0.8], [50.0, 0.6]]},
+            "back_efficiency": "same_loss",
+        },
+        0.4,
+    ),
+    "a worm that turns while its joint rests": (dry(30.0, 20.0), WORM, 0.0),
+}
+
+
+@pytest.mark.parametrize("follows", [1.0, -0.7])
+@pytest.mark.parametrize("case", RARE.values(), ids=RARE)
+def test_what_random_arms_seldom_meet(case, follows):
+    """Each beside a coupled drive, and of a joint that follows another."""
+    friction, gear, speed = case
+    model = chain(
+        ("a", pin.JointModelPX(), lump(2.0, (0.1, 0.2, 0.1))),
+        ("b", pin.JointModelPY(), lump(1.0, (0.3, 0.1, 0.2))),
+        ("c", pin.JointModelRX(), lump(1.5, (0.2, 0.1, 0.3), 0.1), (0.1, 0.2, 0.3)),
+    )
+    if follows < 0.0:
+        model = pin.transformJointIntoMimic(model, 1, 2, follows, 0.1)
+    names = "abc" if follows > 0.0 else "ac"
+    drives = [{"joint": n, "transmission": None if n == "c" else gear} for n in names]
+    drives[-2]["couples"] = {"c": -0.3}
+    scene = pf.Scene(model, friction={"b": friction}, actuators=drives, stick_velocity=0.05)
+    v, a = np.linspace(0.7, 0.9, model.nv), np.linspace(-0.4, 0.6, model.nv)
+    v[-2] = speed / abs(follows)
+    state = np.linspace(0.2, 0.4, model.nq), v, a
+    solver = scene.solver()
+    found = blocks(solver.inverse_derivatives(*state))
+    rests = np.outer(v == 0.0, v == 0.0)
+    assert_close(found, ends_of(solver), model, state, 1e-8, rests)
+
+
 def test_a_payload_and_a_wrench_from_outside_are_carried():
     scene = pf.load_scene("ur10")
     link = scene.model.frames[-1].name
@@ -215,10 +264,7 @@ def test_loads_are_those_of_the_opened_twin(seed):
         for s, site in enumerate(scene.sites):
             judge = x.gradient[s] @ dw[n][site.joint]
             if n == 0:
-                judge[site.velocity_index] += x.by_place[s] * (
-                    site.friction.bearing.roll_lever is not None
-                    and scene.site_tables.contacts.moves[s]
-                )
+                judge[site.velocity_index] += x.by_place[s]  # judged by differences above
             scale = max(np.abs(dw[n][site.joint]).max() * np.abs(x.gradient[s]).max(), 1e-300)
             np.testing.assert_allclose(x.change[n, nf + s], judge, rtol=0, atol=1e-13 * scale)
 
