@@ -156,7 +156,7 @@ def choose(problem: Problem) -> Choice:
         for j, table in enumerate(tables)
     )
     rivals = tuple(
-        not_ruled_out(law, {own: table[own] for own in laws}, judge.rows[j], ways=True)
+        not_ruled_out(law, {own: table[own] for own in laws}, judge.rows[j])
         for j, (law, laws, table) in enumerate(zip(chosen, problem.laws, tables, strict=True))
     )
     return Choice(tuple(chosen), errors, rivals)
@@ -264,21 +264,21 @@ def simplest_adequate_law(errors: Mapping[Law, FloatArray], rows: FloatArray) ->
 
 
 def not_ruled_out(
-    chosen: Law, errors: Mapping[Law, FloatArray], rows: FloatArray, ways: bool
+    chosen: Law, errors: Mapping[Law, FloatArray], rows: FloatArray
 ) -> tuple[Law, ...]:
     """Return the best law of each other load, where held-out rows do not rule it out.
 
-    It is beside the chosen law's Coulomb friction and power of the speed. Ruled out is what is
-    worse by more than two standard errors of the parts' differences.
+    One loss of a gear and two are different loads. It is beside the chosen law's Coulomb friction
+    and power of the speed. Ruled out is what is worse by more than two standard errors of the
+    parts' differences.
 
     Args:
         chosen: the law.
         errors, rows: as in `simplest_adequate_law`.
-        ways: whether one loss of a gear and two losses are different loads.
     """
 
     def load(law: Law) -> tuple[str, bool]:
-        return law.load, ways and law.both_ways
+        return law.load, law.both_ways
 
     def beside(law: Law) -> tuple[bool, float | None, bool]:
         return law.coulomb, law.exponent, law.stribeck

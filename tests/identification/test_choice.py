@@ -20,7 +20,12 @@ from identify_cases import (
 
 import pinfric as pf
 from pinfric.errors import IdentificationError
-from pinfric.identification.choice import free_errors, held_out_parts, simplest_adequate_law
+from pinfric.identification.choice import (
+    free_errors,
+    held_out_parts,
+    not_ruled_out,
+    simplest_adequate_law,
+)
 from pinfric.identification.laws import Law, candidates
 
 #: What a UR10's held-out errors may be beside those of Coulomb and viscous friction.
@@ -72,6 +77,15 @@ def test_of_laws_that_are_as_good_the_viscous_one_is_taken():
     errors = {Law(exponent=p): total / 4 + (0.1 + p) * noise for p, total in powers.items()}
     assert simplest_adequate_law(errors, rows) == Law()
     assert simplest_adequate_law(errors | {Law(): np.full(4, 40.0)}, rows) == Law(exponent=0.8)
+
+
+def test_other_loads_and_two_losses_stay_unless_they_are_clearly_worse():
+    chosen, both = Law(load="gear"), Law(load="gear", both_ways=False)
+    noise, rows = np.array([-1.0, 1.0, -1.0, 1.0]), np.full(4, 100.0)
+    worse = {Law(): 1.0, Law(load="bearing"): 3.0, both: 0.5, Law(load="bearing", exponent=0.5): 0}
+    errors = {chosen: np.full(4, 9.0)} | {law: 9.0 + x + noise for law, x in worse.items()}
+    # 2 standard errors of the sum are 2 sqrt(4 * 4/3) = 4.6; the last has another power
+    assert not_ruled_out(chosen, errors, rows) == (both, Law())
 
 
 def test_a_fall_is_offered_where_a_scene_can_state_it():

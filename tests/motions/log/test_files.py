@@ -15,6 +15,7 @@ from log_cases import (
 
 import pinfric as pf
 from pinfric.errors import PinfricWarning, TrajectoryError
+from pinfric.motions.log.csv_file import open_csv
 from pinfric.motions.log.frame import MOST_ROWS, check_size
 
 
@@ -38,6 +39,20 @@ def test_gzipped_files_with_a_mapping_beside_them(tmp_path):
         ) as caught:
             pf.load_trajectory(tmp_path / "log.csv.gz", arm())
         assert "\n" not in str(caught.value)
+
+
+def test_joints_of_one_row_each_stand_in_any_order_and_may_lack_one(tmp_path):
+    rows = [f"{k / 100},{joint},{k}{joint == 'b':d}" for k in range(300) for joint in "ab"]
+    rows[2:4] = rows[3:1:-1]
+    del rows[10]  # a at the sixth time
+    file = tmp_path / "log.csv"
+    file.write_text("\n".join(["time,joint,position", *rows]))
+    log, problems = open_csv(file), []
+    assert log.header == ["time", "a/position", "b/position"]
+    a, b = log.read(["a/position", "b/position"], problems).values.T
+    assert problems == []
+    expected = [10 * k for k in range(300) if k != 5]
+    assert (a.tolist(), b.tolist()) == (expected, [x + 1 for x in expected])
 
 
 def test_matlab_files_with_a_mapping(tmp_path):
