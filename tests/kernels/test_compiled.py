@@ -208,10 +208,10 @@ def test_what_is_left_to_compile_is_what_a_root_reaches_and_the_cache_lacks(monk
     said.begin(here["root"], "")
     said.on_start(None)
     said._began -= 8.0
-    assert re.fullmatch(r"compiling kernels: 0 done in 8 s, 8 to go", said.line())
+    assert re.fullmatch(r"compiling kernels: 0 done in 8 s, 8 to go in this step", said.line())
     said.end(names["k0"].py_func, compiled=False)  # found in the cache
     said.end(names["k1"].py_func, compiled=True)
     left = len(here["root"].__code__.co_code) / len(names["k1"].py_func.__code__.co_code) + 5
-    assert said.line() == f"compiling kernels: 1 done in 8 s, 6 to go, about {8 * left:.0f} s"
+    assert said.line() == f"compiling kernels: 1 done in 8 s, 6 to go in this step, about {8 * left:.0f} s"
     said.on_end(None)
     assert "0 to go" in said.line()

@@ -356,6 +356,23 @@ def test_forward_of_random_arms_against_differences(seed, rest, motors):
     check_forward(scene_of(seed, mild=0.1, worm=False), seed, rest, motors)
 
 
+def test_a_joint_that_moves_no_mass_stays_and_moves_nothing():
+    """Without friction no mode holds it; differences are of the scene without it."""
+    links = [(n, pin.JointModelRY(), lump(2.0, (0.2, 0.01, 0.0), 0.05)) for n in ("a", "b")]
+    friction = {n: dry(0.5, viscous=0.2) for n in ("a", "b")}
+    tip = ("tip", pin.JointModelRX(), pin.Inertia.Zero())
+    q, v, u = np.array([0.3, 0.5, 0.2]), np.array([0.4, -0.6, 0.0]), np.array([15.0, 4.0, 0.0])
+    whole, bare = (
+        pf.Scene(model=chain(*links, *more), friction=friction).with_(gravity=[0.0, 0.0, -9.81])
+        for more in ((tip,), ())
+    )
+    found = whole.solver().forward_derivatives(q, v, u)
+    judge = bare.solver().forward_derivatives(q[:2], v[:2], u[:2])
+    for one, other in zip(found[:3], judge[:3], strict=True):
+        assert np.abs(one[:2, :2] - other).max() < 1e-12 * np.abs(other).max()
+        assert (one[2] == 0.0).all()
+
+
 def test_bad_input_is_refused_in_one_line():
     solver = pf.load_scene("four_bar").solver()
     nothing = [np.zeros(n) for n in (solver.scene.model.nq, *[solver.scene.model.nv] * 2)]
