@@ -62,7 +62,8 @@ class CompileProgress(event.Listener):
     def line(self) -> str:
         """Return how far it is."""
         seconds, left = self._seconds + time.monotonic() - self._began, dict(self._left)
-        said = f"compiling kernels: {self._count} done in {seconds:.0f} s, {len(left)} to go in this step"
+        done = f"{self._count} done in {seconds:.0f} s"
+        said = f"compiling kernels: {done}, {len(left)} to go in this step"
         if len(left) < _FEW or not self._done:
             return said
         return f"{said}, about {seconds * sum(left.values()) / self._done:.0f} s"
