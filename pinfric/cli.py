@@ -320,7 +320,7 @@ def size(
     """
     by_scene = _by_scene(_cycles(trajectory_name, cycle, rating is not None))
     given = by_scene.pop("")
-    names = "sizing.json", "report.html", *(CHOSEN if catalog is not None else ())
+    names = "sizing.json", "report.html", *CHOSEN
     first, later = (given[0][0] if given else None), [name for name, _ in given[1:]]
     others = [*by_scene, *(name for cycles in by_scene.values() for name, _ in cycles)]
     scene, trajectory = load(scene_name, first, log, out, names, [*later, *others, catalog])
