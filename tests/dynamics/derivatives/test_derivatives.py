@@ -8,7 +8,7 @@ import pytest
 from builders import chain, dry, lump, random_friction, random_states, random_tree
 
 import pinfric as pf
-from pinfric.errors import SceneError, StateError
+from pinfric.errors import AmbiguousAcceleration, SceneError, StateError
 from pinfric.model.couples import rate_rows, reaches
 from pinfric.model.friction_terms import STEEP
 from pinfric.model.robot import example_robot_data
@@ -313,7 +313,10 @@ def forward_case(scene, seed, rest, motors):
 
 def check_forward(scene, seed, rest, motors, tolerance=1e-7):
     solver, model, state, name = forward_case(scene, seed, rest, motors)
-    found = solver.forward_derivatives(*state[:2], **{name: state[2]})
+    try:
+        found = solver.forward_derivatives(*state[:2], **{name: state[2]})
+    except AmbiguousAcceleration:
+        pytest.skip("several accelerations obey the laws here, so there is no derivative")
     modes, still = found.modes.copy(), np.abs(state[1]) <= 1e-6
     unit = np.abs(state[2]).max()
     derivatives = [
