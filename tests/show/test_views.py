@@ -127,6 +127,20 @@ def test_summary_of_a_motion_is_the_slides_closed_form():
     assert (row["peak"], row["rms"], row["work"], row["unit"]) == (0.0, 0.0, 0.0, "N")
 
 
+def test_summary_of_an_instant_is_the_slides_closed_form():
+    """A 2 kg block that slides backward on mu 0.3; it has no names, so it takes the scene."""
+    slope = sliding_block(plane_friction(0.5, 0.3))
+    found = pf.forward_dynamics(slope, [0.0], [-1.0], [0.0])
+    row = found.summary(slope).loc["slide"]
+    assert row["mode"] == "slips backward"
+    assert (row["friction"], row["normal_load"]) == pytest.approx((0.3 * 2 * 9.81, 2 * 9.81))
+    batch = pf.Instant(*(np.array([field, field]) for field in found))
+    with pytest.raises(StateError, match=r"here are 2; pf\.Instant"):
+        batch.summary(slope)
+    with pytest.raises(StateError, match="it has 6 joints with friction, this instant 1"):
+        found.summary(pf.load_scene("ur10"))
+
+
 def test_summary_of_a_sweep_has_its_percentiles():
     found = swept_panda()
     joint = in_json(sweep_summary(found))["joints"][1]

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import pytest
-from cli_cases import results_in, told
+from cli_cases import ROOT, results_in, told
 from envelopes import result_of
 from printed import assert_printed
 from stop_cases import ARM, arm, turntable
@@ -411,3 +412,13 @@ def test_the_result_shows_itself(found):
     assert table.travel.min() > 0.0
     assert len(found.plot().axes) == 4
     assert "category 0" in repr(found)
+
+
+@pytest.mark.slow
+def test_the_guide_prints_what_the_bundled_scene_gives(capsys):
+    """In 80 columns, as a reader sees it who types the line above."""
+    page = (ROOT / "notebooks/guide/stop.md").read_text(encoding="utf-8")
+    typed, printed = re.search(
+        r"```bash\npinfric (stop [^\n]*)\n```\n\n```text\n(.*?)```", page, re.S
+    ).groups()
+    assert printed in told(capsys, *typed.split()).out

@@ -10,7 +10,7 @@ friction, from Pinocchio's figures at the state. The rest is the small coupled p
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -23,7 +23,13 @@ from pinfric.dynamics.samples.reactions import AppliedWrench, applied_wrenches
 from pinfric.dynamics.samples.states import States, one_of, vector
 from pinfric.errors import PinfricError, StateError
 from pinfric.model.brief import counted, screen
+from pinfric.model.described import EFFORT
 from pinfric.model.scene import Scene, expect_scene
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_MODES = {-1: "slips backward", 0: "sticks", 1: "slips forward"}
 
 
 class Instant(NamedTuple):
@@ -64,6 +70,38 @@ class Instant(NamedTuple):
     effort: np.ndarray
     driving: np.ndarray
     answers: int
+
+    def summary(self, scene: Scene) -> pd.DataFrame:
+        """Return a row for each joint with friction: `mode` in words, `friction`, `normal_load`.
+
+        Args:
+            scene: of which it is; an instant holds numbers only.
+
+        Raises:
+            StateError: a batch of states, or of another scene.
+        """
+        import pandas as pd
+
+        if np.ndim(self.a) > 1:
+            raise StateError(
+                f"a table is of one state, and here are {len(self.a)}; "
+                "pf.Instant(*(field[k] for field in found)) is the one of sample k"
+            )
+        expect_scene(scene, "summary")
+        names = scene.site_names
+        if (np.size(self.a), len(self.modes)) != (scene.model.nv, len(names)):
+            raise StateError(
+                f"{scene.source}: another scene; it has {counted(len(names), 'joint')} "
+                f"with friction, this instant {len(self.modes)}"
+            )
+        modes = [
+            "slips" if site.ball and mode else _MODES[int(mode)]
+            for site, mode in zip(scene.sites, self.modes, strict=True)
+        ]
+        columns = {"mode": modes, "friction": self.friction, "normal_load": self.normal_load}
+        table = pd.DataFrame(columns, index=pd.Index(names, name="joint"))
+        table.attrs["units"] = {"friction": EFFORT, "normal_load": EFFORT}
+        return table
 
     def __repr__(self) -> str:
         def some(x: np.ndarray) -> str:
