@@ -27,6 +27,8 @@ _TOP, _STRIP, _REST = 3.2, 0.34, 1.9
 #: Pieces of time that strips are drawn in.
 _PIECES = 1400
 _AT_LIMIT = 0.995
+#: A strip's part of its row, its ground, and what is used below a limit.
+_BAND, _ROOM, _USED = 0.84, "#f0f1f4", "#a3a6b3"
 #: Letters of a drive's name.
 _LETTERS = 20
 
@@ -34,9 +36,8 @@ _LETTERS = 20
 def retime_figure(result: RetimeResult) -> Figure:
     """Draw the speed along the path over time under its limit, and below what each drive uses.
 
-    The limit is the speed above which no acceleration along the path is within all limits; the
-    strips are darker the more of its nearest limit a drive uses, and coloured where it holds the
-    motion back.
+    The limit is the speed above which no acceleration along the path is within all limits; a
+    drive's strip is filled as far as it uses its nearest limit, and coloured where it is there.
 
     Args:
         result: of `retime`.
@@ -82,41 +83,39 @@ def retime_figure(result: RetimeResult) -> Figure:
         )
         top.set_title(text, color=QUIET)
         limits = instant_limits()
-        patches = [Patch(color=_colour(k), label=f"at its {limits[k].name}") for k in used]
-        patches.append(Patch(color=(0.45, 0.45, 0.51), label="uses nearly all of a limit"))
+        patches = [Patch(color=_colour(k), label=f"at the limit: {limits[k].name}") for k in used]
+        label = "used part of the drive's nearest limit; a full strip is all of it"
+        patches.append(Patch(color=_USED, label=label))
         figure.legend(handles=patches, loc="outside lower center", ncols=4)
     return figure
 
 
 def _draw_use(axes: Axes, result: RetimeResult) -> list[int]:
-    """A strip for each drive; returns which limits are reached."""
-    from matplotlib.colors import to_rgb
-
+    """A strip for each drive, as high as the used part of its nearest limit; returns those met."""
     t, use = result.trajectory.t, result.usage
     names = [drive.name for drive in result.problem.scene.drives]
     edges = np.linspace(t[0], t[-1], min(_PIECES, len(t)) + 1)
     first = np.searchsorted(t, edges[:-1])
     most = np.maximum.reduceat(use, np.minimum(first, len(t) - 1), axis=0)
     nearest, share = most.argmax(axis=2), np.clip(most.max(axis=2), 0.0, 1.0)
-    grey = 1.0 - 0.55 * share
-    colour = np.stack([grey, grey, np.minimum(grey + 0.06, 1.0)], axis=2)
-    table = np.array([to_rgb(_colour(k)) for k in range(use.shape[2])])
     reached = share > _AT_LIMIT
-    colour[reached] = table[nearest[reached]]
-    axes.spines[:].set_visible(True)
-    axes.imshow(
-        colour.transpose(1, 0, 2),
-        aspect="auto",
-        interpolation="nearest",
-        extent=(t[0], t[-1], len(names) - 0.5, -0.5),
-    )
+    met = sorted(set(nearest[reached].tolist()))
+    for i in range(len(names)):
+        floor = i + 0.5 * _BAND
+        axes.axhspan(i - 0.5 * _BAND, floor, color=_ROOM, linewidth=0)
+        for colour, where in (
+            (_USED, ~reached),
+            *((_colour(k), reached & (nearest == k)) for k in met),
+        ):
+            top = floor - _BAND * np.where(where[:, i], share[:, i], 0.0)
+            axes.stairs(top, edges, baseline=floor, fill=True, color=colour, linewidth=0)
+    axes.set(xlim=(t[0], t[-1]), ylim=(len(names) - 0.5, -0.5), xlabel="time (s)")
     axes.set_yticks(range(len(names)), picture_names(names, _LETTERS)[0])
-    axes.set_yticks(np.arange(0.5, len(names) - 1), minor=True)
-    axes.grid(which="minor", axis="y", color="white", linewidth=2.0)
-    axes.tick_params(which="both", length=0)
+    axes.spines["left"].set_visible(False)
+    axes.grid(visible=False)
+    axes.tick_params(axis="y", length=0)
     axes.tick_params(axis="x", length=3, colors=QUIET)
-    axes.set_xlabel("time (s)")
-    return sorted(set(nearest[reached].tolist()))
+    return met
 
 
 def _colour(k: int) -> str:

@@ -28,6 +28,8 @@ _MOST, _LETTERS = 16, 24
 _DRAWN = 3
 #: Inches: of one drive, and of what stands above and below all of them.
 _ROW, _REST = 1.15, 1.5
+#: Part of a histogram's width that a percentile's label takes.
+_LABEL = 0.16
 #: A rating beyond this part of the samples' range would squeeze them: it is named, not drawn.
 _FARTHEST = 1.2
 
@@ -113,30 +115,35 @@ def _spread(axes: Axes, result: SweepResult, i: int, name: str) -> None:
 
 
 def _mark_percentiles(axes: Axes, result: SweepResult, values: np.ndarray) -> None:
-    """Ticks at the percentiles asked for; labels where they do not run into each other."""
-    at = np.percentile(values, result.percentiles)
+    """Ticks at the percentiles, each with its label, moved aside where two would meet."""
+    percentiles = sorted(result.percentiles)
+    at = np.percentile(values, percentiles)
     low, high = axes.get_xlim()
     axes.set_xticks(at, [""] * len(at))
     axes.tick_params(axis="x", length=4, color=INK)
-    last = -np.inf
-    for x, p in sorted(zip(at, result.percentiles, strict=True)):
-        if x - last > 0.17 * (high - low):
-            for text, below, size, colour in (
-                (digits(x), -6, 8, INK),
-                (f"{p:g} %", -16, 6.5, QUIET),
-            ):
-                axes.annotate(
-                    text,
-                    (x, 0),
-                    xytext=(0, below),
-                    textcoords="offset points",
-                    xycoords=("data", "axes fraction"),
-                    ha="center",
-                    va="top",
-                    fontsize=size,
-                    color=colour,
-                )
-            last = x
+    room = min(_LABEL, 1.0 / len(at)) * (high - low)
+    places = at.copy()
+    for k in range(1, len(at)):
+        places[k] = max(places[k], places[k - 1] + room)
+    places[-1] = min(places[-1], high)
+    for k in reversed(range(len(at) - 1)):
+        places[k] = min(places[k], places[k + 1] - room)
+    for x, value, p in zip(places, at, percentiles, strict=True):
+        for text, below, size, colour in (
+            (digits(value), -6, 8, INK),
+            (f"{p:g} %", -16, 6.5, QUIET),
+        ):
+            axes.annotate(
+                text,
+                (x, 0),
+                xytext=(0, below),
+                textcoords="offset points",
+                xycoords=("data", "axes fraction"),
+                ha="center",
+                va="top",
+                fontsize=size,
+                color=colour,
+            )
 
 
 def _drivers(axes: Axes, result: SweepResult, i: int, strength: np.ndarray, bottom: bool) -> None:

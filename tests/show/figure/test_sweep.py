@@ -30,6 +30,9 @@ def test_figure_shows_what_lies_beyond_the_rating():
     assert any(f"{100 * (1 - beyond.mean()):.1f} % within 0.337" in t.get_text() for t in rms.texts)
     assert any("100.0 % within 1.50" in t.get_text() for t in axes[3].texts)  # far away: not drawn
     assert axes[3].get_xlim()[1] < 2.0
+    said = [f"{p:g} %" for p in panda.percentiles]  # all of them, everywhere
+    spreads = [a for k, a in enumerate(axes) if k % 3 < 2]
+    assert all([t.get_text() for t in a.texts if t.get_text() in said] == said for a in spreads)
 
 
 @pytest.mark.slow

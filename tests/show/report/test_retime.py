@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from cli_cases import refused, results_in, run, told
 from envelopes import result_of
+from matplotlib.patches import StepPatch
 from printed import assert_printed
 
 import pinfric as pf
@@ -49,6 +51,13 @@ def test_retime_of_what_cannot_be_is_one_line(files, capsys):
 def test_plot_and_summary_of_a_result(files):
     scene = pf.load_scene("table.yaml")
     found = pf.retime(scene, "way.yaml", points=60)
-    assert len(found.plot().axes) == 2
+    _, low = found.plot().axes  # a drive's strip is as high as the used part of its nearest limit
+    strips = [patch.get_data() for patch in low.patches if isinstance(patch, StepPatch)]
+    used = sum(strip.baseline - strip.values for strip in strips) / 0.84
+    middle = 0.5 * (strips[0].edges[:-1] + strips[0].edges[1:])
+    most = found.usage.max(axis=(1, 2))
+    near = np.interp(middle, found.trajectory.t, most)
+    assert np.quantile(np.abs(used - near), 0.95) < 0.02
+    assert used.max() == pytest.approx(1.0, abs=1e-3)
     assert found.summary().loc["table", "effort"] == pytest.approx(1.0, abs=1e-3)
     assert "table: " in repr(found)
