@@ -117,29 +117,6 @@ def test_the_housing_is_hottest_after_the_motor_was_switched_off(tmp_path):
     assert joint.cycle.t[off][-1] - joint.cycle.t[off][0] == pytest.approx(240.0)
 
 
-def test_five_minutes_of_stall_fail_with_their_reason(tmp_path):
-    """2.5 times the continuous torque for a twelfth of the time: the mean alone would let it."""
-    scene, _, drive = hour_with_a_stall()
-    catalog = one_drive(tmp_path, **drive)
-    still = np.zeros((2, 1))
-
-    def stand(angle, time):
-        times = np.array([0.0, time])
-        return pf.Trajectory.from_arrays(scene, times, still + angle, still, still)
-
-    duty = pf.Duty(((stand(0.0, 10.0), 1 / 12), (stand(np.pi / 2, 10.0), 11 / 12)), period=3600.0)
-    report = pf.size(scene, duty, catalog, on_miss="ignore")
-    (joint,) = report.joints
-    by_name = {c.name: c for c in joint.assessments[0].criteria}
-    assert joint.nearest is None  # it misses by more than a factor of ten
-    assert by_name["continuous torque"].status == Status.PASSES
-    assert by_name["short-term torque"].why.startswith("short-term torque: needs 1.10")
-    assert by_name["short-term torque"].available == 0.5
-    assert by_name["overloaded standstill"].required == pytest.approx(300.0)
-    assert "all miss by more than a factor of ten: M + G: " in report.verdict.failing[0]
-    assert "does not begin where" in report.notes[0]
-
-
 def test_continuous_torque_follows_the_makers_curve_at_the_mean_speed(tmp_path):
     curve = [[0.0, 0.5], [600.0, 0.1]]
     catalog = one_drive(tmp_path, motor={"continuous_torque": None, "continuous_curve": curve})

@@ -43,48 +43,6 @@ def test_constant_current_settles_at_the_closed_form(other):
     )
 
 
-def test_on_off_cycle_without_copper_coefficient_is_the_sum_of_two_exponentials():
-    # x' = A x + b on, x' = A x off; periodic: x(on) = (I - E_on E_off)^-1 (I - E_on) x_inf, and
-    # by eigenvectors each mode is a periodic on-off exponential of its own
-    on, off, current = 12.0, 33.0, 5.0
-    (g1, g2), (c1, c2) = CONDUCTANCE, CAPACITY
-    A = np.array([[-g1 / c1, g1 / c1], [g1 / c2, -(g1 + g2) / c2]])
-    b = np.array([RESISTANCE * current**2 / c1, 0.0])
-    rates, modes = np.linalg.eig(A)
-    drive = np.linalg.solve(modes, b)
-    at_end = -drive / rates * (1 - np.exp(rates * on)) / (1 - np.exp(rates * (on + off)))
-    peak = AMBIENT + (modes @ at_end)[0]
-    t, i = square(on, off, current)
-    found = winding_cycle(t, i, RESISTANCE, THERMAL, AMBIENT, copper=0.0)
-    assert found.peak == pytest.approx(peak, rel=1e-9)
-    assert not found.runaway
-
-
-def test_on_off_cycle_with_copper_coefficient_matches_matrix_exponentials():
-    on, off, current = 12.0, 33.0, 5.0
-    (g1, g2), (c1, c2) = CONDUCTANCE, CAPACITY
-    heat = RESISTANCE * current**2
-
-    def step(power, span):  # of (rise of winding, rise of housing, 1)
-        warm = 1 + ALPHA * (AMBIENT - 25)
-        A = np.array(
-            [
-                [(ALPHA * power - g1) / c1, g1 / c1, power * warm / c1],
-                [g1 / c2, -(g1 + g2) / c2, 0.0],
-                [0.0, 0.0, 0.0],
-            ]
-        )
-        return expm(A * span)
-
-    cycle = step(heat, on) @ step(0.0, off)  # begins at the end of `on`
-    x = np.linalg.solve(np.eye(2) - cycle[:2, :2], cycle[:2, 2])
-    t, i = square(on, off, current)
-    found = winding_cycle(t, i, RESISTANCE, THERMAL, AMBIENT)
-    assert found.peak == pytest.approx(AMBIENT + x[0], rel=1e-9)
-    assert found.winding[0] == pytest.approx(found.winding[-1], abs=1e-9)
-    assert found.housing[0] == pytest.approx(found.housing[-1], abs=1e-9)
-
-
 @pytest.mark.parametrize("ambient", [20.0, 25.0, 26.0, 40.0, 60.0])
 def test_winding_and_housing_by_integration_of_the_makers_equations(ambient):
     """C_w T_w' = R (1 + alpha (T_w - 25)) i^2 - (T_w - T_h)/R_wh, and so on, until it repeats."""
@@ -129,12 +87,6 @@ def test_runaway_is_told_from_the_last_current_that_settles():
         assert np.isinf(found.peak) == runs_away
         at_mean = mean_winding_temperature(t, i, RESISTANCE, THERMAL, AMBIENT)
         assert np.isinf(at_mean) == runs_away
-
-
-def test_temperature_over_time_needs_time_constants():
-    bare = Thermal(winding_housing=1.0, housing_ambient=2.0)
-    with pytest.raises(ValueError, match="time constants"):
-        winding_cycle(np.arange(3.0), np.ones(3), 1.0, bare, 25.0)
 
 
 def test_heat_of_turning_warms_winding_and_housing_alike():
