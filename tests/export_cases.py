@@ -120,6 +120,16 @@ def worm():
     return pf.Scene(model, friction=friction, actuators=actuators, source="worm.yaml")
 
 
+def geared(efficiency, back, rotor):
+    """A weight on a hinge behind a gear: a weak one, or one that jams where its rotor is light."""
+    gear = {"ratio": 50.0, "efficiency": efficiency, "back_efficiency": back}
+    model = chain(("hinge", pin.JointModelRY(), lump(5.0, [0.3, 0.0, 0.0], 0.1)))
+    model.addBodyFrame("bar", 1, pin.SE3.Identity(), 0)
+    drives = [{"joint": "hinge", "transmission": gear | {"rotor_inertia": rotor}}]
+    friction = {"hinge": dry(1.0, 0.8)}
+    return pf.Scene(model, friction=friction, actuators=drives, source="geared.yaml")
+
+
 RICH = [
     *(rich(seed) for seed in range(4)),
     rich(4, mimic=True),

@@ -113,13 +113,6 @@ def test_a_figure_in_the_head_is_of_the_joint_where_it_is_largest(ur5):
         assert f"creeps, at its limit by 2.5 rad/s ({joint.joint})" in creeps
 
 
-def test_the_object_says_what_it_is(ur5):
-    made = ur5[2]
-    assert len(repr(made).splitlines()) < 12
-    frame = made.summary()
-    assert frame.loc["elbow_joint", "frictionloss"] == made.joints[2].frictionloss
-
-
 def test_the_file_of_constants_holds_them_and_where_they_were_fitted(ur5):
     scene, motion, made, result = ur5
     read = json.loads(pf.export(scene, motion, "constants").text)

@@ -112,17 +112,6 @@ def test_mujoco_has_another_friction_by_default(ur5):
     assert np.abs(hard - other).max() > 5.0
 
 
-def test_mujoco_steps_it(ur5):
-    _, _, made, _ = ur5
-    model = mujoco.MjModel.from_xml_string(made.text)
-    data = mujoco.MjData(model)
-    data.qpos[:] = [0.0, -1.2, 1.9, -1.5, -1.5, 0.0]
-    mujoco.mj_step(model, data, 300)
-    assert np.isfinite(data.qpos).all()
-    assert np.abs(data.qvel).max() < 10.0
-    assert data.qvel[1] > 0.1  # nothing drives it: the arm sinks
-
-
 @pytest.mark.parametrize("seed", range(4))
 def test_mujoco_has_the_same_robot(seed):
     """Sliding, turning, continuous joints in any place; constants that are not fitted."""

@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import chain, dry, lump, random_states
-from export_cases import needs_compiler
+from builders import chain, lump, random_states
+from export_cases import geared, needs_compiler
 from mechanisms import pin_friction, shifted
 from mujoco_bridge import compare, loaded, made, random_motion, slider
 
@@ -189,21 +189,6 @@ def test_a_contact_at_the_tool_loads_the_joint():
     assert alone.normal_load[0] > 1.3 * result.normal_load[0]
 
 
-def geared(efficiency, back, rotor):
-    body = lump(5.0, [0.3, 0.0, 0.0], 0.1)
-    gear = {
-        "ratio": 50.0,
-        "efficiency": efficiency,
-        "back_efficiency": back,
-        "rotor_inertia": rotor,
-    }
-    model = chain(("hinge", pin.JointModelRY(), body))
-    model.addBodyFrame("bar", 1, pin.SE3.Identity(), 0)
-    friction = {"hinge": dry(1.0, 0.8)}
-    actuators = [{"joint": "hinge", "transmission": gear}]
-    return pf.Scene(model, friction=friction, actuators=actuators, source="geared.yaml")
-
-
 def test_weak_gears_do_not_zigzag():
     """At an efficiency of 0.45 the delay of a step would feed back on the load."""
     friction = pf.mujoco_friction(scene := geared(0.45, 0.3, 2e-5), made(scene, 1e-3))
@@ -301,11 +286,26 @@ def test_a_model_of_another_robot_or_with_other_friction_is_named(old, new, mess
             lambda: tied(ROPE.format('stiffness="500"'), True),
             "tendon 'rope' pulls the robot with a spring",
         ),
+        (slider, lambda: stepped(0.0), "time step is 0 s; give one above 0"),
+        # its force would stand in each joint's reaction as if the joints carried it
+        (slider, lambda: model_of(slider(), **JET), "actuator 'jet' pulls a link, not a joint"),
     ],
 )
 def test_what_it_cannot_hold_is_refused(scene, model, message):
     with pytest.raises(PinfricError, match=message):
         pf.mujoco_friction(scene(), model())
+
+
+JET = {
+    "</actuator>": '<motor name="jet" site="nozzle" gear="0 0 1 0 0 0"/></actuator>',
+    "<joint name=": '<site name="nozzle"/><joint name=',
+}
+
+
+def stepped(dt):
+    model = model_of(slider())
+    model.opt.timestep = dt
+    return model
 
 
 ROPE = '<tendon><spatial name="rope" {}><site site="wall"/><site site="tool"/></spatial></tendon>'
@@ -354,13 +354,6 @@ def test_what_holds_a_link_loads_its_joints(kind):
     sticks = np.abs(data.efc_force[rows]) < (1.0 - 1e-12) * data.efc_frictionloss[rows]
     assert friction.sticking(data).tolist() == sticks.tolist()  # a rope's friction is no joint's
     assert (np.abs(data.efc_force[rows]) <= limit[data.efc_id[rows]] + 1e-9).all()
-
-
-def test_a_time_step_of_nothing_is_refused():
-    model = model_of(slider())
-    model.opt.timestep = 0.0
-    with pytest.raises(PinfricError, match="time step is 0 s; give one above 0"):
-        pf.mujoco_friction(slider(), model)
 
 
 def test_a_robot_may_stand_on_a_cart():
@@ -532,15 +525,6 @@ def test_what_would_change_friction_is_refused_whenever_it_is_set(change, messag
         friction.step(after)
     with pytest.raises(PinfricError, match=message):
         pf.mujoco_friction(slider(), before)
-
-
-def test_a_motor_that_pulls_a_link_is_refused():
-    """Its force would stand in each joint's reaction as if the joints carried it."""
-    site = '<motor name="jet" site="nozzle" gear="0 0 1 0 0 0"/></actuator>'
-    text = pf.export(slider()).text.replace("</actuator>", site)
-    text = text.replace("<joint name=", '<site name="nozzle"/><joint name=', 1)
-    with pytest.raises(PinfricError, match="actuator 'jet' pulls a link, not a joint"):
-        pf.mujoco_friction(slider(), mujoco.MjModel.from_xml_string(text))
 
 
 def test_a_motion_goes_on_from_what_was_saved_and_begins_anew_after_a_reset():

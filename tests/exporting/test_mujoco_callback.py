@@ -9,8 +9,8 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import chain, dry, lump
-from export_cases import needs_compiler
+from builders import chain, lump
+from export_cases import geared, needs_compiler
 from mechanisms import pin_friction, shifted
 from mujoco.rollout import rollout
 from mujoco_bridge import loaded, made, random_motion, slider
@@ -225,16 +225,6 @@ def test_without_a_compiler_it_says_so(monkeypatch):
         friction.installed().__enter__()
 
 
-def worm():
-    body = lump(5.0, [0.3, 0.0, 0.0], 0.1)
-    gear = {"ratio": 50.0, "efficiency": 0.3, "back_efficiency": -0.8, "rotor_inertia": 1e-7}
-    model = chain(("hinge", pin.JointModelRY(), body))
-    model.addBodyFrame("bar", 1, pin.SE3.Identity(), 0)
-    friction = {"hinge": dry(1.0, 0.8)}
-    actuators = [{"joint": "hinge", "transmission": gear}]
-    return pf.Scene(model, friction=friction, actuators=actuators, source="worm.yaml")
-
-
 def run(friction, data, count):
     with friction.installed():
         for _ in range(count):
@@ -250,7 +240,7 @@ def change_the_step(friction):
 @needs_compiler
 def test_what_fails_within_is_said_at_the_end():
     """No exception can leave a thread of MuJoCo."""
-    friction = pf.mujoco_friction(worm(), made(worm(), 1e-3))
+    friction = pf.mujoco_friction(worm := geared(0.3, -0.8, 1e-7), made(worm, 1e-3))
     data = mujoco.MjData(friction.model)
     data.qvel[0] = 1.0
     with pytest.raises(PinfricError, match=r"gear of 'hinge' jams .* more rotor_inertia"):
