@@ -4,63 +4,44 @@ from __future__ import annotations
 
 import copy
 
-from builders import dry
+import yaml
 from hypothesis import strategies as st
-from mechanisms import pin_friction
 
-WHOLE = {
-    "pinfric": 1,
-    "robot": {
-        "urdf": "three_link.urdf",
-        "gravity": [0.0, -9.81, 0.0],
-        "locked": {"finger": 0.02},
-        "payloads": {
-            "box": {
-                "link": "tool0",
-                "mass": 2.0,
-                "com": [0, 0, 0.05],
-                "inertia": [0.01, 0, 0, 0.01, 0, 0.01],
-            }
-        },
-        "urdf_dynamics": "ignore",
-        "masses": "with_drives",
-    },
-    "friction": {
-        "joint_12": pin_friction(0.30, 0.08, static=0.35, length=0.10)
-        | dry(
-            0.5, 0.4, stribeck={"velocity": 0.02, "exponent": 2}, viscous=0.1, stick_velocity=1.0e-6
-        ),
-        "joint_23": {
-            "coulomb": {
-                "positive": {"static": 2, "kinetic": 1},
-                "negative": {"static": 3, "kinetic": 1},
-            }
-        },
-    },
-    "actuators": [
-        {"joint": "joint_1"},
-        {
-            "joint": "joint_2",
-            "transmission": {
-                "ratio": 100,
-                "efficiency": 0.88,
-                "back_efficiency": 0.83,
-                "no_load_torque": 0.031,
-                "rotor_inertia": 4.4e-6,
-            },
-        },
-    ],
-    "stick": {"velocity": 1.0e-6},
-    "simulation": {
-        "start": {"q": {"joint_1": 0.0}, "v": {"joint_1": 1.0}},
-        "effort": {
-            "joint_1": {"sine": {"amplitude": 5.0, "angular_frequency": 1.0}},
-            "joint_12": 0.0,
-            "joint_23": {"table": "torques.csv"},
-        },
-        "t_end": 1.0,
-    },
-}
+WHOLE = yaml.safe_load("""
+pinfric: 1
+robot:
+  urdf: three_link.urdf
+  gravity: [0.0, -9.81, 0.0]
+  locked: {finger: 0.02}
+  payloads:
+    box: {link: tool0, mass: 2.0, com: [0, 0, 0.05], inertia: [0.01, 0, 0, 0.01, 0, 0.01]}
+  urdf_dynamics: ignore
+  masses: with_drives
+friction:
+  joint_12:
+    bearing: {kind: pin, radius: 0.08, length: 0.10}
+    mu: {static: 0.35, kinetic: 0.30}
+    coulomb: {static: 0.5, kinetic: 0.4}
+    stribeck: {velocity: 0.02, exponent: 2}
+    viscous: 0.1
+    stick_velocity: 1.0e-6
+  joint_23:
+    coulomb: {positive: {static: 2, kinetic: 1}, negative: {static: 3, kinetic: 1}}
+actuators:
+  - {joint: joint_1}
+  - joint: joint_2
+    transmission:
+      {ratio: 100, efficiency: 0.88, back_efficiency: 0.83, no_load_torque: 0.031,
+       rotor_inertia: 4.4e-6}
+stick: {velocity: 1.0e-6}
+simulation:
+  start: {q: {joint_1: 0.0}, v: {joint_1: 1.0}}
+  effort:
+    joint_1: {sine: {amplitude: 5.0, angular_frequency: 1.0}}
+    joint_12: 0.0
+    joint_23: {table: torques.csv}
+  t_end: 1.0
+""")
 
 
 def with_change(path, value):

@@ -9,79 +9,35 @@ import pinocchio as pin
 import pytest
 from check_cases import GEAR, GOOD_SCENE, SCENE, arm
 from cli_cases import told
+from tables import table
 
 import pinfric as pf
 from pinfric.checking.findings import Severity
 from pinfric.checking.scene import load_findings
 
+FINDINGS = r"""
+friction  {bearing: {kind: pin, radius: 12}, mu: MU}        friction.swing.bearing.radius  links it joins are 0\.406 m large.*mm: 0\.012 m
+friction  {bearing: {kind: linear, radial: 0.02}, mu: MU}   friction.swing.mu.static  rolling bearings have
+friction  {coulomb: {static: 50, kinetic: 50}}              friction.swing.coulomb    effort limit is 40 N m
+friction  {viscous: 20}                                     friction.swing.viscous    60 N m at the joint's speed
+payload   {link: rod, mass: 1000, com: [0, 0, 0]}           robot.payloads.box.mass   2\.5 kg of the robot move.*in g: 1 kg
+payload   {link: rod, mass: 1, com: [0, 0, 150]}            robot.payloads.box.com    reaches 0\.4 m.*in mm: 0\.15 m
+payload   {link: rod, mass: 1, com: [0, 0, 0], inertia: [9, 0, 0, 9, 0, 9]}  robot.payloads.box.inertia  radius of gyration 3 m
+start     90                                                simulation.start.q.swing  outside its limits -2 to 2.*degrees: 1\.57
+locked    {turn: 45}                                        robot.locked.turn         outside.*degrees: 0\.785
+gear      {ratio: 100}                                      actuators[0].transmission.ratio           URDF's <transmission> says 120
+gear      {ratio: 120, no_load_torque: 1}                   actuators[0].transmission.no_load_torque  120 at joint swing
+gear      {ratio: 120, rotor_inertia: 0.05}                 actuators[0].transmission.rotor_inertia   kg cm\^2: 5e-06
+"""  # noqa: E501
 
-@pytest.mark.parametrize(
-    ("changes", "place", "says"),
-    [
-        (
-            {"friction": "{bearing: {kind: pin, radius: 12}, mu: {static: 0.2, kinetic: 0.1}}"},
-            "friction.swing.bearing.radius",
-            r"links it joins are 0\.406 m large.*mm: 0\.012 m",
-        ),
-        (
-            {
-                "friction": "{bearing: {kind: linear, radial: 0.02}, "
-                "mu: {static: 0.2, kinetic: 0.1}}"
-            },
-            "friction.swing.mu.static",
-            "rolling bearings have",
-        ),
-        (
-            {"friction": "{coulomb: {static: 50, kinetic: 50}}"},
-            "friction.swing.coulomb",
-            "effort limit is 40 N m",
-        ),
-        ({"friction": "{viscous: 20}"}, "friction.swing.viscous", "60 N m at the joint's speed"),
-        (
-            {"payload": "{link: rod, mass: 1000, com: [0, 0, 0]}"},
-            "robot.payloads.box.mass",
-            r"2\.5 kg of the robot move.*in g: 1 kg",
-        ),
-        (
-            {"payload": "{link: rod, mass: 1, com: [0, 0, 150]}"},
-            "robot.payloads.box.com",
-            r"reaches 0\.4 m.*in mm: 0\.15 m",
-        ),
-        (
-            {"payload": "{link: rod, mass: 1, com: [0, 0, 0], inertia: [9, 0, 0, 9, 0, 9]}"},
-            "robot.payloads.box.inertia",
-            "radius of gyration 3 m",
-        ),
-        ({"start": 90}, "simulation.start.q.swing", r"outside its limits -2 to 2.*degrees: 1\.57"),
-        (
-            {"locked": "{turn: 45}", "actuators": "[{joint: swing}]"},
-            "robot.locked.turn",
-            r"outside.*degrees: 0\.785",
-        ),
-        (
-            {"actuators": "[{joint: swing, transmission: {ratio: 100}}, {joint: turn}]"},
-            "actuators[0].transmission.ratio",
-            "URDF's <transmission> says 120",
-        ),
-        (
-            {
-                "actuators": "[{joint: swing, transmission: {ratio: 120, no_load_torque: 1}}, "
-                "{joint: turn}]"
-            },
-            "actuators[0].transmission.no_load_torque",
-            "120 at joint swing",
-        ),
-        (
-            {
-                "actuators": "[{joint: swing, transmission: {ratio: 120, rotor_inertia: 0.05}}, "
-                "{joint: turn}]"
-            },
-            "actuators[0].transmission.rotor_inertia",
-            r"kg cm\^2: 5e-06",
-        ),
-    ],
-)
-def test_findings_of_a_scene(tmp_path, changes, place, says):
+
+@pytest.mark.parametrize(("key", "value", "place", "says"), table(FINDINGS))
+def test_findings_of_a_scene(tmp_path, key, value, place, says):
+    changes = {key: value.replace("MU", "{static: 0.2, kinetic: 0.1}")}
+    if key == "gear":
+        changes["actuators"] = f"[{{joint: swing, transmission: {value}}}, {{joint: turn}}]"
+    if key == "locked":
+        changes["actuators"] = "[{joint: swing}]"
     arm(tmp_path, more=GEAR.format(joint="swing", ratio=120))
     file = tmp_path / "scene.yaml"
     file.write_text(SCENE.format(**GOOD_SCENE))

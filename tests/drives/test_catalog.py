@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import yaml
 from sizing_cases import GEAR, MOTOR, one_drive, write_catalog
+from tables import table
 
 import pinfric as pf
 from pinfric.drives.drivetrain import gear_transmission, gearmotor_drive
@@ -231,11 +232,6 @@ def test_every_bundled_entry_says_what_fits_it():
     assert len(alone) == 13
     assert all(n.startswith("Kendrion") for n in alone)
     assert all(n.startswith(b.sold) for n, b in catalog.brakes.items() if n not in alone)
-
-
-def table(text):
-    """The rows of a table, whose columns are apart by more than a space."""
-    return [re.split(r" {2,}", line) for line in text.strip().splitlines()]
 
 
 def written(path, key, value, **more):

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import yaml
 from builders import sliding_block
 from judges.verdict import judge
+from tables import table
 
 import pinfric as pf
 from pinfric.errors import SceneError
@@ -62,16 +64,16 @@ def test_a_body_runs_out_in_finite_time_and_stays(method, tolerance):
     np.testing.assert_allclose(motion.v[:, 0], expected, rtol=0, atol=tolerance)
 
 
-@pytest.mark.parametrize(
-    ("viscous", "says"),
-    [
-        ({"coefficient": -1.0}, r"viscous\.coefficient`: .*at least 0, found -1"),
-        ({"coefficient": 1.0, "exponent": 0.0}, r"viscous\.exponent`: .*greater than 0"),
-        ({"coefficient": 1.0, "exponent": 40.0}, r"viscous\.exponent`: .*at most 4"),
-        ({"exponent": 0.5}, r"viscous\.coefficient` is missing"),
-        ({"coeficient": 1.0}, r"'coefficient'"),
-    ],
-)
+WRONG = r"""
+{coefficient: -1.0}                  viscous\.coefficient`: .*at least 0, found -1
+{coefficient: 1.0, exponent: 0.0}    viscous\.exponent`: .*greater than 0
+{coefficient: 1.0, exponent: 40.0}   viscous\.exponent`: .*at most 4
+{exponent: 0.5}                      viscous\.coefficient` is missing
+{coeficient: 1.0}                    'coefficient'
+"""
+
+
+@pytest.mark.parametrize(("viscous", "says"), table(WRONG, yaml.safe_load, str))
 def test_what_cannot_be_is_named(viscous, says):
     with pytest.raises(SceneError, match=says):
         sliding(viscous)

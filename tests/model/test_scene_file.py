@@ -6,50 +6,35 @@ import warnings
 
 import pytest
 from robot_cases import joint, link, scene, urdf
+from tables import table
 
 import pinfric as pf
 from pinfric.errors import PinfricWarning, RobotError, SceneError
 from pinfric.model.scene_file import bundled_folder, measured_scenes
 
-PAYLOAD = "robot: {{urdf: robot.urdf, payloads: {{box: {}}}}}"
+MISFITS = r"""
+friction: {swnig: {viscous: 1}}  no joint 'swnig'
+friction: {swing: {bearing: {kind: guide, length: 0.1}, mu: MU}}  not fit a turning joint; take pin
+friction: {swing: {bearing: {kind: ball, radius: 0.1}, mu: MU}}  take pin or linear .a ball fits a s
+actuators: [{joint: swing}, {joint: swing}]  listed twice
+actuators: [{joint: wing}]  'swing'
+actuators: [{cylinder: {name: boom}}]  `actuators\[0\].cylinder.a`
+actuators: [{force: {name: push}}]  `actuators\[0\].force.link`
+masses: with_drive  `robot\.masses`: should be 'with_drives' or 'wi
+payloads: {box: {link: amr, mass: 1, com: [0, 0, 0]}}  payloads\.box\.link.*'arm'
+payloads: {box: {link: arm, mass: 1, com: [0, 0, 0], inertia: [1, 0, 0, 1, 0, 3]}}  triangle
+loops: [{name: rocker}]  `loops\[0\].kind` is missing; .*, universal; `loops\[0\].a`
+"""
 
 
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ("friction: {swnig: {viscous: 1}}", "no joint 'swnig'"),
-        (
-            "friction: {swing: {bearing: {kind: guide, length: 0.1}, mu: {static: 0, kinetic: 0}}}",
-            "a guide does not fit a turning joint; take pin",
-        ),
-        (
-            "friction: {swing: {bearing: {kind: ball, radius: 0.1}, mu: {static: 0, kinetic: 0}}}",
-            "take pin or linear .a ball fits a spherical loop",
-        ),
-        ("actuators: [{joint: swing}, {joint: swing}]", "listed twice"),
-        ("actuators: [{joint: wing}]", "'swing'"),
-        ("actuators: [{cylinder: {name: boom}}]", r"`actuators\[0\].cylinder.a`"),
-        ("actuators: [{force: {name: push}}]", r"`actuators\[0\].force.link`"),
-        (
-            "robot: {urdf: robot.urdf, masses: with_drive}",
-            r"`robot\.masses`: should be 'with_drives' or 'wi",
-        ),
-        (PAYLOAD.format("{link: amr, mass: 1, com: [0, 0, 0]}"), r"payloads\.box\.link.*'arm'"),
-        (
-            PAYLOAD.format("{link: arm, mass: 1, com: [0, 0, 0], inertia: [1, 0, 0, 1, 0, 3]}"),
-            "triangle",
-        ),
-        (
-            "loops: [{name: rocker}]",
-            r"`loops\[0\].kind` is missing; there are: spherical, .*, universal; `loops\[0\].a`",
-        ),
-    ],
-)
+@pytest.mark.parametrize(("text", "says"), table(MISFITS))
 def test_a_scene_that_does_not_fit_its_robot_is_refused(tmp_path, text, says):
     urdf(tmp_path, link("arm"), joint())
-    text = text if text.startswith("robot") else "robot: {urdf: robot.urdf}\n" + text
+    own = text.startswith(("masses", "payloads"))  # keys of the robot
+    text = text.replace("MU", "{static: 0, kinetic: 0}")
+    content = f"robot: {{urdf: robot.urdf{', ' * own}{text * own}}}\n{text * (not own)}"
     with pytest.raises(SceneError, match=says):
-        pf.load_scene(scene(tmp_path, text))
+        pf.load_scene(scene(tmp_path, content))
 
 
 def test_bundled_scenes_are_found_by_name_from_any_folder(tmp_path, monkeypatch):

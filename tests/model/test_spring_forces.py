@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+import yaml
 from builders import chain, dry, lump, random_states, random_tree
+from tables import table
 
 import pinfric as pf
 from pinfric.errors import PinfricError, SceneError, StateError
@@ -220,29 +222,27 @@ def test_a_spring_at_its_free_length_holds_only_where_it_is_taut(angle):
 
 
 LINE = line("tension", stiffness=800.0, free_length=0.45)
-WRONG = [
-    (LINE | {"stiffness": -1.0}, r"springs\[0\].stiffness`: should be at least 0"),
-    (LINE | {"b": {"link": "hand"}}, r"\(rod\).b.link: there is no link 'hand'; there are: base"),
-    (LINE | {"b": {"link": "base"}}, "ends are on the same rigid body"),
-    (
-        line("tension", b=(0, 0, 0.4), stiffness=1.0, free_length=0.1),
-        "one point at the start; measure",
-    ),
-    (LINE | {"free_length": 0.7}, "never more than 0.7 m apart, so it is always slack; measure"),
-    (LINE | {"pushes": True, "initial_tension": 3.0}, "which cannot push"),
-    (GAS | {"stroke": 0.7}, "stroke 0.7 m is not below the length 0.7 m"),
-    (GAS | {"progression": 0.9}, "progression`: should be at least 1"),
-    (GAS | {"kind": "gass"}, "there is no 'gass'; did you mean 'gas'"),
-    (TORSION | {"joint": "elbow"}, "there is no joint 'elbow'"),
-    (TORSION | {"name": "arm"}, "the name 'arm' is taken"),
-    (TORSION | {"preload": None}, "preload"),
-]
+SPRINGS = {"line": LINE, "gas": GAS, "torsion": TORSION}
+WRONG = r"""
+line     {stiffness: -1.0}       springs\[0\].stiffness`: should be at least 0
+line     {b: {link: hand}}       \(rod\).b.link: there is no link 'hand'; there are: base
+line     {b: {link: base}}       ends are on the same rigid body
+line     {b: {link: arm_link, xyz: [0, 0, 0.4]}}  one point at the start; measure
+line     {free_length: 0.7}      never more than 0.7 m apart, so it is always slack; measure
+line     {pushes: true, initial_tension: 3.0}     which cannot push
+gas      {stroke: 0.7}           stroke 0.7 m is not below the length 0.7 m
+gas      {progression: 0.9}      progression`: should be at least 1
+gas      {kind: gass}            there is no 'gass'; did you mean 'gas'
+torsion  {joint: elbow}          there is no joint 'elbow'
+torsion  {name: arm}             the name 'arm' is taken
+torsion  {preload: null}         preload
+"""
 
 
-@pytest.mark.parametrize(("spring", "said"), WRONG)
-def test_a_wrong_spring_is_named_with_what_to_measure(spring, said):
+@pytest.mark.parametrize(("spring", "change", "said"), table(WRONG, str, yaml.safe_load, str))
+def test_a_wrong_spring_is_named_with_what_to_measure(spring, change, said):
     with pytest.raises(SceneError, match=said) as found:
-        lever(spring)
+        lever(SPRINGS[spring] | change)
     assert "\n" not in str(found.value)
 
 

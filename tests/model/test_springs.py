@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+import yaml
 from builders import chain, lump
+from tables import table
 
 import pinfric as pf
 from pinfric.model.springs import (
@@ -83,22 +85,22 @@ def test_scaled_lines_wind_up_in_proportion(given):
     np.testing.assert_allclose(twice, 0.5 * spring_of(given).wind_up(torque), rtol=1e-13)
 
 
-@pytest.mark.parametrize(
-    ("stiffness", "message"),
-    [
-        (0.0, r"transmission\.stiffness`: should be greater than 0, found 0"),
-        (-1e4, "greater than 0"),
-        ("stiff", "should be a number"),
-        ({"k1": 5e4, "k2": 3e4, "t1": 14}, "stiffness falls with torque: k2 30000 is below k1"),
-        ({"k1": 3e4, "k2": 5e4, "k3": 4e4, "t1": 14, "t2": 48}, "k3 40000 is below k2 50000"),
-        ({"k1": 3e4, "k2": 5e4, "k3": 6e4, "t1": 48, "t2": 14}, "t2 14 is not above t1 48"),
-        ({"k1": 3e4, "k2": 5e4, "k3": 6e4, "t1": 14}, "`k3` and `t2` belong together"),
-        ({"k1": 3e4, "k2": 5e4}, "t1` is missing"),
-        ({"k1": 3e4, "k2": 5e4, "t1": 14, "k4": 1.0}, "unknown key"),
-        ({"k": 1e4, "lost_motion": 3e-4, "rated_torque": 400.0}, "stiffness falls with torque"),
-        ({"k": 4e5, "lost_motion": 0.0, "rated_torque": 400.0}, "greater than 0"),
-    ],
-)
+WRONG = r"""
+0.0                                          stiffness`: should be greater than 0, found 0
+-1.0e+4                                      greater than 0
+stiff                                        should be a number
+{k1: 5.0e+4, k2: 3.0e+4, t1: 14}             stiffness falls with torque: k2 30000 is below k1
+{k1: 3.0e+4, k2: 5.0e+4, k3: 4.0e+4, t1: 14, t2: 48}  k3 40000 is below k2 50000
+{k1: 3.0e+4, k2: 5.0e+4, k3: 6.0e+4, t1: 48, t2: 14}  t2 14 is not above t1 48
+{k1: 3.0e+4, k2: 5.0e+4, k3: 6.0e+4, t1: 14}  `k3` and `t2` belong together
+{k1: 3.0e+4, k2: 5.0e+4}                     t1` is missing
+{k1: 3.0e+4, k2: 5.0e+4, t1: 14, k4: 1.0}    unknown key
+{k: 1.0e+4, lost_motion: 3.0e-4, rated_torque: 400}  stiffness falls with torque
+{k: 4.0e+5, lost_motion: 0.0, rated_torque: 400}     greater than 0
+"""
+
+
+@pytest.mark.parametrize(("stiffness", "message"), table(WRONG, yaml.safe_load, str))
 def test_stiffness_that_cannot_be(stiffness, message):
     gear = {"ratio": 100.0, "stiffness": stiffness}
     with pytest.raises(pf.PinfricError, match=message):

@@ -6,6 +6,8 @@ import math
 
 import numpy as np
 import pytest
+import yaml
+from tables import table
 
 from pinfric.drives.catalog_file import load_catalog
 from pinfric.drives.drivetrain import gear_transmission
@@ -241,47 +243,43 @@ def test_bounds_enclose_every_effort_of_an_interval_tightly():
             assert found[1][0] >= max(every) / 100 - 1e-12
 
 
-STARTING = {"starting_torque": 0.03, "back_driving_torque": 3.06}
+#: Entries of gears; CURVE and OVER_SPEED stand for those above, START for torques without a load.
+WRONG = r"""
+efficiency: 1.2                                   `efficiency`: .*at most 1, found 1\.2
+efficiency: {rated: 0.8}                          `rated` needs `load`
+efficiency: {load: 3.0}                           needs `rated`, `over_load` or `over_speed`
+efficiency: {rated: 0.7, over_load: CURVE, load: 9}        give either
+efficiency: {over_load: [[10, 0.5]]}              at least two points in
+efficiency: {over_load: [[20, 0.5], [10, 0.4]]}   at least two points in
+efficiency: {over_load: [[10, 0.5], [20, 0.6], [21, 0.97]]}  from 20 on the motor's torque falls wh
+{efficiency: {over_load: CURVE}, no_load_torque: 0.2}      above 1, which is
+efficiency: {OVER_SPEED, over_load: CURVE}        `over_load` needs the `speed`
+efficiency: {OVER_SPEED, over_load: [[39, 0.5], [40, 0.71]], speed: 104.72}  from 39 on the loss fal
+efficiency: {rated: 0.7, load: 9.0, exponent: 0.5}         needs `over_speed`
+efficiency: {OVER_SPEED, temperature: {factor: 2.7}}       temperature.source` is mis
+{efficiency: 0.8, back_efficiency: 1.1}           `back_efficiency`: .*at most 1
+{efficiency: 0.8, back_efficiency: same}          should be 'same_loss', found 'same'
+{efficiency: 0.8, back_efficiency: null}          needs `back_efficiency`.*0.75
+{efficiency: {over_load: CURVE}, back_efficiency: null}    take `same_loss`
+back_efficiency: {starting_torque: 3.0, back_driving_torque: 3.06}  eta_b 98, above 1.*input
+{back_efficiency: START, no_load_torque: {static: 0.05, kinetic: 0.02}}  0.05 and .*_torque` 0.03
+no_load_torque: {static: 0.01, kinetic: 0.02}     no_load_torque`: static 0.01 is
+no_load_torque: -1.0                              no_load_torque`: .*at least 0
+motor_viscous: {coefficient: 1.0, exponent: 0.0}  motor_viscous.exponent`
+"""
+MEANT = {
+    "CURVE": str(CURVE),
+    "START": "{starting_torque: 0.03, back_driving_torque: 3.06}",
+    "OVER_SPEED": str(over_speed(20))[1:-1],
+}
 
 
-@pytest.mark.parametrize(
-    ("entry", "says"),
-    [
-        ({"efficiency": 1.2}, r"`efficiency`: .*at most 1, found 1\.2"),
-        ({"efficiency": {"rated": 0.8}}, "`rated` needs `load`"),
-        ({"efficiency": {"load": 3.0}}, "needs `rated`, `over_load` or `over_speed`"),
-        ({"efficiency": {"rated": 0.7, "over_load": CURVE, "load": 9.0}}, "give either"),
-        ({"efficiency": {"over_load": [[10, 0.5]]}}, "at least two points in"),
-        ({"efficiency": {"over_load": [[20, 0.5], [10, 0.4]]}}, "at least two points in"),
-        (
-            {"efficiency": {"over_load": [[10, 0.5], [20, 0.6], [21, 0.97]]}},
-            "from 20 on the motor's torque falls while the load grows",
-        ),
-        ({"efficiency": {"over_load": CURVE}, "no_load_torque": 0.2}, "above 1, which is"),
-        ({"efficiency": over_speed(20, over_load=CURVE)}, "`over_load` needs the `speed`"),
-        (
-            {"efficiency": over_speed(20, over_load=[[39.0, 0.5], [40.0, 0.71]], speed=SPEEDS[1])},
-            "from 39 on the loss falls while the load grows",
-        ),
-        ({"efficiency": {"rated": 0.7, "load": 9.0, "exponent": 0.5}}, "needs `over_speed`"),
-        ({"efficiency": over_speed(20, temperature={"factor": 2.7})}, "temperature.source` is mis"),
-        ({"efficiency": 0.8, "back_efficiency": 1.1}, "`back_efficiency`: .*at most 1"),
-        ({"efficiency": 0.8, "back_efficiency": "same"}, "should be 'same_loss', found 'same'"),
-        ({"efficiency": 0.8, "back_efficiency": None}, "needs `back_efficiency`.*0.75"),
-        ({"efficiency": {"over_load": CURVE}, "back_efficiency": None}, "take `same_loss`"),
-        ({"back_efficiency": {**STARTING, "starting_torque": 3.0}}, "eta_b 98, above 1.*input"),
-        (
-            {"back_efficiency": STARTING, "no_load_torque": {"static": 0.05, "kinetic": 0.02}},
-            r"no_load_torque.static` 0.05 and `back_efficiency.starting_torque` 0.03",
-        ),
-        ({"no_load_torque": {"static": 0.01, "kinetic": 0.02}}, "no_load_torque`: static 0.01 is"),
-        ({"no_load_torque": -1.0}, "no_load_torque`: .*at least 0"),
-        ({"motor_viscous": {"coefficient": 1.0, "exponent": 0.0}}, "motor_viscous.exponent`"),
-    ],
-)
+@pytest.mark.parametrize(("entry", "says"), table(WRONG))
 def test_what_is_no_gear_is_named(entry, says):
+    for word, meaning in MEANT.items():
+        entry = entry.replace(word, meaning)
     with pytest.raises(SceneError, match=says):
-        transmission(**{"back_efficiency": 0.5} | entry)
+        transmission(**{"back_efficiency": 0.5} | yaml.safe_load(entry))
 
 
 def test_an_exponent_that_does_not_fit_is_said():

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 import yaml
 from sweep_cases import BOX, DRIVE, pushed_block, steady, steps, sweep_of, uniform
+from tables import table
 
 import pinfric as pf
 from pinfric.errors import SweepError
@@ -21,55 +22,57 @@ def refused(content):
     return str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("distribution", "words"),
-    [
-        ({"normal": {"mean": 1.0, "std": 0.3}}, "normal has no lower bound (0.043 % of it lies"),
-        ({"uniform": {"low": -0.1, "high": 1.0}}, "uniform reaches down to -0.1"),
-        ({"uniform": {"low": 2.0, "high": 1.0}}, "uniform`: low 2 is not below high 1"),
-        ({"uniform": {"low": 1.0, "high": 1.0}}, "low 1 is not below high 1"),
-        ({"uniform": {"low": 1.0, "high": ".inf"}}, "uniform.high"),
-        ({"uniform": {"low": 1.0}}, "`parameters.friction.*.mu.uniform.high` is missing"),
-        ({"lognormal": {"median": 1.0, "sigma": 0.0}}, "lognormal.sigma"),
-        ({"lognormal": {"median": 1.0, "sigma": 500.0}}, "reach infinity"),
-        ({"lognormal": {"median": -1.0, "sigma": 0.3}}, "lognormal.median"),
-        ({"truncated_normal": {"mean": 1.0, "std": 0.1}}, "needs `low` or `high`"),
-        ({"truncated_normal": {"mean": 1.0, "std": 0.1, "high": 2.0}}, "has no lower bound"),
-        ({"truncated_normal": {"mean": 1.0, "std": 0.1, "low": 3.0}}, "contains almost nothing"),
-        ({"truncated_normal": {"mean": 1.0, "std": -0.1, "low": 0.0}}, "truncated_normal.std"),
-        ({"choice": {"values": []}}, "choice.values"),
-        ({"choice": {"values": [1.0, 1.0]}}, "contains a value twice"),
-        ({"choice": {"values": [-1.0, 2.0]}}, "choice reaches down to -1"),
-        ({"steps": {"low": 0.0, "high": 1.0, "count": 1}}, "steps.count"),
-        ({"steps": {"low": 0.0, "high": 1.0, "count": True}}, "steps.count"),
-        ({}, "give one of normal, truncated_normal, uniform"),
-        ({**FINE, "normal": {"mean": 1.0, "std": 1.0}}, "found normal, uniform"),
-        ({"unifrom": {"low": 0.0, "high": 1.0}}, "'uniform'?"),
-    ],
-)
+DISTRIBUTIONS = """
+{normal: {mean: 1, std: 0.3}}                        normal has no lower bound (0.043 % of it lies
+{uniform: {low: -0.1, high: 1}}                      uniform reaches down to -0.1
+{uniform: {low: 2, high: 1}}                         uniform`: low 2 is not below high 1
+{uniform: {low: 1, high: 1}}                         low 1 is not below high 1
+{uniform: {low: 1, high: .inf}}                      uniform.high
+{uniform: {low: 1}}                                  mu.uniform.high` is missing
+{lognormal: {median: 1, sigma: 0}}                   lognormal.sigma
+{lognormal: {median: 1, sigma: 500}}                 reach infinity
+{lognormal: {median: -1, sigma: 0.3}}                lognormal.median
+{truncated_normal: {mean: 1, std: 0.1}}              needs `low` or `high`
+{truncated_normal: {mean: 1, std: 0.1, high: 2}}     has no lower bound
+{truncated_normal: {mean: 1, std: 0.1, low: 3}}      contains almost nothing
+{truncated_normal: {mean: 1, std: -0.1, low: 0}}     truncated_normal.std
+{choice: {values: []}}                               choice.values
+{choice: {values: [1, 1]}}                           contains a value twice
+{choice: {values: [-1, 2]}}                          choice reaches down to -1
+{steps: {low: 0, high: 1, count: 1}}                 steps.count
+{steps: {low: 0, high: 1, count: true}}              steps.count
+{}                                                   give one of normal, truncated_normal, uniform
+{uniform: {low: 1, high: 2}, normal: {mean: 1, std: 1}}  found normal, uniform
+{unifrom: {low: 0, high: 1}}                         'uniform'?
+"""
+
+
+@pytest.mark.parametrize(("distribution", "words"), table(DISTRIBUTIONS, yaml.safe_load, str))
 def test_impossible_distribution_is_refused_by_name(distribution, words):
     message = refused(sweep_of(friction__all__mu=distribution))
     assert "parameters.friction.*.mu" in message
     assert words in message
 
 
+PARAMETERS = """
+payload.box.mass               {uniform: {low: 0, high: 1}}          a mass must be above 0
+payload.bax.mass               {uniform: {low: 1, high: 2}}          'box'?
+payload.box.inertia            {uniform: {low: 1, high: 2}}          unknown parameter
+speed                          {uniform: {low: -1, high: 1}}         a speed factor must be above 0
+speed                          {steps: {low: 0, high: 1, count: 3}}  a speed factor must be above 0
+sped                           {uniform: {low: 1, high: 2}}          'speed'?
+mounting.roll                  {uniform: {low: -20, high: 20}}       are these degrees?
+mounting.yaw                   {uniform: {low: 1, high: 2}}          unknown parameter
+friction.slid.mu               {uniform: {low: 1, high: 2}}          'slide'?
+friction.*.coulomb             {uniform: {low: 1, high: 2}}          no joint with coulomb in this
+friction.slide.radius          {uniform: {low: 1, high: 2}}          unknown parameter
+transmission.*.no_load_torque  {uniform: {low: 1, high: 2}}          no drive with no_load_torque
+speed                          {uniform: {low: 1, high: 2}, each: true}  there is only one speed
+"""
+
+
 @pytest.mark.parametrize(
-    ("name", "distribution", "words"),
-    [
-        ("payload.box.mass", uniform(0.0, 1.0), "a mass must be above 0"),
-        ("payload.bax.mass", FINE, "'box'?"),
-        ("payload.box.inertia", FINE, "unknown parameter"),
-        ("speed", uniform(-1.0, 1.0), "a speed factor must be above 0"),
-        ("speed", steps(0.0, 1.0, 3), "a speed factor must be above 0"),
-        ("sped", FINE, "'speed'?"),
-        ("mounting.roll", uniform(-20.0, 20.0), "are these degrees?"),
-        ("mounting.yaw", FINE, "unknown parameter"),
-        ("friction.slid.mu", FINE, "'slide'?"),
-        ("friction.*.coulomb", FINE, "no joint with coulomb in this scene"),
-        ("friction.slide.radius", FINE, "unknown parameter"),
-        ("transmission.*.no_load_torque", FINE, "no drive with no_load_torque"),
-        ("speed", uniform(1.0, 2.0, each=True), "there is only one speed"),
-    ],
+    ("name", "distribution", "words"), table(PARAMETERS, str, yaml.safe_load, str)
 )
 def test_parameter_that_cannot_be_is_refused_by_name(name, distribution, words):
     message = refused({**sweep_of(), "parameters": {name: distribution}})
@@ -107,28 +110,28 @@ def test_everything_wrong_with_the_parameters_is_said_at_once():
     assert "friction.slide.mu is given twice" in message
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"samples": 0}, "`samples`"),
-        ({"samples": True}, "`samples`"),
-        ({"samples": None}, "`samples` is missing"),
-        ({"seed": -1}, "`seed`"),
-        ({"sampling": "montecarlo"}, "`sampling`"),
-        ({"sampling": "sobol", "samples": 100}, "not a power of two"),
-        ({"sampling": "grid"}, "the values of a grid set their number"),
-        ({"sampling": "grid", "samples": None}, "takes `steps` or `choice`, not uniform"),
-        ({"percentiles": [5, 101]}, "101 is not between 0 and 100"),
-        ({"parameters": {}}, "`parameters`"),
-        ({"condtions": {}}, "'conditions'?"),
-        ({"motors": {"slidr": {"drive": DRIVE}}}, "'slide'?"),
-        ({"motors": {"slide": {}}}, "`motors.slide.drive`"),
-        ({"motors": {"slide": {"drive": DRIVE, "peak_torque": 1.0}}}, "removed; name a `drive`"),
-        ({"motors": {"slide": {"motor": "M"}}}, "removed; name a `drive`"),
-        ({"motors": {"slide": {"drive": "no such"}}}, "the catalogue has no drive 'no such'"),
-        ({"pinfric_sweep": 2}, "pinfric_sweep"),
-    ],
-)
+DESIGNS = f"""
+samples: 0                           `samples`
+samples: true                        `samples`
+samples: null                        `samples` is missing
+seed: -1                             `seed`
+sampling: montecarlo                 `sampling`
+{{sampling: sobol, samples: 100}}    not a power of two
+sampling: grid                       the values of a grid set their number
+{{sampling: grid, samples: null}}    takes `steps` or `choice`, not uniform
+percentiles: [5, 101]                101 is not between 0 and 100
+parameters: {{}}                     `parameters`
+condtions: {{}}                      'conditions'?
+motors: {{slidr: {{drive: "{DRIVE}"}}}}  'slide'?
+motors: {{slide: {{}}}}              `motors.slide.drive`
+motors: {{slide: {{drive: D, peak_torque: 1}}}}  removed; name a `drive`
+motors: {{slide: {{motor: M}}}}      removed; name a `drive`
+motors: {{slide: {{drive: no such}}}}  the catalogue has no drive 'no such'
+pinfric_sweep: 2                     pinfric_sweep
+"""
+
+
+@pytest.mark.parametrize(("change", "words"), table(DESIGNS, yaml.safe_load, str))
 def test_impossible_design_is_refused(change, words):
     assert words in refused({**sweep_of(friction__all__mu=FINE), **change})
 

@@ -1,0 +1,12 @@
+"""Tables of cases as text: a row a line, its columns two spaces or more apart."""
+
+from __future__ import annotations
+
+import re
+
+
+def table(text, *kinds):
+    """The rows of a table for `parametrize`, each column as its kind makes it, text by default."""
+    rows = [re.split(r" {2,}", line.strip()) for line in text.strip().splitlines()]
+    kinds = kinds or (str,) * len(rows[0])
+    return [tuple(kind(x) for kind, x in zip(kinds, row, strict=True)) for row in rows]
