@@ -10,7 +10,7 @@ joint's effort as its axial force, worst case over the effort's interval.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Literal, NamedTuple, final
+from typing import Literal, NamedTuple, final
 
 import numpy as np
 from pydantic import model_validator
@@ -19,7 +19,7 @@ from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.reactions import state_wrenches
 from pinfric.model.bearings import axes_along
 from pinfric.model.described import described, quantity
-from pinfric.model.entry import Entry, NonNegative, Positive, key
+from pinfric.model.entry import Entry, NonNegative, Positive, key, optional
 
 BALL, ROLLER = 3.0, 10.0 / 3.0
 
@@ -27,10 +27,10 @@ BALL, ROLLER = 3.0, 10.0 / 3.0
 class Factors(Entry):
     """P = X P_r + Y F_a, (X, Y) by F_a/P_r up to `limit` and above; P_0 = X_0 P_r + Y_0 F_a."""
 
-    limit: Annotated[NonNegative, key("of F_a/P_r", 1.5, "1")]
-    below: Annotated[tuple[NonNegative, NonNegative], key("X and Y up to it", [1.0, 0.45], "1")]
-    above: Annotated[tuple[NonNegative, NonNegative], key("X and Y above it", [0.67, 0.67], "1")]
-    static: Annotated[tuple[NonNegative, NonNegative], key("X_0 and Y_0", [1.0, 0.44], "1")]
+    limit: NonNegative = key("of F_a/P_r", 1.5, "1")
+    below: tuple[NonNegative, NonNegative] = key("X and Y up to it", [1.0, 0.45], "1")
+    above: tuple[NonNegative, NonNegative] = key("X and Y above it", [0.67, 0.67], "1")
+    static: tuple[NonNegative, NonNegative] = key("X_0 and Y_0", [1.0, 0.44], "1")
 
 
 class Kind(NamedTuple):
@@ -71,48 +71,39 @@ _GUIDE_SAFETY = 2.0
 class BearingRatings(Entry):
     """Load ratings of a bearing, or of a screw's nut."""
 
-    kind: Annotated[
-        Literal["crossed roller", "ball", "roller", "ball screw", "linear guide"],
-        key("bearing type, which sets the formulas", "crossed roller"),
-    ]
-    dynamic_rating: Annotated[Positive | None, key("C, dynamic load rating", 21800.0, "N")] = None
-    static_rating: Annotated[Positive | None, key("C_0", 35800.0, "N")] = None
-    pitch_diameter: Annotated[
-        Positive | None, key("of a single bearing that carries the tilting moment", 0.077, "m")
-    ] = None
-    spacing: Annotated[
-        Positive | None,
-        key(
-            "between the two bearings of a pair that carries the moment; ratings of one bearing",
-            0.06,
-            "m",
-        ),
-    ] = None
-    offset: Annotated[
-        NonNegative, key("from the output flange to the rolling elements", 0.013, "m")
-    ] = 0.0
-    max_moment: Annotated[Positive | None, key("permissible tilting moment", 187.0, "N m")] = None
-    max_radial: Annotated[Positive | None, key("permissible radial force", 3200.0, "N")] = None
-    max_axial: Annotated[Positive | None, key("permissible axial force", 4800.0, "N")] = None
-    static_moment: Annotated[
-        Positive | None, key("of a linear guide, M_0 about axes across the rail", 630.0, "N m")
-    ] = None
-    static_roll: Annotated[
-        Positive | None, key("of a linear guide, M_a0 about the rail", 820.0, "N m")
-    ] = None
-    static_safety: Annotated[
-        Positive, key("required C_0/P_0; left out: 1.5, of a linear guide 2", 1.5, "1")
-    ] = 1.5
-    factors: Annotated[
-        Factors | None,
-        key(
-            "of the equivalent load, if the maker prints other values",
-            {"limit": 1.5, "below": [1.0, 0.45], "above": [0.67, 0.67], "static": [1.0, 0.44]},
-        ),
-    ] = None
-    source: Annotated[
-        str, key("source of the ratings, if not the entry's", "data sheet of the bearing")
-    ] = ""
+    kind: Literal["crossed roller", "ball", "roller", "ball screw", "linear guide"] = key(
+        "bearing type, which sets the formulas", "crossed roller"
+    )
+    dynamic_rating: Positive | None = optional("C, dynamic load rating", 21800.0, "N")
+    static_rating: Positive | None = optional("C_0", 35800.0, "N")
+    pitch_diameter: Positive | None = optional(
+        "of a single bearing that carries the tilting moment", 0.077, "m"
+    )
+    spacing: Positive | None = optional(
+        "between the two bearings of a pair that carries the moment; ratings of one bearing",
+        0.06,
+        "m",
+    )
+    offset: NonNegative = key(
+        "from the output flange to the rolling elements", 0.013, "m", default=0.0
+    )
+    max_moment: Positive | None = optional("permissible tilting moment", 187.0, "N m")
+    max_radial: Positive | None = optional("permissible radial force", 3200.0, "N")
+    max_axial: Positive | None = optional("permissible axial force", 4800.0, "N")
+    static_moment: Positive | None = optional(
+        "of a linear guide, M_0 about axes across the rail", 630.0, "N m"
+    )
+    static_roll: Positive | None = optional("of a linear guide, M_a0 about the rail", 820.0, "N m")
+    static_safety: Positive = key(
+        "required C_0/P_0; left out: 1.5, of a linear guide 2", 1.5, "1", default=1.5
+    )
+    factors: Factors | None = optional(
+        "of the equivalent load, if the maker prints other values",
+        {"limit": 1.5, "below": [1.0, 0.45], "above": [0.67, 0.67], "static": [1.0, 0.44]},
+    )
+    source: str = key(
+        "source of the ratings, if not the entry's", "data sheet of the bearing", default=""
+    )
 
     @model_validator(mode="after")
     def _can_be_reckoned(self) -> BearingRatings:

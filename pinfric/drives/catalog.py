@@ -27,6 +27,7 @@ from pinfric.model.entry import (
     Text,
     Version,
     key,
+    optional,
 )
 from pinfric.model.friction_terms import constant_friction, linear_drag
 from pinfric.model.springs import Stiffness
@@ -44,23 +45,18 @@ REFERENCE_TEMPERATURE = 25.0
 class Sourced(Entry):
     """Source of an entry's figures."""
 
-    source: Annotated[Text, key("maker's document and page", "a maker's catalogue, p. 197")]
-    grade: Annotated[
-        Literal["R", "T"],
-        key("R: read in the maker's document, T: retyped by a third party", "R"),
-    ]
-    note: Annotated[str, key("remarks", "peak printed without a duration")] = ""
-    price: Annotated[Positive | None, key("of one piece", 310.0, "of the catalogue's currency")] = (
-        None
+    source: Text = key("maker's document and page", "a maker's catalogue, p. 197")
+    grade: Literal["R", "T"] = key(
+        "R: read in the maker's document, T: retyped by a third party", "R"
     )
-    dimensions: Annotated[str, key("in words", "60 mm x 88 mm")] = ""
-    stand_ins: Annotated[
-        dict[str, str],
-        key(
-            "values taken from another product, and which, or from a rule",
-            {"stiffness": "the next smaller size"},
-        ),
-    ] = Field(default_factory=dict)
+    note: str = key("remarks", "peak printed without a duration", default="")
+    price: Positive | None = optional("of one piece", 310.0, "of the catalogue's currency")
+    dimensions: str = key("in words", "60 mm x 88 mm", default="")
+    stand_ins: dict[str, str] = key(
+        "values taken from another product, and which, or from a rule",
+        {"stiffness": "the next smaller size"},
+        default_factory=dict,
+    )
 
     @model_validator(mode="after")
     def _stand_ins_are_figures(self) -> Sourced:
@@ -73,39 +69,32 @@ class Sourced(Entry):
 class Thermal(Entry):
     """Two-node model of a motor: winding and housing."""
 
-    winding_housing: Annotated[
-        Positive, key("thermal resistance between winding and housing", 1.2, "K/W")
-    ]
-    housing_ambient: Annotated[Positive, key("between housing and surroundings", 3.0, "K/W")]
-    winding_time: Annotated[Positive | None, key("time constant of the winding", 30.0, "s")] = None
-    housing_time: Annotated[Positive | None, key("of the motor", 900.0, "s")] = None
-    max_winding: Annotated[
-        Number | None, key("highest permissible temperature of the winding", 155.0, "deg C")
-    ] = None
+    winding_housing: Positive = key("thermal resistance between winding and housing", 1.2, "K/W")
+    housing_ambient: Positive = key("between housing and surroundings", 3.0, "K/W")
+    winding_time: Positive | None = optional("time constant of the winding", 30.0, "s")
+    housing_time: Positive | None = optional("of the motor", 900.0, "s")
+    max_winding: Number | None = optional(
+        "highest permissible temperature of the winding", 155.0, "deg C"
+    )
 
 
 class Rated(Sourced):
     """Temperatures to which continuous ratings refer."""
 
-    rated_ambient: Annotated[
-        Number, key("ambient temperature of the continuous ratings", 40.0, "deg C")
-    ] = REFERENCE_TEMPERATURE
-    ambient_curve: Annotated[
-        tuple[tuple[Number, NonNegative], ...] | None,
-        key(
-            "the maker's derating: points of ambient temperature (deg C) and share of the "
-            "continuous ratings",
-            [[40.0, 1.0], [60.0, 0.8]],
-        ),
-    ] = None
-    thermal_time: Annotated[
-        Positive | None,
-        key(
-            "thermal time constant of the whole motor, if only one is printed",
-            1500.0,
-            "s",
-        ),
-    ] = None
+    rated_ambient: Number = key(
+        "ambient temperature of the continuous ratings",
+        40.0,
+        "deg C",
+        default=REFERENCE_TEMPERATURE,
+    )
+    ambient_curve: tuple[tuple[Number, NonNegative], ...] | None = optional(
+        "the maker's derating: points of ambient temperature (deg C) and share of the "
+        "continuous ratings",
+        [[40.0, 1.0], [60.0, 0.8]],
+    )
+    thermal_time: Positive | None = optional(
+        "thermal time constant of the whole motor, if only one is printed", 1500.0, "s"
+    )
 
     @model_validator(mode="after")
     def _curve_rises_in_temperature(self) -> Rated:
@@ -120,36 +109,30 @@ class Stepper(Entry):
     it, that of resistance, inductance and holding torque counts by half (`rules.pull_out_torque`).
     """
 
-    holding_torque: Annotated[
-        Positive, key("at rest, both phases on at the rated current", 0.59, "N m")
-    ]
-    current: Annotated[Positive, key("rated, of each phase", 2.0, "A")]
-    steps: Annotated[Positive, key("full steps per turn", 200, "1")] = 200.0
-    resistance: Annotated[Positive | None, key("of a phase, end to end", 1.4, "Ohm")] = None
-    inductance: Annotated[Positive | None, key("of a phase", 0.003, "H")] = None
-    pull_out: Annotated[
-        tuple[tuple[NonNegative, Positive], ...] | None,
-        key(
-            "the maker's curve: points of speed (rad/s) and pull-out torque (N m)",
-            [[22.0, 2.82], [62.8, 1.29], [103.7, 0.78]],
-        ),
-    ] = None
-    voltage: Annotated[Positive | None, key("of the driver of that curve", 36.0, "V")] = None
-    driver: Annotated[str, key("of that curve, with its current", "DM556T, 4.1 A")] = ""
-    detent_torque: Annotated[NonNegative | None, key("without current", 0.015, "N m")] = None
-    standstill_current: Annotated[
-        Number,
-        Field(gt=0, le=1),
-        key(
-            "share of the current, and of the holding torque, that its driver leaves at rest",
-            0.5,
-            "1",
-        ),
-    ] = 0.5
-    temperature_rise: Annotated[
-        Positive, key("of the winding at the rated current in both phases", 80.0, "K")
-    ] = 80.0
-    max_winding: Annotated[Number, key("highest of the winding: class B", 130.0, "deg C")] = 130.0
+    holding_torque: Positive = key("at rest, both phases on at the rated current", 0.59, "N m")
+    current: Positive = key("rated, of each phase", 2.0, "A")
+    steps: Positive = key("full steps per turn", 200, "1", default=200.0)
+    resistance: Positive | None = optional("of a phase, end to end", 1.4, "Ohm")
+    inductance: Positive | None = optional("of a phase", 0.003, "H")
+    pull_out: tuple[tuple[NonNegative, Positive], ...] | None = optional(
+        "the maker's curve: points of speed (rad/s) and pull-out torque (N m)",
+        [[22.0, 2.82], [62.8, 1.29], [103.7, 0.78]],
+    )
+    voltage: Positive | None = optional("of the driver of that curve", 36.0, "V")
+    driver: str = key("of that curve, with its current", "DM556T, 4.1 A", default="")
+    detent_torque: NonNegative | None = optional("without current", 0.015, "N m")
+    standstill_current: Number = key(
+        "share of the current, and of the holding torque, that its driver leaves at rest",
+        0.5,
+        "1",
+        gt=0,
+        le=1,
+        default=0.5,
+    )
+    temperature_rise: Positive = key(
+        "of the winding at the rated current in both phases", 80.0, "K", default=80.0
+    )
+    max_winding: Number = key("highest of the winding: class B", 130.0, "deg C", default=130.0)
 
     @model_validator(mode="after")
     def _has_a_curve(self) -> Stepper:
@@ -176,82 +159,62 @@ class Stepper(Entry):
 class Motor(Rated):
     """A motor: torques and speeds at its shaft."""
 
-    continuous_torque: Annotated[Positive | None, key("continuous torque", 0.45, "N m")] = None
-    continuous_curve: Annotated[
-        tuple[tuple[NonNegative, Positive], ...] | None,
-        key(
-            "continuous torque over speed: points of speed (rad/s) and torque (N m)",
-            [[0.0, 0.45], [400.0, 0.3]],
-        ),
-    ] = None
-    continuous_stall_torque: Annotated[
-        Positive | None, key("continuous torque at standstill", 0.4, "N m")
-    ] = None
-    continuous_current: Annotated[
-        Positive | None, key("current at the continuous torque", 6.0, "A")
-    ] = None
-    peak_torque: Annotated[Positive | None, key("largest torque for a short time", 1.3, "N m")] = (
-        None
+    continuous_torque: Positive | None = optional("continuous torque", 0.45, "N m")
+    continuous_curve: tuple[tuple[NonNegative, Positive], ...] | None = optional(
+        "continuous torque over speed: points of speed (rad/s) and torque (N m)",
+        [[0.0, 0.45], [400.0, 0.3]],
     )
-    torque_constant: Annotated[Positive | None, key("torque per current", 0.075, "N m/A")] = None
-    current: Annotated[
-        Literal["dc", "rms", "peak"],
-        key(
-            "kind of current of the torque constant and the continuous current: DC or block "
-            "commutation, or RMS or peak of a sinusoidal phase current",
-            "rms",
-        ),
-    ] = "dc"
-    resistance: Annotated[Positive | None, key("of the winding at 25 C", 0.35, "Ohm")] = None
-    resistance_of: Annotated[
-        Literal["terminals", "phase"],
-        key("measured between two terminals, or from one phase to the star point", "phase"),
-    ] = "terminals"
-    rotor_inertia: Annotated[Positive | None, key("of the rotor", 3e-05, "kg m^2")] = None
-    mass: Annotated[Positive | None, key("of the motor", 0.6, "kg")] = None
-    max_speed: Annotated[Positive | None, key("permissible", 600.0, "rad/s")] = None
-    mounting: Annotated[
-        Literal["frameless", "shaft", "flange"] | None,
-        key(
-            "what it comes as: rotor and stator only, or a housing with a shaft, without or with "
-            "the square flange of servo motors",
-            "frameless",
-        ),
-    ] = None
-    cooling: Annotated[
-        Literal["closed", "open", "fan", "plate"] | None,
-        key(
-            "what its continuous ratings need: nothing, free air through an open rotor, a fan on "
-            "its shaft, or a plate that it is mounted on; left out: nothing",
-            "open",
-        ),
-    ] = None
-    nominal_voltage: Annotated[
-        Positive | None, key("for which the speeds and the stall torque are given", 48.0, "V")
-    ] = None
-    max_voltage: Annotated[
-        Positive | None, key("highest that its winding's insulation permits", 60.0, "V")
-    ] = None
-    no_load_speed: Annotated[
-        Positive | None, key("at nominal voltage without load", 550.0, "rad/s")
-    ] = None
-    rated_speed: Annotated[
-        Positive | None, key("at nominal voltage and continuous torque", 450.0, "rad/s")
-    ] = None
-    stall_torque: Annotated[
-        Positive | None, key("at nominal voltage, start of the speed-torque line", 3.2, "N m")
-    ] = None
-    thermal: Annotated[
-        Thermal | None,
-        key("for the winding's temperature", {"winding_housing": 1.2, "housing_ambient": 3.0}),
-    ] = None
-    stepper: Annotated[
-        Stepper | None,
-        key(
-            "of a stepper motor, in place of torques and speeds",
-            {"holding_torque": 0.59, "current": 2.0, "resistance": 1.4, "inductance": 0.003},
-        ),
-    ] = None
+    continuous_stall_torque: Positive | None = optional(
+        "continuous torque at standstill", 0.4, "N m"
+    )
+    continuous_current: Positive | None = optional("current at the continuous torque", 6.0, "A")
+    peak_torque: Positive | None = optional("largest torque for a short time", 1.3, "N m")
+    torque_constant: Positive | None = optional("torque per current", 0.075, "N m/A")
+    current: Literal["dc", "rms", "peak"] = key(
+        "kind of current of the torque constant and the continuous current: DC or block "
+        "commutation, or RMS or peak of a sinusoidal phase current",
+        "rms",
+        default="dc",
+    )
+    resistance: Positive | None = optional("of the winding at 25 C", 0.35, "Ohm")
+    resistance_of: Literal["terminals", "phase"] = key(
+        "measured between two terminals, or from one phase to the star point",
+        "phase",
+        default="terminals",
+    )
+    rotor_inertia: Positive | None = optional("of the rotor", 3e-05, "kg m^2")
+    mass: Positive | None = optional("of the motor", 0.6, "kg")
+    max_speed: Positive | None = optional("permissible", 600.0, "rad/s")
+    mounting: Literal["frameless", "shaft", "flange"] | None = optional(
+        "what it comes as: rotor and stator only, or a housing with a shaft, without or with "
+        "the square flange of servo motors",
+        "frameless",
+    )
+    cooling: Literal["closed", "open", "fan", "plate"] | None = optional(
+        "what its continuous ratings need: nothing, free air through an open rotor, a fan on "
+        "its shaft, or a plate that it is mounted on; left out: nothing",
+        "open",
+    )
+    nominal_voltage: Positive | None = optional(
+        "for which the speeds and the stall torque are given", 48.0, "V"
+    )
+    max_voltage: Positive | None = optional(
+        "highest that its winding's insulation permits", 60.0, "V"
+    )
+    no_load_speed: Positive | None = optional("at nominal voltage without load", 550.0, "rad/s")
+    rated_speed: Positive | None = optional(
+        "at nominal voltage and continuous torque", 450.0, "rad/s"
+    )
+    stall_torque: Positive | None = optional(
+        "at nominal voltage, start of the speed-torque line", 3.2, "N m"
+    )
+    thermal: Thermal | None = optional(
+        "for the winding's temperature", {"winding_housing": 1.2, "housing_ambient": 3.0}
+    )
+    stepper: Stepper | None = optional(
+        "of a stepper motor, in place of torques and speeds",
+        {"holding_torque": 0.59, "current": 2.0, "resistance": 1.4, "inductance": 0.003},
+    )
 
     @property
     def mass_taken(self) -> float | None:
@@ -284,11 +247,11 @@ class OutputFriction(Entry):
     At rest u = -t, so a share of twice the load is lost (BAM's model M3).
     """
 
-    base: Annotated[NonNegative, key("independent of the load", 0.5, "N m or N")] = 0.0
-    load_dependent: Annotated[
-        Number, Field(ge=0, lt=1), key("share of the sum of effort and load, below 1", 0.1, "1")
-    ] = 0.0
-    viscous: Annotated[NonNegative, key("per speed of the output", 0.2, "N m s/rad or N s/m")] = 0.0
+    base: NonNegative = key("independent of the load", 0.5, "N m or N", default=0.0)
+    load_dependent: Number = key(
+        "share of the sum of effort and load, below 1", 0.1, "1", ge=0, lt=1, default=0.0
+    )
+    viscous: NonNegative = key("per speed of the output", 0.2, "N m s/rad or N s/m", default=0.0)
 
 
 class GearMotor(Rated):
@@ -298,69 +261,54 @@ class GearMotor(Rated):
     with its force (kg, as `rotor_inertia`).
     """
 
-    ratio: Annotated[
-        Positive,
-        key("motor turns per turn of the output; rad/m of a linear one", 64.0, "1 or rad/m"),
-    ]
-    output: Annotated[Literal["rotary", "linear"], key("motion of its output", "rotary")] = "rotary"
-    continuous_torque: Annotated[Positive | None, key("continuous output", 48.0, "N m or N")] = None
-    peak_torque: Annotated[
-        Positive | None, key("largest output for a short time", 120.0, "N m or N")
-    ] = None
-    stall_torque: Annotated[
-        Positive | None,
-        key(
-            "of a servo at nominal voltage, its output blocked: for a moment only. Where they are "
-            "not printed it stands in for the peak torque, and 0.2 of it for the continuous one",
-            2.9,
-            "N m or N",
-        ),
-    ] = None
-    nominal_voltage: Annotated[
-        Positive | None, key("for which the speeds are given", 48.0, "V")
-    ] = None
-    no_load_speed: Annotated[Positive | None, key("without load", 6.0, "rad/s or m/s")] = None
-    rated_speed: Annotated[Positive | None, key("at continuous torque", 5.0, "rad/s or m/s")] = None
-    max_speed: Annotated[Positive | None, key("permissible", 7.0, "rad/s or m/s")] = None
-    rotor_inertia: Annotated[
-        Positive | None, key("of the rotor, at the motor's speed", 5e-05, "kg m^2 or kg")
-    ] = None
-    mass: Annotated[Positive | None, key("of motor and gear", 0.85, "kg")] = None
-    torque_constant: Annotated[
-        Positive | None, key("at the output, per current of the motor", 4.8, "N m/A or N/A")
-    ] = None
-    peak_current: Annotated[
-        Positive | None,
-        key("largest of its own electronics, of the kind of `current`: bounds the peak", 43.0, "A"),
-    ] = None
-    current: Annotated[
-        Literal["dc", "rms", "peak"],
-        key("kind of current of the torque constant, as of a motor", "rms"),
-    ] = "dc"
-    resistance: Annotated[
-        Positive | None, key("between two terminals of the motor at 25 C", 0.39, "Ohm")
-    ] = None
-    max_voltage: Annotated[
-        Positive | None, key("highest that its own electronics permit", 60.0, "V")
-    ] = None
-    stiffness: Annotated[
-        Stiffness | None,
-        key("of the output, its rotor held; as of a gear", 16000, "N m/rad or N/m"),
-    ] = None
-    backlash: Annotated[
-        NonNegative | None,
-        key("of the output, its input held: the whole angle", 0.00087, "rad or m"),
-    ] = None
-    friction: Annotated[
-        OutputFriction | None, key("at the output", {"base": 0.5, "load_dependent": 0.1})
-    ] = None
-    back_driving_torque: Annotated[
-        Positive | None, key("at the output, turns it without current", 1.5, "N m or N")
-    ] = None
-    bearing: Annotated[
-        BearingRatings | None,
-        key("ratings of its output bearing", {"kind": "crossed roller", "max_moment": 40.0}),
-    ] = None
+    ratio: Positive = key(
+        "motor turns per turn of the output; rad/m of a linear one", 64.0, "1 or rad/m"
+    )
+    output: Literal["rotary", "linear"] = key("motion of its output", "rotary", default="rotary")
+    continuous_torque: Positive | None = optional("continuous output", 48.0, "N m or N")
+    peak_torque: Positive | None = optional("largest output for a short time", 120.0, "N m or N")
+    stall_torque: Positive | None = optional(
+        "of a servo at nominal voltage, its output blocked: for a moment only. Where they are "
+        "not printed it stands in for the peak torque, and 0.2 of it for the continuous one",
+        2.9,
+        "N m or N",
+    )
+    nominal_voltage: Positive | None = optional("for which the speeds are given", 48.0, "V")
+    no_load_speed: Positive | None = optional("without load", 6.0, "rad/s or m/s")
+    rated_speed: Positive | None = optional("at continuous torque", 5.0, "rad/s or m/s")
+    max_speed: Positive | None = optional("permissible", 7.0, "rad/s or m/s")
+    rotor_inertia: Positive | None = optional(
+        "of the rotor, at the motor's speed", 5e-05, "kg m^2 or kg"
+    )
+    mass: Positive | None = optional("of motor and gear", 0.85, "kg")
+    torque_constant: Positive | None = optional(
+        "at the output, per current of the motor", 4.8, "N m/A or N/A"
+    )
+    peak_current: Positive | None = optional(
+        "largest of its own electronics, of the kind of `current`: bounds the peak", 43.0, "A"
+    )
+    current: Literal["dc", "rms", "peak"] = key(
+        "kind of current of the torque constant, as of a motor", "rms", default="dc"
+    )
+    resistance: Positive | None = optional(
+        "between two terminals of the motor at 25 C", 0.39, "Ohm"
+    )
+    max_voltage: Positive | None = optional("highest that its own electronics permit", 60.0, "V")
+    stiffness: Stiffness | None = optional(
+        "of the output, its rotor held; as of a gear", 16000, "N m/rad or N/m"
+    )
+    backlash: NonNegative | None = optional(
+        "of the output, its input held: the whole angle", 0.00087, "rad or m"
+    )
+    friction: OutputFriction | None = optional(
+        "at the output", {"base": 0.5, "load_dependent": 0.1}
+    )
+    back_driving_torque: Positive | None = optional(
+        "at the output, turns it without current", 1.5, "N m or N"
+    )
+    bearing: BearingRatings | None = optional(
+        "ratings of its output bearing", {"kind": "crossed roller", "max_moment": 40.0}
+    )
 
     @model_validator(mode="after")
     def _figures_agree(self) -> GearMotor:
@@ -376,36 +324,26 @@ class GearMotor(Rated):
 class Screw(Entry):
     """A screw between its supports."""
 
-    root_diameter: Annotated[Positive, key("of the thread's root", 0.0125, "m")]
-    length: Annotated[Positive, key("longest free length between the supports", 0.79, "m")]
-    supports: Annotated[
-        Literal["fixed-free", "supported-supported", "fixed-supported", "fixed-fixed"],
-        key("supports of its two ends", "fixed-supported"),
-    ]
-    ball_circle: Annotated[
-        Positive | None, key("diameter of the circle of ball centres", 0.0155, "m")
-    ] = None
-    max_dn: Annotated[
-        Positive | None,
-        key("permissible ball circle diameter (mm) times speed (rpm)", 70000.0, "mm rpm"),
-    ] = None
-    elasticity: Annotated[Positive, key("of its material", 2.06e11, "Pa")] = 2.06e11
-    density: Annotated[Positive, key("of its material", 7850.0, "kg/m^3")] = 7850.0
+    root_diameter: Positive = key("of the thread's root", 0.0125, "m")
+    length: Positive = key("longest free length between the supports", 0.79, "m")
+    supports: Literal["fixed-free", "supported-supported", "fixed-supported", "fixed-fixed"] = key(
+        "supports of its two ends", "fixed-supported"
+    )
+    ball_circle: Positive | None = optional("diameter of the circle of ball centres", 0.0155, "m")
+    max_dn: Positive | None = optional(
+        "permissible ball circle diameter (mm) times speed (rpm)", 70000.0, "mm rpm"
+    )
+    elasticity: Positive = key("of its material", 2.06e11, "Pa", default=2.06e11)
+    density: Positive = key("of its material", 7850.0, "kg/m^3", default=7850.0)
 
 
 class Nut(Entry):
     """A nut that slides on a lead screw's thread."""
 
-    diameter: Annotated[Positive, key("pitch diameter of the thread", 0.01, "m")]
-    contact_area: Annotated[
-        Positive, key("between thread and nut, as the maker counts it", 1.2e-4, "m^2")
-    ]
-    max_pressure: Annotated[
-        Positive | None, key("permissible pressure on that area", 5e6, "Pa")
-    ] = None
-    max_pv: Annotated[
-        Positive | None, key("permissible pressure times sliding speed", 1e5, "Pa m/s")
-    ] = None
+    diameter: Positive = key("pitch diameter of the thread", 0.01, "m")
+    contact_area: Positive = key("between thread and nut, as the maker counts it", 1.2e-4, "m^2")
+    max_pressure: Positive | None = optional("permissible pressure on that area", 5e6, "Pa")
+    max_pv: Positive | None = optional("permissible pressure times sliding speed", 1e5, "Pa m/s")
 
 
 class Gear(Sourced):
@@ -415,131 +353,101 @@ class Gear(Sourced):
     scene's transmission takes them (`transmission.MakersEfficiency`).
     """
 
-    ratio: Annotated[
-        Annotated[float | tuple[float, ...], Forms(Positive, tuple[Positive, ...])],
-        key(
-            "motor turns per output turn, or a list of ratios with the same figures; rad/m where "
-            "the output is linear",
-            [50, 80, 100],
-            "1 or rad/m",
-        ),
-    ]
-    kind: Annotated[str, key("type; strain wave gears have rules of their own", "strain wave")] = ""
-    output: Annotated[
-        Literal["rotary", "linear"], key("rotary, or linear with efforts in N", "rotary")
-    ] = "rotary"
-    rated_torque: Annotated[
-        Positive | None, key("for which life and efficiency are given", 40.0, "N m or N")
-    ] = None
-    average_torque: Annotated[
-        Positive | None, key("limit of the mean, weighted by speed", 49.0, "N m or N")
-    ] = None
-    repeated_peak_torque: Annotated[
-        Positive | None, key("limit of a cycle's peaks", 82.0, "N m or N")
-    ] = None
-    momentary_peak_torque: Annotated[
-        Positive | None, key("limit in a collision or an emergency stop", 147.0, "N m or N")
-    ] = None
-    momentary_peaks: Annotated[
-        Positive | None, key("permissible number of momentary peaks in its life", 10000, "1")
-    ] = None
-    peak_turns: Annotated[
-        Positive | None,
-        key("output turns in its life above `rated_torque`, up to the repeated peak", 30000, "1"),
-    ] = None
-    peaks_per_hour: Annotated[
-        Positive | None, key("how often an hour it may exceed `rated_torque`", 1000.0, "1/h")
-    ] = None
-    rated_speed: Annotated[
-        Positive | None, key("of the input, for which the life is given", 209.4, "rad/s")
-    ] = None
-    average_input_speed: Annotated[Positive | None, key("limit of the mean", 366.0, "rad/s")] = None
-    max_input_speed: Annotated[Positive | None, key("limit", 680.0, "rad/s")] = None
-    input: Annotated[
-        Literal["bore", "hollow", "clamp", "shaft", "pinion"] | None,
-        key(
-            "what takes the motor: a bored hub, as of a wave generator, for the shaft of a motor "
-            "or of the joint; a hollow shaft; a hub that clamps a motor's shaft; a shaft of its "
-            "own for a coupling; a pinion that its maker puts on the shaft of his `motors`",
-            "clamp",
-        ),
-    ] = None
-    motors: Annotated[
-        tuple[Text, ...],
-        key(
-            "the only motors that it goes with, by how their names begin; empty: any that fits "
-            "its `input`",
-            ["maxon EC-i 40", "maxon EC 45 flat"],
-        ),
-    ] = ()
-    input_inertia: Annotated[
-        NonNegative | None, key("of all that turns with the input", 1.9e-05, "kg m^2")
-    ] = None
-    mass: Annotated[Positive | None, key("of the gear", 0.9, "kg")] = None
-    nominal_life: Annotated[Positive | None, key("L50 at rated torque and speed", 35000.0, "h")] = (
-        None
+    ratio: Annotated[float | tuple[float, ...], Forms(Positive, tuple[Positive, ...])] = key(
+        "motor turns per output turn, or a list of ratios with the same figures; rad/m where "
+        "the output is linear",
+        [50, 80, 100],
+        "1 or rad/m",
     )
-    efficiency: Annotated[
-        Efficiency | None, key("at rated torque, or the maker's curves", 0.77, "1")
-    ] = None
-    back_efficiency: Annotated[
-        Annotated[Number, Field(le=1)] | None,
-        key("when the load drives; below 0 for a self-locking gear", 0.7, "1"),
-    ] = None
-    no_load_running_torque: Annotated[
-        NonNegative | None, key("at the input, at `no_load_speed`", 0.05, "N m")
-    ] = None
-    no_load_speed: Annotated[
-        Positive | None, key("input speed of the no-load running torque", 209.4, "rad/s")
-    ] = None
-    starting_torque: Annotated[
-        NonNegative | None, key("at the input, starts it without load", 0.037, "N m")
-    ] = None
-    back_driving_torque: Annotated[
-        Positive | None, key("at the output, starts it without load", 3.9, "N m or N")
-    ] = None
-    stiffness: Annotated[
-        Stiffness | None,
-        key(
-            "of the output: a number (K1, where several are printed), or lines as a scene's "
-            "transmission takes them",
-            {"k1": 16000, "k2": 25000, "k3": 29000, "t1": 7.0, "t2": 25.0},
-            "N m/rad or N/m",
-        ),
-    ] = None
-    hysteresis: Annotated[
-        Positive | None, key("hysteresis loss, the whole width at zero torque", 0.00029, "rad or m")
-    ] = None
-    backlash: Annotated[
-        NonNegative | None,
-        key("of the output, its input held: the whole angle", 0.00087, "rad or m"),
-    ] = None
-    stroke: Annotated[Positive | None, key("of a linear output", 0.3, "m")] = None
-    screw: Annotated[
-        Screw | None,
-        key(
-            "for a screw's critical speed, buckling and the speed of its balls",
-            {"root_diameter": 0.0125, "length": 0.79, "supports": "fixed-supported"},
-        ),
-    ] = None
-    nut: Annotated[
-        Nut | None,
-        key(
-            "of a lead screw, for its pressure and PV value",
-            {"diameter": 0.01, "contact_area": 1.2e-4, "max_pv": 1e5},
-        ),
-    ] = None
-    effort_curve: Annotated[
-        tuple[tuple[NonNegative, Positive], ...] | None,
-        key(
-            "largest effort over input speed, as of a belt: points of speed (rad/s) and N m or N",
-            [[0.0, 1070.0], [70.0, 890.0]],
-        ),
-    ] = None
-    bearing: Annotated[
-        BearingRatings | None,
-        key("output bearing; of a screw, the nut", {"kind": "crossed roller", "max_moment": 91.0}),
-    ] = None
+    kind: str = key("type; strain wave gears have rules of their own", "strain wave", default="")
+    output: Literal["rotary", "linear"] = key(
+        "rotary, or linear with efforts in N", "rotary", default="rotary"
+    )
+    rated_torque: Positive | None = optional(
+        "for which life and efficiency are given", 40.0, "N m or N"
+    )
+    average_torque: Positive | None = optional(
+        "limit of the mean, weighted by speed", 49.0, "N m or N"
+    )
+    repeated_peak_torque: Positive | None = optional("limit of a cycle's peaks", 82.0, "N m or N")
+    momentary_peak_torque: Positive | None = optional(
+        "limit in a collision or an emergency stop", 147.0, "N m or N"
+    )
+    momentary_peaks: Positive | None = optional(
+        "permissible number of momentary peaks in its life", 10000, "1"
+    )
+    peak_turns: Positive | None = optional(
+        "output turns in its life above `rated_torque`, up to the repeated peak", 30000, "1"
+    )
+    peaks_per_hour: Positive | None = optional(
+        "how often an hour it may exceed `rated_torque`", 1000.0, "1/h"
+    )
+    rated_speed: Positive | None = optional(
+        "of the input, for which the life is given", 209.4, "rad/s"
+    )
+    average_input_speed: Positive | None = optional("limit of the mean", 366.0, "rad/s")
+    max_input_speed: Positive | None = optional("limit", 680.0, "rad/s")
+    input: Literal["bore", "hollow", "clamp", "shaft", "pinion"] | None = optional(
+        "what takes the motor: a bored hub, as of a wave generator, for the shaft of a motor "
+        "or of the joint; a hollow shaft; a hub that clamps a motor's shaft; a shaft of its "
+        "own for a coupling; a pinion that its maker puts on the shaft of his `motors`",
+        "clamp",
+    )
+    motors: tuple[Text, ...] = key(
+        "the only motors that it goes with, by how their names begin; empty: any that fits "
+        "its `input`",
+        ["maxon EC-i 40", "maxon EC 45 flat"],
+        default=(),
+    )
+    input_inertia: NonNegative | None = optional(
+        "of all that turns with the input", 1.9e-05, "kg m^2"
+    )
+    mass: Positive | None = optional("of the gear", 0.9, "kg")
+    nominal_life: Positive | None = optional("L50 at rated torque and speed", 35000.0, "h")
+    efficiency: Efficiency | None = optional("at rated torque, or the maker's curves", 0.77, "1")
+    back_efficiency: Annotated[Number, Field(le=1)] | None = optional(
+        "when the load drives; below 0 for a self-locking gear", 0.7, "1"
+    )
+    no_load_running_torque: NonNegative | None = optional(
+        "at the input, at `no_load_speed`", 0.05, "N m"
+    )
+    no_load_speed: Positive | None = optional(
+        "input speed of the no-load running torque", 209.4, "rad/s"
+    )
+    starting_torque: NonNegative | None = optional(
+        "at the input, starts it without load", 0.037, "N m"
+    )
+    back_driving_torque: Positive | None = optional(
+        "at the output, starts it without load", 3.9, "N m or N"
+    )
+    stiffness: Stiffness | None = optional(
+        "of the output: a number (K1, where several are printed), or lines as a scene's "
+        "transmission takes them",
+        {"k1": 16000, "k2": 25000, "k3": 29000, "t1": 7.0, "t2": 25.0},
+        "N m/rad or N/m",
+    )
+    hysteresis: Positive | None = optional(
+        "hysteresis loss, the whole width at zero torque", 0.00029, "rad or m"
+    )
+    backlash: NonNegative | None = optional(
+        "of the output, its input held: the whole angle", 0.00087, "rad or m"
+    )
+    stroke: Positive | None = optional("of a linear output", 0.3, "m")
+    screw: Screw | None = optional(
+        "for a screw's critical speed, buckling and the speed of its balls",
+        {"root_diameter": 0.0125, "length": 0.79, "supports": "fixed-supported"},
+    )
+    nut: Nut | None = optional(
+        "of a lead screw, for its pressure and PV value",
+        {"diameter": 0.01, "contact_area": 1.2e-4, "max_pv": 1e5},
+    )
+    effort_curve: tuple[tuple[NonNegative, Positive], ...] | None = optional(
+        "largest effort over input speed, as of a belt: points of speed (rad/s) and N m or N",
+        [[0.0, 1070.0], [70.0, 890.0]],
+    )
+    bearing: BearingRatings | None = optional(
+        "output bearing; of a screw, the nut", {"kind": "crossed roller", "max_moment": 91.0}
+    )
 
     @model_validator(mode="after")
     def _figures_agree(self) -> Gear:
@@ -633,37 +541,32 @@ class Belt(Sourced):
     its two strands of length l the stiffness 2 C r_2^2/l, C the specific one (force per strain).
     """
 
-    pitch: Annotated[Positive, key("of its teeth", 0.005, "m")]
-    width: Annotated[Positive, key("of the belt", 0.016, "m")]
-    teeth_in: Annotated[Positive, key("of the motor's pulley", 20, "1")]
-    teeth_out: Annotated[Positive, key("of the driven pulley", 60, "1")]
-    length: Annotated[Positive, key("pitch length of the closed belt", 0.5, "m")]
-    allowable_tension: Annotated[Positive, key("of its cords", 560.0, "N")]
-    specific_stiffness: Annotated[
-        Positive, key("force per strain of one strand, of this width", 280000.0, "N")
-    ]
-    mass_per_length: Annotated[Positive, key("of this width", 0.05, "kg/m")]
-    tooth_load: Annotated[
-        tuple[tuple[NonNegative, Positive], ...] | None,
-        key(
-            "permissible for one tooth in mesh per width over the speed of the motor's pulley: "
-            "points of rad/s and N/m; left out: only the cords count",
-            [[0.0, 3640.0], [104.7, 2650.0]],
-        ),
-    ] = None
-    most_teeth: Annotated[
-        Positive, key("in mesh that count: 6 of a belt that is welded, else 12", 6, "1")
-    ] = 6.0
-    max_input_speed: Annotated[Positive, key("of the motor's pulley", 419.0, "rad/s")]
-    service_factor: Annotated[
-        Number, Field(ge=1), key("on the peak torque; 1.5 to 2 are usual", 1.5, "1")
-    ] = 1.5
-    efficiency: Annotated[
-        Number | None, Field(gt=0, le=1), key("left out: 0.9, by rule", 0.96, "1")
-    ] = None
-    pulley_density: Annotated[
-        Positive, key("of pulleys as solid discs, as wide as the belt", 2700.0, "kg/m^3")
-    ] = 2700.0
+    pitch: Positive = key("of its teeth", 0.005, "m")
+    width: Positive = key("of the belt", 0.016, "m")
+    teeth_in: Positive = key("of the motor's pulley", 20, "1")
+    teeth_out: Positive = key("of the driven pulley", 60, "1")
+    length: Positive = key("pitch length of the closed belt", 0.5, "m")
+    allowable_tension: Positive = key("of its cords", 560.0, "N")
+    specific_stiffness: Positive = key(
+        "force per strain of one strand, of this width", 280000.0, "N"
+    )
+    mass_per_length: Positive = key("of this width", 0.05, "kg/m")
+    tooth_load: tuple[tuple[NonNegative, Positive], ...] | None = optional(
+        "permissible for one tooth in mesh per width over the speed of the motor's pulley: "
+        "points of rad/s and N/m; left out: only the cords count",
+        [[0.0, 3640.0], [104.7, 2650.0]],
+    )
+    most_teeth: Positive = key(
+        "in mesh that count: 6 of a belt that is welded, else 12", 6, "1", default=6.0
+    )
+    max_input_speed: Positive = key("of the motor's pulley", 419.0, "rad/s")
+    service_factor: Number = key(
+        "on the peak torque; 1.5 to 2 are usual", 1.5, "1", ge=1, default=1.5
+    )
+    efficiency: Number | None = optional("left out: 0.9, by rule", 0.96, "1", gt=0, le=1)
+    pulley_density: Positive = key(
+        "of pulleys as solid discs, as wide as the belt", 2700.0, "kg/m^3", default=2700.0
+    )
 
     @model_validator(mode="after")
     def _goes_around(self) -> Belt:
@@ -737,39 +640,34 @@ class Belt(Sourced):
 class BearingEntry(Sourced):
     """Friction mu x (radial |F_r| + axial |F_a| + moment |M_b|), the levers x a diameter."""
 
-    mu: Annotated[Positive | None, key("coefficient in motion", 0.0015, "1")] = None
-    mu_range: Annotated[
-        tuple[NonNegative, NonNegative] | None,
-        key("smallest and largest, if the maker prints a range", [0.001, 0.003], "1"),
-    ] = None
-    radial: Annotated[
-        NonNegative, key("lever of the radial force per bore or raceway diameter", 0.5, "1")
-    ] = 0.0
-    axial: Annotated[NonNegative, key("of the axial force", 0.5, "1")] = 0.0
-    moment: Annotated[NonNegative, key("of the tilting moment, per m", 2.05, "1")] = 0.0
-    ratings: Annotated[
-        BearingRatings | None,
-        key(
-            "load ratings, needed if `conditions.bearings` names it",
-            {"kind": "crossed roller", "max_moment": 91.0},
-        ),
-    ] = None
+    mu: Positive | None = optional("coefficient in motion", 0.0015, "1")
+    mu_range: tuple[NonNegative, NonNegative] | None = optional(
+        "smallest and largest, if the maker prints a range", [0.001, 0.003], "1"
+    )
+    radial: NonNegative = key(
+        "lever of the radial force per bore or raceway diameter", 0.5, "1", default=0.0
+    )
+    axial: NonNegative = key("of the axial force", 0.5, "1", default=0.0)
+    moment: NonNegative = key("of the tilting moment, per m", 2.05, "1", default=0.0)
+    ratings: BearingRatings | None = optional(
+        "load ratings, needed if `conditions.bearings` names it",
+        {"kind": "crossed roller", "max_moment": 91.0},
+    )
 
 
 class Brake(HoldingBrake, Sourced):
     """A brake that holds without power, at a motor's shaft."""
 
-    sold: Annotated[
-        Text | None,
-        key("`alone`, or the motors that it is built into, by how their names begin", "alone"),
-    ] = None
-    voltage: Annotated[Positive | None, key("to open it", 24.0, "V")] = None
-    power: Annotated[Positive | None, key("while it is open", 7.0, "W")] = None
-    release_time: Annotated[Positive | None, key("until it is open", 0.025, "s")] = None
-    rotor_inertia: Annotated[
-        Positive | None, key("of its parts that turn with the motor", 1e-06, "kg m^2")
-    ] = None
-    mass: Annotated[Positive | None, key("of the brake", 0.2, "kg")] = None
+    sold: Text | None = optional(
+        "`alone`, or the motors that it is built into, by how their names begin", "alone"
+    )
+    voltage: Positive | None = optional("to open it", 24.0, "V")
+    power: Positive | None = optional("while it is open", 7.0, "W")
+    release_time: Positive | None = optional("until it is open", 0.025, "s")
+    rotor_inertia: Positive | None = optional(
+        "of its parts that turn with the motor", 1e-06, "kg m^2"
+    )
+    mass: Positive | None = optional("of the brake", 0.2, "kg")
 
     @property
     def mass_taken(self) -> float:
@@ -798,19 +696,17 @@ class Brake(HoldingBrake, Sourced):
 class Amplifier(Sourced):
     """An amplifier (servo drive), which feeds one motor."""
 
-    continuous_current: Annotated[Positive | None, key("without end", 5.0, "A")] = None
-    peak_current: Annotated[Positive | None, key("for a short time", 15.0, "A")] = None
-    peak_time: Annotated[
-        Positive | None, key("for which it may exceed the continuous current", 15.0, "s")
-    ] = None
-    current: Annotated[
-        Literal["dc", "rms", "peak"],
-        key(
-            "kind of its currents: DC or block commutation, or RMS or peak of a sinusoidal phase "
-            "current",
-            "rms",
-        ),
-    ] = "rms"
+    continuous_current: Positive | None = optional("without end", 5.0, "A")
+    peak_current: Positive | None = optional("for a short time", 15.0, "A")
+    peak_time: Positive | None = optional(
+        "for which it may exceed the continuous current", 15.0, "s"
+    )
+    current: Literal["dc", "rms", "peak"] = key(
+        "kind of its currents: DC or block commutation, or RMS or peak of a sinusoidal phase "
+        "current",
+        "rms",
+        default="rms",
+    )
 
     @model_validator(mode="after")
     def _figures_agree(self) -> Amplifier:
@@ -821,71 +717,60 @@ class Amplifier(Sourced):
 class CatalogFile(Entry):
     """A whole catalogue file."""
 
-    pinfric_catalog: Annotated[Version, key("version of the format", 1)]
-    extends: Annotated[
-        Literal["default"] | None,
-        key("also use the entries of the bundled catalogue", "default"),
-    ] = None
-    motors: Annotated[
-        dict[str, Motor],
-        key(
-            "to choose from",
-            {"M 48": {"source": "data sheet", "grade": "R", "continuous_torque": 0.45}},
-        ),
-    ] = Field(default_factory=dict)
-    gears: Annotated[
-        dict[str, Gear],
-        key(
-            "to combine with motors",
-            {"G 100": {"source": "data sheet", "grade": "R", "ratio": 100}},
-        ),
-    ] = Field(default_factory=dict)
-    belts: Annotated[
-        dict[str, Belt],
-        key(
-            "synchronous belts with their pulleys, as gears",
-            {
-                "AT5 3:1": {
-                    "source": "data sheet",
-                    "grade": "R",
-                    "pitch": 0.005,
-                    "width": 0.016,
-                    "teeth_in": 20,
-                    "teeth_out": 60,
-                    "length": 0.41,
-                    "allowable_tension": 560.0,
-                    "specific_stiffness": 280000.0,
-                    "mass_per_length": 0.05,
-                    "max_input_speed": 419.0,
-                }
-            },
-        ),
-    ] = Field(default_factory=dict)
-    gearmotors: Annotated[
-        dict[str, GearMotor],
-        key("motor with gear", {"A 80": {"source": "data sheet", "grade": "R", "ratio": 64}}),
-    ] = Field(default_factory=dict)
-    bearings: Annotated[
-        dict[str, BearingEntry],
-        key(
-            "for joints with a separate bearing",
-            {"ring": {"source": "data sheet", "grade": "R", "mu": 0.0015}},
-        ),
-    ] = Field(default_factory=dict)
-    brakes: Annotated[
-        dict[str, Brake],
-        key("for motors' shafts", {"B 5": {"source": "data sheet", "grade": "R", "torque": 0.5}}),
-    ] = Field(default_factory=dict)
-    amplifiers: Annotated[
-        dict[str, Amplifier],
-        key(
-            "that feed motors",
-            {"A 5": {"source": "data sheet", "grade": "R", "continuous_current": 5.0}},
-        ),
-    ] = Field(default_factory=dict)
-    conditions: Annotated[
-        Conditions | None, key("conditions of operation", {"bus_voltage": 24.0})
-    ] = None
+    pinfric_catalog: Version = key("version of the format", 1)
+    extends: Literal["default"] | None = optional(
+        "also use the entries of the bundled catalogue", "default"
+    )
+    motors: dict[str, Motor] = key(
+        "to choose from",
+        {"M 48": {"source": "data sheet", "grade": "R", "continuous_torque": 0.45}},
+        default_factory=dict,
+    )
+    gears: dict[str, Gear] = key(
+        "to combine with motors",
+        {"G 100": {"source": "data sheet", "grade": "R", "ratio": 100}},
+        default_factory=dict,
+    )
+    belts: dict[str, Belt] = key(
+        "synchronous belts with their pulleys, as gears",
+        {
+            "AT5 3:1": {
+                "source": "data sheet",
+                "grade": "R",
+                "pitch": 0.005,
+                "width": 0.016,
+                "teeth_in": 20,
+                "teeth_out": 60,
+                "length": 0.41,
+                "allowable_tension": 560.0,
+                "specific_stiffness": 280000.0,
+                "mass_per_length": 0.05,
+                "max_input_speed": 419.0,
+            }
+        },
+        default_factory=dict,
+    )
+    gearmotors: dict[str, GearMotor] = key(
+        "motor with gear",
+        {"A 80": {"source": "data sheet", "grade": "R", "ratio": 64}},
+        default_factory=dict,
+    )
+    bearings: dict[str, BearingEntry] = key(
+        "for joints with a separate bearing",
+        {"ring": {"source": "data sheet", "grade": "R", "mu": 0.0015}},
+        default_factory=dict,
+    )
+    brakes: dict[str, Brake] = key(
+        "for motors' shafts",
+        {"B 5": {"source": "data sheet", "grade": "R", "torque": 0.5}},
+        default_factory=dict,
+    )
+    amplifiers: dict[str, Amplifier] = key(
+        "that feed motors",
+        {"A 5": {"source": "data sheet", "grade": "R", "continuous_current": 5.0}},
+        default_factory=dict,
+    )
+    conditions: Conditions | None = optional("conditions of operation", {"bus_voltage": 24.0})
 
 
 @dataclass(frozen=True)

@@ -11,10 +11,10 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, model_validator
 
 from pinfric.errors import CatalogError, choose_from
-from pinfric.model.entry import Entry, NonNegative, Number, Positive, key, parse
+from pinfric.model.entry import Entry, NonNegative, Number, Positive, key, optional, parse
 from pinfric.model.schema import OTHERS as OTHERS
 
 if TYPE_CHECKING:
@@ -82,8 +82,8 @@ SURROUNDINGS = {
 class Collisions(Entry):
     """Overloads that a gear must bear in its life."""
 
-    count: Annotated[Positive, key("how many", 100, "1")]
-    duration: Annotated[Positive, key("of each", 0.15, "s")]
+    count: Positive = key("how many", 100, "1")
+    duration: Positive = key("of each", 0.15, "s")
 
 
 def _as_groups(given: Any) -> Any:
@@ -97,180 +97,159 @@ def _as_groups(given: Any) -> Any:
 class Conditions(Entry):
     """Conditions of operation, with the defaults of common practice."""
 
-    bus_voltage: Annotated[Positive, key("at the motors' terminals", 48.0, "V")] = 48.0
-    ambient: Annotated[
-        Number,
-        key("temperature of the surroundings; makers rate servo motors up to 40 C", 25.0, "deg C"),
-    ] = 40.0
-    peak_factor: Annotated[
-        Number, Field(ge=1), key("reserve on the peak torque; 20 to 30 % are usual", 1.2, "1")
-    ] = 1.2
-    rms_factor: Annotated[
-        Number,
-        Field(ge=1),
-        key(
-            "reserve on the continuous torque; with encoder and brake motors lose 7 to 16 %",
-            1.1,
-            "1",
-        ),
-    ] = 1.1
-    pull_out_factor: Annotated[
-        Number,
-        Field(ge=1),
-        key("reserve on the pull-out torque of stepper motors; 1.5 to 2 are usual", 2.0, "1"),
-    ] = 1.5
-    cooling: Annotated[
-        Literal["closed", "open", "fan"],
-        key("what air the joints give to their motors: none, free air, or that of a fan", "fan"),
-    ] = "closed"
-    mounting: Annotated[
-        Literal["scene", "any"],
-        key("how the robot is mounted: as the scene's gravity says, or any way round", "any"),
-    ] = "scene"
-    inertia_ratio: Annotated[
-        Positive, key("largest permitted J_load/(ratio^2 (J_motor + J_gear input))", 10.0, "1")
-    ] = 10.0
-    life: Annotated[
-        Positive | None,
-        key(
-            "L10 that gears and bearings must reach, for example a strain wave gear's at rated "
-            "torque and speed; left out: printed, not judged",
-            10000.0,
-            "h",
-        ),
-    ] = None
-    shock: Annotated[
-        Number,
-        Field(ge=1),
-        key(
-            "factor on the loads of bearings and screws for their life: 1 to 1.2 smooth, 1.2 to "
-            "1.5 normal, 1.5 to 3 with shocks",
-            1.2,
-            "1",
-        ),
-    ] = 1.2
-    bearings: Annotated[
-        dict[str, str],
-        key(
-            "bearing of the catalogue that carries the joint, instead of that of the gear, "
-            "or guide of a sliding joint; by joint",
-            {"elbow": "THK RB 5013"},
-        ),
-    ] = Field(default_factory=dict)
-    amplifiers: Annotated[
-        dict[str, str],
-        key(
-            "amplifier of the catalogue that feeds the motor, by joint; `others`: of all joints "
-            "that are not named",
-            {"elbow": "EPOS4 50/5", "others": "EPOS4 50/15"},
-        ),
-    ] = Field(default_factory=dict)
+    bus_voltage: Positive = key("at the motors' terminals", 48.0, "V", default=48.0)
+    ambient: Number = key(
+        "temperature of the surroundings; makers rate servo motors up to 40 C",
+        25.0,
+        "deg C",
+        default=40.0,
+    )
+    peak_factor: Number = key(
+        "reserve on the peak torque; 20 to 30 % are usual", 1.2, "1", ge=1, default=1.2
+    )
+    rms_factor: Number = key(
+        "reserve on the continuous torque; with encoder and brake motors lose 7 to 16 %",
+        1.1,
+        "1",
+        ge=1,
+        default=1.1,
+    )
+    pull_out_factor: Number = key(
+        "reserve on the pull-out torque of stepper motors; 1.5 to 2 are usual",
+        2.0,
+        "1",
+        ge=1,
+        default=1.5,
+    )
+    cooling: Literal["closed", "open", "fan"] = key(
+        "what air the joints give to their motors: none, free air, or that of a fan",
+        "fan",
+        default="closed",
+    )
+    mounting: Literal["scene", "any"] = key(
+        "how the robot is mounted: as the scene's gravity says, or any way round",
+        "any",
+        default="scene",
+    )
+    inertia_ratio: Positive = key(
+        "largest permitted J_load/(ratio^2 (J_motor + J_gear input))", 10.0, "1", default=10.0
+    )
+    life: Positive | None = optional(
+        "L10 that gears and bearings must reach, for example a strain wave gear's at rated "
+        "torque and speed; left out: printed, not judged",
+        10000.0,
+        "h",
+    )
+    shock: Number = key(
+        "factor on the loads of bearings and screws for their life: 1 to 1.2 smooth, 1.2 to "
+        "1.5 normal, 1.5 to 3 with shocks",
+        1.2,
+        "1",
+        ge=1,
+        default=1.2,
+    )
+    bearings: dict[str, str] = key(
+        "bearing of the catalogue that carries the joint, instead of that of the gear, "
+        "or guide of a sliding joint; by joint",
+        {"elbow": "THK RB 5013"},
+        default_factory=dict,
+    )
+    amplifiers: dict[str, str] = key(
+        "amplifier of the catalogue that feeds the motor, by joint; `others`: of all joints "
+        "that are not named",
+        {"elbow": "EPOS4 50/5", "others": "EPOS4 50/15"},
+        default_factory=dict,
+    )
     same_drive: Annotated[
         tuple[tuple[str, ...], ...],
         BeforeValidator(_as_groups, json_schema_input_type=tuple[tuple[str, ...], ...] | str),
-        key(
-            "groups of joints that share one motor and gear; on a command line a,b;c,d",
-            [["wrist_1", "wrist_2"]],
-        ),
-    ] = ()
-    back_driving: Annotated[
-        Literal["any", "required", "forbidden"],
-        key("whether the load must, must not or may be able to move the motor", "required"),
-    ] = "any"
-    max_winding: Annotated[
-        Number,
-        key("of motors whose maker prints no limit: the lowest class, A", 155.0, "deg C"),
-    ] = 105.0
-    thermal_time: Annotated[
-        Positive,
-        key(
-            "used if a winding's time constant is not known: overload is averaged over it; "
-            "small motors have 15 to 50 s",
-            20.0,
-            "s",
-        ),
-    ] = 20.0
-    collision_effort: Annotated[
-        dict[str, Positive],
-        key("in a collision or an emergency stop, by joint", {"elbow": 120.0}, "N m or N"),
-    ] = Field(default_factory=dict)
-    collisions: Annotated[
-        Collisions | None,
-        key("number and duration in the gear's life", {"count": 100, "duration": 0.15}),
-    ] = None
-    holding_brake: Annotated[
-        Literal["any", "where_needed", "all"],
-        key(
-            "which joints need a brake: all; those that their own friction does not hold and, "
-            "where the scene has `stops`, those that move; `any`: the same, if there is one",
-            "all",
-        ),
-    ] = "where_needed"
-    brake_factor: Annotated[
-        Number,
-        Field(ge=1),
-        key(
-            "reserve on the brakes' torque; 1.5 to 3 are usual; at least 2 where masses or "
-            "payloads are guesses",
-            1.5,
-            "1",
-        ),
-    ] = 1.5
-    bus_limit: Annotated[
-        Positive | None, key("highest permissible bus voltage while motors brake", 56.0, "V")
-    ] = None
-    bus_capacitance: Annotated[Positive | None, key("of the bus", 0.0047, "F")] = None
-    supply_power: Annotated[Positive | None, key("largest power of the supply", 960.0, "W")] = None
-    supply_resistance: Annotated[
-        Positive | None,
-        key("of supply and cables: the bus sags by it times the current", 0.05, "Ohm"),
-    ] = None
-    resonance_base: Annotated[
-        Positive,
-        key("least frequency of each of the first three joints, all others rigid", 8.0, "Hz"),
-    ] = 8.0
-    resonance_hand: Annotated[Positive, key("of those beyond", 15.0, "Hz")] = 15.0
-    lowest_frequency: Annotated[
-        Positive | None,
-        key(
-            "required lowest natural frequency of the whole robot, motors held: drives are chosen "
-            "together; left out: each joint by itself",
-            8.0,
-            "Hz",
-        ),
-    ] = None
-    tool_sag: Annotated[
-        Positive | None,
-        key("largest displacement of the scene's `tool` at rest by the load", 0.002, "m"),
-    ] = None
-    tool_interval: Annotated[
-        Positive | None,
-        key("largest half-width of the tool's positions that friction holds at rest", 0.0002, "m"),
-    ] = None
-    tool_reversal: Annotated[
-        Positive | None, key("largest distance after opposite approaches", 0.0002, "m")
-    ] = None
-    backlash: Annotated[
-        Positive | None, key("largest backlash of a joint's gear", 0.0003, "rad or m")
-    ] = None
-    reversal_error: Annotated[
-        Positive | None,
-        key(
-            "largest difference of a joint's positions after opposite approaches: wind-up by "
-            "friction, hysteresis and backlash of its gear",
-            0.0005,
-            "rad or m",
-        ),
-    ] = None
-    mass_in_urdf: Annotated[
-        dict[str, NonNegative],
-        key(
-            "mass of the drive that the URDF's link already includes at the joint's origin, by "
-            "joint; it is subtracted there",
-            {"elbow": 1.4},
-            "kg",
-        ),
-    ] = Field(default_factory=dict)
+    ] = key(
+        "groups of joints that share one motor and gear; on a command line a,b;c,d",
+        [["wrist_1", "wrist_2"]],
+        default=(),
+    )
+    back_driving: Literal["any", "required", "forbidden"] = key(
+        "whether the load must, must not or may be able to move the motor",
+        "required",
+        default="any",
+    )
+    max_winding: Number = key(
+        "of motors whose maker prints no limit: the lowest class, A", 155.0, "deg C", default=105.0
+    )
+    thermal_time: Positive = key(
+        "used if a winding's time constant is not known: overload is averaged over it; "
+        "small motors have 15 to 50 s",
+        20.0,
+        "s",
+        default=20.0,
+    )
+    collision_effort: dict[str, Positive] = key(
+        "in a collision or an emergency stop, by joint",
+        {"elbow": 120.0},
+        "N m or N",
+        default_factory=dict,
+    )
+    collisions: Collisions | None = optional(
+        "number and duration in the gear's life", {"count": 100, "duration": 0.15}
+    )
+    holding_brake: Literal["any", "where_needed", "all"] = key(
+        "which joints need a brake: all; those that their own friction does not hold and, "
+        "where the scene has `stops`, those that move; `any`: the same, if there is one",
+        "all",
+        default="where_needed",
+    )
+    brake_factor: Number = key(
+        "reserve on the brakes' torque; 1.5 to 3 are usual; at least 2 where masses or "
+        "payloads are guesses",
+        1.5,
+        "1",
+        ge=1,
+        default=1.5,
+    )
+    bus_limit: Positive | None = optional(
+        "highest permissible bus voltage while motors brake", 56.0, "V"
+    )
+    bus_capacitance: Positive | None = optional("of the bus", 0.0047, "F")
+    supply_power: Positive | None = optional("largest power of the supply", 960.0, "W")
+    supply_resistance: Positive | None = optional(
+        "of supply and cables: the bus sags by it times the current", 0.05, "Ohm"
+    )
+    resonance_base: Positive = key(
+        "least frequency of each of the first three joints, all others rigid",
+        8.0,
+        "Hz",
+        default=8.0,
+    )
+    resonance_hand: Positive = key("of those beyond", 15.0, "Hz", default=15.0)
+    lowest_frequency: Positive | None = optional(
+        "required lowest natural frequency of the whole robot, motors held: drives are chosen "
+        "together; left out: each joint by itself",
+        8.0,
+        "Hz",
+    )
+    tool_sag: Positive | None = optional(
+        "largest displacement of the scene's `tool` at rest by the load", 0.002, "m"
+    )
+    tool_interval: Positive | None = optional(
+        "largest half-width of the tool's positions that friction holds at rest", 0.0002, "m"
+    )
+    tool_reversal: Positive | None = optional(
+        "largest distance after opposite approaches", 0.0002, "m"
+    )
+    backlash: Positive | None = optional("largest backlash of a joint's gear", 0.0003, "rad or m")
+    reversal_error: Positive | None = optional(
+        "largest difference of a joint's positions after opposite approaches: wind-up by "
+        "friction, hysteresis and backlash of its gear",
+        0.0005,
+        "rad or m",
+    )
+    mass_in_urdf: dict[str, NonNegative] = key(
+        "mass of the drive that the URDF's link already includes at the joint's origin, by "
+        "joint; it is subtracted there",
+        {"elbow": 1.4},
+        "kg",
+        default_factory=dict,
+    )
 
     @model_validator(mode="after")
     def _bus_can_rise(self) -> Conditions:

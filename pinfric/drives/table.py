@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from pinfric.drives.catalog import (
     BearingEntry,
@@ -27,7 +27,7 @@ from pinfric.drives.catalog import (
 from pinfric.drives.units import cells_of, in_si, unit_of
 from pinfric.errors import CatalogError, PinfricError, choose_from
 from pinfric.model.csv_text import read_table
-from pinfric.model.entry import Entry, Forms, key, parse
+from pinfric.model.entry import Entry, Forms, key, optional, parse
 from pinfric.model.files import write_file
 from pinfric.model.yamlfile import brief, read_yaml, yaml_text
 
@@ -59,30 +59,27 @@ _THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(?:,\d{3})+|[-+]?[1-9]\d{0,2}(?:\.\d{
 class Cells(Entry):
     """A column, and the unit of its numbers where they do not say it themselves."""
 
-    column: Annotated[Text, key("its name in line 1 of the table", "Mn")]
-    unit: Annotated[Text | None, key("of its numbers", "mN m")] = None
+    column: Text = key("its name in line 1 of the table", "Mn")
+    unit: Text | None = optional("of its numbers", "mN m")
 
 
 class TableMapping(Entry):
     """A mapping file: the column of a table for each key of an entry."""
 
-    section: Annotated[
-        Literal["motors", "gears", "belts", "gearmotors", "bearings", "brakes"],
-        key("kind of the rows", "motors"),
-    ]
-    columns: Annotated[
-        dict[str, Annotated[str | Cells, Forms(Text, Cells)]],
-        key(
-            "key of the entry (`thermal.NAME`, `bearing.NAME` for keys of a part, "
-            "`stand_ins.NAME` for the product that a value is taken from): its column, or column "
-            "and unit",
-            {"name": "Type", "mass": {"column": "Weight", "unit": "g"}},
-        ),
-    ]
-    every: Annotated[
-        dict[str, Any],
-        key("values that are the same for all rows, SI", {"source": "a catalogue", "grade": "R"}),
-    ] = Field(default_factory=dict)
+    section: Literal["motors", "gears", "belts", "gearmotors", "bearings", "brakes"] = key(
+        "kind of the rows", "motors"
+    )
+    columns: dict[str, Annotated[str | Cells, Forms(Text, Cells)]] = key(
+        "key of the entry (`thermal.NAME`, `bearing.NAME` for keys of a part, "
+        "`stand_ins.NAME` for the product that a value is taken from): its column, or column "
+        "and unit",
+        {"name": "Type", "mass": {"column": "Weight", "unit": "g"}},
+    )
+    every: dict[str, Any] = key(
+        "values that are the same for all rows, SI",
+        {"source": "a catalogue", "grade": "R"},
+        default_factory=dict,
+    )
 
     @model_validator(mode="after")
     def _figures_exist(self) -> TableMapping:

@@ -31,7 +31,16 @@ from pydantic_core import CoreSchema
 
 from pinfric.errors import SceneError
 from pinfric.kernels.compiled import kernel
-from pinfric.model.entry import Entry, NonNegative, Number, Positive, key, register_kind, unlikely
+from pinfric.model.entry import (
+    Entry,
+    NonNegative,
+    Number,
+    Positive,
+    key,
+    optional,
+    register_kind,
+    unlikely,
+)
 from pinfric.model.yamlfile import brief
 
 #: Rows that take one component of the wrench, z along the joint's axis.
@@ -193,19 +202,18 @@ class Pin(Bearing):
     fits = ("turning joint", "revolute loop", "planar_pin loop")
     sizes = ("radius", "thrust_radius", "length")
 
-    kind: Annotated[Literal["pin"], key("a plain bearing", "pin")]
-    radius: Annotated[Radius, key("of the sliding surface", 0.05, "m")]
-    length: Annotated[
-        Positive | None,
-        key("distance of the ends, which carry bending; without it no bending", 0.1, "m"),
-    ] = None
-    thrust_radius: Annotated[
-        Radius, key("mean radius of the face that carries the axial force", 0.04, "m")
-    ] = 0.0
-    preload: Annotated[NonNegative, key("contact force without any load", 50.0, "N")] = 0.0
-    offset: Annotated[
-        Number, key("of the bearing's middle along the axis from the joint's origin", -0.02, "m")
-    ] = 0.0
+    kind: Literal["pin"] = key("a plain bearing", "pin")
+    radius: Radius = key("of the sliding surface", 0.05, "m")
+    length: Positive | None = optional(
+        "distance of the ends, which carry bending; without it no bending", 0.1, "m"
+    )
+    thrust_radius: Radius = key(
+        "mean radius of the face that carries the axial force", 0.04, "m", default=0.0
+    )
+    preload: NonNegative = key("contact force without any load", 50.0, "N", default=0.0)
+    offset: Number = key(
+        "of the bearing's middle along the axis from the joint's origin", -0.02, "m", default=0.0
+    )
 
     def terms(self) -> LoadTerms:
         """See the class."""
@@ -237,18 +245,17 @@ class Guide(Bearing):
     fits = ("prismatic joint", "prismatic loop")
     sizes = ("length", "width")
 
-    kind: Annotated[Literal["guide"], key("sliding pads", "guide")]
-    length: Annotated[Positive, key("distance of the pads along the axis", 0.2, "m")]
-    width: Annotated[
-        Positive | None,
-        key("distance of the pads across it; without it no moment about the axis", 0.12, "m"),
-    ] = None
-    preload: Annotated[NonNegative, key("contact force without any load", 50.0, "N")] = 0.0
-    offset: Annotated[
-        Number, key("of the pads' middle along the axis from the joint's origin", 0.05, "m")
-    ] = 0.0
-    on: Annotated[Literal["child", "parent"], key("link that the pads are fixed to", "parent")] = (
-        "child"
+    kind: Literal["guide"] = key("sliding pads", "guide")
+    length: Positive = key("distance of the pads along the axis", 0.2, "m")
+    width: Positive | None = optional(
+        "distance of the pads across it; without it no moment about the axis", 0.12, "m"
+    )
+    preload: NonNegative = key("contact force without any load", 50.0, "N", default=0.0)
+    offset: Number = key(
+        "of the pads' middle along the axis from the joint's origin", 0.05, "m", default=0.0
+    )
+    on: Literal["child", "parent"] = key(
+        "link that the pads are fixed to", "parent", default="child"
     )
 
     def misfit(self, joint: str) -> str:
@@ -291,19 +298,18 @@ class Linear(Bearing):
     )
     rolling = True
 
-    kind: Annotated[Literal["linear"], key("rolling bearings", "linear")]
-    radial: Annotated[NonNegative, key("weight of the force across the axis", 0.04, "m")] = 0.0
-    axial: Annotated[NonNegative, key("weight of the force along the axis", 0.04, "m")] = 0.0
-    moment: Annotated[
-        NonNegative,
-        key("weight of the moment across the axis, 1/m where the joint slides", 2.0, "1"),
-    ] = 0.0
-    preload: Annotated[
-        NonNegative, key("load without any force, N where the joint slides", 0.5, "N m")
-    ] = 0.0
-    offset: Annotated[
-        Number, key("of the bearing's middle along the axis from the joint's origin", 0.0, "m")
-    ] = 0.0
+    kind: Literal["linear"] = key("rolling bearings", "linear")
+    radial: NonNegative = key("weight of the force across the axis", 0.04, "m", default=0.0)
+    axial: NonNegative = key("weight of the force along the axis", 0.04, "m", default=0.0)
+    moment: NonNegative = key(
+        "weight of the moment across the axis, 1/m where the joint slides", 2.0, "1", default=0.0
+    )
+    preload: NonNegative = key(
+        "load without any force, N where the joint slides", 0.5, "N m", default=0.0
+    )
+    offset: Number = key(
+        "of the bearing's middle along the axis from the joint's origin", 0.0, "m", default=0.0
+    )
 
     @model_validator(mode="after")
     def _something(self) -> Linear:
@@ -343,9 +349,9 @@ class Ball(Bearing):
     fits = ("spherical loop",)
     sizes = ("radius",)
 
-    kind: Annotated[Literal["ball"], key("a ball joint", "ball")]
-    radius: Annotated[Radius, key("of the ball", 0.01, "m")]
-    preload: Annotated[NonNegative, key("contact force without any load", 20.0, "N")] = 0.0
+    kind: Literal["ball"] = key("a ball joint", "ball")
+    radius: Radius = key("of the ball", 0.01, "m")
+    preload: NonNegative = key("contact force without any load", 20.0, "N", default=0.0)
 
     def terms(self) -> LoadTerms:
         """See the class."""
@@ -362,8 +368,8 @@ class Seal(Bearing):
 
     fits = ("cylinder",)
 
-    kind: Annotated[Literal["seal"], key("seals of a cylinder", "seal")]
-    preload: Annotated[NonNegative, key("load without any force", 200.0, "N")] = 0.0
+    kind: Literal["seal"] = key("seals of a cylinder", "seal")
+    preload: NonNegative = key("load without any force", 200.0, "N", default=0.0)
 
     def terms(self) -> LoadTerms:
         """See the class."""

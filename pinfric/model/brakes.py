@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
 from pydantic import model_validator
 
-from pinfric.model.entry import Entry, Positive, key
+from pinfric.model.entry import Entry, Positive, key, optional
 
 #: Of a brake whose largest torque is not printed: times its least holding torque.
 BRAKE_PEAK = 2.0
@@ -18,23 +16,20 @@ class HoldingBrake(Entry):
     Closed it acts like dry friction: it holds up to its torque, and opposes motion with it.
     """
 
-    torque: Annotated[
-        Positive, key("least holding torque; the dynamic one of a stop, if it is less", 0.5, "N m")
-    ]
-    static_torque: Annotated[
-        Positive | None, key("M4, least at rest, where it is more than `torque`", 0.8, "N m")
-    ] = None
-    torque_max: Annotated[
-        Positive | None,
-        key("largest torque, which loads the gear in a stop; left out: twice `torque`", 0.9, "N m"),
-    ] = None
-    engage_time: Annotated[Positive | None, key("from power-off until it holds", 0.015, "s")] = None
-    stop_energy: Annotated[
-        Positive | None, key("permissible energy of one emergency stop", 150.0, "J")
-    ] = None
-    stops_per_hour: Annotated[
-        Positive | None, key("permissible number of such stops in an hour", 10.0, "1/h")
-    ] = None
+    torque: Positive = key(
+        "least holding torque; the dynamic one of a stop, if it is less", 0.5, "N m"
+    )
+    static_torque: Positive | None = optional(
+        "M4, least at rest, where it is more than `torque`", 0.8, "N m"
+    )
+    torque_max: Positive | None = optional(
+        "largest torque, which loads the gear in a stop; left out: twice `torque`", 0.9, "N m"
+    )
+    engage_time: Positive | None = optional("from power-off until it holds", 0.015, "s")
+    stop_energy: Positive | None = optional("permissible energy of one emergency stop", 150.0, "J")
+    stops_per_hour: Positive | None = optional(
+        "permissible number of such stops in an hour", 10.0, "1/h"
+    )
 
     @property
     def greatest(self) -> float:

@@ -1,8 +1,9 @@
 """Entries of the files that a user writes: meaning of keys, checks of numbers, error messages.
 
-A key is a field with its meaning, an example and a unit beside its type:
+A key is a field with its meaning, an example and a unit:
 
-    mass: Annotated[Positive, key("of the body", 2.0, "kg")]
+    mass: Positive = key("of the body", 2.0, "kg")
+    backlash: Positive | None = optional("of its gear", 0.001, "rad")
 
 Pydantic keeps them with the field; JSON schemas and the reference show them.
 """
@@ -44,16 +45,22 @@ from pinfric.model.magnitudes import LARGEST, SMALLEST
 from pinfric.model.yamlfile import brief, yaml_line
 
 
-def key(text: str, example: Any, unit: str = "") -> Any:
-    """Return the description of a key of a file, as a pydantic field.
+def key(text: str, example: Any, unit: str = "", **more: Any) -> Any:
+    """Return a key of a file, as a pydantic field; it is required, unless it has a default.
 
     Args:
         text: its meaning, read after its name.
         example: a value, as a file gives it.
         unit: empty if it has none, "1" for a ratio.
+        more: of pydantic's `Field`: default, bounds.
     """
     shown = f"{text} ({unit})" if unit else text
-    return Field(description=shown, examples=[example], json_schema_extra={"unit": unit})
+    return Field(description=shown, examples=[example], json_schema_extra={"unit": unit}, **more)
+
+
+def optional(text: str, example: Any, unit: str = "", **more: Any) -> Any:
+    """Return a key that may be left out, and is None then; see `key`."""
+    return key(text, example, unit, default=None, **more)
 
 
 def strict_number(value: Any) -> Any:

@@ -18,7 +18,7 @@ from abc import abstractmethod
 from collections.abc import Callable
 from typing import Annotated, ClassVar, NamedTuple, Self, TypeVar
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, model_validator
 
 from pinfric.model.entry import Entry, Forms, NonNegative, Positive, key, register
 
@@ -62,10 +62,8 @@ Row = tuple[Shape, Strength]
 class Stribeck(Entry):
     """The fall from static to kinetic: exp(-(|v|/velocity)^exponent), joint velocity."""
 
-    velocity: Annotated[
-        Positive, key("at which 1/e of the difference remains", 0.02, "rad/s or m/s")
-    ]
-    exponent: Annotated[Positive, key("2: Gaussian curve, 1: exponential curve", 2.0, "1")] = 2.0
+    velocity: Positive = key("at which 1/e of the difference remains", 0.02, "rad/s or m/s")
+    exponent: Positive = key("2: Gaussian curve, 1: exponential curve", 2.0, "1", default=2.0)
 
 
 class FrictionTerm(Entry):
@@ -129,8 +127,8 @@ def friction_term(name: str) -> Callable[[type[_Term]], type[_Term]]:
 class Coefficients(Entry):
     """A static and a kinetic value of the same kind of friction."""
 
-    static: Annotated[NonNegative, key("largest friction of a joint at rest", 6.0, "N m or N")]
-    kinetic: Annotated[NonNegative, key("friction in motion, at most `static`", 5.0, "N m or N")]
+    static: NonNegative = key("largest friction of a joint at rest", 6.0, "N m or N")
+    kinetic: NonNegative = key("friction in motion, at most `static`", 5.0, "N m or N")
 
     @model_validator(mode="after")
     def _static_is_the_larger(self) -> Self:
@@ -154,8 +152,8 @@ class Coefficients(Entry):
 class LoadFriction(Coefficients, FrictionTerm):
     """Friction in proportion to the bearing's load, mu c (paper eq. 20, 21)."""
 
-    static: Annotated[NonNegative, key("coefficient of static friction", 0.15, "1")]
-    kinetic: Annotated[NonNegative, key("coefficient in motion, at most `static`", 0.1, "1")]
+    static: NonNegative = key("coefficient of static friction", 0.15, "1")
+    kinetic: NonNegative = key("coefficient in motion, at most `static`", 0.1, "1")
 
     def at_rest(self) -> Strength:
         """See `FrictionTerm.at_rest`."""
@@ -185,14 +183,12 @@ class CoulombFriction(Coefficients, FrictionTerm):
 class DirectedCoulombFriction(FrictionTerm):
     """Coulomb friction that differs by the direction of motion (N m or N)."""
 
-    positive: Annotated[
-        Coefficients,
-        key("against motion in the joint's positive direction", {"static": 6.0, "kinetic": 5.0}),
-    ]
-    negative: Annotated[
-        Coefficients,
-        key("against motion in the negative direction", {"static": 4.5, "kinetic": 4.0}),
-    ]
+    positive: Coefficients = key(
+        "against motion in the joint's positive direction", {"static": 6.0, "kinetic": 5.0}
+    )
+    negative: Coefficients = key(
+        "against motion in the negative direction", {"static": 4.5, "kinetic": 4.0}
+    )
 
     def at_rest(self) -> Strength:
         """See `FrictionTerm.at_rest`."""
@@ -241,12 +237,10 @@ class ViscousFriction(FrictionTerm):
     viscous: {coefficient: 0.4, exponent: 0.667}    # N m (s/rad)^exponent: grease, strain waves
     """
 
-    coefficient: Annotated[
-        NonNegative, key("friction at 1 rad/s or 1 m/s", 0.4, "N m or N at 1 rad/s or 1 m/s")
-    ]
-    exponent: Annotated[
-        Positive, Field(le=4.0), key("power of the speed, at most 4", 0.667, "1")
-    ] = 1.0
+    coefficient: NonNegative = key(
+        "friction at 1 rad/s or 1 m/s", 0.4, "N m or N at 1 rad/s or 1 m/s"
+    )
+    exponent: Positive = key("power of the speed, at most 4", 0.667, "1", le=4.0, default=1.0)
 
     def rows(self, stribeck: Stribeck | None) -> tuple[Row, ...]:
         """See `FrictionTerm.rows`."""

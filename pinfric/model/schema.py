@@ -34,6 +34,7 @@ from pinfric.model.entry import (
     Vector3,
     Version,
     key,
+    optional,
     unlikely,
 )
 from pinfric.model.friction_terms import (
@@ -51,20 +52,18 @@ from pinfric.model.transmission import Transmission
 class Payload(Entry):
     """A body carried by a link."""
 
-    link: Annotated[str, key("link of the robot that carries it", "tool0")]
-    mass: Annotated[Positive, key("of the body", 2.0, "kg")]
-    com: Annotated[Vector3, key("centre of mass in the link's frame", [0, 0, 0.05], "m")]
-    inertia: Annotated[
-        tuple[Number, Number, Number, Number, Number, Number],
-        key(
-            "ixx, ixy, ixz, iyy, iyz, izz about its own `com`, in the link's axes",
-            [0.01, 0, 0, 0.01, 0, 0.01],
-            "kg m^2",
-        ),
-    ] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    attached: Annotated[
-        bool, key("whether it is carried unless a trajectory says otherwise", False)
-    ] = True
+    link: str = key("link of the robot that carries it", "tool0")
+    mass: Positive = key("of the body", 2.0, "kg")
+    com: Vector3 = key("centre of mass in the link's frame", [0, 0, 0.05], "m")
+    inertia: tuple[Number, Number, Number, Number, Number, Number] = key(
+        "ixx, ixy, ixz, iyy, iyz, izz about its own `com`, in the link's axes",
+        [0.01, 0, 0, 0.01, 0, 0.01],
+        "kg m^2",
+        default=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+    )
+    attached: bool = key(
+        "whether it is carried unless a trajectory says otherwise", False, default=True
+    )
 
 
 #: Whether the masses of the links hold a drive: its motor, gear and brake.
@@ -83,43 +82,46 @@ def _word(value: Any) -> Any:
 class RobotEntry(Entry):
     """The URDF, gravity, locked joints and payloads."""
 
-    urdf: Annotated[
-        str,
-        key(
-            "file beside the scene, or one of example-robot-data",
-            "example-robot-data:ur_description/urdf/ur5_robot.urdf",
-        ),
-    ]
-    xacro_args: Annotated[
-        dict[str, Annotated[str, BeforeValidator(_word)]],
-        key("arguments of a robot written as xacro", {"ur_type": "ur10", "safety_limits": True}),
-    ] = Field(default_factory=dict)
-    gravity: Annotated[Vector3, key("in the world's axes", [0.0, 0.0, -9.81], "m/s^2")] = (
-        0.0,
-        0.0,
-        -9.81,
+    urdf: str = key(
+        "file beside the scene, or one of example-robot-data",
+        "example-robot-data:ur_description/urdf/ur5_robot.urdf",
     )
-    locked: Annotated[
-        dict[str, Number],
-        key("joints that are fixed at a position and removed", {"finger_joint": 0.02}, "rad or m"),
-    ] = Field(default_factory=dict)
-    payloads: Annotated[
-        dict[str, Payload],
-        key("bodies by name", {"box": {"link": "tool0", "mass": 2.0, "com": [0, 0, 0.05]}}),
-    ] = Field(default_factory=dict)
-    urdf_dynamics: Annotated[
-        Literal["ignore", "use"],
-        key("whether to take the URDF's <dynamics> as `coulomb` and `viscous`", "use"),
-    ] = "ignore"
-    masses: Annotated[
-        dict[str, MassesHold] | MassesHold | None,
-        Forms(dict[str, MassesHold], MassesHold),
-        key(
-            "whether the links' masses hold the drives (motors, gears, brakes), or which drives, "
-            "and `others`; `size` adds the mass of those they do not hold",
-            "with_drives",
+    xacro_args: dict[str, Annotated[str, BeforeValidator(_word)]] = key(
+        "arguments of a robot written as xacro",
+        {"ur_type": "ur10", "safety_limits": True},
+        default_factory=dict,
+    )
+    gravity: Vector3 = key(
+        "in the world's axes",
+        [0.0, 0.0, -9.81],
+        "m/s^2",
+        default=(
+            0.0,
+            0.0,
+            -9.81,
         ),
-    ] = None
+    )
+    locked: dict[str, Number] = key(
+        "joints that are fixed at a position and removed",
+        {"finger_joint": 0.02},
+        "rad or m",
+        default_factory=dict,
+    )
+    payloads: dict[str, Payload] = key(
+        "bodies by name",
+        {"box": {"link": "tool0", "mass": 2.0, "com": [0, 0, 0.05]}},
+        default_factory=dict,
+    )
+    urdf_dynamics: Literal["ignore", "use"] = key(
+        "whether to take the URDF's <dynamics> as `coulomb` and `viscous`", "use", default="ignore"
+    )
+    masses: Annotated[
+        dict[str, MassesHold] | MassesHold | None, Forms(dict[str, MassesHold], MassesHold)
+    ] = optional(
+        "whether the links' masses hold the drives (motors, gears, brakes), or which drives, "
+        "and `others`; `size` adds the mass of those they do not hold",
+        "with_drives",
+    )
 
 
 def _added_term(named: tuple[str, Any] | str) -> FrictionTerm | None:
@@ -138,38 +140,27 @@ class Friction(Entry):
     model_config = ConfigDict(extra="allow")  # `key_names` says which
     __pydantic_extra__: dict[str, Annotated[Any, BeforeValidator(_added_term)]] = Field(init=False)
 
-    bearing: Annotated[
-        SerializeAsAny[Bearing] | None,
-        key("geometry from which the normal load follows", {"kind": "pin", "radius": 0.05}),
-    ] = None
-    mu: Annotated[
-        LoadFriction | None, key("friction / normal load", {"static": 0.15, "kinetic": 0.1})
-    ] = None
-    stribeck: Annotated[
-        Stribeck | None,
-        key(
-            "how `mu` and `coulomb` fall from static to kinetic; without it by a jump",
-            {"velocity": 0.02},
-        ),
-    ] = None
-    coulomb: Annotated[
-        Coulomb,
-        key("friction independent of the load", {"static": 6.0, "kinetic": 5.0}),
-    ] = None
-    viscous: Annotated[
-        Viscous, key("friction that grows with the speed", 3.0, "N m or N at 1 rad/s or 1 m/s")
-    ] = None
-    stick_velocity: Annotated[
-        NonNegative | None, key("at or below which the joint sticks", 0.0001, "rad/s or m/s")
-    ] = None
-    includes_drive: Annotated[
-        bool,
-        key(
-            "whether `coulomb` and `viscous` were measured from motor currents and so include the "
-            "losses of the drive; for another drive these are removed",
-            True,
-        ),
-    ] = False
+    bearing: SerializeAsAny[Bearing] | None = optional(
+        "geometry from which the normal load follows", {"kind": "pin", "radius": 0.05}
+    )
+    mu: LoadFriction | None = optional("friction / normal load", {"static": 0.15, "kinetic": 0.1})
+    stribeck: Stribeck | None = optional(
+        "how `mu` and `coulomb` fall from static to kinetic; without it by a jump",
+        {"velocity": 0.02},
+    )
+    coulomb: Coulomb = optional("friction independent of the load", {"static": 6.0, "kinetic": 5.0})
+    viscous: Viscous = optional(
+        "friction that grows with the speed", 3.0, "N m or N at 1 rad/s or 1 m/s"
+    )
+    stick_velocity: NonNegative | None = optional(
+        "at or below which the joint sticks", 0.0001, "rad/s or m/s"
+    )
+    includes_drive: bool = key(
+        "whether `coulomb` and `viscous` were measured from motor currents and so include the "
+        "losses of the drive; for another drive these are removed",
+        True,
+        default=False,
+    )
 
     @classmethod
     def key_names(cls) -> list[str]:
@@ -229,29 +220,34 @@ class Friction(Entry):
 class Cylinder(Entry):
     """A drive along the line between two points of two links; a positive effort lengthens it."""
 
-    name: Annotated[str, key("of the drive", "boom")]
-    a: Annotated[LinkPoint, key("point at its base", {"link": "base", "xyz": [0.2, 0, 0.1]})]
-    b: Annotated[LinkPoint, key("point that it pushes", {"link": "boom", "xyz": [0.5, 0, 0.2]})]
+    name: str = key("of the drive", "boom")
+    a: LinkPoint = key("point at its base", {"link": "base", "xyz": [0.2, 0, 0.1]})
+    b: LinkPoint = key("point that it pushes", {"link": "boom", "xyz": [0.5, 0, 0.2]})
 
 
 class PointForce(Entry):
     """A drive that pushes a point of a link against the world; all in the link's frame."""
 
-    name: Annotated[str, key("of the drive", "push")]
-    link: Annotated[str, key("of the robot", "drawer")]
-    xyz: Annotated[Vector3, key("point at which it pushes", [0, 0.2, 0], "m")] = (0.0, 0.0, 0.0)
-    direction: Annotated[Vector3, key("of the force; its length does not matter", [1, 0, 0], "1")]
+    name: str = key("of the drive", "push")
+    link: str = key("of the robot", "drawer")
+    xyz: Vector3 = key("point at which it pushes", [0, 0.2, 0], "m", default=(0.0, 0.0, 0.0))
+    direction: Vector3 = key("of the force; its length does not matter", [1, 0, 0], "1")
 
 
 class LinkFrame(Entry):
     """A frame on a link, in the link's frame."""
 
-    link: Annotated[str, key("of the robot", "coupler")]
-    xyz: Annotated[Vector3, key("its origin", [0.35, 0, 0], "m")] = (0.0, 0.0, 0.0)
-    rpy: Annotated[Vector3, key("its axes, as in a URDF", [0, 0, 1.5707963], "rad")] = (
-        0.0,
-        0.0,
-        0.0,
+    link: str = key("of the robot", "coupler")
+    xyz: Vector3 = key("its origin", [0.35, 0, 0], "m", default=(0.0, 0.0, 0.0))
+    rpy: Vector3 = key(
+        "its axes, as in a URDF",
+        [0, 0, 1.5707963],
+        "rad",
+        default=(
+            0.0,
+            0.0,
+            0.0,
+        ),
     )
 
 
@@ -263,21 +259,16 @@ class Loop(Entry):
     `axis_b` in frame b perpendicular.
     """
 
-    name: Annotated[str, key("of the loop, for use in `friction` and `actuators`", "rocker_pin")]
-    kind: Annotated[
-        Literal[
-            "spherical", "revolute", "fixed", "planar_pin", "prismatic", "cylindrical", "universal"
-        ],
-        key("type of the joint", "spherical"),
-    ]
-    axis: Annotated[
-        Vector3, key("in frame a, and in frame b where they coincide", [0, 0, 1], "1")
-    ] = (0.0, 0.0, 1.0)
-    axis_b: Annotated[Vector3 | None, key("second axis of a universal, in b", [0, 1, 0], "1")] = (
-        None
+    name: str = key("of the loop, for use in `friction` and `actuators`", "rocker_pin")
+    kind: Literal[
+        "spherical", "revolute", "fixed", "planar_pin", "prismatic", "cylindrical", "universal"
+    ] = key("type of the joint", "spherical")
+    axis: Vector3 = key(
+        "in frame a, and in frame b where they coincide", [0, 0, 1], "1", default=(0.0, 0.0, 1.0)
     )
-    a: Annotated[LinkFrame, key("frame on one link", {"link": "coupler", "xyz": [0.35, 0, 0]})]
-    b: Annotated[LinkFrame, key("frame on the other link", {"link": "rocker", "xyz": [0.25, 0, 0]})]
+    axis_b: Vector3 | None = optional("second axis of a universal, in b", [0, 1, 0], "1")
+    a: LinkFrame = key("frame on one link", {"link": "coupler", "xyz": [0.35, 0, 0]})
+    b: LinkFrame = key("frame on the other link", {"link": "rocker", "xyz": [0.25, 0, 0]})
 
     @model_validator(mode="after")
     def _second_axis_of_a_universal(self) -> Loop:
@@ -293,16 +284,16 @@ class Loop(Entry):
 class LoopTolerance(Entry):
     """Largest errors of rounded files that are corrected so that loops close; 0: none."""
 
-    angle: Annotated[NonNegative, key("error of parallel or perpendicular axes", 1e-05, "rad")] = (
-        1.0e-5
+    angle: NonNegative = key(
+        "error of parallel or perpendicular axes", 1e-05, "rad", default=1.0e-5
     )
-    length: Annotated[NonNegative, key("distance of the loop's frames", 1e-06, "m")] = 1.0e-6
+    length: NonNegative = key("distance of the loop's frames", 1e-06, "m", default=1.0e-6)
 
 
 class Redundancy(Entry):
     """Choice of reactions that are not unique: the sum of |F|^2 + |M/l|^2 is least."""
 
-    length: Annotated[Positive, key("l, which weights moments against forces", 0.1, "m")] = 0.1
+    length: Positive = key("l, which weights moments against forces", 0.1, "m", default=0.1)
 
 
 class Actuator(Entry):
@@ -322,38 +313,27 @@ class Actuator(Entry):
     on its own joint, and factor x t acts on the other.
     """
 
-    joint: Annotated[str | None, key("joint of the robot or of a loop", "joint_2")] = None
-    name: Annotated[str | None, key("of the drive; default: its joint's", "joint_2_left")] = None
-    share: Annotated[Positive | None, key("w, share of the work of redundant drives", 2.0, "1")] = (
-        None
+    joint: str | None = optional("joint of the robot or of a loop", "joint_2")
+    name: str | None = optional("of the drive; default: its joint's", "joint_2_left")
+    share: Positive | None = optional("w, share of the work of redundant drives", 2.0, "1")
+    couples: dict[str, Number] = key(
+        "other joints that turn this drive, with factors", {"joint_2": 1.0}, default_factory=dict
     )
-    couples: Annotated[
-        dict[str, Number],
-        key("other joints that turn this drive, with factors", {"joint_2": 1.0}),
-    ] = Field(default_factory=dict)
-    transmission: Annotated[
-        SerializeAsAny[Transmission] | None,
-        key("gear and motor; without it an ideal drive", {"ratio": 100}),
-    ] = None
-    encoder: Annotated[
-        Literal["motor", "joint"],
-        key(
-            "angle that the controller measures; with `motor` the wind-up of an elastic gear "
-            "moves the joint, with `joint` the controller corrects it",
-            "joint",
-        ),
-    ] = "motor"
-    cylinder: Annotated[
-        Cylinder | None,
-        key(
-            "a drive between two points",
-            {"name": "boom", "a": {"link": "base"}, "b": {"link": "boom"}},
-        ),
-    ] = None
-    force: Annotated[
-        PointForce | None,
-        key("a drive at a point", {"name": "push", "link": "drawer", "direction": [1, 0, 0]}),
-    ] = None
+    transmission: SerializeAsAny[Transmission] | None = optional(
+        "gear and motor; without it an ideal drive", {"ratio": 100}
+    )
+    encoder: Literal["motor", "joint"] = key(
+        "angle that the controller measures; with `motor` the wind-up of an elastic gear "
+        "moves the joint, with `joint` the controller corrects it",
+        "joint",
+        default="motor",
+    )
+    cylinder: Cylinder | None = optional(
+        "a drive between two points", {"name": "boom", "a": {"link": "base"}, "b": {"link": "boom"}}
+    )
+    force: PointForce | None = optional(
+        "a drive at a point", {"name": "push", "link": "drawer", "direction": [1, 0, 0]}
+    )
 
     @model_validator(mode="after")
     def _one_kind(self) -> Actuator:
@@ -381,29 +361,29 @@ class Actuator(Entry):
 class Stick(Entry):
     """When a joint counts as being at rest."""
 
-    velocity: Annotated[
-        NonNegative, key("at or below which a joint sticks; larger for logs", 0.001, "rad/s or m/s")
-    ] = 1.0e-6
+    velocity: NonNegative = key(
+        "at or below which a joint sticks; larger for logs", 0.001, "rad/s or m/s", default=1.0e-6
+    )
 
 
 class Sine(Entry):
     """amplitude sin(angular_frequency t + phase)."""
 
-    amplitude: Annotated[Number, key("of the effort or of the motor torque", 5.0, "N m or N")]
-    angular_frequency: Annotated[Number, key("2 pi times the frequency", 1.0, "rad/s")]
-    phase: Annotated[Number, key("at t = 0", 1.5707963, "rad")] = 0.0
+    amplitude: Number = key("of the effort or of the motor torque", 5.0, "N m or N")
+    angular_frequency: Number = key("2 pi times the frequency", 1.0, "rad/s")
+    phase: Number = key("at t = 0", 1.5707963, "rad", default=0.0)
 
 
 class SineEffort(Entry):
     """A drive's effort, or its motor's torque, as a sine of time."""
 
-    sine: Annotated[Sine, key("its numbers", {"amplitude": 5.0, "angular_frequency": 1.0})]
+    sine: Sine = key("its numbers", {"amplitude": 5.0, "angular_frequency": 1.0})
 
 
 class TableEffort(Entry):
     """A drive's effort, or its motor's torque, from a CSV file with columns t and one per drive."""
 
-    table: Annotated[str, key("file beside the scene", "torques.csv")]
+    table: str = key("file beside the scene", "torques.csv")
 
 
 GivenEffort = Annotated[float | SineEffort | TableEffort, Forms(Number, SineEffort, TableEffort)]
@@ -412,30 +392,26 @@ GivenEffort = Annotated[float | SineEffort | TableEffort, Forms(Number, SineEffo
 class Start(Entry):
     """Initial angles (or lengths) and rates by joint; 0 for joints that are not listed."""
 
-    q: Annotated[dict[str, Number], key("by joint", {"joint_1": 0.5}, "rad or m")] = Field(
-        default_factory=dict
+    q: dict[str, Number] = key("by joint", {"joint_1": 0.5}, "rad or m", default_factory=dict)
+    v: dict[str, Number] = key(
+        "by joint", {"joint_1": 1.0, "joint_12": -1.0}, "rad/s or m/s", default_factory=dict
     )
-    v: Annotated[
-        dict[str, Number], key("by joint", {"joint_1": 1.0, "joint_12": -1.0}, "rad/s or m/s")
-    ] = Field(default_factory=dict)
 
 
 class Simulation(Entry):
     """Input of `pinfric simulate SCENE`: efforts of drives, or torques of their motors."""
 
-    start: Annotated[Start, key("initial state", {"q": {"joint_1": 0.5}})] = Start()
-    effort: Annotated[
-        dict[str, GivenEffort],
-        key(
-            "by drive; 0 for drives that are not listed",
-            {"joint_1": 2.0, "joint_23": {"table": "torques.csv"}},
-            "N m or N",
-        ),
-    ] = Field(default_factory=dict)
-    motor_torque: Annotated[
-        dict[str, GivenEffort], key("in place of `effort`, at the shafts", {"joint_2": 0.1}, "N m")
-    ] = Field(default_factory=dict)
-    t_end: Annotated[Positive, key("time at the end", 1.0, "s")]
+    start: Start = key("initial state", {"q": {"joint_1": 0.5}}, default=Start())
+    effort: dict[str, GivenEffort] = key(
+        "by drive; 0 for drives that are not listed",
+        {"joint_1": 2.0, "joint_23": {"table": "torques.csv"}},
+        "N m or N",
+        default_factory=dict,
+    )
+    motor_torque: dict[str, GivenEffort] = key(
+        "in place of `effort`, at the shafts", {"joint_2": 0.1}, "N m", default_factory=dict
+    )
+    t_end: Positive = key("time at the end", 1.0, "s")
 
     @model_validator(mode="after")
     def _one_of_them(self) -> Simulation:
@@ -453,39 +429,35 @@ class Stops(Entry):
     the URDF's effort limit. At rest, or once the brakes have closed, power goes off.
     """
 
-    category: Annotated[Literal[0, 1], key("of IEC 60204-1", 0)]
-    reaction_time: Annotated[
-        NonNegative, key("from the command until the drives react; the motion goes on", 0.02, "s")
-    ]
-    deceleration: Annotated[
-        dict[str, Positive],
-        key(
-            "of category 1, the most of each drive; empty: what the URDF's effort limits allow",
-            {"joint_1": 6.0, "joint_2": 4.0},
-            "rad/s^2 or m/s^2",
-        ),
-    ] = Field(default_factory=dict)
-    along_path: Annotated[
-        bool,
-        key(
-            "whether `deceleration` slows the robot on its path, all axes together; else each axis "
-            "stops by itself, and the tool leaves the path",
-            True,
-        ),
-    ] = True
-    power_until_braked: Annotated[
-        bool,
-        key(
-            "of category 1: whether the drives hold the robot until its brakes have closed; else "
-            "power goes off as soon as it is at rest, and it can sag",
-            True,
-        ),
-    ] = False
-    friction: Annotated[
-        tuple[NonNegative, NonNegative],
-        key("least and greatest factor on all friction and gear losses", [0.7, 1.3], "1"),
-    ] = (1.0, 1.0)
-    per_hour: Annotated[Positive | None, key("how often it is stopped so", 4.0, "1/h")] = None
+    category: Literal[0, 1] = key("of IEC 60204-1", 0)
+    reaction_time: NonNegative = key(
+        "from the command until the drives react; the motion goes on", 0.02, "s"
+    )
+    deceleration: dict[str, Positive] = key(
+        "of category 1, the most of each drive; empty: what the URDF's effort limits allow",
+        {"joint_1": 6.0, "joint_2": 4.0},
+        "rad/s^2 or m/s^2",
+        default_factory=dict,
+    )
+    along_path: bool = key(
+        "whether `deceleration` slows the robot on its path, all axes together; else each axis "
+        "stops by itself, and the tool leaves the path",
+        True,
+        default=True,
+    )
+    power_until_braked: bool = key(
+        "of category 1: whether the drives hold the robot until its brakes have closed; else "
+        "power goes off as soon as it is at rest, and it can sag",
+        True,
+        default=False,
+    )
+    friction: tuple[NonNegative, NonNegative] = key(
+        "least and greatest factor on all friction and gear losses",
+        [0.7, 1.3],
+        "1",
+        default=(1.0, 1.0),
+    )
+    per_hour: Positive | None = optional("how often it is stopped so", 4.0, "1/h")
 
     @model_validator(mode="after")
     def _in_order(self) -> Stops:
@@ -523,29 +495,21 @@ class Measured(Entry):
     of.
     """
 
-    robot: Annotated[Text, key("maker and type of the one measured", "Universal Robots UR10e")]
-    speed: Annotated[
-        Annotated[dict[str, Range] | Range, Forms(dict[str, Range], Range)] | None,
-        key(
-            "least and greatest, of all joints or by joint; without it: not published",
-            [0, 1.0],
-            "rad/s or m/s",
-        ),
-    ] = None
-    temperature: Annotated[
-        tuple[Number, Number] | None, key("of the joints, least and greatest", [42, 46], "deg C")
-    ] = None
-    side: Annotated[
-        Literal["joint", "motor", "joint torque sensor"],
-        key(
-            "where torque was measured; `motor`: from its current, with the gear's losses", "motor"
-        ),
-    ]
-    source: Annotated[
-        Text, key("publication or repository with its commit", "arXiv 2502.11940, table 2")
-    ]
-    licence: Annotated[Text | None, key("of the figures", "BSD-3-Clause")] = None
-    grade: Annotated[Literal["A", "B", "C"], key("how well it is documented", "A")]
+    robot: Text = key("maker and type of the one measured", "Universal Robots UR10e")
+    speed: Annotated[dict[str, Range] | Range, Forms(dict[str, Range], Range)] | None = optional(
+        "least and greatest, of all joints or by joint; without it: not published",
+        [0, 1.0],
+        "rad/s or m/s",
+    )
+    temperature: tuple[Number, Number] | None = optional(
+        "of the joints, least and greatest", [42, 46], "deg C"
+    )
+    side: Literal["joint", "motor", "joint torque sensor"] = key(
+        "where torque was measured; `motor`: from its current, with the gear's losses", "motor"
+    )
+    source: Text = key("publication or repository with its commit", "arXiv 2502.11940, table 2")
+    licence: Text | None = optional("of the figures", "BSD-3-Clause")
+    grade: Literal["A", "B", "C"] = key("how well it is documented", "A")
 
     @field_validator("speed", "temperature", mode="before")
     @classmethod
@@ -602,16 +566,15 @@ class Measured(Entry):
 class Assumed(Entry):
     """Which entries of a scene are guesses. Delete the line of an entry that you replace."""
 
-    by: Annotated[str, key("command that guessed", "pinfric new arm.urdf")]
-    date: Annotated[str, key("when", "2026-11-22")]
-    version: Annotated[str, key("of pinfric", "0.1.0")]
-    inputs: Annotated[
-        dict[str, str], key("file read: its SHA-256", {"arm.urdf": "9f86d081884c7d65"})
-    ] = Field(default_factory=dict)
-    values: Annotated[
-        dict[str, str],
-        key("entry: reason for the guess", {"friction.elbow.coulomb": "5 % of 150 N m"}),
-    ]
+    by: str = key("command that guessed", "pinfric new arm.urdf")
+    date: str = key("when", "2026-11-22")
+    version: str = key("of pinfric", "0.1.0")
+    inputs: dict[str, str] = key(
+        "file read: its SHA-256", {"arm.urdf": "9f86d081884c7d65"}, default_factory=dict
+    )
+    values: dict[str, str] = key(
+        "entry: reason for the guess", {"friction.elbow.coulomb": "5 % of 150 N m"}
+    )
 
 
 def guesses_left(
@@ -634,71 +597,58 @@ def guesses_left(
 class SceneFile(Entry):
     """A whole scene file."""
 
-    pinfric: Annotated[Version, key("version of the format", 1)]
-    robot: Annotated[RobotEntry, key("which robot", {"urdf": "three_link.urdf"})]
-    friction: Annotated[
-        dict[str, Friction],
-        key("by joint, loop, cylinder or spring; others have none", {"elbow": {"viscous": 3.0}}),
-    ] = Field(default_factory=dict)
-    loops: Annotated[
-        list[Loop],
-        key(
-            "joints that close loops",
-            [
-                {
-                    "name": "rocker_pin",
-                    "kind": "spherical",
-                    "a": {"link": "coupler"},
-                    "b": {"link": "rocker"},
-                }
-            ],
-        ),
-    ] = Field(default_factory=list)
-    loop_tolerance: Annotated[LoopTolerance, key("for rounded files", {"angle": 1e-05})] = (
-        LoopTolerance()
+    pinfric: Version = key("version of the format", 1)
+    robot: RobotEntry = key("which robot", {"urdf": "three_link.urdf"})
+    friction: dict[str, Friction] = key(
+        "by joint, loop, cylinder or spring; others have none",
+        {"elbow": {"viscous": 3.0}},
+        default_factory=dict,
     )
-    redundancy: Annotated[
-        Redundancy, key("for mechanisms with redundant constraints", {"length": 0.1})
-    ] = Redundancy()
-    actuators: Annotated[
-        list[Actuator] | None,
-        key("the drives; without it one ideal drive per joint", [{"joint": "joint_1"}]),
-    ] = None
-    springs: SpringsKey = Field(default_factory=list)
-    stick: Annotated[Stick, key("when a joint is at rest", {"velocity": 1e-06})] = Stick()
-    tool: Annotated[
-        str | None,
-        key(
-            "link whose frame is the tool's; its position error due to elastic gears is computed, "
-            "and limited by the `conditions` of a catalogue",
-            "tool0",
-        ),
-    ] = None
-    simulation: Annotated[Simulation | None, key("input of `pinfric simulate`", {"t_end": 1.0})] = (
-        None
-    )
-    stops: Annotated[
-        Stops | None, key("input of `pinfric stop`", {"category": 0, "reaction_time": 0.02})
-    ] = None
-    measured: Annotated[
-        Measured | None,
-        key(
-            "where its friction was measured",
-            {"robot": "UR10e", "side": "motor", "source": "its paper", "grade": "A"},
-        ),
-    ] = None
-    assumed: Annotated[
-        Assumed | None,
-        key(
-            "guesses among the entries; every report lists them",
+    loops: list[Loop] = key(
+        "joints that close loops",
+        [
             {
-                "by": "pinfric new arm.urdf",
-                "date": "2026-11-22",
-                "version": "0.1.0",
-                "values": {"friction.elbow.coulomb": "5 % of 150 N m"},
-            },
-        ),
-    ] = None
+                "name": "rocker_pin",
+                "kind": "spherical",
+                "a": {"link": "coupler"},
+                "b": {"link": "rocker"},
+            }
+        ],
+        default_factory=list,
+    )
+    loop_tolerance: LoopTolerance = key(
+        "for rounded files", {"angle": 1e-05}, default=LoopTolerance()
+    )
+    redundancy: Redundancy = key(
+        "for mechanisms with redundant constraints", {"length": 0.1}, default=Redundancy()
+    )
+    actuators: list[Actuator] | None = optional(
+        "the drives; without it one ideal drive per joint", [{"joint": "joint_1"}]
+    )
+    springs: SpringsKey = Field(default_factory=list)
+    stick: Stick = key("when a joint is at rest", {"velocity": 1e-06}, default=Stick())
+    tool: str | None = optional(
+        "link whose frame is the tool's; its position error due to elastic gears is computed, "
+        "and limited by the `conditions` of a catalogue",
+        "tool0",
+    )
+    simulation: Simulation | None = optional("input of `pinfric simulate`", {"t_end": 1.0})
+    stops: Stops | None = optional(
+        "input of `pinfric stop`", {"category": 0, "reaction_time": 0.02}
+    )
+    measured: Measured | None = optional(
+        "where its friction was measured",
+        {"robot": "UR10e", "side": "motor", "source": "its paper", "grade": "A"},
+    )
+    assumed: Assumed | None = optional(
+        "guesses among the entries; every report lists them",
+        {
+            "by": "pinfric new arm.urdf",
+            "date": "2026-11-22",
+            "version": "0.1.0",
+            "values": {"friction.elbow.coulomb": "5 % of 150 N m"},
+        },
+    )
 
     @model_validator(mode="after")
     def _measured_joints_have_friction(self) -> SceneFile:

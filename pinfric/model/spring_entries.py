@@ -20,15 +20,15 @@ _BEYOND = 0.05
 class LinkPoint(Entry):
     """A point of a link."""
 
-    link: Annotated[str, key("of the robot", "base")]
-    xyz: Annotated[Vector3, key("in the link's frame", [0.2, 0, 0.1], "m")] = (0.0, 0.0, 0.0)
+    link: str = key("of the robot", "base")
+    xyz: Vector3 = key("in the link's frame", [0.2, 0, 0.1], "m", default=(0.0, 0.0, 0.0))
 
 
 class Spring(Entry):
     """Base class of all kinds: `kind` says which."""
 
     kind: str
-    name: Annotated[Text, key("of the spring or hose", "balancer")]
+    name: Text = key("of the spring or hose", "balancer")
 
     @classmethod
     def kinds(cls) -> list[str]:
@@ -42,13 +42,13 @@ class TorsionSpring(Spring):
     torque = preload - stiffness (q - rest)
     """
 
-    kind: Annotated[Literal["torsion"], key("a spring in a joint", "torsion")]
-    joint: Annotated[str, key("of the robot, with one axis", "joint_2")]
-    stiffness: Annotated[NonNegative, key("torque per angle", 20.0, "N m/rad or N/m")]
-    rest: Annotated[Number, key("position where it gives `preload`", 0.5, "rad or m")] = 0.0
-    preload: Annotated[
-        Number, key("torque at `rest`, positive in the joint's direction", -5.0, "N m or N")
-    ] = 0.0
+    kind: Literal["torsion"] = key("a spring in a joint", "torsion")
+    joint: str = key("of the robot, with one axis", "joint_2")
+    stiffness: NonNegative = key("torque per angle", 20.0, "N m/rad or N/m")
+    rest: Number = key("position where it gives `preload`", 0.5, "rad or m", default=0.0)
+    preload: Number = key(
+        "torque at `rest`, positive in the joint's direction", -5.0, "N m or N", default=0.0
+    )
 
     def effort(self, q: np.ndarray) -> np.ndarray:
         """Return its torque or force on the joint at positions q (rad or m)."""
@@ -63,12 +63,11 @@ class TorsionSpring(Spring):
 class Hose(Spring):
     """A hose or cable that turns a joint with a constant torque; a sliding one it pushes."""
 
-    kind: Annotated[Literal["hose"], key("a constant torque", "hose")]
-    joint: Annotated[str, key("of the robot, with one axis", "joint_6")]
-    torque: Annotated[
-        Number,
-        key("on the joint, positive in its direction; where it slides, a force", 1.5, "N m or N"),
-    ]
+    kind: Literal["hose"] = key("a constant torque", "hose")
+    joint: str = key("of the robot, with one axis", "joint_6")
+    torque: Number = key(
+        "on the joint, positive in its direction; where it slides, a force", 1.5, "N m or N"
+    )
 
     def effort(self, q: np.ndarray) -> np.ndarray:
         """Return its torque or force on the joint, the same at all positions q."""
@@ -87,16 +86,15 @@ class TensionSpring(Spring):
     With `pushes` it is a compression spring, too: the same line below the free length.
     """
 
-    kind: Annotated[Literal["tension"], key("a spring between two points", "tension")]
-    a: Annotated[LinkPoint, key("one end", {"link": "base", "xyz": [0.2, 0, 0.1]})]
-    b: Annotated[LinkPoint, key("the other end", {"link": "upper_arm", "xyz": [0.1, 0, 0.3]})]
-    stiffness: Annotated[NonNegative, key("force per length", 2000.0, "N/m")]
-    free_length: Annotated[NonNegative, key("without any force", 0.25, "m")]
-    initial_tension: Annotated[
-        NonNegative,
-        key("that opens it: a coil spring wound with its turns pressed together", 30.0, "N"),
-    ] = 0.0
-    pushes: Annotated[bool, key("whether it also pushes below its free length", True)] = False
+    kind: Literal["tension"] = key("a spring between two points", "tension")
+    a: LinkPoint = key("one end", {"link": "base", "xyz": [0.2, 0, 0.1]})
+    b: LinkPoint = key("the other end", {"link": "upper_arm", "xyz": [0.1, 0, 0.3]})
+    stiffness: NonNegative = key("force per length", 2000.0, "N/m")
+    free_length: NonNegative = key("without any force", 0.25, "m")
+    initial_tension: NonNegative = key(
+        "that opens it: a coil spring wound with its turns pressed together", 30.0, "N", default=0.0
+    )
+    pushes: bool = key("whether it also pushes below its free length", True, default=False)
 
     @model_validator(mode="after")
     def _one_law(self) -> TensionSpring:
@@ -135,18 +133,14 @@ class GasSpring(Spring):
     in which s is not from 0 to `stroke` (or a little beyond) is refused.
     """
 
-    kind: Annotated[Literal["gas"], key("a gas spring", "gas")]
-    a: Annotated[LinkPoint, key("one end", {"link": "base", "xyz": [0.2, 0, 0.1]})]
-    b: Annotated[LinkPoint, key("the other end", {"link": "upper_arm", "xyz": [0.1, 0, 0.3]})]
-    force: Annotated[Positive, key("at `length`, its least", 400.0, "N")]
-    length: Annotated[
-        Positive, key("between its ends, extended; of one that pulls, drawn in", 0.5, "m")
-    ]
-    stroke: Annotated[Positive, key("by which it can be compressed, or drawn out", 0.2, "m")]
-    progression: Annotated[Number, key("force after the stroke / force", 1.3, "1"), Field(ge=1)] = (
-        1.0
-    )
-    pulls: Annotated[bool, key("whether it pulls its ends together", True)] = False
+    kind: Literal["gas"] = key("a gas spring", "gas")
+    a: LinkPoint = key("one end", {"link": "base", "xyz": [0.2, 0, 0.1]})
+    b: LinkPoint = key("the other end", {"link": "upper_arm", "xyz": [0.1, 0, 0.3]})
+    force: Positive = key("at `length`, its least", 400.0, "N")
+    length: Positive = key("between its ends, extended; of one that pulls, drawn in", 0.5, "m")
+    stroke: Positive = key("by which it can be compressed, or drawn out", 0.2, "m")
+    progression: Number = key("force after the stroke / force", 1.3, "1", ge=1, default=1.0)
+    pulls: bool = key("whether it pulls its ends together", True, default=False)
 
     @model_validator(mode="after")
     def _has_a_rod(self) -> GasSpring:

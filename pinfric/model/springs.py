@@ -16,9 +16,9 @@ from itertools import pairwise
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
-from pinfric.model.entry import Entry, Forms, Positive, key
+from pinfric.model.entry import Entry, Forms, Positive, key, optional
 
 
 class StiffnessLines(Entry):
@@ -29,13 +29,11 @@ class StiffnessLines(Entry):
     Source: Harmonic Drive engineering data 1018854 8/2018, tables 54.3, 54.4.
     """
 
-    k1: Annotated[Positive, key("up to `t1`", 31000.0, "N m/rad or N/m")]
-    k2: Annotated[Positive, key("from `t1` on", 50000.0, "N m/rad or N/m")]
-    k3: Annotated[Positive | None, key("from `t2` on", 57000.0, "N m/rad or N/m")] = None
-    t1: Annotated[
-        Positive, key("torque at the joint where the second line begins", 14.0, "N m or N")
-    ]
-    t2: Annotated[Positive | None, key("where the third begins", 48.0, "N m or N")] = None
+    k1: Positive = key("up to `t1`", 31000.0, "N m/rad or N/m")
+    k2: Positive = key("from `t1` on", 50000.0, "N m/rad or N/m")
+    k3: Positive | None = optional("from `t2` on", 57000.0, "N m/rad or N/m")
+    t1: Positive = key("torque at the joint where the second line begins", 14.0, "N m or N")
+    t2: Positive | None = optional("where the third begins", 48.0, "N m or N")
 
     @model_validator(mode="after")
     def _rising(self) -> StiffnessLines:
@@ -62,16 +60,12 @@ class LostMotionStiffness(Entry):
         stiffness: {k: 3.9e5, lost_motion: 2.9e-4, rated_torque: 412, share: 0.03}
     """
 
-    k: Annotated[
-        Positive, key("torsional rigidity beyond the lost motion (b/a)", 390000.0, "N m/rad or N/m")
-    ]
-    lost_motion: Annotated[Positive, key("Phi", 0.00029, "rad or m")]
-    rated_torque: Annotated[Positive, key("T_N, at the joint", 412.0, "N m or N")]
-    share: Annotated[
-        Positive,
-        Field(lt=1),
-        key("of the rated torque at which the lost motion is measured", 0.03, "1"),
-    ] = 0.03
+    k: Positive = key("torsional rigidity beyond the lost motion (b/a)", 390000.0, "N m/rad or N/m")
+    lost_motion: Positive = key("Phi", 0.00029, "rad or m")
+    rated_torque: Positive = key("T_N, at the joint", 412.0, "N m or N")
+    share: Positive = key(
+        "of the rated torque at which the lost motion is measured", 0.03, "1", lt=1, default=0.03
+    )
 
     @property
     def soft(self) -> float:

@@ -39,6 +39,7 @@ from pinfric.model.entry import (
     Positive,
     key,
     not_vanishing,
+    optional,
     register_kind,
     unlikely,
 )
@@ -74,10 +75,8 @@ class Temperature(Entry):
     temperature: {factor: 2.7, source: "CSD-20-100 curves: 0.71 at 0 C over 0.26 at 20 C"}
     """
 
-    factor: Annotated[Positive, key("on the part that grows with the speed", 2.7, "1")]
-    source: Annotated[
-        str, Field(min_length=1), key("source of the factor", "maker's curves at 0 and 20 C")
-    ]
+    factor: Positive = key("on the part that grows with the speed", 2.7, "1")
+    source: str = key("source of the factor", "maker's curves at 0 and 20 C", min_length=1)
 
 
 class MakersEfficiency(Entry):
@@ -93,33 +92,26 @@ class MakersEfficiency(Entry):
     c + d w^exponent; with both curves, the one over load is for the speed `speed`.
     """
 
-    rated: Annotated[Share | None, key("efficiency at `load` and `speed`", 0.77, "1")] = None
-    load: Annotated[
-        Positive | None, key("at the output, for `rated` or `over_speed`", 52.0, "N m or N")
-    ] = None
-    speed: Annotated[
-        NonNegative, key("of the motor, for `rated` or `over_load`", 209.4, "rad/s")
-    ] = 0.0
-    over_load: Annotated[
-        tuple[tuple[Positive, Share], ...],
-        key("efficiency at rising loads (N m or N)", [[8, 0.52], [20, 0.7], [34, 0.78]]),
-    ] = ()
-    over_speed: Annotated[
-        tuple[tuple[NonNegative, Share], ...],
-        key("efficiency at rising speeds of the motor (rad/s)", [[52.4, 0.76], [209.4, 0.64]]),
-    ] = ()
-    exponent: Annotated[
-        Positive,
-        Field(le=4.0),
-        key("power of the speed in the loss, at most 4", 0.667, "1"),
-    ] = 2.0 / 3.0
-    temperature: Annotated[
-        Temperature | None,
-        key(
-            "a factor on the part that grows with the speed",
-            {"factor": 2.7, "source": "curves at 0 and 20 C"},
-        ),
-    ] = None
+    rated: Share | None = optional("efficiency at `load` and `speed`", 0.77, "1")
+    load: Positive | None = optional("at the output, for `rated` or `over_speed`", 52.0, "N m or N")
+    speed: NonNegative = key(
+        "of the motor, for `rated` or `over_load`", 209.4, "rad/s", default=0.0
+    )
+    over_load: tuple[tuple[Positive, Share], ...] = key(
+        "efficiency at rising loads (N m or N)", [[8, 0.52], [20, 0.7], [34, 0.78]], default=()
+    )
+    over_speed: tuple[tuple[NonNegative, Share], ...] = key(
+        "efficiency at rising speeds of the motor (rad/s)",
+        [[52.4, 0.76], [209.4, 0.64]],
+        default=(),
+    )
+    exponent: Positive = key(
+        "power of the speed in the loss, at most 4", 0.667, "1", le=4.0, default=2.0 / 3.0
+    )
+    temperature: Temperature | None = optional(
+        "a factor on the part that grows with the speed",
+        {"factor": 2.7, "source": "curves at 0 and 20 C"},
+    )
 
     def with_losses(self, factor: float) -> MakersEfficiency:
         """Return the efficiencies of a gear with all losses times a factor."""
@@ -172,8 +164,8 @@ class BackDriving(Entry):
     eta_b = |ratio| starting_torque/back_driving_torque.
     """
 
-    starting_torque: Annotated[Positive, key("at the input", 0.029, "N m")]
-    back_driving_torque: Annotated[Positive, key("at the output", 3.06, "N m or N")]
+    starting_torque: Positive = key("at the input", 0.029, "N m")
+    back_driving_torque: Positive = key("at the output", 3.06, "N m or N")
 
 
 Efficiency = Annotated[float | MakersEfficiency, Forms(Share, MakersEfficiency)]
@@ -222,66 +214,47 @@ class Transmission(Entry):
                        motor_viscous: {coefficient: 0.0021, exponent: 0.667}}
     """
 
-    ratio: Annotated[
-        Number, key("motor turns per turn of the joint; rad/m if it slides", 100.0, "1")
-    ]
-    efficiency: Annotated[
-        Efficiency,
-        key(
-            "t/u of the load alone, or maker's", {"rated": 0.77, "load": 52.0, "speed": 209.4}, "1"
-        ),
-    ] = 1.0
-    back_efficiency: Annotated[
-        BackEfficiency | None,
-        key(
-            "efficiency where the load drives, at most 1, 0 or less if self-locking; or the "
-            "torques that start the gear, or `same_loss`",
-            0.89,
-            "1",
-        ),
-    ] = None
-    no_load_torque: Annotated[
-        NoLoadTorque | None, key("torque that turns the unloaded gear", 0.037, "N m")
-    ] = None
-    motor_viscous: Annotated[
-        Viscous, key("friction that grows with the motor's speed", 5e-05, "N m at 1 rad/s")
-    ] = None
-    rotor_inertia: Annotated[
-        NonNegative, key("of all parts that turn with the motor", 5e-05, "kg m^2")
-    ] = 0.0
-    momentary_peak: Annotated[
-        Positive | None,
-        key(
-            "permissible effort of the gear at the joint in a stop or a collision",
-            143.0,
-            "N m or N",
-        ),
-    ] = None
-    brake: Annotated[
-        HoldingBrake | None,
-        key(
-            "that holds the motor's shaft without power; needed for stops",
-            {"torque": 0.5, "engage_time": 0.015},
-        ),
-    ] = None
-    stiffness: Annotated[
-        Stiffness | None,
-        key(
-            "of the gear at the joint, with the motor held: one number, the lines of a strain wave "
-            "gear, or those of a gear with lost motion",
-            {"k1": 31000, "k2": 50000, "k3": 57000, "t1": 14, "t2": 48},
-            "N m/rad or N/m",
-        ),
-    ] = None
-    hysteresis: Annotated[
-        Positive | None,
-        key(
-            "the gear's hysteresis loss, full width at zero torque; it limits the friction behind "
-            "the spring",
-            0.00029,
-            "rad or m",
-        ),
-    ] = None
+    ratio: Number = key("motor turns per turn of the joint; rad/m if it slides", 100.0, "1")
+    efficiency: Efficiency = key(
+        "t/u of the load alone, or maker's",
+        {"rated": 0.77, "load": 52.0, "speed": 209.4},
+        "1",
+        default=1.0,
+    )
+    back_efficiency: BackEfficiency | None = optional(
+        "efficiency where the load drives, at most 1, 0 or less if self-locking; or the "
+        "torques that start the gear, or `same_loss`",
+        0.89,
+        "1",
+    )
+    no_load_torque: NoLoadTorque | None = optional(
+        "torque that turns the unloaded gear", 0.037, "N m"
+    )
+    motor_viscous: Viscous = optional(
+        "friction that grows with the motor's speed", 5e-05, "N m at 1 rad/s"
+    )
+    rotor_inertia: NonNegative = key(
+        "of all parts that turn with the motor", 5e-05, "kg m^2", default=0.0
+    )
+    momentary_peak: Positive | None = optional(
+        "permissible effort of the gear at the joint in a stop or a collision", 143.0, "N m or N"
+    )
+    brake: HoldingBrake | None = optional(
+        "that holds the motor's shaft without power; needed for stops",
+        {"torque": 0.5, "engage_time": 0.015},
+    )
+    stiffness: Stiffness | None = optional(
+        "of the gear at the joint, with the motor held: one number, the lines of a strain wave "
+        "gear, or those of a gear with lost motion",
+        {"k1": 31000, "k2": 50000, "k3": 57000, "t1": 14, "t2": 48},
+        "N m/rad or N/m",
+    )
+    hysteresis: Positive | None = optional(
+        "the gear's hysteresis loss, full width at zero torque; it limits the friction behind "
+        "the spring",
+        0.00029,
+        "rad or m",
+    )
 
     @classmethod
     def key_names(cls) -> list[str]:
@@ -422,7 +395,7 @@ class OwnTransmission(Transmission):
     """
 
     kind: str
-    loss_factor: Annotated[NonNegative, key("on the losses due to the load", 1.0, "1")] = 1.0
+    loss_factor: NonNegative = key("on the losses due to the load", 1.0, "1", default=1.0)
 
     @model_validator(mode="before")
     @classmethod

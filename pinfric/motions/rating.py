@@ -18,16 +18,15 @@ import json
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from pydantic import Field
 
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.errors import TrajectoryError, choose_from
 from pinfric.model.arrays import FloatArray
-from pinfric.model.entry import Entry, NonNegative, Positive, Text, key, parse
+from pinfric.model.entry import Entry, NonNegative, Positive, Text, key, optional, parse
 from pinfric.model.mass_matrix import mass_matrices
 from pinfric.model.robot import link_frame
 from pinfric.model.scene import Scene
@@ -65,22 +64,22 @@ _PEAK_ACCELERATION, _PEAK_SPEED = 10.0 / math.sqrt(3.0), 15.0 / 8.0
 class Rating(Entry):
     """What an arm is rated for, in place of a cycle."""
 
-    payload: Annotated[Positive, key("rated mass that it carries", 10.0, "kg")]
-    payload_offset: Annotated[
-        NonNegative,
-        key("of its centre of mass from the origin of `link`, along its z", 0.1, "m"),
-    ] = 0.1
-    link: Annotated[
-        Text | None,
-        key("that carries it; left out: the scene's `tool`, else the last link", "tool0"),
-    ] = None
-    speed: Annotated[
-        dict[str, Positive],
-        key("top speed by joint, in place of the URDF's limit", {"elbow": 3.14}, "rad/s or m/s"),
-    ] = Field(default_factory=dict)
-    acceleration_time: Annotated[
-        Positive, key("from rest to top speed in the worst posture, one joint alone", 1.5, "s")
-    ] = 1.5
+    payload: Positive = key("rated mass that it carries", 10.0, "kg")
+    payload_offset: NonNegative = key(
+        "of its centre of mass from the origin of `link`, along its z", 0.1, "m", default=0.1
+    )
+    link: Text | None = optional(
+        "that carries it; left out: the scene's `tool`, else the last link", "tool0"
+    )
+    speed: dict[str, Positive] = key(
+        "top speed by joint, in place of the URDF's limit",
+        {"elbow": 3.14},
+        "rad/s or m/s",
+        default_factory=dict,
+    )
+    acceleration_time: Positive = key(
+        "from rest to top speed in the worst posture, one joint alone", 1.5, "s", default=1.5
+    )
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,17 @@ from pydantic import BeforeValidator, Field, model_validator
 from pinfric.errors import TrajectoryError, choose_from
 from pinfric.model.arrays import BoolArray, FloatArray
 from pinfric.model.brief import counted
-from pinfric.model.entry import Entry, NonNegative, Number, Positive, Vector3, Version, key, parse
+from pinfric.model.entry import (
+    Entry,
+    NonNegative,
+    Number,
+    Positive,
+    Vector3,
+    Version,
+    key,
+    optional,
+    parse,
+)
 from pinfric.model.yamlfile import read_yaml
 from pinfric.motions.joint_columns import JointColumn, limit_problems, refuse
 from pinfric.motions.log.reading import ANGLE_UNITS
@@ -60,40 +70,34 @@ Names = Annotated[
 class ToolPose(Entry):
     """Where the scene's `tool` is to be, in the frame of the robot's base."""
 
-    xyz: Annotated[Vector3, key("its origin", [0.4, 0.1, 0.3], "m")]
-    rpy: Annotated[
-        Vector3 | None,
-        key(
-            "its axes by roll, pitch, yaw, in `unit`; left out: as at the point before",
-            [3.1416, 0.0, 0.0],
-            "rad",
-        ),
-    ] = None
-    line: Annotated[bool, key("whether it moves there on a straight line", True)] = False
+    xyz: Vector3 = key("its origin", [0.4, 0.1, 0.3], "m")
+    rpy: Vector3 | None = optional(
+        "its axes by roll, pitch, yaw, in `unit`; left out: as at the point before",
+        [3.1416, 0.0, 0.0],
+        "rad",
+    )
+    line: bool = key("whether it moves there on a straight line", True, default=False)
 
 
 class WayPoint(Entry):
     """One stop: where, how long the way there takes, how long it stays, what it grips."""
 
-    q: Annotated[
-        tuple[Number, ...], key("one number per joint, in `unit`", [0.0, -0.5, 1.2], "rad or m")
-    ] = ()
-    tool: Annotated[
-        ToolPose | None,
-        key(
-            "where the scene's tool is, in place of `q`; solved from the posture before",
-            {"xyz": [0.4, 0.1, 0.3], "line": True},
-        ),
-    ] = None
-    duration: Annotated[
-        Positive | None, key("of the move to this point; left out: from `speed`", 1.5, "s")
-    ] = None
-    hold: Annotated[NonNegative, key("time at rest at this point", 0.3, "s")] = 0.0
-    attach: Annotated[Names, key("payloads picked up on arrival", "box")] = ()
-    detach: Annotated[Names, key("payloads put down on arrival", ["box"])] = ()
-    name: Annotated[str | None, key("remark", "above the table")] = None
-    via: Annotated[bool, key("passed without a stop, which only `pinfric retime` can do", True)] = (
-        False
+    q: tuple[Number, ...] = key(
+        "one number per joint, in `unit`", [0.0, -0.5, 1.2], "rad or m", default=()
+    )
+    tool: ToolPose | None = optional(
+        "where the scene's tool is, in place of `q`; solved from the posture before",
+        {"xyz": [0.4, 0.1, 0.3], "line": True},
+    )
+    duration: Positive | None = optional(
+        "of the move to this point; left out: from `speed`", 1.5, "s"
+    )
+    hold: NonNegative = key("time at rest at this point", 0.3, "s", default=0.0)
+    attach: Names = key("payloads picked up on arrival", "box", default=())
+    detach: Names = key("payloads put down on arrival", ["box"], default=())
+    name: str | None = optional("remark", "above the table")
+    via: bool = key(
+        "passed without a stop, which only `pinfric retime` can do", True, default=False
     )
 
     @model_validator(mode="after")
@@ -106,42 +110,36 @@ class WayPoint(Entry):
 class WayPointFile(Entry):
     """A whole way-point file."""
 
-    pinfric_trajectory: Annotated[Version, key("version of the format", 1)]
-    profile: Annotated[
-        Literal["quintic", "trapezoidal"], key("of a move between two points", "trapezoidal")
-    ] = "quintic"
-    sample_rate: Annotated[
-        Number,
-        Field(ge=1e-3, le=1e6),
-        key("of the computed samples, 0.001 to 1e6", 250, "Hz"),
-    ] = 1000.0
-    joints: Annotated[
-        tuple[str, ...] | None,
-        key(
-            "order of the joints in `q`, all of them; left out: the URDF's order",
-            ["shoulder", "elbow", "wrist"],
-        ),
-    ] = None
-    unit: Annotated[Literal["rad", "deg"], key("of the angles in `q`; lengths are in m", "deg")] = (
-        "rad"
+    pinfric_trajectory: Version = key("version of the format", 1)
+    profile: Literal["quintic", "trapezoidal"] = key(
+        "of a move between two points", "trapezoidal", default="quintic"
     )
-    speed: Annotated[
-        Number,
-        Field(gt=0, le=1),
-        key("share of the velocity limits used by moves without duration", 0.5, "1"),
-    ] = 1.0
-    ramp: Annotated[
-        Annotated[Number, Field(gt=0, le=0.5)] | None,
-        key("part of a trapezoidal move spent speeding up; 1/3 if left out", 0.25, "1"),
-    ] = None
-    points: Annotated[
-        tuple[WayPoint, ...],
-        Field(min_length=1),
-        key(
-            "the stops, the first one where the motion starts",
-            [{"q": [0, 0, 0], "hold": 0.2}, {"q": [0.5, -0.3, 1.0], "duration": 1.0}],
-        ),
-    ]
+    sample_rate: Number = key(
+        "of the computed samples, 0.001 to 1e6", 250, "Hz", ge=1e-3, le=1e6, default=1000.0
+    )
+    joints: tuple[str, ...] | None = optional(
+        "order of the joints in `q`, all of them; left out: the URDF's order",
+        ["shoulder", "elbow", "wrist"],
+    )
+    unit: Literal["rad", "deg"] = key(
+        "of the angles in `q`; lengths are in m", "deg", default="rad"
+    )
+    speed: Number = key(
+        "share of the velocity limits used by moves without duration",
+        0.5,
+        "1",
+        gt=0,
+        le=1,
+        default=1.0,
+    )
+    ramp: Annotated[Number, Field(gt=0, le=0.5)] | None = optional(
+        "part of a trapezoidal move spent speeding up; 1/3 if left out", 0.25, "1"
+    )
+    points: tuple[WayPoint, ...] = key(
+        "the stops, the first one where the motion starts",
+        [{"q": [0, 0, 0], "hold": 0.2}, {"q": [0.5, -0.3, 1.0], "duration": 1.0}],
+        min_length=1,
+    )
 
 
 @dataclass(frozen=True)

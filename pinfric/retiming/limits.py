@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BeforeValidator, Field, PrivateAttr
+from pydantic import BeforeValidator, PrivateAttr
 
 from pinfric.drives.catalog import Catalog
 from pinfric.drives.catalog_file import load_catalog
@@ -27,7 +27,7 @@ from pinfric.drives.policy import Conditions, GivenConditions, parse_conditions
 from pinfric.drives.robot import equip, geared
 from pinfric.errors import CatalogError, RetimeError, choose_from
 from pinfric.model.drives import Drive
-from pinfric.model.entry import Entry, Positive, Version, key, parse
+from pinfric.model.entry import Entry, Positive, Version, key, optional, parse
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Transmission
 from pinfric.model.yamlfile import brief, read_yaml
@@ -38,23 +38,23 @@ from pinfric.motions.summary import effort_unit
 class DriveLimits(Entry):
     """The limits of one drive; what is left out is no limit."""
 
-    peak_torque: Annotated[Positive, key("at the motor's shaft", 1.0, "N m")] = math.inf
-    stall_torque: Annotated[
-        Positive, key("start of the speed-torque line; needs `no_load_speed`", 2.4, "N m")
-    ] = math.inf
-    no_load_speed: Annotated[Positive, key("of the motor, end of that line", 400.0, "rad/s")] = (
-        math.inf
+    peak_torque: Positive = key("at the motor's shaft", 1.0, "N m", default=math.inf)
+    stall_torque: Positive = key(
+        "start of the speed-torque line; needs `no_load_speed`", 2.4, "N m", default=math.inf
     )
-    max_speed: Annotated[Positive, key("of the motor", 450.0, "rad/s")] = math.inf
-    effort: Annotated[Positive, key("largest output of the gear", 60.0, "N m or N")] = math.inf
-    input_speed: Annotated[Positive, key("of the gear", 680.0, "rad/s")] = math.inf
-    velocity: Annotated[Positive, key("of the joint", 2.0, "rad/s or m/s")] = math.inf
-    acceleration: Annotated[Positive, key("of the joint", 20.0, "rad/s^2 or m/s^2")] = math.inf
-    continuous_torque: Annotated[
-        Positive, key("at the motor's shaft, RMS over the cycle", 0.45, "N m")
-    ] = math.inf
-    transmission: Annotated[Transmission | None, key("replaces the scene's", {"ratio": 100})] = None
-    motor: Annotated[str, key("name shown in tables", "left shoulder")] = ""
+    no_load_speed: Positive = key(
+        "of the motor, end of that line", 400.0, "rad/s", default=math.inf
+    )
+    max_speed: Positive = key("of the motor", 450.0, "rad/s", default=math.inf)
+    effort: Positive = key("largest output of the gear", 60.0, "N m or N", default=math.inf)
+    input_speed: Positive = key("of the gear", 680.0, "rad/s", default=math.inf)
+    velocity: Positive = key("of the joint", 2.0, "rad/s or m/s", default=math.inf)
+    acceleration: Positive = key("of the joint", 20.0, "rad/s^2 or m/s^2", default=math.inf)
+    continuous_torque: Positive = key(
+        "at the motor's shaft, RMS over the cycle", 0.45, "N m", default=math.inf
+    )
+    transmission: Transmission | None = optional("replaces the scene's", {"ratio": 100})
+    motor: str = key("name shown in tables", "left shoulder", default="")
 
     #: Row of the table -> the bound of a drive of the catalogue, where no key gives it.
     _rows: dict[str, float] = PrivateAttr(default_factory=dict)
@@ -97,9 +97,7 @@ class DriveLimits(Entry):
 class NamedDrive(DriveLimits):
     """A drive of the catalogue; limits given here replace its own."""
 
-    drive: Annotated[
-        str | None, key("motor and gear as `pinfric size` names them", "CubeMars AK80-64")
-    ] = None
+    drive: str | None = optional("motor and gear as `pinfric size` names them", "CubeMars AK80-64")
 
 
 #: Limits as a file has them, read by `_limits` once the catalogue is known.
@@ -109,25 +107,20 @@ _Given = Annotated[Any, BeforeValidator(lambda x: x, json_schema_input_type=str 
 class MotorsFile(Entry):
     """A file of motors: for each drive limits, or the name of a drive of the catalogue."""
 
-    pinfric_motors: Annotated[Version, key("version of the format", 1)]
-    catalog: Annotated[str, key("file, or `default` for the bundled one", "default")] = "default"
-    conditions: Annotated[
-        GivenConditions,
-        key("values that replace those of the catalogue", {"bus_voltage": 24.0}),
-    ] = Field(default_factory=dict)
-    drives: Annotated[
-        dict[str, _Given],
-        key(
-            "limits, or a drive of the catalogue, by the scene's drives",
-            {
-                "panda_joint1": {"peak_torque": 1.0},
-                "panda_joint2": {"drive": "CubeMars AK80-64", "acceleration": 20.0},
-            },
-        ),
-    ] = Field(default_factory=dict)
-    others: Annotated[
-        _Given, key("limits of all drives that are not named", {"peak_torque": 0.5})
-    ] = None
+    pinfric_motors: Version = key("version of the format", 1)
+    catalog: str = key("file, or `default` for the bundled one", "default", default="default")
+    conditions: GivenConditions = key(
+        "values that replace those of the catalogue", {"bus_voltage": 24.0}, default_factory=dict
+    )
+    drives: dict[str, _Given] = key(
+        "limits, or a drive of the catalogue, by the scene's drives",
+        {
+            "panda_joint1": {"peak_torque": 1.0},
+            "panda_joint2": {"drive": "CubeMars AK80-64", "acceleration": 20.0},
+        },
+        default_factory=dict,
+    )
+    others: _Given = optional("limits of all drives that are not named", {"peak_torque": 0.5})
 
 
 #: What `retime` takes as limits.

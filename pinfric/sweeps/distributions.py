@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from pydantic import Field, model_validator
 
-from pinfric.model.entry import Entry, Number, Positive, key
+from pinfric.model.entry import Entry, Number, Positive, key, optional
 
 if TYPE_CHECKING:
     from scipy.stats.distributions import rv_frozen
@@ -32,7 +32,7 @@ class Distribution(Entry):
     def quantile(self, u: np.ndarray) -> np.ndarray:
         """Return the values x with P(X <= x) = u, same shape as u."""
         # a normal's quantile is infinite at 0 and 1
-        return np.asarray(self.frozen.ppf(np.clip(u, 2.0**-54, 1.0 - 2.0**-53)))
+        return self.frozen.ppf(np.clip(u, 2.0**-54, 1.0 - 2.0**-53))
 
     @property
     def support(self) -> tuple[float, float]:
@@ -53,8 +53,8 @@ class Distribution(Entry):
 class Normal(Distribution):
     """Normal with a mean and a standard deviation; unbounded on both sides."""
 
-    mean: Annotated[Number, key("of the values", 0.0, "of the parameter")]
-    std: Annotated[Positive, key("standard deviation", 0.0175, "of the parameter")]
+    mean: Number = key("of the values", 0.0, "of the parameter")
+    std: Positive = key("standard deviation", 0.0175, "of the parameter")
 
     @property
     def frozen(self) -> rv_frozen:
@@ -67,12 +67,12 @@ class Normal(Distribution):
 class TruncatedNormal(Distribution):
     """Normal with a mean and a standard deviation (before truncation), kept in [low, high]."""
 
-    mean: Annotated[Number, key("before truncation", 2.0, "of the parameter")]
-    std: Annotated[Positive, key("standard deviation, before truncation", 0.2, "of the parameter")]
-    low: Annotated[
-        Number | None, key("smallest value; `low` or `high` is needed", 1.0, "of the parameter")
-    ] = None
-    high: Annotated[Number | None, key("largest value", 3.0, "of the parameter")] = None
+    mean: Number = key("before truncation", 2.0, "of the parameter")
+    std: Positive = key("standard deviation, before truncation", 0.2, "of the parameter")
+    low: Number | None = optional(
+        "smallest value; `low` or `high` is needed", 1.0, "of the parameter"
+    )
+    high: Number | None = optional("largest value", 3.0, "of the parameter")
 
     @model_validator(mode="after")
     def _keeps_something(self) -> TruncatedNormal:
@@ -112,8 +112,8 @@ class TruncatedNormal(Distribution):
 class Uniform(Distribution):
     """Any value from low to high, all as likely."""
 
-    low: Annotated[Number, key("smallest value", 0.9, "of the parameter")]
-    high: Annotated[Number, key("largest value", 1.1, "of the parameter")]
+    low: Number = key("smallest value", 0.9, "of the parameter")
+    high: Number = key("largest value", 1.1, "of the parameter")
 
     @model_validator(mode="after")
     def _in_order(self) -> Uniform:
@@ -134,8 +134,8 @@ class LogNormal(Distribution):
     68 % of the values lie within a factor of exp(sigma) of the median: 0.7 is a factor of two.
     """
 
-    median: Annotated[Positive, key("half of the values are below it", 1.0, "of the parameter")]
-    sigma: Annotated[Positive, key("standard deviation of the logarithm", 0.34, "1")]
+    median: Positive = key("half of the values are below it", 1.0, "of the parameter")
+    sigma: Positive = key("standard deviation of the logarithm", 0.34, "1")
 
     @property
     def frozen(self) -> rv_frozen:
@@ -172,11 +172,9 @@ class _Counted(Distribution):
 class Choice(_Counted):
     """One of a list of values, all as likely."""
 
-    values: Annotated[
-        tuple[Number, ...],
-        Field(min_length=1),
-        key("the values, all different", [0.0, 1.0, 2.0], "of the parameter"),
-    ]
+    values: tuple[Number, ...] = key(
+        "the values, all different", [0.0, 1.0, 2.0], "of the parameter", min_length=1
+    )
 
     @model_validator(mode="after")
     def _all_different(self) -> Choice:
@@ -204,14 +202,10 @@ class Column(_Counted):
 class Steps(_Counted):
     """`count` values from low to high at equal distances, for grids."""
 
-    low: Annotated[Number, key("first value", 0.5, "of the parameter")]
-    high: Annotated[Number, key("last value", 1.5, "of the parameter")]
+    low: Number = key("first value", 0.5, "of the parameter")
+    high: Number = key("last value", 1.5, "of the parameter")
 
-    count: Annotated[
-        int,
-        Field(ge=2, le=100_000, strict=True),
-        key("number of values, both ends included", 11, "1"),
-    ]
+    count: int = key("number of values, both ends included", 11, "1", ge=2, le=100_000, strict=True)
 
     @model_validator(mode="after")
     def _in_order(self) -> Steps:

@@ -22,7 +22,7 @@ from pydantic import Field, model_validator
 
 from pinfric.drives.policy import GivenConditions
 from pinfric.errors import SweepError
-from pinfric.model.entry import Entry, Number, Version, key, parse
+from pinfric.model.entry import Entry, Number, Version, key, optional, parse
 from pinfric.model.scene_file import find_file
 from pinfric.model.yamlfile import read_yaml
 from pinfric.sweeps.distributions import (
@@ -43,24 +43,21 @@ _KINDS = ("normal", "truncated_normal", "uniform", "lognormal", "choice", "steps
 class Parameter(Entry):
     """Distribution of one parameter."""
 
-    normal: Annotated[
-        Normal | None, key("with a mean and a standard deviation", {"mean": 0.0, "std": 0.0175})
-    ] = None
-    truncated_normal: Annotated[
-        TruncatedNormal | None,
-        key("normal, truncated to a range", {"mean": 2.0, "std": 0.2, "low": 1.0}),
-    ] = None
-    uniform: Annotated[Uniform | None, key("between two values", {"low": 0.9, "high": 1.1})] = None
-    lognormal: Annotated[LogNormal | None, key("of a factor", {"median": 1.0, "sigma": 0.34})] = (
-        None
+    normal: Normal | None = optional(
+        "with a mean and a standard deviation", {"mean": 0.0, "std": 0.0175}
     )
-    choice: Annotated[Choice | None, key("one of a list", {"values": [0.0, 1.0, 2.0]})] = None
-    steps: Annotated[
-        Steps | None, key("at equal distances, for grids", {"low": 0.5, "high": 1.5, "count": 11})
-    ] = None
-    each: Annotated[
-        bool, key("one value for each joint that `*` matches, or one for all", True)
-    ] = False
+    truncated_normal: TruncatedNormal | None = optional(
+        "normal, truncated to a range", {"mean": 2.0, "std": 0.2, "low": 1.0}
+    )
+    uniform: Uniform | None = optional("between two values", {"low": 0.9, "high": 1.1})
+    lognormal: LogNormal | None = optional("of a factor", {"median": 1.0, "sigma": 0.34})
+    choice: Choice | None = optional("one of a list", {"values": [0.0, 1.0, 2.0]})
+    steps: Steps | None = optional(
+        "at equal distances, for grids", {"low": 0.5, "high": 1.5, "count": 11}
+    )
+    each: bool = key(
+        "one value for each joint that `*` matches, or one for all", True, default=False
+    )
 
     @model_validator(mode="after")
     def _one_distribution(self) -> Parameter:
@@ -88,7 +85,7 @@ class MotorOnTrial(Entry):
     the scene's, and its mass is added to the links unless `robot.masses` says that they hold it.
     """
 
-    drive: Annotated[str, key("motor and gear of the catalogue, by name", "CubeMars AK80-64")]
+    drive: str = key("motor and gear of the catalogue, by name", "CubeMars AK80-64")
 
 
 class SweepFile(Entry):
@@ -100,38 +97,32 @@ class SweepFile(Entry):
     whole row, so that correlated values stay together.
     """
 
-    pinfric_sweep: Annotated[Version, key("version of the format", 1)]
-    parameters: Annotated[
-        dict[str, Parameter],
-        key(
-            "parameter -> its distribution",
-            {"friction.*.mu": {"lognormal": {"median": 1.0, "sigma": 0.34}}},
-        ),
-    ] = Field(default_factory=dict)
-    table: Annotated[str | None, key("CSV file of samples, beside this file", "posterior.csv")] = (
-        None
+    pinfric_sweep: Version = key("version of the format", 1)
+    parameters: dict[str, Parameter] = key(
+        "parameter -> its distribution",
+        {"friction.*.mu": {"lognormal": {"median": 1.0, "sigma": 0.34}}},
+        default_factory=dict,
     )
-    samples: Annotated[
-        Annotated[int, Field(ge=1, le=MOST_SAMPLES, strict=True)] | None,
-        key("number of cycles", 1000),
-    ] = None
-    sampling: Annotated[
-        Literal["random", "sobol", "grid"],
-        key("random, Saltelli's design, or all combinations", "random"),
-    ] = "random"
-    seed: Annotated[int, Field(ge=0, strict=True), key("seed of the random numbers", 1)] = 0
-    percentiles: Annotated[
-        tuple[Number, ...], Field(min_length=1), key("percentiles to show", [5, 50, 95, 99], "%")
-    ] = (5.0, 50.0, 95.0, 99.0)
-    catalog: Annotated[str, key("file, or `default` for the bundled one", "default")] = "default"
-    conditions: Annotated[
-        GivenConditions,
-        key("values that replace those of the catalogue", {"peak_factor": 1.3}),
-    ] = Field(default_factory=dict)
-    motors: Annotated[
-        dict[str, MotorOnTrial],
-        key("motors to check, by drive", {"panda_joint2": {"drive": "CubeMars AK80-64"}}),
-    ] = Field(default_factory=dict)
+    table: str | None = optional("CSV file of samples, beside this file", "posterior.csv")
+    samples: Annotated[int, Field(ge=1, le=MOST_SAMPLES, strict=True)] | None = optional(
+        "number of cycles", 1000
+    )
+    sampling: Literal["random", "sobol", "grid"] = key(
+        "random, Saltelli's design, or all combinations", "random", default="random"
+    )
+    seed: int = key("seed of the random numbers", 1, ge=0, strict=True, default=0)
+    percentiles: tuple[Number, ...] = key(
+        "percentiles to show", [5, 50, 95, 99], "%", min_length=1, default=(5.0, 50.0, 95.0, 99.0)
+    )
+    catalog: str = key("file, or `default` for the bundled one", "default", default="default")
+    conditions: GivenConditions = key(
+        "values that replace those of the catalogue", {"peak_factor": 1.3}, default_factory=dict
+    )
+    motors: dict[str, MotorOnTrial] = key(
+        "motors to check, by drive",
+        {"panda_joint2": {"drive": "CubeMars AK80-64"}},
+        default_factory=dict,
+    )
 
     @model_validator(mode="after")
     def _design_can_be(self) -> SweepFile:

@@ -13,12 +13,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from pinfric.dynamics.inverse.result import ACTUATOR_QUANTITIES, SITE_QUANTITIES
 from pinfric.dynamics.simulation.motion import SITE_ARRAYS
 from pinfric.errors import TrajectoryError, choose_from
-from pinfric.model.entry import Entry, Forms, Number, Positive, key, parse
+from pinfric.model.entry import Entry, Forms, Number, Positive, key, optional, parse
 from pinfric.model.yamlfile import brief, cut, read_yaml
 from pinfric.motions.joint_columns import JointColumn, listing
 
@@ -75,30 +75,27 @@ class JointMapping(Entry):
     effort = sign effort_scale raw.
     """
 
-    position: Annotated[str, key("its column", "J3")]
-    velocity: Annotated[str | None, key("its column, used for comparison only", "dJ3")] = None
-    effort: Annotated[str | None, key("its column", "tau3")] = None
-    current: Annotated[str | None, key("its column, instead of an effort", "I3")] = None
-    scale: Annotated[Number, key("of the position", 0.01, "1")] = 1.0
-    effort_scale: Annotated[
-        Number, key("N m or N per logged unit, of a current N m per A", 11.5, "1")
-    ] = 1.0
-    sign: Annotated[Literal[-1, 1], key("-1 if the log counts in the other direction", -1, "1")] = 1
-    offset: Annotated[Number, key("of the position", 1.5707963, "rad or m")] = 0.0
-    unit: Annotated[Literal["rad", "deg"] | None, key("of the logged angle", "deg")] = None
+    position: str = key("its column", "J3")
+    velocity: str | None = optional("its column, used for comparison only", "dJ3")
+    effort: str | None = optional("its column", "tau3")
+    current: str | None = optional("its column, instead of an effort", "I3")
+    scale: Number = key("of the position", 0.01, "1", default=1.0)
+    effort_scale: Number = key(
+        "N m or N per logged unit, of a current N m per A", 11.5, "1", default=1.0
+    )
+    sign: Literal[-1, 1] = key("-1 if the log counts in the other direction", -1, "1", default=1)
+    offset: Number = key("of the position", 1.5707963, "rad or m", default=0.0)
+    unit: Literal["rad", "deg"] | None = optional("of the logged angle", "deg")
 
 
 class TimeMapping(Entry):
     """Which column is time, and in what; or the rate of rows that have none."""
 
-    column: Annotated[str | None, key("its name", "stamp")] = None
-    rate: Annotated[
-        Positive | None, key("of the rows, where no column is their time", 50, "Hz")
-    ] = None
-    unit: Annotated[
-        Literal["s", "ms", "us", "ns"] | None,
-        key("of its numbers; left out: from their steps", "us"),
-    ] = None
+    column: str | None = optional("its name", "stamp")
+    rate: Positive | None = optional("of the rows, where no column is their time", 50, "Hz")
+    unit: Literal["s", "ms", "us", "ns"] | None = optional(
+        "of its numbers; left out: from their steps", "us"
+    )
 
     @model_validator(mode="after")
     def _either(self) -> TimeMapping:
@@ -110,18 +107,15 @@ class TimeMapping(Entry):
 class ColumnsFile(Entry):
     """A mapping file: time, and per joint a column's name or more."""
 
-    time: Annotated[
-        Annotated[str | TimeMapping, Forms(str, TimeMapping)] | None,
-        key("its column", {"column": "stamp", "unit": "us"}),
-    ] = None
-    unit: Annotated[Literal["rad", "deg"] | None, key("of all logged angles", "deg")] = None
-    joints: Annotated[
-        dict[str, Annotated[str | JointMapping, Forms(str, JointMapping)]],
-        key(
-            "by joint: its position column, or more keys",
-            {"elbow": {"position": "J3", "unit": "deg", "sign": -1}, "wrist": "J4"},
-        ),
-    ] = Field(default_factory=dict)
+    time: Annotated[str | TimeMapping, Forms(str, TimeMapping)] | None = optional(
+        "its column", {"column": "stamp", "unit": "us"}
+    )
+    unit: Literal["rad", "deg"] | None = optional("of all logged angles", "deg")
+    joints: dict[str, Annotated[str | JointMapping, Forms(str, JointMapping)]] = key(
+        "by joint: its position column, or more keys",
+        {"elbow": {"position": "J3", "unit": "deg", "sign": -1}, "wrist": "J4"},
+        default_factory=dict,
+    )
 
 
 @dataclass(frozen=True)
