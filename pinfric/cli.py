@@ -27,11 +27,13 @@ from pinfric.model.inputs import command as running_command
 from pinfric.model.inputs import note_input, running
 from pinfric.terminal import (
     answer,
+    argument,
     facts,
     inputs,
     load,
     load_motion_of,
     noticed,
+    option,
     pairs,
     print_line,
     progress,
@@ -74,65 +76,53 @@ def _effort_place(value: str) -> str:
 
 
 # What commands share.
-SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="Scene file or bundled scene.")]
-TrajectoryName = Annotated[
-    str, typer.Argument(metavar="TRAJECTORY", help="Log, CSV or way-points; file or bundled.")
-]
-OutFolder = Annotated[
-    Path | None, typer.Option("--out", metavar="DIR", help="Also write the results to this folder.")
-]
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
+SceneName = Annotated[str, argument("Scene file or bundled scene.", "SCENE")]
+TrajectoryName = Annotated[str, argument("Log, CSV or way-points; file or bundled.", "TRAJECTORY")]
+OutFolder = Annotated[Path | None, option("Also write the results to this folder.", "DIR", "--out")]
+AsJson = Annotated[bool, option("Print JSON instead of tables.", "", "--json")]
 EffortAt = Annotated[
     str,
-    typer.Option(
-        metavar="reflected|motor|joint",
-        help="A log's efforts: motor torques times gear ratios; at the shafts; behind the gears.",
+    option(
+        "A log's efforts: motor torques times gear ratios; at the shafts; behind the gears.",
+        "reflected|motor|joint",
         callback=_effort_place,
     ),
 ]
-OneCycle = Annotated[
-    str | None, typer.Argument(metavar="[TRAJECTORY]", help="The cycle; for several use --cycle.")
-]
+OneCycle = Annotated[str | None, argument("The cycle; for several use --cycle.", "[TRAJECTORY]")]
 Cycles = Annotated[
     list[str] | None,
-    typer.Option(
-        metavar="[SCENE:]FILE:SHARE",
-        help="A cycle and its share of the time, or its count; in a scene with another gravity.",
+    option(
+        "A cycle and its share of the time, or its count; in a scene with another gravity.",
+        "[SCENE:]FILE:SHARE",
     ),
 ]
-On = Annotated[
-    float, typer.Option(metavar="PART", help="Share of the period switched on (S3 duty).")
-]
+On = Annotated[float, option("Share of the period switched on (S3 duty).", "PART")]
 Period = Annotated[
     float,
-    typer.Option(metavar="SECONDS", help="Period of shares and of --on; 600 s by IEC 60034-1."),
+    option("Period of shares and of --on; 600 s by IEC 60034-1.", "SECONDS"),
 ]
-Motors = Annotated[
-    str | None, typer.Option(metavar="FILE", help="Limits of the drives (YAML), or default:NAME.")
-]
+Motors = Annotated[str | None, option("Limits of the drives (YAML), or default:NAME.", "FILE")]
 XacroArgs = Annotated[
     list[str] | None,
-    typer.Option("--xacro-arg", metavar="NAME:=VALUE", help="Argument of a robot that is xacro."),
+    option("Argument of a robot that is xacro.", "NAME:=VALUE", "--xacro-arg"),
 ]
-Threads = Annotated[
-    int | None, typer.Option(min=1, metavar="N", help="Threads; by default chosen automatically.")
-]
+Threads = Annotated[int | None, option("Threads; by default chosen automatically.", "N", min=1)]
 
 
 @app.callback(invoke_without_command=True)
 def _options(
     context: typer.Context,
-    version: Annotated[bool, typer.Option("--version", "-V", help="Print the version.")] = False,
+    version: Annotated[bool, option("Print the version.", "", "--version", "-V")] = False,
     quiet: Annotated[
-        bool, typer.Option("--quiet", "-q", help="Print only verdicts and errors, no notices.")
+        bool, option("Print only verdicts and errors, no notices.", "", "--quiet", "-q")
     ] = False,
     verbose: Annotated[
         bool,
-        typer.Option("--verbose", "-v", help="Print all tables and notes; files, versions, time."),
+        option("Print all tables and notes; files, versions, time.", "", "--verbose", "-v"),
     ] = False,
     overwrite: Annotated[
         bool,
-        typer.Option("--overwrite", help="Replace files that pinfric did not write; never inputs."),
+        option("Replace files that pinfric did not write; never inputs.", "", "--overwrite"),
     ] = False,
 ) -> None:
     telling.update(quiet=quiet, verbose=verbose)
@@ -197,18 +187,12 @@ def inverse(
 @app.command()
 def simulate(
     scene_name: SceneName,
-    method: Annotated[
-        str, typer.Option(help="event (exact), timestepping or regularized.")
-    ] = "event",
-    t_end: Annotated[
-        float | None, typer.Option(help="End time (s); by default the scene's.")
-    ] = None,
+    method: Annotated[str, option("event (exact), timestepping or regularized.")] = "event",
+    t_end: Annotated[float | None, option("End time (s); by default the scene's.")] = None,
     rtol: Annotated[
-        float | None, typer.Option(help="Tolerance of event and regularized; default 1e-8.")
+        float | None, option("Tolerance of event and regularized; default 1e-8.")
     ] = None,
-    dt: Annotated[
-        float | None, typer.Option(help="Step of timestepping (s); default 1e-3.")
-    ] = None,
+    dt: Annotated[float | None, option("Step of timestepping (s); default 1e-3.")] = None,
     out: OutFolder = None,
     as_json: AsJson = False,
 ) -> None:
@@ -242,7 +226,7 @@ def simulate(
 @app.command(short_help="Reproduce the paper's examples by two formulations.")
 def paper(
     reading: Annotated[
-        str, typer.Option(help="consistent, or literal: the data as they are printed.")
+        str, option("consistent, or literal: the data as they are printed.")
     ] = "consistent",
     out: OutFolder = None,
     as_json: AsJson = False,
@@ -289,21 +273,15 @@ def size(
     period: Period = 600.0,
     catalog: Annotated[
         str | None,
-        typer.Option(
-            "--catalog", metavar="FILE", help="Catalogue file, or `default` (the bundled one)."
-        ),
+        option("Catalogue file, or `default` (the bundled one).", "FILE", "--catalog"),
     ] = None,
     rating: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="KEY=VALUE", help="Rated for payload=KG in place of a cycle, or beside it."
-        ),
+        option("Rated for payload=KG in place of a cycle, or beside it.", "KEY=VALUE"),
     ] = None,
     condition: Annotated[
         list[str] | None,
-        typer.Option(
-            "--condition", metavar="KEY=VALUE", help="A condition in place of the catalogue's."
-        ),
+        option("A condition in place of the catalogue's.", "KEY=VALUE", "--condition"),
     ] = None,
     out: OutFolder = None,
     as_json: AsJson = False,
@@ -425,16 +403,12 @@ def _nested(given: dict[str, Any]) -> dict[str, Any]:
 
 @app.command(short_help="Make a catalogue for `size` from a table of parts.")
 def catalog(
-    table: Annotated[Path, typer.Argument(metavar="TABLE.csv", help="One motor or gear per row.")],
+    table: Annotated[Path, argument("One motor or gear per row.", "TABLE.csv")],
     columns: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE", help="Meaning and unit of the columns; default TABLE.columns.yaml."
-        ),
+        option("Meaning and unit of the columns; default TABLE.columns.yaml.", "FILE"),
     ] = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="By default TABLE.yaml beside it.")
-    ] = None,
+    out: Annotated[Path | None, option("By default TABLE.yaml beside it.", "FILE", "--out")] = None,
 ) -> None:
     """Make a catalogue for `size` from a table of motors, gears or gearmotors."""
     from pinfric.drives.catalog_file import load_catalog
@@ -460,9 +434,7 @@ def stop(
     *,
     scene_name: SceneName,
     trajectory_name: TrajectoryName,
-    category: Annotated[
-        int | None, typer.Option(min=0, max=1, help="0 or 1; by default the scene's.")
-    ] = None,
+    category: Annotated[int | None, option("0 or 1; by default the scene's.", min=0, max=1)] = None,
     out: OutFolder = None,
     as_json: AsJson = False,
     log: Any,
@@ -498,18 +470,14 @@ def retime(
     scene_name: SceneName,
     path_name: Annotated[
         str,
-        typer.Argument(metavar="PATH", help="Way-points (`via: true`: no stop) or a trajectory."),
+        argument("Way-points (`via: true`: no stop) or a trajectory.", "PATH"),
     ],
     motors: Motors = None,
     heat: Annotated[
         bool,
-        typer.Option(
-            "--heat/--no-heat", help="Keep the continuous torques over the repeated cycle."
-        ),
+        option("Keep the continuous torques over the repeated cycle.", "", "--heat/--no-heat"),
     ] = True,
-    smooth: Annotated[
-        float, typer.Option(min=0.0, metavar="MS", help="Ramp accelerations over this time.")
-    ] = 0.0,
+    smooth: Annotated[float, option("Ramp accelerations over this time.", "MS", min=0.0)] = 0.0,
     out: OutFolder = None,
     as_json: AsJson = False,
 ) -> None:
@@ -545,18 +513,14 @@ def sweep(
     *,
     scene_name: SceneName,
     trajectory_name: TrajectoryName,
-    sweep_name: Annotated[
-        str, typer.Argument(metavar="SWEEP", help="Parameters and distributions: file or bundled.")
-    ],
+    sweep_name: Annotated[str, argument("Parameters and distributions: file or bundled.", "SWEEP")],
     processes: Annotated[
         int | None,
-        typer.Option(
-            min=1, metavar="N", help="Number of processes; by default chosen automatically."
-        ),
+        option("Number of processes; by default chosen automatically.", "N", min=1),
     ] = None,
     cluster: Annotated[
         str | None,
-        typer.Option(metavar="ADDRESS", help="Address of a Dask cluster that computes instead."),
+        option("Address of a Dask cluster that computes instead.", "ADDRESS"),
     ] = None,
     out: OutFolder = None,
     as_json: AsJson = False,
@@ -594,33 +558,27 @@ def sweep(
 def identify(
     *,
     scene_name: SceneName,
-    logs: Annotated[
-        list[str], typer.Argument(metavar="LOG...", help="Logs with measured efforts.")
-    ],
+    logs: Annotated[list[str], argument("Logs with measured efforts.", "LOG...")],
     gain: Annotated[
         list[str] | None,
-        typer.Option(metavar="JOINT=FACTOR", help="Factor from a logged effort to N m."),
+        option("Factor from a logged effort to N m.", "JOINT=FACTOR"),
     ] = None,
     effort_at: EffortAt = "reflected",
     inertia: Annotated[
         str,
-        typer.Option(metavar="consistent|keep", help="Link inertias: correct or keep the URDF's."),
+        option("Link inertias: correct or keep the URDF's.", "consistent|keep"),
     ] = "consistent",
     payload: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="LOG=NAME", help="A payload of the scene, or none, that this log carries."
-        ),
+        option("A payload of the scene, or none, that this log carries.", "LOG=NAME"),
     ] = None,
     without: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="JOINT,...", help="Joints whose friction is not fitted: efforts unusable."
-        ),
+        option("Joints whose friction is not fitted: efforts unusable.", "JOINT,..."),
     ] = None,
     held_out: Annotated[
         list[str] | None,
-        typer.Option(metavar="LOG", help="A log that is predicted only, not fitted."),
+        option("A log that is predicted only, not fitted.", "LOG"),
     ] = None,
     out: OutFolder = None,
     as_json: AsJson = False,
@@ -675,17 +633,13 @@ def replay(
     scene_name: SceneName,
     motion_name: Annotated[
         str | None,
-        typer.Argument(
-            metavar="[TRAJECTORY | MOTION.npz]", help="By default the scene's own simulation."
-        ),
+        argument("By default the scene's own simulation.", "[TRAJECTORY | MOTION.npz]"),
     ] = None,
     html: Annotated[
         Path | None,
-        typer.Option(
-            "--html", metavar="FILE", help="The page to write; by default SCENE.replay.html here."
-        ),
+        option("The page to write; by default SCENE.replay.html here.", "FILE", "--html"),
     ] = None,
-    open_browser: Annotated[bool, typer.Option("--open", help="Show it in a browser.")] = False,
+    open_browser: Annotated[bool, option("Show it in a browser.", "", "--open")] = False,
     motors: Motors = None,
     effort_at: EffortAt = "reflected",
     as_json: AsJson = False,
@@ -732,30 +686,26 @@ def _page(html: Path | None, scene: str) -> Path:
 
 @app.command(short_help="Write a starting scene and motion for a URDF, guesses marked.")
 def new(
-    urdf: Annotated[Path, typer.Argument(metavar="URDF", help="The robot.")],
-    out: Annotated[
-        Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")
-    ] = Path(),
+    urdf: Annotated[Path, argument("The robot.", "URDF")],
+    out: Annotated[Path, option("Folder for the files.", "DIR", "--out")] = Path(),
     payload: Annotated[
         float | None,
-        typer.Option(
-            metavar="KG", help="Rated payload: also its scene entry and rating.waypoints.yaml."
-        ),
+        option("Rated payload: also its scene entry and rating.waypoints.yaml.", "KG"),
     ] = None,
     link: Annotated[
         str | None,
-        typer.Option(metavar="LINK", help="That carries the payload; by default the last."),
+        option("That carries the payload; by default the last.", "LINK"),
     ] = None,
     drive: Annotated[
         str | None,
-        typer.Option(
-            metavar="strain_wave|cycloidal|direct|servo",
-            help="What the drives are; friction is guessed as measured on such.",
+        option(
+            "What the drives are; friction is guessed as measured on such.",
+            "strain_wave|cycloidal|direct|servo",
         ),
     ] = None,
     mass: Annotated[
         float | None,
-        typer.Option(metavar="KG", help="Of a robot whose URDF has none: shared by its links."),
+        option("Of a robot whose URDF has none: shared by its links.", "KG"),
     ] = None,
     xacro_arg: XacroArgs = None,
 ) -> None:
@@ -810,9 +760,9 @@ def robots() -> None:
 def schema(
     name: Annotated[
         str,
-        typer.Argument(
-            metavar="FORMAT",
-            help="scene, waypoints, columns, sweep, motors, catalog, table; result (of --json).",
+        argument(
+            "scene, waypoints, columns, sweep, motors, catalog, table; result (of --json).",
+            "FORMAT",
         ),
     ],
 ) -> None:
@@ -832,11 +782,9 @@ def schema(
 
 @app.command(short_help="List implausible values of a robot or a scene.")
 def check(
-    source: Annotated[
-        str, typer.Argument(metavar="URDF | SCENE", help="The robot, or a scene with its robot.")
-    ],
+    source: Annotated[str, argument("The robot, or a scene with its robot.", "URDF | SCENE")],
     strict: Annotated[
-        bool, typer.Option("--strict", help="Treat warnings as errors (exit code 2).")
+        bool, option("Treat warnings as errors (exit code 2).", "", "--strict")
     ] = False,
     xacro_arg: XacroArgs = None,
     as_json: AsJson = False,
@@ -897,7 +845,7 @@ def explain(
     scene_name: SceneName,
     trajectory_name: Annotated[
         str | None,
-        typer.Argument(metavar="[TRAJECTORY]", help="Log, CSV or way-points; else random states."),
+        argument("Log, CSV or way-points; else random states.", "[TRAJECTORY]"),
     ] = None,
     as_json: AsJson = False,
     log: Any,
@@ -920,33 +868,23 @@ def export(
     scene_name: SceneName,
     to: Annotated[
         str,
-        typer.Option(
-            "--to",
-            metavar="FORMAT",
-            help="mjcf, urdf, sdf, constants (JSON) or cpp.",
-        ),
+        option("mjcf, urdf, sdf, constants (JSON) or cpp.", "FORMAT", "--to"),
     ],
     trajectory_name: Annotated[
         str | None,
-        typer.Option(
-            "--trajectory", metavar="FILE", help="Motion to fit constants to; else random states."
-        ),
+        option("Motion to fit constants to; else random states.", "FILE", "--trajectory"),
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="FILE | DIR", help="By default SCENE.mjcf.xml, ... here."),
+        option("By default SCENE.mjcf.xml, ... here.", "FILE | DIR", "--out"),
     ] = None,
     frame: Annotated[
         list[str] | None,
-        typer.Option(
-            "--frame", metavar="LINK", help="cpp: a link for payloads and wrenches at run time."
-        ),
+        option("cpp: a link for payloads and wrenches at run time.", "LINK", "--frame"),
     ] = None,
     namespace: Annotated[
         str,
-        typer.Option(
-            "--namespace", metavar="NAME", help="cpp: of the header and its file; for two arms."
-        ),
+        option("cpp: of the header and its file; for two arms.", "NAME", "--namespace"),
     ] = "",
     as_json: AsJson = False,
     log: Any,

@@ -48,31 +48,33 @@ typed: list[str] = []
 _SHAPES = (".dae", ".stl", ".obj", ".ply", ".glb", ".png", ".jpg", ".jpeg", ".mtl")
 
 
+def option(text: str, metavar: str = "", *names: str, **more: Any) -> Any:
+    """Return an option of a command: its help, what stands for its value, its names (`typer`)."""
+    return typer.Option(*names, metavar=metavar or None, help=text, **more)
+
+
+def argument(text: str, metavar: str) -> Any:
+    """Return an argument of a command, as `option`."""
+    return typer.Argument(metavar=metavar, help=text)
+
+
 #: The options of every command that reads a trajectory: name, annotation.
 _LOG_OPTIONS = {
     "columns": Annotated[
         Path | None,
-        typer.Option(
-            "--columns", metavar="FILE", help="YAML file that says which column of a log is what."
-        ),
+        option("YAML file that says which column of a log is what.", "FILE", "--columns"),
     ],
     "unit": Annotated[
         str | None,
-        typer.Option(
-            "--unit", metavar="rad|deg", help="Unit of a log's angles; by default recognised."
-        ),
+        option("Unit of a log's angles; by default recognised.", "rad|deg", "--unit"),
     ],
     "time_unit": Annotated[
         str | None,
-        typer.Option(
-            "--time-unit", metavar="s|ms|us|ns", help="Unit of a log's time; by default recognised."
-        ),
+        option("Unit of a log's time; by default recognised.", "s|ms|us|ns", "--time-unit"),
     ],
     "cutoff": Annotated[
         str | None,
-        typer.Option(
-            "--cutoff", metavar="HZ|none", help="Low pass on a log's positions; by default chosen."
-        ),
+        option("Low pass on a log's positions; by default chosen.", "HZ|none", "--cutoff"),
     ],
 }
 
