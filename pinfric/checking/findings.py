@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from enum import IntEnum
+from functools import partial
 from pathlib import Path
 
 from pinfric.errors import PinfricError
@@ -45,6 +46,9 @@ class Finding:
         """The finding as one line, without its place."""
         said = f"{self.found}: {self.why}" if self.why else self.found
         return f"{said}; {self.if_unit}" if self.if_unit else said
+
+
+note, warning, error = (partial(Finding, severity) for severity in Severity)
 
 
 @described

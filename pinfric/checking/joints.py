@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from pinfric.checking.findings import Finding, Severity
+from pinfric.checking.findings import Finding, Severity, error, note, warning
 from pinfric.checking.joint_loads import in_kgf_cm, joint_loads, one_limit
 from pinfric.checking.robot import RobotFacts
 from pinfric.checking.robot_masses import believed_weight
@@ -40,12 +40,11 @@ def joint_findings(facts: RobotFacts, robot: Robot | None) -> Iterator[Finding]:
             yield from _limits(joint, facts.reach)
             if facts.elements[joint.name].find("axis") is None:
                 read, place = "read as 1 0 0, its x axis", f"joint {joint.name}"
-                yield Finding(Severity.WARNING, "axis", place, "no <axis>", read)
+                yield warning("axis", place, "no <axis>", read)
             yield from _masses(joint, facts)
             yield from _friction(joint)
     for name, leader in facts.lost.items():
-        yield Finding(
-            Severity.WARNING,
+        yield warning(
             "mimic",
             f"joint {name}",
             f"mimics {leader}",
@@ -83,20 +82,16 @@ def _limits(joint: Any, reach: float) -> Iterator[Finding]:
     low, high = limit.lower or 0.0, limit.upper or 0.0
     widest = max(abs(end) for end in (low, high, 0.0) if abs(end) < _UNLIMITED)
     if joint.type in ("revolute", "prismatic") and low == high == 0.0:
-        yield Finding(
-            Severity.WARNING,
+        yield warning(
             "no range",
             place,
             "limits 0 to 0",
             "it could not move; read as a joint without limits",
         )
     elif joint.type in ("revolute", "prismatic") and low == high:
-        yield Finding(
-            Severity.NOTE, "no range", place, f"limits {low:g} to {high:g}", "it cannot move"
-        )
+        yield note("no range", place, f"limits {low:g} to {high:g}", "it cannot move")
     elif joint.type == "revolute" and _MOST_ANGLE < widest <= _MOST_DEGREES:
-        yield Finding(
-            Severity.ERROR,
+        yield error(
             "range",
             place,
             f"limits {low:g} to {high:g} rad",
@@ -119,8 +114,7 @@ def _limits(joint: Any, reach: float) -> Iterator[Finding]:
     fastest = _FASTEST_SLIDING if sliding else _FASTEST
     if fastest < speed < math.inf:
         unit = None if sliding else likely_unit(ANGLES, lambda size: speed <= _MOST_DEGREES)
-        yield Finding(
-            Severity.NOTE,
+        yield note(
             "speed",
             place,
             f"velocity limit {speed:g} {'m' if sliding else 'rad'}/s",
@@ -151,8 +145,7 @@ def _friction(joint: Any) -> Iterator[Finding]:
     friction = 0.0 if given is None else float(given.friction or 0)
     if 0.0 < effort < friction:
         unit = "N" if joint.type == "prismatic" else "N m"
-        yield Finding(
-            Severity.WARNING,
+        yield warning(
             "friction",
             f"joint {joint.name}",
             f"<dynamics> friction {friction:g} {unit}",
@@ -173,10 +166,9 @@ def _efforts(robot: Robot, facts: RobotFacts) -> Iterator[Finding]:
         if load.remark or (driven and load.limit == 0.0):
             kind, found = ("effort limit" if load.remark else "no effort limit"), load.remark
             why = f"`pinfric new` sizes its bearing for {load.why}"
-            yield Finding(Severity.NOTE, kind, place, found or kind, why, unit if found else "")
+            yield note(kind, place, found or kind, why, unit if found else "")
         elif 0.0 < load.limit < load.held:
-            yield Finding(
-                Severity.WARNING,
+            yield warning(
                 "weak limit",
                 place,
                 f"its effort limit, {load.limit:.4g} N m",
@@ -187,8 +179,7 @@ def _efforts(robot: Robot, facts: RobotFacts) -> Iterator[Finding]:
     turning = [x for x in loads if x.limit > 0 and not x.sliding and x.leader is None]
     limits, own = [x.limit for x in turning], [x.held for x in turning]
     if held_out and not any(x.remark for x in turning) and one_limit(limits, own, held_out):
-        yield Finding(
-            Severity.NOTE,
+        yield note(
             "equal limits",
             "robot",
             f"all {len(limits)} effort limits are {limits[0]:.4g} N m",
@@ -206,8 +197,7 @@ def _dynamics(robot: Robot) -> Iterator[Finding]:
     if given:
         name, first = next(iter(given.items()))
         more = f" and {len(given) - 1} more" if len(given) > 1 else ""
-        yield Finding(
-            Severity.NOTE,
+        yield note(
             "dynamics",
             "robot",
             f"<dynamics> of {name} (friction {first.friction:g}, damping {first.damping:g}){more}",
@@ -223,7 +213,7 @@ def _transmissions(facts: RobotFacts) -> Iterator[Finding]:
             said = f"<mechanicalReduction> {ratio:g}", "connects nothing"
         else:
             continue
-        yield Finding(Severity.WARNING, "transmission", f"joint {name}", *said)
+        yield warning("transmission", f"joint {name}", *said)
 
 
 def _gears(robot: Robot) -> Iterator[Finding]:
@@ -231,8 +221,7 @@ def _gears(robot: Robot) -> Iterator[Finding]:
     if gears:
         shown = ", ".join(f"{name} {ratio:g}" for name, ratio in list(gears.items())[:3])
         more = f" and {len(gears) - 3} more" if len(gears) > 3 else ""
-        yield Finding(
-            Severity.NOTE,
+        yield note(
             "reductions",
             "robot",
             f"<transmission> gives {shown}{more}",

@@ -151,7 +151,7 @@ def _volume(points: Sequence[np.ndarray]) -> float:
 def _edges(geometry: Any) -> np.ndarray:
     """Edges of the box that holds a body (m)."""
     if geometry.box is not None:
-        return np.asarray(geometry.box.size)
+        return geometry.box.size
     body = geometry.sphere or geometry.cylinder
     across = 2.0 * body.radius
     return np.array([across, across, across if geometry.sphere else body.length])

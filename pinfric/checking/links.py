@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from pinfric.checking.findings import Finding, Severity
+from pinfric.checking.findings import Finding, Severity, error, note, warning
 from pinfric.checking.robot import BEYOND, SHAPE_OVER_REACH, LinkFacts, RobotFacts
 from pinfric.checking.robot_masses import WHOLE, mass_findings
 from pinfric.model.mistaken_units import INERTIAS, LENGTHS, MASSES, Unit, in_unit, likely_unit
@@ -49,9 +49,7 @@ def link_findings(facts: RobotFacts) -> Iterator[Finding]:
     unit = _inertia_unit(facts)
     for link in facts.links:
         if problem := implausible_body(link.mass, link.inertia):
-            yield Finding(
-                Severity.WARNING, "impossible inertia", f"link {link.name}", problem, "", excess=3.0
-            )
+            yield warning("impossible inertia", f"link {link.name}", problem, "", excess=3.0)
         if link.has_shapes and (finding := _shape(link, facts)):
             yield finding
         elif link.mass > 0 and (link.has_shapes or facts.reach > 0):
@@ -63,8 +61,7 @@ def link_findings(facts: RobotFacts) -> Iterator[Finding]:
 def _whole_robot(facts: RobotFacts) -> Iterator[Finding]:
     reach = facts.reach
     if doubt := doubted_reach(reach):
-        yield Finding(
-            Severity.ERROR,
+        yield error(
             "lengths",
             "robot",
             doubt.found,
@@ -73,8 +70,7 @@ def _whole_robot(facts: RobotFacts) -> Iterator[Finding]:
             doubt.excess,
         )
     elif 0.0 < reach < _NEAREST:
-        yield Finding(
-            Severity.WARNING,
+        yield warning(
             "lengths",
             "robot",
             f"its joints reach {reach:.3g} m",
@@ -96,8 +92,7 @@ def outweighing(masses: Mapping[str, float]) -> Iterator[Finding]:
     if sum(other > 0.0 for _, other in others) < _FEW - 1 or mass <= _OUTWEIGHS * rest:
         return
     unit = likely_unit(MASSES, lambda size: size * mass < 0.1 * _OUTWEIGHS * rest)
-    yield Finding(
-        Severity.WARNING,
+    yield warning(
         "one heavy link",
         name,
         f"{mass:.4g} kg, all others that move together {rest:.3g} kg",
@@ -112,8 +107,7 @@ def _fixed_mass(facts: RobotFacts) -> Iterator[Finding]:
     if fixed:
         first, *others = fixed
         more = f" and {len(others)} more" if others else ""
-        yield Finding(
-            Severity.NOTE,
+        yield note(
             "fixed mass",
             "robot",
             f"{sum(fixed.values()):.3g} kg never move (link {first}{more})",
@@ -128,8 +122,7 @@ def _shape(link: LinkFacts, facts: RobotFacts) -> Finding | None:
         return None
     unit = likely_unit(LENGTHS, lambda factor: factor * size < 3.0 * reach)
     hint = f"in {unit.name} (scale {unit.size:g}) {unit.size * size:.3g} m" if unit else ""
-    return Finding(
-        Severity.WARNING,
+    return warning(
         "shape",
         f"link {link.name}",
         f"its shapes are {size:.3g} m large",
@@ -206,8 +199,7 @@ def _small_inertia(link: LinkFacts) -> Finding | None:
     least = _NARROW * link.extent.diagonal
     if not link.has_shapes or radius >= least or link.mass_share < _MAIN:
         return None
-    return Finding(
-        Severity.WARNING,
+    return warning(
         "small inertia",
         f"link {link.name}",
         f"inertia {moment if moment > 1e-12 else 0:.3g} kg m^2 for {link.mass:.3g} kg",
@@ -236,8 +228,7 @@ def _density(link: LinkFacts) -> Finding | None:
         return None
     if density > _DENSEST:
         unit = likely_unit(MASSES, lambda g: 50.0 < g * density < 3000.0)
-        return Finding(
-            Severity.WARNING,
+        return warning(
             "dense",
             f"link {link.name}",
             found,
@@ -246,8 +237,7 @@ def _density(link: LinkFacts) -> Finding | None:
             density / _DENSEST,
         )
     if density < _LIGHTEST:
-        return Finding(
-            Severity.WARNING,
+        return warning(
             "light",
             f"link {link.name}",
             found,

@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from pinfric.checking.findings import CheckReport, Finding, Severity
+from pinfric.checking.findings import CheckReport, Finding, error, note, warning
 from pinfric.checking.joints import joint_findings
 from pinfric.checking.links import link_findings
 from pinfric.checking.robot import RobotFacts
@@ -92,30 +92,27 @@ def _urdf_findings(facts: RobotFacts, scene: Scene | None = None) -> Iterator[Fi
             robot = read_robot(facts.urdf, {}, facts.xacro_args)
     except RobotError as refused:
         reason = str(refused).removeprefix(f"{facts.urdf}: ")
-        yield Finding(Severity.ERROR, "does not load", "robot", reason, "", excess=1e9)
+        yield error("does not load", "robot", reason, "", excess=1e9)
     yield from link_findings(facts)
     yield from joint_findings(facts, robot)
     if robot is not None and any(facts.masses.values()):
         yield from massless_findings(scene or Scene(robot.model))
     if robot is not None and (legs := hanging_legs(robot.model)):
         found, _, how = legs.partition("; ")
-        yield Finding(Severity.WARNING, "legs", "robot", found, how)
+        yield warning("legs", "robot", found, how)
     for text in facts.said:
-        yield Finding(Severity.WARNING, "reading", "robot", text, "")
+        yield warning("reading", "robot", text, "")
     if facts.nameless:
-        yield Finding(Severity.NOTE, "no name", "robot", "has no name", "called 'robot'")
+        yield note("no name", "robot", "has no name", "called 'robot'")
     for mesh in facts.missing:
-        yield Finding(
-            Severity.NOTE,
+        yield note(
             "missing mesh",
             f"mesh {Path(mesh).name}",
             f"there is no file {mesh}",
             "not needed for efforts, but the size of its link is not checked",
         )
     for mesh, why in facts.unread.items():
-        yield Finding(
-            Severity.NOTE, "unreadable mesh", f"mesh {Path(mesh).name}", "cannot be read", why
-        )
+        yield note("unreadable mesh", f"mesh {Path(mesh).name}", "cannot be read", why)
 
 
 def _figures(facts: RobotFacts) -> dict[str, float]:

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import pinocchio as pin
 
-from pinfric.checking.findings import Finding, Severity
+from pinfric.checking.findings import Finding, Severity, error, note, warning
 from pinfric.checking.joint_loads import held_out_level
 from pinfric.checking.robot import LinkFacts, RobotFacts
 from pinfric.model.total_mass import doubted_total, shown_density
@@ -34,8 +34,7 @@ WHOLE = ("no mass", "masses", "equal masses")
 def mass_findings(facts: RobotFacts) -> Iterator[Finding]:
     """Yield at most one finding of each kind on all masses of a robot."""
     if not any(facts.masses.values()):
-        yield Finding(
-            Severity.ERROR,
+        yield error(
             "no mass",
             "robot",
             "nothing in this robot has mass",
@@ -94,8 +93,7 @@ def _equal_masses(facts: RobotFacts) -> Iterator[Finding]:
             continue
         (mass, count), *_ = Counter(on_it).most_common(1)
         if count >= _EQUAL * len(on_it):
-            yield Finding(
-                Severity.WARNING,
+            yield warning(
                 "equal masses",
                 "robot",
                 f"{count} of {len(on_it)} links on the way to {way[-1]} weigh {mass:g} kg",
@@ -120,8 +118,7 @@ def _one_density(facts: RobotFacts) -> Iterator[Finding]:
     if count >= _ONE_DENSITY * len(parts):
         density = shown_density(float(np.median(densities[near[:, most]])))
         each = "all links have" if count == len(parts) else f"{count} of {len(parts)} links have"
-        yield Finding(
-            Severity.NOTE,
+        yield note(
             "one density",
             "robot",
             f"{each} {density} kg/m^3 of their meshes",
@@ -141,8 +138,7 @@ def _equal_inertias(links: Sequence[LinkFacts]) -> Iterator[Finding]:
     mass = sum(link.mass for link in links)
     for moment, alike in found.items():
         if len(alike) >= _ISOTROPIC and sum(link.mass for link in alike) >= _HELD * mass > 0:
-            yield Finding(
-                Severity.WARNING,
+            yield warning(
                 "equal inertias",
                 "robot",
                 f"{len(alike)} links have the inertia {moment:g} kg m^2 about every axis",

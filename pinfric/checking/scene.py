@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 import pinocchio as pin
 
-from pinfric.checking.findings import Finding, Severity
+from pinfric.checking.findings import Finding, note, warning
 from pinfric.checking.links import outweighing
 from pinfric.checking.robot import BEYOND, RobotFacts
 from pinfric.elastic.motion import unloaded_frequency
@@ -67,7 +67,7 @@ def scene_findings(
         if USUALLY in text:  # the schema's own questions: "FILE: KEY = VALUE: usually ..."
             place, _, rest = text.removeprefix(f"{scene.source}: ").partition(" = ")
             if place not in places:
-                yield Finding(Severity.WARNING, "question", place, rest, "")
+                yield warning("question", place, rest, "")
 
 
 def _bearing(site: Site, facts: RobotFacts | None) -> Iterator[Finding]:
@@ -85,8 +85,7 @@ def _bearing(site: Site, facts: RobotFacts | None) -> Iterator[Finding]:
         if value is None or most <= 0 or value <= most:
             continue
         unit = likely_unit(LENGTHS, _below(value, most))
-        yield Finding(
-            Severity.WARNING,
+        yield warning(
             "bearing",
             f"friction.{site.name}.bearing.{key}",
             f"{value:g} m",
@@ -107,8 +106,7 @@ def _coefficients(site: Site, scene: Scene) -> Iterator[Finding]:
             else ("plain bearings have 0.03 to 0.6")
         )
         if friction.mu.static > most:
-            yield Finding(
-                Severity.WARNING,
+            yield warning(
                 "coefficient",
                 f"{place}.mu.static",
                 f"{friction.mu.static:g}",
@@ -118,8 +116,7 @@ def _coefficients(site: Site, scene: Scene) -> Iterator[Finding]:
     effort, speed = _limits_of(site, scene)
     unit = "N" if site.sliding else "N m"
     if isinstance(friction.coulomb, CoulombFriction) and friction.coulomb.static > effort:
-        yield Finding(
-            Severity.WARNING,
+        yield warning(
             "coulomb",
             f"{place}.coulomb",
             f"{friction.coulomb.static:g} {unit}",
@@ -131,8 +128,7 @@ def _coefficients(site: Site, scene: Scene) -> Iterator[Finding]:
         if drag > effort:
             per = "s/m" if site.sliding else "s/rad"
             per = per if viscous.exponent == 1 else f"({per})^{viscous.exponent:g}"
-            yield Finding(
-                Severity.WARNING,
+            yield warning(
                 "viscous",
                 f"{place}.viscous",
                 f"{viscous.coefficient:g} {unit} {per}",
@@ -141,8 +137,7 @@ def _coefficients(site: Site, scene: Scene) -> Iterator[Finding]:
                 excess=drag / effort,
             )
     if friction.stribeck is not None and friction.stribeck.velocity > speed:
-        yield Finding(
-            Severity.NOTE,
+        yield note(
             "stribeck",
             f"{place}.stribeck.velocity",
             f"{friction.stribeck.velocity:g}",
@@ -186,7 +181,7 @@ def load_findings(scene: Scene) -> Iterator[Finding]:
             ]
             for name in shaped[:1]:
                 what = f"link {name}"
-                yield Finding(Severity.WARNING, "massless link", what, _MASSLESS, _NO_INERTIAL)
+                yield warning("massless link", what, _MASSLESS, _NO_INERTIAL)
 
 
 def massless_findings(scene: Scene) -> Iterator[Finding]:
@@ -198,7 +193,7 @@ def massless_findings(scene: Scene) -> Iterator[Finding]:
             if every
             else (f"joint {', '.join(names)}", "moves no mass")
         )
-        yield Finding(Severity.WARNING, "no mass", place, found, _NO_MASS)
+        yield warning("no mass", place, found, _NO_MASS)
 
 
 def payload_findings(scene: Scene) -> Iterator[Finding]:
@@ -209,8 +204,7 @@ def payload_findings(scene: Scene) -> Iterator[Finding]:
         place = f"robot.payloads.{name}"
         frame = scene.model.frames[link_frame(scene.model, payload.link)]
         if frame.parentJoint == 0:
-            yield Finding(
-                Severity.WARNING,
+            yield warning(
                 "payload",
                 f"{place}.link",
                 payload.link,
@@ -218,8 +212,7 @@ def payload_findings(scene: Scene) -> Iterator[Finding]:
             )
         if payload.mass > _PAYLOAD * moving > 0:
             unit = likely_unit(MASSES, _below(payload.mass, 0.5 * moving))
-            yield Finding(
-                Severity.WARNING,
+            yield warning(
                 "payload",
                 f"{place}.mass",
                 f"{payload.mass:g} kg",
@@ -230,8 +223,7 @@ def payload_findings(scene: Scene) -> Iterator[Finding]:
         away = float(np.linalg.norm(payload.com))
         if away > farthest:
             unit = likely_unit(LENGTHS, _below(away, 0.5 * reach))
-            yield Finding(
-                Severity.WARNING,
+            yield warning(
                 "payload",
                 f"{place}.com",
                 f"{away:.3g} m from its link",
@@ -242,8 +234,7 @@ def payload_findings(scene: Scene) -> Iterator[Finding]:
         moment = float(np.linalg.eigvalsh(payload_inertia(payload).inertia)[2])
         radius = math.sqrt(max(moment, 0.0) / payload.mass)
         if radius > farthest:
-            yield Finding(
-                Severity.WARNING,
+            yield warning(
                 "payload",
                 f"{place}.inertia",
                 f"{moment:.3g} kg m^2 for {payload.mass:g} kg",
@@ -264,8 +255,7 @@ def _held(scene: Scene) -> Iterator[Finding]:
             limit = stated_limit(float(scene.model.effortLimit[limits[name].idx_v]))
             if effort > limit:
                 unit = "N" if limits[name].shortname().startswith("JointModelP") else "N m"
-                yield Finding(
-                    Severity.WARNING,
+                yield warning(
                     "held payload",
                     f"joint {name}",
                     f"effort limit {limit:.4g} {unit}",
@@ -296,8 +286,7 @@ def _positions(scene: Scene, facts: RobotFacts | None) -> Iterator[Finding]:
             units = (LENGTHS if sliding else ANGLES) if far else ()
             unit = likely_unit(units, _below(position, 1.01 * max(abs(low), abs(high))))
             si = "m" if sliding else "rad"
-            yield Finding(
-                Severity.WARNING,
+            yield warning(
                 "position",
                 f"{section}.{name}",
                 f"{position:g} {si}",
@@ -323,8 +312,7 @@ def _drives(scene: Scene) -> Iterator[Finding]:
             and abs(stated) not in (0.0, 1.0)
             and not math.isclose(abs(stated), abs(transmission.ratio), rel_tol=1e-3)
         ):
-            yield Finding(
-                Severity.WARNING,
+            yield warning(
                 "ratio",
                 f"{place}.ratio",
                 f"{transmission.ratio:g} at joint {joint}",
@@ -335,8 +323,7 @@ def _drives(scene: Scene) -> Iterator[Finding]:
         rotor = transmission.rotor_inertia * transmission.ratio**2
         if moved > 0 and rotor > _ROTOR * moved:
             unit = likely_unit(ROTOR_INERTIAS, _below(rotor, moved))
-            yield Finding(
-                Severity.WARNING,
+            yield warning(
                 "rotor",
                 f"{place}.rotor_inertia",
                 f"{transmission.rotor_inertia:g} kg m^2 at joint {joint}",
@@ -349,8 +336,7 @@ def _drives(scene: Scene) -> Iterator[Finding]:
 def _elastic_gears(scene: Scene) -> Iterator[Finding]:
     """Hysteresis against friction, and a lowest frequency that no robot has."""
     for excess in excessive_friction(scene.friction, scene.actuators):
-        yield Finding(
-            Severity.WARNING,
+        yield warning(
             "hysteresis",
             excess.place,
             excess.text,
@@ -366,8 +352,7 @@ def _elastic_gears(scene: Scene) -> Iterator[Finding]:
         large = (
             "too large: stiffness in N mm/rad entered as N m/rad, or converted from arcmin twice?"
         )
-        yield Finding(
-            Severity.WARNING,
+        yield warning(
             "frequency",
             "actuators[].transmission.stiffness",
             f"lowest natural frequency {frequency:.3g} Hz, motors held",
@@ -378,8 +363,7 @@ def _elastic_gears(scene: Scene) -> Iterator[Finding]:
 
 def _losses(transmission: Transmission, place: str, joint: str, effort: float) -> Iterator[Finding]:
     if (fit := transmission.losses()[0]).error > 0:
-        yield Finding(
-            Severity.NOTE,
+        yield note(
             "efficiency",
             f"{place}.efficiency.over_speed",
             f"fitted by a loss {fit.constant:.3g} + {fit.rise:.3g} w^{fit.exponent:.3g}",
@@ -390,8 +374,7 @@ def _losses(transmission: Transmission, place: str, joint: str, effort: float) -
     static = max(transmission.no_load_torque.at_rest())
     lost = static * abs(transmission.ratio)
     if 0 < effort < lost:
-        yield Finding(
-            Severity.WARNING,
+        yield warning(
             "no-load torque",
             f"{place}.no_load_torque",
             f"{static:g} N m",
