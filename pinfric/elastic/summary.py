@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from pinfric.elastic.motion import Elasticity, Rest, ToolPlace
-from pinfric.model.described import PLACE, between, derived, described, quantity
+from pinfric.model.described import PLACE, between, derived, described, gathered, quantity
 
 
 @described
@@ -147,14 +147,13 @@ def _rest(found: Elasticity, rest: Rest) -> RestSummary:
 
 def _tool(tool: ToolPlace) -> ToolSummary:
     left = tool.approach
-    return ToolSummary(
-        sag=tool.sag,
+    return gathered(
+        ToolSummary,
+        tool,
         interval_middle=tool.middle,
         interval_extents=tool.extents,
-        sag_distance=tool.sag_distance,
         interval_farthest=tool.farthest,
         interval_farthest_angle=tool.farthest_angle,
-        approach=left,
         approach_distance=None if left is None else float(np.linalg.norm((left - tool.middle)[:3])),
         reversal_error=tool.reversal,
     )

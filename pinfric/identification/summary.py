@@ -9,7 +9,7 @@ from pinfric.identification.findings import Findings, HeldOut
 from pinfric.identification.laws import PLAIN
 from pinfric.identification.parameters import Parameter
 from pinfric.identification.rest import RestBound
-from pinfric.model.described import EFFORT, PLACE, described, quantity
+from pinfric.model.described import EFFORT, PLACE, described, gathered, quantity
 from pinfric.motions.summary import effort_unit
 
 
@@ -115,7 +115,9 @@ def identify_summary(found: Findings) -> IdentifySummary:
     names = found.scene.joint_names
     considered = dict(zip(names, found.estimate.choice.errors, strict=True))
     units = dict(zip(names, (effort_unit(found.scene, j) for j in range(len(names))), strict=True))
-    return IdentifySummary(
+    return gathered(
+        IdentifySummary,
+        found,
         logs=tuple(
             FittedLog(
                 one.name,
@@ -127,7 +129,6 @@ def identify_summary(found: Findings) -> IdentifySummary:
             )
             for one in found.recordings
         ),
-        delay=found.delay,
         delay_standard_error=found.estimate.delay.standard_error,
         joints=tuple(
             JointFriction(
@@ -141,12 +142,7 @@ def identify_summary(found: Findings) -> IdentifySummary:
             )
             for name, error in found.errors.items()
         ),
-        parameters=found.parameters,
-        unseen=found.unseen,
         inertias="kept" if found.keeps_inertias else "corrected",
-        advice=found.advice,
-        doubts=found.doubts,
-        notes=found.notes,
     )
 
 

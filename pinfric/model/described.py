@@ -33,6 +33,7 @@ INERTIA = "kg m^2 or kg"
 MOTOR = "in motor_unit"
 
 _Class = TypeVar("_Class", bound=type)
+_Result = TypeVar("_Result")
 _Method = TypeVar("_Method", bound=Callable[..., Any])
 
 
@@ -109,6 +110,12 @@ def described(made: _Class) -> _Class:
     made.__doc__ = "\n".join([text, *([""] if "Attributes:" in text else ["", "Attributes:"])])
     made.__doc__ += "\n" + "\n".join(lines) + "\n"
     return made
+
+
+def gathered(kind: Callable[..., _Result], source: Any, **own: Any) -> _Result:
+    """Return a described result: fields as given, all others as the source has them by name."""
+    names = [entry.name for entry in dataclasses.fields(kind) if entry.name not in own]  # type: ignore[arg-type]
+    return kind(**{name: getattr(source, name) for name in names}, **own)
 
 
 def quantities(kind: type) -> dict[str, Quantity]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from pinfric.drives.criterion import Criterion
 from pinfric.drives.limits import instant_limits
-from pinfric.model.described import described, quantity
+from pinfric.model.described import described, gathered, quantity
 from pinfric.retiming.retime import RetimeResult
 
 
@@ -93,17 +93,12 @@ def retime_summary(result: RetimeResult) -> RetimeSummary:
         )
         for d, (drive, limits) in enumerate(zip(problem.scene.drives, problem.limits, strict=True))
     ]
-    return RetimeSummary(
+    return gathered(
+        RetimeSummary,
+        result,
         path=problem.path.source,
-        duration=result.duration,
-        before=result.before,
-        moves=result.moves,
         holds=list(problem.path.holds),
-        uniform=result.uniform,
-        smooth=result.smooth,
-        excess=result.excess,
         sample_rate=problem.policy.sample_rate,
         grid_points=len(result.profile.x),
         drives=tuple(drives),
-        notes=result.notes,
     )

@@ -9,7 +9,7 @@ import numpy as np
 from pinfric.dynamics.inverse.result import StickInterval
 from pinfric.dynamics.samples.closure import working_rates
 from pinfric.dynamics.simulation.motion import INTERRUPTED, Event, Motion
-from pinfric.model.described import EFFORT, PLACE, SPEED, described, quantity
+from pinfric.model.described import EFFORT, PLACE, SPEED, described, gathered, quantity
 from pinfric.motions.summary import effort_unit, rms
 
 
@@ -74,24 +74,18 @@ def motion_summary(motion: Motion) -> MotionSummary:
     energy = None
     if motion.status != INTERRUPTED:
         found = motion.energy()
-        energy = EnergySummary(
-            work=found.work,
-            change=found.change,
+        energy = gathered(
+            EnergySummary,
+            found,
             friction_loss=dict(zip(motion.site_names, found.friction_loss.tolist(), strict=True)),
             gear_loss=dict(zip(motion.actuator_names, found.gear_loss.tolist(), strict=True)),
-            residual=found.residual,
         )
-    return MotionSummary(
-        method=motion.method,
-        given=motion.given,
-        status=motion.status,
-        message=motion.message,
+    return gathered(
+        MotionSummary,
+        motion,
         t_end=float(motion.t[-1]),
         samples=len(motion.t),
-        evaluations=motion.evaluations,
         stick_intervals=motion.stick_intervals(),
-        events=motion.events,
-        unproved=motion.unproved,
         energy=energy,
         end=State(motion.q[-1], motion.v[-1]),
     )

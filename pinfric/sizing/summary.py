@@ -16,7 +16,7 @@ from pinfric.drives.policy import OWN_BEARING, of_maker
 from pinfric.drives.power import BusPower
 from pinfric.drives.rules import resonance
 from pinfric.elastic.summary import ElasticSummary, elastic_summary
-from pinfric.model.described import EFFORT, INERTIA, SPEED, described, quantity
+from pinfric.model.described import EFFORT, INERTIA, SPEED, described, gathered, quantity
 from pinfric.model.mass_matrix import frame_jacobians
 from pinfric.model.robot import link_frame
 from pinfric.motions.rating import Rated
@@ -42,15 +42,7 @@ class Candidacy:
 
 
 @described
-class Rejection:
-    """A drive that does not fit one joint."""
-
-    name: str = quantity("motor and gear", heading="drive")
-    why: str = quantity("the criterion that is not met, and by how much", heading="why")
-
-
-@described
-class NextSmaller(Rejection):
+class NextSmaller:
     """Of the drives lighter than the chosen one the one that misses by least."""
 
     name: str = quantity("motor and gear", heading="next smaller")
@@ -273,9 +265,9 @@ def sizing_summary(report: SizingReport) -> SizingSummary:
     """
     t, duty = report.result.t, report.duty
     assert t is not None  # size refuses a motion without times
-    return SizingSummary(
-        verdict=report.verdict,
-        trajectory=report.trajectory,
+    return gathered(
+        SizingSummary,
+        report,
         rating=None if report.rating is None else _rating_summary(report, report.rating.rated),
         catalog=None if report.catalog is None else report.catalog.source,
         conditions=report.conditions.model_dump(),
@@ -284,20 +276,13 @@ def sizing_summary(report: SizingReport) -> SizingSummary:
             Cycle(name, n) for name, n in zip(duty.names, duty.repeats, strict=False) if n
         ),
         off=float(t[-1] - t[duty.starts[-2]]) if duty.off else 0.0,
-        unclosed=report.unclosed,
-        passes=report.passes,
-        settled=report.settled,
-        drive_mass=report.drive_mass,
         joints=tuple(_sized_joint(report, k, lever) for k, lever in enumerate(levers(report))),
         mountings=tuple(_hardest(joint) for joint in report.joints if joint.mountings),
-        bus=report.bus,
-        other_mass=report.other_mass,
         ask=to_ask(report),
         stops=None if report.stops is None else stop_summary(report.stops),
         unchecked=() if report.catalog is None else unchecked(report),
         robot_criteria=report.arm_criteria,
         elasticity=None if report.elastic is None else elastic_summary(report.elastic),
-        notes=report.notes,
     )
 
 
@@ -369,7 +354,7 @@ def levers(report: SizingReport) -> np.ndarray:
         return np.full(len(scene.drives), np.nan)
     J = frame_jacobians(scene.twin(), q, link_frame(scene.model, scene.tool))[:, :3]
     moved = np.linalg.norm(J[:, :, [drive.velocity_index for drive in scene.drives]], axis=1)
-    return np.asarray(moved.max(axis=0))
+    return moved.max(axis=0)
 
 
 def to_ask(report: SizingReport) -> tuple[ToAsk, ...]:
@@ -393,16 +378,16 @@ def _sized_joint(report: SizingReport, k: int, lever: float) -> SizedJoint:
     """One joint's sizing; the tool moves by `lever` per rad (m) of it, at most."""
     joint, verdicts = report.joints[k], report.verdict.joints
     smaller, taken = joint.next_smaller, joint.installed
-    return SizedJoint(
+    return gathered(
+        SizedJoint,
+        joint,
         **vars(joint.demand),
         peak_without_masses=joint.demand_without_masses.peak,
         rms_without_masses=joint.demand_without_masses.rms,
-        load_inertia=joint.load_inertia,
         choice=None if joint.choice is None else joint.choice.candidate.name,
         decided_by=joint.decided_by or None,
         verdict=verdicts[k] if verdicts else None,
         provisional=_provisional(joint.nearest),
-        candidates=joint.candidates,
         installed=None if taken is None else _installed(taken, report.criteria[k], lever),
         standstill=report.standstills[k],
         alternatives=tuple(
@@ -444,21 +429,14 @@ def margins(found: SizingSummary) -> list[Margins]:
 
 
 def _installed(taken: Assessment, criteria: tuple[Criterion, ...], lever: float) -> Installed:
-    candidate = taken.candidate
-    gap = candidate.backlash
-    return Installed(
-        judged=candidate.name,
-        mass=candidate.mass,
-        ratio=candidate.ratio,
-        brake=candidate.brake,
-        backlash=gap,
+    gap = taken.candidate.backlash
+    return gathered(
+        Installed,
+        taken.candidate,
+        judged=taken.candidate.name,
         backlash_at_tool=None if gap is None or np.isnan(lever) else gap * lever,
         not_checked=len(taken.not_checked),
         margins={c.name: c.margin for c in criteria},
         criteria=criteria,
         motor=taken.motor,
-        losses=candidate.losses,
-        stand_ins=candidate.stand_ins,
-        notes=candidate.notes,
-        sources=candidate.sources,
     )

@@ -9,7 +9,7 @@ import numpy as np
 
 from pinfric.drives.criterion import Criterion, compare
 from pinfric.model.brakes import HoldingBrake
-from pinfric.model.described import EFFORT, PLACE, described, quantity
+from pinfric.model.described import EFFORT, PLACE, described, gathered, quantity
 from pinfric.motions.summary import effort_unit
 from pinfric.stops.machines import UNLIMITED, Kind
 from pinfric.stops.search import Case, Search, Stopped
@@ -81,7 +81,9 @@ class StopSummary:
 def stop_summary(result: StopResult) -> StopSummary:
     """Return what `pinfric stop` prints and writes."""
     longest, farthest = result.longest, result.farthest
-    return StopSummary(
+    return gathered(
+        StopSummary,
+        result,
         trajectory=result.trajectory.source,
         category=result.settings.category,
         reaction_time=result.settings.reaction_time,
@@ -91,11 +93,7 @@ def stop_summary(result: StopResult) -> StopSummary:
         command=longest.command,
         path=None if farthest is None else farthest.path,
         path_command=None if farthest is None else farthest.command,
-        axes=result.axes,
-        grid=result.grid,
         stops=len(result.search.found),
-        unmet=result.unmet,
-        notes=result.notes,
     )
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from pinfric.model.described import EFFORT, MOTOR, SPEED, described, quantity
+from pinfric.model.described import EFFORT, MOTOR, SPEED, described, gathered, quantity
 from pinfric.sweeps.cycle import DEMANDS
 from pinfric.sweeps.motors import Trial
 from pinfric.sweeps.result import Probability, SweepResult
@@ -103,12 +103,9 @@ def sweep_summary(result: SweepResult) -> SweepSummary:
     """Return the summary of a sweep."""
     spreads = {name: _spreads(result, name) for name in DEMANDS}
     trials = result.trials
-    return SweepSummary(
-        trajectory=result.trajectory,
-        sweep=result.sweep,
-        sampling=result.sampling,
-        seed=result.seed,
-        samples=result.samples,
+    return gathered(
+        SweepSummary,
+        result,
         solved=int(result.solved.sum()),
         parameters=tuple(
             Varied(name, float(column.min()), float(column.mean()), float(column.max()))
@@ -123,7 +120,6 @@ def sweep_summary(result: SweepResult) -> SweepSummary:
             )
             for i in range(len(result.actuator_names))
         ),
-        correlation_noise=result.correlation_noise,
         motors=tuple(_on_trial(result, trial) for trial in trials),
         all_motors_suffice=result.probability(result.sufficing()) if trials else None,
         elastic={
@@ -157,9 +153,9 @@ def _spreads(result: SweepResult, figure: str) -> list[Spread]:
 
 
 def _on_trial(result: SweepResult, trial: Trial) -> MotorOnTrial:
-    same = ("drive", "actuator", "name", "continuous_torque", "peak_torque", "ratio", "mass")
-    return MotorOnTrial(
-        **{name: getattr(trial, name) for name in same},
+    return gathered(
+        MotorOnTrial,
+        trial,
         suffices=result.probability(result.sufficing(trial)),
         criteria={name: result.probability(mask) for name, mask in trial.met(result).items()},
         not_checked=trial.not_checked(result),
