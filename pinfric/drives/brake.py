@@ -324,7 +324,7 @@ def closing_way(
         delay: t until it closes, s. left: what the brake has beyond the load, N m (N).
     """
     closing = speed + np.maximum(push, 0.0) * delay / inertia
-    return np.asarray(inertia * closing**2 / (2.0 * left))
+    return inertia * closing**2 / (2.0 * left)
 
 
 def _hardest(still: InverseResult, i: int) -> int:

@@ -17,7 +17,7 @@ def load_inertias(result: InverseResult) -> np.ndarray:
     Args:
         result: of inverse dynamics.
     """
-    return np.asarray(joint_inertias(result.scene, result.states).max(axis=0))
+    return joint_inertias(result.scene, result.states).max(axis=0)
 
 
 def joint_inertias(scene: Scene, states: States) -> np.ndarray:

@@ -124,11 +124,11 @@ class _Sampled(NamedTuple):
 
     def slow(self, d: int) -> np.ndarray:
         limit = drive_stick_velocity(self.result.scene, self.result.scene.drives[d])
-        return np.asarray(np.abs(self.result.actuator_velocity[:, d]) <= limit)
+        return np.abs(self.result.actuator_velocity[:, d]) <= limit
 
     def moving(self, d: int) -> np.ndarray:
         """(T,) bool; an interval in motion: it passes through rest beside this sample."""
-        return np.asarray(~self.slow(d) & (self.lower[:, d] == self.upper[:, d]))
+        return ~self.slow(d) & (self.lower[:, d] == self.upper[:, d])
 
     def at_rest(self, d: int) -> dict[str, float]:
         """The torques at rest, less those without friction."""

@@ -91,7 +91,7 @@ def compensation(result: InverseResult, end: str) -> np.ndarray:
     gears = scene_gears(result.scene)
     rotors = gears.ratio**2 * gears.rotor_inertia * result.actuator_acceleration
     effort: np.ndarray = getattr(result, f"joint_effort_{end}")
-    return np.asarray(effort - rotors - result.effort_frictionless)
+    return effort - rotors - result.effort_frictionless
 
 
 def level_uncertainty(
@@ -146,7 +146,7 @@ def stable_scale(e: float) -> float:
 
 def _level(result: InverseResult, moving: np.ndarray) -> np.ndarray:
     lost = np.abs(compensation(result, "lower")) * moving
-    return np.asarray(lost.sum(axis=0) / np.maximum(moving.sum(axis=0), 1))
+    return lost.sum(axis=0) / np.maximum(moving.sum(axis=0), 1)
 
 
 def _heading(

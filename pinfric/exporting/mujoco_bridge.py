@@ -233,7 +233,7 @@ class _Robot:
 
     def resting(self, data: Any) -> np.ndarray:
         """(na,) bool, whether a joint is at or below its stick velocity."""
-        return np.asarray(np.abs(data.qvel[self.dofs]) <= self._gears.stick_velocity)
+        return np.abs(data.qvel[self.dofs]) <= self._gears.stick_velocity
 
     def first(self, data: Any) -> np.ndarray:
         """(na,) limits where a motion begins."""
@@ -312,7 +312,7 @@ class _Robot:
 
 
 def _sticking(force: np.ndarray, used: np.ndarray) -> np.ndarray:
-    return np.asarray(np.abs(force) < (1.0 - 1e-12) * used)
+    return np.abs(force) < (1.0 - 1e-12) * used
 
 
 @kernel

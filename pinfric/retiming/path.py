@@ -197,7 +197,7 @@ class Path:
         """Return where the robot stands at stop i: (nj,) rad or m."""
         last = i == len(self.pieces)
         piece = self.pieces[i - 1 if last else i]
-        return np.asarray(piece(piece.x[-1 if last else 0]))
+        return piece(piece.x[-1 if last else 0])
 
 
 def load_path(path: str | File, scene: Scene) -> Path:

@@ -60,7 +60,7 @@ class Grid:
     @property
     def step(self) -> np.ndarray:
         """(n,) lengths of the intervals."""
-        return np.asarray(self.s[self.end] - self.s[self.start])
+        return self.s[self.end] - self.s[self.start]
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ def distinct(s: np.ndarray, piece: PPoly, kept: np.ndarray) -> np.ndarray:
     drop = np.zeros(len(order), dtype=bool)
     drop[1:] |= near & ~fixed[1:]
     drop[:-1] |= near & ~fixed[:-1] & fixed[1:]
-    return np.asarray(order[~drop])
+    return order[~drop]
 
 
 def make_grid(

@@ -116,7 +116,7 @@ class _Barrier:
         time = self.durations(x)[0]
         energy = time @ _mean_square(self.torques(x)) + self.cycle.hold_energy
         allowed = self.cycle.limit**2 * (time.sum() + self.cycle.hold_time)
-        return np.asarray(1.0 - (energy / allowed)[self.judged])
+        return 1.0 - (energy / allowed)[self.judged]
 
     def uniform(self, fast: Profile) -> float:
         """The greatest factor by which the whole profile may be slowed down to be within."""
@@ -144,7 +144,7 @@ class _Barrier:
     def gaps(self, x: np.ndarray) -> np.ndarray:
         """(n, 2 sides, 2): u - low and high - u at both ends."""
         u = np.diff(x) / (2.0 * self.step)
-        return np.asarray(_SIGNS * (u[:, None, None] - self.ranges(_ends(x))))
+        return _SIGNS * (u[:, None, None] - self.ranges(_ends(x)))
 
     def value(self, x: np.ndarray, weight: float) -> float:
         """The barrier function; infinite outside."""
@@ -272,7 +272,7 @@ class _Barrier:
 
 
 def _outer(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return np.asarray(a[:, :, None] * b[:, None, :])
+    return a[:, :, None] * b[:, None, :]
 
 
 def _ends(x: np.ndarray) -> np.ndarray:
@@ -282,4 +282,4 @@ def _ends(x: np.ndarray) -> np.ndarray:
 
 def _mean_square(T: np.ndarray) -> np.ndarray:
     """(n, na) mean T^2 in each interval, T linear between its ends (n, 2, na)."""
-    return np.asarray((T[:, 0] ** 2 + T[:, 0] * T[:, 1] + T[:, 1] ** 2) / 3.0)
+    return (T[:, 0] ** 2 + T[:, 0] * T[:, 1] + T[:, 1] ** 2) / 3.0

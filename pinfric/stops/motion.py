@@ -119,17 +119,17 @@ class StopMotion:
     def rest_time(self) -> np.ndarray:
         """(na,) from when on each drive's joint is at rest, s."""
         last = np.where(self.rate != 0.0, np.arange(len(self.t))[:, None], -1).max(axis=0)
-        return np.asarray(self.t[np.minimum(last + 1, len(self.t) - 1)])
+        return self.t[np.minimum(last + 1, len(self.t) - 1)]
 
     @property
     def after_power_off(self) -> np.ndarray:
         """(na,) way of each drive's joint from power-off to the end, rad or m."""
-        return np.asarray(self.travel[-1] - self.travel[self._off])
+        return self.travel[-1] - self.travel[self._off]
 
     @property
     def braking(self) -> np.ndarray:
         """(na,) largest effort of the gears under power, N m or N; of category 0 at the start."""
-        return np.asarray(np.abs(self.effort[: self._off + 1]).max(axis=0))
+        return np.abs(self.effort[: self._off + 1]).max(axis=0)
 
     @property
     def _off(self) -> int:
@@ -330,9 +330,7 @@ def _brake_energy(part: Motion) -> np.ndarray:
     closed = part.scene.closed_brakes
     force = [closed.get(drive.name, 0.0) * abs(drive.ratio) for drive in part.scene.drives]
     rate = working_rates(part.scene, part.q, part.v)[0]
-    return np.asarray(
-        force * np.abs(np.diff(_ways(part.scene, part.t, part.q, rate), axis=0)).sum(0)
-    )
+    return force * np.abs(np.diff(_ways(part.scene, part.t, part.q, rate), axis=0)).sum(0)
 
 
 def _ways(scene: Scene, t: np.ndarray, q: np.ndarray, rate: np.ndarray) -> np.ndarray:

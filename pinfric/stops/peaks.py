@@ -154,7 +154,7 @@ def _falls(machine: Machine, machines: Machines, q: np.ndarray, load: float) -> 
     still = inverse_dynamics(machine.scene, q, zero, zero, attached=carried)
     down, least = -np.sign(still.effort_frictionless), _ROUNDING * np.abs(still.effort_frictionless)
     moves = (still.motor_torque_lower > least) | (still.motor_torque_upper < -least)
-    return np.asarray(np.where(moves, down, 0.0))
+    return np.where(moves, down, 0.0)
 
 
 def braking(machines: Machines, trajectory: Trajectory) -> tuple[InverseResult, ...]:

@@ -388,7 +388,7 @@ def mounted_gravity(model: pin.Model, roll: float, pitch: float) -> np.ndarray:
         model: as the scene has it.
         roll, pitch: rad, about the world's x, then its y axis.
     """
-    return np.asarray(pin.rpy.rpyToMatrix(roll, pitch, 0.0).T @ model.gravity.linear)
+    return pin.rpy.rpyToMatrix(roll, pitch, 0.0).T @ model.gravity.linear
 
 
 def _with_payload(payload: Payload, key: str, value: float) -> Payload:

@@ -138,7 +138,7 @@ class SweepResult(Shown):
     @cached_property
     def solved(self) -> np.ndarray:
         """(n,) the samples with all their figures."""
-        return np.asarray(np.isfinite(self.figures).all(axis=(1, 2)))
+        return np.isfinite(self.figures).all(axis=(1, 2))
 
     def figure(self, name: str) -> np.ndarray:
         """Return one figure of all samples and drives, (n, na).
@@ -148,7 +148,7 @@ class SweepResult(Shown):
         """
         if name not in FIGURES:
             raise SweepError(f"there is no figure {name!r}; {choose_from(name, FIGURES)}")
-        return np.asarray(self.figures[:, :, FIGURES.index(name)])
+        return self.figures[:, :, FIGURES.index(name)]
 
     def quantiles(self, name: str) -> np.ndarray:
         """Return the percentiles of a figure, (number of percentiles, na), by drive.
@@ -156,7 +156,7 @@ class SweepResult(Shown):
         Over the samples that have a solution; all samples weigh the same, a grid's too.
         """
         there = self.figure(name)[self.solved]
-        return np.asarray(np.percentile(there, self.percentiles, axis=0))
+        return np.percentile(there, self.percentiles, axis=0)
 
     @property
     def rated(self) -> tuple[str, str]:
@@ -203,7 +203,7 @@ class SweepResult(Shown):
         trials = self.trials if trial is None else (trial,)
         met = [mask for t in trials for mask in t.met(self).values()]
         there = np.isfinite(self.figures[:, [t.actuator for t in trials]]).all(axis=(1, 2))
-        return np.asarray(np.logical_and.reduce([*met, there]))
+        return np.logical_and.reduce([*met, there])
 
     def probability(self, mask: np.ndarray) -> Probability:
         """Return the share of a (n,) mask with its confidence interval."""
@@ -229,7 +229,7 @@ class SweepResult(Shown):
         both = np.hstack((self.values, self.figure(name)))[self.solved]
         with np.errstate(invalid="ignore"):  # 0/0 of what does not vary
             found = np.corrcoef(rankdata(both, axis=0), rowvar=False)
-        return np.asarray(found[: len(self.parameter_names), len(self.parameter_names) :])
+        return found[: len(self.parameter_names), len(self.parameter_names) :]
 
     @property
     def correlation_noise(self) -> float:

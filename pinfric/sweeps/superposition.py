@@ -231,7 +231,7 @@ class Superposition:
         rates = (abs(x).max() for x in (self.trajectory.v, self.trajectory.a))
         largest = np.max([latest, next(rates) * s, next(rates) * s * s], axis=0)
         apart = np.diff(t).min(initial=np.inf) / s > 1e-12 * latest
-        return np.asarray(apart & (largest < LARGEST_OF_A_MOTION / 2))
+        return apart & (largest < LARGEST_OF_A_MOTION / 2)
 
 
 def _is_linear(scene: Scene, targets: Sequence[Target]) -> bool:
@@ -333,7 +333,7 @@ def _weights(t: np.ndarray) -> np.ndarray:
     if len(t) == 1:
         return np.ones(1)
     steps = np.diff(t, prepend=t[0], append=t[-1])
-    return np.asarray((steps[:-1] + steps[1:]) / (2 * (t[-1] - t[0])))
+    return (steps[:-1] + steps[1:]) / (2 * (t[-1] - t[0]))
 
 
 def laws_of_samples(scene: Scene, targets: Sequence[Target], values: np.ndarray) -> Laws:

@@ -110,7 +110,7 @@ def power_over_time(report: SizingReport) -> Figure:
 def _drawn(joint: JointSizing, series: Sequence[np.ndarray]) -> np.ndarray:
     """Which samples to draw over time: a period's time off would leave no room for the rest."""
     keep = thinned(list(series), _PIECES)
-    return np.asarray(keep[joint.cycle.powered[keep]])
+    return keep[joint.cycle.powered[keep]]
 
 
 def _speed_reach(ratings: Ratings, voltage: float, used: float) -> float:

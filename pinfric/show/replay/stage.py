@@ -196,7 +196,7 @@ def _act(placements: np.ndarray, joint: int, points: np.ndarray) -> np.ndarray:
     if joint == 0:
         return points
     place = pin.XYZQUATToSE3(placements[joint - 1])
-    return np.asarray(points @ place.rotation.T + place.translation)
+    return points @ place.rotation.T + place.translation
 
 
 def tool_stops(scene: Scene, placements: np.ndarray) -> np.ndarray:
