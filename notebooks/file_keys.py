@@ -36,12 +36,17 @@ def as_markdown(text: str) -> str:
 
 
 class FormatPage:
-    """A file's keys as Markdown, written from its JSON schema: a list for each mapping in it."""
+    """A file's keys as Markdown, written from its JSON schema: a list for each mapping in it.
 
-    def __init__(self, name: str) -> None:
+    Args:
+        name: of the format. places: class -> page and place where it was met first; pages that are
+            written later link to them.
+    """
+
+    def __init__(self, name: str, places: dict[str, tuple[str, str]]) -> None:
         schema = json_schema(name)
         self.defs: dict[str, Any] = schema.get("$defs", {})
-        self.places: dict[str, str] = {}  # class -> where it was met first
+        self.name, self.places = name, places
         self.waiting: list[tuple[str, Any]] = []
         self.lines = self._keys("", schema)
         while self.waiting:
@@ -87,20 +92,25 @@ class FormatPage:
         if "$ref" in value:
             name = value["$ref"].rpartition("/")[2]
             if name not in self.places:
-                if place in self.places.values():  # of several mappings, by what they must have
+                if (
+                    self.name,
+                    place,
+                ) in self.places.values():  # of several mappings, by what they must have
                     place += f": {{{', '.join(self.defs[name]['required'])}}}"
-                self.places[name] = place
+                self.places[name] = self.name, place
                 self.waiting.append((place, self.defs[name]))
-            place = self.places[name]
+            page, place = self.places[name]
             if "discriminator" in self.defs[name]:
                 kinds = self._kinds(self.defs[name])
-                return " or ".join(_link(kind, _of_kind(place, kind)) for kind in kinds)
-            return _link(place, place)
+                return " or ".join(self._link(kind, _of_kind(place, kind), page) for kind in kinds)
+            return self._link(place, place, page)
         if "discriminator" in value:  # a union that has no name of its own
-            if place not in self.places:
-                self.places[place] = place
+            if (own := f"{self.name} {place}") not in self.places:
+                self.places[own] = self.name, place
                 self.waiting.append((place, value))
-            return " or ".join(_link(kind, _of_kind(place, kind)) for kind in self._kinds(value))
+            return " or ".join(
+                self._link(kind, _of_kind(place, kind)) for kind in self._kinds(value)
+            )
         if forms := value.get("anyOf", value.get("oneOf")):
             kinds = [form for form in forms if form.get("type") != "null"]
             return " or ".join(dict.fromkeys(self._kind(place, kind) for kind in kinds))
@@ -118,6 +128,12 @@ class FormatPage:
         bounds = [f"{sign} {value[bound]:g}" for bound, sign in _SIGNS.items() if bound in value]
         return " ".join([_NAME.get(value.get("type", ""), "anything"), ", ".join(bounds)]).strip()
 
+    def _link(self, text: str, place: str, page: str = "") -> str:
+        """A link to a place's heading, by the anchor that GitHub and MyST make of it."""
+        anchor = re.sub(r"[^\w -]", "", place.lower()).replace(" ", "-")
+        file = f"{page}.md" if page not in ("", self.name) else ""
+        return f"[{text}]({file}#{anchor})"
+
 
 def _of_kind(place: str, kind: str) -> str:
     return f"{place.rpartition('.')[2]}: {{kind: {kind}, ...}}"
@@ -126,9 +142,3 @@ def _of_kind(place: str, kind: str) -> str:
 def as_yaml(value: Any) -> str:
     """Return a value as one line of YAML in a table's cell."""
     return yaml_line(value).replace("|", "\\|")
-
-
-def _link(text: str, place: str) -> str:
-    """A link to a place's heading, by the anchor that GitHub and MyST make of it."""
-    anchor = re.sub(r"[^\w -]", "", place.lower()).replace(" ", "-")
-    return f"[{text}](#{anchor})"

@@ -35,7 +35,9 @@ def command_lines() -> list[str]:
 
 def made() -> dict[Path, str]:
     """Return the pages of the reference that hold what the code says, as they should be."""
-    parts = {name: FormatPage(name).lines for name in FORMATS}
+    places: dict[str, tuple[str, str]] = {}
+    order = dict.fromkeys(("scene", "catalog", *FORMATS))  # where what several have is stated
+    parts = {name: FormatPage(name, places).lines for name in order}
     parts |= {"commands": command_lines(), "results": result_lines()}
     pages = {}
     for name, lines in parts.items():

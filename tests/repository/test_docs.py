@@ -181,7 +181,7 @@ def test_every_key_of_every_file_says_what_it_is_with_unit_and_example(cls):
 def test_every_format_has_a_page_made_from_its_classes(name, monkeypatch):
     monkeypatch.syspath_prepend(PAGES)
     assert f"reference/{name}\n" in (PAGES / "index.md").read_text(encoding="utf-8")
-    lines = importlib.import_module("file_keys").FormatPage(name).lines
+    lines = importlib.import_module("file_keys").FormatPage(name, {}).lines
     for cls in entries(FORMATS[name], set()):
         keys = {line.split(" | ")[0].removeprefix("| ") for line in lines}
         assert {f"`{key}`" for key in cls.model_fields} <= keys, cls
@@ -192,14 +192,17 @@ def test_the_reference_in_the_clone_is_what_the_code_says(monkeypatch):
     monkeypatch.syspath_prepend(PAGES)
     made = importlib.import_module("make_reference").made()
     assert {page.stem for page in made} == {*FORMATS, "commands", "results"}
+    slugs = {}
     for page, text in made.items():
         says = f"{page.name}: run `python notebooks/make_reference.py`"
         assert page.read_text(encoding="utf-8").split() == text.split(), says
         headings = re.findall(r"^#+ (.*)$", text, re.MULTILINE)
-        slugs = {re.sub(r"[^\w -]", "", h.lower()).replace(" ", "-") for h in headings}
-        links = re.findall(r"\]\(#([^)]*)\)", text)
-        assert len(slugs) == len(headings), page.name
-        assert set(links) <= slugs, page.name
+        own = {re.sub(r"[^\w -]", "", h.lower()).replace(" ", "-") for h in headings}
+        assert len(own) == len(headings), page.name
+        slugs[page.name] = own
+    for page, text in made.items():
+        for file, slug in re.findall(r"\]\(([\w.]*)#([^)]*)\)", text):
+            assert slug in slugs[file or page.name], (page.name, slug)
 
 
 BUNDLED = {
