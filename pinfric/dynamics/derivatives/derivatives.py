@@ -6,8 +6,8 @@ axes), v, a; names as those of `pin.computeRNEADerivatives` and `pin.computeABAD
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -16,8 +16,12 @@ from pinfric.dynamics.derivatives.efforts import differentiate_accelerations, di
 from pinfric.dynamics.derivatives.tables import Tables, make_tables, record_tables
 from pinfric.dynamics.inverse.undriven import check_shares
 from pinfric.dynamics.problem.machine import Machine, Supplier
-from pinfric.dynamics.samples.reactions import AppliedWrench, check_roll_moments
-from pinfric.dynamics.samples.states import States
+from pinfric.dynamics.samples.reactions import (
+    AppliedWrench,
+    applied_wrenches,
+    check_roll_moments,
+)
+from pinfric.dynamics.samples.states import States, vector
 from pinfric.errors import SceneError, StateError
 from pinfric.kernels.compiled import compile_for
 from pinfric.model.scene import Scene
@@ -33,6 +37,12 @@ class Partials(NamedTuple):
     dtau_dq: np.ndarray
     dtau_dv: np.ndarray
     dtau_da: np.ndarray
+
+
+def partials(changes: np.ndarray) -> Partials:
+    """Return views of (na, 3 nv) `changes`, see `Tables`."""
+    nv = changes.shape[1] // 3
+    return Partials(changes[:, :nv], changes[:, nv : 2 * nv], changes[:, 2 * nv :])
 
 
 class InverseDerivatives(NamedTuple):
@@ -121,34 +131,41 @@ class Differentiator:
         compile_for(differentiate_efforts, self._machine, self._record, *state, 0.0)
         self._forward_is_compiled = False
         self._guides = bool(machine.plan.sites.guides.size)
-        ends = *x.effort_change, *x.geared_change, *x.motor_change
-        self._inverse = InverseDerivatives._make([*(Partials(*end) for end in ends), x.kink])
-        self._by_q, self._by_v, self._by_u = (
-            x.answer[:nv, part] for part in (slice(0, nv), slice(nv, 2 * nv), slice(2 * nv, None))
-        )
+        ends = map(partials, (*x.effort_change, *x.geared_change, *x.motor_change))
+        self._inverse = InverseDerivatives._make([*ends, x.kink])
+        self._forward = x.answer[:nv, :nv], x.answer[:nv, nv : 2 * nv], x.answer[:nv, 2 * nv :]
+
+    def checked(
+        self, external: Mapping[str, np.ndarray] | None, q: np.ndarray, *rates: np.ndarray
+    ) -> list[Any]:
+        """Return wrenches on links, q, v and perhaps a as kernels take them, or raise."""
+        model = self.scene.model
+        applied = [] if external is None else applied_wrenches(self.scene, external, 1)
+        state = [applied, vector("q", q, model.nq, "nq", model)]
+        for name, rate in zip("va", rates, strict=False):
+            state.append(vector(name, rate, model.nv, "nv"))
+        return state
 
     def at(
         self,
+        applied: Sequence[AppliedWrench],
         q: np.ndarray,
         v: np.ndarray,
         a: np.ndarray,
-        applied: Sequence[AppliedWrench] = (),
         width: float = 0.0,
     ) -> InverseDerivatives:
         """Compute the efforts of a motion and their derivatives, see `Solver.inverse_derivatives`.
 
         Args:
-            q, v, a: (nq,), (nv,), (nv,).
-            applied: wrenches on links, held constant in the links' axes.
+            applied, q, v, a: see `checked`.
             width: of speeds below which friction is smooth (`efforts`); 0: none.
         """
-        self._balance(q, v, a, applied)
-        if not differentiate_efforts(
-            self._machine, self._record, q, v, a, width
-        ):  # raises, unless q has to be normalized
+        self._balance(applied, q, v, a)
+        state = self._machine, self._record
+        if not differentiate_efforts(*state, q, v, a, width):  # raises, or q has to be normalized
             q = States.of(self.scene, q, v, a).q[0]
-            self._balance(q, v, a, applied)
-            differentiate_efforts(self._machine, self._record, q, v, a, width)
+            self._balance(applied, q, v, a)
+            differentiate_efforts(*state, q, v, a, width)
         if self._guides:
             joints = self.tables.sites.joint
             check_roll_moments(self.scene, self.supplier.supply.force[None, 1 + joints], 0)
@@ -156,23 +173,23 @@ class Differentiator:
 
     def of_solution(
         self,
+        applied: Sequence[AppliedWrench],
         q: np.ndarray,
         v: np.ndarray,
         a: np.ndarray,
-        applied: Sequence[AppliedWrench],
         held: np.ndarray,
         motors: bool,
     ) -> ForwardDerivatives:
         """Compute the derivatives of accelerations in the modes that the machine holds.
 
         Args:
-            q, v, a, applied: the state that was solved, and its accelerations.
+            applied, q, v, a: the state that was solved, and its accelerations.
             held, motors: see `efforts.differentiate_accelerations`.
 
         Raises:
             StateError: the derivative is infinite, as at a jam.
         """
-        self._balance(q, v, a, applied)
+        self._balance(applied, q, v, a)
         state = self._machine, self._record, q, v, a, held, motors
         if not self._forward_is_compiled:  # at the first call: a cold solver has no need of it
             compile_for(differentiate_accelerations, *state)
@@ -183,10 +200,10 @@ class Differentiator:
                 f"{self.scene.source}: accelerations have no derivative at this state: friction "
                 "grows as fast as the load that it causes; change the state"
             )
-        return ForwardDerivatives(self._by_q, self._by_v, self._by_u, a, self._modes, bool(kink))
+        return ForwardDerivatives(*self._forward, a, self._modes, bool(kink))
 
     def _balance(
-        self, q: np.ndarray, v: np.ndarray, a: np.ndarray, applied: Sequence[AppliedWrench]
+        self, applied: Sequence[AppliedWrench], q: np.ndarray, v: np.ndarray, a: np.ndarray
     ) -> None:
         """Compute poses, inertias of all that joints carry, and wrenches."""
         supplier = self.supplier

@@ -22,7 +22,7 @@ from __future__ import annotations
 import numpy as np
 
 from pinfric.dynamics.derivatives.tables import Tables
-from pinfric.dynamics.derivatives.wrenches import differentiate_wrenches
+from pinfric.dynamics.derivatives.wrenches import add_change, differentiate_wrenches, six, to_world
 from pinfric.dynamics.problem.accelerations import is_normalized
 from pinfric.dynamics.problem.machine import Machine
 from pinfric.friction.dense import solve_dense
@@ -77,6 +77,10 @@ def _law_slopes(
     return mu, coulomb, drag_mu, drag, steep
 
 
+#: The mode of a site that its velocity decides, as in inverse dynamics.
+BY_VELOCITY = 2
+
+
 @kernel
 def _rub(
     laws: Laws, s: int, velocity: float, load: float, mode: int, width: float, end: int
@@ -89,37 +93,28 @@ def _rub(
         width: of speeds that are smoothed; 0: none.
         end: 0 the least friction, 1 the greatest, where it rests.
     """
-    law, way, dry = law_at(laws, s, velocity), np.sign(velocity), False
-    dry = is_dry(law)
-    d = float(mode)
-    if mode == BY_VELOCITY or not dry:
-        d = way
-    rests = dry and mode == 0
+    law, way, rests = law_at(laws, s, velocity), np.sign(velocity), mode == 0
     if mode == BY_VELOCITY:
-        rests = dry and abs(velocity) <= laws.stick_velocity[s]
+        rests = width == 0.0 and abs(velocity) <= laws.stick_velocity[s]
+    d = way if mode == 0 or mode == BY_VELOCITY else float(mode)
     against = 0 if d > 0.0 else 1
     mu_rise, rise, drag_mu_rise, drag_rise, steep = _law_slopes(laws, s, abs(velocity), against)
     drag = law.viscous * velocity + way * (law.drag_mu * load + law.drag)
-    drag_rate = law.viscous + drag_mu_rise * load + drag_rise
-    ahead = law.forward if d > 0.0 else law.backward
-    force, force_rise = law.mu * load + ahead, mu_rise * load + rise
-    if width > 0.0:
-        share, bend = smooth_sign(velocity / width)
-        by_rate = -bend / width * force - abs(share) * force_rise - drag_rate
-        kink = steep or (velocity == 0.0 and law.forward != law.backward)
-        return -share * force - drag, -share * law.mu - way * law.drag_mu, by_rate, kink
-    if rests:
+    by_load, by_rate = -way * law.drag_mu, -(law.viscous + drag_mu_rise * load + drag_rise)
+    if rests and is_dry(law):
         sign = 2.0 * end - 1.0
         limit = law.static_mu * load + (law.static_forward if end == 0 else law.static_backward)
-        if way * sign < 0.0:  # it creeps: see `laws`
-            by_load = sign * law.static_mu - way * law.drag_mu
-            return sign * limit - drag, by_load, -drag_rate, steep
-        return sign * limit, sign * law.static_mu, 0.0, False
-    return -d * force - drag, -d * law.mu - way * law.drag_mu, -force_rise - drag_rate, steep
-
-
-#: The mode of a site that its velocity decides, as in inverse dynamics.
-BY_VELOCITY = 2
+        creeps = way * sign < 0.0  # see `laws`
+        if not creeps:
+            drag = by_load = by_rate = 0.0
+        return sign * limit - drag, sign * law.static_mu + by_load, by_rate, creeps and steep
+    share, bend = d, 0.0
+    if width > 0.0:
+        share, bend = smooth_sign(velocity / width)
+        steep |= velocity == 0.0 and law.forward != law.backward
+    force = law.mu * load + (law.forward if d > 0.0 else law.backward)
+    by_rate -= bend / max(width, 1e-300) * force + abs(share) * (mu_rise * load + rise)
+    return -share * force - drag, -share * law.mu + by_load, by_rate, steep
 
 
 @kernel
@@ -131,145 +126,107 @@ def _join_efforts(
     Args:
         modes: (ns,) of the sites; empty: by velocity.
     """
-    h, armature, column = machine.supply.h, machine.tree.armature, machine.tree.freedom_velocity
-    joint, total, change, kinks = x.joint, x.joint_change, x.change, x.joint_kink
-    sites, load, sharp, nf, nv = x.sites, x.load, x.sharp, x.motion.shape[0], v.size
-    laws, of, ratios, by_load, by_rate = (
-        sites.laws,
-        sites.velocity_index,
-        sites.ratio,
-        x.by_load,
-        x.by_rate,
+    tree, R, p, nv = machine.tree, machine.supply.R, machine.supply.p, v.size
+    first, column, sites, joint, total = (
+        tree.first_freedom,
+        tree.freedom_velocity,
+        x.sites,
+        x.joint,
+        x.joint_change,
     )
-    for end in range(2):
-        for c in range(nv):
-            joint[end, c], kinks[c] = h[c], False
-    for n in range(3):
-        for c in range(nv):
-            for i in range(nv):
-                total[0, n, c, i] = 0.0
-    for n in range(3):
-        for f in range(nf):
-            for i in range(nv):
-                total[0, n, column[f], i] += change[n, f, i]
+    joint[:], total[:], x.joint_kink[:] = machine.supply.h, 0.0, False
     for c in range(nv):
-        total[0, 2, c, c] += armature[c]
+        total[0, c, 2 * nv + c] = tree.armature[c]
+    for j in range(first.size - 1):
+        for g in range(first[j], first[j + 1]):
+            add_change(x, j, six(x.motion, g), 1.0, total[0, column[g]])
     total[1] = total[0]
-    for s in range(load.size):
-        c, ratio = of[s], ratios[s]
+    for s in range(x.load.size):
+        c, ratio, k = sites.velocity_index[s], sites.ratio[s], sites.joint[s]
         mode = int(modes[s]) if modes.size > 0 else BY_VELOCITY
+        axis = to_world(R, p, 1 + k, six(x.gradient, s))
         for e in range(2):
-            phi, d_load, d_rate, kink = _rub(laws, s, ratio * v[c], load[s], mode, width, e)
-            by_load[e, s], by_rate[e, s] = d_load, d_rate
-            kinks[c] |= kink or (sharp[s] and d_load != 0.0)
+            phi, by_load, by_rate, kink = _rub(
+                sites.laws, s, ratio * v[c], x.load[s], mode, width, e
+            )
+            x.by_load[e, s] = by_load
+            x.joint_kink[c] |= kink or (x.sharp[s] and by_load != 0.0)
             end = 1 - e if ratio >= 0.0 else e
             joint[end, c] -= ratio * phi
-            for n in range(3):
-                for i in range(nv):
-                    total[end, n, c, i] -= ratio * d_load * change[n, nf + s, i]
-            total[end, 1, c, c] -= ratio * ratio * d_rate
+            add_change(x, k, axis, -ratio * by_load, total[end, c])
+            total[end, c, c] -= ratio * by_load * x.by_place[s]
+            total[end, c, nv + c] -= ratio * ratio * by_rate
 
 
 @kernel
 def _deliver(x: Tables) -> None:
     """Write the ends of the drives' efforts u = P tau, and their changes."""
-    delivery, kink, joint_kink, effort, joint = x.delivery, x.kink, x.joint_kink, x.effort, x.joint
-    total, given = x.effort_change, x.joint_change
-    na, nv = delivery.shape
-    for d in range(na):
-        kink[d] = False
-        for end in range(2):
-            effort[end, d] = 0.0
-            for n in range(3):
-                for i in range(nv):
-                    total[end, n, d, i] = 0.0
-            for c in range(nv):
-                P = delivery[d, c]
-                if P == 0.0:
-                    continue
-                of = end if P > 0.0 else 1 - end
-                kink[d] |= joint_kink[c]
-                effort[end, d] += P * joint[of, c]
-                for n in range(3):
-                    for i in range(nv):
-                        total[end, n, d, i] += P * given[of, n, c, i]
+    P, effort, total = x.delivery, x.effort, x.effort_change
+    effort[:], total[:], x.kink[:] = 0.0, 0.0, False
+    for d in range(P.shape[0]):
+        for c in range(P.shape[1]):
+            if P[d, c] == 0.0:
+                continue
+            x.kink[d] |= x.joint_kink[c]
+            for end in range(2):
+                of = end if P[d, c] > 0.0 else 1 - end
+                effort[end, d] += P[d, c] * x.joint[of, c]
+                for i in range(total.shape[2]):
+                    total[end, d, i] += P[d, c] * x.joint_change[of, c, i]
 
 
 @kernel
 def _corner(gears: Gears, d: int, way: float, speed: float, static: bool, t: float) -> bool:
     """Whether the line of a gear changes its slope at an effort."""
     near = _CORNER * (1.0 + abs(t))
-    before, after = (
-        gear_line(gears, d, way, speed, static, t - near)[0],
-        gear_line(gears, d, way, speed, static, t + near)[0],
-    )
-    return abs(before - after) > _CORNER
+    before = gear_line(gears, d, way, speed, static, t - near)[0]
+    return abs(before - gear_line(gears, d, way, speed, static, t + near)[0]) > _CORNER
 
 
 @kernel
 def _speed_slope(gears: Gears, d: int, way: float, speed: float, static: bool, t: float) -> float:
-    """Return the derivative of a gear's F(t) by speed: its loss grows with the motor's speed."""
-    k = 0 if (t >= 0.0) == (way > 0.0) else 1
-    if not gears.rise[d, k] > 0.0:
-        return 0.0
-    size, side = abs(gears.ratio[d]), 0 if way > 0.0 else 1
-    w, p = size * speed, gears.exponent[d, k]
-    slope, offset, _, _ = gear_line(gears, d, way, speed, static, t)
-    steady = gears.no_load_static[d, side] if static else gears.no_load[d, side]
-    loss = way * (slope * t + offset - t) - steady
-    power = w * STEEP ** (p - 1.0) if p < 1.0 and w < STEEP else w**p
-    factor = gears.constant[d, k] + gears.rise[d, k] * power
-    if not factor > 0.0:
-        return 0.0
-    return way * loss / factor * gears.rise[d, k] * _power_slope(w, p) * size
-
-
-@kernel
-def _extreme(
-    gears: Gears, d: int, way: float, speed: float, static: bool, low: float, high: float, end: int
-) -> tuple[float, float, float, float, bool]:
-    """Return the least (end 0) or the greatest F(t) from low to high, and its derivatives.
-
-    Returns:
-        (F, its derivative by low, by high, by speed, whether it is at a corner).
-    """
-    slope, offset, _, last = gear_line(gears, d, way, speed, static, low)
-    best, by_low, by_high, at = slope * low + offset, slope, 0.0, low
-    sign = 2.0 * end - 1.0 if low < high else 0.0
-    while last < high:
-        value = slope * last + offset
-        if sign * (value - best) > 0.0:
-            best, by_low, at = value, 0.0, last
-        slope, offset, _, last = gear_line(gears, d, way, speed, static, last)
-    value = slope * high + offset
-    if sign * (value - best) > 0.0:
-        best, by_low, by_high, at = value, 0.0, slope, high
-    corner = (by_low != 0.0 or by_high != 0.0) and _corner(gears, d, way, speed, static, at)
-    return best, by_low, by_high, _speed_slope(gears, d, way, speed, static, at), corner
+    """Return the derivative of a gear's F(t) by speed: its loss grows with the motor's speed^p."""
+    p, size = gears.exponent[d, 0 if (t >= 0.0) == (way > 0.0) else 1], abs(gears.ratio[d])
+    slope, offset, _, _ = gear_line(gears, d, way, 1.0 / size, static, t)
+    at_rest = gear_line(gears, d, way, 0.0, static, t)
+    rise = (slope - at_rest[0]) * t + offset - at_rest[1]  # from 0 to 1 rad/s of the motor
+    return rise * size * _power_slope(size * speed, p) if rise != 0.0 else 0.0
 
 
 @kernel
 def _gear(
     gears: Gears, d: int, low: float, high: float, rate: float, end: int, width: float
-) -> tuple[float, float, float, float, bool]:
-    """Return F of a gear at an end of its efforts, its derivatives by both ends and by the rate.
+) -> tuple[float, float, float, float, float, bool]:
+    """Return the least (end 0) or the greatest F(t) of a gear from low to high, and derivatives.
 
-    Also whether it is at a kink.
+    Returns:
+        (F, its derivatives by low, by high, by the rate, the t where it is, whether at a kink).
     """
-    way, speed = -1.0 if rate < 0.0 else 1.0, abs(rate)
-    if width > 0.0:
-        t, (share, bend) = low, smooth_sign(rate / width)
-        F, slope, _, by_speed, corner = _extreme(gears, d, way, speed, False, t, t, 0)
-        back = gear_line(gears, d, -way, speed, False, t)
-        kink = rate == 0.0 and abs(F + back[0] * t + back[1] - 2.0 * t) > _CORNER * abs(F)
-        size = abs(share)
-        by_rate = way * (bend / width * (F - t) + size * by_speed)
-        return t + size * (F - t), 1.0 + size * (slope - 1.0), 0.0, by_rate, kink or corner
-    rests = speed <= gears.stick_velocity[d]
+    way, speed, sign = -1.0 if rate < 0.0 else 1.0, abs(rate), 2.0 * end - 1.0
+    rests = width == 0.0 and speed <= gears.stick_velocity[d]
     if rests:
-        way = 2.0 * end - 1.0
-    F, by_low, by_high, by_speed, corner = _extreme(gears, d, way, speed, rests, low, high, end)
-    return F, by_low, by_high, np.sign(rate) * by_speed, corner
+        way = sign
+    if width > 0.0:
+        high = low
+    t, at, best, most = low, low, 0.0, -np.inf
+    while True:  # it is at an end of a line
+        slope, offset, _, last = gear_line(gears, d, way, speed, rests, t)
+        if sign * (slope * t + offset) > most:
+            at, best, most = t, slope, sign * (slope * t + offset)
+        if not t < high:
+            break
+        t = min(last, high)
+    F, kink = sign * most, False
+    by_rate = np.sign(rate) * _speed_slope(gears, d, way, speed, rests, at)
+    if width > 0.0:
+        share, bend = smooth_sign(rate / width)
+        back = gear_line(gears, d, -way, speed, False, at)
+        kink = rate == 0.0 and abs(F + back[0] * at + back[1] - 2.0 * at) > _CORNER * abs(F)
+        by_rate = abs(share) * by_rate + way * bend / width * (F - at)
+        best, F = 1.0 + abs(share) * (best - 1.0), at + abs(share) * (F - at)
+    by_low, by_high = best if at == low else 0.0, best if at == high > low else 0.0
+    kink |= (by_low != 0.0 or by_high != 0.0) and _corner(gears, d, way, speed, rests, at)
+    return F, by_low, by_high, by_rate, at, kink
 
 
 @kernel
@@ -282,37 +239,39 @@ def _drag_rate(gears: Gears, d: int, rate: float) -> float:
 @kernel
 def _shaft(x: Tables, v: np.ndarray, a: np.ndarray, width: float) -> None:
     """Write the ends of `joint_effort` = r T_m and of T_m of every drive, and their changes."""
-    gears, rates, nv, kinks, effort = x.gears, x.rate, v.size, x.kink, x.effort
-    geared, motor, lossless = x.geared, x.motor, x.ideal
-    given, total, at_shaft = x.effort_change, x.geared_change, x.motor_change
-    for d in range(kinks.size):
+    gears, nv, effort, given = x.gears, v.size, x.effort, x.effort_change
+    for d in range(x.kink.size):
         rate, bend, r = 0.0, 0.0, gears.ratio[d]
         for c in range(nv):
-            rate += rates[d, c] * v[c]
-            bend += rates[d, c] * a[c]
-        rotor, drag_rate, drag = r * r * gears.rotor_inertia[d], 0.0, 0.0
+            rate += x.rate[d, c] * v[c]
+            bend += x.rate[d, c] * a[c]
+        rotor, drag, drag_rate = r * r * gears.rotor_inertia[d], 0.0, 0.0
         if gears.viscous[d] > 0.0:
             drag, drag_rate = gear_drag(gears, d, rate), _drag_rate(gears, d, rate)
-            kinks[d] |= gears.power[d] < 1.0 and abs(r * rate) < STEEP
+            x.kink[d] |= gears.power[d] < 1.0 and abs(r * rate) < STEEP
         for end in range(2):
-            F, by_low, by_high, by_rate, kink = effort[end, d], 1.0 - end, 1.0 * end, 0.0, False
-            if not lossless[d]:
-                low, high = effort[0, d], effort[1, d]
-                F, by_low, by_high, by_rate, kink = _gear(gears, d, low, high, rate, end, width)
-            kinks[d] |= kink
+            F = at = effort[end, d]
+            by_low, by_high, by_rate, kink = 1.0 - end, 1.0 * end, 0.0, False
+            if not x.ideal[d]:
+                F, by_low, by_high, by_rate, at, kink = _gear(
+                    gears, d, effort[0, d], effort[1, d], rate, end, width
+                )
+            x.kink[d] |= kink
             of = end if r > 0.0 else 1 - end
-            geared[end, d] = F + rotor * bend + drag
-            motor[of, d] = geared[end, d] / r
-            for n in range(3):
-                own = 0.0
-                if n == 1:
-                    own = by_rate + drag_rate
-                elif n == 2:
-                    own = rotor
-                for c in range(nv):
-                    change = by_low * given[0, n, d, c] + by_high * given[1, n, d, c]
-                    change += own * rates[d, c]
-                    total[end, n, d, c], at_shaft[of, n, d, c] = change, change / r
+            x.geared[end, d] = F + rotor * bend + drag
+            x.motor[of, d] = x.geared[end, d] / r
+            x.through[of, 0, d], x.through[of, 1, d], x.through[of, 2, d] = (
+                by_low / r,
+                by_high / r,
+                at,
+            )
+            for i in range(3 * nv):
+                change = by_low * given[0, d, i] + by_high * given[1, d, i]
+                if i >= 2 * nv:
+                    change += rotor * x.rate[d, i - 2 * nv]
+                elif i >= nv:
+                    change += (by_rate + drag_rate) * x.rate[d, i - nv]
+                x.geared_change[end, d, i], x.motor_change[of, d, i] = change, change / r
 
 
 @kernel
@@ -330,23 +289,17 @@ def differentiate_efforts(
     Returns:
         Whether q, v and a are finite, and q on its manifold; else nothing is written.
     """
-    if not _is_usual(machine, q, v, a):
+    for one in (q, v, a):
+        for number in one:
+            if not abs(number) <= LARGEST_OF_A_MOTION:
+                return False
+    if not is_normalized(machine.tree.unit_first, machine.tree.unit_count, q):
         return False
     differentiate_wrenches(machine, x, q)
     _join_efforts(machine, x, v, np.empty(0, np.int8), width)
     _deliver(x)
     _shaft(x, v, a, width)
     return True
-
-
-@kernel
-def _is_usual(machine: Machine, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> bool:
-    """Whether a motion is finite and not impossibly large, and q is on its manifold."""
-    for one in (q, v, a):
-        for i in range(one.size):
-            if not abs(one[i]) <= LARGEST_OF_A_MOTION:
-                return False
-    return is_normalized(machine.tree.unit_first, machine.tree.unit_count, q)
 
 
 @kernel
@@ -415,12 +368,8 @@ def differentiate_accelerations(
     nv, n, kinks = v.size, v.size, x.joint_kink
     differentiate_wrenches(machine, x, q)
     _join_efforts(machine, x, v, modes, 0.0)
-    A[:] = 0.0
-    B[:] = 0.0
-    for c in range(nv):
-        for i in range(nv):
-            A[c, i] = change[0, 2, c, i]
-            B[c, i], B[c, nv + i] = -change[0, 0, c, i], -change[0, 1, c, i]
+    A[:], B[:] = 0.0, 0.0
+    A[:nv, :nv], B[:nv, : 2 * nv] = change[0, :, 2 * nv :], -change[0, :, : 2 * nv]
     kink = _pull(machine, x, v, motors)
     for c in held:
         A[c], B[c] = 0.0, 0.0

@@ -1,8 +1,9 @@
-"""Derivatives of efforts by coefficients of friction and by inertial parameters of links.
+"""Derivatives of efforts by coefficients of friction, of gears, and by inertias of links.
 
     d tau/d theta = E^T W - D (dphi/dc) g . W_k,     W the regressor of the opened twin
 
-Masses reach friction through the loads. Friction is linear in its coefficients.
+Masses reach friction through the loads, and all of it the motors through the gears. Friction and
+the losses of gears are linear in their coefficients: a derivative is what one unit more changes.
 """
 
 from __future__ import annotations
@@ -17,27 +18,39 @@ from pinfric.dynamics.derivatives.derivatives import Differentiator
 from pinfric.errors import SceneError, StateError
 from pinfric.model.closure import embedded
 from pinfric.model.couples import deliver_interval
+from pinfric.model.drives import write_motor_torques
 from pinfric.model.laws import friction_bounds, friction_law, law_table
 from pinfric.model.scene import Scene
 from pinfric.model.twin import project
 
 #: The parameters of a link in Pinocchio's order: m, m c, inertia about its joint's origin.
 INERTIA = ("m", "mx", "my", "mz", "xx", "xy", "yy", "xz", "yz", "zz")
-#: Last words of the keys that friction is linear in.
+#: Last words of the keys that friction is linear in; coefficients of gears.
 _LINEAR = ("static", "kinetic", "coefficient")
+_OF_GEARS = (
+    "loss.driving",
+    "loss.driven",
+    "no_load_torque.static",
+    "no_load_torque.kinetic",
+    "motor_viscous",
+    "rotor_inertia",
+)
 
 
 class ParameterDerivatives(NamedTuple):
-    """Derivatives of efforts by parameters.
+    """Derivatives of efforts and of torques of motors by parameters.
 
     Attributes:
         names: of the n parameters, such as "joint_1.mu.kinetic" or "joint_1.inertia.m".
         effort_lower, effort_upper: (na, n) of the ends of `effort`.
+        motor_torque_lower, motor_torque_upper: (na, n) of `motor_torque`.
     """
 
     names: tuple[str, ...]
     effort_lower: np.ndarray
     effort_upper: np.ndarray
+    motor_torque_lower: np.ndarray
+    motor_torque_upper: np.ndarray
 
 
 def by_parameters(
@@ -47,48 +60,81 @@ def by_parameters(
 
     Args: see `Solver.parameter_derivatives`.
     """
-    scene, x = derived.scene, derived.tables
-    labels: list[str] = []
-    ends: list[np.ndarray] = []  # (2, n, nv) of the joints' efforts
+    scene, x, labels = derived.scene, derived.tables, []
+    found = [np.zeros((4, 0, len(scene.drives)))]  # as `ParameterDerivatives`
     for name in [names] if isinstance(names, str) else names:
-        found = _of_inertias(derived, q, v, a) if name == "inertia" else _of_term(scene, x, v, name)
-        labels += found[0]
-        ends.append(found[1])
-    lower, upper = np.concatenate([np.zeros((2, 0, scene.model.nv)), *ends], axis=1)
-    lower, upper = deliver_interval(x.delivery, lower, upper)
-    return ParameterDerivatives(tuple(labels), lower.T, upper.T)
+        if name in _OF_GEARS:
+            own, motors = _of_gears(scene, x, v, a, name)
+            ends = np.concatenate([np.zeros_like(motors), motors])
+        else:
+            own, joints = (
+                _of_inertias(derived, q, v, a) if name == "inertia" else _of_term(scene, x, v, name)
+            )
+            efforts = np.array(deliver_interval(x.delivery, *joints))
+            motors = np.einsum("med,end->mnd", x.through[:, :2], efforts)
+            ends = np.concatenate([efforts, motors])
+        if not own:
+            raise StateError(
+                f"parameter_derivatives: nothing has {name!r}; give inertia, viscous, mu.static, "
+                "mu.kinetic, coulomb.static, coulomb.kinetic or coulomb.positive.kinetic; of gears "
+                f"{', '.join(_OF_GEARS)}"
+            )
+        labels += own
+        found.append(ends)
+    return ParameterDerivatives(tuple(labels), *np.concatenate(found, axis=1).transpose(0, 2, 1))
+
+
+def _of_gears(
+    scene: Scene, x: Any, v: np.ndarray, a: np.ndarray, name: str
+) -> tuple[list[str], np.ndarray]:
+    """By one coefficient of every transmission; of a loss the slope by the load."""
+    gears, found, geared = x.gears, [], [d.transmission is not None for d in scene.drives]
+    part, _, kind = name.partition(".")
+    if part == "loss":
+        k, more = int(kind == "driven"), np.zeros_like(gears.slope)
+        for first, last in zip(gears.first[:, k], gears.last[:, k], strict=True):
+            more[first:last] = 1.0
+        changed = gears._replace(slope=gears.slope + more, loss=gears.loss + more * gears.load)
+    elif part == "no_load_torque":
+        field = "no_load_static" if kind == "static" else "no_load"
+        more = getattr(gears, field) + np.abs(gears.ratio)[:, None]
+        changed = gears._replace(**{field: more})
+    else:
+        field = part.replace("motor_", "")
+        changed = gears._replace(**{field: getattr(gears, field) + 1.0})
+    effort, at_rest = x.through[:, 2], np.zeros(x.effort.shape, dtype=bool)
+    rates = [np.tile(x.rate @ y, (2, 1)) for y in (v, a)]
+    for table in (gears, changed):
+        lower, upper = np.empty((2, *effort.shape))
+        write_motor_torques(table, effort, effort, *rates, at_rest, lower, upper)
+        found.append(np.array([lower[0], upper[1]]))
+    ends = np.eye(len(geared))[geared] * (found[1] - found[0])[:, None]
+    return [f"{n}.{name}" for n, own in zip(scene.actuator_names, geared, strict=True) if own], ends
 
 
 def _of_term(scene: Scene, x: Any, v: np.ndarray, name: str) -> tuple[list[str], np.ndarray]:
-    """By one coefficient of every site that has it: what one unit more of it changes."""
+    """By one coefficient of every site that has it."""
     path = (f"{name}.coefficient" if name == "viscous" else name).split(".")
-    labels, found = [], []
+    own, laws = [], [site.law for site in scene.sites]
     for s, site in enumerate(scene.sites):
         entries: list[Any] = [site.friction]
         while entries[-1] is not None and len(entries) <= len(path):
             entries.append(getattr(entries[-1], path[len(entries) - 1], None))
-        if path[-1] not in _LINEAR or not isinstance(entries[-1], float | int):
-            continue
-        changed: Any = entries[-1] + 1.0
-        for entry, word in zip(entries[-2::-1], path[::-1], strict=True):
-            changed = entry.model_copy(update={word: changed})
-        ends = np.zeros((2, 2, 1, 1))
-        for row, friction in enumerate((site.friction, changed)):
-            laws = law_table([friction_law(friction, site.law.stick_velocity)])
-            speed = np.array([[site.ratio * v[site.velocity_index]]])
-            flags = np.zeros((2, 1, 1), dtype=bool)
-            friction_bounds(speed, x.load[None, s : s + 1], laws, flags[0], *ends[row], flags[1])
-        change = np.zeros((2, 1, v.size))
-        rubs = -site.ratio * (ends[1] - ends[0])[:, 0, 0]
-        change[:, 0, site.velocity_index] = rubs[::-1] if site.ratio > 0.0 else rubs
-        labels.append(f"{site.name}.{name}")
-        found.append(change)
-    if not found:
-        raise StateError(
-            f"parameter_derivatives: no friction has {name!r}; give inertia, viscous, mu.static, "
-            "mu.kinetic, coulomb.static, coulomb.kinetic or coulomb.positive.kinetic"
-        )
-    return labels, np.concatenate(found, axis=1)
+        if path[-1] in _LINEAR and isinstance(entries[-1], float | int):
+            changed: Any = entries[-1] + 1.0
+            for entry, word in zip(entries[-2::-1], path[::-1], strict=True):
+                changed = entry.model_copy(update={word: changed})
+            laws[s] = friction_law(changed, site.law.stick_velocity)
+            own.append(s)
+    ratio, index = x.sites.ratio, x.sites.velocity_index
+    ends = np.zeros((2, 2, 1, len(laws)))
+    for row, table in zip(ends, (x.sites.laws, law_table(laws)), strict=True):
+        flags = np.zeros((2, 1, len(laws)), dtype=bool)
+        friction_bounds((ratio * v[index])[None], x.load[None], table, flags[0], *row, flags[1])
+    rubs = -ratio * (ends[1] - ends[0])[:, 0]
+    change = np.zeros((2, len(own), v.size))
+    change[:, np.arange(len(own)), index[own]] = np.where(ratio > 0.0, rubs[::-1], rubs)[:, own]
+    return [f"{scene.sites[s].name}.{name}" for s in own], change
 
 
 def _of_inertias(

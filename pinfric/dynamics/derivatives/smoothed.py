@@ -9,15 +9,20 @@ Break-away (static above kinetic friction) is not in it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from pinfric.dynamics.derivatives.derivatives import Differentiator, ForwardDerivatives, Partials
+from pinfric.dynamics.derivatives.derivatives import (
+    Differentiator,
+    ForwardDerivatives,
+    Partials,
+    partials,
+)
 from pinfric.dynamics.derivatives.efforts import smooth_sign
-from pinfric.dynamics.samples.reactions import applied_wrenches
+from pinfric.dynamics.samples.reactions import AppliedWrench
 from pinfric.dynamics.samples.states import one_of, vector
 from pinfric.errors import SceneError, StateError
 from pinfric.model.arrays import real_numbers
@@ -87,10 +92,12 @@ class Smoothed:
 
         Args, raises: see `Solver.inverse_derivatives`. The next call overwrites the arrays.
         """
-        x = self._at(external)(*self._vectors(q, v, a))
+        x = self._derived.tables
+        applied, q, v, a = self._derived.checked(external, q, v, a)
+        self._derived.at(applied, q, v, a, self.width)
         ends = x.effort_change, x.geared_change, x.motor_change
         values = x.effort[0], x.geared[0], x.motor[0]
-        return SmoothInverse._make([*values, *(Partials(*end[0]) for end in ends), x.kink])
+        return SmoothInverse._make([*values, *(partials(end[0]) for end in ends), x.kink])
 
     def forward(
         self,
@@ -111,16 +118,11 @@ class Smoothed:
             StateError: no acceleration is found. SceneError: torques of motors with several drives
                 on one joint.
         """
-        q, v = self._vectors(q, v)
-        f, x = self._at(external), self._derived.tables
-        a, by_q, by_v, by_u = self._solve(
-            np.zeros(v.size),
-            (effort, motor_torque),
-            lambda a: f(q, v, a),
-            lambda dU: (dU[2], -dU[1]),
-        )
+        applied, q, v = self._derived.checked(external, q, v)
+        a, *by = self._solve(applied, q, v, (effort, motor_torque))
+        x = self._derived.tables
         modes = np.sign(x.sites.ratio * v[x.sites.velocity_index]).astype(np.int8)
-        return ForwardDerivatives(by_q, by_v, by_u, a, modes, bool(x.kink.any()))
+        return ForwardDerivatives._make([*by, a, modes, bool(x.kink.any())])
 
     def step(
         self,
@@ -142,15 +144,9 @@ class Smoothed:
         Raises: see `forward`.
         """
         dt = _positive("dt", dt, "s")
-        q, v = self._vectors(q, v)
-        f = self._at(external)
-        end, by_q, by_v, by_u = self._solve(
-            v,
-            (effort, motor_torque),
-            lambda after: f(q, after, (after - v) / dt),
-            lambda dU: (dU[1] + dU[2] / dt, dU[2] / dt),
-        )
-        return SmoothStep(pin.integrate(self._scene.model, q, dt * end), end, by_q, by_v, by_u)
+        applied, q, v = self._derived.checked(external, q, v)
+        end, *by = self._solve(applied, q, v, (effort, motor_torque), dt)
+        return SmoothStep(pin.integrate(self._scene.model, q, dt * end), end, *by)
 
     def bound(self, load: np.ndarray | None = None) -> np.ndarray:
         """Return how far efforts are at most beyond those of the exact joints at rest (N m or N).
@@ -172,26 +168,21 @@ class Smoothed:
         c = tables.sites.contacts.constant if load is None else real_numbers("load", load)
         if c.shape != (len(scene.sites),):
             raise StateError(f"load: shape {c.shape}; should be ({len(scene.sites)},)")
-        from scipy.optimize import minimize_scalar  # 0.6 s to import
-
-        grid = np.linspace(0.0, self.width, 65)
         for s, site in enumerate(scene.sites):
             most = 0.0
             for way in (1.0, -1.0):
-                fixed, by_load = np.array([self._beyond(s, way * speed) for speed in grid]).T
-                if load is None and (by_load > 0.0).any():
-                    raise StateError(
-                        f"{scene.source}: bound: drag of {site.name!r} grows with its load; give "
-                        "`load`"
-                    )
-                k, at = int(np.argmax(fixed + by_load * c[s])), (1.0, c[s])
-                near = grid[max(k - 1, 0)], grid[min(k + 1, 64)]
-                found = minimize_scalar(
-                    lambda y, s=s, way=way, at=at: -np.dot(self._beyond(s, way * y), at),
-                    bounds=near,
-                    method="bounded",
-                )
-                most = max(most, fixed[k] + by_load[k] * c[s], -float(found.fun))
+                speeds = np.linspace(0.0, self.width, 65)
+                for _ in range(5):
+                    beyond = np.array([self._beyond(s, way * speed) for speed in speeds])
+                    if load is None and (beyond[:, 1] > 0.0).any():
+                        raise StateError(
+                            f"{scene.source}: bound: drag of {site.name!r} grows with its load; "
+                            "give `load`"
+                        )
+                    sums = beyond @ (1.0, c[s])
+                    k = int(np.argmax(sums))
+                    most = max(most, float(sums[k]))
+                    speeds = np.linspace(speeds[max(k - 1, 0)], speeds[min(k + 1, 64)], 65)
             per_joint[site.velocity_index] += abs(site.ratio) * most
         return np.asarray(np.abs(tables.delivery) @ per_joint)
 
@@ -207,37 +198,20 @@ class Smoothed:
         fixed = share * ends[0] - ends[1] + law.drag + law.viscous * abs(velocity)
         return fixed, share * law.mu + law.drag_mu - law.static_mu
 
-    def _vectors(self, q: np.ndarray, *rates: np.ndarray) -> list[np.ndarray]:
-        """q, v and perhaps a as `vector` returns them."""
-        model = self._scene.model
-        named = zip("va", rates, strict=False)
-        return [
-            vector("q", q, model.nq, "nq", model),
-            *(vector(name, rate, model.nv, "nv") for name, rate in named),
-        ]
-
-    def _at(self, external: External) -> Callable[..., Any]:
-        applied = [] if external is None else applied_wrenches(self._scene, external, 1)
-
-        def at(q: np.ndarray, v: np.ndarray, a: np.ndarray) -> Any:
-            self._derived.at(q, v, a, applied, self.width)
-            return self._derived.tables
-
-        return at
-
     def _solve(
         self,
-        y: np.ndarray,
+        applied: Sequence[AppliedWrench],
+        q: np.ndarray,
+        v: np.ndarray,
         given: tuple[np.ndarray | None, np.ndarray | None],
-        at: Callable[[np.ndarray], Any],
-        slopes: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        dt: float = 0.0,
+    ) -> tuple[np.ndarray, ...]:
         """Return y with U = u, and its derivatives by q, v and what is given.
 
-        `slopes` makes of U's changes (3, nv, nv) dU/dy, and what multiplies dv. Each pass is halved
-        until it brings U nearer to u: friction is steep within the width.
+        y is the acceleration, or the velocity at the end of a step. Each pass is halved until it
+        brings U nearer to u: friction is steep within the width.
         """
-        scene, x, nv = self._scene, self._derived.tables, y.size
+        scene, x, nv = self._scene, self._derived.tables, v.size
         effort, by_u, na = given[0], x.rate.T, len(scene.drives)
         name = "motor_torque" if effort is None else "effort"
         u = vector(name, one_of("Smoothed", *given), na, "na")
@@ -249,27 +223,31 @@ class Smoothed:
             np.fill_diagonal(by_u, x.gears.ratio)
         target = by_u @ u
 
-        def equations(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            at(y)
-            if effort is not None:
-                return x.joint[0] - target, x.joint_change[0]
-            value = np.concatenate([x.geared[0], x.joint[0, undriven]]) - target
-            return value, np.concatenate([x.geared_change[0], x.joint_change[0][:, undriven]], 1)
+        def equations(y: np.ndarray) -> tuple[np.ndarray, Partials, np.ndarray]:
+            """U - u, the derivatives of U, and that by y."""
+            after, a = (y, (y - v) / dt) if dt else (v, y)
+            self._derived.at(applied, q, after, a, self.width)
+            value, changes = x.joint[0], x.joint_change[0]
+            if effort is None:
+                value = np.concatenate([x.geared[0], value[undriven]])
+                changes = np.concatenate([x.geared_change[0], changes[undriven]])
+            of = partials(changes)
+            return value - target, of, of.dtau_dv + of.dtau_da / dt if dt else of.dtau_da
 
-        value, dU = equations(y)
+        y = v if dt else np.zeros(nv)
+        value, of, slope = equations(y)
         terms = float(np.abs(target).max(initial=0.0) + np.abs(value).max(initial=0.0)) + 1e-300
         for _ in range(_PASSES):
-            size, part = float(np.linalg.norm(value)), 1.0
-            step = -np.linalg.solve(slopes(dU)[0], value)
+            size, step = float(np.linalg.norm(value)), -np.linalg.solve(slope, value)
             for _ in range(_HALVINGS):
-                ahead, dU = equations(y + part * step)
+                ahead, of, slope = equations(y + step)
                 if np.linalg.norm(ahead) < size:
                     break
-                part *= 0.5
+                step *= 0.5
             else:
-                value, dU = equations(y)
+                value, of, slope = equations(y)
                 break
-            y, value = y + part * step, ahead
+            y, value = y + step, ahead
             if size <= _BALANCED * terms:
                 break
         if not np.linalg.norm(value) <= 1e-9 * terms:
@@ -277,9 +255,9 @@ class Smoothed:
                 f"{scene.source}: Smoothed: no motion found that balances the efforts; take a "
                 "larger width or a smaller dt"
             )
-        J, by_v = slopes(dU)
-        changes = np.linalg.solve(J, np.hstack([-dU[0], by_v, by_u]))
-        return y, changes[:, :nv], changes[:, nv : 2 * nv], changes[:, 2 * nv :]
+        by_v = of.dtau_da / dt if dt else -of.dtau_dv
+        by = np.linalg.solve(slope, np.hstack([-of.dtau_dq, by_v, by_u]))
+        return y, by[:, :nv], by[:, nv : 2 * nv], by[:, 2 * nv :]
 
 
 def _positive(name: str, given: float, unit: str) -> float:

@@ -569,12 +569,8 @@ class Solver:
             StateError: not real numbers, a wrong shape, a value not finite.
             RollMomentError: a guide without width is loaded by a moment about its axis.
         """
-        ws, _ = self._own.both
         derived = self._differentiator(motors=False)
-        q = vector("q", q, ws.nq, "nq", self.scene.model)
-        v, a = vector("v", v, ws.nv, "nv"), vector("a", a, ws.nv, "nv")
-        applied = [] if external is None else applied_wrenches(self.scene, external, 1)
-        return derived.at(q, v, a, applied)
+        return derived.at(*derived.checked(external, q, v, a))
 
     def forward_derivatives(
         self,
@@ -603,33 +599,36 @@ class Solver:
         check_differentiable(self.scene)
         found = self.forward(q, v, effort, motor_torque=motor_torque, external=external)
         motors = effort is None
-        ws = self._workspace(motors)
-        applied = [] if external is None else applied_wrenches(self.scene, external, 1)
-        q, v = vector("q", q, ws.nq, "nq"), vector("v", v, ws.nv, "nv")
+        ws, derived = self._workspace(motors), self._differentiator(motors)
+        applied, q, v = derived.checked(external, q, v)
         if ws.must_project:
             q = States.of(self.scene, q, v, found.a).q[0]
         if ws.held.size:
             v = np.where(np.isin(np.arange(ws.nv), ws.held), 0.0, v)
-        return self._differentiator(motors).of_solution(q, v, found.a, applied, ws.held, motors)
+        return derived.of_solution(applied, q, v, found.a, ws.held, motors)
 
     def parameter_derivatives(
         self, q: np.ndarray, v: np.ndarray, a: np.ndarray, names: Sequence[str]
     ) -> ParameterDerivatives:
-        """Return the derivatives of the efforts of a motion by coefficients and inertias.
+        """Return the derivatives of efforts and motors' torques by coefficients and inertias.
 
         d tau/d theta = E^T W - ratio (dphi/dc) g . W_k; see `derivatives.parameters`.
 
         Args:
             q, v, a: see `inverse_derivatives`.
             names: keys of friction, "mu.kinetic", "coulomb.static", "viscous" ..., of each joint
-                that has it; "inertia": m, m c and the inertia about its joint, of each link.
+                that has it; "inertia": m, m c and the inertia about its joint, of each link. Of
+                gears "loss.driving", "loss.driven", by the slope of the loss where the motor or
+                the load drives (1/efficiency - 1, 1 - back_efficiency), "no_load_torque.static",
+                "no_load_torque.kinetic", "motor_viscous", "rotor_inertia".
 
         Raises:
-            StateError: no joint has such a coefficient; and see `inverse_derivatives`.
+            StateError: nothing has such a coefficient; and see `inverse_derivatives`.
         """
-        self.inverse_derivatives(q, v, a)
-        q, v, a = (np.array(x, dtype=float) for x in (q, v, a))
-        return by_parameters(self._differentiator(motors=False), q, v, a, names)
+        derived = self._differentiator(motors=False)
+        applied, q, v, a = derived.checked(None, q, v, a)
+        derived.at(applied, q, v, a)
+        return by_parameters(derived, q, v, a, names)
 
     def smoothed(self, width: float) -> Smoothed:
         """Return the dynamics with friction that is smooth through rest, for optimizers.
