@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pinocchio as pin
 import pytest
+import yaml
 from check_cases import GEAR, GOOD_SCENE, SCENE, arm
 from cli_cases import told
 from tables import table
@@ -49,15 +50,18 @@ def test_findings_of_a_scene(tmp_path, key, value, place, says):
     assert re.search(says, matching.text), matching.text
 
 
+CASES = """
+{link: rod, mass: 1, com: [0, 0, 0.4]}   {}         ''
+{link: rod, mass: 1500, com: [0, 0, 0]}  {}         'robot.payloads.box.mass: 1500 kg'
+{link: rod, mass: 1, com: [0, 0, 50]}    {}         'robot.payloads.box.com: 50 m'
+{link: base, mass: 1, com: [0, 0, 0]}    {}         'robot.payloads.box.link: base: this link'
+{link: rod, mass: 1, com: [0, 0, 0]}     {tip: ''}  'joint turn: moves no mass'
+"""
+
+
 @pytest.mark.parametrize(
     ("payload", "robot", "warning"),
-    [
-        ("{link: rod, mass: 1, com: [0, 0, 0.4]}", {}, ""),
-        ("{link: rod, mass: 1500, com: [0, 0, 0]}", {}, "robot.payloads.box.mass: 1500 kg"),
-        ("{link: rod, mass: 1, com: [0, 0, 50]}", {}, "robot.payloads.box.com: 50 m"),
-        ("{link: base, mass: 1, com: [0, 0, 0]}", {}, "robot.payloads.box.link: base: this link"),
-        ("{link: rod, mass: 1, com: [0, 0, 0]}", {"tip": ""}, "joint turn: moves no mass"),
-    ],
+    table(CASES, str, yaml.safe_load, yaml.safe_load),
 )
 def test_inverse_says_what_makes_efforts_wrong_by_a_multiple(
     tmp_path, monkeypatch, capsys, payload, robot, warning

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import yaml
 from sizing_cases import GEAR, MOTOR, one_drive, sized_cycle, turntable, write_catalog
+from tables import table
 
 from pinfric.drives.catalog import Brake, Gear, Motor
 from pinfric.drives.catalog_file import load_catalog
@@ -32,16 +33,19 @@ def sized(tmp_path, motor=None, gear=None, **conditions):
     return report.joints[0]
 
 
+CASES = """
+motor  rotor_inertia          rotor inertia
+gear   stiffness              stiffness
+gear   bearing                output bearing
+gear   input_inertia          input inertia
+gear   momentary_peak_torque  momentary peak torque
+gear   average_input_speed    limit for average input speed
+"""
+
+
 @pytest.mark.parametrize(
     ("part", "figure", "asked"),
-    [
-        ("motor", "rotor_inertia", "rotor inertia"),
-        ("gear", "stiffness", "stiffness"),
-        ("gear", "bearing", "output bearing"),
-        ("gear", "input_inertia", "input inertia"),
-        ("gear", "momentary_peak_torque", "momentary peak torque"),
-        ("gear", "average_input_speed", "limit for average input speed"),
-    ],
+    table(CASES),
 )
 def test_a_drive_that_lacks_a_figure_cannot_be_signed(tmp_path, part, figure, asked):
     """The joint, the product, the figure: whoever prints it is asked for it."""
@@ -108,19 +112,22 @@ def test_what_a_condition_asks_for_must_be_known(tmp_path):
         assert joint.assessments[0].unknown
 
 
+ROWS = """
+''           {}                                           50.0  ''
+''  {}  50.1  'M cannot be signed: ask its maker for ratings at 50.1 C (makers rate up'
+''  {}  -0.1  'M cannot be signed: ask its maker for ratings at -0.1 C (makers rate from'
+''           {ambient_curve: [[40.0, 1.0], [60.0, 0.9]]}  59.0  ''
+strain wave  {}                                           40.0  ''
+strain wave  {}  41.0  'G cannot be signed: ask its maker for ratings at 41 C (makers'
+planetary  {}  41.0  'G cannot be signed: ask its maker for ratings at 41 C'
+planetary    {}                                           0.0   ''
+cycloidal    {}                                           49.0  ''
+"""
+
+
 @pytest.mark.parametrize(
     ("kind", "rated", "ambient", "asked"),
-    [
-        ("", {}, 50.0, ""),
-        ("", {}, 50.1, "M cannot be signed: ask its maker for ratings at 50.1 C (makers rate up"),
-        ("", {}, -0.1, "M cannot be signed: ask its maker for ratings at -0.1 C (makers rate from"),
-        ("", {"ambient_curve": [[40.0, 1.0], [60.0, 0.9]]}, 59.0, ""),
-        ("strain wave", {}, 40.0, ""),
-        ("strain wave", {}, 41.0, "G cannot be signed: ask its maker for ratings at 41 C (makers"),
-        ("planetary", {}, 41.0, "G cannot be signed: ask its maker for ratings at 41 C"),
-        ("planetary", {}, 0.0, ""),
-        ("cycloidal", {}, 49.0, ""),
-    ],
+    table(ROWS, yaml.safe_load, yaml.safe_load, float, yaml.safe_load),
 )
 def test_nothing_is_signed_where_its_maker_does_not_rate_it(tmp_path, kind, rated, ambient, asked):
     motor = {"thermal": None, "continuous_torque": 0.9, **rated}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import yaml
 from sizing_cases import (
     ACCELERATION,
     COULOMB,
@@ -19,6 +20,7 @@ from sizing_cases import (
     turntable,
     write_catalog,
 )
+from tables import table
 
 import pinfric as pf
 from pinfric.drives.catalog import Stepper
@@ -184,15 +186,18 @@ def shown(report):
     return "; ".join(product_lines(sizing_summary(report)))
 
 
+CASES = """
+{pull_out: null, voltage: null}         measure resistance and inductance of one phase
+{pull_out: null, resistance: 1.0}       no `pull_out`, and no `resistance` with
+{voltage: null}                         give the `voltage` of the driver
+{pull_out: [[0.0, 8.0], [100.0, 7.0]]}  8 N m is more than holding_torque 0.9
+{pull_out: [[100.0, 0.7], [0.0, 0.8]]}  rad/s ascending
+"""
+
+
 @pytest.mark.parametrize(
     ("change", "says"),
-    [
-        ({"pull_out": None, "voltage": None}, "measure resistance and inductance of one phase"),
-        ({"pull_out": None, "resistance": 1.0}, "no `pull_out`, and no `resistance` with"),
-        ({"voltage": None}, "give the `voltage` of the driver"),
-        ({"pull_out": [[0.0, 8.0], [100.0, 7.0]]}, "8 N m is more than holding_torque 0.9"),
-        ({"pull_out": [[100.0, 0.7], [0.0, 0.8]]}, "rad/s ascending"),
-    ],
+    table(CASES, yaml.safe_load, str),
 )
 def test_a_stepper_without_a_curve_says_what_to_measure(tmp_path, change, says):
     with pytest.raises(CatalogError, match="motors.M.stepper.*" + says):

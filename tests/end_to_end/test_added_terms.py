@@ -11,9 +11,11 @@ from typing import Literal
 
 import numpy as np
 import pytest
+import yaml
 from cases import turning_four_bar
 from judges.verdict import judge
 from mechanisms import pin_friction
+from tables import table
 
 import pinfric as pf
 from pinfric.errors import SceneError
@@ -292,15 +294,18 @@ def test_an_added_gear_can_lose_more_or_nothing(tmp_path):
     assert [loss.slopes for loss in unloaded.losses()] == [(0.0,), (0.0,)]
 
 
+CASES = r"""
+{kind: wurm}       transmission`: there is no kind 'wurm'; did you mean 'worm'
+{rubs: null}       transmission\.rubs` is missing
+{rubs: -1}         transmission\.rubs`: .*greater than 0
+{leed: 0.1}        unknown key `.*transmission\.leed`; there are: .*rotor_inertia
+{efficiency: 0.7}  `efficiency` follows from its `kind`; leave it out
+"""
+
+
 @pytest.mark.parametrize(
     ("changes", "says"),
-    [
-        ({"kind": "wurm"}, "transmission`: there is no kind 'wurm'; did you mean 'worm'"),
-        ({"rubs": None}, r"transmission\.rubs` is missing"),
-        ({"rubs": -1}, r"transmission\.rubs`: .*greater than 0"),
-        ({"leed": 0.1}, r"unknown key `.*transmission\.leed`; there are: .*rotor_inertia"),
-        ({"efficiency": 0.7}, "`efficiency` follows from its `kind`; leave it out"),
-    ],
+    table(CASES, yaml.safe_load, str),
 )
 def test_mistakes_in_an_added_gear_are_named(tmp_path, changes, says):
     with pytest.raises(SceneError, match=says):

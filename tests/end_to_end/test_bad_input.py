@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from cli_cases import refused, told
 from cli_cases import run as command
+from tables import table
 
 from pinfric import cli
 
@@ -55,35 +56,30 @@ points:
 FILES = {"arm.urdf": URDF, "arm.yaml": SCENE, "motion.csv": MOTION, "way.yaml": WAY}
 
 #: One for each reader and each kind of check (each reader's own tests have the others): in `file`,
-#: `old` becomes `new` (no `old`: `new` is all of it); the error has all the words.
-CASES = [
-    ("arm.yaml", "", None, "arm.yaml", "no file"),
-    ("arm.yaml", "{kind: pin,", "{kind: pin", "arm.yaml, line"),
-    ("arm.yaml", "", "\x00\x01", "arm.yaml", "not"),
-    ("arm.yaml", "radius: 0.05", "radus: 0.05", "arm.yaml", "friction.shoulder.bearing.radus"),
-    ("arm.yaml", "joint: extension", "joint: extensio", "actuators", "'extension'"),
-    ("arm.yaml", "  - {joint: extension}\n", "", "actuators", "extension"),
-    ("arm.yaml", "com: [0, 0, 0]", "com: [0, 0, 0], inertia: [-1, 0, 0, 1, 0, 1]", "payloads.box"),
-    ("arm.yaml", "mass: 1.0", "mass: 1.0e+304", "payloads.box.mass", "at most 1e+12"),
-    ("arm.yaml", "ratio: 100", "ratio: 9.0e+300", "actuators[0].transmission.ratio", "1e+12"),
-    ("arm.yaml", "ratio: 100", "ratio: 1.0e-300", "actuators[0].transmission", "at least 1e-12"),
-    ("arm.yaml", "efficiency: 0.8", "efficiency: 8.0e-301", "[0].transmission.efficiency", "1e-12"),
-    ("arm.yaml", "0.05", "9" * 400, "shoulder.bearing.radius", "at most 1e+12"),
-    ("arm.yaml", "arm.urdf", "a" * 5000, "arm.yaml", "robot.urdf"),
-    ("arm.yaml", "arm.urdf", "a/" * 2500, "arm.yaml", "robot.urdf"),
-    ("arm.urdf", "</robot>", "", "arm.urdf"),
-    (
-        "arm.urdf",
-        '<parent link="base"/>',
-        '<parent link="bse"/>',
-        "arm.urdf",
-        "'shoulder'",
-        "'bse'",
-    ),
-    ("motion.csv", "0.2,0.2,0.14", "0.2,1e300,0.14", "motion.csv", "1e+300"),
-    ("motion.csv", "0.2,0.14", "nan,0.14", "motion.csv", "shoulder", "sample 2"),
-    ("way.yaml", "attach: box", "attach: bix", "way.yaml", "bix", "box"),
-]
+#: `old` becomes `new`; the error has all the words.
+CASES = r"""
+arm.yaml    ALL                  GONE                  arm.yaml; no file
+arm.yaml    {kind: pin,          {kind: pin            arm.yaml, line
+arm.yaml    ALL                  ZEROS                 arm.yaml; not
+arm.yaml    radius: 0.05         radus: 0.05           arm.yaml; friction.shoulder.bearing.radus
+arm.yaml    joint: extension     joint: extensio       actuators; 'extension'
+arm.yaml    - {joint: extension}  NONE                 actuators; extension
+arm.yaml    com: [0, 0, 0]       com: [0, 0, 0], inertia: [-1, 0, 0, 1, 0, 1]  payloads.box
+arm.yaml    mass: 1.0            mass: 1.0e+304        payloads.box.mass; at most 1e+12
+arm.yaml    ratio: 100           ratio: 9.0e+300       actuators[0].transmission.ratio; 1e+12
+arm.yaml    ratio: 100           ratio: 1.0e-300       actuators[0].transmission; at least 1e-12
+arm.yaml    efficiency: 0.8      efficiency: 8.0e-301  [0].transmission.efficiency; 1e-12
+arm.yaml    0.05                 NINES                 shoulder.bearing.radius; at most 1e+12
+arm.yaml    arm.urdf             LONG                  arm.yaml; robot.urdf
+arm.yaml    arm.urdf             DEEP                  arm.yaml; robot.urdf
+arm.urdf    </robot>             NONE                  arm.urdf
+arm.urdf    parent link="base"   parent link="bse"     arm.urdf; 'shoulder'; 'bse'
+motion.csv  0.2,0.2,0.14         0.2,1e300,0.14        motion.csv; 1e+300
+motion.csv  0.2,0.14             nan,0.14              motion.csv; shoulder; sample 2
+way.yaml    attach: box          attach: bix           way.yaml; bix; box
+"""
+MEANT = {"GONE": None, "NONE": "", "ZEROS": "\x00\x01"}
+MEANT |= {"NINES": "9" * 400, "LONG": "a" * 5000, "DEEP": "a/" * 2500}
 
 
 def run(folder, monkeypatch, capsys, changes, trajectory):
@@ -118,12 +114,13 @@ def test_the_files_the_cases_start_from_are_good(trajectory, tmp_path, monkeypat
     assert error.startswith("pinfric: wrote")
 
 
-@pytest.mark.parametrize(("file", "old", "new", "words"), [(*c[:3], c[3:]) for c in CASES])
+@pytest.mark.parametrize(("file", "old", "new", "words"), table(CASES))
 def test_bad_file(file, old, new, words, tmp_path, monkeypatch, capsys):
-    assert old in FILES[file], "the case would change nothing"
-    changes = {file: FILES[file].replace(old, new, 1) if old else new}
+    new = MEANT.get(new, new)
+    assert old in f"ALL {FILES[file]}", "the case would change nothing"
+    changes = {file: new if old == "ALL" else FILES[file].replace(old, new, 1)}
     motion = "way.yaml" if file == "way.yaml" else "motion.csv"
-    expect_one_line(*run(tmp_path, monkeypatch, capsys, changes, motion), words)
+    expect_one_line(*run(tmp_path, monkeypatch, capsys, changes, motion), words.split("; "))
 
 
 def test_roll_moment_on_a_guide_without_width(tmp_path, monkeypatch, capsys):
@@ -147,42 +144,29 @@ def test_missing_mesh_does_not_matter_to_efforts(tmp_path, monkeypatch, capsys):
     assert code == 0
 
 
-@pytest.mark.parametrize(
-    ("given", "words"),
-    [
-        (["inverse", "", "motion.csv"], "the name of the scene is empty"),
-        (
-            ["replay", "arm.yaml", "motion.csv", "--html", ""],
-            "Invalid value for --html: is not a file name",
-        ),
-        (["inverse", "arm.yaml", ""], "the name of the trajectory is empty"),
-        (["sweep", "arm.yaml", "motion.csv", ""], "the name of the sweep is empty"),
-        (["inverse", "parts", "motion.csv"], "parts is a folder"),
-        (["inverse", "arm.yaml", "parts"], "parts is a folder"),
-        *[
-            (
-                [*command, "--effort-at", "x"],
-                "Invalid value for '--effort-at': 'x'; should be reflected, motor or joint",
-            )
-            for command in (
-                ["inverse", "arm.yaml", "way.yaml"],
-                ["replay", "arm.yaml"],
-                ["identify", "arm.yaml", "motion.csv"],
-            )
-        ],
-        (["simulate", "pendulum", "--dt", "0.01"], "dt = 0.01: is for timestepping; event takes"),
-        (
-            ["simulate", "pendulum", "--method", "timestepping", "--rtol", "1e-6"],
-            "rtol = 1e-06: is for event and regularized; timestepping takes dt",
-        ),
-    ],
-)
+#: EMPTY is an empty word.
+NAMES = """
+inverse EMPTY motion.csv                     the name of the scene is empty
+replay arm.yaml motion.csv --html EMPTY      Invalid value for --html: is not a file name
+inverse arm.yaml EMPTY                       the name of the trajectory is empty
+sweep arm.yaml motion.csv EMPTY              the name of the sweep is empty
+inverse parts motion.csv                     parts is a folder
+inverse arm.yaml parts                       parts is a folder
+inverse arm.yaml way.yaml --effort-at x      Invalid value for '--effort-at': 'x'; should be refl
+replay arm.yaml --effort-at x                Invalid value for '--effort-at': 'x'; should be refl
+identify arm.yaml motion.csv --effort-at x   Invalid value for '--effort-at': 'x'; should be refl
+simulate pendulum --dt 0.01                  dt = 0.01: is for timestepping; event takes
+simulate pendulum --method timestepping --rtol 1e-6  rtol = 1e-06: is for event and regularized; ti
+"""
+
+
+@pytest.mark.parametrize(("given", "words"), table(NAMES))
 def test_a_name_that_is_none_or_a_folders(given, words, tmp_path, monkeypatch, capsys):
     for name, content in FILES.items():
         (tmp_path / name).write_text(content)
     (tmp_path / "parts").mkdir()
     monkeypatch.chdir(tmp_path)
-    error = refused(capsys, *given)
+    error = refused(capsys, *("" if word == "EMPTY" else word for word in given.split()))
     assert error.startswith(f"pinfric: error: {words}")
 
 

@@ -10,6 +10,7 @@ from builders import example
 from cli_cases import told
 from identify_cases import LOGS, needs_logs
 from scipy.io import loadmat
+from tables import table
 
 import pinfric as pf
 from pinfric.model.robot import with_payloads
@@ -395,19 +396,22 @@ def test_every_measured_robot_is_listed(capsys):
         assert re.search(rf"^{name} +\S.* +[ABC] ", printed, re.MULTILINE), name
 
 
+CASES = """
+{side: motor, grade: A, robot: x}                                       measured.source
+{side: motor, grade: A, robot: x, source: ''}                           measured.source
+{side: motor, grade: A, robot: x, source: y, speed: [2, 1]}             the least comes first
+{side: motor, grade: A, robot: x, source: y, speed: 1 rad/s}            numbers in rad/s or m/s
+{side: motor, grade: A, robot: x, source: y, speed: {joint_1: 2}}       e.g. [0, 1.0]
+{side: motor, grade: A, robot: x, source: y, speed: [0, 180]}           in deg/s, write 3.14
+{side: motor, grade: A, robot: x, source: y, temperature: [20]}         numbers in deg C
+{side: motor, grade: A, robot: x, source: y, temperature: [300, 310]}   [26.9, 36.9]
+{side: motor, grade: A, robot: x, source: y, speed: {jiont_1: [0, 1]}}  'jiont_1'
+"""
+
+
 @pytest.mark.parametrize(
     ("given", "said"),
-    [
-        ("{side: motor, grade: A, robot: x}", "measured.source"),
-        ("{side: motor, grade: A, robot: x, source: ''}", "measured.source"),
-        ("{side: motor, grade: A, robot: x, source: y, speed: [2, 1]}", "the least comes first"),
-        ("{side: motor, grade: A, robot: x, source: y, speed: 1 rad/s}", "numbers in rad/s or m/s"),
-        ("{side: motor, grade: A, robot: x, source: y, speed: {joint_1: 2}}", "e.g. [0, 1.0]"),
-        ("{side: motor, grade: A, robot: x, source: y, speed: [0, 180]}", "in deg/s, write 3.14"),
-        ("{side: motor, grade: A, robot: x, source: y, temperature: [20]}", "numbers in deg C"),
-        ("{side: motor, grade: A, robot: x, source: y, temperature: [300, 310]}", "[26.9, 36.9]"),
-        ("{side: motor, grade: A, robot: x, source: y, speed: {jiont_1: [0, 1]}}", "'jiont_1'"),
-    ],
+    table(CASES),
 )
 def test_a_measured_range_is_complete(given, said, tmp_path):
     (tmp_path / "scene.yaml").write_text(

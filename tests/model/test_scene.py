@@ -10,8 +10,10 @@ import warnings
 import numpy as np
 import pinocchio as pin
 import pytest
+import yaml
 from builders import block, chain, lump, plane_friction, sliding_block
 from mechanisms import four_bar
+from tables import table
 
 import pinfric as pf
 from pinfric.errors import SceneError
@@ -268,16 +270,19 @@ def turning(damping=0.0, friction=0.0, armature=0.0):
     return model
 
 
+CASES = r"""
+{damping: 1.0}  null  0.0  model\.damping and model\.friction of hinge do not count
+{friction: 1.0}  null  0.0  'hinge do not count: give them as `friction`'
+{damping: 1.0, friction: 1.0}  {coulomb: 5.0}  0.0      null
+{armature: 0.62}               null            6.1e-05  \(0\.61 kg .*\(0\.62\) count, 1\.23 together
+{armature: 0.62}               null            0.0      null
+{}                             null            6.1e-05  null
+"""
+
+
 @pytest.mark.parametrize(
     ("model", "entry", "rotor", "words"),
-    [
-        ({"damping": 1.0}, None, 0.0, r"model\.damping and model\.friction of hinge do not count"),
-        ({"friction": 1.0}, None, 0.0, r"hinge do not count: give them as `friction`"),
-        ({"damping": 1.0, "friction": 1.0}, {"coulomb": 5.0}, 0.0, None),
-        ({"armature": 0.62}, None, 6.1e-5, r"\(0\.61 kg .*\(0\.62\) count, 1\.23 together"),
-        ({"armature": 0.62}, None, 0.0, None),
-        ({}, None, 6.1e-5, None),
-    ],
+    table(CASES, yaml.safe_load, yaml.safe_load, float, yaml.safe_load),
 )
 def test_what_a_model_has_beside_the_scene_is_said(recwarn, model, entry, rotor, words):
     friction = {} if entry is None else {"hinge": entry}

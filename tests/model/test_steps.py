@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import yaml
 from mechanisms import four_bar
+from tables import table
 
 import pinfric as pf
 from pinfric.errors import (
@@ -26,19 +28,19 @@ def test_a_screen_keeps_its_width_whatever_it_is_told():
 # Loops: loops of a scene that cannot be are refused by name.
 
 
+CASES = r"""
+{a: {link: couplet}}  loops\[0\] \(B\)\.a\.link: there is no link 'couplet'
+{name: A}             the name 'A' is taken
+{axis: [0, 0, 0]}     loops\[0\] \(B\)\.axis: .* has no direction
+{b: {link: coupler}}  both sides are on the same rigid body
+{kind: hinge}         kind
+{c: 1}                unknown key `loops\[0\].c`
+"""
+
+
 @pytest.mark.parametrize(
     ("change", "says"),
-    [
-        (
-            {"a": {"link": "couplet"}},
-            r"loops\[0\] \(B\)\.a\.link: there is no link 'couplet'",
-        ),
-        ({"name": "A"}, "the name 'A' is taken"),
-        ({"axis": [0, 0, 0]}, r"loops\[0\] \(B\)\.axis: .* has no direction"),
-        ({"b": {"link": "coupler"}}, "both sides are on the same rigid body"),
-        ({"kind": "hinge"}, "kind"),
-        ({"c": 1}, r"unknown key `loops\[0\].c`"),
-    ],
+    table(CASES, yaml.safe_load, str),
 )
 def test_bad_loops_are_refused(change, says):
     scene, _ = four_bar()
@@ -72,15 +74,18 @@ def scene_with(actuators, **more):
     return pf.Scene(model=scene.model, loops=scene.loops, actuators=actuators, **more)
 
 
+ROWS = """
+[]  0 for 1 degree of freedom; undriven: A, where this motion needs 0.389 .* sample 0
+[{joint: O}, {joint: A}]  2 for 1 degree of freedom: .*keep only 1 of O, A
+null                      3 for 1 degree of freedom: .*keep only 1 of O, A, C
+[{joint: X}]              joint 'X' is not there
+[{joint: O}, {joint: O}]  'O' is listed twice
+"""
+
+
 @pytest.mark.parametrize(
     ("actuators", "says"),
-    [
-        ([], "0 for 1 degree of freedom; undriven: A, where this motion needs 0.389 .* sample 0"),
-        ([{"joint": "O"}, {"joint": "A"}], "2 for 1 degree of freedom: .*keep only 1 of O, A"),
-        (None, "3 for 1 degree of freedom: .*keep only 1 of O, A, C"),
-        ([{"joint": "X"}], "joint 'X' is not there"),
-        ([{"joint": "O"}, {"joint": "O"}], "'O' is listed twice"),
-    ],
+    table(ROWS, yaml.safe_load, str),
 )
 def test_actuators_are_counted_against_the_freedoms_that_loops_leave(actuators, says):
     q = four_bar()[0].close(np.full(3, 0.5))

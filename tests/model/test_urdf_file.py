@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 import pytest
+from tables import table
 
 import pinfric as pf
 from pinfric.errors import PinfricWarning, RobotError
@@ -144,17 +145,20 @@ def test_xacro_that_never_ends_is_stopped(arm, monkeypatch):
         read_robot(arm, {})
 
 
+CASES = """
+load_yaml('a.yaml')       root: [secret: x: y  ParserError when evaluating
+load_yaml('a.yaml')[0].x  [secret]             Error when evaluating
+load_yaml('a.yaml')['k']  k: ${secret}         evaluated to "${...}", which is not
+load_yaml('a.yaml')       !degrees secret      name '...' is not defined
+load_yaml('a.yaml')       secret               evaluated to "...", which is not
+load_yaml('a.txt')        secret               load_yaml takes .yaml and .yml only when
+load_yaml('b.yaml')       secret               load_yaml takes .yaml and .yml only when
+"""
+
+
 @pytest.mark.parametrize(
     ("wrong", "content", "says"),
-    [
-        ("load_yaml('a.yaml')", "root: [secret: x: y", "ParserError when evaluating"),
-        ("load_yaml('a.yaml')[0].x", "[secret]", "Error when evaluating"),
-        ("load_yaml('a.yaml')['k']", "k: ${secret}", 'evaluated to "${...}", which is not'),
-        ("load_yaml('a.yaml')", "!degrees secret", "name '...' is not defined"),
-        ("load_yaml('a.yaml')", "secret", 'evaluated to "...", which is not'),
-        ("load_yaml('a.txt')", "secret", "load_yaml takes .yaml and .yml only when"),
-        ("load_yaml('b.yaml')", "secret", "load_yaml takes .yaml and .yml only when"),
-    ],
+    table(CASES),
 )
 def test_errors_of_xacro_do_not_quote_other_files(arm, wrong, content, says):
     pytest.importorskip("xacrodoc")
