@@ -9,6 +9,7 @@ import warnings
 import numpy as np
 import pytest
 from cli_cases import told
+from tables import table
 
 import pinfric as pf
 from pinfric import cli
@@ -33,41 +34,38 @@ SWEEP = "panda_pick_and_place.sweep.yaml"
 PANDA, UR10 = "panda_pick_and_place", "ur10_machine_tending"
 
 #: What is typed, and what the answer must contain: the cause and what to do.
-COMMANDS = [
-    (f"inverse {ROBOTS}/pendulum.urdf pendulum", "is a robot, not a scene; `pinfric new "),
-    (f"inverse {PENDULUM} pendulum", "is a trajectory, not a scene; commands take SCENE TRAJ"),
-    ("inverse pendulum pendulum.yaml", "is a scene, not a trajectory; commands take SCENE TRAJ"),
-    (f"inverse {PANDA} {SWEEP}", "is a sweep, not a trajectory; commands take SCENE TRAJECTORY"),
-    (f"sweep {PANDA} {PANDA} {PANDA}.yaml", "is a scene, not a sweep; commands take SCENE"),
-    ("inverse stops.csv pendulum", "is a log or a table, not a scene"),
-    ("inverse pendulum", "Missing argument 'TRAJECTORY'. (see pinfric inverse --help)"),
-    ("inverse pendulum stops.csv", "write them as a way-point file (`pinfric_trajectory: 1`"),
-    ("inverse ur10_machine_tending names.csv", "map them by --columns FILE, a YAML file with"),
-    ("inverse mu.yaml pendulum", "found 0.003; e.g. mu: {static: 0.15, kinetic: 0.1}"),
-    ("inverse gravity.yaml pendulum", "unknown key `gravity`; it belongs under `robot`"),
-    ("inverse down.yaml pendulum", "found 9.81; e.g. gravity: [0.0, 0.0, -9.81]"),
-    ("inverse pendulum points.yaml", "wrong length, found []; e.g. points: [{q: [0, 0, 0]"),
-    (f"inverse {UR10} pendulum", "1 number for 6 joints (3 such points); give one per joint"),
-    ("invers pendulum pendulum", "Did you mean 'inverse'?"),
-    ("size pendulum --cycle stops.csv:x", "should be FILE:SHARE, with a number behind the colon"),
-    ("size pendulum", "--cycle for each of several, or --rating payload=KG"),
-    ("size ur10 --rating payload=0", "rating: `payload`: should be greater than 0, found 0"),
-    ("size ur10 --rating payload=900", "900 kg is more than 2 times the 28.7 kg"),
-    ("size ur10 --rating payloads=1", "unknown key `payloads`; did you mean 'payload'?"),
-    ("size ur10 --rating payload=1 --rating speed.elbow=1", "did you mean 'elbow_joint'?"),
-    ("size ur10 --rating payload=1 --on 0.4", "belongs to cycles; there is only a rating"),
-    ("size delta --rating payload=1", "a rating is for open chains; this one has loops"),
-    (
-        "size go2 --rating payload=1",
-        "RL_foot, RR_calf, RR_foot; name it as `link`, or as the scene",
-    ),
-    ("new arm.urdf --link tool0", "is the payload's: give --payload KG"),
-    ("size pendulum pendulum --catalog mu.yaml", "is a scene, not a catalogue; --motors"),
-    (f"retime {UR10} {UR10} --motors default:EC", "the nearest of "),
-    (f"identify {UR10} {UR10}", "holds way-points; a log has samples and efforts"),
-    ("new stops.csv", "a URDF begins with <robot>"),
-    ("catalog table.csv", "it says which column of table.csv is which figure, and its unit"),
-]
+COMMANDS = f"""
+inverse {ROBOTS}/pendulum.urdf pendulum  is a robot, not a scene; `pinfric new
+inverse {PENDULUM} pendulum  is a trajectory, not a scene; commands take SCENE TRAJ
+inverse pendulum pendulum.yaml  is a scene, not a trajectory; commands take SCENE TRAJ
+inverse {PANDA} {SWEEP}  is a sweep, not a trajectory; commands take SCENE TRAJECTORY
+sweep {PANDA} {PANDA} {PANDA}.yaml  is a scene, not a sweep; commands take SCENE
+inverse stops.csv pendulum  is a log or a table, not a scene
+inverse pendulum  Missing argument 'TRAJECTORY'. (see pinfric inverse --help)
+inverse pendulum stops.csv  write them as a way-point file (`pinfric_trajectory: 1`
+inverse ur10_machine_tending names.csv  map them by --columns FILE, a YAML file with
+inverse mu.yaml pendulum  found 0.003; e.g. mu: {{static: 0.15, kinetic: 0.1}}
+inverse gravity.yaml pendulum  unknown key `gravity`; it belongs under `robot`
+inverse down.yaml pendulum  found 9.81; e.g. gravity: [0.0, 0.0, -9.81]
+inverse pendulum points.yaml  wrong length, found []; e.g. points: [{{q: [0, 0, 0]
+inverse {UR10} pendulum  1 number for 6 joints (3 such points); give one per joint
+invers pendulum pendulum  Did you mean 'inverse'?
+size pendulum --cycle stops.csv:x  should be FILE:SHARE, with a number behind the colon
+size pendulum  --cycle for each of several, or --rating payload=KG
+size ur10 --rating payload=0  rating: `payload`: should be greater than 0, found 0
+size ur10 --rating payload=900  900 kg is more than 2 times the 28.7 kg
+size ur10 --rating payloads=1  unknown key `payloads`; did you mean 'payload'?
+size ur10 --rating payload=1 --rating speed.elbow=1  did you mean 'elbow_joint'?
+size ur10 --rating payload=1 --on 0.4  belongs to cycles; there is only a rating
+size delta --rating payload=1  a rating is for open chains; this one has loops
+size go2 --rating payload=1  RL_foot, RR_calf, RR_foot; name it as `link`, or as the scene
+new arm.urdf --link tool0  is the payload's: give --payload KG
+size pendulum pendulum --catalog mu.yaml  is a scene, not a catalogue; --motors
+retime {UR10} {UR10} --motors default:EC  the nearest of
+identify {UR10} {UR10}  holds way-points; a log has samples and efforts
+new stops.csv  a URDF begins with <robot>
+catalog table.csv  it says which column of table.csv is which figure, and its unit
+"""
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +76,7 @@ def folder(tmp_path_factory):
     return made
 
 
-@pytest.mark.parametrize(("typed", "answer"), COMMANDS, ids=[typed for typed, _ in COMMANDS])
+@pytest.mark.parametrize(("typed", "answer"), table(COMMANDS))
 def test_a_mistake_on_the_command_line_is_answered(folder, capsys, monkeypatch, typed, answer):
     monkeypatch.chdir(folder)
     *notices, error = told(capsys, *typed.split(), code=cli.BAD_INPUT).err.splitlines()
@@ -101,33 +99,30 @@ def given(folder):
     }
 
 
-PYTHON = [
-    ("pf.load_scene({'robot': 1})", "the file is a dict; should be a name or a path"),
-    ("pf.load_trajectory(pendulum, 'pendulum')", "not a Scene; give pf.load_scene('pendulum')"),
-    ("pf.load_trajectory('pendulum', ur10)", "give one per joint, in the order of `joints`"),
-    ("pf.load_trajectory(folder / 'stops.csv', pendulum)", "write them as a way-point file"),
-    ("pf.inverse_dynamics(pendulum, motion.q)", "needs q, v and a, or one motion"),
-    ("pf.inverse_dynamics(ur10, states[:, :5], states, states)", "should be (T, 6), samples first"),
-    ("pf.inverse_dynamics(pendulum, motion.q, motion.v, motion.a).plot()", "give `t` to inverse"),
-    ("pf.identify(ur10, states)", "give a file's name, or pf.Log(t, q, effort)"),
-    ("pf.retime(ur10, states)", "give a trajectory, a file's name, or pf.Path.from_waypoints(q)"),
-    ("pf.retime(pendulum, motion, 3)", "should be a motors file, 'default:NAME' or drive -> limi"),
-    ("pf.size(pendulum, 'pendulum')", "give pf.load_trajectory('pendulum', scene)"),
-    ("pf.size(pendulum, motion, 'maxon')", "there are: default, a YAML file, or a folder"),
-    ("pf.sweep(pendulum, motion, {'samples': 3})", "is missing; e.g. pinfric_sweep: 1"),
-    ("pf.replay(pendulum, 'pendulum')", "give a result of pf.inverse_dynamics(scene, trajectory)"),
-    ("ur10.solver(states[0])", "states are arguments of the solver's methods, `scene.solver()."),
-    ("ur10.solver().inverse(states, states, states)", "q: shape (5, 6); should be (6,), nq = 6"),
-    ("ur10.solver().forward(states[0], states[0], {'elbow': 1.0})", "did you mean 'elbow_joint'?"),
-    ("pendulum.with_(friction={'joint1': {'viscous': 1}})", "with_ of pendulum.yaml: friction: "),
-    (
-        "pf.simulate(pendulum, [0.0], [0.0], effort=lambda t: 0.0, t_end=1.0)",
-        "it is called with (t, q, v)",
-    ),
-]
+PYTHON = """
+pf.load_scene({'robot': 1})  the file is a dict; should be a name or a path
+pf.load_trajectory(pendulum, 'pendulum')  not a Scene; give pf.load_scene('pendulum')
+pf.load_trajectory('pendulum', ur10)  give one per joint, in the order of `joints`
+pf.load_trajectory(folder / 'stops.csv', pendulum)  write them as a way-point file
+pf.inverse_dynamics(pendulum, motion.q)  needs q, v and a, or one motion
+pf.inverse_dynamics(ur10, states[:, :5], states, states)  should be (T, 6), samples first
+pf.inverse_dynamics(pendulum, motion.q, motion.v, motion.a).plot()  give `t` to inverse
+pf.identify(ur10, states)  give a file's name, or pf.Log(t, q, effort)
+pf.retime(ur10, states)  give a trajectory, a file's name, or pf.Path.from_waypoints(q)
+pf.retime(pendulum, motion, 3)  should be a motors file, 'default:NAME' or drive -> limi
+pf.size(pendulum, 'pendulum')  give pf.load_trajectory('pendulum', scene)
+pf.size(pendulum, motion, 'maxon')  there are: default, a YAML file, or a folder
+pf.sweep(pendulum, motion, {'samples': 3})  is missing; e.g. pinfric_sweep: 1
+pf.replay(pendulum, 'pendulum')  give a result of pf.inverse_dynamics(scene, trajectory)
+ur10.solver(states[0])  states are arguments of the solver's methods, `scene.solver().
+ur10.solver().inverse(states, states, states)  q: shape (5, 6); should be (6,), nq = 6
+ur10.solver().forward(states[0], states[0], {'elbow': 1.0})  did you mean 'elbow_joint'?
+pendulum.with_(friction={'joint1': {'viscous': 1}})  with_ of pendulum.yaml: friction:
+pf.simulate(pendulum, [0.0], [0.0], effort=lambda t: 0.0, t_end=1.0)  it is called with (t, q, v)
+"""
 
 
-@pytest.mark.parametrize(("typed", "answer"), PYTHON, ids=[typed for typed, _ in PYTHON])
+@pytest.mark.parametrize(("typed", "answer"), table(PYTHON))
 def test_a_mistake_in_python_is_answered(given, typed, answer):
     with pytest.raises(PinfricError, match=re.escape(answer)) as caught:
         eval(typed, dict(given))
