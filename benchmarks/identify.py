@@ -2,9 +2,9 @@
 
     python benchmarks/identify.py [--seeds 14] [--first 100] [--cases true,stribeck,...]
 
-Each seed is a UR5 as tests/identify_cases.py makes it: 60 s at 250 Hz, 18 bits, white noise of 2 %
+Each seed is a UR5 as `identify_cases` makes it: 60 s at 250 Hz, 18 bits, white noise of 2 %
 and autocorrelated noise of 2 %, efforts 4 ms late, masses wrong by 20 %. The cases are the true
-model and those of tests/identify_wrong_models.py; "no bearing" leaves the elbow's bearing out of
+model and those of `identify_wrong_models`; "no bearing" leaves the elbow's bearing out of
 the scene. For each case the table has the coverage of the 95 % intervals, the seeds that report
 lack of fit, the largest error of the delay, the largest error on an unseen motion, by how much
 errors on logs that nothing was fitted to exceed those reported of held-out blocks, and for the
@@ -23,7 +23,7 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests/helpers"))
 from identify_cases import (
     BACK_EFFICIENCY,
     COULOMB,

@@ -22,7 +22,8 @@ import numpy as np
 import pinocchio as pin
 
 if __name__ == "__main__":
-    sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))  # cases, as pytest finds them
+    TESTS = Path(__file__).parents[1] / "tests"
+    sys.path[:0] = [str(TESTS / "helpers"), str(TESTS)]  # cases, as pytest finds them
 
 from pinfric.model.robot import example_robot_data  # isort: skip
 from measure import all_seconds, machine, median_seconds, states, ur5, with_pins  # isort: skip

@@ -33,7 +33,7 @@ from collections import Counter
 from pathlib import Path
 from time import perf_counter
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests/helpers"))
 from mutations import NAMES, NUMBERS, Mutator
 from sizing_cases import GEAR, MOTOR
 

@@ -19,7 +19,8 @@ import numpy as np
 import pinocchio as pin
 
 if __name__ == "__main__":
-    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+    TESTS = Path(__file__).resolve().parents[1]
+    sys.path[:0] = [str(TESTS), str(TESTS / "helpers")]
 from builders import geared_arm
 from judges.plain_laws import plain_normal_load
 

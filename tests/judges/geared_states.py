@@ -21,7 +21,8 @@ from builders import chain, dry, lump
 from mechanisms import shifted
 
 if __name__ == "__main__":
-    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+    TESTS = Path(__file__).resolve().parents[1]
+    sys.path[:0] = [str(TESTS), str(TESTS / "helpers")]
 from builders import random_tree
 from judges.every_line import Bearing, Gear, Loss, System, answers, the_answer
 from judges.plain_laws import plain_normal_load

@@ -18,7 +18,8 @@ from pathlib import Path
 import numpy as np
 
 if __name__ == "__main__":
-    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+    TESTS = Path(__file__).resolve().parents[1]
+    sys.path[:0] = [str(TESTS), str(TESTS / "helpers")]
 from judges.pin_chains import PinChain, random_chain
 
 import pinfric as pf

@@ -27,6 +27,7 @@ from pinfric.sweeps.workers import on_cluster
 distributed = pytest.importorskip("distributed")
 pytestmark = pytest.mark.filterwarnings("ignore::RuntimeWarning:distributed")
 
+HELPERS = str(Path(__file__).parents[1] / "helpers")
 #: No test may wait for longer (s): a stalled cluster must fail, not hang.
 LIMIT = 90
 SAMPLES = 120
@@ -206,7 +207,7 @@ def test_script_without_a_main_guard_runs_on_processes(tmp_path):
     script.write_text(
         textwrap.dedent(f"""
         import sys
-        sys.path.insert(0, {str(Path(__file__).parents[1])!r})
+        sys.path.insert(0, {HELPERS!r})
         from sweep_cases import pushed_block, steady, sweep_of, uniform
         import pinfric as pf
         scene = pushed_block()
@@ -230,7 +231,7 @@ def test_classes_and_limits_of_a_script_reach_the_processes(tmp_path):
         textwrap.dedent(f"""
         import sys
         from typing import Literal
-        sys.path.insert(0, {str(Path(__file__).parents[1])!r})
+        sys.path.insert(0, {HELPERS!r})
         from pathlib import Path
         import numpy as np
         import pinfric as pf

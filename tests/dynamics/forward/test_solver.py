@@ -618,7 +618,14 @@ def test_no_kernel_is_compiled_or_interpreted_after_a_solver_is_made():
     """With all its patience, in a process of its own: what other tests called is not there."""
     tests = Path(__file__).parents[2]
     done = subprocess.run(
-        [sys.executable, "-c", IN_A_LOOP, str(tests), str(Path(__file__).parent)],
+        [
+            sys.executable,
+            "-c",
+            IN_A_LOOP,
+            str(tests),
+            f"{tests}/helpers",
+            str(Path(__file__).parent),
+        ],
         capture_output=True,
         text=True,
         check=True,

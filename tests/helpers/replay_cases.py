@@ -14,7 +14,7 @@ import pinfric as pf
 from pinfric.show.replay.page import RecordingWindow
 from pinfric.show.replay.stage import set_stage
 
-ROBOTS = Path(__file__).parents[1] / "robots"
+ROBOTS = Path(__file__).parents[2] / "robots"
 
 
 def bundled(name):

@@ -20,7 +20,7 @@ from pinfric.identification.laws import SLOTS, Law
 from pinfric.identification.normal import Fit, Prior
 
 #: Recordings of real robots, too large for the repository.
-LOGS = Path(__file__).parents[2] / "shared" / "data"
+LOGS = Path(__file__).parents[3] / "shared" / "data"
 needs_logs = pytest.mark.skipif(
     not LOGS.is_dir(),
     reason=f"no recordings of a UR10, a Panda and a KR 300 in {LOGS} (notebooks/judges.md)",

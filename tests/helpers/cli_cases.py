@@ -9,7 +9,7 @@ import pytest
 from pinfric import cli
 from pinfric.model.files import RECORD
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 
 
 URDF = """<robot name="arm">

@@ -42,7 +42,7 @@ STRICT = [
 ]
 
 
-DRIVER = Path(__file__).with_name("exporting") / "compensator_driver.cpp"
+DRIVER = Path(__file__).parents[1] / "exporting" / "compensator_driver.cpp"
 
 
 BUNDLED = ("ur10_machine_tending", "ur5_pick_and_place", "panda_pick_and_place", "so101")
