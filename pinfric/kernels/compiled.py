@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import os
 import pickle
@@ -11,15 +12,19 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache
+from itertools import chain
 from pathlib import Path
 from typing import Any, Generic, TypeVar, cast
 
 import numba
 import numpy as np
+from llvmlite import binding as llvm
 from numba import typeof
 from numba.core import types
+from numba.core.bytecode import FunctionIdentity
 from numba.core.caching import FunctionCache, IndexDataCacheFile, NullCache
-from numba.core.dispatcher import Dispatcher
+from numba.core.codegen import CPUCodeLibrary
+from numba.core.dispatcher import Dispatcher, _FunctionCompiler  # type: ignore[attr-defined]
 from numba.core.types import unliteral
 from numba.experimental import structref
 
@@ -28,6 +33,8 @@ from pinfric.kernels.interpreted import CLOCK, interpreted, is_small
 from pinfric.kernels.progress import CompileProgress
 
 _DIGEST_SIZE = 16
+#: Of what the files hold, and of how kernels are compiled.
+_FORMAT = 1
 #: So many versions of a kernel's sources keep what was compiled from them.
 _KEPT = 8
 Fields = TypeVar("Fields", bound=tuple[Any, ...])
@@ -37,6 +44,9 @@ Fields = TypeVar("Fields", bound=tuple[Any, ...])
 _TESTED = (0, 61), (0, 69)
 #: Undocumented parts of numba that this module replaces or calls.
 _INNER = {
+    _FunctionCompiler: ("_compile_core",),
+    CPUCodeLibrary: ("_get_module_for_linking",),
+    FunctionIdentity: ("_unique_ids",),
     Dispatcher: ("_compile_for_args", "compile", "get_call_template"),
     FunctionCache: ("load_overload", "save_overload", "_impl_class"),
     IndexDataCacheFile: ("_dump", "_load_index", "_load_data", "_save_index"),
@@ -128,6 +138,9 @@ def _compiled(
     try:
         cached: Any = _CheckedCache(function)
         CLOCK.keep_in(cached.cache_path)
+        _KERNELS.setdefault(cached.index, made)
+        compiler = made._compiler  # type: ignore[attr-defined]
+        compiler._compile_core = _as_kept(compiler._compile_core, cached.index)
     except RuntimeError:  # numba finds no folder to cache in (a read-only installation)
         cached = _NoCache(function)
     vars(made)["_cache"] = cached
@@ -152,6 +165,30 @@ def _compiled(
     return made
 
 
+def _as_kept(compile_core: Callable[..., Any], index: str) -> Callable[..., Any]:
+    """Compile a kernel faster, and under the same symbol in every process: see `_Place`.
+
+    Loops of three to ten numbers gain nothing from vector instructions.
+    """
+    number = int.from_bytes(_digest(index.encode()))
+
+    def run(*arguments: Any) -> Any:  # numba holds its lock
+        loops, collects = numba.config.LOOP_VECTORIZE, gc.isenabled()  # type: ignore[attr-defined]
+        numbers = FunctionIdentity._unique_ids
+        numba.config.LOOP_VECTORIZE = 0  # type: ignore[attr-defined]
+        FunctionIdentity._unique_ids = chain([number], numbers)  # type: ignore[assignment]
+        gc.disable()
+        try:
+            return compile_core(*arguments)
+        finally:
+            numba.config.LOOP_VECTORIZE = loops  # type: ignore[attr-defined]
+            FunctionIdentity._unique_ids = numbers
+            if collects:
+                gc.enable()
+
+    return run
+
+
 def is_ready(made: Any, arguments: tuple[Any, ...]) -> bool:
     """Whether to call a kernel compiled: it is compiled or cached, or the patience is used up."""
     if CLOCK.is_over():
@@ -160,7 +197,7 @@ def is_ready(made: Any, arguments: tuple[Any, ...]) -> bool:
         types_ = tuple(typeof(argument) for argument in arguments)
         if types_ in made.overloads:
             return True
-        if made not in _MISSING and made._cache.is_kept(types_, made.targetctx):
+        if made not in _MISSING and made._cache.kept(types_, made.targetctx) is not None:
             return True
         _MISSING.add(made)
     return False
@@ -177,9 +214,8 @@ PROGRESS = CompileProgress()
 class _NoCache(NullCache):
     """A cache that keeps nothing, if no folder is writable."""
 
-    def is_kept(self, sig: Any, target_context: Any) -> bool:
+    def kept(self, sig: Any, target_context: Any) -> None:
         """Find nothing."""
-        return False
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__()
@@ -312,8 +348,59 @@ class _NamedFolder(_Named):
         self._cache_path = os.path.join(os.path.dirname(self.get_cache_path()), "pinfric")
 
 
+#: A kernel with more LLVM instructions is called where it is; a smaller one is copied into its
+#: callers and compiled again with each, which may inline it.
+_COPIED = 500
+#: Index in the cache -> kernel.
+_KERNELS: dict[str, Any] = {}
+#: Symbol of a kernel that is called where it is -> its index, types of its arguments.
+_CALLED: dict[str, tuple[str, tuple[Any, ...]]] = {}
+
+
 class _Place(_Numba):
+    """What a file holds: a kernel, and which others must be loaded before it, as it calls them."""
+
     _locator_classes = (_NamedFolder, *_Numba._locator_classes[1:])
+    index = ""
+
+    def reduce(self, compiled: Any) -> Any:
+        """Return what is pickled; from now on a large kernel is called, not copied."""
+        symbols = [f.name for f in compiled.library._final_module.functions if f.is_declaration]
+        called = [(name, *_CALLED[name]) for name in symbols if name in _CALLED]
+        content = called, super().reduce(compiled)
+        self._call(compiled)
+        return content
+
+    def rebuild(self, target_context: Any, content: Any) -> Any:
+        """Return the kernel; None if one that it calls is not in the cache as it was then."""
+        called, kernel_itself = content
+        for symbol, index, types_ in called:
+            if not _is_loaded(symbol, index, types_, target_context):
+                return None
+        compiled = super().rebuild(target_context, kernel_itself)
+        self._call(compiled)
+        return compiled
+
+    def _call(self, compiled: Any) -> None:
+        library, symbol = compiled.library, compiled.fndesc.llvm_func_name
+        blocks = library._get_module_for_linking().get_function(symbol).blocks
+        if sum(1 for block in blocks for _ in block.instructions) > _COPIED:
+            _CALLED[symbol] = self.index, compiled.signature.args
+            library._shared_module = llvm.parse_assembly("")  # callers declare what they call
+
+
+def _is_loaded(symbol: str, index: str, types_: tuple[Any, ...], target_context: Any) -> bool:
+    """Whether a kernel is there under this symbol; LLVM ends the process if it calls another."""
+    made = _KERNELS.get(index)
+    if made is None:
+        return False
+    if types_ not in made.overloads:
+        found = made._cache.kept(types_, target_context)
+        if found is None:
+            return False
+        target_context.insert_user_function(found.entry_point, found.fndesc, [found.library])
+        made.add_overload(found)
+    return bool(made.overloads[types_].fndesc.llvm_func_name == symbol)
 
 
 class _CheckedCache(FunctionCache):
@@ -330,20 +417,22 @@ class _CheckedCache(FunctionCache):
         super().__init__(function)
         self._function = function
         name = f"{function.__module__}.{function.__qualname__}.{sys.implementation.cache_tag}"
-        stamp = numba.__version__, _source_stamp(function)
+        stamp = numba.__version__, _FORMAT, _source_stamp(function)
         self._cache_file = _CheckedFile(self.cache_path, re.sub("[^.\\w]", "", name), stamp)
+        self.index = self._impl.index = self._cache_file._index_name
 
-    def is_kept(self, sig: Any, target_context: Any) -> bool:
-        """Whether machine code for arguments of these types is here."""
-        return super().load_overload(sig, target_context) is not None
+    def kept(self, sig: Any, target_context: Any) -> Any:
+        """Return the cached kernel for arguments of these types, or None."""
+        found = super().load_overload(sig, target_context)
+        if found is not None:
+            PROGRESS.end(self._function, compiled=False)
+        return found
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the cached kernel; if that is None, numba compiles next."""
-        found = super().load_overload(sig, target_context)
+        found = self.kept(sig, target_context)
         if found is None:
             PROGRESS.begin(self._function, "they are kept for later runs")
-        else:
-            PROGRESS.end(self._function, compiled=False)
         return found
 
     def save_overload(self, sig: Any, data: Any) -> None:

@@ -46,6 +46,31 @@ def chosen(k, twice, x):
 def all_four(x):
     return chosen(0, True, x) + chosen(1, True, x) + chosen(1, False, x) + chosen(0, False, x)
 """
+CHAIN = """
+import sys
+import numba
+from pinfric.kernels import compiled, interpreted
+from pinfric.kernels.compiled import kernel
+
+interpreted.PATIENCE, compiled._COPIED = 0.0, 0  # called where they are, however small
+
+@kernel
+def half(x):
+    return 0.5 * x
+
+@kernel
+def quarter(x):
+    return half(half(x))
+
+@kernel
+def eighth(x):
+    return half(quarter(x))
+
+if sys.argv[1:]:
+    numba.njit(lambda: 0)()  # counted, as all that numba compiles in a process
+for each in [globals()[name] for name in sys.argv[1:]] or [eighth]:
+    print(each(8.0), sum(eighth._cache_hits.values()), file=sys.stderr)
+"""
 
 
 def python(folder, *arguments):
@@ -145,6 +170,29 @@ def test_a_cache_that_names_a_class_gone_since_is_compiled_anew(tmp_path, monkey
     assert file.load("key") is None
     file.save("key", 42.0)
     assert file.load("key") == 42.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("lost", "compiled_before", "hit"),
+    [
+        ("none.*", [], 1),
+        ("*half*", [], 0),
+        ("*quarter*.nbc", [], 0),
+        ("*half*.nbi", ["half"], 1),  # in another process, under the same symbol
+        ("*", ["half", "quarter"], 0),
+    ],
+)
+def test_a_kernel_is_read_with_those_that_it_calls(lost, compiled_before, hit, tmp_path):
+    """LLVM ends a process that calls what is not there."""
+    (tmp_path / "chain_of_a_test.py").write_text(CHAIN)
+    assert "1.0 0" in python(tmp_path, "chain_of_a_test.py").stderr
+    for file in (tmp_path / "cache/pinfric").glob(lost):
+        file.unlink()
+    if compiled_before:
+        python(tmp_path, "chain_of_a_test.py", *compiled_before)
+    assert f"1.0 {hit}" in python(tmp_path, "chain_of_a_test.py").stderr
+    assert python(tmp_path, "chain_of_a_test.py").stderr == "1.0 1\n"
 
 
 @pytest.mark.slow
