@@ -96,6 +96,7 @@ class Prepared:
         payload: (T, nj) what payloads take, less what springs give, N m or N.
         load: (T, nj) effort without friction of the present estimate, N m or N.
         presliding: (n, nj, 3) of friction that builds up after reversals; only the delay has it.
+        turns: (n, nj) sliding rows so soon after a reversal that friction may still build up.
         missing: (T, nj) gravity by the URDF where the efforts hold none, else 0, N m or N.
     """
 
@@ -108,6 +109,7 @@ class Prepared:
     payload: FloatArray
     load: FloatArray
     presliding: FloatArray
+    turns: BoolArray
     missing: FloatArray
 
 
@@ -162,6 +164,7 @@ def prepare(
     slots[:, :, BACKWARD] = passed(-(v < 0.0).astype(np.float64), step)[kept]
     for slot, p in SPEEDS.items():
         slots[:, :, slot] = passed(np.sign(v) * np.abs(v) ** p, step)[kept]
+    presliding, turns = _presliding(recording, kept)
     return Prepared(
         recording,
         kept,
@@ -171,15 +174,20 @@ def prepare(
         effort,
         payload,
         rigid_effort,
-        _presliding(recording, kept),
+        presliding,
+        turns & slides,
         missing,
     )
 
 
-def _presliding(recording: Recording, kept: IntArray) -> FloatArray:
-    """Return sign v exp(-x/d), low-passed (n, nj, 3), x: the way since the joint reversed."""
+def _presliding(recording: Recording, kept: IntArray) -> tuple[FloatArray, BoolArray]:
+    """Return sign v exp(-x/d), low-passed (n, nj, 3), and where x is below the longest d (n, nj).
+
+    x is the way since the joint reversed.
+    """
     step, nj = recording.step, recording.velocity.shape[1]
     columns = np.zeros((kept.size, nj, len(PRESLIDING)))
+    soon = np.zeros(recording.velocity.shape, dtype=bool)
     for j, v in enumerate(recording.velocity.T):
         way = np.append(0.0, np.cumsum(0.5 * step * np.abs(v[1:] + v[:-1])))
         moves = np.flatnonzero(v)
@@ -187,9 +195,10 @@ def _presliding(recording: Recording, kept: IntArray) -> FloatArray:
         start = np.zeros(v.size)
         start[turned] = way[turned]
         since = way - np.maximum.accumulate(start)
+        soon[:, j] = since < PRESLIDING[-1]
         for k, d in enumerate(PRESLIDING):
             columns[:, j, k] = passed(np.sign(v) * np.exp(-since / d), step)[kept]
-    return columns
+    return columns, _beside(soon, step)[kept]
 
 
 def weightless(model: pin.Model) -> pin.Model:
@@ -265,13 +274,30 @@ def passed(columns: FloatArray, step: float) -> FloatArray:
 def _sliding(recording: Recording, known: BoolArray) -> BoolArray:
     """(T, nj) where a joint slides and its effort is known, turning points left out."""
     step, v = recording.step, recording.velocity
-    slides = (np.abs(v) > recording.slowest) & known
-    reach = int(np.ceil(_BESIDE / (PASS * step)))
-    count = np.cumsum(np.pad(~slides, ((reach + 1, reach), (0, 0)), mode="edge"), axis=0)
-    slides &= count[2 * reach + 1 :] - count[: -2 * reach - 1] == 0
+    slides = ~_beside((np.abs(v) <= recording.slowest) | ~known, step)
     ends = int(np.ceil(_AT_ENDS / step))
     slides[:ends] = slides[-ends:] = False
     return slides
+
+
+def _beside(where: BoolArray, step: float) -> BoolArray:
+    """Return (T, nj) where, or so near that the low pass brings something of it."""
+    reach = int(np.ceil(_BESIDE / (PASS * step)))
+    count = np.cumsum(np.pad(where, ((reach + 1, reach), (0, 0)), mode="edge"), axis=0)
+    return np.asarray(count[2 * reach + 1 :] - count[: -2 * reach - 1] > 0)
+
+
+def settled(prepared: Prepared) -> Prepared:
+    """Return a log without the rows in which friction may still build up after a reversal.
+
+    A joint of which these are most rows keeps them.
+
+    Args:
+        prepared: one log.
+    """
+    slides = prepared.slides & ~prepared.turns
+    few = 2 * slides.sum(axis=0) < prepared.slides.sum(axis=0)
+    return replace(prepared, slides=np.where(few, prepared.slides, slides))
 
 
 def with_loads(prepared: Prepared, scene: Scene, inner: FloatArray) -> Prepared:

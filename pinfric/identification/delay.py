@@ -8,7 +8,8 @@ by more than their errors show something else: friction that changes with the an
 Their disagreement is then part of the delay's standard error. Each log has coefficients of its own:
 a warm robot must not look like a delay. Friction that builds up over some way after a reversal
 (presliding) looks like one, too, so each joint's friction may do so (`columns.PRESLIDING`) where a
-log shows it: elsewhere reversals tell of the delay, and without them it is biased.
+log shows it: elsewhere reversals tell of the delay, and without them it is biased. A log that
+shows it clearly tells coefficients only by its rows farther from reversals (`columns.settled`).
 """
 
 from __future__ import annotations
@@ -45,8 +46,8 @@ _DIFFERS = 4.0
 _VAGUE = 2.5e-3
 _ROUNDS = 4
 #: Share of the residual's square from which a log shows presliding: 0.3 to 3 % without, 67 to 77 %
-#: where it builds up over 5 mrad, 12 to 19 % with play or other laws.
-_SHOWS = 0.1
+#: where it builds up over 5 mrad, 12 to 19 % with play or other laws. Share from which it is clear.
+_SHOWS, _CLEAR = 0.1, 1.0 / 3.0
 #: Huber's limit, in standard errors, and E[psi^2] of a normal variable with it; his steps.
 _HUBER, _HUBER_SQUARE, _HUBER_ROUNDS = 1.345, 0.7102, 50
 
@@ -60,12 +61,14 @@ class Delay:
         standard_error: of what the logs say together, their spread and that of joints included.
         logs: (value, standard error) of each log alone.
         joints: (value, standard error) of each joint alone that slides.
+        builds_up: (logs,) whether each clearly shows presliding.
     """
 
     value: float
     standard_error: float
     logs: tuple[tuple[float, float], ...]
     joints: Mapping[int, tuple[float, float]] = field(default_factory=dict)
+    builds_up: tuple[bool, ...] = ()
 
     @property
     def determined(self) -> bool:
@@ -92,11 +95,13 @@ class LogDelay:
     Attributes:
         value, standard_error: of the joints together, their spread included.
         joints: joint -> (value, standard error) of those that slide in it.
+        builds_up: whether it clearly shows presliding.
     """
 
     value: float
     standard_error: float
     joints: Mapping[int, tuple[float, float]] = field(default_factory=dict)
+    builds_up: bool = False
 
 
 def common_delay(logs: Sequence[LogDelay]) -> Delay:
@@ -115,6 +120,7 @@ def common_delay(logs: Sequence[LogDelay]) -> Delay:
         error,
         tuple((one.value, one.standard_error) for one in logs),
         joints,
+        tuple(one.builds_up for one in logs),
     )
 
 
@@ -188,12 +194,13 @@ def log_delay(
     built_up = [orthonormal(one.presliding[at, j]) for j, at in enumerate(one.slides.T)]
     search, presliding = (_searched(one, slots, prior, start, own) for own in (none, built_up))
     shares = presliding.left / np.maximum(search.left, 1e-300)
-    bases = none
-    if np.average(shares, weights=one.slides.sum(axis=0)) < 1.0 - _SHOWS:
+    taken = 1.0 - float(np.average(shares, weights=one.slides.sum(axis=0)))
+    bases, builds_up = none, taken > _CLEAR
+    if taken > _SHOWS:
         search, bases = presliding, built_up
     delay, nj = search.delay, len(slots)
     if not _LEAST < delay < _MOST:
-        return LogDelay(delay, np.inf)  # its search ended at a bound
+        return LogDelay(delay, np.inf, builds_up=builds_up)  # its search ended at a bound
     rows = _with_slopes(one, delay, search.slopes, bases, apart=True)
     known = _with_delays(prior, one, delay, nj)
     fit, errors = _with_errors(rows, search, slots, known, nj)
@@ -205,7 +212,7 @@ def log_delay(
         weights = errors**-2.0
         best = float(np.average(values, weights=weights))
         mean = best if weights.sum() > _VAGUE**-2.0 else 0.0
-    return LogDelay(mean, error, joints)
+    return LogDelay(mean, error, joints, builds_up)
 
 
 class _Search(NamedTuple):

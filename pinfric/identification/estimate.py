@@ -35,6 +35,7 @@ from pinfric.identification.columns import (
     blocks,
     joint_rows,
     prepare,
+    settled,
     thinning,
     with_loads,
 )
@@ -263,8 +264,11 @@ def _find_delay(found: Estimate, reload: bool = False) -> None:
         found.prepared = tuple(reloaded(found, one) for one in found.prepared)
     # free, even where links are kept: the weight that a URDF lacks shall not look like a delay
     prior = urdf_prior(found.question.scene.model, kept=False)
-    found.delay = common_delay(
-        [log_delay(one, slots, prior, found.delay.value) for one in found.prepared]
+    every = [replace(one, slides=one.slides | one.turns) for one in found.prepared]
+    delays = [log_delay(one, slots, prior, found.delay.value) for one in every]
+    found.delay = common_delay(delays)
+    found.prepared = tuple(
+        settled(one) if own.builds_up else one for one, own in zip(every, delays, strict=True)
     )
 
 

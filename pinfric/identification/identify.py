@@ -14,7 +14,7 @@ from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.errors import IdentificationError, choose_from
 from pinfric.identification.checks import check_one_robot
-from pinfric.identification.columns import joint_rows, prepare, thinning
+from pinfric.identification.columns import joint_rows, prepare, settled, thinning
 from pinfric.identification.estimate import Estimate, Question, estimate, reloaded
 from pinfric.identification.files import identified_files
 from pinfric.identification.findings import Findings, HeldOut
@@ -261,6 +261,7 @@ def _predicted(found: Estimate, recording: Recording) -> dict[str, HeldOut]:
     """Errors on a log that was not fitted."""
     thin, no_gravity = thinning([recording]), found.question.no_gravity
     one = reloaded(found, prepare(found.question.scene, recording, thin, no_gravity))
+    one = settled(one) if any(found.delay.builds_up) else one
     rows = [joint_rows([one], j, found.delay.value) for j in range(len(found.rows))]
     return {
         name: HeldOut(_rms(own.effort), _rms(residuals(own, found.fit, j)), np.nan)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pinfric.identification.choice import free_errors
-from pinfric.identification.columns import FEWEST_ROWS, Rows
+from pinfric.identification.columns import FEWEST_ROWS, PRESLIDING, Rows
 from pinfric.identification.delay import other_delays
 from pinfric.identification.estimate import Estimate, scale_is_known
 from pinfric.identification.inertias import mass_changes
@@ -249,6 +249,12 @@ def _of_logs(found: Estimate) -> list[str]:
             "the delay of the efforts is not determined (standard error "
             f"{1e3 * delay.standard_error:.1f} ms) and is taken as {1e3 * delay.value:.1f} ms: log "
             "faster motion"
+        )
+    built_up = zip(found.prepared, delay.builds_up, strict=True)
+    if names := [one.recording.name for one, builds_up in built_up if builds_up]:
+        lines.append(
+            f"friction builds up after reversals (presliding) in {', '.join(names)}: the fit "
+            f"leaves out the first {1e3 * PRESLIDING[-1]:.0f} mrad or mm after each"
         )
     if sum(moving) > 1:
         logs = zip(found.prepared, delay.logs, strict=True)
