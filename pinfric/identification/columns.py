@@ -274,7 +274,9 @@ def passed(columns: FloatArray, step: float) -> FloatArray:
 def _sliding(recording: Recording, known: BoolArray) -> BoolArray:
     """(T, nj) where a joint slides and its effort is known, turning points left out."""
     step, v = recording.step, recording.velocity
-    slides = ~_beside((np.abs(v) <= recording.slowest) | ~known, step)
+    stands = (np.abs(v) <= recording.slowest) | ~known
+    stands[1:] |= v[1:] * v[:-1] < 0.0  # between two samples it was as slow
+    slides = ~_beside(stands, step)
     ends = int(np.ceil(_AT_ENDS / step))
     slides[:ends] = slides[-ends:] = False
     return slides

@@ -170,7 +170,15 @@ def _bad_cells(rows: RawRows, absent: BoolArray) -> list[str]:
             f"the header has {rows.width} columns; rows with another number of cells: "
             f"{listing(rows.torn)}"
         )
-    words = np.argwhere(rows.unreadable & ~absent[:, None]).tolist()
+    unreadable = rows.unreadable & ~absent[:, None]
+    for j in np.flatnonzero((unreadable | absent[:, None]).all(axis=0)).tolist():
+        if not any(rows.cell(i, j) for i in range(len(lines))):
+            unreadable[:, j] = False
+            found.append(
+                f"column {names[j]} is empty: name another by --columns FILE; a joint whose effort "
+                "is unknown is left out by `identify --without JOINT`"
+            )
+    words = np.argwhere(unreadable).tolist()
     if words:
         where = listing(
             f"line {lines[i]}, column {names[j]}: {brief(rows.cell(i, j))}" for i, j in words

@@ -145,6 +145,7 @@ def test_all_problems_of_a_csv_in_one_error(tmp_path, monkeypatch):
         ("t,a,payload.box\n0,1,0.5\n1,1,1\n", "column payload.box: 1 (carried) or 0, found 0.5"),
         ("t,a\n0,1,2\n1,2,3\n", "rows with another number of cells: line 2 (3), line 3 (3)"),
         ("t,a\nx,1\n", "not a number: line 2, column t: 'x'"),
+        ("t,a\n0,\n1,\n", "column a is empty: name another by --columns FILE; a joint"),
     ],
 )
 def test_bad_csv_files(tmp_path, text, part):
