@@ -2,7 +2,7 @@
 
     python tools/machines.py
 
-prints the tables of the evidence page, under the default conditions: every machine by its cycle,
+prints, under the default conditions, what the evidence page sums up: every machine by its cycle,
 and published arms by what they are rated for.
 """
 
@@ -148,7 +148,7 @@ def limit_of(scene: pf.Scene, joint: str) -> float | None:
 
 
 def main() -> None:
-    """Print the table of the evidence page, all machines or those named; then seconds."""
+    """Print a row for each axis of all machines, or of those named; then seconds."""
     print("| machine | axis | peak | its own joint gives | drive chosen | bears | kg | tightest |")
     print("|---|---|---|---|---|---|---|---|")
     seconds = {}

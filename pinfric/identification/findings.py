@@ -29,13 +29,13 @@ class HeldOut:
     )
 
     @property
-    @derived(heading="off where\nnot fitted", cell="{share:percent}")
+    @derived(heading="prediction\nerror", cell="{share:percent}")
     def share(self) -> float:
         """The error as a share of the measured effort."""
         return self.error / self.rms if self.rms else float("nan")
 
     @property
-    @derived(heading="of Coulomb\n+ viscous", cell="{of_plain:.2f}")
+    @derived(heading="times that\nof Coulomb\n+ viscous", cell="{of_plain:.2f}")
     def of_plain(self) -> float:
         """The error over that with Coulomb and viscous friction; NaN where it was not asked."""
         return self.error / self.plain if self.plain else float("nan")

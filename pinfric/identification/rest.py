@@ -46,7 +46,7 @@ class RestBound:
         "the largest friction that held it", EFFORT, "at rest,\nlargest friction"
     )
     share: float = quantity(
-        "`held` / half the identified interval", heading="of half\nthe interval"
+        "`largest` / half the identified interval", heading="part of its\nlimit"
     )
     inside: float = quantity(
         "share of the time in which the effort was within the identified interval, but for the "

@@ -62,7 +62,7 @@ class Considered:
     error: float = quantity("RMS of measured less predicted", EFFORT, "held-out\nerror")
     of_plain: float = quantity(
         "the error / the error with Coulomb and viscous friction",
-        heading="of Coulomb\n+ viscous",
+        heading="times that\nof Coulomb\n+ viscous",
         cell="{of_plain:.2f}",
     )
 

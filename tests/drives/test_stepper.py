@@ -29,7 +29,7 @@ from pinfric.drives.rules import pull_out_torque
 from pinfric.errors import CatalogError, RetimeError
 from pinfric.retiming.limits import read_limits
 from pinfric.show.pages.sizing import sizing_page
-from pinfric.show.report.drives import product_lines
+from pinfric.show.report.drives import bus_lines, product_lines
 from pinfric.sizing.summary import sizing_summary
 
 RPM = np.pi / 30
@@ -125,6 +125,17 @@ def test_a_stepper_is_judged_at_every_speed_by_its_curve(tmp_path):
     assert rows["bus voltage"].available == 60.0
     hot, _ = sized(tmp_path, CURVE, ambient=50.0, pull_out_factor=2.0)
     assert hot.choice is not None
+
+
+@pytest.mark.parametrize(
+    ("resistance", "says"),
+    [(1.4, "at most 11.2 W more, 2 R I^2"), (None, "1 has no resistance")],
+)
+def test_the_bus_lacks_the_heat_that_a_steppers_driver_keeps_up(tmp_path, resistance, says):
+    """2 x 1.4 ohm x (2 A)^2, whatever the torque."""
+    *_, line = bus_lines(report_of(tmp_path, CURVE | {"resistance": resistance}))
+    assert "the heat of 1 stepper is not in the bus power" in line
+    assert line.endswith(says)
 
 
 def test_a_stepper_that_is_switched_off_is_not_heated(tmp_path):

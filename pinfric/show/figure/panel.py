@@ -38,7 +38,7 @@ def key_below(figure: Figure, ncols: int = 6, **options: Any) -> None:
         figure.legend(key.values(), key, ncols=ncols, loc="outside lower left", **options)
 
 
-def panel(x: str, y: str, width: float = 5.0, height: float = 2.9) -> tuple[Figure, Axes]:
+def panel(x: str, y: str, width: float = 5.0, height: float = 2.3) -> tuple[Figure, Axes]:
     """Return a figure of one pair of axes, with their titles.
 
     Args:

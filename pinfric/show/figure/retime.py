@@ -84,8 +84,8 @@ def retime_figure(result: RetimeResult) -> Figure:
         top.set_title(text, color=QUIET)
         limits = instant_limits()
         patches = [Patch(color=_colour(k), label=f"at the limit: {limits[k].name}") for k in used]
-        label = "used part of the drive's nearest limit; a full strip is all of it"
-        patches.append(Patch(color=_USED, label=label))
+        key = "used part of the drive's nearest limit; a full strip is all of it"
+        patches.append(Patch(color=_USED, label=key))
         figure.legend(handles=patches, loc="outside lower center", ncols=4)
     return figure
 

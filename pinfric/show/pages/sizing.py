@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from pinfric.drives.criterion import Criterion, Status
-from pinfric.model.described import described, quantity
 from pinfric.show.figure.panel import svg
 from pinfric.show.pages.page import NO_FIGURE, figure, formula, page
 from pinfric.show.pages.sizing_figures import (
@@ -25,6 +24,7 @@ from pinfric.show.report.drives import (
     bus_table,
     by_text,
     choice_table,
+    product_lines,
     provisional_table,
     rating_table,
     smaller_table,
@@ -60,7 +60,7 @@ from pinfric.sizing.summary import (
 #: Margins below are called tight.
 _TIGHT = 0.1
 #: Products to ask for that the page lists; the JSON has all.
-_ASKED = 10
+_ASKED = 6
 
 
 def sizing_page(report: SizingReport, command: str = "", inputs: Iterable[str | Path] = ()) -> str:
@@ -75,8 +75,10 @@ def sizing_page(report: SizingReport, command: str = "", inputs: Iterable[str | 
         PinfricError: the extra `report` (jinja2) is not installed.
     """
     found, short = sizing_summary(report), short_names(report.scene.actuator_names)
+    own, shared = _remarks(found.joints, short)
     joints = [
-        _joint_view(joint, report, found.joints[k], k) for k, joint in enumerate(report.joints)
+        _joint_view(joint, report, found.joints[k], k) | {"remarks": own[k]}
+        for k, joint in enumerate(report.joints)
     ]
     # What was demanded, in a line
     c = report.conditions
@@ -137,6 +139,8 @@ def sizing_page(report: SizingReport, command: str = "", inputs: Iterable[str | 
         stop_lines=stop_lines(found),
         verdict="" if report.catalog is None else verdict(report),
         unchecked=unchecked_table(found, title=""),
+        products=product_lines(found),
+        remarks_of_all=shared,
         ask=ask_table(found, _ASKED),
         rules=_rules(found, short),
         smaller=smaller_table(found),
@@ -175,7 +179,6 @@ def _joint_view(
         "figures": pictures,
         "missing": missing,
         "criteria": () if taken is None else _criteria(taken.criteria),
-        "remarks": [] if taken is None else _remarks(taken.criteria),
         "units": joint.installed.candidate.units if joint.installed is not None else (),
         "at_output": joint.installed is not None and joint.installed.candidate.at_output,
         "fitting": table_of("", found.alternatives),
@@ -208,66 +211,61 @@ def _ended(c: Criterion) -> Marked:
 
 
 def _criteria(criteria: Sequence[Criterion]) -> tuple[Table | None, ...]:
-    """All criteria of a drive in two tables, each with a bar of the used part of its limit."""
-
-    def margin(c: Criterion) -> Marked:
-        if (
-            c.status in (Status.NOT_CHECKED, Status.NOT_REQUIRED)
-            or c.margin is None
-            or not c.scaled
-        ):
-            return _ended(c)
-        used = min(max(100.0 * (1.0 - c.margin), 0.0), 100.0)
-        colour = "red" if c.status == Status.FAILS else "blue"
-        bar = f'<i style="width:{used:.1f}%;background:var(--{colour})"></i>'
-        return Marked(f'{_ended(c)} <span class="bar" title="used part of the limit">{bar}</span>')
-
+    """All criteria of a drive that have figures or lack them, in three tables."""
+    criteria = [c for c in criteria if c.status != Status.NOT_REQUIRED or c.available is not None]
     cells: dict[str, Callable[[Criterion], str]] = {
         "required": lambda c: figure(c.required),
         "available": lambda c: figure(c.available),
-        "margin": margin,
+        "margin": _ended,
     }
-    half, without = (len(criteria) + 1) // 2, ("status", "formula", "source")
-    parts = (criteria[:half], criteria[half:])
+    rows, without = -(-len(criteria) // 3), ("status", "formula", "source")
+    parts = (criteria[k : k + rows] for k in range(0, len(criteria), rows))
     return tuple(table_of("", part, cells=cells, without=without) for part in parts)
 
 
-def _remarks(criteria: Sequence[Criterion]) -> list[tuple[str, str]]:
-    """What is remarked of criteria, once; what was not checked has a table of its own."""
-    said: dict[str, list[str]] = {}
-    for c in criteria:
-        if c.note and c.status != Status.NOT_CHECKED:
-            said.setdefault(c.note, []).append(c.name)
-    return [(", ".join(names), note) for note, names in said.items()]
+#: What is remarked on: criteria or figures, joints, the text.
+Remark = tuple[list[str], list[str], str]
 
 
-@described
-class Rule:
-    """How a criterion is judged."""
+def _remarks(
+    joints: Sequence[SizedJoint], short: Mapping[str, str]
+) -> tuple[list[list[Remark]], list[Remark]]:
+    """What is remarked of each joint alone, and of several; each text stands once.
 
-    criterion: str = quantity("its name", heading="criterion")
-    formula: str = quantity("of the check", heading="formula")
-    source: str = quantity("of the rule", heading="source")
-    joints: tuple[str, ...] = quantity("where it is so; empty: everywhere", heading="joints")
+    What was not checked, and remarks on products, have places of their own.
+    """
+    said: dict[tuple[str, str], list[str]] = {}
+    for joint in joints:
+        if (taken := joint.installed) is not None:
+            noted = [c for c in taken.criteria if c.note and c.status != Status.NOT_CHECKED]
+            lines = [(c.name, c.note) for c in noted] + [("losses", taken.losses)]
+            lines += [
+                (name, text) for line in taken.stand_ins for name, _, text in [line.partition(": ")]
+            ]
+            for line in dict.fromkeys(lines):
+                said.setdefault(line, []).append(short[joint.name])
+    once: dict[tuple[str, tuple[str, ...]], list[str]] = {}
+    for (name, text), of in said.items():
+        once.setdefault((text, tuple(of)), []).append(name)
+    remarks = [(names, list(of), text) for (text, of), names in once.items()]
+    own = [[r for r in remarks if r[1] == [short[joint.name]]] for joint in joints]
+    return own, [r for r in remarks if len(r[1]) > 1]
 
 
-def _rules(found: SizingSummary, short: Mapping[str, str]) -> Table | None:
-    """How each criterion is judged, once; where it differs between joints, with the joints."""
+def _rules(found: SizingSummary, short: Mapping[str, str]) -> list[tuple[str, str, Any, str]]:
+    """Criterion, joints, formula and source, once; joints only where it is judged differently."""
     said: dict[tuple[str, str, str], list[str]] = {}
     judged: dict[str, int] = {}
     for joint in found.joints:
         for c in () if joint.installed is None else joint.installed.criteria:
             said.setdefault((c.name, c.formula, c.source), []).append(short[joint.name])
             judged[c.name] = judged.get(c.name, 0) + 1
-    rows = [
-        Rule(*key, () if len(of) == judged[key[0]] else tuple(of))
-        for key, of in sorted(said.items(), key=lambda item: list(judged).index(item[0][0]))
+    return [
+        (name, ", ".join(of) * (len(of) < judged[name]), formula(rule), source)
+        for (name, rule, source), of in sorted(
+            said.items(), key=lambda item: list(judged).index(item[0][0])
+        )
     ]
-    cells = {
-        "formula": lambda row: Marked(formula(row.formula)),
-        "joints": lambda row: ", ".join(row.joints),
-    }
-    return table_of("", rows, cells=cells)
 
 
 def _cell(joint: str, row: Margins) -> Marked:

@@ -98,7 +98,7 @@ def power_over_time(report: SizingReport) -> Figure:
     assert t is not None  # size refuses a motion without times
     keep = thinned([power], _PIECES)
     keep = keep[report.duty.powered(len(t))[keep]]
-    figure, axes = panel("time, s", "power of all drives, W")
+    figure, axes = panel("time, s", "power of all drives, W", height=1.9)
     axes.fill_between(t[keep], power[keep], color=BAND, linewidth=0)
     axes.plot(t[keep], power[keep], color=BLUE, linewidth=1.2, label="power")
     axes.axhline(

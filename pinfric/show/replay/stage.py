@@ -91,6 +91,8 @@ def set_stage(viewer: Any, scene: Scene, placements: np.ndarray) -> Stage:
         scene: the robot.
         placements: (F, nj, 7) of the joints in the frames that the view must show.
     """
+    from trimesh import creation
+
     shapes, gravity = robot_shapes(scene), np.array(scene.model.gravity.linear)
     # the world is turned so that gravity points down
     upright = np.eye(3) if np.linalg.norm(gravity) < 1e-9 else turn_between(gravity, -UP)
@@ -129,6 +131,11 @@ def set_stage(viewer: Any, scene: Scene, placements: np.ndarray) -> Stage:
         viewer[path].set_object(Surface(carried[name].mesh, PAYLOAD_COLOR, 0.8))
         viewer[path].set_transform(carried[name].placement.homogeneous)
         viewer[path].set_property("visible", bool(scene.payloads[name].attached))
+        held = scene.model.getFrameId(scene.payloads[name].link, pin.FrameType.BODY)
+        hand = carried[name].placement.actInv(scene.model.frames[held].placement.translation)
+        if np.linalg.norm(hand) > _LINE * size:  # by a rod from the link's origin
+            rod = creation.cylinder(_LINE * size, segment=[hand, np.zeros(3)]).smooth_shaded
+            viewer[path]["held"].set_object(Surface(rod, LINE_COLOR))
     cylinders = _draw_linkage(viewer, scene.linkage, nodes, size) if scene.linkage else ()
     cylinders += _draw_springs(viewer, scene, size)
     for n, place in enumerate(tool_stops(scene, placements)):

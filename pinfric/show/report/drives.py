@@ -206,10 +206,24 @@ def bus_lines(report: SizingReport) -> list[str]:
     """Return how the energy that is fed back is absorbed, and which drives are left out."""
     bus = report.bus
     lines = [f"braking: {bus.remedy}"]
-    if bus.mechanical:
+    steppers = {
+        joint.name: stepper
+        for joint in report.joints
+        if joint.installed and (stepper := joint.installed.candidate.ratings.stepper)
+    }
+    if missing := [name for name in bus.mechanical if name not in steppers]:
         lines.append(
-            f"copper loss of {counted(len(bus.mechanical), 'drive')} is missing: no torque "
-            "constant or resistance"
+            f"copper loss of {counted(len(missing), 'drive')} is missing: no torque constant or "
+            "resistance"
+        )
+    if steppers:
+        heat = [x.resistance and 2 * x.resistance * x.current**2 for x in steppers.values()]
+        known, unknown = sum(filter(None, heat)), counted(heat.count(None), "has", "have")
+        more = [f"at most {digits(known)} W more, 2 R I^2"] * (known > 0)
+        more += [f"{unknown} no resistance"] * (None in heat)
+        lines.append(
+            f"the heat of {counted(len(steppers), 'stepper')} is not in the bus power, as its "
+            f"driver keeps up the current whatever the torque: {'; '.join(more)}"
         )
     if bus.left_out and bus.known:
         lines.append(f"{', '.join(bus.left_out)}: not in the bus power, no motor")

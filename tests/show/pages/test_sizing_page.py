@@ -10,6 +10,7 @@ from math import exp, pi, sqrt
 
 import pytest
 from cli_cases import run
+from envelopes import result_of
 from sizing_cases import (
     ACCELERATION,
     COULOMB,
@@ -120,7 +121,9 @@ def test_every_number_of_a_joint_is_that_of_a_pocket_calculator(tmp_path):
     is_about(chosen["mass kg"], MOTOR["mass"] + GEAR["mass"])
     powers = [t * speed + resistance * (t / k) ** 2 for t in motor]
     tiles = [texts(x) for x in re.findall(r'<div class="fact[^"]*"><b>(.*?)</b>', page)]
-    assert tiles[:3] == ["1.50 kg", "1 of 1", str(len(rows) - len(judged) - 6)]
+    open_ = sum(row["margin"] == "not checked" for row in rows.values())
+    assert tiles[:3] == ["1.50 kg", "1 of 1", str(open_)]
+    assert open_ > 0
     is_about(tiles[3].removesuffix(" W"), powers[0])
     # what the cycle demands
     (demand,) = with_heading(page, "peak N m", "speed rad/s")
@@ -161,6 +164,11 @@ def test_the_page_states_the_words_typed_and_every_input(tmp_path, monkeypatch):
     assert names == {"pendulum.yaml", "pendulum.urdf", "a cycle.yaml", "b.yaml", "catalog"}
     for name in ("a cycle.yaml", "b.yaml"):
         assert stated[name] == hashlib.sha256((tmp_path / name).read_bytes()).hexdigest()
+    # what the terminal's first screen remarks on products, the page's does, too
+    drive = result_of((tmp_path / "out/sizing.json").read_text())["joints"][0]["installed"]
+    assert drive["notes"]
+    assert all(note.partition(": ")[2] in texts(first) for note in drive["notes"])
+    assert page.rindex("<h2>") == page.index("<h2>What cannot be signed")
 
 
 @pytest.mark.parametrize(

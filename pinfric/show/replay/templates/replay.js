@@ -204,6 +204,10 @@ function place_labels() {
     taken.push([x, y, width]);
     tag.style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)`;
   }
+  for (const {tip, tag} of poles) {  // the world's axes
+    spot.copy(tip).applyMatrix4(poles.node.matrixWorld).project(viewer.camera);
+    tag.style.transform = `translate(${(0.5 + 0.5 * spot.x) * w - 4}px, ${(0.5 - 0.5 * spot.y) * h - 8}px)`;
+  }
 }
 
 {{timeline}}

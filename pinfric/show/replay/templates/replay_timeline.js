@@ -13,7 +13,11 @@ for (const owner of [...sites, ...D.rows]) {  // joints; drives: gears, logged e
   [owner.canvas, owner.value] = [owner.row.querySelector("canvas"), owner.row.querySelector(".value")];
 }
 for (const site of sites) site.tag = $("labels").appendChild(element("span", "", plain(site.label)));
-const ticks = element("div", "row ticks", `<span></span><div class="track"><canvas></canvas></div><span></span>`);
+const poles = ["x", "y", "z"].map((name, k) =>
+  ({tip: new THREE.Vector3().setComponent(k, 0.55), tag: $("labels").appendChild(element("b", "", name))}));
+poles.node = viewer.scene_tree.find(["Axes"]).object;
+poles.node.traverse((node) => { if (node.material) [node.material.depthTest, node.renderOrder] = [false, 9]; });
+const ticks = element("div", "row ticks", `<span class="name">time, s</span><div class="track"><canvas></canvas></div><span></span>`);
 $("strips").append(ticks);
 
 function sized(canvas) {
@@ -81,7 +85,7 @@ function draw_ticks() {
   for (let n = Math.ceil(t0 / step - 1e-9); n * step <= t1 + 1e-9 * span; n++) {
     const x = (w * (n * step - t0)) / span;
     c.fillRect(Math.min(x, w - 1), 0, 1, 3);
-    const text = `${+(n * step).toPrecision(6)}${n * step + step > t1 ? " s" : ""}`;
+    const text = `${+(n * step).toPrecision(6)}`;
     const half = c.measureText(text).width / 2;
     c.fillText(text, Math.min(Math.max(x - half, 0), w - 2 * half), h - 1);
   }
